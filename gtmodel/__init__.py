@@ -43,7 +43,7 @@ from .optimize import (
     transcribe,
 )
 from .results import Estimate, SolveStatus, Status, Trajectory
-from .simulation import NotSimulated, Simulation, linearize, modes, simulate
+from .simulation import NotSimulated, Simulation, linearize, natural_modes, simulate
 
 if TYPE_CHECKING:
     from . import (
@@ -81,8 +81,8 @@ __all__ = [
     "Blocks", "CausalFunction", "Estimate", "Mesh", "NotSimulated", "NotSolved", "Phases", "Refinement", "Resimulation",
     "Simulation", "Solution", "SolveStatus", "SolverOptions", "Status", "Trajectory", "calibrate", "cgen", "compliance",
     "control", "estimate", "identify", "inference", "kinematics", "linearize", "load", "loop", "measurements",
-    "mechanics", "milling", "modes", "motion", "multi_start", "optimize", "plot", "refine", "resimulate", "results",
-    "robots", "simulate", "simulation", "solve", "solve_phases", "transcribe", "vibration",
+    "mechanics", "milling", "motion", "multi_start", "natural_modes", "optimize", "plot", "refine", "resimulate",
+    "results", "robots", "simulate", "simulation", "solve", "solve_phases", "transcribe", "vibration",
 ]  # fmt: skip
 __all__ += _lang.__all__
 

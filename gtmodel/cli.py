@@ -96,8 +96,8 @@ def list_(
     from gtmodel.problem_files import listing
 
     with answering(context, as_json, what) as answer:
-        found = answer.data = listing.of(what)
-    for n, (name, entries) in enumerate(found.items() if not as_json else ()):
+        entries_by_word = answer.data = listing.of(what)
+    for n, (name, entries) in enumerate(entries_by_word.items() if not as_json else ()):
         if n:
             print()
         head = (name.removesuffix("s"), *listing.HEADS[name])
@@ -122,8 +122,8 @@ def explain(
 
     with answering(context, False, what):
         refuse_twice(settings or ())
-        told = explaining.of(what, known or (), targets or (), prefer or (), settings or ())
-    print(told)
+        text = explaining.of(what, known or (), targets or (), prefer or (), settings or ())
+    print(text)
 
 
 @app.command()

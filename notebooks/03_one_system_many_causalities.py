@@ -231,7 +231,7 @@ figure
 pose = {"T": [0.5, -0.9, 0.3], "der(T)": 0.0}
 hold, _ = inverse_dynamics(pose["T"], np.zeros(3), np.zeros(3))
 linear = gt.linearize(robot, "tau", "T", start=pose, input_values={"tau": hold}, prefer="T")
-for mode in gt.modes(linear):
+for mode in gt.natural_modes(linear):
     print(f"eigenvalue {mode.eigenvalue.real:9.3f} {mode.eigenvalue.imag:+.3f}i 1/s, moves {', '.join(mode.states)}")
 
 # %% [markdown]

@@ -177,7 +177,7 @@ print(f"real modes there {count[last]}, one step on {count[last + 1]}")
 
 # %%
 alone = assembly_modes(at(q)[i], B, L)
-assert len(alone.T) == 8 and alone.certificate.found == 40
+assert len(alone.T) == 8 and alone.certificate.finite == 40
 assert wrong > 0, "plain Newton ends in other modes, with every length right"
 assert not reached[-1] and np.all(np.diff(reached.astype(int)) <= 0), "past the meeting point nothing is guessed"
 assert count[last + 1] == count[last] - 2, "the two modes that met are gone"

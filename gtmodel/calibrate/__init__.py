@@ -62,7 +62,7 @@ from .pose_selection import (
 )
 from .positioning import Positioning as Positioning, PredictedErrors as PredictedErrors, positioning as positioning
 from .problem import COSTS as COSTS, Cost as Cost, Problem as Problem, prepare as prepare
+from .report.result import CalibrationStudy as CalibrationStudy
+from .report.robot_file import Origin as Origin
 from .synthetic import Synthetic as Synthetic, made_poses as made_poses
-from .told.result import CalibrationStudy as CalibrationStudy
-from .told.robot_file import Origin as Origin
 from .unknowns import Choice as Choice

@@ -64,7 +64,7 @@ def blocks(
     r, c = pattern.get_triplet()
     graph = csr_matrix((np.ones(len(r)), (r, np.array(c, int) + m)), shape=(m + n, m + n))
     _, label = connected_components(graph, directed=False)
-    found = []
+    parts = []
     order = list(dict.fromkeys(label[:m]))
     for k in order:
         rows = np.flatnonzero(label[:m] == k)
@@ -74,13 +74,13 @@ def blocks(
         jacobian = [ca.densify(ca.jacobian(part, s)) for s in (own, noise, latent)]
         none = [noise, latent], [ca.DM.zeros(noise.numel(), 1), ca.DM.zeros(latent.numel(), 1)]
         quiet = ca.cse(ca.substitute([ca.densify(part), jacobian[0]], *none))
-        found.append(
+        parts.append(
             Block(
                 rows, columns, ca.Function("closure", [d, own], quiet[:1]), ca.Function("closure", [d, own], quiet),
                 ca.Function("closure", [d, noise, latent, own], ca.cse([ca.densify(part), *jacobian])),
             )
         )  # fmt: skip
-    return tuple(found)
+    return tuple(parts)
 
 
 def _repeated(x: np.ndarray, data: np.ndarray) -> np.ndarray:

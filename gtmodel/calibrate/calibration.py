@@ -17,6 +17,7 @@ from ..lang.builder import Builder
 from ..lang.model import Model
 from ..lang.source import ModelError
 from ..results.estimate import Estimate
+from ..results.refusal import ArgumentError
 from ..results.status import SolveStatus
 from .blocks import Block
 from .confidence import Fitted, estimated
@@ -48,6 +49,13 @@ class Calibration:
     start: np.ndarray
     iterations: int
     blocks: tuple[tuple[str, ...], ...]
+
+    def interval(self, name: str, level: float = 0.95) -> tuple[float, float]:
+        """Confidence interval of an unknown [SI] if the residuals are independent noise, which a study tests and this
+        does not. Raises ArgumentError where there is no estimate, and for another name."""
+        if self.estimate is None:
+            raise ArgumentError("there is no estimate: not solved, or asked for without confidence", "name")
+        return self.estimate.interval(name, level)
 
     @property
     def link_errors(self) -> dict[str, float]:
@@ -81,13 +89,13 @@ class Calibration:
         (N, 3) [m] for positions, and for quaternions a rotation vector (N, 3) [rad]. NaN where a pose cannot be closed.
         """
         p = self.problem if measurements is None else self.problem.on(measurements)
-        found = np.full((len(p.measurements), p.reading.noise.numel()), np.nan)
+        errors = np.full((len(p.measurements), p.reading.noise.numel()), np.nan)
         S = noise_covariance(p, "forward", unit=True)
         for b in p.blocks_of("forward"):
             y = Adjustment(b, p.reading.data, S, p.reading.latent.numel()).closing(self.x[b.columns])
-            touched = [k for k in range(found.shape[1]) if np.any(np.nan_to_num(y[:, k]))]
-            found[:, touched] = y[:, touched]
-        return {n: found[:, s] for n, s in p.reading.places.items() if n != p.actuators}
+            touched = [k for k in range(errors.shape[1]) if np.any(np.nan_to_num(y[:, k]))]
+            errors[:, touched] = y[:, touched]
+        return {n: errors[:, s] for n, s in p.reading.places.items() if n != p.actuators}
 
 
 def calibrate(
@@ -148,16 +156,16 @@ def calibrate(
     fits, x = _descended(problem, cost, x, loss, width, limit, stop)
     bad = next((f for f in fits if not f.descent.status.ok), None)
     status, message = (bad.descent.status, bad.descent.message) if bad else (SolveStatus.SOLVED, _arrived(fits))
-    estimate = told = None
+    estimate = identified = None
     if bad is None and confidence:
         try:
-            estimate, told = estimated(problem, fits, loss_named(loss), width, hold_undetermined)
+            estimate, identified = estimated(problem, fits, loss_named(loss), width, hold_undetermined)
         except ValueError as error:
             raise ModelError(str(error)) from None
     latent_free = not problem.reading.latent.numel()
     residuals = problem.residuals(x) if latent_free else begin
     return Calibration(
-        problem, cost, status, message, x, estimate, told, problem.values(x), residuals, begin,
+        problem, cost, status, message, x, estimate, identified, problem.values(x), residuals, begin,
         max(f.descent.iterations for f in fits), tuple(tuple(u.names[k] for k in f.block.columns) for f in fits),
     )  # fmt: skip
 

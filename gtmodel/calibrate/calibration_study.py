@@ -19,12 +19,12 @@ from .measured.poses import Poses, split
 from .measured.witness import a_priori, exchanged_after, recognise_sessions, witness_of
 from .measurements import Measurements
 from .options import Fit
-from .told import poses_table, robot_file, sensitivity_table
-from .told.findings import Found, found_of, length_noise
-from .told.pictures import pictures
-from .told.result import CalibrationStudy
-from .told.robot_file import Origin
-from .told.values import checks_of, values_of
+from .report import poses_table, robot_file, sensitivity_table
+from .report.findings import Findings, findings_of, length_noise
+from .report.pictures import pictures
+from .report.result import CalibrationStudy
+from .report.robot_file import Origin
+from .report.values import checks_of, values_of
 from .variants import prepared, require_poses
 
 
@@ -80,15 +80,15 @@ def study(
     work.progress("fitting", 0.5)
     ready = prepared(fit, robot, data, carts, on_points)
     require_poses(ready)
-    found = found_of(fit, data, ready, a_priori(data, witness, placed), work.interrupted)
-    c = found.calibration
+    findings = findings_of(fit, data, ready, a_priori(data, witness, placed), work.interrupted)
+    c = findings.calibration
     left = float(np.sqrt(np.mean(c.residuals**2))) if c.status.ok else np.inf
     stopped = c.status is SolveStatus.INTERRUPTED
     exchanged = None if stopped else exchanged_after(data, ready, left, witness.size)
     if exchanged is not None:
         raise ArgumentError(exchanged, f"poses.values.{data.actuators}")
     work.progress("telling", 0.9)
-    return _told(found, robot, fit, origin, title)
+    return _study_of(findings, robot, fit, origin, title)
 
 
 def explained(
@@ -108,27 +108,29 @@ def explained(
     return [*lines, *ready.identifiability(sigma=length_noise(ready)).notes]
 
 
-def _told(found: Found, robot: Model, fit: Fit, origin: Origin, title: str) -> CalibrationStudy:
-    c, values = found.calibration, values_of(found, fit.accuracy)
+def _study_of(findings: Findings, robot: Model, fit: Fit, origin: Origin, title: str) -> CalibrationStudy:
+    c, values = findings.calibration, values_of(findings, fit.accuracy)
     files: dict[str, Callable[[], str]] = {
-        "parameters.toml": partial(robot_file.text, found, robot, title, origin),
-        "poses.csv": partial(poses_table.text, found),
+        "parameters.toml": partial(robot_file.text, findings, robot, title, origin),
+        "poses.csv": partial(poses_table.text, findings),
     }
     if values["sensitivity"]:
         files["sensitivity.csv"] = partial(sensitivity_table.text, values["sensitivity"])
-    files |= {name: partial(str, text) for name, text in found.data.source.files.items()}
-    told, _, held = found.told
+    files |= {name: partial(str, text) for name, text in findings.data.source.files.items()}
+    errors, _, held = findings.headline
     message = c.message
-    if c.status.ok and found.position in told:
-        message += f"; {'held-out' if held else 'fitted'} error {1e3 * told[found.position].mean:.3g} mm in the mean"
+    if c.status.ok and findings.position in errors:
+        message += (
+            f"; {'held-out' if held else 'fitted'} error {1e3 * errors[findings.position].mean:.3g} mm in the mean"
+        )
     return CalibrationStudy(
         status=c.status,
         message=message,
         title=title,
         objective=float(0.5 * (c.residuals**2).sum()),
         iterations=c.iterations,
-        checks=checks_of(fit.accuracy, found),
-        figures=pictures(found, title),
+        checks=checks_of(fit.accuracy, findings),
+        figures=pictures(findings, title),
         files=MadeFiles(files),
         machine_files=("parameters.toml",),
         **values,

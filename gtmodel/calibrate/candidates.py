@@ -63,7 +63,7 @@ def candidates(
         raise ModelError(f"the safety distance is {safety:g} m; it must not be negative")
     T = grid.points()
     left = np.ones(len(T), bool)
-    found: dict[str, np.ndarray] = {}
+    masks: dict[str, np.ndarray] = {}
 
     def asked(stage: str) -> Callable[[float], bool]:
         return lambda fraction: stop is not None and stop(stage, fraction)
@@ -71,9 +71,9 @@ def candidates(
     for name, reach in stages.items():
         m = map_grid(reach, grid, progress=asked(name))
         left = left & (m.codes.reshape(-1) == REACHABLE)
-        found[name] = left
+        masks[name] = left
         if not m.complete or (stop is not None and stop(name, 1.0)):
-            return Candidates(T, found, complete=False)
+            return Candidates(T, masks, complete=False)
     if safety > 0 and stages:
         last = next(reversed(stages.values()))
         within = left.copy()
@@ -81,8 +81,8 @@ def candidates(
             at = np.flatnonzero(within)
             if len(at):
                 within[at] = last.inside(T[at] + safety * d)
-        found["safety distance"] = within
-    return Candidates(T, found)
+        masks["safety distance"] = within
+    return Candidates(T, masks)
 
 
 def regular_grid(low: np.ndarray, high: np.ndarray, volume: float, number: int) -> Grid:

@@ -82,7 +82,7 @@ def estimated(
         degrees_of_freedom if known else least, noise, known, scaled.reshape(-1), (), units=u.units,
         notes=(*notes, *u.notes), null_space=null if null.shape[1] else np.zeros((0, 0)),
     )  # fmt: skip
-    return estimate, _told(problem, fits, 1.0 if known else noise, N)
+    return estimate, _identified(problem, fits, 1.0 if known else noise, N)
 
 
 def _share(problem: Problem, f: Fitted, loss: Loss, width: float) -> _Share:
@@ -146,7 +146,7 @@ def _order(fits: Sequence[Fitted]) -> np.ndarray:
     return np.argsort(np.concatenate([f.block.columns for f in fits]))
 
 
-def _told(problem: Problem, fits: Sequence[Fitted], noise: float, poses: int) -> Identifiability:
+def _identified(problem: Problem, fits: Sequence[Fitted], noise: float, poses: int) -> Identifiability:
     """By the triangles of the blocks: as much as all their rows."""
     u = problem.unknowns
     rows = []

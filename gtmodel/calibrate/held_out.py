@@ -55,9 +55,9 @@ def judge_held_out(
         fit, held = _covariances(c, kept, fitted, signal)
     except (ModelError, np.linalg.LinAlgError):
         equations = N * max(len(c.problem.labels), 1)
-        told = len(c.x) if c.estimate is None else len(c.x) - c.estimate.null_space.shape[1]
-        growth = (equations + told) / (equations - told) if equations > told else np.inf
-        degrees_of_freedom = float(equations - told), 3.0 * M
+        determined = len(c.x) if c.estimate is None else len(c.x) - c.estimate.null_space.shape[1]
+        growth = (equations + determined) / (equations - determined) if equations > determined else np.inf
+        degrees_of_freedom = float(equations - determined), 3.0 * M
     else:
         growth = np.trace(held) / len(held) / (np.trace(fit) / len(fit)) if np.trace(fit) > 0 else np.inf
         degrees_of_freedom = tuple(freedom_of(float(np.trace(S)), float(np.sum(S * S))) for S in (fit, held))

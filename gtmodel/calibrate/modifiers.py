@@ -22,14 +22,14 @@ def modifiers(flat: FlatModel, values: Mapping[str, float], touched: Sequence[in
     """
     p = ca.vertcat(*[q.symbol for q in flat.parameters])
     at = np.array([values.get(q.name, q.value) for q in flat.parameters])
-    found: dict[str, Any] = {}
+    nested: dict[str, Any] = {}
     for name in dict.fromkeys(_whole(flat.parameters[k].name) for k in touched):
         if name not in flat.bindings:
             continue
         array = np.asarray(ca.Function("p", [p], [flat.bindings[name]])(at))
         shape = _shape(name, [q.name for q in flat.parameters])
         *path, last = name.split(".")
-        inside = found
+        inside = nested
         for step, index in (_STEP.fullmatch(s).groups() for s in path):  # type: ignore[union-attr]
             if index is None:
                 inside = inside.setdefault(step, {})
@@ -38,25 +38,25 @@ def modifiers(flat: FlatModel, values: Mapping[str, float], touched: Sequence[in
                 listed += [{} for _ in range(int(index) + 1 - len(listed))]
                 inside = listed[int(index)]
         inside[last] = array.reshape(-1).reshape(shape) if shape else float(array.reshape(-1)[0])
-    return found
+    return nested
 
 
 def merged(old: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, Any]:
     """Modifiers `old` with those of `new` in their place; one dictionary for all of several parts goes to each."""
-    found = dict(old)
+    both = dict(old)
     for name, value in new.items():
         before = old.get(name)
         if isinstance(value, Mapping) and isinstance(before, Mapping):
-            found[name] = merged(before, value)
+            both[name] = merged(before, value)
         elif isinstance(value, list) and value and isinstance(value[0], Mapping) and isinstance(before, Mapping | list):
             each = before if isinstance(before, list) else [before] * len(value)
             pairs = zip(each, value, strict=False)
-            found[name] = [merged(a, b) for a, b in pairs] if len(each) == len(value) else value
+            both[name] = [merged(a, b) for a, b in pairs] if len(each) == len(value) else value
         elif isinstance(value, Mapping) and isinstance(before, list):
-            found[name] = [merged(a, value) for a in before]
+            both[name] = [merged(a, value) for a in before]
         else:
-            found[name] = value
-    return found
+            both[name] = value
+    return both
 
 
 def _whole(name: str) -> str:

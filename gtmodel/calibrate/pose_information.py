@@ -23,16 +23,16 @@ LEAK = 1e-6
 class PoseInformation:
     """Information of N candidate poses on n unknowns `names`, in units of `sizes`, their expected errors.
 
-    `rows` (N, k, n): Jacobian of what is measured at a pose, divided by the noise; `priors` (p, n) likewise. `told` (n,
-    r): an orthonormal basis of the combinations that all poses together determine. The information of poses is the sum
-    of rows' rows: J' (B S B')^-1 J with Jacobians J in the unknowns and B in the noise, whose covariance is S.
+    `rows` (N, k, n): Jacobian of what is measured at a pose, divided by the noise; `priors` (p, n) likewise.
+    `basis` (n, r): orthonormal, of the combinations that all poses together determine. The information of poses is the
+    sum of rows' rows: J' (B S B')^-1 J with Jacobians J in the unknowns and B in the noise, whose covariance is S.
     """
 
     names: tuple[str, ...]
     sizes: np.ndarray
     rows: np.ndarray
     priors: np.ndarray
-    told: np.ndarray
+    basis: np.ndarray
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -40,12 +40,12 @@ class PoseInformation:
     @property
     def rank(self) -> int:
         """How many combinations of unknowns all poses together determine."""
-        return self.told.shape[1]
+        return self.basis.shape[1]
 
     @property
     def reduced(self) -> np.ndarray:
         """Rows (N, k, r) in the combinations that are determined."""
-        return self.rows @ self.told
+        return self.rows @ self.basis
 
     def matrix(self, selection: ArrayLike | None = None) -> np.ndarray:
         """Information (r, r) of some poses (default all) and the priors, in the combinations that are determined."""
@@ -58,18 +58,19 @@ class PoseInformation:
         It is that within the combinations that all poses determine, of the fit with cost "orthogonal", the best one.
         Raises ModelError where the selected poses determine fewer.
         """
-        told = spectrum(self._stacked(selection))
-        if told.rank < self.rank:
+        own = spectrum(self._stacked(selection))
+        if own.rank < self.rank:
             count = len(self) if selection is None else len(np.asarray(selection))
             raise ModelError(
-                f"{count} poses tell fewer than the {self.rank} combinations that all {len(self)} tell; take more poses"
+                f"{count} poses determine fewer than the {self.rank} combinations that all {len(self)} do; take more "
+                "poses"
             )
-        return self.sizes[:, None] * (self.told @ told.inverse @ self.told.T) * self.sizes
+        return self.sizes[:, None] * (self.basis @ own.inverse @ self.basis.T) * self.sizes
 
     def std(self, selection: ArrayLike | None = None) -> dict[str, float]:
         """Predicted standard deviation by unknown; infinite for one that no pose separates from others."""
         std = np.sqrt(np.diag(self.covariance(selection)))
-        lost = 1 - np.sum(self.told**2, axis=1) > LEAK
+        lost = 1 - np.sum(self.basis**2, axis=1) > LEAK
         return dict(zip(self.names, np.where(lost, np.inf, std).tolist(), strict=True))
 
     def identifiability(self, selection: ArrayLike | None = None) -> Identifiability:
@@ -80,7 +81,7 @@ class PoseInformation:
 
     def _stacked(self, selection: ArrayLike | None) -> np.ndarray:
         own = self.reduced if selection is None else self.reduced[np.asarray(selection)]
-        return np.vstack([own.reshape(-1, self.rank), self.priors @ self.told])
+        return np.vstack([own.reshape(-1, self.rank), self.priors @ self.basis])
 
 
 def pose_information(problem: Problem) -> PoseInformation:
@@ -102,7 +103,7 @@ def pose_information(problem: Problem) -> PoseInformation:
     u, read = problem.unknowns, problem.reading
     S = noise_covariance(problem, "orthogonal")
     N, n, nz = len(problem.measurements), len(u.names), read.latent.numel()
-    found = []
+    blocks_rows = []
     for b in problem.blocks_of("orthogonal"):
         labels = tuple(problem.labels[k] for k in b.rows)
         require_noise_enough(b, read.data, S, nz, u.start[b.columns], labels)
@@ -112,9 +113,9 @@ def pose_information(problem: Problem) -> PoseInformation:
             raise ModelError(f"pose {lost[0]} (from 0) cannot be closed by the model; take poses that it reaches")
         rows = np.zeros((N, J.shape[1], n))
         rows[:, :, b.columns] = J * u.sizes[b.columns]
-        found.append(rows)
+        blocks_rows.append(rows)
     P, _ = prior_rows(u.priors, u.names)
-    return made(u.names, u.sizes, np.concatenate(found, axis=1), P * u.sizes)
+    return made(u.names, u.sizes, np.concatenate(blocks_rows, axis=1), P * u.sizes)
 
 
 def made(names: Sequence[str], sizes: np.ndarray, rows: np.ndarray, priors: np.ndarray) -> PoseInformation:

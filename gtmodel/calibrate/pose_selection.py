@@ -78,7 +78,7 @@ def exchange(
         raise ModelError('the criterion "I" needs the moment of the positioning errors, Positioning.moment()')
     rows = info.reduced
     ridge = RIDGE * float(np.mean(rows**2)) * rows.shape[1] * np.eye(info.rank)
-    constant = info.priors @ info.told
+    constant = info.priors @ info.basis
     score = _Score(criterion, rows, np.zeros_like(ridge) if moment is None else moment)
     best, reached, complete = np.zeros(0, int), [], True
     for k, s in enumerate(np.random.SeedSequence(seed).spawn(starts)):
@@ -171,10 +171,10 @@ class _Score:
         if self.grams is not None:
             weakest = np.linalg.eigh(base)[1][:, 0]
             short = np.argsort(-np.sum((rows @ weakest) ** 2, axis=1), kind="stable")[:SHORT_LIST]
-            found = np.full(len(rows), np.inf)
+            scores = np.full(len(rows), np.inf)
             least = np.linalg.eigvalsh(base + self.grams[short])[:, 0]
-            found[short] = 1 / np.maximum(least, 1e-300)
-            return found
+            scores[short] = 1 / np.maximum(least, 1e-300)
+            return scores
         C = np.linalg.inv(base)
         RC = rows @ C
         capacity = np.eye(rows.shape[1]) + RC @ rows.transpose(0, 2, 1)
@@ -215,6 +215,6 @@ def _require(info: PoseInformation, number: int) -> None:
     if number * info.rows.shape[1] + prior < info.rank:
         least = -(-(info.rank - prior) // info.rows.shape[1])
         raise ModelError(
-            f"{number} poses with {info.rows.shape[1]} equations each cannot tell {info.rank} combinations; "
+            f"{number} poses with {info.rows.shape[1]} equations each cannot determine {info.rank} combinations; "
             f"take at least {least}"
         )

@@ -76,13 +76,13 @@ class Positioning:
 
     def _scaled(self, info: PoseInformation) -> np.ndarray:
         P = self._columns(info) * info.sizes
-        inside = P @ info.told
-        outside = np.abs(P - inside @ info.told.T)
+        inside = P @ info.basis
+        outside = np.abs(P - inside @ info.basis.T)
         if np.max(outside, initial=0.0) > LEAK * np.max(np.abs(P), initial=0.0):
             k = int(np.argmax(outside.max(axis=(0, 1))))
             raise ModelError(
-                f"the position moves with what no pose tells ({info.rank} of {len(info.names)} combinations are told; "
-                f"'{info.names[k]}' among the others): measure more, or fix a parameter"
+                f"the position moves with what no pose determines ({info.rank} of {len(info.names)} combinations are "
+                f"determined; '{info.names[k]}' among the others): measure more, or fix a parameter"
             )
         return inside
 

@@ -80,5 +80,7 @@ def outliers(residuals: np.ndarray) -> list[Outlier]:
     bound = float(stats.norm.isf(FALSE_ALARM / 2 / r.size))
     with np.errstate(divide="ignore", invalid="ignore"):
         times = np.where(scale > 0, np.abs(r) / scale, 0.0)
-    found = [Outlier(int(k), int(j), float(residuals[k, j]), float(times[k, j])) for k, j in np.argwhere(times > bound)]
-    return sorted(found, key=lambda o: (-o.times, o.pose, o.link))
+    outlying = [
+        Outlier(int(k), int(j), float(residuals[k, j]), float(times[k, j])) for k, j in np.argwhere(times > bound)
+    ]
+    return sorted(outlying, key=lambda o: (-o.times, o.pose, o.link))

@@ -66,7 +66,7 @@ class Problem:
         return self.blocks_of("length")
 
     @property
-    def joined(self) -> tuple[Block, ...]:
+    def orthogonal(self) -> tuple[Block, ...]:
         """The blocks in which the noise of all signals counts."""
         return self.blocks_of("orthogonal")
 
@@ -144,8 +144,8 @@ class Problem:
         """All parameters that the equations hold, of model and measurement, at x."""
         u = self.unknowns
         f = ca.Function("parameters", [u.x], [ca.vertcat(*[v for _, v in u.moved])])
-        found = np.asarray(f(np.asarray(x, float))).reshape(-1)
-        return {s.name(): float(v) for (s, _), v in zip(u.moved, found, strict=True)}
+        numbers = np.asarray(f(np.asarray(x, float))).reshape(-1)
+        return {s.name(): float(v) for (s, _), v in zip(u.moved, numbers, strict=True)}
 
 
 def prepare(

@@ -43,21 +43,21 @@ def with_smooth_errors(c: Calibration, position: str = "T") -> tuple[Estimate, d
     p = c.problem
     if c.estimate is None or c.cost != "length" or p.unknowns.priors or p.reading.latent.numel():
         return None
-    N, n, found = len(p.measurements), len(c.x), {}
+    N, n, links = len(p.measurements), len(c.x), {}
     covariance = np.zeros((n, n))
     degrees_of_freedom = N - max((len(b.columns) for b in p.lengths), default=0)
     for b in p.lengths:
         one = _of_link(c, b, position)
         if one is None or degrees_of_freedom < 1:
             return None
-        found[p.labels[b.rows[0]]] = one
+        links[p.labels[b.rows[0]]] = one
         covariance[np.ix_(b.columns, b.columns)] = one.covariance
     # few poses may see no error where there is one, or less noise than there is: never less than white noise leaves
     wider = np.maximum(1.0, np.sqrt(np.diag(c.estimate.covariance) / np.diag(covariance)))
     covariance *= np.outer(wider, wider)
     return replace(
         c.estimate, covariance=covariance, known_noise=False, degrees_of_freedom=float(degrees_of_freedom)
-    ), found
+    ), links
 
 
 def _of_link(c: Calibration, b: Block, position: str) -> SmoothErrors | None:
@@ -107,7 +107,7 @@ def smooth_errors(
     Z = ((normals @ axes)[:, :, None] * waves[:, None, :]).reshape(N, -1)
     free, r = Z - Q @ (Q.T @ Z), residuals - Q @ (Q.T @ residuals)
     G, g, total = free.T @ free, free.T @ r, float(r @ r)
-    best, found = np.inf, (0.0, 0.0, 0.0, 0.0)
+    best, optimum = np.inf, (0.0, 0.0, 0.0, 0.0)
     for length, along in product(LENGTHS, ALONG):
         d = np.outer([along, 1.0, 1.0], _spectrum(frequency, length)).reshape(-1)
         w, U = np.linalg.eigh(G * np.outer(d, d))
@@ -119,8 +119,8 @@ def smooth_errors(
             cost = (N - n) * np.log(noise2) + np.sum(np.log1p(RATIOS[:, None] * w), axis=1)
         k = int(np.argmin(cost))
         if cost[k] < best:
-            best, found = float(cost[k]), (float(length), float(along), float(RATIOS[k]), float(noise2[k]))
-    length, along, ratio, noise2 = found
+            best, optimum = float(cost[k]), (float(length), float(along), float(RATIOS[k]), float(noise2[k]))
+    length, along, ratio, noise2 = optimum
     d = np.outer([along, 1.0, 1.0], _spectrum(frequency, length)).reshape(-1) * np.sqrt(ratio)
     back = np.linalg.pinv(J)
     moved = back @ (Z * d)

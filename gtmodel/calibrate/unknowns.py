@@ -85,10 +85,10 @@ class Parameters:
 
     @classmethod
     def of(cls, flat: FlatModel, touched: Sequence[int]) -> Parameters:
-        found = cls(flat.title)
+        own = cls(flat.title)
         for q in (flat.parameters[k] for k in touched):
-            found.add(q.name, q.unit or "", q.value, q.symbol)
-        return found
+            own.add(q.name, q.unit or "", q.value, q.symbol)
+        return own
 
     def add(self, name: str, unit: str, value: float, symbol: ca.SX | None = None) -> ca.SX:
         """One more; its symbol."""
@@ -108,13 +108,13 @@ class Parameters:
         if name in self.names:
             return [self.names.index(name)]
         begin = name[:-1] + "," if name.endswith("]") else name + "["
-        found = [k for k, n in enumerate(self.names) if n.startswith(begin)]
-        if not found:
+        components = [k for k, n in enumerate(self.names) if n.startswith(begin)]
+        if not components:
             whole = list(dict.fromkeys([*(n.partition("[")[0] for n in self.names), *self.names]))
             close = difflib.get_close_matches(name, whole, n=3)
             hint = f"did you mean {' or '.join(close)}?" if close else f"they hold {', '.join(whole[:12])}"
             raise ModelError(f"the closure equations of {self.title} hold no parameter '{name}'; {hint}")
-        return found
+        return components
 
 
 def unknowns(parameters: Parameters, choice: Choice) -> Unknowns:
@@ -124,31 +124,31 @@ def unknowns(parameters: Parameters, choice: Choice) -> Unknowns:
     missing = [p.names[k] for k in sorted(free) if not np.isfinite(p.values[k]) and k not in follows]
     if missing:
         raise ModelError(f"parameter '{missing[0]}' of {p.title} has no value; give it one to start from")
-    found = _Found(p.title)
+    chosen = _Chosen(p.title)
     in_quaternions = {k for indices in quaternions.values() for k in indices}
     for k in sorted(free - set(follows) - in_quaternions):
-        found.moved[k] = found.add(p.names[k], p.units[k], p.values[k])
+        chosen.moved[k] = chosen.add(p.names[k], p.units[k], p.values[k])
     still = {name for name in choice.fixed if TURN in name}
     for name, indices in quaternions.items():
         if set(indices) <= free:
-            _turn(p, name, indices, still, found)
+            _turn(p, name, indices, still, chosen)
             still -= {f"{name}{TURN}{axis}" for axis in "xyz"}
     if still:
         raise ModelError(f"'{min(still)}' is fixed, but no quaternion is turned so; name its quaternion in unit")
     for k, target in follows.items():
-        found.moved[k] = found.moved.get(target, ca.SX(p.values[target]))
-    everything = [(p.symbols[k], found.moved.get(k, ca.SX(p.values[k]))) for k in range(len(p.names))]
-    if not found.names:
+        chosen.moved[k] = chosen.moved.get(target, ca.SX(p.values[target]))
+    everything = [(p.symbols[k], chosen.moved.get(k, ca.SX(p.values[k]))) for k in range(len(p.names))]
+    if not chosen.names:
         raise ModelError(f"nothing is left free to calibrate in {p.title}: all parameters are fixed or tied")
-    sizes = _sizes(p, choice, found)
+    sizes = _sizes(p, choice, chosen)
     return Unknowns(
-        tuple(found.names), tuple(found.units), ca.vertcat(*found.symbols), np.array(found.values),
-        np.array([sizes[n] for n in found.names]), tuple(everything), tuple(choice.priors), tuple(found.notes),
+        tuple(chosen.names), tuple(chosen.units), ca.vertcat(*chosen.symbols), np.array(chosen.values),
+        np.array([sizes[n] for n in chosen.names]), tuple(everything), tuple(choice.priors), tuple(chosen.notes),
     )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
-class _Found(Parameters):
+class _Chosen(Parameters):
     """Unknowns as they are found, at their start; `moved`: what stands for a parameter, by its place."""
 
     moved: dict[int, ca.SX] = field(default_factory=dict)
@@ -161,31 +161,31 @@ def _free(p: Parameters, choice: Choice) -> set[int]:
 
 
 def _quaternions(p: Parameters, choice: Choice) -> dict[str, list[int]]:
-    found = {name: p.indices(name) for name in choice.unit}
-    for name, indices in found.items():
+    quaternions = {name: p.indices(name) for name in choice.unit}
+    for name, indices in quaternions.items():
         if len(indices) != 4:
             raise ModelError(f"unit names '{name}' with {len(indices)} numbers; a quaternion has four, scalar first")
-    return found
+    return quaternions
 
 
-def _turn(p: Parameters, name: str, indices: list[int], still: set[str], found: _Found) -> None:
+def _turn(p: Parameters, name: str, indices: list[int], still: set[str], chosen: _Chosen) -> None:
     """The quaternion as its start, turned by three small angles but for those that hold still."""
     reference = np.array([p.values[k] for k in indices])
     length = float(np.linalg.norm(reference))
     if not length > 0:
         raise ModelError(f"the quaternion '{name}' is zero; give it a start value")
     if abs(length - 1) > 1e-6:
-        found.notes.append(f"{name} starts from its direction: its length was {length:.4f}")
+        chosen.notes.append(f"{name} starts from its direction: its length was {length:.4f}")
     axes = [f"{name}{TURN}{axis}" for axis in "xyz"]
-    turn = [ca.SX(0) if own in still else found.add(own, "rad", 0.0) for own in axes]
+    turn = [ca.SX(0) if own in still else chosen.add(own, "rad", 0.0) for own in axes]
     direction = ca.SX(ca.DM(reference / length))
     for k, component in zip(indices, ca.vertsplit(turned(direction, ca.vertcat(*turn))), strict=True):
-        found.moved[k] = component
+        chosen.moved[k] = component
 
 
-def _sizes(p: Parameters, choice: Choice, found: _Found) -> dict[str, float]:
+def _sizes(p: Parameters, choice: Choice, chosen: _Chosen) -> dict[str, float]:
     """Expected errors by name. Raises ModelError for one that is not positive and for priors on what is not free."""
-    sizes = {n: COMPLIANCE if unit == "m/N" else SIZE for n, unit in zip(found.names, found.units, strict=True)}
+    sizes = {n: COMPLIANCE if unit == "m/N" else SIZE for n, unit in zip(chosen.names, chosen.units, strict=True)}
     for name, size in choice.sizes.items():
         if not size > 0:
             raise ModelError(f"the expected error of '{name}' is {size:g}; it must be positive")
@@ -193,7 +193,7 @@ def _sizes(p: Parameters, choice: Choice, found: _Found) -> dict[str, float]:
         sizes.update({n: size for n in hits if n in sizes})
     for prior in choice.priors:
         if prior.name not in sizes:
-            raise ModelError(f"a prior names '{prior.name}', which is not free; these are: {', '.join(found.names)}")
+            raise ModelError(f"a prior names '{prior.name}', which is not free; these are: {', '.join(chosen.names)}")
     return sizes
 
 

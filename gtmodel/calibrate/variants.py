@@ -29,10 +29,10 @@ def choice_of(fit: Fit, model: Model, known: Sequence[str] = (), on_points: Sequ
     """
     tied, unit = dict(fit.tied), list(fit.unit_quaternions)
     if fit.variant is not None:
-        wanted, found = FAMILIES[fit.variant], family_of(model)
-        if wanted != found:
+        wanted, own = FAMILIES[fit.variant], family_of(model)
+        if wanted != own:
             raise ArgumentError(
-                f"'{fit.variant}' is for robots with {SAID[wanted]}; this one has {SAID.get(found, 'other parts')}",
+                f"'{fit.variant}' is for robots with {SAID[wanted]}; this one has {SAID.get(own, 'other parts')}",
                 "fit.variant",
             )
         if fit.variant == "ideal":
@@ -82,7 +82,7 @@ def require_poses(p: Problem) -> None:
 
 def _priors(keys: Mapping[str, Known], u: Unknowns) -> list[Prior]:
     """One for each unknown of the named ones, at its start where no value is given. Raises ArgumentError."""
-    found: dict[str, Prior] = {}
+    priors: dict[str, Prior] = {}
     for name, prior in keys.items():
         begins = (name[:-1] + ",", f"{name} turned") if name.endswith("]") else (f"{name}[", f"{name} turned")
         hits = [k for k, n in enumerate(u.names) if n == name or n.startswith(begins)]
@@ -93,8 +93,8 @@ def _priors(keys: Mapping[str, Known], u: Unknowns) -> list[Prior]:
             raise ArgumentError(sentence, f"fit.priors.{name}")
         for k in hits:
             value = float(u.start[k]) if prior.value is None else prior.value
-            found[u.names[k]] = Prior(u.names[k], value, prior.std)
-    return list(found.values())
+            priors[u.names[k]] = Prior(u.names[k], value, prior.std)
+    return list(priors.values())
 
 
 def _naming(fit: Fit, sentence: str) -> str:

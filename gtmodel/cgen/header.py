@@ -105,7 +105,7 @@ def conditions(function: CausalFunction) -> list[str]:
 
 def _chosen(root: Root) -> str:
     sign = f"with the {'+' if root.value > 0 else '-'} root"
-    return f"{sign}: branch {root.told_by}" if root.told_by else sign
+    return f"{sign}: branch {root.settled_by}" if root.settled_by else sign
 
 
 def _struct(name: str, members: tuple[Member, ...], last: str = "") -> str:

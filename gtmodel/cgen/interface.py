@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from ..compiler.analysis.sizes import Sizes
-from ..compiler.causal import CausalFunction, Signal, c_name
+from ..compiler.causal import CausalFunction, CausalSignal, c_name
 from .box import Intervals, box_of, check_names
 from .newton_stages import NewtonStage, Stages, stages
 from .real import DOUBLE, Real
@@ -134,7 +134,7 @@ def interfaces(
     result = []
     for key, function in functions.items():
         check_identifier(key, "a function", "functions")
-        time = (Signal("time", (), "s", ()),) if function.plan.uses_time else ()
+        time = (CausalSignal("time", (), "s", ()),) if function.plan.uses_time else ()
         inputs = _members(function, (*function.inputs, *time))
         symbol = f"gt_{name}_{key}"
         cut = stages(function, symbol, real) if function.plan.newton else None
@@ -184,7 +184,7 @@ def unit_suffix(unit: str) -> str:
     return re.sub(r"[^A-Za-z0-9_]+", "", text.replace("/", "_")).strip("_")
 
 
-def _members(function: CausalFunction, signals: Iterable[Signal]) -> tuple[Member, ...]:
+def _members(function: CausalFunction, signals: Iterable[CausalSignal]) -> tuple[Member, ...]:
     taken: set[str] = set()
     result = []
     for s in signals:

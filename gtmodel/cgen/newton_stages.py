@@ -11,10 +11,10 @@ import numpy as np
 
 from ..compiler.analysis.sizes import Sizes
 from ..compiler.blocks import Margin
-from ..compiler.causal import CausalFunction, Signal
+from ..compiler.causal import CausalFunction, CausalSignal
 from ..compiler.emit import express
 from ..compiler.newton import NewtonKernel
-from ..compiler.plan import Plan
+from ..compiler.plan import CausalPlan
 from ..compiler.rows import map_columns, status_codes
 from ..lang.scope import derivative_name
 from ..results.status import Status
@@ -32,7 +32,7 @@ class NewtonStage:
     prepare: ca.Function
     kernel: ca.Function
     margins: tuple[Margin, ...]
-    unknowns: tuple[Signal, ...]
+    unknowns: tuple[CausalSignal, ...]
     home: tuple[float, ...]
     nominal: tuple[float, ...]
     largest: tuple[float, ...]
@@ -141,7 +141,7 @@ def _limits(kernel: NewtonKernel, nominal: np.ndarray, real: Real) -> tuple[tupl
     return largest, float(f"{real.pivot * float(smallest[0]):.3g}")
 
 
-def _signals(plan: Plan, pairs: Sequence[tuple[int, int]]) -> list[Signal]:
+def _signals(plan: CausalPlan, pairs: Sequence[tuple[int, int]]) -> list[CausalSignal]:
     """The unknowns in their order, gathered into declared vectors where these are complete and in line."""
     flat, left = plan.flat, list(pairs)
     vectors = [(name, shape, list(indices)) for name, (shape, indices) in flat.groups.items() if shape]
@@ -153,7 +153,7 @@ def _signals(plan: Plan, pairs: Sequence[tuple[int, int]]) -> list[Signal]:
             if left[: len(indices)] == [(i, order) for i in indices] and len(indices) > size:
                 name, shape, size = vector, vector_shape, len(indices)
         head, left = left[:size], left[size:]
-        result.append(Signal(derivative_name(name, order), shape, flat.unit_of(head[0][0], order), tuple(head)))
+        result.append(CausalSignal(derivative_name(name, order), shape, flat.unit_of(head[0][0], order), tuple(head)))
     return result
 
 

@@ -9,7 +9,7 @@ import casadi as ca
 from ..lang.source import ModelError
 from .analysis.nonsmooth import is_nonsmooth, kinked_in
 from .flat import FlatEquation, FlatModel
-from .sparse import triplets
+from .matrices import triplets
 
 Terms = tuple[tuple[tuple[int, int], float], tuple[tuple[int, int], float]]  # (symbol, coefficient), twice
 
@@ -84,19 +84,19 @@ def _sums(flat: FlatModel, equations: list[FlatEquation]) -> list[Terms | None]:
     for row, col, value in triplets(ca.jacobian(residuals, symbols)):
         if not value.is_zero():
             rows[row].append((pairs[col], value))
-    found: list[Terms | None] = [None] * len(equations)
+    sums: list[Terms | None] = [None] * len(equations)
     for row, entries in enumerate(rows):
         if len(entries) == 2 and all(v.is_constant() for _, v in entries) and remainder[row].is_zero():
             (a, va), (b, vb) = entries
-            found[row] = (a, float(va)), (b, float(vb))
-    candidates = [row for row, terms in enumerate(found) if terms is not None]
+            sums[row] = (a, float(va)), (b, float(vb))
+    candidates = [row for row, terms in enumerate(sums) if terms is not None]
     # sign() vanishes at zero and has no derivative: what holds one only looks like x == y
     if candidates and is_nonsmooth(flat):
         inside = kinked_in([equations[row].residual for row in candidates], ca.vertsplit(symbols))
         for row, kinked in zip(candidates, inside, strict=True):
             if kinked:
-                found[row] = None
-    return found
+                sums[row] = None
+    return sums
 
 
 def _sweep(flat: FlatModel, protected: frozenset[int], result: AliasResult, sums: list[Terms | None]) -> bool:

@@ -34,16 +34,16 @@ class Margin:
 
 @dataclass(frozen=True, eq=False)
 class Root:
-    """A square root with a branch: `sign` is a symbol, `slope` = 2 qa t + qb tells it at a known point.
+    """A square root with a branch: `sign` is a symbol, `slope` = 2 qa t + qb has this sign at a known point.
 
-    `told_by` names the declared branch that tells its two solutions apart; empty: the start values do.
+    `settled_by` names the declared branch that distinguishes its two solutions; empty: the start values do.
     """
 
     sign: ca.SX
     slope: ca.SX
     label: str
     value: int = 0
-    told_by: str = ""
+    settled_by: str = ""
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,7 +15,7 @@ from .consistency.points import RESIDUAL_TOLERANCE, Sampler
 from .flat import FlatModel
 
 if TYPE_CHECKING:
-    from .plan import Plan
+    from .plan import CausalPlan
 
 # a branch expression that only changes its sign with the root is the root's own name, up to round-off
 OWN = 1e-9
@@ -40,7 +40,7 @@ def check_branches(flat: FlatModel, wanted: Mapping[str, int]) -> None:
             raise ModelError(f"branch '{name}' takes +1 or -1; found {sign}")
 
 
-def settle(plan: Plan, sampler: Sampler, wanted: Mapping[str, int]) -> Plan:
+def settle(plan: CausalPlan, sampler: Sampler, wanted: Mapping[str, int]) -> CausalPlan:
     """The plan with a sign for every root, and with samples on the chosen branches.
 
     A branch tells the solutions of a root apart if its expression changes sign, in the same sense at every
@@ -50,18 +50,18 @@ def settle(plan: Plan, sampler: Sampler, wanted: Mapping[str, int]) -> Plan:
     """
     plan = _with_settled_roots(plan, sampler, wanted)
     if plan.newton:
-        told = {r.told_by for b in plan.blocks for r in b.roots}
-        plan = _with_moved_home(plan, sampler, {name: sign for name, sign in wanted.items() if name not in told})
+        settling = {r.settled_by for b in plan.blocks for r in b.roots}
+        plan = _with_moved_home(plan, sampler, {name: sign for name, sign in wanted.items() if name not in settling})
     return plan
 
 
-def _with_roots(plan: Plan, roots: list[Root]) -> Plan:
+def _with_roots(plan: CausalPlan, roots: list[Root]) -> CausalPlan:
     """The plan with these roots, in the order of its blocks."""
     given = iter(roots)
     return replace(plan, blocks=[replace(b, roots=[next(given) for _ in b.roots]) for b in plan.blocks])
 
 
-def _with_settled_roots(plan: Plan, sampler: Sampler, wanted: Mapping[str, int]) -> Plan:
+def _with_settled_roots(plan: CausalPlan, sampler: Sampler, wanted: Mapping[str, int]) -> CausalPlan:
     roots = [r for b in plan.blocks for r in b.roots]
     if not roots:
         return plan
@@ -79,7 +79,7 @@ def _with_settled_roots(plan: Plan, sampler: Sampler, wanted: Mapping[str, int])
         teller = _teller(names, seen[1], seen[-1], wanted)
         if teller is not None:
             name = names[teller[0]]
-            settled.append(replace(root, told_by=name, value=teller[1] * wanted.get(name, 1)))
+            settled.append(replace(root, settled_by=name, value=teller[1] * wanted.get(name, 1)))
         else:
             positive = int(np.sum(at_start[:, n] > 0))
             if positive not in (0, len(at_start)):
@@ -89,7 +89,7 @@ def _with_settled_roots(plan: Plan, sampler: Sampler, wanted: Mapping[str, int])
                 )
             settled.append(replace(root, value=1 if positive else -1))
         signs[n] = settled[n].value
-    found = []
+    samples = []
     for sample in plan.samples:
         w = sample.copy()
         computed, numbers = values
@@ -97,15 +97,15 @@ def _with_settled_roots(plan: Plan, sampler: Sampler, wanted: Mapping[str, int])
         if not np.all(np.isfinite(w)) or sampler.correct(w) > RESIDUAL_TOLERANCE:
             continue
         if np.all(_row(jacobian(w, p, sampler.time)) * signs > 0):
-            found.append(w)
-    if not found:
+            samples.append(w)
+    if not samples:
         raise ModelError(
             f"{plan.flat.title}: no pose on the wanted branches was found; give start values near a home pose"
         )
-    return replace(_with_roots(plan, settled), samples=np.array(found))
+    return replace(_with_roots(plan, settled), samples=np.array(samples))
 
 
-def _with_moved_home(plan: Plan, sampler: Sampler, wanted: Mapping[str, int]) -> Plan:
+def _with_moved_home(plan: CausalPlan, sampler: Sampler, wanted: Mapping[str, int]) -> CausalPlan:
     """The plan with samples where the wanted branches have their signs; mirrored there if they have not."""
     flat, p = plan.flat, plan.flat.p0
     expressions = {b.name: plan.alias.rewrite(flat, b.expression) for b in flat.branches}
@@ -122,8 +122,8 @@ def _with_moved_home(plan: Plan, sampler: Sampler, wanted: Mapping[str, int]) ->
         side, root = (_row(x) for x in sides.call([w, p, sampler.time]))
         return bool(np.all(side * signs > 0) and np.all(root > 0))
 
-    found = [w for w in plan.samples if right(w)]
-    if not found:
+    samples = [w for w in plan.samples if right(w)]
+    if not samples:
         now = _row(sides(plan.samples[0], p, sampler.time)[0])
         # first without the equations that bend in what branches are made of, such as a rod's length: they would push
         # back all the way over
@@ -141,18 +141,18 @@ def _with_moved_home(plan: Plan, sampler: Sampler, wanted: Mapping[str, int]) ->
             spread = MIRROR_SPREADS[seed % len(MIRROR_SPREADS)]
             w = _cross(overs[seed % 2], plan.samples[0] + spread * nominal * noise, nominal, still)
             if sampler.correct(w) <= RESIDUAL_TOLERANCE and right(w):
-                found.append(w)
-            if len(found) == MIRRORED:
+                samples.append(w)
+            if len(samples) == MIRRORED:
                 break
         counted = np.array([pair in sampler.starts for pair in sampler.pairs], dtype=bool)
-        far = [float(np.sum(np.abs(w - plan.samples[0])[counted] / nominal[counted])) for w in found]
-        found = [w for d, w in sorted(zip(far, found, strict=True), key=lambda p: p[0]) if d <= min(far) + AS_NEAR]
-    if not found:
+        far = [float(np.sum(np.abs(w - plan.samples[0])[counted] / nominal[counted])) for w in samples]
+        samples = [w for d, w in sorted(zip(far, samples, strict=True), key=lambda p: p[0]) if d <= min(far) + AS_NEAR]
+    if not samples:
         asked = ", ".join(f"'{n}' = {wanted[n]:+d}" for n in names)
         raise ModelError(
             f"{flat.title}: no pose with branch {asked} was found from the start values; give start values near one"
         )
-    return replace(plan, samples=np.array(found))
+    return replace(plan, samples=np.array(samples))
 
 
 def _cross(over: Sampler, start: np.ndarray, nominal: np.ndarray, ease: np.ndarray) -> np.ndarray:
@@ -170,7 +170,7 @@ def _cross(over: Sampler, start: np.ndarray, nominal: np.ndarray, ease: np.ndarr
     return w
 
 
-def sides(plan: Plan, sampler: Sampler) -> list[Margin]:
+def sides(plan: CausalPlan, sampler: Sampler) -> list[Margin]:
     """Margins that are positive where Newton's answer lies on the branches of the home pose.
 
     Those that no root takes care of: they depend on the unknowns of a Newton block, and on nothing that the plan does
@@ -179,15 +179,15 @@ def sides(plan: Plan, sampler: Sampler) -> list[Margin]:
     flat = plan.flat
     if not plan.newton or not flat.branches:
         return []
-    told = {r.told_by for b in plan.blocks for r in b.roots}
-    rewritten = {b.name: plan.alias.rewrite(flat, b.expression) for b in flat.branches if b.name not in told}
+    settling = {r.settled_by for b in plan.blocks for r in b.roots}
+    rewritten = {b.name: plan.alias.rewrite(flat, b.expression) for b in flat.branches if b.name not in settling}
     assigned = [a for b in plan.blocks for a in b.assignments]
     computed = list(rewritten.values())
     if assigned:
         _, computed = ca.substitute_inplace([s for s, _ in assigned], [e for _, e in assigned], computed)
     unknown = {s.element_hash() for b in plan.newton for s in b.unknowns}
     given = unknown | {flat.scope.symbol(*pair).element_hash() for pair in plan.inputs}
-    found = []
+    margins = []
     for (name, expression), solved in zip(rewritten.items(), computed, strict=True):
         inside = {flat.scope.symbol(*pair).element_hash() for pair in flat.scope.symbols_in(solved)}
         known = all(pair in sampler.position for pair in flat.scope.symbols_in(expression))
@@ -197,27 +197,27 @@ def sides(plan: Plan, sampler: Sampler) -> list[Margin]:
             sign = 1 if values[0] > 0 else -1
             if np.all(sign * values > 0):
                 margin = sign * expression
-                found.append(Margin("branch", margin, f"{name} = {sign:+d}", float(np.median(sign * values))))
-    return found
+                margins.append(Margin("branch", margin, f"{name} = {sign:+d}", float(np.median(sign * values))))
+    return margins
 
 
-def follow(plan: Plan, sampler: Sampler) -> Plan:
+def follow(plan: CausalPlan, sampler: Sampler) -> CausalPlan:
     """The plan with every root's sign as it is at its one sample and its time."""
     roots = [r for b in plan.blocks for r in b.roots]
     if not roots:
         return plan
-    found = _row(root_derivatives(plan, sampler)(plan.samples[0], plan.flat.p0, sampler.time)).tolist()
-    return _with_roots(plan, [replace(r, value=1 if x >= 0 else -1) for r, x in zip(roots, found, strict=True)])
+    derivatives = _row(root_derivatives(plan, sampler)(plan.samples[0], plan.flat.p0, sampler.time)).tolist()
+    return _with_roots(plan, [replace(r, value=1 if x >= 0 else -1) for r, x in zip(roots, derivatives, strict=True)])
 
 
-def root_derivatives(plan: Plan, sampler: Sampler) -> ca.Function:
+def root_derivatives(plan: CausalPlan, sampler: Sampler) -> ca.Function:
     """(point over the plan's pairs, parameters, time) -> derivatives, which give the signs of the roots there."""
     column = _column([r.slope for b in plan.blocks for r in b.roots])
     return ca.Function("derivatives", [sampler.w, plan.flat.p, plan.flat.scope.time], [column])
 
 
 def _functions(
-    plan: Plan, sampler: Sampler, roots: list[Root]
+    plan: CausalPlan, sampler: Sampler, roots: list[Root]
 ) -> tuple[list[str], ca.Function, tuple[list[int], ca.Function]]:
     """Names and values of the branch expressions that this causality computes, and the computed symbols' values."""
     flat = plan.flat

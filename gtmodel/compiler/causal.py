@@ -24,7 +24,7 @@ from .explain import explain
 from .flat import FlatModel
 from .flat_cache import flat_of
 from .newton import NewtonKernel
-from .plan import Plan, make_plan
+from .plan import CausalPlan, make_plan
 from .rows import PIVOT_TOLERANCE, map_columns, status_codes
 
 Pair = tuple[int, int]
@@ -32,7 +32,7 @@ Group = tuple[str, tuple[int, ...], list[int]]
 
 
 @dataclass(frozen=True)
-class Signal:
+class CausalSignal:
     """A named input or output: shape () or (n,), unit, and the scalar chain symbols it is made of."""
 
     name: str
@@ -71,9 +71,9 @@ class CausalFunction:
 
     def __init__(
         self,
-        plan: Plan,
-        inputs: list[Signal],
-        outputs: list[Signal],
+        plan: CausalPlan,
+        inputs: list[CausalSignal],
+        outputs: list[CausalSignal],
         name: str,
         groups: Sequence[Group] = (),
         preferred: Sequence[int] = (),
@@ -130,8 +130,8 @@ class CausalFunction:
         """Unknowns of each Newton block as rows (n, m), for the further inputs of `closed`, and a Status code per row;
         empty where there is no such block. Arguments as for a call of this object."""
         columns, _ = self._columns(arguments)
-        found, status = self._unknowns(columns)
-        return [z.T for z in found], status
+        zs, status = self._unknowns(columns)
+        return [z.T for z in zs], status
 
     @cached_property
     def casadi_parametric(self) -> ca.Function:
@@ -205,7 +205,7 @@ class CausalFunction:
         """d targets / d inputs, (outputs, inputs) or (n, outputs, inputs), and the status."""
         columns, rows = self._columns(arguments)
         n = columns[0].shape[1] if columns else 1
-        zs, found = self._unknowns(columns)
+        zs, iteration = self._unknowns(columns)
         by_input, by_z, margins = map_columns(self._jacobian, [*columns, *zs])
         full = _stack(by_input, n, sum(c.shape[0] for c in columns))
         given = np.vstack(columns) if columns else np.zeros((0, n))
@@ -221,7 +221,7 @@ class CausalFunction:
             given = np.vstack([given, z])
         if sensitivities:
             full = full + _stack(by_z, n, sum(z.shape[0] for z in zs)) @ np.concatenate(sensitivities, axis=1)
-        status = self.status(columns, [full.reshape(n, full.shape[1] * full.shape[2]).T, margins], found)
+        status = self.status(columns, [full.reshape(n, full.shape[1] * full.shape[2]).T, margins], iteration)
         full[status != Status.OK] = np.nan
         return (full[0], Status(int(status[0]))) if rows is None else (full, status)
 
@@ -242,12 +242,12 @@ class CausalFunction:
                 given[kept, m] = sign * flat[:, k]
         unknowns = [[p for p in map(self.flat.scope.owner, b.unknowns) if p is not None] for b in self.plan.newton]
         lacking = [p for pairs in unknowns for p in pairs if p not in given]
-        told = {p: g for p, g in given.items() if self._completion.knows(p)}
-        if lacking and not told:
+        usable = {p: g for p, g in given.items() if self._completion.knows(p)}
+        if lacking and not usable:
             return [None] * len(unknowns)
         if lacking:
             rows = np.vstack(columns) if columns else np.zeros((0, n))
-            given |= dict(zip(lacking, self._completion(rows, told, lacking), strict=True))
+            given |= dict(zip(lacking, self._completion(rows, usable, lacking), strict=True))
         return [np.array([given[p] for p in pairs]) for pairs in unknowns]
 
     @cached_property
@@ -276,16 +276,16 @@ class CausalFunction:
         self, columns: list[np.ndarray], guesses: Sequence[np.ndarray | None] | None = None
     ) -> tuple[list[np.ndarray], np.ndarray]:
         """Targets and margins as columns, and the status of each column."""
-        zs, found = self._unknowns(columns, guesses)
+        zs, iteration = self._unknowns(columns, guesses)
         results = map_columns(self._built.closed, [*columns, *zs])
-        return results, self.status(columns, results, found)
+        return results, self.status(columns, results, iteration)
 
     def status(
-        self, columns: list[np.ndarray], results: list[np.ndarray], found: np.ndarray | None = None
+        self, columns: list[np.ndarray], results: list[np.ndarray], iteration: np.ndarray | None = None
     ) -> np.ndarray:
-        """Status code of each evaluated column from inputs, iterations (`found`), margins and outputs; the first
+        """Status code of each evaluated column from inputs, iterations (`iteration`), margins and outputs; the first
         cause wins."""
-        return status_codes(self.margins, columns, results, found, sizes=self.sizes)
+        return status_codes(self.margins, columns, results, iteration, sizes=self.sizes)
 
     def diagnose(self, *arguments: Any) -> str:
         """One sentence on a single call: ok, or which root or pivot failed and by how much."""
@@ -473,7 +473,7 @@ def _compile(
     return CausalFunction(plan, signals, outputs, name or _function_name(outputs, groups), groups, preferred, branches)
 
 
-def input_signals(plan: Plan, groups: list[Group]) -> list[Signal]:
+def input_signals(plan: CausalPlan, groups: list[Group]) -> list[CausalSignal]:
     """States first, then the known variables with their derivatives as far as anything reads them."""
     flat = plan.flat
     known = {i for _, _, g in groups for i in g}
@@ -485,13 +485,13 @@ def input_signals(plan: Plan, groups: list[Group]) -> list[Signal]:
     return signals
 
 
-def _signal(flat: FlatModel, name: str, shape: tuple[int, ...], indices: list[int], order: int) -> Signal:
+def _signal(flat: FlatModel, name: str, shape: tuple[int, ...], indices: list[int], order: int) -> CausalSignal:
     """Of the variables of that name, differentiated."""
     unit = flat.unit_of(indices[0], order)
-    return Signal(derivative_name(name, order), shape, unit, tuple((i, order) for i in indices))
+    return CausalSignal(derivative_name(name, order), shape, unit, tuple((i, order) for i in indices))
 
 
-def _state_groups(plan: Plan, states: list[Pair]) -> list[tuple[int, str, tuple[int, ...], list[int]]]:
+def _state_groups(plan: CausalPlan, states: list[Pair]) -> list[tuple[int, str, tuple[int, ...], list[int]]]:
     """State symbols gathered into declared vectors where they are complete."""
     flat = plan.flat
     left = set(states)
@@ -513,6 +513,6 @@ def _base(flat: FlatModel, group: list[int], shape: tuple[int, ...]) -> str:
     return next(n for n, (s, g) in flat.groups.items() if g == group and s == shape)
 
 
-def _function_name(outputs: list[Signal], groups: list[Group]) -> str:
+def _function_name(outputs: list[CausalSignal], groups: list[Group]) -> str:
     out = "_".join(c_name(s.name) for s in outputs)
     return f"{out}_from_{'_'.join(c_name(n) for n, _, _ in groups)}" if groups else out

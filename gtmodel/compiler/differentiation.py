@@ -7,12 +7,12 @@ from collections.abc import Sequence
 import casadi as ca
 
 from .flat import FlatEquation, FlatModel
-from .structure import Structure
+from .structure import EquationStructure
 
 Pair = tuple[int, int]
 
 
-def differentiate(flat: FlatModel, structure: Structure) -> list[list[ca.SX]]:
+def differentiate(flat: FlatModel, structure: EquationStructure) -> list[list[ca.SX]]:
     """derivatives[i][m] = m-th time derivative of equation i, m = 0..c_i, all equations of one order at once."""
     result = [[e.residual] for e in structure.equations]
     for m in range(int(structure.c.max(initial=0))):
@@ -89,7 +89,7 @@ def _with_conditions(
 
 def stage_residuals(
     flat: FlatModel,
-    structure: Structure,
+    structure: EquationStructure,
     derivatives: list[list[ca.SX]],
     conditions: list[FlatEquation],
     pairs: list[Pair],
@@ -106,7 +106,7 @@ def stage_residuals(
 def pairs_of(
     flat: FlatModel,
     derivatives: list[list[ca.SX]],
-    structure: Structure,
+    structure: EquationStructure,
     conditions: list[FlatEquation],
     wanted: Sequence[Pair],
 ) -> list[Pair]:
@@ -116,7 +116,7 @@ def pairs_of(
     return sorted(pairs | set(wanted))
 
 
-def system_of(flat: FlatModel, structure: Structure, derivatives: list[list[ca.SX]]) -> ca.SX:
+def system_of(flat: FlatModel, structure: EquationStructure, derivatives: list[list[ca.SX]]) -> ca.SX:
     """d f_i^(c_i) / d x_j^(d_j)."""
     # SX also where nothing is left but aliases
     top = ca.SX(ca.vertcat(*[derivatives[i][structure.c[i]] for i in range(len(structure.c))]))

@@ -9,10 +9,10 @@ import casadi as ca
 from .analysis.constants import with_gathered_constants
 from .analysis.differences import with_differences
 from .analysis.factors import without_factors
-from .plan import Plan
+from .plan import CausalPlan
 
 
-def express(plan: Plan, expressions: Sequence[ca.SX], extra: Sequence[tuple[ca.SX, ca.SX]] = ()) -> list[ca.SX]:
+def express(plan: CausalPlan, expressions: Sequence[ca.SX], extra: Sequence[tuple[ca.SX, ca.SX]] = ()) -> list[ca.SX]:
     """Rewrite expressions of kept symbols in terms of the plan's inputs, Newton unknowns, parameters and time.
 
     Parameters become what the plan has in their place; `extra` are further (symbol, value) pairs substituted

@@ -12,7 +12,7 @@ from .analysis.sizes import sizes_of
 from .analysis.whole import judged, whole as followed
 from .emit import express
 from .newton import NewtonKernel
-from .plan import Plan
+from .plan import CausalPlan
 
 Pair = tuple[int, int]
 
@@ -28,7 +28,7 @@ class Built:
 
 
 def build(
-    plan: Plan,
+    plan: CausalPlan,
     inputs: Sequence[tuple[str, Sequence[Pair]]],
     outputs: Sequence[tuple[str, Sequence[Pair]]],
     name: str,
@@ -84,17 +84,17 @@ def build(
 
 def _distinct(names: Sequence[str], taken: Sequence[str] = ()) -> list[str]:
     """The names with a number behind those that are taken: `a.b` and `a_b` are both a_b in C."""
-    found: list[str] = []
+    distinct: list[str] = []
     for name in names:
         k, new = 1, name
-        while new in found or new in taken:
+        while new in distinct or new in taken:
             k += 1
             new = f"{name}_{k}"
-        found.append(new)
-    return found
+        distinct.append(new)
+    return distinct
 
 
-def _sample(plan: Plan, column: ca.SX, parametric: bool = False) -> np.ndarray:
+def _sample(plan: CausalPlan, column: ca.SX, parametric: bool = False) -> np.ndarray:
     """Values of a column of symbols at the first sample point and its time; parameters at their values."""
     flat = plan.flat
     known = {pair: n for n, pair in enumerate(plan.pairs)}

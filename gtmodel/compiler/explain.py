@@ -8,7 +8,7 @@ from .analysis.sizes import DOUBLE
 
 if TYPE_CHECKING:
     from .causal import CausalFunction
-    from .plan import Plan
+    from .plan import CausalPlan
 
 
 def explain(f: CausalFunction) -> str:
@@ -44,15 +44,15 @@ def explain(f: CausalFunction) -> str:
         lines.append(f"  {n:3d} {b.kind}, {unknowns}: {', '.join(b.unknowns)}")
         lines.append(f"      {b.detail}")
         for r in b.roots:
-            told = f"branch '{r.told_by}'" if r.told_by else "the start values"
-            lines.append(f"      root of {r.label}: sign {'+' if r.value > 0 else '-'}, by {told}")
+            by = f"branch '{r.settled_by}'" if r.settled_by else "the start values"
+            lines.append(f"      root of {r.label}: sign {'+' if r.value > 0 else '-'}, by {by}")
         for m in b.margins:
             good = "must not be negative" if m.kind == "discriminant" else "must not vanish"
             lines.append(f"      {m.kind} of {m.label} {good} (typical size {m.scale:.3g})")
         lines += [f"      {e}" for e in b.equations]
     if plan.sides:
         lines.append(f"  Newton's answers lie on branches: {', '.join(m.label for m in plan.sides)}")
-    lines += _home(plan) if plan.newton or any(not r.told_by for b in plan.blocks for r in b.roots) else []
+    lines += _home(plan) if plan.newton or any(not r.settled_by for b in plan.blocks for r in b.roots) else []
     lines += [f"  {note}" for note in f.notes]
     assumed = sorted(q.name for q in flat.parameters if q.nonzero)
     if assumed:
@@ -65,14 +65,14 @@ def explain(f: CausalFunction) -> str:
     return "\n".join(lines)
 
 
-def _home(plan: Plan) -> list[str]:
+def _home(plan: CausalPlan) -> list[str]:
     """The pose that roots and Newton continue: what is declared at the top, as far as the equations hold it."""
     flat, place = plan.flat, {pair: n for n, pair in enumerate(plan.pairs)}
-    told = []
+    parts = []
     for name, (_, indices) in flat.groups.items():
         resolved = [plan.alias.resolve(i, 0) for i in indices]
         if "." in name or not all((kept, k) in place for _, kept, k in resolved):
             continue
         values = [f"{sign * plan.samples[0][place[kept, k]]:.6g}" for sign, kept, k in resolved]
-        told.append(f"{name} = {values[0] if len(values) == 1 else '[' + ', '.join(values) + ']'}")
-    return [f"  home pose: {'; '.join(told)}"] if told else []
+        parts.append(f"{name} = {values[0] if len(values) == 1 else '[' + ', '.join(values) + ']'}")
+    return [f"  home pose: {'; '.join(parts)}"] if parts else []

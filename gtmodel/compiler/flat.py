@@ -228,8 +228,8 @@ def _items(component: Model, method: str) -> Iterable[tuple[Any, SourceLocation 
     with persons_code(what, written):
         source = getattr(component, method)()
     if source is None or isinstance(source, (Relation, Connection, Branch)):
-        found = "nothing" if source is None else f"one {type(source).__name__.lower()}"
-        raise ModelError(f"{what} returned {found}; expected 'yield' in front of each equation", line_of(written))
+        what_came = "nothing" if source is None else f"one {type(source).__name__.lower()}"
+        raise ModelError(f"{what} returned {what_came}; expected 'yield' in front of each equation", line_of(written))
     for item in each_of(source, what):
         frame = getattr(source, "gi_frame", None)
         where = of_frame(frame.f_code.co_filename, frame.f_lineno) if frame is not None else None
@@ -325,11 +325,11 @@ def _parameters(tree: Tree) -> list[FlatParameter]:
 
 def _flagged(tree: Tree, flag: str) -> set[int]:
     """Parameter symbols that some declaration, perhaps of a part bound to them, calls positive or nonzero."""
-    found = set()
+    symbols = set()
     for r in tree.parameters:
         if getattr(r.item, flag, False):
-            found |= {s.element_hash() for s in ca.vertsplit(r.expression) if s.is_symbolic()}
-    return found
+            symbols |= {s.element_hash() for s in ca.vertsplit(r.expression) if s.is_symbolic()}
+    return symbols
 
 
 def _limits(r: ParameterRecord, k: int) -> tuple[float, float]:

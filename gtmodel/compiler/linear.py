@@ -5,8 +5,8 @@ from __future__ import annotations
 import casadi as ca
 
 from .blocks import Margin
+from .matrices import triplets
 from .pivots import SignAnalysis, pivot_cost
-from .sparse import triplets
 
 # a difference of constants this small beside them is round-off of zero: entries are short decimals, seldom 1e-12
 CANCELLED = 1e-13

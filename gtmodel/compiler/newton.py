@@ -73,8 +73,8 @@ class NewtonKernel:
         tangent = self._tangent(z, np.repeat(self.a0[:, None], n, axis=1), way)
         if guess is not None:
             rows = np.flatnonzero(alive & np.all(np.isfinite(guess), axis=0))
-            found, good = self._correct(guess[:, rows], a[:, rows])
-            z[:, rows[good]] = found[:, good]
+            corrected, good = self._correct(guess[:, rows], a[:, rows])
+            z[:, rows[good]] = corrected[:, good]
             done[rows[good]] = 1.0
         for _ in range(MOST_STEPS):
             rows = np.flatnonzero(alive & (done < 1.0))
@@ -87,14 +87,14 @@ class NewtonKernel:
             h = target - done[rows]
             ahead = h * tangent[:, rows]
             near = np.all(np.abs(ahead) <= REACH * self.scale[:, None], axis=0)
-            found, good = self._correct(z[:, rows] + np.where(near, ahead, 0.0), at)
+            corrected, good = self._correct(z[:, rows] + np.where(near, ahead, 0.0), at)
             good &= near
-            behind = self._tangent(found, at, way[:, rows])
-            gone = (found - z[:, rows]) / self.scale[:, None]
+            behind = self._tangent(corrected, at, way[:, rows])
+            gone = (corrected - z[:, rows]) / self.scale[:, None]
             off = gone - h / 2 * (tangent[:, rows] + behind) / self.scale[:, None]
             with np.errstate(invalid="ignore"):
                 good &= np.max(np.abs(off), axis=0) <= TRUST * np.max(np.abs(gone), axis=0) + CORNER
-            z[:, rows[good]] = found[:, good]
+            z[:, rows[good]] = corrected[:, good]
             tangent[:, rows[good]] = behind[:, good]
             done[rows[good]] = target[good]
             step[rows[good]] = 2.0 * step[rows[good]]

@@ -48,8 +48,8 @@ class SignAnalysis:
             f = ca.Function("sizes", self._arguments, [ca.vertcat(*[expressions[n] for n in varying])])
             count = self._points[0].shape[1]
             values = (f.map(count) if count > 1 else f).call(self._points)[0]
-            found = np.median(np.abs(np.array(ca.densify(values).nonzeros())).reshape(count, -1), axis=0)
-            for n, value in zip(varying, found.tolist(), strict=True):
+            medians = np.median(np.abs(np.array(ca.densify(values).nonzeros())).reshape(count, -1), axis=0)
+            for n, value in zip(varying, medians.tolist(), strict=True):
                 sizes[n] = value
         return sizes
 

@@ -22,7 +22,7 @@ from .pivots import SignAnalysis
 from .relevance import Condition, condition_block, conditions_on, needed, set_apart
 from .solving import solve_block
 from .states import Stage, choose
-from .structure import Structure, analyse
+from .structure import EquationStructure, analyse
 
 SAMPLE_POINTS = 5  # rank decisions want three; two more tell whether a root's sign depends on the pose
 
@@ -30,7 +30,7 @@ Pair = tuple[int, int]
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
+class CausalPlan:
     """A causality worked out: `inputs` are the chain symbols it reads, `blocks` what it computes.
 
     `samples` are consistent points (rows) over the chain symbols `pairs`. `parameters` are the numbers or
@@ -42,7 +42,7 @@ class Plan:
 
     flat: FlatModel
     alias: AliasResult
-    structure: Structure
+    structure: EquationStructure
     stages: list[Stage]
     known: list[int]
     states: list[Pair]
@@ -87,7 +87,7 @@ def make_plan(
     fold: ca.SX | None = None,
     at: tuple[np.ndarray, float] | None = None,
     apart: Collection[int] = (),
-) -> Plan:
+) -> CausalPlan:
     """Work out one causality.
 
     Args:
@@ -127,7 +127,7 @@ def make_plan(
     if on_known:
         blocks.insert(0, condition_block(on_known))
     computed = [folded[i][m] for c in order.components for i, m in c] + [c.residual for c in on_known]
-    plan = Plan(
+    plan = CausalPlan(
         flat=flat, alias=posed.alias, structure=posed.structure, stages=stages, known=list(known),
         states=order.states, inputs=sorted(read), blocks=blocks, pairs=posed.pairs, samples=samples,
         uses_time=_holds_time(flat, computed), parameters=flat.p if fold is None else fold, sampler=sampler,
@@ -149,7 +149,7 @@ class _Posed:
     alias: AliasResult
     known: frozenset[int]
     wanted: list[Pair]
-    structure: Structure
+    structure: EquationStructure
     unknowns: list[int]
     derivatives: list[list[ca.SX]]
     pairs: list[Pair]
@@ -255,7 +255,7 @@ def _holds_time(flat: FlatModel, expressions: list[ca.SX]) -> bool:
     return any(s.element_hash() == clock for e in expressions for s in ca.symvar(e))
 
 
-def differentiated(plan: Plan) -> list[tuple[str, ca.SX]]:
+def differentiated(plan: CausalPlan) -> list[tuple[str, ca.SX]]:
     """All equations that hold at a point, with the derivatives that they imply: (name with file and line, residual)."""
     return [
         (f"{e.label}{chr(39) * m} ({e.where})", residual)
@@ -297,7 +297,7 @@ def _jacobians(posed: _Posed, sampler: Sampler, samples: np.ndarray) -> list[np.
     return [np.asarray(f(w, flat.p0, sampler.time).full()) for w in samples]
 
 
-def _with_sizes(plan: Plan, sampler: Sampler) -> Plan:
+def _with_sizes(plan: CausalPlan, sampler: Sampler) -> CausalPlan:
     """Typical sizes of the margins, read off the consistent points; pivots that are negative there change their sign,
     which means nothing and costs an operation."""
     flat = plan.flat

@@ -7,8 +7,8 @@ import numpy as np
 
 from .analysis.nonsmooth import kinked_in
 from .blocks import Margin, Root
+from .matrices import elements, triplets
 from .pivots import SignAnalysis, pivot_cost
-from .sparse import elements, triplets
 
 NONLINEAR_ROW = 1000  # costs more than any fill-in: only where nothing else is left
 

@@ -88,26 +88,26 @@ def conditions_on(
     e'e == 1 says e'der(e) == 0 where der(e) is read: a rate that stretches a quaternion is the rate of no rotation.
     """
     read = set(read)
-    found: dict[tuple[int, int], Condition] = {}
+    conditions: dict[tuple[int, int], Condition] = {}
     while True:
-        before = len(found)
+        before = len(conditions)
         for n, e in enumerate(equations):
             variables = {i for i, _ in flat.scope.symbols_in(e.residual)}
             top = max((order for i, order in read if i in variables), default=-1)
             residual, size = e.residual, None
             for m in range(top + 1):
-                if (n, m) not in found:
+                if (n, m) not in conditions:
                     size = _own_size(flat, e.residual, sampler, samples) if size is None else size
                     symbols = flat.scope.symbols_in(residual)
                     terms = [flat.scope.symbol(*p) for p in symbols if p[1] > 0]
                     products = ca.gradient(residual, ca.vertcat(*terms)) * ca.vertcat(*terms) if terms else ca.SX(0)
                     square = size**2 + ca.sumsqr(products)
                     label = f"{e.label}{chr(39) * m} ({e.where})"
-                    found[n, m] = Condition(label, residual, m, frozenset(symbols), square)
+                    conditions[n, m] = Condition(label, residual, m, frozenset(symbols), square)
                     read |= set(symbols)
                 residual = flat.scope.derivative(residual) if m < top else residual
-        if len(found) == before:
-            return [found[key] for key in sorted(found)]
+        if len(conditions) == before:
+            return [conditions[key] for key in sorted(conditions)]
 
 
 def _own_size(flat: FlatModel, residual: ca.SX, sampler: Sampler, samples: np.ndarray) -> float:

@@ -41,19 +41,19 @@ class Forms(Protocol[Form]):
 def instructions(f: ca.Function) -> list[Instruction]:
     """Of a function of one column, by what they read: places of the work vector are used again and again."""
     written: dict[int, int] = {}
-    found: list[Instruction] = []
+    read: list[Instruction] = []
     for k in range(f.n_instructions()):
         op, given, put = f.instruction_id(k), f.instruction_input(k), f.instruction_output(k)
         if op == ca.OP_INPUT:
-            found.append(Instruction(op, place=given[1]))
+            read.append(Instruction(op, place=given[1]))
         elif op == ca.OP_CONST:
-            found.append(Instruction(op, constant=float(f.instruction_constant(k))))
+            read.append(Instruction(op, constant=float(f.instruction_constant(k))))
         else:
             reads = [written[i] for i in given]
-            found.append(Instruction(op, reads, put[1]) if op == ca.OP_OUTPUT else Instruction(op, reads))
+            read.append(Instruction(op, reads, put[1]) if op == ca.OP_OUTPUT else Instruction(op, reads))
         if op != ca.OP_OUTPUT:
             written[put[0]] = k
-    return found
+    return read
 
 
 def of_expression(expression: ca.SX) -> tuple[list[Instruction], list[ca.SX]]:

@@ -77,16 +77,16 @@ def status_codes(
     margins: Iterable[Any],
     columns: Sequence[np.ndarray],
     results: Sequence[np.ndarray],
-    found: np.ndarray | None,
+    iteration: np.ndarray | None,
     tolerance: float = PIVOT_TOLERANCE,
     sizes: Sizes | None = None,
 ) -> np.ndarray:
-    """Status code of each column from inputs, iterations (`found`), margins (last of results) and outputs; the first
+    """Status code of each column from inputs, `iteration` codes, margins (last of results) and outputs; the first
     cause wins. `tolerance`: below which part of its typical size a pivot means singular, or a branch is left; limits
     have the precision of the margins. `sizes`: how large the inputs may be."""
     n = results[-1].shape[1]
     number = results[-1].dtype.type
-    code = np.zeros(n, dtype=int) if found is None else found.copy()
+    code = np.zeros(n, dtype=int) if iteration is None else iteration.copy()
     for m, row in zip(margins, results[-1], strict=True):
         with np.errstate(invalid="ignore"):
             if m.kind in ("pivot", "branch"):
@@ -102,7 +102,7 @@ def status_codes(
     return np.where(inputs, code, Status.NOT_FINITE)
 
 
-class Margin(NamedTuple):
+class PlainMargin(NamedTuple):
     """What the status of a row needs of a margin; its symbols stay with the model."""
 
     kind: str
@@ -123,7 +123,7 @@ class RowFunction:
                 f"{function.name} holds {len(newton)} Newton block(s) and cannot leave its model; call it as it is"
             )
         self._function = function.closed
-        self._margins = [Margin(m.kind, m.scale) for m in function.margins]
+        self._margins = [PlainMargin(m.kind, m.scale) for m in function.margins]
         self._sizes = function.sizes
         self._shapes = [s.shape for s in function.outputs]
 

@@ -12,14 +12,14 @@ from .linear import solve_linear
 from .newton import NewtonBlock
 from .pivots import SignAnalysis
 from .quadric import NoClosedForm, eliminate_explicit, solve_nonlinear
-from .structure import Structure
+from .structure import EquationStructure
 
 Pair = tuple[int, int]
 
 
 def solve_block(
     flat: FlatModel,
-    structure: Structure,
+    structure: EquationStructure,
     derivatives: list[list[ca.SX]],
     nodes: list[Pair],
     unknown_of: dict[Pair, Pair],
@@ -49,7 +49,7 @@ def solve_block(
         labels = [u.name() for u in unknown]
         how = f"Newton in {', '.join(labels)}" + (f", {len(explicit)} explicit" if explicit else "")
         newton = NewtonBlock(unknown, left, labels, scale)
-        found = list(reversed(explicit))
-        return SolvedBlock("Newton", names, equations, found, [], [], how, newton, uses, tuple(residuals))
+        assigned = list(reversed(explicit))
+        return SolvedBlock("Newton", names, equations, assigned, [], [], how, newton, uses, tuple(residuals))
     kind = how.split(" in ")[0]
     return SolvedBlock(kind, names, equations, assignments, margins, roots, how, None, uses, tuple(residuals))

@@ -10,7 +10,7 @@ from scipy.sparse.csgraph import maximum_bipartite_matching
 
 from ..lang.source import ModelError
 from .flat import FlatModel
-from .structure import Structure
+from .structure import EquationStructure
 
 # relative to the largest column: separates round-off of a consistent point (1e-12) from poor geometry (1e-5)
 RANK_TOLERANCE = 1e-8
@@ -28,7 +28,7 @@ class Stage:
 
 def choose(
     flat: FlatModel,
-    structure: Structure,
+    structure: EquationStructure,
     jacobians: list[np.ndarray],
     preferred: frozenset[int],
     pattern: set[tuple[int, int]],
@@ -58,7 +58,7 @@ def stage_choices(stages: list[Stage]) -> list[Stage]:
 
 
 def _scaled(
-    flat: FlatModel, structure: Structure, jacobian: np.ndarray, rows: list[int], cols: list[int]
+    flat: FlatModel, structure: EquationStructure, jacobian: np.ndarray, rows: list[int], cols: list[int]
 ) -> np.ndarray:
     nominal = np.array([flat.variables[structure.unknowns[j]].nominal for j in cols])
     m = jacobian[np.ix_(rows, cols)] * nominal
@@ -67,7 +67,7 @@ def _scaled(
 
 
 def _groups(
-    flat: FlatModel, structure: Structure, k: int, cols: list[int], solved: list[int], preferred: frozenset[int]
+    flat: FlatModel, structure: EquationStructure, k: int, cols: list[int], solved: list[int], preferred: frozenset[int]
 ) -> list[list[int]]:
     """Columns in the order in which they are to be solved: earlier choices, then low state preference, then
     derivatives before what is not differentiated."""
@@ -84,7 +84,7 @@ def _groups(
 
 def _best(
     flat: FlatModel,
-    structure: Structure,
+    structure: EquationStructure,
     k: int,
     rows: list[int],
     cols: list[int],
@@ -142,12 +142,12 @@ def _greedy(m: np.ndarray, groups: list[list[int]], count: int) -> list[int]:
     return chosen
 
 
-def _redundant(flat: FlatModel, structure: Structure, k: int, rows: list[int], scaled: list[np.ndarray]) -> str:
+def _redundant(flat: FlatModel, structure: EquationStructure, k: int, rows: list[int], scaled: list[np.ndarray]) -> str:
     """Names the equations in the left null vector."""
     ranks = [int(np.linalg.matrix_rank(a, tol=RANK_TOLERANCE)) for a in scaled]
     # singular at some points only, as max(u, 0) is where u < 0: these tell what vanishes
-    told = max if max(ranks) < len(rows) else min
-    m = scaled[ranks.index(told(ranks))]
+    picked = max if max(ranks) < len(rows) else min
+    m = scaled[ranks.index(picked(ranks))]
     u, s, _ = np.linalg.svd(m)
     rank = int(np.sum(s > RANK_TOLERANCE * max(s[0], 1e-300)))
     null = u[:, rank:]
@@ -165,7 +165,9 @@ def _redundant(flat: FlatModel, structure: Structure, k: int, rows: list[int], s
     return f"{flat.title}: {len(rows)} equations of rank {rank} in stage {k} ({level}): these {what}: {shown}; {advice}"
 
 
-def _match(rows: list[int], chosen: list[int], pattern: set[tuple[int, int]], structure: Structure) -> dict[int, int]:
+def _match(
+    rows: list[int], chosen: list[int], pattern: set[tuple[int, int]], structure: EquationStructure
+) -> dict[int, int]:
     """Row -> chosen column, only where the equation holds the column at its leading order."""
     if not rows:
         return {}

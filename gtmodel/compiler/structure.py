@@ -16,7 +16,7 @@ MAX_SHOWN = 12  # places named in one sentence
 
 
 @dataclass(frozen=True)
-class Structure:
+class EquationStructure:
     """Offsets of the Sigma-method (Pryce 2001).
 
     Equation i is differentiated c[i] times; unknown j is solved for at derivative d[j]. `lift` of these times
@@ -42,12 +42,12 @@ class Structure:
             return 0
         return int(self.c.max() - self.lift) + int(np.any(self.d == self.lift))
 
-    def raised(self, deficit: int) -> Structure:
+    def raised(self, deficit: int) -> EquationStructure:
         """The same system differentiated `deficit` more times, so that higher derivatives can be asked for."""
-        return Structure(self.equations, self.unknowns, self.sigma, self.c + deficit, self.d + deficit, deficit)
+        return EquationStructure(self.equations, self.unknowns, self.sigma, self.c + deficit, self.d + deficit, deficit)
 
 
-def analyse(flat: FlatModel, equations: list[FlatEquation], unknowns: list[int]) -> Structure:
+def analyse(flat: FlatModel, equations: list[FlatEquation], unknowns: list[int]) -> EquationStructure:
     """Differentiation counts of a square system.
 
     Raises ModelError if the numbers of equations and unknowns differ, or if some of them cannot be matched;
@@ -63,7 +63,7 @@ def analyse(flat: FlatModel, equations: list[FlatEquation], unknowns: list[int])
     if len(equations) != len(unknowns):
         raise ModelError(_unbalanced(flat, equations, unknowns, sigma))
     match = _transversal(flat, equations, unknowns, sigma)
-    return Structure(equations, unknowns, sigma, *_offsets(len(equations), sigma, match))
+    return EquationStructure(equations, unknowns, sigma, *_offsets(len(equations), sigma, match))
 
 
 def _transversal(
@@ -165,10 +165,10 @@ def overdetermined_and_underdetermined(
 
 def _alternating(match: np.ndarray, neighbours: dict[int, list[int]], back: np.ndarray) -> list[int]:
     """What alternating paths reach from the unmatched; `back` leads from the other side over to this one."""
-    found = set(np.flatnonzero(match < 0).tolist())
-    stack = sorted(found)
+    reached = set(np.flatnonzero(match < 0).tolist())
+    stack = sorted(reached)
     while stack:
-        fresh = {int(back[j]) for j in neighbours.get(stack.pop(), []) if back[j] >= 0} - found
-        found |= fresh
+        fresh = {int(back[j]) for j in neighbours.get(stack.pop(), []) if back[j] >= 0} - reached
+        reached |= fresh
         stack += fresh
-    return sorted(found)
+    return sorted(reached)

@@ -73,8 +73,8 @@ def arm_poses(model: Any, q: ArrayLike, tool: ArrayLike = (0.0, 0.0, 0.0)) -> Ar
     names = [f"link[{i}].joint.a.r" for i in range(k)]
     unit = np.tile(np.eye(k), (n, 1))
     # one function: its rows are the unit rates at each pose
-    found = model.causal(known="q", targets=["T", "R", "W", *names, "v", "w", "v_W"])(np.repeat(q, k, axis=0), unit)
-    *placed, v, w, v_W, moving = found
+    solution = model.causal(known="q", targets=["T", "R", "W", *names, "v", "w", "v_W"])(np.repeat(q, k, axis=0), unit)
+    *placed, v, w, v_W, moving = solution
     T, R, W, *origins = (np.asarray(x)[::k] for x in placed)
     status = moving.reshape(n, k).max(axis=1)
     if np.any(status != Status.OK):

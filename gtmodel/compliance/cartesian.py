@@ -28,12 +28,12 @@ def cartesian_stiffness(J: ArrayLike, compliance: ArrayLike) -> np.ndarray:
     if not np.all((c > 0) & np.isfinite(c)):
         raise ValueError(f"the compliances are {c.tolist()} rad/(N.m); expected positive numbers")
     many = J.reshape(-1, *J.shape[-2:])
-    found = np.full(many.shape, np.nan)
+    stiffness = np.full(many.shape, np.nan)
     finite = np.flatnonzero(np.isfinite(many).all(axis=(1, 2)))
     regular = finite[np.linalg.cond(many[finite]) < SINGULAR]
     inverse = np.linalg.inv(many[regular])
-    found[regular] = np.swapaxes(inverse, 1, 2) @ (inverse / c[:, None])
-    return found.reshape(J.shape)
+    stiffness[regular] = np.swapaxes(inverse, 1, 2) @ (inverse / c[:, None])
+    return stiffness.reshape(J.shape)
 
 
 def translational_compliance(J: ArrayLike, compliance: ArrayLike) -> np.ndarray:

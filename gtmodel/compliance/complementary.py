@@ -76,6 +76,6 @@ class Compensator:
 
     def added(self, K_c: np.ndarray, q: np.ndarray) -> np.ndarray:
         """K_c (n, k, k) with the spring's part at joints q (n, k)."""
-        found = np.array(K_c, float)
-        found[:, 1, 1] += self.stiffness(np.asarray(q, float)[:, 1])
-        return found
+        stiffness = np.array(K_c, float)
+        stiffness[:, 1, 1] += self.stiffness(np.asarray(q, float)[:, 1])
+        return stiffness

@@ -15,13 +15,13 @@ from ..lang import Model
 from ..results import ArgumentError, Quantity, Row, SolveStatus, Study, Work, at_most, listed
 from ..results.door import study_function
 from ..results.options import Long, Within
-from ..results.tables import csv_text
+from ..results.table import csv_text
 from ..results.work import Progress, never, silent
 from .cartesian import softest_and_stiffest
 from .link_springs import GROUPS
 from .options import Arm, Load, Map, Springs
 from .sprung_arm import SprungArm
-from .sprung_links import Found, Sprung, SprungLinks
+from .sprung_links import ComplianceAtPoses, Sprung, SprungLinks
 
 Array = np.ndarray
 
@@ -130,21 +130,21 @@ def study(
     work.progress("equations", 0.05)
     load, map = load or Load(), map or Map()
     sprung = on_springs(robot, springs, load, pose, map, frequencies)
-    found = sprung(sprung.home[None])
-    if found.reason[0]:
+    computed = sprung(sprung.home[None])
+    if computed.reason[0]:
         own = isinstance(springs, Arm) and pose is None
-        raise ArgumentError(f"cannot be reported: {found.reason[0]}", "springs.pose" if own else "pose")
+        raise ArgumentError(f"cannot be reported: {computed.reason[0]}", "springs.pose" if own else "pose")
     grid = grid_of(sprung, map)
     parts, T = [], grid.points()
     for begin in range(0, len(T), CHUNK):
         work.progress("map", begin / len(T))
         if work.interrupted():
             return ComplianceStudy(
-                status=SolveStatus.INTERRUPTED, title=title, **_pose_values(sprung, found), map={}, reasons={}
+                status=SolveStatus.INTERRUPTED, title=title, **_pose_values(sprung, computed), map={}, reasons={}
             )
         parts.append(_columns(sprung(T[begin : begin + CHUNK]), load))
     columns = {name: np.concatenate([p[name] for p in parts]) for name in parts[0]}
-    return _study_of(title, sprung, found, load, grid, T, columns)
+    return _study_of(title, sprung, computed, load, grid, T, columns)
 
 
 def on_springs(
@@ -164,23 +164,23 @@ def grid_of(sprung: Sprung, map: Map) -> Any:
     return section_grid(sprung.section, low, high, map.step)
 
 
-def _columns(found: Found, load: Load) -> dict[str, Array]:
+def _columns(computed: ComplianceAtPoses, load: Load) -> dict[str, Array]:
     """By point of the map; NaN where there is none."""
-    left_out = np.array([bool(r) for r in found.reason])
-    stiffness, direction = softest_and_stiffest(np.where(left_out[:, None, None], np.nan, found.C[:, :3, :3]))
+    left_out = np.array([bool(r) for r in computed.reason])
+    stiffness, direction = softest_and_stiffest(np.where(left_out[:, None, None], np.nan, computed.C[:, :3, :3]))
     columns = {
         "softest_N_m": stiffness[:, 0],
         "direction": direction[:, 0],
-        "reason": np.array(found.reason, dtype=object),
+        "reason": np.array(computed.reason, dtype=object),
     }
     if np.any(load.force) or np.any(load.moment):
-        columns["deflection_m"] = np.where(left_out, np.nan, np.linalg.norm(found.moved[:, :3], axis=1))
-    if found.frequencies is not None:
-        columns["frequency_Hz"] = np.where(left_out, np.nan, found.frequencies[:, 0])
+        columns["deflection_m"] = np.where(left_out, np.nan, np.linalg.norm(computed.moved[:, :3], axis=1))
+    if computed.frequencies is not None:
+        columns["frequency_Hz"] = np.where(left_out, np.nan, computed.frequencies[:, 0])
     return columns
 
 
-def _pose_values(sprung: Sprung, pose: Found) -> dict[str, Any]:
+def _pose_values(sprung: Sprung, pose: ComplianceAtPoses) -> dict[str, Any]:
     stiffness, directions = softest_and_stiffest(pose.C[:, :3, :3])
     return {
         "pose": sprung.home,
@@ -197,7 +197,7 @@ def _pose_values(sprung: Sprung, pose: Found) -> dict[str, Any]:
 
 
 def _study_of(
-    title: str, sprung: Sprung, pose: Found, given: Load, grid: Any, T: Array, columns: dict[str, Array]
+    title: str, sprung: Sprung, pose: ComplianceAtPoses, given: Load, grid: Any, T: Array, columns: dict[str, Array]
 ) -> ComplianceStudy:
     load = np.array([*given.force, *given.moment])[: pose.C.shape[1]]
     work = float(load @ pose.moved[0]) / 2

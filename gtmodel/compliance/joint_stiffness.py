@@ -21,14 +21,14 @@ UNIT = "rad/(N.m)"
 class StiffnessFit:
     """Joint compliances as an Estimate, how well the tests determine each, and whether the residuals are noise.
 
-    `estimate`: c[0], c[1], ... [rad/(N.m)]. `told`: the identifiability of each. `adequacy`: the chi-squared test of
-    the residuals. `jacobian` (rows, k): Jacobian of the measured rows in c; `assumed`: the covariance by which they
-    were weighted, as blocks or whole.
+    `estimate`: compliance[0], compliance[1], ... [rad/(N.m)]. `identifiability`: how well the tests determine each.
+    `adequacy`: the chi-squared test of the residuals. `jacobian` (rows, k): Jacobian of the measured rows in the
+    compliances; `assumed`: the covariance by which they were weighted, as blocks or whole.
     """
 
     method: str
     estimate: Estimate
-    told: Identifiability
+    identifiability: Identifiability
     adequacy: Verdict
     jacobian: np.ndarray
     assumed: np.ndarray
@@ -36,28 +36,34 @@ class StiffnessFit:
     @property
     def compliance(self) -> np.ndarray:
         """(k,) [rad/(N.m)]."""
-        return self.estimate.values[[name.startswith("c[") for name in self.estimate.names]]
+        return self.estimate.values[[name.startswith("compliance[") for name in self.estimate.names]]
 
     @property
     def stiffness(self) -> np.ndarray:
         """K = 1/c [N.m/rad]; negative where noise made the compliance so."""
         return 1 / self.compliance
 
-    def interval(self, joint: int, level: float = 0.95) -> tuple[float, float]:
-        """The interval of K of a joint (counted from 0) [N.m/rad]: the ends of that of c, inverted, without
-        linearisation.
+    def interval(self, name: str, level: float = 0.95) -> tuple[float, float]:
+        """Confidence interval of "stiffness[0]" [N.m/rad], "compliance[0]" [rad/(N.m)] or another estimated name.
 
-        The upper end is infinite where the compliance may be zero. Both are NaN where the whole interval of c is
-        negative.
+        That of a stiffness has the ends of that of the compliance, inverted, without linearisation: the upper end is
+        infinite where the compliance may be zero, and both are NaN where the whole interval of the compliance is
+        negative. Joints are counted from 0. Raises ArgumentError for a name that was not estimated.
         """
-        low, high = self.estimate.interval(f"c[{joint}]", level)
+        if name not in stiffness_names(range(len(self.compliance))):
+            return self.estimate.interval(name, level)
+        low, high = self.estimate.interval(name.replace("stiffness", "compliance"), level)
         if high <= 0:
             return np.nan, np.nan
         return 1 / high, 1 / low if low > 0 else np.inf
 
 
 def names_of(joints: Sequence[int]) -> list[str]:
-    return [f"c[{j}]" for j in joints]
+    return [f"compliance[{j}]" for j in joints]
+
+
+def stiffness_names(joints: Sequence[int]) -> list[str]:
+    return [f"stiffness[{j}]" for j in joints]
 
 
 def complete_pose(tests: StaticTests, *, rotation_weight: float = 1.0) -> StiffnessFit:
@@ -84,7 +90,7 @@ def complete_pose(tests: StaticTests, *, rotation_weight: float = 1.0) -> Stiffn
     gain = weighted.estimate.covariance @ _whitened_transpose(weighted.jacobian, weighted.assumed)
     spread = gain @ _rows(tests.covariance) @ gain.T
     estimate = replace(weighted.estimate, covariance=(spread + spread.T) / 2)
-    return replace(weighted, estimate=estimate, told=fit.told, adequacy=fit.adequacy)
+    return replace(weighted, estimate=estimate, identifiability=fit.identifiability, adequacy=fit.adequacy)
 
 
 def _complete(tests: StaticTests, covariance: np.ndarray) -> StiffnessFit:
@@ -208,8 +214,8 @@ def stiffness_fit(method: str, e: Estimate, A: np.ndarray, covariance: np.ndarra
     blocks = covariance if covariance.ndim == 3 else covariance[None]
     L = np.linalg.cholesky(blocks)
     rows = np.linalg.solve(L, A.reshape(len(blocks), -1, A.shape[1])).reshape(A.shape)
-    told = identifiability(rows, e.names, scale=np.abs(e.values), poses=poses)
-    return StiffnessFit(method, e, told, noise_size(e), A, covariance)
+    determined = identifiability(rows, e.names, scale=np.abs(e.values), poses=poses)
+    return StiffnessFit(method, e, determined, noise_size(e), A, covariance)
 
 
 def _pooled(*estimates: Estimate) -> float:

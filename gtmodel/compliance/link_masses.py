@@ -80,10 +80,10 @@ class LinkMasses:
         K, M = s.stiffness(), self.matrix(s)
         moving = np.concatenate([np.full(s.degrees_of_freedom, True), s.total[s.degrees_of_freedom :] > 0])
         K, M = K[:, moving][:, :, moving], M[:, moving][:, :, moving]
-        found = np.full((len(K), min(count, K.shape[1])), np.nan)
+        frequencies = np.full((len(K), min(count, K.shape[1])), np.nan)
         good = np.isfinite(K).all(axis=(1, 2))
         if not good.any():
-            return found
+            return frequencies
         try:
             L = np.linalg.cholesky(M[good])
         except np.linalg.LinAlgError as error:
@@ -91,8 +91,8 @@ class LinkMasses:
         half = np.linalg.solve(L, K[good])
         whole = np.linalg.solve(L, np.swapaxes(half, 1, 2))
         values = np.linalg.eigvalsh((whole + np.swapaxes(whole, 1, 2)) / 2)
-        found[good] = np.sqrt(np.maximum(values, 0.0))[:, : found.shape[1]] / (2 * np.pi)
-        return found
+        frequencies[good] = np.sqrt(np.maximum(values, 0.0))[:, : frequencies.shape[1]] / (2 * np.pi)
+        return frequencies
 
     def _motions(self, s: LinkStructure) -> tuple[Array, Array, Array]:
         """Motion per coordinate of the plate's centre of mass (n, 3, .), the links' middles (n, m, 3, .) and the carts

@@ -117,10 +117,10 @@ class LinkGeometry:
 
 
 def _inverse(model: Model, targets: list[str]) -> CausalFunction:
-    found = compile_causal(model, known="T", targets=targets) if _alone(model) else None
-    if found is None or len(found.inputs) > 1:
-        found = compile_causal(model, known=["T", "e"], targets=targets)
-    return found
+    inverse = compile_causal(model, known="T", targets=targets) if _alone(model) else None
+    if inverse is None or len(inverse.inputs) > 1:
+        inverse = compile_causal(model, known=["T", "e"], targets=targets)
+    return inverse
 
 
 def _alone(model: Model) -> bool:

@@ -50,16 +50,16 @@ class LinkSprings:
         groups is the compliance of each coordinate.
         """
         sizes = (links, 3 * carts, axes)
-        found = {name: [np.zeros(size) for size in sizes] for name in GROUPS}
+        groups = {name: [np.zeros(size) for size in sizes] for name in GROUPS}
         parallel = _each(self.parallel, links, "parallel")
-        found["links"][0] = _each(self.link, links, "link") / parallel
-        found["joints"][0] = 2 * _each(self.joint, links, "joint") / parallel
-        found["drives"][1][0::3] = _each(self.drive, carts, "drive")
-        found["drives"][2] = _each(self.axis, axes, "axis")
+        groups["links"][0] = _each(self.link, links, "link") / parallel
+        groups["joints"][0] = 2 * _each(self.joint, links, "joint") / parallel
+        groups["drives"][1][0::3] = _each(self.drive, carts, "drive")
+        groups["drives"][2] = _each(self.axis, axes, "axis")
         for start, frame in enumerate((self.frame_along, self.frame_across, self.frame_across)):
-            found["frame"][1][start::3] = _each(frame, carts, "frame")
-            found["carts"][1][start::3] = _each(self.cart, carts, "cart") if start else 0.0
-        return {name: np.concatenate(parts) for name, parts in found.items()}
+            groups["frame"][1][start::3] = _each(frame, carts, "frame")
+            groups["carts"][1][start::3] = _each(self.cart, carts, "cart") if start else 0.0
+        return {name: np.concatenate(parts) for name, parts in groups.items()}
 
 
 def tube(modulus: float, outer: float, inner: float, length: ArrayLike) -> Array:

@@ -102,10 +102,10 @@ class LinkStructure:
         """(n, d, d + s) motion of the plate per stretch of each link and motion of each support."""
         U = self.U
         good = np.isfinite(U).all(axis=(1, 2))
-        found = np.full((*U.shape[:2], len(self.total)), np.nan)
+        forces = np.full((*U.shape[:2], len(self.total)), np.nan)
         eye = np.broadcast_to(np.eye(self.degrees_of_freedom), U[good].shape)
-        found[good] = np.linalg.solve(U[good], np.concatenate([eye, self.G[good]], axis=2))
-        return found
+        forces[good] = np.linalg.solve(U[good], np.concatenate([eye, self.G[good]], axis=2))
+        return forces
 
     def compliance(self, group: str | None = None) -> Array:
         """C (n, d, d) [m/N, rad/N, rad/(N.m)] about T, of all springs or of one group of GROUPS."""

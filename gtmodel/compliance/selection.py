@@ -30,7 +30,7 @@ def information(tests: StaticTests, expected: ArrayLike) -> PoseInformation:
     """
     sizes = np.asarray(expected, float)
     rows = np.linalg.solve(np.linalg.cholesky(tests.covariance), tests.J * tests.torque[:, None, :]) * sizes
-    return made([f"c[{j}]" for j in range(len(sizes))], sizes, rows, np.zeros((0, len(sizes))))
+    return made([f"compliance[{j}]" for j in range(len(sizes))], sizes, rows, np.zeros((0, len(sizes))))
 
 
 def select(tests: StaticTests, count: int, expected: ArrayLike, *, seed: int = 0) -> Selection:
@@ -51,10 +51,12 @@ def select(tests: StaticTests, count: int, expected: ArrayLike, *, seed: int = 0
     n, _, k = tests.J.shape
     if not 1 <= count <= n:
         raise ValueError(f"found a count of {count}; expected 1 to {n}, the number of candidates")
-    told = information(tests, expected)
-    if told.rank < k:
-        raise ValueError(f"the tests tell {told.rank} of {k} compliances; take more poses or loads in other directions")
-    chosen = exchange(told, count, "D", repeats=1, seed=seed).indices
+    gained = information(tests, expected)
+    if gained.rank < k:
+        raise ValueError(
+            f"the tests tell {gained.rank} of {k} compliances; take more poses or loads in other directions"
+        )
+    chosen = exchange(gained, count, "D", repeats=1, seed=seed).indices
     return Selection(
-        tuple(int(i) for i in chosen), told.identifiability(chosen).indices, told.identifiability().indices
+        tuple(int(i) for i in chosen), gained.identifiability(chosen).indices, gained.identifiability().indices
     )

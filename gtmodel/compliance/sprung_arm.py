@@ -12,7 +12,7 @@ from ..lang import Model
 from ..results import ArgumentError, Status
 from .arm_poses import ArmPoses, arm_poses
 from .options import Arm, Load
-from .sprung_links import Found
+from .sprung_links import ComplianceAtPoses
 
 Array = np.ndarray
 OUTSIDE = "beyond the joints' limits"
@@ -58,11 +58,11 @@ class SprungArm:
             *(endless if self.limits is None else []),
         ]
 
-    def __call__(self, T: Array) -> Found:
+    def __call__(self, T: Array) -> ComplianceAtPoses:
         T = np.atleast_2d(np.asarray(T, float))
         n = len(T)
-        found = self.partition.inverse(T - self.R @ self.tool, np.tile(self.R, (n, 1, 1)))
-        q, status = found.q[:, self.branch], found.status[:, self.branch]
+        branches = self.partition.inverse(T - self.R @ self.tool, np.tile(self.R, (n, 1, 1)))
+        q, status = branches.q[:, self.branch], branches.status[:, self.branch]
         reason = ["" if code == Status.OK else Status(int(code)).message for code in status]
         if self.limits is not None:
             low, high = self.limits.T
@@ -77,7 +77,7 @@ class SprungArm:
             load = np.array([*self.load.force, *self.load.moment])
             turned = self.compliance * np.einsum("nij,i->nj", poses.J, load)  # by the load's torques
             moved[good] = np.einsum("nij,nj->ni", poses.J, turned)
-        return Found(C, moved, reason)
+        return ComplianceAtPoses(C, moved, reason)
 
 
 def _wrapped(angle: Array) -> Array:

@@ -26,7 +26,7 @@ SINGULAR = Status.SINGULAR.message
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class ComplianceAtPoses:
     """What was computed for n poses with d degrees of freedom of the plate.
 
     C (n, d, d): compliance. moved (n, d) [m, rad]: displacement under the load. reason: why a pose has no result, ""
@@ -46,7 +46,7 @@ class Sprung(Protocol):
     """A robot on its springs.
 
     home (3,) [m]; section: the plane that is mapped; marks: where guideways pierce it; window: its least and greatest
-    (u, v) [m]; assumptions: sentences. Called with tool centre points (n, 3) [m] it returns `Found`.
+    (u, v) [m]; assumptions: sentences. Called with tool centre points (n, 3) [m] it returns `ComplianceAtPoses`.
     """
 
     @property
@@ -59,7 +59,7 @@ class Sprung(Protocol):
     def section(self) -> Section: ...
     @property
     def window(self) -> tuple[Array, Array]: ...
-    def __call__(self, T: Array) -> Found: ...
+    def __call__(self, T: Array) -> ComplianceAtPoses: ...
 
 
 class SprungLinks:
@@ -117,7 +117,7 @@ class SprungLinks:
         except ValueError as error:
             raise ArgumentError(str(error), "robot") from error
 
-    def __call__(self, T: Array) -> Found:
+    def __call__(self, T: Array) -> ComplianceAtPoses:
         poses = self.geometry(T)
         s = self.structure(poses)
         d = s.degrees_of_freedom
@@ -136,7 +136,7 @@ class SprungLinks:
             for r, lost, margin in zip(reason, singular, margins.tolist(), strict=True)
         ]
         shares = s.shares(load) if np.any(load) else None
-        return Found(s.compliance(), s.deflection(load), reason, frequencies, sag, shares)
+        return ComplianceAtPoses(s.compliance(), s.deflection(load), reason, frequencies, sag, shares)
 
 
 def _springs(given: Springs, load: Load, home: LinkPoses) -> LinkSprings:

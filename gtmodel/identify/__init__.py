@@ -2,7 +2,7 @@
 
 Friction
     friction_study, FrictionStudy          from logs, runs or synthetic ones; options HeldPose, Steady, SyntheticRuns
-    published_friction_study               the mass of printed lines; Coefficients, PublishedFriction
+    published_friction_study               the mass of printed lines; FrictionCoefficients, PublishedFriction
     gravity_pattern        forces that hold one kilogram, by pose
     identify_friction      coefficients by direction and the mass held, from runs at constant velocity
     steady_runs, joined    the runs of a log, of several logs
@@ -19,7 +19,8 @@ Motion
     work_of                whether friction brakes, and whether the energy balances
     exchanged_efforts      whether another order or sign of the efforts' columns fits far better
 Excitation
-    excitation_study, ExcitationStudy      of a robot; options Family, Experiment, Search, RandomMotions, MonteCarloFits
+    excitation_study, ExcitationStudy      of a robot; options Family, IdentificationExperiment, ExcitationSearch,
+                                           RandomMotions, MonteCarloFits
     optimise_excitation    the most informative motion of an ExcitationTask within its limits
     FourierSeries, ClosedSpline   families of motions at rest at both ends
     random_excitations     feasible motions to compare with and to start from
@@ -35,14 +36,14 @@ from .exchanged import Exchanged as Exchanged, exchanged_efforts as exchanged_ef
 from .excitation import (
     ClosedSpline as ClosedSpline,
     Excitation as Excitation,
+    ExcitationSearch as ExcitationSearch,
     ExcitationStudy as ExcitationStudy,
     ExcitationTask as ExcitationTask,
-    Experiment as Experiment,
     Family as Family,
     FourierSeries as FourierSeries,
+    IdentificationExperiment as IdentificationExperiment,
     MonteCarloFits as MonteCarloFits,
     RandomMotions as RandomMotions,
-    Search as Search,
     condition as condition,
     excitation_study as excitation_study,
     optimise_excitation as optimise_excitation,
@@ -51,7 +52,7 @@ from .excitation import (
     singular_values as singular_values,
 )
 from .friction import (
-    Coefficients as Coefficients,
+    FrictionCoefficients as FrictionCoefficients,
     FrictionFit as FrictionFit,
     FrictionStudy as FrictionStudy,
     HeldPose as HeldPose,
@@ -85,4 +86,4 @@ from .repeated import Repeated as Repeated, repeat_identification as repeat_iden
 from .rows import Processing as Processing, Rows as Rows, rows_of as rows_of, with_offsets as with_offsets
 from .simulated_log import LogSimulator as LogSimulator, Sensors as Sensors
 from .tracking import Tracking as Tracking
-from .work import Work as Work, work_of as work_of
+from .work import MechanicalWork as MechanicalWork, work_of as work_of

@@ -57,11 +57,11 @@ def regressor_of(robot: Model, free: Sequence[str], how: Fitting) -> Regressor:
         with naming(f"fitting.{name}", ModelError):
             flat_of(robot).lookup(getattr(how, name))
     try:
-        found = Regressor(robot, [*free, *how.watch], how.known, how.targets)
+        regressor = Regressor(robot, [*free, *how.watch], how.known, how.targets)
     except ModelError as error:
         at = "fitting.watch" if any(f"'{n}" in str(error) for n in how.watch) else "free"
         raise ArgumentError(str(error), at) from error
     if not isinstance(how.nonnegative, bool):
         with naming("fitting.nonnegative", ModelError):
-            among(found.names, how.nonnegative)
-    return found
+            among(regressor.names, how.nonnegative)
+    return regressor

@@ -24,7 +24,7 @@ from .rows import Rows
 def assembled_study(
     asked: Asked,
     data: Recordings,
-    found: Identification,
+    identification: Identification,
     validation: Validation | None,
     *,
     repeated: Repeated | None = None,
@@ -32,9 +32,9 @@ def assembled_study(
     runs: Sequence[ClosedLoopRun] = (),
 ) -> IdentificationStudy:
     """The study of a fit."""
-    e, rows, title, parameters = found.estimate, found.rows, asked.title, found.numbers
-    told = {name: number for name, number in asked.published.items() if name in parameters}
-    checks, suspicions = judged(asked, data, found, validation, repeated)
+    e, rows, title, parameters = identification.estimate, identification.rows, asked.title, identification.numbers
+    compared = {name: number for name, number in asked.published.items() if name in parameters}
+    checks, suspicions = judged(asked, data, identification, validation, repeated)
     shown = (title or "identification") + (" (synthetic)" if rows.synthetic else "")
     stopped = repeated is not None and repeated.runs.interrupted
     coverage = None
@@ -47,41 +47,43 @@ def assembled_study(
         status=SolveStatus.INTERRUPTED if stopped else SolveStatus.SOLVED,
         message=f"{len(e.names)} parameters from {len(rows)} rows",
         title=title,
-        objective=float(np.sum((found.residuals / found.noise) ** 2)),
+        objective=float(np.sum((identification.residuals / identification.noise) ** 2)),
         checks=checks | within_bound(loop, runs),
         parameters=parameters,
         units={n: u for n, u in zip(rows.names, rows.units, strict=True) if n in (*e.names, *e.held)},
         intervals={n: list(e.interval(n)) for n in e.names},
         at_bound=list(e.held),
         corrections=data.corrections | {n: e.value(n) for n in rows.signed},
-        confidence=found.confidence,
-        noise=found.noise,
-        residual_share=np.sqrt(np.mean(found.residuals**2, axis=0)) / np.sqrt(np.mean(rows.effort**2, axis=0)),
+        confidence=identification.confidence,
+        noise=identification.noise,
+        residual_share=np.sqrt(np.mean(identification.residuals**2, axis=0)) / np.sqrt(np.mean(rows.effort**2, axis=0)),
         held_out_rms=None if validation is None else validation.rms,
         held_out_share=None if validation is None else validation.relative,
         row_count=len(rows),
         dropped_share=rows.dropped,
         cutoff=rows.cutoff_Hz,
-        condition=found.identifiability.condition,
-        left_out={", ".join(t.names): t.p for t in found.left_out},
-        delay=None if found.delay is None else [found.delay.seconds, found.delay.std],
+        condition=identification.identifiability.condition,
+        left_out={", ".join(t.names): t.p for t in identification.left_out},
+        delay=None if identification.delay is None else [identification.delay.seconds, identification.delay.std],
         truth=data.truth or None,
         coverage=coverage,
         notes=[
             rows.filter_sentence,
             *suspicions,
-            *found.notes,
+            *identification.notes,
             *([f"intervals take the estimated {known} as known"] if known else []),
         ],
         synthetic=rows.synthetic,
-        published={name: parameters[name] / number - 1 for name, number in told.items() if number} if told else None,
+        published={name: parameters[name] / number - 1 for name, number in compared.items() if number}
+        if compared
+        else None,
         **_of_runs(runs),
-        fit=found,
-        numbers=told,
+        fit=identification,
+        numbers=compared,
         closed_loop=runs,
-        trajectory=_trajectory(found, asked.how.targets, shown),
-        figures=_figures(found, validation, shown, runs, title),
-        files={"parameters.toml": _file(found, shown)},
+        trajectory=_trajectory(identification, asked.how.targets, shown),
+        figures=_figures(identification, validation, shown, runs, title),
+        files={"parameters.toml": _file(identification, shown)},
         machine_files=("parameters.toml",),
     )
 
@@ -91,23 +93,23 @@ def _of_runs(runs: Sequence[ClosedLoopRun]) -> dict[str, Any]:
     return {f"closed_loop_{word}": [getattr(run, word) for run in runs] or None for word in words}
 
 
-def _trajectory(found: Identification, name: str, title: str) -> Trajectory:
+def _trajectory(identification: Identification, name: str, title: str) -> Trajectory:
     """Measured and modelled efforts of the first recording."""
-    rows = found.rows
+    rows = identification.rows
     end = rows.starts[1] if len(rows.starts) > 1 else len(rows)
     part = slice(0, end)
-    signals = {f"{name}.measured": rows.effort[part], f"{name}.modelled": found.modelled()[part]}
+    signals = {f"{name}.measured": rows.effort[part], f"{name}.modelled": identification.modelled()[part]}
     units = dict.fromkeys(signals, rows.effort_unit)
     return Trajectory(rows.time[part], signals, units, title=title, synthetic=rows.synthetic)
 
 
-def _file(found: Identification, title: str) -> str:
+def _file(identification: Identification, title: str) -> str:
     """parameters.toml: estimates by name with unit and interval."""
-    e = found.estimate
+    e = identification.estimate
     table: dict[str, Any] = {"title": title}
-    if found.rows.synthetic:
-        table["synthetic"] = found.rows.synthetic
-    for n, unit in zip(found.rows.names, found.rows.units, strict=True):
+    if identification.rows.synthetic:
+        table["synthetic"] = identification.rows.synthetic
+    for n, unit in zip(identification.rows.names, identification.rows.units, strict=True):
         if n in e.names or n in e.held:
             entry: dict[str, Any] = {"value": e.value(n), "unit": unit}
             entry |= {"at_bound": True} if n in e.held else {"interval_95": list(e.interval(n))}
@@ -116,9 +118,9 @@ def _file(found: Identification, title: str) -> str:
 
 
 def _figures(
-    found: Identification, validation: Validation | None, title: str, runs: Sequence[ClosedLoopRun], plain: str
+    identification: Identification, validation: Validation | None, title: str, runs: Sequence[ClosedLoopRun], plain: str
 ) -> dict[str, Any]:
-    rows, fit = found.rows, found.modelled()
+    rows, fit = identification.rows, identification.modelled()
 
     def efforts(of: Rows, modelled: np.ndarray, title: str) -> Any:
         from ..plot.identification import efforts_figure
@@ -128,7 +130,7 @@ def _figures(
     def friction() -> Any:
         from ..plot.identification import friction_figure
 
-        law = rows.Y[:, :, at] @ found.parameters[at]
+        law = rows.Y[:, :, at] @ identification.parameters[at]
         rate = "m/s" if rows.effort_unit == "N" else "rad/s"
         return friction_figure(
             rows.velocity, rows.effort - fit + law, law, rows.targets, (rate, rows.effort_unit), title

@@ -22,58 +22,62 @@ PILED = 5.0  # times as many samples as at the reading next to it: a coarse read
 
 
 def judged(
-    asked: Asked, data: Recordings, found: Identification, validation: Validation | None, repeated: Repeated | None
+    asked: Asked,
+    data: Recordings,
+    identification: Identification,
+    validation: Validation | None,
+    repeated: Repeated | None,
 ) -> tuple[dict[str, Check], list[str]]:
     """Checks by name, as they stand in the result; and sentences on signs, units, order of columns and saturation that
     the log is suspected of."""
-    rows, said = found.rows, list[str]()
-    checks = {"undetermined": at_most(float(found.identifiability.redundant), 0.0, LOOK)}
+    rows, said = identification.rows, list[str]()
+    checks = {"undetermined": at_most(float(identification.identifiability.redundant), 0.0, LOOK)}
     # what was left out shifts the others: then the truth is not what the fit is after
-    whole = all(t.passed for t in found.left_out)
+    whole = all(t.passed for t in identification.left_out)
     if data.truth and whole:
-        e = found.estimate
+        e = identification.estimate
         off = [abs(e.value(n) - data.truth[n]) / s for n, s in zip(e.names, e.std, strict=True) if n in data.truth]
         checks["error_in_standard_deviations"] = at_most(
             float(max(off, default=0.0)), _student(len(off), e.degrees_of_freedom)
         )
     if validation is not None:
-        told = max(validation.judged, key=lambda h: h.ratio / h.bound)
-        bound = told.bound if np.isfinite(told.bound) else None
-        checks["held_out_over_fitted_noise"] = Check(told.ratio, bound, LOOK, judged=told.passed)
-    shares = np.sqrt(np.mean(found.residuals**2, axis=0) / np.mean(rows.effort**2, axis=0))
+        held_out = max(validation.judged, key=lambda h: h.ratio / h.bound)
+        bound = held_out.bound if np.isfinite(held_out.bound) else None
+        checks["held_out_over_fitted_noise"] = Check(held_out.ratio, bound, LOOK, judged=held_out.passed)
+    shares = np.sqrt(np.mean(identification.residuals**2, axis=0) / np.mean(rows.effort**2, axis=0))
     checks["unexplained_share"] = at_most(float(np.max(shares)), UNEXPLAINED, LOOK)
     said += [
         f"{t}: {100 * share:.3g} % of its rms are left unexplained; check sign, order and units of the columns"
         for t, share in zip(rows.targets, shares, strict=True)
         if share > UNEXPLAINED
     ]
-    order = exchanged_efforts(found)
+    order = exchanged_efforts(identification)
     if order is not None and not order.passed:
         said.append(order.message(rows.targets))
-    work = work_of(found)
+    work = work_of(identification)
     if work is not None:
         if np.any(work.friction):  # some friction is free
             # of what the noise leaves: a drive without friction takes and gives nothing on average
             worst = int(np.argmin(work.friction / np.maximum(work.friction_noise, TINY)))
             least = -DEVIATIONS * float(work.friction_noise[worst])
             checks["work_of_friction_J"] = at_least(float(work.friction[worst]), min(least, 0.0), LOOK)
-        other = work if validation is None else work_of(found, validation.rows) or work
+        other = work if validation is None else work_of(identification, validation.rows) or work
         checks["energy_balance"] = Check(other.balance, other.bound, LOOK, judged=other.balanced)
         said += work.driving(rows.targets) + other.unbalanced()
-    delay = found.delay
+    delay = identification.delay
     if delay is not None:
         checks["delay_moves_a_parameter"] = Check(delay.moves, delay.bound, LOOK, judged=delay.passed)
     if order is not None:
         checks["exchanged_columns"] = Check(order.ratio, order.bound, LOOK, judged=order.passed)
-    far = _far_off(found)
+    far = _far_off(identification)
     checks["parameters_far_off"] = at_most(float(len(far)), 0.0, LOOK)
     piled = _piled(data, asked.how.targets)
     checks["saturated_share"] = at_most(max((share for share, _ in piled), default=0.0), SATURATED, LOOK)
     said += [*far, *(sentence for share, sentence in piled if share > SATURATED)]
-    if found.left_out:
-        told = min(found.left_out, key=lambda t: t.p * t.tests)
-        least = FALSE_ALARM / told.tests
-        checks["nothing_left_out"] = at_least(told.p, least, "free the parameters that the residual test names")
+    if identification.left_out:
+        group = min(identification.left_out, key=lambda t: t.p * t.tests)
+        least = FALSE_ALARM / group.tests
+        checks["nothing_left_out"] = at_least(group.p, least, "free the parameters that the residual test names")
     if repeated is not None and not repeated.runs.interrupted:
         seen = repeated.coverage
         low, high = binomial_band(seen.runs, seen.level, 1 - FALSE_ALARM / len(seen.names))
@@ -82,13 +86,13 @@ def judged(
     return checks, said
 
 
-def _far_off(found: Identification) -> list[str]:
+def _far_off(identification: Identification) -> list[str]:
     """Where a unit of position, time or effort is off by its thousand, a parameter is, or all are."""
-    rows, e = found.rows, found.estimate
+    rows, e = identification.rows, identification.estimate
     nominal = dict(zip(rows.names, rows.nominal, strict=True))
-    told = [n for n in e.names if nominal[n] and e.interval(n)[0] * e.interval(n)[1] > 0]
-    ratios = {n: abs(e.value(n) / nominal[n]) for n in told}
-    far = [n for n in told if ratios[n] > FAR] or (told if told and max(ratios.values()) < 1 / FAR else [])
+    nonzero = [n for n in e.names if nominal[n] and e.interval(n)[0] * e.interval(n)[1] > 0]
+    ratios = {n: abs(e.value(n) / nominal[n]) for n in nonzero}
+    far = [n for n in nonzero if ratios[n] > FAR] or (nonzero if nonzero and max(ratios.values()) < 1 / FAR else [])
     if not far:
         return []
     return [f"{far[0]} is {ratios[far[0]]:.3g} times its nominal value; check the units of time, position and efforts"]
@@ -103,7 +107,7 @@ def _student(tests: int, degrees_of_freedom: float) -> float:
 
 def _piled(data: Recordings, targets: str) -> list[tuple[float, str]]:
     """Share of the samples and a sentence, of readings that pile up at an end."""
-    found = []
+    readings = []
     for session in data.fitted:
         unit = session.trajectory.unit(targets)
         effort = session.trajectory[targets].reshape(len(session.trajectory), -1)
@@ -119,5 +123,5 @@ def _piled(data: Recordings, targets: str) -> list[tuple[float, str]]:
                         f"{name} of {session.name} stands at its {end} value, {levels[at]:.5g} {unit}, in "
                         f"{100 * share:.2g} % of the samples; if the sensor saturates there, the numbers are off"
                     )
-                    found.append((share, sentence))
-    return found
+                    readings.append((share, sentence))
+    return readings

@@ -99,14 +99,14 @@ def follow(
         rows = len(done.trajectory)
         if not done.status.ok and rows < 2:
             raise ArgumentError(f"the closed loop could not be simulated: {done.message}", "closed_loop")
-        found = {
+        signals = {
             "measured": raw[position][kept][:rows],
             "simulated": done.trajectory[position],
             "measured_effort": raw[effort][kept][:rows],
             "simulated_effort": done.trajectory[effort],
         }
-        units = dict(zip(found, [raw.unit(position)] * 2 + [raw.unit(effort)] * 2, strict=True))
-        runs.append(ClosedLoopRun(session.name, Trajectory(time[:rows], found, units, synthetic=raw.synthetic)))
+        units = dict(zip(signals, [raw.unit(position)] * 2 + [raw.unit(effort)] * 2, strict=True))
+        runs.append(ClosedLoopRun(session.name, Trajectory(time[:rows], signals, units, synthetic=raw.synthetic)))
     return runs
 
 
@@ -135,11 +135,11 @@ def _first_rate(position: np.ndarray, sample_time: float) -> np.ndarray | float:
 
 def _gathered(parameters: Mapping[str, Any]) -> dict[str, Any]:
     """Entries "m_c[0]", "m_c[1]" as one list "m_c"."""
-    found: dict[str, Any] = {}
+    arrays: dict[str, Any] = {}
     for name, value in parameters.items():
         base, bracket, _ = name.partition("[")
         if bracket:
-            found.setdefault(base, []).append(value)
+            arrays.setdefault(base, []).append(value)
         else:
-            found[name] = value
-    return found
+            arrays[name] = value
+    return arrays

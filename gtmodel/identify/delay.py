@@ -50,7 +50,7 @@ class Delay:
         )
 
 
-def delay_of(found: Identification) -> Delay | None:
+def delay_of(identification: Identification) -> Delay | None:
     """The delay of the efforts that the rows of a fit show, to the first order: effort(t) = model(t) - delay rate(t).
 
     Its column, the measured efforts' rate with a minus sign, joins those of the free parameters; its variance is that
@@ -72,17 +72,17 @@ def delay_of(found: Identification) -> Delay | None:
     """
     from scipy import stats  # here: it alone takes as long to import as all of gtmodel
 
-    rows, e = found.rows, found.unbounded
+    rows, e = identification.rows, identification.unbounded
     if rows.effort_rate is None:
         return None
     at = [rows.names.index(n) for n in e.names]
-    size = found.noise
+    size = identification.noise
     J = np.concatenate([rows.columns(at, size), (-rows.effort_rate / size)[:, :, None]], axis=2)
     n, m, k = J.shape
     if n * m <= k:
         return None
     # of the fit without bounds: what it lacks is no matter of a parameter held at zero
-    values = found.parameters.copy()
+    values = identification.parameters.copy()
     values[at] = e.values
     b = (rows.effort - rows.y0 - rows.Y @ values) / size
     scale = np.linalg.norm(J.reshape(-1, k), axis=0)
@@ -92,7 +92,7 @@ def delay_of(found: Identification) -> Delay | None:
     change = x / scale
     left = b - J @ change
     degrees_of_freedom = n * m - k
-    if found.confidence == "newey_west":
+    if identification.confidence == "newey_west":
         covariance = newey_west(J, left, starts=rows.starts)
     else:
         covariance = white(J.reshape(-1, k), float(np.sum(left**2)) / degrees_of_freedom, scale=1 / scale)
@@ -100,7 +100,7 @@ def delay_of(found: Identification) -> Delay | None:
     if not std[-1] > 0:  # efforts without noise
         return None
     # against the intervals that are shown
-    own = {name: s for name, s in zip(found.estimate.names, found.estimate.std, strict=True)}
+    own = {name: s for name, s in zip(identification.estimate.names, identification.estimate.std, strict=True)}
     moves = [abs(c) / own[n] if n in own and own[n] > 0 else 0.0 for n, c in zip(e.names, change[:-1], strict=True)]
     worst = int(np.argmax(moves))
     deviations = abs(float(change[-1])) / float(std[-1])

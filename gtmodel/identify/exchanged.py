@@ -44,7 +44,7 @@ class Exchanged(NamedTuple):
         return self.ratio <= self.bound
 
     @property
-    def told(self) -> bool:
+    def decisive(self) -> bool:
         """Whether another reading would have been seen."""
         return self.other > self.bound * self.given
 
@@ -84,7 +84,7 @@ def exchanged(
     return Exchanged(order, signs, given, other, max(NEARER, float(np.sqrt(chance))))
 
 
-def exchanged_efforts(found: Identification) -> Exchanged | None:
+def exchanged_efforts(identification: Identification) -> Exchanged | None:
     """Whether another order or sign of the columns of efforts would fit far better; None for a single column.
 
     The parameters that were free in the identification are free in every reading.
@@ -104,10 +104,10 @@ def exchanged_efforts(found: Identification) -> Exchanged | None:
     >>> order.passed, order.order, order.message(["tau[0]", "tau[1]"], "N")
     (False, [1, 0], 'tau[0] and tau[1] look exchanged: as given the model leaves 13.4 N rms of the efforts, and ...')
     """
-    rows, e = found.rows, found.estimate
+    rows, e = identification.rows, identification.estimate
     n, m = rows.effort.shape
     free = [rows.names.index(name) for name in e.names]
-    known = rows.y0 + rows.Y @ np.array([found.fixed.get(name, 0.0) for name in rows.names])
+    known = rows.y0 + rows.Y @ np.array([identification.fixed.get(name, 0.0) for name in rows.names])
     Y = rows.Y[:, :, free].reshape(n * m, -1)
     Q, R = np.linalg.qr(Y / np.maximum(np.linalg.norm(Y, axis=0), np.finfo(float).tiny))
     Q = Q[:, np.abs(np.diag(R)) > ROUND_OFF]

@@ -81,11 +81,11 @@ def study(
     _check_inputs(closed_loop, data)
     if work.interrupted():
         return _stopped(title)
-    found, validation = _fitted(asked, data, "log")
+    identification, validation = _fitted(asked, data, "log")
     runs: list[ClosedLoopRun] = []
     if closed_loop is not None:
-        runs = follow(closed_loop, found.numbers, data.fitted + data.held_out, *asked.names, work)
-    return assembled_study(asked, data, found, validation, loop=closed_loop, runs=runs)
+        runs = follow(closed_loop, identification.numbers, data.fitted + data.held_out, *asked.names, work)
+    return assembled_study(asked, data, identification, validation, loop=closed_loop, runs=runs)
 
 
 @study_function
@@ -136,8 +136,8 @@ def synthetic_study(
     data = synthetic_recordings(asked, plant or robot, synthetic, motion)
     if work.interrupted():
         return _stopped(title)
-    found, validation = _fitted(asked, data, "synthetic")
-    return assembled_study(asked, data, found, validation, repeated=_repeated(asked, data, synthetic))
+    identification, validation = _fitted(asked, data, "synthetic")
+    return assembled_study(asked, data, identification, validation, repeated=_repeated(asked, data, synthetic))
 
 
 def _stopped(title: str) -> IdentificationStudy:
@@ -161,11 +161,13 @@ def _fitted(asked: Asked, data: Recordings, place: str) -> tuple[Identification,
 
     with naming(place, ModelError, TrajectoryError):
         rows = rows_from(data.fitted, used, data.offsets == "session")
-        found = identify(rows, [*asked.free, *rows.signed], nonnegative=how.nonnegative, confidence=how.confidence)
+        identification = identify(
+            rows, [*asked.free, *rows.signed], nonnegative=how.nonnegative, confidence=how.confidence
+        )
         if not data.held_out:
-            return found, None
+            return identification, None
         fixed = replace(used, cutoff=rows.cutoff_Hz, every=rows.every)
-        return found, found.validate(rows_from(data.held_out, fixed, False))
+        return identification, identification.validate(rows_from(data.held_out, fixed, False))
 
 
 def _repeated(asked: Asked, data: Recordings, s: SyntheticLog) -> Repeated | None:

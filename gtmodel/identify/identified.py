@@ -107,9 +107,9 @@ class IdentificationStudy(Study):
         rows = [*self._parameter_rows(), *self._fit_rows(self.fit)]
         if self.synthetic:
             rows.append(Row("synthetic", self.synthetic))
-        for name, told in (self.numbers or {}).items():
-            percent = "" if not told else f", {100 * published[name]:+.2f} %"
-            rows.append(Row(f"published {name}", f"{told:g}{percent}", units.get(name, "")))
+        for name, number in (self.numbers or {}).items():
+            percent = "" if not number else f", {100 * published[name]:+.2f} %"
+            rows.append(Row(f"published {name}", f"{number:g}{percent}", units.get(name, "")))
         return rows + rows_of(self.closed_loop)
 
     def _parameter_rows(self) -> list[Row]:

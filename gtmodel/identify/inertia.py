@@ -149,8 +149,8 @@ class Identification:
         if self.delay is not None and not self.delay.passed:
             lines.append(self.delay.message)
         limits = [(n, *self.estimate.interval(n)) for n in self.estimate.names]
-        told = "{} is not told from zero: {:.3g} to {:.3g}"
-        return lines + [told.format(n, low, high) for n, low, high in limits if low <= 0 <= high]
+        sentence = "{} is not told from zero: {:.3g} to {:.3g}"
+        return lines + [sentence.format(n, low, high) for n, low, high in limits if low <= 0 <= high]
 
 
 @dataclass(frozen=True, eq=False)
@@ -220,8 +220,8 @@ def identify(
     >>> log = gt.identify.LogSimulator(Axis(), q).draw(1, gt.identify.Sensors(effort_noise=0.5))
     >>> regressor = gt.identify.Regressor(Axis(), ["m", "d", "c"])
     >>> rows = gt.identify.rows_of(gt.measurements.session_of(log), regressor)
-    >>> found = gt.identify.identify(rows)
-    >>> found.estimate.values.round(1), found.estimate.std.round(2)  # true are 2 kg, 5 kg/s, 3 N
+    >>> fit = gt.identify.identify(rows)
+    >>> fit.estimate.values.round(1), fit.estimate.std.round(2)  # true are 2 kg, 5 kg/s, 3 N
     (array([2. , 4.9, 3. ]), array([0.01, 0.06, 0.03]))
     """
     at = among(rows.names, rows.names if free is None else free)

@@ -17,29 +17,29 @@ def scalar_parameters(flat: FlatModel, names: Sequence[str]) -> list[int]:
     Raises ModelError for an unknown name with close matches, a name given twice, or one that follows from others.
     """
     every = [q.name for q in flat.parameters]
-    found: list[int] = []
+    places: list[int] = []
     for name in names:
         here = [k for k, one in enumerate(every) if one == name or one.startswith(f"{name}[")]
         if not here:
             raise ModelError(_unknown(flat, name, every))
-        twice = sorted(set(here) & set(found))
+        twice = sorted(set(here) & set(places))
         if twice:
             raise ModelError(f"parameter '{every[twice[0]]}' is named twice; name each once")
-        found += here
-    if not found:
+        places += here
+    if not places:
         raise ModelError(f"{flat.title}: no parameter is named; name at least one, such as '{every[0]}'")
-    return found
+    return places
 
 
 def among(every: Sequence[str], names: Sequence[str]) -> list[int]:
     """Positions of names among scalar ones; an array's name stands for all its entries. ModelError for another."""
-    found: list[int] = []
+    places: list[int] = []
     for name in names:
         here = [k for k, one in enumerate(every) if one == name or one.startswith(f"{name}[")]
         if not here:
             raise ModelError(f"'{name}' is no parameter of this regressor; it has {', '.join(every)}")
-        found += here
-    return sorted(set(found))
+        places += here
+    return sorted(set(places))
 
 
 def _unknown(flat: FlatModel, name: str, every: list[str]) -> str:

@@ -99,7 +99,7 @@ def reference_motion(known: str, s: SyntheticLog, plant: Model, seed: int, motio
         return rows
     with naming("synthetic.reference", ModelError, TypeError):
         function = plant.causal(known=s.reference, targets=known)
-        found, status = function(rows)
+        outputs, status = function(rows)
     bad = np.flatnonzero(status != Status.OK)
     if bad.size:
         argument, hint = ("motion", "take it nearer to the home") if motion is not None else (
@@ -109,7 +109,7 @@ def reference_motion(known: str, s: SyntheticLog, plant: Model, seed: int, motio
             f"({Status(int(status[bad[0]])).message}); {hint}",
             argument,
         )
-    return found
+    return outputs
 
 
 def _repeated(s: SyntheticLog, rows: Array, shape: tuple[int, ...], unit: str) -> Array:

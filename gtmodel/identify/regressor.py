@@ -12,8 +12,8 @@ import numpy as np
 
 from gtmodel.compiler.causal import CausalFunction, c_name, compile_causal, flat_of
 from gtmodel.compiler.evaluate import Built, build
-from gtmodel.compiler.plan import Plan, make_plan
-from gtmodel.compiler.rows import Margin, map_columns, status_codes
+from gtmodel.compiler.plan import CausalPlan, make_plan
+from gtmodel.compiler.rows import PlainMargin, map_columns, status_codes
 from gtmodel.lang import Model, ModelError
 from gtmodel.results import Status
 
@@ -99,7 +99,7 @@ class Regressor:
         plan = _partly_folded(causal, self._chosen)
         self._uses_time = plan.uses_time
         self._plan, self._p0 = plan, flat.p0
-        self._margins = [Margin(m.kind, m.scale) for m in plan.margins]
+        self._margins = [PlainMargin(m.kind, m.scale) for m in plan.margins]
         self._sizes = causal.sizes
         self._built = self._build([(c_name(s.name), s.pairs) for s in self.outputs])
         self._kernels = self._built.kernels
@@ -114,16 +114,16 @@ class Regressor:
         """Regressor of many rows: one array (n, *shape) per input. Raises TypeError for a wrong number or shape."""
         columns = self._columns(rows)
         n = columns[0].shape[1]
-        found, zs = np.zeros(n, dtype=int), []
+        statuses, zs = np.zeros(n, dtype=int), []
         given = np.vstack([*columns, np.repeat(self._p0[:, None], n, axis=1)]) if self._kernels else np.zeros((0, n))
         for kernel in self._kernels:
             z, converged, singular = kernel.solve(given)
-            found = np.where((found == 0) & ~converged, Status.NOT_CONVERGED, found)
-            found = np.where((found == 0) & singular, Status.SINGULAR, found)
+            statuses = np.where((statuses == 0) & ~converged, Status.NOT_CONVERGED, statuses)
+            statuses = np.where((statuses == 0) & singular, Status.SINGULAR, statuses)
             zs.append(z)
             given = np.vstack([given, z])
         results = map_columns(self._function, [*columns, *zs])
-        status = status_codes(self._margins, columns, results, found, sizes=self._sizes)
+        status = status_codes(self._margins, columns, results, statuses, sizes=self._sizes)
         m, p = len(self.columns), self.size
         Y, y0 = results[0].T.reshape(n, m, p), results[1].T
         bad = status != Status.OK
@@ -132,8 +132,8 @@ class Regressor:
 
     def effort(self, parameters: Any, *rows: Any) -> Array:
         """Efforts (n, targets) of a motion at these parameters (p,)."""
-        found = self(*rows)
-        return found.Y @ np.asarray(parameters, dtype=float) + found.y0
+        values = self(*rows)
+        return values.Y @ np.asarray(parameters, dtype=float) + values.y0
 
     @cached_property
     def casadi(self) -> ca.Function:
@@ -289,7 +289,7 @@ class Regressor:
         return f"Regressor({', '.join(self.columns)} linear in {', '.join(self.names)})"
 
 
-def _partly_folded(causal: CausalFunction, chosen: Sequence[int]) -> Plan:
+def _partly_folded(causal: CausalFunction, chosen: Sequence[int]) -> CausalPlan:
     """The causality worked out again with symbols for the chosen parameters and numbers for the others."""
     flat = causal.flat
     fold = ca.SX(ca.DM(flat.require_values()))

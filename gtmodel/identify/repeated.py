@@ -74,8 +74,8 @@ def repeat_identification(
     ((15, 20), ())
     """
     task = partial(_run, simulator, regressor, sensors, processing or Processing(), free, confidence)
-    found = monte_carlo(task, runs, seed, processes=processes, progress=progress, interrupted=interrupted)
-    return Repeated(found, coverage(found.results, truth, level=level))
+    repetitions = monte_carlo(task, runs, seed, processes=processes, progress=progress, interrupted=interrupted)
+    return Repeated(repetitions, coverage(repetitions.results, truth, level=level))
 
 
 def _run(

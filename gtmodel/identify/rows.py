@@ -286,23 +286,23 @@ def _rows(
     effort_rate, _ = velocity_and_acceleration(effort, step)
     time, position, effort, effort_rate = raw.time[inside], position[inside], effort[inside], effort_rate[inside]
     given = {known: position, f"der({known})": rate[inside], f"der({known},2)": acceleration[inside]}
-    found = regressor(*[given[s.name] for s in regressor.inputs])
-    bad = np.flatnonzero(found.status != Status.OK)
+    values = regressor(*[given[s.name] for s in regressor.inputs])
+    bad = np.flatnonzero(values.status != Status.OK)
     if bad.size:
         raise ModelError(
-            f"{session.name} at {time[bad[0]]:g} s: {Status(int(found.status[bad[0]])).message}; "
+            f"{session.name} at {time[bad[0]]:g} s: {Status(int(values.status[bad[0]])).message}; "
             "check the unit and the sign of the measured position"
         )
-    n, m, p = found.Y.shape
+    n, m, p = values.Y.shape
     velocity = given[f"der({known})"].reshape(n, -1)
     fast = moving(velocity, step, quantum if np.isfinite(quantum) else 0.0, how.mask_steps)
     # slower for longer than a period of the cut-off: standing still, not turning round
     still = np.asarray(binary_dilation(binary_opening(~fast.rows, np.ones(reach)), iterations=reach), dtype=bool)
     rows = np.arange(cut, n - cut, every)
     kept = (fast.rows & ~still)[rows]
-    columns = found.Y.reshape(n, m * p)
+    columns = values.Y.reshape(n, m * p)
     used = np.any(columns != 0, axis=0)  # a cart's friction enters one effort of three
-    together = np.concatenate([columns[:, used], found.y0, effort.reshape(n, m), effort_rate.reshape(n, m)], axis=1)
+    together = np.concatenate([columns[:, used], values.y0, effort.reshape(n, m), effort_rate.reshape(n, m)], axis=1)
     filtered, y0, efforts, rates = np.split(low_pass.every(together, step, every)[kept], [-3 * m, -2 * m, -m], axis=1)
     Y = np.zeros((len(filtered), m * p))
     Y[:, used] = filtered

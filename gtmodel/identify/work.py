@@ -19,7 +19,7 @@ ONE_SIGN = 0.98  # of a column's work to and fro: then it is friction's, up to w
 
 
 @dataclass(frozen=True)
-class Work:
+class MechanicalWork:
     """Work over the rows [J], positive where a drive gives it.
 
     `friction` (m,) is what friction takes, by target, of the fit without bounds, and `friction_noise` (m,) its standard
@@ -72,7 +72,7 @@ class Work:
         ]
 
 
-def work_of(found: Identification, rows: Rows | None = None) -> Work | None:
+def work_of(identification: Identification, rows: Rows | None = None) -> MechanicalWork | None:
     """The work of an identified model over the fit's own rows, or over others.
 
     None where the targets are not the efforts along the known coordinates, so that their product is no power.
@@ -92,22 +92,22 @@ def work_of(found: Identification, rows: Rows | None = None) -> Work | None:
     >>> work.friction.round(), round(work.to_and_fro), work.balanced  # friction takes 13 J of 15 J to and fro
     (array([13.]), 15, True)
     """
-    rows = found.rows if rows is None else rows
+    rows = identification.rows if rows is None else rows
     v = rows.velocity
     if v.shape != rows.effort.shape:
         return None
-    free = found.unbounded
+    free = identification.unbounded
     share = rows.interval * rows.Y * v[:, :, None]
     sums, sizes = share.sum(axis=0), np.abs(share).sum(axis=0)
     at = [rows.names.index(n) for n in free.names]
     brakes = (sums >= ONE_SIGN * sizes) & ~np.isin(rows.names, rows.signed)
     each = np.where(brakes, sums, 0.0)[:, at]
     everything = sums[:, at].sum(axis=0)
-    left = (rows.effort - found.modelled(rows)) * v
-    by_noise = correlation_time(found.residuals) * np.sum((found.noise * v) ** 2) * rows.interval**2
+    left = (rows.effort - identification.modelled(rows)) * v
+    by_noise = correlation_time(identification.residuals) * np.sum((identification.noise * v) ** 2) * rows.interval**2
     # the residuals of the fit's own rows hold less than their noise, those of others also the parameters' errors
-    by_parameters = 0.0 if rows is found.rows else float(everything @ free.covariance @ everything)
-    return Work(
+    by_parameters = 0.0 if rows is identification.rows else float(everything @ free.covariance @ everything)
+    return MechanicalWork(
         each @ free.values,
         np.sqrt(np.einsum("mi,ij,mj->m", each, free.covariance, each)),
         float(left.sum() * rows.interval),

@@ -72,10 +72,10 @@ def dependencies(
 
     >>> a, b = np.array([1.0, 0.0, 1.0]), np.array([0.0, 1.0, 2.0])
     >>> J = np.column_stack([a, b, a + b])
-    >>> found = gt.inference.dependencies(J, ["a", "b", "sum"], keep=["a", "b"])
-    >>> {name: round(x, 6) for name, x in found.coefficients["sum"].items()}
+    >>> d = gt.inference.dependencies(J, ["a", "b", "sum"], keep=["a", "b"])
+    >>> {name: round(x, 6) for name, x in d.coefficients["sum"].items()}
     {'a': 1.0, 'b': 1.0}
-    >>> found.notes
+    >>> d.notes
     ['sum moves with a and b: measure sum, or fix one of them']
     """
     names = tuple(names)
@@ -107,14 +107,14 @@ def dependencies(
     inverse = np.linalg.pinv(R[:, chosen]) if chosen else np.zeros((0, len(R)))
     sorted_names = [names[k] for k in by_name]
     units = size[by_name]
-    found: dict[str, dict[str, float]] = {}
+    coefficients: dict[str, dict[str, float]] = {}
     for d in range(len(names)):
         if d not in chosen:
             c = inverse @ R[:, d]
             least = NOTHING * np.abs(c).max(initial=0.0)
-            found[sorted_names[d]] = {
+            coefficients[sorted_names[d]] = {
                 sorted_names[i]: float(v * units[i] / units[d])
                 for i, v in zip(chosen, c, strict=True)
                 if abs(v) > max(least, tolerance)
             } if np.linalg.norm(R[:, d]) > tolerance * longest else {}  # fmt: skip
-    return Dependencies(tuple(sorted_names[i] for i in chosen), found)
+    return Dependencies(tuple(sorted_names[i] for i in chosen), coefficients)

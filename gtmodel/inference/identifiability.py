@@ -45,8 +45,8 @@ class Identifiability:
     `tolerance` of the largest, `ranks` has the count for other tolerances. `null` are the directions that the data do
     not determine, `near` those that they determine no better than the scales did. `std` (n,) and `covariance` (n, n)
     hold for the stated noise, in the parameters' units; `std` is infinite for what moves along the null space.
-    `told_by` (n,) is the share of each parameter's direction that lies in the identifiable space, 0..1. `indices` are
-    the observability indices.
+    `determined_by` (n,) is the share of each parameter's direction that lies in the identifiable space, 0..1.
+    `indices` are the observability indices.
     """
 
     names: tuple[str, ...]
@@ -60,7 +60,7 @@ class Identifiability:
     dependencies: Dependencies
     std: np.ndarray
     covariance: np.ndarray
-    told_by: np.ndarray
+    determined_by: np.ndarray
     indices: Observability
     known_noise: bool
 
@@ -70,7 +70,7 @@ class Identifiability:
         return len(self.names) - self.rank
 
     @property
-    def told(self) -> int:
+    def determined(self) -> int:
         """How many parameters, or combinations of them, are determined better than they were known: those within the
         rank that are not `near`."""
         return self.rank - len(self.near)
@@ -83,7 +83,7 @@ class Identifiability:
             said.append(f"{len(self.near)} no better than they were known")
         if self.redundant:
             said.append(f"{self.redundant} not at all")
-        return ", ".join([f"{self.told} of {n} parameters or combinations are told", *said])
+        return ", ".join([f"{self.determined} of {n} parameters or combinations are determined", *said])
 
     @property
     def condition(self) -> float:
@@ -113,10 +113,10 @@ class Identifiability:
         lines += self.dependencies.notes
         for d in self.near:
             lines.append(
-                f"{listed(tuple(d.weights))} are told no better than they were known: their combination {d} has a "
-                f"standard deviation of {d.std:.3g} expected sizes"
+                f"{listed(tuple(d.weights))} are determined no better than they were known: their combination {d} has "
+                f"a standard deviation of {d.std:.3g} expected sizes"
                 if len(d.weights) > 1
-                else f"{next(iter(d.weights))} is told no better than it was known: its standard deviation is "
+                else f"{next(iter(d.weights))} is determined no better than it was known: its standard deviation is "
                 f"{d.std:.3g} expected sizes"
             )
         return lines
@@ -124,9 +124,10 @@ class Identifiability:
     def __str__(self) -> str:
         width = max(len(n) for n in self.names)
         rows = [
-            f"{n:{width}s}  {s:10.3g}  {t:6.3f}" for n, s, t in zip(self.names, self.std, self.told_by, strict=True)
+            f"{n:{width}s}  {s:10.3g}  {t:6.3f}"
+            for n, s, t in zip(self.names, self.std, self.determined_by, strict=True)
         ]
-        return "\n".join([*self.notes, str(self.indices), f"{'':{width}s}  {'std':>10s}  {'told':>6s}", *rows])
+        return "\n".join([*self.notes, str(self.indices), f"{'':{width}s}  {'std':>10s}  {'share':>6s}", *rows])
 
 
 def identifiability(
@@ -153,10 +154,10 @@ def identifiability(
 
     >>> time = np.linspace(0.0, 1.0, 20)  # y = offset + drift * time + bias, noise 0.1
     >>> J = np.column_stack([np.ones(20), time, np.ones(20)]) / 0.1
-    >>> found = gt.inference.identifiability(J, ["offset", "drift", "bias"])
-    >>> found.rank, found.redundant, found.std.round(3)
+    >>> i = gt.inference.identifiability(J, ["offset", "drift", "bias"])
+    >>> i.rank, i.redundant, i.std.round(3)
     (2, 1, array([  inf, 0.074,   inf]))
-    >>> str(found.null[0])
+    >>> str(i.null[0])
     '+1 bias -1 offset'
     """
     J, names = np.asarray(J, float), tuple(names)

@@ -24,8 +24,8 @@ class Spectrum:
     @property
     def inverse(self) -> np.ndarray:
         """Pseudo-inverse of the information of the scaled parameters (n, n)."""
-        told = self.V[:, : self.rank] / self.singular[: self.rank]
-        return told @ told.T
+        within = self.V[:, : self.rank] / self.singular[: self.rank]
+        return within @ within.T
 
     @property
     def null(self) -> np.ndarray:

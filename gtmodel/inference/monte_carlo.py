@@ -57,8 +57,8 @@ def monte_carlo(
 
     >>> def run(rng, k):
     ...     return rng.normal()
-    >>> found = gt.inference.monte_carlo(run, 3, seed=1, processes=0)
-    >>> found.indices, np.round(found.results, 2)
+    >>> ended = gt.inference.monte_carlo(run, 3, seed=1, processes=0)
+    >>> ended.indices, np.round(ended.results, 2)
     ((0, 1, 2), array([-0.64,  2.49,  1.44]))
     """
     if runs < 1:
@@ -76,9 +76,9 @@ def monte_carlo(
         pool = ProcessPoolExecutor(count, multiprocessing.get_context("spawn"), _follow_the_parent)
         whole = False
         try:
-            found = _handed_out(pool, count, task, seeds, seed, progress, interrupted)
-            whole = not found.interrupted
-            return found
+            ended = _handed_out(pool, count, task, seeds, seed, progress, interrupted)
+            whole = not ended.interrupted
+            return ended
         finally:
             if not whole:  # a run at work has no other end; Python 3.14 has terminate_workers() for this
                 for process in list((pool._processes or {}).values()):
@@ -88,19 +88,19 @@ def monte_carlo(
 
 def _here(task: Task, seeds: list[np.random.SeedSequence], seed: int, progress: Callable[[int, int], object] | None,
           interrupted: Callable[[], bool] | None) -> MonteCarlo:  # fmt: skip
-    found: dict[int, Any] = {}
+    results: dict[int, Any] = {}
     stopped = False
     try:
         for k, s in enumerate(seeds):
             if interrupted is not None and interrupted():
                 stopped = True
                 break
-            found[k] = _named(k, lambda k=k, s=s: _run(task, s, k))
+            results[k] = _named(k, lambda k=k, s=s: _run(task, s, k))
             if progress is not None:
-                progress(len(found), len(seeds))
+                progress(len(results), len(seeds))
     except KeyboardInterrupt:
         stopped = True
-    return MonteCarlo(tuple(found.values()), tuple(found), len(seeds), seed, stopped)
+    return MonteCarlo(tuple(results.values()), tuple(results), len(seeds), seed, stopped)
 
 
 def _handed_out(
@@ -112,7 +112,7 @@ def _handed_out(
     progress: Callable[[int, int], object] | None,
     interrupted: Callable[[], bool] | None,
 ) -> MonteCarlo:
-    found: dict[int, Any] = {}
+    results: dict[int, Any] = {}
     waiting: dict[Future[Any], int] = {}
     rest = iter(enumerate(seeds))
     stopped = False
@@ -127,9 +127,9 @@ def _handed_out(
             done, _ = wait(waiting, timeout=LOOK, return_when=FIRST_COMPLETED)
             for future in sorted(done, key=lambda f: waiting[f]):
                 k = waiting.pop(future)
-                found[k] = _named(k, future.result)
+                results[k] = _named(k, future.result)
                 if progress is not None:
-                    progress(len(found), len(seeds))
+                    progress(len(results), len(seeds))
             if interrupted is not None and interrupted():
                 stopped = True
                 break
@@ -138,8 +138,8 @@ def _handed_out(
     finally:
         for future in waiting:
             future.cancel()
-    indices = tuple(sorted(found))
-    return MonteCarlo(tuple(found[k] for k in indices), indices, len(seeds), seed, stopped)
+    indices = tuple(sorted(results))
+    return MonteCarlo(tuple(results[k] for k in indices), indices, len(seeds), seed, stopped)
 
 
 def _run(task: Task, seed: np.random.SeedSequence, k: int) -> Any:

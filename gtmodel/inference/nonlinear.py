@@ -98,14 +98,14 @@ def nonlinear_fit(
                 limit=limit)  # fmt: skip
     if not d.status.ok:
         return NonlinearFit(**vars(d))
-    told = make_estimate(
+    estimate = make_estimate(
         d.x, d.r, d.J, names, size, np.ones(len(x), bool), P, w.known, units=tuple(units),
         hold_undetermined=hold_undetermined, rank_tolerance=rank_tolerance,
     )  # fmt: skip
-    if loss != "linear" and told.degrees_of_freedom:
-        factor = loss_named(loss).variance_factor(d.r, width, told.degrees_of_freedom)
-        told = replace(told, covariance=told.covariance / (1.0 if w.known else told.noise**2) * factor)
-    return NonlinearFit(**vars(d), estimate=told)
+    if loss != "linear" and estimate.degrees_of_freedom:
+        factor = loss_named(loss).variance_factor(d.r, width, estimate.degrees_of_freedom)
+        estimate = replace(estimate, covariance=estimate.covariance / (1.0 if w.known else estimate.noise**2) * factor)
+    return NonlinearFit(**vars(d), estimate=estimate)
 
 
 def descend(
@@ -155,18 +155,18 @@ def descend(
         right = np.concatenate([r * weight, P @ x - p if len(P) else np.zeros(0)])
         Q, R = np.linalg.qr(rows) if len(rows) > n else (np.eye(len(rows)), rows)
         U, s, Vt = np.linalg.svd(R, full_matrices=False)
-        told = s > rank_tolerance * s[0]
-        projected = (U.T @ (Q.T @ right))[told]
-        if not told.any():
+        within = s > rank_tolerance * s[0]
+        projected = (U.T @ (Q.T @ right))[within]
+        if not within.any():
             return ended(SolveStatus.SOLVED, "nothing measured moves with the parameters")
-        least = DAMPING * float(s[told][-1] / s[0]) ** 2
-        full = float(np.linalg.norm(projected / s[told]))  # of the undamped step, in units of the scales
+        least = DAMPING * float(s[within][-1] / s[0]) ** 2
+        full = float(np.linalg.norm(projected / s[within]))  # of the undamped step, in units of the scales
         reach = 1 + float(np.linalg.norm(x / scale)) if len(x) == n else 1.0
         flat = float(np.linalg.norm(projected)) <= LEVEL * np.linalg.norm(right)
         if flat and full >= before:  # the last digits no longer settle
             return ended(SolveStatus.SOLVED, f"arrived after {iterations} iterations")
         while True:
-            step = -Vt[told].T @ (projected * s[told] / (s[told] ** 2 + damping * s[0] ** 2)) * scale
+            step = -Vt[within].T @ (projected * s[within] / (s[within] ** 2 + damping * s[0] ** 2)) * scale
             trial = x + step
             r_new, J_new, cost_new = at(trial)
             evaluations += 1

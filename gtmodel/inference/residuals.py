@@ -187,9 +187,9 @@ def cross_validation(
     if len(parts) < 2:
         raise ArgumentError("cross-validation needs at least two parts: one to fit and one to hold out")
     every = np.sort(np.concatenate(parts))
-    found = np.concatenate([np.asarray(errors(fit(np.setdiff1d(every, part)), part)).reshape(-1) for part in parts])
+    outside = np.concatenate([np.asarray(errors(fit(np.setdiff1d(every, part)), part)).reshape(-1) for part in parts])
     inside = np.asarray(errors(fit(every), every)).reshape(-1)
-    return CrossValidation(found, float(np.sqrt(np.mean(inside**2))), len(parts))
+    return CrossValidation(outside, float(np.sqrt(np.mean(inside**2))), len(parts))
 
 
 def contiguous(n: int, folds: int) -> list[np.ndarray]:

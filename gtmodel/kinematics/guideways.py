@@ -64,14 +64,14 @@ class GuidewayFit:
             "along_": np.abs(self.along),
             "across_": np.linalg.norm(self.across, axis=1),
         }
-        found: dict[str, float] = {}
+        statistics: dict[str, float] = {}
         for name, size in sizes.items():
-            found |= {
+            statistics |= {
                 f"{name}mean": float(np.mean(size)),
                 f"{name}std": float(np.std(size, ddof=1)),
                 f"{name}max": float(np.max(size)),
             }
-        return found
+        return statistics
 
     def modifiers(self, R: np.ndarray | None = None) -> dict[str, np.ndarray]:
         """`at` (k,) and `deviation` (k, 3) for PiecewiseLinearGuideway or SplineGuideway: q sorted, and e there.

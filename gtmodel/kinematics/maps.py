@@ -33,9 +33,9 @@ class MotionMaps:
 
     def __init__(self, model: Model, known: str, target: str, branches: Mapping[str, int] | None = None) -> None:
         self.position: CausalFunction = compile_causal(model, known, target, branches=branches)
-        found = [s.name for s in self.position.inputs]
-        if found != [known]:
-            raise ModelError(f"'{target}' does not follow from '{known}' alone; it needs {', '.join(found)}")
+        names = [s.name for s in self.position.inputs]
+        if names != [known]:
+            raise ModelError(f"'{target}' does not follow from '{known}' alone; it needs {', '.join(names)}")
         self._known = known
         self._second = compile_causal(model, known, f"der({target},2)", branches=branches)
 

@@ -82,17 +82,17 @@ def mechanism_of(model: Model, home: Array | None = None, offsets: Array | None 
         )
     inverse = InverseKinematics(function, offsets)
     T = np.asarray(getattr(model, "home", np.zeros(3)) if home is None else home, dtype=float)
-    found = inverse(T[None])
-    if found.status[0] != Status.OK:
+    solution = inverse(T[None])
+    if solution.status[0] != Status.OK:
         shown = ", ".join(f"{x:g}" for x in T)
         raise ArgumentError(f"the home pose ({shown}) m cannot be reached: {function.diagnose(T)}", "home")
     expressions = [flat.bindings[f"{name}.{key}"] for key in ("A", "v") for name in names]
     lengths = [flat.bindings[f"{name}.rod.L"] for name in names]
     values = ca.Function("p", [flat.p], [ca.horzcat(*expressions), ca.vertcat(*lengths)])(flat.p0)
     A, v = np.split(np.array(values[0]).T, 2)
-    ends = found.b[0] if offsets is None else found.b[0] - offsets
+    ends = solution.b[0] if offsets is None else solution.b[0] - offsets
     return Mechanism(
-        model, inverse, found, A, v, np.array(values[1]).ravel(), np.linalg.norm(ends - T, axis=1),
+        model, inverse, solution, A, v, np.array(values[1]).ravel(), np.linalg.norm(ends - T, axis=1),
         _symbols(lengths, function.parameter_names),
     )  # fmt: skip
 

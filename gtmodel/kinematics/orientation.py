@@ -145,8 +145,8 @@ def orientation_map(
         raise ValueError(f"expected points of shape (..., 3); found {T.shape}")
     others = [joints] if isinstance(joints, str) else list(joints)
     f = compile_causal(model, known, [orientation, *others], branches=branches)
-    found, *_, status = f(T.reshape(-1, 3))
-    return OrientationMap(T, matrices(found).reshape(*T.shape[:-1], 3, 3), np.asarray(status).reshape(T.shape[:-1]))
+    rotations, *_, status = f(T.reshape(-1, 3))
+    return OrientationMap(T, matrices(rotations).reshape(*T.shape[:-1], 3, 3), np.asarray(status).reshape(T.shape[:-1]))
 
 
 def _range(angles: np.ndarray) -> np.ndarray:

@@ -37,11 +37,11 @@ class Section:
     @property
     def names(self) -> tuple[str, str]:
         """Of the coordinates: x, y or z where a direction is that of an axis, otherwise u and v."""
-        found = []
+        names = []
         for letter, d in zip("uv", (self.across, self.up), strict=True):
             k = int(np.argmax(d))
-            found.append("xyz"[k] if d[k] > 1.0 - AXIS else letter)
-        return found[0], found[1]
+            names.append("xyz"[k] if d[k] > 1.0 - AXIS else letter)
+        return names[0], names[1]
 
     def points(self, uv: Array, along: float | Array = 0.0) -> Array:
         """Points (n, 3) [m] of plane coordinates uv (n, 2), moved by `along` [m] along the normal."""
@@ -95,10 +95,10 @@ def section_of(
 ) -> Section:
     """The section across a robot's guideways through a point, or at `along` [m]. Raises ArgumentError."""
     try:
-        found = across_guideways(anchors, directions, through.tolist(), up)
+        section = across_guideways(anchors, directions, through.tolist(), up)
     except ValueError as error:
         raise ArgumentError(str(error), "robot") from error
-    return found if along is None else replace(found, origin=along * found.normal)
+    return section if along is None else replace(section, origin=along * section.normal)
 
 
 def across_guideways(anchors: Array, directions: Array, through: Sequence[float], up: Sequence[float] = UP) -> Section:

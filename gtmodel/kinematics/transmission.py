@@ -179,14 +179,16 @@ def cyclic_term(fit: GuidewayFit, periods: tuple[float, float] | None = None) ->
     reach = 1 / span
     low, high = [-np.inf] * 4 + [f0 - reach], [np.inf] * 4 + [f0 + reach]
     try:
-        found, covariance = curve_fit(model, q, e / size, [*start, f0], bounds=(low, high), x_scale=[1, 1, 1, 1, reach])
+        fitted, covariance = curve_fit(
+            model, q, e / size, [*start, f0], bounds=(low, high), x_scale=[1, 1, 1, 1, reach]
+        )
     except RuntimeError:  # sine and cosine grow against each other: few points, about two per period
-        found, covariance = np.array([*start, f0]), np.diag(np.full(5, np.inf))
-    sine, cosine, f = size * found[2], size * found[3], found[4]
+        fitted, covariance = np.array([*start, f0]), np.diag(np.full(5, np.inf))
+    sine, cosine, f = size * fitted[2], size * fitted[3], fitted[4]
     amplitude = float(np.hypot(sine, cosine))
     gradient = size * np.array([sine, cosine]) / max(amplitude, 1e-300)
-    told = bool(np.all(np.isfinite(covariance)))
-    amplitude_error = float(np.sqrt(gradient @ covariance[2:4, 2:4] @ gradient)) if told else np.inf
+    determined = bool(np.all(np.isfinite(covariance)))
+    amplitude_error = float(np.sqrt(gradient @ covariance[2:4, 2:4] @ gradient)) if determined else np.inf
     aliases = _aliases(float(f), places)
     return CyclicTerm(
         float(1 / f), float(np.sqrt(covariance[4, 4]) / f**2), amplitude, amplitude_error, float(sine), float(cosine),

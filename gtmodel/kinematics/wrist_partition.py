@@ -36,7 +36,7 @@ class InverseBranches:
         """All joint angles (k, 6) of one pose within limits (6, 2) [rad], each branch in all its turns of 360 degrees,
         and the branch (k,) that each belongs to; empty where the limits leave none."""
         low, high = np.asarray(limits, float).reshape(6, 2).T
-        found, branches = [], []
+        rows, branches = [], []
         for branch, angles in enumerate(self.q[pose]):
             if not np.all(np.isfinite(angles)):
                 continue
@@ -44,11 +44,11 @@ class InverseBranches:
             last = np.floor((high + ON_LIMIT - angles) / (2 * np.pi))
             turns = [np.arange(a, b + 1) for a, b in zip(first, last, strict=True)]
             grid = np.stack(np.meshgrid(*turns, indexing="ij"), axis=-1).reshape(-1, 6)
-            found.append(angles + 2 * np.pi * grid)
+            rows.append(angles + 2 * np.pi * grid)
             branches.append(np.full(len(grid), branch))
-        if not found:
+        if not rows:
             return np.zeros((0, 6)), np.zeros(0, int)
-        return np.concatenate(found), np.concatenate(branches)
+        return np.concatenate(rows), np.concatenate(branches)
 
 
 @dataclass(frozen=True)

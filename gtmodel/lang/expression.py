@@ -93,8 +93,10 @@ class Expr:
             raise ModelError(f"a scalar cannot be indexed by {index}", here())
         rows, *more = index if isinstance(index, tuple) else (index,)
         if len(more) >= len(self.shape):
-            found = f"{1 + len(more)} indices {index}"
-            raise IndexRangeError(f"an expression of shape {self.shape} takes {len(self.shape)}; found {found}", here())
+            indices = f"{1 + len(more)} indices {index}"
+            raise IndexRangeError(
+                f"an expression of shape {self.shape} takes {len(self.shape)}; found {indices}", here()
+            )
         places = [_places(k, n, self.shape) for k, n in zip((rows, *more), self.shape, strict=False)]
         shape = tuple(len(p) for p in places if isinstance(p, list)) + self.shape[len(places) :]
         row, column = (*places, slice(None))[:2]

@@ -112,7 +112,7 @@ def norm(x: Any) -> Any:
 
 
 def absolute(x: Any) -> Any:
-    """Absolute value, elementwise, in the same unit. Its derivative jumps at zero.
+    """Absolute value, elementwise, in the same unit. Its derivative is discontinuous at zero.
 
     >>> m = gt.Builder()
     >>> gt.absolute(m.variable("x", unit="m"))
@@ -126,8 +126,8 @@ def absolute(x: Any) -> Any:
 def sign(x: Any) -> Any:
     """Sign, elementwise and without a unit: -1, 0 or 1.
 
-    It is for identification with data away from zero. Simulation refuses the sign of what moves, because its jump makes
-    integrators fail or return wrong answers; gt.tanh(x / width) is smooth.
+    It is for identification with data away from zero. Simulation refuses the sign of what moves, because its
+    discontinuity makes integrators fail or return wrong answers; gt.tanh(x / width) is smooth.
 
     >>> m = gt.Builder()
     >>> speed = m.variable("speed", unit="m/s")
@@ -266,7 +266,7 @@ def _pair(a: Any, b: Any, fun: Callable[[Any, Any], Any], numeric: Any, name: st
 
 
 def minimum(a: Any, b: Any) -> Any:
-    """Smaller of two expressions of equal unit, elementwise. Its derivative jumps where both are equal.
+    """Smaller of two expressions of equal unit, elementwise. Its derivative is discontinuous where both are equal.
 
     Raises ModelError for other units or shapes.
 
@@ -278,7 +278,7 @@ def minimum(a: Any, b: Any) -> Any:
 
 
 def maximum(a: Any, b: Any) -> Any:
-    """Larger of two expressions of equal unit, elementwise. Its derivative jumps where both are equal.
+    """Larger of two expressions of equal unit, elementwise. Its derivative is discontinuous where both are equal.
 
     Raises ModelError for other units or shapes.
 
@@ -307,7 +307,8 @@ def atan2(y: Any, x: Any) -> Any:
 
 
 def clip(x: Any, low: float, high: float) -> Any:
-    """x limited to [low, high], elementwise and in the unit of x: a saturation. Its derivative jumps at both limits.
+    """x limited to [low, high], elementwise and in the unit of x: a saturation. Its derivative is discontinuous at
+    both limits.
 
     >>> m = gt.Builder()
     >>> gt.clip(m.variable("force", unit="N"), -700, 700)

@@ -102,14 +102,14 @@ class Delayed(Variable):
         """Value at a time [s] before the start of the horizon."""
         value: Any = self.history(time) if callable(self.history) else self.history
         try:
-            found = float(value)
+            number = float(value)
         except (TypeError, ValueError):
-            found = np.nan
-        if not np.isfinite(found):
+            number = np.nan
+        if not np.isfinite(number):
             raise ModelError(
                 f"the history of '{self.name}' is a finite number at {time:g} s; found {value!r}", self.where
             )
-        return found
+        return number
 
 
 def delayed(source: Any, tau: float, *, history: Any) -> Any:

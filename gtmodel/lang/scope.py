@@ -84,8 +84,8 @@ class Scope:
         return self._symbols[key][1]
 
     def _search(self, expression: ca.SX) -> tuple[tuple[int, int], ...]:
-        found = (self._owner.get(s.element_hash()) for s in ca.symvar(expression))
-        return tuple(sorted(pair for pair in found if pair is not None))
+        owners = (self._owner.get(s.element_hash()) for s in ca.symvar(expression))
+        return tuple(sorted(pair for pair in owners if pair is not None))
 
     def derivative(self, expression: ca.SX) -> ca.SX:
         """Total time derivative of an expression, by the chain rule over all chain symbols in it."""

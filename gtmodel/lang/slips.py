@@ -69,8 +69,8 @@ def floats(value: Any) -> np.ndarray:
     """Numbers as an array of floats. Raises TypeError for a text, also one that looks like a number, and for none."""
     if isinstance(value, (float, int)):
         return np.asarray(value, dtype=float)
-    found = np.asarray(value)
-    if found.dtype.kind in "USMm" or (found.dtype.kind == "O" and any(isinstance(x, str) for x in found.flat)):
+    array = np.asarray(value)
+    if array.dtype.kind in "USMm" or (array.dtype.kind == "O" and any(isinstance(x, str) for x in array.flat)):
         raise TypeError("a text is no number")
     return np.asarray(value, dtype=float)
 
@@ -157,10 +157,10 @@ def _persons_frames(error: BaseException) -> list[traceback.FrameSummary]:
 
 def _of_self(error: BaseException) -> dict[str, Any]:
     """What the model declares in whose method the fault is."""
-    found: dict[str, Any] = {}
+    declared: dict[str, Any] = {}
     for frame, _ in traceback.walk_tb(error.__traceback__):
-        found = getattr(type(frame.f_locals.get("self")), "_declared", found)
-    return found
+        declared = getattr(type(frame.f_locals.get("self")), "_declared", declared)
+    return declared
 
 
 def _explained(error: Exception) -> str:

@@ -153,7 +153,7 @@ _RADIAN_SYMBOLS = {"rad", "deg", "urad", "rpm"}
 
 
 @dataclass(frozen=True)
-class Unit:
+class ParsedUnit:
     """What `parse_unit` read.
 
     text      : the text as written, stripped; ``"1"`` when it was empty.
@@ -184,7 +184,7 @@ class Unit:
         """The same unit with every scaled symbol replaced by its SI symbol: ``"N.mm"`` -> ``"N.m"``."""
         if self.text in _SCALED:
             return _SCALED[self.text].si
-        return re.sub(r"[A-Za-z]+", lambda found: _si_symbol(found.group()), self.text)
+        return re.sub(r"[A-Za-z]+", lambda match: _si_symbol(match.group()), self.text)
 
 
 def _si_symbol(symbol: str) -> str:
@@ -248,16 +248,16 @@ class _Reader:
 
     def factor(self) -> _Value:
         self.skip_spaces()
-        if found := _SYMBOL.match(self.text, self.at):
-            value = self.symbol(found.group())
-            self.at = found.end()
-        elif found := _NUMBER.match(self.text, self.at):
-            if found.group() != "1":
+        if match := _SYMBOL.match(self.text, self.at):
+            value = self.symbol(match.group())
+            self.at = match.end()
+        elif match := _NUMBER.match(self.text, self.at):
+            if match.group() != "1":
                 raise UnitError(
-                    f"unit {self.text!r} holds the number {found.group()}; the only number that may stand "
+                    f"unit {self.text!r} holds the number {match.group()}; the only number that may stand "
                     "alone is 1, as in '1/s': put factors into the value"
                 )
-            self.at = found.end()
+            self.at = match.end()
             return _Value(DIMENSIONLESS)
         elif self.text.startswith("(", self.at):
             self.at += 1
@@ -267,12 +267,12 @@ class _Reader:
             self.at += 1
         else:
             self.fail_here()
-        if found := _POWER.match(self.text, self.at):
-            self.at = found.end()
-            below = int(found["below"] or 1)
+        if match := _POWER.match(self.text, self.at):
+            self.at = match.end()
+            below = int(match["below"] or 1)
             if below == 0:
                 raise UnitError(f"unit {self.text!r} has a power with denominator 0; write a fraction such as '^(1/2)'")
-            value = self.power(value, Fraction(int(found["whole"] or found["above"]), below))
+            value = self.power(value, Fraction(int(match["whole"] or match["above"]), below))
         return value
 
     def symbol(self, symbol: str) -> _Value:
@@ -329,15 +329,15 @@ SECOND = _BASE["s"]
 
 
 @functools.lru_cache(maxsize=1024)
-def _parse(text: str) -> Unit:
+def _parse(text: str) -> ParsedUnit:
     value = _Reader(text).read() if text else _Value(DIMENSIONLESS)
     bits = max(value.factor.numerator.bit_length(), value.factor.denominator.bit_length()) + 2 * abs(value.pi_power)
     if bits > MAX_SCALE_BITS:
         raise UnitError(f"unit {text!r} has a scale outside the range of a double; use smaller powers")
-    return Unit(text or "1", value.dimension, value.factor, value.pi_power)
+    return ParsedUnit(text or "1", value.dimension, value.factor, value.pi_power)
 
 
-def parse_unit(text: str) -> Unit:
+def parse_unit(text: str) -> ParsedUnit:
     """Read a unit text, SI or scaled.
 
     Symbols: kg m s A K mol cd rad, N Pa J W V Ohm F H Hz C Wb T, and with a scale um mm km us ms min g deg
@@ -355,7 +355,7 @@ def parse_unit(text: str) -> Unit:
     return _parse(text)
 
 
-def si_unit(text: str) -> Unit:
+def si_unit(text: str) -> ParsedUnit:
     """Read a unit text that must be SI, as declarations of the language do.
 
     Raises UnitError as `parse_unit` does, and when the scale is not one, naming the SI unit to use instead.
@@ -405,7 +405,7 @@ def convert(value: Any, from_unit: str, to_unit: str) -> Any:
     return value * math.pi**pi_power if pi_power else value
 
 
-def _counts_cycles(unit: Unit, other: Unit) -> bool:
+def _counts_cycles(unit: ParsedUnit, other: ParsedUnit) -> bool:
     if _holds(unit, {"Hz"}):
         return True
     kg, m, seconds, *others = unit.dimension.exponents
@@ -413,5 +413,5 @@ def _counts_cycles(unit: Unit, other: Unit) -> bool:
     return frequency and (not unit.is_si or _holds(other, {"rpm"}))
 
 
-def _holds(unit: Unit, symbols: set[str]) -> bool:
+def _holds(unit: ParsedUnit, symbols: set[str]) -> bool:
     return not symbols.isdisjoint(_SYMBOL.findall(unit.text))

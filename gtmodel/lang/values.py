@@ -65,8 +65,8 @@ def check_parameter(
         if limit is not None and np.any(outside(array, limit)):
             raise refused(f"must be {words} {by_name}{limit}")
     if item.kind is not None and (fault := _KINDS[item.kind](array)) is not None:
-        expected, found, what_to_do = fault
-        raise refused(expected, f", {found}", f"; {what_to_do}")
+        expected, misfit, what_to_do = fault
+        raise refused(expected, f", {misfit}", f"; {what_to_do}")
     return array
 
 
@@ -94,8 +94,8 @@ def _rotation(R: np.ndarray) -> Fault | None:
     expected = "must be a rotation"
     error = float(np.max(np.abs(R.T @ R - np.eye(3))))
     if error > PRINTED_LENGTH:
-        found = f"whose columns are not of length 1 and at right angles: R'R is off by {error:.3g}"
-        return expected, found, "give the nearest rotation, U V' of its singular value decomposition"
+        misfit = f"whose columns are not of length 1 and at right angles: R'R is off by {error:.3g}"
+        return expected, misfit, "give the nearest rotation, U V' of its singular value decomposition"
     if np.linalg.det(R) < 0:
         return expected, "a reflection: its determinant is -1", "change the sign of one axis"
     return None
@@ -106,8 +106,8 @@ def _unit(u: np.ndarray) -> Fault | None:
     k = int(np.argmax(np.abs(lengths - 1)))
     if abs(lengths[k] ** 2 - 1) <= PRINTED_LENGTH:
         return None
-    found = f"{'' if u.ndim == 1 else f'row {k} '}of length {lengths[k]:.6g}"
-    return "must have length 1", found, "divide it by its length" if lengths[k] else "give another"
+    misfit = f"{'' if u.ndim == 1 else f'row {k} '}of length {lengths[k]:.6g}"
+    return "must have length 1", misfit, "divide it by its length" if lengths[k] else "give another"
 
 
 def _direction(v: np.ndarray) -> Fault | None:
@@ -122,8 +122,8 @@ def _semidefinite(K: np.ndarray) -> Fault | None:
     expected, largest = "must be symmetric and positive semidefinite", float(np.max(np.abs(K)))
     skew = float(np.max(np.abs(K - K.T)))
     if skew > PRINTED_ENTRY * largest:
-        found = f"whose transpose differs by {skew:.3g}"
-        return expected, found, "check the signs beside the diagonal, or give the mean of both"
+        misfit = f"whose transpose differs by {skew:.3g}"
+        return expected, misfit, "check the signs beside the diagonal, or give the mean of both"
     least = float(np.linalg.eigvalsh((K + K.T) / 2)[0])
     if least < -PRINTED_ENTRY * largest:
         return expected, f"with the eigenvalue {least:.4g}", "check its signs and units"

@@ -36,8 +36,8 @@ def lines_of(path: Path, header: str) -> tuple[Line, list[Line]]:
     for sign, word in ((";", "semicolons"), ("\t", "tabs"), ("|", "bars")):
         if "," not in first and sign in first:
             raise ArgumentError(f"{path.name} line {number}: the columns are separated by {word}; save it with commas")
-    found = [(n, _cells(line, f"{path.name} line {n}")) for n, line in kept]
-    return found[0], found[1:]
+    cells = [(n, _cells(line, f"{path.name} line {n}")) for n, line in kept]
+    return cells[0], cells[1:]
 
 
 def number(cell: str) -> float:

@@ -78,8 +78,10 @@ class CsvTable(Heads):
             raise ArgumentError(f"{path.name} has a header but no rows")
         for n, row in rows:
             if len(row) != len(cells):
-                found = f"{path.name} line {n}: found {len(row)} cells"
-                raise ArgumentError(f"{found}; expected {len(cells)}, one for each column of the header")
+                raise ArgumentError(
+                    f"{path.name} line {n}: found {len(row)} cells; expected {len(cells)}, "
+                    "one for each column of the header"
+                )
         self.file, self.lines, self._rows = path.name, np.array([n for n, _ in rows]), [row for _, row in rows]
 
     def texts(self, name: str) -> list[str]:
@@ -89,16 +91,16 @@ class CsvTable(Heads):
 
     def numbers(self, name: str, *, gaps: bool = False) -> np.ndarray:
         """The numbers of a column as written; with `gaps` an empty cell is NaN, and no number need be finite."""
-        found = np.empty(len(self.lines))
+        values = np.empty(len(self.lines))
         for k, (line, cell) in enumerate(zip(self.lines, self.texts(name), strict=True)):
             where = f"{self.file} line {line}, column '{name}'"
             try:
-                found[k] = number(cell) if cell else np.nan
+                values[k] = number(cell) if cell else np.nan
             except ValueError:
                 expected = "a number, or nothing for none" if gaps else "a number"
                 raise ArgumentError(f"{where}: found '{cell}'; expected {expected}") from None
-            if not (gaps or np.isfinite(found[k])):
+            if not (gaps or np.isfinite(values[k])):
                 raise ArgumentError(
                     f"{where}: found {cell or 'nothing'}; a row needs all its numbers, take the line out"
                 )
-        return found
+        return values

@@ -85,9 +85,9 @@ class ZeroPhase:
             return np.zeros((0, *rows.shape[1:]))
         first = len(weights) - 1  # of the full convolution without missing rows; upfirdn gives multiples of `every`
         late = -first % every
-        found = upfirdn(np.concatenate([np.zeros(late), weights]), rows, 1, every, axis=0)
+        filtered = upfirdn(np.concatenate([np.zeros(late), weights]), rows, 1, every, axis=0)
         begin = (first + late) // every
-        return np.asarray(found[begin : begin + count])
+        return np.asarray(filtered[begin : begin + count])
 
     def _sections(self, sample_time: float) -> Array:
         half = 0.5 / sample_time
@@ -270,8 +270,8 @@ def moving(velocity: Array, sample_time: float, step: float, steps: float = 3.0)
 
     Returns `Moving`: the rows (n,) as booleans, the threshold, and the share that is dropped.
 
-    >>> found = gt.measurements.moving(np.array([0.0, 0.01, -0.2]), sample_time=0.004, step=1e-5)
-    >>> found.rows.tolist(), round(found.threshold, 6)  # m/s
+    >>> kept = gt.measurements.moving(np.array([0.0, 0.01, -0.2]), sample_time=0.004, step=1e-5)
+    >>> kept.rows.tolist(), round(kept.threshold, 6)  # m/s
     ([False, True, True], 0.0075)
     """
     threshold = steps * step / sample_time

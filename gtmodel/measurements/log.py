@@ -13,7 +13,7 @@ import numpy as np
 from ..lang.units import UnitError, convert, parse_unit
 from ..results.refusal import ArgumentError
 from ..results.trajectory import Trajectory
-from ..results.trajectory_csv import Header, Table, check_increasing, read_table
+from ..results.trajectory_csv import Header, TrajectoryCsv, check_increasing, read_table
 from ..results.trajectory_errors import Array, TrajectoryError
 from ..results.trajectory_files import PathLike
 from .csv_table import Heads
@@ -95,15 +95,15 @@ def read_log(
     """
     _check_units(columns, time)
     wanted = {"time": time, **columns}
-    found = _from_mat(path, wanted, session) if str(path).lower().endswith(".mat") else _from_csv(path, wanted, session)
-    table, names = found
+    read = _from_mat if str(path).lower().endswith(".mat") else _from_csv
+    table, names = read(path, wanted, session)
     values = table.in_si()
     stops = np.flatnonzero(np.diff(values[:, -1])) + 1 if session else np.array([], dtype=int)
     _refuse_scattered(values, stops, table, path, session)
     sessions = []
     for begin, end in pairwise([0, *stops.tolist(), len(values)]):
         rows = slice(begin, end)  # views: logs are large
-        part = Table(table.columns, table.units, table.values[rows], table.lines[rows], table.notes)
+        part = TrajectoryCsv(table.columns, table.units, table.values[rows], table.lines[rows], table.notes)
         label = f"{Path(path).name} {session} {values[begin, -1]:g}" if session else Path(path).name
         check_increasing(values[rows, 0], part, path)
         step = _sample_time(values[rows, 0], str(path), "line", part.lines, sample_time, jitter)
@@ -127,7 +127,9 @@ def _check_units(columns: Mapping[str, Column], time: Column) -> None:
             raise LogError(f"the time is declared in {column.unit}; expected a unit of time such as s or ms")
 
 
-def _from_csv(path: PathLike, wanted: Mapping[str, Column], session: str | None) -> tuple[Table, dict[str, list[int]]]:
+def _from_csv(
+    path: PathLike, wanted: Mapping[str, Column], session: str | None
+) -> tuple[TrajectoryCsv, dict[str, list[int]]]:
     names: dict[str, list[int]] = {}
     return read_table(path, partial(_columns_of, wanted=wanted, session=session, names=names)), names
 
@@ -137,23 +139,25 @@ def _columns_of(
 ) -> Header:
     """The declared columns of a header; where each quantity stands among them goes into `names`."""
     heads = Heads(cells, where)
-    found, units, places = list[str](), list[str](), list[int]()
+    own, units, places = list[str](), list[str](), list[int]()
     try:
         for quantity, column in {**wanted, **({session: Column(session, "1")} if session else {})}.items():
             members = heads.members(column.name)
             if quantity != "time" and quantity in wanted:
-                names[quantity] = list(range(len(found), len(found) + len(members)))
+                names[quantity] = list(range(len(own), len(own) + len(members)))
             for member in members:
                 heads.refuse_other_unit(member, column.unit)
-                found.append(member)
+                own.append(member)
                 units.append(column.unit)
                 places.append(heads.place(member))
     except ArgumentError as error:
         raise LogError(error.message) from error
-    return found, units, places
+    return own, units, places
 
 
-def _from_mat(path: PathLike, wanted: Mapping[str, Column], session: str | None) -> tuple[Table, dict[str, list[int]]]:
+def _from_mat(
+    path: PathLike, wanted: Mapping[str, Column], session: str | None
+) -> tuple[TrajectoryCsv, dict[str, list[int]]]:
     from scipy.io import loadmat
 
     try:
@@ -179,21 +183,23 @@ def _from_mat(path: PathLike, wanted: Mapping[str, Column], session: str | None)
                 "number, so cut the log there or repair it"
             )
         arrays.append(value.astype(float))
-    return Table(columns, units, np.column_stack(arrays), np.arange(1, rows + 1), {}), names
+    return TrajectoryCsv(columns, units, np.column_stack(arrays), np.arange(1, rows + 1), {}), names
 
 
 def _by_columns(data: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Matrices "q" as columns "q[0]", "q[1]", ..."""
-    found: dict[str, np.ndarray] = {}
+    columns: dict[str, np.ndarray] = {}
     for name, value in data.items():
         if value.ndim == 2 and min(value.shape) > 1:
-            found |= {f"{name}[{j}]": value[:, j] for j in range(value.shape[1])}
+            columns |= {f"{name}[{j}]": value[:, j] for j in range(value.shape[1])}
         else:
-            found[name] = value
-    return found
+            columns[name] = value
+    return columns
 
 
-def _refuse_scattered(values: Array, stops: np.ndarray, table: Table, path: PathLike, session: str | None) -> None:
+def _refuse_scattered(
+    values: Array, stops: np.ndarray, table: TrajectoryCsv, path: PathLike, session: str | None
+) -> None:
     seen: list[float] = []
     for k in [0, *stops] if session else []:
         number = float(values[k, -1])

@@ -8,7 +8,7 @@ from itertools import combinations, permutations
 
 def orders(n: int, groups: Sequence[Sequence[int]]) -> list[list[int]]:
     """All orders of groups of three and less, single exchanges within larger ones."""
-    found = []
+    tried = []
     for group in groups:
         if len(group) <= 3:
             trials = [list(p) for p in permutations(group)][1:]
@@ -22,5 +22,5 @@ def orders(n: int, groups: Sequence[Sequence[int]]) -> list[list[int]]:
             order = list(range(n))
             for k, m in zip(group, trial, strict=True):
                 order[k] = m
-            found.append(order)
-    return found
+            tried.append(order)
+    return tried

@@ -60,7 +60,7 @@ class Signal:
             )
 
 
-class Free(NamedTuple):
+class FreeCorrection(NamedTuple):
     """One correction to be estimated; `session` and `component` are None where it holds for all."""
 
     signal: str
@@ -129,28 +129,28 @@ class Corrections:
             return np.zeros(0)
         size = np.array([self._size(free) for free in self.free])
         low, high = self.bounds()
-        found = least_squares(
+        solution = least_squares(
             lambda z: residual(self.apply(z * size)),
             self.start / size,
             jac="3-point",
             bounds=(low / size, high / size),
             x_scale="jac",
         )
-        if not found.success:
-            raise LogError(f"the corrections {', '.join(f.name for f in self.free)} were not found: {found.message}")
-        for free, z, at in zip(self.free, found.x, found.active_mask, strict=True):
+        if not solution.success:
+            raise LogError(f"the corrections {', '.join(f.name for f in self.free)} were not found: {solution.message}")
+        for free, z, at in zip(self.free, solution.x, solution.active_mask, strict=True):
             if at:
                 raise LogError(
                     f"the estimate of {free.name} runs to its bound, {1e3 * z * self._size(free):.3g} ms; "
                     "cut the logs to a common start, or give the delay"
                 )
-        return found.x * size
+        return solution.x * size
 
     def named(self, values: Array) -> dict[str, float]:
         """Free values by name; delays in s."""
         return {free.name: float(x) for free, x in zip(self.free, values, strict=True)}
 
-    def _size(self, free: Free) -> float:
+    def _size(self, free: FreeCorrection) -> float:
         """What is a small change of a value: a sample, a hundredth of the scale or of the signal."""
         if free.what == "delay":
             return min(session.sample_time for session in self.sessions)
@@ -193,7 +193,7 @@ class Corrections:
             return np.full(width, float(given))
         session = k if what in signal.per_session else None
         parts = range(width) if width > 1 else [None]
-        return np.array([values[self._places[Free(name, what, session, part)]] for part in parts])
+        return np.array([values[self._places[FreeCorrection(name, what, session, part)]] for part in parts])
 
 
 _STILL = Signal("", "1")
@@ -249,16 +249,16 @@ def offset_columns(rows: Sequence[int], width: int = 1, *, per_session: bool = T
     return np.kron(np.eye(count)[sessions], np.eye(width)).astype(float)
 
 
-def _free(signals: Mapping[str, Signal], sessions: Sequence[Session]) -> list[Free]:
-    found = []
+def _free(signals: Mapping[str, Signal], sessions: Sequence[Session]) -> list[FreeCorrection]:
+    free = []
     for name, signal in signals.items():
         rows = sessions[0].trajectory[name]
         parts: Sequence[int | None] = [None] if rows.ndim == 1 else range(rows.shape[1])
         for what in ("delay", "scale", "offset"):
             if getattr(signal, what) == ESTIMATE:
                 where: Sequence[int | None] = range(len(sessions)) if what in signal.per_session else [None]
-                found += [Free(name, what, k, part) for k in where for part in parts]
-    return found
+                free += [FreeCorrection(name, what, k, part) for k in where for part in parts]
+    return free
 
 
 def _at(time: Array, rows: Array, wanted: Array, cut: int, delay: float) -> Array:

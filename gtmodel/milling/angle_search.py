@@ -17,7 +17,7 @@ from .task import Place, Task, deflections_of, place_of, refined
 
 
 @dataclass
-class Found:
+class AngleSearch:
     """Everything that the report needs."""
 
     task: Task
@@ -33,7 +33,7 @@ class Found:
     said: list[str] = field(default_factory=list)
 
 
-def search(work: Work, f: Found) -> None:
+def search(work: Work, f: AngleSearch) -> None:
     """Dynamic index of all combinations, refinement and guideline."""
     task, place = f.task, f.place
     dynamics = place.dynamics
@@ -80,7 +80,7 @@ def search(work: Work, f: Found) -> None:
     f.said = guideline(f.findings)
 
 
-def _combinations(work: Work, f: Found, static: int) -> list[tuple[float, float, float]]:
+def _combinations(work: Work, f: AngleSearch, static: int) -> list[tuple[float, float, float]]:
     """Fills `combinations`; gives speed, least index and that of row `static` at the declared place and feed."""
     task = f.task
     s = task.search

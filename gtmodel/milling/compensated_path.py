@@ -9,7 +9,7 @@ import numpy as np
 
 from ..results import Check, Row, at_most
 from ..results.refusal import naming
-from ..results.tables import csv_text
+from ..results.table import csv_text
 from .compensation import Compensation, compensate
 from .deflection import cutting_force, duration
 from .options import PathOffset

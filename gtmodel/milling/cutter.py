@@ -190,21 +190,21 @@ def _stretches(
     angles = np.arcsin(sines[(sines > 0) & (sines < 1)])
     inner = np.unique(np.concatenate([angles, np.pi - angles]))
     edges = np.concatenate([[start], inner[(inner > start) & (inner < end)], [end]])
-    found: list[tuple[float, float, float, float]] = []
+    stretches: list[tuple[float, float, float, float]] = []
     for a, b in pairwise(edges.tolist()):
         chips = feeds * np.sin((a + b) / 2) + offsets
         k = int(np.argmin(chips))
         if chips[k] <= 0:
             continue
         line = (float(feeds[k]), float(offsets[k]))
-        if found and found[-1][1] == a:
+        if stretches and stretches[-1][1] == a:
             # no angle belongs to two stretches
-            before = found.pop()
-            found.append((before[0], b if before[2:] == line else float(np.nextafter(a, 0)), *before[2:]))
+            before = stretches.pop()
+            stretches.append((before[0], b if before[2:] == line else float(np.nextafter(a, 0)), *before[2:]))
             if before[2:] == line:
                 continue
-        found.append((a, b, *line))
-    return found
+        stretches.append((a, b, *line))
+    return stretches
 
 
 def tooth_frequency(speed: float, teeth: int) -> float:

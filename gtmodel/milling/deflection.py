@@ -103,12 +103,12 @@ def deflections(
     F, step = cutting_force(cutter, cut, speed, feed, up=up, seconds=seconds, rate=rate)
     turns = max(1, int((seconds - settle) * speed * (1 + 1e-9)))
     after = len(F) - turns * round(1 / (speed * step))
-    found = np.empty((4, len(oscillators)))
+    rows = np.empty((4, len(oscillators)))
     for pose, x in enumerate(responses(oscillators, F, step, hold=hold)):
         squared = np.einsum("ij,ij->i", x, x)
         late = np.sqrt(squared[after:])
-        found[:, pose] = np.sqrt(squared.max()), late.mean(), late.std(), late.max()
-    return Deflection(*found)
+        rows[:, pose] = np.sqrt(squared.max()), late.mean(), late.std(), late.max()
+    return Deflection(*rows)
 
 
 def static_index(

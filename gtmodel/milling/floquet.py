@@ -139,8 +139,8 @@ def _step(o: Oscillators, length: float, P: np.ndarray) -> _Step:
     right = np.zeros((3, 2 * NODES, 2 + NODES))
     right[:, :NODES, 0] = right[:, NODES:, 1] = 1
     right[:, NODES:, 2:] = h * _A
-    found = np.linalg.solve(M, right)
-    x, v = found[:, :NODES], found[:, NODES:]
+    solution = np.linalg.solve(M, right)
+    x, v = solution[:, :NODES], solution[:, NODES:]
     last = np.stack([_B @ (h * v), _B @ (-h * (x + damped * v))], axis=1)
     last[:, 1, 2:] += h[:, 0] * _B
     over = np.zeros((3, 2, 3, 2))
@@ -167,10 +167,10 @@ def _elements(
     cuts = size > TINY * _stiffness(cutter)
     hertz = _fastest(o, P, depth * float(np.max(size)))
     longest = min(ANGLE, CYCLES * turning / hertz, min(teeth.delay for teeth in groups))
-    found, first = [], 0
+    elements, first = [], 0
     for start, end, cut in zip(edges[:-1], edges[1:], cuts, strict=True):
         if not cut:
-            found.append(Element(start, end, -1))
+            elements.append(Element(start, end, -1))
             continue
         number = int(np.ceil((end - start) / longest))
         if first + number * NODES > MOST:
@@ -181,9 +181,9 @@ def _elements(
             )
         ends = np.linspace(start, end, number + 1)
         for a, b in pairwise(ends):
-            found.append(Element(a, b, first))
+            elements.append(Element(a, b, first))
             first += NODES
-    return found
+    return elements
 
 
 def _stiffness(cutter: Cutter) -> float:
@@ -202,15 +202,15 @@ def _fastest(o: Oscillators, P: np.ndarray, added: float) -> float:
 
 def _delayed(at: np.ndarray, elements: list[Element], period: float, before: np.ndarray, now: np.ndarray) -> np.ndarray:
     """(n, 2, ...) displacement at angles (n,) of this period, or below 0 of the one before."""
-    found = []
+    delayed = []
     cutting = [e for e in elements if e.first >= 0]
     starts = np.array([e.start for e in cutting])
     for angle in at:
         past, angle = (before, angle + period) if angle < -TINY else (now, angle)
         e = cutting[max(0, int(np.searchsorted(starts, angle + TINY, side="right")) - 1)]
         weights = _lagrange((angle - e.start) / (e.end - e.start))
-        found.append(np.tensordot(weights, past[e.first : e.first + NODES], 1))
-    return np.array(found)
+        delayed.append(np.tensordot(weights, past[e.first : e.first + NODES], 1))
+    return np.array(delayed)
 
 
 def _lagrange(x: float) -> np.ndarray:

@@ -35,11 +35,11 @@ def forces(cutter: Cutter, cut: Cut, phi: ArrayLike, discs: int = DISCS) -> np.n
     phi = np.asarray(phi, float).ravel()
     teeth, dz = teeth_in_cut(cutter, cut), cut.axial_depth / discs
     lag = cutter.lag(1.0) * dz * (np.arange(discs) + 0.5)
-    found = np.zeros((len(phi), 3))
+    force = np.zeros((len(phi), 3))
     for i, angle in enumerate(teeth.angle):
         turned = (phi[:, None] + angle - lag) % (2 * np.pi)
-        found += _at(turned, cutter, teeth, i).sum(axis=1) * dz
-    return found
+        force += _at(turned, cutter, teeth, i).sum(axis=1) * dz
+    return force
 
 
 def integrated_forces(cutter: Cutter, cut: Cut, phi: ArrayLike) -> np.ndarray:
@@ -57,15 +57,15 @@ def integrated_forces(cutter: Cutter, cut: Cut, phi: ArrayLike) -> np.ndarray:
     """
     phi = np.asarray(phi, float).ravel()
     teeth, lag = teeth_in_cut(cutter, cut), cutter.lag(cut.axial_depth)
-    found = np.zeros((len(phi), 3))
+    force = np.zeros((len(phi), 3))
     for i, angle in enumerate(teeth.angle):
         at = phi + angle
         if lag < STRAIGHT:
-            found += cut.axial_depth * _at((at - lag / 2) % (2 * np.pi), cutter, teeth, i)
+            force += cut.axial_depth * _at((at - lag / 2) % (2 * np.pi), cutter, teeth, i)
             continue
         behind = _antiderivative(at, cutter, teeth, i) - _antiderivative(at - lag, cutter, teeth, i)
-        found += behind * cut.axial_depth / lag
-    return found
+        force += behind * cut.axial_depth / lag
+    return force
 
 
 def mean_forces(cutter: Cutter, cut: Cut, phi: ArrayLike, width: float) -> np.ndarray:
@@ -87,20 +87,20 @@ def mean_forces(cutter: Cutter, cut: Cut, phi: ArrayLike, width: float) -> np.nd
         raise ValueError(f"the width is {width:g} rad; expected more than 0")
     phi = np.asarray(phi, float).ravel()
     teeth, lag = teeth_in_cut(cutter, cut), cutter.lag(cut.axial_depth)
-    found = np.zeros((len(phi), 3))
+    force = np.zeros((len(phi), 3))
     for i, angle in enumerate(teeth.angle):
         late, early = phi + angle + width / 2, phi + angle - width / 2
         if lag < max(STRAIGHT, THIN * width):
             behind = _antiderivative(late - lag / 2, cutter, teeth, i) - _antiderivative(
                 early - lag / 2, cutter, teeth, i
             )
-            found += behind * cut.axial_depth / width
+            force += behind * cut.axial_depth / width
             continue
         behind = np.zeros((len(phi), 3))
         for sign, at in ((1, late), (-1, early), (-1, late - lag), (1, early - lag)):
             behind += sign * _second_antiderivative(at, cutter, teeth, i)
-        found += behind * cut.axial_depth / (lag * width)
-    return found
+        force += behind * cut.axial_depth / (lag * width)
+    return force
 
 
 def peak_force(cutter: Cutter, cut: Cut, samples: int = 3600) -> np.ndarray:

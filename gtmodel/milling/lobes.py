@@ -43,12 +43,12 @@ class Lobes:
         The zeroth order alone, `zeroth_order_at`, can be too deep: narrow cuts, few teeth, period doubling. Raises
         ValueError for a speed that is not positive.
         """
-        found = self.zeroth_order_at(speed)
+        depth = self.zeroth_order_at(speed)
         for i, at in enumerate(np.asarray(speed, float).ravel()):
-            proven = self.proven(float(at), min(float(found[i]), DEEPEST))
-            if proven < min(found[i], DEEPEST):
-                found[i] = proven
-        return found
+            proven = self.proven(float(at), min(float(depth[i]), DEEPEST))
+            if proven < min(depth[i], DEEPEST):
+                depth[i] = proven
+        return depth
 
     def zeroth_order_at(self, speed: ArrayLike) -> np.ndarray:
         """Least axial depth (n,) [m] of all lobes at spindle speeds (n,) [1/s]; infinite where no lobe limits it.

@@ -14,7 +14,7 @@ from ..results.door import study_function
 from ..results.options import Long, Within
 from ..results.work import Progress, never, silent
 from . import pictures
-from .angle_search import Found, search as search_angles
+from .angle_search import AngleSearch, search as search_angles
 from .compensated_path import FILE, compensated
 from .cutter import Cut, Cutter
 from .deflection import SECONDS
@@ -103,18 +103,18 @@ def study(
         said = f"is {60 * lobes[1]:g} rpm; expected more than the lower end, {60 * lobes[0]:g}"
         raise ArgumentError(said, "lobes")
     work.step("the static index", 0.2)
-    found = Found(task, place_of(task, task.place))
+    angle_search = AngleSearch(task, place_of(task, task.place))
     if work.interrupted():
-        return _outcome(found, None, None, None, "stopped before the search")
-    if found.place.dynamics is not None:
-        search_angles(work, found)
+        return _outcome(angle_search, None, None, None, "stopped before the search")
+    if angle_search.place.dynamics is not None:
+        search_angles(work, angle_search)
     if work.interrupted():
-        return _outcome(Found(task, found.place), None, None, None, "stopped in the search")
-    return _outcome(found, lobes, compensation, tests)
+        return _outcome(AngleSearch(task, angle_search.place), None, None, None, "stopped in the search")
+    return _outcome(angle_search, lobes, compensation, tests)
 
 
 def _outcome(
-    f: Found, lobes: tuple[float, float] | None, compensation: PathOffset | None, tests: Mapping[str, Any] | None,
+    f: AngleSearch, lobes: tuple[float, float] | None, compensation: PathOffset | None, tests: Mapping[str, Any] | None,
     stopped: str = "",
 ) -> MillingStudy:  # fmt: skip
     """The study; `stopped`: by what, then from stiffness alone."""
@@ -136,8 +136,8 @@ def _outcome(
     figures: dict[str, Any] = {"angle": partial(pictures.angle, f)}
     files: dict[str, str | bytes] = {}
     if place.dynamics is not None and f.findings is not None:
-        found, more, checked = _dynamic(f)
-        values |= found
+        quantities, more, checked = _dynamic(f)
+        values |= quantities
         table += more
         tested |= checked
         here = place.dynamics.at(f.angle)
@@ -174,11 +174,11 @@ def _outcome(
     )
 
 
-def _dynamic(f: Found) -> tuple[dict[str, Any], list[Row], dict[str, Check]]:
+def _dynamic(f: AngleSearch) -> tuple[dict[str, Any], list[Row], dict[str, Check]]:
     """Values, rows and checks that the dynamics add."""
-    task, found, dynamics = f.task, f.findings, f.place.dynamics
-    assert found is not None and dynamics is not None
-    s_row, _ = found.choices
+    task, findings, dynamics = f.task, f.findings, f.place.dynamics
+    assert findings is not None and dynamics is not None
+    s_row, _ = findings.choices
     here = dynamics.at(f.angle)
     chosen = deflections_of(task, here)
     coupling = mode_coupling(here, task.cutter, task.cut, task.feed, up=task.up)
@@ -194,22 +194,22 @@ def _dynamic(f: Found) -> tuple[dict[str, Any], list[Row], dict[str, Check]]:
         chatter += "; without the runout that is declared"
     freed = f.freed and [np.rad2deg(f.freed.angle), 60 * f.freed.speed, 1e3 * f.freed.peak]
     values = {
-        "static_choice": float(found.angles[s_row]),
+        "static_choice": float(findings.angles[s_row]),
         "dynamic_angle": f.angle,
         "dynamic_index": f.index,
         "dynamic_mean": float(chosen.mean[0]),
         "static_choice_index": float(f.peak[s_row]),
-        "ratio": found.ratio,
+        "ratio": findings.ratio,
         "refined": [[np.rad2deg(b.angle), 1e3 * b.peak, b.converged] for b in f.refined],
         "free_speed": freed,
         "combinations": f.combinations,
-        "change_1_Hz": [100 * x for x in found.change],
+        "change_1_Hz": [100 * x for x in findings.change],
         "mode_coupling": coupling.message,
         "spectral_radius": radius,
         "guideline": f.said,
     }
     table = [
-        Row("static choice", f"{np.rad2deg(found.angles[s_row]):.4g}, {_whence(f)}", "deg"),
+        Row("static choice", f"{np.rad2deg(findings.angles[s_row]):.4g}, {_whence(f)}", "deg"),
         Row("least dynamic index (19)", f"{1e3 * f.index:.3g} at {np.rad2deg(f.angle):.4g} deg", "mm"),
         Row("there, mean deflection", 1e3 * chosen.mean[0], "mm"),
         *_transients(here),
@@ -221,7 +221,7 @@ def _dynamic(f: Found) -> tuple[dict[str, Any], list[Row], dict[str, Check]]:
         Row("mode coupling", coupling.message),
         Row("regenerative chatter", chatter),
         Row("dynamics", task.whence),
-        *_known(found.angles, f),
+        *_known(findings.angles, f),
         *(Row(*_combined(c)) for c in f.combinations if len(f.combinations) > 1),
     ]
     return values, table, tested
@@ -238,7 +238,7 @@ def _transients(here: Oscillators) -> list[Row]:
                 "near a mode deflections keep growing beyond the index and the mean")]  # fmt: skip
 
 
-def _known(angles: Array, f: Found) -> list[Row]:
+def _known(angles: Array, f: AngleSearch) -> list[Row]:
     """Where dynamics are known, if not at every reachable angle."""
     there = np.isfinite(f.peak)
     if there.sum() == f.place.sweep.reachable.sum():
@@ -247,7 +247,7 @@ def _known(angles: Array, f: Found) -> list[Row]:
     return [Row("angles with known dynamics", f"{said}; other reachable angles are judged by stiffness alone", "deg")]
 
 
-def _whence(f: Found) -> str:
+def _whence(f: AngleSearch) -> str:
     if f.task.search.static_choice is not None:
         return "given"
     known = np.isfinite(f.peak[np.nanargmin(f.place.static)])

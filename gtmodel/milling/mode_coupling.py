@@ -65,12 +65,12 @@ def mode_coupling(
     between = BETWEEN[0] <= angle <= BETWEEN[1]
     unstable, near = depth <= cut.axial_depth, apart <= CLOSE and between
     names = f"{'xyz'[first]} ({f[first]:.3g} Hz) and {'xyz'[second]} ({f[second]:.3g} Hz)"
-    told = f"modes {names} are {100 * apart:.0f} % apart, the mean force {angle:.0f} deg from {'xyz'[first]}"
+    cause = f"modes {names} are {100 * apart:.0f} % apart, the mean force {angle:.0f} deg from {'xyz'[first]}"
     limit = f"beyond {1e3 * depth:.3g} mm" if np.isfinite(depth) else "at no depth below 1 m"
     verdict = "mode-coupling chatter is to be expected" if unstable else (
         "mode coupling is possible" if near else "no sign of mode coupling")  # fmt: skip
     return ModeCoupling((first, second), apart, angle, depth, unstable or near,
-                        f"{verdict}: {told}; the linear model turns unstable {limit}")  # fmt: skip
+                        f"{verdict}: {cause}; the linear model turns unstable {limit}")  # fmt: skip
 
 
 def critical_depth(

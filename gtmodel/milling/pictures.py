@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from .angle_search import Found
+from .angle_search import AngleSearch
 from .lobes import Lobes
 from .published_tests import Printed
 from .task import Task
@@ -14,7 +14,7 @@ from .task import Task
 SPEEDS = 121  # of the lobes, each proven
 
 
-def angle(f: Found) -> Any:
+def angle(f: AngleSearch) -> Any:
     """Both indices over the angle."""
     from ..plot.milling import angle_figure
 

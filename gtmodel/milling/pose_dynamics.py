@@ -63,7 +63,7 @@ def _of_modal(mass: list[float], zeta: list[float]) -> Callable[..., Dynamics]:
         rows = np.flatnonzero(reachable)
         k = 1 / np.einsum("nii->ni", compliance[rows])
         with naming("dynamics", ValueError):
-            found = Oscillators.with_damping_ratio(np.tile(mass, (len(rows), 1)), k, zeta)
+            oscillators = Oscillators.with_damping_ratio(np.tile(mass, (len(rows), 1)), k, zeta)
 
         def near(row: int) -> AngleTable:
             here = [row]
@@ -75,19 +75,19 @@ def _of_modal(mass: list[float], zeta: list[float]) -> Callable[..., Dynamics]:
             if len(here) < 2:
                 raise ValueError("no neighbour of this angle is reachable on the same branch")
             here.sort()
-            return AngleTable(angles[here], found[np.searchsorted(rows, here)])
+            return AngleTable(angles[here], oscillators[np.searchsorted(rows, here)])
 
         def at(angle: float) -> Oscillators:
             nearest = int(np.argmin(np.abs(angles[rows] - angle)))
             if abs(angles[rows[nearest]] - angle) < ROUNDING:  # no neighbour is needed
-                return found[np.array([nearest])]
+                return oscillators[np.array([nearest])]
             return near(rows[nearest]).at(angle)
 
         def smooth(row: int) -> tuple[Any, float, float]:
             table = near(row)
             return table.casadi_function(), *table.angles[[0, -1]]
 
-        return Dynamics(rows, found, at, smooth)
+        return Dynamics(rows, oscillators, at, smooth)
 
     return dynamics
 

@@ -56,13 +56,13 @@ def printed_tests(tables: Mapping[str, Any]) -> Printed:
 
 def rows(p: Printed) -> list[Row]:
     """The table beside the measurement, and in words what it says."""
-    found = []
+    rows_of_tests = []
     for i, hz in enumerate(p.tooth_hz):
         measured = "not printed" if np.isnan(p.measured_mean_mm[i]) else f"{p.measured_mean_mm[i]:.2f}"
         predicted = ", ".join(f"{name} {mean[i]:.2f}" for name, mean in p.mean_mm.items())
         label = f"test {i + 1}, {hz:g} Hz, {p.chosen_by[i]}: mean"
-        found.append(Row(label, f"{predicted}; measured {measured}", "mm"))
-    return [*found, *(Row("printed tests", sentence) for sentence in [*verdicts(p), NOTE])]
+        rows_of_tests.append(Row(label, f"{predicted}; measured {measured}", "mm"))
+    return [*rows_of_tests, *(Row("printed tests", sentence) for sentence in [*verdicts(p), NOTE])]
 
 
 def verdicts(p: Printed) -> list[str]:

@@ -31,9 +31,9 @@ class AngleSweep:
     @property
     def reachable(self) -> np.ndarray:
         """(n,) whether some branch holds the angle within its joint limits."""
-        found = np.zeros(len(self.angles), bool)
-        found[self.row] = True
-        return found
+        reachable = np.zeros(len(self.angles), bool)
+        reachable[self.row] = True
+        return reachable
 
     def least(self, value: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
         """By angle (n,): the least of values (s,) of its solutions and the number of that solution; NaN, -1: none."""
@@ -93,17 +93,17 @@ def angle_sweep(
     angles = np.asarray(angles, float).ravel()
     low, high = np.asarray(limits, float).reshape(6, 2).T
     R = tool_rotations(angles, axis, spindle, zero)
-    found = arm.inverse(np.asarray(place, float) - R @ np.asarray(tool, float), R)
+    solutions = arm.inverse(np.asarray(place, float) - R @ np.asarray(tool, float), R)
     q, row, branch = [], [], []
     for n in range(len(angles)):
-        turns, branches = found.within(limits, n)
+        turns, branches = solutions.within(limits, n)
         margin = np.minimum(turns - low, high - turns).min(axis=1)
         for b in np.unique(branches):
             mine = np.flatnonzero(branches == b)
             q.append(turns[mine[np.argmax(margin[mine])]])
             row.append(n)
             branch.append(b)
-    in_reach = np.any(np.isfinite(found.q).all(axis=2), axis=1)
+    in_reach = np.any(np.isfinite(solutions.q).all(axis=2), axis=1)
     return AngleSweep(angles, np.array(q).reshape(-1, 6), np.array(row, int), np.array(branch, int), in_reach)
 
 

@@ -72,7 +72,7 @@ def refine(
     level = ca.Function("level", [v], [ca.mmax(squares)])
     problem = {"x": v, "f": v[2], "g": squares - v[2]}
     solver = ca.nlpsol("refine", "ipopt", problem, {**QUIET, "error_on_fail": False})
-    unit, found = 2 * np.pi / 100, []
+    unit, refined = 2 * np.pi / 100, []
     for start in starts:
         low, high = speed or (start.speed, start.speed)
         x0 = [start.angle, unit * start.speed, 0.0]
@@ -81,8 +81,8 @@ def refine(
         best = np.asarray(solver(x0=x0, **ends, lbg=-ca.inf, ubg=0)["x"]).ravel()
         angle, turning = np.clip(best[0], start.low, start.high), np.clip(best[1] / unit, low, high)
         peak = 1e-3 * float(np.sqrt(float(level([angle, unit * turning, 0.0]))))
-        found.append(Refined(float(angle), float(turning), peak, bool(solver.stats()["success"])))
-    return found
+        refined.append(Refined(float(angle), float(turning), peak, bool(solver.stats()["success"])))
+    return refined
 
 
 def _squared_norm(field: Any, spectrum: np.ndarray, A: ca.SX, w: ca.SX) -> ca.SX:

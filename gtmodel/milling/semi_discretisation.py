@@ -60,8 +60,8 @@ def _mean_matrices(cutter: Cutter, cut: Cut, intervals: int) -> np.ndarray:
     fine = 8
     phi = 2 * np.pi / cutter.teeth * (np.arange(intervals * fine) + 0.5) / (intervals * fine)
     lag = cutter.lag(cut.axial_depth) * (np.arange(DISCS) + 0.5) / DISCS
-    found = np.zeros((intervals, 2, 2))
+    means = np.zeros((intervals, 2, 2))
     for angle in 2 * np.pi * np.arange(cutter.teeth) / cutter.teeth:
         D = directional_matrix(cutter, phi[:, None] + angle - lag, start, end)
-        found += D.reshape(intervals, fine * DISCS, 2, 2).mean(axis=1)
-    return found
+        means += D.reshape(intervals, fine * DISCS, 2, 2).mean(axis=1)
+    return means

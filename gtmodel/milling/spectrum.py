@@ -35,14 +35,14 @@ def force_spectrum(cutter: Cutter, cut: Cut, harmonics: int = 200) -> np.ndarray
     teeth, lag = teeth_in_cut(cutter, cut), cutter.lag(cut.axial_depth)
     # the mean of exp(-j n z tan(beta)/R) over the depth
     helix = cut.axial_depth * np.exp(-0.5j * n * lag) * np.sinc(n * lag / (2 * np.pi))
-    found = np.zeros((harmonics + 1, 3), complex)
+    spectrum = np.zeros((harmonics + 1, 3), complex)
     for i, angle in enumerate(teeth.angle):
         order = np.arange(-2, 3)[None, :] - n[:, None]
         middle, width = (teeth.start[i] + teeth.end[i]) / 2, teeth.end[i] - teeth.start[i]
         integral = width * np.exp(1j * order * middle) * np.sinc(order * width / (2 * np.pi))
         terms = _EXPONENTIALS.T @ tooth_terms(cutter, teeth, i)
-        found += (helix * np.exp(1j * n * angle))[:, None] * (integral @ terms) / (2 * np.pi)
-    return found
+        spectrum += (helix * np.exp(1j * n * angle))[:, None] * (integral @ terms) / (2 * np.pi)
+    return spectrum
 
 
 def at_angles(spectrum: np.ndarray, phi: np.ndarray) -> np.ndarray:

@@ -48,9 +48,9 @@ def spectral_radius(
     if intervals is not None:
         return semi_discretised_radius(oscillators, cutter, cut, speed, feed, up=up, intervals=intervals)
     P = plane(feed, up)
-    found = multipliers(oscillators, cutter, cut.mode, cut.radial_depth, cut.axial_depth, speed, P)
+    values = multipliers(oscillators, cutter, cut.mode, cut.radial_depth, cut.axial_depth, speed, P)
     period, _ = teeth_by_delay(cutter)
-    return float(np.abs(found).max() ** (2 * np.pi / (cutter.teeth * period)))
+    return float(np.abs(values).max() ** (2 * np.pi / (cutter.teeth * period)))
 
 
 def stable_depth(
@@ -183,11 +183,11 @@ def _between(
         if i % 3 < 2:
             x = a + (b - a) * np.log(r) / np.log(r / s) + side * TOLERANCE / 3 * b
             x, side = float(np.clip(x, a + TOLERANCE / 4 * b, b - TOLERANCE / 4 * b)), -side
-        found = radius(x)
-        if found < 1:
-            a, r = x, found
+        radius_at = radius(x)
+        if radius_at < 1:
+            a, r = x, radius_at
         else:
-            b, s = x, found
+            b, s = x, radius_at
     return a
 
 

@@ -72,10 +72,10 @@ class Place:
 
     def spread(self, value: np.ndarray) -> np.ndarray:
         """Values of the rows with dynamics, by angle; NaN elsewhere."""
-        found = np.full(len(self.sweep.angles), np.nan)
+        values = np.full(len(self.sweep.angles), np.nan)
         if self.dynamics is not None:
-            found[self.dynamics.rows] = value
-        return found
+            values[self.dynamics.rows] = value
+        return values
 
 
 def task_of(
@@ -142,12 +142,12 @@ def place_of(task: Task, place: Sequence[float]) -> Place:
     try:
         poses = arm_poses(task.model, sweep.q, task.tool.tcp)
         C = translational_compliance(poses.J, task.joint_compliance)
-        found = static_index(C, task.cutter, task.cut, task.feed, up=task.up)
+        index = static_index(C, task.cutter, task.cut, task.feed, up=task.up)
     except ArgumentError:
         raise
     except ValueError as error:
         raise ArgumentError(str(error), "place") from error
-    static, solution = sweep.least(found)
+    static, solution = sweep.least(index)
     by_angle = np.full((n, 3, 3), np.nan)
     by_angle[sweep.reachable] = C[solution[sweep.reachable]]
     branch = np.where(solution >= 0, sweep.branch[solution], -1)
@@ -184,7 +184,7 @@ def refined(task: Task, place: Place, peak: np.ndarray, speed: tuple[float, floa
     assert dynamics is not None
     spectrum = force_spectrum(task.cutter, task.cut, 60 * task.cutter.teeth)
     world = to_world(np.real(spectrum), task.feed, task.up) + 1j * to_world(np.imag(spectrum), task.feed, task.up)
-    angles, found = place.sweep.angles, []
+    angles, rows = place.sweep.angles, []
     step = 2 * (angles[1] - angles[0])
     starts: dict[Any, list[Start]] = {}  # one NLP for all starts on the same curve
     for row in _minima(peak)[: task.search.refine]:
@@ -202,8 +202,8 @@ def refined(task: Task, place: Place, peak: np.ndarray, speed: tuple[float, floa
         held = sweep_of(task, task.place, [best.angle])
         if held.reachable[0]:
             d = deflections_of(task, dynamics.at(best.angle), speed=best.speed)
-            found.append(replace(best, peak=float(d.peak[0])))
-    return found
+            rows.append(replace(best, peak=float(d.peak[0])))
+    return rows
 
 
 def _minima(value: np.ndarray) -> list[int]:

@@ -10,7 +10,7 @@ from scipy.interpolate import CubicHermiteSpline
 from ..compiler.causal import compile_causal
 from ..lang import Model
 from ..results import Trajectory
-from ..results.tables import csv_text
+from ..results.table import csv_text
 from .constraints import MotionConstraints
 from .path_parametrization import sampled
 

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 import casadi as ca
 import numpy as np
 
-from ..compiler.sparse import nonzeros, stacked
+from ..compiler.matrices import nonzeros, stacked
 from ..lang.expression import Expr
 from ..lang.scope import Scope
 from ..lang.source import ModelError

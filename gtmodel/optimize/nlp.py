@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
-from ..compiler.sparse import nonzeros, stacked
+from ..compiler.matrices import nonzeros, stacked
 from ..lang.source import ModelError
 from .compiled import compiled
 from .element import Element, Layout, make_element, value_at

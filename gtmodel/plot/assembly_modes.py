@@ -72,10 +72,10 @@ def real_counts_figure(counts: Sequence[int], nearest: np.ndarray, *, title: str
     out.
     """
     figure, (left, right) = with_panels(9.0, 3.8, columns=2, title=title)
-    found = Counter(counts)
-    left.bar(list(found), list(found.values()), width=1.4, color=COLOURS[0])
+    poses_by_count = Counter(counts)
+    left.bar(list(poses_by_count), list(poses_by_count.values()), width=1.4, color=COLOURS[0])
     left.set(xlabel="real modes", ylabel="poses", title="real modes per pose")
-    left.set_xticks(range(0, max(found, default=0) + 3, 2))
+    left.set_xticks(range(0, max(poses_by_count, default=0) + 3, 2))
     left.yaxis.set_major_locator(MaxNLocator(integer=True))
     near = np.asarray(nearest, dtype=float).reshape(-1, 2)
     near = near[np.isfinite(near).all(axis=1)]

@@ -71,7 +71,7 @@ def workspace_errors_figure(positions: np.ndarray, sizes: np.ndarray, title: str
 
 
 def deviations_figure(names: Sequence[str], std: np.ndarray, units: Sequence[str], title: str = "") -> Figure:
-    """Standard deviations (n,) of unknowns in SI, a bar each; what the poses do not tell has none and is hatched."""
+    """Standard deviations (n,) of unknowns in SI, a bar each; what the poses leave undetermined is hatched instead."""
     known = np.isfinite(std)
     top = float(np.max(std[known])) if known.any() else 1.0
     said = textwrap.fill(title, 60)
@@ -87,7 +87,7 @@ def deviations_figure(names: Sequence[str], std: np.ndarray, units: Sequence[str
     axes.set_xlim(10 ** (np.ceil(np.log10(least)) - 1), 10 ** np.ceil(np.log10(max(top, least))))
     axes.set_yticks(at, [f"{n} [{u}]" for n, u in zip(names, units, strict=True)], fontsize=7)
     axes.set_ylim(len(names) - 0.4, -0.6)
-    axes.set_xlabel("standard deviation; hatched: not told by these poses")
+    axes.set_xlabel("standard deviation; hatched: not determined by these poses")
     axes.grid(alpha=0.3, axis="x", which="both")
     return figure
 

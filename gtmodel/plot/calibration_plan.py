@@ -94,17 +94,19 @@ def parameters_figure(
     names: Sequence[str], predicted: np.ndarray, simulated: np.ndarray | None, *, runs: int = 0, title: str = ""
 ) -> Figure:
     """Standard deviation of each parameter, predicted and of simulated (synthetic) calibrations [1e-6]; those that are
-    not told, infinite or NaN, have grey names and nothing else."""
+    undetermined, infinite or NaN, have grey names and nothing else."""
     figure, (axes,) = with_panels(min(max(6.0, 0.36 * len(names) + 2), 16.0), 4.8, grid=False)
-    told = np.flatnonzero(np.isfinite(predicted))
-    axes.bar(told, 1e6 * predicted[told], color="#8db3d9", label="predicted")
+    known = np.flatnonzero(np.isfinite(predicted))
+    axes.bar(known, 1e6 * predicted[known], color="#8db3d9", label="predicted")
     if simulated is not None:
-        axes.plot(told, 1e6 * simulated[told], "D", color="#d55e00", markersize=5, label=f"{runs} simulated, synthetic")
+        axes.plot(
+            known, 1e6 * simulated[known], "D", color="#d55e00", markersize=5, label=f"{runs} simulated, synthetic"
+        )
     axes.set_xticks(np.arange(len(names)), names, rotation=90, fontsize="small" if len(names) < 45 else "x-small")
     for k, label in enumerate(axes.get_xticklabels()):
-        label.set_color("black" if k in told else "0.65")
-    if len(told) < len(names):
-        axes.plot([], [], " ", label="grey: not told by itself")
+        label.set_color("black" if k in known else "0.65")
+    if len(known) < len(names):
+        axes.plot([], [], " ", label="grey: not determined by itself")
     axes.set_xlim(-0.8, len(names) - 0.2)
     axes.set(ylabel="standard deviation [µm, or 1e-6]", title=title)
     axes.grid(axis="y", alpha=0.3)
@@ -119,9 +121,9 @@ def predicted_figure(
 
     Places without a prediction, NaN, are left out.
     """
-    told = np.isfinite(predicted)
-    T, predicted = T[told], predicted[told]
-    simulated = None if simulated is None else simulated[told]
+    known = np.isfinite(predicted)
+    T, predicted = T[known], predicted[known]
+    simulated = None if simulated is None else simulated[known]
     both = simulated is not None
     figure = Figure(figsize=(11.5 if both else 7.0, 5.2), layout="constrained")
     space: Any = figure.add_subplot(1, 2 if both else 1, 1, projection="3d")

@@ -46,10 +46,10 @@ def information_figure(
         beside, width = _beside(k, len(deviations), WIDTH)
         panels[1].bar(at + beside, 100 * np.asarray(row), width, color=colour(k), label=name)
     panels[1].set_yscale("log")
-    told = 100 * np.concatenate([np.asarray(row, float) for row in deviations.values()] or [np.zeros(0)])
-    told = told[np.isfinite(told) & (told > 0)]
-    if told.size:
-        panels[1].set_ylim(bottom=told.min() / 3)  # below the least one, which would have no bar else
+    deviations_percent = 100 * np.concatenate([np.asarray(row, float) for row in deviations.values()] or [np.zeros(0)])
+    deviations_percent = deviations_percent[np.isfinite(deviations_percent) & (deviations_percent > 0)]
+    if deviations_percent.size:
+        panels[1].set_ylim(bottom=deviations_percent.min() / 3)  # below the least one, which would have no bar else
     panels[1].set_xticks(at, names, rotation=30, ha="right")
     panels[1].set(ylabel="deviation [%]", title="predicted standard deviation over nominal value")
     panels[1].legend(fontsize="small")

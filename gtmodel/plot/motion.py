@@ -60,8 +60,8 @@ def motion_figure(
     highest = 0.0 if polynomial is None else float(np.max(np.abs(polynomial[1])))
     reach = 1.1 * max(1.4 * force_limit, float(np.max(np.abs(trajectory["tau"]))), highest)
     force.set_ylim(-reach, reach)
-    told = "motor forces, constant per element" if constant else "motor forces"
-    force.set_title(told + ("; faint: polynomial" if polynomial is not None else ""))
+    title_text = "motor forces, constant per element" if constant else "motor forces"
+    force.set_title(title_text + ("; faint: polynomial" if polynomial is not None else ""))
     force.set_ylabel("force [N]")
     for axes in (speed, force):
         axes.set_xlabel("time [s]")

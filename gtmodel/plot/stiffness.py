@@ -14,7 +14,7 @@ APART = 0.16  # of a joint's width, between methods
 
 
 def stiffness_figure(
-    found: Sequence[tuple[str, np.ndarray, np.ndarray]], true: np.ndarray | None = None, *, title: str = ""
+    fits: Sequence[tuple[str, np.ndarray, np.ndarray]], true: np.ndarray | None = None, *, title: str = ""
 ) -> Figure:
     """One point per joint and method.
 
@@ -22,8 +22,8 @@ def stiffness_figure(
     not positive cannot be drawn and is left out; an interval without an upper end is drawn as an arrow.
     """
     figure, (axes,) = with_panels(7.0, 4.2)
-    for m, (name, K, ends) in enumerate(found):
-        place = np.arange(1, len(K) + 1) + APART * (m - (len(found) - 1) / 2)
+    for m, (name, K, ends) in enumerate(fits):
+        place = np.arange(1, len(K) + 1) + APART * (m - (len(fits) - 1) / 2)
         K, ends = K / 1e6, ends / 1e6
         there = (K > 0) & (ends[:, 0] > 0)
         open_end = there & ~np.isfinite(ends[:, 1])

@@ -3,9 +3,9 @@
 from .base import (
     Check as Check,
     Context as Context,
+    FileSection as FileSection,
     InputError as InputError,
     Kind as Kind,
     Problem as Problem,
-    Section as Section,
 )
 from .registry import get as get, names as names

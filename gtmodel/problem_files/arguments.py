@@ -41,8 +41,8 @@ def key_of(schema: type[pydantic.BaseModel], argument: str, renamed: Mapping[str
     if plain in tables_of(schema):
         return wanted
     numbers = iter(_NUMBER.findall(wanted))
-    found = (key.key for key in keys_of(schema) if plain in (key.key, _stem(key.key)))
-    return next((_EMPTY.sub(lambda _: next(numbers), key) for key in found), wanted)
+    keys = (key.key for key in keys_of(schema) if plain in (key.key, _stem(key.key)))
+    return next((_EMPTY.sub(lambda _: next(numbers), key) for key in keys), wanted)
 
 
 def _stem(key: str) -> str:

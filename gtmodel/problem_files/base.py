@@ -18,8 +18,8 @@ from gtmodel.results.work import Progress, silent
 from .call import Call
 
 __all__ = [
-    "TRAJECTORY", "Check", "Context", "Generating", "InputError", "Kind", "Problem", "Progress",
-    "Row", "Section", "at_least", "at_most", "silent", "unheard",
+    "TRAJECTORY", "Check", "Context", "FileSection", "Generating", "InputError", "Kind", "Problem", "Progress",
+    "Row", "at_least", "at_most", "silent", "unheard",
 ]  # fmt: skip
 
 
@@ -43,13 +43,13 @@ class InputError(ValueError):
         return InputError(self.message, self.key or key, self.file or file)
 
 
-class Section(pydantic.BaseModel):
+class FileSection(pydantic.BaseModel):
     """A table of a problem file. Unknown keys are errors, numbers are finite and not written as text."""
 
     model_config = pydantic.ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True)
 
 
-class Problem(Section):
+class Problem(FileSection):
     """A problem file. A kind's schema adds its keys, each with a description; names carry their units."""
 
     kind: str = pydantic.Field(description="kind of the problem; gtmodel schema lists the kinds")

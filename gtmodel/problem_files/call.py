@@ -27,8 +27,8 @@ class Call:
         return self
 
     def __call__(self, **work: Any) -> Any:
-        found = self.study(*self.arguments, **self.options, **work)
-        return found if self.finish is None else self.finish(found)
+        study = self.study(*self.arguments, **self.options, **work)
+        return study if self.finish is None else self.finish(study)
 
     def __repr__(self) -> str:
         name = f"{self.study.__module__}.{self.study.__qualname__}"

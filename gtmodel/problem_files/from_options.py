@@ -16,13 +16,13 @@ from gtmodel.results.options import Long, Options, Unit, Within, declared, writt
 from gtmodel.results.quantity import converted
 from gtmodel.results.refusal import ArgumentError
 
-from .base import Section
+from .base import FileSection
 
 S = TypeVar("S", bound="Made[Any]")
 O = TypeVar("O")
 
 
-class Made(Section, Generic[O]):
+class Made(FileSection, Generic[O]):
     """A table whose keys are the fields of an options class, as `Made[Limits]`; `options` gives the object back.
 
     A table with keys of its own besides is a subclass, decorated with `made_from`.
@@ -43,7 +43,7 @@ class Made(Section, Generic[O]):
         return {self.attributes[key]: _given(self, key) for key in self.attributes}
 
 
-def options_of(problem: Section, *names: str) -> dict[str, Any]:
+def options_of(problem: FileSection, *names: str) -> dict[str, Any]:
     """The options that tables of a problem say, by the names of these; all of its tables where none are named. Raises
     ArgumentError, with the table before the name of a field."""
     tables = {name: getattr(problem, name) for name in names or type(problem).model_fields}
@@ -55,8 +55,8 @@ def _given(table: Made, key: str) -> Any:
     unit = next((m for m in declared(table.made_of)[table.attributes[key]] if isinstance(m, Unit)), None)
     if value is None or unit is None or not unit.written:
         return value
-    found = converted(value, unit.written, unit.text)
-    return found.tolist() if np.ndim(found) else found
+    si = converted(value, unit.written, unit.text)
+    return si.tolist() if np.ndim(si) else si
 
 
 def _objects(value: Any, name: str) -> Any:
@@ -87,12 +87,12 @@ def made_from(options: type[Options], *left_out: str) -> Callable[[type[S]], typ
             key = written_name(f.name, marks)
             attributes[key] = f.name
             fields[key] = (_hint(hints[f.name], marks), _field(f, marks))
-        found = pydantic.create_model(
+        table = pydantic.create_model(
             cls.__name__, __base__=cls, __module__=cls.__module__,
             __doc__=_without_example(cls.__doc__ or options.__doc__ or ""), **fields,
         )  # fmt: skip
-        found.made_of, found.attributes = options, attributes
-        return found
+        table.made_of, table.attributes = options, attributes
+        return table
 
     return made
 
@@ -115,7 +115,7 @@ def _plain(value: Any, marks: tuple[Any, ...]) -> Any:
     """A default as the file writes it."""
     if dataclasses.is_dataclass(value):
         inside = declared(type(value))
-        plain = {written_name(name, found): _plain(getattr(value, name), found) for name, found in inside.items()}
+        plain = {written_name(name, inner): _plain(getattr(value, name), inner) for name, inner in inside.items()}
         return section_of(type(value)).model_construct(**plain)
     unit = next((m for m in marks if isinstance(m, Unit)), None)
     if value is not None and unit is not None and unit.written:

@@ -20,8 +20,8 @@ def of(what: str = "all") -> dict[str, Any]:
         close = difflib.get_close_matches(what, HEADS, n=1)
         hint = f"did you mean '{close[0]}'?" if close else "expected 'robots' or 'problems'"
         raise InputError(f"there is no list of '{what}'; {hint}")
-    found = {"robots": _robots, "problems": _problems}
-    return {name: make() for name, make in found.items() if what in ("all", name)}
+    makers = {"robots": _robots, "problems": _problems}
+    return {name: make() for name, make in makers.items() if what in ("all", name)}
 
 
 def _robots() -> dict[str, dict[str, Any]]:
@@ -29,8 +29,8 @@ def _robots() -> dict[str, dict[str, Any]]:
 
 
 def _problems() -> dict[str, dict[str, str]]:
-    found = {}
+    problems = {}
     for name in shipped_names():
         data = parse(read(problems_dir() / f"{name}.toml"))
-        found[name] = {"kind": str(data.get("kind", "")), "title": str(data.get("title", ""))}
-    return found
+        problems[name] = {"kind": str(data.get("kind", "")), "title": str(data.get("title", ""))}
+    return problems

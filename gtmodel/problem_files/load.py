@@ -48,17 +48,17 @@ def load(path: str | Path, settings: Iterable[str] = ()) -> Loaded:
 
     settings: texts "key=value" as in `--set`. Raises InputError; its sentence names the file and the key.
     """
-    found, shipped = find(path)
+    file, shipped = find(path)
     settings = tuple(settings)
     try:
-        content = read(found)
+        content = read(file)
         data = apply(parse(content), settings)
         kind, problem = check(data)
     except InputError as error:
         raise error.within(str(path)) from None
     except RecursionError:
         raise InputError(_TOO_DEEP, file=str(path)) from None
-    return Loaded(found, content, settings, kind, problem, shipped)
+    return Loaded(file, content, settings, kind, problem, shipped)
 
 
 def find(path: str | Path) -> tuple[Path, bool]:
@@ -112,8 +112,8 @@ def parse(content: bytes) -> dict[str, Any]:
         place = re.search(r"at line (\d+)", str(error))  # else at the end
         line = int(place[1]) if place else content.count(b"\n", 0, len(content.rstrip())) + 1
         written = [*content.decode("utf-8-sig").splitlines(), ""][line - 1].strip()
-        found = f"; found {shown_line(written)}" if written else ""
-        raise InputError(f"line {line}: not TOML: {slip(written, reason)}{found}") from error
+        line_text = f"; found {shown_line(written)}" if written else ""
+        raise InputError(f"line {line}: not TOML: {slip(written, reason)}{line_text}") from error
 
 
 def check(data: Mapping[str, Any]) -> tuple[Kind, Problem]:

@@ -14,19 +14,19 @@ from gtmodel.measurements.signals import read_signals
 from gtmodel.results import TrajectoryError
 from gtmodel.results.unit_names import unit_of
 
-from .base import Context, InputError, Section
+from .base import Context, FileSection, InputError
 
 Free = Literal["estimate"]
 
 
-class TimeColumn(Section):
+class TimeColumn(FileSection):
     """The column of time."""
 
     column: str = Field(default="time", description="its name in the log")
     unit: str = Field(default="s", description="its unit there")
 
 
-class MeasuredSignal(Section):
+class MeasuredSignalSection(FileSection):
     """A measured signal: quantity(t) = scale column(t + delay) - offset. A number fixes, "estimate" frees."""
 
     column: str | list[str] = Field(description='its name in the log; "q" means "q[0]", "q[1]", ... too')
@@ -53,7 +53,7 @@ class MeasuredSignal(Section):
             raise InputError(str(error), key) from error
 
 
-class LogSampling(Section):
+class LogSampling(FileSection):
     """How logs are sampled; a kind adds its files and signals."""
 
     time: TimeColumn = TimeColumn()
@@ -66,14 +66,14 @@ class LogSampling(Section):
 
         Raises InputError with the key of the file that is missing or wrong.
         """
-        found: list[Session] = []
+        sessions: list[Session] = []
         if not names:
             raise InputError("is empty; name a CSV or .mat file", key)
         for n, name in enumerate(names):
             place = f"{key}[{n}]"
             path = context.file(name, place)
             try:
-                found += read_signals(
+                sessions += read_signals(
                     [path],
                     signals,
                     time=Column(self.time.column, self.time.unit),
@@ -84,10 +84,10 @@ class LogSampling(Section):
             except (TrajectoryError, UnitError) as error:
                 # the sentence names the file; a column's fault is the section's as often as the file's
                 raise InputError(str(error), key.rpartition(".")[0]) from error
-        widths = {tuple(s.trajectory[name].shape[1:] for name in signals) for s in found}
+        widths = {tuple(s.trajectory[name].shape[1:] for name in signals) for s in sessions}
         if len(widths) > 1:
             raise InputError("the files have signals of different widths; name logs of one robot", key)
-        return tuple(found)
+        return tuple(sessions)
 
 
 class LogFiles(LogSampling):

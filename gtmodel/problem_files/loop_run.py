@@ -72,15 +72,15 @@ def run(folder: Path, out: Path, job: Context, *, reference: Path | None = None,
             problem = validate(get("codegen").Schema, content["problem"])
             robot = problem.model(job)  # pyright: ignore[reportAttributeAccessIssue]
             motion = partial(_motion, problem, reference, job, made)
-            found = study(robot, folder, motion, built=mine.path, **asked, **job.work())
+            result = study(robot, folder, motion, built=mine.path, **asked, **job.work())
         except ArgumentError as error:
             raise _by_option(error) from error
-        if found.status is SolveStatus.INTERRUPTED:
-            return Finished(found, time.monotonic() - job.began)
+        if result.status is SolveStatus.INTERRUPTED:
+            return Finished(result, time.monotonic() - job.began)
         wall_s = time.monotonic() - job.began
-        found = noted(found.with_(files=made | dict(found.files)), job)
+        result = noted(result.with_(files=made | dict(result.files)), job)
         inputs = {"folder": str(folder), "seconds": asked["seconds"], "peer": asked["peer"]}
-        return _written(mine, found, job, wall_s, inputs | {"law": asked["law"], "lockstep": asked["in_lockstep"]})
+        return _written(mine, result, job, wall_s, inputs | {"law": asked["law"], "lockstep": asked["in_lockstep"]})
 
 
 def _by_option(error: ArgumentError) -> InputError:
@@ -111,22 +111,22 @@ def _motion(problem: Any, path: Path | None, job: Context, made: dict[str, bytes
         raise InputError(f"there is no time-optimal motion for this robot ({solved.message}); give one by --reference")
     made[REFERENCE] = str(solved.files[REFERENCE]).encode()
     with TemporaryDirectory() as place:
-        found = Path(place) / REFERENCE
-        found.write_bytes(made[REFERENCE])
-        return Trajectory.from_csv(found)
+        file = Path(place) / REFERENCE
+        file.write_bytes(made[REFERENCE])
+        return Trajectory.from_csv(file)
 
 
-def _written(folder: Held, found: Study, job: Context, wall_s: float, inputs: dict[str, Any]) -> Finished:
+def _written(folder: Held, result: Study, job: Context, wall_s: float, inputs: dict[str, Any]) -> Finished:
     """All files of the study, the picture and the summary in the folder, or why they are not."""
     files: dict[str, bytes] = {}
-    faults = written.pictured(found, files)
-    summary = as_json.summary(job.name, "loop", found, 0.0)
+    faults = written.pictured(result, files)
+    summary = as_json.summary(job.name, "loop", result, 0.0)
     files[MARK] = (json.dumps(summary, indent=1) + "\n").encode()
-    files |= {name: content.encode() if isinstance(content, str) else content for name, content in found.files.items()}
+    files |= {name: content.encode() if isinstance(content, str) else content for name, content in result.files.items()}
     try:
         with output.said_of_out():
             written.put(folder, files, lambda files: written.record(inputs, wall_s, files), programs=(PROGRAM,))
     except InputError as error:
-        return Finished(found, wall_s, unwritten=str(error))
+        return Finished(result, wall_s, unwritten=str(error))
     shown = ("tracking.png", "loop_off.csv", "loop_on.csv", MARK)
-    return Finished(found, wall_s, [folder.path / n for n in shown if n in files], unwritten="; ".join(faults))
+    return Finished(result, wall_s, [folder.path / n for n in shown if n in files], unwritten="; ".join(faults))

@@ -11,7 +11,7 @@ from gtmodel.motion.options import Arc, Line, Polyline, Shape, Spline, Taught
 from gtmodel.motion.paths import read_points
 from gtmodel.results import ArgumentError
 
-from .base import Context, InputError, Section
+from .base import Context, FileSection, InputError
 
 Point = Annotated[list[float], Field(min_length=3, max_length=3)]
 OWN = {
@@ -23,7 +23,7 @@ OWN = {
 PATH_ARGUMENTS = {"path.points": "path.file"}  # where what a library says of a path stands in the file
 
 
-class PathSection(Section):
+class PathSection(FileSection):
     """The path to follow, from start to goal."""
 
     shape: Literal["line", "polyline", "arc", "spline", "taught"] = Field(

@@ -46,14 +46,14 @@ def refuse_other_units(table: Mapping[str, Any]) -> None:
     unit, factor = ("m", 1.0) if key == "L_m" else ("mm", 1e-3)
     L = factor * np.array(table[key])
     if L.min() < SHORTEST or L.max() > LONGEST:
-        found = f"link lengths from {L.min() / factor:.6g} to {L.max() / factor:.6g} {unit}"
-        raise InputError(f"{found} {_HINTS[unit, bool(L.min() < SHORTEST)]}", key)
+        what = f"link lengths from {L.min() / factor:.6g} to {L.max() / factor:.6g} {unit}"
+        raise InputError(f"{what} {_HINTS[unit, bool(L.min() < SHORTEST)]}", key)
     for stem, (least, greatest) in SIZES.items():
         points = np.array(table.get(f"{stem}_{unit}", [[0.0]]))
         size = factor * float(np.max(np.linalg.norm(points, axis=-1))) / L.max()
         if 0.0 < size < least or size > greatest:
-            found = f"coordinates up to {np.max(np.abs(points)):.6g} {unit}"
-            raise InputError(f"{found} {_HINTS[unit, size < least]}", f"{stem}_{unit}")
+            what = f"coordinates up to {np.max(np.abs(points)):.6g} {unit}"
+            raise InputError(f"{what} {_HINTS[unit, size < least]}", f"{stem}_{unit}")
     _refuse_motions(np.atleast_2d(np.array(table["v"])))
 
 

@@ -55,26 +55,26 @@ def resolve(
     module = _file(place, context, key) if place.endswith(".py") else _module(place, context, key)
     if getattr(module, "__file__", None):
         context.take(key, Path(str(module.__file__)))
-    found = getattr(module, name, None)
-    if found is None:
+    attribute = getattr(module, name, None)
+    if attribute is None:
         public = [n for n, item in vars(module).items() if isinstance(item, type) and issubclass(item, base)]
         own = [n for n in public if vars(module)[n].__module__ == module.__name__]
         close = difflib.get_close_matches(name, own, n=1)
         tail = f"did you mean '{close[0]}'?" if close else f"its models are {', '.join(own) or 'none'}"
         raise InputError(f"'{place}' holds no '{name}'; {tail}", key)
-    model = _made(found, reference, key, dict(parameters or {}), base)
+    model = _made(attribute, reference, key, dict(parameters or {}), base)
     context.models.append(model)
     return model
 
 
-def _made(found: Any, reference: str, key: str, parameters: dict[str, Any], base: type[Model]) -> Any:
+def _made(item: Any, reference: str, key: str, parameters: dict[str, Any], base: type[Model]) -> Any:
     try:
-        if isinstance(found, type) or (callable(found) and not isinstance(found, Model)):
-            if isinstance(found, type) and not issubclass(found, base):
-                raise InputError(f"'{reference}' is no {base.__name__}; its bases are {_bases(found)}", key)
-            model = found(**parameters)
+        if isinstance(item, type) or (callable(item) and not isinstance(item, Model)):
+            if isinstance(item, type) and not issubclass(item, base):
+                raise InputError(f"'{reference}' is no {base.__name__}; its bases are {_bases(item)}", key)
+            model = item(**parameters)
         else:
-            model = found.with_(**parameters) if isinstance(found, Model) else found
+            model = item.with_(**parameters) if isinstance(item, Model) else item
     except ModelError as error:
         raise InputError(sentence_of(error), "parameters" if parameters else key) from error
     if not isinstance(model, base):

@@ -12,7 +12,7 @@ from pydantic import Field, PositiveFloat
 
 from gtmodel.robots import clusters, f1_geometry
 
-from .base import InputError, Section
+from .base import FileSection, InputError
 from .load import validate
 from .plausible_lengths import refuse_other_units
 from .python_models import is_reference
@@ -33,7 +33,7 @@ MISFIT = 0.05
 PYTHON_KEYS = {"title", "source", "note", "robot", "parameters"}  # of a model in Python with parameters
 
 
-class _Robot(Section):
+class _Robot(FileSection):
     """What the files of all families say; masses and friction left out are the catalogue's own."""
 
     title: str = Field(default="", description="name of the robot")
@@ -150,11 +150,11 @@ class F1File(_SixLinks):
     )
 
     def geometry(self) -> dict[str, Any]:
-        found = f1_geometry.of_table(self.model_dump())
-        R, misfit = f1_geometry.home_rotation(found)
+        table = f1_geometry.of_table(self.model_dump())
+        R, misfit = f1_geometry.home_rotation(table)
         _refuse(misfit, "u1_2", ", or of u1_3, u2_3, A_bj_mm and B0_mm")
-        home = f1_geometry.home(found) if self.home_mm is None else np.array(self.home_mm) / 1e3
-        return {**found, "home": home, "home_e": clusters.quaternion_of(R)}
+        home = f1_geometry.home(table) if self.home_mm is None else np.array(self.home_mm) / 1e3
+        return {**table, "home": home, "home_e": clusters.quaternion_of(R)}
 
     def more(self) -> dict[str, Any]:
         return {**super().more(), "J": self.J_kg_m2}

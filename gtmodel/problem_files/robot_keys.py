@@ -9,10 +9,10 @@ from pydantic import Field, PositiveFloat
 from gtmodel.lang import Model
 
 from . import robots
-from .base import Context, Problem, Section
+from .base import Context, FileSection, Problem
 
 
-class Friction(Section):
+class FrictionSection(FileSection):
     """Friction, smoothed around zero velocity."""
 
     smoothing: Literal["tanh", "piecewise_linear"] | None = Field(
@@ -36,7 +36,7 @@ class RobotProblem(Problem):
     parameters: dict[str, Any] = Field(
         default={}, description="modifiers of the model, by its own parameter names, in SI"
     )
-    friction: Friction = Friction()
+    friction: FrictionSection = FrictionSection()
 
     def model(self, context: Context) -> Model:
         """The robot, configured. Raises InputError."""

@@ -125,11 +125,11 @@ def _from_file(
 ) -> tuple[str, dict[str, Any]]:
     try:
         family, robot = checked(data)
-        found = robot.modifiers()
+        own = robot.modifiers()
     except InputError as error:
         inside = error.within(reference)
         raise (InputError(str(inside), key) if key else inside) from error
-    return family, {**found, **modifiers}
+    return family, {**own, **modifiers}
 
 
 def in_python(reference: str, context: Context) -> tuple[str, dict[str, Any]]:

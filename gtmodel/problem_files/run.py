@@ -94,8 +94,8 @@ def solve(
         except InputError as error:
             # the work is done: a full disk must not cost its result
             files = output.elsewhere(loaded, context, outcome, wall_s=wall_s)
-            told = f"; the result was written into {files[0].parent} instead" if files else ""
-            return Finished(outcome, wall_s, files, unwritten=f"{error}{told}")
+            elsewhere = f"; the result was written into {files[0].parent} instead" if files else ""
+            return Finished(outcome, wall_s, files, unwritten=f"{error}{elsewhere}")
     return Finished(outcome, wall_s, files)
 
 
@@ -111,10 +111,10 @@ def generate(loaded: Loaded, context: Context, out: Path, *, verify: bool, write
 
 def explain(loaded: Loaded, context: Context) -> str:
     """What the kind says about a problem; its checked keys where it says nothing."""
-    told = getattr(loaded.kind, "explain", None)
-    if told is not None:
+    own = getattr(loaded.kind, "explain", None)
+    if own is not None:
         with keyed(loaded):
-            return str(told(loaded.problem, context))
+            return str(own(loaded.problem, context))
     import tomli_w
 
     return tomli_w.dumps(loaded.problem.model_dump(mode="json", exclude_none=True)).rstrip()

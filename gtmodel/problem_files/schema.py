@@ -15,13 +15,13 @@ from .registry import get, names
 
 def document(kind: str) -> dict[str, Any]:
     """The kind's JSON schema, with the flat list of its keys and the names in `values`. Raises InputError."""
-    found = get(kind)
+    module = get(kind)
     return {
         "kind": kind,
         "description": names()[kind],
-        "keys": [{**key._asdict()} for key in keys_of(found.Schema)],
+        "keys": [{**key._asdict()} for key in keys_of(module.Schema)],
         "values": values(kind),
-        "schema": found.Schema.model_json_schema(),
+        "schema": module.Schema.model_json_schema(),
     }
 
 

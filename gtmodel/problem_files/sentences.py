@@ -92,7 +92,7 @@ def _sentence(
         wanted = _of(known, [a(known.type)]) if known else "a value"
         about = f" ({known.description})" if known and known.description else ""
         return f"is missing; expected {wanted}{about}", ""
-    found = f"found {shown(_value_at(place, data))}"
+    value = f"found {shown(_value_at(place, data))}"
     expected = [_EXPECTED[f["type"]] for f in faults if f["type"] in _EXPECTED]
     entry = _entry(known.type, place) if known and kind in _LISTS else ""
     if known and len(faults) > 1 and not isinstance(place[-1], int):
@@ -100,8 +100,8 @@ def _sentence(
     elif entry:
         expected = [a(entry)]
     elif len(expected) != len(faults):
-        return f"{_bound(next(f for f in faults if f['type'] not in _EXPECTED), known)}; {found}", ""
-    return f"expected {_of(known, list(dict.fromkeys(expected)))}; {found}", ""
+        return f"{_bound(next(f for f in faults if f['type'] not in _EXPECTED), known)}; {value}", ""
+    return f"expected {_of(known, list(dict.fromkeys(expected)))}; {value}", ""
 
 
 def _of(known: Key | None, texts: list[str]) -> str:

@@ -19,11 +19,11 @@ def read(path: Path, kind: str) -> Mapping[str, Any]:
         raise InputError(f"--start {path}: there is no such file; name the result.json of an earlier --out")
     try:
         data = json.loads(file.read_bytes())
-        found = data["kind"]
+        of_kind = data["kind"]
     except (ValueError, KeyError, TypeError):
         raise InputError(f"--start {path} is no result.json of gtmodel") from None
-    if found != kind:
-        raise InputError(f"--start {path} is a result of kind '{found}'; this problem is of kind '{kind}'")
+    if of_kind != kind:
+        raise InputError(f"--start {path} is a result of kind '{of_kind}'; this problem is of kind '{kind}'")
     stored = data.get("trajectory")
     try:
         if stored is not None:

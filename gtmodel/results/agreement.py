@@ -16,7 +16,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 import numpy as np
 
-from .kind_names import expected, found, near
+from .kind_names import described, expected, near
 from .quantity import marks_of
 from .refusal import ArgumentError
 
@@ -69,7 +69,7 @@ class WrongKind(ArgumentError):
     """A value of another kind than the annotation says, or a word that is none of its words."""
 
     def __init__(self, value: Any, hint: Any, argument: str) -> None:
-        super().__init__(f"expected {expected(hint)}; found {found(value)}{near(value, hint)}", argument)
+        super().__init__(f"expected {expected(hint)}; found {described(value)}{near(value, hint)}", argument)
         self.value = value
 
 
@@ -131,7 +131,7 @@ def _listed(value: Any, hint: Any, argument: str, marks: Marks) -> None:
     for k, one in enumerate(value):
         agree(one, inside[0], _place(argument, f"[{k}]", inside[0]), marks)
     if hint == list[list[float]] and len(set(map(len, value))) > 1:  # type: ignore[arg-type]
-        raise ArgumentError(f"{UNEQUAL}; found {found(value)}", argument)
+        raise ArgumentError(f"{UNEQUAL}; found {described(value)}", argument)
 
 
 def _array(value: Any, hint: Any, argument: str, marks: Marks) -> None:
@@ -139,7 +139,7 @@ def _array(value: Any, hint: Any, argument: str, marks: Marks) -> None:
     try:
         array = np.asarray(value)
     except ValueError:
-        raise ArgumentError(f"{UNEQUAL}; found {found(value)}", argument) from None
+        raise ArgumentError(f"{UNEQUAL}; found {described(value)}", argument) from None
     if array.dtype.kind not in "fiu" or not array.ndim:
         raise WrongKind(value, hint, argument)
     for mark in marks:

@@ -76,8 +76,8 @@ def failed_of(checks: Mapping[str, Check]) -> dict[str, Check]:
 
 def verdict(failed: Mapping[str, Check], count: int) -> str:
     """One sentence: which of `count` checks failed with value and bound, and what to do."""
-    told = ", ".join(f"{name} ({_numbers(name, check)})" for name, check in failed.items())
-    text = f"{len(failed)} of {count} checks failed: {told}"
+    failures = ", ".join(f"{name} ({_numbers(name, check)})" for name, check in failed.items())
+    text = f"{len(failed)} of {count} checks failed: {failures}"
     advice = list(dict.fromkeys(check.advice for check in failed.values() if check.advice))
     return "; ".join([text, *advice])
 

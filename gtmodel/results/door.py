@@ -40,7 +40,7 @@ def study_function(function: Callable[P, R]) -> Callable[P, R]:
         try:
             return function(*args, **kwargs)
         except Interrupted as stopped:
-            told = {"message": str(stopped), "title": given.get("title", "")}
-            return hints["return"](status=SolveStatus.INTERRUPTED, **told)
+            texts = {"message": str(stopped), "title": given.get("title", "")}
+            return hints["return"](status=SolveStatus.INTERRUPTED, **texts)
 
     return checked

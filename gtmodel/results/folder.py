@@ -52,11 +52,11 @@ def others(folder: Path) -> list[str]:
 
 
 class Held:
-    """A folder that this process alone may write; `told` says what an earlier run left undone, or nothing."""
+    """A folder that this process alone may write; `message` says what an earlier run left undone, or nothing."""
 
-    def __init__(self, path: Path, told: str = "") -> None:
+    def __init__(self, path: Path, message: str = "") -> None:
         self.path = path
-        self.told = told
+        self.message = message
         self.written = False
 
     def write(self, files: Mapping[str, bytes], remove: Iterable[str] = (), programs: Collection[str] = ()) -> None:
@@ -108,7 +108,7 @@ def holding(folder: Path) -> Iterator[Held]:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         lock, left = _lock(folder / MARK)
-        held.told = _recovered(folder) if left else ""
+        held.message = _recovered(folder) if left else ""
     except BaseException as error:
         _release(folder, lock, missing)
         if isinstance(error, OSError):

@@ -45,7 +45,7 @@ def expected(hint: Any, several: bool = False) -> str:
     return class_name(kind) if isinstance(kind, type) else str(kind)
 
 
-def found(value: Any) -> str:
+def described(value: Any) -> str:
     """A value in a few words: itself where it is short, else its class."""
     if isinstance(value, np.ndarray):
         return f"an array of shape {value.shape} and type {value.dtype}"

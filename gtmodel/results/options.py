@@ -59,8 +59,8 @@ class Options:
 @cache
 def hints(cls: type) -> dict[str, Any]:
     """The annotations of the fields of an options class, with what they carry."""
-    found = get_type_hints(cls, include_extras=True)
-    return {f.name: found[f.name] for f in dataclasses.fields(cls)}
+    annotations = get_type_hints(cls, include_extras=True)
+    return {f.name: annotations[f.name] for f in dataclasses.fields(cls)}
 
 
 @cache

@@ -72,8 +72,8 @@ def converted(value: Any, unit: str, written: str, out: bool = False) -> Any:
     if isinstance(value, Mapping):
         return {name: converted(one, unit, written, out) for name, one in value.items()}
     x, factor = np.asarray(value, float), float(convert(1.0, unit, written))
-    found = x / float(convert(1.0, written, unit)) if out and factor < 1 else x * factor
-    return found if np.ndim(found) else float(found)
+    y = x / float(convert(1.0, written, unit)) if out and factor < 1 else x * factor
+    return y if np.ndim(y) else float(y)
 
 
 @cache
@@ -82,8 +82,8 @@ def quantities(cls: type) -> dict[str, Quantity]:
     hints = get_type_hints(cls, include_extras=True)
     order = list(dict.fromkeys(name for c in cls.__mro__ for name in reversed(inspect.get_annotations(c))))
     order.reverse()
-    found = {name: marks_of(hints[name]) for name in order if name in hints}
-    declared = {name: q for name, marks in found.items() for q in marks if isinstance(q, (Quantity, str))}
+    carried = {name: marks_of(hints[name]) for name in order if name in hints}
+    declared = {name: q for name, marks in carried.items() for q in marks if isinstance(q, (Quantity, str))}
     return {name: Quantity(description=q) if isinstance(q, str) else q for name, q in declared.items()}
 
 

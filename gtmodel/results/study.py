@@ -75,15 +75,15 @@ class Study:
     @property
     def values(self) -> Mapping[str, Any]:
         """The declared quantities by their names in result.json, which carry the units; `notes` where there are any."""
-        found = {q.name(attribute): q.value(getattr(self, attribute)) for attribute, q in self.quantities().items()}
-        own = () if "notes" in self.quantities() else found.get("notes") or ()
-        return found | ({"notes": [*own, *self.notes]} if self.notes else {})
+        values = {q.name(attribute): q.value(getattr(self, attribute)) for attribute, q in self.quantities().items()}
+        own = () if "notes" in self.quantities() else values.get("notes") or ()
+        return values | ({"notes": [*own, *self.notes]} if self.notes else {})
 
     @property
     def rows(self) -> list[Row]:
         """The table for people: every quantity with a label that has a value."""
-        found = ((q, getattr(self, attribute)) for attribute, q in self.quantities().items() if q.label)
-        return [q.row(value) for q, value in found if value is not None]
+        labelled = ((q, getattr(self, attribute)) for attribute, q in self.quantities().items() if q.label)
+        return [q.row(value) for q, value in labelled if value is not None]
 
     def interval(self, name: str, level: float = 0.95) -> tuple[float, float]:
         """Confidence interval of an estimated quantity [SI], infinite where the data do not determine it. Raises

@@ -1,4 +1,4 @@
-"""The table of a study for people: in a terminal, in a text, in a notebook."""
+"""Tables: of a study for people, in a terminal, in a text, in a notebook; and of columns, as CSV."""
 
 from __future__ import annotations
 
@@ -9,12 +9,16 @@ import unicodedata
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from .check import Check, bound_in_words
 from .unit_names import split
 from .written import png
 
 if TYPE_CHECKING:
     from .study import Study
+
+Columns = Mapping[str, Sequence[Any] | np.ndarray]
 
 HEAD = ("quantity", "value", "unit", "")
 _SHORT = 32  # characters; a longer text that ends its row sets no column's width
@@ -112,3 +116,18 @@ def number(value: Any) -> str:
     if isinstance(value, (list, tuple)):
         return ", ".join(number(v) for v in value)
     return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def csv_text(columns: Columns, digits: int | Mapping[str, int | str] = 6, notes: Sequence[str] = ()) -> str:
+    """Columns (n,) under their names, each number with so many digits, or with those of its column, or in its format,
+    as ".4f"; units stand in the names. NaN becomes an empty cell; words stand as they are. `notes`: comments above."""
+    of = [digits if isinstance(digits, int) else digits.get(name, "") for name in columns]
+    forms = [f".{d}g" if isinstance(d, int) else d for d in of]
+    lines = [*(f"# {note}" for note in notes), ",".join(columns)]
+    for row in zip(*columns.values(), strict=True):
+        lines.append(",".join(_csv_cell(x, form) for x, form in zip(row, forms, strict=True)))
+    return "\n".join(lines) + "\n"
+
+
+def _csv_cell(x: Any, form: str) -> str:
+    return x if isinstance(x, str) else "" if np.isnan(x) else f"{x:{form}}"

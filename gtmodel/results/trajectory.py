@@ -307,12 +307,12 @@ class Trajectory:
         Raises ModuleNotFoundError where pandas is not installed.
         """
         pandas = import_module("pandas")
-        found = {}
+        table = {}
         for name in self.names:
             values = self[name]
             parts = values.reshape(len(values), -1).T
-            found |= {f"{c} [{self.unit(name)}]": part for c, part in zip(columns(name, values), parts, strict=True)}
-        return pandas.DataFrame(found, index=pandas.Index(self.time, name="time [s]"))
+            table |= {f"{c} [{self.unit(name)}]": part for c, part in zip(columns(name, values), parts, strict=True)}
+        return pandas.DataFrame(table, index=pandas.Index(self.time, name="time [s]"))
 
     def to_csv(self, path: PathLike, *, overwrite: bool = False) -> None:
         """Write a CSV file: notes behind "#", a header "time [s],T[0] [m],...", one row per time.
@@ -362,11 +362,11 @@ class Trajectory:
         """Signal and component index behind a name; index None for the whole signal."""
         if name in self._values:
             return name, None
-        found = COLUMN.fullmatch(name) if isinstance(name, str) else None
-        value = self._values.get(found["base"]) if found else None
-        if not found or value is None or value.ndim == 1:
+        match = COLUMN.fullmatch(name) if isinstance(name, str) else None
+        value = self._values.get(match["base"]) if match else None
+        if not match or value is None or value.ndim == 1:
             raise UnknownNameError(unknown(name, self._values, "there is no signal"))
-        base, index = found["base"], int(found["index"])
+        base, index = match["base"], int(match["index"])
         if index >= value.shape[1]:
             raise UnknownNameError(
                 f"there is no component {name!r}: signal {base!r} has {value.shape[1]}, from "

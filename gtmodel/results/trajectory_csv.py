@@ -27,7 +27,7 @@ MOST_SHOWN = 40  # characters of a cell in a message
 _NOTES = ("title", "synthetic", "provenance", "scalar")
 
 
-class Table(NamedTuple):
+class TrajectoryCsv(NamedTuple):
     """The numbers of a CSV file as written: columns with their units, one row per line of the file.
 
     columns, units: of the columns kept, the time first. values: (rows, columns). lines: of the file, from 1.
@@ -45,17 +45,17 @@ class Table(NamedTuple):
         wanted = [parse_unit(unit).si_text for unit in self.units]
         if wanted == self.units:
             return self.values
-        found = np.empty(self.values.shape)
+        values = np.empty(self.values.shape)
         for j, (unit, si) in enumerate(zip(self.units, wanted, strict=True)):
-            found[:, j] = convert(self.values[:, j], unit, si)
-        return found
+            values[:, j] = convert(self.values[:, j], unit, si)
+        return values
 
 
 Header = tuple[list[str], list[str], list[int]]
 """Names, unit texts and places of the columns to keep, the time first."""
 
 
-def read_table(path: PathLike, header_of: Callable[[Sequence[str], str], Header]) -> Table:
+def read_table(path: PathLike, header_of: Callable[[Sequence[str], str], Header]) -> TrajectoryCsv:
     """The numbers of a CSV file whose header `header_of` understands.
 
     header_of: (cells of the header line, place in the file for messages) -> the columns to keep.
@@ -93,7 +93,7 @@ def read_table(path: PathLike, header_of: Callable[[Sequence[str], str], Header]
     if not places:
         raise TrajectoryError(f"{path} has a header but no rows; expected a row of numbers for each time")
     values = np.frombuffer(numbers, dtype=np.float64).reshape(len(places), len(header[0]))
-    return Table(header[0], header[1], values, np.frombuffer(places, dtype=np.int64), notes)
+    return TrajectoryCsv(header[0], header[1], values, np.frombuffer(places, dtype=np.int64), notes)
 
 
 def _decoded(file: BinaryIO, path: PathLike) -> Iterator[str]:
@@ -159,12 +159,12 @@ def _read_header(cells: Sequence[str], where: str) -> Header:
     names: list[str] = []
     units: list[str] = []
     for number, cell in enumerate(cells, 1):
-        found = HEADER_CELL.fullmatch(cell)
-        if not found:
+        match = HEADER_CELL.fullmatch(cell)
+        if not match:
             raise TrajectoryError(
                 f"{where}, column {number}: {cell!r} has no unit; expected 'name [unit]', such as 'q[0] [m]'"
             )
-        name, unit = found["name"], found["unit"].strip()
+        name, unit = match["name"], match["unit"].strip()
         try:
             dimension = parse_unit(unit).dimension
             if number > 1:
@@ -223,7 +223,7 @@ def _read_row(line: str, header: Header, width: int, where: str) -> list[float]:
     return row
 
 
-def check_increasing(time: Array, read: Table, path: PathLike) -> None:
+def check_increasing(time: Array, read: TrajectoryCsv, path: PathLike) -> None:
     """Raises TrajectoryError with the lines where the time [s] of a table does not increase."""
     if (bad := np.flatnonzero(np.diff(time) <= 0)).size:
         i, unit, name = int(bad[0]) + 1, read.units[0], read.columns[0]
@@ -245,9 +245,9 @@ def _grouped(
     """
     places: dict[str, list[int]] = {}
     for j, column in enumerate(columns):
-        found = None if column in scalars else COLUMN.fullmatch(column)
-        if found:
-            places.setdefault(found["base"], []).append(j)
+        match = None if column in scalars else COLUMN.fullmatch(column)
+        if match:
+            places.setdefault(match["base"], []).append(j)
     starts = {}
     for base, at in places.items():
         in_order = columns[at[0] : at[0] + len(at)] == [f"{base}[{i}]" for i in range(len(at))]

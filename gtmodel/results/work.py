@@ -60,7 +60,7 @@ class Work:
         """True once a stop was asked for or the time is over; engines ask once per iteration."""
         return self.stop() or self.seconds_left() == 0.0
 
-    def told(self, stage: str) -> Callable[[float], bool]:
+    def fractions(self, stage: str) -> Callable[[float], bool]:
         """What a long loop calls with the fraction done; True ends it."""
 
         def progress(fraction: float) -> bool:

@@ -68,8 +68,8 @@ def held(folder: Path, notice: Callable[[str], object]) -> Iterator[Held]:
     try:
         with holding(folder) as mine:
             refuse_foreign(folder)
-            if mine.told:
-                notice(mine.told)
+            if mine.message:
+                notice(mine.message)
             yield mine
     except FolderError as error:
         raise ArgumentError(f"{folder} {error}", "folder") from error
@@ -194,13 +194,13 @@ def record(
 
 def versions() -> dict[str, str]:
     """Versions of gtmodel, of Python and of the packages that numbers depend on."""
-    found = {_OURS: __version__, "python": platform.python_version(), "platform": platform.platform()}
+    versions_by_name = {_OURS: __version__, "python": platform.python_version(), "platform": platform.platform()}
     for name in _PACKAGES:
         try:
-            found[name] = version(name)
+            versions_by_name[name] = version(name)
         except PackageNotFoundError:
-            found[name] = "not found"
-    return found
+            versions_by_name[name] = "not found"
+    return versions_by_name
 
 
 def sha256(content: bytes) -> str:

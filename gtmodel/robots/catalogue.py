@@ -78,13 +78,13 @@ def entries() -> dict[str, Entry]:
     l1_tracker_2008  three_link  3
     l1_vision        three_link  3
     """
-    found = {}
+    by_name = {}
     for name, table in sorted(_geometries().items()):
         family = _family(table)
         masses = IDENTIFIED_MASSES if table["prototype"] == "L1" else EXAMPLE_MASSES
-        found[name] = Entry(family, FAMILIES[family], table["source"], masses)
-    found["kr500"] = Entry("serial", FAMILIES["serial"], SOURCE, MASSES)
-    return dict(sorted(found.items()))
+        by_name[name] = Entry(family, FAMILIES[family], table["source"], masses)
+    by_name["kr500"] = Entry("serial", FAMILIES["serial"], SOURCE, MASSES)
+    return dict(sorted(by_name.items()))
 
 
 def names() -> dict[str, str]:
@@ -244,9 +244,9 @@ def _masses(geometry: dict[str, Any], inertia: str | None) -> dict[str, Any]:
         example: dict[str, Any] = SIX_LINK_EXAMPLE
         m_a = [float(example["m_a"][rows].sum()) for rows in clusters.ROWS]
         return {k: example[k] for k in ("m_p", "m_c", "coulomb", "viscous")} | {"m_a": m_a}
-    found = _pick(inertia or "model_2", _inertias(), "inertia model")
+    model = _pick(inertia or "model_2", _inertias(), "inertia model")
     keys = {"m_p": "m_p_kg", "m_c": "m_c_kg", "coulomb": "coulomb_N", "viscous": "viscous_kg_s"}
-    return {name: found[key] for name, key in keys.items()}
+    return {name: model[key] for name, key in keys.items()}
 
 
 def _pick(name: str, table: dict[str, Any], what: str) -> Any:

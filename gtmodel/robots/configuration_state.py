@@ -42,10 +42,10 @@ def configuration(robot: gt.Model, inverse: Sequence[int] | None = None, forward
     >>> print(q.round(3), other.round(3))
     [-0.564 -0.347 -0.045] [-0.564  2.691 -0.045]
     """
-    found = next((signs for cls, signs in _SIGNS.items() if isinstance(robot, cls)), None)
-    if found is None:
+    signs_of_class = next((signs for cls, signs in _SIGNS.items() if isinstance(robot, cls)), None)
+    if signs_of_class is None:
         raise gt.ModelError(f"{type(robot).__name__} has no configuration; name its branches to causal()")
-    arms, side = found
+    arms, side = signs_of_class
     result: dict[str, int] = {}
     if inverse is not None:
         if len(inverse) != len(arms):

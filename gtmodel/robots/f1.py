@@ -154,8 +154,8 @@ def _geometry(name: str, parallel: bool) -> dict[str, Any]:
     """Geometry of a printed F1, or the parallel one near it, as parameters of F1, metres. Raises ModelError."""
     if name != "f1":
         raise gt.ModelError(f"there is no F1 robot '{name}'; there is f1")
-    found = f1_geometry.of_table(printed("gantry_tau.toml")[name])
-    return f1_geometry.parallel(found) if parallel else found
+    geometry = f1_geometry.of_table(printed("gantry_tau.toml")[name])
+    return f1_geometry.parallel(geometry) if parallel else geometry
 
 
 def f1_gantry_tau(name: str = "f1", parallel: bool = False, **modifiers: Any) -> F1:

@@ -5,7 +5,7 @@ simulate gives a Simulation; simulation_study adds checks, table and pictures: a
 
 from .arguments import MOST_ROWS as MOST_ROWS, MOST_STEPS as MOST_STEPS
 from .certificate import explain_simulation as explain_simulation
-from .linearize import Mode as Mode, linearize as linearize, modes as modes
+from .linearize import Mode as Mode, linearize as linearize, natural_modes as natural_modes
 from .result import NotSimulated as NotSimulated, Simulation as Simulation, Switch as Switch
 from .run import simulate as simulate
 from .study import SimulationStudy as SimulationStudy, simulation_study as simulation_study

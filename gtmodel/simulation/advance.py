@@ -10,12 +10,12 @@ from ..compiler.analysis.pace import Pace
 from ..results.status import SolveStatus
 from .audit import Audit
 from .choice import LARGEST_CHANGE, SWITCH_BELOW, Reference
+from .discontinuities import after_discontinuity
 from .ending import Ended, wall
-from .jumping import after_jump
 from .result import Progress, Switch
 from .small import History
 from .step import CHUNKS
-from .systems import System
+from .systems import SimulatedSystem
 
 if TYPE_CHECKING:
     from .run import Ready
@@ -30,7 +30,7 @@ STUCK_CALLS, STUCK, STUCK_ROWS = 100, 1e-4, 20
 OTHER_TOLERANCES, OTHER = 100.0, 1e-4
 
 
-class Course:
+class Integration:
     """Where a simulation is, and with which states. `rows` are the times to record, start and end included; `grid`
     holds them and further times that intervals end at; `pace` bounds the integrator's own steps."""
 
@@ -54,9 +54,9 @@ class Course:
         self._switch_below = SWITCH_BELOW
         self._last_span = np.inf
         self._p = ready.inputs.piece(self._time)
-        follower = system.follower
-        if follower is not None:
-            better = follower.correct(self._z, follower.place(self._x, self._time, self._p))
+        continuation = system.continuation
+        if continuation is not None:
+            better = continuation.correct(self._z, continuation.place(self._x, self._time, self._p))
             self._z = self._z if better is None else better
 
     def run(self, progress: Progress | None) -> None:
@@ -75,7 +75,7 @@ class Course:
 
     def _begin_piece(self) -> None:
         before, after = (self._inputs.piece(self._time, before) for before in (True, False))
-        self._z = after_jump(self.system, self._x, self._z, self._time, before, after)
+        self._z = after_discontinuity(self.system, self._x, self._z, self._time, before, after)
         self._p = after
         self._calls = 0
 
@@ -112,7 +112,7 @@ class Course:
             raise self._wall()
         return span
 
-    def _switch(self, system: System, w: np.ndarray) -> None:
+    def _switch(self, system: SimulatedSystem, w: np.ndarray) -> None:
         self.switches.append(Switch(self._time, self.system.states, system.states))
         self.system = system
         self._x, self._z = system.reduced.from_point(w)
@@ -195,19 +195,19 @@ class Course:
 
     def _followed(self, times: np.ndarray, xs: np.ndarray, zs: np.ndarray) -> np.ndarray:
         """The Newton unknowns to round-off, as far as they are those that the motion leads to."""
-        follower = self.system.follower
-        if follower is None:
+        continuation = self.system.continuation
+        if continuation is None:
             return zs
         other = max(OTHER, OTHER_TOLERANCES * self.system.tolerance)
-        found, z, here = [], self._z, follower.place(self._x, self._time, self._p)
+        rows, z, here = [], self._z, continuation.place(self._x, self._time, self._p)
         for x, near, t in zip(xs, zs, times, strict=True):
-            there = follower.place(x, t, self._p)
-            followed = follower.follow(z, here, there)
-            if followed is None or not follower.apart(followed, near) <= other:
+            there = continuation.place(x, t, self._p)
+            followed = continuation.follow(z, here, there)
+            if followed is None or not continuation.apart(followed, near) <= other:
                 break
-            found.append(followed)
+            rows.append(followed)
             z, here = followed, there
-        return np.array(found).reshape(len(found), zs.shape[1])
+        return np.array(rows).reshape(len(rows), zs.shape[1])
 
     def _resolved(self, times: np.ndarray, xs: np.ndarray, zs: np.ndarray) -> tuple[int, list[str], float]:
         """How many of the intervals tell on which side of its root the motion is, and what touches zero after them

@@ -33,11 +33,11 @@ def numbers(what: str, value: Any) -> np.ndarray:
 
 def names(what: str, value: Sequence[str] | str) -> list[str]:
     """One name or several as a list. Raises ModelError for what is no name."""
-    found: list[Any] = list(value) if isinstance(value, (list, tuple, set, dict)) else [value]
-    for name in found:
+    texts: list[Any] = list(value) if isinstance(value, (list, tuple, set, dict)) else [value]
+    for name in texts:
         if not isinstance(name, str):
             raise ModelError(f"{what} takes names such as 'T'; found {name!r}")
-    return found
+    return texts
 
 
 def by_name(what: str, value: Mapping[str, Any] | None) -> Mapping[str, Any]:

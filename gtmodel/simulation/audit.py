@@ -5,7 +5,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from ..compiler.plan import Plan
+from ..compiler.plan import CausalPlan
 
 # an equation left by more than this part of its largest term was not solved; round-off of stiff forces stays below
 BROKEN = 1e-6
@@ -19,7 +19,7 @@ class Audit:
     `residual` is the largest |left - right| so far, of any equation at any point, in SI units.
     """
 
-    def __init__(self, plan: Plan) -> None:
+    def __init__(self, plan: CausalPlan) -> None:
         flat = self._flat = plan.flat
         pairs = self._pairs = sorted({pair for e in flat.equations for pair in flat.scope.symbols_in(e.residual)})
         place = {pair: n for n, pair in enumerate(plan.pairs)}

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from ..compiler.pivoted import pivoted_qr
-from ..compiler.plan import Plan
+from ..compiler.matrices import pivoted_qr
+from ..compiler.plan import CausalPlan
 from ..compiler.states import Stage, choose, stage_choices
 from ..lang.source import ModelError
 
@@ -43,10 +43,10 @@ class Reference:
     matrices: list[np.ndarray]
 
 
-class Watch:
+class StateSelection:
     """The system Jacobian of a model at any point over `plan.pairs`; knows how good a choice of states is."""
 
-    def __init__(self, plan: Plan, prefer: frozenset[int]) -> None:
+    def __init__(self, plan: CausalPlan, prefer: frozenset[int]) -> None:
         self._plan, self._prefer = plan, prefer
         flat, structure = plan.flat, plan.structure
         system = ca.densify(plan.system)
@@ -90,7 +90,7 @@ class Watch:
 
     def _best(self, m: np.ndarray) -> Choice | None:
         """Best conditioned columns, stage by stage; what one stage solved stays solved in the next."""
-        found: list[tuple[int, ...]] = []
+        choice: list[tuple[int, ...]] = []
         solved: list[int] = []
         for stage in self._stages:
             a = self._scaled(m, stage)[1]
@@ -104,8 +104,8 @@ class Watch:
             if count and np.abs(r[count - 1, count - 1]) <= RANK_TOLERANCE * np.abs(r[0, 0]):
                 return None
             solved = sorted(stage.columns[n] for n in [*first, *(rest[k] for k in order[:count])])
-            found.append(tuple(solved))
-        return tuple(found)
+            choice.append(tuple(solved))
+        return tuple(choice)
 
     # -- watching ----------------------------------------------------------------------------------
 

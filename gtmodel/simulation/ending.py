@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..results.status import SolveStatus
-from .systems import System
+from .systems import SimulatedSystem
 
 # where a run ends, a state of so many nominals has grown without bound
 UNBOUNDED = 1e6
@@ -23,9 +23,9 @@ class Ended(Exception):
         self.status = status
 
 
-def wall(system: System, x: np.ndarray, z: np.ndarray, time: float, p: np.ndarray, shortest: float) -> Ended:
+def wall(system: SimulatedSystem, x: np.ndarray, z: np.ndarray, time: float, p: np.ndarray, shortest: float) -> Ended:
     """Why a motion does not go on from a point, where intervals of `shortest` [s] do not help."""
-    reduced, follower = system.reduced, system.follower
+    reduced, continuation = system.reduced, system.continuation
     at = f"the motion ends at {time:.6g} s"
     if np.any(np.abs(x) > UNBOUNDED * system.stepper.x_scale):
         return Ended(SolveStatus.DIVERGED, f"{at}: the state grows without bound")
@@ -36,14 +36,14 @@ def wall(system: System, x: np.ndarray, z: np.ndarray, time: float, p: np.ndarra
         size = abs(value) if m.kind == "pivot" else value
         if not size > NEAR_ZERO * m.scale:
             gone[m.kind].append(f"the {m.kind} of {m.label} is {size:.3g}, typically {m.scale:.3g}")
-    found = gone["condition"] or gone["discriminant"] or gone["pivot"]
-    if found:
-        return Ended(SolveStatus.FAILED, f"{at}, where it leads out of the model's range: {'; '.join(found[:3])}")
-    if follower is not None:
+    lost = gone["condition"] or gone["discriminant"] or gone["pivot"]
+    if lost:
+        return Ended(SolveStatus.FAILED, f"{at}, where it leads out of the model's range: {'; '.join(lost[:3])}")
+    if continuation is not None:
         rates = np.asarray(reduced.rate(x, z, time, p).full()).reshape(-1)
         along = shortest * np.concatenate([rates, [1.0], np.zeros(p.size)])
-        ahead = follower.tangent(z, follower.place(x, time, p), along)
-        if not follower.apart(z, z + ahead) <= STEEP:
+        ahead = continuation.tangent(z, continuation.place(x, time, p), along)
+        if not continuation.apart(z, z + ahead) <= STEEP:
             return Ended(
                 SolveStatus.FAILED,
                 f"{at}, where the equations of {reduced.unknowns} become singular: the solution turns back or ends "
@@ -51,6 +51,6 @@ def wall(system: System, x: np.ndarray, z: np.ndarray, time: float, p: np.ndarra
             )
     return Ended(
         SolveStatus.FAILED,
-        f"{at}: the integrator's steps became too small there, or no numbers came out; look for a term that jumps, or "
-        "nearly jumps, at that time",
+        f"{at}: the integrator's steps became too small there, or no numbers came out; look for a term that is "
+        "discontinuous, or nearly so, at that time",
     )

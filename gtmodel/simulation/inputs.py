@@ -15,13 +15,13 @@ from ..lang.slips import floats, line_of, shortened
 from ..lang.source import ModelError
 from ..lang.units import si_unit
 from ..results.trajectory import Trajectory, UnknownNameError
-from .table import INTERPOLATIONS, Table
+from .table import INTERPOLATIONS, InputTable
 
 Shape = tuple[int, ...]
 
 
 @dataclass(eq=False)
-class Inputs:
+class SimulationInputs:
     """Scalar known variables as functions of time.
 
     `functions`: index -> expression of `t`; `tables`: index -> Table. `p` holds a reference time and, for each
@@ -32,7 +32,7 @@ class Inputs:
     flat: FlatModel
     t: ca.SX
     functions: dict[int, ca.SX]
-    tables: dict[int, Table]
+    tables: dict[int, InputTable]
 
     def __post_init__(self) -> None:
         self.p = ca.SX.sym("p", 1 + sum(table.coefficients for table in self.tables.values()))
@@ -47,7 +47,7 @@ class Inputs:
         return sorted([*self.functions, *self.tables])
 
     def knots(self, start: float, end: float) -> np.ndarray:
-        """Times strictly inside an interval at which a table bends or jumps."""
+        """Times strictly inside an interval at which a table bends or is discontinuous."""
         times = np.unique(np.concatenate([np.zeros(0), *(table.times for table in self.tables.values())]))
         return times[(times > start) & (times < end)]
 
@@ -87,20 +87,20 @@ class Inputs:
         return value
 
 
-def read_inputs(flat: FlatModel, given: Mapping[str, Any]) -> Inputs:
+def read_inputs(flat: FlatModel, given: Mapping[str, Any]) -> SimulationInputs:
     """Inputs from what a person gave by name.
 
     Each value is a number or array; a function of time, of one argument that takes NumPy's and gtmodel's functions
     (``lambda t: [0.0, np.sin(3 * t)]``); a pair (times, values); or a Trajectory that holds the name. A table is
-    "linear" between its rows unless told otherwise by ((times, values), interpolation) or (trajectory, interpolation):
-    "previous" holds each row up to the next (a recorded row on a jump shows what was before it), "cubic" is a spline,
-    which has two derivatives. Before its first and after its last row every table keeps its end value.
+    "linear" between its rows unless ((times, values), interpolation) or (trajectory, interpolation) says otherwise:
+    "previous" holds each row up to the next (a recorded row on a discontinuity shows what was before it), "cubic" is
+    a spline, which has two derivatives. Before its first and after its last row every table keeps its end value.
 
     Raises ModelError for a wrong name, shape or unit, and for a function that cannot be evaluated symbolically.
     """
     t = ca.SX.sym("t")
     functions: dict[int, ca.SX] = {}
-    tables: dict[int, Table] = {}
+    tables: dict[int, InputTable] = {}
     for name, value in given.items():
         shape, indices, order = flat.lookup(name)
         if order:
@@ -112,13 +112,13 @@ def read_inputs(flat: FlatModel, given: Mapping[str, Any]) -> Inputs:
         if table is not None:
             times, values, interpolation = table
             columns = _columns(name, shape, len(indices), times, values)
-            tables |= {i: Table(name, times, columns[:, k], interpolation) for k, i in enumerate(indices)}
+            tables |= {i: InputTable(name, times, columns[:, k], interpolation) for k, i in enumerate(indices)}
             continue
         entries = _symbolic(flat, name, value, t) if callable(value) else _constant(name, value)
         if len(entries) not in (1, len(indices)):
             raise ModelError(f"input '{name}' has {len(indices)} entries; found {len(entries)}")
         functions |= {i: entries[k if len(entries) > 1 else 0] for k, i in enumerate(indices)}
-    return Inputs(flat, t, functions, tables)
+    return SimulationInputs(flat, t, functions, tables)
 
 
 def _table(flat: FlatModel, name: str, index: int, value: Any) -> tuple[np.ndarray, np.ndarray, str] | None:

@@ -15,8 +15,8 @@ from ..compiler.flat import FlatModel
 from ..lang.model import Model
 from ..lang.source import ModelError
 from .arguments import by_name, names, numbers
-from .inputs import Inputs
-from .jumps import refuse_discontinuities
+from .discontinuities import refuse_discontinuities
+from .inputs import SimulationInputs
 from .systems import Systems
 
 if TYPE_CHECKING:
@@ -83,7 +83,7 @@ def linearize(
         raise ModelError(f"output '{twice[0]}' is named twice; name it once")
     values = _values(flat, known, input_values)
     u = {i: ca.SX.sym(flat.variables[i].name) for i in known}
-    given = Inputs(flat, ca.SX.sym("t"), dict(u), {})
+    given = SimulationInputs(flat, ca.SX.sym("t"), dict(u), {})
     preferred = [i for name in prefer for i in flat.lookup(name)[1]]
     systems = Systems(flat, given, [flat.scope.symbol(*p) for p in asked], preferred)
     held, guess = start_values(systems.plan, start, known)
@@ -155,7 +155,7 @@ def _values(flat: FlatModel, known: list[int], given: Mapping[str, Any]) -> dict
     return values
 
 
-def modes(system: control.StateSpace) -> list[Mode]:
+def natural_modes(system: control.StateSpace) -> list[Mode]:
     """Modes of a linear model by rising frequency; of a conjugate pair the one with positive imaginary part.
 
     system: as `linearize` returns it. Each `Mode` has its eigenvalue [1/s], natural frequency [Hz], damping ratio (1
@@ -168,7 +168,7 @@ def modes(system: control.StateSpace) -> list[Mode]:
     ...     def equations(self):
     ...         yield gt.der(self.x) == self.v
     ...         yield gt.der(self.v) == -self.stiffness * self.x
-    >>> (mode,) = gt.modes(gt.linearize(Oscillator(), [], ["x", "v"], start={"x": 0.0, "v": 0.0}))
+    >>> (mode,) = gt.natural_modes(gt.linearize(Oscillator(), [], ["x", "v"], start={"x": 0.0, "v": 0.0}))
     >>> round(mode.frequency_Hz, 4)  # 5 rad/s
     0.7958
     """

@@ -18,7 +18,7 @@ Shape = tuple[int, ...]
 
 
 @dataclass(frozen=True)
-class Entry:
+class RecordedQuantity:
     """A recorded name with its unit ("?": none declared), and the scalar symbols it is made of."""
 
     name: str
@@ -27,9 +27,9 @@ class Entry:
     unit: str
 
 
-def entries_of(flat: FlatModel, outputs: Sequence[str]) -> list[Entry]:
+def entries_of(flat: FlatModel, outputs: Sequence[str]) -> list[RecordedQuantity]:
     """Names at the top and one level below, first derivatives of what moves at the top, and the outputs asked for."""
-    entries: dict[str, Entry] = {}
+    entries: dict[str, RecordedQuantity] = {}
 
     def add(name: str, shape: Shape, indices: list[int], order: int) -> None:
         if len(shape) > 1:  # a Trajectory holds vectors: the entries of a matrix stand by themselves
@@ -37,7 +37,9 @@ def entries_of(flat: FlatModel, outputs: Sequence[str]) -> list[Entry]:
                 add(flat.variables[i].name, (), [i], order)
             return
         full = derivative_name(name, order)
-        entries[full] = Entry(full, shape, tuple((i, order) for i in indices), flat.unit_of(indices[0], order))
+        entries[full] = RecordedQuantity(
+            full, shape, tuple((i, order) for i in indices), flat.unit_of(indices[0], order)
+        )
 
     moving = {i for e in flat.equations for i, k in flat.scope.symbols_in(e.residual) if k >= 1}
     for name, (shape, indices) in flat.groups.items():

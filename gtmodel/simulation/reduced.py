@@ -10,8 +10,8 @@ import numpy as np
 from ..compiler.blocks import Margin
 from ..compiler.emit import express
 from ..compiler.flat import FlatModel
-from ..compiler.plan import Plan
-from .inputs import Inputs
+from ..compiler.plan import CausalPlan
+from .inputs import SimulationInputs
 
 Pair = tuple[int, int]
 
@@ -22,7 +22,7 @@ class Reduced:
     `outputs` are expressions of original symbols, as the energies are.
     """
 
-    def __init__(self, plan: Plan, inputs: Inputs, outputs: list[ca.SX]) -> None:
+    def __init__(self, plan: CausalPlan, inputs: SimulationInputs, outputs: list[ca.SX]) -> None:
         flat, scope = plan.flat, plan.flat.scope
         self.plan = plan
         self.x = _column([scope.symbol(*s) for s in plan.states])
@@ -41,9 +41,9 @@ class Reduced:
             "outputs": plan.alias.rewrite_all(flat, [*outputs, stored]),
         }
         values = iter(express(plan, [e for group in groups.values() for e in group], [*given, (scope.time, self.t)]))
-        found = {name: _column([next(values) for _ in group]) for name, group in groups.items()}
-        self.rates, self.powers, self.residuals = found["rates"], found["powers"], found["residuals"]
-        self._margins, self._point, self.outputs = found["margins"], found["point"], found["outputs"]
+        columns = {name: _column([next(values) for _ in group]) for name, group in groups.items()}
+        self.rates, self.powers, self.residuals = columns["rates"], columns["powers"], columns["residuals"]
+        self._margins, self._point, self.outputs = columns["margins"], columns["point"], columns["outputs"]
 
     def _function(self, name: str, *results: ca.SX) -> ca.Function:
         return ca.Function(name, self._arguments, list(results))

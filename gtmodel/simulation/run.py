@@ -16,16 +16,15 @@ from ..lang.model import Model
 from ..lang.slips import named
 from ..lang.source import ModelError
 from ..results.status import SolveStatus
-from .advance import Course, Ended
+from .advance import Ended, Integration
 from .arguments import by_name, longest_step, names, number, output_step, span
-from .impulses import refuse_impulsive_inputs
-from .inputs import Inputs, read_inputs
-from .jumps import refuse_discontinuities
+from .discontinuities import refuse_discontinuities, refuse_discontinuous_inputs
+from .inputs import SimulationInputs, read_inputs
 from .record import Recorder
 from .resolution import resolution, unresolved
 from .result import NotSimulated, Progress, Simulation
 from .small import FINER, FINEST, small, small_states
-from .systems import System, Systems
+from .systems import SimulatedSystem, Systems
 from .turnover import balance, unbalanced
 
 OUTPUT_STEPS = 500
@@ -102,13 +101,13 @@ def simulate(
         return prepare(model, inputs, start, start_time, outputs, prefer, tolerance, method, bounded)
 
     ready = prepared(tolerance)
-    refuse_impulsive_inputs(ready.inputs, ready.system.plan.inputs, start_time, final_time)
+    refuse_discontinuous_inputs(ready.inputs, ready.system.plan.inputs, start_time, final_time)
     rows = _rows(start_time, final_time, step)
     # roots are watched from one time to the next: as often as rows are recorded by default
     watched = (final_time - start_time) / OUTPUT_STEPS if ready.system.roots else np.inf
     grid = _grid(rows, min(max_step, watched))
     pace = pace_of(ready.systems.driven(), ready.inputs.t, start_time, final_time)
-    course = Course(ready, rows, grid, pace)
+    course = Integration(ready, rows, grid, pace)
     status, message = SolveStatus.SOLVED, "simulated"
     try:
         course.run(progress)
@@ -124,7 +123,7 @@ def simulate(
     checks = balance(energy_error, moved) | resolution(course.largest, tolerance)
     said = ""
     if status.ok and FINER * tolerance >= FINEST and (pairs := small(course.history, tolerance)):
-        finer = Course(prepared(FINER * tolerance), rows, grid, pace)
+        finer = Integration(prepared(FINER * tolerance), rows, grid, pace)
         # a run that ends early tells nothing
         with suppress(Ended):
             finer.run(None if progress is None else lambda _: progress(final_time))
@@ -153,10 +152,10 @@ class Ready:
     """A simulation before its first step: a consistent point and the system chosen there."""
 
     systems: Systems
-    inputs: Inputs
+    inputs: SimulationInputs
     recorder: Recorder
     initial: Initial
-    system: System
+    system: SimulatedSystem
     chosen: dict[str, float]
 
     def symbol_name(self, pair: tuple[int, int]) -> str:

@@ -38,19 +38,19 @@ class History:
 
     def largest(self) -> dict[Pair, float]:
         """Of each state, its largest size."""
-        found: dict[Pair, float] = {}
+        sizes: dict[Pair, float] = {}
         for pairs, _, states in self._blocks:
             for pair, value in zip(pairs, np.max(np.abs(states), axis=0, initial=0.0).tolist(), strict=True):
-                found[pair] = max(found.get(pair, 0.0), value)
-        return found
+                sizes[pair] = max(sizes.get(pair, 0.0), value)
+        return sizes
 
     def of(self, pair: Pair) -> dict[float, float]:
         """A state by time, where it was one."""
-        found: dict[float, float] = {}
+        by_time: dict[float, float] = {}
         for pairs, times, states in self._blocks:
             if pair in pairs:
-                found |= dict(zip(times.tolist(), states[:, pairs.index(pair)].tolist(), strict=True))
-        return found
+                by_time |= dict(zip(times.tolist(), states[:, pairs.index(pair)].tolist(), strict=True))
+        return by_time
 
 
 def small(history: History, tolerance: float) -> list[Pair]:

@@ -103,15 +103,15 @@ def simulation_study(
     refuse_unknown(model, start=start or {}, inputs=inputs or {}, outputs=outputs, prefer=prefer)
     _refuse_steps(final_time, step, max_step)
 
-    def told(time: float) -> bool:
+    def report(time: float) -> bool:
         work.progress("simulating", time / final_time, {"time_s": time})
         return work.interrupted()
 
-    found = simulate(
+    simulation = simulate(
         model, final_time, inputs=inputs, start=start, step=step, max_step=max_step, outputs=outputs, prefer=prefer,
-        tolerance=tolerance, method=method, progress=told, throw=False,
+        tolerance=tolerance, method=method, progress=report, throw=False,
     )  # fmt: skip
-    return _study_of(found, title)
+    return _study_of(simulation, title)
 
 
 def refuse_unknown(model: Model, **lists: Mapping[str, Any] | Sequence[str]) -> None:
@@ -134,35 +134,37 @@ def _refuse_steps(final_time: float, step: float | None, max_step: float | None)
             raise ArgumentError(f"{value:g} s is too short: the run has at most {most} of them", argument)
 
 
-def _study_of(found: Simulation, title: str) -> SimulationStudy:
-    recorded = found.trajectory
-    whole = found.status.converged  # its failed checks are the study's
-    if not found.status.ok:
-        title += f" ({found.status.value})"
+def _study_of(simulation: Simulation, title: str) -> SimulationStudy:
+    recorded = simulation.trajectory
+    whole = simulation.status.converged  # its failed checks are the study's
+    if not simulation.status.ok:
+        title += f" ({simulation.status.value})"
     trajectory = Trajectory(
         recorded.time, {n: recorded[n] for n in recorded.names}, recorded.units, title=title, provenance={}
     )
-    checks = {"equations_residual": at_most(found.residual, EQUATIONS, TIGHTER)}
-    checks |= {name: at_most(check.value, check.bound or 0.0, check.advice) for name, check in found.checks.items()}
-    figures = {"signals": partial(_signals, trajectory, [s.time for s in found.switches])}
+    checks = {"equations_residual": at_most(simulation.residual, EQUATIONS, TIGHTER)}
+    checks |= {
+        name: at_most(check.value, check.bound or 0.0, check.advice) for name, check in simulation.checks.items()
+    }
+    figures = {"signals": partial(_signals, trajectory, [s.time for s in simulation.switches])}
     energies: dict[str, Any] = {}
-    if found.energy_error is not None:
+    if simulation.energy_error is not None:
         figures["energy"] = partial(_energy, trajectory)
         energies = {f"energy_{k}": float(x[-1] - x[0]) for k in ENERGIES for x in [trajectory[f"energy.{k}"]]}
     return SimulationStudy(
-        status=SolveStatus.SOLVED if whole else found.status,
-        message=found.message,
+        status=SolveStatus.SOLVED if whole else simulation.status,
+        message=simulation.message,
         title=title,
         checks=checks,
         trajectory=trajectory,
         figures=figures,
-        simulation=found,
+        simulation=simulation,
         end_time=float(trajectory.time[-1]),
         end={name: trajectory[name][-1] for name in trajectory.names if not name.startswith("energy.")},
-        states=list(found.states),
-        switches=len(found.switches),
-        chosen=found.chosen,
-        energy_error=found.energy_error,
+        states=list(simulation.states),
+        switches=len(simulation.switches),
+        chosen=simulation.chosen,
+        energy_error=simulation.energy_error,
         **energies,
     )
 

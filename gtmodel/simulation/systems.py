@@ -10,11 +10,11 @@ import casadi as ca
 import numpy as np
 
 from ..compiler.flat import FlatModel
-from ..compiler.plan import Plan, make_plan
+from ..compiler.plan import CausalPlan, make_plan
 from ..lang.source import ModelError
-from .choice import Choice, Watch, choice_of
-from .follow import Follower
-from .inputs import Inputs
+from .choice import Choice, StateSelection, choice_of
+from .continuation import NewtonContinuation
+from .inputs import SimulationInputs
 from .reduced import Reduced
 from .roots import Roots
 from .step import Stepper
@@ -23,28 +23,28 @@ Pair = tuple[int, int]
 
 
 @dataclass(frozen=True, eq=False)
-class Branch:
+class BranchPlan:
     """A plan for one choice of states, with the signs of its roots; `derivatives` tell the signs at any point."""
 
-    plan: Plan
+    plan: CausalPlan
     jacobian: ca.Function
     signs: tuple[int, ...]
 
 
 @dataclass(frozen=True, eq=False)
-class System:
+class SimulatedSystem:
     """A branch with the inputs and outputs of a simulation, ready to be integrated."""
 
     choice: Choice
-    plan: Plan
+    plan: CausalPlan
     reduced: Reduced
     stepper: Stepper
     tolerance: float
 
     @cached_property
-    def follower(self) -> Follower | None:
+    def continuation(self) -> NewtonContinuation | None:
         """Of the Newton unknowns; None where there are none."""
-        return Follower(self.reduced, self.stepper.z_scale) if self.reduced.z.numel() else None
+        return NewtonContinuation(self.reduced, self.stepper.z_scale) if self.reduced.z.numel() else None
 
     @cached_property
     def roots(self) -> Roots:
@@ -64,7 +64,7 @@ class Systems:
     def __init__(
         self,
         flat: FlatModel,
-        inputs: Inputs,
+        inputs: SimulationInputs,
         outputs: list[ca.SX],
         prefer: Sequence[int] = (),
         tolerance: float = 1e-9,
@@ -80,13 +80,13 @@ class Systems:
         key = ("simulation", tuple(inputs.known), tuple(sorted(targets)))
         if key not in flat.cache:
             flat.cache[key] = self._first_plan(sorted(targets)), {}
-        self.plan: Plan
-        self._branches: dict[Choice, list[Branch]]
+        self.plan: CausalPlan
+        self._branches: dict[Choice, list[BranchPlan]]
         self.plan, self._branches = flat.cache[key]
-        self.watch = Watch(self.plan, frozenset(self.plan.alias.resolve(i, 0)[1] for i in prefer))
-        self._made: dict[int, System] = {}
+        self.watch = StateSelection(self.plan, frozenset(self.plan.alias.resolve(i, 0)[1] for i in prefer))
+        self._made: dict[int, SimulatedSystem] = {}
 
-    def at(self, w: np.ndarray, time: float) -> System | None:
+    def at(self, w: np.ndarray, time: float) -> SimulatedSystem | None:
         """The system whose states and branches suit a consistent point; None where no choice of states would do."""
         choice = self.watch.choose(w, time)
         if choice is None:
@@ -100,7 +100,7 @@ class Systems:
             reduced = Reduced(branch.plan, self._inputs, self._outputs)
             stepper = Stepper(reduced, self._tolerance, self._method, self._bounded)
             choice = choice_of(branch.plan.stages)
-            self._made[id(branch)] = System(choice, branch.plan, reduced, stepper, self._tolerance)
+            self._made[id(branch)] = SimulatedSystem(choice, branch.plan, reduced, stepper, self._tolerance)
         return self._made[id(branch)]
 
     def driven(self) -> ca.SX:
@@ -113,16 +113,16 @@ class Systems:
         written = ca.substitute(column, ca.vertcat(*old), ca.vertcat(*new))
         return ca.vertcat(*inputs.functions.values(), written)
 
-    def _branch(self, states: list[int], w: np.ndarray, time: float) -> Branch:
+    def _branch(self, states: list[int], w: np.ndarray, time: float) -> BranchPlan:
         plan = self._plan(self.plan.pairs, states, rates=True, at=(w, time))
         assert plan.pairs == self.plan.pairs
         roots = [r for b in plan.blocks for r in b.roots]
         column = ca.vertcat(*[r.slope for r in roots]) if roots else ca.SX(0, 1)
         folded = ca.substitute(column, self._flat.p, self._fold) if self._flat.parameters else column
         jacobian = ca.Function("derivatives", [plan.sampler.w, self._flat.scope.time], [folded])
-        return Branch(plan, jacobian, tuple(root.value for root in roots))
+        return BranchPlan(plan, jacobian, tuple(root.value for root in roots))
 
-    def _first_plan(self, targets: list[Pair]) -> Plan:
+    def _first_plan(self, targets: list[Pair]) -> CausalPlan:
         given = set(self._inputs.known)
         left = [v.name for v in self._flat.variables if v.role == "input" and v.index not in given]
         try:
@@ -142,7 +142,7 @@ class Systems:
         prefer: Sequence[int] = (),
         rates: bool = False,
         at: tuple[np.ndarray, float] | None = None,
-    ) -> Plan:
+    ) -> CausalPlan:
         return make_plan(self._flat, self._inputs.known, targets, prefer, rates=rates, fold=self._fold, at=at)
 
 

@@ -14,7 +14,7 @@ INTERPOLATIONS = {"previous": 1, "linear": 2, "cubic": 4}
 
 
 @dataclass(eq=False)
-class Table:
+class InputTable:
     """A scalar function of time given by rows; constant before the first and after the last one."""
 
     name: str

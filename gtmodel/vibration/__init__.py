@@ -4,9 +4,9 @@ Studies
     study                the model of a recording that is asked for: `VibrationStudy`
     Subspace, StepResponse, Impulse, Physical     which model, and what is known beside the recording
     matrices_study, Matrices    modes and signs of printed matrices
-    synthetic_records    synthetic recordings of a Structure, Steps or a Hit, with their Sampling
+    synthetic_records    synthetic recordings of a SyntheticStructure, Steps or a Hit, with their Sampling
 Recordings
-    Record, Stopped      one evenly sampled recording; a fit that was stopped
+    Record, FitStopped   one evenly sampled recording; a fit that was stopped
     structure_record, hammer_record, step_record   synthetic recordings with seed and noise
 Black boxes (Dressler 2012, section 6.3)
     identify_step        delayed first-order model, eq. (6.11) -> control.TransferFunction
@@ -30,7 +30,7 @@ from .dynamic_stiffness import (
     DynamicStiffnessStudy as DynamicStiffnessStudy,
     FrequencyResponse as FrequencyResponse,
     GaussianProcess as GaussianProcess,
-    Inputs as Inputs,
+    KernelInputs as KernelInputs,
     ModalFit as ModalFit,
     OscillatorField as OscillatorField,
     SyntheticField as SyntheticField,
@@ -62,13 +62,13 @@ from .options import (
     Sampling as Sampling,
     StepResponse as StepResponse,
     Steps as Steps,
-    Structure as Structure,
     Subspace as Subspace,
+    SyntheticStructure as SyntheticStructure,
 )
 from .order import OrderTrial as OrderTrial
 from .output_error import OutputErrorFit as OutputErrorFit, output_error as output_error
 from .physical_form import PhysicalForm as PhysicalForm, physical_form as physical_form
-from .record import Record as Record, Stopped as Stopped
+from .record import FitStopped as FitStopped, Record as Record
 from .step_response import StepModel as StepModel, bandwidth as bandwidth, identify_step as identify_step
 from .step_study import StepStudy as StepStudy
 from .subspace import SubspaceModel as SubspaceModel, identify_subspace as identify_subspace

@@ -36,8 +36,8 @@ def continuous(A: np.ndarray, B: np.ndarray, sample_time: float) -> Continuous:
     warns. Raises ArgumentError for a pole at zero or on the negative real axis, and a logarithm that is not real or
     exact.
 
-    >>> found = gt.vibration.continuous(np.array([[0.9]]), np.array([[0.1]]), sample_time=0.004)
-    >>> found.A.round(2), found.B.round(2)  # 1/s
+    >>> model = gt.vibration.continuous(np.array([[0.9]]), np.array([[0.1]]), sample_time=0.004)
+    >>> model.A.round(2), model.B.round(2)  # 1/s
     (array([[-26.34]]), array([[26.34]]))
     """
     check_sample_time(sample_time)

@@ -39,10 +39,10 @@ def definite_form(M: ArrayLike, D: ArrayLike, K: ArrayLike) -> DefiniteForm:
 
     >>> M, D = np.diag([30.0, 12.0]), np.array([[210.0, -60.0], [-60.0, 60.0]])
     >>> K = np.array([[150e3, -80e3], [-90e3, 90e3]])  # not symmetric, as printed or measured
-    >>> found = gt.vibration.definite_form(M, D, K)
-    >>> np.allclose(found.K, found.K.T)
+    >>> nearest = gt.vibration.definite_form(M, D, K)
+    >>> np.allclose(nearest.K, nearest.K.T)
     True
-    >>> gt.vibration.modes(found.M, found.D, found.K).frequency_Hz.round(3)
+    >>> gt.vibration.modes(nearest.M, nearest.D, nearest.K).frequency_Hz.round(3)
     array([ 6.379, 16.611])
     >>> gt.vibration.modes(M, D, K).frequency_Hz.round(3)
     array([ 6.379, 16.611])
@@ -52,9 +52,9 @@ def definite_form(M: ArrayLike, D: ArrayLike, K: ArrayLike) -> DefiniteForm:
     X_K, X_D = np.linalg.solve(M0, K0), np.linalg.solve(M0, D0)
     values, V = np.linalg.eig(X_K)
     if np.abs(np.imag(values)).max() > REAL * np.abs(values).max() or np.any(np.real(values) <= 0):
-        found = ", ".join(f"{v:.4g}" for v in values)
+        eigenvalues = ", ".join(f"{v:.4g}" for v in values)
         raise ArgumentError(
-            f"M^-1 K has the eigenvalues {found} 1/s2; a structure with symmetric positive definite M and K has "
+            f"M^-1 K has the eigenvalues {eigenvalues} 1/s2; a structure with symmetric positive definite M and K has "
             "positive ones only: look at the signs of M and K"
         )
     V = np.real(V)

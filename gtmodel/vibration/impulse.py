@@ -79,7 +79,7 @@ def identify_impulse(
 
     Args:
         modes: how many; by the Bayesian information criterion if left out, at most `largest`.
-        interrupted: asked before each number of resonances; True ends the fit with Stopped.
+        interrupted: asked before each number of resonances; True ends the fit with FitStopped.
 
     The eigensystem realisation gives starts, least squares on damped sines about a rest position the values
     (amplitudes eliminated, variable projection); intervals are for white noise, of an unknown size at each output.
@@ -106,9 +106,9 @@ def identify_impulse(
         poles = next(realised)[3]
         s = np.log(poles[np.imag(poles) > 0].astype(complex)) / record.sample_time
         s = s[(s.real < 0) & (s.imag > 2 * np.pi / (record.sample_time * len(record)))]
-        found = _Sines.fit(record, s) if len(s) else None
-        if found is not None and (len(s) not in fits or found.criterion < fits[len(s)].criterion):
-            fits[len(s)] = found
+        fit = _Sines.fit(record, s) if len(s) else None
+        if fit is not None and (len(s) not in fits or fit.criterion < fits[len(s)].criterion):
+            fits[len(s)] = fit
     if not fits or (modes is not None and modes not in fits):
         raise ArgumentError(
             f"{'nothing' if not fits else f'{min(fits)} of {modes} modes'} in the {len(record)} samples decays and "
@@ -165,17 +165,17 @@ class _Sines:
         sizes.
         """
         weights, live = np.ones(record.y.shape[1]), _live(record.y)
-        found = cls._fit(record, s, weights)
+        sines = cls._fit(record, s, weights)
         for _ in range(REWEIGHTED):
-            if found is None:
+            if sines is None:
                 return None
             before, weights = weights, weights.copy()
-            weights[live] = weights_of(record.y[:, live], found.fitted[:, live])
+            weights[live] = weights_of(record.y[:, live], sines.fitted[:, live])
             if settled(weights, before):
-                return found
-            w, zeta = 2 * np.pi * found.x[::2], found.x[1::2]
-            found = cls._fit(record, w * (-zeta + 1j * np.sqrt(1 - zeta**2)), weights)
-        return found
+                return sines
+            w, zeta = 2 * np.pi * sines.x[::2], sines.x[1::2]
+            sines = cls._fit(record, w * (-zeta + 1j * np.sqrt(1 - zeta**2)), weights)
+        return sines
 
     @classmethod
     def _fit(cls, record: Record, s: np.ndarray, weights: np.ndarray) -> _Sines | None:
@@ -223,12 +223,12 @@ class _Sines:
 
         e = self.estimate
         order = np.argsort(self.x[::2])
-        found, blocks, B, C = [], [], [], []
+        resonances, blocks, B, C = [], [], [], []
         for k in order:
             f, zeta = self.x[2 * k], self.x[2 * k + 1]
             cosine, sine = self.amplitudes[1 + 2 * k], self.amplitudes[2 + 2 * k]
             size = tuple(np.hypot(cosine, sine).tolist())
-            found.append(
+            resonances.append(
                 Resonance(float(f), e.interval(f"f[{k}]"), float(zeta), e.interval(f"zeta[{k}]"), size)
             )  # fmt: skip
             w = 2 * np.pi * f
@@ -240,24 +240,28 @@ class _Sines:
         # h[k] = C A^(k-1) B: the decay begins one sample after the impulse
         A = block_diag(*blocks)
         system = control.StateSpace(A, np.array(B)[:, None], C, np.zeros((len(C), 1)), record.sample_time)
-        half = np.array([r.frequency_Hz * r.damping for r in found])
-        distance = np.diff([r.frequency_Hz for r in found]) / (half[:-1] + half[1:]) if len(found) > 1 else np.zeros(0)
+        half = np.array([r.frequency_Hz * r.damping for r in resonances])
+        distance = (
+            np.diff([r.frequency_Hz for r in resonances]) / (half[:-1] + half[1:])
+            if len(resonances) > 1
+            else np.zeros(0)
+        )
         error = self.fitted - record.y
         words = [f"output {k + 1}: {whiteness(error[:, k]).message}" for k in range(error.shape[1])]
         words += [
             f"the peaks at {a.frequency_Hz:.4g} and {b.frequency_Hz:.4g} Hz overlap ({d:.2g} half-power widths apart)"
-            for a, b, d in zip(found, found[1:], distance, strict=False)
+            for a, b, d in zip(resonances, resonances[1:], distance, strict=False)
             if d < OVERLAP
         ]
         nyquist = 0.5 / record.sample_time
         words += [
             f"a mode at {r.damped_Hz:.4g} Hz is near the Nyquist frequency of {nyquist:.4g} Hz: these samples cannot "
             f"tell it from one at {2 * nyquist - r.damped_Hz:.4g} Hz"
-            for r in found
+            for r in resonances
             if r.damped_Hz > NEAR * nyquist
         ]
         return ImpulseModel(
-            tuple(found), distance, system, self.amplitudes[0], criterion, e,
+            tuple(resonances), distance, system, self.amplitudes[0], criterion, e,
             np.sqrt(np.mean(error**2, axis=0)), self.fitted, tuple(words), record.synthetic,
         )  # fmt: skip
 
@@ -282,9 +286,9 @@ def _criterion(y: np.ndarray, fitted: np.ndarray, count: int) -> float:
 
 def _columns(t: np.ndarray, x: np.ndarray) -> np.ndarray:
     """Rest, then cosine and sine of each mode (N, 1 + 2 modes)."""
-    found = [np.ones(len(t))]
+    shapes = [np.ones(len(t))]
     for f, zeta in x.reshape(-1, 2):
         w = 2 * np.pi * f
         decay, turn = np.exp(-zeta * w * t), w * np.sqrt(1 - zeta**2) * t
-        found += [decay * np.cos(turn), decay * np.sin(turn)]
-    return np.stack(found, axis=1)
+        shapes += [decay * np.cos(turn), decay * np.sin(turn)]
+    return np.stack(shapes, axis=1)

@@ -25,7 +25,7 @@ class ImpulseStudy(VibrationStudy):
 
     model: ImpulseModel | None = None
 
-    def _found(self) -> list[Row]:
+    def _model_rows(self) -> list[Row]:
         m = self.model
         if m is None:
             return []
@@ -44,7 +44,7 @@ class ImpulseStudy(VibrationStudy):
 def impulse_study(
     record: Record, given: Impulse, truth: Hit | None, title: str, interrupted: Callable[[], bool]
 ) -> ImpulseStudy:
-    """Fit the decay. Raises ArgumentError, Stopped."""
+    """Fit the decay. Raises ArgumentError, FitStopped."""
     m = identify_impulse(record, modes=given.modes, largest=given.largest, interrupted=interrupted)
     frequency, damping = [r.frequency_Hz for r in m.resonances], [r.damping for r in m.resonances]
     text = tomli_w.dumps({"frequency_Hz": frequency, "damping": damping})
@@ -72,11 +72,11 @@ def impulse_study(
 
 def _checks(m: ImpulseModel, hit: Hit) -> dict[str, Check]:
     true = np.sort(hit.frequency)
-    found = np.array([r.frequency_Hz for r in m.resonances])
-    if len(found) != len(true):
-        bound = at_least if len(found) < len(true) else at_most
-        return {"modes_found": bound(len(found), len(true))}
-    errors = np.abs(found / true - 1)
+    fitted = np.array([r.frequency_Hz for r in m.resonances])
+    if len(fitted) != len(true):
+        bound = at_least if len(fitted) < len(true) else at_most
+        return {"modes_found": bound(len(fitted), len(true))}
+    errors = np.abs(fitted / true - 1)
     bounds = np.maximum(WITHIN, by_chance(m.estimate, [f"f[{n}]" for n in range(len(true))]) / true)
     worst = int(np.argmax(errors / bounds))
     return {"frequency_error": at_most(float(errors[worst]), float(bounds[worst]))}

@@ -27,7 +27,7 @@ class MatricesStudy(VibrationStudy):
     def _said(self) -> list[str]:
         return []
 
-    def _found(self) -> list[Row]:
+    def _model_rows(self) -> list[Row]:
         rows = [
             Row(
                 "modes of det(M lambda + K) = 0", numbers([] if self.frequency is None else self.frequency, ".6g"), "Hz"
@@ -95,10 +95,10 @@ def matrices_study(
 
 
 def _passive(
-    M: np.ndarray, D: np.ndarray, K: np.ndarray, found: dict[str, Modes]
+    M: np.ndarray, D: np.ndarray, K: np.ndarray, by_signs: dict[str, Modes]
 ) -> tuple[str, DefiniteForm | None, str]:
     """The first choice of signs that is stable, its passive structure, or why there is none."""
-    stable = [name for name, m in found.items() if m.stable]
+    stable = [name for name, m in by_signs.items() if m.stable]
     if not stable:
         return "", None, "no choice of signs of D and K is stable: no passive structure is offered"
     d, k = SIGNS[stable[0]]
@@ -119,10 +119,10 @@ def _checks(given: Matrices, printed: Modes) -> dict[str, Check]:
     return {"published_Hz": at_most(error, given.published_digits)}
 
 
-def _figure(found: dict[str, Modes], definite: DefiniteForm | None, chosen: str, title: str) -> Any:
+def _figure(by_signs: dict[str, Modes], definite: DefiniteForm | None, chosen: str, title: str) -> Any:
     from ..plot.vibration import poles_figure
 
-    shown = {name: found[name].poles for name in dict.fromkeys(["as printed", chosen]) if name}
+    shown = {name: by_signs[name].poles for name in dict.fromkeys(["as printed", chosen]) if name}
     if definite:
         shown["nearest passive structure"] = modes(definite.M, definite.D, definite.K).poles
-    return poles_figure(shown, found["as printed"].frequency_Hz, title=title)
+    return poles_figure(shown, by_signs["as printed"].frequency_Hz, title=title)

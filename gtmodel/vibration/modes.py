@@ -65,8 +65,8 @@ def modes(M: ArrayLike, D: ArrayLike, K: ArrayLike) -> Modes:
     (array([ 5.84, 16.81]), True)
     """
     M, D, K = matrices(M, D, K)
-    found: Any = eig(K, M)
-    values, shapes = found
+    pairs: Any = eig(K, M)
+    values, shapes = pairs
     if np.abs(np.imag(values)).max() <= REAL * np.abs(values).max():
         values, shapes = np.real(values), np.real(shapes)
     order = np.argsort(np.abs(values), kind="stable")
@@ -109,23 +109,23 @@ def definiteness(X: np.ndarray) -> str:
         text = "indefinite"
     if np.abs(X - X.T).max() <= SYMMETRIC * np.abs(X).max():
         return f"symmetric and {text}"
-    found = ", ".join(_number(v) for v in sorted(np.linalg.eigvals(X), key=lambda v: (v.real, v.imag)))
-    return f"not symmetric; its symmetric part is {text}, its eigenvalues are {found}"
+    eigenvalues = ", ".join(_number(v) for v in sorted(np.linalg.eigvals(X), key=lambda v: (v.real, v.imag)))
+    return f"not symmetric; its symmetric part is {text}, its eigenvalues are {eigenvalues}"
 
 
 def matrices(*given: ArrayLike) -> tuple[np.ndarray, ...]:
     """Square matrices of one size, M first. Raises ArgumentError."""
-    found = tuple(np.asarray(X, float) for X in given)
-    shape = found[0].shape
-    if len(shape) != 2 or shape[0] != shape[1] or shape[0] == 0 or any(X.shape != shape for X in found):
+    arrays = tuple(np.asarray(X, float) for X in given)
+    shape = arrays[0].shape
+    if len(shape) != 2 or shape[0] != shape[1] or shape[0] == 0 or any(X.shape != shape for X in arrays):
         raise ArgumentError(
-            f"the matrices have the shapes {', '.join(str(X.shape) for X in found)}; expected square ones of one size"
+            f"the matrices have the shapes {', '.join(str(X.shape) for X in arrays)}; expected square ones of one size"
         )
-    if not all(np.isfinite(X).all() for X in found):
+    if not all(np.isfinite(X).all() for X in arrays):
         raise ArgumentError("a matrix holds a number that is not finite; expected finite numbers")
-    if np.linalg.cond(found[0]) > 1 / np.finfo(float).eps:
+    if np.linalg.cond(arrays[0]) > 1 / np.finfo(float).eps:
         raise ArgumentError("M is singular: a coordinate has no inertia; leave it out, or give its mass")
-    return found
+    return arrays
 
 
 def _signs(values: np.ndarray, poles: np.ndarray) -> list[str]:
@@ -164,9 +164,9 @@ def sign_question(M: ArrayLike, D: ArrayLike, K: ArrayLike) -> tuple[str, ...]:
     M, D, K = matrices(M, D, K)
     said = []
     for name, (d, k) in SIGNS.items():
-        found = modes(M, d * D, k * K)
-        at = ", ".join(f"{f:.4g}" for f in _distinct(found.pole_Hz))
-        said.append(f"{name}: {'stable' if found.stable else 'unstable'}, poles at {at} Hz")
+        m = modes(M, d * D, k * K)
+        at = ", ".join(f"{f:.4g}" for f in _distinct(m.pole_Hz))
+        said.append(f"{name}: {'stable' if m.stable else 'unstable'}, poles at {at} Hz")
     return tuple(said)
 
 

@@ -125,11 +125,11 @@ class Sampling(Options):
 
 
 @dataclass(frozen=True)
-class Structure(Options):
+class SyntheticStructure(Options):
     """Masses, dampers and springs under a pseudo-random force.
 
-    >>> from gtmodel.vibration import Sampling, Structure, synthetic_records
-    >>> structure = Structure(M=[[2.0]], D=[[0.4]], K=[[200.0]], force=10.0)
+    >>> from gtmodel.vibration import Sampling, SyntheticStructure, synthetic_records
+    >>> structure = SyntheticStructure(M=[[2.0]], D=[[0.4]], K=[[200.0]], force=10.0)
     >>> (record,) = synthetic_records(structure, Sampling(seed=1, noise=1e-6, samples=100))
     >>> np.abs(record.u).max()  # N
     np.float64(10.0)

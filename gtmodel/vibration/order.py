@@ -49,10 +49,10 @@ def choose(trials: Sequence[OrderTrial], gap_order: int, size: float) -> tuple[i
         )
     bound = (1 + SLACK) * min(stable.values()) + NOTHING * size
     n = next(order for order in sorted(stable) if stable[order] <= bound)
-    told = f"smallest order within {100 * SLACK:g} % of the best held-out error"
+    reason = f"smallest order within {100 * SLACK:g} % of the best held-out error"
     agrees = (
         "the singular values fall most there too"
         if gap_order == n
         else f"the singular values fall most after {gap_order}"
     )
-    return n, f"{told}; {agrees}"
+    return n, f"{reason}; {agrees}"

@@ -52,7 +52,7 @@ def output_error(
         form: "symmetric": M, D and K are L L' with their Cholesky factors as unknowns, so positive definite whatever
             the data say; "free": D may be any matrix, M and K symmetric of any sign (without that, one force does not
             determine them).
-        interrupted: asked at each iteration; True ends the fit with Stopped.
+        interrupted: asked at each iteration; True ends the fit with FitStopped.
 
     The initial state is eliminated in each evaluation (variable projection). Gauss-Newton on central differences; the
     covariance is for white noise of unknown size on the positions, and `words` says whether the residuals are white.
@@ -110,8 +110,8 @@ def output_error(
     names = [f"{X}[{i},{j}]" for X, i, j in packing.entries]
 
     def flat(x: np.ndarray) -> np.ndarray:
-        found = dict(zip("MDK", packing.unpack(x), strict=True))
-        return np.array([found[X][i, j] for X, i, j in packing.entries])
+        matrices = dict(zip("MDK", packing.unpack(x), strict=True))
+        return np.array([matrices[X][i, j] for X, i, j in packing.entries])
 
     jacobian = central(flat, fit.x)
     e = fit.estimate
@@ -130,12 +130,12 @@ def output_error(
 
 def central(function: Callable[[np.ndarray], np.ndarray], x: np.ndarray, step: float = SLOPE) -> np.ndarray:
     """Jacobian (rows, n) of a function of x (n,) by central differences of a relative step (of 1 where x is 0)."""
-    found = []
+    columns = []
     for k in range(len(x)):
         e = np.zeros(len(x))
         e[k] = step * max(abs(x[k]), 1.0)
-        found.append((function(x + e) - function(x - e)) / (2 * e[k]))
-    return np.stack(found, axis=1)
+        columns.append((function(x + e) - function(x - e)) / (2 * e[k]))
+    return np.stack(columns, axis=1)
 
 
 def too_far(rows: int, n: int) -> tuple[np.ndarray, np.ndarray]:
@@ -196,12 +196,12 @@ class _Symmetric:
 
     def unpack(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """x is 1 at the start."""
-        found = []
+        matrices = []
         for part in np.split(self.factors + self.scale * (x - 1), 3):
             L = np.zeros((self.p, self.p))
             L[self.lower] = part
-            found.append(L @ L.T)
-        return found[0], found[1], found[2]
+            matrices.append(L @ L.T)
+        return matrices[0], matrices[1], matrices[2]
 
 
 class _Free:
@@ -216,10 +216,10 @@ class _Free:
         self.scale = np.array([np.abs(getattr(start, X)).max() for X, _, _ in self.entries])
 
     def unpack(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        found = {"M": self.start.M.copy(), "D": self.start.D.copy(), "K": self.start.K.copy()}
-        found["M"], found["K"] = (found["M"] + found["M"].T) / 2, (found["K"] + found["K"].T) / 2
+        matrices = {"M": self.start.M.copy(), "D": self.start.D.copy(), "K": self.start.K.copy()}
+        matrices["M"], matrices["K"] = (matrices["M"] + matrices["M"].T) / 2, (matrices["K"] + matrices["K"].T) / 2
         for (X, i, j), step in zip(self.entries, self.scale * (x - 1), strict=True):
-            found[X][i, j] += step
+            matrices[X][i, j] += step
             if X != "D" and i != j:
-                found[X][j, i] += step
-        return found["M"], found["D"], found["K"]
+                matrices[X][j, i] += step
+        return matrices["M"], matrices["D"], matrices["K"]

@@ -13,14 +13,14 @@ from ..results.agreement import Within, agree
 from ..results.refusal import ArgumentError, naming
 
 
-class Stopped(Exception):
+class FitStopped(Exception):
     """A fit that was asked to end before it arrived; there is no model."""
 
 
 def go_on(interrupted: Callable[[], bool]) -> None:
-    """Raises Stopped where a stop was asked for."""
+    """Raises FitStopped where a stop was asked for."""
     if interrupted():
-        raise Stopped("stopped before the fit arrived")
+        raise FitStopped("stopped before the fit arrived")
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,8 +26,8 @@ def simulate(
 
 
 def _schur(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    found: Any = schur(A, "complex")
-    return found
+    factors: Any = schur(A, "complex")
+    return factors
 
 
 def _schur_states(T: np.ndarray, drive: np.ndarray, z0: np.ndarray) -> np.ndarray:
@@ -41,12 +41,12 @@ def _schur_states(T: np.ndarray, drive: np.ndarray, z0: np.ndarray) -> np.ndarra
 
 def free_responses(A: np.ndarray, C: np.ndarray, samples: int) -> np.ndarray:
     """C A^k (samples, p, n): outputs from each unit initial state. By doubling, log2(samples) products."""
-    found = np.asarray(C, float)[None]
+    responses = np.asarray(C, float)[None]
     power = A
-    while len(found) < samples:
-        found = np.concatenate([found, found[: samples - len(found)] @ power])
+    while len(responses) < samples:
+        responses = np.concatenate([responses, responses[: samples - len(responses)] @ power])
         power = power @ power
-    return found
+    return responses
 
 
 def held(A: np.ndarray, B: np.ndarray, sample_time: float) -> tuple[np.ndarray, np.ndarray]:

@@ -76,7 +76,7 @@ def identify_step(
 
     Args:
         delay: in samples; the one of least residual from 0 to `longest` if left out.
-        interrupted: asked before each delay; True ends the fit with Stopped.
+        interrupted: asked before each delay; True ends the fit with FitStopped.
 
     Every recording starts at rest, where its first input holds; its rest position is eliminated. The covariance is for
     white noise and a known delay. Raises ArgumentError: several inputs or outputs, other sample times, an input that
@@ -231,8 +231,8 @@ def _scan(given: Sequence[Record], delay: int) -> tuple[float, float]:
     grid = np.linspace(slow, -1e-9, 15)
     at = int(np.argmin([loss(x) for x in grid]))
     ends = grid[max(at - 1, 0)], grid[min(at + 1, len(grid) - 1)]
-    found: Any = minimize_scalar(loss, bounds=ends, method="bounded", options={"xatol": 1e-8})
-    return 1 - float(np.exp(found.x)), float(found.fun)
+    least: Any = minimize_scalar(loss, bounds=ends, method="bounded", options={"xatol": 1e-8})
+    return 1 - float(np.exp(least.x)), float(least.fun)
 
 
 def _through(e: Estimate, function) -> tuple[float, tuple[float, float]]:

@@ -24,7 +24,7 @@ class StepStudy(VibrationStudy):
 
     model: StepModel | None = None
 
-    def _found(self) -> list[Row]:
+    def _model_rows(self) -> list[Row]:
         m = self.model
         if m is None:
             return []
@@ -44,7 +44,7 @@ class StepStudy(VibrationStudy):
 def step_study(
     records: Sequence[Record], given: StepResponse, truth: Steps | None, title: str, interrupted: Callable[[], bool]
 ) -> StepStudy:
-    """Fit all recordings together. Raises ArgumentError, Stopped."""
+    """Fit all recordings together. Raises ArgumentError, FitStopped."""
     m = identify_step(
         records, delay=given.delay_samples, longest=given.longest_samples, interrupted=interrupted
     )  # fmt: skip

@@ -81,7 +81,7 @@ def identify_subspace(
         largest: order tried at most when none is asked for.
         feedthrough: fit D; else it is zero, as from a force or a reference to a position.
         held_out: share of the samples at the end that is judged and not fitted, 0 < share < 1.
-        interrupted: asked before each order; True ends the fit with Stopped.
+        interrupted: asked before each order; True ends the fit with FitStopped.
 
     A and C come from the subspace, B, D, the initial state and the outputs' offset from least squares on simulated
     outputs; offsets of inputs and outputs do not count. Sources:
@@ -111,13 +111,14 @@ def identify_subspace(
         )
     split = round((1 - held_out) * len(record))
     fitting = record.rows(0, split)
-    part = Subspace(fitting, blocks, method)
-    told = int(np.sum(part.singular_values > NOISE_FREE * part.singular_values[0]))
-    if order is not None and order > told:
+    part = SubspaceProjection(fitting, blocks, method)
+    determined = int(np.sum(part.singular_values > NOISE_FREE * part.singular_values[0]))
+    if order is not None and order > determined:
         raise ArgumentError(
-            f"order {order} was asked for; only {told} singular values are more than rounding: lower it to {told}"
+            f"order {order} was asked for; only {determined} singular values are more than rounding: "
+            f"lower it to {determined}"
         )
-    tried = range(1, min(largest, most, max(told, 1)) + 1) if order is None else [order]
+    tried = range(1, min(largest, most, max(determined, 1)) + 1) if order is None else [order]
     trials, predictions = [], {}
     for n in tried:
         go_on(interrupted)
@@ -136,7 +137,7 @@ def identify_subspace(
         else (order, "as asked for")
     )
     go_on(interrupted)
-    whole = Subspace(record, blocks, method)
+    whole = SubspaceProjection(record, blocks, method)
     A, C = whole.dynamics(n)
     radius = float(np.abs(np.linalg.eigvals(A)).max())
     if radius > UNSTABLE or n not in predictions:
@@ -165,7 +166,7 @@ def fit_percent(measured: np.ndarray, predicted: np.ndarray) -> np.ndarray:
     return 100 * (1 - error / np.where(spread > 0, spread, 1.0))
 
 
-class Subspace:
+class SubspaceProjection:
     """The weighted projection of a record and the A, C of any order from it."""
 
     def __init__(self, record: Record, blocks: int, method: Method) -> None:
@@ -210,8 +211,8 @@ class Subspace:
         X_next = np.linalg.lstsq(G[:-p], Z, rcond=None)[0]
         left = np.vstack([X_next, L[P.future][:p]])
         right = np.vstack([X, L[P.inputs]])
-        found = np.linalg.lstsq(right.T, left.T, rcond=None)[0].T
-        return found[:n, :n], found[n:, :n]
+        solution = np.linalg.lstsq(right.T, left.T, rcond=None)[0].T
+        return solution[:n, :n], solution[n:, :n]
 
 
 def _oblique(L: np.ndarray, past: slice, future: slice) -> np.ndarray:

@@ -14,7 +14,7 @@ from ..results import ArgumentError, Check, Row, SolveStatus, at_most
 from .continuous import continuous
 from .known_force import SecondOrder, from_known
 from .modes import Modes, modes
-from .options import Physical, Structure, Subspace
+from .options import Physical, Subspace, SyntheticStructure
 from .output_error import OutputErrorFit, output_error
 from .physical_form import PhysicalForm, physical_form
 from .record import Record
@@ -50,7 +50,7 @@ class SubspaceStudy(VibrationStudy):
     def _said(self) -> list[str]:
         return list(self.words or ())[1:]  # the first stands with the order
 
-    def _found(self) -> list[Row]:
+    def _model_rows(self) -> list[Row]:
         m = self.model
         if m is None or self.frequency is None or self.damping is None:
             return []
@@ -80,12 +80,12 @@ def subspace_study(
     record: Record,
     given: Subspace,
     physical: Physical | None,
-    truth: Structure | None,
+    truth: SyntheticStructure | None,
     input_unit: str,
     title: str,
     interrupted: Callable[[], bool],
 ) -> SubspaceStudy:
-    """Identify, transform, judge. Raises ArgumentError, Stopped."""
+    """Identify, transform, judge. Raises ArgumentError, FitStopped."""
     model = identify_subspace(
         record, order=given.order, method=given.method, block_rows=given.block_rows, largest=given.largest_order,
         feedthrough=given.feedthrough, held_out=given.held_out, interrupted=interrupted,
@@ -198,7 +198,7 @@ def _words(p: Physical | None, model: SubspaceModel, near: str, s: _Structure | 
     return words
 
 
-def _checks(model: SubspaceModel, best: SecondOrder | None, true: Structure | None) -> dict[str, Check]:
+def _checks(model: SubspaceModel, best: SecondOrder | None, true: SyntheticStructure | None) -> dict[str, Check]:
     radius = float(np.abs(model.poles).max())
     checks = {"largest_pole": at_most(radius, 1.0, "ask for another order")}
     if true is not None and best is not None:

@@ -10,13 +10,13 @@ from numpy.typing import ArrayLike
 
 from ..results import ArgumentError
 from .modes import matrices
-from .options import Hit, Sampling, Steps, Structure
+from .options import Hit, Sampling, Steps, SyntheticStructure
 from .output_error import second_order_states
 from .record import Record
 from .response import held, simulate
 
 
-def synthetic_records(known: Structure | Steps | Hit, sampling: Sampling) -> list[Record]:
+def synthetic_records(known: SyntheticStructure | Steps | Hit, sampling: Sampling) -> list[Record]:
     """Synthetic recordings of a known system: one, or of steps one each. Raises ArgumentError.
 
     >>> from gtmodel.vibration import Sampling, Steps, synthetic_records
@@ -27,7 +27,7 @@ def synthetic_records(known: Structure | Steps | Hit, sampling: Sampling) -> lis
     s = sampling
     common = {"samples": s.samples, "sample_time": s.sample_time, "noise": s.noise}
     try:
-        if isinstance(known, Structure):
+        if isinstance(known, SyntheticStructure):
             if known.coordinate > len(known.M):
                 raise ArgumentError(
                     f"is {known.coordinate}; the structure has {len(known.M)} coordinates", "known.coordinate"

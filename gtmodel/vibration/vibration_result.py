@@ -72,9 +72,9 @@ class VibrationStudy(Study):
     def rows(self) -> list[Row]:
         """The table for people."""
         synthetic = [Row("SYNTHETIC", self.synthetic)] if self.synthetic else []
-        return [*self._found(), *(Row("said", w) for w in self._said()), *synthetic]
+        return [*self._model_rows(), *(Row("said", w) for w in self._said()), *synthetic]
 
-    def _found(self) -> list[Row]:
+    def _model_rows(self) -> list[Row]:
         return []
 
     def _said(self) -> Sequence[str]:

@@ -9,13 +9,13 @@ from ..results import ArgumentError, SolveStatus, Work
 from ..results.door import study_function
 from ..results.work import Progress, never, silent
 from .impulse_study import ImpulseStudy, impulse_study
-from .options import Hit, Impulse, Physical, StepResponse, Steps, Structure, Subspace
-from .record import Record, Stopped
+from .options import Hit, Impulse, Physical, StepResponse, Steps, Subspace, SyntheticStructure
+from .record import FitStopped, Record
 from .step_study import StepStudy, step_study
 from .subspace_study import SubspaceStudy, subspace_study
 from .vibration_result import VibrationStudy
 
-_KNOWN = {Subspace: Structure, StepResponse: Steps, Impulse: Hit}
+_KNOWN = {Subspace: SyntheticStructure, StepResponse: Steps, Impulse: Hit}
 _STUDIES = {Subspace: SubspaceStudy, StepResponse: StepStudy, Impulse: ImpulseStudy}
 
 
@@ -26,7 +26,7 @@ def study(
     *,
     physical: Physical | None = None,
     input_unit: Literal["N", "m"] = "N",
-    truth: Structure | Steps | Hit | None = None,
+    truth: SyntheticStructure | Steps | Hit | None = None,
     title: str = "",
     progress: Progress = silent,
     max_seconds: float | None = None,
@@ -70,7 +70,7 @@ def study(
         if isinstance(model, StepResponse):
             return step_study(given, model, truth, title, work.interrupted)  # type: ignore[arg-type]
         return impulse_study(given[0], model, truth, title, work.interrupted)  # type: ignore[arg-type]
-    except Stopped as stopped:
+    except FitStopped as stopped:
         return _STUDIES[type(model)](status=SolveStatus.INTERRUPTED, message=str(stopped), title=title)
     except ArgumentError as error:
         raise ArgumentError(error.message, error.argument or "model") from error

@@ -51,7 +51,7 @@ def main() -> None:
         c = [modes.certificate for modes in results]
         steps = f"{np.mean([x.steps_mean for x in c]):.0f} / {max(x.steps_most for x in c)}"
         print(
-            f"| {name} | {len(c)} | {sum(modes.ok for modes in results)} | {_counts(x.found for x in c)} | "
+            f"| {name} | {len(c)} | {sum(modes.ok for modes in results)} | {_counts(x.finite for x in c)} | "
             f"{_counts(x.real for x in c)} | {steps} | {sum(x.retries for x in c)} | "
             f"{max(x.worst_condition for x in c):.0e} | {1000 * seconds / len(c):.0f} |",
             flush=True,

@@ -14,7 +14,7 @@ from tests.calibrate.synthetic import GEOMETRY, geometry, measured, poses, true_
 NOISE = {"q": 13e-6, "T": 50e-6, "e": 1e-4}  # m, m and rad: repeatability, tracker and its 6-D target
 POSES = {"three_link": 60, "six_link": 100, "six_link_free": 100, "f1_unit": 185}
 # what is told by itself: of the F1 all but the six that QR calls dependent; of D1, whose plate hardly turns, plate
-# joints are left as drawn; "six_link_free" frees them too: told, by centimetres
+# joints are left as drawn; "six_link_free" frees them too: determined, to centimetres
 DEPENDENT = (
     "A[2,1]", "A[3,0]", "r3[1]", "u1_2 turned about y", "u1_3 turned about y", "u2_3 turned about x",
 )  # fmt: skip

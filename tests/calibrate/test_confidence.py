@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gtmodel.calibrate import Measurements, calibrate
-from gtmodel.calibrate.told.intervals import Confidence
+from gtmodel.calibrate.report.intervals import Confidence
 from gtmodel.inference import coverage, monte_carlo, noise_size
 from tests.calibrate.runs import CHOICES, NOISE, POSES, noise, one, ready, truth
 from tests.calibrate.synthetic import measured, poses, true_robot

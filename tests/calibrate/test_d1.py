@@ -11,8 +11,8 @@ import pytest
 import gtmodel as gt
 from gtmodel.calibrate import CalibrationStudy, Poses, made_poses, read_cart_points, study
 from gtmodel.calibrate.basin import basin
+from gtmodel.calibrate.report.sensitivity_table import table, text
 from gtmodel.calibrate.synthetic import Made, make
-from gtmodel.calibrate.told.sensitivity_table import table, text
 from gtmodel.problem_files.load import load
 from gtmodel.results import ArgumentError
 from gtmodel.robots.measured_guideways import D1_MODELS

@@ -22,7 +22,7 @@ def bends(size: float) -> np.ndarray:
 
 @cache
 def bent_robot(bend: float = 5e-3):
-    """L1 with guideways that deviate by normal errors at nine points, told in frames of their own (synthetic, seed 4).
+    """L1 with guideways that deviate by normal errors at nine points, given in frames of their own (synthetic, seed 4).
 
     Errors of 5 mm, so that the turn about a guideway is told at 1e-9; real ones are a hundredth of that.
     """

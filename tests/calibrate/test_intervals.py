@@ -1,14 +1,14 @@
-"""Intervals are told where residuals are noise, and not told where they are not."""
+"""Intervals are given where residuals are noise, and withheld where they are not."""
 
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from gtmodel.calibrate import Calibration, calibrate, prepare
-from gtmodel.calibrate.told.intervals import Confidence
+from gtmodel.calibrate import Calibration, Fit, calibrate, prepare, read_poses, study
+from gtmodel.calibrate.report.intervals import Confidence
 from gtmodel.results import ArgumentError, SolveStatus
-from tests.calibrate.shipped import shipped, solved, written
+from tests.calibrate.shipped import MEASURED, path_of, robot, shipped, solved, written
 from tests.calibrate.synthetic import measured, true_robot
 
 SEEDS = range(20)
@@ -32,7 +32,7 @@ def test_a_noise_stated_too_small_takes_them_away(fits: list[Calibration]) -> No
     small = {n: 0.5 * np.asarray(s) for n, s in m.noise.items()}
     problem = prepare(true_robot("three_link"), type(m)(m.values, small))
     reasons = Confidence(calibrate(problem)).reasons
-    assert "times the stated noise" in reasons[0] and "no 95 % intervals are told" in reasons[-1]
+    assert "times the stated noise" in reasons[0] and "no 95 % intervals hold" in reasons[-1]
 
 
 def test_wandering_carts_are_seen_in_the_order_of_their_own_positions() -> None:
@@ -42,6 +42,33 @@ def test_wandering_carts_are_seen_in_the_order_of_their_own_positions() -> None:
         assert any(f"arm[{arm}].rod, poses in the order by q[{arm}]" in s for s in v["notes"])
     rows = [row for row in shipped("l1").rows if "95 %" in row.label]
     assert rows == [] and "no 95 % intervals" in str(shipped("l1").files["parameters.toml"])
+
+
+def test_an_interval_is_given_by_name_where_it_holds() -> None:
+    done = study(true_robot("three_link"), measured("three_link", 60, NOISE, 0), Fit(sensitivity_step=0.0))
+    assert done.intervals_hold and done.unknowns and done.estimate is not None and not done.withheld
+    for u in done.unknowns:
+        assert done.interval(u["name"]) == tuple(u["interval_95"])
+    low, high = done.interval("L[0]", 0.5)
+    assert done.interval("L[0]")[0] < low < high < done.interval("L[0]")[1]
+    with pytest.raises(ArgumentError, match="'L' was not estimated"):
+        done.interval("L")
+
+
+def test_an_interval_that_does_not_hold_is_refused_with_its_reason() -> None:
+    done = shipped("l1")
+    with pytest.raises(ArgumentError, match="no 95 % intervals hold: such residuals are no independent noise"):
+        done.interval("L[0]")
+    assert done.estimate is None and done.withheld == done.notes[-1]
+    with pytest.raises(ArgumentError, match="nothing was estimated"):
+        study(robot("l1"), read_poses(path_of("l1"), MEASURED["l1"]), stop=lambda: True).interval("L[0]")
+
+
+def test_a_calibration_gives_the_interval_of_its_estimate(fits: list[Calibration]) -> None:
+    c = fits[0]
+    assert c.estimate is not None and c.interval("L[0]", 0.9) == c.estimate.interval("L[0]", 0.9)
+    with pytest.raises(ArgumentError, match="there is no estimate"):
+        calibrate(c.problem, confidence=False).interval("L[0]")
 
 
 def test_one_cart_in_other_units_is_no_sound_calibration(tmp_path: Path) -> None:

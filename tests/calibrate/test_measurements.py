@@ -107,7 +107,7 @@ def test_a_scale_of_the_carts_is_the_length_of_v():
 
 
 def test_positions_alone_calibrate_six_links_with_the_orientation_latent():
-    """Three equations a pose are left of six; what misses the measured T is told with the orientation eliminated."""
+    """Three equations a pose are left of six; what misses the measured T is given with the orientation eliminated."""
     true = true_robot("six_link")
     data = poses("six_link", 60)
     m = Measurements({"q": data["q"], "T": data["T"]}, {"q": 1e-6, "T": 1e-6})

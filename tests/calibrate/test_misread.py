@@ -107,7 +107,7 @@ class TestColumns:
             ArgumentError, match=r"q\[0\], q\[1\] look exchanged: links are left with .* read as q\[1\], q"
         ):
             solved("l1", path, fixed=["L"])
-        notes = solved("l1", path).limits
+        notes = solved("l1", path).notes
         assert any(re.match(r"A\[\d,1\] moved by -?1\.3\d* m from where it was: are the columns", n) for n in notes)
 
     def test_a_signal_of_another_size(self, tmp_path: Path) -> None:

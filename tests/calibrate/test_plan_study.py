@@ -29,7 +29,7 @@ from gtmodel.calibrate.plan import (
     turns,
 )
 from gtmodel.calibrate.plan.device import measuring
-from gtmodel.calibrate.plan.steps import Plan, find_candidates
+from gtmodel.calibrate.plan.steps import PlanState, find_candidates
 from gtmodel.calibrate.plan.task import Task
 from gtmodel.calibrate.plan.turns import turns_of
 from gtmodel.kinematics.workspace import Box
@@ -93,7 +93,7 @@ def test_every_step_has_its_picture(plan: Planner):
     assert any(t.startswith("calibrate: 12") for t in legend) and "held out: 4" in legend
     assert "synthetic" in shown["7_predicted_error"].axes[-1].get_ylabel()
     assert done.purpose.count("calibrate") == done.poses == 12 and done.purpose.count("verify") == done.held_out
-    assert len(done.commanded) == len(done.actuators) == 16 and "parameters told" in str(done)
+    assert len(done.commanded) == len(done.actuators) == 16 and "parameters determined" in str(done)
 
 
 def test_poses_are_added_until_the_accuracy_is_reached(plan: Planner):
@@ -115,7 +115,7 @@ def test_a_wire_alone_is_not_approved_and_with_known_guideways_it_is(plan: Plann
     done = plan(wire, poses=poses)
     assert done.status is SolveStatus.CHECK_FAILED and not done.approved
     assert (done.rank, done.parameters) == (18, 21)
-    assert "moves with what no pose tells" in done.message and done.predicted_error is None
+    assert "moves with what no pose determines" in done.message and done.predicted_error is None
     assert None in done.parameter_std.values()
     held = plan(wire, choice=Choice(fixed=["A"]), poses=poses, simulation=TWO, criteria=accuracy(1.0))
     assert held.approved and held.rank == held.parameters == 12
@@ -184,13 +184,13 @@ def test_what_a_target_on_the_plate_shows_and_what_turned_poses_must_keep(f1: An
 
 def left(robot: Any, device: Tracker = F1_TRACKER, **options: Any) -> dict[str, int]:
     task = Task(robot, device, F1_ROOM, **options)
-    plan = Plan(task, turns_of(task), measuring(task))
+    plan = PlanState(task, turns_of(task), measuring(task))
     try:
         find_candidates(plan, lambda *_: False)
     except ArgumentError as error:
         assert error.argument == "room"
-    assert plan.found is not None
-    return plan.found.counts
+    assert plan.candidates is not None
+    return plan.candidates.counts
 
 
 def test_a_stop_keeps_what_is_done(plan: Planner):

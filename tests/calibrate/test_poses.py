@@ -1,4 +1,4 @@
-"""Which poses to measure: what they tell before they are taken, and whether calibrations then behave so."""
+"""Which poses to measure: what they determine before they are taken, and whether calibrations then behave so."""
 
 import itertools
 
@@ -169,7 +169,7 @@ def test_one_distance_leaves_three_turns_open_and_one_coordinate_two_directions(
     free = Choice(fixed=("device_at",))
     info = pose_information(prepare(seen_by_distance(l1(), at), wire, free, latent=("T",)))
     assert info.rows.shape[1] == 1 and info.rank == 18  # a turn about the device changes no distance
-    with pytest.raises(gt.ModelError, match="moves with what no pose tells"):
+    with pytest.raises(gt.ModelError, match="moves with what no pose determines"):
         workspace().errors(info)
     assert all(np.isinf(s) for n, s in info.std().items() if n.startswith("A["))
     gauge = Measurements({"q": q, "height": T[:, 0]}, {"q": 1e-5, "height": 1e-5})
@@ -178,16 +178,16 @@ def test_one_distance_leaves_three_turns_open_and_one_coordinate_two_directions(
     assert pose_information(plane).rank == 18
 
 
-def test_priors_count_as_what_is_told():
+def test_priors_count_as_what_is_known():
     T = box((2, 2, 2))
     p = prepare(l1(), problem(T, NOISE).measurements, Choice(priors=[Prior(f"L[{i}]", 1.8, 1e-5) for i in range(3)]))
-    told = pose_information(p)
-    assert len(told.priors) == 3 and told.std()["L[0]"] < 1e-5 < pose_information(problem(T, NOISE)).std()["L[0]"]
+    info = pose_information(p)
+    assert len(info.priors) == 3 and info.std()["L[0]"] < 1e-5 < pose_information(problem(T, NOISE)).std()["L[0]"]
 
 
 def test_wrong_calls_get_a_sentence():
     info = grid_information((4, 3, 3))
-    with pytest.raises(gt.ModelError, match=r"5 poses with 3 equations each cannot tell 21 .*take at least 7"):
+    with pytest.raises(gt.ModelError, match=r"5 poses with 3 equations each cannot determine 21 .*take at least 7"):
         exchange(info, 5, "D")
     with pytest.raises(gt.ModelError, match="40 poses are asked for of 36 candidates"):
         condition_removal(info, 40)
@@ -197,7 +197,7 @@ def test_wrong_calls_get_a_sentence():
         exchange(info, 10, "I")
     with pytest.raises(gt.ModelError, match="must be positive"):
         sufficient_number(info, workspace(), 0.0)
-    with pytest.raises(gt.ModelError, match="3 poses tell fewer than the 21"):
+    with pytest.raises(gt.ModelError, match="3 poses determine fewer than the 21"):
         info.covariance([0, 1, 2])
     with pytest.raises(gt.ModelError, match="normal of the plane is zero"):
         seen_by_plane(l1(), [0, 0, 0])
@@ -206,14 +206,14 @@ def test_wrong_calls_get_a_sentence():
         workspace().errors(pose_information(fixed))
 
 
-def test_the_f1_is_planned_within_what_its_poses_tell():
-    """69 unknowns with unit quaternions, of which six combinations are told by no pose (Table 5.4)."""
+def test_the_f1_is_planned_within_what_its_poses_determine():
+    """69 unknowns with unit quaternions, of which six combinations are determined by no pose (Table 5.4)."""
     choice = Choice(unit=("u1_2", "u1_3", "u2_3"))
     robot = true_robot("f1_unit")
     info = pose_information(prepare(robot, Measurements(poses("f1_unit", 185), {"T": 5e-5, "e": 1e-4}), choice))
     assert (len(info.names), info.rank, info.rows.shape[1]) == (69, 63, 6)
     assert any(np.isinf(s) for s in info.std().values())
-    # what is not told does not move the tool: its errors are predicted all the same
+    # what is undetermined does not move the tool: its errors are predicted all the same
     target = positioning(prepare(robot, Measurements(poses("f1_unit", 60, seed=5)), choice))
     chosen = exchange(info, 60, "I", target.moment(info), starts=1)
     evenly, best = (target.errors(info, s.indices).rms for s in (spread(info, 60), chosen))

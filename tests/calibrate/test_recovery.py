@@ -1,4 +1,4 @@
-"""Noise-free recovery of every identifiable combination, and what is not told, for each model."""
+"""Noise-free recovery of every identifiable combination, and what is undetermined, for each model."""
 
 import numpy as np
 import pytest
@@ -43,7 +43,7 @@ def test_the_ideal_model_has_15_and_finds_them_on_a_robot_with_one_direction():
 def test_arms_and_links_are_solved_apart_where_they_share_nothing():
     three = prepare(true_robot("three_link"), Measurements(poses("three_link", 20)))
     assert [len(b.columns) for b in three.lengths] == [7, 7, 7]
-    assert len(three.joined) == 1  # errors of T belong to all arms
+    assert len(three.orthogonal) == 1  # errors of T belong to all arms
     six = prepare(true_robot("six_link"), Measurements(poses("six_link", 20)))
     assert [len(b.columns) for b in six.lengths] == [10] * 6
     f1 = prepare(true_robot("f1"), Measurements(poses("f1", 60)))

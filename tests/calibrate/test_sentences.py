@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gtmodel.calibrate import Known, made_poses, study
-from gtmodel.calibrate.told import movement
+from gtmodel.calibrate.report import movement
 from gtmodel.inference import identifiability
 from gtmodel.results import ArgumentError
 from tests.calibrate.shipped import L1, fit, measured, robot, shipped, solved, written
@@ -83,7 +83,7 @@ def test_few_poses_are_said_to_be_untested(tmp_path: Path) -> None:
 
 
 def test_what_is_not_told_is_said_with_the_movement_that_was_found() -> None:
-    """A parameter of a free gauge that moved by 9 m stays near nothing; one that was told is not named."""
+    """A parameter of a free gauge that moved by 9 m stays near nothing; one that was determined is not named."""
     rng = np.random.default_rng(4)
     for _ in range(20):
         names = ("a", "b", "c")

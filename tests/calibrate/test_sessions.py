@@ -69,13 +69,13 @@ def test_the_sag_is_estimated_given_or_told_to_be_unknown(folder: Path) -> None:
     assert given["held_out_mm"]["mean"] < 0.7 * without["held_out_mm"]["mean"]
     constant = sunk(Sag(10.0))
     assert constant["identifiability_after"]["redundant"] == 1
-    assert any("T.sag" in s and "moves with" in s for s in constant["identifiability_after"]["sentences"])
+    assert any("T.sag" in s and "moves with" in s for s in constant["identifiability_after"]["notes"])
 
 
 @pytest.mark.parametrize(
     ("how", "sentence"),
     [
-        ({"frame": "device", "device_per_session": True}, "name the column that tells the recording"),
+        ({"frame": "device", "device_per_session": True}, "name the column that says the recording"),
         ({"sag": Sag("weight")}, "weight"),
         ({"sag": Sag(1.0, down=[0.0, 0.0, 0.0])}, "points nowhere"),
     ],

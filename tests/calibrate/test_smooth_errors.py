@@ -48,7 +48,7 @@ def test_few_poses_of_straight_carts_keep_their_coverage():
 
 @pytest.mark.proof
 def test_a_sandwich_does_not_hold_where_the_device_drifts_over_a_grid():
-    """Why no interval is told there: Newey and West with fixed-b quantiles is better than white noise, not enough."""
+    """Why no interval holds there: Newey and West with fixed-b quantiles is better than white noise, not enough."""
     white, sandwich = _coverages(partial(with_drift, number=200), RUNS)
     assert white.pooled < 0.80 < sandwich.pooled < 0.94, f"{white}\n{sandwich}"
     assert sandwich.outside

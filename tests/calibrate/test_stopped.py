@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gtmodel.calibrate import CalibrationStudy, Choice, Cost, calibrate, prepare, read_poses, study
-from gtmodel.calibrate.told import findings
+from gtmodel.calibrate.report import findings
 from gtmodel.results import SolveStatus
 from tests.calibrate.shipped import MEASURED, fit, path_of, robot, solved
 from tests.calibrate.synthetic import measured, true_robot

@@ -37,7 +37,7 @@ class TestShippedRobots:
         assert v["held_out_mm"]["mean"] == pytest.approx(0.24, rel=STORY)
         told = v["identifiability_after"]
         assert len(v["unknowns"]) == 69 and told["redundant"] == 6 and v["orientation_deg"]["max"] < 0.2
-        assert any("r3[1] moves with A0[2,0]" in s for s in told["sentences"])
+        assert any("r3[1] moves with A0[2,0]" in s for s in told["notes"])
         lost = {u["name"] for u in v["unknowns"] if u["std"] is None}
         assert "r3[1]" in lost and "L[0]" not in lost
 
@@ -46,7 +46,7 @@ class TestShippedRobots:
         assert len(v["unknowns"]) == 72 and v["identifiability_after"]["redundant"] == 9
 
     def test_poses_in_memory_tell_the_same_as_their_file(self) -> None:
-        """Of a file nothing but its lines and its word on itself is told besides."""
+        """Of a file nothing but its lines and its word on itself is known besides."""
         poses = read_poses(path_of("l1"), MEASURED["l1"])
         bare = study(robot("l1"), Measurements(dict(poses.measurements.values)), fit("l1")).values
         lines = {"worst", "outliers", "synthetic"}
@@ -115,7 +115,7 @@ class TestChoices:
         assert v["parameters"] == pytest.approx(plain["parameters"], abs=1e-9)
 
     def test_a_device_that_stands_somewhere_else(self, tmp_path: Path) -> None:
-        """Turned and shifted by 3 m; what is told is the same, the frame of the robot is not among it."""
+        """Turned and shifted by 3 m; what is determined is the same, the frame of the robot is not among it."""
         c, s = np.cos(0.7), np.sin(0.7)
         R, t = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1.0]]), np.array([3000.0, -500, 200])
 

@@ -38,9 +38,9 @@ class TestNames:
         assert np.array_equal(RODS.causal("T", "q")(T)[0], RODS.causal("T", "q", branches={"ahead[1]": 1})(T)[0])
         assert relative_error(RODS.causal("T", "q")(T)[0], by_hand((1, 1, 1))) < ROUND_OFF
 
-    def test_each_root_is_told_by_its_own_branch(self):
+    def test_each_root_is_settled_by_its_own_branch(self):
         roots = [r for b in RODS.causal("T", "q").plan.blocks for r in b.roots]
-        assert [r.told_by for r in roots] == ["ahead[0]", "ahead[1]", "ahead[2]"]
+        assert [r.settled_by for r in roots] == ["ahead[0]", "ahead[1]", "ahead[2]"]
 
     def test_of_two_names_the_one_that_only_changes_sign_decides(self):
         # turning the plate to the other side of the carts' plane turns it to the other side of cart 0 as well, near
@@ -100,7 +100,7 @@ class TestNames:
         for side in (1, -1):
             C = FourBar().causal("theta", "C", branches={"open": side})(0.7)[0]
             silent = Silent(C=dict(start=C), theta=dict(start=0.7)).causal("theta", "C")
-            assert [r.told_by for b in silent.plan.blocks for r in b.roots] == [""]
+            assert [r.settled_by for b in silent.plan.blocks for r in b.roots] == [""]
             assert relative_error(silent(0.7)[0], C) < ROUND_OFF
 
     def test_with_neither_it_is_an_error(self):

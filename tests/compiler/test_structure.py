@@ -11,7 +11,7 @@ from gtmodel import der
 from gtmodel.compiler.alias import eliminate
 from gtmodel.compiler.causal import flat_of
 from gtmodel.compiler.flat import FlatEquation, FlatModel
-from gtmodel.compiler.structure import Structure, analyse
+from gtmodel.compiler.structure import EquationStructure, analyse
 from tests.oracle.pantelides import differentiation_counts
 from tests.support.examples import examples
 from tests.support.models import Bridge, FourBar, Pendulum, SeriesRLC, SliderCrank
@@ -32,7 +32,7 @@ def system(model: gt.Model, known: list[str], aliases: bool) -> tuple[FlatModel,
     return flat, equations, [v.index for v in flat.variables if v.index not in removed and v.index not in given_]
 
 
-def structure(model: gt.Model, *known: str) -> Structure:
+def structure(model: gt.Model, *known: str) -> EquationStructure:
     return analyse(*system(model, list(known), aliases=False))
 
 

@@ -31,7 +31,7 @@ EXACT = 1e-11
 # Central differences over 1e-5 rad of torques up to 1e4 N.m, third derivatives of the same size.
 DIFFERENCE = 1e-5
 SEED = 9
-NAMES = {f"c[{j}]": c for j, c in enumerate(TRUTH)}
+NAMES = {f"compliance[{j}]": c for j, c in enumerate(TRUTH)}
 
 
 @pytest.mark.parametrize("wrist_target", [True, False])
@@ -97,7 +97,7 @@ def test_both_methods_agree_within_their_intervals():
     made = synthetic_tests(planned(), TRUTH, np.random.default_rng(SEED))
     fits = [complete_pose(made), decoupled(made), complete_pose(made, rotation_weight=10.0)]
     for j in range(6):
-        low, high = np.transpose([f.interval(j) for f in fits])
+        low, high = np.transpose([f.interval(f"stiffness[{j}]") for f in fits])
         assert low.max() < high.min(), j
     assert fits[0].adequacy.passed and fits[1].adequacy.passed
     # scaling of rotations repairs nothing: it widens
@@ -193,7 +193,7 @@ def test_refusals():
         replace(made, displacement=np.where(np.arange(30)[:, None] == 4, np.nan, made.displacement))
     with pytest.raises(ValueError, match="give both or none"):
         replace(made, wrist_covariance=None)
-    with pytest.raises(ValueError, match=r"do not determine c\[0\]"):
+    with pytest.raises(ValueError, match=r"do not determine compliance\[0\]"):
         complete_pose(_vertical())
     with pytest.raises(ValueError, match="every displacement is zero"):
         complete_pose(replace(made, displacement=np.zeros_like(made.displacement)))

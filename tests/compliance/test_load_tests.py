@@ -66,6 +66,10 @@ def test_the_shipped_tests_are_recovered_and_say_that_they_are_synthetic(shipped
     assert s.status is SolveStatus.SOLVED and all(check.passed for check in s.checks.values())
     # six intervals of 95 % for the seed of the file, and the printed values inside
     assert all(low < 1e6 * k < high for k, (low, high) in zip(TRUTH, s.stiffness_interval, strict=True))
+    assert s.interval("stiffness[3]") == tuple(s.stiffness_interval[3])
+    assert s.interval("compliance[3]")[1] == pytest.approx(1 / s.stiffness_interval[3][0], rel=1e-12)
+    with pytest.raises(ArgumentError, match=r"'stiffness\[6\]' was not estimated"):
+        s.interval("stiffness[6]")
     assert all(s.agree) and s.adequate
     assert s.synthetic == "seed 9, noise 2e-05 m and 0.0001 rad"
     assert s.files["parameters.toml"].startswith("# synthetic: seed 9")
@@ -78,7 +82,7 @@ def test_planted_tilt_fails_the_check_and_is_said(robot, poses, method) -> None:
     setup = replace(SETUP, method=method)
     found = stiffness_study(robot, made_load_tests(robot, replace(MADE, tilt=3.0), poses, LOADS, setup), setup)
     assert not found.checks["chi_squared_p"].passed and not found.adequate
-    assert "the model lacks an effect" in found.adequacy and found.said[0].startswith("the residuals are larger")
+    assert "the model lacks an effect" in found.adequacy and found.notes[0].startswith("the residuals are larger")
     assert "bearings tilt" in found.synthetic
 
 
@@ -138,7 +142,7 @@ def part(tests: MeasuredTests, rows: Any = slice(None)) -> MeasuredTests:
 def test_displacements_with_the_sign_turned_are_told_in_a_sentence(robot, made) -> None:
     found = stiffness_study(robot, replace(part(made), displacement=-made.displacement), SETUP)
     assert found.adequate, "residuals alone do not show it"
-    assert "joints 1, 2, 3, 4, 5, 6 is negative beyond noise" in found.said[0] and "sign turned" in found.said[0]
+    assert "joints 1, 2, 3, 4, 5, 6 is negative beyond noise" in found.notes[0] and "sign turned" in found.notes[0]
     assert found.softest is None and not found.checks["negative_compliances"].passed
     shown = {row.label: str(row.value) for row in found.rows}
     assert shown["joint 1"].endswith("(negative, no interval)")
@@ -148,8 +152,8 @@ def test_copied_tests_are_told(robot, made, shipped) -> None:
     twice = replace(part(made, np.r_[0:30, 0:30]), lines=np.arange(2, 62))
     copied = stiffness_study(robot, twice, SETUP)
     assert not copied.checks["copied_tests"].passed and "copied_tests" not in shipped.checks
-    assert copied.said[0].startswith("30 of 60 tests repeat an earlier one to the last digit, as line 32 does line 2")
-    assert "negative_compliances" not in shipped.checks and "repeat" not in "".join(shipped.said)
+    assert copied.notes[0].startswith("30 of 60 tests repeat an earlier one to the last digit, as line 32 does line 2")
+    assert "negative_compliances" not in shipped.checks and "repeat" not in "".join(shipped.notes)
 
 
 def test_stopped_it_claims_nothing(robot, made) -> None:

@@ -11,7 +11,14 @@ import numpy as np
 import pytest
 
 import gtmodel as gt
-from gtmodel.identify import Experiment, Family, MonteCarloFits, RandomMotions, Search, excitation_study
+from gtmodel.identify import (
+    ExcitationSearch,
+    Family,
+    IdentificationExperiment,
+    MonteCarloFits,
+    RandomMotions,
+    excitation_study,
+)
 from gtmodel.identify.excitation.task import plan_of
 from gtmodel.motion import JointCone, Limits
 from gtmodel.results import ArgumentError, SolveStatus
@@ -45,13 +52,13 @@ def thirteen() -> Any:
 def found(thirteen):
     """The shipped problem with part of its search and one period."""
     return excitation_study(
-        thirteen, FIVE, LIMITS, experiment=Experiment(NAMES), search=Search(max_iterations=60),
+        thirteen, FIVE, LIMITS, experiment=IdentificationExperiment(NAMES), search=ExcitationSearch(max_iterations=60),
         monte_carlo=MonteCarloFits(runs=200, seed=6),
     )  # fmt: skip
 
 
 def small(l1, motion: Family = SMALL, limits: Limits = BOX, **options: Any):
-    given = {"search": Search("determinant"), "random": RandomMotions(draws=4)}
+    given = {"search": ExcitationSearch("determinant"), "random": RandomMotions(draws=4)}
     return excitation_study(l1, motion, limits, **(given | options))
 
 
@@ -62,7 +69,7 @@ class TestThirteenParameters:
         assert found.improvement > GAIN
 
     def test_limits_hold_by_hand_on_another_grid(self, found, thirteen) -> None:
-        basis = plan_of(thirteen, FIVE, LIMITS, Experiment(NAMES), "condition").task.basis
+        basis = plan_of(thirteen, FIVE, LIMITS, IdentificationExperiment(NAMES), "condition").task.basis
         t = np.linspace(0.0, 4.0, 7919)
         T, dT, ddT = (basis.rows(t, order) @ found.unknowns for order in range(3))
         assert np.all(np.array(LIMITS.tcp_low) - ROUNDING <= T) and np.all(np.array(LIMITS.tcp_high) >= T - ROUNDING)
@@ -141,7 +148,7 @@ class TestChoices:
     ])  # fmt: skip
     def test_what_cannot_be_used_is_named(self, l1, motion, limits, identified, argument) -> None:
         with pytest.raises(ArgumentError) as caught:
-            small(l1, replace(SMALL, **motion), replace(BOX, **limits), experiment=Experiment(identified))
+            small(l1, replace(SMALL, **motion), replace(BOX, **limits), experiment=IdentificationExperiment(identified))
         assert caught.value.argument == argument
 
     @pytest.mark.parametrize("start", [np.full((3, 3), 9.0), np.zeros((2, 3))])

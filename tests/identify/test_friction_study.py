@@ -11,7 +11,7 @@ import pytest
 
 import gtmodel as gt
 from gtmodel.identify import (
-    Coefficients,
+    FrictionCoefficients,
     HeldPose,
     Runs,
     Steady,
@@ -27,7 +27,7 @@ PATTERN = [-176.9, -14.6, 191.5]
 PLUS, MINUS = [189.12, 262.59, 239.06], [145.69, 119.23, 177.22]
 FORTH, BACK = [205.03, 190.0, 185.94], [158.01, 133.76, 197.52]
 MASS = 22.38
-TABLE = Coefficients(PLUS, MINUS, FORTH, BACK, MASS)  # Dressler 2012, Tables 6.1 and 6.2
+TABLE = FrictionCoefficients(PLUS, MINUS, FORTH, BACK, MASS)  # Dressler 2012, Tables 6.1 and 6.2
 STAR = HeldPose(name="star", holding=PATTERN, holding_mass=MASS)
 SPEEDS = [0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 1.0]
 MADE = SyntheticRuns(PLUS, MINUS, FORTH, BACK, MASS, velocities=SPEEDS, seed=61)

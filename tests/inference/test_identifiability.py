@@ -77,7 +77,7 @@ def test_a_direction_that_is_barely_seen_is_named_with_its_deviation():
     assert found.rank == 3 and found.redundant == 0
     (near,) = found.near
     assert near.weights == pytest.approx({"b": 1.0, "c": -1.0}) and near.std == pytest.approx(25.0)
-    assert "b and c are told no better than they were known" in found.notes[-1]
+    assert "b and c are determined no better than they were known" in found.notes[-1]
     assert found.correlated[0][:2] == ("b", "c") and found.correlated[0][2] < -0.99
 
 
@@ -86,7 +86,7 @@ def test_standard_deviations_are_those_of_the_inverse_information():
     found = identifiability(J, "abc")
     np.testing.assert_allclose(found.covariance, np.linalg.inv(J.T @ J), rtol=1e-10)
     np.testing.assert_allclose(found.std, np.sqrt(np.diag(np.linalg.inv(J.T @ J))), rtol=1e-10)
-    np.testing.assert_allclose(found.told_by, 1.0)
+    np.testing.assert_allclose(found.determined_by, 1.0)
 
 
 def test_observability_indices_by_hand():
@@ -118,9 +118,9 @@ def test_every_combination_is_counted_once_by_the_number_that_decides(sizes, see
     U, V = (np.linalg.qr(rng.standard_normal((k, n)))[0] for k in (n + 4, n))
     found = identifiability(U @ np.diag(sizes) @ V.T, [f"p{k}" for k in range(n)], scale=np.ones(n))
     wanted = [sum(s > 1 for s in sizes), sum(0 < s < 1 for s in sizes), sum(s == 0 for s in sizes)]
-    assert [found.told, len(found.near), found.redundant] == wanted
+    assert [found.determined, len(found.near), found.redundant] == wanted
     first, *others = found.notes
-    assert first.startswith(f"{wanted[0]} of {n} parameters or combinations are told")
+    assert first.startswith(f"{wanted[0]} of {n} parameters or combinations are determined")
     assert ("no better than they were known" in first) == (wanted[1] > 0) == any("no better" in s for s in others)
     numbers = [int(w) for w in first.partition(" (rank")[0].replace(",", "").split() if w.isdigit()]
     assert numbers == [wanted[0], n, *[w for w in wanted[1:] if w]]

@@ -136,7 +136,7 @@ def test_a_process_at_work_keeps_others_out(tmp_path: Path) -> None:
         run.communicate("go\n", timeout=60)
         assert run.returncode == 0
     with holding(tmp_path / "out") as folder:
-        assert folder.told == ""
+        assert folder.message == ""
 
 
 # -- found before the work, and kept behind it -----------------------------------------------------

@@ -39,7 +39,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 class TestShippedProblems:
     def test_l1_by_the_command_line(self, folder: Path) -> None:
         found = json.loads((folder / "result.json").read_text())
-        assert found["status"] == "solved" and list(found["values"]) == list(described(RESULT))
+        assert found["status"] == "solved" and list(found["values"]) == [*described(RESULT), "notes"]
         assert all(check["passed"] for check in found["checks"].values())
         v = found["values"]
         assert len(v["unknowns"]) == 21 and v["poses"] == {"fitted": 100, "held_out": 100, "repeated": 0}
@@ -86,7 +86,7 @@ class TestShippedProblems:
         for word in ("prediction proven", "Sensitivity", "sha256", "Principal", "Outliers", "std"):
             assert word.lower() in text.lower()
 
-    def test_explain_says_what_is_free_and_what_poses_can_tell(self, capsys: pytest.CaptureFixture[str]) -> None:
+    def test_explain_says_what_is_free_and_what_poses_can_determine(self, capsys: pytest.CaptureFixture[str]) -> None:
         done = Commands(capsys)("explain", PROBLEMS / "calibrate_l1.toml")
         assert done.code == 0 and "21 unknowns" in done.out and "21 of 21 parameters" in done.out
 
@@ -179,9 +179,9 @@ def shipped_arm():
 
 
 class TestJointStiffness:
-    def test_the_shipped_problem_is_solved_and_told(self, shipped_arm) -> None:
+    def test_the_shipped_problem_is_solved_and_reported(self, shipped_arm) -> None:
         s = shipped_arm
-        assert s.status is SolveStatus.SOLVED and list(s.values) == list(described(RESULT)) and s.rows
+        assert s.status is SolveStatus.SOLVED and list(s.values) == [*described(RESULT), "notes"] and s.rows
         assert list(s.values["joint_stiffness"])[:3] == ["method", "stiffness_MNm_rad", "interval_MNm_rad"]
         assert s.values["synthetic"] == "seed 9, noise 2e-05 m and 0.0001 rad" and s.values["parameters"] is None
         page = s.files["report.html"]

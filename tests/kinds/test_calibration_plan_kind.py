@@ -45,7 +45,7 @@ def test_the_declared_plan_goes_from_the_room_to_the_robot_program(capsys, tmp_p
     counts = list(v["stages"].values())
     assert counts == sorted(counts, reverse=True) and counts[0] > counts[1] > counts[2]
     assert v["workspace_left"] == pytest.approx(counts[-1] / counts[0])
-    assert v["parameters"] == v["told"] == 21 and len(v["parameter_std"]) == 21
+    assert v["parameters"] == v["rank"] == 21 and len(v["parameter_std"]) == 21
     assert v["condition"] == pytest.approx(1 / v["o2"]) and v["o4"] == pytest.approx(v["o2"] * v["o3"])
     assert v["simulated_error_m"] == pytest.approx(v["predicted_error_m"], rel=0.3)  # six runs
     assert v["predicted_greatest_m"] > v["predicted_error_m"]

@@ -12,7 +12,7 @@ from gtmodel.results import SolveStatus
 from gtmodel.results.as_json import plain
 from gtmodel.robots.kr500_oscillators import table_16
 from gtmodel.vibration import dynamic_stiffness_study
-from gtmodel.vibration.dynamic_stiffness import Process, Synthetic, synthetic_experiments
+from gtmodel.vibration.dynamic_stiffness import Process, SyntheticArm, synthetic_experiments
 
 PROBLEM = "problems/dynamic_stiffness_kr500.toml"
 SMALL = ("synthetic.poses=12", 'synthetic.records="receptance"', "process.starts=1")
@@ -25,7 +25,7 @@ def solved(*changes: str):
 def test_the_shipped_problem_with_fewer_poses_gives_what_the_call_gives() -> None:
     found = solved(*SMALL)
     assert found.status is SolveStatus.SOLVED and len(found.mass) == 36 and found.rows
-    made = synthetic_experiments(table_16(), Synthetic(seed=16, poses=12, records="receptance"))
+    made = synthetic_experiments(table_16(), SyntheticArm(seed=16, poses=12, records="receptance"))
     called = dynamic_stiffness_study(made, process=Process(starts=1))
     assert plain(found.values) == plain(called.values)
 

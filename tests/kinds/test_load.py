@@ -6,7 +6,7 @@ from typing import Any, Literal
 import pytest
 from pydantic import Field
 
-from gtmodel.problem_files import InputError, Problem, Section, load
+from gtmodel.problem_files import FileSection, InputError, Problem, load
 from gtmodel.problem_files.fields import keys_of
 from gtmodel.problem_files.load import check, parse, validate
 from gtmodel.problem_files.settings import apply
@@ -17,12 +17,12 @@ LOAD = load.load
 KINDS = 'write kind = "trajectory", or another that gtmodel schema lists'
 
 
-class Limits(Section):
+class Limits(FileSection):
     force_N: float = Field(gt=0, description="largest force")
     angle_rad: list[float] = Field(default=[0.0, 1.0], min_length=2, max_length=2, description="range")
 
 
-class Part(Section):
+class Part(FileSection):
     name: str = Field(description="its name")
     mass_kg: float | list[float] = Field(default=1.0, description="one, or one per body")
 

@@ -27,7 +27,7 @@ def solve(context: Context | None = None, **keys: object):
 def test_shipped_problems_are_solved(name: str) -> None:
     loaded = load(f"problems/{name}.toml", ["draw.platforms=2"] if name == "random_modes" else [])
     found = get("modes").call(loaded.problem, Context())()  # type: ignore[attr-defined]
-    assert found.status.ok and found.found == 40 and found.rows
+    assert found.status.ok and found.finite == 40 and found.rows
 
 
 def test_a_robot_file_with_a_file_of_poses(tmp_path: Path) -> None:

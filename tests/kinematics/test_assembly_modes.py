@@ -43,7 +43,7 @@ def faults(modes: AssemblyModes) -> list[str]:
     c = modes.certificate
     held = {
         modes.message: modes.status is ModesStatus.COMPLETE,
-        "number of modes": c.found == c.distinct == c.paths == MODES,
+        "number of modes": c.finite == c.distinct == c.paths == MODES,
         "number of real modes": c.real == len(modes.R) == len(modes.T) == len(modes.quaternion),
         "conjugate pairs": c.real % 2 == 0 and c.real + 2 * c.conjugate_pairs == MODES,
         "number of complex modes": len(modes.R_complex) == len(modes.T_complex) == MODES,
@@ -231,7 +231,7 @@ def test_a_duplicated_path_is_repeated_from_the_next_start_system_and_counted() 
 def test_a_lost_mode_shows_in_the_status() -> None:
     modes = assembly_modes(DIETMAIER_A, DIETMAIER_B, DIETMAIER_L, systems=(crippled(),))
     assert modes.status is ModesStatus.INCOMPLETE and not modes.ok
-    assert modes.certificate.found == MODES - 1 and modes.certificate.lost == 1
+    assert modes.certificate.finite == MODES - 1 and modes.certificate.lost == 1
     assert "1 were lost" in modes.message
 
 

@@ -23,7 +23,7 @@ SEED = 4
 
 def assert_no_modes(modes: AssemblyModes) -> None:
     assert not modes.ok
-    assert len(modes.R) == len(modes.T) == len(modes.R_complex) == modes.certificate.found == 0
+    assert len(modes.R) == len(modes.T) == len(modes.R_complex) == modes.certificate.finite == 0
 
 
 def test_a_six_three_platform_has_sixteen_finite_modes_and_says_so() -> None:
@@ -31,7 +31,7 @@ def test_a_six_three_platform_has_sixteen_finite_modes_and_says_so() -> None:
     for modes, R, T in zip(assembly_modes_batch(*platforms.legs), platforms.R, platforms.T, strict=True):
         c = modes.certificate
         assert modes.status is ModesStatus.FEWER_FINITE and modes.ok
-        assert (c.found, c.infinite, c.lost) == (16, 24, 0)
+        assert (c.finite, c.infinite, c.lost) == (16, 24, 0)
         assert c.real + 2 * c.conjugate_pairs == 16
         assert c.start_systems == 2 and c.retries == 40  # two searches agree
         assert "found 16 finite modes; 24 paths ended at infinity" in modes.message
@@ -57,7 +57,7 @@ def test_platforms_with_coincident_joints_have_the_known_numbers(
     q = in_poses(p.A[:, base], p.B[:, platform], p.R, p.T)
     for modes, R, T in zip(assembly_modes_batch(*q.legs), q.R, q.T, strict=True):
         assert modes.ok, modes.message
-        assert modes.certificate.found == finite and modes.certificate.lost == 0
+        assert modes.certificate.finite == finite and modes.certificate.lost == 0
         assert modes.nearest(R, T)[1] < 1e-9
 
 
@@ -91,7 +91,7 @@ def test_a_singular_pose_is_a_multiple_mode() -> None:
     for modes, R, T in zip(assembly_modes_batch(*platforms.legs), platforms.R, platforms.T, strict=True):
         c = modes.certificate
         assert modes.status is ModesStatus.MULTIPLE and not modes.ok
-        assert (c.found, c.multiple, c.lost) == (38, 2, 0)
+        assert (c.finite, c.multiple, c.lost) == (38, 2, 0)
         assert "coincide" in modes.message
         assert len(modes.R_multiple) == 1
         np.testing.assert_allclose(modes.R_multiple[0], R, atol=1e-4)

@@ -58,7 +58,7 @@ class TestRobots:
     def test_f1_has_eight_real_modes_in_two_groups_of_four(self, f1) -> None:
         v = f1.values
         assert f1.status is SolveStatus.SOLVED and all(check.passed for check in f1.checks.values())
-        assert (v["found"], v["distinct"], v["real"], v["conjugate_pairs"]) == (40, 40, 8, 16)
+        assert (v["finite"], v["distinct"], v["real"], v["conjugate_pairs"]) == (40, 40, 8, 16)
         # Dressler 2012, section 4.5: above and below the carts; the robot works below
         carts = 1.45
         height = np.array([mode["tcp_m"][2] for mode in v["modes"]])
@@ -158,7 +158,7 @@ class TestDraws:
         s = modes_study(draw(17, 1), progress=progress, stop=lambda: any(told))
         assert told == [None, None, 0.0, 16 / 17] and s.status is SolveStatus.INTERRUPTED
         assert s.message.endswith("16 of 17 poses were searched")
-        assert s.whole == 16 and s.found == 40 and s.each[16]["status"] == "interrupted"
+        assert s.whole == 16 and s.finite == 40 and s.each[16]["status"] == "interrupted"
 
     def test_stopped_before_it_began(self) -> None:
         s = modes_study(draw(20, 1), stop=lambda: True)
@@ -257,7 +257,7 @@ def test_a_file_of_a_spreadsheet_begins_with_a_mark(tmp_path: Path) -> None:
 def test_carts_too_far_apart_have_no_real_mode_and_infinities_are_null(robot) -> None:
     s = modes_study(robot, Pose(q=[5.0, 0.0, 0.0]))
     assert s.status.ok and s.message.endswith("the links cannot be assembled at these carts")
-    assert (s.found, s.real, s.modes, s.commanded) == (40, 0, [], None)
+    assert (s.finite, s.real, s.modes, s.commanded) == (40, 0, [], None)
     v = json.loads(as_json.result("", None, s))["values"]
     assert v["nearest_mm"] is None and v["each"][0]["tcp_m"] == [None] * 3
     assert "commanded_error" not in s.checks

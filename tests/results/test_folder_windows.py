@@ -49,7 +49,7 @@ def test_the_import_needs_no_locks() -> None:
 def test_folders_are_written_and_left_without_a_mark(tmp_path: Path) -> None:
     for n in range(2):
         with holding(tmp_path / "a") as held:
-            assert held.told == ""
+            assert held.message == ""
             held.write({"x.txt": b"%d" % n})
         assert not unfinished(tmp_path / "a") and not (tmp_path / "a" / MARK).exists()
     assert others(tmp_path / "a") == ["x.txt"]

@@ -33,7 +33,7 @@ from gtmodel.results import (
 )  # fmt: skip
 from gtmodel.results.made_files import made
 from gtmodel.results.quantity import converted, described
-from gtmodel.results.tables import csv_text
+from gtmodel.results.table import csv_text
 from gtmodel.results.unit_names import named, split
 
 UNITS = ["", "1", "m", "N", "N/m", "N.m", "N.m/rad", "m/s2", "Hz", "kg.m2", "%", "rad", "deg", "MN.m/rad", "kg/s"]

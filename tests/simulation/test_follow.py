@@ -1,4 +1,4 @@
-"""A run keeps to the solution that it is on, or ends with a sentence: bends, folds, roots that touch zero, jumps."""
+"""A run keeps to the solution that it is on, or ends with a sentence: bends, folds, roots at zero, discontinuities."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 import gtmodel as gt
 from gtmodel import ModelError, SolveStatus, der
 from gtmodel.simulation import simulate
-from gtmodel.simulation.follow import Follower
+from gtmodel.simulation.continuation import NewtonContinuation
 from tests.simulation.test_status import Implicit
 
 
@@ -81,7 +81,7 @@ class TestBends:
         assert run.trajectory.time[-1] > 0.49 and np.all(run.trajectory["y"] >= -1.0)
 
 
-class TestJumps:
+class TestDiscontinuities:
     def test_followed_to_the_solution_that_the_old_one_leads_to(self):
         table = (np.array([0.0, 0.5]), np.array([0.0, 1.9]))
         run = simulate(Implicit(), 1.0, inputs={"x": (table, "previous")})
@@ -94,13 +94,13 @@ class TestJumps:
         table = (np.array([0.0, 0.5]), np.array([0.0, to]))
         run = simulate(Implicit(), 1.0, inputs={"x": (table, "previous")}, throw=False)
         assert run.status is SolveStatus.FAILED and run.trajectory.time[-1] == 0.5
-        assert "ends at 0.5 s, where an input jumps: " in run.message and "cannot be followed" in run.message
+        assert "ends at 0.5 s, where an input is discontinuous: " in run.message and "cannot be followed" in run.message
 
     @pytest.mark.parametrize(("to", "good"), [(2.0, True), (3.5, False)])
     def test_a_root_must_not_meet_its_other_one_on_the_way(self, to, good):
         table = (np.array([0.0, 0.5]), np.array([1.0, to]))
         run = simulate(Parallelogram(), 1.0, inputs={"theta": (table, "previous")}, throw=False)
-        assert run.status.ok is good and ("where an input jumps: p[0], p[1]" in run.message) is not good
+        assert run.status.ok is good and ("where an input is discontinuous: p[0], p[1]" in run.message) is not good
         if good:
             assert run.trajectory["p"][-1] == pytest.approx([2 + np.cos(to), np.sin(to)], abs=1e-12)
 
@@ -205,7 +205,7 @@ class TestPulses:
 
 
 class Sliding(gt.Model):
-    """Dry friction that jumps, or nearly: at rest after 10/7 s, and there it stays."""
+    """Dry friction that is discontinuous, or nearly: at rest after 10/7 s, and there it stays."""
 
     v = gt.variable(unit="1", start=1.0, fixed=True)
     u = gt.input(unit="1/s")
@@ -215,28 +215,28 @@ class Sliding(gt.Model):
         yield self.tau * der(self.v) == self.tau * self.u - self.v / gt.absolute(self.v)
 
 
-class NearlyJumping(Sliding):
+class NearlyDiscontinuous(Sliding):
     def equations(self):
         yield self.tau * der(self.v) == self.tau * self.u - gt.tanh(self.v / 1e-12)
 
 
-def test_a_jump_ends_the_run_after_a_bounded_number_of_calls():
+def test_a_discontinuity_ends_the_run_after_a_bounded_number_of_calls():
     calls = []
     run = simulate(Sliding(), 3.0, inputs={"u": 0.3}, throw=False, progress=calls.append)
     assert run.status is SolveStatus.FAILED and len(calls) < 200
     assert run.message.startswith("the motion ends at 1.42857 s: the integrator's steps became too small there")
-    assert "look for a term that jumps" in run.message
+    assert "look for a term that is discontinuous" in run.message
 
 
-def test_what_nearly_jumps_is_followed_to_where_it_rests():
+def test_what_is_nearly_discontinuous_is_followed_to_where_it_rests():
     calls = []
-    run = simulate(NearlyJumping(), 3.0, inputs={"u": 0.3}, progress=calls.append)
+    run = simulate(NearlyDiscontinuous(), 3.0, inputs={"u": 0.3}, progress=calls.append)
     assert run.trajectory["v"][-1] == pytest.approx(1e-12 * np.arctanh(0.3), rel=1e-3) and len(calls) < 200
 
 
 def test_equations_that_do_not_hold_are_no_solved_run(monkeypatch):
-    follow = Follower.follow
-    monkeypatch.setattr(Follower, "follow", lambda self, z, begin, end: follow(self, z, begin, end) + 5e-5)
+    follow = NewtonContinuation.follow
+    monkeypatch.setattr(NewtonContinuation, "follow", lambda self, z, begin, end: follow(self, z, begin, end) + 5e-5)
     run = simulate(Implicit(), 0.1, inputs={"x": 1.0}, throw=False)
     assert run.status is SolveStatus.FAILED and run.residual > 1e-5
     assert "Implicit equation 1" in run.message and "does not hold at" in run.message

@@ -83,7 +83,7 @@ class TestRoads:
         if interpolation == "linear":
             expected = np.interp(times, t, u)
         elif interpolation == "previous":
-            expected = u[np.searchsorted(t[1:], times, side="left")]  # a row on a jump shows what was before it
+            expected = u[np.searchsorted(t[1:], times, side="left")]  # on a discontinuity: what was before
         else:
             from scipy.interpolate import CubicSpline
 

@@ -9,7 +9,7 @@ from scipy.linalg import eigh
 
 import gtmodel as gt
 from gtmodel import ModelError, der
-from gtmodel.simulation import linearize, modes, simulate
+from gtmodel.simulation import linearize, natural_modes, simulate
 from tests.simulation.models import DriveTrain, FourBarInAngles, TwoMasses
 from tests.simulation.robot import T0, l1
 from tests.support.models import Pendulum, SeriesRLC
@@ -34,7 +34,7 @@ class TestPendulum:
         assert np.asarray(system.C) == pytest.approx(np.eye(2), abs=ROUND_OFF)
         assert system.params["rates"] == {"x": pytest.approx(0.0), "der(x)": pytest.approx(0.0)}
         if side < 0:
-            (mode,) = modes(system)
+            (mode,) = natural_modes(system)
             assert mode.frequency_Hz == pytest.approx(np.sqrt(9.81 / 0.5) / (2 * np.pi), rel=1e-12)
             assert mode.damping == pytest.approx(0.0, abs=1e-12) and set(mode.states) <= {"x", "der(x)"}
 
@@ -118,7 +118,7 @@ class TestModes:
         model = TwoMasses()
         M, _, S = model.matrices()
         system = linearize(model, "F", "s")
-        found = modes(system)
+        found = natural_modes(system)
         expected = np.sqrt(eigh(S, M, eigvals_only=True)) / (2 * np.pi)
         assert [m.frequency_Hz for m in found] == pytest.approx(expected, rel=1e-10)
         assert [m.damping for m in found] == pytest.approx([0.0, 0.0], abs=1e-10)
@@ -128,12 +128,12 @@ class TestModes:
         M, Dm, S = model.matrices()
         companion = np.block([[np.zeros((2, 2)), np.eye(2)], [-np.linalg.solve(M, S), -np.linalg.solve(M, Dm)]])
         expected = sorted((e for e in np.linalg.eigvals(companion) if e.imag > 0), key=abs)
-        found = modes(linearize(model, "F", "s"))
+        found = natural_modes(linearize(model, "F", "s"))
         assert [m.eigenvalue for m in found] == pytest.approx(expected, rel=1e-10)
         assert [m.damping for m in found] == pytest.approx([-e.real / abs(e) for e in expected], rel=1e-10)
 
     def test_of_the_drive_train(self):
-        found = modes(linearize(DriveTrain(), "torque", "phi"))
+        found = natural_modes(linearize(DriveTrain(), "torque", "phi"))
         w = np.sqrt(4e3 * (1 / (1e-3 * 50.0**2) + 1 / 5.0))
         assert found[-1].frequency_Hz == pytest.approx(w / (2 * np.pi), rel=1e-10)
         assert all(m.frequency_Hz < 1e-4 for m in found[:-1])  # it turns freely
@@ -141,7 +141,7 @@ class TestModes:
     def test_of_the_series_circuit(self):
         system = linearize(SeriesRLC(), "u", "capacitor.v")
         assert list(system.output_labels) == ["capacitor:v"] and "capacitor:v" in system.state_labels
-        (mode,) = modes(system)
+        (mode,) = natural_modes(system)
         assert abs(mode.eigenvalue) == pytest.approx(np.sqrt(1 / (0.5 * 0.1)), rel=1e-12)
         assert mode.damping == pytest.approx(2.0 / (2 * 0.5) / abs(mode.eigenvalue), rel=1e-12)
 

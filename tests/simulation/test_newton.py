@@ -89,7 +89,7 @@ def test_prescribed_motion_needs_newton_too():
         assert [t["psi"][k], t["der(psi)"][k]] == pytest.approx([psi, 2 * slope], abs=1e-11)
 
 
-def test_an_implicit_equation_with_a_jump_of_its_input():
+def test_an_implicit_equation_with_a_discontinuity_of_its_input():
     class Implicit(gt.Model):
         x = gt.variable(unit="1", start=0.0, fixed=True)
         y = gt.variable(unit="1", start=0.3)

@@ -141,7 +141,7 @@ def test_sign_is_refused_with_its_line():
     assert error.match(rf"'Dry equation 1' holds sign\(\), .* smoothed friction .*test_status\.py:{line}\)$")
 
 
-def test_the_sign_of_what_does_not_move_is_no_jump():
+def test_the_sign_of_what_does_not_move_is_no_discontinuity():
     run = simulate(Turned(), 1.0, tolerance=1e-11)
     assert run.trajectory["v"][-1] == pytest.approx(np.exp(-1.0), abs=1e-9)
 

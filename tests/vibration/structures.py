@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gtmodel.vibration import Hit, Matrices, Physical, Sampling, Steps, Structure
+from gtmodel.vibration import Hit, Matrices, Physical, Sampling, Steps, SyntheticStructure
 
 M = np.diag([30.0, 12.0])
 D = np.array([[210.0, -60.0], [-60.0, 60.0]])
@@ -52,7 +52,7 @@ def matched(found: np.ndarray, true: np.ndarray) -> float:
 
 # of the shipped problems; FEW of 30000 samples, for speed
 FEW = Sampling(seed=63, noise=1e-5, samples=3000, sample_time=TS)
-TWO = Structure(M.tolist(), D.tolist(), K.tolist(), force=50.0, hold_samples=8)
+TWO = SyntheticStructure(M.tolist(), D.tolist(), K.tolist(), force=50.0, hold_samples=8)
 FORCED = Physical(force_coordinates=[1])
 STEPS = Steps(a=0.9647, b=0.03527, delay_samples=5, amplitudes=[1e-3, 1.5e-3, 2e-3])
 HIT = Hit(frequency=[7.4, 11.45], damping=[0.03, 0.025], amplitude=[[5e-4, 1e-4], [1e-4, 4e-4]])

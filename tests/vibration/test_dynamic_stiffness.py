@@ -11,16 +11,16 @@ from gtmodel.results import ArgumentError, SolveStatus
 from gtmodel.robots.kr500_oscillators import table_16
 from gtmodel.vibration import dynamic_stiffness_study, load_oscillator_field, synthetic_hits
 from gtmodel.vibration.dynamic_stiffness import (
-    Fit,
-    Map,
+    FrequencyMap,
+    ModalFitting,
     Process,
-    Synthetic,
+    SyntheticArm,
     read_experiments,
     synthetic_experiments,
 )  # fmt: skip
 
 ONE_START = Process(starts=1)
-SMALL = Synthetic(seed=16, poses=12, records="receptance")
+SMALL = SyntheticArm(seed=16, poses=12, records="receptance")
 
 
 @pytest.fixture(scope="module")
@@ -72,7 +72,7 @@ def test_pictures_are_drawn_and_marked(small) -> None:
 
 
 def test_hits_are_recovered() -> None:
-    few = Synthetic(seed=16, poses=8, hits=2, duration=2.0)
+    few = SyntheticArm(seed=16, poses=8, hits=2, duration=2.0)
     found, again = (
         dynamic_stiffness_study(synthetic_experiments(table_16(), few), process=ONE_START) for _ in range(2)
     )
@@ -154,7 +154,7 @@ def test_measured_records_with_their_units(measured) -> None:
     np.testing.assert_allclose(first[2], m, rtol=1e-6)
     np.testing.assert_allclose(found.poses[0], [0.0, -2.4, 0.3, 0.0])
     expected = np.mean([np.log(210 / 200), np.log(210 / 200) / 2, 0.0])
-    assert found.repeatability_found == pytest.approx(expected, rel=1e-3)
+    assert found.measured_repeatability == pytest.approx(expected, rel=1e-3)
     assert found.synthetic is None and found.coverage_of_truth is None and found.printed is None
     assert {"x3_0.csv", "x3_1.csv"} in [set(e.files) for e in experiments]
     assert not found.files["poses.csv"].startswith("#")
@@ -190,9 +190,9 @@ def test_wrong_records_are_one_sentence(measured, tmp_path, lines, said) -> None
 @pytest.mark.parametrize(
     ("options", "argument"),
     [
-        ({"fit": Fit(search=[9.0, 3.0])}, "fit.search"),
-        ({"map": Map(over=["y", "y"])}, "map.over"),
-        ({"fit": Fit(search=[150.0, 190.0], modes=1)}, "experiments"),
+        ({"fit": ModalFitting(search=[9.0, 3.0])}, "fit.search"),
+        ({"map": FrequencyMap(over=["y", "y"])}, "map.over"),
+        ({"fit": ModalFitting(search=[150.0, 190.0], modes=1)}, "experiments"),
     ],
 )
 def test_what_cannot_be_used_is_named(made, options, argument) -> None:
@@ -204,5 +204,5 @@ def test_what_cannot_be_used_is_named(made, options, argument) -> None:
 def test_a_box_without_room_is_named() -> None:
     for box in ({"box_angle": [0.2, 0.1]}, {"box": [[0.0, 1.0]]}):
         with pytest.raises(ArgumentError) as caught:
-            synthetic_experiments(table_16(), Synthetic(seed=1, **box))
+            synthetic_experiments(table_16(), SyntheticArm(seed=1, **box))
         assert caught.value.argument == "synthetic.box"

@@ -10,13 +10,13 @@ import pytest
 from scipy import stats
 
 from gtmodel.inference import monte_carlo
-from gtmodel.vibration import GaussianProcess, Inputs, fit_gaussian_processes, held_out
+from gtmodel.vibration import GaussianProcess, KernelInputs, fit_gaussian_processes, held_out
 from gtmodel.vibration.dynamic_stiffness.gaussian_process_fit import _Problem, parameters_of
 from gtmodel.vibration.dynamic_stiffness.gaussian_process_kernel import correlation, slope, square_distances
 
 SHAPES = ("squared_exponential", "matern_5_2")
-INPUTS = Inputs((0.5, 0.5, 0.5, 1.0), (False, False, False, True))
-PLAIN = Inputs((0.5, 0.5, 0.5, 1.0), (False,) * 4)
+INPUTS = KernelInputs((0.5, 0.5, 0.5, 1.0), (False, False, False, True))
+PLAIN = KernelInputs((0.5, 0.5, 0.5, 1.0), (False,) * 4)
 LENGTHS = np.array([1.2, 1.0, 1.5, 0.8])
 REPEATABILITY = 0.133  # std of a logarithm whose repetitions differ by 15 % on average
 ORACLE = 1e-11  # 60 poses: the vague level makes the condition number 4e4
@@ -225,8 +225,8 @@ def test_coverage_over_fields_of_sixty_poses(shape, truth, capsys) -> None:
         ),
         (lambda g: fit_gaussian_processes(g.X, g.y[:5], INPUTS), "do not fit"),
         (lambda g: fit_gaussian_processes(g.X * np.nan, g.y, INPUTS), "not finite"),
-        (lambda g: Inputs((1.0,), (True, False)), "1 scales and 2 periods"),
-        (lambda g: Inputs((0.0,), (True,)), "above zero"),
+        (lambda g: KernelInputs((1.0,), (True, False)), "1 scales and 2 periods"),
+        (lambda g: KernelInputs((0.0,), (True,)), "above zero"),
     ],
 )
 def test_refusals(call, said) -> None:
@@ -239,7 +239,7 @@ def test_repetitions_of_a_pose_are_held_out_together() -> None:
     rng = np.random.default_rng(5)
     poses = np.repeat(rng.uniform(-1, 1, (12, 4)), 3, axis=0)
     poses[::3, 3] += 2 * np.pi  # the same pose
-    inputs = Inputs((0.5, 0.5, 0.5, 1.0), (False, False, False, True))
+    inputs = KernelInputs((0.5, 0.5, 0.5, 1.0), (False, False, False, True))
     values = np.repeat(rng.standard_normal(12), 3) + 0.01 * rng.standard_normal(36)
     error, _ = held_out(fit_gaussian_processes(poses, values, inputs), folds=4)
     assert np.sqrt(np.mean(error**2)) > 0.5

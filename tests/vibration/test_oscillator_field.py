@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from gtmodel.vibration import (
-    Inputs,
+    KernelInputs,
     OscillatorField,
     fit_oscillator_field,
     load_oscillator_field,
@@ -23,7 +23,7 @@ POSES, POINTS = 60, 5
 CYCLE, SHARE = 0.004, 0.01  # s, of it
 PER_SECOND = 1e9  # instructions of a controller
 ROUNDING = 1e-11  # of logarithms: sums of 60 weights of size 1e2
-INPUTS = Inputs((0.5, 0.5, 0.5, 1.0), (False, False, False, True))
+INPUTS = KernelInputs((0.5, 0.5, 0.5, 1.0), (False, False, False, True))
 
 
 def truth():

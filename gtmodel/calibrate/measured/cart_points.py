@@ -37,7 +37,7 @@ class CartPoints(Options):
     ] = field(default_factory=lambda: [1.0, 0.0, 0.0, 0.0])  # fmt: skip
     turn_std: Annotated[
         float | None, Unit("rad"), Within(above=0.0),
-        "how well it is known; left out, the poses alone tell it, badly about the guideway",
+        "how well it is known; left out, the poses alone determine it, badly about the guideway",
     ] = field(default=None, kw_only=True)  # fmt: skip
 
 
@@ -52,10 +52,10 @@ def on_cart_points(robot: Model, carts: CartPoints | None) -> tuple[Model, list[
     if family_of(robot) not in ("three_link", "six_link"):
         raise ArgumentError("is for Gantry-Tau robots with three or six links", "carts")
     try:
-        found = on_measured_points(robot, carts.at, {arm - 1: rows for arm, rows in carts.points.items()}, u / length)
+        placed = on_measured_points(robot, carts.at, {arm - 1: rows for arm, rows in carts.points.items()}, u / length)
     except ModelError as error:
         raise ArgumentError(str(error), "carts.points") from error
-    return found.robot, found.guideways
+    return placed.robot, placed.guideways
 
 
 def read_cart_points(path: Path, arms: Sequence[int], unit: str = "mm") -> tuple[np.ndarray, dict[int, np.ndarray]]:

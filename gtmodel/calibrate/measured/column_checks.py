@@ -92,12 +92,12 @@ def stuck_columns(names: Sequence[str], rows: np.ndarray, misfit: float, size: f
 def nearest(before: float, left: Callable[[Trial], float], trials: Iterable[Trial]) -> tuple[float, Trial | None]:
     """Of other readings the one that leaves least, and what it leaves; None where it leaves not much less than
     `before`."""
-    best, found = before, None
+    best, chosen = before, None
     for trial in trials:
         rms = left(trial)
         if rms < best * (1 - 1e-9):
-            best, found = rms, trial
-    return (best, found) if best * NEARER < before else (before, None)
+            best, chosen = rms, trial
+    return (best, chosen) if best * NEARER < before else (before, None)
 
 
 def exchanged(names: Sequence[str], order: Sequence[int]) -> tuple[str, str]:

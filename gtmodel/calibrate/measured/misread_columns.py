@@ -43,15 +43,15 @@ def misread_columns(problem: Problem, lengths: Sequence[str] = (), columns: Sequ
         for name in problem.closure.unit
     ]  # fmt: skip
     for name, rows, looks, when in trials:
-        found = _misfit(problem, m, {name: rows})
-        if found * NEARER < given:
-            return f"{looks}: links miss by {length(given)} rms as given, and by {length(found)} {when}"
-    found, order = _ordered(problem, m, given)
-    if not found * NEARER < given:
+        left = _misfit(problem, m, {name: rows})
+        if left * NEARER < given:
+            return f"{looks}: links miss by {length(given)} rms as given, and by {length(left)} {when}"
+    left, order = _ordered(problem, m, given)
+    if not left * NEARER < given:
         return None
     which, read = exchanged(columns or [f"{problem.actuators}[{k}]" for k in range(len(order))], order)
     return (
-        f"the columns {which} look exchanged: links miss by {length(given)} rms as given, and by {length(found)} when "
+        f"the columns {which} look exchanged: links miss by {length(given)} rms as given, and by {length(left)} when "
         f"they are read as {read}"
     )
 
@@ -72,10 +72,10 @@ def _ordered(problem: Problem, m: Measurements, given: float) -> tuple[float, li
             trial = order.copy()
             trial[a], trial[b] = trial[b], trial[a]
             trials.append((misfit(trial), trial))
-        found, trial = min(trials, default=(np.inf, order))
-        if not found < best * (1 - 1e-9):
+        least, trial = min(trials, default=(np.inf, order))
+        if not least < best * (1 - 1e-9):
             return best, order
-        best, order = found, trial
+        best, order = least, trial
 
 
 def _assigned(problem: Problem, m: Measurements) -> list[int]:

@@ -26,7 +26,7 @@ class MeasuredSignal(Options):
     noise: Annotated[
         float | list[float] | list[list[float]] | None,
         "standard deviation in SI, one, one each, or a covariance; of a quaternion in rad; left out, the "
-        "residuals tell it",
+        "residuals give it",
     ] = None
     scale: Annotated[float | Free, "quantity per column, both in SI"] = 1.0
     offset: Annotated[

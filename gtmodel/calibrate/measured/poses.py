@@ -128,7 +128,7 @@ def _fit_the_model(m: Measurements, poses: Poses, model: Model) -> dict[str, Col
     """Columns of all signals. Raises ArgumentError for signals that are no variables of the model, and for another
     number of columns."""
     flat = flat_of(model)
-    found: dict[str, Columns] = {}
+    fitting: dict[str, Columns] = {}
     for name in (poses.actuators, *(n for p in m.poses for n in (p.position, p.orientation) if n)):
         if name not in m.values:
             raise ArgumentError(f"'{name}' is not among the measured {', '.join(m.values)}", "poses")
@@ -145,8 +145,8 @@ def _fit_the_model(m: Measurements, poses: Poses, model: Model) -> dict[str, Col
             raise ArgumentError(f"has {columns} columns; '{name}' of the robot has {size}", at)
         names = tuple(f"{name}[{k}]" for k in range(size)) if size > 1 else (name,)
         own = tuple(flat.variables[i].unit or "1" for i in indices)
-        found[name] = poses.columns.get(name) or Columns(names, own)
-    return found
+        fitting[name] = poses.columns.get(name) or Columns(names, own)
+    return fitting
 
 
 def _refuse_unknown_sessions(m: Measurements, held: np.ndarray) -> None:

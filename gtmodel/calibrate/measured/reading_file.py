@@ -39,20 +39,20 @@ def read_poses(path: Path | str, measured: Measured, held_out: Path | str | None
     if held_out is not None:
         tables.append(_table(Path(held_out), measured, "held_out.file"))
         held = np.repeat([False, True], [len(t.lines) for t in tables])
-    found = _measurements(tables, measured)
+    measurements = _measurements(tables, measured)
     lines = np.concatenate([t.lines for t in tables])
     notes = [t.synthetic for t in tables if t.synthetic]
     columns = {n: c for n, c in tables[0].columns.items() if n in measured.signals}
     given = measured.sag is not None and measured.sag.compliance != ESTIMATE
     known = [f"{measured.position}.sag"] if given else []
-    return Poses(found, measured.actuators, lines, held, columns, known, notes[0] if notes else None)
+    return Poses(measurements, measured.actuators, lines, held, columns, known, notes[0] if notes else None)
 
 
 def _table(path: Path, measured: Measured, key: str = "measured.file") -> SignalTable:
     wanted: dict[str, tuple[str | Sequence[str], str | Sequence[str]]] = {}
     if len(measured.signals) < 2:
-        found = ", ".join(measured.signals) or "none"
-        raise ArgumentError(f"expected two signals or more, such as q and T; found {found}", "measured.signals")
+        given = ", ".join(measured.signals) or "none"
+        raise ArgumentError(f"expected two signals or more, such as q and T; found {given}", "measured.signals")
     for name, s in measured.signals.items():
         at = f"measured.signals.{name}"
         wanted[name] = (s.column, s.unit)
@@ -72,7 +72,7 @@ def _table(path: Path, measured: Measured, key: str = "measured.file") -> Signal
     if measured.sag is not None and isinstance(measured.sag.payload, str):
         wanted[f"load({measured.position})"] = (measured.sag.payload, "kg")
     if measured.session is None and (measured.device_per_session or measured.target_per_session):
-        raise ArgumentError("is missing; name the column that tells the recording of a row", "measured.session")
+        raise ArgumentError("is missing; name the column that says the recording of a row", "measured.session")
     try:
         return signal_table.read(path, wanted, measured.session)
     except ArgumentError as error:
@@ -106,11 +106,11 @@ def _measurements(tables: Sequence[SignalTable], measured: Measured) -> Measurem
         values[f"load({measured.position})"] = _load(sag, values, measured.position)
     sessions = None if measured.session is None else [s for t in tables for s in t.sessions or ()]
     try:
-        found = Measurements(values, noise, sessions, (pose,), tuple(corrections))
+        measurements = Measurements(values, noise, sessions, (pose,), tuple(corrections))
         for name in noise:
-            size = 3 if name == measured.orientation else np.asarray(found.values[name]).shape[1]
-            found.covariance(name, size)
-        return found
+            size = 3 if name == measured.orientation else np.asarray(measurements.values[name]).shape[1]
+            measurements.covariance(name, size)
+        return measurements
     except ModelError as error:
         raise ArgumentError(str(error), "measured.signals") from error
 

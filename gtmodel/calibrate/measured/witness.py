@@ -85,10 +85,10 @@ def recognise(data: SplitPoses, witness: Witness) -> tuple[np.ndarray, np.ndarra
     q, T = data.q[rows], data.T[rows]
     predicted, e, good = witness.positions(q)
 
-    def misfit(found: np.ndarray, _: np.ndarray, at: np.ndarray) -> float:
+    def misfit(reached: np.ndarray, _: np.ndarray, at: np.ndarray) -> float:
         if len(at) < REACHED * len(T):
             return np.inf
-        return aligned(T[at], found)[2] if pose.device else distance(T[at], found)
+        return aligned(T[at], reached)[2] if pose.device else distance(T[at], reached)
 
     names, groups = _columns(data)
     before = misfit(predicted, e, good)
@@ -124,15 +124,15 @@ def recognise(data: SplitPoses, witness: Witness) -> tuple[np.ndarray, np.ndarra
 def recognise_sessions(data: SplitPoses, witness: Witness) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """recognise(), session by session where the device stood elsewhere in each: its frames, of one for all under "";
     empty without."""
-    m, found = data.all, {}
+    m, frames = data.all, {}
     for s in m.session_names if data.pose.device_per_session else ("",):
         rows = np.ones(len(m), bool) if m.sessions is None or not s else np.array([x == s for x in m.sessions])
         placed = recognise(
             replace(data, all=m.part(rows), lines=data.lines[rows], held_out=data.held_out[rows]), witness
         )
         if placed is not None:
-            found[s] = placed
-    return found
+            frames[s] = placed
+    return frames
 
 
 def a_priori(

@@ -63,8 +63,8 @@ class Measuring:
         if np.any(status != 0):
             raise ArgumentError("a pose of the plan cannot be reached by the robot's inverse kinematics", "room")
         T = T[:, :3]
-        found = {"q": q, self.signal: T if self.signal == "T" else self.device(T)}
-        return found | ({} if e is None or "e" in self.latent else {"e": e})
+        values = {"q": q, self.signal: T if self.signal == "T" else self.device(T)}
+        return values | ({} if e is None or "e" in self.latent else {"e": e})
 
     def placed(self, T: Array) -> tuple[Array, Array | None, Array]:
         """Actuators, quaternions of a plate that turns, and status of commanded poses: rows of T [m], of an F1 with
@@ -77,17 +77,17 @@ class Measuring:
     def noise(self, T: Array) -> dict[str, Any]:
         """Standard deviations and covariances of these."""
         task, device = self.task, self.task.device
-        found: dict[str, Any] = {}
+        sizes: dict[str, Any] = {}
         if isinstance(device, (Tracker, PatternCamera)):
-            found["T"] = self.device.covariance(T[:, :3])
+            sizes["T"] = self.device.covariance(T[:, :3])
         else:
-            found[self.signal] = device.noise
+            sizes[self.signal] = device.noise
         if isinstance(device, Tracker) and device.orientation_noise is not None and orientation(task.robot):
-            found["e"] = device.orientation_noise
+            sizes["e"] = device.orientation_noise
         if task.actuator_noise > 0:
             rotary = 3 if T.shape[1] == 7 else 0
-            found["q"] = np.array([task.actuator_noise] * 3 + [task.axis_noise] * rotary)
-        return found
+            sizes["q"] = np.array([task.actuator_noise] * 3 + [task.axis_noise] * rotary)
+        return sizes
 
     def measurements(self, T: Array) -> Measurements:
         """Of commanded poses, without noise but with its size."""
@@ -101,11 +101,11 @@ class Measuring:
         known = {"device_at", "plane_normal", "plane_point"} & set(type(self.model)._declared)
         choice = replace(given, fixed=[*given.fixed, *sorted(known)])
         try:
-            found = prepare(self.model, self.measurements(T), choice, latent=self.latent)
+            problem = prepare(self.model, self.measurements(T), choice, latent=self.latent)
         except ModelError as error:
             raise ArgumentError(str(error), "choice") from error
-        self.earlier.append(found)
-        return found
+        self.earlier.append(problem)
+        return problem
 
     def whole(self, T: Array) -> Problem:
         """The robot's own closure equations at these points, all of its pose known: for positioning errors."""

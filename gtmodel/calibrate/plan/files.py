@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ...motion.reference import robtargets
-from ...results.tables import csv_text
+from ...results.table import csv_text
 
 Array = np.ndarray
 FIT, HELD_OUT = "calibrate", "verify"

@@ -8,27 +8,27 @@ from typing import Any
 
 import numpy as np
 
-from .steps import Plan
+from .steps import PlanState
 
 Figures = dict[str, Callable[[], Any]]
 
 
-def pictures(plan: Plan) -> Figures:
+def pictures(plan: PlanState) -> Figures:
     """Name -> function that draws it, in the order of the steps."""
-    found: Figures = {}
-    if plan.found is None:
-        return found
-    stages = plan.found.stages
-    T = plan.found.T[:, :3]
+    drawn: Figures = {}
+    if plan.candidates is None:
+        return drawn
+    stages = plan.candidates.stages
+    T = plan.candidates.T[:, :3]
     first = {"workspace": T[stages["workspace"]]}
-    found["1_workspace"] = partial(_space, plan, first, "workspace of the a-priori parameters", boxes=False)
+    drawn["1_workspace"] = partial(_space, plan, first, "workspace of the a-priori parameters", boxes=False)
     if "safety" in stages:
         second = {
             "left for calibration": T[stages["safety"]],
             "reached, but not safe": T[stages["workspace"] & ~stages["safety"]],
         }
-        found["2_obstacles_and_safety"] = partial(_space, plan, second, "without obstacles and safety zones")
-    if "safety distance" in stages or (plan.found.complete and "device" in stages):
+        drawn["2_obstacles_and_safety"] = partial(_space, plan, second, "without obstacles and safety zones")
+    if "safety distance" in stages or (plan.candidates.complete and "device" in stages):
         last = next(reversed(stages.values()))
         third = {
             "measurable": last,
@@ -36,22 +36,24 @@ def pictures(plan: Plan) -> Figures:
             "not seen": stages["safety"] & ~stages["device"],
         }
         layers = {name: T[m] for name, m in third.items()}
-        found["3_device"] = partial(_space, plan, layers, "what the device measures", device=True)
+        drawn["3_device"] = partial(_space, plan, layers, "what the device measures", device=True)
     if len(plan.poses):
         fourth = {
             name: P[:, :3]
             for name, P in (("candidates", plan.pool), ("calibrate", plan.poses), ("held out", plan.held_out))
         }
-        found["4_poses"] = partial(_space, plan, fourth, "poses to measure", device=True)
+        drawn["4_poses"] = partial(_space, plan, fourth, "poses to measure", device=True)
     if plan.curve is not None and plan.curve.points:
-        found["5_number_of_poses"] = partial(_curve, plan)
+        drawn["5_number_of_poses"] = partial(_curve, plan)
     if plan.chosen is not None and not plan.unpredicted:
-        found["6_parameters"] = partial(_parameters, plan)
-        found["7_predicted_error"] = partial(_errors, plan)
-    return found
+        drawn["6_parameters"] = partial(_parameters, plan)
+        drawn["7_predicted_error"] = partial(_errors, plan)
+    return drawn
 
 
-def _space(plan: Plan, layers: dict[str, np.ndarray], step: str, *, boxes: bool = True, device: bool = False) -> Any:
+def _space(
+    plan: PlanState, layers: dict[str, np.ndarray], step: str, *, boxes: bool = True, device: bool = False
+) -> Any:
     from ...plot.calibration_plan import room_figure
 
     task, home = plan.task, plan.robot.home
@@ -66,14 +68,14 @@ def _space(plan: Plan, layers: dict[str, np.ndarray], step: str, *, boxes: bool 
     )
 
 
-def _curve(plan: Plan) -> Any:
+def _curve(plan: PlanState) -> Any:
     from ...plot.calibration_plan import curve_figure
 
     assert plan.curve is not None
     return curve_figure(plan.curve.points, plan.grids, plan.task.criteria.accuracy, title=plan.task.title)
 
 
-def _parameters(plan: Plan) -> Any:
+def _parameters(plan: PlanState) -> Any:
     from ...plot.calibration_plan import parameters_figure
 
     assert plan.chosen is not None
@@ -82,7 +84,7 @@ def _parameters(plan: Plan) -> Any:
     return parameters_figure(plan.chosen.names, std, own, runs=len(plan.errors), title=plan.task.title)
 
 
-def _errors(plan: Plan) -> Any:
+def _errors(plan: PlanState) -> Any:
     from ...plot.calibration_plan import predicted_figure
 
     simulated = plan.each_simulated() if len(plan.errors) else None

@@ -23,7 +23,7 @@ from .options import AnyDevice, Criteria, Evaluation, PlanLimits, PosesToMeasure
 from .pictures import pictures
 from .result import PlanStudy
 from .stages import stages_of
-from .steps import Plan, Stop, Stopped, draw_curve, find_candidates, prepare_information, select, simulate
+from .steps import PlanState, Stop, Stopped, draw_curve, find_candidates, prepare_information, select, simulate
 from .task import Task
 from .turns import turns_of
 from .verdict import checks_of, verdict_of
@@ -91,7 +91,7 @@ def plan_study(
     }  # fmt: skip
     task = Task(robot, device, room, **{name: value for name, value in given.items() if value is not None})
     work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
-    plan = Plan(task, turns_of(task), measuring(task))
+    plan = PlanState(task, turns_of(task), measuring(task))
 
     def asked(stage: str, fraction: float) -> bool:
         work.progress(stage, fraction)
@@ -104,7 +104,7 @@ def plan_study(
             draw_curve(plan, asked)
         _until_approved(plan, asked)
     except Stopped:
-        if plan.found is None:
+        if plan.candidates is None:
             return PlanStudy(status=SolveStatus.INTERRUPTED, title=title)
         return PlanStudy(
             status=SolveStatus.INTERRUPTED, title=title, **_known(plan), verdict="stopped before the end",
@@ -113,7 +113,7 @@ def plan_study(
     return _study_of(plan)
 
 
-def _until_approved(plan: Plan, stop: Stop) -> None:
+def _until_approved(plan: PlanState, stop: Stop) -> None:
     """More poses while the criteria are not met."""
     asked = plan.task.poses
     number = asked.number
@@ -128,13 +128,13 @@ def _until_approved(plan: Plan, stop: Stop) -> None:
         number = following
 
 
-def _known(plan: Plan) -> dict[str, Any]:
+def _known(plan: PlanState) -> dict[str, Any]:
     """The quantities of the steps that are done."""
-    assert plan.found is not None
-    counts, told, info = plan.found.counts, plan.told, plan.chosen
+    assert plan.candidates is not None
+    counts, identifiability, info = plan.candidates.counts, plan.identifiability, plan.chosen
     e = plan.target.errors(info) if info and not plan.unpredicted else None
     runs = plan.each_simulated() if e is not None and len(plan.errors) else None
-    found: dict[str, Any] = {
+    quantities: dict[str, Any] = {
         "stages": counts,
         "workspace_left": counts[next(reversed(counts))] / max(1, counts["workspace"]),
         "poses": len(plan.poses),
@@ -150,24 +150,28 @@ def _known(plan: Plan) -> dict[str, Any]:
             "predicted and simulated errors come from the device's noise alone: a model that does not fit adds its own",
         ],
     }
-    if told is not None:
-        found |= {f"o{k}": getattr(told.indices, f"o{k}") for k in range(1, 6)}
-        found |= {"rank": told.rank, "told_no_better": len(told.near), "condition": told.condition,
-                  "identifiability": told.notes}  # fmt: skip
+    if identifiability is not None:
+        quantities |= {f"o{k}": getattr(identifiability.indices, f"o{k}") for k in range(1, 6)}
+        quantities |= {
+            "rank": identifiability.rank,
+            "determined_no_better": len(identifiability.near),
+            "condition": identifiability.condition,
+            "identifiability": identifiability.notes,
+        }
     if info is not None:
         std = {name: s if np.isfinite(s) else None for name, s in info.std().items()}
-        found |= {"parameters": len(info.names), "parameter_std": std}
+        quantities |= {"parameters": len(info.names), "parameter_std": std}
     if e is not None:
         worst = plan.evaluation[int(np.argmax(e.each)), :3]
-        found |= {"predicted_error": e.rms, "predicted_greatest": e.greatest, "worst_place": worst}
-    return found
+        quantities |= {"predicted_error": e.rms, "predicted_greatest": e.greatest, "worst_place": worst}
+    return quantities
 
 
 def _points(points: Sequence[Point]) -> list[dict[str, float]]:
     return [{"poses": p.poses, "predicted_error_m": p.rms, "greatest_m": p.greatest} for p in points]
 
 
-def _study_of(plan: Plan) -> PlanStudy:
+def _study_of(plan: PlanState) -> PlanStudy:
     checks, title = checks_of(plan), plan.task.title
     failed = failed_of(checks)
     verdict = verdict_of(plan, list(failed))

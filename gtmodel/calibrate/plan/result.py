@@ -35,9 +35,9 @@ class PlanStudy(Study):
     held_out: Annotated[int, Quantity("", "number of poses to judge the result by")] = 0
     rounds: Annotated[Sequence[int], Quantity("", "numbers of poses that were tried")] = ()
     parameters: Annotated[int | None, Quantity("", "number of parameters to calibrate")] = None
-    rank: Annotated[int | None, Quantity("", "how many combinations of them the poses tell", key="told")] = None
-    told_no_better: Annotated[
-        int | None, Quantity("", "how many of these they tell no better than they were known")
+    rank: Annotated[int | None, Quantity("", "how many combinations of them the poses determine")] = None
+    determined_no_better: Annotated[
+        int | None, Quantity("", "how many of these they determine no better than they were known")
     ] = None  # fmt: skip
     condition: Annotated[
         float | None, Quantity("", "condition number of the derivatives, in expected errors per noise")
@@ -52,9 +52,10 @@ class PlanStudy(Study):
         float | None, Quantity("", "O4, noise amplification: least singular value squared by the greatest")
     ] = None  # fmt: skip
     o5: Annotated[float | None, Quantity("", "O5, 1 / sum of 1 / singular values")] = None
-    identifiability: Annotated[Sequence[str], Quantity("", "what is told and what is not, in sentences")] = ()
+    identifiability: Annotated[Sequence[str], Quantity("", "what is determined and what is not, in sentences")] = ()
     parameter_std: Annotated[
-        Mapping[str, float | None], Quantity("", "predicted standard deviation by parameter, SI; null where not told")
+        Mapping[str, float | None],
+        Quantity("", "predicted standard deviation by parameter, SI; null where not determined"),
     ] = field(default_factory=dict)
     predicted_error: Annotated[
         float | None,
@@ -87,7 +88,7 @@ class PlanStudy(Study):
             Row("share of the workspace left", self.workspace_left),
             Row("poses to calibrate with", self.poses),
             Row("poses held out", self.held_out),
-            Row("parameters told", self._told()),
+            Row("parameters determined", self._determined()),
             Row("condition number", self.condition),
             *(Row(f"observability O{k}", getattr(self, f"o{k}")) for k in range(1, 6)),
         ]
@@ -103,11 +104,11 @@ class PlanStudy(Study):
             rows.append(Row("poses that suffice", "more than looked at" if enough is None else enough))
         for curve, kind in ((self.curve, "selected"), (self.grid_curve, "of a grid")):
             rows += [Row(f"error with {p['poses']} {kind}", 1e3 * p["predicted_error_m"], "mm") for p in curve]
-        if self.rank != self.parameters or self.told_no_better:
-            rows += [Row("not told", sentence) for sentence in self.identifiability[1:]]
+        if self.rank != self.parameters or self.determined_no_better:
+            rows += [Row("undetermined", sentence) for sentence in self.identifiability[1:]]
         return rows + [Row("assumed", sentence) for sentence in self.assumptions]
 
-    def _told(self) -> str | None:
-        if self.rank is None or not (weak := self.told_no_better):
+    def _determined(self) -> str | None:
+        if self.rank is None or not (weak := self.determined_no_better):
             return None if self.rank is None else f"{self.rank} of {self.parameters}"
         return f"{self.rank - weak} of {self.parameters}, {weak} more no better than they were known"

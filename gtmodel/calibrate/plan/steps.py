@@ -37,13 +37,13 @@ class Stopped(Exception):
 
 
 @dataclass(eq=False)
-class Plan:
+class PlanState:
     """What the steps have found so far. Poses are rows of T [m], of an F1 with the plate's quaternion behind."""
 
     task: Task
     turns: list[Turn]
     measuring: Measuring
-    found: Candidates | None = None
+    candidates: Candidates | None = None
     pool: Array = field(default_factory=lambda: np.zeros((0, 3)))
     info: PoseInformation = field(init=False)
     evaluation: Array = field(default_factory=lambda: np.zeros((0, 3)))
@@ -54,7 +54,7 @@ class Plan:
     poses: Array = field(default_factory=lambda: np.zeros((0, 3)))
     held_out: Array = field(default_factory=lambda: np.zeros((0, 3)))
     chosen: PoseInformation | None = None
-    told: Identifiability | None = None
+    identifiability: Identifiability | None = None
     rounds: list[int] = field(default_factory=list)
     errors: Array = field(default_factory=lambda: np.zeros((0, 0)))
     lost: int = 0
@@ -81,7 +81,7 @@ class Plan:
         return np.sqrt(np.mean(np.sum(moved**2, axis=2), axis=0))
 
 
-def find_candidates(plan: Plan, stop: Stop) -> None:
+def find_candidates(plan: PlanState, stop: Stop) -> None:
     """Workspace, obstacles and safety, device, distance from the edge. Raises ArgumentError where nothing is left."""
     task, room = plan.task, plan.task.room
     low, high = np.array(room.low), np.array(room.high)
@@ -95,21 +95,21 @@ def find_candidates(plan: Plan, stop: Stop) -> None:
     parts = []
     for turn in plan.turns:
         stages = stages_of(task, turn, plan.measuring)
-        found = candidates(box_grid(low, high, room.step), stages, task.safety.edge, stop=stop)
-        parts.append(found)
+        passed = candidates(box_grid(low, high, room.step), stages, task.safety.edge, stop=stop)
+        parts.append(passed)
         names = [name for name in parts[0].stages if all(name in p.stages for p in parts)]
-        plan.found = Candidates(
+        plan.candidates = Candidates(
             np.vstack([t.poses(p.T) for t, p in zip(plan.turns, parts, strict=False)]),
             {name: np.concatenate([p.stages[name] for p in parts]) for name in names},
-            found.complete,
+            passed.complete,
         )
-        if not found.complete:
+        if not passed.complete:
             raise Stopped
-    assert plan.found is not None
-    for before, (name, count) in zip([None, *plan.found.counts], plan.found.counts.items(), strict=False):
+    assert plan.candidates is not None
+    for before, (name, count) in zip([None, *plan.candidates.counts], plan.candidates.counts.items(), strict=False):
         if not count:
-            raise ArgumentError(_empty(name, before, plan.found.counts), "room")
-    T = plan.found.chosen
+            raise ArgumentError(_empty(name, before, plan.candidates.counts), "room")
+    T = plan.candidates.chosen
     if len(T) > MOST_CANDIDATES:
         T = T[np.round(np.linspace(0, len(T) - 1, MOST_CANDIDATES)).astype(int)]
     plan.pool = T
@@ -120,7 +120,7 @@ def _empty(name: str, before: str | None, counts: dict[str, int]) -> str:
     return f"none {left} passes the stage '{name}'; move the room, take a smaller step or smaller safety distances"
 
 
-def prepare_information(plan: Plan) -> None:
+def prepare_information(plan: PlanState) -> None:
     """Information of each candidate, and how the position depends on the unknowns. Raises ArgumentError."""
     plan.evaluation = _evaluation(plan)
     try:
@@ -134,11 +134,11 @@ def prepare_information(plan: Plan) -> None:
         plan.unpredicted = str(error)
 
 
-def _evaluation(plan: Plan) -> Array:
+def _evaluation(plan: PlanState) -> Array:
     box = plan.task.evaluation
-    assert plan.found is not None
+    assert plan.candidates is not None
     if box is None:
-        T = plan.found.T[plan.found.stages["obstacles"]]
+        T = plan.candidates.T[plan.candidates.stages["obstacles"]]
         return T[np.round(np.linspace(0, len(T) - 1, min(len(T), MOST_EVALUATED))).astype(int)]
     refuse_disordered(np.array(box.low), np.array(box.high), "evaluation.high")
     lines = [np.linspace(a, b, n) for a, b, n in zip(box.low, box.high, box.counts, strict=True)]
@@ -150,22 +150,22 @@ def _evaluation(plan: Plan) -> Array:
     return np.vstack([turn.poses(T) for turn in plan.turns])
 
 
-def grid_poses(plan: Plan, number: int) -> Array:
+def grid_poses(plan: PlanState, number: int) -> Array:
     """A regular grid of about so many candidates, by the volume of the measurable workspace."""
-    assert plan.found is not None
-    room, counts = plan.task.room, plan.found.counts
+    assert plan.candidates is not None
+    room, counts = plan.task.room, plan.candidates.counts
     low, high = np.array(room.low), np.array(room.high)
     step = (high - low) / (np.ceil((high - low) / room.step - 1e-9))
     volume = float(np.prod(step)) * counts[next(reversed(counts))]
     grid = regular_grid(low, high, volume, number)
-    found = []
+    poses = []
     for turn in plan.turns:
         last = stages_of(plan.task, turn, plan.measuring)["device"]
-        found.append(turn.poses(candidates(grid, {"device": last}, plan.task.safety.edge).chosen))
-    return np.vstack(found)
+        poses.append(turn.poses(candidates(grid, {"device": last}, plan.task.safety.edge).chosen))
+    return np.vstack(poses)
 
 
-def draw_curve(plan: Plan, stop: Stop) -> None:
+def draw_curve(plan: PlanState, stop: Stop) -> None:
     """Predicted error against the number of poses, selected and on grids, and the number that suffices."""
     wanted = plan.task.poses
     if not plan.task.curve:
@@ -195,7 +195,7 @@ def draw_curve(plan: Plan, stop: Stop) -> None:
     )  # fmt: skip
 
 
-def select(plan: Plan, number: int, stop: Stop) -> None:
+def select(plan: PlanState, number: int, stop: Stop) -> None:
     """Poses to measure, and others held out. Raises ArgumentError where there are too few candidates."""
     wanted, info = plan.task.poses, plan.info
     try:
@@ -233,17 +233,17 @@ def select(plan: Plan, number: int, stop: Stop) -> None:
         )
     held = rest[np.round(np.linspace(0, len(rest) - 1, wanted.held_out)).astype(int)] if wanted.held_out else rest[:0]
     plan.held_out = plan.pool[held]
-    plan.told = plan.chosen.identifiability()
+    plan.identifiability = plan.chosen.identifiability()
     plan.rounds.append(number)
 
 
-def simulate(plan: Plan, stop: Stop) -> None:
+def simulate(plan: PlanState, stop: Stop) -> None:
     """Synthetic calibrations of the robot as it is thought to be: noise of the device, wrong start values.
 
     Start errors are of what the poses determine: the rest is a choice of coordinates that no calibration moves.
     """
     assert plan.chosen is not None
-    told, sizes = plan.chosen.told, plan.chosen.sizes
+    basis, sizes = plan.chosen.basis, plan.chosen.sizes
     asked = plan.task.simulation
     ready: Problem = plan.measuring.prepared(plan.poses)
     u = ready.unknowns
@@ -253,7 +253,7 @@ def simulate(plan: Plan, stop: Stop) -> None:
         if stop("simulated calibration", k / asked.runs):
             raise Stopped
         rng = np.random.default_rng(seed)
-        off = sizes * (told @ (told.T @ (scale * rng.standard_normal(len(scale)) / sizes)))
+        off = sizes * (basis @ (basis.T @ (scale * rng.standard_normal(len(scale)) / sizes)))
         noisy = plan.measuring.noisy(ready.measurements, rng)
         c = calibrate(ready.on(noisy), cost="orthogonal", start=u.named(u.start + off))
         if c.status.ok and np.all(np.isfinite(c.x)):

@@ -5,23 +5,23 @@ from __future__ import annotations
 import numpy as np
 
 from ...results import Check, at_most
-from .steps import Plan
+from .steps import PlanState
 
 # standard deviations by which the simulated error may be off the predicted one: one in 16,000 plans by chance
 AGREEMENT = 4.0
 
 
-def checks_of(plan: Plan) -> dict[str, Check]:
+def checks_of(plan: PlanState) -> dict[str, Check]:
     """The criteria of a plan with selected poses."""
-    assert plan.told is not None and plan.chosen is not None
-    criteria, told = plan.task.criteria, plan.told
+    assert plan.identifiability is not None and plan.chosen is not None
+    criteria, identifiability = plan.task.criteria, plan.identifiability
     # what moves no tool centre point is a choice of coordinates, such as a frame inside an F1's joint plate
-    undetermined = float(max(1, told.redundant)) if plan.unpredicted else 0.0
+    undetermined = float(max(1, identifiability.redundant)) if plan.unpredicted else 0.0
     checks = {"parameters_undetermined": at_most(undetermined, 0.0)}
     if criteria.condition is not None:
-        checks["condition"] = at_most(told.condition, criteria.condition)
+        checks["condition"] = at_most(identifiability.condition, criteria.condition)
     if criteria.noise_amplification is not None:
-        checks["inverse_of_o4"] = at_most(1 / told.indices.o4, 1 / criteria.noise_amplification)
+        checks["inverse_of_o4"] = at_most(1 / identifiability.indices.o4, 1 / criteria.noise_amplification)
     if plan.unpredicted:
         return checks
     rms = plan.target.errors(plan.chosen).rms
@@ -36,7 +36,7 @@ def checks_of(plan: Plan) -> dict[str, Check]:
     return checks
 
 
-def verdict_of(plan: Plan, failed: list[str]) -> str:
+def verdict_of(plan: PlanState, failed: list[str]) -> str:
     """The verdict, and what a person does where checks failed."""
     n = len(plan.poses)
     if plan.unpredicted:

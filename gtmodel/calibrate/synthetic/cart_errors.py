@@ -40,11 +40,11 @@ def cart_points(
     R = Rotation.from_euler("ZYZ", s.cart_device_zyz)
     rng = np.random.default_rng(np.random.SeedSequence([s.seed, STREAM + 1]))
     sigma = np.broadcast_to(np.asarray(s.position_noise, float), 3)
-    found = []
+    reflectors = []
     for i, (cart, curve) in enumerate(zip(rows, curves, strict=True)):
         k, size = cart[-1], s.cart_drift[i] / np.sqrt(2.0)
         seeds = np.random.SeedSequence([s.seed, STREAM + 2, i])
         drift = GuidewayError(curve.direction, curve.low, curve.high, size, size, 0.0, 1.0, seeds)
         world = points[k] + REFLECTOR + at[:, None] * v[k] + curve(at) + drift(at)
-        found.append(R.inv().apply(world - np.array(s.cart_device_t)) + sigma * rng.standard_normal(world.shape))
-    return at, found
+        reflectors.append(R.inv().apply(world - np.array(s.cart_device_t)) + sigma * rng.standard_normal(world.shape))
+    return at, reflectors

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from ...compiler.causal import compile_causal
 from ...lang import Model, ModelError
 from ...results import ArgumentError
-from ...results.tables import csv_text
+from ...results.table import csv_text
 from ...robots import clusters
 from ..perturbed_kinematics import moved, rows_of, true_poses
 from .cart_errors import cart_points, levers, tilts
@@ -116,8 +116,8 @@ def make(model: Model, s: Synthetic) -> Made:
     seen_carts = None
     if s.cart_points is not None:
         v = np.broadcast_to(np.array(_any(truth).v, float), points.shape)
-        at, found = cart_points(s, s.cart_points, points, v, carts.rows, errors, q)
-        columns = {"q": at[:, None]} | {f"P{i + 1}": rows for i, rows in enumerate(found)}
+        at, reflectors = cart_points(s, s.cart_points, points, v, carts.rows, errors, q)
+        columns = {"q": at[:, None]} | {f"P{i + 1}": rows for i, rows in enumerate(reflectors)}
         tables = {n: (_in_units(a, ["mm"] * a.shape[1]), ["mm"] * a.shape[1]) for n, a in columns.items()}
         seen_carts = _text(tables, note, "cart points")
     return Made(_text(shown, note), note, truth, "e" in shown, q.shape[1] > 3, seen_carts)
@@ -163,17 +163,17 @@ def _commanded(model: Model, s: Synthetic, rng: np.random.Generator) -> tuple[np
 
 def _guideway_errors(truth: Model, carts: Carts, s: Synthetic, q: np.ndarray) -> list[GuidewayError]:
     v = np.array(_any(truth).v, float)
-    found, cyclic = [], np.broadcast_to(np.asarray(s.cyclic, float), 3)
+    curves, cyclic = [], np.broadcast_to(np.asarray(s.cyclic, float), 3)
     for i in range(3):
         low, high = float(q[:, i].min()), float(q[:, i].max())
         direction = v[carts.rows[i][0] if len(v) == 6 else i]
-        found.append(
+        curves.append(
             GuidewayError(
                 direction, low - 0.01, high + 0.01, s.along[i], s.across[i], float(cyclic[i]),
                 s.cyclic_period, np.random.SeedSequence([s.seed, 3, i]),
             )
         )  # fmt: skip
-    return found
+    return curves
 
 
 def _by_load(T: np.ndarray, curve: GuidewayError, s: Synthetic, i: int) -> np.ndarray:

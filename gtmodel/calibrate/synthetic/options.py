@@ -91,7 +91,7 @@ class Synthetic(Options):
         float, Unit("rad", written="deg"), Within(above=0), "of a device that measures orientation too"
     ] = math.radians(0.005)  # fmt: skip
     state_noise: Annotated[
-        bool, "whether sizes of noise are told to the fit, as priors and some costs need them"
+        bool, "whether the fit is given the sizes of noise, as priors and some costs need them"
     ] = False  # fmt: skip
     device_t: Annotated[list[float], Unit("m"), Long(3), "where the device stands in the robot's frame"] = field(
         default_factory=_zeros

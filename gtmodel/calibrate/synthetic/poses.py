@@ -42,6 +42,6 @@ def made_poses(robot: Model, synthetic: Synthetic, held_out: Path | str | None =
     with tempfile.TemporaryDirectory() as scratch:
         path = Path(scratch) / FILE
         path.write_text(made.text, encoding="utf-8")
-        found = read_poses(path, measured, held_out)
+        poses = read_poses(path, measured, held_out)
     files = {FILE: made.text} | ({CARTS: made.carts} if made.carts is not None else {})
-    return replace(found, truth=made.robot, files=files)
+    return replace(poses, truth=made.robot, files=files)

@@ -234,10 +234,10 @@ def _chain(operation: int, a: Dual) -> Dual:
 
 def bounds(steps: Sequence[Instruction], low: np.ndarray, high: np.ndarray) -> Dual:
     """Bounds of the last of `steps`, and of its rate, over cells of time from `low` to `high` (n,), as arrays (n,)."""
-    found: list[Dual] = []
+    duals: list[Dual] = []
     with np.errstate(all="ignore"):
         for op, reads, _, constant in steps:
-            arguments = [found[k] for k in reads]
+            arguments = [duals[k] for k in reads]
             if op == ca.OP_INPUT:
                 value: Dual = (low, high), (1.0, 1.0)
             elif op == ca.OP_CONST:
@@ -248,8 +248,8 @@ def bounds(steps: Sequence[Instruction], low: np.ndarray, high: np.ndarray) -> D
                 value = BINARY[op](arguments[0], arguments[1])
             else:
                 value = ANYTHING, ANYTHING
-            found.append(value)
-    (a, b), (da, db) = found[-1]
+            duals.append(value)
+    (a, b), (da, db) = duals[-1]
     a, b, da, db = (np.broadcast_to(np.asarray(x, dtype=float), low.shape) for x in (a, b, da, db))
     unknown = np.isnan(a) | np.isnan(b)
     a, b = np.where(unknown, -np.inf, a), np.where(unknown, np.inf, b)

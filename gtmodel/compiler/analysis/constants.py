@@ -31,11 +31,11 @@ class _Gathered:
 
     def operation(self, k: int, op: int, given: list[Shifted]) -> Shifted:
         if op == ca.OP_ASSIGN:
-            found = given[0]
+            form = given[0]
         else:
-            found = self._sum(op, *given) if op in _SUMS else None
-            found = found or (applied(op, [self.whole(g) for g in given]), 0.0)
-        return found if self._uses[k] == 1 else (self.whole(found), 0.0)
+            form = self._sum(op, *given) if op in _SUMS else None
+            form = form or (applied(op, [self.whole(g) for g in given]), 0.0)
+        return form if self._uses[k] == 1 else (self.whole(form), 0.0)
 
     def whole(self, form: Shifted) -> ca.SX:
         x, c = form

@@ -26,9 +26,9 @@ def with_differences(expressions: Sequence[ca.SX]) -> list[ca.SX]:
 def _rewritten(read: list[Instruction], symbols: list[ca.SX]) -> list[ca.SX] | None:
     count = 0
     for search in (_better, _derivatives_of):
-        found = search(read)
-        count += len(found)
-        for k, instruction in found.items():
+        replacements = search(read)
+        count += len(replacements)
+        for k, instruction in replacements.items():
             read[k] = instruction
     return walked(read, symbols, _Plain()) if count else None
 
@@ -78,7 +78,7 @@ def _depends(read: list[Instruction], k: int, on: int) -> bool:
 
 def _derivatives_of(read: list[Instruction]) -> dict[int, Instruction]:
     """s or -s in place of sums of (x - q y) y, where q is (sum of x y -+ s) over (sum of y y)."""
-    found: dict[int, Instruction] = {}
+    replacements: dict[int, Instruction] = {}
     for k, (op, *_) in enumerate(read):
         if op != ca.OP_ADD:
             continue
@@ -95,24 +95,24 @@ def _derivatives_of(read: list[Instruction]) -> dict[int, Instruction]:
         if _sorted(_products(read, product)) == _sorted(pairs) and _sorted(_products(read, given[1])) == _sorted(
             [(y, y) for _, y in pairs]
         ):
-            found[k] = Instruction(ca.OP_ASSIGN if sign == ca.OP_SUB else ca.OP_NEG, [root])
-    return found
+            replacements[k] = Instruction(ca.OP_ASSIGN if sign == ca.OP_SUB else ca.OP_NEG, [root])
+    return replacements
 
 
 def _products(read: list[Instruction], k: int) -> list[tuple[int, int]]:
     """The factors of a sum of products; none if it is something else, or longer than vectors are."""
-    found, left = list[tuple[int, int]](), [k]
+    products, left = list[tuple[int, int]](), [k]
     while left:
         op, given, *_ = read[left.pop()]
-        if len(found) == LONGEST:
+        if len(products) == LONGEST:
             return []
         if op == ca.OP_ADD:
             left += given
         elif op in (ca.OP_MUL, ca.OP_SQ):
-            found.append((given[0], given[-1]))
+            products.append((given[0], given[-1]))
         else:
             return []
-    return found
+    return products
 
 
 def _off_line(read: list[Instruction], r: int, y: int) -> tuple[int, int, int] | None:

@@ -34,7 +34,7 @@ def kinked_in(rows: Sequence[ca.SX], symbols: Sequence[ca.SX], only: frozenset[i
     read, free = of_expression(column)
     inside: list[frozenset[int]] = []  # symbols that an instruction depends on
     within: list[frozenset[int]] = []  # those of them that went through a nonsmooth operation
-    found: list[set[int]] = [set() for _ in rows]
+    by_row: list[set[int]] = [set() for _ in rows]
     nothing: frozenset[int] = frozenset()
     for op, reads, place, _ in read:
         depends, kinked = (nothing.union(*[of[i] for i in reads]) for of in (inside, within))
@@ -44,5 +44,5 @@ def kinked_in(rows: Sequence[ca.SX], symbols: Sequence[ca.SX], only: frozenset[i
         inside.append(depends)
         within.append(kinked)
         if op == ca.OP_OUTPUT:
-            found[place] |= kinked
-    return found
+            by_row[place] |= kinked
+    return by_row

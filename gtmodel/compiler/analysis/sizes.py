@@ -13,7 +13,7 @@ import casadi as ca
 import numpy as np
 
 from ..blocks import SolvedBlock
-from ..plan import Plan
+from ..plan import CausalPlan
 from ..rewriting import Instruction, of_expression
 
 Pair = tuple[int, int]
@@ -57,10 +57,10 @@ class Sizes:
     @property
     def groups(self) -> list[tuple[float, list[int]]]:
         """(weight of squares, places of the arguments with it) in the order of the sum."""
-        found: dict[float, list[int]] = {}
+        groups: dict[float, list[int]] = {}
         for n, limit in enumerate(self.limits):
-            found.setdefault(self.most / limit**2, []).append(n)
-        return list(found.items())
+            groups.setdefault(self.most / limit**2, []).append(n)
+        return list(groups.items())
 
     def norm(self, columns: Sequence[ca.SX]) -> ca.SX:
         """The weighted sum of squares that is compared with `most`, in symbols."""
@@ -81,22 +81,22 @@ class Sizes:
             return total <= number(self.most)
 
 
-def sizes_of(plan: Plan, arguments: Sequence[Sequence[Pair]], precision: Precision = DOUBLE) -> Sizes:
+def sizes_of(plan: CausalPlan, arguments: Sequence[Sequence[Pair]], precision: Precision = DOUBLE) -> Sizes:
     """Limits for arguments that consist of these chain symbols; one without symbols is the time."""
     reach = _Reach(plan)
     limits = []
     for pairs in arguments:
         symbols = [plan.flat.scope.symbol(*p) for p in pairs] or [plan.flat.scope.time]
         keys = frozenset(s.element_hash() for s in symbols)
-        found = [_limit(plan, reach, k, keys, precision) for k, b in enumerate(plan.blocks) if b.closures]
-        limits.append(min([precision.largest, *found]))
+        of_blocks = [_limit(plan, reach, k, keys, precision) for k, b in enumerate(plan.blocks) if b.closures]
+        limits.append(min([precision.largest, *of_blocks]))
     return Sizes(tuple(limits))
 
 
 class _Reach:
     """What each symbol of a plan depends on: inputs anywhere, and inputs not through a periodic function."""
 
-    def __init__(self, plan: Plan) -> None:
+    def __init__(self, plan: CausalPlan) -> None:
         self._plan = plan
         self._made = {u.element_hash(): e for b in plan.blocks for u, e in b.assignments}
         self._block: dict[int, SolvedBlock] = {}
@@ -114,8 +114,8 @@ class _Reach:
             block = self._block.get(key)
             if block is not None:
                 own = self.unknowns(block)
-                found = self._through(ca.vertcat(*block.closures), own)
-                self._known |= dict.fromkeys(own, found)
+                reached = self._through(ca.vertcat(*block.closures), own)
+                self._known |= dict.fromkeys(own, reached)
             elif key in self._made:
                 self._known[key] = self._through(self._made[key], frozenset())
         return self._known[key]
@@ -137,18 +137,18 @@ def _outside(expression: ca.SX, symbols: Sequence[ca.SX]) -> frozenset[int]:
         return frozenset()
     read, free = of_expression(expression)
     work: list[frozenset[int]] = []
-    found = nothing = frozenset[int]()
+    outside = nothing = frozenset[int]()
     for op, reads, place, _ in read:
         if op == ca.OP_INPUT:
             work.append(frozenset([free[place].element_hash()]))
         else:
             work.append(nothing if op in _PERIODIC else nothing.union(*[work[i] for i in reads]))
         if op == ca.OP_OUTPUT:
-            found |= work[-1]
-    return found & {s.element_hash() for s in symbols}
+            outside |= work[-1]
+    return outside & {s.element_hash() for s in symbols}
 
 
-def _limit(plan: Plan, reach: _Reach, k: int, keys: frozenset[int], precision: Precision) -> float:
+def _limit(plan: CausalPlan, reach: _Reach, k: int, keys: frozenset[int], precision: Precision) -> float:
     """The largest size of inputs at which the closures of block k keep their lengths."""
     block = plan.blocks[k]
     own = reach.unknowns(block)
@@ -187,12 +187,12 @@ def _errors(
     cancels. What is no sum and no product is taken for the larger of its arguments."""
     work: list[tuple[np.ndarray, np.ndarray]] = []
     none = np.zeros_like(given[0][0])
-    found: dict[int, tuple[np.ndarray, np.ndarray]] = {}
+    outputs: dict[int, tuple[np.ndarray, np.ndarray]] = {}
     with np.errstate(all="ignore"):
         for op, reads, place, constant in read:
             if op == ca.OP_OUTPUT:
                 work.append(work[reads[0]])
-                found[place] = work[-1]
+                outputs[place] = work[-1]
             elif op == ca.OP_INPUT:
                 work.append(given[place])
             elif op == ca.OP_CONST:
@@ -215,16 +215,16 @@ def _errors(
                 else:
                     size, error = np.maximum(a, b), np.maximum(x, y)
                 work.append((size, error + eps * size))
-    each = [found[place] for place in sorted(found)]
+    each = [outputs[place] for place in sorted(outputs)]
     return np.array([size for size, _ in each]), np.array([error for _, error in each])
 
 
-def _unit(plan: Plan, symbol: ca.SX) -> str:
+def _unit(plan: CausalPlan, symbol: ca.SX) -> str:
     pair = plan.flat.scope.owner(symbol)
     return "s" if pair is None else plan.flat.unit_of(*pair)
 
 
-def _home(plan: Plan, symbol: ca.SX) -> float:
+def _home(plan: CausalPlan, symbol: ca.SX) -> float:
     """Size of a symbol at the home pose, to so many digits that another linear algebra library finds the same."""
     pair = plan.flat.scope.owner(symbol)
     if pair is None or pair not in plan.pairs:

@@ -26,9 +26,9 @@ def judged(
     margins: ca.SX,
     facts: Sequence[Margin],
     sizes: Sizes | None = None,
-    found: ca.SX | int = 0,
+    iteration: ca.SX | int = 0,
 ) -> ca.SX:
-    """Code of `Status`, decided as `rows.status_codes` does: inputs and their sizes, iterations (`found`), margins,
+    """Code of `Status`, decided as `rows.status_codes` does: inputs and their sizes, iterations (`iteration`), margins,
     targets."""
     code = ca.if_else(_finite(targets), ca.SX(Status.OK), ca.SX(Status.NOT_FINITE))
     for k, m in reversed(list(enumerate(facts))):
@@ -37,7 +37,7 @@ def judged(
         else:
             good = margins[k] >= 0
         code = ca.if_else(good, code, ca.SX(VERDICTS[m.kind]))
-    code = ca.if_else(ca.SX(found) == 0, code, ca.SX(found))
+    code = ca.if_else(ca.SX(iteration) == 0, code, ca.SX(iteration))
     if sizes is not None and inputs:
         code = ca.if_else(sizes.norm(inputs) <= sizes.most, code, ca.SX(Status.OUT_OF_RANGE))
     return ca.if_else(_finite(inputs), code, ca.SX(Status.NOT_FINITE))
@@ -67,18 +67,18 @@ def whole(
     count = len(names_in)
     inputs: list[Any] = [ca.MX.sym(n, closed.sparsity_in(k)) for k, n in enumerate(names_in)]
     zs: list[Any] = []
-    found: Any = ca.MX(0)
+    iteration: Any = ca.MX(0)
     for k, kernel in enumerate(kernels):
         z, code = _followed(kernel, ca.vertcat(*inputs, *zs), f"{name}_{k}")
         zs.append(z)
-        found = ca.if_else(found == 0, code, found)
+        iteration = ca.if_else(iteration == 0, code, iteration)
     results = closed.call([*inputs, *zs])
     args = [ca.SX.sym(n, closed.sparsity_in(k)) for k, n in enumerate(names_in)]
     outs = [ca.SX.sym(f"y{k}", closed.sparsity_out(k)) for k in range(closed.n_out())]
-    code = ca.SX.sym("found")
+    code = ca.SX.sym("iteration")
     status = judged(args[:count], outs[:-1], outs[-1], facts, sizes, code)
     judge = ca.Function(f"{name}_judge", [*args, *outs, code], [status])
-    said = judge.call([*inputs, *results, found])[0]
+    said = judge.call([*inputs, *results, iteration])[0]
     return ca.Function(name, inputs, [*results[:-1], said, results[-1]], list(names_in), list(names_out))
 
 
@@ -105,17 +105,17 @@ def _followed(kernel: NewtonKernel, a: Any, name: str) -> tuple[Any, Any]:
     for k in range(1, STRIDES + 1):
         there = a if k == STRIDES else home + k * h * way
         ahead = h * tangent
-        found = finder(x0=here + ahead, p=there)["x"]
-        rest, slope, by_a, least_here = at.call([found, there])
+        z_there = finder(x0=here + ahead, p=there)["x"]
+        rest, slope, by_a, least_here = at.call([z_there, there])
         behind = -ca.solve(slope, by_a @ way)
         left = ca.solve(slope, rest)
-        gone = (found - here) / scale
+        gone = (z_there - here) / scale
         off = gone - h / 2 * (tangent + behind) / scale
         # written so that NaN fails
         near = ca.mmax(ca.fabs(ahead / scale)) <= REACH
         straight = ca.mmax(ca.fabs(off)) <= TRUST * ca.mmax(ca.fabs(gone)) + CORNER
         converged = ca.sum1(ca.fabs(left / scale)) <= LEFT
         good = good * near * straight * converged
-        here, tangent, singular = found, behind, ca.logic_not(least_here > SINGULAR)
+        here, tangent, singular = z_there, behind, ca.logic_not(least_here > SINGULAR)
     code = ca.if_else(good == 1, ca.if_else(singular, int(Status.SINGULAR), int(Status.OK)), int(Status.NOT_CONVERGED))
     return here, code

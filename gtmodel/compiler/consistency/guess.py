@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..plan import Plan
+from ..plan import CausalPlan
 
 Pair = tuple[int, int]
 
@@ -18,7 +18,7 @@ class Completion:
     `read` are the symbols that stand in the rows of known values, in their order.
     """
 
-    def __init__(self, plan: Plan, read: Sequence[Pair]) -> None:
+    def __init__(self, plan: CausalPlan, read: Sequence[Pair]) -> None:
         self._plan = plan
         self._sampler = replace(plan.sampler)  # its time changes with the rows
         self._place = {pair: n for n, pair in enumerate(plan.pairs)}
@@ -36,7 +36,7 @@ class Completion:
         at = [self._place[p] for p in wanted]
         free = np.ones(len(self._place))
         free[columns] = free[given] = 0.0
-        found = np.full((len(wanted), known.shape[1]), np.nan)
+        values = np.full((len(wanted), known.shape[1]), np.nan)
         for n in range(known.shape[1]):
             w = self._plan.samples[0].copy()
             w[columns], w[given] = known[rows, n], [g[n] for g in guess.values()]
@@ -45,5 +45,5 @@ class Completion:
             if self._plan.uses_time:
                 self._sampler.time = float(known[-1, n])
             self._sampler.follow(w, free, at)
-            found[:, n] = w[at]
-        return found
+            values[:, n] = w[at]
+        return values

@@ -48,12 +48,12 @@ def starts_of(flat: FlatModel, alias: AliasResult, home: dict[int, float] | None
 
 def moved(flat: FlatModel, sampler: Sampler, w: np.ndarray, starts: dict[Pair, float]) -> list[Moved]:
     """Start values that a consistent point does not keep."""
-    found = []
+    moves = []
     for (index, order), start in sorted(starts.items()):
         place = sampler.position.get((index, order))
         if place is not None and abs(w[place] - start) > MOVED * flat.variables[index].nominal:
-            found.append(Moved(flat.symbol_name(index, order), start, float(w[place])))
-    return found
+            moves.append(Moved(flat.symbol_name(index, order), start, float(w[place])))
+    return moves
 
 
 def said(flat: FlatModel, changes: list[Moved]) -> str:
@@ -106,10 +106,10 @@ def _home_of(flat: FlatModel) -> dict[int, float]:
             if best is not None and not group:
                 return {index: float(w[n]) for n, (index, _) in enumerate(pairs)}
     if best is None:
-        found = sampler.nearest()
-        if found is None:
+        nearest = sampler.nearest()
+        if nearest is None:
             return {}
-        best = (0.0, found)
+        best = (0.0, nearest)
     return {index: float(best[1][n]) for n, (index, _) in enumerate(pairs)}
 
 

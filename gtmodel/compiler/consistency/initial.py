@@ -10,10 +10,11 @@ import numpy as np
 
 from ...lang.slips import floats
 from ...lang.source import ModelError
+from ..branch import root_derivatives
 from ..differentiation import condition_order
-from ..pivoted import pivoted_qr
-from ..plan import Plan
-from ..root_signs import moved_to_branch, on_branch
+from ..emit import express
+from ..matrices import pivoted_qr
+from ..plan import CausalPlan
 
 Pair = tuple[int, int]
 
@@ -51,7 +52,9 @@ class Initial:
     free: frozenset[Pair]
 
 
-def initial_point(plan: Plan, held: Mapping[Pair, float], guess: Mapping[Pair, float], time: float = 0.0) -> Initial:
+def initial_point(
+    plan: CausalPlan, held: Mapping[Pair, float], guess: Mapping[Pair, float], time: float = 0.0
+) -> Initial:
     """A point that satisfies all differentiated equations and the initial equations.
 
     held: symbols with a prescribed value (fixed starts, known inputs and their derivatives).
@@ -69,31 +72,49 @@ def initial_point(plan: Plan, held: Mapping[Pair, float], guess: Mapping[Pair, f
     at_rest[[n for n, (_, k) in enumerate(plan.pairs) if k > 0]] = 0.0
     tries = [(w, kept) for w in (at_rest, *plan.samples[:2]) for kept in ([hoped, {}] if hoped else [{}])]
     for w, kept in tries:
-        found = equations.reach(w, fixed | kept, hoped.keys() - kept.keys())
-        if found is not None:
+        point = equations.reach(w, fixed | kept, hoped.keys() - kept.keys())
+        if point is not None:
             break
     else:
         raise ModelError(equations.contradiction(at_rest, fixed))
-    if not on_branch(plan, found, time):  # the way led through a singular pose to the other side of a root
+    if not _on_branch(plan, point, time):  # the way led through a singular pose to the other side of a root
         from_starts = at_rest.copy()
         for n, value in (hoped | fixed).items():
             from_starts[n] = value
-        for w in (moved_to_branch(plan, found, time), from_starts):
+        for w in (_moved_to_branch(plan, point, time), from_starts):
             other = equations.reach(w, fixed, hoped.keys())
-            if other is not None and on_branch(plan, other, time):
-                found, kept = other, {}
+            if other is not None and _on_branch(plan, other, time):
+                point, kept = other, {}
                 break
     taken = fixed | kept
     target = {n: x for n, x in (dict.fromkeys([place[s] for s in plan.states], 0.0) | hoped).items() if n not in taken}
-    target |= dict.fromkeys(equations.completing(found, taken.keys(), target.keys()), 0.0)
-    found = equations.approach(found, target, taken.keys())
-    return Initial(found, frozenset(plan.pairs[n] for n in equations.loose(found, fixed.keys())))
+    target |= dict.fromkeys(equations.completing(point, taken.keys(), target.keys()), 0.0)
+    point = equations.approach(point, target, taken.keys())
+    return Initial(point, frozenset(plan.pairs[n] for n in equations.loose(point, fixed.keys())))
+
+
+def _on_branch(plan: CausalPlan, w: np.ndarray, time: float) -> bool:
+    """Whether every root has the sign that declared branches or start values give it, as in a causal function."""
+    roots = [r for b in plan.blocks for r in b.roots]
+    if not roots:
+        return True
+    jacobian = root_derivatives(plan, plan.sampler)(w, plan.flat.p0, time)
+    return bool(np.all(np.asarray(jacobian.full()).reshape(-1) * [r.value for r in roots] > 0))
+
+
+def _moved_to_branch(plan: CausalPlan, w: np.ndarray, time: float) -> np.ndarray:
+    """The point with what the plan computes put on its branches, all else as it is; w itself if no numbers come out."""
+    flat = plan.flat
+    values = express(plan, [flat.scope.symbol(*pair) for pair in plan.pairs])
+    f = ca.Function("moved", [plan.sampler.w, flat.p, flat.scope.time], [ca.vertcat(*values)])
+    moved = np.asarray(f(w, flat.p0, time).full()).reshape(-1)
+    return moved if np.all(np.isfinite(moved)) else w
 
 
 class _Equations:
     """All stages, positions first, and the initial equations, with their Jacobian, at one time."""
 
-    def __init__(self, plan: Plan, time: float) -> None:
+    def __init__(self, plan: CausalPlan, time: float) -> None:
         self._plan, flat, sampler = plan, plan.flat, plan.sampler
         initial = plan.alias.rewrite_all(flat, [e.residual for e in flat.initial])
         residual = ca.SX(ca.vertcat(*sampler.stages, *initial))  # SX also where nothing is left but aliases
@@ -224,7 +245,7 @@ class _Equations:
         top = dict(zip(self._plan.structure.unknowns, self._plan.structure.d.tolist(), strict=True))
         pairs = [self._plan.pairs[n] for n in columns]
         may = np.array([k < top.get(i, 0) for i, k in pairs], dtype=bool)
-        found: list[int] = []
+        chosen: list[int] = []
         for group in (np.isin(columns, list(some)), may):
             while rest.size:
                 sizes = np.where(group, np.linalg.norm(rest, axis=1), 0.0)
@@ -233,8 +254,8 @@ class _Equations:
                     break
                 direction = rest[n] / sizes[n]
                 rest = rest - np.outer(rest @ direction, direction)
-                found.append(int(columns[n]))
-        return [n for n in found if n not in some]
+                chosen.append(int(columns[n]))
+        return [n for n in chosen if n not in some]
 
     def loose(self, w: np.ndarray, fixed: Set[int]) -> list[int]:
         """Positions of the symbols that can move without leaving the equations."""
@@ -307,7 +328,7 @@ class _Equations:
 
 
 def start_values(
-    plan: Plan, given: Mapping[str, object] | None = None, inputs: Iterable[int] = ()
+    plan: CausalPlan, given: Mapping[str, object] | None = None, inputs: Iterable[int] = ()
 ) -> tuple[dict[Pair, float], dict[Pair, float]]:
     """(held, guess) by kept symbol: fixed starts and what the caller gives are held, other starts guessed.
 

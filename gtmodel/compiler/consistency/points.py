@@ -68,9 +68,9 @@ class _Stage:
         r, values = (np.array(x.nonzeros()) for x in self._fun.call([ca.DM(w), ca.DM(p), ca.DM(time)]))
         rows = ~np.isfinite(r)
         rows[self._indices[~np.isfinite(values)]] = True
-        found = np.zeros(self._shape[1], dtype=bool)
-        found[self._columns[rows[self._indices]]] = True
-        return found
+        outside = np.zeros(self._shape[1], dtype=bool)
+        outside[self._columns[rows[self._indices]]] = True
+        return outside
 
 
 def _least_norm(jacobian: Jacobian, reach: np.ndarray, r: np.ndarray) -> np.ndarray:
@@ -143,26 +143,26 @@ class Sampler:
 
         They belong to time 0, or where the equations have no solution then to one of OTHER_TIMES, which `time` tells.
         """
-        found, closest = self._points(count)
+        points, closest = self._points(count)
         clock = self.flat.scope.time.element_hash()
-        if not found and any(s.element_hash() == clock for stage in self.stages for s in ca.symvar(stage)):
+        if not points and any(s.element_hash() == clock for stage in self.stages for s in ca.symvar(stage)):
             for self.time in OTHER_TIMES:
-                found, _ = self._points(count)
-                if found:
+                points, _ = self._points(count)
+                if points:
                     break
-        if not found:
+        if not points:
             # a later stage may bind what an earlier one left free: the system is singular then, and its rank tells
-            found, _ = replace(self, stages=[ca.vertcat(*self.stages)], time=0.0)._points(count)
-        if not found:
+            points, _ = replace(self, stages=[ca.vertcat(*self.stages)], time=0.0)._points(count)
+        if not points:
             raise ModelError(
                 f"{self.flat.title}: the equations have no common solution near the start values (closest residual "
                 f"{closest:.2g}); check parameters and start values"
             )
-        return np.array(sorted(found, key=self._distance))
+        return np.array(sorted(points, key=self._distance))
 
     def _points(self, count: int) -> tuple[list[np.ndarray], float]:
         """Up to `count` points, and the smallest residual of the tries that failed."""
-        found: list[np.ndarray] = []
+        points: list[np.ndarray] = []
         closest = np.inf
         for seed in range(MAX_TRIES):
             rng = np.random.default_rng(seed)
@@ -171,26 +171,26 @@ class Sampler:
             residual = self.correct(w)
             if residual > RESIDUAL_TOLERANCE:
                 closest = min(closest, residual)
-                if not found and seed + 1 >= HOPELESS:
+                if not points and seed + 1 >= HOPELESS:
                     break
                 continue
-            found.append(w)
-            if len(found) == count:
+            points.append(w)
+            if len(points) == count:
                 break
-        return found, closest
+        return points, closest
 
     def nearest(self) -> np.ndarray | None:
         """The consistent point nearest to the start values of a few, None if there is none."""
-        found, _ = self._points(POINTS)
-        return min(found, key=self._distance) if found else None
+        points, _ = self._points(POINTS)
+        return min(points, key=self._distance) if points else None
 
     def residual(self, w: np.ndarray) -> float:
         """Largest residual at a point, over the largest number in it, but at least over 1; infinite outside the
         domain."""
         p, scale = self.flat.require_values(), max(1.0, float(np.max(np.abs(w), initial=0.0)))
-        found = [fun(w, p, self.time) for fun, _ in self._functions]
+        results = [fun(w, p, self.time) for fun, _ in self._functions]
         return (
-            max((float(np.max(np.abs(r), initial=0.0)) if j is not None else np.inf for r, j in found), default=0.0)
+            max((float(np.max(np.abs(r), initial=0.0)) if j is not None else np.inf for r, j in results), default=0.0)
             / scale
         )
 

@@ -11,26 +11,26 @@ from ..static_tests import StaticTests
 
 def negative(fit: StiffnessFit) -> list[str]:
     """Sentences on joints with a compliance below zero: beyond noise, or within it."""
-    said: list[str] = []
+    notes: list[str] = []
     beyond: list[int] = []
     inside: list[int] = []
     for j, c in enumerate(fit.compliance):
-        _, high = fit.estimate.interval(f"c[{j}]")
+        _, high = fit.estimate.interval(f"compliance[{j}]")
         if high <= 0:
             beyond.append(j + 1)
         elif c <= 0:
             inside.append(j + 1)
     if beyond:
-        said.append(
+        notes.append(
             f"by {fit.method} the compliance of {_joints(beyond)} is negative beyond noise, which no joint can be: "
             "look for a sign turned, a column swapped or a wrong unit in displacements, forces or angles"
         )
     if inside:
-        said.append(
+        notes.append(
             f"by {fit.method} the compliance of {_joints(inside)} is negative within its noise: the tests do not tell "
             "it from a rigid joint, use the lower end of its interval"
         )
-    return said
+    return notes
 
 
 def repeated(tests: StaticTests, q: np.ndarray, lines: np.ndarray) -> list[str]:

@@ -53,7 +53,7 @@ class Setup(Options):
     method: Annotated[Literal["complete_pose", "decoupled"], "the one reported first"] = "complete_pose"
     complementary: Annotated[bool, "count the loads' complementary stiffness K_c"] = False
     compensator: Annotated[GravityCompensator | None, "of joint 2, part of K_c"] = None
-    best: Annotated[int, Within(least=1), "how many tests that tell most are listed"] = 10
+    best: Annotated[int, Within(least=1), "how many tests that determine most are listed"] = 10
     noise: Annotated[Noise, "of the measured displacements"] = field(default_factory=Noise)
 
 

@@ -17,7 +17,7 @@ from ...results.door import study_function
 from ...results.work import Progress, never, silent
 from ..cartesian import softest_and_stiffest, translational_compliance
 from ..compensated import RATE, with_compensator
-from ..joint_stiffness import StiffnessFit, complete_pose, decoupled
+from ..joint_stiffness import StiffnessFit, complete_pose, decoupled, stiffness_names
 from ..selection import select
 from ..static_tests import StaticTests
 from .doubts import negative, repeated
@@ -38,14 +38,19 @@ LACKS = (
     "joints then takes up some of what they do"
 )
 MOMENT = "the arm's torque holds the moment of the load about the wrist centre, which the print leaves out"
-SAID = (*PRINTED, MOMENT)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class StiffnessStudy(Study):
-    """Joint stiffness with 95 % intervals, the other method beside it, and doubts about the tests."""
+    """Joint stiffness with 95 % intervals, the other method beside it, and doubts about the tests.
 
-    method: Annotated[str | None, "the one whose stiffness is told first"] = None
+    notes: doubts about the tests, then what the print claims and the model does not support, then what limits the
+    determination of each joint. `interval("stiffness[0]")` [N.m/rad] and `interval("compliance[0]")` [rad/(N.m)] ask
+    the method whose stiffness comes first; joints are counted from 0.
+    """
+
+    fit: StiffnessFit | None = None
+    method: Annotated[str | None, "the one whose stiffness comes first"] = None
     stiffness: Annotated[Array | None, Quantity("N.m/rad", "by joint", written="MN.m/rad")] = None
     stiffness_interval: Annotated[
         Array | None,
@@ -68,19 +73,20 @@ class StiffnessStudy(Study):
     adequacy: Annotated[str | None, "the same in words"] = None
     adequate: Annotated[bool | None, "whether the residuals are noise of the stated size"] = None
     observability: Annotated[float | None, Quantity("", "O1 of the tests", key="observability_O1")] = None
-    best_tests: Annotated[Sequence[int], "lines of those that tell most"] = ()
+    best_tests: Annotated[Sequence[int], "lines of those that determine most"] = ()
     softest: Annotated[Array | None, Quantity("N/m", "of the tool by test; null for a negative compliance")] = None
     stiffest: Annotated[Array | None, Quantity("N/m", "the same of the stiffest direction")] = None
-    said: Annotated[
-        Sequence[str],
-        "doubts about the tests, and what the print claims and the model does not support",
-    ] = ()
     synthetic: Annotated[str | None, "seed and noise of synthetic tests; null for measured ones"] = None
 
     @property
     def rows(self) -> list[Row]:
         """The table for people."""
         return [] if self.method is None else _rows(self.values, self.adequacy or "", self.synthetic)
+
+    def interval(self, name: str, level: float = 0.95) -> tuple[float, float]:
+        """Confidence interval of "stiffness[0]", "compliance[0]" or another name of `estimate`. Raises ArgumentError
+        where nothing was estimated, or not this."""
+        return super().interval(name, level) if self.fit is None else self.fit.interval(name, level)
 
 
 @study_function
@@ -198,7 +204,7 @@ def _values(
 ) -> dict[str, Any]:
     fit = fits[setup.method]
     other = next((f for name, f in fits.items() if name != setup.method), None)
-    joints = range(len(fit.compliance))
+    names = stiffness_names(range(len(fit.compliance)))
     # a negative compliance leaves no direction a stiffness: null, not infinite
     sound = bool(np.all(fit.compliance > 0))
     stiffness, _ = softest_and_stiffest(translational_compliance(static.J, fit.compliance))
@@ -211,20 +217,21 @@ def _values(
     return {
         "method": fit.method,
         "stiffness": fit.stiffness,
-        "stiffness_interval": np.array([fit.interval(j) for j in joints]),
+        "stiffness_interval": np.array([fit.interval(name) for name in names]),
         "compliance": fit.compliance,
         "other_method": None if other is None else other.stiffness,
-        "agree": None if other is None else [_overlap(fit.interval(j), other.interval(j)) for j in joints],
+        "agree": None if other is None else [_overlap(fit.interval(n), other.interval(n)) for n in names],
         "compensator_rate": rate,
         "chi_squared_p": fit.adequacy.p,
         "adequacy": fit.adequacy.message,
         "adequate": bool(fit.adequacy.passed),
-        "observability": fit.told.indices.o1,
-        "notes": fit.told.notes,
+        "observability": fit.identifiability.indices.o1,
         "best_tests": [int(tests.numbered[i]) for i in best],
         "softest": stiffness[:, 0] if sound else None,
         "stiffest": stiffness[:, -1] if sound else None,
-        "said": [*doubts, *([] if fit.adequacy.passed else [LACKS]), *PRINTED, MOMENT],
+        "notes": [*doubts, *([] if fit.adequacy.passed else [LACKS]), *PRINTED, MOMENT, *fit.identifiability.notes],
+        "estimate": fit.estimate,
+        "fit": fit,
         "synthetic": tests.synthetic,
     }
 
@@ -245,8 +252,7 @@ def _rows(v: Mapping[str, Any], adequacy: str, note: str | None) -> list[Row]:
         *([] if v["softest_N_m"] is None else [
             Row("softest direction of the tool, over the tests", f"{min(v['softest_N_m']) / 1e6:.4g} to "
                 f"{max(v['softest_N_m']) / 1e6:.4g}", "N/um")]),
-        Row("tests that tell most, lines of the file", ", ".join(map(str, v["best_tests"]))),
-        *(Row("beside the print" if sentence in SAID else "look at this", sentence) for sentence in v["said"]),
+        Row("tests that determine most, lines of the file", ", ".join(map(str, v["best_tests"]))),
     ]  # fmt: skip
     return [*rows, Row("SYNTHETIC", note)] if note else rows
 
@@ -268,10 +274,11 @@ def _parameters(fit: StiffnessFit, note: str | None) -> str:
 def _figure(tests: MeasuredTests, fits: dict[str, StiffnessFit], title: str) -> Any:
     from ...plot.stiffness import stiffness_figure
 
-    found = [(f.method, f.stiffness, np.array([f.interval(j) for j in range(len(f.stiffness))])) for f in fits.values()]
+    names = stiffness_names(range(len(tests.q[0])))
+    rows = [(f.method, f.stiffness, np.array([f.interval(name) for name in names])) for f in fits.values()]
     true = None if tests.truth is None else np.array(tests.truth)
     note = tests.synthetic
-    return stiffness_figure(found, true, title=f"{title}\n(synthetic: {note})" if note else title)
+    return stiffness_figure(rows, true, title=f"{title}\n(synthetic: {note})" if note else title)
 
 
 def _overlap(a: tuple[float, float], b: tuple[float, float]) -> bool:

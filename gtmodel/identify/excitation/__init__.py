@@ -17,11 +17,11 @@ from .optimise import (
     optimise_excitation as optimise_excitation,
 )
 from .options import (
-    Experiment as Experiment,
+    ExcitationSearch as ExcitationSearch,
     Family as Family,
+    IdentificationExperiment as IdentificationExperiment,
     MonteCarloFits as MonteCarloFits,
     RandomMotions as RandomMotions,
-    Search as Search,
 )
 from .random_motions import random_excitations as random_excitations
 from .study import excitation_study as excitation_study

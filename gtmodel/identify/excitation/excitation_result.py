@@ -17,8 +17,8 @@ from .basis import FourierSeries
 from .excited import ExcitationStudy
 from .information import condition, predicted_deviations, singular_values
 from .optimise import Excitation
-from .options import Search
-from .task import Plan
+from .options import ExcitationSearch
+from .task import ExcitationPlan
 
 Array = np.ndarray
 
@@ -26,7 +26,7 @@ STILL_BETTER = 1.0  # of the best random one: the condition number that the sear
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class ExcitationMotions:
     """The optimised motion and the best random one with their stacked regressors, and all draws' condition numbers."""
 
     best: Excitation
@@ -38,19 +38,19 @@ class Found:
 
 
 def study_of_motion(
-    plan: Plan, search: Search, title: str, found: Found, runs: Sequence[Excitation]
+    plan: ExcitationPlan, search: ExcitationSearch, title: str, motions: ExcitationMotions, runs: Sequence[Excitation]
 ) -> ExcitationStudy:
     """The study of the best motion."""
-    best = found.best
+    best = motions.best
     trajectory = _trajectory(plan, best.c, title)
-    values = _values(plan, search, found)
+    values = _values(plan, search, motions)
     worst = float(np.max(best.excess))
     checks = {
         "limits_excess_on_fine_grid": at_most(worst, 0.0, "raise starts"),
         "condition_to_best_random": at_most(1 / values["improvement"], STILL_BETTER, "raise starts"),
     }
-    if found.runs:
-        seen = found.runs[0][0]
+    if motions.runs:
+        seen = motions.runs[0][0]
         low, high = binomial_band(seen.runs, seen.level, 1 - FALSE_ALARM / len(seen.names))
         checks["coverage_outside_band"] = at_most(float(np.count_nonzero((seen.hits < low) | (seen.hits > high))), 0.0)
     status = SolveStatus.INTERRUPTED if SolveStatus.INTERRUPTED in [e.status for e in runs] else best.status
@@ -61,12 +61,12 @@ def study_of_motion(
         figures={
             "motion": partial(_motion_figure, trajectory),
             "information": partial(_information_figure, plan, values, title),
-            "workspace": partial(_workspace_figure, plan, found, trajectory),
+            "workspace": partial(_workspace_figure, plan, motions, trajectory),
         },
     )  # fmt: skip
 
 
-def _trajectory(plan: Plan, c: Array, title: str) -> Trajectory:
+def _trajectory(plan: ExcitationPlan, c: Array, title: str) -> Trajectory:
     """The motion with its carts and forces at the sample time, the end of the period included."""
     T, dT, ddT, dddT = plan.task.motion(c, plan.times, 4)
     given = (T, dT, ddT, dddT)
@@ -79,11 +79,11 @@ def _trajectory(plan: Plan, c: Array, title: str) -> Trajectory:
     )
 
 
-def _values(plan: Plan, search: Search, found: Found) -> dict[str, Any]:
+def _values(plan: ExcitationPlan, search: ExcitationSearch, motions: ExcitationMotions) -> dict[str, Any]:
     experiment = plan.experiment
-    regressor, basis, c = plan.regressor, plan.task.basis, found.best.c
+    regressor, basis, c = plan.regressor, plan.task.basis, motions.best.c
     share = 1 / np.sqrt(experiment.periods)
-    deviations, of_random = (share * predicted_deviations(W, experiment.noise) for W in (found.W, found.W_random))
+    deviations, of_random = (share * predicted_deviations(W, experiment.noise) for W in (motions.W, motions.W_random))
     parameters: list[dict[str, Any]] = [
         {"name": n, "nominal": x, "unit": u, "deviation": s, "random_deviation": r, "ratio": r / s}
         for n, x, u, s, r in zip(
@@ -91,8 +91,8 @@ def _values(plan: Plan, search: Search, found: Found) -> dict[str, Any]:
         )
     ]
     seen = None
-    if len(found.runs) == 2:
-        (counted, scatter), (_, of_random) = found.runs
+    if len(motions.runs) == 2:
+        (counted, scatter), (_, of_random) = motions.runs
         seen = {"runs": counted.runs, "band": list(counted.band), "pooled": counted.pooled}
         for p, s, r, hits in zip(parameters, scatter, of_random, counted.hits, strict=True):
             p |= {"seen_deviation": s, "random_seen_deviation": r, "hits": int(hits)}
@@ -100,24 +100,24 @@ def _values(plan: Plan, search: Search, found: Found) -> dict[str, Any]:
         coefficients = dict(zip(("place_m", "cosine_m", "sine_m"), basis.amplitudes(c), strict=True))
     else:
         coefficients = {"controls_m": c}
-    value = condition(found.W, regressor.nominal)
-    margins = {key: -float(max(e for k, e in zip(plan.keys, found.best.excess, strict=True) if k == key))
+    value = condition(motions.W, regressor.nominal)
+    margins = {key: -float(max(e for k, e in zip(plan.keys, motions.best.excess, strict=True) if k == key))
                for key in dict.fromkeys(plan.keys)}  # fmt: skip
     return {
         "condition": value,
-        "random_condition": {"best": float(found.conditions.min()), "median": float(np.median(found.conditions))},
-        "improvement": float(found.conditions.min() / value),
+        "random_condition": {"best": float(motions.conditions.min()), "median": float(np.median(motions.conditions))},
+        "improvement": float(motions.conditions.min() / value),
         "criterion": search.criterion,
         "parameters": parameters,
         "coverage": seen,
         "singular_values": {
-            "optimised": singular_values(found.W, regressor.nominal),
-            "random": singular_values(found.W_random, regressor.nominal),
+            "optimised": singular_values(motions.W, regressor.nominal),
+            "random": singular_values(motions.W_random, regressor.nominal),
         },
         "limits": margins,
         "coefficients": coefficients,
         "unknowns": c,
-        "draws": len(found.conditions),
+        "draws": len(motions.conditions),
     }
 
 
@@ -127,7 +127,7 @@ def _motion_figure(trajectory: Trajectory) -> Any:
     return signals_figure(trajectory, ["T", "der(T)", "der(T,2)", "q", "der(q)", "tau"])
 
 
-def _information_figure(plan: Plan, values: dict[str, Any], title: str) -> Any:
+def _information_figure(plan: ExcitationPlan, values: dict[str, Any], title: str) -> Any:
     from ...plot.excitation import information_figure
 
     cosine, sine = (values["coefficients"].get(key) for key in ("cosine_m", "sine_m"))
@@ -144,11 +144,11 @@ def _information_figure(plan: Plan, values: dict[str, Any], title: str) -> Any:
     )
 
 
-def _workspace_figure(plan: Plan, found: Found, trajectory: Trajectory) -> Any:
+def _workspace_figure(plan: ExcitationPlan, motions: ExcitationMotions, trajectory: Trajectory) -> Any:
     from ...plot.excitation import path_figure
 
     joints, tips, _ = link_ends(plan.robot, trajectory["T"][:1])
-    random = plan.task.motion(found.random, plan.times, 1)[0]
+    random = plan.task.motion(motions.random, plan.times, 1)[0]
     limits = plan.limits
     box = None if None in (limits.tcp_low, limits.tcp_high) else np.array([limits.tcp_low, limits.tcp_high])
     return path_figure({"optimised": trajectory["T"], "best random": random}, joints[0], tips[0], box=box,

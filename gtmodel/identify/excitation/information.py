@@ -42,8 +42,8 @@ def singular_values(W: Array, nominal: npt.ArrayLike) -> Array:
     array([3. , 0.5])
     """
     scaled = W * np.asarray(nominal, float)
-    found = np.linalg.svd(scaled, compute_uv=False) / np.sqrt(len(W))
-    return np.concatenate([found, np.zeros(W.shape[1] - len(found))])
+    singular = np.linalg.svd(scaled, compute_uv=False) / np.sqrt(len(W))
+    return np.concatenate([singular, np.zeros(W.shape[1] - len(singular))])
 
 
 def predicted_deviations(W: Array, noise: float) -> Array:

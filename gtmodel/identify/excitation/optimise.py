@@ -100,24 +100,24 @@ class ExcitationTask:
     @cached_property
     def size(self) -> Array:
         """(m,) typical size of each row: its larger finite bound, or one."""
-        found = np.maximum(*(np.where(np.isfinite(b), np.abs(b), 0.0) for b in (self.low, self.high)))
-        return np.where(found > 0, found, 1.0)
+        largest = np.maximum(*(np.where(np.isfinite(b), np.abs(b), 0.0) for b in (self.low, self.high)))
+        return np.where(largest > 0, largest, 1.0)
 
     def excess(self, c: Array, times: Array) -> Array:
         """(m,) greatest violation of each row in its size, negative where it is kept; infinite for no number."""
         columns = [part.T for part in self.motion(c, times, self.rows.n_in())]
         n = len(times)
         rows = self._mapped.get(n) or self._mapped.setdefault(n, self.rows.map(n))
-        found = np.asarray(rows(*columns)) / self.size[:, None]
-        over = np.maximum(found - (self.high / self.size)[:, None], (self.low / self.size)[:, None] - found)
-        return np.max(np.where(np.isnan(found), np.inf, over), axis=1)
+        values = np.asarray(rows(*columns)) / self.size[:, None]
+        over = np.maximum(values - (self.high / self.size)[:, None], (self.low / self.size)[:, None] - values)
+        return np.max(np.where(np.isnan(values), np.inf, over), axis=1)
 
     def stacked(self, c: Array, times: Array, regressor: ca.Function | None = None) -> Array:
         """(n r, p) rows of the regressor along the motion, or of another one."""
         f = self.regressor if regressor is None else regressor
         r, p = f.size_out(0)
-        found = np.asarray(f.map(len(times))(*(part.T for part in self.motion(c, times))))
-        return found.reshape(r, len(times), p).transpose(1, 0, 2).reshape(-1, p)
+        values = np.asarray(f.map(len(times))(*(part.T for part in self.motion(c, times))))
+        return values.reshape(r, len(times), p).transpose(1, 0, 2).reshape(-1, p)
 
 
 @dataclass(frozen=True, eq=False)

@@ -28,10 +28,10 @@ class Family(Options):
 
 
 @dataclass(frozen=True)
-class Experiment(Options):
+class IdentificationExperiment(Options):
     """What is identified, and how it will be measured.
 
-    >>> gt.identify.Experiment(noise=50.0, periods=4).identified
+    >>> gt.identify.IdentificationExperiment(noise=50.0, periods=4).identified
     ['m_p', 'm_c', 'coulomb', 'viscous']
     """
 
@@ -52,10 +52,10 @@ class Experiment(Options):
 
 
 @dataclass(frozen=True)
-class Search(Options):
+class ExcitationSearch(Options):
     """The optimisation: what it minimises, from how many starts, for how long.
 
-    >>> gt.identify.Search(criterion="best")
+    >>> gt.identify.ExcitationSearch(criterion="best")
     Traceback (most recent call last):
     gtmodel.results.agreement.WrongKind: criterion: expected one of condition, determinant, variance; found 'best'
     """

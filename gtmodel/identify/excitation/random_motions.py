@@ -47,16 +47,16 @@ def random_excitations(
     """
     rng = np.random.default_rng(seed)
     coarse, fine = task.times(), task.times(FINER)
-    found: list[Array] = []
+    kept: list[Array] = []
     for _ in range(DRAWS_PER_HIT * count):
         place = np.outer(task.basis.still(), rng.uniform(*centre))
         swing = rng.normal(size=place.shape)
         if np.all(task.excess(place, coarse[:1]) <= 0):
-            found.append(_largest(task, place, swing, coarse, fine))
-        if len(found) == count or (progress is not None and progress(len(found) / count)):
-            return found
+            kept.append(_largest(task, place, swing, coarse, fine))
+        if len(kept) == count or (progress is not None and progress(len(kept) / count)):
+            return kept
     raise ArgumentError(
-        f"only {len(found)} of {DRAWS_PER_HIT * count} places drawn keep all limits; draw them within a smaller box"
+        f"only {len(kept)} of {DRAWS_PER_HIT * count} places drawn keep all limits; draw them within a smaller box"
     )
 
 

@@ -12,13 +12,13 @@ from ...motion.options import Limits
 from ...results import ArgumentError, SolveStatus, Work, naming
 from ...results.door import study_function
 from ...results.work import Progress, never, silent
-from .excitation_result import Found, study_of_motion
+from .excitation_result import ExcitationMotions, study_of_motion
 from .excited import ExcitationStudy
 from .information import condition
 from .optimise import FINER, optimise_excitation
-from .options import Experiment, Family, MonteCarloFits, RandomMotions, Search
+from .options import ExcitationSearch, Family, IdentificationExperiment, MonteCarloFits, RandomMotions
 from .random_motions import random_excitations
-from .task import Plan, plan_of
+from .task import ExcitationPlan, plan_of
 
 Array = np.ndarray
 
@@ -29,8 +29,8 @@ def excitation_study(
     motion: Family,
     limits: Limits,
     *,
-    experiment: Experiment | None = None,
-    search: Search | None = None,
+    experiment: IdentificationExperiment | None = None,
+    search: ExcitationSearch | None = None,
     random: RandomMotions | None = None,
     monte_carlo: MonteCarloFits | None = None,
     start: Array | None = None,
@@ -60,7 +60,7 @@ def excitation_study(
     ...     period=2.0, harmonics=2, place_low=[0.9, -0.9, 0.4], place_high=[1.1, -0.7, 0.6]
     ... )
     >>> limits = gt.motion.Limits(force=700.0, tcp_low=[0.5, -1.1, 0.2], tcp_high=[1.5, -0.5, 0.8])
-    >>> masses = gt.identify.Experiment(identified=["m_p", "m_c"])
+    >>> masses = gt.identify.IdentificationExperiment(identified=["m_p", "m_c"])
     >>> two = gt.identify.RandomMotions(draws=2)
     >>> robot = gt.robots.gantry_tau("l1_tape")
     >>> s = gt.identify.excitation_study(robot, motion, limits, experiment=masses, random=two)
@@ -68,8 +68,8 @@ def excitation_study(
     True
     """
     work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
-    search, title = search or Search(), title or "excitation"
-    plan = plan_of(robot, motion, limits, experiment or Experiment(), search.criterion)
+    search, title = search or ExcitationSearch(), title or "excitation"
+    plan = plan_of(robot, motion, limits, experiment or IdentificationExperiment(), search.criterion)
     started = [] if start is None else [_started(plan, np.asarray(start, dtype=float))]
     draws = _draws(plan, random or RandomMotions(), work)
     if not draws:
@@ -96,10 +96,12 @@ def excitation_study(
     W = plan.task.stacked(best.c, times, plan.sharp)
     fits = [_monte_carlo(plan, monte_carlo or MonteCarloFits(), work, A) for A in (W, stacks[first])]
     seen = [fit for fit in fits if fit is not None]
-    return study_of_motion(plan, search, title, Found(best, W, draws[first], stacks[first], conditions, seen), runs)
+    return study_of_motion(
+        plan, search, title, ExcitationMotions(best, W, draws[first], stacks[first], conditions, seen), runs
+    )
 
 
-def _started(plan: Plan, given: Array) -> Array:
+def _started(plan: ExcitationPlan, given: Array) -> Array:
     """The unknowns of an earlier result, which keep these limits. Raises ArgumentError."""
     shape = (plan.task.basis.size, plan.task.dimension)
     if given.shape != shape:
@@ -109,7 +111,7 @@ def _started(plan: Plan, given: Array) -> Array:
     return given
 
 
-def _draws(plan: Plan, random: RandomMotions, work: Work) -> list[Array]:
+def _draws(plan: ExcitationPlan, random: RandomMotions, work: Work) -> list[Array]:
     def progress(done: float) -> bool:
         work.progress("random motions", done)
         return work.interrupted()
@@ -118,7 +120,7 @@ def _draws(plan: Plan, random: RandomMotions, work: Work) -> list[Array]:
         return random_excitations(plan.task, plan.centre, random.draws, random.seed, progress)
 
 
-def _monte_carlo(plan: Plan, keys: MonteCarloFits, work: Work, W: Array) -> tuple[Coverage, Array] | None:
+def _monte_carlo(plan: ExcitationPlan, keys: MonteCarloFits, work: Work, W: Array) -> tuple[Coverage, Array] | None:
     """Fits of synthetic forces along a motion: hits of their intervals, and how they scatter (p,); None: not wanted."""
     regressor, experiment = plan.regressor, plan.experiment
     if not keys.runs or work.interrupted():

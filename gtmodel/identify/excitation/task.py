@@ -19,13 +19,13 @@ from ..regressor import Regressor
 from .basis import Basis, ClosedSpline, FourierSeries
 from .information import Criterion
 from .optimise import ExcitationTask
-from .options import Experiment, Family
+from .options import Family, IdentificationExperiment
 
 SHARP = 1e-6  # m/s: the sign of a velocity, beside which the smoothed one is judged
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
+class ExcitationPlan:
     """What an excitation is searched with.
 
     Attributes:
@@ -38,7 +38,7 @@ class Plan:
     """
 
     limits: Limits
-    experiment: Experiment
+    experiment: IdentificationExperiment
     robot: gt.Model
     inverse: CausalFunction
     task: ExcitationTask
@@ -49,7 +49,9 @@ class Plan:
     times: np.ndarray
 
 
-def plan_of(robot: gt.Model, motion: Family, limits: Limits, experiment: Experiment, criterion: Criterion) -> Plan:
+def plan_of(
+    robot: gt.Model, motion: Family, limits: Limits, experiment: IdentificationExperiment, criterion: Criterion
+) -> ExcitationPlan:
     """The plan for a robot. Raises ArgumentError."""
     flat = flat_of(robot)
     for name in ("T", "q", "tau"):
@@ -70,7 +72,7 @@ def plan_of(robot: gt.Model, motion: Family, limits: Limits, experiment: Experim
     task = ExcitationTask(_basis(motion), rows, low, high, smooth, regressor.nominal, criterion)
     keys = ["force_N"] * 3 + [margin.key for margin in guard.margins]
     times = _times(motion, experiment)
-    return Plan(limits, experiment, robot, inverse, task, regressor, sharp, _centre(motion), keys, times)
+    return ExcitationPlan(limits, experiment, robot, inverse, task, regressor, sharp, _centre(motion), keys, times)
 
 
 def _basis(motion: Family) -> Basis:
@@ -98,8 +100,8 @@ def _rows(inverse: CausalFunction, force: float) -> tuple[ca.Function, np.ndarra
     """(x, x', x''[, x''']) -> forces, then margins; and their bounds."""
     orders = [signal.pairs[0][1] for signal in inverse.inputs]
     x = [ca.SX.sym(n, 3) for n in ("x", "v", "a", "j")[: max(3, 1 + max(orders))]]
-    found = inverse.casadi.call([x[k] for k in orders])
-    rows = ca.vertcat(found[0], *found[3 : len(inverse.outputs)])
+    outputs = inverse.casadi.call([x[k] for k in orders])
+    rows = ca.vertcat(outputs[0], *outputs[3 : len(inverse.outputs)])
     extra = rows.numel() - 3
     return (
         ca.Function("rows", x, [rows], {"cse": True}),
@@ -129,7 +131,7 @@ def _centre(motion: Family) -> tuple[np.ndarray, np.ndarray]:
     return low, high
 
 
-def _times(motion: Family, experiment: Experiment) -> np.ndarray:
+def _times(motion: Family, experiment: IdentificationExperiment) -> np.ndarray:
     period, step = motion.period, experiment.sample
     count = round(period / step)
     if count < 1 or abs(count * step - period) > 1e-9 * period:

@@ -3,7 +3,7 @@
 from .gravity import MassByNorm as MassByNorm, mass_by_norm as mass_by_norm
 from .levels import FrictionFit as FrictionFit, identify_friction as identify_friction
 from .options import (
-    Coefficients as Coefficients,
+    FrictionCoefficients as FrictionCoefficients,
     HeldPose as HeldPose,
     Steady as Steady,
     SyntheticRuns as SyntheticRuns,

@@ -56,5 +56,5 @@ def _minimax(c: Array, g: Array) -> float:
     """Least e with -e <= c - m g <= e, as a linear program in (m, e)."""
     ones = np.ones_like(g)
     upper = np.vstack([np.column_stack([-g, -ones]), np.column_stack([g, -ones])])
-    found = linprog([0, 1], A_ub=upper, b_ub=np.concatenate([-c, c]), bounds=[(None, None), (0, None)])
-    return float(found.x[0])
+    optimum = linprog([0, 1], A_ub=upper, b_ub=np.concatenate([-c, c]), bounds=[(None, None), (0, None)])
+    return float(optimum.x[0])

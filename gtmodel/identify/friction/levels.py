@@ -126,7 +126,7 @@ def identify_friction(
             rows[f"coulomb_{way}[{i}]"] = row(name, i) if level is None else sign * (level - weight)
             rows[f"viscous_{way}[{i}]"] = row("viscous" if symmetric else f"viscous {way}", i)
     T = np.array(list(rows.values()))
-    found = dict(zip(rows, T @ values, strict=True))
+    coefficients = dict(zip(rows, T @ values, strict=True))
     residuals = np.concatenate([line.residuals for line in lines])
     degrees_of_freedom = min(line.degrees_of_freedom for line in lines)
     estimate = Estimate(
@@ -135,15 +135,15 @@ def identify_friction(
     )  # fmt: skip
 
     refuse_driving(runs, estimate, carts, symmetric)
-    told = refuse_exchanged(runs, pattern, symmetric)
+    columns_certain = refuse_exchanged(runs, pattern, symmetric)
     refuse_no_mass(estimate, carts, symmetric, gravity)
 
     def each(name: str) -> Array:
-        return np.array([found[f"{name}[{i}]"] for i in range(carts)])
+        return np.array([coefficients[f"{name}[{i}]"] for i in range(carts)])
 
     levels = middle @ values
     return FrictionFit(
-        float(found["m"]),
+        float(coefficients["m"]),
         each("coulomb_plus"),
         each("coulomb_minus"),
         each("viscous_plus"),
@@ -153,7 +153,7 @@ def identify_friction(
         levels,
         pattern,
         mass_by_norm(levels, pattern),
-        (*_in_words(pattern, symmetric, gravity), *([] if told or symmetric else [COLUMNS])),
+        (*_in_words(pattern, symmetric, gravity), *([] if columns_certain or symmetric else [COLUMNS])),
         np.array([np.sqrt(np.mean(line.residuals**2)) for line in lines]),
     )
 

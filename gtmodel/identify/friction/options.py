@@ -51,10 +51,10 @@ class Steady(Options):
 
 
 @dataclass(frozen=True)
-class Coefficients(Options):
+class FrictionCoefficients(Options):
     """Friction by cart: it takes the force fc+ + fv+ v forwards and -fc- + fv- v backwards, v < 0, and the mass held.
 
-    >>> gt.identify.Coefficients([189.0], [145.0], [205.0], [158.0], mass=0.0)
+    >>> gt.identify.FrictionCoefficients([189.0], [145.0], [205.0], [158.0], mass=0.0)
     Traceback (most recent call last):
     gtmodel.results.refusal.ArgumentError: mass: must be more than 0; found 0
     """
@@ -67,7 +67,7 @@ class Coefficients(Options):
 
 
 @dataclass(frozen=True)
-class SyntheticRuns(Coefficients):
+class SyntheticRuns(FrictionCoefficients):
     """Synthetic logs of known friction, to see what identification gives back.
 
     >>> known = gt.identify.SyntheticRuns(

@@ -14,7 +14,7 @@ from ...results import Row, SolveStatus, Work
 from ...results.door import study_function
 from ...results.work import Progress, never, silent
 from .gravity import mass_by_norm
-from .options import Coefficients, HeldPose
+from .options import FrictionCoefficients, HeldPose
 from .pattern import gravity_pattern
 from .study import LABELS, FrictionStudy, by_norm, check_widths
 
@@ -51,7 +51,7 @@ class PublishedFriction(FrictionStudy):
 @study_function
 def published_friction_study(
     robot: Model,
-    published: Coefficients,
+    published: FrictionCoefficients,
     pose: HeldPose,
     *,
     title: str = "",
@@ -69,7 +69,7 @@ def published_friction_study(
 
     Raises ArgumentError for coefficients of another number of carts, and for a pose as `gravity_pattern` does.
 
-    >>> lines = gt.identify.Coefficients(
+    >>> lines = gt.identify.FrictionCoefficients(
     ...     [189.0, 262.0, 239.0], [145.0, 119.0, 177.0], [205.0] * 3, [158.0] * 3, mass=22.4
     ... )
     >>> pose = gt.identify.HeldPose(holding=[-177.0, -15.0, 191.0], holding_mass=22.4)

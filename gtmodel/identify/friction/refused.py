@@ -76,18 +76,18 @@ def refuse_exchanged(runs: Runs, pattern: Array, symmetric: bool) -> bool:
         return np.concatenate([x[:, i] - Q @ (Q.T @ x[:, i]) for i, Q in enumerate(bases)])
 
     gravity = without_friction(pattern[runs.pose])
-    told = float(gravity @ gravity) > PARALLEL * float(np.sum(pattern[runs.pose] ** 2))
+    mass_determined = float(gravity @ gravity) > PARALLEL * float(np.sum(pattern[runs.pose] ** 2))
 
     def left(order: list[int], signs: list[int]) -> float:
         f = without_friction(runs.force[:, order] * signs)
-        return float(f @ f - ((f @ gravity) ** 2 / (gravity @ gravity) if told else 0.0))
+        return float(f @ f - ((f @ gravity) ** 2 / (gravity @ gravity) if mass_determined else 0.0))
 
-    degrees_of_freedom = count * carts - sum(Q.shape[1] for Q in bases) - int(told)
-    found = exchanged(left, carts, degrees_of_freedom, float(np.sqrt(np.mean(runs.force**2))))
-    if found is not None and not found.passed:
+    degrees_of_freedom = count * carts - sum(Q.shape[1] for Q in bases) - int(mass_determined)
+    comparison = exchanged(left, carts, degrees_of_freedom, float(np.sqrt(np.mean(runs.force**2))))
+    if comparison is not None and not comparison.passed:
         names = [f"force {k + 1}" for k in range(carts)]
-        raise ArgumentError(f"{found.message(names, 'N')}; check order and signs of the columns", "runs")
-    return found is None or found.told
+        raise ArgumentError(f"{comparison.message(names, 'N')}; check order and signs of the columns", "runs")
+    return comparison is None or comparison.decisive
 
 
 def refuse_driving(runs: Runs, estimate: Estimate, carts: int, symmetric: bool) -> None:

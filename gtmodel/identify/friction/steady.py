@@ -68,24 +68,24 @@ def steady_runs(
     border = np.concatenate([[True], (np.sign(v[1:]) != np.sign(v[:-1])).any(axis=1) | (still[1:] != still[:-1])])
     starts = np.flatnonzero(border)
     settle = round(1 / (cutoff_Hz * step))
-    found = []
+    stretches = []
     for start, stop in zip(starts, [*starts[1:], n], strict=True):
         rows = slice(start + settle + cut, stop - settle + cut)
         if still[start] and (rows.stop - rows.start) * step >= shortest:
-            found.append(rows)
-    if not found:
+            stretches.append(rows)
+    if not stretches:
         raise TrajectoryError(
             f"'{session.name}' holds no steady motion of {shortest:g} s with accelerations below {steady:g} m/s2; "
             "record runs at constant velocity, or raise the limit"
         )
     raw = session.trajectory
     q, tau = (raw[name].reshape(len(raw), -1) for name in (position, force))
-    fits = [np.polyfit(raw.time[r] - raw.time[r].mean(), q[r], 1) for r in found]
+    fits = [np.polyfit(raw.time[r] - raw.time[r].mean(), q[r], 1) for r in stretches]
     return Runs(
         np.array([fit[0] for fit in fits]),
-        np.array([tau[r].mean(axis=0) for r in found]),
-        np.full(len(found), pose),
-        np.array([(r.stop - r.start) * step for r in found]),
+        np.array([tau[r].mean(axis=0) for r in stretches]),
+        np.full(len(stretches), pose),
+        np.array([(r.stop - r.start) * step for r in stretches]),
         np.array([fit[1] for fit in fits]),
     )
 

@@ -18,7 +18,7 @@ from ...results.door import study_function
 from ...results.work import Progress, never, silent
 from .gravity import Gravity, MassByNorm
 from .levels import FrictionFit, identify_friction
-from .options import Coefficients, HeldPose, Steady, SyntheticRuns
+from .options import FrictionCoefficients, HeldPose, Steady, SyntheticRuns
 from .pattern import gravity_pattern
 from .steady import Runs, constant_velocity_log, joined, steady_runs
 
@@ -75,7 +75,7 @@ class FrictionStudy(Study):
         if self.mass_interval is None or self.mass_by_norm is None or self.residual is None:
             return []
         (low, high), (first, last) = self.mass_interval, self.mass_by_norm["one"]
-        told = self.undetermined or ()
+        sentences = self.undetermined or ()
         return [
             Row("mass held", self.mass, "kg"),
             Row("95 % interval", f"{low:.4g} .. {high:.4g}", "kg"),
@@ -84,7 +84,7 @@ class FrictionStudy(Study):
             *self._coefficients(),
             Row("residual of the lines", listed(self.residual), "N"),
             Row("runs at constant velocity", self.runs),
-            *(Row("not told" if k else "told", text) for k, text in enumerate(told, len(told) > 1)),
+            *(Row("not told" if k else "told", text) for k, text in enumerate(sentences, len(sentences) > 1)),
             *([Row("SYNTHETIC", self.synthetic)] if self.synthetic else []),
         ]
 
@@ -139,24 +139,24 @@ def friction_study(
     work.progress("reading", 0.2)
     note, truth = None, runs if isinstance(runs, SyntheticRuns) else None
     if isinstance(runs, Runs):
-        found = runs
+        used = runs
     else:
         logs = _made(runs, pattern, names) if isinstance(runs, SyntheticRuns) else runs
         note = next((s.trajectory.synthetic for log in logs for s in log if s.trajectory.synthetic), None)
         if work.interrupted():
             return FrictionStudy(status=SolveStatus.INTERRUPTED, message="stopped before the fit", title=title)
-        found = _steady(logs, pattern, steady or Steady())
+        used = _steady(logs, pattern, steady or Steady())
     try:
-        fit = identify_friction(found, pattern, symmetric=directions == "symmetric", gravity=gravity)
+        fit = identify_friction(used, pattern, symmetric=directions == "symmetric", gravity=gravity)
     except ArgumentError as error:
         raise ArgumentError(error.message, "poses" if error.argument == "pattern" else "runs") from error
     e = fit.estimate
     coefficients: dict[str, Any] = {name: getattr(fit, name) for name in LABELS}
     return FrictionStudy(
         status=SolveStatus.SOLVED,
-        message=f"{len(found.pose)} runs, {len(fit.pattern)} pose{'s' if len(fit.pattern) > 1 else ''}",
+        message=f"{len(used.pose)} runs, {len(fit.pattern)} pose{'s' if len(fit.pattern) > 1 else ''}",
         title=title,
-        checks=_checks(fit, found, truth, gravity == "poses" or directions == "symmetric"),
+        checks=_checks(fit, used, truth, gravity == "poses" or directions == "symmetric"),
         mass=fit.mass,
         mass_interval=list(e.interval("m")),
         mass_by_norm=by_norm(fit.by_norm),
@@ -165,16 +165,16 @@ def friction_study(
         middle=fit.middle,
         pattern=fit.pattern,
         residual=fit.residual_rms,
-        runs=len(found.pose),
+        runs=len(used.pose),
         undetermined=list(fit.undetermined),
         synthetic=note,
-        figures={"friction": partial(_figure, fit, found, names, title or "friction", note)},
+        figures={"friction": partial(_figure, fit, used, names, title or "friction", note)},
         files={"parameters.toml": _parameters(fit.mass, coefficients, note)},
         machine_files=("parameters.toml",),
     )
 
 
-def check_widths(given: Coefficients, carts: int, argument: str) -> None:
+def check_widths(given: FrictionCoefficients, carts: int, argument: str) -> None:
     """Raise ArgumentError for coefficients of another number of carts."""
     for name in LABELS:
         count = len(getattr(given, name))
@@ -217,7 +217,7 @@ def _steady(logs: Sequence[Sequence[Session]], pattern: Array, steady: Steady) -
     poses, carts = pattern.shape
     if len(logs) != poses:
         raise ArgumentError(f"has recordings of {len(logs)} poses; expected {poses}, a list for each pose", "runs")
-    found = []
+    parts = []
     for pose, log in enumerate(logs):
         for session in log:
             force = session.trajectory["force"]
@@ -225,20 +225,20 @@ def _steady(logs: Sequence[Sequence[Session]], pattern: Array, steady: Steady) -
             if width != carts:
                 raise ArgumentError(f"has {width} columns; the robot has {carts} carts", "runs.force")
             with naming(f"runs[{pose}]", ArgumentError):
-                found.append(steady_runs(
+                parts.append(steady_runs(
                     session, pose=pose, cutoff_Hz=steady.cutoff, steady=steady.steady_acceleration,
                     slow=steady.slowest, shortest=steady.shortest_run,
                 ))  # fmt: skip
-    if not found:
+    if not parts:
         raise ArgumentError("is empty; expected a recording or more", "runs")
-    return joined(found)
+    return joined(parts)
 
 
-def _checks(fit: FrictionFit, runs: Runs, truth: SyntheticRuns | None, told: bool) -> dict[str, Check]:
+def _checks(fit: FrictionFit, runs: Runs, truth: SyntheticRuns | None, mass_determined: bool) -> dict[str, Check]:
     """Friction brakes; and against the truth of synthetic logs, which measured ones have not."""
     level = 1 - 2 * FALSE_ALARM / (4 * fit.pattern.shape[1])
     least, high = fit.against_motion(runs, level)
-    advice = f"{DRIVES}; {COLUMNS if told else TELL}"
+    advice = f"{DRIVES}; {COLUMNS if mass_determined else TELL}"
     checks = {"least_friction_N": at_least(least, min(least - high, 0.0), advice)}
     if truth is None:
         return checks
@@ -262,7 +262,7 @@ def _checks(fit: FrictionFit, runs: Runs, truth: SyntheticRuns | None, told: boo
 
 def _parameters(mass: float, coefficients: Mapping[str, Array], note: str | None) -> str:
     """parameters.toml, as a problem file names them."""
-    names = {f.name: FrictionStudy.quantities()[f.name].name(f.name) for f in fields(Coefficients)}
+    names = {f.name: FrictionStudy.quantities()[f.name].name(f.name) for f in fields(FrictionCoefficients)}
     table = {names["mass"]: mass, **{names[n]: np.asarray(x).tolist() for n, x in coefficients.items()}}
     return (f"# synthetic: {note}\n" if note else "") + tomli_w.dumps(table)
 

@@ -11,7 +11,7 @@ from gtmodel.calibrate.options import Fit
 from gtmodel.calibrate.synthetic import options as synthetic_options
 from gtmodel.compliance.load_tests import options as load_tests
 from gtmodel.compliance.options import Load
-from gtmodel.problem_files.base import Section
+from gtmodel.problem_files.base import FileSection
 from gtmodel.problem_files.from_options import Made, made_from
 from gtmodel.problem_files.robot_keys import RobotProblem
 
@@ -38,7 +38,7 @@ class CartPoints(Made):
     )
 
 
-class HeldOut(Section):
+class HeldOut(FileSection):
     """Poses that the fit does not see."""
 
     every: int = Field(default=2, ge=0, description="every how many-th pose is held out; 0 for none")
@@ -61,11 +61,11 @@ class _Hung(Made):
 
 @made_from(load_tests.Setup)
 class _SetUp(_Hung):
-    """How joint stiffness is told."""
+    """How joint stiffness is determined."""
 
 
 class JointStiffness(_SetUp):
-    """Joint stiffness of a serial arm from static load tests. One of measurements and synthetic tells what moved."""
+    """Joint stiffness of a serial arm from static load tests. One of measurements and synthetic says what moved."""
 
     measurements: LoadTests | None = Field(default=None, description="measured tests")
     synthetic: Made[load_tests.SyntheticTests] | None = Field(default=None, description="synthetic tests")

@@ -40,8 +40,8 @@ def call(problem: Schema, context: Context) -> Call:
     if problem.joint_stiffness is not None:
         keys = _stiffness(problem)
         title = problem.title or f"joint stiffness of {problem.robot}"
-        found = Call(stiffness_study, robot, _tests(keys, robot, context), keys.options(), title=title)
-        return found.then(partial(_in_the_file, problem=problem, context=context))
+        asked = Call(stiffness_study, robot, _tests(keys, robot, context), keys.options(), title=title)
+        return asked.then(partial(_in_the_file, problem=problem, context=context))
     carts = _carts(problem, context)
     reference, before = robots.in_python(problem.robot, context)
     origin = Origin(
@@ -55,7 +55,7 @@ def call(problem: Schema, context: Context) -> Call:
 
 
 def explain(problem: Schema, context: Context) -> str:
-    """What is free, what stays, and what the poses can tell before anything is fitted."""
+    """What is free, what stays, and what the poses can determine before anything is fitted."""
     robot = problem.model(context)
     if problem.joint_stiffness is not None:
         lines = fitted_rows(_tests(_stiffness(problem), robot, context))
@@ -117,15 +117,16 @@ def _tests(keys: JointStiffness, robot: Model, context: Context) -> MeasuredTest
 
 def _one_of(keys: Schema | JointStiffness, key: str) -> None:
     if (keys.measurements is None) == (keys.synthetic is None):
-        found = "both" if keys.measurements else "none of them"
-        raise InputError(f"expected one of [measurements] and [synthetic]; found {found}", key)
+        given = "both" if keys.measurements else "none of them"
+        raise InputError(f"expected one of [measurements] and [synthetic]; found {given}", key)
 
 
-def _in_the_file(found: StiffnessStudy, problem: Schema, context: Context) -> CalibrationStudy:
+def _in_the_file(stiffness: StiffnessStudy, problem: Schema, context: Context) -> CalibrationStudy:
     """The study as this kind writes it, with the report."""
     study = CalibrationStudy(
-        status=found.status, message=found.message, title=found.title, objective=found.objective, checks=found.checks,
-        figures=found.figures, files=found.files, machine_files=found.machine_files, synthetic=found.synthetic,
-        joint_stiffness=found if found.method else None,
+        status=stiffness.status, message=stiffness.message, title=stiffness.title, objective=stiffness.objective,
+        checks=stiffness.checks, figures=stiffness.figures, files=stiffness.files,
+        machine_files=stiffness.machine_files, synthetic=stiffness.synthetic, notes=stiffness.notes,
+        estimate=stiffness.estimate, joint_stiffness=stiffness if stiffness.method else None,
     )  # fmt: skip
     return page.added(study, problem, context)

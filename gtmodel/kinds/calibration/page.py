@@ -52,8 +52,8 @@ def text(study: CalibrationStudy, problem: Schema, context: Context) -> str:
         parts.append(f'<p class="made">Synthetic measurements: {escape(values["synthetic"])}</p>')
     good = values["numerics_sound"] and values["prediction_proven"] is not False
     parts.append("<h2>Verdict</h2>" + items(values["verdict"], good))
-    if values["notes"]:
-        parts.append("<h2>Notes</h2>" + items(values["notes"]))
+    if study.notes:
+        parts.append("<h2>Notes</h2>" + items(study.notes))
     parts.append("<h2>Accuracy</h2>" + _accuracy(values))
     for name in ("pose_errors", "workspace_errors"):
         parts.append(picture(figures, name, CAPTIONS[name]))
@@ -63,7 +63,7 @@ def text(study: CalibrationStudy, problem: Schema, context: Context) -> str:
     parts += [picture(figures, name, CAPTIONS[name]) for name in ("deviations", "correlation")]
     parts.append("<h2>Links</h2>" + table(("link", "mean length error [mm]"), list(values["link_errors_mm"].items())))
     parts.append(picture(figures, "length_errors", CAPTIONS["length_errors"]))
-    parts.append("<h2>What the poses tell</h2>" + _told(values))
+    parts.append("<h2>What the poses determine</h2>" + _identifiability(values))
     parts.append(_outliers(values))
     parts.append(_sensitivity(values, problem))
     parts.append("<h2>Where this comes from</h2>" + _provenance(problem, context, values["poses"]))
@@ -71,14 +71,14 @@ def text(study: CalibrationStudy, problem: Schema, context: Context) -> str:
 
 
 def stiffness_text(study: CalibrationStudy, problem: Schema, context: Context) -> str:
-    """The page: result, what is claimed in print and what the tests support, what each unknown is told by."""
+    """The page: result, what is claimed in print and what the tests support, what determines each unknown."""
     values, figures, title = study.values, study.figures, study.title
     v = values["joint_stiffness"]
     parts = [f"<h1>{escape(title)}</h1>"]
     if values["synthetic"]:
         parts.append(f'<p class="made">Synthetic load tests: {escape(values["synthetic"])}</p>')
     sound = bool(v["adequate"]) and all(K > 0 for K in v["stiffness_MNm_rad"])
-    parts.append("<h2>Verdict</h2>" + items((v["adequacy"], *v["said"]), sound))
+    parts.append("<h2>Verdict</h2>" + items((v["adequacy"], *v["notes"]), sound))
     rows = [
         (
             f"joint {j + 1}",
@@ -96,8 +96,8 @@ def stiffness_text(study: CalibrationStudy, problem: Schema, context: Context) -
         parts.append(table(("by the other method", "stiffness [MN m/rad]", "intervals overlap"), rows))
     if v["compensator_rate_N_m"] is not None:
         parts.append(table(("gravity compensator", "rate [N/m]", "std"), [("joint 2", *v["compensator_rate_N_m"])]))
-    parts.append(f"<h2>What the tests tell</h2>{items(v['told'])}<p>O1 = {v['observability_O1']:.4g}.</p>")
-    parts.append(f"<p>The tests that tell most: {', '.join(map(str, v['best_tests']))} (lines of the file).</p>")
+    parts.append(f"<h2>What the tests determine</h2><p>O1 = {v['observability_O1']:.4g}.</p>")
+    parts.append(f"<p>The tests that determine most: {', '.join(map(str, v['best_tests']))} (lines of the file).</p>")
     parts += ["<h2>Where this comes from</h2>", _provenance(problem, context)]
     return whole(title, parts)
 
@@ -116,45 +116,45 @@ def _accuracy(values: Mapping[str, Any]) -> str:
     for key, said in (("a_priori_mm", "before"), ("fitted_mm", "fitted poses"), ("held_out_mm", "held-out poses")):
         if values[key]:
             rows.append((said, values[key]["mean"], values[key]["rms"], values[key]["max"]))
-    found = table(("positioning error", "mean [mm]", "rms [mm]", "greatest [mm]"), rows)
+    page = table(("positioning error", "mean [mm]", "rms [mm]", "greatest [mm]"), rows)
     if values["orientation_deg"]:
         o = values["orientation_deg"]
-        found += f"<p>Orientation error: mean {o['mean']:.3g}, greatest {o['max']:.3g} degrees.</p>"
+        page += f"<p>Orientation error: mean {o['mean']:.3g}, greatest {o['max']:.3g} degrees.</p>"
     if values["worst"]:
         w = values["worst"]
         at = ", ".join(f"{x:.3f}" for x in w["position_m"])
-        found += f"<p>Worst place: ({at}) m, line {w['line']}, {w['error_mm']:.3g} mm.</p>"
+        page += f"<p>Worst place: ({at}) m, line {w['line']}, {w['error_mm']:.3g} mm.</p>"
     if values["principal"]:
         p = values["principal"]
         rows = [(f"({', '.join(f'{x:.2f}' for x in d)})", s) for s, d in zip(p["rms_mm"], p["directions"], strict=True)]
-        found += table(("principal direction of the error", "rms [mm]"), rows)
+        page += table(("principal direction of the error", "rms [mm]"), rows)
     if values["repeatability_mm"] is not None:
-        found += f"<p>Repeatability of poses measured more than once: {values['repeatability_mm']:.3g} mm rms.</p>"
-    return found
+        page += f"<p>Repeatability of poses measured more than once: {values['repeatability_mm']:.3g} mm rms.</p>"
+    return page
 
 
 def _parameters(values: Mapping[str, Any]) -> str:
     rows = []
     for u in values["unknowns"]:
-        told = u["interval_95"] or ["not told" if u["std"] is None else "see notes", ""]
-        interval = [x if isinstance(x, str) else f"{x:.7g}" for x in told]
+        ends = u["interval_95"] or ["undetermined" if u["std"] is None else "see notes", ""]
+        interval = [x if isinstance(x, str) else f"{x:.7g}" for x in ends]
         std = "" if u["std"] is None else f"{u['std']:.2g}"
         rows.append((u["name"], u["unit"], u["start"], u["value"], std, *interval))
     return table(("unknown", "unit", "before", "calibrated", "std", "95 % from", "to"), rows)
 
 
-def _told(values: Mapping[str, Any]) -> str:
-    found = ""
+def _identifiability(values: Mapping[str, Any]) -> str:
+    page = ""
     for key, said in (("identifiability_before", "Before the fit"), ("identifiability_after", "At the solution")):
-        told = values[key]
-        if told is None:
+        data = values[key]
+        if data is None:
             continue
-        indices = ", ".join(f"{n} = {v:.4g}" for n, v in told["observability"].items())
-        found += f"<h3>{said}</h3>{items(told['sentences'])}<p>Observability {indices} (r = {told['rank']}, "
-        found += f"{told['scaling']}). Condition {told['condition']:.4g}.</p>"
+        indices = ", ".join(f"{n} = {v:.4g}" for n, v in data["observability"].items())
+        page += f"<h3>{said}</h3>{items(data['notes'])}<p>Observability {indices} (r = {data['rank']}, "
+        page += f"{data['scaling']}). Condition {data['condition']:.4g}.</p>"
     if values["correlated"]:
-        found += "<h3>Correlated</h3>" + table(("unknown", "and", "correlation"), values["correlated"])
-    return found
+        page += "<h3>Correlated</h3>" + table(("unknown", "and", "correlation"), values["correlated"])
+    return page
 
 
 def _outliers(values: Mapping[str, Any]) -> str:

@@ -7,12 +7,12 @@ from typing import Literal
 from pydantic import Field
 
 from gtmodel.cgen import Verification
-from gtmodel.problem_files.base import Section
+from gtmodel.problem_files.base import FileSection
 from gtmodel.problem_files.from_options import Made
 from gtmodel.problem_files.robot_keys import RobotProblem
 
 
-class Function(Section):
+class Function(FileSection):
     """One function: these targets, computed from these known variables."""
 
     name: str = Field(min_length=1, description="C name of the function")

@@ -40,8 +40,8 @@ def write(
     Raises InputError for a wrong problem, ArgumentError for a folder that holds other people's files.
     """
     with held(out) as folder:
-        if folder.told:
-            context.notice(folder.told)
+        if folder.message:
+            context.notice(folder.message)
         made = call(problem, context)
         if not write_failed and not context.interrupted():
             refuse_distrusted(context, "the code")

@@ -6,12 +6,12 @@ from typing import Literal
 
 from pydantic import Field, NonNegativeFloat
 
-from gtmodel.problem_files.base import Problem, Section
+from gtmodel.problem_files.base import FileSection, Problem
 from gtmodel.problem_files.from_options import Made, made_from
 from gtmodel.vibration.dynamic_stiffness import options
 
 
-class Measured(Section):
+class MeasuredExperimentsSection(FileSection):
     """Measured records, listed in a CSV file."""
 
     index: str = Field(
@@ -20,8 +20,8 @@ class Measured(Section):
     )
 
 
-@made_from(options.Synthetic)
-class Synthetic(Made):
+@made_from(options.SyntheticArm)
+class SyntheticArmSection(Made):
     """Synthetic experiments on a smooth field near printed oscillators."""
 
     near: Literal["table_16"] = Field(description="whose values the field passes near: Cvitanic 2021, Table 16")
@@ -33,8 +33,8 @@ class Schema(Problem):
     repeatability: NonNegativeFloat = Field(
         default=0.15, description="mean change of m, c and k between experiments at one pose; Cvitanic 2021 states 15 %"
     )
-    fit: Made[options.Fit] = Made[options.Fit]()
+    fit: Made[options.ModalFitting] = Made[options.ModalFitting]()
     process: Made[options.Process] = Made[options.Process]()
-    map: Made[options.Map] = Made[options.Map]()
-    measured: Measured | None = Field(default=None, description="measured records")
-    synthetic: Synthetic | None = Field(default=None, description="synthetic records")
+    map: Made[options.FrequencyMap] = Made[options.FrequencyMap]()
+    measured: MeasuredExperimentsSection | None = Field(default=None, description="measured records")
+    synthetic: SyntheticArmSection | None = Field(default=None, description="synthetic records")

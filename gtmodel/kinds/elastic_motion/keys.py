@@ -7,12 +7,12 @@ from typing import Annotated
 from pydantic import Field, PositiveFloat
 
 from gtmodel.motion.elastic import options
-from gtmodel.problem_files.base import Section
+from gtmodel.problem_files.base import FileSection
 from gtmodel.problem_files.from_options import Made
 from gtmodel.problem_files.robot_keys import RobotProblem
 
 
-class PlaceSection(Section):
+class PlaceSection(FileSection):
     """Where the motion begins or ends, at rest."""
 
     tcp_m: Annotated[list[float], Field(min_length=3, max_length=3)] = Field(
@@ -20,7 +20,7 @@ class PlaceSection(Section):
     )
 
 
-class LimitsSection(Section):
+class LimitsSection(FileSection):
     """What the motors can."""
 
     force_N: PositiveFloat = Field(description="largest force of each motor")

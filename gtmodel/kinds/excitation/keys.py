@@ -8,12 +8,12 @@ from gtmodel.problem_files.from_options import Made, made_from
 from gtmodel.problem_files.robot_keys import RobotProblem
 
 
-@made_from(options.Experiment)
+@made_from(options.IdentificationExperiment)
 class Schema(RobotProblem, Made):
     """The motion from which masses and friction are identified best."""
 
     motion: Made[options.Family]
     limits: Made[Limits]
-    search: Made[options.Search] = Made[options.Search]()
+    search: Made[options.ExcitationSearch] = Made[options.ExcitationSearch]()
     random: Made[options.RandomMotions] = Made[options.RandomMotions]()
     monte_carlo: Made[options.MonteCarloFits] = Made[options.MonteCarloFits]()

@@ -8,23 +8,23 @@ from pydantic import Field
 
 from gtmodel.identify.friction import options
 from gtmodel.problem_files.from_options import Made, made_from
-from gtmodel.problem_files.log_keys import LogSampling, MeasuredSignal
+from gtmodel.problem_files.log_keys import LogSampling, MeasuredSignalSection
 from gtmodel.problem_files.robot_keys import RobotProblem
 
 
 @made_from(options.HeldPose)
-class Pose(Made):
+class HeldPoseSection(Made):
     """Where the tool centre point was held in the cross-section while the carts ran."""
 
     files: list[str] = Field(default=[], description="logs of this pose, with [log]")
 
 
 @made_from(options.Steady)
-class Log(LogSampling, Made):
+class FrictionLogSection(LogSampling, Made):
     """Measured logs; each pose names its own files."""
 
-    position_m: MeasuredSignal = Field(description="positions of the carts")
-    force_N: MeasuredSignal = Field(description="forces of the motors")
+    position_m: MeasuredSignalSection = Field(description="positions of the carts")
+    force_N: MeasuredSignalSection = Field(description="forces of the motors")
 
 
 class Schema(RobotProblem):
@@ -37,9 +37,9 @@ class Schema(RobotProblem):
         default="most_symmetric",
         description="how the mass is found beside friction by direction: least asymmetry, or the change between poses",
     )
-    pose: list[Pose] = Field(min_length=1, description="one table for each; the first is the picture's")
-    log: Log | None = Field(default=None, description="measured logs")
+    pose: list[HeldPoseSection] = Field(min_length=1, description="one table for each; the first is the picture's")
+    log: FrictionLogSection | None = Field(default=None, description="measured logs")
     synthetic: Made[options.SyntheticRuns] | None = Field(default=None, description="synthetic logs")
-    printed: Made[options.Coefficients] | None = Field(
+    printed: Made[options.FrictionCoefficients] | None = Field(
         default=None, description="published lines; their mass is the one that was chosen, and is found anew"
     )

@@ -10,7 +10,7 @@ from gtmodel.problem_files.call import Call
 from gtmodel.results import ArgumentError, listed
 from gtmodel.results.options import declared
 
-from .keys import Log, Schema
+from .keys import FrictionLogSection, Schema
 
 NAME = "friction"
 RESULT = FrictionStudy
@@ -62,17 +62,17 @@ def _logs(problem: Schema, context: Context) -> list[tuple[Session, ...]]:
     assert log is not None
     _refuse_free(log)
     signals = {"q": log.position_m.signal("log.position_m"), "force": log.force_N.signal("log.force_N")}
-    found = []
+    logs = []
     for n, pose in enumerate(problem.pose):
         raw = log.read(pose.files, signals, context, f"pose[{n}].files")
         try:
-            found.append(Corrections(signals, raw).apply())
+            logs.append(Corrections(signals, raw).apply())
         except ArgumentError as error:
             raise InputError(error.message, "log") from error
-    return found
+    return logs
 
 
-def _refuse_free(log: Log) -> None:
+def _refuse_free(log: FrictionLogSection) -> None:
     for name in ("position_m", "force_N"):
         for what in ("scale", "offset", "delay_s"):
             if getattr(getattr(log, name), what) == "estimate":

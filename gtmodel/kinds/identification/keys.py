@@ -12,15 +12,15 @@ from gtmodel.identify import Processing, options
 from gtmodel.lang import Model, ModelError
 from gtmodel.measurements import Signal
 from gtmodel.problem_files import python_models, robots
-from gtmodel.problem_files.base import Context, InputError, Section
+from gtmodel.problem_files.base import Context, FileSection, InputError
 from gtmodel.problem_files.from_options import Made, made_from
-from gtmodel.problem_files.log_keys import LogFiles, MeasuredSignal
+from gtmodel.problem_files.log_keys import LogFiles, MeasuredSignalSection
 from gtmodel.problem_files.robot_keys import RobotProblem
 from gtmodel.robots import catalogue
 from gtmodel.robots.by_direction import VARIANTS, inertia_variant
 
 
-class SharpFriction(Section):
+class SharpFriction(FileSection):
     """Friction of the model that is fitted."""
 
     smoothing: Literal["sign", "tanh", "piecewise_linear"] | None = Field(
@@ -31,16 +31,16 @@ class SharpFriction(Section):
     )
 
 
-class Log(LogFiles):
+class IdentificationLogSection(LogFiles):
     """Measured logs."""
 
-    position: MeasuredSignal = Field(description="the known variable; scale and offset in its SI unit")
-    effort: MeasuredSignal = Field(description="the measured efforts; scale and offset in their SI unit")
+    position: MeasuredSignalSection = Field(description="the known variable; scale and offset in its SI unit")
+    effort: MeasuredSignalSection = Field(description="the measured efforts; scale and offset in their SI unit")
     held_out: list[str] = Field(default=[], description="logs of other motions, for validation only")
 
 
 @made_from(options.SyntheticLog)
-class Synthetic(Made):
+class SyntheticLogSection(Made):
     """A synthetic log of a plant, to see what identification gives back: sines, tracking, sensors, noise."""
 
     reference_file: str | None = Field(
@@ -52,17 +52,17 @@ class Synthetic(Made):
 
 
 @made_from(options.ClosedLoop, "model", "inputs")
-class ClosedLoop(Made):
+class ClosedLoopSection(Made):
     """Simulation of the controlled model from the measured reference, with the identified parameters."""
 
     model: str = Field(description="controlled model in Python, file.py:Class; takes [parameters] and what was found")
-    inputs: dict[str, MeasuredSignal] = Field(description="its inputs by name, such as the reference")
+    inputs: dict[str, MeasuredSignalSection] = Field(description="its inputs by name, such as the reference")
 
     def loop(self, parameters: Mapping[str, Any], context: Context) -> options.ClosedLoop:
         """As the study takes it; the model with these parameters and what is found."""
 
-        def made(**found: Any) -> Model:
-            return python_models.resolve(self.model, context, "closed_loop.model", {**parameters, **found})
+        def made(**estimates: Any) -> Model:
+            return python_models.resolve(self.model, context, "closed_loop.model", {**parameters, **estimates})
 
         own = {field: getattr(self, key) for key, field in self.attributes.items()}
         return options.ClosedLoop(made, list(self.inputs), **own)
@@ -70,7 +70,7 @@ class ClosedLoop(Made):
     def signals(self, context: Context) -> dict[str, Signal]:
         """The inputs as measured signals, in the units of the model. Raises InputError."""
         flat = flat_of(python_models.resolve(self.model, context, "closed_loop.model"))
-        found = {}
+        signals = {}
         for name, signal in self.inputs.items():
             key = f"closed_loop.inputs.{name}"
             try:
@@ -80,8 +80,8 @@ class ClosedLoop(Made):
             for what in ("scale", "offset", "delay_s"):
                 if getattr(signal, what) == "estimate":
                     raise InputError("the fit does not see this signal; give a number", f"{key}.{what}")
-            found[name] = signal.signal(key, unit)
-        return found
+            signals[name] = signal.signal(key, unit)
+        return signals
 
 
 @made_from(options.Fitting)
@@ -94,10 +94,12 @@ class Schema(RobotProblem, Made):
     )
     friction: SharpFriction = SharpFriction()  # pyright: ignore[reportIncompatibleVariableOverride]
     filter: Made[Processing] = Made[Processing]()
-    log: Log | None = Field(default=None, description="measured logs")
-    synthetic: Synthetic | None = Field(default=None, description="or a synthetic log")
+    log: IdentificationLogSection | None = Field(default=None, description="measured logs")
+    synthetic: SyntheticLogSection | None = Field(default=None, description="or a synthetic log")
     published: dict[str, float] = Field(default={}, description="numbers to compare with, by parameter, in SI")
-    closed_loop: ClosedLoop | None = Field(default=None, description="validation by simulating the controlled model")
+    closed_loop: ClosedLoopSection | None = Field(
+        default=None, description="validation by simulating the controlled model"
+    )
 
     def fitted(self, context: Context) -> tuple[Model, list[str]]:
         """The model to be fitted, and the names of what is free. Raises InputError."""

@@ -15,7 +15,7 @@ from gtmodel.measurements import Signal
 from gtmodel.problem_files.base import Context, InputError
 from gtmodel.problem_files.call import Call
 
-from .keys import Log, Schema, Synthetic
+from .keys import IdentificationLogSection, Schema, SyntheticLogSection
 
 NAME = "identification"
 RESULT = IdentificationStudy
@@ -39,8 +39,8 @@ def call(problem: Schema, context: Context) -> Call:
         "title": problem.title or f"identification of {problem.robot}",
     }
     if (problem.log is None) == (problem.synthetic is None):
-        found = "both" if problem.log else "none of them"
-        raise InputError(f"expected one of [log] and [synthetic]; found {found}", "log")
+        given = "both" if problem.log else "none of them"
+        raise InputError(f"expected one of [log] and [synthetic]; found {given}", "log")
     if problem.synthetic is not None:
         if problem.closed_loop is not None:
             raise InputError("compares with measured motion; give a [log]", "closed_loop")
@@ -70,15 +70,15 @@ def explain(problem: Schema, context: Context) -> str:
     return "\n".join(lines)
 
 
-def _motion(s: Synthetic, plant: Model, context: Context) -> np.ndarray | None:
+def _motion(s: SyntheticLogSection, plant: Model, context: Context) -> np.ndarray | None:
     if s.reference_file is None:
         return None
     path = context.file(s.reference_file, "synthetic.reference_file")
     return read_motion(path, plant, s.options())
 
 
-def _signals(problem: Schema, log: Log, model: Model, context: Context) -> dict[str, Signal]:
-    flat, found = flat_of(model), {}
+def _signals(problem: Schema, log: IdentificationLogSection, model: Model, context: Context) -> dict[str, Signal]:
+    flat, signals = flat_of(model), {}
     for key, measured in (("known", log.position), ("targets", log.effort)):
         name: str = getattr(problem, key)
         try:
@@ -86,5 +86,5 @@ def _signals(problem: Schema, log: Log, model: Model, context: Context) -> dict[
         except ModelError as error:
             raise InputError(str(error), key) from error
         place = "log.position" if key == "known" else "log.effort"
-        found[name] = measured.signal(place, flat.unit_of(indices[0], order))
-    return found | ({} if problem.closed_loop is None else problem.closed_loop.signals(context))
+        signals[name] = measured.signal(place, flat.unit_of(indices[0], order))
+    return signals | ({} if problem.closed_loop is None else problem.closed_loop.signals(context))

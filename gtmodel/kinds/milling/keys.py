@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field, PositiveFloat
 
 from gtmodel.milling import AngleTable, Coefficients, Cut, Cutter, Oscillators, missing_z, options
-from gtmodel.problem_files.base import Context, InputError, Section
+from gtmodel.problem_files.base import Context, FileSection, InputError
 from gtmodel.problem_files.from_options import Made, made_from
 from gtmodel.problem_files.robot_keys import RobotProblem
 from gtmodel.results.refusal import naming
@@ -35,7 +35,7 @@ class CutKeys(Made):
     feed_direction: Three = Field(default=[1.0, 0.0, 0.0], description="across the tool axis, world coordinates")
 
 
-class OscillatorRow(Section):
+class OscillatorRow(FileSection):
     """Measured dynamics of the tool at one angle."""
 
     angle_deg: float = Field(description="redundant angle A")
@@ -69,7 +69,7 @@ class Search(Made):
         return options.Search(**self.given(), speeds=[rpm / 60 for rpm in self.speeds_rpm], speed_range=between)
 
 
-class Lobes(Section):
+class Lobes(FileSection):
     """Stability lobes in the chosen pose."""
 
     from_rpm: PositiveFloat = Field(description="lowest spindle speed")
@@ -116,12 +116,12 @@ def _table(rows: list[OscillatorRow]) -> AngleTable:
     if len(rows) < 2:
         said = f"holds {len(rows)} angles; expected two or more, between which dynamics are known"
         raise InputError(said, "oscillator")
-    found = []
+    oscillators = []
     for n, row in enumerate(rows):
         with naming(f"oscillator[{n}]", ValueError):
-            found.append(row.oscillators())
+            oscillators.append(row.oscillators())
     with naming("oscillator", ValueError):
-        return AngleTable(np.deg2rad([row.angle_deg for row in rows]), Oscillators.joined(found))
+        return AngleTable(np.deg2rad([row.angle_deg for row in rows]), Oscillators.joined(oscillators))
 
 
 def _field(file: str, context: Context) -> Any:

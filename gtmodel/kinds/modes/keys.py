@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field, PositiveFloat
 
 from gtmodel.kinematics.assembly_modes import hand_poses
-from gtmodel.problem_files.base import InputError, Problem, Section
+from gtmodel.problem_files.base import FileSection, InputError, Problem
 from gtmodel.problem_files.from_options import Made, made_from
 from gtmodel.problem_files.robot_file import Points
 
@@ -31,7 +31,7 @@ class Pose(Made):
         return hand_poses.Pose(axes=axes, **self.given())
 
 
-class Platform(Section):
+class Platform(FileSection):
     """Six legs without a robot."""
 
     A_m: Points = Field(description="joints at the base or at the carts")
@@ -39,7 +39,7 @@ class Platform(Section):
     L_m: Lengths = Field(description="lengths of the legs, not their squares")
 
 
-class Draw(Section):
+class Draw(FileSection):
     """Random platforms, synthetic: base joints in a cube of side 2 m, plate joints in one of side 1 m."""
 
     platforms: int = Field(default=20, ge=1, le=100000, description="how many")

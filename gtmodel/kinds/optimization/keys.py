@@ -6,11 +6,10 @@ from typing import Any, Literal
 
 from pydantic import Field, PositiveFloat, PositiveInt
 
-from gtmodel.problem_files.base import Problem, Section
-from gtmodel.problem_files.solver_keys import Barrier
+from gtmodel.problem_files.base import FileSection, Problem
 
 
-class MeshSection(Section):
+class MeshSection(FileSection):
     """Where the equations are collocated."""
 
     elements: PositiveInt = Field(default=50, le=10000, description="number of elements of the horizon")
@@ -23,7 +22,7 @@ class MeshSection(Section):
     )
 
 
-class SolverSection(Section):
+class SolverSection(FileSection):
     """In which form the problem is solved, and when the solver stops."""
 
     formulation: Literal["auto", "inverse", "explicit", "torn", "dae"] = Field(
@@ -36,7 +35,9 @@ class SolverSection(Section):
     max_iterations: PositiveInt = Field(
         default=1000, description="limit of iterations, of both tries where there are two"
     )
-    barrier: Barrier = "auto"
+    barrier: Literal["auto", "adaptive", "monotone"] = Field(
+        default="auto", description="how IPOPT lowers its barrier; auto: adaptive, and monotone where that fails"
+    )
     compile: bool = Field(
         default=False, description="the elements as machine code: the same optimum, sooner where it is solved again"
     )

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Discriminator, Field, PositiveFloat, Tag
 
-from gtmodel.problem_files.base import Section
+from gtmodel.problem_files.base import FileSection
 from gtmodel.problem_files.robot_keys import RobotProblem
 
 
@@ -31,7 +31,7 @@ def _keys(value: Any) -> Any:
 Values = Annotated[float | list[float], BeforeValidator(_numbers)]
 
 
-class File(Section):
+class File(FileSection):
     """An input from a trajectory file."""
 
     file: str = Field(description="CSV file as gtmodel writes it; the path starts at the problem's folder")

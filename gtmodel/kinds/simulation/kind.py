@@ -43,10 +43,10 @@ def explain(problem: Schema, context: Context) -> str:
 
 def _inputs(problem: Schema, context: Context) -> dict[str, Any]:
     """Inputs as `simulate` takes them; files are read and entered into the context."""
-    found: dict[str, Any] = {}
+    inputs: dict[str, Any] = {}
     for name, value in problem.inputs.items():
         if not isinstance(value, File):
-            found[name] = value
+            inputs[name] = value
             continue
         key = f"inputs.{name}.file"
         path = context.file(value.file, key, f"inputs.{name}")
@@ -56,5 +56,5 @@ def _inputs(problem: Schema, context: Context) -> dict[str, Any]:
             renamed = Trajectory(trajectory.time, {name: trajectory[signal]}, {name: trajectory.unit(signal)})
         except (TrajectoryError, KeyError) as error:
             raise InputError(str(error), key) from error
-        found[name] = (renamed, value.interpolation)
-    return found
+        inputs[name] = (renamed, value.interpolation)
+    return inputs

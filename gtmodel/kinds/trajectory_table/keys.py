@@ -8,7 +8,7 @@ import tomli_w
 from pydantic import Field
 
 from gtmodel.motion import Published as PublishedOptions, TableRow
-from gtmodel.problem_files.base import Context, InputError, Section
+from gtmodel.problem_files.base import Context, FileSection, InputError
 from gtmodel.problem_files.from_options import Made
 from gtmodel.problem_files.load import validate
 from gtmodel.problem_files.settings import apply
@@ -16,7 +16,7 @@ from gtmodel.problem_files.settings import apply
 from ..trajectory import keys as trajectory
 
 
-class RowKeys(Section):
+class RowKeys(FileSection):
     """One motion: what it changes of the problem."""
 
     name: str = Field(description="what the row is called")

@@ -10,7 +10,7 @@ from pydantic import Field, NonNegativeFloat
 from gtmodel.measurements import Corrections
 from gtmodel.problem_files.base import Context, InputError, Problem
 from gtmodel.problem_files.from_options import Made, made_from
-from gtmodel.problem_files.log_keys import LogFiles, MeasuredSignal
+from gtmodel.problem_files.log_keys import LogFiles, MeasuredSignalSection
 from gtmodel.results import ArgumentError, TrajectoryError
 from gtmodel.vibration import Record, options, synthetic_records
 
@@ -21,24 +21,26 @@ KNOWN = {
 }  # what synthetic data are made of, by model
 
 
-class Measurements(LogFiles):
+class MeasurementsSection(LogFiles):
     """A measured log. Step responses may be several recordings; the other models take one."""
 
-    position_m: MeasuredSignal = Field(description="measured positions, one column or several")
-    force_N: MeasuredSignal | None = Field(default=None, description="forces as inputs; or reference_m")
-    reference_m: MeasuredSignal | None = Field(default=None, description="position references as inputs; or force_N")
+    position_m: MeasuredSignalSection = Field(description="measured positions, one column or several")
+    force_N: MeasuredSignalSection | None = Field(default=None, description="forces as inputs; or reference_m")
+    reference_m: MeasuredSignalSection | None = Field(
+        default=None, description="position references as inputs; or force_N"
+    )
     after_s: NonNegativeFloat = Field(
         default=0.0, description="what lies before, counted from the log's first row, is left out"
     )
 
     def records(self, model: str, context: Context) -> list[Record]:
         """The recordings of the log. Raises InputError."""
-        found = self._sessions(model, context)
-        if model != "step_response" and len(found) > 1:
+        records = self._sessions(model, context)
+        if model != "step_response" and len(records) > 1:
             raise InputError(
-                f"hold {len(found)} recordings; the model '{model}' takes one, so name one file", "measurements.files"
+                f"hold {len(records)} recordings; the model '{model}' takes one, so name one file", "measurements.files"
             )
-        return found
+        return records
 
     def _sessions(self, model: str, context: Context) -> list[Record]:
         keys = {"position_m": self.position_m, "force_N": self.force_N, "reference_m": self.reference_m}
@@ -53,7 +55,7 @@ class Measurements(LogFiles):
                     raise InputError("a black box does not tell it; give a number", f"measurements.{name}.{what}")
         signals = {name: signal.signal(f"measurements.{name}") for name, signal in given.items()}
         raw = self.read(self.files, signals, context, "measurements.files")
-        found = []
+        records = []
         try:
             for session in Corrections(signals, raw).apply():
                 first = int(np.ceil(self.after_s / session.sample_time - 1e-9))
@@ -64,17 +66,17 @@ class Measurements(LogFiles):
                         f"{self.after_s:g} s leave {len(y)} samples of {session.name}; lower it", "measurements.after_s"
                     )
                 u = t[inputs[0]][first:] if inputs else np.zeros(len(y))
-                found.append(Record(u, y, session.sample_time, t.synthetic))
+                records.append(Record(u, y, session.sample_time, t.synthetic))
         except (TrajectoryError, ArgumentError) as error:
             raise InputError(str(error), "measurements") from error
-        return found
+        return records
 
 
 @made_from(options.Sampling)
-class Synthetic(Made):
+class SyntheticRecordsSection(Made):
     """A synthetic recording of a known system, to see what identification gives back."""
 
-    structure: Made[options.Structure] | None = Field(default=None, description='for model = "subspace"')
+    structure: Made[options.SyntheticStructure] | None = Field(default=None, description='for model = "subspace"')
     steps: Made[options.Steps] | None = Field(default=None, description='for model = "step_response"')
     hit: Made[options.Hit] | None = Field(default=None, description='for model = "impulse"')
 
@@ -91,8 +93,8 @@ class Schema(Problem):
     """Vibration: one of [measurements], [synthetic] and [matrices] gives the data."""
 
     model: Literal["subspace", "step_response", "impulse", "matrices"] = Field(description="what is looked for")
-    measurements: Measurements | None = Field(default=None, description="a measured log")
-    synthetic: Synthetic | None = Field(default=None, description="a synthetic recording")
+    measurements: MeasurementsSection | None = Field(default=None, description="a measured log")
+    synthetic: SyntheticRecordsSection | None = Field(default=None, description="a synthetic recording")
     matrices: Made[options.Matrices] | None = Field(
         default=None, description='printed matrices, for model = "matrices"'
     )

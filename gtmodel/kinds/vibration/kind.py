@@ -48,10 +48,10 @@ def explain(problem: Schema, context: Context) -> str:
     """What is fitted to what."""
     lines = [f"{problem.title or NAME}: model {problem.model}", _LINES[problem.model]]
     if problem.model != "matrices":
-        found, _ = problem.data(context)
-        r = found[0]
+        records, _ = problem.data(context)
+        r = records[0]
         lines.append(
-            f"{len(found)} recording{'s' * (len(found) > 1)}, {len(r)} samples every {1e3 * r.sample_time:g} ms, "
+            f"{len(records)} recording{'s' * (len(records) > 1)}, {len(r)} samples every {1e3 * r.sample_time:g} ms, "
             f"{r.u.shape[1]} inputs, {r.y.shape[1]} outputs" + (f", SYNTHETIC ({r.synthetic})" if r.synthetic else "")
         )
     if problem.physical is not None:

@@ -59,9 +59,9 @@ def exact_corners(
     r = np.broadcast_to(np.asarray(r, dtype=float), (n, 3))
     changed = (np.asarray(lengths, dtype=float) + r[:, None] * SIGNS).reshape(8 * n, 3)
     T, code = forward(np.repeat(q, 8, axis=0), changed)
-    found = np.linalg.norm(T[:, None] - np.repeat(a, 8, axis=0), axis=2)
+    distances = np.linalg.norm(T[:, None] - np.repeat(a, 8, axis=0), axis=2)
     with np.errstate(invalid="ignore"):
-        wrong = (code == Status.OK) & ~(np.abs(found - changed) < LENGTH_TOLERANCE).all(axis=1)
+        wrong = (code == Status.OK) & ~(np.abs(distances - changed) < LENGTH_TOLERANCE).all(axis=1)
     code = np.where(wrong, Status.NOT_CONVERGED, code).reshape(n, 8)
     status = code.max(axis=1)
     corners = T.reshape(n, 8, 3).copy()

@@ -87,6 +87,6 @@ def _solve(matrices: Array, rhs: Array) -> Array:
     """Solutions of 3 x 3 systems in rows; NaN where a matrix is singular or not finite."""
     determinant = np.linalg.det(np.where(np.isfinite(matrices), matrices, 0.0))
     usable = np.isfinite(matrices).all(axis=(1, 2)) & np.isfinite(rhs).all(axis=1) & (np.abs(determinant) > 1e-12)
-    found = np.full(rhs.shape, np.nan)
-    found[usable] = np.linalg.solve(matrices[usable], rhs[usable][..., None])[..., 0]
-    return found
+    solution = np.full(rhs.shape, np.nan)
+    solution[usable] = np.linalg.solve(matrices[usable], rhs[usable][..., None])[..., 0]
+    return solution

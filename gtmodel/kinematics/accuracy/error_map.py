@@ -86,8 +86,8 @@ def map_errors(
     for begin in range(0, n, chunk):
         rows = slice(begin, min(begin + chunk, n))
         a, code = base_points(T[rows])
-        corners, found = case.corners(a, T[rows])
-        status[rows] = np.where(code != Status.OK, code, found)
+        corners, corner_status = case.corners(a, T[rows])
+        status[rows] = np.where(code != Status.OK, code, corner_status)
         good = status[rows] == Status.OK
         error[rows] = np.where(good, largest(corners), np.nan)
         u = T[rows][good][:, None] - a[good]

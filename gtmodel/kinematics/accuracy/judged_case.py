@@ -108,7 +108,13 @@ def method_of(case: LinkErrors) -> str:
 
 
 def judged(
-    region: ErrorRegion, case: LinkErrors, word: str, errors: ErrorCase, found: ErrorMap, good: Array, draws: MonteCarlo
+    region: ErrorRegion,
+    case: LinkErrors,
+    word: str,
+    errors: ErrorCase,
+    mapped: ErrorMap,
+    good: Array,
+    draws: MonteCarlo,
 ) -> JudgedCase:
     """Values of one case, and its corners by the robot's equations, by Newton, and by drawing.
 
@@ -116,8 +122,8 @@ def judged(
     """
     robot, plane, T = region.robot, region.plane, region.T
     where = np.flatnonzero(good)
-    top, least = where[np.argmax(found.error[good])], where[np.argmin(found.error[good])]
-    reached = found.error[found.status == Status.OK]
+    top, least = where[np.argmax(mapped.error[good])], where[np.argmin(mapped.error[good])]
+    reached = mapped.error[mapped.status == Status.OK]
     centre = plane.points(((region.low + region.high) / 2)[None])
     poses = robot.inverse(np.concatenate([T[[top]], centre]))
     corners, _ = errors.corners(poses.a, poses.T)
@@ -138,9 +144,9 @@ def judged(
         "name": case.name,
         "errors": describe(case),
         "method": method_of(case),
-        "min_um": 1e6 * float(found.error[least]),
+        "min_um": 1e6 * float(mapped.error[least]),
         "min_at_m": plane.coordinates(T[[least]])[0].tolist(),
-        "max_um": 1e6 * float(found.error[top]),
+        "max_um": 1e6 * float(mapped.error[top]),
         "max_at_m": top_uv.tolist(),
         "nearest_guideway": 1 + int(np.argmin(np.linalg.norm(region.corners - top_uv, axis=1))),
         "centre_um": 1e6 * float(at[1]),
@@ -155,13 +161,13 @@ def judged(
             "longest_diagonal_um": 1e6 * float(shape.longest[0]),
         },
     }
-    checks = _checks(region, errors, found, good, drawn / float(at[0]), draws.samples)
+    checks = _checks(region, errors, mapped, good, drawn / float(at[0]), draws.samples)
     named = {f"{word}_{name}": check for name, check in checks.items()}
-    return JudgedCase(errors, found, values, named)
+    return JudgedCase(errors, mapped, values, named)
 
 
 def _checks(
-    region: ErrorRegion, errors: ErrorCase, found: ErrorMap, good: Array, drawn: float, samples: int
+    region: ErrorRegion, errors: ErrorCase, mapped: ErrorMap, good: Array, drawn: float, samples: int
 ) -> dict[str, Check]:
     robot = region.robot
     forward = ForwardWithLengths(compile_causal(robot.model, known="q", targets="T"), robot.length_names)
@@ -174,12 +180,12 @@ def _checks(
         np.repeat(poses.T, 8, axis=0),
     )
     checks = {}
-    all_found = not status.any() and not met.any()
-    apart = float(np.max(np.abs(exact - newton.reshape(exact.shape)))) if all_found else np.inf
+    solved = not status.any() and not met.any()
+    apart = float(np.max(np.abs(exact - newton.reshape(exact.shape)))) if solved else np.inf
     checks["closed_form_against_newton_m"] = at_most(apart, TWO_WAYS)
     if errors.ellipsoids is None or errors.method == "support":
         greatest = largest(exact - poses.T[:, None])
-        difference = float(np.max(np.abs(found.error[good] / greatest - 1.0))) if all_found else np.inf
+        difference = float(np.max(np.abs(mapped.error[good] / greatest - 1.0))) if solved else np.inf
         checks["first_order_against_exact"] = at_most(
             difference,
             EXACT,

@@ -36,7 +36,7 @@ class ForwardWithLengths:
         """T (n, 3) [m] of q (n, m) and lengths (n, 3) [m], and codes (n,): OUT_OF_RANGE where the links do not meet."""
         parameters = np.repeat(self._values[:, None], len(q), axis=1)
         parameters[self._places] = np.asarray(lengths, dtype=float).T
-        found, status, _ = map_columns(self._function, [np.asarray(q, dtype=float).T, parameters])
-        T, code = found.T, status[0].astype(int)
+        position, status, _ = map_columns(self._function, [np.asarray(q, dtype=float).T, parameters])
+        T, code = position.T, status[0].astype(int)
         T[code != Status.OK] = np.nan
         return T, code

@@ -34,10 +34,10 @@ def base_point_cloud(a: Array, T: Array, lengths: Array, ellipsoids: Ellipsoids,
 
 
 def _cloud(centres: Array, T: Array, radii: Array) -> Array:
-    found, status = common_point(centres, radii, np.broadcast_to(T, (len(radii), 3)))
+    points, status = common_point(centres, radii, np.broadcast_to(T, (len(radii), 3)))
     if np.any(status != 0):
         raise ValueError(
             f"{int(np.sum(status != 0))} of {len(radii)} drawn robots cannot be assembled near the nominal point; "
             "the pose is too close to a singularity for errors of this size"
         )
-    return found - T
+    return points - T

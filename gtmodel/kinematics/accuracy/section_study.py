@@ -14,7 +14,7 @@ import numpy as np
 from ...lang import Model
 from ...results import ArgumentError, Quantity, Row, SolveStatus, Status, Study, Work, listed
 from ...results.door import study_function
-from ...results.tables import csv_text
+from ...results.table import csv_text
 from ...results.work import Progress, never, silent
 from ..mechanism import home_figure, mechanism_of
 from .corners import Array
@@ -108,19 +108,19 @@ def accuracy_study(
     region = region_of(robot, cases, section or ErrorSection())
     resolved = with_method(list(cases), method)
     errors = [errors_of(case, k, region.robot) for k, case in enumerate(resolved)]
-    found: list[JudgedCase] = []
+    cases_judged: list[JudgedCase] = []
     for case, error in zip(resolved, errors, strict=True):
-        mapped = map_errors(error, region.base_points, region.T, progress=work.told(case.name))
+        mapped = map_errors(error, region.base_points, region.T, progress=work.fractions(case.name))
         if not mapped.complete or work.interrupted():
-            return _study(region, title, found, SolveStatus.INTERRUPTED, SolveStatus.INTERRUPTED.message)
+            return _study(region, title, cases_judged, SolveStatus.INTERRUPTED, SolveStatus.INTERRUPTED.message)
         good = region.window & (mapped.status == Status.OK)
         if not good.any():
             reasons = _reasons(mapped.status[region.window])
             most = max(reasons, key=lambda reason: reasons[reason])
             message = f"no point of the rectangle has an error; most often: {most}"
-            return _study(region, title, found, SolveStatus.INFEASIBLE, message)
-        found.append(judged(region, case, _word(case.name), error, mapped, good, draws))
-    return _study_of(region, title, found)
+            return _study(region, title, cases_judged, SolveStatus.INFEASIBLE, message)
+        cases_judged.append(judged(region, case, _word(case.name), error, mapped, good, draws))
+    return _study_of(region, title, cases_judged)
 
 
 def region_of(model: Model, cases: Sequence[LinkErrors], section: ErrorSection) -> ErrorRegion:
@@ -160,9 +160,11 @@ def _through(low: float, high: float, outer_low: float, outer_high: float, step:
     return low + size * np.arange(first, last + 1)
 
 
-def _study_of(region: ErrorRegion, title: str, found: list[JudgedCase]) -> AccuracyStudy:
+def _study_of(region: ErrorRegion, title: str, judged_cases: list[JudgedCase]) -> AccuracyStudy:
     status, message = SolveStatus.SOLVED, SolveStatus.SOLVED.message
-    lost = [f.values["name"] for f in found if any(not math.isfinite(check.value) for check in f.checks.values())]
+    lost = [
+        f.values["name"] for f in judged_cases if any(not math.isfinite(check.value) for check in f.checks.values())
+    ]
     if lost:
         # the numbers of the first order stand, but no cross-check reaches them
         status = SolveStatus.FAILED
@@ -170,25 +172,27 @@ def _study_of(region: ErrorRegion, title: str, found: list[JudgedCase]) -> Accur
             f"{' and '.join(lost)}: at some points of the rectangle a robot with the greatest errors cannot be "
             "assembled; the errors are too large, or the rectangle too near to the edge of what is reached"
         )
-    figures: dict[str, Any] = {f"error_{k + 1}": partial(_error_figure, region, title, f) for k, f in enumerate(found)}
-    figures["faces"] = partial(_faces_figure, region, found)
+    figures: dict[str, Any] = {
+        f"error_{k + 1}": partial(_error_figure, region, title, f) for k, f in enumerate(judged_cases)
+    }
+    figures["faces"] = partial(_faces_figure, region, judged_cases)
     low, high = region.low, region.high
     rectangle = region.plane.points(np.array([low, [high[0], low[1]], high, [low[0], high[1]]]))
     figures["robot"] = partial(home_figure, region.robot, [rectangle], title)
-    checks = {name: check for f in found for name, check in f.checks.items()}
-    files = {"errors.csv": _table(region, [f.map for f in found])}
-    return _study(region, title, found, status, message, checks=checks, figures=figures, files=files)
+    checks = {name: check for f in judged_cases for name, check in f.checks.items()}
+    files = {"errors.csv": _table(region, [f.map for f in judged_cases])}
+    return _study(region, title, judged_cases, status, message, checks=checks, figures=figures, files=files)
 
 
 def _study(
-    region: ErrorRegion, title: str, found: list[JudgedCase], status: SolveStatus, message: str, **more: Any
+    region: ErrorRegion, title: str, judged_cases: list[JudgedCase], status: SolveStatus, message: str, **more: Any
 ) -> AccuracyStudy:
-    missing = _reasons(found[0].map.status[region.window]) if found else {}
+    missing = _reasons(judged_cases[0].map.status[region.window]) if judged_cases else {}
     return AccuracyStudy(
         status=status,
         message=message,
         title=title,
-        cases=[f.values for f in found],
+        cases=[f.values for f in judged_cases],
         window=np.array([region.low, region.high]),
         guideways=region.corners,
         section={"point_m": region.plane.origin.tolist(), "normal": region.plane.normal.tolist()},
@@ -202,8 +206,8 @@ def _word(name: str) -> str:
 
 
 def _reasons(status: Array) -> dict[str, int]:
-    found = np.bincount(np.asarray(status, dtype=int))
-    return {Status(code).message: int(n) for code, n in enumerate(found) if n and code != Status.OK}
+    counts = np.bincount(np.asarray(status, dtype=int))
+    return {Status(code).message: int(n) for code, n in enumerate(counts) if n and code != Status.OK}
 
 
 def _table(region: ErrorRegion, maps: list[ErrorMap]) -> str:
@@ -211,7 +215,7 @@ def _table(region: ErrorRegion, maps: list[ErrorMap]) -> str:
     inside = region.window
     uv, T = region.plane.coordinates(region.T)[inside], region.T[inside]
     places = {"u_m": uv[:, 0], "v_m": uv[:, 1], "x_m": T[:, 0], "y_m": T[:, 1], "z_m": T[:, 2]}
-    errors = {f"error_{k + 1}_um": 1e6 * found.error[inside] for k, found in enumerate(maps)}
+    errors = {f"error_{k + 1}_um": 1e6 * error_map.error[inside] for k, error_map in enumerate(maps)}
     return csv_text(places | errors, dict.fromkeys(places, 9) | dict.fromkeys(errors, 6))
 
 
@@ -225,11 +229,11 @@ def _error_figure(region: ErrorRegion, title: str, f: JudgedCase) -> Any:
     )  # fmt: skip
 
 
-def _faces_figure(region: ErrorRegion, found: list[JudgedCase]) -> Any:
+def _faces_figure(region: ErrorRegion, judged_cases: list[JudgedCase]) -> Any:
     from ...plot.accuracy import faces_figure
 
     s = np.linspace(0.0, 1.0, DIAGONAL)
     T = region.plane.points(region.low + s[:, None] * (region.high - region.low))
-    faces = {f.values["name"]: map_errors(f.errors, region.base_points, T).faces for f in found}
+    faces = {f.values["name"]: map_errors(f.errors, region.base_points, T).faces for f in judged_cases}
     title = "faces of the error's parallelepiped, along the rising diagonal of the rectangle"
     return faces_figure(s * float(np.linalg.norm(region.high - region.low)), faces, title=title)

@@ -13,11 +13,11 @@ class Certificate:
 
     Attributes:
         paths: paths of one start system, 40.
-        found: finite modes over the complex numbers, none multiple.
-        distinct: those of them that lie outside the radius of uniqueness of every other; as many as found.
+        finite: finite modes over the complex numbers, none multiple.
+        distinct: those of them that lie outside the radius of uniqueness of every other; as many as `finite`.
         certified: how many of them pass the Newton-Kantorovich test (one solution near, no other within a radius).
         real: real modes among them.
-        conjugate_pairs: pairs of complex conjugate modes among them; real + 2 conjugate_pairs = found when whole.
+        conjugate_pairs: pairs of complex conjugate modes among them; real + 2 conjugate_pairs = finite when whole.
         infinite: paths of the last start system that ended at infinity (x.x = 0).
         multiple: paths of the last start system that ended in finite modes where the equations are singular.
         lost: paths of the last start system that ended nowhere, or twice in the same regular mode.
@@ -34,7 +34,7 @@ class Certificate:
     """
 
     paths: int = 40
-    found: int = 0
+    finite: int = 0
     distinct: int = 0
     certified: int = 0
     real: int = 0
@@ -57,7 +57,7 @@ class Certificate:
         """The certificate as lines for a person; ``unit`` is that of the input, metres are shown as millimetres."""
         factor, shown = (1000.0, "mm") if unit == "m" else (1.0, unit)
         lines = [
-            ("modes found", f"{self.found} of {self.paths}, {self.distinct} distinct, {self.certified} certified"),
+            ("modes found", f"{self.finite} of {self.paths}, {self.distinct} distinct, {self.certified} certified"),
             ("real", f"{self.real}, and {self.conjugate_pairs} conjugate pairs"),
             ("elsewhere", f"{self.infinite} at infinity, {self.multiple} multiple, {self.lost} lost"),
             ("worst residual", f"{self.worst_residual:.1e} scaled; leg lengths {self.worst_closure:.1e}"),

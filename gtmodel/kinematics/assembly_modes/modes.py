@@ -38,7 +38,7 @@ def modes_of(search: Search, scaled: ScaledLegs) -> AssemblyModes:
     least = int(np.argmin(distance)) if len(R) > 1 else -1
     certificate = Certificate(
         paths=MODES,
-        found=len(search.z),
+        finite=len(search.z),
         distinct=int(np.sum(~are_same(search.z, search.isolation.rho).any(axis=1))),
         certified=int(search.isolation.certified.sum()),
         real=len(R),

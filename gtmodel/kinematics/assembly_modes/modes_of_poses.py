@@ -27,7 +27,7 @@ RESIDUAL = 1e-12
 # leg lengths over the size: rounding too, larger by the condition near a singularity
 LEG_ERROR = 1e-12
 # numbers of a pose that are those of its certificate, and of which the least, or the greatest, is reported of many
-LEAST = ("found", "distinct", "certified", "real", "conjugate_pairs")
+LEAST = ("finite", "distinct", "certified", "real", "conjugate_pairs")
 GREATEST = ("infinite", "multiple", "lost")
 CERTIFIED = (*LEAST, *GREATEST, "retries", "worst_residual")
 
@@ -55,7 +55,7 @@ def modes_study(
     >>> import gtmodel as gt
     >>> from gtmodel.kinematics.assembly_modes import Pose
     >>> s = gt.kinematics.modes_study(gt.robots.six_link_gantry_tau(), Pose(q=[-0.2, 0.0, -0.2]))
-    >>> s.found, s.real, s.commanded
+    >>> s.finite, s.real, s.commanded
     (40, 6, 6)
     """
     work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
@@ -63,12 +63,12 @@ def modes_study(
     hands = legs_of(robot, poses)
     work.step("tracking")
 
-    def told(done: int, count: int) -> bool:
+    def report(done: int, count: int) -> bool:
         work.progress("tracking 40 paths per pose", done / count, {"poses": float(done)})
         return work.interrupted()
 
-    told(0, len(hands))
-    judged = Judged.of(hands, assembly_modes_batch(hands.A, hands.B, hands.L, progress=told))
+    report(0, len(hands))
+    judged = Judged.of(hands, assembly_modes_batch(hands.A, hands.B, hands.L, progress=report))
     refused = judged.refused()
     if len(hands) == 1 and refused:
         raise ArgumentError(refused[0], "legs" if isinstance(robot, Hands) else _named(poses) if poses else "robot")
@@ -204,8 +204,8 @@ def _checks(judged: Judged, done: list[int]) -> dict[str, Check]:
     numbers = {
         "residual": (max(c.worst_residual for c in certificates), RESIDUAL),
         "leg_error": (max(judged.leg_error(i) for i in done), LEG_ERROR),
-        "not_distinct": (float(max(c.found - c.distinct for c in certificates)), 0.0),
-        "without_conjugate": (float(max(c.found - c.real - 2 * c.conjugate_pairs for c in certificates)), 0.0),
+        "not_distinct": (float(max(c.finite - c.distinct for c in certificates)), 0.0),
+        "without_conjugate": (float(max(c.finite - c.real - 2 * c.conjugate_pairs for c in certificates)), 0.0),
         "lost": (float(max(c.lost for c in certificates)), 0.0),
     }
     errors = [judged.errors[i] for i in done if not math.isnan(judged.errors[i])]

@@ -16,7 +16,7 @@ class ModesStudy(Study):
 
     poses: Annotated[int, "number of poses or platforms"] = 0
     whole: Annotated[int, "how many of them have a whole set: every finite mode is known, and none is multiple"] = 0
-    found: Annotated[int | None, "finite modes found over the complex numbers, least over the poses"] = None
+    finite: Annotated[int | None, "finite modes found over the complex numbers, least over the poses"] = None
     distinct: Annotated[
         int | None, "those of them outside the radius of uniqueness of every other, least over the poses"
     ] = None
@@ -86,9 +86,9 @@ class ModesStudy(Study):
         return _rows_of_one(self, self.each[0]) if len(self.each) == 1 else _rows_of_many(self, self.each)
 
 
-def _rows_of_one(found: ModesStudy, pose: Mapping[str, Any]) -> list[Row]:
+def _rows_of_one(study: ModesStudy, pose: Mapping[str, Any]) -> list[Row]:
     rows = [
-        Row("modes found, distinct, certified", f"{pose['found']}, {pose['distinct']}, {pose['certified']}", "of 40"),
+        Row("modes found, distinct, certified", f"{pose['finite']}, {pose['distinct']}, {pose['certified']}", "of 40"),
         Row("real", pose["real"]),
         Row("conjugate pairs", pose["conjugate_pairs"]),
         Row("at infinity, multiple, lost", f"{pose['infinite']}, {pose['multiple']}, {pose['lost']}", "paths"),
@@ -99,7 +99,7 @@ def _rows_of_one(found: ModesStudy, pose: Mapping[str, Any]) -> list[Row]:
         Row("commanded mode", "none" if pose["commanded"] is None else pose["commanded"]),
         *_near_rows("nearest to the commanded", pose["commanded_nearest_mm"], pose["commanded_nearest_deg"]),
     ]
-    for mode in found.modes:
+    for mode in study.modes:
         mark = " (commanded)" if mode["commanded"] else ""
         rows.append(Row(f"mode {mode['mode']}{mark}", ", ".join(f"{x:.4f}" for x in mode["tcp_m"]), "m"))
     return rows
@@ -111,17 +111,17 @@ def _near_rows(label: str, mm: float, deg: float) -> list[Row]:
     return [Row(label, mm, "mm"), Row(f"{label}, angle", deg, "deg")]
 
 
-def _rows_of_many(found: ModesStudy, each: Sequence[Mapping[str, Any]]) -> list[Row]:
+def _rows_of_many(study: ModesStudy, each: Sequence[Mapping[str, Any]]) -> list[Row]:
     return [
-        Row("poses", found.poses),
-        Row("with a whole set of modes", found.whole),
-        *(Row(f"with {count} real modes", poses) for count, poses in found.real_counts.items()),
+        Row("poses", study.poses),
+        Row("with a whole set of modes", study.whole),
+        *(Row(f"with {count} real modes", poses) for count, poses in study.real_counts.items()),
         Row("with the commanded pose among them", sum(pose["commanded"] is not None for pose in each)),
-        Row("tracked again", found.retries, "paths"),
-        Row("worst residual", found.worst_residual),
-        Row("worst error of a leg, relative", found.worst_leg_error),
-        *_near_rows("nearest two real modes", 1e3 * found.nearest_distance, found.nearest_angle_deg),
+        Row("tracked again", study.retries, "paths"),
+        Row("worst residual", study.worst_residual),
+        Row("worst error of a leg, relative", study.worst_leg_error),
+        *_near_rows("nearest two real modes", 1e3 * study.nearest_distance, study.nearest_angle_deg),
         *_near_rows(
-            "nearest to a commanded one", 1e3 * found.commanded_nearest_distance, found.commanded_nearest_angle_deg
+            "nearest to a commanded one", 1e3 * study.commanded_nearest_distance, study.commanded_nearest_angle_deg
         ),
     ]

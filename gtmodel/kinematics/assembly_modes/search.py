@@ -62,20 +62,20 @@ class Search:
 
     def verdict(self) -> tuple[ModesStatus, str]:
         """Status and message, once all start systems that are needed or there have been used."""
-        found, last = len(self.z), self.last
+        count, last = len(self.z), self.last
         if last is None:
             return ModesStatus.INCOMPLETE, "no start system was used"
         infinite, multiple, lost = len(last.infinite), len(last.singular), last.lost
-        tail = f"found {found} finite modes; {infinite} paths ended at infinity"
+        tail = f"found {count} finite modes; {infinite} paths ended at infinity"
         if self.self_motion:
             return ModesStatus.SELF_MOTION, (
                 f"the modes are not finite in number: {multiple} of {MODES} paths ended on a curve of solutions "
                 "(real or complex), along which the platform moves with all lengths fixed"
             )
-        if found == MODES:
+        if count == MODES:
             return ModesStatus.COMPLETE, f"all {MODES} modes were found"
-        if found > MODES:
-            return ModesStatus.INCOMPLETE, f"found {found} modes where at most {MODES} can be: some are not told apart"
+        if count > MODES:
+            return ModesStatus.INCOMPLETE, f"found {count} modes where at most {MODES} can be: some are not told apart"
         if not self._agreed:
             return ModesStatus.INCOMPLETE, (
                 f"{tail}, {multiple} in singular modes, and {lost} were lost with {self.used} start systems: "

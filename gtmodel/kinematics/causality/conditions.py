@@ -47,13 +47,13 @@ class Conditions:
         A quaternion is an input of shape (4,) on which the one condition is its length. Those within 1e-3 of length 1
         that break it are changed, for measured and typed numbers are rounded.
         """
-        found, changed = list(inputs), np.zeros(len(inputs[0]), dtype=bool)
+        scaled, changed = list(inputs), np.zeros(len(inputs[0]), dtype=bool)
         for k in self._quaternions:
-            length = np.linalg.norm(found[k], axis=1)
-            near = self.broken(found) & (np.abs(length - 1.0) <= UNIT_LENGTH)
-            found[k] = np.where(near[:, None], found[k] / np.where(near, length, 1.0)[:, None], found[k])
+            length = np.linalg.norm(scaled[k], axis=1)
+            near = self.broken(scaled) & (np.abs(length - 1.0) <= UNIT_LENGTH)
+            scaled[k] = np.where(near[:, None], scaled[k] / np.where(near, length, 1.0)[:, None], scaled[k])
             changed |= near
-        return found, int(np.sum(changed))
+        return scaled, int(np.sum(changed))
 
     def _are_lengths(self, k: int) -> bool:
         """Whether input k has conditions, and unit vectors in any direction keep them."""

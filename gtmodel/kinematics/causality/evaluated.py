@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from ...compiler.causal import CausalFunction, Signal, compile_causal, flat_of
+from ...compiler.causal import CausalFunction, CausalSignal, compile_causal, flat_of
 from ...lang import Model, ModelError
 from ...results import ArgumentError, SolveStatus, Status, Work
 from ...results.agreement import AnyNumber
@@ -70,16 +70,16 @@ def causality_study(
     inputs = _inputs(points, model, known, function, branches)
     conditions = Conditions(function)
     inputs, normalised = conditions.normalised(inputs)
-    found, codes = _evaluate(function, inputs, conditions, work)
+    outputs, codes = _evaluate(function, inputs, conditions, work)
     shape = (1, len(codes)) if not isinstance(points, PointGrid) else tuple(points.counts)
     turned = None
     if orientation is not None:
         place = next(k for k, s in enumerate(function.outputs) if s.name == orientation.of)
-        R, T = matrices(found[place]), np.hstack([a.reshape(len(codes), -1) for a in inputs])
+        R, T = matrices(outputs[place]), np.hstack([a.reshape(len(codes), -1) for a in inputs])
         turned = OrientationMap(T.reshape(*shape, -1), R.reshape(*shape, 3, 3), codes.reshape(shape))
     box = points if isinstance(points, PointGrid) else None
-    whole = _study_of(function, inputs, targets, found, codes, turned, box is not None)
-    pairs = [(s, values) for s, values in zip(function.outputs, found, strict=True) if s.name in targets]
+    whole = _study_of(function, inputs, targets, outputs, codes, turned, box is not None)
+    pairs = [(s, values) for s, values in zip(function.outputs, outputs, strict=True) if s.name in targets]
     given = list(zip(function.inputs, inputs, strict=True))
     return whole.with_(
         title=title,
@@ -151,7 +151,7 @@ def _inputs(
     return arrays
 
 
-def _rows_of(points: Mapping[str, Any], signal: Signal) -> Array:
+def _rows_of(points: Mapping[str, Any], signal: CausalSignal) -> Array:
     if signal.name not in points:
         raise ArgumentError(f"'{signal.name}' is missing; found {', '.join(points) or 'none'}", "points")
     values = np.asarray(points[signal.name], dtype=float)
@@ -186,8 +186,8 @@ def _box(
 
 def _center(box: PointGrid, model: Model, known: list[str], branches: Mapping[str, int] | None) -> Array:
     if (box.center is None) == (box.center_where is None):
-        found = "neither" if box.center is None else "both"
-        raise ArgumentError(f"give either center or center_where; found {found}", "points.center")
+        supplied = "neither" if box.center is None else "both"
+        raise ArgumentError(f"give either center or center_where; found {supplied}", "points.center")
     if box.center is not None:
         return np.array(box.center)
     given, argument = box.center_where or {}, "points.center_where"
@@ -201,7 +201,7 @@ def _center(box: PointGrid, model: Model, known: list[str], branches: Mapping[st
     return np.asarray(center)
 
 
-def _sized(given: Mapping[str, Sequence[float]], signal: Signal, argument: str) -> Array:
+def _sized(given: Mapping[str, Sequence[float]], signal: CausalSignal, argument: str) -> Array:
     value = np.asarray(given.get(signal.name, []), dtype=float)
     if value.shape != signal.shape:
         raise ArgumentError(f"'{signal.name}' takes {signal.size} numbers; found {value.size}", argument)
@@ -220,8 +220,8 @@ def _evaluate(
             break
         work.progress("points", first / rows, {"row": float(first)})
         part = slice(first, min(first + CHUNK, rows))
-        *found, status = function(*[a[part] for a in inputs])
-        for target, values in zip(targets, found, strict=True):
+        *outputs, status = function(*[a[part] for a in inputs])
+        for target, values in zip(targets, outputs, strict=True):
             target[part] = values
         broken = conditions.broken([a[part] for a in inputs]) & (status != Status.OK) & (status != Status.NOT_FINITE)
         codes[part] = np.where(broken, -2, status)
@@ -232,7 +232,7 @@ def _study_of(
     function: CausalFunction,
     inputs: list[Array],
     wanted: list[str],
-    found: list[Array],
+    outputs: list[Array],
     codes: Array,
     turned: OrientationMap | None,
     layered: bool,
@@ -249,7 +249,7 @@ def _study_of(
         status = SolveStatus.INTERRUPTED
     elif counts["ok"] == 0:
         status = SolveStatus.INFEASIBLE
-    targets = {s.name: a for s, a in zip(function.outputs, found, strict=True) if s.name in wanted}
+    targets = {s.name: a for s, a in zip(function.outputs, outputs, strict=True) if s.name in wanted}
     whole = {name: values[codes == Status.OK] for name, values in targets.items()}
     layers = turned if layered else None
     return CausalityStudy(

@@ -9,13 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
-from ...compiler.causal import Signal
+from ...compiler.causal import CausalSignal
 from ...lang.units import UnitError, convert, parse_unit
 from ...measurements.csv_table import CsvTable
 from ...results import ArgumentError
 
 
-def read(path: Path, signals: Sequence[Signal]) -> list[np.ndarray]:
+def read(path: Path, signals: Sequence[CausalSignal]) -> list[np.ndarray]:
     """One array per signal, (rows, *shape), in SI units.
 
     The header names the columns: "T[0] [m]", or "T[0]" for the unit that the model declares; further columns are left
@@ -24,11 +24,11 @@ def read(path: Path, signals: Sequence[Signal]) -> list[np.ndarray]:
     is no number.
     """
     table = CsvTable(path, ",".join(columns(signals[0])))
-    found = [[_in_units_of(signal, table, name) for name in columns(signal)] for signal in signals]
-    return [np.stack(c, axis=1).reshape(-1, *signal.shape) for c, signal in zip(found, signals, strict=True)]
+    parts = [[_in_units_of(signal, table, name) for name in columns(signal)] for signal in signals]
+    return [np.stack(c, axis=1).reshape(-1, *signal.shape) for c, signal in zip(parts, signals, strict=True)]
 
 
-def columns(signal: Signal) -> list[str]:
+def columns(signal: CausalSignal) -> list[str]:
     """Names of a signal's components: T[0], T[1], ...; R[0,0] is written R[0][0], for commas part columns."""
     return [signal.name + "".join(f"[{i}]" for i in index) for index in np.ndindex(*signal.shape)]
 
@@ -45,7 +45,7 @@ def text(table: Sequence[tuple[Sequence[str], str, np.ndarray]], status: Sequenc
     return out.getvalue()
 
 
-def _in_units_of(signal: Signal, table: CsvTable, name: str) -> np.ndarray:
+def _in_units_of(signal: CausalSignal, table: CsvTable, name: str) -> np.ndarray:
     """Numbers of a column in the unit that the model declares."""
     unit, values = table.units[table.place(name)], table.numbers(name, gaps=True)
     if not unit:

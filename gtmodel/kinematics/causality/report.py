@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ...compiler.causal import Signal
+from ...compiler.causal import CausalSignal
 from ..orientation import OrientationMap
 from . import point_table
 from .options import Orientation, PointGrid
@@ -17,27 +17,27 @@ from .result import CausalityStudy
 Array = np.ndarray
 
 
-def csv_of(pairs: Sequence[tuple[Signal, Array]], found: CausalityStudy, orientation: Orientation | None) -> str:
+def csv_of(pairs: Sequence[tuple[CausalSignal, Array]], study: CausalityStudy, orientation: Orientation | None) -> str:
     """The table of all points as CSV."""
     columns = [(point_table.columns(s), s.unit, values) for s, values in pairs]
     if orientation is not None:
-        columns.append(([f"zyz[{k}]" for k in range(3)], "deg", np.degrees(found.orientation.zyz).reshape(-1, 3)))
+        columns.append(([f"zyz[{k}]" for k in range(3)], "deg", np.degrees(study.orientation.zyz).reshape(-1, 3)))
         if orientation.rotation_vector:
-            vector = np.degrees(found.orientation.rotation_vector).reshape(-1, 3)
+            vector = np.degrees(study.orientation.rotation_vector).reshape(-1, 3)
             columns.append(([f"rotation_vector[{k}]" for k in range(3)], "deg", vector))
-    return point_table.text(columns, found.words)
+    return point_table.text(columns, study.words)
 
 
 def figures_of(
-    pairs: Sequence[tuple[Signal, Array]], found: CausalityStudy, box: PointGrid | None, title: str
+    pairs: Sequence[tuple[CausalSignal, Array]], study: CausalityStudy, box: PointGrid | None, title: str
 ) -> dict[str, Any]:
     """Pictures by name."""
     shown = [(s.name, s.unit, values) for s, values in pairs]
-    figures: dict[str, Any] = {"targets": partial(_targets_figure, shown, found.ok, title)}
-    if found.orientation is not None and np.any(found.orientation.ok):
-        figures["orientation_points"] = partial(_sequence_figure, found.orientation, title)
+    figures: dict[str, Any] = {"targets": partial(_targets_figure, shown, study.ok, title)}
+    if study.orientation is not None and np.any(study.orientation.ok):
+        figures["orientation_points"] = partial(_sequence_figure, study.orientation, title)
         if box is not None and min(box.counts[1:]) > 1:
-            figures["orientation_layers"] = partial(_layers_figure, found.orientation, box, title)
+            figures["orientation_layers"] = partial(_layers_figure, study.orientation, box, title)
     return figures
 
 

@@ -97,9 +97,9 @@ def _crossings(inside: Inside, u: Array, v: Array, mask: Array, axis: int) -> Ar
         middle = (low + high) / 2
         same = inside(middle) == at_low
         low[same], high[~same] = middle[same], middle[~same]
-    found = np.full(first.shape, np.nan)
-    found[i, j] = (low[:, axis] + high[:, axis]) / 2
-    return found
+    crossings = np.full(first.shape, np.nan)
+    crossings[i, j] = (low[:, axis] + high[:, axis]) / 2
+    return crossings
 
 
 def _rings(i: Array, j: Array, u: Array, v: Array, mask: Array, across: Array, up: Array) -> tuple[Array, Array, Array]:

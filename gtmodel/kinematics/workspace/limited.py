@@ -38,30 +38,30 @@ def limits_of(
     limits: Limits, bodies: Bodies, boxes: Sequence[Box], beams: Sequence[Beam], robot: Mechanism
 ) -> list[Limit]:
     """Limits in the order of their cost and of their certainty. Raises ArgumentError."""
-    found: list[Limit] = [Singularities(robot.directions, limits.singularity)]
+    all_limits: list[Limit] = [Singularities(robot.directions, limits.singularity)]
     if limits.actuators is not None:
-        found.append(_strokes(limits.actuators, robot))
+        all_limits.append(_strokes(limits.actuators, robot))
     if limits.tcp_low is not None or limits.tcp_high is not None:
         low = np.full(3, -np.inf) if limits.tcp_low is None else np.array(limits.tcp_low)
         high = np.full(3, np.inf) if limits.tcp_high is None else np.array(limits.tcp_high)
         refuse_disordered(low, high, "limits.tcp_high")
-        found.append(CartesianBox(low, high))
+        all_limits.append(CartesianBox(low, high))
     if limits.cone is not None:
-        found.append(BallJointCones.about_home(robot.home, limits.cone))
+        all_limits.append(BallJointCones.about_home(robot.home, limits.cone))
     radius = np.full(len(robot.lengths), bodies.link_radius)
     if boxes:
         for k, box in enumerate(boxes):
             refuse_disordered(np.array(box.low), np.array(box.high), f"obstacles[{k}].high")
         low, high = (np.array([getattr(box, end) for box in boxes], dtype=float) for end in ("low", "high"))
         names = [box.name or f"box {k + 1}" for k, box in enumerate(boxes)]
-        found.append(Obstacles(low, high, radius, bodies.plate_radius, names))
+        all_limits.append(Obstacles(low, high, radius, bodies.plate_radius, names))
     if bodies.link_clearance:
         if bodies.plate_joints is None:
             raise ArgumentError(
                 "the links meet in the tool centre point; give bodies.plate_joints_m", "bodies.link_clearance"
             )
-        found.append(LinkClearance(radius))
-    return found + ([_frame(beams, radius)] if beams else [])
+        all_limits.append(LinkClearance(radius))
+    return all_limits + ([_frame(beams, radius)] if beams else [])
 
 
 def _strokes(actuators: Sequence[Sequence[float]], robot: Mechanism) -> ActuatorLimits:
@@ -116,10 +116,10 @@ def task_of(
     beams: Sequence[Beam],
 ) -> Task:
     """The section is what all links can reach at most, unless it is given. Raises ArgumentError."""
-    found = limited_mechanism(robot, home, bodies)
-    reach = Reach(found.inverse, limits_of(limits, bodies, obstacles, beams, found))
-    plane = found.section(section.along)
-    low, high = section.window(*found.farthest(plane.pierced(found.anchors, found.directions)))
+    mechanism = limited_mechanism(robot, home, bodies)
+    reach = Reach(mechanism.inverse, limits_of(limits, bodies, obstacles, beams, mechanism))
+    plane = mechanism.section(section.along)
+    low, high = section.window(*mechanism.farthest(plane.pierced(mechanism.anchors, mechanism.directions)))
     if np.any(high - low <= section.step):
         raise ArgumentError(
             f"the section is {high[0] - low[0]:.4g} m by {high[1] - low[1]:.4g} m, so that no point lies within it; "
@@ -129,4 +129,4 @@ def task_of(
     size = np.prod((high - low) / section.step)
     if size > MOST_POINTS:
         raise ArgumentError(f"the grid would have {size:.1e} points; take a larger step", "section.step")
-    return Task(found, reach, plane, low, high)
+    return Task(mechanism, reach, plane, low, high)

@@ -168,17 +168,17 @@ def plane_angles(u: Array) -> Array:
     """Angle [rad] (n, 3) of each of three unit vectors (n, 3, 3) from the plane of the two others; zero where they
     are singular."""
     x, y, z = np.moveaxis(u, 2, 0)
-    height, found = np.zeros(len(u)), []
+    height, angles = np.zeros(len(u)), []
     for j, k in ((1, 2), (2, 0), (0, 1)):
         normal = (
             y[:, j] * z[:, k] - z[:, j] * y[:, k],
             z[:, j] * x[:, k] - x[:, j] * z[:, k],
             x[:, j] * y[:, k] - y[:, j] * x[:, k],
         )
-        if not found:  # three times the same determinant
+        if not angles:  # three times the same determinant
             height = np.abs(normal[0] * x[:, 0] + normal[1] * y[:, 0] + normal[2] * z[:, 0])
         length = np.sqrt(normal[0] ** 2 + normal[1] ** 2 + normal[2] ** 2)
         # two parallel links span no plane: as singular as can be
         sine = np.divide(height, length, out=np.zeros_like(height), where=length > 0)
-        found.append(np.arcsin(np.minimum(1.0, sine)))
-    return np.stack(found, axis=1)
+        angles.append(np.arcsin(np.minimum(1.0, sine)))
+    return np.stack(angles, axis=1)

@@ -92,8 +92,8 @@ class Reach:
 
     def counts(self, codes: Array) -> dict[str, int]:
         """Number of points by reason, in the order of the tests; reasons without points are left out."""
-        found = np.bincount(np.asarray(codes, dtype=int).ravel())
-        return {self.message(code): int(n) for code, n in enumerate(found) if n}
+        counts = np.bincount(np.asarray(codes, dtype=int).ravel())
+        return {self.message(code): int(n) for code, n in enumerate(counts) if n}
 
 
 @dataclass(frozen=True)
@@ -140,8 +140,8 @@ def map_grid(
     batch = 1 if client is None else WINDOW
     for k in range(0, len(spans), batch):
         chosen = spans[k : k + batch]
-        found = [work(span) for span in chosen] if client is None else client.gather(client.map(work, chosen))
-        for (begin, end), part in zip(chosen, found, strict=True):
+        parts = [work(span) for span in chosen] if client is None else client.gather(client.map(work, chosen))
+        for (begin, end), part in zip(chosen, parts, strict=True):
             codes[begin:end] = part
         done = chosen[-1][1]
         if progress is not None and progress(done / grid.size) and done < grid.size:

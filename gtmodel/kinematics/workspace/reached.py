@@ -13,7 +13,7 @@ from ...lang import Model
 from ...results import ArgumentError, Check, SolveStatus, Work, at_most
 from ...results.door import study_function
 from ...results.options import Long, Within
-from ...results.tables import csv_text
+from ...results.table import csv_text
 from ...results.work import Progress, never, silent
 from ..mechanism import home_figure
 from ..section import CrossSection
@@ -119,21 +119,23 @@ class _Maps:
 
     def __call__(self, reach: Reach, stage: str, step: float | None = None) -> SectionMap:
         t = self.task
-        found = map_section(reach, t.section, t.low, t.high, step or self.step, progress=self.work.told(stage))
-        if not found.complete or self.work.interrupted():
+        section_map = map_section(
+            reach, t.section, t.low, t.high, step or self.step, progress=self.work.fractions(stage)
+        )
+        if not section_map.complete or self.work.interrupted():
             raise _Stopped
-        return found
+        return section_map
 
     def volume(self, given: Sections, count: int) -> Volume:
         t = self.task
         along = np.linspace(given.low, given.high, count) - float(t.section.origin @ t.section.normal)
-        found = map_volume(
+        solid = map_volume(
             t.reach, t.section, t.low, t.high, along, self.step, tolerance=given.tolerance / 2,
-            most=given.most_sections, coarse=True, progress=self.work.told("sections"),
+            most=given.most_sections, coarse=True, progress=self.work.fractions("sections"),
         )  # fmt: skip
-        if not found.complete:
+        if not solid.complete:
             raise _Stopped
-        return found
+        return solid
 
 
 def _to_begin_with(volume: Sections, task: Task, boxes: Sequence[Box], beams: Sequence[Beam]) -> int:
@@ -167,7 +169,7 @@ def _study_of(
     compared = [BallJointCones.about_home(robot.home, angle).assumes for angle in cones]
     reasons = reach.counts(main.codes)
     empty = region.area == 0.0
-    found = WorkspaceStudy(
+    study = WorkspaceStudy(
         status=SolveStatus.SOLVED,
         title=title,
         **_sizes(main),
@@ -189,9 +191,9 @@ def _study_of(
         },
     )
     if empty:
-        return found.with_(status=SolveStatus.INFEASIBLE, message=_nothing(main, reasons))
-    return found.with_(
-        message="; ".join(found.cuts) or SolveStatus.SOLVED.message,
+        return study.with_(status=SolveStatus.INFEASIBLE, message=_nothing(main, reasons))
+    return study.with_(
+        message="; ".join(study.cuts) or SolveStatus.SOLVED.message,
         checks=_checks(main, coarse, volume, solid),
         files={"boundary.csv": _boundary(main)},
     )
@@ -204,16 +206,16 @@ def _nothing(main: SectionMap, reasons: Mapping[str, int]) -> str:
     return message
 
 
-def _sizes(found: SectionMap, which: str = "") -> dict[str, Any]:
-    width, height = found.region.extent
-    return {f"{which}area": found.region.area, f"{which}width": float(width), f"{which}height": float(height)}
+def _sizes(section_map: SectionMap, which: str = "") -> dict[str, Any]:
+    width, height = section_map.region.extent
+    return {f"{which}area": section_map.region.area, f"{which}width": float(width), f"{which}height": float(height)}
 
 
 def _cones(cones: dict[float, SectionMap]) -> list[dict[str, float]]:
     units = {"area": "area_m2", "width": "width_m", "height": "height_m"}
     return [
-        {"angle_deg": _degrees(angle), **{units[name]: x for name, x in _sizes(found).items()}}
-        for angle, found in cones.items()
+        {"angle_deg": _degrees(angle), **{units[name]: x for name, x in _sizes(section_map).items()}}
+        for angle, section_map in cones.items()
     ]
 
 
@@ -242,13 +244,13 @@ def _checks(main: SectionMap, coarse: SectionMap, volume: Sections | None, solid
     }
     if solid is None or volume is None:
         return checks
-    found, allowed = solid.volume, volume.tolerance
+    size, allowed = solid.volume, volume.tolerance
     none = f"none of {len(solid.along)} sections is reached, {solid.widest:.3g} m apart; move volume.low_m and high_m"
     more = f"allow more than {volume.most_sections} sections by volume.most_sections, or a narrower range"
-    rough = abs(found - solid.coarse) / found if found else np.inf
+    rough = abs(size - solid.coarse) / size if size else np.inf
     return checks | {
-        "volume_error": at_most(solid.error / found if found else np.inf, allowed, more if found else none),
-        "volume_change_at_double_step": at_most(rough, allowed, FINER if found else none),
+        "volume_error": at_most(solid.error / size if size else np.inf, allowed, more if size else none),
+        "volume_change_at_double_step": at_most(rough, allowed, FINER if size else none),
     }
 
 
@@ -263,7 +265,7 @@ def _boundary(main: SectionMap) -> str:
 def _section_figure(title: str, task: Task, main: SectionMap, bare: SectionMap, cones: dict[float, SectionMap]) -> Any:
     from ...plot.workspace import section_figure
 
-    layers = {f"ball-joint cones of {_degrees(a):g} deg": found.region for a, found in cones.items()}
+    layers = {f"ball-joint cones of {_degrees(a):g} deg": section_map.region for a, section_map in cones.items()}
     if len(task.reach.limits) > 1:
         layers["all limits of the file"] = main.region
     layers = dict(sorted(layers.items(), key=lambda layer: -layer[1].area))

@@ -76,10 +76,10 @@ def map_section(
 ) -> SectionMap:
     """The workspace within low <= (u, v) <= high [m] of a section, on a grid of `step` [m]; see `map_grid`."""
     grid = section_grid(section, low, high, step)
-    found: ReachMap = map_grid(reach, grid, chunk=chunk, client=client, progress=progress)
+    reach_map: ReachMap = map_grid(reach, grid, chunk=chunk, client=client, progress=progress)
     u, v = grid.coordinates
-    area = region(lambda uv: reach.inside(section.points(uv)), u, v, found.reachable)
-    return SectionMap(section, u, v, found.codes, area, found.complete)
+    area = region(lambda uv: reach.inside(section.points(uv)), u, v, reach_map.reachable)
+    return SectionMap(section, u, v, reach_map.codes, area, reach_map.complete)
 
 
 def map_volume(
@@ -115,13 +115,13 @@ def map_volume(
     def add(position: float) -> None:
         nonlocal stopped
         here = section.moved(position)
-        found = map_section(reach, here, low, high, step, chunk=chunk, client=client)
+        section_map = map_section(reach, here, low, high, step, chunk=chunk, client=client)
         rough = np.nan
         if coarse:
             rough = map_section(reach, here, low, high, 2 * step, chunk=chunk, client=client).region.area
-        areas[position] = found.region.area, rough
-        edges.append(found.region.on_edge)
-        for reason, n in reach.counts(found.codes).items():
+        areas[position] = section_map.region.area, rough
+        edges.append(section_map.region.on_edge)
+        for reason, n in reach.counts(section_map.codes).items():
             counts[reason] = counts.get(reason, 0) + n
         stopped = progress is not None and progress(min(len(areas) / max(len(wanted), 1), 1.0))
 

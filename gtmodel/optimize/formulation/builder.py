@@ -10,7 +10,7 @@ import numpy as np
 
 from ...compiler.emit import express
 from ...compiler.flat import FlatModel
-from ...compiler.plan import Plan, differentiated
+from ...compiler.plan import CausalPlan, differentiated
 from ...lang.optimization import Delayed
 from ...lang.source import ModelError
 from .attributes import Pair, names_of, nominal_of
@@ -39,11 +39,11 @@ class ProblemBuilder:
     """
 
     flat: FlatModel
-    plan: Plan
+    plan: CausalPlan
     kind: str
     states: list[Pair]
     controls: list[int]
-    base: Plan
+    base: CausalPlan
     parameters: ca.SX
     tunable: tuple[str, ...]
     delayed: dict[int, tuple[int, Delayed]]

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from ...compiler.flat import FlatModel
-from ...compiler.plan import Plan
+from ...compiler.plan import CausalPlan
 from ...lang.optimization import Delayed
 from ...lang.scope import Misfit
 from .attributes import Pair
@@ -57,7 +57,7 @@ class DynamicProblem:
     """
 
     flat: FlatModel
-    plan: Plan
+    plan: CausalPlan
     formulation: str
     state_pairs: list[Pair]
     control_indices: list[int]
@@ -84,7 +84,7 @@ class DynamicProblem:
     mayer: ca.SX
     points: list[ConstraintRow]
     builder: ProblemBuilder
-    base: Plan
+    base: CausalPlan
     x_scale: np.ndarray
     u_scale: np.ndarray
     P_scale: np.ndarray

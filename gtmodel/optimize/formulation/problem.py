@@ -9,7 +9,7 @@ import casadi as ca
 
 from ...compiler.causal import flat_of
 from ...compiler.flat import FlatModel
-from ...compiler.plan import Plan, make_plan
+from ...compiler.plan import CausalPlan, make_plan
 from ...lang.expression import Expr
 from ...lang.optimization import Optimization
 from ...lang.slips import line_of, persons_code
@@ -105,7 +105,7 @@ def _build(flat: FlatModel, asked: _Asked) -> DynamicProblem:
     plan, kind = _formulated(flat, asked.formulation, controls, base, inverse)
     delayed = {i: (controls.index(source), item) for i, (source, item) in delays.items()}
 
-    def made(plan: Plan, kind: str) -> DynamicProblem:
+    def made(plan: CausalPlan, kind: str) -> DynamicProblem:
         sizes = dict(asked.sizes)
         b = ProblemBuilder(flat, plan, kind, base.states, controls, base, fold, asked.tunable, delayed, sizes)
         return assembled(b, objective, constraints, quadratures, branches)
@@ -141,8 +141,8 @@ def _stated(flat: FlatModel) -> tuple[Expr, list[ConstraintRow]]:
 
 
 def _formulated(
-    flat: FlatModel, formulation: str, controls: list[int], base: Plan, inverse: Plan | None
-) -> tuple[Plan, str]:
+    flat: FlatModel, formulation: str, controls: list[int], base: CausalPlan, inverse: CausalPlan | None
+) -> tuple[CausalPlan, str]:
     """The plan of a formulation, and its kind. Raises ModelError for one that the model does not have."""
     if formulation == "dae":
         return base, "dae"
@@ -159,7 +159,7 @@ def _formulated(
     return base, "torn" if base.newton else "explicit"
 
 
-def _idle(flat: FlatModel, plan: Plan) -> list[Pair]:
+def _idle(flat: FlatModel, plan: CausalPlan) -> list[Pair]:
     """Chain symbols of the equations that the plan does not compute."""
     known = {s.element_hash() for b in plan.blocks for s, _ in b.assignments}
     known |= {s.element_hash() for b in plan.newton for s in b.unknowns}
@@ -167,7 +167,7 @@ def _idle(flat: FlatModel, plan: Plan) -> list[Pair]:
     return [p for p in plan.pairs if p not in given and flat.scope.symbol(*p).element_hash() not in known]
 
 
-def _pivots(plan: Plan) -> bool:
+def _pivots(plan: CausalPlan) -> bool:
     """Does it divide by what depends on the state?"""
     return any(m.kind == "pivot" for b in plan.blocks for m in b.margins)
 
@@ -199,7 +199,7 @@ def _inverse_plan(
     branches: Mapping[str, int],
     fold: ca.SX,
     apart: Collection[int],
-) -> Plan | None:
+) -> CausalPlan | None:
     coordinates = sorted({i for i, _ in states})
     if len(coordinates) != len(controls) or not controls:
         return None
@@ -214,7 +214,7 @@ def _inverse_plan(
     return plan if usable and all(k <= top[i] for i, k in plan.inputs) else None
 
 
-def _refuse_newton(flat: FlatModel, plan: Plan) -> None:
+def _refuse_newton(flat: FlatModel, plan: CausalPlan) -> None:
     """Raises ModelError for equations without a closed form."""
     if plan.newton:
         names = "; ".join(", ".join(b.labels) for b in plan.newton)

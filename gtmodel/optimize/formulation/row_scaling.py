@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from ...compiler.plan import Plan
+from ...compiler.plan import CausalPlan
 from ...lang.source import ModelError
 from ...results.trajectory import Trajectory
 from .attributes import Pair
@@ -59,7 +59,7 @@ def scale_of(size: float) -> float:
 class Jacobians:
     """Derivatives of expressions in x, xd, u, P and t, per nominal of x, xd and u, at consistent points of a plan."""
 
-    plan: Plan
+    plan: CausalPlan
     arguments: list[ca.SX]
     pairs: tuple[list[Pair], list[Pair], list[Pair]]
     nominal: np.ndarray

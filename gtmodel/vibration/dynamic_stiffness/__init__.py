@@ -1,9 +1,9 @@
 """Dynamic stiffness: oscillators from frequency responses, and their field over the pose. Knows no robot.
 
 dynamic_stiffness_study      oscillators by experiment and over the pose: `DynamicStiffnessStudy`
-Fit, Process, Map            how modes and processes are fitted, and what the picture shows
+ModalFitting, Process, FrequencyMap   how modes and processes are fitted, and what the picture shows
 Experiment, read_experiments a frequency response at a pose; all that an index file names
-Synthetic, synthetic_experiments   synthetic experiments, `SyntheticExperiments`
+SyntheticArm, synthetic_experiments   synthetic experiments, `SyntheticExperiments`
 
 Frequency responses
     FrequencyResponse, frequency_response   receptance with its noise from records of an impact hammer
@@ -28,8 +28,13 @@ from .frequency_response import (
 from .frequency_synthetic import synthetic_hits as synthetic_hits, synthetic_receptance as synthetic_receptance
 from .gaussian_process import GaussianProcess as GaussianProcess
 from .gaussian_process_fit import fit_gaussian_processes as fit_gaussian_processes, held_out as held_out
-from .gaussian_process_kernel import Inputs as Inputs
-from .options import Fit as Fit, Map as Map, Process as Process, Synthetic as Synthetic
+from .gaussian_process_kernel import KernelInputs as KernelInputs
+from .options import (
+    FrequencyMap as FrequencyMap,
+    ModalFitting as ModalFitting,
+    Process as Process,
+    SyntheticArm as SyntheticArm,
+)
 from .oscillator_field import OscillatorField as OscillatorField, fit_oscillator_field as fit_oscillator_field
 from .oscillator_field_file import load_oscillator_field as load_oscillator_field, oscillator_text as oscillator_text
 from .oscillator_field_synthetic import SyntheticField as SyntheticField, synthetic_field as synthetic_field

@@ -12,7 +12,7 @@ from ...lang.units import UnitError, convert, parse_unit
 from ...measurements.csv_table import CsvTable
 from ...results import ArgumentError
 from .frequency_response import ORDER, UNITS, FrequencyResponse, frequency_response
-from .options import Fit
+from .options import ModalFitting
 
 _PLACE = {"x": "m", "y": "m", "z": "m", "A": "rad"}
 _INDEX = "x [m],y [m],z [m],A [deg],direction,file"
@@ -36,14 +36,14 @@ class Experiment:
     files: Mapping[str, Path] = field(default_factory=dict)
 
 
-def read_experiments(index: str | Path, fit: Fit | None = None) -> list[Experiment]:
+def read_experiments(index: str | Path, fit: ModalFitting | None = None) -> list[Experiment]:
     """All experiments of an index file, in the order in which they first stand there.
 
     index: CSV file with the columns x [m], y [m], z [m], A [deg], direction and file; rows of the same pose and
     direction are hits of one experiment, unless a column experiment separates them. Files are looked for beside it,
     then in the working directory. fit: estimator and windows of hits. Raises ArgumentError.
     """
-    path, fit = Path(index), fit or Fit()
+    path, fit = Path(index), fit or ModalFitting()
     table = CsvTable(path, _INDEX)
     for name in (*_PLACE, "direction", "file"):
         if name not in table.names:
@@ -56,15 +56,15 @@ def read_experiments(index: str | Path, fit: Fit | None = None) -> list[Experime
         if direction not in ("x", "y", "z"):
             raise ArgumentError(f"{where}: found the direction '{direction}'; expected x, y or z")
         groups.setdefault((*poses[k].tolist(), direction, names[k]), []).append((file, where))
-    found = []
+    experiments = []
     for key, files in groups.items():
-        paths = {name: _found(name, path.parent, where) for name, where in files}
+        paths = {name: _existing(name, path.parent, where) for name, where in files}
         response = _response(files, fit, paths)
-        found.append(Experiment(np.array(key[:4], float), "xyz".index(str(key[4])), response, files[0][0], paths))
-    return found
+        experiments.append(Experiment(np.array(key[:4], float), "xyz".index(str(key[4])), response, files[0][0], paths))
+    return experiments
 
 
-def _response(files: Sequence[tuple[str, str]], fit: Fit, paths: Mapping[str, Path]) -> FrequencyResponse:
+def _response(files: Sequence[tuple[str, str]], fit: ModalFitting, paths: Mapping[str, Path]) -> FrequencyResponse:
     """Of the hits of one experiment, or the one receptance."""
     tables = [CsvTable(paths[name], _RECORD) for name, _ in files]
     (name, where), first = files[0], tables[0]
@@ -131,7 +131,7 @@ def _step(t: np.ndarray, name: str) -> float:
     return float((t[-1] - t[0]) / (len(t) - 1))
 
 
-def _found(name: str, folder: Path, where: str) -> Path:
+def _existing(name: str, folder: Path, where: str) -> Path:
     path = next((p for p in (folder / name, Path(name)) if p.is_file()), None)
     if path is None:
         raise ArgumentError(f"{where}: there is no file '{name}' in {folder} or here")

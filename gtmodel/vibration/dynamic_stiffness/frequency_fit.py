@@ -98,8 +98,8 @@ def fit_modes(
 
 def _separate(fit: ModalFit, band: tuple[float, float]) -> bool:
     """Whether the data determine every mode: by its covariance, and not far outside of the lines."""
-    told = all(fit.log_std("k", j) < 1 and fit.log_std("fn", j) < 0.2 for j in range(len(fit.m)))
-    return told and bool(np.all((fit.fn > 0.5 * band[0]) & (fit.fn < 2 * band[1])))
+    determined = all(fit.log_std("k", j) < 1 and fit.log_std("fn", j) < 0.2 for j in range(len(fit.m)))
+    return determined and bool(np.all((fit.fn > 0.5 * band[0]) & (fit.fn < 2 * band[1])))
 
 
 def _judged(fit: ModalFit, one: ModalFit | None) -> ModalFit:

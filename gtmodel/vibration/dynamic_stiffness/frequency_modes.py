@@ -61,8 +61,8 @@ def linear_start(s: np.ndarray, H: np.ndarray, modes: int, weights: np.ndarray) 
         # the highest power of D has the coefficient one
         A = np.hstack([numerator, -h[:, None] * denominator]) * row[:, None]
         b = h * z ** (2 * modes) * row
-        found = np.linalg.lstsq(np.vstack([A.real, A.imag]), np.concatenate([b.real, b.imag]), rcond=None)[0]
-        ascending = np.append(found[2 * modes - 1 :], 1.0)
+        coefficients = np.linalg.lstsq(np.vstack([A.real, A.imag]), np.concatenate([b.real, b.imag]), rcond=None)[0]
+        ascending = np.append(coefficients[2 * modes - 1 :], 1.0)
         D = np.abs(np.polyval(ascending[::-1], z))
         D = np.maximum(D, 1e-9 * D.max())
     poles = np.roots(ascending[::-1])

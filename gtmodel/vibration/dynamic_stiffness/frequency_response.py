@@ -134,10 +134,10 @@ def frequency_response(
         if power.max() <= 0:
             raise ValueError(f"the {what} is zero throughout; look at the column of the record")
     # a line without force holds no information; H2 divides by the response's part of it
-    told = GFF > SILENT * GFF.max()
+    excited = GFF > SILENT * GFF.max()
     if estimator == "H2":
-        told &= np.abs(GFx) ** 2 > SILENT * GFF.max() * Gxx.max()
-    f, GFF, GFx, Gxx = f[told], GFF[told], GFx[told], Gxx[told]
+        excited &= np.abs(GFx) ** 2 > SILENT * GFF.max() * Gxx.max()
+    f, GFF, GFx, Gxx = f[excited], GFF[excited], GFx[excited], Gxx[excited]
     derived = (2j * np.pi * f + decay) ** ORDER[measures]
     H = (GFx / GFF if estimator == "H1" else Gxx / GFx.conj()) / derived
     # a response that is exactly zero is one of force and noise alike

@@ -9,7 +9,7 @@ import numpy as np
 from scipy import stats
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
-from .gaussian_process_kernel import Inputs, Shape, correlation, square_distances
+from .gaussian_process_kernel import KernelInputs, Shape, correlation, square_distances
 
 VAGUE = 10.0  # standard deviations of the data: how far the level of the process may lie from their mean
 
@@ -25,7 +25,7 @@ class GaussianProcess:
 
     X: np.ndarray
     y: np.ndarray
-    inputs: Inputs
+    inputs: KernelInputs
     shape: Shape
     lengths: np.ndarray
     amplitude: float

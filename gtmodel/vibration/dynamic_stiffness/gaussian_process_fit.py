@@ -10,7 +10,7 @@ from scipy.linalg import LinAlgError, cho_factor, cho_solve
 from scipy.optimize import minimize
 
 from .gaussian_process import GaussianProcess, level_of
-from .gaussian_process_kernel import Inputs, Shape, correlation, slope, square_distances
+from .gaussian_process_kernel import KernelInputs, Shape, correlation, slope, square_distances
 
 LENGTHS = (0.05, 20.0)  # in units of the inputs' scales: beyond, an input is noise or without effect
 AMPLITUDES, NOISES = (0.03, 30.0), (1e-3, 3.0)  # in units of the standard deviation of the data
@@ -56,7 +56,7 @@ class _Problem:
 def fit_gaussian_processes(
     X: np.ndarray,
     Y: np.ndarray,
-    inputs: Inputs,
+    inputs: KernelInputs,
     *,
     shape: Shape = "squared_exponential",
     starts: int = STARTS,
@@ -70,7 +70,7 @@ def fit_gaussian_processes(
     Raises ValueError for wrong shapes, or fewer different poses than inputs and two more.
 
     >>> poses = np.linspace(0.0, 3.0, 12)[:, None]
-    >>> inputs = gt.vibration.Inputs(scale=(1.0,), periodic=(False,))
+    >>> inputs = gt.vibration.KernelInputs(scale=(1.0,), periodic=(False,))
     >>> (process,) = gt.vibration.fit_gaussian_processes(poses, np.sin(poses[:, 0]), inputs)
     >>> mean, std = process.predict(np.array([[1.6]]))
     >>> round(float(mean[0]), 2)  # sin(1.6)
@@ -124,7 +124,7 @@ def held_out(
     so few different poses were measured that none can be spared.
 
     >>> poses = np.linspace(0.0, 3.0, 12)[:, None]
-    >>> inputs = gt.vibration.Inputs(scale=(1.0,), periodic=(False,))
+    >>> inputs = gt.vibration.KernelInputs(scale=(1.0,), periodic=(False,))
     >>> (process,) = gt.vibration.fit_gaussian_processes(poses, np.sin(poses[:, 0]), inputs)
     >>> errors, stds = gt.vibration.held_out([process])
     >>> errors.shape, bool(np.abs(errors).max() < 0.01)
@@ -151,7 +151,7 @@ def held_out(
     return errors, stds
 
 
-def _places(X: np.ndarray, inputs: Inputs) -> np.ndarray:
+def _places(X: np.ndarray, inputs: KernelInputs) -> np.ndarray:
     """Number (n,) of the different pose that each pose is, in the order in which they first stand there."""
     rounded = (inputs.coordinates(X) / SAME).round()
     first, own = np.unique(rounded, axis=0, return_index=True, return_inverse=True)[1:]
@@ -176,9 +176,9 @@ def _starts(d: int, p: int, count: int, seed: int) -> list[np.ndarray]:
 
 def _best(problem: _Problem, starts: Sequence[np.ndarray], bounds: list[tuple[float, float]]) -> np.ndarray:
     low, high = np.array(bounds).T
-    found = [
+    optima = [
         minimize(problem.cost, np.clip(start, low, high), jac=True, bounds=bounds, method="L-BFGS-B",
                  options={"maxiter": 200, "ftol": STILL})
         for start in starts
     ]  # fmt: skip
-    return min(found, key=lambda r: r.fun).x
+    return min(optima, key=lambda r: r.fun).x

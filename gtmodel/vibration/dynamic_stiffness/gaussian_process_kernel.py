@@ -11,13 +11,13 @@ Shape = Literal["squared_exponential", "matern_5_2"]
 
 
 @dataclass(frozen=True)
-class Inputs:
+class KernelInputs:
     """How a pose (d,) becomes coordinates (e,): each divided by its scale, or round a circle.
 
     scale (d,): typical lengths, in the inputs' own units. `periodic` (d,): angles [rad] of period 2 pi; they become
     cosine and sine, which share one length (the scale divides the chord), so that the covariance has the period too.
 
-    >>> inputs = gt.vibration.Inputs(scale=(0.5, 1.0), periodic=(False, True))
+    >>> inputs = gt.vibration.KernelInputs(scale=(0.5, 1.0), periodic=(False, True))
     >>> inputs.coordinates(np.array([[1.0, np.pi]])).round(3)  # the angle becomes cosine and sine
     array([[ 2., -1., 0.]])
     """

@@ -10,7 +10,7 @@ from ...results.options import Long, Options, Unit, Within
 
 
 @dataclass(frozen=True)
-class Fit(Options):
+class ModalFitting(Options):
     """How modes are fitted to a frequency response."""
 
     search: Annotated[list[float], Unit("Hz"), Long(2), "where the most compliant mode is looked for"] = field(
@@ -53,7 +53,7 @@ class Process(Options):
 
 
 @dataclass(frozen=True)
-class Map(Options):
+class FrequencyMap(Options):
     """The picture of the lowest frequency over two coordinates of the pose."""
 
     over: Annotated[list[Literal["x", "y", "z", "A"]], Long(2), "abscissa and ordinate"] = field(
@@ -67,7 +67,7 @@ class Map(Options):
 
 
 @dataclass(frozen=True)
-class Synthetic(Options):
+class SyntheticArm(Options):
     """Synthetic experiments on a smooth field near printed oscillators."""
 
     seed: Annotated[int, "of field, poses and noise"]

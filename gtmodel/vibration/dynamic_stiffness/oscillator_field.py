@@ -11,7 +11,7 @@ import numpy as np
 from .frequency_modes import ADDED, SHARES
 from .gaussian_process import GaussianProcess, quantile
 from .gaussian_process_fit import STARTS, fit_gaussian_processes, held_out
-from .gaussian_process_kernel import Inputs, Shape
+from .gaussian_process_kernel import KernelInputs, Shape
 
 DIRECTIONS, QUANTITIES = ("x", "y", "z"), ("m", "c", "k")
 SCALES = (0.5, 0.5, 0.5, 1.0)  # m, m, m, rad: over which an arm of three metres changes
@@ -54,10 +54,10 @@ class OscillatorField:
         far from them a prediction is little more than their mean. casadi_function() does not ask this.
         """
         poses = np.atleast_2d(np.asarray(pose, float))
-        told = np.ones(len(poses), bool)
+        determined = np.ones(len(poses), bool)
         for g in self.processes.values():
-            told &= (g.predict(poses)[1] / g.inflation) ** 2 <= UNDETERMINED * np.var(g.y)
-        return told if np.ndim(pose) > 1 else bool(told[0])
+            determined &= (g.predict(poses)[1] / g.inflation) ** 2 <= UNDETERMINED * np.var(g.y)
+        return determined if np.ndim(pose) > 1 else bool(determined[0])
 
     def casadi_function(self, *, std: bool = False, name: str = "oscillators") -> Any:
         """CasADi function pose (4,) -> m, c, k (3,) each; with `std` their relative standard deviations follow.
@@ -84,8 +84,8 @@ class OscillatorField:
 
     def _logs(self, poses: np.ndarray, of: str) -> tuple[np.ndarray, np.ndarray]:
         """Means and standard deviations (3 quantities, n, 3 directions) of the logarithms."""
-        found = [[self.processes[d, q].predict(poses, of=of) for d in DIRECTIONS] for q in QUANTITIES]
-        stacked = np.array(found)  # (q, d, 2, n)
+        predictions = [[self.processes[d, q].predict(poses, of=of) for d in DIRECTIONS] for q in QUANTITIES]
+        stacked = np.array(predictions)  # (q, d, 2, n)
         return stacked[:, :, 0].transpose(0, 2, 1), stacked[:, :, 1].transpose(0, 2, 1)
 
     def _log(self, name: str, pose: Any, of: str = "field") -> tuple[np.ndarray, np.ndarray]:
@@ -145,7 +145,7 @@ def fit_oscillator_field(
             row = int(np.argwhere(wrong)[0, 0])
             what = "not positive" if np.any(v[row] <= 0) else "infinite"
             raise ValueError(f"{q} is {what} at pose {row}; leave that measurement out as NaN")
-    inputs = Inputs(tuple(scale), (False, False, False, periodic))
+    inputs = KernelInputs(tuple(scale), (False, False, False, periodic))
     processes, errors = {}, {}
     for d, direction in enumerate(DIRECTIONS):
         rows = np.all([np.isfinite(v[:, d]) for v in values.values()], axis=0)

@@ -10,7 +10,7 @@ import numpy as np
 import tomli_w
 
 from .gaussian_process import GaussianProcess
-from .gaussian_process_kernel import Inputs
+from .gaussian_process_kernel import KernelInputs
 from .oscillator_field import DIRECTIONS, QUANTITIES, OscillatorField
 
 FORMAT = "gtmodel oscillator field 1"
@@ -78,7 +78,7 @@ def load_oscillator_field(path: str | Path) -> OscillatorField:
         )
     try:
         covariance = content["covariance"]
-        inputs = Inputs(tuple(covariance["scale"]), tuple(covariance["periodic"]))
+        inputs = KernelInputs(tuple(covariance["scale"]), tuple(covariance["periodic"]))
         processes = {
             (d, q): _process(np.array(content[d]["poses"], float), content[d][q], inputs, covariance["shape"])
             for d in DIRECTIONS
@@ -89,6 +89,6 @@ def load_oscillator_field(path: str | Path) -> OscillatorField:
     return OscillatorField(processes, content.get("synthetic") or None)
 
 
-def _process(X: np.ndarray, table: dict[str, Any], inputs: Inputs, shape: Any) -> GaussianProcess:
+def _process(X: np.ndarray, table: dict[str, Any], inputs: KernelInputs, shape: Any) -> GaussianProcess:
     numbers = [float(table[name]) for name in ("amplitude", "noise", "mean", "level", "inflation")]
     return GaussianProcess(X, np.array(table["logarithms"], float), inputs, shape, np.array(table["lengths"]), *numbers)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-from .gaussian_process_kernel import Inputs, correlation, square_distances
+from .gaussian_process_kernel import KernelInputs, correlation, square_distances
 
 WAVES = 500  # cosines that make up a draw: its covariance is right within a few per cent
 NEAR = 0.01  # of the variance: how near given poses are met; exactly, poses that lie close would make it steep
@@ -20,7 +20,7 @@ class SyntheticField:
     Made by synthetic_field(). As `at` of OscillatorField, but a truth: no measurement is behind it.
     """
 
-    inputs: Inputs
+    inputs: KernelInputs
     frequencies: np.ndarray  # (WAVES, e)
     phases: np.ndarray  # (WAVES,)
     shares: np.ndarray  # (WAVES, 9)
@@ -42,7 +42,14 @@ class SyntheticField:
 
 
 def synthetic_field(
-    poses: np.ndarray, m: np.ndarray, c: np.ndarray, k: np.ndarray, inputs: Inputs, lengths: np.ndarray, *, seed: int
+    poses: np.ndarray,
+    m: np.ndarray,
+    c: np.ndarray,
+    k: np.ndarray,
+    inputs: KernelInputs,
+    lengths: np.ndarray,
+    *,
+    seed: int,
 ) -> SyntheticField:
     """A synthetic field near m, c, k (n, 3) at poses (n, 4), with `lengths` (4,) in units of the scales of `inputs`.
 
@@ -52,7 +59,7 @@ def synthetic_field(
     >>> rng = np.random.default_rng(1)
     >>> poses = rng.uniform([-0.3, -3.1, 0.2, 0.0], [0.9, -2.1, 0.4, 2.0], (12, 4))  # x, y, z [m], A [rad]
     >>> m, c, k = (size * np.exp(0.1 * rng.standard_normal((12, 3))) for size in (200.0, 4000.0, 3e6))
-    >>> inputs = gt.vibration.Inputs(scale=(0.5, 0.5, 0.5, 1.0), periodic=(False, False, False, True))
+    >>> inputs = gt.vibration.KernelInputs(scale=(0.5, 0.5, 0.5, 1.0), periodic=(False, False, False, True))
     >>> truth = gt.vibration.synthetic_field(poses, m, c, k, inputs, np.array([2.0, 0.8, 2.0, 0.8]), seed=4)
     >>> bool(np.abs(truth.at(poses)[2] / k - 1).max() < 0.1)  # stiffness at the given poses
     True

@@ -10,7 +10,7 @@ import numpy as np
 from ..vibration_result import entitled
 from .experiments import Experiment
 from .frequency_modal import ModalFit
-from .options import Map
+from .options import FrequencyMap
 from .oscillator_field import OscillatorField
 
 _ORDER = ("x", "y", "z", "A")
@@ -34,7 +34,7 @@ def responses(experiments: Sequence[Experiment], fits: Sequence[ModalFit | None]
     return response_figure([shown[d] for d in sorted(shown)], title=entitled(title, note))
 
 
-def lowest(map: Map, experiments: Sequence[Experiment], field: OscillatorField, title: str) -> Any:
+def lowest(map: FrequencyMap, experiments: Sequence[Experiment], field: OscillatorField, title: str) -> Any:
     """Lowest frequency over two coordinates within the poses, the others held."""
     from ...plot.dynamic_stiffness import lowest_frequency_figure
 

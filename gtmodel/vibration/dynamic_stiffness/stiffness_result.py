@@ -47,7 +47,7 @@ class DynamicStiffnessStudy(Study):
         float,
         "standard deviation of a logarithm between experiments at one pose, from the repeatability",
     ]
-    repeatability_found: Annotated[
+    measured_repeatability: Annotated[
         float | None,
         "mean change of m, c and k between experiments at one pose; null where none was repeated",
     ] = None
@@ -116,11 +116,11 @@ class DynamicStiffnessStudy(Study):
             Row("95 % intervals, values held out: inside", f"{held[0]:.1%}, after widening {held[1]:.1%}"),
             Row("intervals widened by", _list(self.inflation)),
         ]
-        if self.repeatability_found is not None:
-            rows.append(Row("repeatability found", f"{self.repeatability_found:.1%}"))
+        if self.measured_repeatability is not None:
+            rows.append(Row("measured repeatability", f"{self.measured_repeatability:.1%}"))
         if truth is not None:
-            told = f"{truth[0]:.1%}, after widening {truth[1]:.1%}"
-            rows.append(Row(f"true field at {NEW_POSES} new poses: inside", told))
+            shares = f"{truth[0]:.1%}, after widening {truth[1]:.1%}"
+            rows.append(Row(f"true field at {NEW_POSES} new poses: inside", shares))
         return rows
 
 

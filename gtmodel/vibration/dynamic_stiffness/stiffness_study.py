@@ -19,7 +19,7 @@ from . import pictures
 from .experiments import Experiment
 from .frequency_fit import fit_modes
 from .frequency_modal import ModalFit
-from .options import Fit, Map, Process
+from .options import FrequencyMap, ModalFitting, Process
 from .oscillator_field import OscillatorField, fit_oscillator_field
 from .oscillator_field_file import oscillator_text
 from .pose_table import NAMES, pose_table
@@ -35,9 +35,9 @@ QUANTILE = float(stats.norm.ppf((1 + LEVEL) / 2))
 def dynamic_stiffness_study(
     experiments: Sequence[Experiment] | SyntheticExperiments,
     *,
-    fit: Fit | None = None,
+    fit: ModalFitting | None = None,
     process: Process | None = None,
-    map: Map | None = None,
+    map: FrequencyMap | None = None,
     repeatability: Annotated[float, Within(above=0.0)] = 0.15,
     title: str = "",
     progress: Progress = silent,
@@ -56,8 +56,8 @@ def dynamic_stiffness_study(
     Interrupted, it holds the experiments that were fitted and no field. Raises ArgumentError.
 
     >>> from gtmodel.robots.kr500_oscillators import table_16
-    >>> from gtmodel.vibration.dynamic_stiffness import Process, Synthetic, synthetic_experiments
-    >>> made = synthetic_experiments(table_16(), Synthetic(seed=1, poses=12, records="receptance"))
+    >>> from gtmodel.vibration.dynamic_stiffness import Process, SyntheticArm, synthetic_experiments
+    >>> made = synthetic_experiments(table_16(), SyntheticArm(seed=1, poses=12, records="receptance"))
     >>> s = gt.vibration.dynamic_stiffness_study(made, process=Process(starts=1))
     >>> s.field.at(made.poses[0])[0].shape
     (3,)
@@ -65,7 +65,7 @@ def dynamic_stiffness_study(
     work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
     made = experiments if isinstance(experiments, SyntheticExperiments) else None
     given = list(made.experiments if made else experiments)  # type: ignore[arg-type]
-    fit, process, map = fit or Fit(), process or Process(), map or Map()
+    fit, process, map = fit or ModalFitting(), process or Process(), map or FrequencyMap()
     if not 0 < fit.search[0] < fit.search[1]:
         raise ArgumentError("expected a lower and a higher frequency", "fit.search")
     if map.over[0] == map.over[1]:
@@ -81,9 +81,9 @@ def dynamic_stiffness_study(
                 **_by_experiment(given[:n], fits, warnings, repeatability),
             )
         work.progress("fitting modes", 0.1 + 0.5 * n / len(given))
-        found, said = _fitted(experiment, fit, None if made is None else made.relative_noise)
-        fits.append(found)
-        warnings += [f"{experiment.source}: {text}" for text in said]
+        modal, notes = _fitted(experiment, fit, None if made is None else made.relative_noise)
+        fits.append(modal)
+        warnings += [f"{experiment.source}: {text}" for text in notes]
     work.progress("fitting processes", 0.7)
     rows = _rows_of(given, fits)
     field, errors = _field(given, rows, process, None if made is None else made.note)
@@ -112,7 +112,7 @@ def dynamic_stiffness_study(
         },
         machine_files=("oscillators.toml", "oscillators.c"),
         **_by_experiment(given, fits, warnings, repeatability),
-        repeatability_found=_repeatability(given, rows),
+        measured_repeatability=_repeatability(given, rows),
         noise_of_process=[g.noise for g in processes],
         lengths=[g.lengths for g in processes],
         inflation=[g.inflation for g in processes],
@@ -129,12 +129,12 @@ def dynamic_stiffness_study(
 
 def _by_experiment(given: Sequence[Experiment], fits: Fits, warnings: Sequence[str], repeatability: float) -> Any:
     """The quantities of single experiments."""
-    found = np.array([[np.nan] * 5 if f is None else [getattr(f, n)[0] for n in NAMES] for f in fits])
+    values = np.array([[np.nan] * 5 if f is None else [getattr(f, n)[0] for n in NAMES] for f in fits])
     names = ("mass", "damping", "stiffness", "frequency", "damping_ratio")
     return {
         "poses": np.array([e.pose for e in given]),
         "direction": ["xyz"[e.direction] for e in given],
-        **dict(zip(names, found.reshape(-1, 5).T, strict=True)),
+        **dict(zip(names, values.reshape(-1, 5).T, strict=True)),
         "relative_std": [None if f is None else [f.log_std(n) for n in NAMES] for f in fits],
         "modes": [0 if f is None else len(f.m) for f in fits],
         "next_mode": [None if f is None else f.next_mode for f in fits],
@@ -145,7 +145,9 @@ def _by_experiment(given: Sequence[Experiment], fits: Fits, warnings: Sequence[s
     }
 
 
-def _fitted(experiment: Experiment, f: Fit, relative_noise: float | None) -> tuple[ModalFit | None, Sequence[str]]:
+def _fitted(
+    experiment: Experiment, f: ModalFitting, relative_noise: float | None
+) -> tuple[ModalFit | None, Sequence[str]]:
     try:
         fit = fit_modes(
             experiment.response, f.modes, band=None if f.band is None else (f.band[0], f.band[1]),
@@ -173,11 +175,11 @@ def _field(
     """The field and held-out errors."""
     poses = np.array([e.pose for e in given])
     for d, name in enumerate("xyz"):
-        told = len(np.unique(poses[np.isfinite(rows["m"][:, d])].round(9), axis=0))
+        count = len(np.unique(poses[np.isfinite(rows["m"][:, d])].round(9), axis=0))
         least = len(p.scale) + 4  # one is held out
-        if told < least:
+        if count < least:
             raise ArgumentError(
-                f"experiments in {name} gave a mode at {told} different poses; a field takes {least} or more",
+                f"experiments in {name} gave a mode at {count} different poses; a field takes {least} or more",
                 "experiments",
             )
     return fit_oscillator_field(
@@ -226,8 +228,8 @@ def _repeatability(experiments: Sequence[Experiment], rows: Mapping[str, Array])
         if key in last:
             changes += [float(np.log(v[n, e.direction] / v[last[key], e.direction])) for v in rows.values()]
         last[key] = n
-    told = np.abs([c for c in changes if np.isfinite(c)])
-    return float(np.mean(told)) if len(told) else None
+    sizes = np.abs([c for c in changes if np.isfinite(c)])
+    return float(np.mean(sizes)) if len(sizes) else None
 
 
 def _c_text(field: OscillatorField) -> str:

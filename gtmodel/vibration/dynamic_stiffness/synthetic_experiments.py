@@ -11,8 +11,8 @@ from ...results import ArgumentError
 from .experiments import Experiment
 from .frequency_response import FrequencyResponse, frequency_response
 from .frequency_synthetic import synthetic_hits, synthetic_receptance
-from .gaussian_process_kernel import Inputs
-from .options import Fit, Process, Synthetic
+from .gaussian_process_kernel import KernelInputs
+from .options import ModalFitting, Process, SyntheticArm
 from .oscillator_field_synthetic import SyntheticField, synthetic_field
 
 LOWEST_HZ = 1.0  # of synthetic receptances
@@ -20,7 +20,7 @@ NEW_POSES = 200  # of synthetic fields, where their truth is compared
 CHANGE = 2 / np.sqrt(np.pi)  # mean size of the difference of two values of unit standard deviation
 
 
-class Printed(Protocol):
+class PrintedOscillators(Protocol):
     """Known oscillators near which a synthetic field lies: poses (n, 4), m, c, k (n, 3), and words on them."""
 
     @property
@@ -37,9 +37,9 @@ class Printed(Protocol):
     def name(self) -> str: ...
 
 
-def inputs_of(p: Process) -> Inputs:
+def inputs_of(p: Process) -> KernelInputs:
     """Scales and periods of the pose."""
-    return Inputs((*p.scale, p.angle_scale), (False, False, False, p.periodic))
+    return KernelInputs((*p.scale, p.angle_scale), (False, False, False, p.periodic))
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,10 +62,10 @@ class SyntheticExperiments:
 
 
 def synthetic_experiments(
-    near: Printed,
-    synthetic: Synthetic,
+    near: PrintedOscillators,
+    synthetic: SyntheticArm,
     *,
-    fit: Fit | None = None,
+    fit: ModalFitting | None = None,
     process: Process | None = None,
     repeatability: float = 0.15,
 ) -> SyntheticExperiments:
@@ -74,7 +74,7 @@ def synthetic_experiments(
     fit: estimator and windows of the hits; process: scales of the pose; repeatability: mean change of m, c and k
     between experiments at one pose.
     """
-    s, fit, scatter = synthetic, fit or Fit(), repeatability / CHANGE
+    s, fit, scatter = synthetic, fit or ModalFitting(), repeatability / CHANGE
     inputs = inputs_of(process or Process())
     field = synthetic_field(near.poses, near.m, near.c, near.k, inputs, np.array(s.lengths), seed=s.seed)
     poses = _drawn(s, s.poses, s.seed)
@@ -93,7 +93,7 @@ def synthetic_experiments(
     return SyntheticExperiments(experiments, field, poses, then, new, note, near.note, relative)
 
 
-def _drawn(s: Synthetic, count: int, seed: int) -> np.ndarray:
+def _drawn(s: SyntheticArm, count: int, seed: int) -> np.ndarray:
     """Poses (count, 4) spread over the box."""
     from scipy.stats import qmc
 
@@ -105,7 +105,7 @@ def _drawn(s: Synthetic, count: int, seed: int) -> np.ndarray:
 
 
 def _measured(
-    s: Synthetic, fit: Fit, m: float, c: float, k: float, rng: np.random.Generator, name: str
+    s: SyntheticArm, fit: ModalFitting, m: float, c: float, k: float, rng: np.random.Generator, name: str
 ) -> FrequencyResponse:
     if s.records == "receptance":
         lines = np.arange(LOWEST_HZ, s.sample_rate / 2.56, 1 / s.duration)

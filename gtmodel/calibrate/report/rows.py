@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 from ...results import Row
 
 WORST_ROWS = 5
-WEAK = "told no better than"  # of a combination, in words
+WEAK = "determined no better than"  # of a combination, in words
 
 
-def rows_of(values: Mapping[str, Any], notes: Sequence[str]) -> list[Row]:
+def rows_of(values: Mapping[str, Any]) -> list[Row]:
     """The table that people see."""
     rows = []
     for u in values["unknowns"]:
@@ -20,7 +20,7 @@ def rows_of(values: Mapping[str, Any], notes: Sequence[str]) -> list[Row]:
             low, high = u["interval_95"]
             rows.append(Row("  95 %", f"{low:.7g} to {high:.7g}"))
         elif u["std"] is None:
-            rows.append(Row("  95 %", "not told by these poses"))
+            rows.append(Row("  95 %", "not determined by these poses"))
         else:
             rows.append(Row("  std, were residuals noise", u["std"], u["unit"]))
     rows += [Row(f"mean length error of {n}", v, "mm") for n, v in values["link_errors_mm"].items()]
@@ -38,16 +38,15 @@ def rows_of(values: Mapping[str, Any], notes: Sequence[str]) -> list[Row]:
     if values["repeatability_mm"] is not None:
         rows.append(Row("repeatability, rms", values["repeatability_mm"], "mm"))
     if values["identifiability_after"]:
-        told = values["identifiability_after"]["sentences"]
-        rows += [Row("identifiability", s) for s in told if WEAK not in s]
-        weak = sum(WEAK in s for s in told)
+        sentences = values["identifiability_after"]["notes"]
+        rows += [Row("identifiability", s) for s in sentences if WEAK not in s]
+        weak = sum(WEAK in s for s in sentences)
         if weak:
             rows.append(Row("identifiability", f"{weak} combinations are {WEAK} they were known; see result.json"))
     rows += [
         Row("outlier", f"line {o['line']}, {o['link']}: {o['residual_mm']:.3g} mm, {o['times']:.1f} deviations")
         for o in values["outliers"][:WORST_ROWS]
     ]
-    rows += [Row("note", s) for s in notes if "do not determine" not in s]
     rows += [Row("verdict", s) for s in values["verdict"]]
     if values["synthetic"]:
         rows.append(Row("synthetic", values["synthetic"].partition(";")[0]))

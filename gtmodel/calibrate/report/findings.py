@@ -27,7 +27,7 @@ HUBER = 1.345  # standard deviations: 95 % as sharp as least squares where there
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class Findings:
     """`before`, `after`: identifiability without and with the data's noise. `fitted`, `held_out`, `a_priori`: signal ->
     errors of the calibrated model on fitted and held-out poses, and of the robot as it was on the latter or, without
     any, the former; empty where a pose cannot be closed. `repeatability`: rms distance [m] of poses at the same
@@ -89,16 +89,16 @@ class Found:
         return len(self.lines_held_out) if kept is None else kept.lost
 
     @property
-    def told(self) -> tuple[dict[str, Prediction], np.ndarray, bool]:
+    def headline(self) -> tuple[dict[str, Prediction], np.ndarray, bool]:
         """Errors that the headline is about, their lines, and whether they are of held-out poses."""
         if self.held_out:
             return self.held_out, self.lines_held_out, True
         return self.fitted, self.lines, False
 
 
-def found_of(
+def findings_of(
     fit: Fit, data: SplitPoses, prepared: Prepared, a_priori: Prediction | None, stop: Callable[[], bool]
-) -> Found:
+) -> Findings:
     """Fit and look at it; `a_priori`: errors of the robot as it was, at all poses; `stop`: see calibrate().
 
     Raises ArgumentError where the cost or the loss does not fit the measurements."""
@@ -117,40 +117,40 @@ def found_of(
         raise ArgumentError(str(error), option) from error
     part = data.held_out if data.held_out.any() else ~data.held_out
     prior = {} if a_priori is None else {data.position: Prediction(a_priori.errors[part])}
-    return Found(
+    return Findings(
         prepared, data, c, before, _predicted(c, data.fitted), {} if data.kept is None else _predicted(c, data.kept),
         prior, outliers(c.residuals),
         _sensitivity(fit, c), _repeatability(data), fit.loss,
     )  # fmt: skip
 
 
-def verdict(found: Found, accuracy: float | None) -> tuple[bool, bool | None, list[str]]:
+def verdict(findings: Findings, accuracy: float | None) -> tuple[bool, bool | None, list[str]]:
     """Whether the numerics are sound, whether prediction is proven (None: not tried), and what both cover, in words."""
-    c = found.calibration
+    c = findings.calibration
     sound, sentences = c.status.ok, []
     if not sound:
         return False, None, [f"not solved: {c.message}"]
-    assert c.estimate is not None and found.after is not None
-    sentences.append(f"numerics sound: {c.message}, {found.after.counts}")
-    if found.after.redundant:
-        sentences.append(undetermined(c, found.after))
+    assert c.estimate is not None and findings.after is not None
+    sentences.append(f"numerics sound: {c.message}, {findings.after.counts}")
+    if findings.after.redundant:
+        sentences.append(undetermined(c, findings.after))
     if c.estimate.known_noise:
         size = noise_size(c.estimate)
         sentences.append(size.message)
     if c.estimate.degrees_of_freedom > 0:
-        sentences.append(found.confidence.scope)
-    lost = found.lost
-    if found.priors:
-        sentences.append(f"prediction not proven: {found.priors[0]}")
+        sentences.append(findings.confidence.scope)
+    lost = findings.lost
+    if findings.priors:
+        sentences.append(f"prediction not proven: {findings.priors[0]}")
         return True, False, sentences
     if lost:
         sentences.append(
-            f"prediction not proven: {lost} of {len(found.lines_held_out)} held-out poses do not close with these "
+            f"prediction not proven: {lost} of {len(findings.lines_held_out)} held-out poses do not close with these "
             "parameters; "
             "two links may have come to coincide: give priors, fix parameters or turn the plate farther"
         )
         return True, False, sentences
-    if not found.held_out:
+    if not findings.held_out:
         sentences.append("prediction not proven: no poses were held out, errors of fitted poses flatter")
         return True, None, sentences
     far = moved_too_far(c)
@@ -159,10 +159,10 @@ def verdict(found: Found, accuracy: float | None) -> tuple[bool, bool | None, li
             f"prediction not proven: held-out poses were read in the same way as the fitted ones, and {far[0]}"
         )
         return True, False, sentences
-    name, kept = found.position, len(found.lines_held_out)
-    outside = found.held_out[name]
+    name, kept = findings.position, len(findings.lines_held_out)
+    outside = findings.held_out[name]
     sizes = f"mean {1e3 * outside.mean:.3g} mm, greatest {1e3 * outside.greatest:.3g} mm"
-    judged = found.judged
+    judged = findings.judged
     assert judged is not None
     proven = judged.passed and (accuracy is None or outside.mean <= accuracy)
     if proven:
@@ -185,8 +185,8 @@ def _predicted(c: Calibration, m: Measurements) -> dict[str, Prediction]:
         errors = c.positioning_errors(m)
     except (ModelError, ValueError, np.linalg.LinAlgError):
         return {}
-    found = {n: Prediction(e) for n, e in errors.items() if e.shape[1] == 3}
-    return found if all(np.any(np.isfinite(p.errors)) for p in found.values()) else {}
+    predictions = {n: Prediction(e) for n, e in errors.items() if e.shape[1] == 3}
+    return predictions if all(np.any(np.isfinite(p.errors)) for p in predictions.values()) else {}
 
 
 def _scale(c: Calibration) -> float:

@@ -28,7 +28,7 @@ def contradicted_priors(c: Calibration) -> list[str]:
         return []
     if alone is None:
         return []
-    found: list[tuple[float, str]] = []
+    contradictions: list[tuple[float, str]] = []
     for prior in u.priors:
         k = u.names.index(prior.name)
         std = float(alone.std[k])
@@ -37,5 +37,5 @@ def contradicted_priors(c: Calibration) -> list[str]:
             unit = u.units[k] or "1"
             poses = f"which give {alone.values[k]:.6g} +- {std:.2g} without priors; correct or widen it"
             known = f"the prior {prior.name} = {prior.value:g} {unit} +- {prior.std:g}"
-            found.append((off, f"{known} contradicts the poses, {poses}"))
-    return [sentence for _, sentence in sorted(found, key=lambda pair: -pair[0])[:MOST]]
+            contradictions.append((off, f"{known} contradicts the poses, {poses}"))
+    return [sentence for _, sentence in sorted(contradictions, key=lambda pair: -pair[0])[:MOST]]

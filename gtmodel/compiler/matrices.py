@@ -1,10 +1,12 @@
-"""Entries of symbolic matrices as scalars."""
+"""Entries of symbolic matrices as scalars, and QR with column pivoting, under types that checkers understand."""
 
 from __future__ import annotations
 
 from typing import cast
 
 import casadi as ca
+import numpy as np
+from scipy.linalg import qr
 
 
 def nonzeros(m: ca.SX) -> list[ca.SX]:
@@ -25,3 +27,8 @@ def elements(m: ca.SX) -> list[ca.SX]:
 def stacked(values: list[ca.SX]) -> ca.SX:
     """A column of scalars; an empty one where there is none."""
     return ca.vertcat(*values) if values else ca.SX(0, 1)
+
+
+def pivoted_qr(a: np.ndarray, mode: str = "full") -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Q, R and the column order, largest remaining column first; mode "full" or "economic"."""
+    return cast("tuple[np.ndarray, np.ndarray, np.ndarray]", qr(a, mode=mode, pivoting=True))

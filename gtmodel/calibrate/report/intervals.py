@@ -50,22 +50,29 @@ class Confidence:
     @cached_property
     def reasons(self) -> tuple[str, ...]:
         """Why no interval is given, in sentences; none where they are."""
-        found = [] if self._smooth is not None else self._wrong
-        if not found and self._weak:
+        wrong = [] if self._smooth is not None else self._wrong
+        if not wrong and self._weak:
             return (self._weak,)
-        if not found:
+        if not wrong:
             far = moved_too_far(self.calibration)
-            return ("no 95 % intervals are told: parameters moved farther than a robot known before would go, this may "
+            return ("no 95 % intervals hold: parameters moved farther than a robot known before would go, this may "
                     "be another optimum",) if far else ()  # fmt: skip
         return (
-            *found,
+            *wrong,
             *self._why_not_smooth,
-            "no 95 % intervals are told: such residuals are no independent noise of the size that they would rest "
+            "no 95 % intervals hold: such residuals are no independent noise of the size that they would rest "
             "on, parameters may be several standard deviations off; judge by the held-out poses",
         )
 
+    @property
+    def withheld(self) -> str:
+        """Why no interval can be given, in one sentence; empty where they can."""
+        if self.calibration.estimate is None:
+            return f"no intervals hold: not solved, {self.calibration.message}"
+        return "" if self.holds else self.reasons[-1]
+
     @cached_property
-    def remarks(self) -> tuple[str, ...]:
+    def notes(self) -> tuple[str, ...]:
         """What intervals that are given rest on, where it is not plain noise, in sentences."""
         if self.calibration.estimate is None or not self.holds:
             return ()
@@ -99,7 +106,7 @@ class Confidence:
     def scope(self) -> str:
         """What the intervals cover, for the verdict."""
         if not self.holds:
-            return "parameters: no 95 % intervals are told, see the notes"
+            return "parameters: no 95 % intervals hold, see the notes"
         if self._few:
             return f"parameters: 95 % intervals cover noise; colour not tested, {len(self.calibration.residuals)} poses"
         if self._smooth is not None:
@@ -125,7 +132,7 @@ class Confidence:
         if times[k] <= WEAK:
             return ""
         return (
-            f"no 95 % intervals are told: {e.names[k]} is told to {e.std[k]:.2g} {e.units[k] or '1'} only, "
+            f"no 95 % intervals hold: {e.names[k]} is determined to {e.std[k]:.2g} {e.units[k] or '1'} only, "
             f"{times[k]:.3g} times its expected error, where intervals of linearised least squares do not hold; fix "
             "it, give a prior, or measure poses farther apart and turned farther"
         )
@@ -139,12 +146,12 @@ class Confidence:
         c = self.calibration
         if c.estimate is None:
             return []
-        found = [f"{label}, poses in the order {name}: {said}" for label, name, said in self._coloured]
+        sentences = [f"{label}, poses in the order {name}: {said}" for label, name, said in self._coloured]
         if c.estimate.known_noise and c.estimate.degrees_of_freedom > 0:
             size = noise_size(c.estimate)
             if not size.passed and c.estimate.noise > 1:
-                found.append(size.message)
-        return found
+                sentences.append(size.message)
+        return sentences
 
     @cached_property
     def _coloured(self) -> list[tuple[str, str, str]]:
@@ -157,11 +164,11 @@ class Confidence:
             return None
         if self._few and self._wrong:
             return None
-        found = with_smooth_errors(self.calibration, self.position)
-        if found is None or self._few:
-            return found
-        left = np.column_stack([e.left for e in found[1].values()])
-        return None if self._tested(left, list(found[1])) else found
+        smooth = with_smooth_errors(self.calibration, self.position)
+        if smooth is None or self._few:
+            return smooth
+        left = np.column_stack([e.left for e in smooth[1].values()])
+        return None if self._tested(left, list(smooth[1])) else smooth
 
     @property
     def _why_not_smooth(self) -> list[str]:
@@ -182,13 +189,13 @@ class Confidence:
         """Link, order and sentence of each link whose residuals are coloured."""
         if not residuals.shape[1]:
             return []
-        orders, found = self._orders(len(residuals)), []
+        orders, coloured = self._orders(len(residuals)), []
         for label, r in zip(labels, residuals.T, strict=True):
             tests = {name: whiteness(r[order]) for name, order in orders.items()}
             name = min(tests, key=lambda n: tests[n].p)
             if tests[name].p < SMALL_P / (len(orders) * len(labels)):  # Bonferroni: a false alarm in 1 % of all fits
-                found.append((label, name, tests[name].message))
-        return found
+                coloured.append((label, name, tests[name].message))
+        return coloured
 
     def _orders(self, poses: int) -> dict[str, np.ndarray]:
         """Orders of the poses in which residuals are tested: as measured and by each actuator."""

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ...results.tables import csv_text
+from ...results.table import csv_text
 
 _OF_A_LINK = re.compile(r"(?P<name>\w+)\[(?P<link>\d+)(,(?P<axis>[012]))?\]")
 _TITLES = {
@@ -19,15 +19,15 @@ _TITLES = {
 
 def table(sums: Mapping[str, Mapping[str, float]], of: str) -> tuple[list[str], np.ndarray]:
     """Rows such as "L", "A_x" and their sums (rows, links), NaN where a link has none; `of`: the key of the sums."""
-    found: dict[str, dict[int, float]] = {}
+    sums_by_row: dict[str, dict[int, float]] = {}
     for name, own in sums.items():
         m = _OF_A_LINK.fullmatch(name)
         if m is not None and of in own:
             row = m["name"] + (f"_{'xyz'[int(m['axis'])]}" if m["axis"] else "")
-            found.setdefault(row, {})[int(m["link"])] = own[of]
-    links = 1 + max((k for row in found.values() for k in row), default=-1)
-    order = sorted(found, key=lambda row: (row[0] != "L", row))
-    rows = [[found[row].get(k, np.nan) for k in range(links)] for row in order]
+            sums_by_row.setdefault(row, {})[int(m["link"])] = own[of]
+    links = 1 + max((k for row in sums_by_row.values() for k in row), default=-1)
+    order = sorted(sums_by_row, key=lambda row: (row[0] != "L", row))
+    rows = [[sums_by_row[row].get(k, np.nan) for k in range(links)] for row in order]
     return order, np.array(rows, float).reshape(len(order), links)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from ...lang import Model
 from ...robots.families import family_of
 from ..modifiers import merged
-from .findings import Found
+from .findings import Findings
 
 # printed name of the file's key -> parameter of the model, and what its numbers are multiplied by
 GEOMETRY = {
@@ -41,16 +41,16 @@ class Origin:
     given: Mapping[str, Any] = field(default_factory=dict)
 
 
-def text(found: Found, model: Model, title: str, origin: Origin) -> str:
+def text(findings: Findings, model: Model, title: str, origin: Origin) -> str:
     """A robot file: of the family, masses and friction as they were; of a model in Python its reference and its
     parameters, those given and in their place the calibrated."""
     import tomli_w
 
-    calibrated = found.calibration.parameters()
+    calibrated = findings.calibration.parameters()
     values = {name: calibrated.get(name, getattr(model, name, None)) for name in _names(model)}
-    pieces = [name for name in found.calibration.values if ".guideway." in name]  # which no robot file holds
+    pieces = [name for name in findings.calibration.values if ".guideway." in name]  # which no robot file holds
     family = "" if pieces else family_of(model)
-    table: dict[str, Any] = {"title": title, "source": f"calibration of {origin.name}", "note": _note(found)}
+    table: dict[str, Any] = {"title": title, "source": f"calibration of {origin.name}", "note": _note(findings)}
     if family:
         table["family"] = family
         for key, (name, factor) in GEOMETRY[family].items():
@@ -60,15 +60,15 @@ def text(found: Found, model: Model, title: str, origin: Origin) -> str:
                 family == "three_link" and key in ("c_p_m", "I_p_kg_m2")
             ):
                 table[key] = np.array(getattr(model, name), float).tolist()
-        beside = {k: v for k, v in found.calibration.values.items() if k.partition("[")[0] not in values}
+        beside = {k: v for k, v in findings.calibration.values.items() if k.partition("[")[0] not in values}
         body = tomli_w.dumps(table)
     else:
-        own = {q.name for q in found.problem.closure.flat.parameters}
-        beside = {k: v for k, v in found.calibration.values.items() if k not in own}
+        own = {q.name for q in findings.problem.closure.flat.parameters}
+        beside = {k: v for k, v in findings.calibration.values.items() if k not in own}
         if origin.reference:
             table["robot"] = origin.reference
         body = tomli_w.dumps({**table, "parameters": _plain(merged(origin.given, calibrated))})
-    comments = [f"# {line}" for line in _confidence(found)]
+    comments = [f"# {line}" for line in _confidence(findings)]
     comments += [
         f"# of the measurement: {name} = {value:.9g}"
         for name, value in beside.items()
@@ -96,19 +96,23 @@ def _names(model: Model) -> list[str]:
     return [name for name, _ in GEOMETRY[family].values()] if family else []
 
 
-def _note(found: Found) -> str:
-    told, _, held = found.told
+def _note(findings: Findings) -> str:
+    errors, _, held = findings.headline
     what = "held-out" if held else "fitted"
-    accuracy = f"; {what} error {1e3 * told[found.position].mean:.3g} mm in the mean" if found.position in told else ""
-    synthetic = f"; synthetic data: {found.data.synthetic}" if found.data.synthetic else ""
+    accuracy = (
+        f"; {what} error {1e3 * errors[findings.position].mean:.3g} mm in the mean"
+        if findings.position in errors
+        else ""
+    )
+    synthetic = f"; synthetic data: {findings.data.synthetic}" if findings.data.synthetic else ""
     return f"frame of the measurements{accuracy}{synthetic}"
 
 
-def _confidence(found: Found) -> list[str]:
-    e = found.confidence.estimate
+def _confidence(findings: Findings) -> list[str]:
+    e = findings.confidence.estimate
     if e is None:
         return ["not solved: these are the values at which the iteration ended"]
-    lines = [*found.confidence.reasons[-1:], *found.confidence.remarks]
+    lines = [*findings.confidence.reasons[-1:], *findings.confidence.notes]
     for name, std in zip(e.names, e.std, strict=True):
-        lines.append(f"std of {name}: {std:.3g}" if np.isfinite(std) else f"{name} is not told apart by these poses")
+        lines.append(f"std of {name}: {std:.3g}" if np.isfinite(std) else f"{name} is not determined by these poses")
     return lines

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-from ...results import Quantity, Row, Study
+from ...results import ArgumentError, Quantity, Row, Study
 from .rows import rows_of
 
 STIFFNESS = (
@@ -26,18 +26,23 @@ Lines = Sequence[str] | None
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class CalibrationStudy(Study):
-    """Calibrated parameters with their intervals, errors on fitted and held-out poses, and the verdict in words."""
+    """Calibrated parameters with their intervals, errors on fitted and held-out poses, and the verdict in words.
+
+    withheld: why `interval` gives none, in a sentence; empty where intervals hold, and `estimate` is None where not.
+    """
+
+    withheld: str = ""
 
     parameters: Annotated[Numbers, Quantity("",
         "all geometric parameters of the closure equations by name, calibrated ones among them, in SI units",
     )] = None  # fmt: skip
     unknowns: Annotated[Tables, Quantity("",
-        "for each unknown: name, unit, start, value, std and interval_95, null where the poses do not tell "
-        "it; where residuals are no noise (intervals_hold false) interval_95 is null and std but what white "
+        "for each unknown: name, unit, start, value, std and interval_95, null where the poses do not "
+        "determine it; where residuals are no noise (intervals_hold false) interval_95 is null and std but what white "
         "noise would leave",
     )] = None  # fmt: skip
     intervals_hold: Annotated[bool | None, Quantity("",
-        "whether 95 % intervals are told; the notes say why not, or what they rest on beside noise",
+        "whether 95 % intervals hold; the notes say why not, or what they rest on beside noise",
     )] = None  # fmt: skip
     colour_tested: Annotated[bool | None, Quantity("",
         "whether the poses are enough to test residuals for colour (guideway errors, drift)",
@@ -71,7 +76,7 @@ class CalibrationStudy(Study):
         "rms error rms_mm along each principal direction, the least first, and the directions",
     )] = None  # fmt: skip
     identifiability_before: Annotated[Table, Quantity("",
-        "rank, redundant, condition, observability indices and sentences, before measuring",
+        "rank, redundant, condition, observability indices and notes, before measuring",
     )] = None  # fmt: skip
     identifiability_after: Annotated[Table, Quantity("",
         "the same at the solution, with the noise of the residuals",
@@ -87,14 +92,13 @@ class CalibrationStudy(Study):
     )] = None  # fmt: skip
     sensitivity: Annotated[Mapping[str, Numbers] | None, Quantity("",
         "sums (5.8) of changes by a small step of each unknown: position_mm, orientation_deg, cost_m4; null "
-        "where the pose is not told",
+        "where the pose is not determined",
     )] = None  # fmt: skip
     numerics_sound: Annotated[bool | None, Quantity("", "whether the iteration arrived")] = None
     prediction_proven: Annotated[bool | None, Quantity("",
         "whether held-out poses are predicted as well as fitted ones; null without any",
     )] = None  # fmt: skip
     verdict: Annotated[Lines, Quantity("", "in words, with what it covers")] = None
-    limits: Annotated[Lines, Quantity("", "what limits the numbers, in words", key="notes")] = None
     truth: Annotated[Numbers, Quantity("", "true parameters of a synthetic robot; null for measured poses")] = None
     synthetic: Annotated[str | None, Quantity("", "seed and noise of synthetic poses; null for measured ones")] = None
     joint_stiffness: Annotated[Study | None, Quantity("", STIFFNESS)] = None
@@ -102,14 +106,21 @@ class CalibrationStudy(Study):
     @property
     def values(self) -> Mapping[str, Any]:
         """As in result.json; joint stiffness by the names of its own study."""
-        found = dict(super().values)
+        values = dict(super().values)
         if self.joint_stiffness is not None:
-            found["joint_stiffness"] = {n: v for n, v in self.joint_stiffness.values.items() if n != "synthetic"}
-        return found
+            values["joint_stiffness"] = {n: v for n, v in self.joint_stiffness.values.items() if n != "synthetic"}
+        return values
+
+    def interval(self, name: str, level: float = 0.95) -> tuple[float, float]:
+        """Confidence interval of an unknown [SI], infinite where the poses do not determine it; with joint stiffness
+        that of its own study. Raises ArgumentError where no intervals hold, with the reason, and for another name."""
+        if self.withheld:
+            raise ArgumentError(self.withheld, "name")
+        return (self.joint_stiffness or super()).interval(name, level)
 
     @property
     def rows(self) -> list[Row]:
         """The table for people."""
         if self.joint_stiffness is not None:
             return self.joint_stiffness.rows
-        return [] if self.parameters is None else rows_of(self.values, self.limits or ())
+        return [] if self.parameters is None else rows_of(self.values)

@@ -39,13 +39,15 @@ def moved_too_far(c: Calibration) -> list[str]:
     return said
 
 
-def undetermined(c: Calibration, found: Identifiability) -> str:
+def undetermined(c: Calibration, identifiability: Identifiability) -> str:
     """What the poses leave open, and the parameter among it that moved farthest beside its expected size."""
     u = c.problem.unknowns
-    names = [n for n, told in zip(found.names, found.told_by, strict=True) if told < 1 - OPEN]
-    size = dict(zip(found.names, found.scale, strict=True))
+    names = [
+        n for n, share in zip(identifiability.names, identifiability.determined_by, strict=True) if share < 1 - OPEN
+    ]
+    size = dict(zip(identifiability.names, identifiability.scale, strict=True))
     moved = {n: float(x - x0) for n, x, x0 in zip(u.names, c.x, u.start, strict=True) if n in names}
-    sentence = "what is not told has a value that is one of many that fit alike"
+    sentence = "what is undetermined has a value that is one of many that fit alike"
     if not moved:
         return sentence
     name = max(moved, key=lambda n: (abs(moved[n]) / size[n], n))

@@ -20,7 +20,7 @@ SHORTEST = 1.0 / 4096
 MOST_STEPS = 2000
 
 
-class Follower:
+class NewtonContinuation:
     """Follows r(z, a) == 0, where a holds states, time and tables' pieces (x, t, p)."""
 
     def __init__(self, reduced: Reduced, scale: np.ndarray) -> None:
@@ -67,13 +67,13 @@ class Follower:
             here, there = (begin + s * (end - begin) for s in (done, part))
             ahead = self.tangent(z, here, there - here)
             near = bool(np.all(np.abs(ahead) <= REACH * self._size(z)))
-            found = self.correct(z + ahead, there if part < 1.0 else end) if near else None
-            if found is None:
+            corrected = self.correct(z + ahead, there if part < 1.0 else end) if near else None
+            if corrected is None:
                 step /= 2
                 if step < SHORTEST:
                     return None
                 continue
-            z, done, step = found, part, 2 * step
+            z, done, step = corrected, part, 2 * step
             if done >= 1.0:
                 return z
         return None

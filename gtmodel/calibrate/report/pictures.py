@@ -1,0 +1,41 @@
+"""Which pictures a calibration has."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
+
+from .findings import Findings
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def pictures(findings: Findings, title: str) -> Mapping[str, Callable[[], Figure]]:
+    """File name -> drawing; those that the result can fill."""
+    c, headline, held = findings.calibration, findings.headline[0], findings.headline[2]
+    name = findings.position
+    what = "held-out poses" if held else "fitted poses"
+    drawn: dict[str, Callable[[], Figure]] = {}
+    if name in headline:
+        T = findings.data.T[findings.data.held_out if held else ~findings.data.held_out]
+        errors = {f"{what}, calibrated": headline[name].sizes}
+        if name in findings.a_priori:
+            errors[f"{what}, before"] = findings.a_priori[name].sizes
+        drawn["pose_errors"] = lambda: _plot().pose_errors_figure(errors, title, headline[name].worst)
+        drawn["workspace_errors"] = lambda: _plot().workspace_errors_figure(T, headline[name].sizes, f"{title}: {what}")
+    drawn["length_errors"] = lambda: _plot().length_errors_figure(
+        c.residuals, findings.problem.labels, f"{title}: fitted poses"
+    )
+    estimate, after = findings.confidence.estimate, findings.after
+    if estimate is not None and after is not None:
+        units = [u or "1" for u in estimate.units]
+        drawn["deviations"] = lambda: _plot().deviations_figure(estimate.names, estimate.std, units, title)
+        drawn["correlation"] = lambda: _plot().correlation_figure(after.names, after.correlation, title)
+    return drawn
+
+
+def _plot() -> Any:
+    from ...plot import calibration
+
+    return calibration
