@@ -14,7 +14,7 @@ from .static_tests import StaticTests
 
 
 @dataclass(frozen=True, eq=False)
-class Selection:
+class LoadTestSelection:
     """Chosen tests, ascending, with the observability indices of their Jacobian and those of all candidates."""
 
     chosen: tuple[int, ...]
@@ -33,7 +33,7 @@ def information(tests: StaticTests, expected: ArrayLike) -> PoseInformation:
     return made([f"compliance[{j}]" for j in range(len(sizes))], sizes, rows, np.zeros((0, len(sizes))))
 
 
-def select(tests: StaticTests, count: int, expected: ArrayLike, *, seed: int = 0) -> Selection:
+def select(tests: StaticTests, count: int, expected: ArrayLike, *, seed: int = 0) -> LoadTestSelection:
     """`count` of the candidate tests, by exchange for the largest determinant of their information.
 
     expected (k,) [rad/(N.m)]: compliances of about the right size. Each candidate counts once: repeat it among the
@@ -57,6 +57,6 @@ def select(tests: StaticTests, count: int, expected: ArrayLike, *, seed: int = 0
             f"the tests tell {gained.rank} of {k} compliances; take more poses or loads in other directions"
         )
     chosen = exchange(gained, count, "D", repeats=1, seed=seed).indices
-    return Selection(
+    return LoadTestSelection(
         tuple(int(i) for i in chosen), gained.identifiability(chosen).indices, gained.identifiability().indices
     )

@@ -13,14 +13,14 @@ from .deflection import Deflection
 from .guideline import Findings, choices, frequency_sensitivity, guideline
 from .oscillators import Oscillators
 from .refine import Refined
-from .task import Place, Task, deflections_of, place_of, refined
+from .task import MillingTask, Place, deflections_of, place_of, refined
 
 
 @dataclass
 class AngleSearch:
     """Everything that the report needs."""
 
-    task: Task
+    task: MillingTask
     place: Place
     deflection: Deflection | None = None
     peak: np.ndarray = field(default_factory=lambda: np.zeros(0))
@@ -69,7 +69,7 @@ def search(work: Work, f: AngleSearch) -> None:
     work.progress("speeds", 0.6)
     by_speed = _combinations(work, f, int(np.flatnonzero(dynamics.rows == s_row)[0]))
     at_static, at_dynamic = dynamics.at(float(angles[s_row])), dynamics.at(f.angle)
-    both = Oscillators.joined([at_dynamic, at_static])
+    both = Oscillators.concatenate([at_dynamic, at_static])
     lower, higher = frequency_sensitivity(both, lambda oscillators: deflections_of(task, oscillators).peak)
     speeds, best, static = np.array(by_speed).reshape(-1, 3).T
     f.findings = Findings(

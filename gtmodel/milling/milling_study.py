@@ -21,7 +21,7 @@ from .deflection import SECONDS
 from .lobes import stability_lobes
 from .milling_result import MillingStudy
 from .mode_coupling import mode_coupling
-from .options import PathOffset, Search, Tool
+from .options import MillingSearch, MillingTool, PathOffset
 from .oscillators import Oscillators
 from .pose_dynamics import Given
 from .published_tests import checks, printed_tests, rows
@@ -44,11 +44,11 @@ def study(
     speed: Annotated[float, Within(above=0.0)],
     joint_stiffness: Annotated[Sequence[float], Long(6), Within(above=0.0)],
     feed: Annotated[Sequence[float], Long(3)] = (1.0, 0.0, 0.0),
-    tool: Tool | None = None,
+    tool: MillingTool | None = None,
     dynamics: Given | None = None,
     source: str = "",
     limits: Annotated[Sequence[Sequence[float]] | None, Long(2)] = None,
-    search: Search | None = None,
+    search: MillingSearch | None = None,
     lobes: Annotated[tuple[float, float] | None, Within(above=0.0)] = None,
     compensation: PathOffset | None = None,
     tests: Mapping[str, Any] | None = None,
@@ -83,11 +83,11 @@ def study(
 
     >>> import numpy as np
     >>> import gtmodel as gt
-    >>> from gtmodel.milling import Coefficients, Cut, Cutter, Search, study
-    >>> cutter = Cutter(0.0254, 2, Coefficients(6.1e3, 9.0e8, 6.6e3, 2.9e8, 1.1e3, 2.8e8))
+    >>> from gtmodel.milling import Cut, Cutter, CuttingCoefficients, MillingSearch, study
+    >>> cutter = Cutter(0.0254, 2, CuttingCoefficients(6.1e3, 9.0e8, 6.6e3, 2.9e8, 1.1e3, 2.8e8))
     >>> k = 1e6 * np.array([3.93, 3.46, 2.77, 1.57, 0.24, 0.17])
     >>> s = study(gt.robots.kr500(), cutter, Cut("slot", 0.0254, 0.005, 5e-4), place=[0.0, -2.4, 0.3], speed=30.0,
-    ...           joint_stiffness=k, search=Search(step=0.2))
+    ...           joint_stiffness=k, search=MillingSearch(step=0.2))
     >>> round(1e3 * s.static_index, 2)  # [mm]
     2.13
     """
@@ -95,7 +95,7 @@ def study(
     work.step("kinematics", 0.1)
     task = task_of(
         robot, cutter, cut, place=place, speed=speed, feed=feed, joint_stiffness=joint_stiffness, dynamics=dynamics,
-        tool=tool or Tool(), search=search or Search(), limits=limits, source=source, title=title,
+        tool=tool or MillingTool(), search=search or MillingSearch(), limits=limits, source=source, title=title,
     )  # fmt: skip
     if dynamics is None and (lobes or compensation):
         raise ArgumentError("needs dynamics; give some, or leave it out", "lobes" if lobes else "compensation")

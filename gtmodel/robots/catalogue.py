@@ -24,7 +24,7 @@ EXAMPLE_MASSES = "an example of ours"
 IDENTIFIED_MASSES = "Dressler 2012, Table 6.3"
 
 
-class Entry(NamedTuple):
+class CatalogueEntry(NamedTuple):
     """A robot of the catalogue: its family, degrees of freedom, source of its geometry and origin of its masses."""
 
     family: str
@@ -62,7 +62,7 @@ def _inertias() -> dict[str, dict[str, Any]]:
     return {k: v for k, v in table.items() if "*" not in (v["coulomb_N"], v["viscous_kg_s"])}
 
 
-def entries() -> dict[str, Entry]:
+def entries() -> dict[str, CatalogueEntry]:
     """The robots of the catalogue by name: family, degrees of freedom, source of the geometry, origin of the masses.
 
     >>> for name, entry in gt.robots.entries().items():
@@ -82,8 +82,8 @@ def entries() -> dict[str, Entry]:
     for name, table in sorted(_geometries().items()):
         family = _family(table)
         masses = IDENTIFIED_MASSES if table["prototype"] == "L1" else EXAMPLE_MASSES
-        by_name[name] = Entry(family, FAMILIES[family], table["source"], masses)
-    by_name["kr500"] = Entry("serial", FAMILIES["serial"], SOURCE, MASSES)
+        by_name[name] = CatalogueEntry(family, FAMILIES[family], table["source"], masses)
+    by_name["kr500"] = CatalogueEntry("serial", FAMILIES["serial"], SOURCE, MASSES)
     return dict(sorted(by_name.items()))
 
 

@@ -9,6 +9,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from gtmodel.inference import nonlinear_fit, whiteness
+from gtmodel.inference.make_estimate import moved_together
 from gtmodel.results import Estimate
 
 from ..results import ArgumentError
@@ -19,6 +20,7 @@ from .response import free_responses, held, simulate
 
 Form = Literal["symmetric", "free"]
 
+PART = 1e-6  # of the largest entry of a null direction: smaller ones are rounding of the differences
 SLOPE = 1e-6  # relative step of central differences: errors of 1e-12 from the step, 1e-10 from rounding
 
 
@@ -56,6 +58,8 @@ def output_error(
 
     The initial state is eliminated in each evaluation (variable projection). Gauss-Newton on central differences; the
     covariance is for white noise of unknown size on the positions, and `words` says whether the residuals are white.
+    Entries that the record does not determine, such as all of them where no force acts, keep the start's proportions;
+    their intervals are infinite.
     Raises ArgumentError: an unknown form, a start that is not positive definite for "symmetric", no convergence.
 
     >>> M, D = np.diag([30.0, 12.0]), np.array([[210.0, -60.0], [-60.0, 60.0]])
@@ -94,7 +98,7 @@ def output_error(
     ones = np.ones(len(packing.scale))
     raw = [f"x[{k}]" for k in range(len(ones))]
     with np.errstate(all="ignore"):
-        fit = nonlinear_fit(residuals, ones, raw, scale=ones)
+        fit = nonlinear_fit(residuals, ones, raw, scale=ones, hold_undetermined=True)
         for _ in range(REWEIGHTED):
             if fit.estimate is None:
                 break
@@ -102,7 +106,7 @@ def output_error(
             weights = weights_of(record.y, _predict(record, *packing.unpack(fit.x), start.F, before))
             if settled(weights, before):
                 break
-            fit = nonlinear_fit(residuals, fit.x, raw, scale=ones)
+            fit = nonlinear_fit(residuals, fit.x, raw, scale=ones, hold_undetermined=True)
     if fit.estimate is None:
         raise ArgumentError(
             f"the output-error fit did not arrive: {fit.message}; take a longer record or a start nearer to the data"
@@ -115,14 +119,18 @@ def output_error(
 
     jacobian = central(flat, fit.x)
     e = fit.estimate
+    M, D, K = packing.unpack(fit.x)
+    sizes = np.array([np.abs({"M": M, "D": D, "K": K}[X]).max() for X, _, _ in packing.entries])
+    null = jacobian @ e.null_space / sizes[:, None] if e.null_space.size else np.zeros((len(names), 0))
+    null = np.where(np.abs(null) > PART * np.abs(null).max(axis=0), null, 0.0)
     estimate = Estimate(
         tuple(names), flat(fit.x), jacobian @ e.covariance @ jacobian.T, e.degrees_of_freedom, e.noise, e.known_noise,
         e.residuals, (), units=tuple({"M": "kg", "D": "N.s/m", "K": "N/m"}[X] for X, _, _ in packing.entries),
+        notes=tuple(moved_together(null, tuple(names))), null_space=null * sizes[:, None],
     )  # fmt: skip
-    M, D, K = packing.unpack(fit.x)
     fitted = _predict(record, M, D, K, start.F, weights)
     error = fitted - record.y
-    words = [f"coordinate {k + 1}: {whiteness(error[:, k]).message}" for k in range(p)]
+    words = [*estimate.notes, *(f"coordinate {k + 1}: {whiteness(error[:, k]).message}" for k in range(p))]
     return OutputErrorFit(
         SecondOrder(M, D, K, start.F, 0.0), form, estimate, np.sqrt(np.mean(error**2, axis=0)), fitted, tuple(words)
     )

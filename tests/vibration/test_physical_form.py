@@ -22,7 +22,7 @@ from gtmodel.vibration import (
     structure_record,
 )
 from gtmodel.vibration.output_error import second_order_states
-from gtmodel.vibration.response import held
+from gtmodel.vibration.response import free_responses, held
 from tests.vibration.structures import TS, D, K, M, relative
 
 EXACT = 1e-9  # relative, from noise-free data: rounding of a logarithm and of a transform, far below any noise
@@ -202,3 +202,20 @@ def test_a_noisy_coordinate_does_not_spoil_a_quiet_one(noisy: int) -> None:
             rows += 1
     low, high = binomial_band(rows, 0.95)
     assert low <= inside <= high
+
+
+@pytest.mark.parametrize("form", ["symmetric", "free"])
+def test_what_a_record_without_force_leaves_open_has_infinite_intervals(form) -> None:
+    A, B, C = second_order_states(M, D, K, FORCE)
+    y = free_responses(held(A, B, TS)[0], C, 600) @ [1e-3, -5e-4, 0.0, 0.0]
+    y += np.random.default_rng(1).normal(0.0, 1e-7, y.shape)
+    fit = output_error(Record(np.zeros((600, 1)), y, TS), SecondOrder(M, D, K, FORCE, 0.0), form=form)
+    e = fit.estimate
+    # any multiple of M, D and K moves alike
+    assert {"M[0,0]", "M[1,1]", "D[0,0]", "K[0,0]", "K[0,1]"} <= set(e.undetermined)
+    assert e.interval("K[0,0]") == (-np.inf, np.inf)
+    if form == "symmetric":
+        scale = dict(zip(e.names, e.values, strict=True))
+        _, low, high = e.combination({"K[0,0]": 1.0, "M[0,0]": -scale["K[0,0]"] / scale["M[0,0]"]})
+        assert np.isfinite([low, high]).all()
+    assert "do not determine" in fit.words[0] and "M[0,0]" in fit.words[0]

@@ -9,9 +9,9 @@ import numpy as np
 from ...inference import linear_fit
 from ...results import ArgumentError, Estimate
 from ...results.trajectory_errors import Array
+from .constant_velocity import Runs
 from .gravity import PARALLEL, Gravity, MassByNorm, mass_by_norm
 from .refused import check, refuse_driving, refuse_exchanged, refuse_no_mass
-from .steady import Runs
 
 COLUMNS = (
     "some force in another cart's column, or with another sign, would fit these runs as well: only the log's own order "

@@ -9,8 +9,8 @@ from ...measurements.copies import SAME, copies
 from ...results import ArgumentError, Estimate
 from ...results.trajectory_errors import Array
 from ..exchanged import exchanged
+from .constant_velocity import Runs
 from .gravity import PARALLEL, Gravity
-from .steady import Runs
 
 DIGITS, FEW = 6, 1e-12  # of a force that was written down, not a mean; how far the rounding of that is off
 

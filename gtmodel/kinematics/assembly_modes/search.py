@@ -21,7 +21,7 @@ def _nothing(C: Array) -> tuple[Array, Isolation]:
 
 
 @dataclass
-class Search:
+class ModesSearch:
     """The search for the modes of one scaled pose with the system C (7, 18).
 
     z (k, 8), isolation: all different regular modes so far. last: the endings from the start system used last.
