@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 import gtmodel as gt
-from gtmodel.calibrate import CalibrationStudy, Poses, made_poses, read_cart_points, study
+from gtmodel.calibrate import CalibrationStudy, MeasuredPoses, made_poses, read_cart_points, study
 from gtmodel.calibrate.basin import basin
 from gtmodel.calibrate.report.sensitivity_table import table, text
-from gtmodel.calibrate.synthetic import Made, make
+from gtmodel.calibrate.synthetic import SyntheticFile, make
 from gtmodel.problem_files.load import load
 from gtmodel.results import ArgumentError
 from gtmodel.robots.measured_guideways import D1_MODELS
@@ -41,11 +41,11 @@ def six_link() -> Any:
     return load(PROBLEMS / "simulate_d1.toml").problem.synthetic.options()
 
 
-def made(**changes: Any) -> Made:
+def made(**changes: Any) -> SyntheticFile:
     return make(gt.robots.make("d1_six_link"), replace(six_link(), **changes))
 
 
-def mean_errors(fresh: Poses, cart_points: Path) -> np.ndarray:
+def mean_errors(fresh: MeasuredPoses, cart_points: Path) -> np.ndarray:
     """Held-out means [mm] of the five models on other poses and cart points."""
     found = []
     for number in D1_MODELS:

@@ -13,11 +13,11 @@ from scipy.optimize import least_squares
 import gtmodel as gt
 from gtmodel.calibrate import (
     Calibration,
+    CalibrationProblem,
     Choice,
     Correction,
     Measurements,
     Pose,
-    Problem,
     calibrate,
     closure_equations,
     prepare,
@@ -54,7 +54,7 @@ present = pytest.mark.skipif(
 
 
 @cache
-def capture() -> Problem:
+def capture() -> CalibrationProblem:
     """Joints in the frames of the capture system, where the recording tells all."""
     return prepare(hexapod(), measured(FIRST).part(EVEN), actuators="n")
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import gtmodel as gt
-from gtmodel.calibrate import Fit, Known, Poses, Synthetic, made_poses, study
+from gtmodel.calibrate import Fit, Known, MeasuredPoses, Synthetic, made_poses, study
 from gtmodel.calibrate.synthetic import disturbed, make
 from gtmodel.calibrate.synthetic.making import MEAN_DISTANCE
 from gtmodel.results import ArgumentError
@@ -23,7 +23,7 @@ def made(**changes: Any) -> str:
     return make(robot("l1"), replace(L1, **changes)).text
 
 
-def poses(**changes: Any) -> Poses:
+def poses(**changes: Any) -> MeasuredPoses:
     return made_poses(robot("l1"), replace(L1, **changes))
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gtmodel.calibrate import Fit, Known, Measurements, Pose, Poses, read_poses, study
+from gtmodel.calibrate import Fit, Known, MeasuredPoses, Measurements, Pose, read_poses, study
 from gtmodel.results import ArgumentError, SolveStatus
 from tests.calibrate.shipped import (
     FITS,
@@ -131,6 +131,6 @@ class TestChoices:
     def test_a_mechanism_of_ones_own(self) -> None:
         phi = np.linspace(-1.5, 1.5, 40)
         s = 0.41 * np.cos(phi) + np.sqrt(1.23**2 - (0.41 * np.sin(phi) - 0.12) ** 2)
-        poses = Poses(Measurements({"phi": phi, "s": s}, poses=(Pose("s"),)), "phi")
+        poses = MeasuredPoses(Measurements({"phi": phi, "s": s}, poses=(Pose("s"),)), "phi")
         found = study(Slider(), poses)
         assert found.parameters == pytest.approx({"L": 1.23, "a": 0.41, "h": 0.12}, abs=1e-7)

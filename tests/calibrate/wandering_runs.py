@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 
 from gtmodel.calibrate import Calibration, Measurements, calibrate, prepare
-from gtmodel.calibrate.problem import Problem
+from gtmodel.calibrate.problem import CalibrationProblem
 from gtmodel.calibrate.smooth_errors import with_smooth_errors
 from gtmodel.calibrate.synthetic.guideway_errors import GuidewayError
 from gtmodel.inference.covariance import automatic_lag, fixed_b
@@ -39,7 +39,7 @@ def placed(number: int, grid: bool = False) -> tuple[np.ndarray, np.ndarray]:
 
 
 @cache
-def ready(number: int, grid: bool = False) -> Problem:
+def ready(number: int, grid: bool = False) -> CalibrationProblem:
     q, T = placed(number, grid)
     return prepare(true_robot("three_link"), Measurements({"q": q, "T": T}))
 

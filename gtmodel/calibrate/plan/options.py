@@ -173,7 +173,7 @@ class Evaluation(Options):
 
 
 @dataclass(frozen=True)
-class Simulation(Options):
+class PlanSimulation(Options):
     """Simulated calibrations with the device's noise; synthetic."""
 
     runs: Annotated[int, Within(least=0, most=10000), "how many"] = 20
