@@ -60,8 +60,8 @@ def test_the_limit_of_the_elements_is_reached_and_not_passed() -> None:
 
 
 def test_what_was_found_before_is_kept_where_a_finer_mesh_finds_nothing() -> None:
-    found, trouble, seen = search(5, lambda n: on(n, 2.0) if n == 5 else "it wandered off")
-    assert found.elements == 5 and trouble == "it wandered off" and len(seen) == 1
+    found, trouble, seen = search(5, lambda n: on(n, 2.0) if n == 5 else "it off_straight off")
+    assert found.elements == 5 and trouble == "it off_straight off" and len(seen) == 1
 
 
 def test_an_interrupt_keeps_what_was_found() -> None:
