@@ -8,7 +8,7 @@ from dataclasses import replace
 from ..inference import Prior
 from ..lang import Model, ModelError
 from ..results import ArgumentError
-from ..robots.families import family_of
+from ..robots.links import family_of
 from .measured.cart_points import CartPoints
 from .measured.poses import SplitPoses
 from .options import Fit, Known

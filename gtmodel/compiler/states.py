@@ -146,7 +146,7 @@ def _greedy(m: np.ndarray, groups: list[list[int]], count: int) -> list[int]:
 def _redundant(flat: FlatModel, structure: EquationStructure, k: int, rows: list[int], scaled: list[np.ndarray]) -> str:
     """Names the equations in the left null vector."""
     ranks = [int(np.linalg.matrix_rank(a, tol=RANK_TOLERANCE)) for a in scaled]
-    # singular at some points only, as max(u, 0) is where u < 0: these tell what vanishes
+    # singular at some points only, as max(u, 0) is where u < 0: these show what vanishes
     picked = max if max(ranks) < len(rows) else min
     m = scaled[ranks.index(picked(ranks))]
     u, s, vt = np.linalg.svd(m)

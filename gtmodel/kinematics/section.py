@@ -67,7 +67,13 @@ class SectionPlane:
 
 @dataclass(frozen=True)
 class CrossSection(Options):
-    """The cross-section, a plane orthogonal to the mean guideway direction; (u, v) = (y, z) for guideways along x."""
+    """The cross-section, a plane orthogonal to the mean guideway direction; (u, v) = (y, z) for guideways along x.
+
+    >>> gt.kinematics.workspace.CrossSection(low=[0.0, 0.0, 0.0])
+    Traceback (most recent call last):
+        ...
+    gtmodel.results.refusal.ArgumentError: low: expected 2 numbers; found 3
+    """
 
     along: Annotated[float | None, Unit("m"), "position along the guideways; through home if left out"] = None
     step: Annotated[float, Unit("m"), Within(above=0.0), "step of the grid"] = 0.02

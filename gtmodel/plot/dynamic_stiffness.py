@@ -9,8 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
-from .colours import COLOURS
-from .panels import with_panels
+from .panels import COLOURS, with_panels
 
 UNITS = {"m": ("kg", 1.0), "c": ("kN s/m", 1e-3), "k": ("MN/m", 1e-6)}
 Q95 = 1.96  # standard deviations of a 95 % interval

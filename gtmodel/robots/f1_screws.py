@@ -22,7 +22,7 @@ class F1BallScrews(F1):
     ...     q, status = robot.causal(known="s", targets="q")(*known)
     ...     print(np.degrees(q[3:]).round(2) + 0.0)
     [2.49 0.   0.  ]
-    [1.47 0.   0.  ]
+    [1.48 0.   0.  ]
     """
 
     s = gt.variable(6, unit="m", description="carts q1..q3, travels of the ball screws of q4..q6")

@@ -189,7 +189,7 @@ class Integration:
             raise Ended(
                 SolveStatus.FAILED,
                 f"the motion ends at {when:.6g} s in a singular pose: the two solutions of "
-                f"{'; '.join(touching)} meet there, and nothing tells on which one it goes on",
+                f"{'; '.join(touching)} meet there, and nothing decides on which one it goes on",
             )
         return good > 0
 
@@ -210,7 +210,7 @@ class Integration:
         return np.array(rows).reshape(len(rows), zs.shape[1])
 
     def _resolved(self, times: np.ndarray, xs: np.ndarray, zs: np.ndarray) -> tuple[int, list[str], float]:
-        """How many of the intervals tell on which side of its root the motion is, and what touches zero after them
+        """How many of the intervals show on which side of its root the motion is, and what touches zero after them
         and when."""
         times = np.concatenate([[self._time], times])
         xs, zs = np.vstack([self._x, xs]), np.vstack([self._z, zs])

@@ -124,7 +124,7 @@ def simulate(
     said = ""
     if status.ok and FINER * tolerance >= FINEST and (pairs := small(course.history, tolerance)):
         finer = Integration(prepared(FINER * tolerance), rows, grid, pace)
-        # a run that ends early tells nothing
+        # a run that ends early shows nothing
         with suppress(Ended):
             finer.run(None if progress is None else lambda _: progress(final_time))
             of_small, said = small_states(pairs, course.history, finer.history, ready.symbol_name)

@@ -24,7 +24,7 @@ Pair = tuple[int, int]
 
 @dataclass(frozen=True, eq=False)
 class BranchPlan:
-    """A plan for one choice of states, with the signs of its roots; `derivatives` tell the signs at any point."""
+    """A plan for one choice of states, with the signs of its roots; `derivatives` have these signs at any point."""
 
     plan: CausalPlan
     jacobian: ca.Function
@@ -52,7 +52,9 @@ class SimulatedSystem:
 
     @property
     def states(self) -> tuple[str, ...]:
-        return tuple(self.plan.flat.symbol_name(*s) for s in self.plan.states)
+        """Their names: those that the model declares, or as derivatives, "der(q)"."""
+        declared = self.plan.alias.declared_names(self.plan.flat)
+        return tuple(declared.get(s) or self.plan.flat.symbol_name(*s) for s in self.plan.states)
 
 
 class Systems:
@@ -130,7 +132,7 @@ class Systems:
         except ModelError as error:
             if left and " unknown" in str(error) and "equation" in str(error):
                 raise ModelError(f"{error}; inputs without a value: {', '.join(left)}") from None
-            # a root that nothing tells apart is no obstacle here: the start will. All else is wrong without targets too
+            # a root that nothing settles is no obstacle here: the start will. All else is wrong without targets too
             plan = self._plan([])
             if not {plan.alias.resolve(*t)[1:] for t in targets} <= set(plan.pairs):
                 raise

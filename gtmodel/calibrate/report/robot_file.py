@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ...lang import Model
-from ...robots.families import family_of
+from ...robots.links import family_of
 from ..modifiers import merged
 from .findings import CalibrationFindings
 

@@ -29,7 +29,13 @@ COLUMNS = {
 
 @dataclass(frozen=True)
 class CommandedPose(Options):
-    """Carts and rotary axes, or a tool pose; home where nothing is given."""
+    """Carts and rotary axes, or a tool pose; home where nothing is given.
+
+    >>> gt.kinematics.assembly_modes.CommandedPose(q=[0.1, 0.2])
+    Traceback (most recent call last):
+        ...
+    gtmodel.results.refusal.ArgumentError: q: expected 3 numbers; found 2
+    """
 
     q: Annotated[list[float] | None, Unit("m"), Long(3), "coordinates of the three carts"] = None
     axes: Annotated[
@@ -48,7 +54,14 @@ class CommandedPose(Options):
 
 
 def read_poses(path: str | Path) -> list[CommandedPose]:
-    """The poses of a CSV file, one row each, named columns as in COLUMNS. Raises ArgumentError."""
+    """The poses of a CSV file, one row each, named columns as in COLUMNS. Raises ArgumentError.
+
+    >>> from pathlib import Path
+    >>> from gtmodel.kinematics.assembly_modes import read_poses
+    >>> _ = Path("poses.csv").write_text("q1_m,q2_m,q3_m,q4_deg,q5_deg,q6_deg\\n0.7,0.3,0.2,90,0,0\\n")
+    >>> read_poses("poses.csv")[0].axes
+    [1.5707963267948966, 0.0, 0.0]
+    """
     path = Path(path)
     with naming("poses", ArgumentError):
         table = CsvTable(path, "q1_m,q2_m,q3_m")

@@ -22,7 +22,13 @@ LONGEST_STROKE = 100.0  # in link lengths; a longer one was given in millimetres
 
 
 def limited_mechanism(model: Model, home: Sequence[float] | Array | None, bodies: Bodies) -> Mechanism:
-    """The robot with its home pose (3,) [m] and its real plate joints. Raises ArgumentError."""
+    """The robot with its home pose (3,) [m] and its real plate joints. Raises ArgumentError.
+
+    >>> from gtmodel.kinematics.workspace import Bodies, limited_mechanism
+    >>> robot = limited_mechanism(gt.robots.gantry_tau("l1_tape"), [1.4, -0.4, 0.9], Bodies(link_radius=0.02))
+    >>> robot.home.T, robot.lengths.round(2)
+    (array([[ 1.4, -0.4,  0.9]]), array([2.05, 1.82, 1.81]))
+    """
     joints = bodies.plate_joints
     home = None if home is None else np.asarray(home, float)
     robot = mechanism_of(model, home)
@@ -37,7 +43,16 @@ def limited_mechanism(model: Model, home: Sequence[float] | Array | None, bodies
 def limits_of(
     limits: WorkspaceLimits, bodies: Bodies, boxes: Sequence[Box], beams: Sequence[Beam], robot: Mechanism
 ) -> list[Limit]:
-    """Limits in the order of their cost and of their certainty. Raises ArgumentError."""
+    """Limits in the order of their cost and of their certainty. Raises ArgumentError.
+
+    Two limits are asked for; singular poses are one in any case:
+
+    >>> from gtmodel.kinematics.workspace import Bodies, WorkspaceLimits, limited_mechanism, limits_of
+    >>> robot = limited_mechanism(gt.robots.gantry_tau("l1_tape"), None, Bodies())
+    >>> wanted = WorkspaceLimits(actuators=[[-1.5, 1.5]] * 3, cone=np.radians(40.0))
+    >>> [type(limit).__name__ for limit in limits_of(wanted, Bodies(), [], [], robot)]
+    ['Singularities', 'ActuatorLimits', 'BallJointCones']
+    """
     all_limits: list[Limit] = [Singularities(robot.directions, limits.singularity)]
     if limits.actuators is not None:
         all_limits.append(_strokes(limits.actuators, robot))
