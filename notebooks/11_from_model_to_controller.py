@@ -38,11 +38,11 @@ from gtmodel.loop import (
     Faults,
     Limits,
     LoopProcess,
+    PythonLoop,
+    ReferenceTable,
     RobotSide,
     Settings,
-    Table,
     TrajectoryLaw,
-    Twin,
     build,
     expected_counters,
     lockstep,
@@ -83,7 +83,7 @@ T = [0.0, -0.9, 0.1] + (10 * s**3 - 15 * s**4 + 6 * s**5) * by
 dT, ddT = (30 * s**2 - 60 * s**3 + 30 * s**4) * by / seconds, (60 * s - 180 * s**2 + 120 * s**3) * by / seconds**2
 q, dq, ddq, status = robot.causal("T", ["q", "der(q)", "der(q,2)"])(T, dT, ddT)
 assert np.all(status == 0)
-reference = Table(np.hstack([q, dq, ddq, T, dT, ddT]))
+reference = ReferenceTable(np.hstack([q, dq, ddq, T, dT, ddT]))
 (place / "reference.table").write_bytes(reference.to_bytes())
 
 drives = gt.robots.actuator_closed_loop()
@@ -150,7 +150,7 @@ tracking_figure(as_trajectory(q), {label: as_trajectory(runs[key].measured_m) fo
 # %%
 settings = Settings(dry=False, hold_cycles=25, limits=Limits(step_m=0.1))
 law = TrajectoryLaw(reference, 3, True, 4 * drives["delay"], 4, a, b)
-twin = Twin(settings, Exchange("egm", 3), law)
+twin = PythonLoop(settings, Exchange("egm", 3), law)
 lockstep(simulated(), twin.exchange, len(q), Channel(faults), Channel(faults))
 print(f"{len(rows_of(log))} cycles, {len(log)} bytes, equal: {log == bytes(twin.log)}")
 

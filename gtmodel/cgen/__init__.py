@@ -7,11 +7,10 @@ Its steps. Produce: generate -> Generated. Verify: check -> CheckReport. Measure
 All raise GenerationError, one plain sentence, for what cannot be generated, written or compared.
 """
 
-from .code_study import CodeStudy as CodeStudy, study as study
+from .code_study import CodeStudy as CodeStudy, Verification as Verification, study as study
 from .costs_file import write_costs as write_costs
-from .errors import GenerationError as GenerationError
 from .generation import Generated as Generated, generate as generate
 from .measurement import Costs as Costs, costs as costs
-from .options import Verification as Verification
+from .text import GenerationError as GenerationError
 from .verification.against_python import check as check
 from .verification.report import CheckReport as CheckReport

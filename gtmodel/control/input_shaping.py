@@ -144,8 +144,8 @@ def residual_vibration(
     constant = (1 - grown) / flat
     linear = (constant - h * grown) / flat / h
     integral = (at * (constant - linear)) @ rows[:-1] + (at * linear) @ rows[1:]
-    found = np.abs(flat * integral) / w_d.reshape(-1, 1)
-    return found.reshape((*mu.shape, *v.shape[1:]))
+    amplitude = np.abs(flat * integral) / w_d.reshape(-1, 1)
+    return amplitude.reshape((*mu.shape, *v.shape[1:]))
 
 
 def _ascending(t: Array) -> bool:

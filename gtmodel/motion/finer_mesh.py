@@ -54,7 +54,7 @@ P = TypeVar("P")
 
 
 def refined(
-    found: F,
+    outcome: F,
     finer: Callable[[F], P | None],
     again: Callable[[F, P], F | str],
     interrupted: Callable[[], bool],
@@ -65,19 +65,19 @@ def refined(
     found before, or a sentence that says why nothing was.
     """
     for _ in range(PASSES):
-        problem = finer(found)
+        problem = finer(outcome)
         if problem is None or interrupted():
             break
-        after = again(found, problem)
+        after = again(outcome, problem)
         if isinstance(after, str):
-            return found, after
-        before, found = found, after
-        if not helped(before.checks, found.checks):
+            return outcome, after
+        before, outcome = outcome, after
+        if not helped(before.checks, outcome.checks):
             break
-    return found, ""
+    return outcome, ""
 
 
-def told(given: int, used: int, failed: Iterable[str]) -> str:
+def refinement_note(given: int, used: int, failed: Iterable[str]) -> str:
     """What the message adds where the mesh was refined: which checks failed on the given one."""
     if used == given:
         return ""

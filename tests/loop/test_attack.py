@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import pytest
 
-from gtmodel.loop import LoopError, LoopProcess, RobotSide, Twin, egm, lockstep, rsi
+from gtmodel.loop import LoopError, LoopProcess, PythonLoop, RobotSide, egm, lockstep, rsi
 from gtmodel.loop.record import COUNTERS, STATES, rows_of
 from gtmodel.results import Status
 from tests.loop.bench import HOLD, RAMP, Bench
@@ -26,7 +26,7 @@ WRAP = 1 << 32
 NASTY = (0.0, -0.0, 5e-324, 1e-300, 1e8, 1e22, 1e300, -1e308, math.pi)
 
 
-def _both(bench: Bench, protocol: str, law: str, cycles: Cycles) -> tuple[np.ndarray, Twin, dict]:
+def _both(bench: Bench, protocol: str, law: str, cycles: Cycles) -> tuple[np.ndarray, PythonLoop, dict]:
     """The same datagrams, cycle by cycle, to the C loop and to its twin, whose logs and answers have to be equal."""
     twin = bench.twin(protocol, law)
     with LoopProcess(bench.program, [*bench.options(protocol, law), "--cycles", str(len(cycles))]) as process:
@@ -38,7 +38,7 @@ def _both(bench: Bench, protocol: str, law: str, cycles: Cycles) -> tuple[np.nda
     return rows_of(log), twin, report
 
 
-def _moving(bench: Bench, cycles: int, **keys: int) -> tuple[RobotSide, Twin]:
+def _moving(bench: Bench, cycles: int, **keys: int) -> tuple[RobotSide, PythonLoop]:
     """An EGM robot that follows the reference; the twin is the loop."""
     robot, twin = bench.robot("egm", **keys), bench.twin("egm", "trajectory")
     lockstep(robot, twin.exchange, cycles)

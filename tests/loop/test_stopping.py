@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gtmodel.loop import Faults, LoopProcess, Table, TrajectoryLaw
+from gtmodel.loop import Faults, LoopProcess, ReferenceTable, TrajectoryLaw
 from gtmodel.loop.python_loop import STOPPED
 from gtmodel.loop.record import STATES, rows_of
 from gtmodel.results import Status
@@ -106,7 +106,7 @@ def test_a_reference_that_begins_elsewhere_is_not_followed(bench: Bench) -> None
     twin = bench.twin("egm", "trajectory")
     law = twin.law
     assert isinstance(law, TrajectoryLaw)
-    law.reference = Table(away)
+    law.reference = ReferenceTable(away)
     robot = bench.robot("egm")
     for _ in range(5):
         robot.step(twin.exchange([robot.datagram()]))
@@ -116,7 +116,7 @@ def test_a_reference_that_begins_elsewhere_is_not_followed(bench: Bench) -> None
 
 def test_a_law_without_its_table_never_starts(bench: Bench) -> None:
     twin = bench.twin("rsi", "replay")
-    twin.law.corrections = Table(np.zeros((10, 2)))  # type: ignore[attr-defined]
+    twin.law.corrections = ReferenceTable(np.zeros((10, 2)))  # type: ignore[attr-defined]
     robot = bench.robot("rsi")
     robot.step(twin.exchange([robot.datagram()]))
     assert (twin.state, twin.status) == (STOPPED, Status.OUT_OF_RANGE)
