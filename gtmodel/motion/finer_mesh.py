@@ -62,8 +62,8 @@ def refined(
     """The outcome on finer meshes, as long as a check fails that they can mend, and a sentence on what ended the
     refinement too early.
 
-    finer: the problem on a finer mesh, None where none can help. again: the outcome there, begun from the one before, or
-    a sentence that says why there is none.
+    finer: the problem on a finer mesh, None where none can help. again: the outcome there, begun from the one before,
+    or a sentence that says why there is none.
     """
     for _ in range(PASSES):
         problem = finer(outcome)

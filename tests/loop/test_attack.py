@@ -27,7 +27,7 @@ NASTY = (0.0, -0.0, 5e-324, 1e-300, 1e8, 1e22, 1e300, -1e308, math.pi)
 
 
 def _both(bench: Bench, protocol: str, law: str, cycles: Cycles) -> tuple[np.ndarray, PythonLoop, dict]:
-    """The same datagrams, cycle by cycle, to the C loop and to the Python loop, whose logs and answers have to be equal."""
+    """The same datagrams, cycle by cycle, to the C loop and to the Python one: logs and answers have to be equal."""
     python_loop = bench.python_loop(protocol, law)
     with LoopProcess(bench.program, [*bench.options(protocol, law), "--cycles", str(len(cycles))]) as process:
         for datagrams in cycles:
