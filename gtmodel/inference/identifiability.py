@@ -167,7 +167,7 @@ def identifiability(
         raise ArgumentError(f"the derivatives of '{names[int(np.argwhere(~np.isfinite(J))[0, 1])]}' are not finite")
     # sorted by name: sums are then formed in one order
     order = sorted(range(len(names)), key=lambda k: names[k])
-    back = np.argsort(order)
+    back = np.asarray(np.argsort(order))
     J = J[:, order]
     own = tuple(names[k] for k in order)
     given = None if scale is None else np.asarray(scale, float).reshape(-1)

@@ -52,15 +52,22 @@ class SimulatedSystem:
 
     @property
     def states(self) -> tuple[str, ...]:
-        """Their names: those that the model declares, or as derivatives, "der(q)"."""
-        declared = self.plan.alias.declared_names(self.plan.flat)
-        return tuple(declared.get(s) or self.plan.flat.symbol_name(*s) for s in self.plan.states)
+        """Their names."""
+        return tuple(self.name_of(s) for s in self.plan.states)
+
+    def name_of(self, pair: Pair) -> str:
+        """Of a state: the one that the model declares, or as a derivative, "der(q)"."""
+        return self._declared.get(pair) or self.plan.flat.symbol_name(*pair)
+
+    @cached_property
+    def _declared(self) -> dict[Pair, str]:
+        return self.plan.alias.declared_names(self.plan.flat)
 
 
 class Systems:
     """Makes and keeps the systems of one simulation; `bounded`: no internal step is longer than an interval.
 
-    `plan` has the structure that all of them share, and samples to start from; `watch` chooses the states.
+    `plan` has the structure that all of them share, and samples to start from; `selection` chooses the states.
     """
 
     def __init__(
@@ -85,18 +92,18 @@ class Systems:
         self.plan: CausalPlan
         self._branches: dict[Choice, list[BranchPlan]]
         self.plan, self._branches = flat.cache[key]
-        self.watch = StateSelection(self.plan, frozenset(self.plan.alias.resolve(i, 0)[1] for i in prefer))
+        self.selection = StateSelection(self.plan, frozenset(self.plan.alias.resolve(i, 0)[1] for i in prefer))
         self._made: dict[int, SimulatedSystem] = {}
 
     def at(self, w: np.ndarray, time: float) -> SimulatedSystem | None:
         """The system whose states and branches suit a consistent point; None where no choice of states would do."""
-        choice = self.watch.choose(w, time)
+        choice = self.selection.choose(w, time)
         if choice is None:
             return None
         known = self._branches.setdefault(choice, [])
         branch = next((b for b in known if _signs(b.jacobian, w, time) == b.signs), None)
         if branch is None:
-            branch = self._branch(self.watch.states(choice), w, time)
+            branch = self._branch(self.selection.states(choice), w, time)
             known.append(branch)
         if id(branch) not in self._made:
             reduced = Reduced(branch.plan, self._inputs, self._outputs)

@@ -29,7 +29,7 @@ class OutputErrorFit:
     """The matrices by output error with their covariance.
 
     `estimate`: entries "M[0,0]", "D[0,1]" ... with intervals (upper triangles where symmetric); `model` the same as
-    matrices; `residual` (p,) rms [m]; `words` on positive definiteness and on the colour of residuals.
+    matrices; `residual` (p,) rms [m]; `notes` on positive definiteness and on the colour of residuals.
     """
 
     model: SecondOrder
@@ -37,7 +37,7 @@ class OutputErrorFit:
     estimate: Estimate
     residual: np.ndarray
     fitted: np.ndarray
-    words: tuple[str, ...]
+    notes: tuple[str, ...]
 
 
 def output_error(
@@ -57,7 +57,7 @@ def output_error(
         interrupted: asked at each iteration; True ends the fit with FitStopped.
 
     The initial state is eliminated in each evaluation (variable projection). Gauss-Newton on central differences; the
-    covariance is for white noise of unknown size on the positions, and `words` says whether the residuals are white.
+    covariance is for white noise of unknown size on the positions, and `notes` says whether the residuals are white.
     Entries that the record does not determine, such as all of them where no force acts, keep the start's proportions;
     their intervals are infinite.
     Raises ArgumentError: an unknown form, a start that is not positive definite for "symmetric", no convergence.
@@ -130,9 +130,9 @@ def output_error(
     )  # fmt: skip
     fitted = _predict(record, M, D, K, start.F, weights)
     error = fitted - record.y
-    words = [*estimate.notes, *(f"coordinate {k + 1}: {whiteness(error[:, k]).message}" for k in range(p))]
+    notes = [*estimate.notes, *(f"coordinate {k + 1}: {whiteness(error[:, k]).message}" for k in range(p))]
     return OutputErrorFit(
-        SecondOrder(M, D, K, start.F, 0.0), form, estimate, np.sqrt(np.mean(error**2, axis=0)), fitted, tuple(words)
+        SecondOrder(M, D, K, start.F, 0.0), form, estimate, np.sqrt(np.mean(error**2, axis=0)), fitted, tuple(notes)
     )
 
 

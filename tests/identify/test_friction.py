@@ -54,8 +54,8 @@ def test_the_most_symmetric_mass_leaves_the_least_asymmetry() -> None:
     assert np.allclose(fit.coulomb_plus + fit.coulomb_minus, PLUS + MINUS, rtol=1e-11)
     # whichever mass: the same forces
     assert np.allclose(fit.force(SPEEDS, 0), runs(poses=1).force[:4, 0], rtol=1e-11)
-    assert "cannot be told apart on one actuator" in fit.undetermined[0]
-    assert "fc+ by +7.90, +0.65, -8.55 N" in fit.undetermined[1]
+    assert "cannot be distinguished on one actuator" in fit.notes[0]
+    assert "fc+ by +7.90, +0.65, -8.55 N" in fit.notes[1]
 
 
 def test_symmetric_friction_is_determined_from_one_pose() -> None:
@@ -65,7 +65,7 @@ def test_symmetric_friction_is_determined_from_one_pose() -> None:
     fit = identify_friction(data._replace(force=force), PATTERN[:1], symmetric=True)
     assert fit.mass == pytest.approx(MASS, rel=1e-12)
     assert np.allclose(fit.coulomb_plus, level) and np.allclose(fit.viscous_minus, FORTH)
-    assert len(fit.undetermined) == 1
+    assert len(fit.notes) == 1
 
 
 def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
@@ -198,7 +198,7 @@ def test_forces_in_exchanged_columns_are_recognised_and_no_others(poses: int, al
     seen = 0
     for seed in range(60):
         data, pattern = drawn(seed, poses, alike=alike)
-        assert len(identify_friction(data, pattern).undetermined) <= 3  # honest: never refused
+        assert len(identify_friction(data, pattern).notes) <= 3  # honest: never refused
         exchanged = data._replace(force=data.force[:, [1, 0, 2]])
         try:
             identify_friction(exchanged, pattern)
@@ -209,9 +209,9 @@ def test_forces_in_exchanged_columns_are_recognised_and_no_others(poses: int, al
 
 def test_what_no_run_tells_of_the_columns_is_said() -> None:
     data, pattern = drawn(0, 1, alike=True)
-    assert "in another cart's column" in identify_friction(data, pattern).undetermined[-1]
+    assert "in another cart's column" in identify_friction(data, pattern).notes[-1]
     data, pattern = drawn(0, 3, alike=True)
-    assert "column" not in identify_friction(data, pattern).undetermined[-1]
+    assert "column" not in identify_friction(data, pattern).notes[-1]
 
 
 @pytest.mark.parametrize("cart", [0, 1, 2])

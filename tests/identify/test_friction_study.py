@@ -65,6 +65,7 @@ def test_what_is_synthetic_says_so(found) -> None:
 def test_poses_tell_the_mass_where_friction_does_not_change(l1) -> None:
     s = friction_study(l1, MADE, POSES, gravity="poses")
     low, high = s.mass_interval
+    assert s.interval("m") == (low, high)
     assert low < MASS < high and high - low < 0.1
     assert np.allclose(s.coulomb_plus, PLUS, atol=1.0) and np.allclose(s.coulomb_minus, MINUS, atol=1.0)
 

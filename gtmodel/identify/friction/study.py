@@ -26,7 +26,7 @@ Array = np.ndarray
 
 SLOPE_ERROR = 0.01  # of synthetic logs, or what their noise explains
 DRIVES = "friction drives in one direction"
-TELL = 'record more poses and let them tell the mass (gravity = "poses")'
+TELL = 'record more poses and let them determine the mass (gravity = "poses")'
 COLUMNS = (
     "check the poses and their forces that hold a kilogram, the order of the columns and the offsets of the forces"
 )
@@ -64,7 +64,6 @@ class FrictionStudy(Study):
     pattern: Annotated[Array | None, Quantity("N/kg", "force of each cart that holds one kilogram, by pose")] = None
     residual: Annotated[Array | None, Quantity("N", "rms of the fitted lines, by cart")] = None
     runs: Annotated[int | None, Quantity("", "number of runs at constant velocity")] = None
-    undetermined: Annotated[Sequence[str] | None, Quantity("", "what the runs leave open, in words")] = None
     synthetic: Annotated[
         str | None, Quantity("", "seed and noise of synthetic logs; null for measured ones")
     ] = None  # fmt: skip
@@ -75,7 +74,6 @@ class FrictionStudy(Study):
         if self.mass_interval is None or self.mass_by_norm is None or self.residual is None:
             return []
         (low, high), (first, last) = self.mass_interval, self.mass_by_norm["one"]
-        sentences = self.undetermined or ()
         return [
             Row("mass held", self.mass, "kg"),
             Row("95 % interval", f"{low:.4g} .. {high:.4g}", "kg"),
@@ -84,7 +82,6 @@ class FrictionStudy(Study):
             *self._coefficients(),
             Row("residual of the lines", listed(self.residual), "N"),
             Row("runs at constant velocity", self.runs),
-            *(Row("not told" if k else "told", text) for k, text in enumerate(sentences, len(sentences) > 1)),
             *([Row("SYNTHETIC", self.synthetic)] if self.synthetic else []),
         ]
 
@@ -166,7 +163,8 @@ def friction_study(
         pattern=fit.pattern,
         residual=fit.residual_rms,
         runs=len(used.pose),
-        undetermined=list(fit.undetermined),
+        notes=fit.notes,
+        estimate=e,
         synthetic=note,
         figures={"friction": partial(_figure, fit, used, names, title or "friction", note)},
         files={"parameters.toml": _parameters(fit.mass, coefficients, note)},
