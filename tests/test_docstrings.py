@@ -32,7 +32,7 @@ def public(library: str) -> dict[str, Any]:
     return {
         name: item
         for name, item in found.items()
-        if name not in above
+        if above.get(name) is not item
         and (inspect.isclass(item) or callable(item))
         and getattr(item, "__module__", "").startswith("gtmodel")
     }

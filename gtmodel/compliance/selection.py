@@ -44,8 +44,8 @@ def select(tests: StaticTests, count: int, expected: ArrayLike, *, seed: int = 0
     >>> wrench = np.tile([[2000.0, 0, 0, 0, 0, 0], [0, 500.0, -4000, 0, 0, 0]], (5, 1))
     >>> poses = gt.compliance.arm_poses(gt.robots.kr500(), q, tool=[0.1, 0.05, 0.4])
     >>> planned = poses.tests(wrench, sigma=[2e-5] * 3 + [1e-4] * 3)
-    >>> found = gt.compliance.select(planned, 5, expected=[1e-6] * 6)
-    >>> len(found.chosen), found.indices.rank
+    >>> chosen = gt.compliance.select(planned, 5, expected=[1e-6] * 6)
+    >>> len(chosen.chosen), chosen.indices.rank
     (5, 6)
     """
     n, _, k = tests.J.shape
@@ -54,7 +54,7 @@ def select(tests: StaticTests, count: int, expected: ArrayLike, *, seed: int = 0
     gained = information(tests, expected)
     if gained.rank < k:
         raise ValueError(
-            f"the tests tell {gained.rank} of {k} compliances; take more poses or loads in other directions"
+            f"the tests determine {gained.rank} of {k} compliances; take more poses or loads in other directions"
         )
     chosen = exchange(gained, count, "D", repeats=1, seed=seed).indices
     return LoadTestSelection(

@@ -13,7 +13,7 @@ from .deflection import Deflection
 from .guideline import Findings, choices, frequency_sensitivity, guideline
 from .oscillators import Oscillators
 from .refine import Refined
-from .task import MillingTask, Place, deflections_of, place_of, refined
+from .task import MillingPlace, MillingTask, deflections_of, place_of, refined
 
 
 @dataclass
@@ -21,7 +21,7 @@ class AngleSearch:
     """Everything that the report needs."""
 
     task: MillingTask
-    place: Place
+    place: MillingPlace
     deflection: Deflection | None = None
     peak: np.ndarray = field(default_factory=lambda: np.zeros(0))
     angle: float = np.nan
@@ -30,7 +30,7 @@ class AngleSearch:
     freed: Refined | None = None
     combinations: list[dict[str, Any]] = field(default_factory=list)
     findings: Findings | None = None
-    said: list[str] = field(default_factory=list)
+    guideline: list[str] = field(default_factory=list)
 
 
 def search(work: Work, f: AngleSearch) -> None:
@@ -77,7 +77,7 @@ def search(work: Work, f: AngleSearch) -> None:
         (float(lower[0]), float(higher[0])), (float(lower[1]), float(higher[1])), speeds, best, static,
         None if given is None else s_row,
     )  # fmt: skip
-    f.said = guideline(f.findings)
+    f.guideline = guideline(f.findings)
 
 
 def _combinations(work: Work, f: AngleSearch, static: int) -> list[tuple[float, float, float]]:

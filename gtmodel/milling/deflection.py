@@ -92,8 +92,8 @@ def deflections(
     >>> cutter = Cutter(0.02, 2, CuttingCoefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
     >>> cut = Cut("climb", radial_depth=0.006, axial_depth=0.002, feed_per_tooth=1e-4)
     >>> robot = gt.milling.Oscillators.with_damping_ratio(m=[350, 350, 250], k=[2e6, 1.5e6, 3e6], zeta=[0.03] * 3)
-    >>> found = gt.milling.deflections(robot, cutter, cut, speed=25.0, feed=[1.0, 0.0, 0.0])
-    >>> (1e3 * found.peak).round(3), (1e3 * found.mean).round(3)  # [mm]
+    >>> deflection = gt.milling.deflections(robot, cutter, cut, speed=25.0, feed=[1.0, 0.0, 0.0])
+    >>> (1e3 * deflection.peak).round(3), (1e3 * deflection.mean).round(3)  # [mm]
     (array([0.052]), array([0.026]))
     """
     if not 0 <= settle < seconds:

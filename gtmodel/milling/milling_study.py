@@ -189,7 +189,7 @@ def _dynamic(f: AngleSearch) -> tuple[dict[str, Any], list[Row], dict[str, Check
         # at 1 the tool swings on for ever
         tested["spectral_radius"] = at_most(radius, float(np.nextafter(1.0, 0.0)), SHALLOWER)
     except ValueError as error:
-        radius, chatter = None, f"not told: {error}"
+        radius, chatter = None, f"unknown: {error}"
     if task.cutter.runout is not None:
         chatter += "; without the runout that is declared"
     freed = f.freed and [np.rad2deg(f.freed.angle), 60 * f.freed.speed, 1e3 * f.freed.peak]
@@ -206,7 +206,7 @@ def _dynamic(f: AngleSearch) -> tuple[dict[str, Any], list[Row], dict[str, Check
         "change_1_Hz": [100 * x for x in findings.change],
         "mode_coupling": coupling.message,
         "spectral_radius": radius,
-        "guideline": f.said,
+        "guideline": f.guideline,
     }
     table = [
         Row("static choice", f"{np.rad2deg(findings.angles[s_row]):.4g}, {_whence(f)}", "deg"),
@@ -217,7 +217,7 @@ def _dynamic(f: AngleSearch) -> tuple[dict[str, Any], list[Row], dict[str, Check
     if freed:
         table.append(Row("with the speed free", f"{freed[2]:.3g} at {freed[0]:.4g} deg and {freed[1]:.4g} rpm", "mm"))
     table += [
-        *(Row("guideline", sentence) for sentence in f.said),
+        *(Row("guideline", sentence) for sentence in f.guideline),
         Row("mode coupling", coupling.message),
         Row("regenerative chatter", chatter),
         Row("dynamics", task.whence),

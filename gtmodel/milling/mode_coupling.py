@@ -51,8 +51,8 @@ def mode_coupling(
     >>> cutter = Cutter(0.02, 2, CuttingCoefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
     >>> cut = Cut("climb", radial_depth=0.006, axial_depth=0.002, feed_per_tooth=1e-4)
     >>> robot = gt.milling.Oscillators.with_damping_ratio(m=[350, 350, 250], k=[2e6, 1.5e6, 3e6], zeta=[0.03] * 3)
-    >>> found = gt.milling.mode_coupling(robot, cutter, cut, feed=[1.0, 0.0, 0.0])
-    >>> round(1e3 * found.critical_depth, 2), found.warn  # [mm]; deeper than that it chatters
+    >>> coupling = gt.milling.mode_coupling(robot, cutter, cut, feed=[1.0, 0.0, 0.0])
+    >>> round(1e3 * coupling.critical_depth, 2), coupling.warn  # [mm]; deeper than that it chatters
     (0.96, True)
     """
     F = to_world(force_spectrum(cutter, cut, 0)[0].real, feed, up)

@@ -60,7 +60,7 @@ class MillingTask:
 
 
 @dataclass(frozen=True, eq=False)
-class Place:
+class MillingPlace:
     """One place of the tool: its sweep, indices (n,) by angle [m] of the task's feed, NaN where there is none, the
     solution behind each angle, and its dynamics."""
 
@@ -133,7 +133,7 @@ def _plausible(cutter: Cutter, cut: Cut) -> None:
             raise ArgumentError(f"is {value:g} m; expected less than {most:g} m, so give metres, not millimetres", name)
 
 
-def place_of(task: MillingTask, place: Sequence[float]) -> Place:
+def place_of(task: MillingTask, place: Sequence[float]) -> MillingPlace:
     """Sweep, static index and dynamics at one place. Raises ArgumentError, also where no angle is reachable."""
     n = max(2, round(2 * np.pi / task.search.step) + 1)
     sweep = sweep_of(task, place, np.linspace(-np.pi, np.pi, n))
@@ -156,7 +156,7 @@ def place_of(task: MillingTask, place: Sequence[float]) -> Place:
     dynamics = None
     if task.dynamics is not None:
         dynamics = task.dynamics(sweep.angles, sweep.reachable, by_angle, branch, np.array(place))
-    return Place(sweep, by_angle, solution, static, dynamics)
+    return MillingPlace(sweep, by_angle, solution, static, dynamics)
 
 
 def sweep_of(task: MillingTask, place: Any, angles: Any) -> AngleSweep:
@@ -177,7 +177,7 @@ def deflections_of(task: MillingTask, at: Oscillators, *, speed: float | None = 
 
 
 def refined(
-    task: MillingTask, place: Place, peak: np.ndarray, speed: tuple[float, float] | None = None
+    task: MillingTask, place: MillingPlace, peak: np.ndarray, speed: tuple[float, float] | None = None
 ) -> list[Refined]:
     """The best `search.refine` grid angles after the NLP, which minimises the steady part of the dynamic index.
 

@@ -43,7 +43,7 @@ def helped(before: Mapping[str, Any], after: Mapping[str, Any]) -> bool:
 
 
 class Checked(Protocol):
-    """What was found on one mesh."""
+    """What came of one mesh."""
 
     @property
     def checks(self) -> Mapping[str, Any]: ...
@@ -59,10 +59,11 @@ def refined(
     again: Callable[[F, P], F | str],
     interrupted: Callable[[], bool],
 ) -> tuple[F, str]:
-    """What is found on finer meshes as long as a check fails that they can mend, and what ended that too early.
+    """The outcome on finer meshes, as long as a check fails that they can mend, and a sentence on what ended the
+    refinement too early.
 
-    finer: the problem on a finer mesh, None where none can help. again: what is found there, beginning from what was
-    found before, or a sentence that says why nothing was.
+    finer: the problem on a finer mesh, None where none can help. again: the outcome there, begun from the one before,
+    or a sentence that says why there is none.
     """
     for _ in range(PASSES):
         problem = finer(outcome)

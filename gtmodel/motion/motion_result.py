@@ -112,7 +112,7 @@ def on_this_mesh(
 
 
 def on_finer_meshes(outcome: MotionOutcome, search: MotionSearch) -> tuple[MotionOutcome, str]:
-    """What is found on finer meshes, with the iterations of the search counted on, and what ended that too early."""
+    """The outcome on finer meshes, and what ended the refinement too early; iterations of the search are counted on."""
 
     def again(before: MotionOutcome, problem: MotionProblem) -> MotionOutcome | str:
         search.go_on(problem, before.solution)

@@ -39,7 +39,7 @@ SAME_OPTIMUM = 1e-5  # relative: costs nearer than that are one optimum
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class MotionStudy(Study):
-    """An optimal motion; where none was found, all values but the final time are None.
+    """An optimal motion; where none was solved, all values but the final time are None.
 
     The trajectory and the files are those of the exported motion, whose motor forces keep their limit at every instant;
     the optimum itself keeps it at the collocation points only. asked: the problem, with its mesh as it was given.

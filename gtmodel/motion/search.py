@@ -58,7 +58,7 @@ class MotionSearch:
         return motion(self.problem, self.guard, self.path, guarded=True)
 
     def go_on(self, problem: MotionProblem, guess: Solution) -> None:
-        """From here on with another mesh, from what was found; iterations are counted on."""
+        """From here on with another mesh, from what was solved; iterations are counted on."""
         self.problem, self.guess = problem, guess
 
     def optimum(self) -> Solution:

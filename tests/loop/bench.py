@@ -1,4 +1,4 @@
-"""A loop program with what its twin needs beside it: the same reference, laws and settings for both."""
+"""A loop program with what the loop in Python needs beside it: the same reference, laws and settings for both."""
 
 from __future__ import annotations
 
@@ -46,14 +46,14 @@ def text(values: Sequence[float]) -> str:
 
 @dataclass
 class Pair:
-    """The same run by the C loop and by its twin: logs, runs, and the C loop's report."""
+    """The same run by the C loop and by the loop in Python: logs, runs, and the C loop's report."""
 
     c_log: bytes
-    twin_log: bytes
+    python_log: bytes
     c_run: LoopRun
-    twin_run: LoopRun
+    python_run: LoopRun
     report: dict
-    twin: PythonLoop
+    python_loop: PythonLoop
 
 
 @dataclass
@@ -114,7 +114,7 @@ class Bench:
             return ReplayLaw(self.reference, self.corrections, 3)
         return PathLaw(3, self._forward, 2.0, LoopLimits().path_m)
 
-    def twin(self, protocol: str, law: str, *, live: bool = True) -> PythonLoop:
+    def python_loop(self, protocol: str, law: str, *, live: bool = True) -> PythonLoop:
         settings = Settings(dry=not live, hold_cycles=HOLD, ramp_cycles=RAMP, limits=LoopLimits(step_m=STEP))
         return PythonLoop(settings, Exchange(protocol, 3), self.law(protocol, law))  # type: ignore[arg-type]
 
@@ -133,9 +133,9 @@ class Bench:
         with LoopProcess(self.program, [*self.options(protocol, law, live=live), "--cycles", str(cycles)]) as process:
             run = lockstep(robot(), process.exchange, cycles, *channels())
             report = process.finish()
-        twin = self.twin(protocol, law, live=live)
-        twin_run = lockstep(robot(), twin.exchange, cycles, *channels())
-        return Pair(self.log.read_bytes(), bytes(twin.log), run, twin_run, report, twin)
+        python_loop = self.python_loop(protocol, law, live=live)
+        python_run = lockstep(robot(), python_loop.exchange, cycles, *channels())
+        return Pair(self.log.read_bytes(), bytes(python_loop.log), run, python_run, report, python_loop)
 
     def _programme(self, cycle: int, path_m: Sequence[float]) -> list[float]:
         """The robot's own motion; the path's correction moves the carts along x, as it does on this robot."""

@@ -193,4 +193,4 @@ def test_what_the_report_leaves_open_is_said(kr500) -> None:
     assert "without the runout" in rows(cutter=out)["regenerative chatter"]
     uneven = rows(cutter=replace(CUTTER, tooth_angles=np.radians([0.0, 150.0])))["regenerative chatter"]
     assert uneven != usual["regenerative chatter"] and "without" not in uneven
-    assert rows(speed=6 * RPM)["regenerative chatter"].startswith("not told")
+    assert rows(speed=6 * RPM)["regenerative chatter"].startswith("unknown")

@@ -75,7 +75,10 @@ class ModesSearch:
         if count == MODES:
             return ModesStatus.COMPLETE, f"all {MODES} modes were found"
         if count > MODES:
-            return ModesStatus.INCOMPLETE, f"found {count} modes where at most {MODES} can be: some are not told apart"
+            return (
+                ModesStatus.INCOMPLETE,
+                f"found {count} modes where at most {MODES} can be: some are not distinguished",
+            )
         if not self._agreed:
             return ModesStatus.INCOMPLETE, (
                 f"{tail}, {multiple} in singular modes, and {lost} were lost with {self.used} start systems: "
