@@ -4,7 +4,7 @@ Modes
     assembly_modes        of one platform: joints A, B (6, 3), lengths L (6,) -> AssemblyModes
     assembly_modes_batch  of many platforms or poses at once
     AssemblyModes         real modes R, T, all complex ones, status, message, certificate
-    Certificate           found, real, distinct, residual, nearest other mode, retries
+    Certificate           finite, real, distinct, residual, nearest other mode, retries
 
 The study
     modes_study           of a robot in one pose or many, or of bare platforms: a ModesStudy
