@@ -10,9 +10,8 @@ from numpy.typing import ArrayLike
 
 from ..results.refusal import ArgumentError
 from .dependencies import Dependencies, dependencies
-from .make_estimate import scales, spectrum
+from .make_estimate import listed, scales, spectrum
 from .observability import Observability, observability
-from .words import listed
 
 TOLERANCES = (1e-12, 1e-10, 1e-8, 1e-6, 1e-4, 1e-2)
 # a direction whose standard deviation, in units of the scales, is above this is determined no better than it was known

@@ -43,6 +43,7 @@ from .filters import (
     moving as moving,
     position_noise as position_noise,
     second_derivative as second_derivative,
+    smooth_motion as smooth_motion,
 )
 from .log import (
     Column as Column,
@@ -58,4 +59,3 @@ from .signals import (
     offset_columns as offset_columns,
     read_signals as read_signals,
 )
-from .smooth import smooth_motion as smooth_motion

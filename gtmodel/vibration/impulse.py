@@ -15,8 +15,7 @@ from gtmodel.results import Estimate
 from ..results import ArgumentError
 from .continuous import NEAR
 from .hankel import block_hankel
-from .noise import REWEIGHTED, settled, weights_of
-from .output_error import central, too_far
+from .output_error import REWEIGHTED, central, settled, too_far, weights_of
 from .record import Record, columns, go_on
 
 if TYPE_CHECKING:

@@ -14,7 +14,6 @@ from gtmodel.results import Estimate
 
 from ..results import ArgumentError
 from .known_force import SecondOrder
-from .noise import REWEIGHTED, settled, weights_of
 from .record import Record, go_on
 from .response import free_responses, held, simulate
 
@@ -22,6 +21,9 @@ Form = Literal["symmetric", "free"]
 
 PART = 1e-6  # of the largest entry of a null direction: smaller ones are rounding of the differences
 SLOPE = 1e-6  # relative step of central differences: errors of 1e-12 from the step, 1e-10 from rounding
+REWEIGHTED = 4  # fits after the first, each with the outputs weighted by their noise in the last
+SETTLED = 0.02  # a weight that changes by less changes no interval that a person reads
+QUIETEST = 1e-6  # of the mean noise: the least that an output is taken to have, a dead one too
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,6 +136,21 @@ def output_error(
     return OutputErrorFit(
         SecondOrder(M, D, K, start.F, 0.0), form, estimate, np.sqrt(np.mean(error**2, axis=0)), fitted, tuple(notes)
     )
+
+
+def weights_of(y: np.ndarray, fitted: np.ndarray) -> np.ndarray:
+    """(p,) what makes the noise of every output (N, p) as large as the mean of all, by the residuals of a fit.
+
+    Least squares repeated with these weights is maximum likelihood for white noise of an unknown size at each output.
+    """
+    size = np.sqrt(np.mean((fitted - y) ** 2, axis=0))
+    mean = float(np.sqrt(np.mean(size**2)))
+    return np.ones(len(size)) if mean == 0.0 else mean / np.maximum(size, QUIETEST * mean)
+
+
+def settled(weights: np.ndarray, before: np.ndarray) -> bool:
+    """Whether another fit with new weights would change nothing worth telling."""
+    return bool(np.all(np.abs(weights / before - 1) < SETTLED))
 
 
 def central(function: Callable[[np.ndarray], np.ndarray], x: np.ndarray, step: float = SLOPE) -> np.ndarray:

@@ -9,7 +9,7 @@ import pytest
 
 import gtmodel as gt
 from gtmodel.identify import LogSimulator, Sensors, Tracking, multisine
-from gtmodel.identify.differences import velocity_and_acceleration
+from gtmodel.identify.rows import velocity_and_acceleration
 from gtmodel.results import ArgumentError
 from tests.identify.plants import SAMPLE_TIME, plant, session, simulator
 
