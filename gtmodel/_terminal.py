@@ -114,7 +114,7 @@ def _flush_c() -> None:
 
 @contextmanager
 def watching(context: Context, stopping: str = "stopping at the best iterate") -> Iterator[None]:
-    """Progress on stderr when it is a terminal; the first Ctrl-C asks for a stop, which is told as `stopping`, the
+    """Progress on stderr when it is a terminal; the first Ctrl-C asks for a stop, which shows as `stopping`, the
     second one breaks off. SIGTERM, of a batch system or of `timeout`, and a terminal that is closed ask likewise."""
 
     def interrupt(number: int, _frame: Any) -> None:

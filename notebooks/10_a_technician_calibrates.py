@@ -64,7 +64,7 @@ for stage, points in plan.values["stages"].items():
     print(f"{points:5d} points after the stage: {stage}")
 
 # %% [markdown]
-# Half of the wanted accuracy is left to what the tracker's noise does not tell of: guideways that are not straight.
+# Half of the wanted accuracy is left to what the tracker's noise does not cover: guideways that are not straight.
 #
 # Of what the robot reaches, obstacles, safety and distance from the edge leave less than half.
 
@@ -74,8 +74,8 @@ plan.figures["2_obstacles_and_safety"]()
 # %% [markdown]
 # ### Which poses, and how many?
 #
-# Each pose tells a known amount before it is measured. Poses are exchanged for others until the error that is expected
-# over the whole workspace falls no more; they end up far out.
+# What each pose determines is known before it is measured. Poses are exchanged for others until the error that is
+# expected over the whole workspace falls no more; they end up far out.
 
 # %%
 plan.figures["4_poses"]()
@@ -107,7 +107,7 @@ plan.figures["7_predicted_error"]()
 # %%
 known = gt.robots.gantry_tau("l1_tape")
 rng = np.random.default_rng(7)
-made_up = known.with_(
+synthetic = known.with_(
     A=np.array(known.A) + 5e-3 * rng.standard_normal((3, 3)),
     L=np.array(known.L) + 5e-3 * rng.standard_normal(3),
     v=np.array(known.v) + np.radians(0.1) * rng.standard_normal((3, 3)),
@@ -117,7 +117,7 @@ purpose = np.array([line[1] for line in lines[1:]])
 commanded = 1e-3 * np.array([line[2:5] for line in lines[1:]], float)
 
 q = commanded + 13e-6 * rng.standard_normal(commanded.shape)  # repeatability of the carts
-T, status = made_up.causal(known="q", targets="T")(q)
+T, status = synthetic.causal(known="q", targets="T")(q)
 tracker = gt.calibrate.LaserTracker(np.array([1.0, -4.5, 0.8]))
 seen = T + gt.calibrate.devices.sampled(tracker.covariance(T), rng)
 assert np.all(status == 0)
@@ -147,13 +147,13 @@ T = {{ column = "T", unit = "mm", noise = 25e-6 }}
 [held_out]
 file = "verify.csv"
 """)
-found = solved(folder / "calibrate.toml", out="calibration")
-before, after = found.values["a_priori_mm"]["mean"], found.values["held_out_mm"]["mean"]
+done = solved(folder / "calibrate.toml", out="calibration")
+before, after = done.values["a_priori_mm"]["mean"], done.values["held_out_mm"]["mean"]
 print(f"on poses that the fit has not seen: {before:.2f} mm before, {after:.3f} mm after")
-print("\n".join(found.values["verdict"]))
+print("\n".join(done.values["verdict"]))
 
 # %%
-found.figures["pose_errors"]()
+done.figures["pose_errors"]()
 
 # %% [markdown]
 # ## 4 Was the prediction right?
@@ -167,8 +167,8 @@ robot = calibrated.model(run.context_of(load(folder / "calibrate.toml")))
 low, high = np.array([0.9, -0.9, 0.3]), np.array([1.9, -0.1, 1.3])
 box = np.stack(np.meshgrid(*np.linspace(low, high, 6).T, indexing="ij"), axis=-1).reshape(-1, 3)
 carts, reached = known.causal(known="T", targets="q")(box)
-truth, told = (r.causal(known="q", targets="T")(carts[reached == 0])[0] for r in (made_up, robot))
-error = float(np.sqrt(np.mean(np.sum((told - truth) ** 2, axis=1))))
+truth, computed = (r.causal(known="q", targets="T")(carts[reached == 0])[0] for r in (synthetic, robot))
+error = float(np.sqrt(np.mean(np.sum((computed - truth) ** 2, axis=1))))
 print(f"rms error over the workspace {1e6 * error:.0f} um; predicted beforehand {1e6 * predicted:.0f} um")
 
 assert plan.values["approved"]

@@ -38,11 +38,11 @@ from gtmodel.loop import (
     Faults,
     Limits,
     LoopProcess,
+    PythonLoop,
+    ReferenceTable,
     RobotSide,
     Settings,
-    Table,
     TrajectoryLaw,
-    Twin,
     build,
     expected_counters,
     lockstep,
@@ -83,7 +83,7 @@ T = [0.0, -0.9, 0.1] + (10 * s**3 - 15 * s**4 + 6 * s**5) * by
 dT, ddT = (30 * s**2 - 60 * s**3 + 30 * s**4) * by / seconds, (60 * s - 180 * s**2 + 120 * s**3) * by / seconds**2
 q, dq, ddq, status = robot.causal("T", ["q", "der(q)", "der(q,2)"])(T, dT, ddT)
 assert np.all(status == 0)
-reference = Table(np.hstack([q, dq, ddq, T, dT, ddT]))
+reference = ReferenceTable(np.hstack([q, dq, ddq, T, dT, ddT]))
 (place / "reference.table").write_bytes(reference.to_bytes())
 
 drives = gt.robots.actuator_closed_loop()
@@ -144,27 +144,27 @@ tracking_figure(as_trajectory(q), {label: as_trajectory(runs[key].measured_m) fo
 # %% [markdown]
 # ## 4 The same, byte for byte
 #
-# A twin of the loop in Python gets the same datagrams. Its log is compared with that of the C program: 37 numbers per
+# The same loop in Python gets the same datagrams. Its log is compared with that of the C program: 37 numbers per
 # cycle, among them a hash of every answer that was sent.
 
 # %%
 settings = Settings(dry=False, hold_cycles=25, limits=Limits(step_m=0.1))
 law = TrajectoryLaw(reference, 3, True, 4 * drives["delay"], 4, a, b)
-twin = Twin(settings, Exchange("egm", 3), law)
-lockstep(simulated(), twin.exchange, len(q), Channel(faults), Channel(faults))
-print(f"{len(rows_of(log))} cycles, {len(log)} bytes, equal: {log == bytes(twin.log)}")
+python_loop = PythonLoop(settings, Exchange("egm", 3), law)
+lockstep(simulated(), python_loop.exchange, len(q), Channel(faults), Channel(faults))
+print(f"{len(rows_of(log))} cycles, {len(log)} bytes, equal: {log == bytes(python_loop.log)}")
 
 # %%
 assert "bit for bit" in said
 assert worst_mm["on"] < 1e-6 < 50 < worst_mm["off"]
 assert all(report[name] == n for name, n in counted.items()) and min(counted["late"], counted["lost"]) > 5
-assert log == bytes(twin.log)
+assert log == bytes(python_loop.log)
 assert 0.1 < worst_mm["bad network"] < 20
 
 # %% [markdown]
 # ## Answer
 #
-# Yes: the compiled C gives Python's numbers bit for bit, and a loop built on it writes the log of its twin in Python
+# Yes: the compiled C gives Python's numbers bit for bit, and a loop built on it writes the log of the loop in Python
 # byte for byte, faults included. Losses and delays cost under two millimetres at the carts while they last; all are
 # counted. `gtmodel loop build/l1 --peer egm --seconds 10` runs the same in real time, with ABB EGM or KUKA RSI, and
 # says whether the system granted real time at all. `docs/loop.md` is the contract.

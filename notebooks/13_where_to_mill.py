@@ -33,7 +33,7 @@ from gtmodel.robots import kr500_tables
 
 printed = kr500_tables()
 c, tests = printed["cutting"], printed["milling_tests"]
-K = milling.Coefficients(c["K_te_N_m"], c["K_tc_Pa"], c["K_re_N_m"], c["K_rc_Pa"], c["K_ae_N_m"], c["K_ac_Pa"])
+K = milling.CuttingCoefficients(c["K_te_N_m"], c["K_tc_Pa"], c["K_re_N_m"], c["K_rc_Pa"], c["K_ae_N_m"], c["K_ac_Pa"])
 cutter = milling.Cutter(c["diameter_m"], c["teeth"], K, np.deg2rad(c["helix_deg"]))
 cut = milling.Cut(c["mode"], c["radial_depth_m"], c["axial_depth_m"], c["feed_per_tooth_m"])
 
@@ -112,9 +112,9 @@ study = milling.study(
     place=[-0.01073, -2.40047, 0.30341],
     speed=64.5 / 2,
     joint_stiffness=1e6 * np.array([3.93, 3.46, 2.77, 1.57, 0.24, 0.17]),
-    tool=milling.Tool(tcp=[0.3, 0.0, 0.25], spindle=[1.0, 0.0, 0.0], zero=-np.pi / 2),
+    tool=milling.MillingTool(tcp=[0.3, 0.0, 0.25], spindle=[1.0, 0.0, 0.0], zero=-np.pi / 2),
     dynamics=milling.AngleTable(np.deg2rad([49.0, 52.0, 110.0]), oscillators[rows]),
-    search=milling.Search(refine=0, speeds=[3225 / 60], static_choice=np.deg2rad(110.0)),
+    search=milling.MillingSearch(refine=0, speeds=[3225 / 60], static_choice=np.deg2rad(110.0)),
 )
 print(*study.guideline, sep="\n")
 

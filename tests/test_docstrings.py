@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import doctest
 import inspect
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,9 @@ import gtmodel as gt
 
 LIBRARIES = [
     "calibrate", "cgen", "compliance", "control", "identify", "inference", "kinematics", "loop", "measurements",
-    "mechanics", "milling", "motion", "optimize", "results", "robots", "simulation", "vibration",
+    "kinematics.accuracy", "kinematics.assembly_modes", "kinematics.causality", "kinematics.singularity",
+    "kinematics.workspace", "mechanics", "milling", "motion", "motion.axes", "motion.elastic", "optimize", "results",
+    "robots", "simulation", "vibration",
 ]  # fmt: skip
 LACKING = Path(__file__).parent / "suites" / "without_example.txt"
 """Names that a user calls directly and whose docstring holds no example yet; the list may only become shorter."""
@@ -22,13 +25,16 @@ LACKING = Path(__file__).parent / "suites" / "without_example.txt"
 
 def public(library: str) -> dict[str, Any]:
     """Functions and classes of gtmodel that a library, or gt itself where the name is "", offers by name."""
-    holder = getattr(gt, library) if library else gt
+    holder = attrgetter(library)(gt) if library else gt
+    above = vars(attrgetter(library.rpartition(".")[0])(gt)) if "." in library else {}  # what it offers too is its own
     names = getattr(holder, "__all__", None) or [n for n in vars(holder) if not n.startswith("_")]
     found = {name: getattr(holder, name) for name in names}
     return {
         name: item
         for name, item in found.items()
-        if (inspect.isclass(item) or callable(item)) and getattr(item, "__module__", "").startswith("gtmodel")
+        if above.get(name) is not item
+        and (inspect.isclass(item) or callable(item))
+        and getattr(item, "__module__", "").startswith("gtmodel")
     }
 
 

@@ -14,8 +14,19 @@ import pytest
 
 from gtmodel.problem_files.faults import LONGEST
 from tests.support.commands import Commands, command, environment, process
+from tests.support.own_models import PENDULUM
 
 LONG = "a" * 300
+SWING = """
+kind = "simulation"
+robot = "pendulum.py:Pendulum"
+final_time_s = 0.01
+step_s = 0.01
+[start]
+phi = 0.1
+"der(phi)" = 0.0
+[inputs]
+"""
 SOLVE = ("solve", "compliance_l1", "--set", "section.step_m=0.4")
 
 
@@ -125,3 +136,19 @@ def test_a_shell_completes_names(words: str, there: str, tmp_path: Path) -> None
 def test_explain_takes_a_shipped_name_and_says_that_it_runs_python(gtmodel: Commands) -> None:
     assert gtmodel("explain", "vibration_two_mass").code == 0
     assert "file run" in " ".join(gtmodel("explain", "--help").out.split())
+
+
+def test_what_numpy_remarks_on_the_way_is_not_printed(tmp_path: Path) -> None:
+    """In a process of its own: pytest keeps warnings to itself."""
+    (tmp_path / "pendulum.py").write_text(f"import numpy as np\n\nnp.log(np.zeros(1))\n{PENDULUM}", encoding="utf-8")
+    (tmp_path / "swing.toml").write_text(f"{SWING}tau = 0.0\n", encoding="utf-8")
+    done = process("solve", "swing.toml", cwd=tmp_path)
+    assert done.code == 0 and not done.err
+
+
+def test_a_folder_in_place_of_a_file_is_called_a_folder(gtmodel: Commands) -> None:
+    Path("logs").mkdir()
+    Path("pendulum.py").write_text(PENDULUM, encoding="utf-8")
+    Path("swing.toml").write_text(f'{SWING}tau = {{file = "logs"}}\n', encoding="utf-8")
+    done = gtmodel("solve", "swing.toml")
+    assert done.code == 2 and "'logs' is a folder; expected a file" in done.sentence and "no file" not in done.sentence

@@ -2,14 +2,14 @@
 
 study, CalibrationStudy   a robot on measured poses: were they read right, fit, held-out errors, intervals, verdict
 Fit, Known                which parameters move, what is known of them before
-Poses, read_poses, Measured, MeasuredSignal, FrameStart, Sag   measured poses, and how they stand in a CSV file
+MeasuredPoses, read_poses, Measured, MeasuredSignal, FrameStart, Sag   measured poses, and how they stand in a CSV file
 Synthetic, made_poses     synthetic measurements of a robot with known errors
 CartPoints, read_cart_points   guideways through measured points
 Origin                    where a robot comes from, for its calibrated file
 
 Measurements, Pose, Correction   measured poses, their noise, and what lies between sensor and model
 Choice                           which parameters are free, fixed, tied, unit quaternions, with priors
-prepare, Problem                 equations, unknowns and Jacobians; identifiability before anything is measured
+prepare, CalibrationProblem      equations, unknowns and Jacobians; identifiability before anything is measured
 calibrate, Calibration           parameters with confidence, residuals per link and pose, errors on other poses
 judge_held_out                   held-out errors against what a sound model has of them
 closure_equations                what closes, as symbols
@@ -41,8 +41,8 @@ if TYPE_CHECKING:
         CartPoints as CartPoints,
         FrameStart as FrameStart,
         Measured as Measured,
+        MeasuredPoses as MeasuredPoses,
         MeasuredSignal as MeasuredSignal,
-        Poses as Poses,
         Sag as Sag,
         read_cart_points as read_cart_points,
         read_poses as read_poses,
@@ -66,7 +66,7 @@ if TYPE_CHECKING:
         spread as spread,
     )
     from .positioning import Positioning as Positioning, PredictedErrors as PredictedErrors, positioning as positioning
-    from .problem import Problem as Problem, prepare as prepare
+    from .problem import CalibrationProblem as CalibrationProblem, prepare as prepare
     from .report.result import CalibrationStudy as CalibrationStudy
     from .report.robot_file import Origin as Origin
     from .synthetic import Synthetic as Synthetic, made_poses as made_poses

@@ -7,13 +7,13 @@ from collections.abc import Mapping
 import numpy as np
 
 from .calibration import calibrate
-from .problem import Problem
+from .problem import CalibrationProblem
 
 SAME = 1e-3  # of the least sum of squares: redundant unknowns end elsewhere, their residuals do not
 
 
 def basin(
-    problem: Problem, x: np.ndarray, sizes: Mapping[str, float], times: float, starts: int, seed: int
+    problem: CalibrationProblem, x: np.ndarray, sizes: Mapping[str, float], times: float, starts: int, seed: int
 ) -> tuple[int, float]:
     """How many of `starts` fits of length errors end at the optimum x, and the rms length error [m] of the starts.
 

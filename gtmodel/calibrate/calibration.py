@@ -25,7 +25,7 @@ from .implicit import Adjustment, require_noise_enough
 from .measurements import Measurements
 from .modifiers import modifiers
 from .options import COSTS, Cost
-from .problem import Problem, noise_covariance, prepare
+from .problem import CalibrationProblem, noise_covariance, prepare
 from .unknowns import Choice
 
 
@@ -38,7 +38,7 @@ class Calibration:
     unknowns that were solved together.
     """
 
-    problem: Problem
+    problem: CalibrationProblem
     cost: Cost
     status: SolveStatus
     message: str
@@ -100,7 +100,7 @@ class Calibration:
 
 
 def calibrate(
-    model: Model | Builder | FlatModel | Problem,
+    model: Model | Builder | FlatModel | CalibrationProblem,
     measurements: Measurements | None = None,
     choice: Choice | None = None,
     *,
@@ -117,7 +117,7 @@ def calibrate(
 ) -> Calibration:
     """Parameters that bring the model nearest to measured poses, by Gauss-Newton on exact Jacobians.
 
-    Arms that share no unknown are solved one by one. `cost`: see Problem. `loss` and its `width` as in
+    Arms that share no unknown are solved one by one. `cost`: see CalibrationProblem. `loss` and its `width` as in
     gtmodel.inference.nonlinear_fit(), in units of the noise where it is known and of the residual otherwise. `start`:
     other start values by unknown. With noise for all measured signals the confidence is propagated from it; otherwise
     it is estimated from the residuals, with poses taken as independent. What the poses do not determine stays at its
@@ -137,7 +137,7 @@ def calibrate(
     >>> (1e3 * (c.parameters()["L"] - np.array(robot.L))).round(3) + 0.0  # mm
     array([ 1., -2., 0.])
     """
-    if isinstance(model, Problem):
+    if isinstance(model, CalibrationProblem):
         problem = model
     else:
         if measurements is None:
@@ -172,7 +172,7 @@ def calibrate(
 
 
 def _descended(
-    problem: Problem,
+    problem: CalibrationProblem,
     cost: Cost,
     x: np.ndarray,
     loss: str,
@@ -217,7 +217,7 @@ def _plain(block: Block, data: np.ndarray) -> Any:
     return residuals
 
 
-def _level(problem: Problem, block: Block, x: np.ndarray) -> float:
+def _level(problem: CalibrationProblem, block: Block, x: np.ndarray) -> float:
     """Typical size of a residual from the stated noise, against which priors are weighed."""
     m = problem.measurements
     if any(n not in m.noise for n in problem.reading.places):

@@ -15,12 +15,12 @@ from ..results.made_files import MadeFiles
 from ..results.options import Within
 from ..results.work import Progress, never, silent
 from .measured.cart_points import CartPoints, on_cart_points
-from .measured.poses import Poses, split
+from .measured.poses import MeasuredPoses, split
 from .measured.witness import a_priori, exchanged_after, recognise_sessions, witness_of
 from .measurements import Measurements
 from .options import Fit
 from .report import poses_table, robot_file, sensitivity_table
-from .report.findings import Findings, findings_of, length_noise
+from .report.findings import CalibrationFindings, findings_of, length_noise
 from .report.pictures import pictures
 from .report.result import CalibrationStudy
 from .report.robot_file import Origin
@@ -31,7 +31,7 @@ from .variants import prepared, require_poses
 @study_function
 def study(
     robot: Model,
-    poses: Poses | Measurements,
+    poses: MeasuredPoses | Measurements,
     fit: Fit | None = None,
     *,
     held_out: Annotated[int, Within(least=0)] = 2,
@@ -46,7 +46,8 @@ def study(
 
     Args:
         robot: with its parameters as known before.
-        poses: what was measured, in SI units: `Measurements` in memory, or `Poses` by `read_poses` and `made_poses`.
+        poses: what was measured, in SI units: `Measurements` in memory, or `MeasuredPoses` by `read_poses` and
+            `made_poses`.
         fit: which parameters move, by which cost; all of them and length errors if left out.
         held_out: every how many-th pose no fit sees; 0 for none. Poses that say it themselves are not asked.
         carts: guideways through measured points.
@@ -92,7 +93,7 @@ def study(
 
 
 def explained(
-    robot: Model, poses: Poses | Measurements, fit: Fit, held_out: int = 2, carts: CartPoints | None = None
+    robot: Model, poses: MeasuredPoses | Measurements, fit: Fit, held_out: int = 2, carts: CartPoints | None = None
 ) -> list[str]:
     """What is free, what stays, and what the poses can determine before anything is fitted, in lines of text."""
     robot, on_points = on_cart_points(robot, carts)
@@ -108,7 +109,7 @@ def explained(
     return [*lines, *ready.identifiability(sigma=length_noise(ready)).notes]
 
 
-def _study_of(findings: Findings, robot: Model, fit: Fit, origin: Origin, title: str) -> CalibrationStudy:
+def _study_of(findings: CalibrationFindings, robot: Model, fit: Fit, origin: Origin, title: str) -> CalibrationStudy:
     c, values = findings.calibration, values_of(findings, fit.accuracy)
     files: dict[str, Callable[[], str]] = {
         "parameters.toml": partial(robot_file.text, findings, robot, title, origin),

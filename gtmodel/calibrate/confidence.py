@@ -14,7 +14,7 @@ from ..inference.nonlinear import Descent
 from ..results.estimate import Estimate
 from .blocks import Block
 from .implicit import Adjustment
-from .problem import Problem, noise_covariance
+from .problem import CalibrationProblem, noise_covariance
 
 PART = 1e-8  # of a null direction of length one in scaled units: smaller entries are rounding
 
@@ -44,7 +44,7 @@ class _Share:
 
 
 def estimated(
-    problem: Problem, fits: Sequence[Fitted], loss: Loss, width: float, hold: bool
+    problem: CalibrationProblem, fits: Sequence[Fitted], loss: Loss, width: float, hold: bool
 ) -> tuple[Estimate, Identifiability]:
     """The Estimate of all unknowns and how well the data determine each.
 
@@ -85,7 +85,7 @@ def estimated(
     return estimate, _identified(problem, fits, 1.0 if known else noise, N)
 
 
-def _share(problem: Problem, f: Fitted, loss: Loss, width: float) -> _Share:
+def _share(problem: CalibrationProblem, f: Fitted, loss: Loss, width: float) -> _Share:
     u, d, columns = problem.unknowns, f.descent, f.block.columns
     N, n = len(problem.measurements), len(u.names)
     size, z = u.sizes[columns], (d.r / width) ** 2
@@ -104,7 +104,7 @@ def _share(problem: Problem, f: Fitted, loss: Loss, width: float) -> _Share:
     return _Share(gain, (d.r * loss.slope(z)).reshape(N, -1), by_prior, null, degrees_of_freedom, notes)
 
 
-def _by_noise(problem: Problem, f: Fitted) -> np.ndarray:
+def _by_noise(problem: CalibrationProblem, f: Fitted) -> np.ndarray:
     """Jacobian of the block's residuals, as the cost has them, in the noise of all signals (N, k, ny)."""
     if f.adjustment is not None:
         return f.adjustment.by_noise(f.descent.x)
@@ -112,7 +112,7 @@ def _by_noise(problem: Problem, f: Fitted) -> np.ndarray:
 
 
 def _scaled(
-    problem: Problem,
+    problem: CalibrationProblem,
     fits: Sequence[Fitted],
     omega: np.ndarray,
     gain: np.ndarray,
@@ -146,7 +146,7 @@ def _order(fits: Sequence[Fitted]) -> np.ndarray:
     return np.argsort(np.concatenate([f.block.columns for f in fits]))
 
 
-def _identified(problem: Problem, fits: Sequence[Fitted], noise: float, poses: int) -> Identifiability:
+def _identified(problem: CalibrationProblem, fits: Sequence[Fitted], noise: float, poses: int) -> Identifiability:
     """By the triangles of the blocks: as much as all their rows."""
     u = problem.unknowns
     rows = []

@@ -13,7 +13,7 @@ from ..inference.make_estimate import spectrum
 from ..inference.weighting import prior_rows
 from ..lang.source import ModelError
 from .implicit import Adjustment, require_noise_enough
-from .problem import Problem, noise_covariance
+from .problem import CalibrationProblem, noise_covariance
 
 # part of a prediction's Jacobian along what no pose determines, relative: more means that it cannot be predicted
 LEAK = 1e-6
@@ -84,7 +84,7 @@ class PoseInformation:
         return np.vstack([own.reshape(-1, self.rank), self.priors @ self.basis])
 
 
-def pose_information(problem: Problem) -> PoseInformation:
+def pose_information(problem: CalibrationProblem) -> PoseInformation:
     """Information of the poses of a problem, which need not have been measured: commanded ones, with the device's
     noise.
 

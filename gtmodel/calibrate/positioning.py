@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from ..lang.source import ModelError
 from .pose_information import LEAK, PoseInformation
-from .problem import Problem
+from .problem import CalibrationProblem
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +88,7 @@ class Positioning:
 
 
 def positioning(
-    problem: Problem, signal: str = "T", names: Sequence[str] | None = None, *, x: ArrayLike | None = None
+    problem: CalibrationProblem, signal: str = "T", names: Sequence[str] | None = None, *, x: ArrayLike | None = None
 ) -> Positioning:
     """Jacobian of the tool centre point in the unknowns, at the poses of a problem, by its closure equations.
 
@@ -112,7 +112,7 @@ def positioning(
     return Positioning(tuple(chosen), moved[:, :, [every.index(n) for n in chosen]])
 
 
-def pose_jacobians(problem: Problem, signal: str = "T", x: ArrayLike | None = None) -> dict[str, np.ndarray]:
+def pose_jacobians(problem: CalibrationProblem, signal: str = "T", x: ArrayLike | None = None) -> dict[str, np.ndarray]:
     """Jacobian of each signal of the pose in the unknowns (N, k, n), actuators held. Raises as positioning()."""
     J, B, pose = closure_jacobians(problem, signal, x)
     try:
@@ -124,7 +124,7 @@ def pose_jacobians(problem: Problem, signal: str = "T", x: ArrayLike | None = No
 
 
 def closure_jacobians(
-    problem: Problem, signal: str = "T", x: ArrayLike | None = None
+    problem: CalibrationProblem, signal: str = "T", x: ArrayLike | None = None
 ) -> tuple[np.ndarray, np.ndarray, list[int]]:
     """Jacobians of the lengths' closures in the unknowns (N, m, n) and in the whole pose (N, m, m).
 

@@ -25,7 +25,7 @@ from .unknowns import Choice, Parameters, Unknowns, unknowns
 
 
 @dataclass(frozen=True, eq=False)
-class Problem:
+class CalibrationProblem:
     """A calibration made ready: closure equations of the model with data, unknowns and functions; nothing is solved.
 
     `costs`: "squared" closure residuals (Dressler 2012, eq. (5.1)); "length", their roots |d| - L; the errors of the
@@ -123,7 +123,7 @@ class Problem:
         rows = np.vstack([J.reshape(-1, J.shape[2]) / sigma, P])
         return identifiability(rows, self.unknowns.names, scale=self.unknowns.sizes, poses=len(J), **more)
 
-    def on(self, measurements: Measurements) -> Problem:
+    def on(self, measurements: Measurements) -> CalibrationProblem:
         """The same equations and unknowns with other poses, of the same signals, corrections and sessions.
 
         Raises ModelError where they differ.
@@ -152,7 +152,7 @@ def prepare(
     *,
     actuators: str = "q",
     latent: Sequence[str] = (),
-) -> Problem:
+) -> CalibrationProblem:
     """The calibration problem of a model and measured poses: closure equations, unknowns, Jacobians. Nothing is solved.
 
     All measured values but rates and loads count as known; `actuators`: the variable that the drives measure; `latent`:
@@ -179,7 +179,7 @@ def prepare(
     choice = choice or Choice()
     free = [*choice.free, *read.parameters.names] if choice.free else []
     u = unknowns(everything, replace(choice, free=free, unit=[*choice.unit, *read.unit]))
-    return Problem(closure, measurements, read, u, actuators)
+    return CalibrationProblem(closure, measurements, read, u, actuators)
 
 
 def latent_starts(closure: Closure) -> dict[str, np.ndarray]:
@@ -194,7 +194,7 @@ def latent_starts(closure: Closure) -> dict[str, np.ndarray]:
     return starts
 
 
-def noise_covariance(problem: Problem, cost: str, unit: bool = False) -> np.ndarray:
+def noise_covariance(problem: CalibrationProblem, cost: str, unit: bool = False) -> np.ndarray:
     """(N or 1, ny, ny) of the noise that a cost counts; unit variances where nothing but ratios is needed."""
     read, m = problem.reading, problem.measurements
     names = [n for n in problem.noisy(cost) if cost != "orthogonal" or n in m.noise]

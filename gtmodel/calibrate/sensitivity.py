@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .positioning import pose_jacobians
-from .problem import Problem
+from .problem import CalibrationProblem
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,7 +24,7 @@ class Sensitivity:
     cost: np.ndarray
 
 
-def sensitivity(problem: Problem, x: np.ndarray, step: float = 5e-5) -> Sensitivity:
+def sensitivity(problem: CalibrationProblem, x: np.ndarray, step: float = 5e-5) -> Sensitivity:
     """At the unknowns x, on the measured poses; poses to the first order in the step, the cost as it is.
 
     The thesis changes ZYZ angles, whose sum depends on the frame; here an orientation changes by the angle of its turn.
@@ -36,7 +36,7 @@ def sensitivity(problem: Problem, x: np.ndarray, step: float = 5e-5) -> Sensitiv
     return Sensitivity(problem.unknowns.names, step, sums, _cost_changes(problem, x, step))
 
 
-def _cost_changes(problem: Problem, x: np.ndarray, step: float) -> np.ndarray:
+def _cost_changes(problem: CalibrationProblem, x: np.ndarray, step: float) -> np.ndarray:
     data = problem.reading.data
     changes = np.zeros(len(x))
     for b in problem.squared:

@@ -8,11 +8,11 @@ from dataclasses import replace
 from ..inference import Prior
 from ..lang import Model, ModelError
 from ..results import ArgumentError
-from ..robots.families import family_of
+from ..robots.links import family_of
 from .measured.cart_points import CartPoints
 from .measured.poses import SplitPoses
 from .options import Fit, Known
-from .problem import Problem, prepare
+from .problem import CalibrationProblem, prepare
 from .unknowns import Choice, Unknowns
 
 QUATERNIONS = ("u1_2", "u1_3", "u2_3")
@@ -46,7 +46,7 @@ def choice_of(fit: Fit, model: Model, known: Sequence[str] = (), on_points: Sequ
 
 def prepared(
     fit: Fit, model: Model, data: SplitPoses, carts: CartPoints | None = None, on_points: Sequence[str] = ()
-) -> Problem:
+) -> CalibrationProblem:
     """The equations of the fitted poses. Raises ArgumentError with the option whose name is not understood."""
     m, actuators = data.fitted, data.actuators
     try:
@@ -64,7 +64,7 @@ def prepared(
         raise ArgumentError(str(error), _naming(fit, str(error))) from error
 
 
-def require_poses(p: Problem) -> None:
+def require_poses(p: CalibrationProblem) -> None:
     """Raises ArgumentError where a part of the robot has fewer equations than unknowns."""
     N = len(p.measurements)
     for b in p.lengths:

@@ -12,12 +12,11 @@ from typing import TYPE_CHECKING
 from .._lazy import public
 
 if TYPE_CHECKING:
-    from .code_study import CodeStudy as CodeStudy, study as study
+    from .code_study import CodeStudy as CodeStudy, Verification as Verification, study as study
     from .costs_file import write_costs as write_costs
-    from .errors import GenerationError as GenerationError
     from .generation import Generated as Generated, generate as generate
     from .measurement import Costs as Costs, costs as costs
-    from .options import Verification as Verification
+    from .text import GenerationError as GenerationError
     from .verification.against_python import check as check
     from .verification.report import CheckReport as CheckReport
 

@@ -9,9 +9,8 @@ from pathlib import Path
 import casadi as ca
 
 from ..compiler.causal import CausalFunction
-from .errors import GenerationError
 from .interface import Interface, macro
-from .text import comment
+from .text import GenerationError, comment
 
 _EXPORTED = re.compile(r"^CASADI_SYMBOL_EXPORT [^\n]*?(\w+)\([^\n]*\{(?:[^\n]*\}\n|.*?^\}\n)\n?", re.M | re.S)
 _CONSTANT = re.compile(r"^static const casadi_int (casadi_s\d+)\[[^\n]*;\n", re.M)
@@ -100,8 +99,8 @@ def trimmed(text: str, prefix: str, wanted: set[str]) -> str:
         raise GenerationError(f"CasADi {ca.CasadiMeta.version()} writes C in a form that gtmodel does not know")
     text = text.replace(include, f'#include "gt_float.h"\n#include "{prefix}.h"\n\n{include}')
     for name, (definition, inline) in _INLINE.items():
-        text, found = definition.subn(inline, text)
-        if found != (f" casadi_{name}(" in text):
+        text, replaced = definition.subn(inline, text)
+        if replaced != (f" casadi_{name}(" in text):
             raise GenerationError(f"CasADi {ca.CasadiMeta.version()} writes {name} in a form that is not known")
     if any(returned != "0" and not returned.startswith("casadi_f") for returned in _RETURNED.findall(text)):
         raise GenerationError(

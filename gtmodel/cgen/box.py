@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ..compiler.causal import CausalFunction
-from .errors import GenerationError
+from .text import GenerationError
 
 Intervals = tuple[tuple[float, float], ...]
 
@@ -18,7 +18,7 @@ def box_of(function: CausalFunction, box: Mapping[str, Sequence[Sequence[float]]
     box: intervals by name of a signal such as "der(T)", one for each of its numbers, or one for all. Raises
     GenerationError for an interval that is none, and for another number of them.
     """
-    found: list[tuple[float, float]] = []
+    intervals: list[tuple[float, float]] = []
     for s in function.inputs:
         if s.name not in box:
             return None
@@ -30,8 +30,8 @@ def box_of(function: CausalFunction, box: Mapping[str, Sequence[Sequence[float]]
         for interval in given * (s.size if len(given) == 1 else 1):
             if len(interval) != 2 or not np.all(np.isfinite(interval)) or interval[0] > interval[1]:
                 raise GenerationError(f"the box gives {list(interval)} for '{s.name}'; give [least, greatest]", "box")
-            found.append((interval[0], interval[1]))
-    return None if function.plan.uses_time else tuple(found)
+            intervals.append((interval[0], interval[1]))
+    return None if function.plan.uses_time else tuple(intervals)
 
 
 def check_names(functions: Mapping[str, CausalFunction], box: Mapping[str, Sequence[Sequence[float]]]) -> None:

@@ -15,29 +15,44 @@ from ..results import Check, Quantity, Row, SolveStatus, Study, Work
 from ..results.door import study_function
 from ..results.folder import Held, others
 from ..results.marks import marked
+from ..results.options import Options, Within
 from ..results.work import Progress, never, silent
 from . import measurement
 from .costs_file import COSTS, write_costs
-from .errors import GenerationError
 from .folder import held
 from .generation import Generated, generate
 from .measurement import Costs
-from .options import Verification
+from .text import GenerationError
 from .verification import against_python
 
 Counts = Mapping[str, int]
 _PREFIX = "gtmodel-codegen-"
 
 
+@dataclass(frozen=True)
+class Verification(Options):
+    """How generated C is compared: it is compiled, and computes the same random inputs as Python.
+
+    >>> gt.cgen.Verification(points=200, seed=3)
+    Verification(points=200, seed=3)
+    >>> gt.cgen.Verification(points=0)
+    Traceback (most recent call last):
+        ...
+    gtmodel.results.refusal.ArgumentError: points: ...
+    """
+
+    points: Annotated[int, Within(above=0), "random inputs per function"] = 1000
+    seed: Annotated[int, Within(least=0), "of the random inputs"] = 0
+
+
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class CodeStudy(Study):
     """What was generated, and what it costs; where nothing was compared, nothing was counted.
 
-    real: the numbers that C computes with. missing: one sentence on what could not be counted, or "".
+    real: the numbers that C computes with. notes: what of the costs could not be counted.
     """
 
     real: str = "double"
-    missing: str = ""
     folder: Annotated[str | None, Quantity("", "where the code was written")] = None
     functions: Annotated[
         Mapping[str, Mapping[str, Sequence[str]]] | None,
@@ -68,18 +83,17 @@ class CodeStudy(Study):
         """The table for people."""
         if self.functions is None:
             return []
-        rows = [
+        return [
             Row("folder", self.folder),
             Row("files", sum(file != COSTS for file in self.written or ())),
             Row("numbers", self.real),
             *(Row(name, _in_words(signature)) for name, signature in self.functions.items()),
             *(Row(f"{name} costs", self._cost(name)) for name in self.text_bytes or ()),
         ]
-        return rows + ([Row("costs", self.missing)] if self.missing else [])
 
     def _cost(self, name: str) -> str:
         text, stack, instructions = (
-            (found or {}).get(name) for found in (self.text_bytes, self.stack_bytes, self.instructions)
+            (costs or {}).get(name) for costs in (self.text_bytes, self.stack_bytes, self.instructions)
         )
         counted = "" if instructions is None else f", {instructions} instructions"
         return f"{text} bytes of code, {stack} of stack{counted}"
@@ -94,7 +108,7 @@ def study(
     real: Literal["double", "float"] = "double",
     box: Mapping[str, Sequence[Sequence[float]]] | None = None,
     along: Collection[str] = (),
-    check: Verification | None = Verification(),  # noqa: B008  # frozen
+    check: Verification | None = Verification(),  # frozen
     provenance: Mapping[str, str] | None = None,
     problem: Mapping[str, Any] | None = None,
     also: Mapping[str, Check] | None = None,
@@ -145,20 +159,20 @@ def study(
         work.progress("generating")
         cost = None
         if check is None:
-            found = CodeStudy(status=SolveStatus.SOLVED, title=title, real=real)
+            outcome = CodeStudy(status=SolveStatus.SOLVED, title=title, real=real)
         else:
             with tempfile.TemporaryDirectory(prefix=_PREFIX) as place:
                 scratch = Path(place) / "code"
-                found, cost = _compared(make(scratch), scratch, functions, check, work)
-            found = found.with_(folder=str(mine.path))
-        found = found.judged(checks)
-        if not found.status.ok and not write_failed:
+                outcome, cost = _compared(make(scratch), scratch, functions, check, work)
+            outcome = outcome.with_(folder=str(mine.path))
+        outcome = outcome.judged(checks)
+        if not outcome.status.ok and not write_failed:
             kept = "; what an earlier run wrote there stays" if others(mine.path) else ""
-            return found.with_(message=f"{found.message}; the code is not written; {by} writes it, marked{kept}")
-        made = make(mine, "" if found.status.ok else found.message)
+            return outcome.with_(message=f"{outcome.message}; the code is not written; {by} writes it, marked{kept}")
+        made = make(mine, "" if outcome.status.ok else outcome.message)
         if cost is not None:
             write_costs(mine, cost)
-        return made.judged(checks) if check is None else found
+        return made.judged(checks) if check is None else outcome
 
 
 def _study_of(made: Generated, functions: Mapping[str, CausalFunction], real: str, title: str) -> CodeStudy:
@@ -185,15 +199,16 @@ def _compared(
         return _stopped(made, "generated and compared with Python, but costs were not counted"), None
     work.progress("counting")
     cost = measurement.costs(scratch, functions)
-    found = made.with_(
+    compared = made.with_(
         status=SolveStatus.SOLVED if report.passed or report.checks else SolveStatus.FAILED,
         message=report.message,
         checks=report.checks,
         written=sorted([*(made.written or ()), COSTS]),
         points=check.points,
-        **vars(cost),
+        notes=[cost.missing] if cost.missing else [],
+        **{name: value for name, value in vars(cost).items() if name != "missing"},
     )
-    return found, cost
+    return compared, cost
 
 
 def _stopped(made: CodeStudy, done: str) -> CodeStudy:

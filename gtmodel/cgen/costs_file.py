@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from ..results.folder import FolderError, Held, holding
-from .errors import GenerationError
 from .manifest import read
 from .measurement import Costs
+from .text import GenerationError
 from .toolchain import STANDARD
 
 COSTS = "costs.json"
@@ -42,7 +42,7 @@ def write_costs(out: Path | Held, costs: Costs) -> Path:
                 return write_costs(mine, costs)
         except FolderError as error:
             raise GenerationError(f"'{out}' {error}") from error
-    found: dict[str, Any] = {
+    measured: dict[str, Any] = {
         "format": _FORMAT,
         "body_sha256": content["body_sha256"],
         "flags": list(STANDARD),
@@ -50,7 +50,7 @@ def write_costs(out: Path | Held, costs: Costs) -> Path:
             key: getattr(costs, key) for key in ("missing", "text_bytes", "newton_bytes", "stack_bytes", "instructions")
         },
     }
-    out.write({COSTS: (json.dumps(found, indent=2) + "\n").encode()})
+    out.write({COSTS: (json.dumps(measured, indent=2) + "\n").encode()})
     return path
 
 

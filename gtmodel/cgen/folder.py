@@ -10,8 +10,8 @@ from typing import Any
 
 from ..results.folder import FolderError, Held, holding, others, unfinished
 from .costs_file import COSTS, ours
-from .errors import GenerationError
 from .manifest import FILE, changed_files, lacks, read
+from .text import GenerationError
 
 
 @contextmanager

@@ -14,7 +14,6 @@ from .._version import __version__
 from ..compiler.causal import CausalFunction
 from ..results.folder import Held
 from .body import body
-from .errors import GenerationError
 from .folder import write
 from .header import header
 from .interface import Interface, interfaces
@@ -22,6 +21,7 @@ from .manifest import FILE, manifest, parameters_hash, sha256
 from .readme import makefile, readme
 from .real import FLOAT, real_of
 from .single import file_name, single
+from .text import GenerationError
 from .vectors import selftest
 from .wrapper import wrapper
 

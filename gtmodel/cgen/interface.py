@@ -10,9 +10,9 @@ from functools import cached_property
 from ..compiler.analysis.sizes import Sizes
 from ..compiler.causal import CausalFunction, CausalSignal, c_name
 from .box import Intervals, box_of, check_names
-from .errors import GenerationError
 from .newton_stages import NewtonStage, Stages, stages
 from .real import DOUBLE, Real
+from .text import GenerationError
 
 _IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9]*(_[A-Za-z0-9]+)*")
 _UNITLESS = {"", "1", "?"}
@@ -155,11 +155,11 @@ def interfaces(
 
 def places(members: Iterable[Member], first: int = 0) -> list[tuple[slice, Member]]:
     """Where the numbers of each member stand in a row of all, from `first` on."""
-    found = []
+    slices = []
     for m in members:
-        found.append((slice(first, first + m.size), m))
+        slices.append((slice(first, first + m.size), m))
         first += m.size
-    return found
+    return slices
 
 
 def macro(symbol: str) -> str:
@@ -196,8 +196,8 @@ def _members(function: CausalFunction, signals: Iterable[CausalSignal]) -> tuple
             n += 1
             identifier = f"{base}_{n}"
         taken.add(identifier)
-        told = (v.description, str(v.where)) if v else ("", "")
-        result.append(Member(identifier, max(len(s.pairs), 1), bool(s.shape), s.name, s.shape, s.unit, *told))
+        about = (v.description, str(v.where)) if v else ("", "")
+        result.append(Member(identifier, max(len(s.pairs), 1), bool(s.shape), s.name, s.shape, s.unit, *about))
     return tuple(result)
 
 

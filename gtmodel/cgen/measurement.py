@@ -147,10 +147,10 @@ def _instructions(tools: Toolchain, valgrind: str, face: Interface, place: Path,
     for calls in (1, CALLS + 1):
         log = f"--callgrind-out-file={place / 'callgrind.out'}"
         ran, text = tools.run(valgrind, "--tool=callgrind", log, program, *["x"] * calls)
-        found = _COUNTED.search(text)
-        if not ran or found is None:
+        counted = _COUNTED.search(text)
+        if not ran or counted is None:
             return None
-        totals.append(int(found[1]))
+        totals.append(int(counted[1]))
     return round((totals[1] - totals[0]) / CALLS)
 
 

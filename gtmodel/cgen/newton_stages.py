@@ -69,9 +69,9 @@ def stages(f: CausalFunction, symbol: str, real: Real = DOUBLE) -> Stages:
     zs = [ca.vertcat(*b.unknowns) for b in plan.newton]
     targets = [ca.vertcat(*[plan.symbol(*p) for p in s.pairs]) for s in f.outputs]
     residuals = [ca.vertcat(*b.residuals) for b in plan.newton]
-    found = iter(express(plan, [*targets, *residuals, *(m.expression for m in f.margins)]))
-    targets, residuals = ([next(found) for _ in wanted] for wanted in (targets, residuals))
-    margins = list(found)
+    remaining = iter(express(plan, [*targets, *residuals, *(m.expression for m in f.margins)]))
+    targets, residuals = ([next(remaining) for _ in wanted] for wanted in (targets, residuals))
+    margins = list(remaining)
     due = [_due(e, zs) for e in margins]
 
     def at(k: int) -> tuple[ca.SX, tuple[Margin, ...]]:
@@ -111,8 +111,8 @@ def samples_of(f: CausalFunction, pairs: Sequence[tuple[int, int]]) -> np.ndarra
 
 def _due(expression: ca.SX, zs: Sequence[ca.SX]) -> int:
     """How many blocks must be solved before the expression can be computed."""
-    found = {s.element_hash() for s in ca.symvar(expression)}
-    return max([k + 1 for k, z in enumerate(zs) if found & {s.element_hash() for s in ca.vertsplit(z)}], default=0)
+    symbols = {s.element_hash() for s in ca.symvar(expression)}
+    return max([k + 1 for k, z in enumerate(zs) if symbols & {s.element_hash() for s in ca.vertsplit(z)}], default=0)
 
 
 def _column(expressions: list[ca.SX]) -> ca.SX:
@@ -184,8 +184,8 @@ def evaluate_stages(
 
         begin = start[live, first : first + stage.size]
         nominal, largest = real.array(stage.nominal), real.array(stage.largest)
-        found, verdict = newton(kernel, begin, nominal, largest, real.dtype(stage.least), real.round_off)
-        z[live], status[live] = found, verdict
+        root, verdict = newton(kernel, begin, nominal, largest, real.dtype(stage.least), real.round_off)
+        z[live], status[live] = root, verdict
         given, first = [*given, z.T], first + stage.size
     results = evaluated(cut.body, given)
     status = np.where(status == 0, status_codes(cut.margins, [], results, None, real.pivot), status)

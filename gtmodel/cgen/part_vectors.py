@@ -23,17 +23,17 @@ def part_vectors(face: Interface, inputs: np.ndarray, outputs: np.ndarray) -> li
     """Arguments and results (rows, m) of each body at inputs that have a solution; Newton's bodies at the solution."""
     evaluated = map_columns if face.real is DOUBLE else run
     known = [inputs[:, at].T for at, _ in places(face.inputs)]
-    first, found = face.output_size, []
+    first, vectors = face.output_size, []
     functions = iter(casadi_functions(face))
     for stage in face.newton:
         z = outputs[:, first : first + stage.size].T
         prepared = evaluated(next(functions), known)
         seen = evaluated(next(functions), [z, prepared[0]])
-        found += [_rows(known, prepared), _rows([z, prepared[0]], seen)]
+        vectors += [_rows(known, prepared), _rows([z, prepared[0]], seen)]
         first += stage.size
         known = [*known, z]
-    found.append(_rows(known, evaluated(next(functions), known)))
-    return found
+    vectors.append(_rows(known, evaluated(next(functions), known)))
+    return vectors
 
 
 def _rows(arguments: list[np.ndarray], results: list[np.ndarray]) -> tuple[list[np.ndarray], np.ndarray]:
@@ -44,8 +44,8 @@ def part_comparisons(face: Interface, inputs: np.ndarray, outputs: np.ndarray) -
     """Text of a static function for each body, with its tables, and the functions' names."""
     text, names = "", []
     sizes_of = [[g.numel_out(k) for k in range(g.n_out())] for g in casadi_functions(face)]
-    found = part_vectors(face, inputs, outputs)
-    for symbol, (arguments, results), sizes in zip(face.bodies, found, sizes_of, strict=True):
+    vectors = part_vectors(face, inputs, outputs)
+    for symbol, (arguments, results), sizes in zip(face.bodies, vectors, sizes_of, strict=True):
         name = f"{face.key}{symbol.removeprefix(face.symbol)}"
         names.append(f"{name}_differences")
         text += _comparison(symbol, name, arguments, results, sizes)

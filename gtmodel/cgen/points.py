@@ -109,8 +109,8 @@ def evaluate(face: Interface, values: np.ndarray) -> tuple[np.ndarray, np.ndarra
         columns = [a.T for a in arguments]
         results = run(casadi_functions(face)[0], columns)
         status = status_codes(face.function.margins, columns, results, None, face.real.pivot, face.sizes)
-        found = np.vstack(results[:-1]).T.copy()
-        found[status != Status.OK] = np.nan
-        return found, status
+        rows = np.vstack(results[:-1]).T.copy()
+        rows[status != Status.OK] = np.nan
+        return rows, status
     *results, status = function(*[a.reshape(-1, *m.shape) for a, m in zip(arguments, face.inputs, strict=True)])
     return np.concatenate([r.reshape(len(values), -1) for r in results], axis=1), np.asarray(status)

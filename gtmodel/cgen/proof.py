@@ -11,10 +11,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..compiler.causal import CausalFunction
-from .errors import GenerationError
 from .interface import Interface, interfaces
 from .manifest import read
-from .text import decimal
+from .text import GenerationError, decimal
 from .toolchain import SECONDS
 from .wrapper import elements
 
@@ -86,11 +85,11 @@ def prove(
     with tempfile.TemporaryDirectory() as place:
         while waiting:
             cell, left = waiting.pop()
-            count, alarms, found = _run(face, content["name"], folder, cell, Path(place))
+            count, alarms, ranges = _run(face, content["name"], folder, cell, Path(place))
             runs += 1
             if count == 0:
                 cells.append(cell)
-                outputs = found if not outputs else [_hull(a, b) for a, b in zip(outputs, found, strict=True)]
+                outputs = ranges if not outputs else [_hull(a, b) for a, b in zip(outputs, ranges, strict=True)]
             elif left == 0:
                 unproved.append(cell)
                 texts.update(dict.fromkeys(alarms))
@@ -129,8 +128,8 @@ def _run(
         lines = (done.stdout + done.stderr).strip().splitlines()
         raise GenerationError(f"frama-c failed on '{face.key}': {lines[-1] if lines else 'it said nothing'}")
     open_ones = sum(int(a) + int(b) for a, b in _OPEN.findall(done.stdout))
-    found = [(float(a or c), float(b or c)) for a, b, c in _INTERVAL.findall(shown)]
-    return int(number[1]) + open_ones, [" ".join(text.split()) for _, text in _PLACE.findall(done.stdout)], found
+    ranges = [(float(a or c), float(b or c)) for a, b, c in _INTERVAL.findall(shown)]
+    return int(number[1]) + open_ones, [" ".join(text.split()) for _, text in _PLACE.findall(done.stdout)], ranges
 
 
 def _entry(face: Interface, name: str, cell: Box) -> str:

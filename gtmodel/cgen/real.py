@@ -9,7 +9,7 @@ import numpy as np
 
 from ..compiler.analysis.sizes import DOUBLE as DOUBLE_PRECISION, Precision
 from ..compiler.causal import PIVOT_TOLERANCE
-from .errors import GenerationError
+from .text import GenerationError
 
 
 @dataclass(frozen=True)

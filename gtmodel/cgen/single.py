@@ -7,8 +7,8 @@ import re
 
 import numpy as np
 
-from .errors import GenerationError
 from .real import FLOAT
+from .text import GenerationError
 
 # shared names that speak of numbers get the f that libm gives to its functions in float: a project may hold both
 _NAMES = """

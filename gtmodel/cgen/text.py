@@ -1,10 +1,16 @@
-"""Text that is safe inside C: comments, numbers, lines of one width."""
+"""Text that is safe inside C: comments, numbers, lines of one width; and the error of what cannot become such text."""
 
 from __future__ import annotations
 
 import textwrap
 
+from ..results.refusal import ArgumentError
+
 WIDTH = 110
+
+
+class GenerationError(ArgumentError):
+    """Code that cannot be generated, written or compared; the message is one plain sentence."""
 
 
 def comment_safe(text: str) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import stat
 import subprocess
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,6 +20,7 @@ SECONDS = 300.0
 # what generated code may ask for: libm, and what a compiler makes of a struct copy
 _MATH = (*LIBM, "sincos")
 ALLOWED_SYMBOLS = frozenset([*_MATH, *[f"{n}f" for n in _MATH], "memcpy", "memset", "_GLOBAL_OFFSET_TABLE_"])
+_OTHERS = stat.S_IWGRP | stat.S_IWOTH
 
 
 @dataclass(frozen=True)
@@ -68,3 +70,22 @@ def find() -> Toolchain | str:
     if nm is None:
         return "there is no 'nm' on this machine: install the package binutils"
     return Toolchain(cc, nm)
+
+
+def exposed(path: Path) -> str:
+    """Why another user may have put, or may exchange, what lies at `path`; empty where none but this one and root can.
+
+    The path itself, and every folder above it, must belong to this user or to root and be writable by the owner alone;
+    a folder above may be one as /tmp, where nobody takes away what is another's. Where the system has no such owners
+    (Windows) nothing is said. Raises OSError where there is nothing at `path`.
+    """
+    if not hasattr(os, "getuid"):
+        return ""
+    whole = path.resolve(strict=True)
+    for place in (whole, *whole.parents):
+        entry = place.stat()
+        if entry.st_uid not in (os.getuid(), 0):
+            return f"{place} belongs to another user"
+        if entry.st_mode & _OTHERS and not (place != whole and entry.st_mode & stat.S_ISVTX):
+            return f"{place} can be written by other users"
+    return ""

@@ -14,8 +14,8 @@ from functools import cache
 import casadi as ca
 import numpy as np
 
-from .errors import GenerationError
 from .real import FLOAT
+from .text import GenerationError
 
 Rows = np.ndarray
 _ONE = FLOAT.dtype(1.0)

@@ -5,10 +5,9 @@ from __future__ import annotations
 from ..compiler.blocks import Margin
 from ..compiler.emit import express
 from ..results.status import Status
-from .errors import GenerationError
 from .interface import Interface, Member, macro, places
 from .newton_stages import NewtonStage
-from .text import comment, decimal
+from .text import GenerationError, comment, decimal
 
 _EACH_FINITE = """\
 /* 1 if all numbers at n places of so many numbers are finite. It is asked where a sum of them is not. */
@@ -208,9 +207,9 @@ def _copies(face: Interface, into_state: bool) -> list[str]:
 def _distinct(face: Interface) -> list[int]:
     """Which margins of the body to test: of two that are the same expression the first decides."""
     margins = face.stages.margins if face.stages else face.function.margins
-    found = express(face.function.plan, [m.expression for m in margins])
+    expressions = express(face.function.plan, [m.expression for m in margins])
     first: dict[tuple[int, str, float], int] = {}
-    for n, (m, e) in enumerate(zip(margins, found, strict=True)):
+    for n, (m, e) in enumerate(zip(margins, expressions, strict=True)):
         first.setdefault((e.element_hash(), m.kind, m.scale), n)
     return sorted(first.values())
 

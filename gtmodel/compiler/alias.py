@@ -38,6 +38,19 @@ class AliasResult:
             sign, index, order = sign * a.sign, a.kept, order + a.order
         return sign, index, order
 
+    def declared_names(self, flat: FlatModel) -> dict[tuple[int, int], str]:
+        """Derivatives that have a name of their own: (kept index, order) by the variable declared to be it.
+
+        A variable inside of a part names no derivative of what lies further out.
+        """
+        names: dict[tuple[int, int], str] = {}
+        for index in sorted(self.removed):
+            sign, kept, order = self.resolve(index, 0)
+            name = flat.variables[index].name
+            if sign > 0 and order and name.count(".") <= flat.variables[kept].name.count("."):
+                names.setdefault((kept, order), name)
+        return names
+
     def rewrite(self, flat: FlatModel, expression: ca.SX) -> ca.SX:
         """An expression of the original names in terms of the kept ones."""
         return self.rewrite_all(flat, [expression])[0]

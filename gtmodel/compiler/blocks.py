@@ -22,7 +22,7 @@ VERDICTS = {
 class Margin:
     """A number that must stay on the good side: discriminant or condition >= 0, |pivot| and branch above a tolerance.
 
-    `kind` is one of VERDICTS: a condition is on known values, a branch tells where Newton has led, as far as round-off
+    `kind` is one of VERDICTS: a condition is on known values, a branch shows where Newton has led, as far as round-off
     lets it; `scale` (typical size) is found at the sample points.
     """
 

@@ -1,4 +1,4 @@
-"""Branches: the sign of each root, told by the geometry that components declare, else by the start values."""
+"""Branches: the sign of each root, from the geometry that components declare, else from the start values."""
 
 from __future__ import annotations
 
@@ -43,9 +43,9 @@ def check_branches(flat: FlatModel, wanted: Mapping[str, int]) -> None:
 def settle(plan: CausalPlan, sampler: Sampler, wanted: Mapping[str, int]) -> CausalPlan:
     """The plan with a sign for every root, and with samples on the chosen branches.
 
-    A branch tells the solutions of a root apart if its expression changes sign, in the same sense at every
-    sample, when the root does; its sign is the wanted one, +1 by default. A root that no branch tells apart
-    takes the side of the start values. Branches that tell no root of this causality apart play no part, but where
+    A branch distinguishes the solutions of a root if its expression changes sign, in the same sense at every
+    sample, when the root does; its sign is the wanted one, +1 by default. A root that no branch settles
+    takes the side of the start values. Branches that settle no root of this causality play no part, but where
     Newton continues a home pose, that pose has the wanted signs.
     """
     plan = _with_settled_roots(plan, sampler, wanted)
@@ -84,7 +84,7 @@ def _with_settled_roots(plan: CausalPlan, sampler: Sampler, wanted: Mapping[str,
             positive = int(np.sum(at_start[:, n] > 0))
             if positive not in (0, len(at_start)):
                 raise ModelError(
-                    f"{plan.flat.title}: {root.label} has two solutions and nothing tells them apart; declare "
+                    f"{plan.flat.title}: {root.label} has two solutions and nothing distinguishes them; declare "
                     "gt.branch(name, expression) or give start values near the wanted one"
                 )
             settled.append(replace(root, value=1 if positive else -1))
@@ -242,7 +242,7 @@ def _functions(
 
 
 def _teller(names: list[str], plus: np.ndarray, minus: np.ndarray, wanted: Mapping[str, int]) -> tuple[int, int] | None:
-    """(branch, sense) of the branch that tells a root apart, given its values on both sides of the root.
+    """(branch, sense) of the branch that settles a root, given its values on both sides of the root.
 
     Of several, one whose expression merely changes sign comes first, then one that was asked for.
     """

@@ -18,7 +18,7 @@ from ..lang.source import ModelError
 from ..results.status import Status
 from .analysis.sizes import DOUBLE, Precision, Sizes, sizes_of
 from .consistency.guess import Completion
-from .consistency.home import said
+from .consistency.home import moved_sentence
 from .evaluate import Built, build
 from .explain import explain
 from .flat import FlatModel
@@ -53,7 +53,7 @@ class CausalFunction:
     one array per target, then the status: a `Status` for a single call, an int array (n,) of Status codes for
     rows. It never throws on data: a row without a solution is NaN with a status that says why. Numbers are in SI units.
 
-    `explain()` tells how the values are computed, `diagnose(...)` why a call has no answer, `jacobian(...)` gives exact
+    `explain()` says how the values are computed, `diagnose(...)` why a call has no answer, `jacobian(...)` gives exact
     derivatives, `casadi` the same function for CasADi; gt.cgen makes C of it.
 
     >>> robot = gt.robots.gantry_tau("l1_tape")
@@ -152,7 +152,7 @@ class CausalFunction:
         others = [i for i in self.preferred if self.plan.alias.resolve(i, 0)[1] not in states]
         names = ", ".join(f"'{self.flat.variables[i].name}'" for i in others)
         preferred = f"preferred as a state, and no state of this causality: {names}" if others else ""
-        return tuple(filter(None, [said(self.flat, self.plan.moved), preferred]))
+        return tuple(filter(None, [moved_sentence(self.flat, self.plan.moved), preferred]))
 
     @property
     def parameter_names(self) -> list[str]:

@@ -73,7 +73,7 @@ class FlatEquation:
 
 @dataclass(frozen=True)
 class FlatBranch:
-    """A named geometric branch: the sign of an expression tells two solutions apart."""
+    """A named geometric branch: the sign of an expression distinguishes two solutions."""
 
     name: str
     expression: ca.SX

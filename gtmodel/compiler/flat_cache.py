@@ -21,7 +21,7 @@ KEPT = 16  # of some megabytes each with their compiled functions
 
 
 class _Opaque(Exception):
-    """A modifier that cannot be told from another one by its content, such as a function."""
+    """A modifier that its content does not distinguish from another one, such as a function."""
 
 
 class _Configuration:

@@ -89,7 +89,7 @@ def solve_linear(
 class _Entries:
     """Kind and size of matrix entries, worked out once for each; the entries are kept alive with them.
 
-    An entry that depends on the state is no pivot, but its typical size still tells which other
+    An entry that depends on the state is no pivot, but its typical size still shows which other
     entries of its column are too small.
     """
 

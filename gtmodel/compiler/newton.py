@@ -83,7 +83,7 @@ class NewtonKernel:
             target = np.minimum(1.0, done[rows] + step[rows])
             at = self.a0[:, None] + target * (a[:, rows] - self.a0[:, None])
             at[:, target == 1.0] = a[:, rows][:, target == 1.0]
-            # along the tangent: a jump of the inputs may land beside another solution with a tiny correction
+            # along the tangent: a discontinuity of the inputs may land beside another solution with a tiny correction
             h = target - done[rows]
             ahead = h * tangent[:, rows]
             near = np.all(np.abs(ahead) <= REACH * self.scale[:, None], axis=0)

@@ -24,7 +24,7 @@ from .solving import solve_block
 from .states import Stage, choose
 from .structure import EquationStructure, analyse
 
-SAMPLE_POINTS = 5  # rank decisions want three; two more tell whether a root's sign depends on the pose
+SAMPLE_POINTS = 5  # rank decisions want three; two more show whether a root's sign depends on the pose
 
 Pair = tuple[int, int]
 
@@ -37,7 +37,7 @@ class CausalPlan:
     symbols that stand for the parameters in the blocks. `conditions` are equations among the elements of one known
     variable, which its values must satisfy, `on_known` these with those of their derivatives that concern what is
     read; `undetermined` variables have too few equations, but no target needs them. `moved` are start values that gave
-    way to the equations. `sides` are branches that tell where Newton's answers lie.
+    way to the equations. `sides` are branches that show where Newton's answers lie.
     """
 
     flat: FlatModel
@@ -237,7 +237,7 @@ def _reached(roots: list[Pair], solver: dict[Pair, Pair], used: dict[Pair, list[
 def _read(
     posed: _Posed, order: _Order, fold: ca.SX | None, sampler: Sampler, samples: np.ndarray
 ) -> tuple[set[Pair], list[Condition]]:
-    """What is read, as told by the equations as written: a parameter that happens to be zero changes no signature. And
+    """What the equations as written read: a parameter that happens to be zero changes no signature. And
     the conditions on it."""
     flat, solver = posed.flat, order.solver
     written = order.used if fold is None else _users(flat, posed.derivatives, order.unknown_of, solver)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from .causal import CausalFunction
 
 # a pivot below this fraction of its typical size means singular. A pivot that is a root, as of a link at right angles
-# to its guideway, is known to the root of round-off only, 1e-8: below that no double can tell it from zero
+# to its guideway, is known to the root of round-off only, 1e-8: below that no double distinguishes it from zero
 PIVOT_TOLERANCE = 1e-7
 # rows per mapped function: what a core keeps near; making one costs no more than some rows
 BLOCK = 512

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import casadi as ca
 import numpy as np
 import scipy
 
@@ -144,10 +145,10 @@ def _greedy(m: np.ndarray, groups: list[list[int]], count: int) -> list[int]:
 def _redundant(flat: FlatModel, structure: EquationStructure, k: int, rows: list[int], scaled: list[np.ndarray]) -> str:
     """Names the equations in the left null vector."""
     ranks = [int(np.linalg.matrix_rank(a, tol=RANK_TOLERANCE)) for a in scaled]
-    # singular at some points only, as max(u, 0) is where u < 0: these tell what vanishes
+    # singular at some points only, as max(u, 0) is where u < 0: these show what vanishes
     picked = max if max(ranks) < len(rows) else min
     m = scaled[ranks.index(picked(ranks))]
-    u, s, _ = np.linalg.svd(m)
+    u, s, vt = np.linalg.svd(m)
     rank = int(np.sum(s > RANK_TOLERANCE * max(s[0], 1e-300)))
     null = u[:, rank:]
     weight = np.max(np.abs(null), axis=1)
@@ -157,11 +158,31 @@ def _redundant(flat: FlatModel, structure: EquationStructure, k: int, rows: list
     )
     what = "are redundant or contradict each other" if k < 0 else "leave some unknowns undetermined (singular)"
     flows = k == 0 and all(structure.equations[i].label.startswith("flow ") for i in involved)
-    advice = "remove one, or make a part compliant"
+    columns = [j for j in range(len(structure.d)) if structure.d[j] + k >= 0]
+    free = [columns[n] for n in np.flatnonzero(np.max(np.abs(vt[rank:]), axis=0, initial=0.0) > 1e-6)]
+    zeros = _dropped(flat, structure, involved, free)
+    advice = zeros or "remove one, or make a part compliant"
     if flows:
         advice = "connect a reference, such as a ground, to what is connected there"
     level = {0: "highest derivatives", -1: "velocities", -2: "positions"}.get(k, f"stage {k}")
     return f"{flat.title}: {len(rows)} equations of rank {rank} in stage {k} ({level}): these {what}: {shown}; {advice}"
+
+
+def _dropped(flat: FlatModel, structure: EquationStructure, rows: list[int], columns: list[int]) -> str:
+    """Which derivative of these columns drops out of these equations because a parameter is 0; "" where none does."""
+    unknowns = {structure.unknowns[j]: int(structure.d[j]) for j in columns}
+    for i in rows:
+        residual = structure.equations[i].residual
+        for index, order in flat.scope.symbols_in(residual):
+            if order == 0 or unknowns.get(index) != order:
+                continue
+            share = ca.jacobian(residual, flat.scope.symbol(index, order))
+            for parameter in flat.parameters:
+                at_zero = ca.substitute(share, parameter.symbol, 0) if parameter.value == 0 else share
+                if ca.depends_on(share, parameter.symbol) and ca.simplify(at_zero).is_zero():
+                    name = f"der({flat.variables[index].name}{f',{order}' if order > 1 else ''})"
+                    return f"{name} drops out where {parameter.name} is 0: give {parameter.name} another value"
+    return ""
 
 
 def _match(

@@ -1,10 +1,11 @@
 """How a robot deflects under load. Knows no robot.
 
 study                stiffness, deflection and frequencies over a section: `ComplianceStudy`
-Springs, Links, Carts, Frame, Arm, Load, Map   what it is asked for
+Springs, RodSprings, CartSprings, FrameSprings, ArmSprings, Load, ComplianceMap   what it is asked for
 stiffness_study      joint stiffness of an arm from static load tests: `StiffnessStudy`; see `load_tests`
 Setup, Noise, GravityCompensator   what it is asked for
-MeasuredTests, read_load_tests, LoadTests, Column, made_load_tests, SyntheticTests   its tests, measured or synthetic
+MeasuredTests, read_load_tests, LoadTests, LoadTestColumn   its tests, measured
+made_load_tests, SyntheticTests   its tests, synthetic
 
 arm_poses            poses and Jacobians of an arm, from its equations
 StaticTests          poses, loads and the displacement of the tool
@@ -41,8 +42,8 @@ if TYPE_CHECKING:
     from .link_springs import GROUPS as GROUPS, LinkSprings as LinkSprings, tube as tube
     from .link_structure import LinkStructure as LinkStructure
     from .load_tests import (
-        Column as Column,
         GravityCompensator as GravityCompensator,
+        LoadTestColumn as LoadTestColumn,
         LoadTests as LoadTests,
         MeasuredTests as MeasuredTests,
         Noise as Noise,
@@ -54,15 +55,15 @@ if TYPE_CHECKING:
         stiffness_study as stiffness_study,
     )
     from .options import (
-        Arm as Arm,
-        Carts as Carts,
-        Frame as Frame,
-        Links as Links,
+        ArmSprings as ArmSprings,
+        CartSprings as CartSprings,
+        ComplianceMap as ComplianceMap,
+        FrameSprings as FrameSprings,
         Load as Load,
-        Map as Map,
+        RodSprings as RodSprings,
         Springs as Springs,
     )
-    from .selection import Selection as Selection, select as select
+    from .selection import LoadTestSelection as LoadTestSelection, select as select
     from .static_tests import StaticTests as StaticTests, at_tool as at_tool
     from .synthetic import synthetic_tests as synthetic_tests
 

@@ -19,7 +19,7 @@ from ..results.table import csv_text
 from ..results.work import Progress, never, silent
 from .cartesian import softest_and_stiffest
 from .link_springs import GROUPS
-from .options import Arm, Load, Map, Springs
+from .options import ArmSprings, ComplianceMap, Load, Springs
 from .sprung_arm import SprungArm
 from .sprung_links import ComplianceAtPoses, Sprung, SprungLinks
 
@@ -93,11 +93,11 @@ class ComplianceStudy(Study):
 @study_function
 def study(
     robot: Model,
-    springs: Springs | Arm,
+    springs: Springs | ArmSprings,
     load: Load | None = None,
     *,
     pose: Annotated[Sequence[float] | None, Long(3)] = None,
-    map: Map | None = None,
+    map: ComplianceMap | None = None,
     frequencies: Annotated[int, Within(least=1)] = 3,
     title: str = "",
     progress: Progress = silent,
@@ -108,7 +108,7 @@ def study(
 
     Args:
         robot: a parallel robot with links on carts, or a serial arm with a wrist in one point.
-        springs: `Springs` of the parallel robot, or `Arm` of the serial one.
+        springs: `Springs` of the parallel robot, or `ArmSprings` of the serial one.
         load: force [N] and moment [N.m] at the tool centre point, world coordinates; none if left out.
         pose: (3,) tool centre point whose numbers are reported [m]; the robot's home if left out.
         map: the section across the guideways, or the vertical plane in which an arm stands.
@@ -118,9 +118,9 @@ def study(
     Interrupted, it holds the reported pose and no map. Raises ArgumentError for what cannot be used, as a pose that is
     out of reach.
 
-    >>> from gtmodel.compliance import Links, Load, Map, Springs, study
+    >>> from gtmodel.compliance import ComplianceMap, Load, RodSprings, Springs, study
     >>> robot = gt.robots.gantry_tau("l1_tape")
-    >>> s = study(robot, Springs(Links(stiffness=2e7)), Load(force=[0, 0, -100.0]), map=Map(step=0.3))
+    >>> s = study(robot, Springs(RodSprings(stiffness=2e7)), Load(force=[0, 0, -100.0]), map=ComplianceMap(step=0.3))
     >>> (s.stiffness / 1e6).round(1)  # N/um, softest direction first
     array([ 4.1, 28.2, 87.7])
     >>> (1e6 * s.deflection).round(1)  # um
@@ -128,11 +128,11 @@ def study(
     """
     work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
     work.progress("equations", 0.05)
-    load, map = load or Load(), map or Map()
+    load, map = load or Load(), map or ComplianceMap()
     sprung = on_springs(robot, springs, load, pose, map, frequencies)
     computed = sprung(sprung.home[None])
     if computed.reason[0]:
-        own = isinstance(springs, Arm) and pose is None
+        own = isinstance(springs, ArmSprings) and pose is None
         raise ArgumentError(f"cannot be reported: {computed.reason[0]}", "springs.pose" if own else "pose")
     grid = grid_of(sprung, map)
     parts, T = [], grid.points()
@@ -148,15 +148,20 @@ def study(
 
 
 def on_springs(
-    robot: Model, springs: Springs | Arm, load: Load, pose: Sequence[float] | None, map: Map, frequencies: int
+    robot: Model,
+    springs: Springs | ArmSprings,
+    load: Load,
+    pose: Sequence[float] | None,
+    map: ComplianceMap,
+    frequencies: int,
 ) -> Sprung:
     """The robot on its springs. Raises ArgumentError."""
-    if isinstance(springs, Arm):
+    if isinstance(springs, ArmSprings):
         return SprungArm(robot, springs, load, pose)
     return SprungLinks(robot, springs, load, pose, map, frequencies)
 
 
-def grid_of(sprung: Sprung, map: Map) -> Any:
+def grid_of(sprung: Sprung, map: ComplianceMap) -> Any:
     """The points of the section. Raises ArgumentError."""
     low, high = map.window(*sprung.window, "map")
     if np.prod((high - low) / map.step + 1) > MOST_POINTS:

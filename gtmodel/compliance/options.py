@@ -10,15 +10,17 @@ from ..kinematics.section import CrossSection
 from ..results.options import Long, Options, Unit, Within
 
 Three = Annotated[list[float], Long(3)]
+WIDEST_M = 1.0  # of a tube: wider is a diameter in millimetres
+METRES = "give it in metres"
 
 
 @dataclass(frozen=True)
-class Links(Options):
+class RodSprings(Options):
     """Rods of a parallel robot and their ball joints.
 
     Give either a stiffness of the rod, or modulus and diameters of a tube, whose stiffness is E A / L.
 
-    >>> gt.compliance.Links(stiffness=0.0)
+    >>> gt.compliance.RodSprings(stiffness=0.0)
     Traceback (most recent call last):
     gtmodel.results.refusal.ArgumentError: stiffness: must be more than 0; found 0
     """
@@ -27,8 +29,10 @@ class Links(Options):
         float | list[float] | None, Unit("N/m"), Within(above=0.0), "of a rod along itself, one or one each"
     ] = None
     modulus: Annotated[float | None, Unit("Pa"), Within(above=0.0), "Young's modulus of a tube along itself"] = None
-    outer_diameter: Annotated[float | None, Unit("m"), Within(above=0.0), "of the tube"] = None
-    inner_diameter: Annotated[float, Unit("m"), Within(least=0.0), "of the tube"] = 0.0
+    outer_diameter: Annotated[
+        float | None, Unit("m"), Within(above=0.0, most=WIDEST_M, advice=METRES), "of the tube"
+    ] = None
+    inner_diameter: Annotated[float, Unit("m"), Within(least=0.0, most=WIDEST_M, advice=METRES), "of the tube"] = 0.0
     parallel: Annotated[
         list[int] | None,
         Within(least=1),
@@ -41,10 +45,10 @@ class Links(Options):
 
 
 @dataclass(frozen=True)
-class Carts(Options):
+class CartSprings(Options):
     """What holds the carts on their guideways. A spring that is left out is rigid.
 
-    >>> gt.compliance.Carts(drive=-1e7)
+    >>> gt.compliance.CartSprings(drive=-1e7)
     Traceback (most recent call last):
     gtmodel.results.refusal.ArgumentError: drive: must be more than 0; found -1e+07
     """
@@ -62,10 +66,10 @@ class Carts(Options):
 
 
 @dataclass(frozen=True)
-class Frame(Options):
+class FrameSprings(Options):
     """The machine frame at each guideway. A direction that is left out is rigid.
 
-    >>> gt.compliance.Frame(along=[2e7, 2e7, 3e7]).across is None
+    >>> gt.compliance.FrameSprings(along=[2e7, 2e7, 3e7]).across is None
     True
     """
 
@@ -77,24 +81,24 @@ class Frame(Options):
 class Springs(Options):
     """The springs of a parallel robot: links, carts and frame.
 
-    >>> links = gt.compliance.Links(modulus=70e9, outer_diameter=0.040, inner_diameter=0.036)
-    >>> springs = gt.compliance.Springs(links, gt.compliance.Carts(drive=1e7))
+    >>> links = gt.compliance.RodSprings(modulus=70e9, outer_diameter=0.040, inner_diameter=0.036)
+    >>> springs = gt.compliance.Springs(links, gt.compliance.CartSprings(drive=1e7))
     >>> springs.carts.drive, springs.frame
-    (10000000.0, Frame(along=None, across=None))
+    (10000000.0, FrameSprings(along=None, across=None))
     """
 
-    links: Links
-    carts: Carts = Carts()
-    frame: Frame = Frame()
+    links: RodSprings
+    carts: CartSprings = CartSprings()
+    frame: FrameSprings = FrameSprings()
 
 
 @dataclass(frozen=True)
-class Arm(Options):
+class ArmSprings(Options):
     """The joint springs of a serial arm, and the pose whose orientation and branch its map keeps.
 
     >>> q = np.deg2rad([0.0, -90.0, 90.0, 0.0, -60.0, 0.0]).tolist()
-    >>> arm = gt.compliance.Arm(joint=[3.93e6, 3.46e6, 2.77e6, 1.57e6, 0.24e6, 0.17e6], pose=q)
-    >>> load, coarse = gt.compliance.Load([0, 0, -4000.0]), gt.compliance.Map(step=0.5)
+    >>> arm = gt.compliance.ArmSprings(joint=[3.93e6, 3.46e6, 2.77e6, 1.57e6, 0.24e6, 0.17e6], pose=q)
+    >>> load, coarse = gt.compliance.Load([0, 0, -4000.0]), gt.compliance.ComplianceMap(step=0.5)
     >>> s = gt.compliance.study(gt.robots.kr500(), arm, load, map=coarse)
     >>> round(float(1e3 * s.deflection[2]), 2)  # mm
     -3.91
@@ -126,12 +130,12 @@ class Load(Options):
 
 
 @dataclass(frozen=True)
-class Map(CrossSection):
+class ComplianceMap(CrossSection):
     """The cross-section that is mapped: across the guideways, or the vertical plane in which an arm stands.
 
     Coordinates in it are (u, v) [m]: (y, z) for guideways along x; away from the first axis and up for an arm.
 
-    >>> gt.compliance.Map(step=0.1, cone=np.deg2rad(200))
+    >>> gt.compliance.ComplianceMap(step=0.1, cone=np.deg2rad(200))
     Traceback (most recent call last):
     gtmodel.results.refusal.ArgumentError: cone: must be more than 0 and at most 1.5708; found 3.49066
     """

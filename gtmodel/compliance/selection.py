@@ -14,7 +14,7 @@ from .static_tests import StaticTests
 
 
 @dataclass(frozen=True, eq=False)
-class Selection:
+class LoadTestSelection:
     """Chosen tests, ascending, with the observability indices of their Jacobian and those of all candidates."""
 
     chosen: tuple[int, ...]
@@ -33,7 +33,7 @@ def information(tests: StaticTests, expected: ArrayLike) -> PoseInformation:
     return made([f"compliance[{j}]" for j in range(len(sizes))], sizes, rows, np.zeros((0, len(sizes))))
 
 
-def select(tests: StaticTests, count: int, expected: ArrayLike, *, seed: int = 0) -> Selection:
+def select(tests: StaticTests, count: int, expected: ArrayLike, *, seed: int = 0) -> LoadTestSelection:
     """`count` of the candidate tests, by exchange for the largest determinant of their information.
 
     expected (k,) [rad/(N.m)]: compliances of about the right size. Each candidate counts once: repeat it among the
@@ -44,8 +44,8 @@ def select(tests: StaticTests, count: int, expected: ArrayLike, *, seed: int = 0
     >>> wrench = np.tile([[2000.0, 0, 0, 0, 0, 0], [0, 500.0, -4000, 0, 0, 0]], (5, 1))
     >>> poses = gt.compliance.arm_poses(gt.robots.kr500(), q, tool=[0.1, 0.05, 0.4])
     >>> planned = poses.tests(wrench, sigma=[2e-5] * 3 + [1e-4] * 3)
-    >>> found = gt.compliance.select(planned, 5, expected=[1e-6] * 6)
-    >>> len(found.chosen), found.indices.rank
+    >>> chosen = gt.compliance.select(planned, 5, expected=[1e-6] * 6)
+    >>> len(chosen.chosen), chosen.indices.rank
     (5, 6)
     """
     n, _, k = tests.J.shape
@@ -54,9 +54,9 @@ def select(tests: StaticTests, count: int, expected: ArrayLike, *, seed: int = 0
     gained = information(tests, expected)
     if gained.rank < k:
         raise ValueError(
-            f"the tests tell {gained.rank} of {k} compliances; take more poses or loads in other directions"
+            f"the tests determine {gained.rank} of {k} compliances; take more poses or loads in other directions"
         )
     chosen = exchange(gained, count, "D", repeats=1, seed=seed).indices
-    return Selection(
+    return LoadTestSelection(
         tuple(int(i) for i in chosen), gained.identifiability(chosen).indices, gained.identifiability().indices
     )

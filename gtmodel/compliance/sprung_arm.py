@@ -6,12 +6,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..kinematics.section import Section
+from ..kinematics.section import SectionPlane
 from ..kinematics.wrist_partition import WristPartition
 from ..lang import Model
 from ..results import ArgumentError, Status
 from .arm_poses import ArmPoses, arm_poses
-from .options import Arm, Load
+from .options import ArmSprings, Load
 from .sprung_links import ComplianceAtPoses
 
 Array = np.ndarray
@@ -21,7 +21,7 @@ OUTSIDE = "beyond the joints' limits"
 class SprungArm:
     """A serial arm with a wrist in one point. Raises ArgumentError."""
 
-    def __init__(self, model: Model, arm: Arm, load: Load, pose: Sequence[float] | None) -> None:
+    def __init__(self, model: Model, arm: ArmSprings, load: Load, pose: Sequence[float] | None) -> None:
         self.model, self.load = model, load
         if len(arm.joint) != 6:
             raise ArgumentError(f"has {len(arm.joint)} numbers; expected 6, one per joint", "springs.joint")
@@ -40,7 +40,7 @@ class SprungArm:
         self.branch = int(np.nanargmin(np.abs(_wrapped(branches - q[0])).sum(axis=1)))
         across = np.array([np.cos(-q[0, 0]), np.sin(-q[0, 0]), 0.0])
         normal = np.cross(across, [0.0, 0.0, 1.0])
-        self.section = Section((self.home @ normal) * normal, across, np.array([0.0, 0.0, 1.0]), normal)
+        self.section = SectionPlane((self.home @ normal) * normal, across, np.array([0.0, 0.0, 1.0]), normal)
         self.marks = np.zeros((0, 2))
 
     @property

@@ -8,7 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
-from ..kinematics.section import UP, Section, section_of
+from ..kinematics.section import UP, SectionPlane, section_of
 from ..kinematics.workspace import BallJointCones
 from ..lang import Model, ModelError
 from ..results import ArgumentError, Status
@@ -16,7 +16,7 @@ from .link_masses import LinkMasses
 from .link_poses import LinkGeometry, LinkPoses
 from .link_springs import LinkSprings, tube
 from .link_structure import LinkStructure
-from .options import Load, Map, Springs
+from .options import ComplianceMap, Load, Springs
 
 Array = np.ndarray
 VERTICAL = 0.9  # a guideway this near to the vertical: sections are drawn with y upwards
@@ -56,7 +56,7 @@ class Sprung(Protocol):
     @property
     def assumptions(self) -> list[str]: ...
     @property
-    def section(self) -> Section: ...
+    def section(self) -> SectionPlane: ...
     @property
     def window(self) -> tuple[Array, Array]: ...
     def __call__(self, T: Array) -> ComplianceAtPoses: ...
@@ -66,7 +66,13 @@ class SprungLinks:
     """A parallel robot with springs in its links, joints, drives and frame. Raises ArgumentError."""
 
     def __init__(
-        self, model: Model, springs: Springs, load: Load, pose: Sequence[float] | None, chosen: Map, frequencies: int
+        self,
+        model: Model,
+        springs: Springs,
+        load: Load,
+        pose: Sequence[float] | None,
+        chosen: ComplianceMap,
+        frequencies: int,
     ) -> None:
         self.load, self.count = load, frequencies
         try:

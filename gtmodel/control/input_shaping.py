@@ -117,10 +117,10 @@ def residual_vibration(
         velocity: (n,) or (n, d) [m/s] of what carries the spring, linear between the times.
         frequency_Hz, damping: natural frequency [Hz] and damping ratio of the mode, scalars or (f,).
 
-    Returns (f, d), without the axes that were not given. The deflection x obeys x'' + 2 zeta w x' + w^2 x = -dv/dt and
-    is at rest at first; the answer is its envelope at the end, |mu integral v exp(-mu (t - t_end)) dt| / w_d, exact for
-    what is linear between times. Raises ValueError for a motion that does not begin and end at rest, and for other
-    shapes.
+    Returns (f, d); the first axis is left out for a scalar frequency and damping, the second for velocities (n,). The
+    deflection x obeys x'' + 2 zeta w x' + w^2 x = -dv/dt and is at rest at first; the amplitude is that of its envelope
+    at the end, |mu integral v exp(-mu (t - t_end)) dt| / w_d, exact for what is linear between times. Raises ValueError
+    for a motion that does not begin and end at rest, and for other shapes.
 
     >>> time, velocity = [0.0, 0.2, 0.6, 0.8], [0.0, 1.0, 1.0, 0.0]  # a trapezoid
     >>> gt.control.residual_vibration(time, velocity, [4.0, 5.0]).round(5).tolist()  # none at 5 Hz: ramps of one period
@@ -135,7 +135,7 @@ def residual_vibration(
         )
     rows = v.reshape(len(t), -1)
     if np.abs(rows[[0, -1]]).max() > AT_REST * max(np.abs(rows).max(), 1e-300):
-        raise ValueError("the motion does not begin and end at rest; residual vibration is told of motions that do")
+        raise ValueError("the motion does not begin and end at rest; residual vibration is defined for motions that do")
     w_d, mu = _mode(frequency_Hz, damping)
     flat = mu.reshape(-1, 1)
     h = np.diff(t)
@@ -144,8 +144,8 @@ def residual_vibration(
     constant = (1 - grown) / flat
     linear = (constant - h * grown) / flat / h
     integral = (at * (constant - linear)) @ rows[:-1] + (at * linear) @ rows[1:]
-    found = np.abs(flat * integral) / w_d.reshape(-1, 1)
-    return found.reshape((*mu.shape, *v.shape[1:]))
+    amplitude = np.abs(flat * integral) / w_d.reshape(-1, 1)
+    return amplitude.reshape((*mu.shape, *v.shape[1:]))
 
 
 def _ascending(t: Array) -> bool:

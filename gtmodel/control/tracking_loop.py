@@ -133,11 +133,11 @@ def track(
         outputs=[f"plant.{known}", f"plant.{targets}"],
         tolerance=tolerance,
     )
-    found = run.trajectory
-    q, tau = (np.column_stack([found(reference.time, f"plant.{n}[{k}]") for k in range(rows.shape[1])])
+    simulated = run.trajectory
+    q, tau = (np.column_stack([simulated(reference.time, f"plant.{n}[{k}]") for k in range(rows.shape[1])])
               for n in (known, targets))  # fmt: skip
     names = {"reference": (rows, reference.unit(known)), "position": (q, reference.unit(known)),
-             "forces": (tau, found.unit(f"plant.{targets}"))}  # fmt: skip
+             "forces": (tau, simulated.unit(f"plant.{targets}"))}  # fmt: skip
     note = "; ".join(n for n in (reference.synthetic, "simulated closed loop, no noise") if n)
     trajectory = Trajectory(
         reference.time, {n: v for n, (v, _) in names.items()}, {n: u for n, (_, u) in names.items()}, synthetic=note

@@ -1,11 +1,12 @@
 """Identification of dynamics from motion: friction from constant velocities, regressors, weighted least squares.
 
 Friction
-    friction_study, FrictionStudy          from logs, runs or synthetic ones; options HeldPose, Steady, SyntheticRuns
+    friction_study, FrictionStudy          from logs, runs or synthetic ones; options HeldPose, ConstantVelocity,
+                                           SyntheticRuns
     published_friction_study               the mass of printed lines; FrictionCoefficients, PublishedFriction
     gravity_pattern        forces that hold one kilogram, by pose
     identify_friction      coefficients by direction and the mass held, from runs at constant velocity
-    steady_runs, joined    the runs of a log, of several logs
+    constant_velocity_runs, concatenate   the runs of a log, of several logs
     mass_by_norm           the mass by three norms of what is left
     constant_velocity_log  a synthetic log of such runs
 Motion
@@ -57,6 +58,7 @@ if TYPE_CHECKING:
         singular_values as singular_values,
     )
     from .friction import (
+        ConstantVelocity as ConstantVelocity,
         FrictionCoefficients as FrictionCoefficients,
         FrictionFit as FrictionFit,
         FrictionStudy as FrictionStudy,
@@ -64,16 +66,15 @@ if TYPE_CHECKING:
         MassByNorm as MassByNorm,
         PublishedFriction as PublishedFriction,
         Runs as Runs,
-        Steady as Steady,
         SyntheticRuns as SyntheticRuns,
+        concatenate as concatenate,
         constant_velocity_log as constant_velocity_log,
+        constant_velocity_runs as constant_velocity_runs,
         friction_study as friction_study,
         gravity_pattern as gravity_pattern,
         identify_friction as identify_friction,
-        joined as joined,
         mass_by_norm as mass_by_norm,
         published_friction_study as published_friction_study,
-        steady_runs as steady_runs,
     )
     from .identification_study import study as study, synthetic_study as synthetic_study
     from .identified import IdentificationStudy as IdentificationStudy

@@ -9,7 +9,7 @@ from ..compiler.causal import flat_of
 from ..lang import Model, ModelError
 from ..results import ArgumentError, Work, naming
 from .options import Fitting
-from .parameter_names import among, scalar_parameters
+from .parameter_names import ParameterError, among, scalar_parameters
 from .regressor import Regressor
 from .rows import Processing
 
@@ -58,9 +58,11 @@ def regressor_of(robot: Model, free: Sequence[str], how: Fitting) -> Regressor:
             flat_of(robot).lookup(getattr(how, name))
     try:
         regressor = Regressor(robot, [*free, *how.watch], how.known, how.targets)
+    except ParameterError as error:
+        watched = {error.parameter, error.parameter.partition("[")[0]} & set(how.watch)
+        raise ArgumentError(str(error), "fitting.watch" if watched else "free") from error
     except ModelError as error:
-        at = "fitting.watch" if any(f"'{n}" in str(error) for n in how.watch) else "free"
-        raise ArgumentError(str(error), at) from error
+        raise ArgumentError(str(error), "free") from error
     if not isinstance(how.nonnegative, bool):
         with naming("fitting.nonnegative", ModelError):
             among(regressor.names, how.nonnegative)

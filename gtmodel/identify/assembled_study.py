@@ -54,6 +54,7 @@ def assembled_study(
         intervals={n: list(e.interval(n)) for n in e.names},
         at_bound=list(e.held),
         corrections=data.corrections | {n: e.value(n) for n in rows.signed},
+        estimate=e,
         confidence=identification.confidence,
         noise=identification.noise,
         residual_share=np.sqrt(np.mean(identification.residuals**2, axis=0)) / np.sqrt(np.mean(rows.effort**2, axis=0)),

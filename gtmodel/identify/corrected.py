@@ -58,7 +58,9 @@ def corrected(
     {'tau.delay': 0.006}
     """
     if corrections.signals[targets].scale == ESTIMATE:
-        raise ModelError("the scale of the efforts cannot be told from the masses and friction; give it a number")
+        raise ModelError(
+            "the scale of the efforts cannot be distinguished from the masses and friction; give it a number"
+        )
     if not corrections.free:
         return corrections.apply(), {}
     first = corrections.apply(corrections.start)

@@ -149,7 +149,7 @@ class Identification:
         if self.delay is not None and not self.delay.passed:
             lines.append(self.delay.message)
         limits = [(n, *self.estimate.interval(n)) for n in self.estimate.names]
-        sentence = "{} is not told from zero: {:.3g} to {:.3g}"
+        sentence = "{} cannot be distinguished from zero: {:.3g} to {:.3g}"
         return lines + [sentence.format(n, low, high) for n, low, high in limits if low <= 0 <= high]
 
 
@@ -293,7 +293,7 @@ class _LeastSquares:
                 units=self.units,
             )
         except ValueError as error:
-            raise ModelError(f"the motion does not tell the parameters: {error}") from error
+            raise ModelError(f"the motion does not determine the parameters: {error}") from error
 
     def left(self, estimate: Estimate) -> Array:
         """Residuals (n, m)."""

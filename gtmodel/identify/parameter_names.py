@@ -11,20 +11,29 @@ from gtmodel.compiler.flat import FlatModel
 from gtmodel.lang import ModelError
 
 
+class ParameterError(ModelError):
+    """A parameter cannot be used as it was asked for; `parameter` is its name."""
+
+    def __init__(self, sentence: str, parameter: str = "") -> None:
+        super().__init__(sentence)
+        self.parameter = parameter
+
+
 def scalar_parameters(flat: FlatModel, names: Sequence[str]) -> list[int]:
     """Positions in `flat.parameters`; an array's name stands for all its entries, in order.
 
-    Raises ModelError for an unknown name with close matches, a name given twice, or one that follows from others.
+    Raises ParameterError for an unknown name with close matches, a name given twice, or one that follows from others;
+    ModelError for no name.
     """
     every = [q.name for q in flat.parameters]
     places: list[int] = []
     for name in names:
         here = [k for k, one in enumerate(every) if one == name or one.startswith(f"{name}[")]
         if not here:
-            raise ModelError(_unknown(flat, name, every))
+            raise ParameterError(_unknown(flat, name, every), name)
         twice = sorted(set(here) & set(places))
         if twice:
-            raise ModelError(f"parameter '{every[twice[0]]}' is named twice; name each once")
+            raise ParameterError(f"parameter '{every[twice[0]]}' is named twice; name each once", every[twice[0]])
         places += here
     if not places:
         raise ModelError(f"{flat.title}: no parameter is named; name at least one, such as '{every[0]}'")

@@ -31,7 +31,8 @@ def multisine(
     coordinate has frequencies that differ a little from those of the others. Over the first and last `ramp` seconds the
     motion grows and fades with three continuous derivatives.
 
-    Raises ArgumentError for a ramp that is longer than half of the time.
+    Raises ArgumentError for a ramp that is longer than half of the time, for no frequencies, and for one that is not
+    above zero.
 
     >>> time = np.arange(0.0, 8.0, 0.004)
     >>> q = gt.identify.multisine(time, np.array([1.0, 2.0]), np.array([0.4, 0.1]), np.array([0.5, 1.1]), seed=1)
@@ -39,6 +40,8 @@ def multisine(
     ((2000, 2), array([1., 2.]), array([0.4, 0.1]))
     """
     time, f = np.asarray(time, dtype=float), np.asarray(frequencies, dtype=float)
+    if f.ndim != 1 or not f.size or not np.all((f > 0) & np.isfinite(f)):
+        raise ArgumentError(f"expected one or more [Hz], above 0; found {f.tolist()}", "frequencies")
     length = float(time[-1] - time[0])
     if not 0 < 2 * ramp <= length:
         raise ArgumentError(f"a motion of {length:g} s cannot grow and fade over {ramp:g} s each; take a shorter ramp")

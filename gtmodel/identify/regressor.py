@@ -17,7 +17,7 @@ from gtmodel.compiler.rows import PlainMargin, map_columns, status_codes
 from gtmodel.lang import Model, ModelError
 from gtmodel.results import Status
 
-from .parameter_names import scalar_parameters
+from .parameter_names import ParameterError, scalar_parameters
 
 Array = np.ndarray
 
@@ -195,14 +195,15 @@ class Regressor:
             residual = kernel.residual.call([z, a])[0]
             which = ca.which_depends(residual, ca.vertcat(*[a[inputs + k] for k in self._chosen]), 1, False)
             if any(which):
-                raise ModelError(self._nonlinear(self.names[which.index(True)]))
+                raise self._nonlinear(self.names[which.index(True)])
 
     def _refuse_absent(self, jacobian: ca.SX) -> None:
         for k, name in enumerate(self.names):
             if jacobian[:, k].nnz() == 0:
-                raise ModelError(
+                raise ParameterError(
                     f"parameter '{name}' of {self._title} has no effect on {', '.join(s.name for s in self.outputs)} "
-                    f"when {', '.join(s.name for s in self.inputs)} are known; leave it out"
+                    f"when {', '.join(s.name for s in self.inputs)} are known; leave it out",
+                    name,
                 )
 
     def _try_linear(self, made: ca.Function, effort: ca.Function) -> None:
@@ -228,12 +229,13 @@ class Regressor:
                 continue
             alone = next((k for k in everything if bent(draw, [k])), None)
             if alone is not None:
-                raise ModelError(self._nonlinear(self.names[alone]))
+                raise self._nonlinear(self.names[alone])
             pairs = combinations(everything, 2)
             j, k = next((pair for pair in pairs if bent(draw, pair)), (0, self.size - 1))
-            raise ModelError(
+            raise ParameterError(
                 f"{self._efforts()} is linear in parameter '{self.names[j]}' and in '{self.names[k]}', but not in both "
-                "together; give one of them a number and leave it out of the list"
+                "together; give one of them a number and leave it out of the list",
+                self.names[k],
             )
 
     def _samples(self) -> list[Array]:
@@ -250,10 +252,11 @@ class Regressor:
             columns.append(np.array([points[at[q]] for s in block.unknowns if (q := flat.scope.owner(s))]))
         return columns
 
-    def _nonlinear(self, name: str) -> str:
-        return (
+    def _nonlinear(self, name: str) -> ParameterError:
+        return ParameterError(
             f"{self._efforts()} is not linear in parameter '{name}'; give it a number and leave it out of the list, or "
-            "estimate it with gt.estimate"
+            "estimate it with gt.estimate",
+            name,
         )
 
     def _efforts(self) -> str:

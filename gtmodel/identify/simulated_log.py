@@ -98,7 +98,7 @@ class LogSimulator:
                 f"the tracking was identified at {tracking.sample_time:g} s, the log is to have {sample_time:g} s; "
                 "take the same sample time"
             )
-        time = sample_time * np.arange(len(rows))
+        time = sample_time * np.arange(len(rows), dtype=float)
         motion = smooth_motion(time, rows if tracking is None else tracking.follow(rows))
         q, rate, acceleration = (x.reshape(reference.shape) for x in motion)
         given = {known: q, f"der({known})": rate, f"der({known},2)": acceleration}

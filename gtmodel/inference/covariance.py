@@ -16,6 +16,7 @@ def white(J: np.ndarray, sigma2: float, *, scale: np.ndarray | None = None) -> n
 
     J (rows, n) is the Jacobian, its rows divided by their standard deviations; `sigma2` is the variance that is left
     then, 1 where the noise is known. While inverting, columns are in units of `scale` (n,), which only helps rounding.
+    Raises ArgumentError where columns depend on each other.
 
     >>> J = np.ones((100, 1))  # the mean of 100 values with a standard deviation of 2
     >>> np.sqrt(gt.inference.white(J, 2.0**2))
@@ -23,7 +24,8 @@ def white(J: np.ndarray, sigma2: float, *, scale: np.ndarray | None = None) -> n
     """
     n = J.shape[1]
     s = np.ones(n) if scale is None else np.abs(scale)
-    R = np.linalg.qr(J * s, mode="r")
+    R = np.asarray(np.linalg.qr(J * s, mode="r"))
+    _refuse_dependent(R, len(J))
     inverse = np.linalg.inv(R)
     return sigma2 * (inverse @ inverse.T) * np.outer(s, s)
 
@@ -59,7 +61,8 @@ def newey_west(
     `lags` is the bandwidth in samples, automatic_lag() where it is None.
 
     Source: Newey and West 1987, Econometrica 55. The covariance is multiplied by N / (N - n) for N residuals
-    in all, and by the square of fixed_b() for a bandwidth b = (lags + 1) / T that is no small share of the log.
+    in all, and by the square of fixed_b() for a bandwidth b = (lags + 1) / T that is no small share of the log. Raises
+    ArgumentError for no more residuals than parameters, and where columns depend on each other.
 
     >>> noise = np.repeat(np.random.default_rng(1).normal(size=100), 4)  # four equal neighbours each
     >>> J = np.ones((400, 1))  # the fitted parameter is a mean
@@ -70,7 +73,8 @@ def newey_west(
     r = _channels(residuals)
     J = J.reshape(*r.shape, -1)
     T, _, n = J.shape
-    L = automatic_lag(residuals) if lags is None else int(lags)
+    _refuse_few(r.size, n)
+    L = automatic_lag(residuals) if lags is None else _at_least(0, lags, "lags")
     scores = np.einsum("tcn,tc->tn", J, r)
     meat = scores.T @ scores
     ends = (*starts[1:], T)
@@ -117,7 +121,8 @@ def decimated(J: np.ndarray, residuals: np.ndarray, *, every: int | None = None)
     """Covariance (n, n) of a fit on every k-th sample only, whose residuals are taken as independent.
 
     J (T, n) and residuals (T,), or with channels as in newey_west(). `every` is k, by default the correlation time.
-    Intervals are wider than those of a fit on all samples need be. Raises ArgumentError where too few samples are left.
+    Intervals are wider than those of a fit on all samples need be. Raises ArgumentError where too few samples are left,
+    and where columns depend on each other.
 
     >>> J, noise = np.ones((400, 1)), np.random.default_rng(1).normal(size=400)
     >>> every, fourth = (np.sqrt(gt.inference.decimated(J, noise, every=k)[0, 0]) for k in (1, 4))
@@ -125,7 +130,7 @@ def decimated(J: np.ndarray, residuals: np.ndarray, *, every: int | None = None)
     2.0
     """
     r = _channels(residuals)
-    k = correlation_time(residuals) if every is None else int(every)
+    k = correlation_time(residuals) if every is None else _at_least(1, every, "every")
     n = J.shape[-1]
     rest = J.reshape(*r.shape, n)[::k].reshape(-1, n)
     if len(rest) <= n:
@@ -142,7 +147,8 @@ def block_bootstrap(
     """Covariance (n, n) of the linearised fit over `draws` series made of blocks of its residuals in a new order.
 
     J and residuals as in newey_west(). `block` is the length in samples, by default ten correlation times; blocks wrap
-    round the end (circular block bootstrap, Politis and Romano 1992). The same seed gives the same result.
+    round the end (circular block bootstrap, Politis and Romano 1992). The same seed gives the same result. Raises
+    ArgumentError as newey_west() does, for a block below one sample and fewer than two draws.
 
     >>> J, noise = np.ones((400, 1)), np.random.default_rng(1).normal(size=400)
     >>> std = np.sqrt(gt.inference.block_bootstrap(J, noise, seed=1, block=1)[0, 0])
@@ -152,10 +158,13 @@ def block_bootstrap(
     r = _channels(residuals)
     T, channels = r.shape
     n = J.shape[-1]
-    length = min(T, 10 * correlation_time(residuals) if block is None else int(block))
+    _refuse_few(r.size, n)
+    _at_least(2, draws, "draws")
+    length = min(T, 10 * correlation_time(residuals) if block is None else _at_least(1, block, "block"))
     flat = J.reshape(-1, n)
     scale = _column_scale(flat)
     Q, R = np.linalg.qr(flat * scale)
+    _refuse_dependent(R, len(flat))
     rng = np.random.default_rng(seed)
     centred = r - r.mean(axis=0)
     moves = np.empty((draws, n))
@@ -165,6 +174,28 @@ def block_bootstrap(
         moves[d] = np.linalg.solve(R, Q.T @ centred[order].reshape(T * channels)) * scale
     moves -= moves.mean(axis=0)
     return moves.T @ moves / (draws - 1) * r.size / (r.size - n)
+
+
+def _at_least(least: int, value: int, name: str) -> int:
+    if int(value) < least:
+        raise ArgumentError(f"expected a whole number from {least} on; found {value}", name)
+    return int(value)
+
+
+def _refuse_few(residuals: int, n: int) -> None:
+    if residuals <= n:
+        raise ArgumentError(f"{residuals} residuals for {n} parameters say nothing of their noise; measure more")
+
+
+def _refuse_dependent(R: np.ndarray, rows: int) -> None:
+    """R (n, n): the triangle of a Jacobian of so many rows."""
+    s = np.linalg.svd(R * _column_scale(R), compute_uv=False)
+    rank = int(np.count_nonzero(s > rows * np.finfo(float).eps * s[0])) if len(R) else 0
+    if rank < R.shape[1]:
+        raise ArgumentError(
+            f"the columns of the Jacobian depend on each other: its rank is {rank} for {R.shape[1]} parameters; "
+            "fix some of them"
+        )
 
 
 def _channels(residuals: np.ndarray) -> np.ndarray:

@@ -81,7 +81,7 @@ class Coverage:
 def coverage(estimates: Sequence[Estimate], truth: Mapping[str, float], *, level: float = 0.95) -> Coverage:
     """How often the intervals of repeated fits hold the `truth`, name -> true value, for the names in it.
 
-    Raises ArgumentError for no runs, ValueError for a name that was not estimated.
+    Raises ArgumentError for no runs, for no true values, and for a name that was not estimated.
 
     >>> def run(rng, k):  # the mean of ten synthetic values
     ...     return gt.inference.linear_fit(np.ones((10, 1)), 3 + 0.2 * rng.normal(size=10), ["m"])
@@ -92,6 +92,8 @@ def coverage(estimates: Sequence[Estimate], truth: Mapping[str, float], *, level
     """
     if not estimates:
         raise ArgumentError("coverage needs runs; found none", "estimates")
+    if not truth:
+        raise ArgumentError("expected a true value of one name or more; found none", "truth")
     hits, errors = np.zeros(len(truth), int), np.zeros((len(estimates), len(truth)))
     for k, (name, true) in enumerate(truth.items()):
         for run, e in enumerate(estimates):

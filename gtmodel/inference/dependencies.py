@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..results.refusal import ArgumentError
-from .words import listed
+from .make_estimate import listed
 
 # columns whose remaining lengths differ by less than this part tie; the name decides
 TIE = 1e-6

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -88,4 +89,8 @@ def freedom_of(trace: float, trace_of_square: float) -> float:
     >>> round(gt.inference.freedom_of(3.1, 3.01), 2)  # three errors of variance 1 and one of 0.1
     3.19
     """
-    return trace**2 / trace_of_square if trace_of_square > 0 else 0.0
+    if not trace_of_square > 0:
+        return 0.0
+    # in units of a power of two: exact, and no square overflows
+    mantissa, exponent = math.frexp(trace)
+    return mantissa**2 / math.ldexp(trace_of_square, -2 * exponent)

@@ -10,9 +10,8 @@ from numpy.typing import ArrayLike
 
 from ..results.refusal import ArgumentError
 from .dependencies import Dependencies, dependencies
-from .make_estimate import scales, spectrum
+from .make_estimate import listed, scales, spectrum
 from .observability import Observability, observability
-from .words import listed
 
 TOLERANCES = (1e-12, 1e-10, 1e-8, 1e-6, 1e-4, 1e-2)
 # a direction whose standard deviation, in units of the scales, is above this is determined no better than it was known
@@ -167,7 +166,7 @@ def identifiability(
         raise ArgumentError(f"the derivatives of '{names[int(np.argwhere(~np.isfinite(J))[0, 1])]}' are not finite")
     # sorted by name: sums are then formed in one order
     order = sorted(range(len(names)), key=lambda k: names[k])
-    back = np.argsort(order)
+    back = np.asarray(np.argsort(order))
     J = J[:, order]
     own = tuple(names[k] for k in order)
     given = None if scale is None else np.asarray(scale, float).reshape(-1)

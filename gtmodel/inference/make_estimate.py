@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from ..results.refusal import ArgumentError
-from .words import listed
 
 # of the largest singular value of the scaled Jacobian: directions below are in the null space
 RANK = 1e-9
@@ -71,3 +71,8 @@ def moved_together(null: np.ndarray, names: tuple[str, ...], least: float = 0.05
                 "or measure what moves only one of them"
             )
     return sentences
+
+
+def listed(names: Sequence[str]) -> str:
+    """ "a", "a and b", "a, b and c"; empty for none."""
+    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)

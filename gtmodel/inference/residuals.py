@@ -92,7 +92,8 @@ def whiteness(r: np.ndarray, *, lags: int | None = None, parameters: int = 0) ->
 def normality(r: np.ndarray) -> Verdict:
     """Jarque-Bera test of whether residuals r (T,) are normal, by their skewness and kurtosis.
 
-    A hint only: least squares needs no normal noise, its intervals do.
+    A hint only: least squares needs no normal noise, its intervals do. Residuals that are all the same do not pass,
+    their p is NaN. Raises ArgumentError for no residuals.
 
     >>> noise = np.random.default_rng(1).normal(size=400)
     >>> gt.inference.normality(noise).passed, gt.inference.normality(noise**3).passed
@@ -100,6 +101,13 @@ def normality(r: np.ndarray) -> Verdict:
     """
     from scipy import stats  # here: it alone takes as long to import as all of gtmodel
 
+    if not len(r):
+        raise ArgumentError("0 residuals are too few to test for normality", "r")
+    if np.ptp(r) <= np.finfo(float).eps * np.abs(r).max():
+        message = (
+            f"all residuals are {float(np.asarray(r)[0]):.3g}: without scatter there is nothing to test for normality"
+        )
+        return Verdict(np.nan, np.nan, False, message)
     skew, tail = float(stats.skew(r)), float(stats.kurtosis(r))
     J = len(r) / 6 * (skew**2 + tail**2 / 4)
     p = float(stats.chi2.sf(J, 2))

@@ -13,7 +13,7 @@ from ..lang import Model, ModelError
 from ..results import ArgumentError, Status
 from ..robots.links import link_names
 from .poses import InverseKinematics, Poses
-from .section import Section, section_of
+from .section import SectionPlane, section_of
 
 Array = np.ndarray
 MARGIN_M = 0.05  # around what the links can reach at most
@@ -41,7 +41,7 @@ class Mechanism:
     plate_arms: Array
     length_names: tuple[str, ...]
 
-    def section(self, along: float | None = None) -> Section:
+    def section(self, along: float | None = None) -> SectionPlane:
         """The section across the guideways through the home pose, or at `along` [m]. Raises ArgumentError."""
         return section_of(self.anchors, self.directions, self.home.T[0], along)
 

@@ -136,8 +136,8 @@ def orientation_map(
 
     >>> robot = gt.robots.make("d1_six_link")
     >>> box = gt.kinematics.grid(center=[-1.6, -4.4, -0.1], half_width=[0.2, 0.2, 0.0], counts=[2, 2, 1])
-    >>> found = gt.kinematics.orientation_map(robot, box)
-    >>> found.ok.all(), np.degrees(found.range()).round(1)  # how far the plate turns, as ZYZ angles [deg]
+    >>> turned = gt.kinematics.orientation_map(robot, box)
+    >>> turned.ok.all(), np.degrees(turned.range()).round(1)  # how far the plate turns, as ZYZ angles [deg]
     (np.True_, array([0. , 0.1, 0. ]))
     """
     T = np.asarray(T, dtype=float)

@@ -20,7 +20,7 @@ UP = (0.0, 0.0, 1.0)
 
 
 @dataclass(frozen=True)
-class Section:
+class SectionPlane:
     """A plane with coordinates (u, v) [m]: the point is origin + u * across + v * up.
 
     Attributes:
@@ -49,7 +49,7 @@ class Section:
         moved = np.broadcast_to(np.asarray(along, dtype=float), uv.shape[:1])
         return self.origin + uv[:, :1] * self.across + uv[:, 1:] * self.up + moved[:, None] * self.normal
 
-    def moved(self, along: float) -> Section:
+    def moved(self, along: float) -> SectionPlane:
         """The section `along` [m] farther along its normal."""
         return replace(self, origin=self.origin + along * self.normal)
 
@@ -67,7 +67,13 @@ class Section:
 
 @dataclass(frozen=True)
 class CrossSection(Options):
-    """The cross-section, a plane orthogonal to the mean guideway direction; (u, v) = (y, z) for guideways along x."""
+    """The cross-section, a plane orthogonal to the mean guideway direction; (u, v) = (y, z) for guideways along x.
+
+    >>> gt.kinematics.workspace.CrossSection(low=[0.0, 0.0, 0.0])
+    Traceback (most recent call last):
+        ...
+    gtmodel.results.refusal.ArgumentError: low: expected 2 numbers; found 3
+    """
 
     along: Annotated[float | None, Unit("m"), "position along the guideways; through home if left out"] = None
     step: Annotated[float, Unit("m"), Within(above=0.0), "step of the grid"] = 0.02
@@ -92,7 +98,7 @@ def refuse_disordered(low: Array, high: Array, argument: str) -> None:
 
 def section_of(
     anchors: Array, directions: Array, through: Array, along: float | None = None, up: Sequence[float] = UP
-) -> Section:
+) -> SectionPlane:
     """The section across a robot's guideways through a point, or at `along` [m]. Raises ArgumentError."""
     try:
         section = across_guideways(anchors, directions, through.tolist(), up)
@@ -101,7 +107,9 @@ def section_of(
     return section if along is None else replace(section, origin=along * section.normal)
 
 
-def across_guideways(anchors: Array, directions: Array, through: Sequence[float], up: Sequence[float] = UP) -> Section:
+def across_guideways(
+    anchors: Array, directions: Array, through: Sequence[float], up: Sequence[float] = UP
+) -> SectionPlane:
     """The section orthogonal to the mean guideway direction.
 
     Args:
@@ -130,4 +138,4 @@ def across_guideways(anchors: Array, directions: Array, through: Sequence[float]
     # for guideways along x: across = y, up = z
     across = np.cross(vertical, normal)
     origin = (np.asarray(through, dtype=float) @ normal) * normal
-    return Section(origin, across, vertical, normal)
+    return SectionPlane(origin, across, vertical, normal)

@@ -42,6 +42,13 @@ def inverse(d: Any, v: Any) -> InverseMeasure:
     """Distance of each link from standing across its guideway, where d . v = 0 and the drive cannot move it.
 
     d (n, 3) [m] or (rows, n, 3); v guideway directions of any length, (n, 3) or as d.
+
+    A link of 2 m that leans by 30 degrees, and one at a right angle to its guideway:
+
+    >>> d = [[1.0, 3**0.5, 0.0], [0.0, 2.0, 0.0]]
+    >>> measure = gt.kinematics.singularity.inverse(d, [1.0, 0.0, 0.0])
+    >>> measure.along_m, np.degrees(measure.angle_rad).round(3)
+    (array([1., 0.]), array([30.,  0.]))
     """
     d, v = np.broadcast_arrays(np.asarray(d, dtype=float), np.asarray(v, dtype=float))
     along = np.sum(d * v, axis=-1) / _sizes(v, "guideway direction")
@@ -49,7 +56,14 @@ def inverse(d: Any, v: Any) -> InverseMeasure:
 
 
 def forward(d: Any) -> ForwardMeasure:
-    """Distance of three links d (3, 3) [m] or (rows, 3, 3) from lying in one plane, where they lose a direction."""
+    """Distance of three links d (3, 3) [m] or (rows, 3, 3) from lying in one plane, where they lose a direction.
+
+    Three links that almost lie in a plane, the third 10 mm out of it:
+
+    >>> measure = gt.kinematics.singularity.forward([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.6, -0.8, 0.01]])
+    >>> round(1e3 * float(measure.height_m), 2), round(float(np.degrees(measure.angle_rad)), 2)  # mm, deg
+    (10.0, 0.57)
+    """
     d = np.asarray(d, dtype=float)
     if d.shape[-2:] != (3, 3):
         raise ValueError(f"forward() takes three links, (3, 3) or (rows, 3, 3); found {d.shape}; see platform()")
@@ -69,6 +83,14 @@ def platform(d: Any, arms: Any) -> Array:
     link lengths least: the arc sine of that change (root mean square). It depends on no choice of frame or unit.
     d (n, 3) link vectors, arms (n, 3) from any point of the platform to its joints, world coordinates [m], n >= 6; or
     with rows.
+
+    Six links that all stand upright leave the platform free to move sideways; legs that cross do not:
+
+    >>> angle = np.radians([0, 60, 120, 180, 240, 300])
+    >>> arms = np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])
+    >>> upright, crossed = np.tile([0.0, 0.0, 1.0], (6, 1)), arms[[1, 0, 3, 2, 5, 4]] - arms + [0.0, 0.0, 1.0]
+    >>> [round(float(np.degrees(gt.kinematics.singularity.platform(d, arms))), 2) for d in (upright, crossed)]
+    [0.0, 23.46]
     """
     d, arms = np.asarray(d, dtype=float), np.asarray(arms, dtype=float)
     n = d.shape[-2]
@@ -97,6 +119,13 @@ def amplification(f: CausalFunction, *arguments: Any) -> tuple[Array, Array, Any
 
     For position causalities with one unit on both sides they are metres per metre; the largest grows without bound
     towards a singularity of `f`, the smallest vanishes towards one of its inverse. NaN where the status is not ok.
+
+    From carts to the tool centre point of the L1, in metres per metre:
+
+    >>> forward = gt.robots.gantry_tau("l1_tape").causal(known="q", targets="T")
+    >>> largest, smallest, status = gt.kinematics.singularity.amplification(forward, [-0.7, -0.8, -0.6])
+    >>> print(largest.round(2), smallest.round(2), status.name)
+    2.24 0.53 OK
     """
     J, status = f.jacobian(*arguments)
     s = np.full((*J.shape[:-2], min(J.shape[-2:])), np.nan)

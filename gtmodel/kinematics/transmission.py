@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import scipy
 
+from ..results import ArgumentError
 from .guideways import LONGEST, GuidewayFit, MeasurementError, checked, fit_guideway
 from .periodogram import strongest
 
@@ -24,21 +25,32 @@ APART_DEG = 1.0  # between the lines of two runs: a guideway bends by a thousand
 class Backlash:
     """Width [m] of the play: backward minus forward run along the guideway, positive for a cart that lags.
 
-    `low` and `high` bound it with 95 per cent confidence, `standard_error` [m] is that of the mean; `pairs` is the
-    number of places compared, `across` (3,) [m] the mean difference orthogonal to the guideway, which no play explains.
+    `standard_error` [m] is that of the mean, with `degrees_of_freedom`; `pairs` is the number of places compared,
+    `across` (3,) [m] the mean difference orthogonal to the guideway, which no play explains.
     """
 
     width: float
     standard_error: float
-    low: float
-    high: float
+    degrees_of_freedom: int
     pairs: int
     across: np.ndarray
 
     @property
     def significant(self) -> bool:
-        """Whether the interval excludes zero."""
-        return self.low > 0.0 or self.high < 0.0
+        """Whether the interval of 95 per cent excludes zero."""
+        low, high = self.interval("width", CONFIDENCE)
+        return low > 0.0 or high < 0.0
+
+    def interval(self, name: str = "width", level: float = 0.95) -> tuple[float, float]:
+        """Confidence interval of the width [m], by Student's t. Raises ArgumentError for another name or no level."""
+        from scipy.stats import t as student  # here: it alone takes as long to import as all of gtmodel
+
+        if name != "width":
+            raise ArgumentError(f"'{name}' was not estimated; it is the width that has an interval", "name")
+        if not 0 < level < 1:
+            raise ArgumentError(f"a confidence level lies between 0 and 1; found {level:g}", "level")
+        reach = float(student.ppf(0.5 + level / 2, self.degrees_of_freedom)) * self.standard_error
+        return self.width - reach, self.width + reach
 
 
 def backlash(q_forward: Any, P_forward: Any, q_backward: Any, P_backward: Any, *, longest: float = LONGEST) -> Backlash:
@@ -90,13 +102,10 @@ def backlash(q_forward: Any, P_forward: Any, q_backward: Any, P_backward: Any, *
     along = difference @ fit.direction
     # interpolated places share measurements: no more of them count than there are points in the common range
     independent = min(len(along), max(2, int(np.sum((q_b >= fit.q[0]) & (q_b <= fit.q[-1])))))
-    from scipy.stats import t as student  # here: it alone takes as long to import as all of gtmodel
-
     error = float(np.std(along, ddof=1) / np.sqrt(independent))
-    reach = float(student.ppf(0.5 + CONFIDENCE / 2, independent - 1)) * error
     width = float(np.mean(along))
     across = np.mean(difference - np.outer(along, fit.direction), axis=0)
-    return Backlash(width, error, width - reach, width + reach, len(along), across)
+    return Backlash(width, error, independent - 1, len(along), across)
 
 
 @dataclass(frozen=True)
@@ -145,8 +154,8 @@ def cyclic_term(fit: GuidewayFit, periods: tuple[float, float] | None = None) ->
     >>> q = np.linspace(0.0, 1.0, 101)
     >>> points = np.outer(q, [1.0, 0.0, 0.0])
     >>> points[:, 0] += 2e-5 * np.sin(2 * np.pi * q / 0.08)  # 0.02 mm, every 80 mm
-    >>> found = gt.kinematics.cyclic_term(gt.kinematics.fit_guideway(q, points))
-    >>> round(found.period, 4), round(1e3 * found.amplitude, 4), found.significant
+    >>> term = gt.kinematics.cyclic_term(gt.kinematics.fit_guideway(q, points))
+    >>> round(term.period, 4), round(1e3 * term.amplitude, 4), term.significant
     (0.08, 0.02, True)
     """
     order = np.argsort(fit.q, kind="stable")

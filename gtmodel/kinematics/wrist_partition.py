@@ -62,8 +62,8 @@ class WristPartition:
 
     >>> robot = gt.robots.kr500()
     >>> arm = gt.kinematics.WristPartition.of(robot.origins, robot.axes)
-    >>> found = arm.inverse([1.5, 0.4, 1.2], np.diag([1.0, -1.0, -1.0]))  # flange looks down
-    >>> np.degrees(found.q[0, 0, :3]).round(1), (found.status == gt.Status.OK).all()  # all eight branches exist
+    >>> branches = arm.inverse([1.5, 0.4, 1.2], np.diag([1.0, -1.0, -1.0]))  # flange looks down
+    >>> np.degrees(branches.q[0, 0, :3]).round(1), (branches.status == gt.Status.OK).all()  # all eight branches exist
     (array([-14.9, -72.1, 119.5]), np.True_)
     """
 

@@ -1,4 +1,4 @@
-"""Checks of parameter values that only binding tells: expressions of others, and bounds that are other parameters."""
+"""Checks of parameter values that only binding allows: expressions of others, and bounds that are other parameters."""
 
 from __future__ import annotations
 

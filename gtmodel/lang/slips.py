@@ -67,12 +67,15 @@ def named(function: Callable[P, T]) -> Callable[P, T]:
 
 def floats(value: Any) -> np.ndarray:
     """Numbers as an array of floats. Raises TypeError for a text, also one that looks like a number, and for none."""
-    if isinstance(value, (float, int)):
-        return np.asarray(value, dtype=float)
+    if isinstance(value, float):
+        return np.asarray(value)
     array = np.asarray(value)
     if array.dtype.kind in "USMm" or (array.dtype.kind == "O" and any(isinstance(x, str) for x in array.flat)):
         raise TypeError("a text is no number")
-    return np.asarray(value, dtype=float)
+    try:
+        return np.asarray(value, dtype=float)
+    except OverflowError:
+        raise TypeError("a number is larger than any float") from None
 
 
 def _persons_line() -> SourceLocation | None:

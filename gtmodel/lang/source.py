@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import re
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -59,7 +61,8 @@ def of_frame(filename: str, line: int) -> SourceLocation:
 class ModelError(ValueError):
     """A model is wrong: the sentence says what was found, what was expected and where it was written.
 
-    It is a ValueError; `where` is the `SourceLocation` of the line concerned, or None.
+    It is a ValueError; `where` is the `SourceLocation` of the line concerned, or None; `argument` the value given to a
+    call that it is about, such as "start.x", or nothing.
 
     >>> class Wrong(gt.Model):
     ...     x = gt.variable(unit="m")
@@ -76,8 +79,19 @@ class ModelError(ValueError):
     def __init__(self, sentence: str, where: SourceLocation | None = None) -> None:
         super().__init__(f"{sentence} ({where})" if where is not None else sentence)
         self.where = where
+        self.argument = ""
 
     def placed(self, where: SourceLocation | None) -> None:
         """Say a place where the sentence names none."""
         if self.where is None and where is not None and not re.search(r"\.py:\d+|\]:\d+", str(self)):
             self.args, self.where = (f"{self} ({where})",), where
+
+
+@contextmanager
+def about(argument: str) -> Iterator[None]:
+    """A ModelError that is raised inside says that it is about this value of a call, such as "start.x"."""
+    try:
+        yield
+    except ModelError as error:
+        error.argument = error.argument or argument
+        raise

@@ -1,10 +1,10 @@
-"""The 4 ms loop and its peers: EGM and RSI in Python, simulated controllers and plants, the loop's twin.
+"""The 4 ms loop and its peers: EGM and RSI in Python, simulated controllers and plants, and the loop itself.
 
 study: the loop of a generated folder against a simulated controller, its law off and on -> LoopStudy.
 
 Build and run: build -> program, LoopProcess, lockstep, real_time. Peers: RobotSide with a DrivePlant or a
-RigidBodyPlant, either in an ElasticPlant; Channel with Faults. The loop in Python: Twin with one of the laws. All of it
-was tested against simulators only.
+RigidBodyPlant, either in an ElasticPlant; Channel with Faults. The loop in Python: PythonLoop with one of the laws. All
+of it was tested against simulators only.
 """
 
 from typing import TYPE_CHECKING
@@ -13,7 +13,7 @@ from .._lazy import public
 
 if TYPE_CHECKING:
     from .build import build as build
-    from .exchange import Command as Command, Exchange as Exchange, Feedback as Feedback
+    from .exchange import Command as Command, Exchange as Exchange, RobotFeedback as RobotFeedback
     from .faults import Channel as Channel, Faults as Faults, expected_counters as expected_counters
     from .laws import (
         DynamicsLaw as DynamicsLaw,
@@ -29,10 +29,10 @@ if TYPE_CHECKING:
         Servo as Servo,
     )
     from .process import LoopError as LoopError, LoopProcess as LoopProcess
-    from .python_loop import Limits as Limits, Settings as Settings, Twin as Twin
+    from .python_loop import LoopLimits as LoopLimits, PythonLoop as PythonLoop, Settings as Settings
     from .robot_side import RobotSide as RobotSide
     from .rsi_configuration import rsi_configuration as rsi_configuration
-    from .run import Run as Run, lockstep as lockstep, real_time as real_time
-    from .table import Table as Table
+    from .run import LoopRun as LoopRun, lockstep as lockstep, real_time as real_time
+    from .table import ReferenceTable as ReferenceTable
 
 public(__name__)

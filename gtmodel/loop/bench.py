@@ -14,7 +14,7 @@ from ..compiler.causal import CausalFunction
 from ..lang import Model
 from ..results import Trajectory, Work
 from .reference import CYCLE_MS
-from .table import Table
+from .table import ReferenceTable
 
 Peer = Literal["egm", "rsi"]
 Reference = Trajectory | Callable[[], Trajectory]
@@ -70,7 +70,7 @@ class Bench:
     forward: CausalFunction
     program: Path
     place: Path
-    reference: Table
+    reference: ReferenceTable
     cycles: int
     in_lockstep: bool
     elastic_Hz: float | None

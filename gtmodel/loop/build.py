@@ -13,8 +13,7 @@ from typing import Any
 from .._files import codegen_dir
 from ..cgen import GenerationError
 from ..cgen.manifest import changed_files, lacks, read, sha256
-from ..cgen.private import exposed
-from ..cgen.toolchain import STANDARD, WARNINGS, find
+from ..cgen.toolchain import STANDARD, WARNINGS, exposed, find
 from ..results.folder import unfinished
 
 ADAPTER = "gt_loop_model.c"
@@ -49,13 +48,13 @@ def adapter(content: Mapping[str, Any], axes: int) -> str:
         f'#include "gt_{content["name"]}.h"\n#include "gt_laws.h"\n\n#include <stddef.h>\n\n',
     ]
     names = {"forward": "NULL", "inverse_dynamics": "NULL"}
-    for name, found, arguments in (
+    for name, function, arguments in (
         ("forward", forward, ("position_m", "tcp_m")),
         ("inverse_dynamics", dynamics, ("tcp_m", "tcp_m_s", "tcp_m_s2", "force_N")),
     ):
-        if found is not None:
+        if function is not None:
             names[name] = f"gt_loop_model_{name}"
-            parts.append(_call(names[name], found, arguments, content["real"]))
+            parts.append(_call(names[name], function, arguments, content["real"]))
     parts.append(
         f"const gt_robot_model gt_loop_model = {{{axes}U, {names['forward']}, {names['inverse_dynamics']}}};\n"
     )
@@ -88,7 +87,7 @@ def build(folder: Path, place: Path, axes: int) -> Path:
     >>> gt.loop.build(Path("no_such_folder"), Path("loop"), axes=3)
     Traceback (most recent call last):
         ...
-    gtmodel.cgen.errors.GenerationError: ...
+    gtmodel.cgen.text.GenerationError: ...
     """
     content = manifest_of(folder)
     tools = find()

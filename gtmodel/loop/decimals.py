@@ -17,15 +17,15 @@ _DIGITS = re.compile(rb"[0-9]{1,19}")
 @lru_cache(maxsize=4096)  # most numbers of a telegram stand still
 def read_decimal(text: bytes) -> float | None:
     """[+-]digits[.digits][e[+-]digits] as a number, None for anything else; see gt_decimal.h for what is cut."""
-    found = _NUMBER.fullmatch(text)
-    if found is None or not (found["whole"] or found["part"]):
+    match = _NUMBER.fullmatch(text)
+    if match is None or not (match["whole"] or match["part"]):
         return None
-    whole, part = found["whole"].lstrip(b"0"), found["part"] or b""
+    whole, part = match["whole"].lstrip(b"0"), match["part"] or b""
     if len(whole) > DIGITS_MOST:
         return None
     zeros = 0 if whole else len(part) - len(part.lstrip(b"0"))
     part = part[: DIGITS_MOST - len(whole) + zeros]
-    mantissa, power = int(whole + part or b"0"), int(found["exponent"] or 0) - len(part)
+    mantissa, power = int(whole + part or b"0"), int(match["exponent"] or 0) - len(part)
     if abs(power) > POWER_MOST:
         return None
     scale = float(10 ** abs(power))

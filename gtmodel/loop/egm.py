@@ -30,7 +30,7 @@ MCI_RUNNING = 3
 
 
 @dataclass
-class Pose:
+class EgmPose:
     """Numbers of EgmFeedBack or EgmPlanned; lists are empty where the robot said nothing."""
 
     joints_deg: list[float] = field(default_factory=list)
@@ -44,14 +44,14 @@ class Pose:
 
 
 @dataclass
-class Robot:
+class EgmRobot:
     """EgmRobot."""
 
     sequence: int = 0
     time_ms: int = 0
     type: int = 0
-    feedback: Pose = field(default_factory=Pose)
-    planned: Pose = field(default_factory=Pose)
+    feedback: EgmPose = field(default_factory=EgmPose)
+    planned: EgmPose = field(default_factory=EgmPose)
     motor_state: int = 0
     mci_state: int = 0
     rapid_state: int = 0
@@ -59,7 +59,7 @@ class Robot:
 
 
 @dataclass
-class Sensor:
+class EgmSensor:
     """EgmSensor, or EgmSensorPathCorr where `path_mm` is given."""
 
     sequence: int = 0
@@ -73,11 +73,11 @@ class Sensor:
     age_ms: int = 0
 
 
-def decode_robot(data: bytes) -> Robot:
+def decode_robot(data: bytes) -> EgmRobot:
     """EgmRobot from a datagram. Raises WireError for one that is cut, malformed, incomplete or not finite."""
     if len(data) > DATAGRAM_MAX:
         raise WireError("the datagram is too long")
-    robot = Robot()
+    robot = EgmRobot()
     counted: dict[int, dict[int, int]] = {1: {}, 4: {}, 5: {}, 8: {}}
     for number, kind, value in fields(data):
         if kind == VARINT and number == 6:
@@ -95,7 +95,7 @@ def decode_robot(data: bytes) -> Robot:
     return robot
 
 
-def encode_robot(robot: Robot, *, packed: bool = False) -> bytes:
+def encode_robot(robot: EgmRobot, *, packed: bool = False) -> bytes:
     """EgmRobot as a robot sends it: doubles unpacked, as in proto2, unless `packed`."""
     out = message_field(1, _header_bytes(robot.sequence, robot.time_ms, robot.type or TYPE_DATA))
     for number, pose in ((2, robot.feedback), (3, robot.planned)):
@@ -114,7 +114,7 @@ def encode_robot(robot: Robot, *, packed: bool = False) -> bytes:
     return out + message_field(8, varint_field(1, robot.rapid_state))
 
 
-def encode_sensor(sensor: Sensor) -> bytes:
+def encode_sensor(sensor: EgmSensor) -> bytes:
     """EgmSensor or EgmSensorPathCorr as the loop sends it, byte for byte like the C codec."""
     if sensor.path_mm is not None:
         head = message_field(1, _header_bytes(sensor.sequence, sensor.time_ms, TYPE_PATH_CORRECTION))
@@ -126,10 +126,10 @@ def encode_sensor(sensor: Sensor) -> bytes:
     return head + message_field(2, planned) + message_field(3, speeds)
 
 
-def decode_sensor(data: bytes) -> Sensor:
+def decode_sensor(data: bytes) -> EgmSensor:
     """What a robot reads from the loop's answer. Raises WireError."""
     parts = dict(_messages(data))
-    sensor = Sensor(*_header(_varints(parts.get(1, b""))))
+    sensor = EgmSensor(*_header(_varints(parts.get(1, b""))))
     if sensor.type == TYPE_PATH_CORRECTION:
         sensor.path_mm = [0.0] * 3
         for number, position in _messages(parts.get(2, b"")):
@@ -137,7 +137,7 @@ def decode_sensor(data: bytes) -> Sensor:
                 _numbered_into(position, sensor.path_mm)
         sensor.age_ms = _varints(parts.get(2, b"")).get(2, 0)
         return sensor
-    planned, speed = Pose(), Pose()
+    planned, speed = EgmPose(), EgmPose()
     _pose(parts.get(2, b""), planned)
     _pose(parts.get(3, b""), speed)
     sensor.joints_deg, sensor.external_mm = planned.joints_deg, planned.external_mm
@@ -149,11 +149,11 @@ def _header_bytes(sequence: int, time_ms: int, kind: int) -> bytes:
     return varint_field(1, sequence) + varint_field(2, time_ms) + varint_field(3, kind)
 
 
-def _header(found: Mapping[int, int]) -> tuple[int, int, int]:
+def _header(fields: Mapping[int, int]) -> tuple[int, int, int]:
     """Number, time and type."""
-    if not {1, 2} <= found.keys():
+    if not {1, 2} <= fields.keys():
         raise WireError("the header lacks number or time")
-    return found[1], found[2], found.get(3, 0)
+    return fields[1], fields[2], fields.get(3, 0)
 
 
 def _messages(data: bytes) -> Iterator[tuple[int, bytes]]:
@@ -166,7 +166,7 @@ def _varints(data: bytes) -> dict[int, int]:
     return {n: uint32(value) for n, kind, value in fields(data) if kind == VARINT and isinstance(value, int)}
 
 
-def _pose(data: bytes, pose: Pose) -> None:
+def _pose(data: bytes, pose: EgmPose) -> None:
     for number, value in _messages(data):
         if number == 1:
             _joints(value, pose.joints_deg)
@@ -176,7 +176,7 @@ def _pose(data: bytes, pose: Pose) -> None:
             _joints(value, pose.external_mm)
 
 
-def _cartesian(data: bytes, pose: Pose) -> None:
+def _cartesian(data: bytes, pose: EgmPose) -> None:
     given = set()
     parts = {1: pose.position_mm, 2: pose.quaternion, 3: pose.euler_deg}
     for number, value in _messages(data):
@@ -191,14 +191,14 @@ def _cartesian(data: bytes, pose: Pose) -> None:
 def _joints(data: bytes, kept: list[float]) -> None:
     """Doubles of field 1, each with its key or packed; the first six are kept."""
     for number, kind, value in fields(data):
-        found: list[float] = []
+        joints: list[float] = []
         if number == 1 and kind == FIXED64 and isinstance(value, float):
-            found = [value]
+            joints = [value]
         elif number == 1 and kind == BYTES and isinstance(value, bytes):
             if len(value) % 8:
                 raise WireError("packed doubles are cut")
-            found = list(struct.unpack(f"<{len(value) // 8}d", value))
-        kept += found[: max(0, JOINTS - len(kept))]
+            joints = list(struct.unpack(f"<{len(value) // 8}d", value))
+        kept += joints[: max(0, JOINTS - len(kept))]
 
 
 def _numbered(values: list[float]) -> bytes:
@@ -211,5 +211,5 @@ def _numbered_into(data: bytes, values: list[float]) -> None:
             values[number - 1] = value
 
 
-def _numbers_of(pose: Pose) -> list[float]:
+def _numbers_of(pose: EgmPose) -> list[float]:
     return [*pose.joints_deg, *pose.external_mm, *pose.position_mm, *pose.quaternion, *pose.euler_deg]

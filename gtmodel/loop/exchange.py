@@ -14,7 +14,7 @@ Protocol = Literal["egm", "rsi"]
 
 
 @dataclass
-class Feedback:
+class RobotFeedback:
     """What a robot reports in a datagram; the thesis calls it the submit state.
 
     position_m, planned_m: carts [m] as measured and as planned, the latter where `has_planned`. joints_deg: joints
@@ -52,7 +52,7 @@ class Command:
 class Exchange:
     """Reads and answers datagrams of one protocol, "egm" or "rsi", for `axes` carts.
 
-    cycle_ms: of the robot. `read` gives a `Feedback`, or None for what cannot be read.
+    cycle_ms: of the robot. `read` gives a `RobotFeedback`, or None for what cannot be read.
 
     >>> gt.loop.Exchange("egm", axes=3).read(b"no datagram") is None
     True
@@ -62,18 +62,18 @@ class Exchange:
         self.protocol, self.axes, self.cycle_ms = protocol, axes, cycle_ms
         self.start_m = [0.0] * AXES
 
-    def read(self, data: bytes) -> Feedback | None:
+    def read(self, data: bytes) -> RobotFeedback | None:
         """Feedback, or None for a datagram that is not of this protocol or lacks a cart."""
         try:
             return self._read_egm(data) if self.protocol == "egm" else self._read_rsi(data)
         except (WireError, rsi.TelegramError):
             return None
 
-    def begin(self, first: Feedback) -> None:
+    def begin(self, first: RobotFeedback) -> None:
         """Corrections count from this feedback on."""
         self.start_m = list(first.planned_m if first.has_planned else first.position_m)
 
-    def write(self, feedback: Feedback, command: Command) -> bytes:
+    def write(self, feedback: RobotFeedback, command: Command) -> bytes:
         """The answer; empty if it cannot be written."""
         if self.protocol == "egm":
             return self._write_egm(feedback, command)
@@ -82,13 +82,13 @@ class Exchange:
         except ValueError:
             return b""
 
-    def _read_egm(self, data: bytes) -> Feedback | None:
+    def _read_egm(self, data: bytes) -> RobotFeedback | None:
         robot = egm.decode_robot(data)
         if len(robot.feedback.external_mm) < self.axes:
             return None
         planned = len(robot.planned.external_mm) >= self.axes
         same = len(robot.planned.joints_deg) == len(robot.feedback.joints_deg)
-        return Feedback(
+        return RobotFeedback(
             sequence=robot.sequence,
             time_ms=robot.time_ms,
             position_m=self._metres(robot.feedback.external_mm),
@@ -98,12 +98,12 @@ class Exchange:
             joints_deg=robot.planned.joints_deg if same else robot.feedback.joints_deg,
         )
 
-    def _read_rsi(self, data: bytes) -> Feedback | None:
+    def _read_rsi(self, data: bytes) -> RobotFeedback | None:
         robot = rsi.decode_robot(data)
         carts = (1 << self.axes) - 1
         if robot.given.get("EIPos", 0) & carts != carts:
             return None
-        return Feedback(
+        return RobotFeedback(
             sequence=robot.ipoc // self.cycle_ms,
             time_ms=robot.ipoc,
             position_m=self._metres(robot.values["EIPos"]),
@@ -118,8 +118,8 @@ class Exchange:
         kept = [x / MM for x in values_mm[: self.axes]]
         return kept + [0.0] * (AXES - len(kept))
 
-    def _write_egm(self, feedback: Feedback, command: Command) -> bytes:
-        sensor = egm.Sensor(feedback.sequence & 0xFFFFFFFF, feedback.time_ms & 0xFFFFFFFF)
+    def _write_egm(self, feedback: RobotFeedback, command: Command) -> bytes:
+        sensor = egm.EgmSensor(feedback.sequence & 0xFFFFFFFF, feedback.time_ms & 0xFFFFFFFF)
         if command.along_path:
             sensor.path_mm = [x * MM for x in command.path_m]
             return egm.encode_sensor(sensor)
@@ -129,8 +129,8 @@ class Exchange:
         sensor.external_speeds_mm_s = [x * MM for x in command.speed_m_s[: self.axes]]
         return egm.encode_sensor(sensor)
 
-    def _write_rsi(self, feedback: Feedback, command: Command) -> bytes:
-        sensor = rsi.Sensor(feedback.stamp)
+    def _write_rsi(self, feedback: RobotFeedback, command: Command) -> bytes:
+        sensor = rsi.RsiSensor(feedback.stamp)
         for n in range(3 if command.along_path else 0):
             sensor.rkorr[n] = command.path_m[n] * MM
         for n in range(0 if command.along_path else self.axes):

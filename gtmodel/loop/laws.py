@@ -9,8 +9,8 @@ from typing import Protocol
 import numpy as np
 
 from ..results.status import Status
-from .exchange import Command, Feedback
-from .table import Table
+from .exchange import Command, RobotFeedback
+from .table import ReferenceTable
 
 Forward = Callable[[list[float]], tuple[Status, list[float]]]
 InverseDynamics = Callable[[list[float], list[float], list[float]], tuple[Status, list[float]]]
@@ -21,12 +21,12 @@ def reference_columns(axes: int) -> int:
     return 3 * axes + 9
 
 
-class Law(Protocol):
+class LoopLaw(Protocol):
     """A law: each method returns GT_OK or why it cannot go on; `step` writes the command only with GT_OK."""
 
-    def init(self, first: Feedback) -> Status: ...
+    def init(self, first: RobotFeedback) -> Status: ...
 
-    def step(self, feedback: Feedback, elapsed_ms: int, command: Command) -> Status: ...
+    def step(self, feedback: RobotFeedback, elapsed_ms: int, command: Command) -> Status: ...
 
 
 @dataclass
@@ -37,7 +37,7 @@ class TrajectoryLaw:
     b q^-d / (1 - a q^-1) of Dressler 2012, eq. (6.11), are inverted: a and b for each cart, `delay_ms` their delay d.
     """
 
-    reference: Table
+    reference: ReferenceTable
     axes: int
     feedforward: bool
     delay_ms: int
@@ -46,7 +46,7 @@ class TrajectoryLaw:
     b: list[float]
     start_m: list[float] = field(default_factory=list)
 
-    def init(self, first: Feedback) -> Status:
+    def init(self, first: RobotFeedback) -> Status:
         if self.reference.rows.shape[1] != reference_columns(self.axes):
             return Status.OUT_OF_RANGE
         if self.feedforward and not all(abs(b) > 0 for b in self.b[: self.axes]):
@@ -55,7 +55,7 @@ class TrajectoryLaw:
         self.start_m = row[: self.axes]
         return status
 
-    def step(self, feedback: Feedback, elapsed_ms: int, command: Command) -> Status:
+    def step(self, feedback: RobotFeedback, elapsed_ms: int, command: Command) -> Status:
         ahead = elapsed_ms + self.delay_ms if self.feedforward else elapsed_ms
         status, row = self.reference.at(ahead)
         before: list[float] = []
@@ -81,7 +81,7 @@ class DynamicsLaw:
     servo as well; `lead_ms`: how far ahead the reference is read [ms]. The same in C is gt_law_dynamics.h.
     """
 
-    reference: Table
+    reference: ReferenceTable
     axes: int
     inverse_dynamics: InverseDynamics | None
     feedforward: bool
@@ -90,12 +90,12 @@ class DynamicsLaw:
     kp_N_m: list[float]
     kd_N_s_m: list[float]
 
-    def init(self, first: Feedback) -> Status:
+    def init(self, first: RobotFeedback) -> Status:
         if self.inverse_dynamics is None or self.reference.rows.shape[1] != reference_columns(self.axes):
             return Status.OUT_OF_RANGE
         return Status.OK if all(kp > 0 for kp in self.kp_N_m[: self.axes]) else Status.SINGULAR
 
-    def step(self, feedback: Feedback, elapsed_ms: int, command: Command) -> Status:
+    def step(self, feedback: RobotFeedback, elapsed_ms: int, command: Command) -> Status:
         assert self.inverse_dynamics is not None
         status, row = self.reference.at(elapsed_ms + self.lead_ms)
         force: list[float] = []
@@ -119,16 +119,16 @@ class DynamicsLaw:
 class ReplayLaw:
     """Law that adds a stored table of corrections, a column for each cart [m], to a reference as of `TrajectoryLaw`."""
 
-    reference: Table
-    corrections: Table
+    reference: ReferenceTable
+    corrections: ReferenceTable
     axes: int
 
-    def init(self, first: Feedback) -> Status:
+    def init(self, first: RobotFeedback) -> Status:
         wrong = self.corrections.rows.shape[1] != self.axes
         wrong = wrong or self.reference.rows.shape[1] != reference_columns(self.axes)
         return Status.OUT_OF_RANGE if wrong else Status.OK
 
-    def step(self, feedback: Feedback, elapsed_ms: int, command: Command) -> Status:
+    def step(self, feedback: RobotFeedback, elapsed_ms: int, command: Command) -> Status:
         status, row = self.reference.at(elapsed_ms)
         correction: list[float] = []
         if status is Status.OK:
@@ -157,24 +157,24 @@ class PathLaw:
     last_ms: int = 0
     correction_m: list[float] = field(default_factory=lambda: [0.0] * 3)
 
-    def init(self, first: Feedback) -> Status:
+    def init(self, first: RobotFeedback) -> Status:
         self.last_ms, self.correction_m = 0, [0.0] * 3
         good = self.forward is not None and first.has_planned and self.limit_m >= 0
         return Status.OK if good else Status.OUT_OF_RANGE
 
-    def step(self, feedback: Feedback, elapsed_ms: int, command: Command) -> Status:
+    def step(self, feedback: RobotFeedback, elapsed_ms: int, command: Command) -> Status:
         assert self.forward is not None
         seconds = (elapsed_ms - self.last_ms) / 1000.0
         status, wanted = self.forward(feedback.planned_m[: self.axes])
-        found: list[float] = []
+        position: list[float] = []
         if status is Status.OK:
-            status, found = self.forward(feedback.position_m[: self.axes])
+            status, position = self.forward(feedback.position_m[: self.axes])
         if status is not Status.OK:
             return status
         command.along_path = True
         self.last_ms = elapsed_ms
         for k in range(3):
-            step = (self.gain_per_s * seconds) * (wanted[k] - found[k])
+            step = (self.gain_per_s * seconds) * (wanted[k] - position[k])
             self.correction_m[k] = float(np.clip(self.correction_m[k] + step, -self.limit_m, self.limit_m))
             command.path_m[k] = self.correction_m[k]
         return Status.OK

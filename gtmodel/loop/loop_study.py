@@ -36,11 +36,11 @@ GAINS = {"trajectory": 0.5, "dynamics": 0.5, "replay": 0.5, "path": 1.0}
 class LoopStudy(Study):
     """Two runs of the loop, its law off and on; without quantities where they were not both made.
 
-    in_lockstep: whether they went cycle by cycle, as fast as it goes. said: what the loop said.
+    in_lockstep: whether they went cycle by cycle, as fast as it goes. notes: what the loop printed
+    for a person.
     """
 
     in_lockstep: bool = False
-    said: Sequence[str] = ()
     peer: Annotated[str, Quantity("", "protocol of the simulated controller")] = ""
     law: Annotated[str, Quantity("", "of the second run")] = ""
     plant: Annotated[str, Quantity("", "what moves the robot")] = ""
@@ -67,7 +67,6 @@ class LoopStudy(Study):
             return []
         return [
             *rows_of(self.runs, self.in_lockstep),
-            *(Row("the loop says", line) for line in self.said),
             Row("greatest speed of a cart", self.greatest_speed, "m/s"),
             Row(f"a lost robot: held for {self.hold_cycles} cycles, then braked at", self.deceleration, "m/s2"),
             Row("a lost robot: way to the stop from that speed", self.stopping_distance, "m"),
@@ -144,13 +143,13 @@ def study(
         lost = Stop.of(table.rows[:cycles], deceleration)
         bench = Bench(peer, law, robot, forward, program, place, table, cycles, in_lockstep, elastic, lost, work)
         try:
-            found = _compared(bench, title)
+            outcome = _compared(bench, title)
         except LoopError as error:
-            found = LoopStudy(status=SolveStatus.FAILED, message=str(error), title=title)
-        if found.status is SolveStatus.INTERRUPTED:
-            return found
+            outcome = LoopStudy(status=SolveStatus.FAILED, message=str(error), title=title)
+        if outcome.status is SolveStatus.INTERRUPTED:
+            return outcome
         files = {"rsi_configuration.xml": rsi_configuration("127.0.0.1", 49152)} if peer == "rsi" else {}
-        return found.with_(files=files | {path.name: path.read_bytes() for path in sorted(place.iterdir())})
+        return outcome.with_(files=files | {path.name: path.read_bytes() for path in sorted(place.iterdir())})
 
 
 def _compared(bench: Bench, title: str) -> LoopStudy:
@@ -180,7 +179,7 @@ def _compared(bench: Bench, title: str) -> LoopStudy:
         title=title,
         checks=checks,
         in_lockstep=bench.in_lockstep,
-        said=list(dict.fromkeys(line for one in runs for line in one.said.splitlines())),
+        notes=list(dict.fromkeys(line for one in runs for line in one.printed.splitlines())),
         peer=bench.peer,
         law=bench.law,
         plant="rigid body under a servo" if bench.law == "dynamics" else "drives of eq. (6.11)",

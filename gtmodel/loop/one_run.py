@@ -18,7 +18,7 @@ from .record import STATES
 from .reference import CYCLE_MS
 from .robot_side import RobotSide
 from .run import lockstep, real_time
-from .table import Table
+from .table import ReferenceTable
 
 # Python and other work share the machine with the simulated controller: where that was silent for longer than the loop
 # may hold, the run says nothing about the loop and is made again
@@ -33,12 +33,12 @@ GOING = (STATES.index("running"), STATES.index("holding"))
 
 @dataclass(frozen=True)
 class OneRun:
-    """One run: its log, the loop's report, what it said; carts and tool centre point measured (cycles, 3) [m]."""
+    """One run: its log, the loop's report, what it printed; carts and tool centre point measured (cycles, 3) [m]."""
 
     label: str
     log: bytes
     report: dict[str, Any]
-    said: str
+    printed: str
     carts_m: np.ndarray
     tcp_m: np.ndarray
 
@@ -82,12 +82,12 @@ def _once(bench: Bench, label: str, *, active: bool) -> tuple[OneRun, float]:
             process.end()
         else:
             done = real_time(robot, process, bench.cycles, stopped)
-        found = process.finish()
-        said = process.said
+        report = process.finish()
+        printed = process.printed
     tcp, status = bench.forward(done.arm_m)
     if np.any(status != Status.OK):
         raise LoopError(f"{label}: the simulated robot left its workspace")
-    return OneRun(label, log.read_bytes(), found, said, done.measured_m, tcp), done.longest_gap_s
+    return OneRun(label, log.read_bytes(), report, printed, done.measured_m, tcp), done.longest_gap_s
 
 
 def _plant(bench: Bench) -> Plant:
@@ -140,7 +140,7 @@ def _text(values: Sequence[float] | np.ndarray) -> str:
     return ",".join(repr(float(x)) for x in values)
 
 
-def _learned(bench: Bench) -> Table:
+def _learned(bench: Bench) -> ReferenceTable:
     """Corrections that repeated simulated runs of the drives leave: u + 0.9 e(k + 5) (Dressler 2012, section 7.3)."""
     wanted, delay = bench.carts_m, actuator_closed_loop()["delay"]
     correction = np.zeros_like(wanted)
@@ -151,7 +151,7 @@ def _learned(bench: Bench) -> Table:
             plant.step(command.tolist(), [0.0] * 3)
         error = wanted - measured
         correction += LEARNING * np.vstack([error[delay:], np.repeat(error[-1:], delay, axis=0)])
-    return Table(correction, CYCLE_MS)
+    return ReferenceTable(correction, CYCLE_MS)
 
 
 def _programme(bench: Bench) -> Callable[[int, Sequence[float]], Sequence[float]]:

@@ -37,7 +37,7 @@ class LoopProcess:
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.bind(("127.0.0.1", 0))
         self._socket.connect(("127.0.0.1", self.port))
-        self.said = ""
+        self.printed = ""
 
     def __enter__(self) -> Self:
         return self
@@ -59,13 +59,13 @@ class LoopProcess:
 
     def received(self) -> list[bytes]:
         """Answers that are there, without waiting."""
-        found: list[bytes] = []
+        datagrams: list[bytes] = []
         while select.select([self._socket], [], [], 0.0)[0]:
             try:
-                found.append(self._socket.recv(DATAGRAM_MAX))
+                datagrams.append(self._socket.recv(DATAGRAM_MAX))
             except ConnectionRefusedError:
                 break
-        return found
+        return datagrams
 
     def exchange(self, datagrams: list[bytes]) -> list[bytes]:
         """One cycle in lock step: its datagrams and an empty one; the answers up to an empty one.
@@ -91,11 +91,11 @@ class LoopProcess:
     def finish(self) -> dict[str, Any]:
         """Wait for the loop's end and return its report. Raises LoopError."""
         try:
-            out, self.said = self._process.communicate(timeout=SECONDS)
+            out, self.printed = self._process.communicate(timeout=SECONDS)
         except subprocess.TimeoutExpired:
             raise LoopError(f"the loop did not end within {SECONDS:g} s") from None
         if self._process.returncode not in (0, LOG_INCOMPLETE) or not out.strip():
-            raise LoopError(f"the loop ended with {self._process.returncode}: {self.said.strip()}")
+            raise LoopError(f"the loop ended with {self._process.returncode}: {self.printed.strip()}")
         return json.loads(out)
 
     def _port(self) -> int:

@@ -7,8 +7,8 @@ import struct
 from dataclasses import dataclass, field
 
 from ..results.status import Status
-from .exchange import AXES, Command, Exchange, Feedback
-from .laws import Law
+from .exchange import AXES, Command, Exchange, RobotFeedback
+from .laws import LoopLaw
 from .record import COLUMNS
 from .sequence import Sequence, near
 from .wire import DATAGRAM_MAX
@@ -18,7 +18,7 @@ RAMP_MOST = 100_000  # cycles
 
 
 @dataclass
-class Limits:
+class LoopLimits:
     """What a command must keep: carts [m], their change in a cycle [m], a path correction [m]."""
 
     lowest_m: list[float] = field(default_factory=lambda: [-10.0] * AXES)
@@ -40,18 +40,18 @@ class Settings:
     hold_cycles: int = 5
     ramp_cycles: int = 50
     deceleration_m_s2: float = 0.0
-    limits: Limits = field(default_factory=Limits)
+    limits: LoopLimits = field(default_factory=LoopLimits)
 
 
-class Twin:
+class PythonLoop:
     """gt_loop in Python. `exchange` takes the datagrams of a cycle and returns the answers, one or none."""
 
-    def __init__(self, settings: Settings, peer: Exchange, law: Law) -> None:
+    def __init__(self, settings: Settings, peer: Exchange, law: LoopLaw) -> None:
         self.settings, self.peer, self.law = settings, peer, law
         self.sequence = Sequence()
         self.state, self.status = WAITING, Status.STALE_INPUT
-        self.fresh: Feedback | None = None
-        self.feedback: Feedback | None = None
+        self.fresh: RobotFeedback | None = None
+        self.feedback: RobotFeedback | None = None
         self.first_ms = self.command_ms = self.cycles = self.late = self.garbage = self.datagrams = self.misses = (
             self.ramp_left
         ) = self.ramp_cycles = 0
@@ -83,7 +83,7 @@ class Twin:
         if self.state in (RUNNING, HOLDING):
             self._begin_ramp()
 
-    def _is_newer(self, feedback: Feedback) -> bool:
+    def _is_newer(self, feedback: RobotFeedback) -> bool:
         """True if it is newer than all before; number and time of EGM, of 32 bits, go on where they run over."""
         if self.peer.protocol != "egm":
             return self.sequence.take(feedback.sequence)
@@ -113,7 +113,7 @@ class Twin:
         self.fresh, self.datagrams = None, 0
         return answer
 
-    def _wait(self, first: Feedback) -> None:
+    def _wait(self, first: RobotFeedback) -> None:
         self.peer.begin(first)
         self.command.position_m = list(self.peer.start_m)
         if first.running:
@@ -121,7 +121,7 @@ class Twin:
             self.status = self.law.init(first)
             self.state = RUNNING if self.status is Status.OK else STOPPED
 
-    def _law(self, feedback: Feedback) -> Status:
+    def _law(self, feedback: RobotFeedback) -> Status:
         command = self.command.copy()
         if not feedback.running:
             self.misses = self.settings.hold_cycles
@@ -137,7 +137,7 @@ class Twin:
             self.coasting_m = [0.0] * AXES
         return status
 
-    def _passed(self, feedback: Feedback) -> int:
+    def _passed(self, feedback: RobotFeedback) -> int:
         """Cycles of the robot's clock since the last command; no more than may be held, whatever the clock says."""
         cycles = (feedback.time_ms - self.command_ms) // self.peer.cycle_ms
         return max(1, min(cycles, self.settings.hold_cycles + 1))
@@ -204,7 +204,7 @@ class Twin:
         return self.peer.write(self.feedback, command)
 
     def _record(self, answer: bytes) -> None:
-        f, s = self.feedback or Feedback(0, 0, [0.0] * AXES, [], False, False), self.sequence
+        f, s = self.feedback or RobotFeedback(0, 0, [0.0] * AXES, [], False, False), self.sequence
         numbers = [
             *(self.cycles, f.sequence, f.time_ms, self.state, int(self.status), self.datagrams),
             *(self.late, s.lost, s.repeated, s.reordered, s.stale, self.garbage),

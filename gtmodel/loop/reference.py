@@ -8,7 +8,7 @@ import scipy
 from ..compiler.causal import compile_causal
 from ..lang import Model
 from ..results import ArgumentError, Status, Trajectory
-from .table import Table
+from .table import ReferenceTable
 
 CYCLE_MS = 4
 REST_CYCLES = 75  # before, between and after the motions: 0.3 s, in which a slow drive comes to rest
@@ -17,7 +17,7 @@ BACK = 1.5
 _WRITES_ONE = "gtmodel solve --out writes one"
 
 
-def there_and_back(robot: Model, motion: Trajectory, cycles: int, slower: float = 1.0) -> Table:
+def there_and_back(robot: Model, motion: Trajectory, cycles: int, slower: float = 1.0) -> ReferenceTable:
     """Rows q, der(q), der(q,2), T, der(T), der(T,2) every 4 ms for `cycles` cycles and a little more.
 
     motion: T, der(T) and der(T,2) every 4 ms, from rest to rest; it is made `slower` times as long.
@@ -44,7 +44,7 @@ def there_and_back(robot: Model, motion: Trajectory, cycles: int, slower: float 
     bad = np.flatnonzero(status != Status.OK)
     if len(bad):
         raise ArgumentError(f"at {step * bad[0]:g} s: {Status(int(status[bad[0]])).message}", "reference")
-    return Table(np.hstack([q, dq, ddq, rows]), CYCLE_MS)
+    return ReferenceTable(np.hstack([q, dq, ddq, rows]), CYCLE_MS)
 
 
 def _resting(row: np.ndarray) -> np.ndarray:

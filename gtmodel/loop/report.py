@@ -33,8 +33,8 @@ def rows_of(runs: Sequence[Mapping[str, Any]], in_lockstep: bool) -> list[Row]:
     return rows
 
 
-def _worst_ms(found: Mapping[str, Any]) -> str:
-    return " ".join(f"{found[f'{what}_worst_us'] / 1000:.2f}" for what in ("reply", "period"))
+def _worst_ms(report: Mapping[str, Any]) -> str:
+    return " ".join(f"{report[f'{what}_worst_us'] / 1000:.2f}" for what in ("reply", "period"))
 
 
 def _histogram(below_us: dict[str, int], edges_us: Sequence[int]) -> str:

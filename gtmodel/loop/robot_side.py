@@ -70,14 +70,14 @@ class RobotSide:
             cartesian = [0.0] * 6
             values = {"RIst": cartesian, "RSol": cartesian, "AIPos": JOINTS_DEG, "ASPos": JOINTS_DEG}
             values |= {"EIPos": measured + rest, "ESPos": planned + rest}
-            return rsi.encode_robot(rsi.Robot(self._ipoc, delay=self.late, values=values))
+            return rsi.encode_robot(rsi.RsiRobot(self._ipoc, delay=self.late, values=values))
         running = self.waits <= self.cycles and (self.ends is None or self.cycles < self.ends)
-        robot = egm.Robot(
+        robot = egm.EgmRobot(
             sequence=self.number & UINT32,
             time_ms=self.first_ms + self.cycle_ms * self.cycles & UINT32,
             type=egm.TYPE_DATA,
-            feedback=egm.Pose(joints_deg=JOINTS_DEG, external_mm=measured),
-            planned=egm.Pose(joints_deg=JOINTS_DEG, external_mm=planned),
+            feedback=egm.EgmPose(joints_deg=JOINTS_DEG, external_mm=measured),
+            planned=egm.EgmPose(joints_deg=JOINTS_DEG, external_mm=planned),
             motor_state=1,
             mci_state=egm.MCI_RUNNING if running else 2,
             rapid_state=2,
@@ -104,11 +104,13 @@ class RobotSide:
         n = len(self.planned_m)
         try:
             if self.protocol == "rsi":
-                found = rsi.decode_sensor(data)
+                correction = rsi.decode_sensor(data)
                 if self.programme is None:
-                    self.planned_m = [s + x / MM for s, x in zip(self.start_m.tolist(), found.ek_mm[:n], strict=True)]
-                self.path_m = [x / MM for x in found.rkorr[:3]]
-                return found.stamp == b"%d" % self._ipoc
+                    self.planned_m = [
+                        s + x / MM for s, x in zip(self.start_m.tolist(), correction.ek_mm[:n], strict=True)
+                    ]
+                self.path_m = [x / MM for x in correction.rkorr[:3]]
+                return correction.stamp == b"%d" % self._ipoc
             sensor = egm.decode_sensor(data)
         except (WireError, rsi.TelegramError):
             return False

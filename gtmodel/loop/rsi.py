@@ -32,7 +32,7 @@ class TelegramError(ValueError):
 
 
 @dataclass
-class Robot:
+class RsiRobot:
     """What a controller sends: six numbers by element name, late answers, time stamp [ms] and its digits.
 
     `given`: by element, bit n for the number n; a number that was not sent is zero.
@@ -46,7 +46,7 @@ class Robot:
 
 
 @dataclass
-class Sensor:
+class RsiSensor:
     """The answer: corrections in mm and degrees, and the stamp that came."""
 
     stamp: bytes = b""
@@ -55,7 +55,7 @@ class Sensor:
     rkorr: list[float] = field(default_factory=lambda: [0.0] * 6)
 
 
-def encode_robot(robot: Robot) -> bytes:
+def encode_robot(robot: RsiRobot) -> bytes:
     """A telegram as a controller sends it."""
     out = b'<Rob TYPE="KUKA">'
     for name, values in robot.values.items():
@@ -64,30 +64,30 @@ def encode_robot(robot: Robot) -> bytes:
     return out + b'<Delay D="%d"/><IPOC>%s</IPOC></Rob>' % (robot.delay, stamp)
 
 
-def encode_sensor(sensor: Sensor) -> bytes:
+def encode_sensor(sensor: RsiSensor) -> bytes:
     """The answer, byte for byte like the C writer. Raises ValueError for a number that cannot be sent."""
     out = b'<Sen Type="ImFree">' + _element(b"AK", _JOINTS, sensor.ak_deg) + _element(b"EK", _EXTERNAL, sensor.ek_mm)
     out += _element(b"RKorr", _CARTESIAN, sensor.rkorr)
     return out + b"<IPOC>" + sensor.stamp + b"</IPOC></Sen>"
 
 
-def decode_sensor(data: bytes) -> Sensor:
+def decode_sensor(data: bytes) -> RsiSensor:
     """What a controller reads from the answer, by the standard library's parser. Raises TelegramError."""
     from xml.etree import ElementTree
 
     try:
         root = ElementTree.fromstring(data)
         places = (("AK", _JOINTS), ("EK", _EXTERNAL), ("RKorr", _CARTESIAN))
-        found = {name: _six(root.find(name), names) for name, names in places}
+        corrections = {name: _six(root.find(name), names) for name, names in places}
         stamp = (root.findtext("IPOC") or "").encode()
     except (ElementTree.ParseError, ValueError) as error:
         raise TelegramError(f"the answer cannot be read: {error}") from error
     if root.tag != "Sen" or not stamp:
         raise TelegramError("the answer has no IPOC")
-    return Sensor(stamp, found["AK"], found["EK"], found["RKorr"])
+    return RsiSensor(stamp, corrections["AK"], corrections["EK"], corrections["RKorr"])
 
 
-def decode_robot(data: bytes) -> Robot:
+def decode_robot(data: bytes) -> RsiRobot:
     """A controller's telegram, as gt_rsi.c reads it. Raises TelegramError."""
     if len(data) > DATAGRAM_MAX:
         raise TelegramError("the telegram is too long")
@@ -100,8 +100,8 @@ class _Scanner:
         self.at = 0
         self.read: set[str] = set()
 
-    def robot(self) -> Robot:
-        robot, depth = Robot(), 0  # open elements, <Rob> is the first
+    def robot(self) -> RsiRobot:
+        robot, depth = RsiRobot(), 0  # open elements, <Rob> is the first
         while self.at < len(self.data):
             self._spaces() if depth == 0 else self._to(b"<")
             self._need(b"<")
@@ -124,7 +124,7 @@ class _Scanner:
                 depth += self._open(robot, depth)
         raise TelegramError("the telegram is not complete")
 
-    def _open(self, robot: Robot, depth: int) -> int:
+    def _open(self, robot: RsiRobot, depth: int) -> int:
         """Read one element in `depth` others; 1 unless it ends at once."""
         name = self._word()
         if not name or (name == b"Rob") != (depth == 0):
@@ -142,7 +142,7 @@ class _Scanner:
         self._ipoc(robot)
         return 0
 
-    def _attributes(self, element: str, robot: Robot) -> bool:
+    def _attributes(self, element: str, robot: RsiRobot) -> bool:
         """True where the element ends at once, by "/>"."""
         names = ELEMENTS.get(element)
         values = robot.values.setdefault(element, [0.0] * 6) if names else []
@@ -182,7 +182,7 @@ class _Scanner:
         self._need(quote)
         return self.data[begin : self.at - 1]
 
-    def _ipoc(self, robot: Robot) -> None:
+    def _ipoc(self, robot: RsiRobot) -> None:
         self._spaces()
         digits = self._word()
         self._spaces()
@@ -204,27 +204,27 @@ class _Scanner:
         self._past(_SPACES)
 
     def _over(self, byte: bytes) -> bool:
-        found = self.data[self.at : self.at + 1] == byte
-        self.at += found
-        return found
+        there = self.data[self.at : self.at + 1] == byte
+        self.at += there
+        return there
 
     def _need(self, byte: bytes) -> None:
         if not self._over(byte):
             raise TelegramError(f"'{byte.decode()}' is missing")
 
     def _to(self, byte: bytes) -> None:
-        found = self.data.find(byte, self.at)
-        self.at = len(self.data) if found < 0 else found
+        place = self.data.find(byte, self.at)
+        self.at = len(self.data) if place < 0 else place
 
     def _word(self) -> bytes:
         return self._past(_WORD)
 
     def _past(self, pattern: re.Pattern[bytes]) -> bytes:
         """What of the pattern, which may be nothing, stands here."""
-        found = pattern.match(self.data, self.at)
-        assert found is not None
-        self.at = found.end()
-        return found[0]
+        match = pattern.match(self.data, self.at)
+        assert match is not None
+        self.at = match.end()
+        return match[0]
 
 
 def _element(name: bytes, attributes: tuple[bytes, ...], values: list[float]) -> bytes:

@@ -21,7 +21,7 @@ def _never(share: float) -> bool:
 
 
 @dataclass
-class Run:
+class LoopRun:
     """What a run gives: the carts (cycles, n) [m] before each cycle's step.
 
     `measured_m` is what the motors measure, `arm_m` where the carts move the tool, `planned_m` what the robot planned.
@@ -45,14 +45,14 @@ def lockstep(
     to_loop: Channel | None = None,
     to_robot: Channel | None = None,
     stopped: Stopped = _never,
-) -> Run:
+) -> LoopRun:
     """Run a simulated controller against a loop cycle by cycle, as fast as it goes.
 
     In each cycle the robot sends, the loop answers and the robot moves.
 
     Args:
         robot: the controller, with its plant.
-        answering: from the datagrams of a cycle to the answers: `exchange` of a `LoopProcess` or of a `Twin`.
+        answering: from the datagrams of a cycle to the answers: `exchange` of a `LoopProcess` or of a `PythonLoop`.
         cycles: their number.
         to_loop, to_robot: channels with faults; faultless ones if None.
         stopped: asked in every cycle with the share done; True ends the run there.
@@ -73,10 +73,10 @@ def lockstep(
         robot.step(back.due(cycle))
         if stopped(cycle / cycles):
             break
-    return Run(*np.stack(seen, axis=1), to_loop=out, to_robot=back)
+    return LoopRun(*np.stack(seen, axis=1), to_loop=out, to_robot=back)
 
 
-def real_time(robot: RobotSide, loop: LoopProcess, cycles: int, stopped: Stopped = _never) -> Run:
+def real_time(robot: RobotSide, loop: LoopProcess, cycles: int, stopped: Stopped = _never) -> LoopRun:
     """Run a simulated controller against a loop program by the clock: the robot sends every cycle_ms.
 
     Answers count that have come when the next cycle begins. Then the loop is asked to end, and the robot, no longer
@@ -111,7 +111,7 @@ def real_time(robot: RobotSide, loop: LoopProcess, cycles: int, stopped: Stopped
         loop.send(robot.datagram())
         time.sleep(step)
         robot.step(loop.received())
-    return Run(*np.stack(seen, axis=1), longest_gap_s=gap)
+    return LoopRun(*np.stack(seen, axis=1), longest_gap_s=gap)
 
 
 def _carts(robot: RobotSide) -> np.ndarray:

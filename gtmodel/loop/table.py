@@ -13,10 +13,10 @@ _WORD = b"GTTABLE1"
 
 
 @dataclass(frozen=True)
-class Table:
+class ReferenceTable:
     """A sampled reference: rows (n, columns) at multiples of `step_ms` [ms], linear in between.
 
-    >>> table = gt.loop.Table(np.array([[0.0], [0.1]]), step_ms=4)
+    >>> table = gt.loop.ReferenceTable(np.array([[0.0], [0.1]]), step_ms=4)
     >>> table.at(2)
     (<Status.OK: 0>, [0.05])
     """

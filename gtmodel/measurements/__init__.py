@@ -48,6 +48,7 @@ if TYPE_CHECKING:
         moving as moving,
         position_noise as position_noise,
         second_derivative as second_derivative,
+        smooth_motion as smooth_motion,
     )
     from .log import (
         Column as Column,
@@ -63,6 +64,5 @@ if TYPE_CHECKING:
         offset_columns as offset_columns,
         read_signals as read_signals,
     )
-    from .smooth import smooth_motion as smooth_motion
 
 public(__name__)

@@ -40,7 +40,7 @@ class Heads:
         return members
 
     def place(self, name: str) -> int:
-        """Where a column stands. Raises ArgumentError where it does not, or twice: which is meant cannot be told."""
+        """Where a column stands. Raises ArgumentError where it does not, or twice: which is meant is not clear."""
         places = [k for k, n in enumerate(self.names) if n == name]
         if not places:
             close = difflib.get_close_matches(name, self.names, n=1, cutoff=0.5)

@@ -24,6 +24,7 @@ DIFFERENCES, MEDIAN = 6, 0.6745  # the median of a normal variable's size over i
 WIDEST = 0.4  # of the sampling rate: four fifths of half of it
 # the slowest pole of the filter decays as exp(-2 pi f_c sin(pi / 8) t) at order four: 1e-3 after 2.9 / f_c
 SETTLING_PERIODS = 3.0
+SMOOTH = 5  # degree of the spline through the samples: four continuous derivatives, accelerations without corners
 
 
 @dataclass(frozen=True)
@@ -278,3 +279,21 @@ def moving(velocity: Array, sample_time: float, step: float, steps: float = 3.0)
     fast = np.abs(np.asarray(velocity).reshape(len(velocity), -1)) >= threshold
     rows = np.asarray(fast.all(axis=1))
     return Moving(rows, threshold, float(1 - rows.mean()))
+
+
+def smooth_motion(time: Array, position: Array) -> tuple[Array, Array, Array]:
+    """Position, velocity and acceleration at the samples, of the smooth curve through them.
+
+    Args:
+        time: (n,) [s], ascending, n >= 6.
+        position: (n, axes), exact samples such as those of a reference; noise would be amplified.
+
+    The curve is a spline of degree five: what a simulated motion is taken to be between its samples.
+
+    >>> t = np.linspace(0.0, 1.0, 51)
+    >>> q, dq, ddq = gt.measurements.smooth_motion(t, t[:, None] ** 3)
+    >>> ddq[[10, 25, 50], 0].round(6).tolist()  # 6 t
+    [1.2, 3.0, 6.0]
+    """
+    spline = scipy.interpolate.make_interp_spline(time, position, k=SMOOTH)
+    return position, spline.derivative(1)(time), spline.derivative(2)(time)

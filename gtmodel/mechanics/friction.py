@@ -46,7 +46,7 @@ class Friction(gt.Model):
 
 
 class Frictionless(Friction):
-    """No friction: takes the place of a friction part.
+    """No friction: takes the place of a friction part, whose parameters it accepts and which have no effect here.
 
     A carriage at constant velocity needs no force.
 
@@ -60,6 +60,10 @@ class Frictionless(Friction):
     >>> print(friction, force)
     0.0 0.0
     """
+
+    coulomb = gt.parameter(0.0, unit="N", min=0.0, description="without effect")
+    viscous = gt.parameter(0.0, unit="kg/s", min=0.0, description="without effect")
+    velocity_scale = gt.parameter(0.1, unit="m/s", positive=True, description="without effect")
 
     def law(self, velocity):
         return 0.0

@@ -1,8 +1,8 @@
 """Milling by a compliant robot: forces, deflection, where to put the work. Knows no robot; SI units and rad.
 
 study                                         where to mill, by both indices over the angle: `MillingStudy`
-Tool, Search, Modal, PathOffset               what it is asked for besides cutter and cut
-Cutter, Coefficients, Cut                     what cuts, and how
+MillingTool, MillingSearch, Modal, PathOffset what it is asked for besides cutter and cut
+Cutter, CuttingCoefficients, Cut              what cuts, and how
 forces, integrated_forces, force_spectrum     mechanistic forces: over discs, closed form, Fourier coefficients
 mean_forces                                   averaged over a sample, closed form
 peak_force, to_world, smooth_force_function   their largest, their directions, a smooth CasADi function
@@ -30,9 +30,9 @@ if TYPE_CHECKING:
         tool_error as tool_error,
     )
     from .cutter import (
-        Coefficients as Coefficients,
         Cut as Cut,
         Cutter as Cutter,
+        CuttingCoefficients as CuttingCoefficients,
         immersion as immersion,
         tooth_frequency as tooth_frequency,
     )
@@ -66,7 +66,12 @@ if TYPE_CHECKING:
         critical_depth as critical_depth,
         mode_coupling as mode_coupling,
     )
-    from .options import Modal as Modal, PathOffset as PathOffset, Search as Search, Tool as Tool
+    from .options import (
+        MillingSearch as MillingSearch,
+        MillingTool as MillingTool,
+        Modal as Modal,
+        PathOffset as PathOffset,
+    )
     from .oscillators import Oscillators as Oscillators, missing_z as missing_z
     from .redundant_angle import (
         ANGLES as ANGLES,

@@ -13,15 +13,15 @@ from .deflection import Deflection
 from .guideline import Findings, choices, frequency_sensitivity, guideline
 from .oscillators import Oscillators
 from .refine import Refined
-from .task import Place, Task, deflections_of, place_of, refined
+from .task import MillingPlace, MillingTask, deflections_of, place_of, refined
 
 
 @dataclass
 class AngleSearch:
     """Everything that the report needs."""
 
-    task: Task
-    place: Place
+    task: MillingTask
+    place: MillingPlace
     deflection: Deflection | None = None
     peak: np.ndarray = field(default_factory=lambda: np.zeros(0))
     angle: float = np.nan
@@ -30,7 +30,7 @@ class AngleSearch:
     freed: Refined | None = None
     combinations: list[dict[str, Any]] = field(default_factory=list)
     findings: Findings | None = None
-    said: list[str] = field(default_factory=list)
+    guideline: list[str] = field(default_factory=list)
 
 
 def search(work: Work, f: AngleSearch) -> None:
@@ -69,7 +69,7 @@ def search(work: Work, f: AngleSearch) -> None:
     work.progress("speeds", 0.6)
     by_speed = _combinations(work, f, int(np.flatnonzero(dynamics.rows == s_row)[0]))
     at_static, at_dynamic = dynamics.at(float(angles[s_row])), dynamics.at(f.angle)
-    both = Oscillators.joined([at_dynamic, at_static])
+    both = Oscillators.concatenate([at_dynamic, at_static])
     lower, higher = frequency_sensitivity(both, lambda oscillators: deflections_of(task, oscillators).peak)
     speeds, best, static = np.array(by_speed).reshape(-1, 3).T
     f.findings = Findings(
@@ -77,7 +77,7 @@ def search(work: Work, f: AngleSearch) -> None:
         (float(lower[0]), float(higher[0])), (float(lower[1]), float(higher[1])), speeds, best, static,
         None if given is None else s_row,
     )  # fmt: skip
-    f.said = guideline(f.findings)
+    f.guideline = guideline(f.findings)
 
 
 def _combinations(work: Work, f: AngleSearch, static: int) -> list[tuple[float, float, float]]:

@@ -14,7 +14,7 @@ from .compensation import Compensation, compensate
 from .deflection import cutting_force, duration
 from .options import PathOffset
 from .oscillators import Oscillators
-from .task import Task
+from .task import MillingTask
 
 FILE = "compensation.csv"
 WORSE = "the compensation leaves more than it takes away: change compensation.bandwidth_Hz"
@@ -50,7 +50,7 @@ class Offset(NamedTuple):
         return compensation_figure(self.time, before, after, title=f"{title}: compensation, by simulation")
 
 
-def compensated(task: Task, here: Oscillators, given: PathOffset) -> Offset:
+def compensated(task: MillingTask, here: Oscillators, given: PathOffset) -> Offset:
     """The tool enters the work; offsets against that force by both models, then what a robot can follow.
 
     Raises ArgumentError.

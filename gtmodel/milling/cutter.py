@@ -16,14 +16,14 @@ PER_CHIP = "cutting force per depth and chip thickness"
 
 
 @dataclass(frozen=True)
-class Coefficients(Options):
+class CuttingCoefficients(Options):
     """Cutting coefficients of a material: edge (e) [N/m] and cutting (c) [N/m2] ones, tangential, radial and axial
     (Cvitanic 2021, Table 3).
 
     A chip brakes the tooth and does not drive it, so the tangential ones are not negative. Raises ArgumentError for a
     negative one.
 
-    >>> K = gt.milling.Coefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8)  # 900 N/mm2 = 9e8 Pa
+    >>> K = gt.milling.CuttingCoefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8)  # 900 N/mm2 = 9e8 Pa
     >>> K.cutting / 1e6  # tangential, radial, axial [N/mm2]
     array([900., 300.,   0.])
     """
@@ -53,7 +53,7 @@ class Cutter(Options):
     tooth_angles (teeth,) [rad] and runout (teeth,) [m] are those of the teeth at the tip; runout is positive for a
     tooth that stands out. Raises ArgumentError for impossible values.
 
-    >>> K = gt.milling.Coefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8)
+    >>> K = gt.milling.CuttingCoefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8)
     >>> cutter = gt.milling.Cutter(diameter=0.02, teeth=2, coefficients=K, helix=np.radians(30.0))
     >>> round(np.degrees(cutter.lag(0.002)), 1)  # by which the helix trails at a depth of 2 mm
     np.float64(6.6)
@@ -65,7 +65,7 @@ class Cutter(Options):
 
     diameter: Annotated[float, Unit("m"), Within(above=0.0), "diameter of the cutter"]
     teeth: Annotated[int, Within(least=1), "number of teeth"]
-    coefficients: Coefficients
+    coefficients: CuttingCoefficients
     helix: Annotated[
         float, Unit("rad", written="deg"), Within(least=0.0, below=np.pi / 2), "helix angle; 0 for straight teeth"
     ] = 0.0  # fmt: skip

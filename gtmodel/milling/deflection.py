@@ -62,8 +62,8 @@ def cutting_force(
     Each sample is the mean over one step about it: no impulse is lost between samples, nor counted twice. speed [1/s]
     of the spindle; feed (3,) and up (3,): see `to_world`. Raises ValueError for impossible values.
 
-    >>> from gtmodel.milling import Coefficients, Cut, Cutter
-    >>> cutter = Cutter(0.02, 2, Coefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
+    >>> from gtmodel.milling import CuttingCoefficients, Cut, Cutter
+    >>> cutter = Cutter(0.02, 2, CuttingCoefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
     >>> cut = Cut("climb", radial_depth=0.006, axial_depth=0.002, feed_per_tooth=1e-4)
     >>> F, step = gt.milling.cutting_force(cutter, cut, speed=25.0, feed=[1.0, 0.0, 0.0], seconds=0.1)
     >>> F.shape, round(step, 6)
@@ -88,12 +88,12 @@ def deflections(
     speed [1/s] of the spindle; settle [s] is left out of means, which are of whole turns. A spindle so slow that no
     turn follows is given the time of one turn more. Raises ValueError for impossible values.
 
-    >>> from gtmodel.milling import Coefficients, Cut, Cutter
-    >>> cutter = Cutter(0.02, 2, Coefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
+    >>> from gtmodel.milling import CuttingCoefficients, Cut, Cutter
+    >>> cutter = Cutter(0.02, 2, CuttingCoefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
     >>> cut = Cut("climb", radial_depth=0.006, axial_depth=0.002, feed_per_tooth=1e-4)
     >>> robot = gt.milling.Oscillators.with_damping_ratio(m=[350, 350, 250], k=[2e6, 1.5e6, 3e6], zeta=[0.03] * 3)
-    >>> found = gt.milling.deflections(robot, cutter, cut, speed=25.0, feed=[1.0, 0.0, 0.0])
-    >>> (1e3 * found.peak).round(3), (1e3 * found.mean).round(3)  # [mm]
+    >>> deflection = gt.milling.deflections(robot, cutter, cut, speed=25.0, feed=[1.0, 0.0, 0.0])
+    >>> (1e3 * deflection.peak).round(3), (1e3 * deflection.mean).round(3)  # [mm]
     (array([0.052]), array([0.026]))
     """
     if not 0 <= settle < seconds:
@@ -120,8 +120,8 @@ def static_index(
     It does not depend on the speed. Computed from joint stiffness it is several times as large as measured deflections,
     so it is for ranking poses only.
 
-    >>> from gtmodel.milling import Coefficients, Cut, Cutter
-    >>> cutter = Cutter(0.02, 2, Coefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
+    >>> from gtmodel.milling import CuttingCoefficients, Cut, Cutter
+    >>> cutter = Cutter(0.02, 2, CuttingCoefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
     >>> cut = Cut("climb", radial_depth=0.006, axial_depth=0.002, feed_per_tooth=1e-4)
     >>> compliance = np.diag([5e-7, 6e-7, 3e-7])[None]  # of one pose [m/N]
     >>> 1e3 * gt.milling.static_index(compliance, cutter, cut, feed=[1.0, 0.0, 0.0]).round(6)  # [mm]

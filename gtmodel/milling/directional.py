@@ -35,8 +35,8 @@ def mean_directional_matrix(cutter: Cutter, mode: str, radial_depth: float) -> n
     D times axial depth times displacement of the tool is the change of the force, both in feed and transverse
     direction.
 
-    >>> from gtmodel.milling import Coefficients, Cutter
-    >>> cutter = Cutter(0.02, 2, Coefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
+    >>> from gtmodel.milling import CuttingCoefficients, Cutter
+    >>> cutter = Cutter(0.02, 2, CuttingCoefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
     >>> gt.milling.mean_directional_matrix(cutter, "climb", radial_depth=0.006).round(-6) / 1e6  # [N/mm2]
     array([[  82., -178.],
            [ 154., -193.]])

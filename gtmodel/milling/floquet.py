@@ -33,14 +33,14 @@ class TooSlowError(ValueError):
     """A period needs more nodes than are taken."""
 
 
-class Teeth(NamedTuple):
+class EqualDelayTeeth(NamedTuple):
     """Teeth that meet what was left at the same `delay` [rad] of the spindle before: their angles [rad]."""
 
     delay: float
     angles: np.ndarray
 
 
-class Element(NamedTuple):
+class TimeElement(NamedTuple):
     """From angle `start` to `end` [rad] of the period; number of its nodes' first, -1 where nothing cuts."""
 
     start: float
@@ -101,12 +101,12 @@ def multipliers(
     return np.linalg.eigvals(np.concatenate([state, now.reshape(2 * nodes, size)]))
 
 
-def teeth_by_delay(cutter: Cutter) -> tuple[float, list[Teeth]]:
+def teeth_by_delay(cutter: Cutter) -> tuple[float, list[EqualDelayTeeth]]:
     """Angle of the period [rad] and the teeth by delay: one tooth period and one group where the pitch is even."""
     pitch = cutter.pitch
     if np.ptp(pitch) <= EVEN * 2 * np.pi:
-        return 2 * np.pi / cutter.teeth, [Teeth(2 * np.pi / cutter.teeth, cutter.angles)]
-    return 2 * np.pi, [Teeth(float(p), cutter.angles[i : i + 1]) for i, p in enumerate(pitch)]
+        return 2 * np.pi / cutter.teeth, [EqualDelayTeeth(2 * np.pi / cutter.teeth, cutter.angles)]
+    return 2 * np.pi, [EqualDelayTeeth(float(p), cutter.angles[i : i + 1]) for i, p in enumerate(pitch)]
 
 
 def mean_over_helix(cutter: Cutter, at: np.ndarray, lag: float, span: tuple[float, float]) -> np.ndarray:
@@ -155,9 +155,9 @@ def _step(o: Oscillators, length: float, P: np.ndarray) -> _Step:
 
 
 def _elements(
-    o: Oscillators, cutter: Cutter, groups: list[Teeth], period: float, span: tuple[float, float], depth: float,
-    turning: float, P: np.ndarray,
-) -> list[Element]:  # fmt: skip
+    o: Oscillators, cutter: Cutter, groups: list[EqualDelayTeeth], period: float, span: tuple[float, float],
+    depth: float, turning: float, P: np.ndarray,
+) -> list[TimeElement]:  # fmt: skip
     """Of one period. Raises ValueError for too many."""
     lag, angles = cutter.lag(depth), np.concatenate([teeth.angles for teeth in groups])
     edges = np.concatenate([(edge + late - angles) % period for edge in span for late in (0.0, lag)])
@@ -172,7 +172,7 @@ def _elements(
     elements, first = [], 0
     for start, end, cut in zip(edges[:-1], edges[1:], cuts, strict=True):
         if not cut:
-            elements.append(Element(start, end, -1))
+            elements.append(TimeElement(start, end, -1))
             continue
         number = int(np.ceil((end - start) / longest))
         if first + number * NODES > MOST:
@@ -183,7 +183,7 @@ def _elements(
             )
         ends = np.linspace(start, end, number + 1)
         for a, b in pairwise(ends):
-            elements.append(Element(a, b, first))
+            elements.append(TimeElement(a, b, first))
             first += NODES
     return elements
 
@@ -202,7 +202,9 @@ def _fastest(o: Oscillators, P: np.ndarray, added: float) -> float:
     return float(np.sqrt((k + added) / m)[matters].max()) / (2 * np.pi)
 
 
-def _delayed(at: np.ndarray, elements: list[Element], period: float, before: np.ndarray, now: np.ndarray) -> np.ndarray:
+def _delayed(
+    at: np.ndarray, elements: list[TimeElement], period: float, before: np.ndarray, now: np.ndarray
+) -> np.ndarray:
     """(n, 2, ...) displacement at angles (n,) of this period, or below 0 of the one before."""
     delayed = []
     cutting = [e for e in elements if e.first >= 0]

@@ -23,8 +23,8 @@ def forces(cutter: Cutter, cut: Cut, phi: ArrayLike, discs: int = DISCS) -> np.n
     phi is measured from the transverse axis in the sense of turning; tooth i stands at phi + its angle, at height z
     behind by z tan(helix)/R. Raises ValueError for a depth beyond the diameter or less than one disc.
 
-    >>> from gtmodel.milling import Coefficients, Cut, Cutter
-    >>> cutter = Cutter(0.02, 2, Coefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
+    >>> from gtmodel.milling import CuttingCoefficients, Cut, Cutter
+    >>> cutter = Cutter(0.02, 2, CuttingCoefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
     >>> cut = Cut("climb", radial_depth=0.006, axial_depth=0.002, feed_per_tooth=1e-4)
     >>> gt.milling.forces(cutter, cut, np.radians([90.0, 150.0])).round(1)  # before the cut, and in it
     array([[ 0. ,  0. ,  0. ],
@@ -46,8 +46,8 @@ def integrated_forces(cutter: Cutter, cut: Cut, phi: ArrayLike) -> np.ndarray:
     """Forces (n, 3) on the cutter [N], as `forces`, by closed-form integration over the helix: exact at any helix
     angle.
 
-    >>> from gtmodel.milling import Coefficients, Cut, Cutter
-    >>> cutter = Cutter(0.02, 2, Coefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8), helix=0.5)
+    >>> from gtmodel.milling import CuttingCoefficients, Cut, Cutter
+    >>> cutter = Cutter(0.02, 2, CuttingCoefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8), helix=0.5)
     >>> cut = Cut("climb", radial_depth=0.006, axial_depth=0.002, feed_per_tooth=1e-4)
     >>> phi = np.radians([117.0])  # a tooth enters
     >>> gt.milling.integrated_forces(cutter, cut, phi).round(2)
@@ -74,8 +74,8 @@ def mean_forces(cutter: Cutter, cut: Cut, phi: ArrayLike, width: float) -> np.nd
     Samples that are one width apart then carry the whole impulse, however short the cut of a tooth. Raises ValueError
     for a width that is not positive.
 
-    >>> from gtmodel.milling import Coefficients, Cut, Cutter
-    >>> cutter = Cutter(0.02, 2, Coefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
+    >>> from gtmodel.milling import CuttingCoefficients, Cut, Cutter
+    >>> cutter = Cutter(0.02, 2, CuttingCoefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
     >>> cut = Cut("climb", radial_depth=0.006, axial_depth=0.002, feed_per_tooth=1e-4)
     >>> phi = 2 * np.pi * np.arange(8) / 8
     >>> gt.milling.mean_forces(cutter, cut, phi, width=2 * np.pi / 8).mean(axis=0).round(2)  # [N]
@@ -110,8 +110,8 @@ def peak_force(cutter: Cutter, cut: Cut, samples: int = 3600) -> np.ndarray:
 
     Tried at `samples` angles and wherever a tooth enters or leaves with its tip or its upper end.
 
-    >>> from gtmodel.milling import Coefficients, Cut, Cutter
-    >>> cutter = Cutter(0.02, 2, Coefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
+    >>> from gtmodel.milling import CuttingCoefficients, Cut, Cutter
+    >>> cutter = Cutter(0.02, 2, CuttingCoefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
     >>> cut = Cut("climb", radial_depth=0.006, axial_depth=0.002, feed_per_tooth=1e-4)
     >>> gt.milling.peak_force(cutter, cut).round(1)
     array([  7.6, 189.8,   0. ])

@@ -62,8 +62,8 @@ def frequency_sensitivity(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Relative change (n,) of an index of the poses where all natural frequencies are `hertz` lower, and higher.
 
-    >>> from gtmodel.milling import Coefficients, Cut, Cutter
-    >>> cutter = Cutter(0.02, 2, Coefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
+    >>> from gtmodel.milling import CuttingCoefficients, Cut, Cutter
+    >>> cutter = Cutter(0.02, 2, CuttingCoefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
     >>> cut = Cut("climb", radial_depth=0.006, axial_depth=0.002, feed_per_tooth=1e-4)
     >>> robot = gt.milling.Oscillators.with_damping_ratio(m=[350, 350, 250], k=[2e6, 1.5e6, 3e6], zeta=[0.03] * 3)
     >>> def index(robot):
@@ -132,12 +132,12 @@ def guideline(f: Findings) -> list[str]:
     the deflection is to the natural frequencies, what another speed would gain.
 
     >>> robot = gt.milling.Oscillators.with_damping_ratio(m=[350, 350, 250], k=[2e6, 1.5e6, 3e6], zeta=[0.03] * 3)
-    >>> found = gt.milling.Findings(
+    >>> findings = gt.milling.Findings(
     ...     angles=np.radians([50.0, 110.0]), static=np.array([2e-3, 1e-3]), dynamic=np.array([1e-4, 3e-4]),
     ...     at_static=robot, at_dynamic=robot, speed=30.0, teeth=2, change=(0.1, -0.04), change_static=(0.3, 0.2),
     ...     speeds=np.array([30.0]), best_by_speed=np.array([1e-4]), static_by_speed=np.array([3e-4]),
     ... )
-    >>> print(gt.milling.guideline(found)[0])
+    >>> print(gt.milling.guideline(findings)[0])
     use the dynamic model: at 60 Hz its angle 50 deg deflects 0.1 mm, that of the static model, 110 deg, 0.3 mm, 3.00
     times as much
     """

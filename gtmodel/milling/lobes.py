@@ -84,8 +84,8 @@ def stability_lobes(
     little from one to the next. Raises ValueError for a radial depth beyond the diameter, or frequencies that do not
     rise from above 0.
 
-    >>> from gtmodel.milling import Coefficients, Cutter
-    >>> cutter = Cutter(0.02, 2, Coefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
+    >>> from gtmodel.milling import CuttingCoefficients, Cutter
+    >>> cutter = Cutter(0.02, 2, CuttingCoefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
     >>> robot = gt.milling.Oscillators.with_damping_ratio(m=[350, 350, 250], k=[2e6, 1.5e6, 3e6], zeta=[0.03] * 3)
     >>> lobes = gt.milling.stability_lobes(robot, cutter, "climb", radial_depth=0.006, feed=[1.0, 0.0, 0.0])
     >>> (1e3 * lobes.zeroth_order_at([20.0, 25.0, 40.0])).round(2)  # [mm] at 1200, 1500 and 2400 rpm

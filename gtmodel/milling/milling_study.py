@@ -21,7 +21,7 @@ from .deflection import SECONDS
 from .lobes import stability_lobes
 from .milling_result import MillingStudy
 from .mode_coupling import mode_coupling
-from .options import PathOffset, Search, Tool
+from .options import MillingSearch, MillingTool, PathOffset
 from .oscillators import Oscillators
 from .pose_dynamics import Given
 from .published_tests import checks, printed_tests, rows
@@ -44,11 +44,11 @@ def study(
     speed: Annotated[float, Within(above=0.0)],
     joint_stiffness: Annotated[Sequence[float], Long(6), Within(above=0.0)],
     feed: Annotated[Sequence[float], Long(3)] = (1.0, 0.0, 0.0),
-    tool: Tool | None = None,
+    tool: MillingTool | None = None,
     dynamics: Given | None = None,
     source: str = "",
     limits: Annotated[Sequence[Sequence[float]] | None, Long(2)] = None,
-    search: Search | None = None,
+    search: MillingSearch | None = None,
     lobes: Annotated[tuple[float, float] | None, Within(above=0.0)] = None,
     compensation: PathOffset | None = None,
     tests: Mapping[str, Any] | None = None,
@@ -83,11 +83,11 @@ def study(
 
     >>> import numpy as np
     >>> import gtmodel as gt
-    >>> from gtmodel.milling import Coefficients, Cut, Cutter, Search, study
-    >>> cutter = Cutter(0.0254, 2, Coefficients(6.1e3, 9.0e8, 6.6e3, 2.9e8, 1.1e3, 2.8e8))
+    >>> from gtmodel.milling import Cut, Cutter, CuttingCoefficients, MillingSearch, study
+    >>> cutter = Cutter(0.0254, 2, CuttingCoefficients(6.1e3, 9.0e8, 6.6e3, 2.9e8, 1.1e3, 2.8e8))
     >>> k = 1e6 * np.array([3.93, 3.46, 2.77, 1.57, 0.24, 0.17])
     >>> s = study(gt.robots.kr500(), cutter, Cut("slot", 0.0254, 0.005, 5e-4), place=[0.0, -2.4, 0.3], speed=30.0,
-    ...           joint_stiffness=k, search=Search(step=0.2))
+    ...           joint_stiffness=k, search=MillingSearch(step=0.2))
     >>> round(1e3 * s.static_index, 2)  # [mm]
     2.13
     """
@@ -95,7 +95,7 @@ def study(
     work.step("kinematics", 0.1)
     task = task_of(
         robot, cutter, cut, place=place, speed=speed, feed=feed, joint_stiffness=joint_stiffness, dynamics=dynamics,
-        tool=tool or Tool(), search=search or Search(), limits=limits, source=source, title=title,
+        tool=tool or MillingTool(), search=search or MillingSearch(), limits=limits, source=source, title=title,
     )  # fmt: skip
     if dynamics is None and (lobes or compensation):
         raise ArgumentError("needs dynamics; give some, or leave it out", "lobes" if lobes else "compensation")
@@ -189,7 +189,7 @@ def _dynamic(f: AngleSearch) -> tuple[dict[str, Any], list[Row], dict[str, Check
         # at 1 the tool swings on for ever
         tested["spectral_radius"] = at_most(radius, float(np.nextafter(1.0, 0.0)), SHALLOWER)
     except ValueError as error:
-        radius, chatter = None, f"not told: {error}"
+        radius, chatter = None, f"unknown: {error}"
     if task.cutter.runout is not None:
         chatter += "; without the runout that is declared"
     freed = f.freed and [np.rad2deg(f.freed.angle), 60 * f.freed.speed, 1e3 * f.freed.peak]
@@ -206,7 +206,7 @@ def _dynamic(f: AngleSearch) -> tuple[dict[str, Any], list[Row], dict[str, Check
         "change_1_Hz": [100 * x for x in findings.change],
         "mode_coupling": coupling.message,
         "spectral_radius": radius,
-        "guideline": f.said,
+        "guideline": f.guideline,
     }
     table = [
         Row("static choice", f"{np.rad2deg(findings.angles[s_row]):.4g}, {_whence(f)}", "deg"),
@@ -217,7 +217,7 @@ def _dynamic(f: AngleSearch) -> tuple[dict[str, Any], list[Row], dict[str, Check
     if freed:
         table.append(Row("with the speed free", f"{freed[2]:.3g} at {freed[0]:.4g} deg and {freed[1]:.4g} rpm", "mm"))
     table += [
-        *(Row("guideline", sentence) for sentence in f.said),
+        *(Row("guideline", sentence) for sentence in f.guideline),
         Row("mode coupling", coupling.message),
         Row("regenerative chatter", chatter),
         Row("dynamics", task.whence),

@@ -47,12 +47,12 @@ def mode_coupling(
     m x'' + c x' + (k - a D) x = 0 with the mean directional matrix D turns unstable at the critical depth. Warns where
     that is less than the depth of the cut, or where the modes are close and the mean force points between them.
 
-    >>> from gtmodel.milling import Coefficients, Cut, Cutter
-    >>> cutter = Cutter(0.02, 2, Coefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
+    >>> from gtmodel.milling import CuttingCoefficients, Cut, Cutter
+    >>> cutter = Cutter(0.02, 2, CuttingCoefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
     >>> cut = Cut("climb", radial_depth=0.006, axial_depth=0.002, feed_per_tooth=1e-4)
     >>> robot = gt.milling.Oscillators.with_damping_ratio(m=[350, 350, 250], k=[2e6, 1.5e6, 3e6], zeta=[0.03] * 3)
-    >>> found = gt.milling.mode_coupling(robot, cutter, cut, feed=[1.0, 0.0, 0.0])
-    >>> round(1e3 * found.critical_depth, 2), found.warn  # [mm]; deeper than that it chatters
+    >>> coupling = gt.milling.mode_coupling(robot, cutter, cut, feed=[1.0, 0.0, 0.0])
+    >>> round(1e3 * coupling.critical_depth, 2), coupling.warn  # [mm]; deeper than that it chatters
     (0.96, True)
     """
     F = to_world(force_spectrum(cutter, cut, 0)[0].real, feed, up)
@@ -79,8 +79,8 @@ def critical_depth(
     """Least axial depth [m] at which the first pose turns unstable by mode coupling alone; infinite if there is none
     below 1 m.
 
-    >>> from gtmodel.milling import Coefficients, Cut, Cutter
-    >>> cutter = Cutter(0.02, 2, Coefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
+    >>> from gtmodel.milling import CuttingCoefficients, Cut, Cutter
+    >>> cutter = Cutter(0.02, 2, CuttingCoefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
     >>> cut = Cut("climb", radial_depth=0.006, axial_depth=0.002, feed_per_tooth=1e-4)
     >>> robot = gt.milling.Oscillators.with_damping_ratio(m=[350, 350, 250], k=[2e6, 1.5e6, 3e6], zeta=[0.03] * 3)
     >>> round(1e3 * gt.milling.critical_depth(robot, cutter, cut, feed=[1.0, 0.0, 0.0]), 2)  # [mm]

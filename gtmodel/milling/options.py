@@ -10,10 +10,10 @@ from ..results.options import Long, Options, Unit, Within
 
 
 @dataclass(frozen=True)
-class Tool(Options):
+class MillingTool(Options):
     """Where the tool is mounted on the flange, and how it is held over the work.
 
-    >>> tool = gt.milling.Tool(tcp=[0.3, 0.0, 0.25], spindle=[1.0, 0.0, 0.0])  # spindle along x of the flange
+    >>> tool = gt.milling.MillingTool(tcp=[0.3, 0.0, 0.25], spindle=[1.0, 0.0, 0.0])  # spindle along x of the flange
     >>> tool.axis  # and downwards over the work
     [0.0, 0.0, -1.0]
     """
@@ -48,10 +48,10 @@ class Modal(Options):
 
 
 @dataclass(frozen=True)
-class Search(Options):
+class MillingSearch(Options):
     """What may be chosen besides the angle. Speeds are turns per second.
 
-    >>> search = gt.milling.Search(step=np.radians(2.0), speeds=[25.0, 30.0])  # 1500 and 1800 rpm
+    >>> search = gt.milling.MillingSearch(step=np.radians(2.0), speeds=[25.0, 30.0])  # 1500 and 1800 rpm
     >>> search.refine
     3
     """

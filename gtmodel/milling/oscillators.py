@@ -78,7 +78,7 @@ class Oscillators:
         return 1 / (k - m * w**2 + 1j * c * w)
 
     @classmethod
-    def joined(cls, parts: list[Oscillators]) -> Oscillators:
+    def concatenate(cls, parts: list[Oscillators]) -> Oscillators:
         """The poses of all parts, one after the other."""
         return cls(*(np.concatenate([getattr(p, name) for p in parts]) for name in ("m", "c", "k")))
 

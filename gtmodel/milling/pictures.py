@@ -8,8 +8,8 @@ import numpy as np
 
 from .angle_search import AngleSearch
 from .lobes import Lobes
-from .published_tests import Printed
-from .task import Task
+from .published_tests import PrintedTests
+from .task import MillingTask
 
 SPEEDS = 121  # of the lobes, each proven
 
@@ -31,7 +31,7 @@ def angle(f: AngleSearch) -> Any:
                         choices=marks, title=f.task.heading)  # fmt: skip
 
 
-def printed_tests(p: Printed) -> Any:
+def printed_tests(p: PrintedTests) -> Any:
     """Predicted beside measured."""
     from ..plot.milling import tests_figure
 
@@ -39,7 +39,7 @@ def printed_tests(p: Printed) -> Any:
     return tests_figure(p.tooth_hz, p.mean_mm, p.measured_mean_mm, p.chosen_by, title=title)
 
 
-def lobes_of(task: Task, lobes: Lobes, low: float, high: float) -> Any:
+def lobes_of(task: MillingTask, lobes: Lobes, low: float, high: float) -> Any:
     """Stability over the declared speeds."""
     from ..plot.milling import lobes_figure
 

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..results import Check, Row, at_least, at_most
-from .cutter import Coefficients, Cut, Cutter
+from .cutter import Cut, Cutter, CuttingCoefficients
 from .deflection import deflections
 from .mode_coupling import critical_depth
 from .oscillators import missing_z
@@ -24,7 +24,7 @@ NOTE = (
 )
 
 
-class Printed(NamedTuple):
+class PrintedTests(NamedTuple):
     """Tests 1 to 12: tooth frequency [Hz], predicted mean deflection by feed, measured one [mm] (NaN: not printed),
     spectral radius of the linear model and critical depth by feed, and what the poses were chosen by."""
 
@@ -36,11 +36,13 @@ class Printed(NamedTuple):
     chosen_by: list[str]
 
 
-def printed_tests(tables: Mapping[str, Any]) -> Printed:
+def printed_tests(tables: Mapping[str, Any]) -> PrintedTests:
     """Predicted from the printed oscillators and cutting coefficients; tables: `gtmodel.robots.kr500_tables()`."""
     c, t = tables["cutting"], tables["milling_tests"]
     names = ("K_te_N_m", "K_tc_Pa", "K_re_N_m", "K_rc_Pa", "K_ae_N_m", "K_ac_Pa")
-    cutter = Cutter(c["diameter_m"], c["teeth"], Coefficients(*(c[k] for k in names)), np.deg2rad(c["helix_deg"]))
+    cutter = Cutter(
+        c["diameter_m"], c["teeth"], CuttingCoefficients(*(c[k] for k in names)), np.deg2rad(c["helix_deg"])
+    )
     cut = Cut(c["mode"], c["radial_depth_m"], c["axial_depth_m"], c["feed_per_tooth_m"])
     hz = np.array(t["tooth_frequency_Hz"])
     o = missing_z(t["m_kg"], t["c_N_s_m"], 1e6 * np.array(t["k_MN_m"]))
@@ -51,10 +53,10 @@ def printed_tests(tables: Mapping[str, Any]) -> Printed:
         radius[name] = np.array([spectral_radius(o[i], cutter, cut, f / cutter.teeth, feed) for i, f in enumerate(hz)])
         depth[name] = 1e3 * np.array([critical_depth(o[i], cutter, cut, feed) for i in range(len(hz))])
     measured = np.pad(t["deflection_mean_mm"], (0, 2), constant_values=np.nan)
-    return Printed(hz, mean, measured, radius, depth, t["optimised_with"])
+    return PrintedTests(hz, mean, measured, radius, depth, t["optimised_with"])
 
 
-def rows(p: Printed) -> list[Row]:
+def rows(p: PrintedTests) -> list[Row]:
     """The table beside the measurement, and in words what it says."""
     rows_of_tests = []
     for i, hz in enumerate(p.tooth_hz):
@@ -65,7 +67,7 @@ def rows(p: Printed) -> list[Row]:
     return [*rows_of_tests, *(Row("printed tests", sentence) for sentence in [*verdicts(p), NOTE])]
 
 
-def verdicts(p: Printed) -> list[str]:
+def verdicts(p: PrintedTests) -> list[str]:
     """What the predictions explain and what they miss."""
     said = []
     for name, mean in p.mean_mm.items():
@@ -84,7 +86,7 @@ def verdicts(p: Printed) -> list[str]:
     return said
 
 
-def checks(p: Printed) -> dict[str, Check]:
+def checks(p: PrintedTests) -> dict[str, Check]:
     """The two statements that the printed oscillators support: far from a mode a tie, near one the dynamic choice."""
     ratios = [mean[i] / mean[i + 1] for mean in p.mean_mm.values() for i in (0, 4)]
     ties = [abs(mean[i] - mean[i + 1]) for mean in p.mean_mm.values() for i in (2, 6)]

@@ -86,8 +86,8 @@ def angle_sweep(
 
     >>> robot = gt.robots.kr500()
     >>> arm = gt.kinematics.WristPartition.of(robot.origins, robot.axes)
-    >>> found = gt.milling.angle_sweep(arm, robot.joint_limits, place=[1.2, 0.0, 0.3], angles=[0.0, 1.5, 3.0])
-    >>> found.reachable, found.q.shape
+    >>> sweep = gt.milling.angle_sweep(arm, robot.joint_limits, place=[1.2, 0.0, 0.3], angles=[0.0, 1.5, 3.0])
+    >>> sweep.reachable, sweep.q.shape
     (array([ True,  True,  True]), (6, 6))
     """
     angles = np.asarray(angles, float).ravel()

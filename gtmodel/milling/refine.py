@@ -49,8 +49,8 @@ def refine(
     greatest [1/s], each start's own if left out. The norm is bounded at SAMPLES angles by one variable (epigraph), and
     that is minimised. Raises ValueError for a start outside its ends or a speed that is not positive.
 
-    >>> from gtmodel.milling import Coefficients, Cut, Cutter
-    >>> cutter = Cutter(0.02, 2, Coefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
+    >>> from gtmodel.milling import CuttingCoefficients, Cut, Cutter
+    >>> cutter = Cutter(0.02, 2, CuttingCoefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
     >>> cut = Cut("climb", radial_depth=0.006, axial_depth=0.002, feed_per_tooth=1e-4)
     >>> robots = gt.milling.Oscillators.with_damping_ratio([[350] * 3] * 2, [[2e6] * 3, [3e6] * 3], [[0.03] * 3] * 2)
     >>> table = gt.milling.AngleTable(np.radians([0.0, 60.0]), robots)

@@ -20,8 +20,8 @@ def smooth_force_function(cutter: Cutter, mode: str, *, width: float = WIDTH, di
     and the diameter (a slot reads no a_e). Runout is left out, chips are not clipped. Raises ValueError for an unknown
     mode, a width that is not positive, or a cutter with runout.
 
-    >>> from gtmodel.milling import Coefficients, Cutter
-    >>> cutter = Cutter(0.02, 2, Coefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
+    >>> from gtmodel.milling import CuttingCoefficients, Cutter
+    >>> cutter = Cutter(0.02, 2, CuttingCoefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
     >>> F = gt.milling.smooth_force_function(cutter, "climb")
     >>> np.array(F(np.radians(150.0), 0.006, 0.002, 1e-4)).ravel().round(1)  # [N]
     array([66.3, 89.1,  0. ])

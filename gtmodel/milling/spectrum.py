@@ -22,8 +22,8 @@ def force_spectrum(cutter: Cutter, cut: Cut, harmonics: int = 200) -> np.ndarray
     With evenly spaced teeth and no runout only multiples of the number of teeth are not zero. F_0 is the mean force.
     Raises ValueError for a negative number of harmonics.
 
-    >>> from gtmodel.milling import Coefficients, Cut, Cutter
-    >>> cutter = Cutter(0.02, 2, Coefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
+    >>> from gtmodel.milling import CuttingCoefficients, Cut, Cutter
+    >>> cutter = Cutter(0.02, 2, CuttingCoefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
     >>> cut = Cut("climb", radial_depth=0.006, axial_depth=0.002, feed_per_tooth=1e-4)
     >>> F = gt.milling.force_spectrum(cutter, cut, harmonics=4)
     >>> np.abs(F[:, 1]).round(1)  # [N], transverse; two teeth: even harmonics of the spindle only
@@ -48,8 +48,8 @@ def force_spectrum(cutter: Cutter, cut: Cut, harmonics: int = 200) -> np.ndarray
 def at_angles(spectrum: np.ndarray, phi: np.ndarray) -> np.ndarray:
     """Forces (n, 3) [N] of a truncated Fourier series, as `force_spectrum` gives it, at spindle angles phi (n,) [rad].
 
-    >>> from gtmodel.milling import Coefficients, Cut, Cutter
-    >>> cutter = Cutter(0.02, 2, Coefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
+    >>> from gtmodel.milling import CuttingCoefficients, Cut, Cutter
+    >>> cutter = Cutter(0.02, 2, CuttingCoefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
     >>> cut = Cut("climb", radial_depth=0.006, axial_depth=0.002, feed_per_tooth=1e-4)
     >>> phi = np.radians([150.0])
     >>> series = gt.milling.at_angles(gt.milling.force_spectrum(cutter, cut, 200), phi)

@@ -37,8 +37,8 @@ def spectral_radius(
     is semi-discretisation, for even pitch only. Raises ValueError for impossible values, and for a spindle so slow that
     more than 300 nodes are needed.
 
-    >>> from gtmodel.milling import Coefficients, Cut, Cutter
-    >>> cutter = Cutter(0.02, 2, Coefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
+    >>> from gtmodel.milling import CuttingCoefficients, Cut, Cutter
+    >>> cutter = Cutter(0.02, 2, CuttingCoefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
     >>> cut = Cut("climb", radial_depth=0.006, axial_depth=0.002, feed_per_tooth=1e-4)
     >>> robot = gt.milling.Oscillators.with_damping_ratio(m=[350, 350, 250], k=[2e6, 1.5e6, 3e6], zeta=[0.03] * 3)
     >>> radius = gt.milling.spectral_radius(robot, cutter, cut, speed=25.0, feed=[1.0, 0.0, 0.0])
@@ -61,8 +61,8 @@ def stable_depth(
 
     Raises ValueError unless `low` is stable and `high` is not.
 
-    >>> from gtmodel.milling import Coefficients, Cut, Cutter
-    >>> cutter = Cutter(0.02, 2, Coefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
+    >>> from gtmodel.milling import CuttingCoefficients, Cut, Cutter
+    >>> cutter = Cutter(0.02, 2, CuttingCoefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
     >>> cut = Cut("climb", radial_depth=0.006, axial_depth=0.002, feed_per_tooth=1e-4)
     >>> robot = gt.milling.Oscillators.with_damping_ratio(m=[350, 350, 250], k=[2e6, 1.5e6, 3e6], zeta=[0.03] * 3)
     >>> depth = gt.milling.stable_depth(robot, cutter, cut, speed=25.0, feed=[1.0, 0.0, 0.0], low=1e-4, high=5e-3)
@@ -93,8 +93,8 @@ def certain_depth(
     each time that it goes round the loop of tool and cut. It holds for any helix and any pitch, and lies below the true
     limit by a factor of some 3 to 30. Raises ValueError for a radial depth beyond the diameter.
 
-    >>> from gtmodel.milling import Coefficients, Cutter
-    >>> cutter = Cutter(0.02, 2, Coefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
+    >>> from gtmodel.milling import CuttingCoefficients, Cutter
+    >>> cutter = Cutter(0.02, 2, CuttingCoefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
     >>> robot = gt.milling.Oscillators.with_damping_ratio(m=[350, 350, 250], k=[2e6, 1.5e6, 3e6], zeta=[0.03] * 3)
     >>> depth = gt.milling.certain_depth(robot, cutter, "climb", radial_depth=0.006, feed=[1.0, 0.0, 0.0])
     >>> round(1e3 * depth, 3)  # [mm]
@@ -126,8 +126,8 @@ def proven_depth(
     unstable is bisected. For a spindle too slow for that it is `certain_depth`. Raises ValueError for impossible
     values.
 
-    >>> from gtmodel.milling import Coefficients, Cutter
-    >>> cutter = Cutter(0.02, 2, Coefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
+    >>> from gtmodel.milling import CuttingCoefficients, Cutter
+    >>> cutter = Cutter(0.02, 2, CuttingCoefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
     >>> robot = gt.milling.Oscillators.with_damping_ratio(m=[350, 350, 250], k=[2e6, 1.5e6, 3e6], zeta=[0.03] * 3)
     >>> depth = gt.milling.proven_depth(robot, cutter, "climb", radial_depth=0.006, speed=25.0, feed=[1.0, 0.0, 0.0])
     >>> round(1e3 * depth, 2)  # [mm]

@@ -16,7 +16,7 @@ from ..results.refusal import naming
 from .cutter import Cut, Cutter, immersion, tooth_frequency
 from .deflection import Deflection, deflections, duration, samples_per_turn, static_index
 from .forces import to_world
-from .options import Search, Tool
+from .options import MillingSearch, MillingTool
 from .oscillators import Oscillators
 from .pose_dynamics import Dynamics, Given, dynamics_of
 from .redundant_angle import AngleSweep, angle_sweep
@@ -28,7 +28,7 @@ LARGEST_M = 1.0  # of a cutter and its depths
 
 
 @dataclass(frozen=True, eq=False)
-class Task:
+class MillingTask:
     """What a study is asked for, ready to compute with."""
 
     model: Any
@@ -40,8 +40,8 @@ class Task:
     feed: np.ndarray
     place: list[float]
     joint_compliance: np.ndarray
-    tool: Tool
-    search: Search
+    tool: MillingTool
+    search: MillingSearch
     title: str
     given: Given | None
     dynamics: Callable[..., Dynamics] | None
@@ -60,7 +60,7 @@ class Task:
 
 
 @dataclass(frozen=True, eq=False)
-class Place:
+class MillingPlace:
     """One place of the tool: its sweep, indices (n,) by angle [m] of the task's feed, NaN where there is none, the
     solution behind each angle, and its dynamics."""
 
@@ -80,9 +80,9 @@ class Place:
 
 def task_of(
     robot: Model, cutter: Cutter, cut: Cut, *, place: Sequence[float], speed: float, feed: Sequence[float],
-    joint_stiffness: Sequence[float], dynamics: Given | None, tool: Tool, search: Search,
+    joint_stiffness: Sequence[float], dynamics: Given | None, tool: MillingTool, search: MillingSearch,
     limits: Sequence[Sequence[float]] | None, source: str, title: str,
-) -> Task:  # fmt: skip
+) -> MillingTask:  # fmt: skip
     """Raises ArgumentError."""
     _plausible(cutter, cut)
     with naming("cut.radial_depth", ValueError):
@@ -109,8 +109,10 @@ def task_of(
         raise ArgumentError("is missing; expected lower and upper limit of six joints", "limits")
     stiffness = np.array(joint_stiffness, float)
     compliance = 1e-6 / (stiffness / 1e6)  # 1 / 3.93e6 and 1e-6 / 3.93, as tables have it, differ by a rounding
-    return Task(model, arm, within, cutter, cut, speed, np.array(feed, float), list(place), compliance, tool, search,
-                title, dynamics, *dynamics_of(dynamics, source))  # fmt: skip
+    return MillingTask(
+        model, arm, within, cutter, cut, speed, np.array(feed, float), list(place), compliance, tool, search,
+        title, dynamics, *dynamics_of(dynamics, source),
+    )  # fmt: skip
 
 
 def _plausible(cutter: Cutter, cut: Cut) -> None:
@@ -131,7 +133,7 @@ def _plausible(cutter: Cutter, cut: Cut) -> None:
             raise ArgumentError(f"is {value:g} m; expected less than {most:g} m, so give metres, not millimetres", name)
 
 
-def place_of(task: Task, place: Sequence[float]) -> Place:
+def place_of(task: MillingTask, place: Sequence[float]) -> MillingPlace:
     """Sweep, static index and dynamics at one place. Raises ArgumentError, also where no angle is reachable."""
     n = max(2, round(2 * np.pi / task.search.step) + 1)
     sweep = sweep_of(task, place, np.linspace(-np.pi, np.pi, n))
@@ -154,10 +156,10 @@ def place_of(task: Task, place: Sequence[float]) -> Place:
     dynamics = None
     if task.dynamics is not None:
         dynamics = task.dynamics(sweep.angles, sweep.reachable, by_angle, branch, np.array(place))
-    return Place(sweep, by_angle, solution, static, dynamics)
+    return MillingPlace(sweep, by_angle, solution, static, dynamics)
 
 
-def sweep_of(task: Task, place: Any, angles: Any) -> AngleSweep:
+def sweep_of(task: MillingTask, place: Any, angles: Any) -> AngleSweep:
     """All branches over angles [rad]. Raises ArgumentError for a direction without length."""
     t = task.tool
     with naming("tool", ValueError):
@@ -166,7 +168,7 @@ def sweep_of(task: Task, place: Any, angles: Any) -> AngleSweep:
         )
 
 
-def deflections_of(task: Task, at: Oscillators, *, speed: float | None = None, feed: Any = None) -> Deflection:
+def deflections_of(task: MillingTask, at: Oscillators, *, speed: float | None = None, feed: Any = None) -> Deflection:
     """Of all poses of oscillators, of the task's speed and feed unless given."""
     return deflections(
         at, task.cutter, task.cut, task.speed if speed is None else speed,
@@ -174,7 +176,9 @@ def deflections_of(task: Task, at: Oscillators, *, speed: float | None = None, f
     )  # fmt: skip
 
 
-def refined(task: Task, place: Place, peak: np.ndarray, speed: tuple[float, float] | None = None) -> list[Refined]:
+def refined(
+    task: MillingTask, place: MillingPlace, peak: np.ndarray, speed: tuple[float, float] | None = None
+) -> list[Refined]:
     """The best `search.refine` grid angles after the NLP, which minimises the steady part of the dynamic index.
 
     speed: least and greatest [1/s] where it is free; then the angle is too, as far as it is reachable without a gap

@@ -1,7 +1,7 @@
 """Motions of a robot's tool centre point: limits, obstacles, paths, search, and the reference of a controller.
 
 study           the optimal motion between two poses, free or along a path: `MotionStudy`
-End, Limits, JointCone, Obstacle, Cost, Mesh, Starts, Solver, Export   what a motion is asked to be
+End, Limits, JointCone, Obstacle, Cost, MotionMesh, Starts, Solver, Export   what a motion is asked to be
 Line, Polyline, Arc, Spline, Taught   paths to follow; read_points, of a file
 axis_study      the optimal motion of a robot with three carts and three rotary axes: `AxisStudy`; AxisEnd, AxisLimits,
                 ToolDirection, ToolCourse, AxisCost, AxisMesh, AxisSolver; the rest in `gtmodel.motion.axes`
@@ -44,7 +44,7 @@ if TYPE_CHECKING:
         JointCone as JointCone,
         Limits as Limits,
         Line as Line,
-        Mesh as Mesh,
+        MotionMesh as MotionMesh,
         Obstacle as Obstacle,
         Polyline as Polyline,
         Shape as Shape,

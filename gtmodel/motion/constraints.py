@@ -47,10 +47,10 @@ class MotionConstraints:
 
     def declarations(self, robot: gt.Model, bounded: bool = False) -> dict[str, Any]:
         """Class attributes of a model that holds the robot and its margins."""
-        found: dict[str, Any] = {"robot": gt.part(robot), "metre": gt.parameter(1.0, unit="m"), **self.parameters}
+        declared: dict[str, Any] = {"robot": gt.part(robot), "metre": gt.parameter(1.0, unit="m"), **self.parameters}
         if self.margins:
-            found["margin"] = gt.variable(len(self.margins), min=0.0 if bounded else None)
-        return found
+            declared["margin"] = gt.variable(len(self.margins), min=0.0 if bounded else None)
+        return declared
 
     def equations(self, model: Any) -> Any:
         """Equations of the margins."""
@@ -59,10 +59,10 @@ class MotionConstraints:
 
     def least(self, values: np.ndarray) -> dict[str, float]:
         """The least of margins (n, k) by the key that they come from."""
-        found: dict[str, float] = {}
+        least: dict[str, float] = {}
         for k, margin in enumerate(self.margins):
-            found[margin.key] = min(float(np.min(values[:, k])), found.get(margin.key, np.inf))
-        return found
+            least[margin.key] = min(float(np.min(values[:, k])), least.get(margin.key, np.inf))
+        return least
 
     def broken(self, values: np.ndarray) -> tuple[int, str] | None:
         """The first row of margins (n, k) that breaks a limit, and which one by how much; None where none does."""
@@ -274,11 +274,11 @@ def clearances(
     obstacles: Sequence[Obstacle], T: np.ndarray, links: Sequence[tuple[np.ndarray, np.ndarray]]
 ) -> list[float]:
     """Least distance [m] of the tool centre point T (n, 3) and of all links, both ends (n, 3) each, from each box."""
-    found = []
+    distances = []
     for obstacle in obstacles:
         box = np.array(obstacle.center), np.array(obstacle.size)
-        found.append(min(clearance(T, T, *box, 1), *(clearance(a, b, *box) for a, b in links), np.inf))
-    return found
+        distances.append(min(clearance(T, T, *box, 1), *(clearance(a, b, *box) for a, b in links), np.inf))
+    return distances
 
 
 def clearance(points: np.ndarray, ends: np.ndarray, center: np.ndarray, size: np.ndarray, samples: int = 401) -> float:

@@ -43,7 +43,7 @@ def helped(before: Mapping[str, Any], after: Mapping[str, Any]) -> bool:
 
 
 class Checked(Protocol):
-    """What was found on one mesh."""
+    """What came of one mesh."""
 
     @property
     def checks(self) -> Mapping[str, Any]: ...
@@ -54,30 +54,31 @@ P = TypeVar("P")
 
 
 def refined(
-    found: F,
+    outcome: F,
     finer: Callable[[F], P | None],
     again: Callable[[F, P], F | str],
     interrupted: Callable[[], bool],
 ) -> tuple[F, str]:
-    """What is found on finer meshes as long as a check fails that they can mend, and what ended that too early.
+    """The outcome on finer meshes, as long as a check fails that they can mend, and a sentence on what ended the
+    refinement too early.
 
-    finer: the problem on a finer mesh, None where none can help. again: what is found there, beginning from what was
-    found before, or a sentence that says why nothing was.
+    finer: the problem on a finer mesh, None where none can help. again: the outcome there, begun from the one before,
+    or a sentence that says why there is none.
     """
     for _ in range(PASSES):
-        problem = finer(found)
+        problem = finer(outcome)
         if problem is None or interrupted():
             break
-        after = again(found, problem)
+        after = again(outcome, problem)
         if isinstance(after, str):
-            return found, after
-        before, found = found, after
-        if not helped(before.checks, found.checks):
+            return outcome, after
+        before, outcome = outcome, after
+        if not helped(before.checks, outcome.checks):
             break
-    return found, ""
+    return outcome, ""
 
 
-def told(given: int, used: int, failed: Iterable[str]) -> str:
+def refinement_note(given: int, used: int, failed: Iterable[str]) -> str:
     """What the message adds where the mesh was refined: which checks failed on the given one."""
     if used == given:
         return ""

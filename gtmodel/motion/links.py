@@ -18,10 +18,10 @@ def link_ends(robot: gt.Model, T: np.ndarray) -> tuple[np.ndarray, np.ndarray, n
     names = link_names(robot)
     targets = [*names, *(name.removesuffix("a.r") + "b.r" for name in names)]
     place = compile_causal(robot, known="T", targets=targets or ["q" if "q" in flat_of(robot).groups else "tau"])
-    *found, status = place.along(T)
+    *points, status = place.along(T)
     if not names:
         return np.zeros((len(T), 0, 3)), np.zeros((len(T), 0, 3)), status
-    a, b = (np.stack(part, axis=1) for part in (found[: len(names)], found[len(names) :]))
+    a, b = (np.stack(part, axis=1) for part in (points[: len(names)], points[len(names) :]))
     return a, b, status
 
 

@@ -1,4 +1,4 @@
-"""What is found on one mesh: the collocation optimum, the motion that is exported, and the checks of both."""
+"""What comes of one mesh: the collocation optimum, the motion that is exported, and the checks of both."""
 
 from __future__ import annotations
 
@@ -15,14 +15,15 @@ from ..results.check import failed_of
 from .constraints import MARGIN_TOLERANCE
 from .finer_mesh import finer_mesh, refined
 from .path_parametrization import sampled
-from .planning import Plan
+from .planning import MotionPlan
 from .problem import MotionProblem
 from .reference import between_rows
-from .search import Search
+from .search import MotionSearch
 
 # the printed accuracy of these robots is a fraction of a millimetre; an input that misses by more is no plan
 END_ERROR_BOUND_M = 5e-3
 FINER = "use more mesh.elements"
+NO_EXPORT = "the optimum was found, but not the exportable motion"
 FORCE_TOLERANCE = 1e-9  # relative: the exported force keeps its limit at every instant
 SATURATED = 0.99  # of its limit: a motor is at it
 CROSS_CHECK_TOLERANCE = 1e-3  # relative: of the final time along a path, by collocation and by squared speeds
@@ -43,25 +44,20 @@ class Exported:
     defect: float
 
 
-@dataclass(frozen=True, kw_only=True)
-class NotFound:
-    """There is no motion to export: the solution that comes nearest, and what was missed, in words before its own."""
+@dataclass(frozen=True)
+class MotionFailure:
+    """There is no motion to export: the solution that comes nearest, and what was missed."""
 
     solution: Solution
-    lead: str = ""
-    hint: str = ""
-
-    @property
-    def message(self) -> str:
-        return self.lead + self.solution.message + self.hint
+    message: str
 
 
 @dataclass(frozen=True, kw_only=True)
-class Found:
-    """What was found on one mesh. optima: costs of the different optima, best first. second: final time along the path
+class MotionOutcome:
+    """What came of one mesh. optima: costs of the different optima, best first. second: final time along the path
     by squared speeds [s]."""
 
-    plan: Plan
+    plan: MotionPlan
     solution: Solution
     tried: Resimulation
     exported: Exported
@@ -85,51 +81,55 @@ class Found:
         return (weights @ (np.abs(tau) >= SATURATED * limit) / weights.sum()).tolist()
 
 
-def on_this_mesh(plan: Plan, search: Search, solution: Solution, optima: list[float]) -> Found | NotFound:
+def on_this_mesh(
+    plan: MotionPlan, search: MotionSearch, solution: Solution, optima: list[float]
+) -> MotionOutcome | MotionFailure:
     """The optimum re-simulated, and the exported motion."""
     tried = resimulate(solution)
     if tried.trajectory is None:
-        return NotFound(solution=solution, lead=f"the optimum cannot be re-simulated: {tried.message}; ")
+        message = f"the optimum cannot be re-simulated: {tried.message}; {solution.message}"
+        return MotionFailure(solution, message)
     second = None
     if plan.path is not None and not plan.smooth:
         motion, second = plan.followed(search.work), plan.cross_check(CROSS_CHECK_INTERVALS)
         search.iterations += motion.iterations
         if not motion.status.converged:
-            lead = f"the optimum was found, but not the exportable motion: {motion.message}; "
-            return NotFound(solution=solution, lead=lead)
+            message = f"{NO_EXPORT}: {motion.message}; {solution.message}"
+            return MotionFailure(solution, message)
         exported = _followed(plan, motion)
     else:
         constant, run = search.exportable_tried(solution, tried)
         if not constant.status.converged:
-            return NotFound(solution=constant, lead="the optimum was found, but not the exportable motion: ")
+            return MotionFailure(constant, f"{NO_EXPORT}: {constant.message}")
         if run.trajectory is None:
-            return NotFound(solution=constant, lead=f"the exported motion cannot be re-simulated: {run.message}; ")
+            message = f"the exported motion cannot be re-simulated: {run.message}; {constant.message}"
+            return MotionFailure(constant, message)
         exported = _resimulated(plan, constant, run)
     checks = _checks(plan, solution, tried, exported, second)
-    return Found(
+    return MotionOutcome(
         plan=plan, solution=solution, tried=tried, exported=exported, second=second, optima=optima, checks=checks
     )
 
 
-def on_finer_meshes(found: Found, search: Search) -> tuple[Found, str]:
-    """What is found on finer meshes, with the iterations of the search counted on, and what ended that too early."""
+def on_finer_meshes(outcome: MotionOutcome, search: MotionSearch) -> tuple[MotionOutcome, str]:
+    """The outcome on finer meshes, and what ended the refinement too early; iterations of the search are counted on."""
 
-    def again(before: Found, problem: MotionProblem) -> Found | str:
+    def again(before: MotionOutcome, problem: MotionProblem) -> MotionOutcome | str:
         search.go_on(problem, before.solution)
         solution = search.optimum()
         on = f"on {problem.mesh.elements} elements"
         if not solution.status.converged:
             return f"{on}: {solution.message}"
         after = on_this_mesh(replace(before.plan, problem=problem), search, solution, before.optima)
-        return f"{on}: {after.message}" if isinstance(after, NotFound) else after
+        return f"{on}: {after.message}" if isinstance(after, MotionFailure) else after
 
-    return refined(found, _finer, again, search.work.interrupted)
+    return refined(outcome, _finer, again, search.work.interrupted)
 
 
-def _finer(found: Found) -> MotionProblem | None:
+def _finer(outcome: MotionOutcome) -> MotionProblem | None:
     """The problem on a finer mesh, or on more intervals of its path, where a check failed; None where none can help."""
-    problem, checks = found.plan.problem, found.checks
-    followed = found.second is not None
+    problem, checks = outcome.plan.problem, outcome.checks
+    followed = outcome.second is not None
     mended = [name for name in checks if name != "constraint_violation" and not (followed and "exported" in name)]
     mesh = finer_mesh(problem.mesh, checks, mended)
     finer = None if mesh is None else replace(problem, mesh=mesh)
@@ -162,7 +162,7 @@ def at_points(solution: Solution) -> tuple[np.ndarray, np.ndarray]:
     return solution.trajectory["robot.tau"][1 : 1 + len(weights)], weights
 
 
-def _resimulated(plan: Plan, exported: Solution, run: Resimulation) -> Exported:
+def _resimulated(plan: MotionPlan, exported: Solution, run: Resimulation) -> Exported:
     assert run.trajectory is not None
     trajectory = short_names(run.trajectory, "")
     if plan.path is not None:
@@ -187,7 +187,7 @@ def _resimulated(plan: Plan, exported: Solution, run: Resimulation) -> Exported:
     )
 
 
-def _followed(plan: Plan, motion: Any) -> Exported:
+def _followed(plan: MotionPlan, motion: Any) -> Exported:
     follower = plan.follower
     trajectory = follower.trajectory(motion)
     end = follower.integrated_end(motion)
@@ -211,7 +211,7 @@ def _peak(run: Resimulation) -> float:
 
 
 def _checks(
-    plan: Plan, solution: Solution, tried: Resimulation, exported: Exported, second: float | None
+    plan: MotionPlan, solution: Solution, tried: Resimulation, exported: Exported, second: float | None
 ) -> dict[str, Check]:
     assert tried.trajectory is not None
     problem = plan.problem
@@ -229,6 +229,6 @@ def _checks(
     return checks
 
 
-def margins_of(plan: Plan, exported: Exported) -> dict[str, float]:
+def margins_of(plan: MotionPlan, exported: Exported) -> dict[str, float]:
     """Least margin to each further limit along the exported motion."""
     return plan.guard.least(exported.trajectory["margin"]) if plan.guard.margins else {}

@@ -18,20 +18,28 @@ from ..results.door import study_function
 from ..results.options import Long
 from ..results.work import Progress, never, silent
 from .constraints import clearances
-from .finer_mesh import how, told
-from .motion_result import Found, NotFound, energy_of, margins_of, on_finer_meshes, on_this_mesh, short_names
-from .options import Cost, End, Export, Limits, Mesh, Shape, Solver, Starts
-from .planning import Plan, plan_of
+from .finer_mesh import how, refinement_note
+from .motion_result import (
+    MotionFailure,
+    MotionOutcome,
+    energy_of,
+    margins_of,
+    on_finer_meshes,
+    on_this_mesh,
+    short_names,
+)
+from .options import Cost, End, Export, Limits, MotionMesh, Shape, Solver, Starts
+from .planning import MotionPlan, plan_of
 from .problem import MotionProblem
 from .reference import at_rest, rapid_text, reference_text
-from .search import Search
+from .search import MotionSearch
 
 SAME_OPTIMUM = 1e-5  # relative: costs nearer than that are one optimum
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class MotionStudy(Study):
-    """An optimal motion; where none was found, all values but the final time are None.
+    """An optimal motion; where none was solved, all values but the final time are None.
 
     The trajectory and the files are those of the exported motion, whose motor forces keep their limit at every instant;
     the optimum itself keeps it at the collocation points only. asked: the problem, with its mesh as it was given.
@@ -147,7 +155,7 @@ def study(
     limits: Limits,
     path: Shape | None = None,
     cost: Cost | None = None,
-    mesh: Mesh | None = None,
+    mesh: MotionMesh | None = None,
     starts: Starts | None = None,
     solver: Solver | None = None,
     export: Export | None = None,
@@ -173,16 +181,16 @@ def study(
     Interrupted, it holds the best iterate as its trajectory, and no values but a final time. Raises ArgumentError.
 
     >>> import gtmodel as gt
-    >>> from gtmodel.motion import Limits, Mesh, study
+    >>> from gtmodel.motion import Limits, MotionMesh, study
     >>> robot = gt.robots.gantry_tau("l1_tape")
-    >>> s = study(robot, [0.0, -0.9, 0.1], [0.2, -0.9, 0.2], limits=Limits(force=700.0), mesh=Mesh(elements=10))
+    >>> s = study(robot, [0.0, -0.9, 0.1], [0.2, -0.9, 0.2], limits=Limits(force=700.0), mesh=MotionMesh(elements=10))
     >>> round(s.exported_final_time, 2)  # [s]
     0.31
     """
     problem = MotionProblem(
         robot=robot, start=start if isinstance(start, End) else End(list(start)),
         goal=goal if isinstance(goal, End) else End(list(goal)), limits=limits, path=path, cost=cost or Cost(),
-        mesh=mesh or Mesh(), starts=starts or Starts(), solver=solver or Solver(), export=export or Export(),
+        mesh=mesh or MotionMesh(), starts=starts or Starts(), solver=solver or Solver(), export=export or Export(),
         title=title,
     )  # fmt: skip
     return solved(problem, Work(progress=progress, max_seconds=max_seconds, stop=stop), earlier)
@@ -196,37 +204,37 @@ def solved(problem: MotionProblem, work: Work, earlier: Trajectory | None = None
     solution = search.optimum()
     if not solution.status.converged:
         stopped = solution.status is SolveStatus.INTERRUPTED
-        return _failed(search, NotFound(solution=solution, hint="" if stopped else plan.hint()))
+        return _failed(search, MotionFailure(solution, solution.message + ("" if stopped else plan.likely_cause())))
     guesses = plan.further_guesses()
     others = search.from_starts(guesses)
     optima = _different([solution, *others])
     best = min([solution, *others], key=lambda s: s.objective)
     if best.objective < solution.objective * (1 - SAME_OPTIMUM):
         solution = best
-    found = on_this_mesh(plan, search, solution, optima)
-    if isinstance(found, NotFound):
-        return _failed(search, found)
-    told_of = []
+    outcome = on_this_mesh(plan, search, solution, optima)
+    if isinstance(outcome, MotionFailure):
+        return _failed(search, outcome)
+    notes = []
     if search.started < len(guesses) and not work.interrupted():
         left_out = len(guesses) - search.started
-        told_of.append(f"{left_out} of {len(guesses)} further starts left out, for solver.max_iterations")
-    failed = failed_of(found.checks)
-    found, trouble = on_finer_meshes(found, search)
+        notes.append(f"{left_out} of {len(guesses)} further starts left out, for solver.max_iterations")
+    failed = failed_of(outcome.checks)
+    outcome, trouble = on_finer_meshes(outcome, search)
     if trouble:
-        told_of.append(trouble)
-    finer = told(problem.mesh.elements, found.plan.problem.mesh.elements, failed)
-    return _study_of(problem, found, search.iterations, finer, told_of)
+        notes.append(trouble)
+    finer = refinement_note(problem.mesh.elements, outcome.plan.problem.mesh.elements, failed)
+    return _study_of(problem, outcome, search.iterations, finer, notes)
 
 
 def _different(solutions: list[Solution]) -> list[float]:
-    found: list[float] = []
+    costs: list[float] = []
     for cost in sorted(s.objective for s in solutions):
-        if not found or cost > found[-1] * (1 + SAME_OPTIMUM):
-            found.append(cost)
-    return found
+        if not costs or cost > costs[-1] * (1 + SAME_OPTIMUM):
+            costs.append(cost)
+    return costs
 
 
-def _failed(search: Search, missed: NotFound) -> MotionStudy:
+def _failed(search: MotionSearch, missed: MotionFailure) -> MotionStudy:
     problem, solution = search.problem, missed.solution
     return MotionStudy(
         status=SolveStatus.FAILED if solution.status.converged else solution.status,
@@ -240,9 +248,11 @@ def _failed(search: Search, missed: NotFound) -> MotionStudy:
     )
 
 
-def _study_of(asked: MotionProblem, found: Found, iterations: int, finer: str, more: list[str]) -> MotionStudy:
+def _study_of(
+    asked: MotionProblem, outcome: MotionOutcome, iterations: int, finer: str, more: list[str]
+) -> MotionStudy:
     """finer: what is to be said of a refined mesh. more: further sentences of the message."""
-    plan, solution, exported = found.plan, found.solution, found.exported
+    plan, solution, exported = outcome.plan, outcome.solution, outcome.exported
     problem = plan.problem
     run = exported.trajectory
     trajectory = short_names(run, problem.title or "optimal motion")
@@ -258,19 +268,19 @@ def _study_of(asked: MotionProblem, found: Found, iterations: int, finer: str, m
         message="; ".join(filter(None, [f"{how(solution)} and re-simulated{finer}", *more, solution.reservation])),
         objective=solution.objective,
         iterations=iterations,
-        checks=found.checks,
+        checks=outcome.checks,
         trajectory=trajectory,
         asked=asked,
         final_time=solution.final_time,
         energy=energy_of(solution, problem.cost.force_unit),
-        saturation=found.saturation,
-        optima=found.optima,
-        end_error=found.checks["end_error_m"].value,
-        peak_force_between_nodes=found.peak,
+        saturation=outcome.saturation,
+        optima=outcome.optima,
+        end_error=outcome.checks["end_error_m"].value,
+        peak_force_between_nodes=outcome.peak,
         elements=problem.mesh.elements,
         attempt_iterations=solution.iterations,
         path_length=plan.path.length if plan.path is not None else None,
-        cross_check_time=found.second,
+        cross_check_time=outcome.second,
         exported_final_time=exported.final_time,
         exported_energy=exported.energy,
         exported_end_error=exported.end_error,
@@ -288,7 +298,7 @@ def _study_of(asked: MotionProblem, found: Found, iterations: int, finer: str, m
     )
 
 
-def _figure(plan: Plan, trajectory: Trajectory, curves: tuple[np.ndarray, np.ndarray] | None) -> Any:
+def _figure(plan: MotionPlan, trajectory: Trajectory, curves: tuple[np.ndarray, np.ndarray] | None) -> Any:
     from ..plot.motion import motion_figure
 
     obstacles = [(np.array(o.center), np.array(o.size)) for o in plan.problem.limits.obstacles]

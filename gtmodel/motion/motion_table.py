@@ -116,9 +116,10 @@ def table_study(
     Raises ArgumentError, before the first row is solved.
 
     >>> import gtmodel as gt
-    >>> from gtmodel.motion import Cost, End, Limits, Mesh, MotionProblem, TableRow, table_study
+    >>> from gtmodel.motion import Cost, End, Limits, MotionMesh, MotionProblem, TableRow, table_study
     >>> ends = {"start": End([0.0, -0.9, 0.1]), "goal": End([0.2, -0.9, 0.2])}
-    >>> asked = {"robot": gt.robots.gantry_tau("l1_tape"), "limits": Limits(force=700.0), "mesh": Mesh(elements=10)}
+    >>> robot, mesh = gt.robots.gantry_tau("l1_tape"), MotionMesh(elements=10)
+    >>> asked = {"robot": robot, "limits": Limits(force=700.0), "mesh": mesh}
     >>> fast, thrifty = (MotionProblem(**ends, **asked, cost=Cost(energy=w)) for w in (0.0, 1e-5))
     >>> table_study([TableRow("fast", fast), TableRow("thrifty", thrifty)]).saving > 0
     True

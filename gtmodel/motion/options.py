@@ -9,9 +9,15 @@ from typing import Annotated, Literal
 import numpy as np
 
 from ..results.options import Long, Options, Unit, Within
-from .solver_options import Barrier, MostElements
 
 At = Literal["velocity", "acceleration"]
+Barrier = Annotated[
+    Literal["auto", "adaptive", "monotone"],
+    "how IPOPT lowers its barrier; auto: adaptive, and monotone where that fails",
+]
+MostElements = Annotated[
+    int, Within(above=0, most=10000), "where a check fails the mesh is refined, to at most so many elements"
+]
 
 
 @dataclass(frozen=True)
@@ -285,12 +291,12 @@ class Starts(Options):
 
 
 @dataclass(frozen=True)
-class Mesh(Options):
+class MotionMesh(Options):
     """Where the equations are collocated (Radau).
 
     A polynomial force may exceed its limit between collocation points; the exported motion does not.
 
-    >>> gt.motion.Mesh(elements=50, points=12)
+    >>> gt.motion.MotionMesh(elements=50, points=12)
     Traceback (most recent call last):
         ...
     gtmodel.results.refusal.ArgumentError: points: must be at least 1 and at most 9; found 12

@@ -146,9 +146,9 @@ def sampled(
 ) -> Trajectory:
     """A TCP motion with carts, forces, links and margins, by inverse kinematics and dynamics."""
     p, f = guard.prefix, motion_function(robot, guard)
-    *found, status = f.along(T, dT, ddT)
+    *columns, status = f.along(T, dT, ddT)
     assert np.all(status == Status.OK), SolveStatus.NOT_FINITE
-    values = {signal.name: value for signal, value in zip(f.outputs, found, strict=True)}
+    values = {signal.name: value for signal, value in zip(f.outputs, columns, strict=True)}
     result = {"T": T, "der(T)": dT, "der(T,2)": ddT, "tau": values[f"{p}tau"], "q": values[f"{p}q"],
               "der(q)": values[f"der({p}q)"]}  # fmt: skip
     units = {"T": "m", "der(T)": "m/s", "der(T,2)": "m/s2", "tau": "N", "q": "m", "der(q)": "m/s"}

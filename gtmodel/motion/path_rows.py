@@ -28,8 +28,8 @@ def rows_along(f: CausalFunction, curve: Curve) -> tuple[ca.Function, Curve]:
     _check(f, curve)
     zs, _ = _unknowns(f, curve, MIDDLE, moving=False)
     z = [ca.SX.sym(f"z{k}", part.shape[1]) for k, part in enumerate(zs)]
-    found = f.closed.call([*f.arguments_along(*x), *z])
-    rows = ca.Function("rows", [*x, *z], found[: len(f.outputs)], {"cse": True})
+    outputs = f.closed.call([*f.arguments_along(*x), *z])
+    rows = ca.Function("rows", [*x, *z], outputs[: len(f.outputs)], {"cse": True})
 
     def along(s: np.ndarray) -> tuple[np.ndarray, ...]:
         return (*curve(s), *_unknowns(f, curve, s, moving=False)[0])
@@ -47,8 +47,8 @@ def task_along(
     """
     rows, along = rows_along(f, curve)
     given = rows.sx_in()
-    found = rows.call(given)
-    bounded = ca.vertcat(found[0], *found[margins_from:])
+    values = rows.call(given)
+    bounded = ca.vertcat(values[0], *values[margins_from:])
     extra = bounded.numel() - len(limit)
     return PathTask(
         along,

@@ -89,11 +89,11 @@ def path_of(shape: Shape, start: np.ndarray, goal: np.ndarray) -> Path:
         case _:
             raise ArgumentError(f"is a {type(shape).__name__}; expected Line, Polyline, Arc, Spline or Taught", "path")
     ends = path(np.array([0.0, 1.0]))[0]
-    for name, asked, found in (("start", start, ends[0]), ("goal", goal, ends[1])):
-        if np.linalg.norm(asked - found) > within:
-            shown = ", ".join(f"{x:.6g}" for x in found)
+    for name, asked, end in (("start", start, ends[0]), ("goal", goal, ends[1])):
+        if np.linalg.norm(asked - end) > within:
+            shown = ", ".join(f"{x:.6g}" for x in end)
             raise ArgumentError(
-                f"is {1e3 * np.linalg.norm(asked - found):.3g} mm off the path through the points, which has "
+                f"is {1e3 * np.linalg.norm(asked - end):.3g} mm off the path through the points, which has "
                 f"({shown}) m there; write these numbers",
                 f"{name}.tcp",
             )

@@ -18,13 +18,13 @@ from .links import along_guideways, link_ends
 from .path_parametrization import PathParametrization, motion_function
 from .paths import Path, path_of
 from .problem import MotionProblem
-from .search import Search
+from .search import MotionSearch
 
 SLOW_M_S = 0.1  # of a motion that only friction and weight resist
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
+class MotionPlan:
     """A checked problem: its margins and path, and the guess to start from."""
 
     problem: MotionProblem
@@ -60,16 +60,16 @@ class Plan:
         assert self.path is not None
         return PathParametrization(self.problem, self.guard, self.path)
 
-    def search(self, work: Work) -> Search:
+    def search(self, work: Work) -> MotionSearch:
         """The search, from an earlier result or from the trapezoid along the line or the path."""
         if self.path is not None:
             guess = self.follower.guess()
-            return Search(self.problem, work, self.earlier or guess, guess, self.guard, self.path)
+            return MotionSearch(self.problem, work, self.earlier or guess, guess, self.guard, self.path)
         inverse = motion_function(self.robot, self.guard)
         guess = self.earlier or line_guess(inverse, self.start, self.goal, self.problem.limits.force)
-        return Search(self.problem, work, guess, bare_guess(self.start, self.goal), self.guard)
+        return MotionSearch(self.problem, work, guess, bare_guess(self.start, self.goal), self.guard)
 
-    def hint(self) -> str:
+    def likely_cause(self) -> str:
         """What may be wrong with a problem that was not solved; empty where nothing shows."""
         limit = self.problem.limits.force
         _, s, _, _ = trapezoid(21)
@@ -109,7 +109,7 @@ class Plan:
         return [(joints[:, k], tips[:, k]) for k in range(joints.shape[1])]
 
 
-def plan_of(problem: MotionProblem, earlier: Trajectory | None = None) -> Plan:
+def plan_of(problem: MotionProblem, earlier: Trajectory | None = None) -> MotionPlan:
     """The plan of a problem, which may begin at an earlier motion. Raises ArgumentError."""
     robot, start, goal = problem.robot, problem.begin, problem.end
     if problem.cost.time == 0.0 and problem.cost.energy == 0.0:
@@ -121,7 +121,7 @@ def plan_of(problem: MotionProblem, earlier: Trajectory | None = None) -> Plan:
     guard = guard_of(problem.limits, links_of(robot), lambda arm, end: _carrier(robot, end, start))
     _check_statics(problem, guard)
     path = None if problem.path is None else path_of(problem.path, start, goal)
-    plan = Plan(problem, guard, path, None if earlier is None else _renamed(earlier, path))
+    plan = MotionPlan(problem, guard, path, None if earlier is None else _renamed(earlier, path))
     if path is not None and (trouble := plan.follower.trouble()):
         raise ArgumentError(trouble, "path")
     return plan
@@ -150,8 +150,8 @@ def _check_reach(problem: MotionProblem) -> None:
         if status[0] != Status.OK:
             names = [name for name in ("q", "tau") if name in flat_of(robot).groups]
             inverse = compile_causal(robot, known="T", targets=names[0])
-            told = inverse.diagnose(*inverse.arguments_along(point))
-            raise ArgumentError(f"the pose ({shown}) m cannot be reached: {told}", key)
+            reason = inverse.diagnose(*inverse.arguments_along(point))
+            raise ArgumentError(f"the pose ({shown}) m cannot be reached: {reason}", key)
         along = along_guideways(robot, tips, joints)[0]
         if np.any(along < least):
             k = int(np.argmin(along))
@@ -182,8 +182,8 @@ def _check_statics(problem: MotionProblem, guard: MotionConstraints) -> None:
 def _renamed(earlier: Trajectory, path: Path | None) -> Trajectory:
     """An earlier result's motion under the names of the optimisation."""
     if "T" not in earlier or np.shape(earlier["T"])[1:] != (3,):
-        found = f"has shape {np.shape(earlier['T'])}" if "T" in earlier else "is missing"
-        raise ArgumentError(f"its T {found}; expected three coordinates for each of {len(earlier)} times", "earlier")
+        fault = f"has shape {np.shape(earlier['T'])}" if "T" in earlier else "is missing"
+        raise ArgumentError(f"its T {fault}; expected three coordinates for each of {len(earlier)} times", "earlier")
     names = {"T": "robot.T", "der(T)": "der(robot.T)", "tau": "robot.tau", "der(T,2)": "der(robot.T,2)"}
     if path is not None:
         return progress_of(earlier)

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..lang import Model
 from ..results import Options
-from .options import Cost, End, Export, Limits, Mesh, Shape, Solver, Starts
+from .options import Cost, End, Export, Limits, MotionMesh, Shape, Solver, Starts
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -35,7 +35,7 @@ class MotionProblem(Options):
     limits: Limits
     path: Shape | None = None
     cost: Cost = field(default_factory=Cost)
-    mesh: Mesh = field(default_factory=Mesh)
+    mesh: MotionMesh = field(default_factory=MotionMesh)
     starts: Starts = field(default_factory=Starts)
     solver: Solver = field(default_factory=Solver)
     export: Export = field(default_factory=Export)

@@ -30,7 +30,7 @@ Control = Literal["polynomial", "constant"]
 
 
 @dataclass
-class Search:
+class MotionSearch:
     """Attempts in turn, until one is solved and keeps its links off the edge of reach.
 
     First without that bound, which an optimum seldom feels; then with it, and with it and the other barrier strategy;
@@ -58,7 +58,7 @@ class Search:
         return motion(self.problem, self.guard, self.path, guarded=True)
 
     def go_on(self, problem: MotionProblem, guess: Solution) -> None:
-        """From here on with another mesh, from what was found; iterations are counted on."""
+        """From here on with another mesh, from what was solved; iterations are counted on."""
         self.problem, self.guess = problem, guess
 
     def optimum(self) -> Solution:
@@ -87,15 +87,15 @@ class Search:
     def from_starts(self, guesses: list[Trajectory]) -> list[Solution]:
         """Optima from further starts, links kept off the edge of reach; those that end in none are left out, and those
         for which there is no time or no iteration left."""
-        found: list[Solution] = []
+        solutions: list[Solution] = []
         for guess in guesses:
             if self.work.interrupted() or self.left <= RESERVE:
                 break
             solution = self._attempt(self.guarded, self.problem.mesh.control, guess, "adaptive", self.left - RESERVE)
             self.started += 1
             if solution.status.converged:
-                found.append(solution)
-        return found
+                solutions.append(solution)
+        return solutions
 
     @property
     def left(self) -> int:
@@ -119,7 +119,7 @@ class Search:
                 break
             lower = search.problem.limits.force * (limit / peak) * (1 - TIGHTENED)
             problem = replace(self.problem, limits=replace(self.problem.limits, force=lower))
-            search = Search(problem, self.work, self.guess, self.bare, self.guard, self.path, self.iterations)
+            search = MotionSearch(problem, self.work, self.guess, self.bare, self.guard, self.path, self.iterations)
             solution = search.exportable(optimum)
             self.iterations = search.iterations
             run = resimulate(solution) if solution.status.converged else run
@@ -184,8 +184,10 @@ class Search:
             return good[-1] if good else tried[-1]
         failed = [s for s in reversed(tried) if not s.status.converged]
         if not failed:
-            told = "an optimum was found, but it comes nearer to the edge of reach than limits.link_along_guideway_m"
-            return replace(tried[-1], status=SolveStatus.FAILED, message=told)
+            sentence = (
+                "an optimum was found, but it comes nearer to the edge of reach than limits.link_along_guideway_m"
+            )
+            return replace(tried[-1], status=SolveStatus.FAILED, message=sentence)
         nearest = min(failed, key=lambda s: s.checks["constraint_violation"].value)
         if self.left == 0 and nearest.status is not SolveStatus.ITERATION_LIMIT:
             limit = SolveStatus.ITERATION_LIMIT

@@ -63,11 +63,11 @@ def motion(
                 yield self.drive == gt.der(self.s if path is not None else self.robot.T, order)
 
         def objective(self) -> Any:
-            found = cost.time * self.final_time
+            total = cost.time * self.final_time
             if cost.energy:
                 tau = self.robot.tau
-                found = found + cost.energy * gt.integral(gt.dot(tau, tau) / self.force_unit_N**2)
-            return found
+                total = total + cost.energy * gt.integral(gt.dot(tau, tau) / self.force_unit_N**2)
+            return total
 
         def constraints(self) -> Any:
             yield gt.between(-self.force_limit, self.robot.tau, self.force_limit)

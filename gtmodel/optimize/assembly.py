@@ -8,8 +8,8 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
+from .formulation.system import on_rows
 from .nlp import Nlp, placed
-from .rows import on_rows
 from .solution import constants, horizon, mesh_fractions, states_and_controls
 
 # a branch expression this small beside its largest value is zero: the solution touches the border of the branch

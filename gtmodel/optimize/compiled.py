@@ -12,8 +12,7 @@ from pathlib import Path
 
 import casadi as ca
 
-from ..cgen.private import exposed
-from ..cgen.toolchain import LINK, PLAIN, STANDARD, Toolchain, find
+from ..cgen.toolchain import LINK, PLAIN, STANDARD, Toolchain, exposed, find
 
 # no contraction, as in cgen: the same bits as CasADi's virtual machine, hence the same iterations
 FLAGS = (*STANDARD, *PLAIN, "-shared", *LINK)

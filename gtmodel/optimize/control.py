@@ -8,7 +8,7 @@ from math import comb
 
 import numpy as np
 
-from .tables import Table, basis
+from .tables import CollocationTable, basis
 
 # "polynomial": free at each point and bounded there only; "bernstein": the same polynomials, bounded everywhere;
 # "linear": continuous over the whole horizon; "constant" on each element
@@ -53,12 +53,12 @@ class Blocks:
         return np.cumsum(self.sizes)[:-1].tolist()
 
 
-def coefficients(control: str, table: Table) -> int:
+def coefficients(control: str, table: CollocationTable) -> int:
     """How many numbers describe one control on one element."""
     return {"constant": 1, "linear": 2}.get(control, len(table.points))
 
 
-def control_basis(control: str, table: Table, s: np.ndarray) -> np.ndarray:
+def control_basis(control: str, table: CollocationTable, s: np.ndarray) -> np.ndarray:
     """Values (len(s), coefficients) of the functions that the coefficients multiply; each row sums to 1."""
     s = np.asarray(s, float)
     if control == "constant":

@@ -10,7 +10,7 @@ import numpy as np
 from ..lang.source import ModelError
 from .control import coefficients, control_basis
 from .formulation.dynamic import DynamicProblem
-from .formulation.relations import Row
+from .formulation.relations import ConstraintRow
 from .mesh import Mesh
 from .tables import basis, basis_slope
 
@@ -180,7 +180,7 @@ def make_element(problem: DynamicProblem, mesh: Mesh) -> Element:
     return Element(layout, y, P, d, all_rows, np.concatenate(low), np.concatenate(high), names, cost, quadrature)
 
 
-def of_states(problem: DynamicProblem, row: Row) -> bool:
+def of_states(problem: DynamicProblem, row: ConstraintRow) -> bool:
     """Do states, constants and time alone tell it?"""
     keys = {s.element_hash() for s in ca.symvar(row.expression)}
     states = {s.element_hash() for s in ca.vertsplit(problem.x)}
@@ -192,7 +192,7 @@ def of_states(problem: DynamicProblem, row: Row) -> bool:
 def _inputs(layout: Layout, physical: ca.SX, local: np.ndarray) -> list[ca.SX]:
     """Controls and point variables at fractions of the element, symbolic."""
     mesh = layout.mesh
-    found = []
+    inputs = []
     for by_u, by_z in zip(
         control_basis(mesh.control, mesh.table, local), basis(mesh.table.points, local), strict=True
     ):  # fmt: skip
@@ -200,8 +200,8 @@ def _inputs(layout: Layout, physical: ca.SX, local: np.ndarray) -> list[ca.SX]:
                 ca.SX.zeros(layout.nu, 1))  # fmt: skip
         z = sum((_share(w, _entries(physical, i)) for w, i in zip(by_z, layout.z, strict=True) if w != 0.0),
                 ca.SX.zeros(layout.nz, 1))  # fmt: skip
-        found.append(ca.vertcat(u, z))
-    return found
+        inputs.append(ca.vertcat(u, z))
+    return inputs
 
 
 def _entries(column: ca.SX, index: np.ndarray) -> ca.SX:

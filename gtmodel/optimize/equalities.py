@@ -1,4 +1,4 @@
-"""Equations that cannot all hold: more of them in one element than it has unknowns. Found by structure alone."""
+"""Equations that cannot all hold: more of them in one element than it has unknowns. Structure alone shows them."""
 
 from __future__ import annotations
 

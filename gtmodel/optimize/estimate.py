@@ -121,7 +121,7 @@ def estimate(solution: Solution | PhasesSolution) -> Estimate:
         raise ModelError(
             f"{title}: the constraints are redundant at the solution; remove those that repeat others"
         ) from None
-    _require_told(title, covariance, small, names)
+    _require_determined(title, covariance, small, names)
     noise = float(np.sqrt(r @ r / degrees_of_freedom)) if degrees_of_freedom else 1.0
     covariance = (covariance + covariance.T) / 2 * np.outer(scale, scale) * (1.0 if known else noise**2)
     return Estimate(tuple(names), values, covariance, degrees_of_freedom, noise, known, r, tuple(held))
@@ -217,13 +217,13 @@ def _quantities(fit: _Fit, variables: np.ndarray) -> tuple[list[str], np.ndarray
             if f"{name} continues into '{prefix.removesuffix(': ')}'" not in links:
                 asked.append((at + k, f"{prefix}{name} at the start", float(problem.x_scale[k])))
     x, low, high = fit.whole.x, fit.program.lbx, fit.program.ubx
-    found = [(name, column[i], s, x[i] * s) for i, name, s in asked if i in column]
+    rows = [(name, column[i], s, x[i] * s) for i, name, s in asked if i in column]
     held = [name for i, name, _ in asked if i not in column and low[i] != high[i]]
-    columns, scales, values = (np.array([f[k] for f in found]) for k in (1, 2, 3))
-    return [f[0] for f in found], columns.astype(int), scales, values, held
+    columns, scales, values = (np.array([f[k] for f in rows]) for k in (1, 2, 3))
+    return [f[0] for f in rows], columns.astype(int), scales, values, held
 
 
-def _require_told(title: str, covariance: np.ndarray, small: float, names: list[str]) -> None:
+def _require_determined(title: str, covariance: np.ndarray, small: float, names: list[str]) -> None:
     """Raises ModelError naming the quantities whose variance is the regularisation's."""
     values, vectors = np.linalg.eigh((covariance + covariance.T) / 2)
     if small > 0 and values[-1] * small < UNDETERMINED:

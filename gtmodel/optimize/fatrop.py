@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 
 from ..lang.source import ModelError
-from .ipopt import Run
+from .ipopt import SolverRun
 from .nlp import Nlp
 from .watch import Multipliers, Program
 
@@ -51,13 +51,13 @@ class Staged(Program):
         self.lbg = np.where(self.signs > 0, nlp.lbg, -nlp.ubg)[self.order]
         self.ubg = np.where(self.signs > 0, nlp.ubg, -nlp.lbg)[self.order]
 
-    def rows(self, found: np.ndarray) -> np.ndarray:
+    def rows(self, staged: np.ndarray) -> np.ndarray:
         """Values of the rows, or their multipliers, with the NLP's signs and in its order."""
-        result = np.empty_like(found)
-        result[self.order] = found
+        result = np.empty_like(staged)
+        result[self.order] = staged
         return result * self.signs
 
-    def turned(self, run: Run) -> Run:
+    def turned(self, run: SolverRun) -> SolverRun:
         """The run in the signs, the order and the scale of the NLP itself."""
         rows, bounds = self.rows(run.multipliers.rows) / self.scale, run.multipliers.bounds / self.scale
         objective = run.objective / self.scale

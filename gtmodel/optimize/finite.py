@@ -6,8 +6,8 @@ import casadi as ca
 import numpy as np
 
 from ..compiler.rewriting import of_expression
+from .formulation.system import on_rows
 from .nlp import Nlp, instants, placed
-from .rows import on_rows
 from .solution import constants, mesh_fractions, states_and_controls
 
 SIGNS = {ca.OP_DIV: "/", ca.OP_MUL: "*", ca.OP_ADD: "+", ca.OP_SUB: "-", ca.OP_POW: "**", ca.OP_CONSTPOW: "**"}
@@ -41,11 +41,11 @@ def not_finite(nlp: Nlp, x: np.ndarray) -> str:
             own = ca.vertsplit(ca.vec(column)) if column.numel() else []
             given |= dict(zip((v.element_hash() for v in own), row, strict=True))
         for label, expression in steps:
-            found = _first(expression, given, infinite_slope)
-            if found:
+            term = _first(expression, given, infinite_slope)
+            if term:
                 slope = "the slope of " if infinite_slope else ""
                 element = min(mesh.elements, int(np.searchsorted(mesh.edges, s[k] - 1e-12, side="right")))
-                return f"{slope}{found} in {label} at {times[k]:.4g} s (element {element}) is not finite"
+                return f"{slope}{term} in {label} at {times[k]:.4g} s (element {element}) is not finite"
     return _at_instants(nlp, x)
 
 
@@ -60,9 +60,9 @@ def _at_instants(nlp: Nlp, x: np.ndarray) -> str:
     given = {s.element_hash(): v for s, v in zip(ca.vertsplit(held.z), x[held.index].tolist(), strict=True)}
     for infinite_slope in (False, True):
         for (label, _), e in zip(rows, expressions, strict=True):
-            found = _first(e, given, infinite_slope)
-            if found:
-                return f"{'the slope of ' if infinite_slope else ''}{found} in {label} is not finite"
+            term = _first(e, given, infinite_slope)
+            if term:
+                return f"{'the slope of ' if infinite_slope else ''}{term} in {label} is not finite"
     return ""
 
 

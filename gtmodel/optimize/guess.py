@@ -48,7 +48,7 @@ def initial_guess(nlp: Nlp, guess: Trajectory | Solution | None) -> np.ndarray:
         for pair in (*problem.state_pairs, *problem.input_pairs):
             _same_unit(guess, names_of(flat, alias, pair), flat.unit_of(*pair))
     states = [_series(guess, names_of(flat, alias, p), start_of(flat, alias, p)) for p in problem.state_pairs]
-    if guess is not None and states and not any(found for _, found in states):
+    if guess is not None and states and not any(given for _, given in states):
         raise ModelError(f"the guess holds none of the states {', '.join(problem.state_names)}")
     states += [_series(None, [], 0.0)] * (layout.nx - len(states))
     inputs = [_series(guess, names_of(flat, alias, p), start_of(flat, alias, p)) for p in problem.input_pairs]
@@ -63,7 +63,7 @@ def initial_guess(nlp: Nlp, guess: Trajectory | Solution | None) -> np.ndarray:
     if extrapolated:  # what is free at each point has no value at the start: hold the first one
         for n in range(layout.nu, us.shape[1]):
             us[:, n] = inputs[n][0](np.maximum(at, extrapolated))
-    missing = [n for n, (_, found) in enumerate(inputs) if n >= layout.nu and not found]
+    missing = [n for n, (_, given) in enumerate(inputs) if n >= layout.nu and not given]
     known = layout.nu + len(problem.delayed)
     if any(n >= known for n in missing):
         flat_x = xs[:, 1:].reshape(at.size, layout.nx)[:, : len(problem.state_pairs)]
@@ -129,11 +129,11 @@ def solve_point_variables(
     given = (
         [x.T, u.T] + ([(t0 + s * (tf - t0))[None, :]] if plan.uses_time else []) + [np.repeat(p[:, None], n, axis=1)]
     )
-    found: list[np.ndarray] = []
+    unknowns: list[np.ndarray] = []
     with np.errstate(all="ignore"):
         for kernel in built.kernels:
-            found.append(kernel.solve(np.vstack([*given, *found]))[0])
-        value = built.closed.map(n).call([ca.DM(a) for a in (*given, *found)])[0]
+            unknowns.append(kernel.solve(np.vstack([*given, *unknowns]))[0])
+        value = built.closed.map(n).call([ca.DM(a) for a in (*given, *unknowns)])[0]
     return np.asarray(value.full()).reshape(len(problem.z_pairs), n).T
 
 
@@ -153,9 +153,9 @@ def _same_unit(guess: Trajectory, names: list[tuple[str, int]], unit: str) -> No
     if name is None or unit == "?":
         return
     head, _, tail = name.rpartition("[")
-    found = guess.unit(name if name in guess else head + tail.partition("]")[2])
-    if found != "1" and parse_unit(found).dimension != parse_unit(unit).dimension:
-        raise ModelError(f"the guess has {name} in {found}; the model has it in {unit}: take another guess")
+    own = guess.unit(name if name in guess else head + tail.partition("]")[2])
+    if own != "1" and parse_unit(own).dimension != parse_unit(unit).dimension:
+        raise ModelError(f"the guess has {name} in {own}; the model has it in {unit}: take another guess")
 
 
 def _column(guess: Trajectory, name: str) -> np.ndarray | None:

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..results.status import SolveStatus
 from .casadi_warnings import without_warnings
-from .watch import FEASIBLE, NEARER, Iterate, Multipliers, Program, Progress, Watch
+from .watch import FEASIBLE, NEARER, Iterate, IterationWatch, Multipliers, Program, Progress
 
 if TYPE_CHECKING:
     from .solve import SolverOptions
@@ -30,7 +30,7 @@ TRIED_AGAIN = (SolveStatus.FAILED, SolveStatus.INFEASIBLE, SolveStatus.DIVERGED,
 
 
 @dataclass(frozen=True, eq=False)
-class Run:
+class SolverRun:
     """How a run of IPOPT ended: the last iterate, its multipliers, and IPOPT's own word for it.
 
     best: of a run that failed, an earlier iterate much nearer to its constraints, or one that keeps them for less.
@@ -64,7 +64,7 @@ class Run:
             return "first-order conditions hold, whether it is a minimum was not tested"
         return "first-order conditions hold, but it need be no minimum: the reduced Hessian is not positive definite"
 
-    def at_best(self) -> Run:
+    def at_best(self) -> SolverRun:
         """The run with its best iterate in place of the last; what a failure says is about the last."""
         b = self.best
         return self if b is None else replace(self, x=b.x, g=b.g, objective=b.objective, multipliers=b.multipliers)
@@ -77,7 +77,7 @@ def run_ipopt(
     progress: Progress | None = None,
     warm: Multipliers | None = None,
     scale: float = 1.0,
-) -> Run:
+) -> SolverRun:
     """Run IPOPT from x0, and from multipliers too where they are given; or fatrop.
 
     With barrier "auto" a failure is followed by a try with the other strategy, both within one limit of iterations and
@@ -90,30 +90,30 @@ def run_ipopt(
     order = STRATEGIES[::-1] if warm is not None else STRATEGIES
     strategy = order[0] if options.barrier == "auto" else options.barrier
     patience = options.patience if options.patience is not None or options.barrier != "auto" else LOST
-    first = _once(program, x0, options, strategy, Watch(program, progress, stop_at, patience), warm, scale)
+    first = _once(program, x0, options, strategy, IterationWatch(program, progress, stop_at, patience), warm, scale)
     left = options.max_iterations - first.iterations
     # at iteration 0 it is the start that is no number, for both alike; fatrop has no such strategies
     again = options.barrier == "auto" and first.barrier and first.status in TRIED_AGAIN
     if not again or first.iterations == 0 or left <= 0:
         return first
-    watch = Watch(program, progress, stop_at, options.patience, first.iterations)
+    watch = IterationWatch(program, progress, stop_at, options.patience, first.iterations)
     second = _once(program, x0, options, order[1], watch, None, scale)
     return _either(program, first, second)
 
 
-def _either(program: Program, first: Run, second: Run) -> Run:
+def _either(program: Program, first: SolverRun, second: SolverRun) -> SolverRun:
     """The solved one of two tries, or the nearer, with the iterations of both."""
     seconds = {name: first.seconds[name] + second.seconds[name] for name in first.seconds}
 
-    def violation(run: Run) -> float:
+    def violation(run: SolverRun) -> float:
         return max(program.violation(run.at_best().g), FEASIBLE)
 
     nearer = second.status.ok or violation(second) < NEARER * violation(first)
     kept, other = (second, first) if nearer else (first, second)
     if second.status is SolveStatus.INTERRUPTED:
         kept = replace(kept, status=second.status, word=second.word)
-    told = other.barrier, other.word
-    return replace(kept, iterations=first.iterations + second.iterations, seconds=seconds, other=told)
+    outcome = other.barrier, other.word
+    return replace(kept, iterations=first.iterations + second.iterations, seconds=seconds, other=outcome)
 
 
 def _once(
@@ -121,10 +121,10 @@ def _once(
     x0: np.ndarray,
     options: SolverOptions,
     strategy: str,
-    watch: Watch,
+    watch: IterationWatch,
     warm: Multipliers | None,
     scale: float,
-) -> Run:
+) -> SolverRun:
     """One run, with one barrier strategy."""
     ipopt: dict[str, Any] = {
         "tol": options.tolerance,
@@ -195,7 +195,7 @@ def _once(
     used = strategy if plugin == "ipopt" else ""
     curved = _curved(stats) if used and options.hessian == "exact" else None
     count = int(stats["iter_count"])
-    return Run(x, g, f, Multipliers(rows, bounds), count, status, word, seconds, best, miss, used, curved=curved)
+    return SolverRun(x, g, f, Multipliers(rows, bounds), count, status, word, seconds, best, miss, used, curved=curved)
 
 
 def _curved(stats: dict[str, Any]) -> bool | None:
@@ -216,7 +216,7 @@ def _miss(program: Program, x: np.ndarray, g: np.ndarray) -> float:
     return float(np.max(excess / np.maximum(1.0, size), initial=0.0))
 
 
-def _status(word: str, watch: Watch) -> tuple[SolveStatus, str]:
+def _status(word: str, watch: IterationWatch) -> tuple[SolveStatus, str]:
     if watch.stopped:
         return SolveStatus.INTERRUPTED, watch.stopped
     if watch.stalled:

@@ -16,15 +16,15 @@ from ..lang.scope import Scope
 from ..lang.source import ModelError
 from ..lang.units import parse_unit
 from .element import value_at
-from .formulation.relations import Row, relation_rows
+from .formulation.relations import ConstraintRow, relation_rows
 from .formulation.row_scaling import scale_of
 from .nlp import Nlp, functions_of, scatter
 from .watch import Program
 
-Link = Callable[["End", "End"], Iterable[Any]]
+Link = Callable[["PhaseEnd", "PhaseEnd"], Iterable[Any]]
 
 
-class Links(Protocol):
+class PhaseLinks(Protocol):
     """What is said of the links: see phases.Phases."""
 
     free: dict[str, tuple[str, ...]]
@@ -32,7 +32,7 @@ class Links(Protocol):
     shared: tuple[str, ...]
 
 
-class End:
+class PhaseEnd:
     """Values of one phase at the instant where two meet; attributes and items are expressions.
 
     It has no names of its own: those of a model may be any.
@@ -114,13 +114,13 @@ class Joined(Program):
     """The NLP of all phases: theirs one after the other, and the rows that link them."""
 
     nlps: dict[str, Nlp]
-    links: list[Row]
+    links: list[ConstraintRow]
     at: np.ndarray
     rows: np.ndarray
     shared: tuple[str, ...]
 
 
-def join(model: Links, nlps: dict[str, Nlp]) -> Joined:
+def join(model: PhaseLinks, nlps: dict[str, Nlp]) -> Joined:
     sizes, counts = [n.size for n in nlps.values()], [len(n.lbg) for n in nlps.values()]
     at, rows = (np.concatenate([[0], np.cumsum(a)]).astype(int) for a in (sizes, counts))
     total = int(at[-1])
@@ -141,9 +141,9 @@ def join(model: Links, nlps: dict[str, Nlp]) -> Joined:
     parts = [X[int(a) : int(b)] for a, b in pairwise(at)]
     zx = X[index.tolist()] if index.size else ca.MX(0, 1)
     each = list(nlps.values())
-    found = [n.nlp(x, p) for n, x in zip(each, parts, strict=True)]
+    evaluated = [n.nlp(x, p) for n, x in zip(each, parts, strict=True)]
     linked, slope = value(zx)
-    f, g = sum((v[0] for v in found), ca.MX(0)), ca.vertcat(*[v[1] for v in found], linked)
+    f, g = sum((v[0] for v in evaluated), ca.MX(0)), ca.vertcat(*[v[1] for v in evaluated], linked)
     jacobians = [n.functions["jac_g"](x, p)[1] for n, x in zip(each, parts, strict=True)]
     r, c = (np.array(a, int) for a in jacobian.sparsity().get_triplet())
     below = scatter(r, index[c] if c.size else c, slope, (len(links), total))
@@ -164,11 +164,11 @@ def join(model: Links, nlps: dict[str, Nlp]) -> Joined:
     return Joined(functions, nlp, lbx, ubx, low, high, nlps, links, at, rows, model.shared)
 
 
-def _links(model: Links, nlps: dict[str, Nlp], at: np.ndarray) -> tuple[ca.SX, np.ndarray, list[Row]]:
+def _links(model: PhaseLinks, nlps: dict[str, Nlp], at: np.ndarray) -> tuple[ca.SX, np.ndarray, list[ConstraintRow]]:
     """Symbols of the unknowns at all ends, their places, and the rows that link them."""
     symbols: list[ca.SX] = []
     places: list[np.ndarray] = []
-    rows: list[Row] = []
+    rows: list[ConstraintRow] = []
     names = list(nlps)
     ends: dict[str, list[Border]] = {n: [] for n in names}
     for k, (first, second) in enumerate(pairwise(names)):
@@ -176,7 +176,7 @@ def _links(model: Links, nlps: dict[str, Nlp], at: np.ndarray) -> tuple[ca.SX, n
         before, after = Border(nlps[first], scope, 1.0), Border(nlps[second], scope, 0.0)
         ends[first].append(before)
         ends[second].append(after)
-        ends_here = End(before.take), End(after.take)
+        ends_here = PhaseEnd(before.take), PhaseEnd(after.take)
         relations = _written(model.links[second], second, *ends_here) if second in model.links else []
         written = relation_rows(relations, f"the link to '{second}'", f"link to '{second}'")
         written += _continuity(model, nlps[first], nlps[second], second, before, after)
@@ -186,7 +186,7 @@ def _links(model: Links, nlps: dict[str, Nlp], at: np.ndarray) -> tuple[ca.SX, n
             rows.append(_sized(replace(row, expression=e)))
         (_, tf), (start, _) = before.times(), after.times()
         if not nlps[second].problem.t0.is_constant():
-            rows.append(Row(start - tf, 0.0, 0.0, f"'{second}' begins when '{first}' ends", None))
+            rows.append(ConstraintRow(start - tf, 0.0, 0.0, f"'{second}' begins when '{first}' ends", None))
         for end, offset in ((before, at[k]), (after, at[k + 1])):
             s, p = end.unknowns
             symbols.append(s)
@@ -202,16 +202,16 @@ def _links(model: Links, nlps: dict[str, Nlp], at: np.ndarray) -> tuple[ca.SX, n
     return kept, chosen, rows
 
 
-def _written(link: Link, name: str, before: End, after: End) -> list[Any]:
+def _written(link: Link, name: str, before: PhaseEnd, after: PhaseEnd) -> list[Any]:
     """What a link yields. Raises ModelError where it is no list."""
-    found: Any = link(before, after)
-    if not isinstance(found, Iterable):
-        what = "nothing" if found is None else f"one {type(found).__name__}"
+    links: Any = link(before, after)
+    if not isinstance(links, Iterable):
+        what = "nothing" if links is None else f"one {type(links).__name__}"
         raise ModelError(f"the link to '{name}' returned {what}; expected a list of relations")
-    return list(found)
+    return list(links)
 
 
-def _sized(row: Row) -> Row:
+def _sized(row: ConstraintRow) -> ConstraintRow:
     """A row that is small about one nominal, divided by its size; what continues has its state's already."""
     unknowns = ca.vertcat(*ca.symvar(row.expression))
     if row.scale != 1.0 or not unknowns.numel():
@@ -223,7 +223,9 @@ def _sized(row: Row) -> Row:
     return replace(row, expression=row.expression / scale, low=row.low / scale, high=row.high / scale, scale=scale)
 
 
-def _continuity(model: Links, first: Nlp, second: Nlp, name: str, before: Border, after: Border) -> list[Row]:
+def _continuity(
+    model: PhaseLinks, first: Nlp, second: Nlp, name: str, before: Border, after: Border
+) -> list[ConstraintRow]:
     """States of the later phase that the earlier one knows under the same name continue, unless they may jump."""
     flat, alias = second.problem.flat, second.problem.base.alias
     states = second.problem.state_pairs
@@ -244,11 +246,11 @@ def _continuity(model: Links, first: Nlp, second: Nlp, name: str, before: Border
         scale = float(second.problem.x_scale[n])
         difference = (after.take(state).sx - before.take(state).sx) / scale
         label = f"{state} continues into '{name}'"
-        rows.append(Row(difference, 0.0, 0.0, label, flat.variables[index].where, scale))
+        rows.append(ConstraintRow(difference, 0.0, 0.0, label, flat.variables[index].where, scale))
     return rows
 
 
-def _shared(model: Links, nlps: dict[str, Nlp], ends: dict[str, list[Border]]) -> list[Row]:
+def _shared(model: PhaseLinks, nlps: dict[str, Nlp], ends: dict[str, list[Border]]) -> list[ConstraintRow]:
     """Free constants of one name with one value."""
     rows = []
     for name in model.shared:
@@ -260,7 +262,7 @@ def _shared(model: Links, nlps: dict[str, Nlp], ends: dict[str, list[Border]]) -
                 if is_of(name, own):
                     j = second.problem.free_names.index(own)
                     p = ca.SX(ends[a][0].P[i] * first.p_scale[i] - ends[b][0].P[j] * second.p_scale[j])
-                    rows.append(Row(p, 0.0, 0.0, f"{own} of '{a}' and '{b}'", None))
+                    rows.append(ConstraintRow(p, 0.0, 0.0, f"{own} of '{a}' and '{b}'", None))
     return rows
 
 

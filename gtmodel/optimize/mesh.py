@@ -9,7 +9,7 @@ import numpy as np
 
 from ..lang.source import ModelError
 from .control import CONTROLS, Blocks
-from .tables import SCHEMES, Table, table
+from .tables import SCHEMES, CollocationTable, table
 
 ROUND_OFF = 1e-9  # of fractions of the horizon: sums of lengths and times over durations miss an edge by as much
 
@@ -73,7 +73,7 @@ class Mesh:
             raise ValueError(f"blocks hold {sum(self.blocks.sizes)} elements, but the mesh has {self.elements}")
 
     @property
-    def table(self) -> Table:
+    def table(self) -> CollocationTable:
         return table(self.scheme, self.points)
 
     @property
@@ -84,8 +84,8 @@ class Mesh:
 
     def element_at(self, s: float) -> int:
         """Number of the element that holds the fraction s of the horizon; at an edge the one on its right."""
-        found = int(np.searchsorted(self.edges, s + ROUND_OFF, side="right"))
-        return min(self.elements - 1, max(0, found - 1))
+        edge = int(np.searchsorted(self.edges, s + ROUND_OFF, side="right"))
+        return min(self.elements - 1, max(0, edge - 1))
 
     def is_point(self, local: float) -> bool:
         """Is a fraction of an element one of its collocation points?"""

@@ -107,7 +107,7 @@ def multi_start(
     # costs that differ by less than this part of the guess's are equal, also where the optimal cost is 0
     floor = abs(float(nlp.nlp(first, [])[0]))
     floor = floor if np.isfinite(floor) else 0.0
-    found: list[tuple[Solution, int]] = []
+    distinct: list[tuple[Solution, int]] = []
     failures: list[Solution] = []
     for k in range(count):
         x0 = first if k == 0 else _perturbed(nlp, first, spread, np.random.default_rng([seed, k]))
@@ -115,19 +115,19 @@ def multi_start(
         if not s.status.converged:
             failures.append(s)
             continue
-        for n, (other, times) in enumerate(found):
+        for n, (other, times) in enumerate(distinct):
             close = abs(s.objective - other.objective) <= SAME_COST * max(abs(s.objective), abs(other.objective), floor)
             states, controls, constants = _distances(s, other)
             if close and max(states, constants) <= SAME_PATH and controls <= SAME_CONTROL:
-                found[n] = (min(s, other, key=lambda v: v.objective), times + 1)
+                distinct[n] = (min(s, other, key=lambda v: v.objective), times + 1)
                 break
         else:
-            found.append((s, 1))
-    if not found:
+            distinct.append((s, 1))
+    if not distinct:
         raise NotSolved(failures[0])
-    found.sort(key=lambda pair: pair[0].objective)
-    best = found[0][0]
-    optima = tuple(Optimum(s, times, distance(s, best)) for s, times in found)
+    distinct.sort(key=lambda pair: pair[0].objective)
+    best = distinct[0][0]
+    optima = tuple(Optimum(s, times, distance(s, best)) for s, times in distinct)
     return MultiStart(optima, tuple(s.message for s in failures), seed)
 
 

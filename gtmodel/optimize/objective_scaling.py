@@ -25,8 +25,8 @@ def objective_scale(program: Program, x0: np.ndarray, misfits: Iterable[Misfit])
     slope = program.functions["grad_f"]
 
     def largest(x: np.ndarray) -> float:
-        found = np.abs(np.asarray(slope(x, [])[1]).reshape(-1))[program.lbx < program.ubx]
-        return float(np.max(found, initial=0.0)) if np.all(np.isfinite(found)) else np.inf
+        gradient = np.abs(np.asarray(slope(x, [])[1]).reshape(-1))[program.lbx < program.ubx]
+        return float(np.max(gradient, initial=0.0)) if np.all(np.isfinite(gradient)) else np.inf
 
     rng = np.random.default_rng(SEED)
     away = [np.clip(x0 + rng.choice([-1.0, 1.0], len(x0)), program.lbx, program.ubx) for _ in range(TRIALS)]

@@ -17,7 +17,7 @@ from .equalities import check_equalities
 from .finite import not_finite
 from .formulation.problem import build
 from .guess import initial_guess
-from .ipopt import Run, run_ipopt
+from .ipopt import SolverRun, run_ipopt
 from .judgement.diagnosis import failure, named_row, solved_word, violated
 from .judgement.discretisation import judged
 from .linking import Joined, Link, join
@@ -177,7 +177,7 @@ def solve_phases(
     return _read(joined, run, options, throw, scale)
 
 
-def _read(joined: Joined, run: Run, options: SolverOptions, throw: bool, scale: float) -> PhasesSolution:
+def _read(joined: Joined, run: SolverRun, options: SolverOptions, throw: bool, scale: float) -> PhasesSolution:
     status = run.status
     message = solved_word(run) if status.ok else failure(run, [*_infinite(joined, run), _worst(joined, run)])
     if status.ok:
@@ -210,13 +210,13 @@ def _read(joined: Joined, run: Run, options: SolverOptions, throw: bool, scale: 
     return solution
 
 
-def _infinite(joined: Joined, run: Run) -> list[str]:
+def _infinite(joined: Joined, run: SolverRun) -> list[str]:
     parts = zip(joined.nlps.items(), joined.at[:-1], joined.at[1:], strict=True)
-    found = [(name, not_finite(nlp, run.x[a:b])) for (name, nlp), a, b in parts]
-    return [f"phase '{name}': {text}" for name, text in found if text]
+    texts = [(name, not_finite(nlp, run.x[a:b])) for (name, nlp), a, b in parts]
+    return [f"phase '{name}': {text}" for name, text in texts if text]
 
 
-def _worst(joined: Joined, run: Run) -> str:
+def _worst(joined: Joined, run: SolverRun) -> str:
     said = []
     for row, amount in violated(joined.lbg, joined.ubg, run.g):
         k = int(np.searchsorted(joined.rows, row, side="right")) - 1

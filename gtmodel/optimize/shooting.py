@@ -13,7 +13,7 @@ import casadi as ca
 import numpy as np
 
 from ..lang.source import ModelError
-from .ipopt import Run, run_ipopt
+from .ipopt import SolverRun, run_ipopt
 from .judgement.resimulate import make_integrator
 from .nlp import Nlp
 from .objective_scaling import objective_scale
@@ -34,7 +34,7 @@ class _Shooting(Program):
     full: ca.Function
 
 
-def run_shooting(nlp: Nlp, x0: np.ndarray, options: SolverOptions, progress: Progress | None) -> Run:
+def run_shooting(nlp: Nlp, x0: np.ndarray, options: SolverOptions, progress: Progress | None) -> SolverRun:
     """Optimise by multiple shooting, and answer in the unknowns and rows of collocation.
 
     Raises ModelError for what this method does not take: Gauss points, algebraic unknowns, delays.
@@ -53,7 +53,7 @@ def run_shooting(nlp: Nlp, x0: np.ndarray, options: SolverOptions, progress: Pro
     # second derivatives of an integrator are dear
     run = run_ipopt(shooting, x0[shooting.kept], replace(options, hessian="lbfgs"), progress, scale=scale)
 
-    def lifted(of: Run | Iterate) -> dict[str, Any]:
+    def lifted(of: SolverRun | Iterate) -> dict[str, Any]:
         """Unknowns, rows and multipliers of collocation."""
         g, lam_g, lam_x = np.zeros(len(nlp.lbg)), np.zeros(len(nlp.lbg)), np.zeros(nlp.size)
         count = len(shooting.rows)
@@ -88,8 +88,8 @@ def _transcribe(nlp: Nlp) -> _Shooting:
 
     def entries(columns: np.ndarray) -> ca.MX:
         """Rows of y (all elements side by side) in physical units."""
-        found = W[[place[int(j)] for j in columns], :] if columns.size else ca.MX(0, N)
-        return found * ca.repmat(ca.DM(layout.scale[columns]), 1, N)
+        picked = W[[place[int(j)] for j in columns], :] if columns.size else ca.MX(0, N)
+        return picked * ca.repmat(ca.DM(layout.scale[columns]), 1, N)
 
     if layout.h >= 0:
         left, length = entries(np.array([layout.edge])), entries(np.array([layout.h]))

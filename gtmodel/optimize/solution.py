@@ -15,11 +15,10 @@ from ..results.status import SolveStatus
 from ..results.trajectory import Trajectory
 from .formulation.dynamic import DynamicProblem
 from .formulation.quadratures import summed
-from .formulation.system import System
-from .ipopt import Run
+from .formulation.system import RateSystem, on_rows
+from .ipopt import SolverRun
 from .mesh import ROUND_OFF, Mesh
 from .nlp import Nlp, placed
-from .rows import on_rows
 from .tables import basis, basis_slope
 
 if TYPE_CHECKING:
@@ -136,19 +135,19 @@ class Solution:
         if name not in columns:
             raise KeyError(f"'{name}' has no bounds of its own; there are {', '.join(columns)}")
         values = self.bound_multipliers[: self.nlp.end].reshape(-1, layout.size)
-        found = values[:, columns[name]] / layout.scale[columns[name]]
+        multipliers = values[:, columns[name]] / layout.scale[columns[name]]
         twin = self._twin(name, int(columns[name][-1]))
         if twin is not None:
             # an element's end and the next one's left are one quantity with two bounds
             scale, end = layout.scale[twin], self.nlp.end + twin
             if twin not in columns[name]:
-                found[:-1, -1] += values[1:, twin] / scale
+                multipliers[:-1, -1] += values[1:, twin] / scale
             elif len(columns[name]) > 1:
-                found[:-1, -1] += found[1:, 0]
-                found[1:, 0] = 0.0
+                multipliers[:-1, -1] += multipliers[1:, 0]
+                multipliers[1:, 0] = 0.0
             if self.nlp.lbx[end] < self.nlp.ubx[end]:
-                found[-1, -1] += self.bound_multipliers[end] / scale
-        return found
+                multipliers[-1, -1] += self.bound_multipliers[end] / scale
+        return multipliers
 
     def _twin(self, name: str, last: int) -> int | None:
         """Where the next element holds again what is `last` in this one; None where nothing is shared."""
@@ -172,14 +171,14 @@ class Solution:
 
 def _chosen(name: str, labels: tuple[str, ...]) -> set[str]:
     """Labels of the row, or of the entries of the vector, that a name begins. Raises KeyError."""
-    found = [n for n in labels if n == name]
-    found = found or [n for n in labels if n.startswith(name) and not re.match(r"[\w.]", n[len(name) :])]
-    if len({re.sub(r"\[\d+(?:, ?\d+)*\]", "", n[len(name) :]) for n in found}) != 1:
-        raise KeyError(f"{len(found)} rows begin with '{name}'; there are {', '.join(labels)}")
-    return set(found)
+    matches = [n for n in labels if n == name]
+    matches = matches or [n for n in labels if n.startswith(name) and not re.match(r"[\w.]", n[len(name) :])]
+    if len({re.sub(r"\[\d+(?:, ?\d+)*\]", "", n[len(name) :]) for n in matches}) != 1:
+        raise KeyError(f"{len(matches)} rows begin with '{name}'; there are {', '.join(labels)}")
+    return set(matches)
 
 
-def read_solution(nlp: Nlp, run: Run, status: SolveStatus, message: str) -> Solution:
+def read_solution(nlp: Nlp, run: SolverRun, status: SolveStatus, message: str) -> Solution:
     """Physical values of all names from the scaled unknowns."""
     x = run.x
     chosen = constants(nlp, x)[: len(nlp.problem.free_names)]
@@ -250,7 +249,7 @@ def evaluate(nlp: Nlp, x: np.ndarray, s: np.ndarray) -> Trajectory:
     off = np.flatnonzero(~at_points(placed(nlp, x), s))
     if off.size and problem.loose:
         known = nlp.element.layout.nu + len(problem.delayed)
-        system, rows, given = System.of(problem), xs[off], us[off, :known]
+        system, rows, given = RateSystem.of(problem), xs[off], us[off, :known]
         z = system.solved(rows, given, system.near(problem, us[off], rates[off]), P, times[off])
         own, inputs = system.at(rows, given, z, P, times[off])
         good = np.all(np.isfinite(own), axis=1) & np.all(np.isfinite(inputs), axis=1)

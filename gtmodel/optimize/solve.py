@@ -21,7 +21,7 @@ from .fatrop import Staged
 from .formulation.problem import FORMULATIONS, build
 from .formulation.row_scaling import of_trajectory
 from .guess import initial_guess
-from .ipopt import BARRIERS, HESSIANS, Run, run_ipopt
+from .ipopt import BARRIERS, HESSIANS, SolverRun, run_ipopt
 from .judgement.diagnosis import sentence
 from .judgement.discretisation import BOUND, judged
 from .mesh import Mesh, given_mesh
@@ -241,7 +241,7 @@ def solve_nlp(
 
 
 def _answer(
-    nlp: Nlp, run: Run, options: SolverOptions, throw: bool, scale: float = 1.0, exact: bool = False
+    nlp: Nlp, run: SolverRun, options: SolverOptions, throw: bool, scale: float = 1.0, exact: bool = False
 ) -> Solution:
     """The solution by name, with a sentence on how it ended. Raises NotSolved."""
     status, message = run.status, sentence(run, nlp)

@@ -88,7 +88,7 @@ def optimization_study(
     solver = solver or SolverOptions()
     limits = [x for x in (solver.max_seconds, work.seconds_left()) if x is not None]
 
-    def told(iteration: int, objective: float, violation: float) -> bool:
+    def reported(iteration: int, objective: float, violation: float) -> bool:
         numbers = {"iteration": iteration, "objective": objective, "violation": violation}
         work.progress("optimising", None, numbers)
         return work.interrupted()
@@ -96,7 +96,7 @@ def optimization_study(
     try:
         solution = solve(
             problem, mesh or Mesh(), guess=guess, solver=replace(solver, max_seconds=min(limits, default=None)),
-            progress=told, throw=False,
+            progress=reported, throw=False,
         )  # fmt: skip
     except CompilerMissing as error:
         raise ArgumentError(str(error), "solver.compile") from None

@@ -15,7 +15,7 @@ SCHEMES = ("radau", "gauss")
 
 
 @dataclass(frozen=True)
-class Table:
+class CollocationTable:
     """Collocation on one element scaled to [0, 1] with K points.
 
     `points` (K,); `derivative` (K + 1, K): derivative at point c of the state polynomial through node 0 and the
@@ -54,16 +54,16 @@ def points(scheme: str, count: int) -> np.ndarray:
 
 
 @cache
-def table(scheme: str, count: int) -> Table:
+def table(scheme: str, count: int) -> CollocationTable:
     """Points, differentiation matrix, weights and end values; read-only."""
     c = points(scheme, count)
     nodes = np.concatenate([[0.0], c])
     x, w = legendre.leggauss(count + 1)  # exact for the basis, without monomials that lose digits
     weights = (w / 2) @ basis(c, (x + 1) / 2)
-    found = Table(scheme, c, basis_slope(nodes, c).T, weights, basis(nodes, np.array([1.0]))[0])
-    for array in (found.points, found.derivative, found.weights, found.end):
+    made = CollocationTable(scheme, c, basis_slope(nodes, c).T, weights, basis(nodes, np.array([1.0]))[0])
+    for array in (made.points, made.derivative, made.weights, made.end):
         array.setflags(write=False)
-    return found
+    return made
 
 
 def basis(nodes: np.ndarray, at: np.ndarray) -> np.ndarray:

@@ -129,33 +129,33 @@ class Transcription:
         the mesh does not resolve (status check_failed) is gone on from. Raises NotSolved where halving does not help
         (unless throw is False) and ModelError as solve() does.
         """
-        found: list[tuple[dict[str, Any], Solution]] = []
+        solved: list[tuple[dict[str, Any], Solution]] = []
         todo = [(dict(s), HALVINGS) for s in reversed(steps)]
         if not todo:
             raise ValueError("a continuation takes at least one set of parameters")
         while todo:
             values, halvings = todo.pop()
-            values = {**(found[-1][0] if found else {}), **values}
+            values = {**(solved[-1][0] if solved else {}), **values}
             s = self.solve(values, guess=guess, start=start, solver=solver, throw=False)
             if s.status.converged:
-                found.append((values, s))
+                solved.append((values, s))
                 guess, start = None, s
                 continue
-            if not found or halvings == 0:
+            if not solved or halvings == 0:
                 shown = ", ".join(f"{k} = {v}" for k, v in values.items())
                 message = f"the continuation ends before {shown}: {s.message}"
                 if throw:
                     raise NotSolved(replace(s, message=message))
-                return Continuation((*found, (values, s)), message)
-            last = found[-1][0]
+                return Continuation((*solved, (values, s)), message)
+            last = solved[-1][0]
             middle = {k: (np.asarray(last.get(k, self._default(k))) + np.asarray(v)) / 2 for k, v in values.items()}
             todo += [(values, halvings - 1), (middle, halvings - 1)]
-        return Continuation(tuple(found))
+        return Continuation(tuple(solved))
 
     def _default(self, name: str) -> np.ndarray:
         values = {q.name: q.value for q in self.problem.flat.parameters}
-        found = np.array([values[n] for n in self._names[name]])
-        return found if len(found) > 1 else found[0]
+        default = np.array([values[n] for n in self._names[name]])
+        return default if len(default) > 1 else default[0]
 
     def _with(self, parameters: Mapping[str, Any]) -> Nlp:
         """The NLP with other values of the tunable parameters."""

@@ -78,7 +78,7 @@ class Patience:
         return self.since
 
 
-class Watch(ca.Callback):
+class IterationWatch(ca.Callback):
     """IPOPT's iteration callback: progress, time limit, a stop that keeps the best iterate."""
 
     def __init__(

@@ -9,8 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from matplotlib.text import Text
 
-from .colours import COLOURS
-from .panels import with_panels
+from .panels import COLOURS, with_panels
 from .workspace import mark_guideways
 
 STYLES = ("-", "-.", "--")

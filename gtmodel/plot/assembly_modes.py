@@ -11,8 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.ticker import MaxNLocator
 
-from .colours import COLOURS
-from .panels import with_panels
+from .panels import COLOURS, with_panels
 from .robot3d import draw_robot, from_the_side, pieces
 
 MARKED = "#b00020"

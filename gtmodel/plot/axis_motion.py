@@ -6,8 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ..results.trajectory import Trajectory
-from .colours import COLOURS
-from .panels import with_panels
+from .panels import COLOURS, with_panels
 from .path import draw_path, head
 
 

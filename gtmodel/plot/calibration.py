@@ -9,8 +9,7 @@ import numpy as np
 from matplotlib.collections import PathCollection
 from matplotlib.figure import Figure
 
-from .colours import COLOURS
-from .panels import with_panels
+from .panels import COLOURS, with_panels
 
 BINS = 30
 MANY = 40  # names that still can be read on an axis

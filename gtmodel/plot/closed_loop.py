@@ -8,8 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ..results.trajectory import Trajectory
-from .colours import COLOURS
-from .panels import with_panels
+from .panels import COLOURS, with_panels
 
 
 def closed_loop_figure(runs: Sequence[tuple[str, Trajectory]], *, title: str = "") -> Figure:

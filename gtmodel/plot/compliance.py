@@ -8,8 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from .colours import COLOURS
-from .panels import with_panels
+from .panels import COLOURS, with_panels
 from .workspace import mark_guideways
 
 LEVELS = 12

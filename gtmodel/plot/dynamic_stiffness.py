@@ -9,8 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
-from .colours import COLOURS
-from .panels import with_panels
+from .panels import COLOURS, with_panels
 
 UNITS = {"m": ("kg", 1.0), "c": ("kN s/m", 1e-3), "k": ("MN/m", 1e-6)}
 Q95 = 1.96  # standard deviations of a 95 % interval
@@ -41,7 +40,7 @@ def response_figure(shown: Sequence[tuple[str, Any, Any]], *, title: str = "") -
                 axis.axvline(mode, color="black", linestyle=":", linewidth=0.8, label="modes" if k == 0 else None)
         size = 1e6 * np.abs(H)
         column[0].set(yscale="log", title=name, ylim=(size[size > 0].min() / 2, 3 * 1e6 * np.abs(model).max()))
-        low, high = fit.interval("fn")
+        low, high = fit.interval("fn[0]")
         said = f"fn {fit.fn[0]:.4g} Hz ({low:.4g}..{high:.4g})\nm {fit.m[0]:.3g} kg, zeta {fit.zeta[0]:.3g}"
         column[0].text(0.97, 0.96, said, transform=column[0].transAxes, ha="right", va="top", fontsize="small")
         column[1].set(xlabel="frequency [Hz]", ylim=(-190, 190), yticks=[-180, -90, 0, 90, 180], xlim=(0, top))

@@ -7,8 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from matplotlib.figure import Figure
 
-from .colours import curve
-from .panels import with_panels
+from .panels import curve, with_panels
 
 
 def swing_figure(

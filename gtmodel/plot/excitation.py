@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from .colours import COLOURS, colour
-from .panels import with_panels
+from .panels import COLOURS, colour, with_panels
 from .robot3d import draw_robot, finish, pieces
 
 WIDTH = 0.76  # of a group of bars, of their distance

@@ -9,8 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter, StrMethodFormatter
 
-from .colours import COLOURS, curve
-from .panels import with_panels
+from .panels import COLOURS, curve, with_panels
 
 STATIC, DYNAMIC, AXES = "#d55e00", "#0072b2", ("#0072b2", "#009e73", "#cc79a7")
 ORDER: tuple[dict[str, Any], ...] = tuple(dict(color=c) for c in ("#56b4e9", STATIC, "black"))  # light below dark

@@ -9,8 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from ..results.trajectory import Trajectory
-from .colours import COLOURS, colour
-from .panels import with_panels
+from .panels import COLOURS, colour, with_panels
 from .path import draw_path, head
 
 

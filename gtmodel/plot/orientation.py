@@ -9,8 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ..kinematics.orientation import OrientationMap
-from .colours import COLOURS
-from .panels import with_panels
+from .panels import COLOURS, with_panels
 
 ANGLES = ("alpha", "beta", "gamma")
 MOST_LAYERS = 6  # more cannot be seen beside each other

@@ -7,8 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from .colours import COLOURS
-from .panels import with_panels
+from .panels import COLOURS, with_panels
 from .signals import PANEL_HEIGHT
 
 

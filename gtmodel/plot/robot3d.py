@@ -10,7 +10,7 @@ import scipy
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from .colours import COLOURS
+from .panels import COLOURS
 
 TICKS = 5
 STROKE = 0.6  # of a guideway drawn to each side of its cart where no ends are given, in mean link lengths

@@ -8,8 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ..results.trajectory import Trajectory
-from .colours import COLOURS, STYLES
-from .panels import with_panels
+from .panels import COLOURS, STYLES, with_panels
 
 ENERGIES = ("energy.stored", "energy.supplied", "energy.dissipated")
 PANEL_HEIGHT = 2.1  # inches
@@ -65,7 +64,7 @@ def _draw(axes: Axes, trajectory: Trajectory, name: str, n: int) -> None:
     values = trajectory[name]
     columns = values.reshape(len(values), -1)
     for k in range(columns.shape[1]):
-        # scalars of one unit tell each other apart by colour
+        # scalars of one unit are distinguished by colour
         colour = len(axes.get_lines()) if values.ndim == 1 else k
         shown = {(line.get_color(), line.get_linestyle()) for line in axes.get_lines()}
         pairs = [(COLOURS[(colour + i) % len(COLOURS)], STYLES[(n + j) % len(STYLES)])

@@ -9,8 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ..results.trajectory import Trajectory
-from .colours import COLOURS, STYLES, colour, curve
-from .panels import with_panels
+from .panels import COLOURS, STYLES, colour, curve, with_panels
 
 _AXES = "xyz"
 SMALLEST_MM = 1e-3  # what no measurement would show; zero has no logarithm

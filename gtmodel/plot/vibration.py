@@ -7,8 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from .colours import COLOURS, colour
-from .panels import with_panels
+from .panels import COLOURS, colour, with_panels
 
 BLUE, ORANGE, GREEN = COLOURS[:3]
 GREY = "#777777"

@@ -20,7 +20,7 @@ def key_of(schema: type[pydantic.BaseModel], argument: str, renamed: Mapping[str
 
     renamed: arguments, or their beginnings, that stand elsewhere in the file; the longest that fits counts. What has
     no key is said under its own name. An entry of a list keeps its number: "cases[1].length" is "cases[1].length_um",
-    also where the list has another name in the file: {"poses": "pose"} tells of "poses[1]" too, and {"rows[].at": ""}
+    also where the list has another name in the file: {"poses": "pose"} stands for "poses[1]" too, and {"rows[].at": ""}
     of what any row holds.
     """
     parts = argument.split(".")

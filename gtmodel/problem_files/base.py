@@ -20,7 +20,7 @@ from .input_error import InputError
 
 __all__ = [
     "TRAJECTORY", "Check", "Context", "FileSection", "Generating", "InputError", "Kind", "Problem", "Progress",
-    "Row", "at_least", "at_most", "silent", "unheard",
+    "Row", "at_least", "at_most", "silent", "unnoticed",
 ]  # fmt: skip
 
 
@@ -48,7 +48,7 @@ class Problem(FileSection):
         return title
 
 
-def unheard(sentence: str) -> None:
+def unnoticed(sentence: str) -> None:
     """Tells nobody."""
 
 
@@ -65,13 +65,13 @@ class Context:
         hash.
     notes: sentences that stay in the result, said by `note`.
     distrusted: names of files among `inputs` that say of themselves that they are not to be used.
-    models: those that the problem names; what is to be said of them is told with the result.
+    models: those that the problem names; what is to be said of them stands in the notes of the result.
     """
 
     name: str = "problem"
     folder: Path = field(default_factory=Path)
     progress: Progress = silent
-    notice: Callable[[str], object] = unheard
+    notice: Callable[[str], object] = unnoticed
     max_seconds: float | None = None
     start: Mapping[str, Any] | None = None
     inputs: dict[str, Path] = field(default_factory=dict)
@@ -102,7 +102,7 @@ class Context:
         }
 
     def note(self, sentence: str) -> None:
-        """Tell a person one sentence that stays in the result; said again it is not heard."""
+        """Tell a person one sentence that stays in the result; said again it stays one."""
         if sentence not in self.notes:
             self.notes.append(sentence)
             self.notice(sentence)

@@ -39,7 +39,7 @@ class MeasuredSignalSection(FileSection):
     )
 
     def signal(self, key: str, unit: str | None = None) -> Signal:
-        """As the measurements take it; the key, such as force_N, tells the quantity's SI unit, or `unit` does.
+        """As the measurements take it; the key, such as force_N, says the quantity's SI unit, or `unit` does.
 
         Raises InputError.
         """
@@ -57,7 +57,7 @@ class LogSampling(FileSection):
     """How logs are sampled; a kind adds its files and signals."""
 
     time: TimeColumn = TimeColumn()
-    session: str | None = Field(default=None, description="column whose number tells the recordings of a file apart")
+    session: str | None = Field(default=None, description="column whose number distinguishes the recordings of a file")
     sample_time_s: PositiveFloat | None = Field(default=None, description="expected; the log's median if left out")
     jitter: float = Field(default=JITTER, gt=0, lt=1, description="how far a step may be off, as a share of it")
 

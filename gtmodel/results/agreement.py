@@ -92,7 +92,7 @@ def agree(value: Any, hint: Any, argument: str, marks: Marks = ()) -> None:
     elif kind in _NUMBERS:
         if not isinstance(value, _NUMBERS[kind]) or isinstance(value, bool):
             raise WrongKind(value, hint, argument)
-        _bounded([float(value)], argument, marks)
+        _bounded([_as_float(value)], argument, marks)
     elif kind is np.ndarray:
         _array(value, hint, argument, marks)
     elif kind is Callable or getattr(kind, "_is_protocol", False):
@@ -149,6 +149,13 @@ def _array(value: Any, hint: Any, argument: str, marks: Marks) -> None:
         _bounded([float(array.min()), float(array.max())], argument, marks)
 
 
+def _as_float(value: Any) -> float:
+    try:
+        return float(value)
+    except OverflowError:  # an integer larger than any float
+        return math.inf
+
+
 def _bounded(numbers: Sequence[float], argument: str, marks: Marks) -> None:
     for x in numbers:
         if not math.isfinite(x):
@@ -162,7 +169,7 @@ def _bounded(numbers: Sequence[float], argument: str, marks: Marks) -> None:
 
 
 def _one_of(value: Any, hints: Sequence[Any], argument: str, marks: Marks) -> None:
-    """One of several kinds; where the value is of one of them, it is told what that one refuses."""
+    """One of several kinds; where the value is of one of them, the sentence is what that one refuses."""
     inner = None
     for hint in hints:
         try:

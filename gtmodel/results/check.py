@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from .unit_names import split
 
-_DIGITS, _ALL = 6, 17  # of a number in a sentence; that tell any two numbers apart
+_DIGITS, _ALL = 6, 17  # of a number in a sentence; that distinguish any two numbers
 
 
 @dataclass(frozen=True)
@@ -92,13 +92,13 @@ def _numbers(name: str, check: Check) -> str:
 
 
 def bound_in_words(check: Check) -> str:
-    """ "at most 0.005", with as many digits as tell the value from the bound."""
+    """ "at most 0.005", with as many digits as distinguish the value from the bound."""
     word = "at least" if check.least else "at most"
     return f"{word} {check.bound:.{_digits(check)}g}"
 
 
 def _digits(check: Check) -> int:
-    """Six, or as many as tell a value from a bound that it just misses."""
+    """Six, or as many as distinguish a value from a bound that it just misses."""
     if check.bound is None or not math.isfinite(check.value) or check.value == check.bound:
         return _DIGITS
     alike = (n for n in range(_DIGITS, _ALL) if f"{check.value:.{n}g}" != f"{check.bound:.{n}g}")

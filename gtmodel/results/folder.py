@@ -11,6 +11,7 @@ FolderError or leave files of both. Run one at a time there; what a write that b
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import json
 import os
@@ -33,6 +34,17 @@ _TRIES = 100  # a mark that its holder takes away between our opening and our lo
 
 class FolderError(Exception):
     """A folder that cannot be held or written; the text is the predicate of a sentence about the folder."""
+
+
+def refuse_impossible(folder: Path) -> None:
+    """Raises FolderError for a name that no disk takes."""
+    try:
+        os.stat(folder)
+    except ValueError:
+        raise FolderError("holds the sign NUL, which no name of a folder does; name another one") from None
+    except OSError as error:
+        if error.errno == errno.ENAMETOOLONG:
+            raise FolderError("is a longer name than the disk takes; name another folder") from None
 
 
 def unfinished(folder: Path) -> bool:

@@ -17,12 +17,14 @@ class Status(enum.IntEnum):
 
     A single call of a `CausalFunction` returns one; rows return an int array of its codes. The integer is shared with
     C: `c_enum` and `c_sentences` write the C side from this table, so that there is no second list to keep in step.
-    `sentence` is the plain English shown to people.
+    `message` is the plain English shown to people; `ok` is True for OK only.
 
     >>> gt.Status(1)
     <Status.OUT_OF_RANGE: 1>
     >>> gt.Status.OUT_OF_RANGE.message
     'the input lies outside the range where a solution exists'
+    >>> gt.Status.OK.ok, gt.Status.OUT_OF_RANGE.ok
+    (True, False)
     """
 
     message: str
@@ -40,6 +42,11 @@ class Status(enum.IntEnum):
         member._value_ = value
         member.message = sentence
         return member
+
+    @property
+    def ok(self) -> bool:
+        """True when there is a value."""
+        return self is Status.OK
 
     @property
     def c_name(self) -> str:
@@ -62,7 +69,7 @@ class _Word(enum.StrEnum):
 class SolveStatus(_Word):
     """What a whole solve or simulation ended with. The value is the machine word, as in ``result.json``.
 
-    ``sentence`` is the plain English shown to people; ``ok`` is True only for a solved problem whose checks
+    ``message`` is the plain English shown to people; ``ok`` is True only for a solved problem whose checks
     passed: an interrupted run, or one at its iteration limit, holds its best iterate, but is not to be relied on.
     ``converged`` is True for a whole solution, whatever its checks say: what a search may go on from.
 
@@ -95,7 +102,7 @@ class SolveStatus(_Word):
 class ModesStatus(_Word):
     """How the search for all assembly modes of a platform ended. The value is the machine word.
 
-    ``sentence`` is the plain English shown to people; ``ok`` is True when every mode at a finite distance is
+    ``message`` is the plain English shown to people; ``ok`` is True when every mode at a finite distance is
     known and stands alone.
     """
 

@@ -1,4 +1,4 @@
-"""What a long computation tells meanwhile, and when it is to stop."""
+"""What a long computation reports meanwhile, and when it is to stop."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Progress(Protocol):
 
 
 class Interrupted(Exception):
-    """The work was to end before this step; there is no result yet, so the study tells its status alone."""
+    """The work was to end before this step; there is no result yet, so the study has its status alone."""
 
 
 def silent(stage: str | None = None, fraction: float | None = None, numbers: Mapping[str, float] | None = None) -> None:

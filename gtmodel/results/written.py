@@ -17,7 +17,7 @@ import tomli_w
 
 from .._version import __version__
 from .as_json import result
-from .folder import FolderError, Held, holding, others, unfinished
+from .folder import FolderError, Held, holding, others, refuse_impossible, unfinished
 from .marks import marked
 from .refusal import ArgumentError
 from .trajectory_files import TRAJECTORY, csv_bytes
@@ -63,16 +63,18 @@ def held(folder: Path, notice: Callable[[str], object]) -> Iterator[Held]:
 
     Raises ArgumentError as `refuse_foreign` does, where the folder cannot be written, and while another run has it.
     """
-    if not unfinished(folder):
-        refuse_foreign(folder)
     try:
+        refuse_impossible(folder)
+        if not unfinished(folder):
+            refuse_foreign(folder)
         with holding(folder) as mine:
             refuse_foreign(folder)
             if mine.message:
                 notice(mine.message)
             yield mine
     except FolderError as error:
-        raise ArgumentError(f"{folder} {error}", "folder") from error
+        shown = str(folder) if str(folder).isprintable() else repr(str(folder))
+        raise ArgumentError(f"{shown} {error}", "folder") from error
 
 
 def _written(folder: Path) -> dict[str, str] | None:
@@ -179,7 +181,7 @@ def _not_ok(study: Study) -> str:
 def record(
     inputs: Mapping[str, Any], wall_s: float | None, files: Mapping[str, bytes], more: Mapping[str, Any] | None = None
 ) -> bytes:
-    """run.toml: what a folder was made of, and the hashes of its `files`, which tell what a person changed."""
+    """run.toml: what a folder was made of, and the hashes of its `files`, which show what a person changed."""
     run = {
         "program": _OURS,
         **({} if wall_s is None else {"wall_s": wall_s}),

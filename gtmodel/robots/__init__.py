@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from .entries import entries as entries, names as names
     from .f1 import F1 as F1, f1_five_dof as f1_five_dof, f1_gantry_tau as f1_gantry_tau, f1_rotation as f1_rotation
     from .f1_closed_form import F1FiveDof as F1FiveDof, F1Rotation as F1Rotation
-    from .f1_screws import F1BallScrews as F1BallScrews
+    from .f1_screws import F1BallScrews as F1BallScrews, f1_ball_screws as f1_ball_screws
     from .five_carts import ExtraCarts as ExtraCarts, extra_carts as extra_carts
     from .kr500 import (
         SphericalWristArm as SphericalWristArm,

@@ -13,7 +13,7 @@ EXAMPLE_MASSES = "an example of ours"
 IDENTIFIED_MASSES = "Dressler 2012, Table 6.3"
 
 
-class Entry(NamedTuple):
+class CatalogueEntry(NamedTuple):
     """A robot of the catalogue: its family, degrees of freedom, source of its geometry and origin of its masses."""
 
     family: str
@@ -37,7 +37,7 @@ def family_in(table: dict[str, Any]) -> str:
     return "six_link" if "B_m" in table else "three_link"
 
 
-def entries() -> dict[str, Entry]:
+def entries() -> dict[str, CatalogueEntry]:
     """The robots of the catalogue by name: family, degrees of freedom, source of the geometry, origin of the masses.
 
     >>> for name, entry in gt.robots.entries().items():
@@ -57,8 +57,8 @@ def entries() -> dict[str, Entry]:
     for name, table in sorted(geometries().items()):
         family = family_in(table)
         masses = IDENTIFIED_MASSES if table["prototype"] == "L1" else EXAMPLE_MASSES
-        by_name[name] = Entry(family, FAMILIES[family], table["source"], masses)
-    by_name["kr500"] = Entry("serial", FAMILIES["serial"], KR500_SOURCE, NO_MASSES)
+        by_name[name] = CatalogueEntry(family, FAMILIES[family], table["source"], masses)
+    by_name["kr500"] = CatalogueEntry("serial", FAMILIES["serial"], KR500_SOURCE, NO_MASSES)
     return dict(sorted(by_name.items()))
 
 

@@ -15,7 +15,7 @@ NOTE = (
 
 
 @dataclass(frozen=True, eq=False)
-class PrintedOscillators:
+class Table16Oscillators:
     """Distinct rows: poses (n, 4) in m and rad, m [kg], c [N.s/m], k [N/m] (n, 3); `tests`: numbers of each row."""
 
     poses: np.ndarray
@@ -37,7 +37,7 @@ class PrintedOscillators:
         return self.c / (2 * np.sqrt(self.k * self.m))
 
 
-def table_16() -> PrintedOscillators:
+def table_16() -> Table16Oscillators:
     """Each pose once, c_z from zeta_z = (zeta_x + zeta_y) / 2."""
     table = kr500_tables()["milling_tests"]
     poses = np.column_stack([np.array(table["tcp_mm"]) / 1e3, np.deg2rad(table["angle_A_deg"])])
@@ -48,4 +48,4 @@ def table_16() -> PrintedOscillators:
     for test, row in enumerate(np.hstack([m, k]).tolist(), 1):
         rows.setdefault(tuple(row), []).append(test)
     first = [tests[0] - 1 for tests in rows.values()]
-    return PrintedOscillators(poses[first], m[first], c[first], k[first], tuple(map(tuple, rows.values())))
+    return Table16Oscillators(poses[first], m[first], c[first], k[first], tuple(map(tuple, rows.values())))

@@ -1,8 +1,10 @@
-"""Links of a robot by their names in the model: all of them, and those that run on guideways."""
+"""Links of a robot by their names in the model: all of them, and those that run on guideways; its family."""
 
 from __future__ import annotations
 
 import re
+
+import numpy as np
 
 from ..compiler.causal import flat_of
 from ..lang import Model
@@ -28,3 +30,13 @@ def link_names(robot: Model) -> list[str]:
 def links_of(robot: Model) -> list[tuple[str, int]]:
     """Part and index of the arms whose links `link_names` names."""
     return [(m["part"], int(m["index"])) for m in map(_LINK.fullmatch, link_names(robot)) if m]
+
+
+def family_of(model: Model) -> str:
+    """three_link, six_link or f1; "" for another mechanism. Robots of a user's own that declare the same are found."""
+    if hasattr(model, "A0") and hasattr(model, "u1_2"):
+        return "f1"
+    A, v = (np.shape(getattr(model, n, ())) for n in "Av")
+    if A == v == (6, 3) and hasattr(model, "B"):
+        return "six_link"
+    return "three_link" if A == v == (3, 3) else ""

@@ -83,15 +83,15 @@ class Integration:
 
     def _span(self, stop: float) -> float:
         """Time [s] for which the states are good, after a look whether others would be better."""
-        watch, longest = self._systems.watch, min(stop - self._time, GROWTH * self._last_span)
-        if not watch.has_choice:
+        selection, longest = self._systems.selection, min(stop - self._time, GROWTH * self._last_span)
+        if not selection.has_choice:
             return longest
         w = self._here()
-        matrix = watch.matrix(w, self._time)
-        reference = watch.refer(self.system.choice, matrix)
+        matrix = selection.matrix(w, self._time)
+        reference = selection.refer(self.system.choice, matrix)
         if reference.quality < self._switch_below:
             other = self._systems.at(w, self._time)
-            better = None if other is None else watch.refer(other.choice, matrix)
+            better = None if other is None else selection.refer(other.choice, matrix)
             if other is not None and better is not None and better.quality > reference.quality:
                 self._switch(other, w)
                 reference = better
@@ -105,7 +105,7 @@ class Integration:
                 f"the motion ends at {self._time:.6g} s in a singular pose: no choice of states describes it there",
             )
         self._reference = reference
-        span = watch.horizon(self.system.choice, reference, w, self._time, longest)
+        span = selection.horizon(self.system.choice, reference, w, self._time, longest)
         if span < longest:
             self._last_span = span
         if span < min(longest, self._shortest):
@@ -176,7 +176,7 @@ class Integration:
             good, touching, when = self._resolved(times[:good], xs[:good], zs)
         points = self._points(xs[:good], zs[:good], times[:good])
         if good and self._reference is not None:
-            changes = self._systems.watch.changes(self.system.choice, self._reference, points, times[:good])
+            changes = self._systems.selection.changes(self.system.choice, self._reference, points, times[:good])
             fine = changes <= LARGEST_CHANGE
             good = good if fine.all() else int(np.argmin(fine))
         if good:
@@ -189,7 +189,7 @@ class Integration:
             raise Ended(
                 SolveStatus.FAILED,
                 f"the motion ends at {when:.6g} s in a singular pose: the two solutions of "
-                f"{'; '.join(touching)} meet there, and nothing tells on which one it goes on",
+                f"{'; '.join(touching)} meet there, and nothing decides on which one it goes on",
             )
         return good > 0
 
@@ -210,7 +210,7 @@ class Integration:
         return np.array(rows).reshape(len(rows), zs.shape[1])
 
     def _resolved(self, times: np.ndarray, xs: np.ndarray, zs: np.ndarray) -> tuple[int, list[str], float]:
-        """How many of the intervals tell on which side of its root the motion is, and what touches zero after them
+        """How many of the intervals show on which side of its root the motion is, and what touches zero after them
         and when."""
         times = np.concatenate([[self._time], times])
         xs, zs = np.vstack([self._x, xs]), np.vstack([self._z, zs])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import reprlib
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -12,6 +13,8 @@ from ..lang.source import ModelError
 
 # rows of a trajectory: more fill the memory before anybody looks at them
 MOST_ROWS = 1_000_000
+# time [s]: squares of a longer one overflow, and an integrator's norms with them
+LARGEST_TIME = 1e150
 # steps of an integrator with a longest one: more take hours
 MOST_STEPS = 10_000_000
 
@@ -20,7 +23,10 @@ def number(what: str, value: Any) -> float:
     """A finite number. Raises ModelError naming what it is for."""
     if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
         raise ModelError(f"{what} takes a number; found {value!r}")
-    return float(value)
+    try:
+        return float(value)
+    except OverflowError:
+        raise ModelError(f"{what} takes a number; found one larger than any float") from None
 
 
 def numbers(what: str, value: Any) -> np.ndarray:
@@ -28,7 +34,7 @@ def numbers(what: str, value: Any) -> np.ndarray:
     try:
         return floats(value).reshape(-1)
     except (TypeError, ValueError):
-        raise ModelError(f"{what} takes numbers; found {value!r}") from None
+        raise ModelError(f"{what} takes numbers; found {reprlib.repr(value)}") from None
 
 
 def names(what: str, value: Sequence[str] | str) -> list[str]:
@@ -55,6 +61,8 @@ def span(final_time: Any, start_time: Any) -> tuple[float, float]:
     end, start = number("final_time", final_time), number("start_time", start_time)
     if not (np.isfinite(start) and np.isfinite(end) and end > start):
         raise ModelError(f"the simulation must end after its start; found {start:g} s to {end:g} s")
+    if max(abs(start), abs(end)) > LARGEST_TIME:
+        raise ModelError(f"a run lies within {LARGEST_TIME:g} s of zero; found {start:g} s to {end:g} s")
     return start, end
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from ..compiler.flat import FlatModel
 from ..lang.expression import Expr, gathered
 from ..lang.slips import floats, line_of, shortened
-from ..lang.source import ModelError
+from ..lang.source import ModelError, about
 from ..lang.units import si_unit
 from ..results.trajectory import Trajectory, UnknownNameError
 from .table import INTERPOLATIONS, InputTable
@@ -102,22 +102,23 @@ def read_inputs(flat: FlatModel, given: Mapping[str, Any]) -> SimulationInputs:
     functions: dict[int, ca.SX] = {}
     tables: dict[int, InputTable] = {}
     for name, value in given.items():
-        shape, indices, order = flat.lookup(name)
-        if order:
-            raise ModelError(f"input '{name}' is a derivative; give the variable itself as a function of time")
-        twice = [flat.variables[i].name for i in indices if i in functions or i in tables]
-        if twice:
-            raise ModelError(f"input '{twice[0]}' is given twice")
-        table = _table(flat, name, indices[0], value)
-        if table is not None:
-            times, values, interpolation = table
-            columns = _columns(name, shape, len(indices), times, values)
-            tables |= {i: InputTable(name, times, columns[:, k], interpolation) for k, i in enumerate(indices)}
-            continue
-        entries = _symbolic(flat, name, value, t) if callable(value) else _constant(name, value)
-        if len(entries) not in (1, len(indices)):
-            raise ModelError(f"input '{name}' has {len(indices)} entries; found {len(entries)}")
-        functions |= {i: entries[k if len(entries) > 1 else 0] for k, i in enumerate(indices)}
+        with about(f"inputs.{name}"):
+            shape, indices, order = flat.lookup(name)
+            if order:
+                raise ModelError(f"input '{name}' is a derivative; give the variable itself as a function of time")
+            twice = [flat.variables[i].name for i in indices if i in functions or i in tables]
+            if twice:
+                raise ModelError(f"input '{twice[0]}' is given twice")
+            table = _table(flat, name, indices[0], value)
+            if table is not None:
+                times, values, interpolation = table
+                columns = _columns(name, shape, len(indices), times, values)
+                tables |= {i: InputTable(name, times, columns[:, k], interpolation) for k, i in enumerate(indices)}
+                continue
+            entries = _symbolic(flat, name, value, t) if callable(value) else _constant(name, value)
+            if len(entries) not in (1, len(indices)):
+                raise ModelError(f"input '{name}' has {len(indices)} entries; found {len(entries)}")
+            functions |= {i: entries[k if len(entries) > 1 else 0] for k, i in enumerate(indices)}
     return SimulationInputs(flat, t, functions, tables)
 
 

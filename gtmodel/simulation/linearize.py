@@ -70,7 +70,7 @@ def linearize(
     ...         yield self.m * gt.der(self.v) == self.force - self.k * self.x
     >>> linear = gt.linearize(Oscillator(), "force", "x", start={"x": 0.0, "v": 0.0})
     >>> linear.state_labels, linear.A.tolist(), linear.B.tolist()
-    (['x', 'der(x)'], [[0.0, 1.0], [-25.0, 0.0]], [[0.0], [0.5]])
+    (['x', 'v'], [[0.0, 1.0], [-25.0, 0.0]], [[0.0], [0.5]])
     """
     flat = flat_of(model)
     refuse_discontinuities(flat)

@@ -50,7 +50,7 @@ class Simulation:
     ...         yield gt.der(self.speed) == -self.g
     >>> run = gt.simulate(Ball(), 0.5)
     >>> run.status.ok, run.states, run.chosen
-    (True, ('height', 'der(height)'), {'der(height)': 0.0})
+    (True, ('height', 'speed'), {'speed': 0.0})
     """
 
     status: SolveStatus

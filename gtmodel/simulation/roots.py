@@ -10,9 +10,9 @@ from .reduced import Reduced
 # a minimum of a discriminant, relative to its typical size, that is zero within the accuracy of the motion;
 # an integrator's tolerance adds up to some thousand times itself over a long run
 TOUCH, TOUCH_TOLERANCES = 1e-7, 1e3
-# near enough to a touch that the parabola through two points tells its minimum
+# near enough to a touch that the parabola through two points gives its minimum
 CLOSE = 100.0
-# a minimum between two points is well told apart from zero where it keeps this part of the smaller end
+# a minimum between two points is well distinguished from zero where it keeps this part of the smaller end
 KEPT = 0.25
 # and the rates at the two ends must explain the change between them up to this part of the larger one
 EXPLAINED = 0.3

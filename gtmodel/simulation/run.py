@@ -107,27 +107,27 @@ def simulate(
     watched = (final_time - start_time) / OUTPUT_STEPS if ready.system.roots else np.inf
     grid = _grid(rows, min(max_step, watched))
     pace = pace_of(ready.systems.driven(), ready.inputs.t, start_time, final_time)
-    course = Integration(ready, rows, grid, pace)
+    integration = Integration(ready, rows, grid, pace)
     status, message = SolveStatus.SOLVED, "simulated"
     try:
-        course.run(progress)
+        integration.run(progress)
     except Ended as error:
         status, message = error.status, str(error)
-    broken = course.audit.verdict()
+    broken = integration.audit.verdict()
     if broken is not None and status is SolveStatus.SOLVED:
         status, message = SolveStatus.FAILED, broken
-    if course.switches:
-        n = len(course.switches)
+    if integration.switches:
+        n = len(integration.switches)
         message += f"; states switched {n} time{'s' * (n > 1)}"
     trajectory, energy_error, moved = ready.recorder.trajectory()
-    checks = balance(energy_error, moved) | resolution(course.largest, tolerance)
+    checks = balance(energy_error, moved) | resolution(integration.largest, tolerance)
     said = ""
-    if status.ok and FINER * tolerance >= FINEST and (pairs := small(course.history, tolerance)):
+    if status.ok and FINER * tolerance >= FINEST and (pairs := small(integration.history, tolerance)):
         finer = Integration(prepared(FINER * tolerance), rows, grid, pace)
-        # a run that ends early tells nothing
+        # a run that ends early shows nothing
         with suppress(Ended):
             finer.run(None if progress is None else lambda _: progress(final_time))
-            of_small, said = small_states(pairs, course.history, finer.history, ready.symbol_name)
+            of_small, said = small_states(pairs, integration.history, finer.history, ready.name_of)
             checks |= of_small
     if status.ok and (sentences := [s for s in (unbalanced(checks, moved), unresolved(checks), said) if s]):
         status, message = SolveStatus.CHECK_FAILED, "; ".join([message, *sentences])
@@ -136,9 +136,9 @@ def simulate(
         message,
         trajectory,
         energy_error,
-        course.audit.residual,
-        course.system.states,
-        course.switches,
+        integration.audit.residual,
+        integration.system.states,
+        integration.switches,
         ready.chosen,
         checks,
     )
@@ -158,9 +158,9 @@ class Ready:
     system: SimulatedSystem
     chosen: dict[str, float]
 
-    def symbol_name(self, pair: tuple[int, int]) -> str:
+    def name_of(self, pair: tuple[int, int]) -> str:
         """Of a state."""
-        return self.system.plan.flat.symbol_name(*pair)
+        return self.system.name_of(pair)
 
 
 def prepare(

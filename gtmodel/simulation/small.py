@@ -1,7 +1,7 @@
 """States that stay small beside others: whether their motion is more than the absolute tolerance left of it.
 
 An absolute tolerance in nominals holds for every state, and says nothing of one that moves by less. A second run at a
-finer tolerance tells the cases apart: what is noise becomes smaller with the tolerance, a motion stays, and what the
+finer tolerance distinguishes the cases: what is noise becomes smaller with the tolerance, a motion stays, and what the
 two runs differ by is the error of the first.
 """
 

@@ -14,7 +14,7 @@ from ..results import ArgumentError, Quantity, Row, SolveStatus, Study, Trajecto
 from ..results.door import study_function
 from ..results.options import Within
 from ..results.work import Progress, never, silent
-from .arguments import MOST_ROWS, MOST_STEPS
+from .arguments import LARGEST_TIME, MOST_ROWS, MOST_STEPS
 from .result import Simulation
 from .run import simulate
 
@@ -68,7 +68,7 @@ class SimulationStudy(Study):
 @study_function
 def simulation_study(
     model: Model,
-    final_time: Annotated[float, Within(above=0.0)],
+    final_time: Annotated[float, Within(above=0.0, most=LARGEST_TIME)],
     *,
     inputs: Mapping[str, Any] | None = None,
     start: Mapping[str, Any] | None = None,
@@ -89,8 +89,8 @@ def simulation_study(
         inputs, start, step, max_step, outputs, prefer, tolerance, method: as of `simulate`.
         progress, max_seconds, stop: see `gtmodel.results.Work`.
 
-    A run that ends early, or is interrupted, keeps what there is. Raises ArgumentError, and ModelError for a wrong
-    model, input or start.
+    A run that ends early, or is interrupted, keeps what there is. Raises ArgumentError for what is given wrong, and
+    ModelError for a wrong model, or starts that contradict its equations.
 
     >>> import gtmodel as gt
     >>> from gtmodel.simulation import simulation_study
@@ -107,10 +107,15 @@ def simulation_study(
         work.progress("simulating", time / final_time, {"time_s": time})
         return work.interrupted()
 
-    simulation = simulate(
-        model, final_time, inputs=inputs, start=start, step=step, max_step=max_step, outputs=outputs, prefer=prefer,
-        tolerance=tolerance, method=method, progress=report, throw=False,
-    )  # fmt: skip
+    try:
+        simulation = simulate(
+            model, final_time, inputs=inputs, start=start, step=step, max_step=max_step, outputs=outputs, prefer=prefer,
+            tolerance=tolerance, method=method, progress=report, throw=False,
+        )  # fmt: skip
+    except ModelError as error:
+        if error.argument:
+            raise ArgumentError(str(error), error.argument) from error
+        raise
     return _study_of(simulation, title)
 
 

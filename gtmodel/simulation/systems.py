@@ -24,7 +24,7 @@ Pair = tuple[int, int]
 
 @dataclass(frozen=True, eq=False)
 class BranchPlan:
-    """A plan for one choice of states, with the signs of its roots; `derivatives` tell the signs at any point."""
+    """A plan for one choice of states, with the signs of its roots; `derivatives` have these signs at any point."""
 
     plan: CausalPlan
     jacobian: ca.Function
@@ -52,13 +52,22 @@ class SimulatedSystem:
 
     @property
     def states(self) -> tuple[str, ...]:
-        return tuple(self.plan.flat.symbol_name(*s) for s in self.plan.states)
+        """Their names."""
+        return tuple(self.name_of(s) for s in self.plan.states)
+
+    def name_of(self, pair: Pair) -> str:
+        """Of a state: the one that the model declares, or as a derivative, "der(q)"."""
+        return self._declared.get(pair) or self.plan.flat.symbol_name(*pair)
+
+    @cached_property
+    def _declared(self) -> dict[Pair, str]:
+        return self.plan.alias.declared_names(self.plan.flat)
 
 
 class Systems:
     """Makes and keeps the systems of one simulation; `bounded`: no internal step is longer than an interval.
 
-    `plan` has the structure that all of them share, and samples to start from; `watch` chooses the states.
+    `plan` has the structure that all of them share, and samples to start from; `selection` chooses the states.
     """
 
     def __init__(
@@ -83,18 +92,18 @@ class Systems:
         self.plan: CausalPlan
         self._branches: dict[Choice, list[BranchPlan]]
         self.plan, self._branches = flat.cache[key]
-        self.watch = StateSelection(self.plan, frozenset(self.plan.alias.resolve(i, 0)[1] for i in prefer))
+        self.selection = StateSelection(self.plan, frozenset(self.plan.alias.resolve(i, 0)[1] for i in prefer))
         self._made: dict[int, SimulatedSystem] = {}
 
     def at(self, w: np.ndarray, time: float) -> SimulatedSystem | None:
         """The system whose states and branches suit a consistent point; None where no choice of states would do."""
-        choice = self.watch.choose(w, time)
+        choice = self.selection.choose(w, time)
         if choice is None:
             return None
         known = self._branches.setdefault(choice, [])
         branch = next((b for b in known if _signs(b.jacobian, w, time) == b.signs), None)
         if branch is None:
-            branch = self._branch(self.watch.states(choice), w, time)
+            branch = self._branch(self.selection.states(choice), w, time)
             known.append(branch)
         if id(branch) not in self._made:
             reduced = Reduced(branch.plan, self._inputs, self._outputs)
@@ -130,7 +139,7 @@ class Systems:
         except ModelError as error:
             if left and " unknown" in str(error) and "equation" in str(error):
                 raise ModelError(f"{error}; inputs without a value: {', '.join(left)}") from None
-            # a root that nothing tells apart is no obstacle here: the start will. All else is wrong without targets too
+            # a root that nothing settles is no obstacle here: the start will. All else is wrong without targets too
             plan = self._plan([])
             if not {plan.alias.resolve(*t)[1:] for t in targets} <= set(plan.pairs):
                 raise

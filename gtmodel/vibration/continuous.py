@@ -21,20 +21,20 @@ ZERO = 1e-12  # modulus of a pole whose logarithm has no meaning
 class Continuous(NamedTuple):
     """x' = A x + B u that gives the discrete model under held inputs.
 
-    `said`: a sentence where its fastest pole is near the Nyquist frequency, else empty.
+    `message`: a sentence where its fastest pole is near the Nyquist frequency, else empty.
     """
 
     A: np.ndarray
     B: np.ndarray
-    said: str
+    message: str
 
 
 def continuous(A: np.ndarray, B: np.ndarray, sample_time: float) -> Continuous:
     """A_c = logm(A) / T_s on the principal branch, and B_c of a held input (no approximate inverse of c2d).
 
-    A (n, n), B (n, m), sample_time [s]. The branch takes every pole to lie below the Nyquist frequency; near it `said`
-    warns. Raises ArgumentError for a pole at zero or on the negative real axis, and a logarithm that is not real or
-    exact.
+    A (n, n), B (n, m), sample_time [s]. The branch takes every pole to lie below the Nyquist frequency; near it
+    `message` warns. Raises ArgumentError for a pole at zero or on the negative real axis, and a logarithm that is not
+    real or exact.
 
     >>> model = gt.vibration.continuous(np.array([[0.9]]), np.array([[0.1]]), sample_time=0.004)
     >>> model.A.round(2), model.B.round(2)  # 1/s

@@ -17,7 +17,7 @@ class DefiniteForm:
     """Symmetric M and K (p, p), positive definite, with the given M^-1 K, and the nearest symmetric D >= 0.
 
     trace(M) is that of the given M. `asymmetry`: relative size of the part of D that no choice of M makes symmetric;
-    `raised`: relative size of what was added to make D positive semidefinite; both 0 for a passive structure. `words`
+    `raised`: relative size of what was added to make D positive semidefinite; both 0 for a passive structure. `notes`
     say so.
     """
 
@@ -26,7 +26,7 @@ class DefiniteForm:
     K: np.ndarray
     asymmetry: float
     raised: float
-    words: tuple[str, ...]
+    notes: tuple[str, ...]
 
 
 def definite_form(M: ArrayLike, D: ArrayLike, K: ArrayLike) -> DefiniteForm:
@@ -79,11 +79,11 @@ def definite_form(M: ArrayLike, D: ArrayLike, K: ArrayLike) -> DefiniteForm:
     m, d = W.T @ W, W.T @ (Q * above) @ Q.T @ W
     k = W.T @ np.diag(np.real(values)) @ W
     size = abs(float(np.trace(M0))) / float(np.trace(m))
-    words = ["M and K are symmetric and positive definite, with the frequencies and shapes of the given M^-1 K"]
+    notes = ["M and K are symmetric and positive definite, with the frequencies and shapes of the given M^-1 K"]
     if asymmetry > REAL:
-        words.append(f"{100 * asymmetry:.3g} % of the damping is not symmetric for any M: that part was left out")
+        notes.append(f"{100 * asymmetry:.3g} % of the damping is not symmetric for any M: that part was left out")
     if raised > REAL:
-        words.append(
+        notes.append(
             f"the damping is not passive: {100 * raised:.3g} % was added to make D positive semidefinite"
         )  # fmt: skip
-    return DefiniteForm(size * m, size * d, size * k, asymmetry, raised, tuple(words))
+    return DefiniteForm(size * m, size * d, size * k, asymmetry, raised, tuple(notes))

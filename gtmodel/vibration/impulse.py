@@ -15,8 +15,7 @@ from gtmodel.results import Estimate
 from ..results import ArgumentError
 from .continuous import NEAR
 from .hankel import block_hankel
-from .noise import REWEIGHTED, settled, weights_of
-from .output_error import central, too_far
+from .output_error import REWEIGHTED, central, settled, too_far, weights_of
 from .record import Record, columns, go_on
 
 if TYPE_CHECKING:
@@ -31,13 +30,11 @@ OVERLAP = 1.0  # distance over half-power widths: nearer peaks are one to the ey
 
 @dataclass(frozen=True)
 class Resonance:
-    """One mode: undamped frequency [Hz] and damping ratio with 95 % intervals, amplitude (p,) by output at time 0, and
-    `damped_Hz`, where the peak of the decay stands."""
+    """One mode: undamped frequency [Hz], damping ratio, amplitude (p,) by output at time 0, and `damped_Hz`, where the
+    peak of the decay stands."""
 
     frequency_Hz: float
-    frequency_interval_Hz: tuple[float, float]
     damping: float
-    damping_interval: tuple[float, float]
     amplitude: tuple[float, ...]
 
     @property
@@ -53,7 +50,8 @@ class ImpulseModel:
     `distance` (modes - 1,): between neighbours in half the sum of their half-power widths, below 1 they overlap.
     `system` control.StateSpace in discrete time whose impulse response is the decay; `rest` (p,) where the outputs come
     to rest. `criterion` by number of modes tried: Bayesian information criterion, least is taken. `estimate` names
-    "f[0]", "zeta[0]", ...; `residual` (p,) rms; `words`: colour of residuals, overlaps.
+    "f[0]" [Hz], "zeta[0]", ... in the order of the resonances; `residual` (p,) rms; `notes`: colour of residuals,
+    overlaps.
     """
 
     resonances: tuple[Resonance, ...]
@@ -64,8 +62,12 @@ class ImpulseModel:
     estimate: Estimate
     residual: np.ndarray
     fitted: np.ndarray
-    words: tuple[str, ...]
+    notes: tuple[str, ...]
     synthetic: str | None
+
+    def interval(self, name: str, level: float = 0.95) -> tuple[float, float]:
+        """Confidence interval of "f[0]" [Hz], "zeta[0]" and so on. Raises ArgumentError for another name."""
+        return self.estimate.interval(name, level)
 
 
 def identify_impulse(
@@ -221,16 +223,17 @@ class _Sines:
         """The result, slowest mode first."""
         import control
 
-        e = self.estimate
         order = np.argsort(self.x[::2])
+        moved = (2 * order[:, None] + [0, 1]).ravel()
+        e = replace(
+            self.estimate, values=self.estimate.values[moved], covariance=self.estimate.covariance[moved][:, moved]
+        )
         resonances, blocks, B, C = [], [], [], []
         for k in order:
             f, zeta = self.x[2 * k], self.x[2 * k + 1]
             cosine, sine = self.amplitudes[1 + 2 * k], self.amplitudes[2 + 2 * k]
             size = tuple(np.hypot(cosine, sine).tolist())
-            resonances.append(
-                Resonance(float(f), e.interval(f"f[{k}]"), float(zeta), e.interval(f"zeta[{k}]"), size)
-            )  # fmt: skip
+            resonances.append(Resonance(float(f), float(zeta), size))
             w = 2 * np.pi * f
             decay, turn = np.exp(-zeta * w * record.sample_time), w * np.sqrt(1 - zeta**2) * record.sample_time
             blocks.append(decay * np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]))
@@ -247,14 +250,14 @@ class _Sines:
             else np.zeros(0)
         )
         error = self.fitted - record.y
-        words = [f"output {k + 1}: {whiteness(error[:, k]).message}" for k in range(error.shape[1])]
-        words += [
+        notes = [f"output {k + 1}: {whiteness(error[:, k]).message}" for k in range(error.shape[1])]
+        notes += [
             f"the peaks at {a.frequency_Hz:.4g} and {b.frequency_Hz:.4g} Hz overlap ({d:.2g} half-power widths apart)"
             for a, b, d in zip(resonances, resonances[1:], distance, strict=False)
             if d < OVERLAP
         ]
         nyquist = 0.5 / record.sample_time
-        words += [
+        notes += [
             f"a mode at {r.damped_Hz:.4g} Hz is near the Nyquist frequency of {nyquist:.4g} Hz: these samples cannot "
             f"tell it from one at {2 * nyquist - r.damped_Hz:.4g} Hz"
             for r in resonances
@@ -262,7 +265,7 @@ class _Sines:
         ]
         return ImpulseModel(
             tuple(resonances), distance, system, self.amplitudes[0], criterion, e,
-            np.sqrt(np.mean(error**2, axis=0)), self.fitted, tuple(words), record.synthetic,
+            np.sqrt(np.mean(error**2, axis=0)), self.fitted, tuple(notes), record.synthetic,
         )  # fmt: skip
 
 

@@ -30,10 +30,10 @@ class ImpulseStudy(VibrationStudy):
         if m is None:
             return []
         rows = []
-        for n, r in enumerate(m.resonances, 1):
+        for n, r in enumerate(m.resonances):
             rows += [
-                Row(f"resonance {n}", f"{r.frequency_Hz:.5g}{interval(r.frequency_interval_Hz)}", "Hz"),
-                Row("damping", f"{r.damping:.4g}{interval(r.damping_interval, '.4g')}"),
+                Row(f"resonance {n + 1}", f"{r.frequency_Hz:.5g}{interval(m.interval(f'f[{n}]'))}", "Hz"),
+                Row("damping", f"{r.damping:.4g}{interval(m.interval(f'zeta[{n}]'), '.4g')}"),
                 Row("amplitude by output", numbers(1e6 * np.array(r.amplitude), ".4g"), "um"),
             ]
         if len(m.resonances) > 1:
@@ -57,11 +57,12 @@ def impulse_study(
         files={"parameters.toml": commented(text, m.synthetic)},
         machine_files=("parameters.toml",),
         model=m,
-        words=list(m.words),
+        notes=m.notes,
+        estimate=m.estimate,
         frequency=frequency,
-        frequency_interval=[list(r.frequency_interval_Hz) for r in m.resonances],
+        frequency_interval=[list(m.interval(f"f[{n}]")) for n in range(len(frequency))],
         damping=damping,
-        damping_interval=[list(r.damping_interval) for r in m.resonances],
+        damping_interval=[list(m.interval(f"zeta[{n}]")) for n in range(len(damping))],
         distance=m.distance,
         residual=m.residual,
         order=2 * len(m.resonances),

@@ -19,7 +19,7 @@ class SecondOrder:
     """M x'' + D x' + K x = F u: M [kg], D [N.s/m], K [N/m], all (p, p), F (p, m).
 
     `left`: relative 2-norm of what the equations for M leave, zero where data are exact. D is as the data have it, not
-    made symmetric. `words`: what is said of it.
+    made symmetric. `notes`: what limits it, in sentences.
     """
 
     M: np.ndarray
@@ -27,7 +27,7 @@ class SecondOrder:
     K: np.ndarray
     F: np.ndarray
     left: float
-    words: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 def from_known(
@@ -46,7 +46,7 @@ def from_known(
 
     Equations are scaled by their sizes and solved by least squares. Raises ArgumentError where neither is given, where
     they do not determine M, with the number of entries that stay open, and where M is not positive definite, which no
-    masses are. A K that is not positive definite is said in `words`.
+    masses are. A K that is not positive definite is said in `notes`.
 
     >>> M, D = np.diag([30.0, 12.0]), np.array([[210.0, -60.0], [-60.0, 60.0]])
     >>> K = np.array([[150e3, -90e3], [-90e3, 90e3]])
@@ -112,13 +112,13 @@ def from_known(
         )
     K = M @ form.M_inv_K
     soft = float(np.linalg.eigvalsh((K + K.T) / 2)[0])
-    words: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
     if soft <= 0:
-        words = (
+        notes = (
             f"K is not positive definite, its least eigenvalue is {soft:.4g} N/m: the structure is free to move, "
             "unstable, or a sign is wrong",
         )
-    return SecondOrder(M, M @ form.M_inv_D, K, M @ form.M_inv_F if F is None else F, left, words)
+    return SecondOrder(M, M @ form.M_inv_D, K, M @ form.M_inv_F if F is None else F, left, notes)
 
 
 def _symmetric(p: int, i: int, j: int) -> np.ndarray:

@@ -24,16 +24,12 @@ _TRIED = ("as printed", "D and K flipped", "K flipped", "D flipped")  # for a pa
 class MatricesStudy(VibrationStudy):
     """Modes of printed matrices; nothing is repaired silently."""
 
-    def _said(self) -> list[str]:
-        return []
-
     def _model_rows(self) -> list[Row]:
         rows = [
             Row(
                 "modes of det(M lambda + K) = 0", numbers([] if self.frequency is None else self.frequency, ".6g"), "Hz"
             ),
             *(Row("signs", w) for w in self.signs or ()),
-            *(Row("said", w) for w in self.words or ()),
         ]
         d = self.definite
         if d:
@@ -72,16 +68,16 @@ def matrices_study(
         raise ArgumentError(str(error), "matrices") from error
     others = {name: modes(M, d * D, k * K) for name in _TRIED for d, k in [SIGNS[name]]}
     chosen, definite, refused = _passive(M, D, K, others)
-    words = [*printed.words, *(definite.words if definite else [refused])]
+    notes = [*printed.notes, *(definite.notes if definite else [refused])]
     if definite and chosen != "as printed":
-        words.append(f"{chosen} is very likely meant: an inference from stability, not in print")
+        notes.append(f"{chosen} is very likely meant: an inference from stability, not in print")
     return MatricesStudy(
         status=SolveStatus.SOLVED,
         message="stable as printed" if printed.stable else "unstable as printed; see the signs",
         title=title,
         checks=_checks(matrices, printed),
         figures={"poles": partial(_figure, others, definite, chosen, title or "poles")},
-        words=words,
+        notes=notes,
         frequency=printed.frequency_Hz,
         damping=printed.damping,
         poles=pairs_of(printed.poles),

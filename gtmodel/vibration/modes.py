@@ -26,14 +26,14 @@ class Modes:
     `eigenvalues` (p,) of M^-1 K [1/s2]; `frequency_Hz` (p,) = sqrt(abs) / 2 pi, those of det(M lambda + K) = 0 with
     lambda = -eigenvalue; `shapes` (p, p) by column, largest entry 1, complex where eigenvalues are. `poles` (2p,) [1/s]
     of M s^2 + D s + K, with `pole_Hz` = abs / 2 pi and `damping` = -Re / abs. `stable`: all poles left of the
-    axis by more than rounding. `words`: definiteness and signs in sentences.
+    axis by more than rounding. `notes`: definiteness and signs in sentences.
     """
 
     eigenvalues: np.ndarray
     frequency_Hz: np.ndarray
     shapes: np.ndarray
     poles: np.ndarray
-    words: tuple[str, ...]
+    notes: tuple[str, ...]
 
     @property
     def pole_Hz(self) -> np.ndarray:
@@ -55,7 +55,7 @@ class Modes:
 def modes(M: ArrayLike, D: ArrayLike, K: ArrayLike) -> Modes:
     """Modes of M x'' + D x' + K x = 0; M, D, K (p, p) [kg, N.s/m, N/m], of any sign, symmetric or not.
 
-    Nothing is repaired: `words` say what is not symmetric, not positive definite or unstable. Raises ArgumentError for
+    Nothing is repaired: `notes` say what is not symmetric, not positive definite or unstable. Raises ArgumentError for
     shapes that differ, numbers that are not finite, and a singular M.
 
     >>> M, D = np.diag([30.0, 12.0]), np.array([[210.0, -60.0], [-60.0, 60.0]])
@@ -73,9 +73,9 @@ def modes(M: ArrayLike, D: ArrayLike, K: ArrayLike) -> Modes:
     shapes = shapes[:, order]
     shapes = shapes / shapes[np.argmax(np.abs(shapes), axis=0), np.arange(len(M))]
     poles = _sorted(pencil_poles(M, D, K))
-    words = [f"{name} is {definiteness(X)}" for name, X in (("M", M), ("D", D), ("K", K))]
-    words += _signs(values[order], poles)
-    return Modes(values[order], np.sqrt(np.abs(values[order])) / (2 * np.pi), shapes, poles, tuple(words))
+    notes = [f"{name} is {definiteness(X)}" for name, X in (("M", M), ("D", D), ("K", K))]
+    notes += _signs(values[order], poles)
+    return Modes(values[order], np.sqrt(np.abs(values[order])) / (2 * np.pi), shapes, poles, tuple(notes))
 
 
 def on_axis(poles: np.ndarray) -> np.ndarray:
@@ -129,26 +129,26 @@ def matrices(*given: ArrayLike) -> tuple[np.ndarray, ...]:
 
 
 def _signs(values: np.ndarray, poles: np.ndarray) -> list[str]:
-    words = []
+    notes = []
     if np.iscomplexobj(values):
-        words.append("M^-1 K has complex eigenvalues: no undamped modes exist")
+        notes.append("M^-1 K has complex eigenvalues: no undamped modes exist")
     elif np.all(values > 0):
-        words.append("M^-1 K has positive eigenvalues only: every mode is a vibration")
+        notes.append("M^-1 K has positive eigenvalues only: every mode is a vibration")
     else:
         n = int(np.sum(values <= 0))
-        words.append(f"M^-1 K has {n} of {len(values)} eigenvalues that are not positive: without damping they diverge")
+        notes.append(f"M^-1 K has {n} of {len(values)} eigenvalues that are not positive: without damping they diverge")
     held = on_axis(poles)
     unstable, still = poles[(np.real(poles) > 0) & ~held], int(np.sum(held))
     if not unstable.size and not still:
-        words.append("M s^2 + D s + K is stable")
+        notes.append("M s^2 + D s + K is stable")
     elif not unstable.size:
-        words.append(f"M s^2 + D s + K is undamped: {still} of {len(poles)} poles neither grow nor decay")
+        notes.append(f"M s^2 + D s + K is undamped: {still} of {len(poles)} poles neither grow nor decay")
     else:
         growth = np.real(unstable).max()
-        words.append(
+        notes.append(
             f"M s^2 + D s + K is unstable: {unstable.size} of {len(poles)} poles grow, by up to {growth:.4g} 1/s"
         )
-    return words
+    return notes
 
 
 def sign_question(M: ArrayLike, D: ArrayLike, K: ArrayLike) -> tuple[str, ...]:

@@ -9,17 +9,21 @@ from typing import Literal, get_args
 import numpy as np
 
 from gtmodel.inference import nonlinear_fit, whiteness
+from gtmodel.inference.make_estimate import moved_together
 from gtmodel.results import Estimate
 
 from ..results import ArgumentError
 from .known_force import SecondOrder
-from .noise import REWEIGHTED, settled, weights_of
 from .record import Record, go_on
 from .response import free_responses, held, simulate
 
 Form = Literal["symmetric", "free"]
 
+PART = 1e-6  # of the largest entry of a null direction: smaller ones are rounding of the differences
 SLOPE = 1e-6  # relative step of central differences: errors of 1e-12 from the step, 1e-10 from rounding
+REWEIGHTED = 4  # fits after the first, each with the outputs weighted by their noise in the last
+SETTLED = 0.02  # a weight that changes by less changes no interval that a person reads
+QUIETEST = 1e-6  # of the mean noise: the least that an output is taken to have, a dead one too
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +31,7 @@ class OutputErrorFit:
     """The matrices by output error with their covariance.
 
     `estimate`: entries "M[0,0]", "D[0,1]" ... with intervals (upper triangles where symmetric); `model` the same as
-    matrices; `residual` (p,) rms [m]; `words` on positive definiteness and on the colour of residuals.
+    matrices; `residual` (p,) rms [m]; `notes` on positive definiteness and on the colour of residuals.
     """
 
     model: SecondOrder
@@ -35,7 +39,7 @@ class OutputErrorFit:
     estimate: Estimate
     residual: np.ndarray
     fitted: np.ndarray
-    words: tuple[str, ...]
+    notes: tuple[str, ...]
 
 
 def output_error(
@@ -55,7 +59,9 @@ def output_error(
         interrupted: asked at each iteration; True ends the fit with FitStopped.
 
     The initial state is eliminated in each evaluation (variable projection). Gauss-Newton on central differences; the
-    covariance is for white noise of unknown size on the positions, and `words` says whether the residuals are white.
+    covariance is for white noise of unknown size on the positions, and `notes` says whether the residuals are white.
+    Entries that the record does not determine, such as all of them where no force acts, keep the start's proportions;
+    their intervals are infinite.
     Raises ArgumentError: an unknown form, a start that is not positive definite for "symmetric", no convergence.
 
     >>> M, D = np.diag([30.0, 12.0]), np.array([[210.0, -60.0], [-60.0, 60.0]])
@@ -94,7 +100,7 @@ def output_error(
     ones = np.ones(len(packing.scale))
     raw = [f"x[{k}]" for k in range(len(ones))]
     with np.errstate(all="ignore"):
-        fit = nonlinear_fit(residuals, ones, raw, scale=ones)
+        fit = nonlinear_fit(residuals, ones, raw, scale=ones, hold_undetermined=True)
         for _ in range(REWEIGHTED):
             if fit.estimate is None:
                 break
@@ -102,7 +108,7 @@ def output_error(
             weights = weights_of(record.y, _predict(record, *packing.unpack(fit.x), start.F, before))
             if settled(weights, before):
                 break
-            fit = nonlinear_fit(residuals, fit.x, raw, scale=ones)
+            fit = nonlinear_fit(residuals, fit.x, raw, scale=ones, hold_undetermined=True)
     if fit.estimate is None:
         raise ArgumentError(
             f"the output-error fit did not arrive: {fit.message}; take a longer record or a start nearer to the data"
@@ -115,17 +121,36 @@ def output_error(
 
     jacobian = central(flat, fit.x)
     e = fit.estimate
+    M, D, K = packing.unpack(fit.x)
+    sizes = np.array([np.abs({"M": M, "D": D, "K": K}[X]).max() for X, _, _ in packing.entries])
+    null = jacobian @ e.null_space / sizes[:, None] if e.null_space.size else np.zeros((len(names), 0))
+    null = np.where(np.abs(null) > PART * np.abs(null).max(axis=0), null, 0.0)
     estimate = Estimate(
         tuple(names), flat(fit.x), jacobian @ e.covariance @ jacobian.T, e.degrees_of_freedom, e.noise, e.known_noise,
         e.residuals, (), units=tuple({"M": "kg", "D": "N.s/m", "K": "N/m"}[X] for X, _, _ in packing.entries),
+        notes=tuple(moved_together(null, tuple(names))), null_space=null * sizes[:, None],
     )  # fmt: skip
-    M, D, K = packing.unpack(fit.x)
     fitted = _predict(record, M, D, K, start.F, weights)
     error = fitted - record.y
-    words = [f"coordinate {k + 1}: {whiteness(error[:, k]).message}" for k in range(p)]
+    notes = [*estimate.notes, *(f"coordinate {k + 1}: {whiteness(error[:, k]).message}" for k in range(p))]
     return OutputErrorFit(
-        SecondOrder(M, D, K, start.F, 0.0), form, estimate, np.sqrt(np.mean(error**2, axis=0)), fitted, tuple(words)
+        SecondOrder(M, D, K, start.F, 0.0), form, estimate, np.sqrt(np.mean(error**2, axis=0)), fitted, tuple(notes)
     )
+
+
+def weights_of(y: np.ndarray, fitted: np.ndarray) -> np.ndarray:
+    """(p,) what makes the noise of every output (N, p) as large as the mean of all, by the residuals of a fit.
+
+    Least squares repeated with these weights is maximum likelihood for white noise of an unknown size at each output.
+    """
+    size = np.sqrt(np.mean((fitted - y) ** 2, axis=0))
+    mean = float(np.sqrt(np.mean(size**2)))
+    return np.ones(len(size)) if mean == 0.0 else mean / np.maximum(size, QUIETEST * mean)
+
+
+def settled(weights: np.ndarray, before: np.ndarray) -> bool:
+    """Whether another fit with new weights would change nothing worth telling."""
+    return bool(np.all(np.abs(weights / before - 1) < SETTLED))
 
 
 def central(function: Callable[[np.ndarray], np.ndarray], x: np.ndarray, step: float = SLOPE) -> np.ndarray:

@@ -23,14 +23,14 @@ class PhysicalForm:
 
     M_inv_K (p, p) [1/s2], M_inv_D (p, p) [1/s], M_inv_F (p, m) [output's unit per s2 and input's unit]. `jump`: what
     the input adds to the velocity beside the acceleration, relative, in units of the fastest mode; a structure has
-    none, so that it measures what noise or a wrong order left. `words`: what is not identifiable, what is near Nyquist.
+    none, so that it measures what noise or a wrong order left. `notes`: what is not identifiable, what is near Nyquist.
     """
 
     M_inv_K: np.ndarray
     M_inv_D: np.ndarray
     M_inv_F: np.ndarray
     jump: float
-    words: tuple[str, ...]
+    notes: tuple[str, ...]
 
 
 def physical_form(system: control.StateSpace) -> PhysicalForm:
@@ -69,5 +69,5 @@ def physical_form(system: control.StateSpace) -> PhysicalForm:
     A_p, B_p = T @ c.A @ np.linalg.inv(T), T @ c.B
     fastest = float(np.abs(np.linalg.eigvals(c.A)).max())
     jump = fastest * float(np.linalg.norm(B_p[:p])) / max(float(np.linalg.norm(B_p[p:])), 1e-300)
-    words = (UNIDENTIFIED, *([c.said] if c.said else []))
-    return PhysicalForm(-A_p[p:, :p], -A_p[p:, p:], B_p[p:], jump, words)
+    notes = (UNIDENTIFIED, *([c.message] if c.message else []))
+    return PhysicalForm(-A_p[p:, :p], -A_p[p:, p:], B_p[p:], jump, notes)

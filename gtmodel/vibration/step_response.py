@@ -31,9 +31,10 @@ NEVER = 3 - 2 * np.sqrt(2)  # a pole below: the gain does not fall by 3 dB up to
 class StepModel:
     """y = b q^-delay / (1 - a q^-1) u about the rest position of each recording.
 
-    `estimate` names "a", "b" and gives intervals; `gain` = b / (1 - a) and `bandwidth_Hz` (-3 dB, None: beyond the
-    Nyquist frequency) with 95 % intervals; `residual_by_delay` rms by delay tried; `delay_sure`: the neighbours are
-    rejected at 1 %. `fitted` per recording (N,); `words`: colour of the residuals, what the model leaves out.
+    `estimate` names "a", "b"; `gain` = b / (1 - a) and `bandwidth_Hz` (-3 dB, None: beyond the Nyquist frequency);
+    `interval(name)` gives confidence limits of all four. `residual_by_delay` rms by delay tried; `delay_sure`: the
+    neighbours are rejected at 1 %. `fitted` per recording (N,); `notes`: colour of the residuals, what the model leaves
+    out.
     """
 
     a: float
@@ -42,14 +43,24 @@ class StepModel:
     delay_sure: bool
     estimate: Estimate
     gain: float
-    gain_interval: tuple[float, float]
     bandwidth_Hz: float | None
-    bandwidth_interval_Hz: tuple[float, float] | None
     residual_by_delay: dict[int, float]
     fitted: tuple[np.ndarray, ...]
     sample_time: float
-    words: tuple[str, ...]
+    notes: tuple[str, ...]
     synthetic: str | None
+
+    def interval(self, name: str, level: float = 0.95) -> tuple[float, float]:
+        """Confidence interval of "a", "b", "gain" or "bandwidth_Hz", the last infinite where it reaches the Nyquist
+        frequency. Raises ArgumentError for another name, and for the bandwidth where there is none."""
+        if name == "gain":
+            return _through(self.estimate, lambda x: x[1] / (1 - x[0]), level)[1]
+        if name == "bandwidth_Hz":
+            if self.bandwidth_Hz is None:
+                raise ArgumentError("the bandwidth lies beyond the Nyquist frequency: there is no interval", "name")
+            ends = _through(self.estimate, lambda x: bandwidth(float(x[0]), self.sample_time) or np.nan, level)[1]
+            return ends if np.all(np.isfinite(ends)) else (-np.inf, np.inf)
+        return self.estimate.interval(name, level)
 
     @property
     def system(self) -> control.TransferFunction:
@@ -118,27 +129,23 @@ def identify_step(
         )
     e, (a, b) = fit.estimate, (float(x) for x in fit.x)
     T = given[0].sample_time
-    gain, gain_ends = _through(e, lambda x: x[1] / (1 - x[0]))
-    band = bandwidth(a, T)
-    band_ends = None if band is None else _through(e, lambda x: bandwidth(float(x[0]), T) or np.nan)[1]
-    if band_ends is not None and not np.all(np.isfinite(band_ends)):
-        band_ends = None
+    gain, band = b / (1 - a), bandwidth(a, T)
     white = [whiteness(x) for x in np.split(misfit(fit.x), np.cumsum([len(r) for r in given])[:-1])]
-    words = [next((w.message for w in white if not w.passed), white[0].message)]
+    notes = [next((w.message for w in white if not w.passed), white[0].message)]
     above = "" if band is None else f" above {band:.3g} Hz"
-    words.append(
+    notes.append(
         "a model of first order has no resonance and no coupling: the thesis itself found (6.11) too slow for other "
         f"motions than its steps, so do not use it{above} or to bound an ILC error"
     )
     if at_end:
-        words.append(
+        notes.append(
             f"the delay is the longest that was tried, {longest} samples: the true one may be longer; try more"
         )
     elif not sure:
-        words.append(f"a delay of {best} samples is not told from its neighbours at {100 * SURE:g} %")
+        notes.append(f"a delay of {best} samples cannot be distinguished from its neighbours at {100 * SURE:g} %")
     after = max(len(r) - best - int(np.flatnonzero(r.u[:, 0] != r.u[0, 0])[0]) for r in given)
     if a**after > SETTLED:
-        words.append(
+        notes.append(
             f"{100 * a**after:.0f} % of the way to rest was still to go at the end of the recordings: gain and "
             "bandwidth are extrapolated; record longer"
         )
@@ -148,7 +155,7 @@ def identify_step(
     rms = {d: float(np.sqrt(s[1] / count)) for d, s in scans.items()}
     note = "; ".join(dict.fromkeys(r.synthetic for r in given if r.synthetic)) or None
     return StepModel(
-        a, b, best, sure, e, gain, gain_ends, band, band_ends, rms, fitted, T, tuple(words), note
+        a, b, best, sure, e, gain, band, rms, fitted, T, tuple(notes), note
     )  # fmt: skip
 
 
@@ -233,9 +240,9 @@ def _scan(given: Sequence[Record], delay: int) -> tuple[float, float]:
     return 1 - float(np.exp(least.x)), float(least.fun)
 
 
-def _through(e: Estimate, function) -> tuple[float, tuple[float, float]]:
-    """A function of (a, b) and its 95 % interval by its derivatives."""
+def _through(e: Estimate, function, level: float) -> tuple[float, tuple[float, float]]:
+    """A function of (a, b) and its confidence interval by its derivatives."""
     value = float(function(e.values))
     slope = central(lambda x: np.array([function(x)]), e.values)[0]
-    half = float(scipy.stats.t.ppf(0.975, e.degrees_of_freedom) * np.sqrt(slope @ e.covariance @ slope))
+    half = float(scipy.stats.t.ppf((1 + level) / 2, e.degrees_of_freedom) * np.sqrt(slope @ e.covariance @ slope))
     return value, (value - half, value + half)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
+import numpy as np
 import tomli_w
 
 from ..results import Check, Row, SolveStatus, at_most
@@ -24,6 +25,10 @@ class StepStudy(VibrationStudy):
 
     model: StepModel | None = None
 
+    def interval(self, name: str, level: float = 0.95) -> tuple[float, float]:
+        """Confidence interval of "a", "b", "gain" or "bandwidth_Hz". Raises ArgumentError."""
+        return super().interval(name, level) if self.model is None else self.model.interval(name, level)
+
     def _model_rows(self) -> list[Row]:
         m = self.model
         if m is None:
@@ -33,10 +38,12 @@ class StepStudy(VibrationStudy):
         return [
             Row("a", f"{m.a:.6g}{interval(e.interval('a'), '.6g')}"),
             Row("b", f"{m.b:.6g}{interval(e.interval('b'), '.6g')}"),
-            Row("delay", f"{m.delay}" + ("" if m.delay_sure else " (not told from its neighbours)"), "samples"),
+            Row(
+                "delay", f"{m.delay}" + ("" if m.delay_sure else " (not distinguished from its neighbours)"), "samples"
+            ),
             Row("delay", 1e3 * m.delay * m.sample_time, "ms"),
-            Row("gain b / (1 - a)", f"{m.gain:.5g}{interval(m.gain_interval)}"),
-            Row("bandwidth", f"{band}{interval(m.bandwidth_interval_Hz, '.4g')}", "Hz"),
+            Row("gain b / (1 - a)", f"{m.gain:.5g}{interval(m.interval('gain'))}"),
+            Row("bandwidth", f"{band}{interval(_bandwidth_ends(m), '.4g')}", "Hz"),
             Row("residual, rms", 1e6 * e.noise, "um"),
         ]
 
@@ -59,7 +66,8 @@ def step_study(
         files={"parameters.toml": commented(tomli_w.dumps(parameters), m.synthetic)},
         machine_files=("parameters.toml",),
         model=m,
-        words=list(m.words),
+        notes=m.notes,
+        estimate=e,
         residual=[e.noise],
         intervals={"a": list(e.interval("a")), "b": list(e.interval("b"))},
         stable=True,
@@ -67,10 +75,16 @@ def step_study(
         b=m.b,
         delay_samples=m.delay,
         delay_sure=m.delay_sure,
-        gain=[m.gain, *m.gain_interval],
-        bandwidth=None if m.bandwidth_Hz is None else [m.bandwidth_Hz, *(m.bandwidth_interval_Hz or (None, None))],
+        gain=[m.gain, *m.interval("gain")],
+        bandwidth=None if m.bandwidth_Hz is None else [m.bandwidth_Hz, *(_bandwidth_ends(m) or (None, None))],
         synthetic=m.synthetic,
     )
+
+
+def _bandwidth_ends(m: StepModel) -> tuple[float, float] | None:
+    """The interval where it ends below the Nyquist frequency."""
+    ends = None if m.bandwidth_Hz is None else m.interval("bandwidth_Hz")
+    return ends if ends is not None and np.all(np.isfinite(ends)) else None
 
 
 def _checks(m: StepModel, true: Steps) -> dict[str, Check]:

@@ -47,15 +47,12 @@ class SubspaceStudy(VibrationStudy):
     form: PhysicalForm | None = None
     fit: OutputErrorFit | None = None
 
-    def _said(self) -> list[str]:
-        return list(self.words or ())[1:]  # the first stands with the order
-
     def _model_rows(self) -> list[Row]:
         m = self.model
         if m is None or self.frequency is None or self.damping is None:
             return []
         rows = [
-            Row("order", f"{m.order} ({m.why})"),
+            Row("order", m.order),
             Row("fit on held-out samples", numbers(m.held_out_fit), "%"),
             Row("residual, rms", numbers(1e6 * m.residual, ".4g"), "um"),
             Row("modes", numbers(self.frequency), "Hz"),
@@ -107,7 +104,8 @@ def subspace_study(
         model=model,
         form=s and s.form,
         fit=s and s.fit,
-        words=_words(physical, model, c.said, s),
+        notes=_notes(physical, model, c.message, s),
+        estimate=s.fit.estimate if s and s.fit else None,
         frequency=s.modes.frequency_Hz if s and s.modes else np.abs(upper) / (2 * np.pi),
         damping=-upper.real / np.abs(upper),
         order=model.order,
@@ -160,20 +158,20 @@ def _structure(
     return _Structure(form, known, fit, modes(best.M, best.D, best.K))
 
 
-def _words(p: Physical | None, model: SubspaceModel, near: str, s: _Structure | None) -> list[str]:
-    words = [f"order {model.order}: {model.why}"]
+def _notes(p: Physical | None, model: SubspaceModel, near: str, s: _Structure | None) -> list[str]:
+    notes = [f"order {model.order}: {model.why}"]
     if near:
-        words.append(near)
-    words += [
+        notes.append(near)
+    notes += [
         f"output {k + 1}: held-out samples are predicted {'worse' if fit < 0 else 'little better'} than by their mean "
         f"(fit {fit:.3g} %): the model says little of it; excite more, avoid noise and trends, look at the columns"
         for k, fit in enumerate(model.held_out_fit)
         if fit < POOR
     ]
     if s is None or p is None:
-        return words
+        return notes
     if p.mass and s.known is not None and p.refine:
-        words.append(
+        notes.append(
             "known masses start the output-error fit and do not bind it"
             if s.fit
             else "masses alone are known: M, D, K follow from M^-1 K and M^-1 D, without intervals"
@@ -184,18 +182,18 @@ def _words(p: Physical | None, model: SubspaceModel, near: str, s: _Structure | 
             name = f"M[{m.coordinate - 1},{m.coordinate - 1}]"
             low, high = e.interval(name)
             if not low - 0.01 * m.mass <= m.mass <= high + 0.01 * m.mass:
-                words.append(
+                notes.append(
                     f"the mass of coordinate {m.coordinate} is given as {m.mass:g} kg; force and recording say "
                     f"{e.value(name):.5g} ({low:.5g} .. {high:.5g}) kg: one of mass, force and its coordinate is wrong"
                 )
     # with M known, that it needs a force or a mass is no news
-    words += [w for w in s.form.words if w != near and (s.known is None or w != s.form.words[0])]
-    words += [
-        *(s.known.words if s.known and not s.fit else ()),
-        *(s.modes.words if s.modes else ()),
-        *(s.fit.words if s.fit else ()),
+    notes += [w for w in s.form.notes if w != near and (s.known is None or w != s.form.notes[0])]
+    notes += [
+        *(s.known.notes if s.known and not s.fit else ()),
+        *(s.modes.notes if s.modes else ()),
+        *(s.fit.notes if s.fit else ()),
     ]
-    return words
+    return notes
 
 
 def _checks(model: SubspaceModel, best: SecondOrder | None, true: SyntheticStructure | None) -> dict[str, Check]:

@@ -18,9 +18,6 @@ Array = np.ndarray
 class VibrationStudy(Study):
     """The model of a vibrating structure. What this model does not determine is None."""
 
-    words: Annotated[
-        Sequence[str] | None, "what limits the result: identifiability, residuals, signs, in sentences"
-    ] = None
     frequency: Annotated[Sequence[float] | Array | None, Quantity("Hz", "undamped, by mode")] = None
     frequency_interval: Annotated[
         Sequence[Sequence[float]] | None, Quantity("Hz", "95 % intervals by mode, where they are fitted")
@@ -72,13 +69,10 @@ class VibrationStudy(Study):
     def rows(self) -> list[Row]:
         """The table for people."""
         synthetic = [Row("SYNTHETIC", self.synthetic)] if self.synthetic else []
-        return [*self._model_rows(), *(Row("said", w) for w in self._said()), *synthetic]
+        return [*self._model_rows(), *synthetic]
 
     def _model_rows(self) -> list[Row]:
         return []
-
-    def _said(self) -> Sequence[str]:
-        return self.words or ()
 
 
 def numbers(values: Iterable[float], form: str = ".5g") -> str:

@@ -6,7 +6,7 @@ python -m tests.bench.basin_calibrate
 from __future__ import annotations
 
 import gtmodel as gt
-from gtmodel.calibrate import Fit, Poses, calibrate
+from gtmodel.calibrate import Fit, MeasuredPoses, calibrate
 from gtmodel.calibrate.basin import basin
 from gtmodel.calibrate.measured.poses import split
 from gtmodel.calibrate.variants import prepared
@@ -22,7 +22,7 @@ def main() -> None:
     for name in ("l1", "f1"):
         call = gt.load(CLONE / "problems" / f"calibrate_{name}.toml")
         model, poses, fit = call.arguments
-        assert isinstance(poses, Poses) and isinstance(fit, Fit)
+        assert isinstance(poses, MeasuredPoses) and isinstance(fit, Fit)
         ready = prepared(fit, model, split(poses, model, call.options["held_out"]))
         x = calibrate(ready).x
         for times in TIMES[: 5 if name == "l1" else 4]:

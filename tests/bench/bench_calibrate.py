@@ -23,7 +23,7 @@ from scipy.optimize import least_squares
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from gtmodel.calibrate import Measurements, Problem, calibrate, prepare
+from gtmodel.calibrate import CalibrationProblem, Measurements, calibrate, prepare
 from gtmodel.kinematics.rotations import matrices
 from gtmodel.mechanics.rotation import rotation_about
 from tests.calibrate.synthetic import measured, true_robot
@@ -51,7 +51,7 @@ def three_link(q: np.ndarray, T: np.ndarray, x: np.ndarray) -> np.ndarray:
     return (np.einsum("kij,kij->ki", d, d) - x[18:] ** 2).reshape(-1)
 
 
-def f1_residual(problem: Problem, m: Measurements) -> Callable[..., np.ndarray]:
+def f1_residual(problem: CalibrationProblem, m: Measurements) -> Callable[..., np.ndarray]:
     """Squared closures of the F1 by NumPy, eqs. (5.10) to (5.12), in the problem's unknowns; of some rows if asked."""
     q, T, R = m.values["q"], m.values["T"], matrices(m.values["e"])
     names = problem.unknowns.names
@@ -83,7 +83,7 @@ def f1_residual(problem: Problem, m: Measurements) -> Callable[..., np.ndarray]:
     return residual
 
 
-def squares(problem: Problem, x: np.ndarray) -> float:
+def squares(problem: CalibrationProblem, x: np.ndarray) -> float:
     data = problem.reading.data
     return sum(float(np.sum(b.evaluate(data, x[b.columns])[0] ** 2)) for b in problem.squared)
 

@@ -10,10 +10,10 @@ from numpy.typing import ArrayLike
 
 import gtmodel as gt
 from gtmodel.calibrate import (
+    CalibrationProblem,
     Measurements,
     PoseInformation,
     Positioning,
-    Problem,
     calibrate,
     exchange,
     pose_information,
@@ -36,7 +36,7 @@ def l1():
     return gt.robots.gantry_tau("l1_tape")
 
 
-def problem(T: np.ndarray, noise: Mapping[str, ArrayLike]) -> Problem:
+def problem(T: np.ndarray, noise: Mapping[str, ArrayLike]) -> CalibrationProblem:
     q, status = l1().causal(known="T", targets="q")(T)
     assert np.all(status == 0)
     return prepare(l1(), Measurements({"q": q, "T": T}, noise))
@@ -54,7 +54,7 @@ def workspace() -> Positioning:
 
 
 @cache
-def thirty() -> Problem:
+def thirty() -> CalibrationProblem:
     """Thirty selected poses."""
     info = grid_information((7, 5, 5), tracker=False)
     chosen = exchange(info, 30, "I", workspace().moment(info)).indices

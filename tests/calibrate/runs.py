@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from gtmodel.calibrate import Choice, Cost, Problem, calibrate, prepare
+from gtmodel.calibrate import CalibrationProblem, Choice, Cost, calibrate, prepare
 from gtmodel.results import Estimate
 from tests.calibrate.synthetic import GEOMETRY, geometry, measured, poses, true_robot
 
@@ -36,7 +36,7 @@ def noise(kind: str) -> dict[str, float]:
 
 
 @cache
-def ready(kind: str) -> Problem:
+def ready(kind: str) -> CalibrationProblem:
     return prepare(true_robot(robot(kind)), measured(robot(kind), POSES[kind], noise(kind), 0), CHOICES[kind])
 
 

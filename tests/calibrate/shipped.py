@@ -9,7 +9,16 @@ from pathlib import Path
 from typing import Any
 
 import gtmodel as gt
-from gtmodel.calibrate import CalibrationStudy, Fit, Measured, MeasuredSignal, Poses, Synthetic, read_poses, study
+from gtmodel.calibrate import (
+    CalibrationStudy,
+    Fit,
+    Measured,
+    MeasuredPoses,
+    MeasuredSignal,
+    Synthetic,
+    read_poses,
+    study,
+)
 from tests.support.commands import CLONE
 
 PROBLEMS = CLONE / "problems"
@@ -58,10 +67,15 @@ def fit(name: str, **changes: Any) -> Fit:
 
 
 def solved(
-    name: str, at: Path | Poses | None = None, *, how: Measured | None = None, held_out: int | Path = 2, **changes: Any
+    name: str,
+    at: Path | MeasuredPoses | None = None,
+    *,
+    how: Measured | None = None,
+    held_out: int | Path = 2,
+    **changes: Any,
 ) -> CalibrationStudy:
     """The study of the shipped robot on a file, its own if left out, or on poses."""
-    if isinstance(at, Poses):
+    if isinstance(at, MeasuredPoses):
         poses = at
     else:
         other = held_out if isinstance(held_out, Path) else None

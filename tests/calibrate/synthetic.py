@@ -68,12 +68,12 @@ def measured(kind: str, number: int, noise: dict[str, float], seed: int, known: 
 
 def geometry(robot: Any, names: tuple[str, ...]) -> dict[str, float]:
     """Scalar parameters by name, as an Estimate has them."""
-    found = {}
+    drawn = {}
     for name in names:
         a = np.array(getattr(robot, name), float)
         for index in np.ndindex(a.shape):
-            found[f"{name}[{','.join(map(str, index))}]"] = float(a[index])
-    return found
+            drawn[f"{name}[{','.join(map(str, index))}]"] = float(a[index])
+    return drawn
 
 
 def _turned(e: np.ndarray, turn: np.ndarray) -> np.ndarray:

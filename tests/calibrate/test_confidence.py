@@ -18,9 +18,9 @@ MODELS = ("three_link", "six_link", "f1_unit")
 @pytest.mark.parametrize(("known", "cost"), [(True, "length"), (False, "squared"), (True, "orthogonal")])
 def test_a_draw_of_intervals_of_the_modified_model(known, cost):
     runs = monte_carlo(partial(one, kind="three_link", cost=cost, known=known), 40, SEED, processes=0)
-    found = coverage(runs.results, truth("three_link"))
-    assert not found.outside and not found.biased
-    assert 0.90 <= found.pooled <= 0.99  # 40 runs of three arms, each some two independent intervals: 3.3 deviations
+    covered = coverage(runs.results, truth("three_link"))
+    assert not covered.outside and not covered.biased
+    assert 0.90 <= covered.pooled <= 0.99  # 40 runs of three arms, each some two independent intervals: 3.3 deviations
 
 
 @pytest.mark.proof
@@ -28,18 +28,18 @@ def test_a_draw_of_intervals_of_the_modified_model(known, cost):
 @pytest.mark.parametrize("known", [True, False])
 def test_five_hundred_seeds(kind, known):
     runs = monte_carlo(partial(one, kind=kind, known=known), 500, SEED)
-    found = coverage(runs.results, truth(kind))
-    assert found.band == (458, 489)
-    assert found.passed, str(found)
+    covered = coverage(runs.results, truth(kind))
+    assert covered.band == (458, 489)
+    assert covered.passed, str(covered)
 
 
 @pytest.mark.proof
 def test_plate_joints_that_hardly_turn_have_no_true_intervals():
     """D1 with B free, 500 seeds: 63 % pooled, 57 to 477 hits; the kind tells none (WEAK)."""
-    found = coverage(monte_carlo(partial(one, kind="six_link_free"), 500, SEED).results, truth("six_link_free"))
-    assert found.pooled < 0.75 and found.hits.min() < 100
-    low, _ = found.band
-    first = [h for n, h in zip(found.names, found.hits, strict=True) if n[1:3] == "[0"]
+    covered = coverage(monte_carlo(partial(one, kind="six_link_free"), 500, SEED).results, truth("six_link_free"))
+    assert covered.pooled < 0.75 and covered.hits.min() < 100
+    low, _ = covered.band
+    first = [h for n, h in zip(covered.names, covered.hits, strict=True) if n[1:3] == "[0"]
     assert min(first) >= low  # arm 1, whose joint is told to a centimetre
 
 
@@ -50,7 +50,7 @@ def test_the_kind_tells_no_interval_there():
     assert Confidence(calibrate(ready("six_link").on(m))).holds
 
 
-def test_the_stated_noise_is_judged_and_told_by_the_residuals():
+def test_the_stated_noise_is_judged_by_the_residuals():
     m = measured("three_link", 60, noise("three_link"), 4)
     stated = calibrate(true_robot("three_link"), m, cost="orthogonal").estimate
     alone = calibrate(true_robot("three_link"), Measurements(m.values)).estimate

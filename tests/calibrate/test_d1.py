@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 import gtmodel as gt
-from gtmodel.calibrate import CalibrationStudy, Poses, made_poses, read_cart_points, study
+from gtmodel.calibrate import CalibrationStudy, MeasuredPoses, made_poses, read_cart_points, study
 from gtmodel.calibrate.basin import basin
 from gtmodel.calibrate.report.sensitivity_table import table, text
-from gtmodel.calibrate.synthetic import Made, make
+from gtmodel.calibrate.synthetic import SyntheticFile, make
 from gtmodel.problem_files.load import load
 from gtmodel.results import ArgumentError
 from gtmodel.robots.measured_guideways import D1_MODELS
@@ -41,13 +41,13 @@ def six_link() -> Any:
     return load(PROBLEMS / "simulate_d1.toml").problem.synthetic.options()
 
 
-def made(**changes: Any) -> Made:
+def made(**changes: Any) -> SyntheticFile:
     return make(gt.robots.make("d1_six_link"), replace(six_link(), **changes))
 
 
-def mean_errors(fresh: Poses, cart_points: Path) -> np.ndarray:
+def mean_errors(fresh: MeasuredPoses, cart_points: Path) -> np.ndarray:
     """Held-out means [mm] of the five models on other poses and cart points."""
-    found = []
+    errors = []
     for number in D1_MODELS:
         robot, poses, fit = call(number).arguments
         carts = call(number).options["carts"]
@@ -57,8 +57,8 @@ def mean_errors(fresh: Poses, cart_points: Path) -> np.ndarray:
             at, points = read_cart_points(cart_points, list(carts.points))
             carts = replace(carts, at=at, points=points)
         s = study(robot, measured, replace(fit, sensitivity_step=0.0), carts=carts)
-        found.append(s.values["held_out_mm"]["mean"])
-    return np.array(found)
+        errors.append(s.values["held_out_mm"]["mean"])
+    return np.array(errors)
 
 
 def numbers(csv: str) -> np.ndarray:
@@ -145,11 +145,11 @@ def test_near_starts_end_at_the_optimum_and_far_ones_need_not() -> None:
 @pytest.mark.proof
 def test_the_order_holds_in_the_mean_of_other_robots(tmp_path: Path) -> None:
     """Seeds 11 to 18, fixed before they were seen; sizes were set on seeds 1 to 4."""
-    found = []
+    by_robot = []
     for seed in range(11, 19):
         fresh = made_poses(gt.robots.make("d1_six_link"), replace(six_link(), seed=seed))
         (tmp_path / "carts.csv").write_text(fresh.files["carts.csv"])
-        found.append(mean_errors(fresh, tmp_path / "carts.csv"))
-    means = np.mean(found, axis=0)
+        by_robot.append(mean_errors(fresh, tmp_path / "carts.csv"))
+    means = np.mean(by_robot, axis=0)
     assert means == pytest.approx(PRINTED, rel=STORY)
     assert np.all(np.diff(means) < 0)

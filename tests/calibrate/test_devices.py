@@ -95,15 +95,15 @@ def test_candidates_pass_stage_by_stage_and_keep_off_the_edge():
     first = Reach(inverse, [CartesianBox(low, high)])
     second = Reach(inverse, [CartesianBox(low, high), table])
     grid = box_grid(low - 0.1, high + 0.1, 0.1)
-    found = candidates(grid, {"workspace": first, "obstacles": second}, 0.15)
-    assert list(found.stages) == ["workspace", "obstacles", "safety distance"] and found.complete
-    inside = np.all((found.T >= low) & (found.T <= high), axis=1)
-    np.testing.assert_array_equal(found.stages["workspace"], inside)
-    np.testing.assert_array_equal(found.stages["obstacles"], inside & (found.T[:, 2] > 0.5 + 1e-9))
-    c = found.chosen
+    passed = candidates(grid, {"workspace": first, "obstacles": second}, 0.15)
+    assert list(passed.stages) == ["workspace", "obstacles", "safety distance"] and passed.complete
+    inside = np.all((passed.T >= low) & (passed.T <= high), axis=1)
+    np.testing.assert_array_equal(passed.stages["workspace"], inside)
+    np.testing.assert_array_equal(passed.stages["obstacles"], inside & (passed.T[:, 2] > 0.5 + 1e-9))
+    c = passed.chosen
     # 0.15 m to the faces, the table among them
     assert np.all((c >= low + 0.15 - 1e-9) & (c <= high - 0.15 + 1e-9)) and c[:, 2].min() > 0.65 - 1e-9
-    assert found.counts["safety distance"] == len(c) == 7 * 5 * 3
+    assert passed.counts["safety distance"] == len(c) == 7 * 5 * 3
     stopped = candidates(grid, {"workspace": first, "obstacles": second}, stop=lambda stage, fraction: True)
     assert not stopped.complete and list(stopped.stages) == ["workspace"]
     with pytest.raises(gt.ModelError, match="must not be negative"):

@@ -67,8 +67,8 @@ def test_nearly_straight_points_do_not_tell_the_turn_about_them():
     q = np.random.default_rng(6).uniform(-0.6, 0.6, (100, 3))
     T, _ = robot.causal(known="q", targets="T")(q)
     choice = Choice(free=("L[0]", "arm[0].guideway.t", "arm[0].guideway.u"), unit=["arm[0].guideway.u"])
-    told = prepare(robot, Measurements({"q": q, "T": T}), choice).identifiability(sigma=5e-5)
-    (weakest,) = [d for d in told.near if d.std > 100]
+    identified = prepare(robot, Measurements({"q": q, "T": T}), choice).identifiability(sigma=5e-5)
+    (weakest,) = [d for d in identified.near if d.std > 100]
     along = np.array([weakest.weights.get(f"arm[0].guideway.u turned about {a}", 0.0) for a in "xyz"])
     v = FRAMES[0].inv().apply(np.array(robot.v)[0])
     np.testing.assert_allclose(np.abs(along @ v) / np.linalg.norm(along) / np.linalg.norm(v), 1, atol=1e-2)

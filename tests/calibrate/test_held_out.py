@@ -16,13 +16,13 @@ CASES = {"three_link": (15, 15), "six_link": (14, 14)}
 
 def drawn(kind: str, fitted: int, kept: int, runs: int, rate: float, known: bool = True) -> list[HeldOut]:
     noise = {n: s for n, s in NOISE.items() if n in poses(kind, fitted + kept)}
-    problem, found = None, []
+    problem, verdicts = None, []
     for seed in range(runs):  # fixed beforehand
         m = measured(kind, fitted + kept, noise, seed, known)
         a, b = m.part(np.arange(fitted)), m.part(np.arange(fitted, fitted + kept))
         problem = problem or prepare(true_robot(kind), a, CHOICES[kind])
-        found.append(judged(calibrate(problem.on(a)), a, b, rate))
-    return found
+        verdicts.append(judged(calibrate(problem.on(a)), a, b, rate))
+    return verdicts
 
 
 def judged(c: Calibration, a: Measurements, b: Measurements, rate: float = 1e-3, matters: float = 0.0) -> HeldOut:
@@ -32,12 +32,12 @@ def judged(c: Calibration, a: Measurements, b: Measurements, rate: float = 1e-3,
 
 def test_sound_calibrations_raise_no_more_false_alarms_than_said() -> None:
     runs, rate = 60, 0.1
-    found = drawn("three_link", *CASES["three_link"], runs, rate)
-    assert sum(not h.passed for h in found) <= binomial_band(runs, rate)[1]
+    verdicts = drawn("three_link", *CASES["three_link"], runs, rate)
+    assert sum(not h.passed for h in verdicts) <= binomial_band(runs, rate)[1]
     # the fixed bound of 1.5 refused most of them
-    assert np.mean([h.ratio > 1.5 for h in found]) > 0.8
-    rms = np.sqrt(np.mean([h.ratio**2 for h in found]))
-    assert np.mean([h.expected for h in found]) == pytest.approx(rms, rel=0.15)
+    assert np.mean([h.ratio > 1.5 for h in verdicts]) > 0.8
+    rms = np.sqrt(np.mean([h.ratio**2 for h in verdicts]))
+    assert np.mean([h.expected for h in verdicts]) == pytest.approx(rms, rel=0.15)
 
 
 @pytest.mark.proof
@@ -45,13 +45,13 @@ def test_sound_calibrations_raise_no_more_false_alarms_than_said() -> None:
 @pytest.mark.parametrize("known", [False, True])
 def test_sound_calibrations_of_many_seeds(kind: str, known: bool) -> None:
     runs, rate = 200, 0.05
-    found = drawn(kind, *CASES[kind], runs, rate, known)
-    assert sum(not h.passed for h in found) <= binomial_band(runs, rate)[1]
-    rms = np.sqrt(np.mean([h.ratio**2 for h in found]))
-    assert np.mean([h.expected for h in found]) == pytest.approx(rms, rel=0.15)
+    verdicts = drawn(kind, *CASES[kind], runs, rate, known)
+    assert sum(not h.passed for h in verdicts) <= binomial_band(runs, rate)[1]
+    rms = np.sqrt(np.mean([h.ratio**2 for h in verdicts]))
+    assert np.mean([h.expected for h in verdicts]) == pytest.approx(rms, rel=0.15)
 
 
-def test_many_poses_and_a_wrong_model_are_told() -> None:
+def test_many_poses_and_a_wrong_model_are_reported() -> None:
     m = measured("three_link", 240, {"T": 5e-5}, 3)
     a, b = m.part(np.arange(120)), m.part(np.arange(120, 240))
     c = calibrate(prepare(true_robot("three_link"), a, Choice()))

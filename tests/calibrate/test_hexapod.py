@@ -13,11 +13,11 @@ from scipy.optimize import least_squares
 import gtmodel as gt
 from gtmodel.calibrate import (
     Calibration,
+    CalibrationProblem,
     Choice,
     Correction,
     Measurements,
     Pose,
-    Problem,
     calibrate,
     closure_equations,
     prepare,
@@ -54,7 +54,7 @@ present = pytest.mark.skipif(
 
 
 @cache
-def capture() -> Problem:
+def capture() -> CalibrationProblem:
     """Joints in the frames of the capture system, where the recording tells all."""
     return prepare(hexapod(), measured(FIRST).part(EVEN), actuators="n")
 
@@ -108,9 +108,9 @@ def test_its_own_forward_kinematics_answers_the_poses():
 
 @present
 def test_one_recording_tells_all_48_parameters_in_the_capture_frame():
-    told = prepare(hexapod(), measured(FIRST), actuators="n").identifiability(calibrate(capture()).x)
-    assert len(told.names) == told.rank == 48
-    assert {told.ranks[t] for t in (1e-12, 1e-8, 1e-4)} == {48}
+    identified = prepare(hexapod(), measured(FIRST), actuators="n").identifiability(calibrate(capture()).x)
+    assert len(identified.names) == identified.rank == 48
+    assert {identified.ranks[t] for t in (1e-12, 1e-8, 1e-4)} == {48}
     J = capture().jacobian(fitted().x).reshape(-1, 48)
     assert 150 < np.linalg.cond(J / np.linalg.norm(J, axis=0)) < 250
     framed = prepare(hexapod(), measured(FIRST, poses=FRAMES), actuators="n").identifiability()
@@ -161,12 +161,12 @@ def test_nominal_joints_as_a_prior_keep_the_base_readable():
     assert c.status.ok and c.identifiability is not None and c.identifiability.redundant == 0
     assert rms_mm(c.residuals) < 0.45
     assert rms_mm(c.on(m.part(ODD))) == pytest.approx(rms_mm(fitted().on(measured(FIRST).part(ODD))), rel=0.02)
-    found = c.parameters()
-    assert max(np.abs(found[n] - np.array(getattr(robot, n))).max() for n in "AB") < 8e-3
+    parameters = c.parameters()
+    assert max(np.abs(parameters[n] - np.array(getattr(robot, n))).max() for n in "AB") < 8e-3
     moved = np.abs(fitted().parameters()["A"] - np.array(robot.A)).max()
     assert moved > 25e-3  # without it the joints are where the capture system sees them
     # the published revolutions per metre of the first leg are 6 % from those of the recording, the others 1 %
-    ratio = found["c"] / np.array(robot.c)
+    ratio = parameters["c"] / np.array(robot.c)
     assert 0.93 < ratio[0] < 0.95 and np.abs(ratio[1:] - 1).max() < 0.01
 
 
@@ -179,7 +179,7 @@ def test_another_recording_is_judged_with_offsets_of_its_own():
         f"T.{w}.{n}" for w in ("device", "target") for n in ("t[0]", "t[1]", *(f"u turned about {x}" for x in "xyz"))
     ]
     offsets = Correction("n", offset=True)
-    left, found = {}, {}
+    left, fits = {}, {}
     for name, poses, corrections in (
         ("nothing", (), ()),
         ("offsets", (), (offsets,)),
@@ -191,9 +191,9 @@ def test_another_recording_is_judged_with_offsets_of_its_own():
             left[name] = rms_mm(fitted().on(m))
             continue
         c = calibrate(robot, m.part(REFIT), Choice(fixed=(*LEGS, *(still if poses else ()))), actuators="n")
-        left[name], found[name] = rms_mm(c.on(m.part(OTHERS))), c
+        left[name], fits[name] = rms_mm(c.on(m.part(OTHERS))), c
     assert left["nothing"] > 30 and left["offsets"] > 2.5 and left["heights"] > 0.75
-    c = found["offsets and heights"]
+    c = fits["offsets and heights"]
     assert len(c.x) == 8 and left["offsets and heights"] < 0.45
     assert c.values["T.device.t[2]"] == pytest.approx(0.028, abs=2e-3)
     assert c.values["T.target.t[2]"] == pytest.approx(0.013, abs=2e-3)

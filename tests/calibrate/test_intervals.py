@@ -35,7 +35,7 @@ def test_a_noise_stated_too_small_takes_them_away(fits: list[Calibration]) -> No
     assert "times the stated noise" in reasons[0] and "no 95 % intervals hold" in reasons[-1]
 
 
-def test_wandering_carts_are_seen_in_the_order_of_their_own_positions() -> None:
+def test_guideway_errors_are_seen_in_the_order_of_their_own_positions() -> None:
     v = shipped("l1").values
     assert not v["intervals_hold"] and all(u["interval_95"] is None and u["std"] > 0 for u in v["unknowns"])
     for arm in range(3):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import gtmodel as gt
-from gtmodel.calibrate import Fit, Known, Poses, Synthetic, made_poses, study
+from gtmodel.calibrate import Fit, Known, MeasuredPoses, Synthetic, made_poses, study
 from gtmodel.calibrate.synthetic import disturbed, make
 from gtmodel.calibrate.synthetic.making import MEAN_DISTANCE
 from gtmodel.results import ArgumentError
@@ -23,7 +23,7 @@ def made(**changes: Any) -> str:
     return make(robot("l1"), replace(L1, **changes)).text
 
 
-def poses(**changes: Any) -> Poses:
+def poses(**changes: Any) -> MeasuredPoses:
     return made_poses(robot("l1"), replace(L1, **changes))
 
 
@@ -33,8 +33,8 @@ def rows(text: str) -> np.ndarray:
 
 @pytest.mark.parametrize(("name", "count"), [("l1", 200), ("f1", 185)])
 def test_the_shipped_files_are_those_of_the_shipped_problems(name: str, count: int) -> None:
-    found = gt.load(PROBLEMS / f"simulate_{name}.toml").arguments[1]
-    file, fresh = path_of(name).read_text(), found.files["measurements.csv"]
+    poses = gt.load(PROBLEMS / f"simulate_{name}.toml").arguments[1]
+    file, fresh = path_of(name).read_text(), poses.files["measurements.csv"]
     head = file.splitlines()[:3]
     assert head == fresh.splitlines()[:3] and rows(file).shape[0] == count
     # a unit in the last digit, where another machine rounds otherwise
@@ -83,8 +83,8 @@ def test_six_links_of_a_plate_that_hardly_turns_need_priors_and_the_verdict_says
     d1 = gt.robots.make("d1_six_link")
     s = Synthetic(seed=1, low=[-1.5, -4.7, -0.4], high=[-0.5, -3.9, 0.5], counts=[8, 4, 5], load=20e-6,
                   point_error=2e-4, scale_error=1e-4, state_noise=True)  # fmt: skip
-    found, six = made_poses(d1, s), Fit(variant="six_link", sensitivity_step=0.0)
-    free, known = (study(d1, found, f) for f in (six, replace(six, priors={"B": Known(std=5e-4)})))
+    poses, six = made_poses(d1, s), Fit(variant="six_link", sensitivity_step=0.0)
+    free, known = (study(d1, poses, f) for f in (six, replace(six, priors={"B": Known(std=5e-4)})))
     assert len(free.values["unknowns"]) == 60 and free.values["prediction_proven"] is False
     assert "two links may have come to coincide: give priors" in free.values["verdict"][-1]
     assert not free.checks["held_out_poses_lost"].passed
@@ -106,9 +106,9 @@ def test_what_cannot_be_made_is_said() -> None:
 @pytest.mark.proof
 def test_the_thesiss_story() -> None:
     """Nine robots of seeds 1 to 9: ideal about 0.7 mm, modified about 0.23 mm (Dressler 2012, section 5.2)."""
-    found: dict[str, list[float]] = {"ideal": [], "modified": []}
-    for variant, means in found.items():
+    errors: dict[str, list[float]] = {"ideal": [], "modified": []}
+    for variant, means in errors.items():
         means += [solved("l1", poses(seed=seed), variant=variant).values["held_out_mm"]["mean"] for seed in SEEDS]
-    assert np.mean(found["ideal"]) == pytest.approx(0.7, rel=STORY)
-    assert np.mean(found["modified"]) == pytest.approx(0.23, rel=STORY)
-    assert min(np.array(found["ideal"]) / found["modified"]) > 2
+    assert np.mean(errors["ideal"]) == pytest.approx(0.7, rel=STORY)
+    assert np.mean(errors["modified"]) == pytest.approx(0.23, rel=STORY)
+    assert min(np.array(errors["ideal"]) / errors["modified"]) > 2

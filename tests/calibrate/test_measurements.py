@@ -38,7 +38,7 @@ def seen_by_a_device(kind: str, number: int) -> tuple[Measurements, dict[str, np
     )
 
 
-def found(c, name: str, size: int) -> np.ndarray:
+def numbers(c, name: str, size: int) -> np.ndarray:
     return np.array([c.values[f"{name}[{k}]"] for k in range(size)])
 
 
@@ -46,8 +46,8 @@ def test_the_frame_of_a_tracker_is_found_for_a_known_robot():
     m, frame = seen_by_a_device("three_link", 20)
     c = calibrate(true_robot("three_link"), m, Choice(fixed=("A", "v", "L")))
     assert c.status.ok and c.problem.unknowns.names[3:] == tuple(f"T.device.u turned about {a}" for a in "xyz")
-    np.testing.assert_allclose(found(c, "T.device.t", 3), frame["t"], atol=RECOVERED)
-    np.testing.assert_allclose(found(c, "T.device.u", 4), frame["u"], atol=RECOVERED)
+    np.testing.assert_allclose(numbers(c, "T.device.t", 3), frame["t"], atol=RECOVERED)
+    np.testing.assert_allclose(numbers(c, "T.device.u", 4), frame["u"], atol=RECOVERED)
 
 
 def test_frames_of_device_and_target_are_found_where_the_pose_is_measured():
@@ -55,7 +55,7 @@ def test_frames_of_device_and_target_are_found_where_the_pose_is_measured():
     c = calibrate(true_robot("f1"), m, Choice(fixed=("A0", "v", "L", "A", "B", "u1_2", "u1_3", "u2_3", "r3")))
     assert c.status.ok and len(c.x) == 12
     for name, expected in (("device.t", "t"), ("device.u", "u"), ("target.t", "tt"), ("target.u", "ut")):
-        np.testing.assert_allclose(found(c, f"T.{name}", len(frame[expected])), frame[expected], atol=RECOVERED)
+        np.testing.assert_allclose(numbers(c, f"T.{name}", len(frame[expected])), frame[expected], atol=RECOVERED)
 
 
 def test_a_free_frame_beside_a_free_robot_is_six_gauges_and_priors_hold_them():
@@ -81,7 +81,7 @@ def test_offsets_of_each_session_a_scale_and_a_delay_are_found():
     c = calibrate(true_robot("three_link"), m, Choice(fixed=("A", "v", "L")))
     assert c.status.ok and len(c.x) == 1 + 3 + 6
     assert c.values["q.delay"] == pytest.approx(0.004, abs=RECOVERED)
-    np.testing.assert_allclose(found(c, "q.scale", 3), scale, atol=RECOVERED)
+    np.testing.assert_allclose(numbers(c, "q.scale", 3), scale, atol=RECOVERED)
     for s, expected in offset.items():
         np.testing.assert_allclose([c.values[f"q.offset in {s}[{k}]"] for k in range(3)], expected, atol=RECOVERED)
 
@@ -101,9 +101,9 @@ def test_an_offset_has_the_sign_that_it_has_in_a_log():
 
 def test_a_scale_of_the_carts_is_the_length_of_v():
     m = Measurements(poses("three_link", 30), corrections=[Correction("q", scale=True)])
-    told = prepare(true_robot("three_link"), m).identifiability(keep=["v"])
-    assert told.redundant == 3
-    assert all(any(n.startswith(("v[", "q.scale")) for n in d.weights) for d in told.null)
+    identified = prepare(true_robot("three_link"), m).identifiability(keep=["v"])
+    assert identified.redundant == 3
+    assert all(any(n.startswith(("v[", "q.scale")) for n in d.weights) for d in identified.null)
 
 
 def test_positions_alone_calibrate_six_links_with_the_orientation_latent():
@@ -223,8 +223,8 @@ def test_each_session_has_the_frame_of_its_device():
     c = calibrate(true_robot("three_link"), m, Choice(fixed=("A", "v", "L")))
     assert c.status.ok and len(c.x) == 12
     for name, (t, u) in zip(("first", "second"), frames, strict=True):
-        np.testing.assert_allclose(found(c, f"T.device.t in {name}", 3), t, atol=RECOVERED)
-        np.testing.assert_allclose(found(c, f"T.device.u in {name}", 4), u.as_quat(scalar_first=True), atol=RECOVERED)
+        np.testing.assert_allclose(numbers(c, f"T.device.t in {name}", 3), t, atol=RECOVERED)
+        np.testing.assert_allclose(numbers(c, f"T.device.u in {name}", 4), u.as_quat(scalar_first=True), atol=RECOVERED)
     # geometry from both: one frame is a choice of coordinates, the other follows
     t, u = frames[0]
     starts = {s: (f[0], f[1].as_quat(scalar_first=True)) for s, f in zip(("first", "second"), frames, strict=True)}
@@ -238,7 +238,7 @@ def test_each_session_has_the_frame_of_its_device():
         c.on(Measurements(m.values, sessions=["third"] * 40, poses=m.poses))
 
 
-def test_a_load_that_varies_tells_the_sag_and_a_constant_one_is_told_to_be_none():
+def test_a_load_that_varies_determines_the_sag_and_a_constant_one_does_not():
     data, k = poses("three_link", 40), 2e-6
     load = np.where(np.arange(40) % 2, 200.0, 0.0)
     T = data["T"] - k * load[:, None] * np.array([0.0, 0.0, 1.0])  # downwards
@@ -251,8 +251,8 @@ def test_a_load_that_varies_tells_the_sag_and_a_constant_one_is_told_to_be_none(
     same = calibrate(true_robot("three_link"), Measurements({**m.values, "load(T)": force}, poses=m.poses))
     assert same.values["T.sag"] == pytest.approx(k, rel=1e-7)
     constant = Measurements({**m.values, "load(T)": np.full(40, 200.0)}, poses=m.poses)
-    told = prepare(true_robot("three_link"), constant).identifiability()
-    assert told.redundant == 1 and any("T.sag" in s and "A[0,2]" in s for s in told.notes)
+    identified = prepare(true_robot("three_link"), constant).identifiability()
+    assert identified.redundant == 1 and any("T.sag" in s and "A[0,2]" in s for s in identified.notes)
     given = Measurements({**m.values}, poses=[Pose("T", sag=True, sag_start=k)])
     held = calibrate(true_robot("three_link"), given, Choice(fixed=("T.sag",)))
     assert "T.sag" not in held.problem.unknowns.names and np.abs(held.residuals).max() < RECOVERED

@@ -174,7 +174,7 @@ class TestOptions:
             solved("l1", how=measured("l1", **how))
         assert caught.value.argument == argument
 
-    def test_poses_in_memory_are_told_by_their_names(self) -> None:
+    def test_poses_in_memory_are_refused_by_their_names(self) -> None:
         for values, argument in (
             ({"q": np.ones((9, 3)), "T": np.ones((9, 2))}, "poses.values.T"),
             ({"q": np.ones((9, 3)), "T": np.ones((9, 3)), "Q": np.ones((9, 3))}, "poses.values.Q"),

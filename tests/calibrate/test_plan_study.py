@@ -18,11 +18,11 @@ from gtmodel.calibrate.plan import (
     Gauge,
     PatternCamera,
     PlanLimits,
+    PlanSimulation,
     PlanStudy,
     PosesToMeasure,
     Room,
     Safety,
-    Simulation,
     Tracker,
     Wire,
     plan_study,
@@ -38,8 +38,8 @@ from gtmodel.results import ArgumentError, SolveStatus
 ROOM = Room([0.8, -1.0, 0.4], [2.0, 0.0, 1.4], step=0.2)
 TRACKER = Tracker([1.0, -4.5, 0.8])
 FEW = PosesToMeasure(12, held_out=4, starts=1)
-NONE = Simulation(runs=0)
-TWO = Simulation(runs=2)
+NONE = PlanSimulation(runs=0)
+TWO = PlanSimulation(runs=2)
 Planner = Callable[..., PlanStudy]
 
 

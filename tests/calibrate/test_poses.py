@@ -51,8 +51,8 @@ def test_information_and_positioning_are_those_written_out():
     J, B = by_hand(T)
     info = pose_information(problem(T, {"T": 2e-5}))
     expected = sum(j.T @ np.linalg.solve(b @ b.T, j) for j, b in zip(J, B, strict=True)) / 4e-10
-    found = sum(r.T @ r for r in info.rows) / np.outer(info.sizes, info.sizes)
-    np.testing.assert_allclose(found, expected, rtol=1e-7, atol=1e-7 * np.abs(expected).max())
+    information = sum(r.T @ r for r in info.rows) / np.outer(info.sizes, info.sizes)
+    np.testing.assert_allclose(information, expected, rtol=1e-7, atol=1e-7 * np.abs(expected).max())
     np.testing.assert_allclose(positioning(problem(T, {})).jacobian, -np.linalg.solve(B, J), atol=ROUNDING)
     C = info.covariance()
     np.testing.assert_allclose(C @ expected, np.eye(21), atol=1e-5)

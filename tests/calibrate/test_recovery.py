@@ -67,12 +67,12 @@ def test_the_f1_has_nine_redundant_parameters_with_raw_quaternions_and_six_with_
     # the measured robot has unit quaternions: what raw ones add is in the plates' joints, which are scaled
     start = disturbed(true_robot("f1"), GEOMETRY["f1"], 2e-3, 3)
     c = calibrate(start, Measurements(poses("f1", 185)), Choice(unit=unit))
-    told = c.identifiability
-    assert c.status.ok and told is not None and c.estimate is not None
-    assert len(c.x) == unknowns and told.redundant == redundant
-    assert {told.ranks[t] for t in (1e-12, 1e-10, 1e-8, 1e-6)} == {63}
+    identified = c.identifiability
+    assert c.status.ok and identified is not None and c.estimate is not None
+    assert len(c.x) == unknowns and identified.redundant == redundant
+    assert {identified.ranks[t] for t in (1e-12, 1e-10, 1e-8, 1e-6)} == {63}
     assert np.abs(c.on(held_out("f1"))).max() < RECOVERED
-    dependent = list(told.dependencies.coefficients)
+    dependent = list(identified.dependencies.coefficients)
     arm = [sum(d.startswith(begin) for d in dependent) for begin in ARMS]
     assert arm == ([0, 3, 6] if not unit else [0, 2, 4])  # Table 5.4
 
@@ -84,11 +84,11 @@ def test_the_thesiss_fixed_parameters_leave_the_f1_nearly_undetermined():
     m, tied = Measurements(poses("f1_unit", 100)), {"A[2,2]": "A[1,2]"}
     thesis = prepare(true_robot("f1_unit"), m, Choice(fixed=fixed, tied=tied, unit=QUATERNIONS))
     turn = Choice(fixed=(*fixed[:2], "u1_3 turned about y", *fixed[3:]), tied=tied, unit=QUATERNIONS)
-    told, ours = (p.identifiability(sigma=6e-5) for p in (thesis, prepare(true_robot("f1_unit"), m, turn)))
-    assert told.rank == ours.rank == 63 == len(told.names)
-    worst = told.near[-1]
+    theirs, ours = (p.identifiability(sigma=6e-5) for p in (thesis, prepare(true_robot("f1_unit"), m, turn)))
+    assert theirs.rank == ours.rank == 63 == len(theirs.names)
+    worst = theirs.near[-1]
     assert worst.std > 100 and list(worst.weights)[:2] == ["u1_3 turned about y", "u2_3 turned about z"]
-    assert all(d.std < 10 for d in ours.near) and told.condition > 20 * ours.condition
+    assert all(d.std < 10 for d in ours.near) and theirs.condition > 20 * ours.condition
 
 
 def test_the_optimum_is_scipys():

@@ -18,11 +18,11 @@ def test_a_prior_far_from_the_poses_is_named() -> None:
     noisy = measured("l1", signals={"q": {"noise": 1e-4}, "T": {"noise": 5e-5}})
     outcome = solved("l1", how=noisy, priors={"L[0]": Known(value=5.0, std=1e-6), "L[1]": Known(std=1.0)})
     v = outcome.values
-    told = [s for s in v["notes"] if "contradicts the poses" in s]
-    assert len(told) == 1 and told[0].startswith(
+    contradictions = [s for s in v["notes"] if "contradicts the poses" in s]
+    assert len(contradictions) == 1 and contradictions[0].startswith(
         "the prior L[0] = 5 m +- 1e-06 contradicts the poses, which give 2.047"
     )
-    assert v["verdict"][-1] == f"prediction not proven: {told[0]}" and v["prediction_proven"] is False
+    assert v["verdict"][-1] == f"prediction not proven: {contradictions[0]}" and v["prediction_proven"] is False
     fine = solved("l1", how=noisy, priors={"L[0]": Known(std=0.01)}).values
     assert not any("contradicts" in s for s in fine["notes"])
 
@@ -64,7 +64,7 @@ def test_legs_on_held_out_poses_are_a_value() -> None:
     assert solved("l1", held_out=0).values["held_out_link_rms_mm"] is None
 
 
-def test_wandering_carts_alone_keep_their_intervals() -> None:
+def test_guideway_errors_alone_keep_their_intervals() -> None:
     """Synthetic L1, seed 1, without shifts by load: smooth errors explain the residuals, and the truth is inside."""
     made = made_poses(robot("l1"), replace(L1, load=0.0, point_error=1e-3, poses=120))
     v = study(robot("l1"), made, fit("l1")).values
@@ -82,7 +82,7 @@ def test_few_poses_are_said_to_be_untested(tmp_path: Path) -> None:
     assert "parameters: 95 % intervals cover noise; colour not tested, 20 poses" in v["verdict"]
 
 
-def test_what_is_not_told_is_said_with_the_movement_that_was_found() -> None:
+def test_what_is_undetermined_is_said_with_the_movement_that_was_seen() -> None:
     """A parameter of a free gauge that moved by 9 m stays near nothing; one that was determined is not named."""
     rng = np.random.default_rng(4)
     for _ in range(20):
@@ -91,8 +91,8 @@ def test_what_is_not_told_is_said_with_the_movement_that_was_found() -> None:
         start, moved = rng.standard_normal(3), 10.0 ** rng.uniform(-3, 1, 3)
         unknowns = SimpleNamespace(names=names, start=start, units=("m", "m", "rad"))
         c = SimpleNamespace(x=start + moved, problem=SimpleNamespace(unknowns=unknowns))
-        found = identifiability(1e3 * J, names, scale=np.ones(3))
-        sentence = movement.undetermined(c, found)  # type: ignore[arg-type]
+        determined = identifiability(1e3 * J, names, scale=np.ones(3))
+        sentence = movement.undetermined(c, determined)  # type: ignore[arg-type]
         farthest = int(np.argmax(moved[:2]))
         assert (
             f"{names[farthest]} moved farthest, by {moved[farthest]:.3g} m" in sentence

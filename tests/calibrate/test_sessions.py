@@ -56,7 +56,7 @@ def test_two_set_ups_of_the_device_are_calibrated_together(folder: Path) -> None
     assert one.fitted is None or one.fitted["mean"] > 1e-3
 
 
-def test_the_sag_is_estimated_given_or_told_to_be_unknown(folder: Path) -> None:
+def test_the_sag_is_estimated_given_or_said_to_be_unknown(folder: Path) -> None:
     def sunk(sag: Sag | None = None) -> dict:
         return dict(solved("l1", folder / "sunk.csv", how=measured("l1", sag=sag)).values)
 

@@ -1,4 +1,4 @@
-"""Synthetic robots and what is said of predictions: true poses, wandering carts, sensitivity, outliers."""
+"""Synthetic robots and what is said of predictions: true poses, guideway errors, sensitivity, outliers."""
 
 import numpy as np
 import pytest
@@ -25,26 +25,26 @@ def test_true_poses_close_on_the_deviating_points(kind: str) -> None:
     still = true_poses(robot, p["q"], near, rows_of(np.zeros((20, 3)), name, rows))
     assert max(np.abs(still[n] - p[n]).max() for n in near) < SAME
     off = 1e-3 * np.random.default_rng(1).standard_normal((20, 3))
-    found = true_poses(robot, p["q"], near, rows_of(off, name, rows))
+    stands = true_poses(robot, p["q"], near, rows_of(off, name, rows))
     A, v, L = (np.array(getattr(robot, n)) for n in "AvL")
     arm = [0, 1, 2] if kind == "three_link" else [0, 1, 1, 2, 2, 2]
     joints = A + p["q"][:, arm, None] * v
     joints[:, rows] += off[:, None]
-    tips = np.repeat(found["T"][:, None], len(arm), axis=1)
+    tips = np.repeat(stands["T"][:, None], len(arm), axis=1)
     if kind == "six_link":
-        tips = tips + np.einsum("kij,mj->kmi", [quaternion_matrix(e) for e in found["e"]], np.array(robot.B))
+        tips = tips + np.einsum("kij,mj->kmi", [quaternion_matrix(e) for e in stands["e"]], np.array(robot.B))
     assert np.abs(np.linalg.norm(tips - joints, axis=2) - L).max() < SAME
-    assert np.abs(found["T"] - p["T"]).max() > 1e-3
+    assert np.abs(stands["T"] - p["T"]).max() > 1e-3
 
 
 def test_a_pose_out_of_reach_is_no_number() -> None:
     p = poses("three_link", 3)
     far = np.array([[0.0, 0, 0], [9.0, 0, 0], [0, 0, 0]])
-    found = true_poses(true_robot("three_link"), p["q"], {"T": p["T"]}, rows_of(far, "A", [0]))
-    assert np.isfinite(found["T"]).all(axis=1).tolist() == [True, False, True]
+    stands = true_poses(true_robot("three_link"), p["q"], {"T": p["T"]}, rows_of(far, "A", [0]))
+    assert np.isfinite(stands["T"]).all(axis=1).tolist() == [True, False, True]
 
 
-def test_wandering_has_the_sizes_that_it_says_and_no_line_in_it() -> None:
+def test_guideway_errors_have_the_sizes_that_they_say_and_no_line_in_them() -> None:
     v, q = np.array([0.998, -0.03, 0.01]), np.linspace(-0.7, 1.1, 4001)
     make = lambda seed, cyclic: GuidewayError(v, -0.7, 1.1, 4e-5, 1e-4, cyclic, 0.05, np.random.SeedSequence(seed))  # noqa: E731
     e, again, other = (make(s, 0.0)(q) for s in (5, 5, 6))
@@ -117,5 +117,5 @@ def test_alignment_gives_the_frame_back() -> None:
     a = rng.standard_normal((10, 3))
     R = np.linalg.qr(rng.standard_normal((3, 3)))[0]
     R *= np.linalg.det(R)
-    t, found, rms = aligned(a, a @ R.T + [1.0, 2, 3])
-    assert t == pytest.approx([1, 2, 3]) and found == pytest.approx(R) and rms < SAME
+    t, turned, rms = aligned(a, a @ R.T + [1.0, 2, 3])
+    assert t == pytest.approx([1, 2, 3]) and turned == pytest.approx(R) and rms < SAME

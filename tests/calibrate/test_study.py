@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gtmodel.calibrate import Fit, Known, Measurements, Pose, Poses, read_poses, study
+from gtmodel.calibrate import Fit, Known, MeasuredPoses, Measurements, Pose, read_poses, study
 from gtmodel.results import ArgumentError, SolveStatus
 from tests.calibrate.shipped import (
     FITS,
@@ -35,9 +35,9 @@ class TestShippedRobots:
         v = shipped("f1").values
         assert v["a_priori_mm"]["mean"] == pytest.approx(62, rel=STORY)
         assert v["held_out_mm"]["mean"] == pytest.approx(0.24, rel=STORY)
-        told = v["identifiability_after"]
-        assert len(v["unknowns"]) == 69 and told["redundant"] == 6 and v["orientation_deg"]["max"] < 0.2
-        assert any("r3[1] moves with A0[2,0]" in s for s in told["notes"])
+        identified = v["identifiability_after"]
+        assert len(v["unknowns"]) == 69 and identified["redundant"] == 6 and v["orientation_deg"]["max"] < 0.2
+        assert any("r3[1] moves with A0[2,0]" in s for s in identified["notes"])
         lost = {u["name"] for u in v["unknowns"] if u["std"] is None}
         assert "r3[1]" in lost and "L[0]" not in lost
 
@@ -56,9 +56,9 @@ class TestShippedRobots:
         assert bare["worst"]["line"] + 3 == shipped("l1").values["worst"]["line"] and bare["synthetic"] is None
 
     def test_the_sensitivity_has_a_row_for_each_unknown(self) -> None:
-        found = solved("l1", sensitivity_step=Fit().sensitivity_step)
-        assert list(found.sensitivity) == [u["name"] for u in found.unknowns]
-        assert "sensitivity.csv" in found.files and FITS["l1"]["accuracy"] == found.checks["mean_error_mm"].bound / 1e3
+        done = solved("l1", sensitivity_step=Fit().sensitivity_step)
+        assert list(done.sensitivity) == [u["name"] for u in done.unknowns]
+        assert "sensitivity.csv" in done.files and FITS["l1"]["accuracy"] == done.checks["mean_error_mm"].bound / 1e3
 
 
 class TestChoices:
@@ -131,6 +131,6 @@ class TestChoices:
     def test_a_mechanism_of_ones_own(self) -> None:
         phi = np.linspace(-1.5, 1.5, 40)
         s = 0.41 * np.cos(phi) + np.sqrt(1.23**2 - (0.41 * np.sin(phi) - 0.12) ** 2)
-        poses = Poses(Measurements({"phi": phi, "s": s}, poses=(Pose("s"),)), "phi")
-        found = study(Slider(), poses)
-        assert found.parameters == pytest.approx({"L": 1.23, "a": 0.41, "h": 0.12}, abs=1e-7)
+        poses = MeasuredPoses(Measurements({"phi": phi, "s": s}, poses=(Pose("s"),)), "phi")
+        done = study(Slider(), poses)
+        assert done.parameters == pytest.approx({"L": 1.23, "a": 0.41, "h": 0.12}, abs=1e-7)

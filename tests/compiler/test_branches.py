@@ -111,7 +111,7 @@ class TestNames:
             def equations(self):
                 yield self.x**2 == self.u
 
-        with pytest.raises(gt.ModelError, match="x has two solutions and nothing tells them apart"):
+        with pytest.raises(gt.ModelError, match="x has two solutions and nothing distinguishes them"):
             Silent().causal("u", "x")
 
     def test_wrong_names_and_signs(self):

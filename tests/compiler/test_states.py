@@ -60,7 +60,7 @@ class TestPendulum:
         assert states(Avoiding(), target="tension") == ["y", "der(y)"]
 
     def test_asked_for_the_still_coordinate_it_says_what_is_wrong(self):
-        with pytest.raises(gt.ModelError, match=r"y has two solutions and nothing tells them apart"):
+        with pytest.raises(gt.ModelError, match=r"y has two solutions and nothing distinguishes them"):
             pendulum(np.pi / 2).causal((), "der(y,2)", prefer="x")
 
 

@@ -181,7 +181,7 @@ def test_chosen_tests_beat_tests_in_order():
     assert select(candidates, 30, TRUTH).indices.o3 == pytest.approx(found.of_all.o3)
     with pytest.raises(ValueError, match="expected 1 to 30, the number of candidates"):
         select(candidates, 31, TRUTH)
-    with pytest.raises(ValueError, match="the tests tell 5 of 6 compliances; take more poses"):
+    with pytest.raises(ValueError, match="the tests determine 5 of 6 compliances; take more poses"):
         select(_vertical(), 12, TRUTH)
 
 

@@ -10,9 +10,9 @@ import pytest
 
 import gtmodel as gt
 from gtmodel.compliance import (
-    Column,
     GravityCompensator,
     Load,
+    LoadTestColumn,
     LoadTests,
     MeasuredTests,
     Setup,
@@ -30,10 +30,10 @@ MADE = SyntheticTests(stiffness=[1e6 * x for x in TRUTH], seed=9)
 LOADS = [Load(force) for force in ([2000.0, 0.0, 0.0], [0.0, 2000.0, 0.0], [0.0, 0.0, -4000.0])]
 SETUP = Setup(tool=[0.1, 0.05, 0.4])
 COLUMNS = LoadTests(
-    q=Column("q", "deg"), force=Column("force", "N"), moment=Column("moment", "N.m"),
-    displacement=Column("displacement", "mm"), rotation=Column("rotation", "rad"),
+    q=LoadTestColumn("q", "deg"), force=LoadTestColumn("force", "N"), moment=LoadTestColumn("moment", "N.m"),
+    displacement=LoadTestColumn("displacement", "mm"), rotation=LoadTestColumn("rotation", "rad"),
 )  # fmt: skip
-WRIST = replace(COLUMNS, wrist=Column("wrist", "mm"))
+WRIST = replace(COLUMNS, wrist=LoadTestColumn("wrist", "mm"))
 SPRING = GravityCompensator(0.3, 0.25, 8e5, 0.2)
 METHODS = ["complete_pose", "decoupled"]
 
@@ -99,9 +99,9 @@ def test_a_measured_file_gives_what_its_tests_gave(robot, poses, tmp_path, metho
     plain = stiffness_study(robot, read_load_tests(path, COLUMNS), setup)
     np.testing.assert_allclose(plain.stiffness, a.stiffness, rtol=0.05)
     with pytest.raises(ArgumentError, match=r"tests.csv line 2: .* is in mm here and declared in m"):
-        read_load_tests(path, replace(COLUMNS, displacement=Column("displacement", "m")))
+        read_load_tests(path, replace(COLUMNS, displacement=LoadTestColumn("displacement", "m")))
     with pytest.raises(ArgumentError) as caught:
-        read_load_tests(path, replace(COLUMNS, force=Column("q", "deg")))
+        read_load_tests(path, replace(COLUMNS, force=LoadTestColumn("q", "deg")))
     assert caught.value.argument == "tests.force.column"
 
 

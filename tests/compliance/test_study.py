@@ -7,12 +7,12 @@ import pytest
 
 import gtmodel as gt
 from gtmodel.compliance import (
-    Arm,
-    Carts,
-    Frame,
-    Links,
+    ArmSprings,
+    CartSprings,
+    ComplianceMap,
+    FrameSprings,
     Load,
-    Map,
+    RodSprings,
     Springs,
     arm_poses,
     softest_and_stiffest,
@@ -23,7 +23,7 @@ from gtmodel.results import ArgumentError, SolveStatus
 
 COARSE = 0.3
 FORCE = [300.0, 200.0, -300.0]
-RODS = Links(modulus=7e10, outer_diameter=0.04, inner_diameter=0.036, joint=1e8)
+RODS = RodSprings(modulus=7e10, outer_diameter=0.04, inner_diameter=0.036, joint=1e8)
 ROUND_OFF = 1e-9  # sums of a dozen products
 
 
@@ -34,8 +34,8 @@ def l1():
 
 @pytest.fixture(scope="module")
 def of_l1(l1):
-    springs = Springs(RODS, Carts(drive=1e7, across=5e7), Frame(along=2e7, across=3e7))
-    return study(l1, springs, Load(FORCE), map=Map(step=COARSE))
+    springs = Springs(RODS, CartSprings(drive=1e7, across=5e7), FrameSprings(along=2e7, across=3e7))
+    return study(l1, springs, Load(FORCE), map=ComplianceMap(step=COARSE))
 
 
 def test_stiffness_deflection_and_work_belong_together(of_l1):
@@ -64,22 +64,24 @@ def test_pictures_draw_what_was_mapped(of_l1, monkeypatch):
 
 
 def test_nothing_changes_along_parallel_guideways(l1, of_l1):
-    springs = Springs(RODS, Carts(drive=1e7, across=5e7), Frame(along=2e7, across=3e7))
+    springs = Springs(RODS, CartSprings(drive=1e7, across=5e7), FrameSprings(along=2e7, across=3e7))
     there = [of_l1.pose[0] + 1.0, *of_l1.pose[1:]]
-    moved = study(l1, springs, Load(FORCE), pose=there, map=Map(step=COARSE, along=there[0]))
+    moved = study(l1, springs, Load(FORCE), pose=there, map=ComplianceMap(step=COARSE, along=there[0]))
     np.testing.assert_allclose(moved.compliance, of_l1.compliance, rtol=ROUND_OFF)
     assert moved.map["softest_N_m"]["least"] == pytest.approx(of_l1.map["softest_N_m"]["least"])
 
 
 def test_drives_alone_take_all_the_work(l1):
-    found = study(l1, Springs(Links(stiffness=1e15), Carts(drive=1e7)), Load(FORCE), map=Map(step=COARSE))
+    found = study(
+        l1, Springs(RodSprings(stiffness=1e15), CartSprings(drive=1e7)), Load(FORCE), map=ComplianceMap(step=COARSE)
+    )
     assert found.shares["drives"] == pytest.approx(1.0, abs=1e-6)
 
 
 def test_an_arm_is_as_soft_as_its_joints_say():
     robot = gt.robots.kr500()
     k, q = [2e6, 2e6, 1.5e6, 4e5, 4e5, 2e5], np.deg2rad([0.0, -80.0, 100.0, 10.0, 40.0, 0.0])
-    found = study(robot, Arm(k, q.tolist()), map=Map(step=COARSE))
+    found = study(robot, ArmSprings(k, q.tolist()), map=ComplianceMap(step=COARSE))
     poses = arm_poses(robot, q[None], np.zeros(3))
     C = translational_compliance(poses.J, 1 / np.array(k))
     np.testing.assert_allclose(found.stiffness, softest_and_stiffest(C)[0][0], rtol=ROUND_OFF)
@@ -87,22 +89,22 @@ def test_an_arm_is_as_soft_as_its_joints_say():
     assert "beyond the joints' limits" in found.reasons and {*found.figures} == {"softest"}
 
 
-RIGID = Springs(Links(stiffness=1e7))
+RIGID = Springs(RodSprings(stiffness=1e7))
 
 
 @pytest.mark.parametrize(
     ("springs", "options", "argument"),
     [
-        (Springs(Links(joint=1e8)), {}, "springs.links"),
-        (Springs(Links(stiffness=1e7, modulus=7e10)), {}, "springs.links"),
-        (Springs(Links(stiffness=1e7, inner_diameter=0.1)), {}, "springs.links"),
-        (Springs(Links(stiffness=[1e7, 1e7])), {}, "springs.links"),
-        (Springs(Links(stiffness=1e7), Carts(axis=1e3)), {}, "springs.carts.axis"),
+        (Springs(RodSprings(joint=1e8)), {}, "springs.links"),
+        (Springs(RodSprings(stiffness=1e7, modulus=7e10)), {}, "springs.links"),
+        (Springs(RodSprings(stiffness=1e7, inner_diameter=0.1)), {}, "springs.links"),
+        (Springs(RodSprings(stiffness=[1e7, 1e7])), {}, "springs.links"),
+        (Springs(RodSprings(stiffness=1e7), CartSprings(axis=1e3)), {}, "springs.carts.axis"),
         (RIGID, {"load": Load(moment=[1.0, 0.0, 0.0])}, "load.moment"),
         (RIGID, {"pose": [0.0, 0.0, 9.0]}, "pose"),
-        (RIGID, {"map": Map(low=[5.0, 0.0])}, "map.high"),
-        (RIGID, {"map": Map(step=1e-5)}, "map.step"),
-        (Arm([1e6] * 6, [0.0] * 6), {}, "robot"),
+        (RIGID, {"map": ComplianceMap(low=[5.0, 0.0])}, "map.high"),
+        (RIGID, {"map": ComplianceMap(step=1e-5)}, "map.step"),
+        (ArmSprings([1e6] * 6, [0.0] * 6), {}, "robot"),
     ],
 )
 def test_what_cannot_be_used_is_named(l1, springs, options, argument):
@@ -111,11 +113,17 @@ def test_what_cannot_be_used_is_named(l1, springs, options, argument):
     assert caught.value.argument == argument
 
 
+def test_a_diameter_in_millimetres_is_refused():
+    for name in ("outer_diameter", "inner_diameter"):
+        with pytest.raises(ArgumentError, match=f"{name}: must be .* at most 1; found 40; give it in metres"):
+            RodSprings(modulus=7e10, **{"outer_diameter": 0.04, name: 40.0})
+
+
 def test_an_arm_names_its_own():
     robot = gt.robots.kr500()
     for springs, options, argument in (
-        (Arm([1e6], [0.0] * 6), {}, "springs.joint"),
-        (Arm([1e6] * 6, [0.0, -1.4, 1.7, 0.2, 0.7, 0.0]), {"pose": [9.0, 0.0, 0.0]}, "pose"),
+        (ArmSprings([1e6], [0.0] * 6), {}, "springs.joint"),
+        (ArmSprings([1e6] * 6, [0.0, -1.4, 1.7, 0.2, 0.7, 0.0]), {"pose": [9.0, 0.0, 0.0]}, "pose"),
         (RIGID, {}, "robot"),
     ):
         with pytest.raises(ArgumentError) as caught:
@@ -124,7 +132,7 @@ def test_an_arm_names_its_own():
 
 
 def test_a_section_out_of_reach_says_why(l1):
-    found = study(l1, RIGID, map=Map(low=[4.0, 4.0], high=[5.0, 5.0], step=COARSE))
+    found = study(l1, RIGID, map=ComplianceMap(low=[4.0, 4.0], high=[5.0, 5.0], step=COARSE))
     assert found.status is SolveStatus.INFEASIBLE and found.message
     assert found.files == {} and found.map == {"points": 0}
 

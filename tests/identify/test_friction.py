@@ -8,11 +8,11 @@ from scipy.optimize import minimize_scalar
 
 from gtmodel.identify import (
     Runs,
+    concatenate,
     constant_velocity_log,
+    constant_velocity_runs,
     identify_friction,
-    joined,
     mass_by_norm,
-    steady_runs,
 )
 from gtmodel.results import ArgumentError, TrajectoryError
 
@@ -54,8 +54,8 @@ def test_the_most_symmetric_mass_leaves_the_least_asymmetry() -> None:
     assert np.allclose(fit.coulomb_plus + fit.coulomb_minus, PLUS + MINUS, rtol=1e-11)
     # whichever mass: the same forces
     assert np.allclose(fit.force(SPEEDS, 0), runs(poses=1).force[:4, 0], rtol=1e-11)
-    assert "cannot be told apart on one actuator" in fit.undetermined[0]
-    assert "fc+ by +7.90, +0.65, -8.55 N" in fit.undetermined[1]
+    assert "cannot be distinguished on one actuator" in fit.notes[0]
+    assert "fc+ by +7.90, +0.65, -8.55 N" in fit.notes[1]
 
 
 def test_symmetric_friction_is_determined_from_one_pose() -> None:
@@ -65,7 +65,7 @@ def test_symmetric_friction_is_determined_from_one_pose() -> None:
     fit = identify_friction(data._replace(force=force), PATTERN[:1], symmetric=True)
     assert fit.mass == pytest.approx(MASS, rel=1e-12)
     assert np.allclose(fit.coulomb_plus, level) and np.allclose(fit.viscous_minus, FORTH)
-    assert len(fit.undetermined) == 1
+    assert len(fit.notes) == 1
 
 
 def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
@@ -99,14 +99,14 @@ def law(v: np.ndarray) -> np.ndarray:
 
 def test_runs_are_found_in_a_log() -> None:
     log = constant_velocity_log(SPEEDS.tolist(), law, np.full(3, 30.0), seed=3, noise=0.0)
-    found = steady_runs(log)
+    found = constant_velocity_runs(log)
     assert np.allclose(found.velocity[:, 0], np.repeat(SPEEDS, 2) * np.tile([1, -1], 4), rtol=1e-4)
     assert np.allclose(found.force, law(found.velocity), rtol=1e-4)
     assert log.trajectory.synthetic == "seed 3, white force noise 0 N, positions in steps of 1e-06 m"
     again = constant_velocity_log(SPEEDS.tolist(), law, np.full(3, 30.0), seed=3, noise=0.0)
     assert again.trajectory == log.trajectory
-    with pytest.raises(TrajectoryError, match=r"holds no steady motion of 5 s"):
-        steady_runs(log, shortest=5.0)
+    with pytest.raises(TrajectoryError, match=r"holds no constant velocity of 5 s"):
+        constant_velocity_runs(log, shortest=5.0)
 
 
 @pytest.mark.parametrize("symmetric", [False, True])
@@ -146,10 +146,10 @@ def test_copied_runs_are_refused(times: int) -> None:
         identify_friction(copied, PATTERN)
     # a log joined to itself: times differ, and with them the last digits of the means
     log = constant_velocity_log(SPEEDS.tolist(), law, np.full(3, 30.0), seed=3, noise=5.0)
-    found = steady_runs(log)
+    found = constant_velocity_runs(log)
     later = found._replace(velocity=found.velocity * (1 + 1e-15), pose=found.pose + 1)
     with pytest.raises(ArgumentError, match=r"runs are copies of others"):
-        identify_friction(joined([found, later]), PATTERN[:2])
+        identify_friction(concatenate([found, later]), PATTERN[:2])
 
 
 def test_what_no_fit_can_take_is_said() -> None:
@@ -198,7 +198,7 @@ def test_forces_in_exchanged_columns_are_recognised_and_no_others(poses: int, al
     seen = 0
     for seed in range(60):
         data, pattern = drawn(seed, poses, alike=alike)
-        assert len(identify_friction(data, pattern).undetermined) <= 3  # honest: never refused
+        assert len(identify_friction(data, pattern).notes) <= 3  # honest: never refused
         exchanged = data._replace(force=data.force[:, [1, 0, 2]])
         try:
             identify_friction(exchanged, pattern)
@@ -209,9 +209,9 @@ def test_forces_in_exchanged_columns_are_recognised_and_no_others(poses: int, al
 
 def test_what_no_run_tells_of_the_columns_is_said() -> None:
     data, pattern = drawn(0, 1, alike=True)
-    assert "in another cart's column" in identify_friction(data, pattern).undetermined[-1]
+    assert "in another cart's column" in identify_friction(data, pattern).notes[-1]
     data, pattern = drawn(0, 3, alike=True)
-    assert "column" not in identify_friction(data, pattern).undetermined[-1]
+    assert "column" not in identify_friction(data, pattern).notes[-1]
 
 
 @pytest.mark.parametrize("cart", [0, 1, 2])
@@ -242,3 +242,39 @@ def test_runs_that_were_written_down_in_few_digits_may_agree() -> None:
     twice.position[20:] += 0.1
     once, again = (identify_friction(runs, pattern).estimate for runs in (coarse, twice))
     np.testing.assert_allclose(again.values, once.values, rtol=1e-6)  # every run counts twice
+
+
+def test_no_runs_cannot_be_concatenated() -> None:
+    with pytest.raises(ArgumentError, match="no runs"):
+        concatenate([])
+
+
+@pytest.mark.parametrize(
+    ("middle", "pattern", "message"),
+    [
+        (np.ones((1, 2)), np.ones((1, 3)), r"\(1, 2\).*\(1, 3\)"),
+        (np.ones((1, 2)), np.zeros((1, 2)), "loads no cart"),
+        (np.array([]), np.array([]), "loads no cart"),
+        (np.array([1.0, np.nan]), np.ones(2), "not finite"),
+    ],
+)
+def test_the_mass_by_norm_needs_levels_and_loads(middle, pattern, message: str) -> None:
+    with pytest.raises(ArgumentError, match=message):
+        mass_by_norm(middle, pattern)
+
+
+@pytest.mark.parametrize(
+    ("velocities", "options", "message"),
+    [
+        ([0.2], {"acceleration": 0.0}, "acceleration: .*0"),
+        ([0.2], {"sample_time": -0.004}, "sample_time: .*-0.004"),
+        ([0.2], {"travel": 0.0}, "travel: .*0"),
+        ([0.2], {"longest": 0.0}, "longest: .*0"),
+        ([0.2], {"noise": -1.0}, "noise: .*-1"),
+        ([0.2, 0.0], {}, "velocities: .*0"),
+        ([], {}, "velocities: .*none"),
+    ],
+)
+def test_a_synthetic_log_needs_numbers_above_zero(velocities, options: dict[str, float], message: str) -> None:
+    with pytest.raises(ArgumentError, match=message):
+        constant_velocity_log(velocities, np.sign, np.array([30.0]), **{"seed": 1, "noise": 5.0, **options})

@@ -11,10 +11,10 @@ import pytest
 
 import gtmodel as gt
 from gtmodel.identify import (
+    ConstantVelocity,
     FrictionCoefficients,
     HeldPose,
     Runs,
-    Steady,
     SyntheticRuns,
     constant_velocity_log,
     friction_study,
@@ -65,6 +65,7 @@ def test_what_is_synthetic_says_so(found) -> None:
 def test_poses_tell_the_mass_where_friction_does_not_change(l1) -> None:
     s = friction_study(l1, MADE, POSES, gravity="poses")
     low, high = s.mass_interval
+    assert s.interval("m") == (low, high)
     assert low < MASS < high and high - low < 0.1
     assert np.allclose(s.coulomb_plus, PLUS, atol=1.0) and np.allclose(s.coulomb_minus, MINUS, atol=1.0)
 
@@ -84,11 +85,14 @@ def test_recordings_and_their_runs_give_what_made_up_ones_do(l1) -> None:
         return np.array(PATTERN) + np.where(v > 0, PLUS + FORTH * v, np.where(v < 0, -np.array(MINUS) + BACK * v, 0.0))
 
     log = constant_velocity_log(FEW.velocities, law, np.full(3, 30.0), seed=5, noise=5.0, title="star")
-    s, made = friction_study(l1, [[log]], [STAR], steady=Steady(slowest=0.1)), friction_study(l1, FEW, [STAR])
+    s, made = (
+        friction_study(l1, [[log]], [STAR], constant_velocity=ConstantVelocity(slowest=0.1)),
+        friction_study(l1, FEW, [STAR]),
+    )
     np.testing.assert_allclose(s.viscous_plus, made.viscous_plus, rtol=1e-9)
     assert s.mass == pytest.approx(made.mass) and "slope_error" not in s.checks and s.runs == made.runs
     with pytest.raises(ArgumentError) as caught:
-        friction_study(l1, [[log]], [STAR], steady=Steady(steady_acceleration=1e-9))
+        friction_study(l1, [[log]], [STAR], constant_velocity=ConstantVelocity(steady_acceleration=1e-9))
     assert caught.value.argument == "runs[0]"
 
 

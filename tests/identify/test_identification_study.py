@@ -114,6 +114,7 @@ def test_wrong_logs_are_named(log):
         (["m_q"], Fitting(), "free"),
         (["L"], Fitting(), "free"),
         (["m_p"], Fitting(watch=["m_p"]), "fitting.watch"),
+        (["m_q"], Fitting(watch=["m_p"]), "free"),  # its sentence proposes m_p
         (["m_p"], Fitting(known="p"), "fitting.known"),
         (["m_p"], Fitting(targets="p"), "fitting.targets"),
         (["m_p"], Fitting(nonnegative=["m_q"]), "fitting.nonnegative"),

@@ -222,7 +222,7 @@ def test_offsets_of_two_sessions_are_parameters_with_intervals():
 def test_the_scale_of_the_forces_is_refused():
     raw = session(NOISY, 1, SHORT)
     signals = {"q": Signal("q", "m"), "tau": Signal("tau", "N", scale="estimate")}
-    with pytest.raises(gt.ModelError, match="cannot be told from the masses"):
+    with pytest.raises(gt.ModelError, match="cannot be distinguished from the masses"):
         corrected(Corrections(signals, [raw]), regressor(), Processing(), TEN)
 
 

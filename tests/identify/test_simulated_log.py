@@ -9,7 +9,8 @@ import pytest
 
 import gtmodel as gt
 from gtmodel.identify import LogSimulator, Sensors, Tracking, multisine
-from gtmodel.identify.differences import velocity_and_acceleration
+from gtmodel.identify.rows import velocity_and_acceleration
+from gtmodel.results import ArgumentError
 from tests.identify.plants import SAMPLE_TIME, plant, session, simulator
 
 L1 = gt.robots.actuator_closed_loop()
@@ -108,3 +109,9 @@ def test_wrong_wishes():
         multisine(np.arange(10) * 0.1, np.zeros(1), np.ones(1), np.ones(1), 0, ramp=1.0)
     with pytest.raises(ValueError, match="as many a"):
         Tracking(b=(1.0,), a=(0.5, 0.5), delay=1)
+
+
+@pytest.mark.parametrize("frequencies", [[], [0.5, 0.0], [np.nan], [[0.5]]])
+def test_a_multisine_needs_frequencies(frequencies) -> None:
+    with pytest.raises(ArgumentError, match="frequencies: "):
+        multisine(np.arange(0.0, 8.0, 0.004), np.zeros(1), np.ones(1), np.array(frequencies), seed=1)

@@ -12,6 +12,7 @@ from gtmodel.inference import (
     newey_west,
     white,
 )  # fmt: skip
+from gtmodel.results import ArgumentError
 
 
 def ar1(rng: np.random.Generator, n: int, rho: float) -> np.ndarray:
@@ -111,3 +112,31 @@ def test_a_bootstrap_is_the_same_for_the_same_seed():
 def test_too_short_a_log_is_refused():
     with pytest.raises(ValueError, match="every 20-th of 40 samples leaves 2 rows for 3 parameters"):
         decimated(problem(40), np.ones(40), every=20)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda J, r: decimated(J, r, every=0), "every: .*0"),
+        (lambda J, r: decimated(J, r, every=-2), "every: .*-2"),
+        (lambda J, r: block_bootstrap(J, r, seed=1, block=0), "block: .*0"),
+        (lambda J, r: block_bootstrap(J, r, seed=1, draws=1), "draws: .*1"),
+        (lambda J, r: newey_west(J, r, lags=-1), "lags: .*-1"),
+        (lambda J, r: newey_west(J[:3], r[:3]), "3 residuals for 3 parameters"),
+        (lambda J, r: block_bootstrap(J[:3], r[:3], seed=1), "3 residuals for 3 parameters"),
+    ],
+)
+def test_wrong_numbers_of_samples_are_refused(call, message) -> None:
+    with pytest.raises(ArgumentError, match=message):
+        call(problem(60), np.random.default_rng(1).normal(size=60))
+
+
+@pytest.mark.parametrize("column", [lambda t: np.ones_like(t), np.zeros_like, lambda t: 1 + 2 * t])
+def test_columns_that_depend_on_others_have_no_covariance(column) -> None:
+    t = np.arange(60) / 60
+    J, r = np.column_stack([np.ones(60), t, column(t)]), np.random.default_rng(1).normal(size=60)
+    for call in (
+        lambda: white(J, 1.0), lambda: newey_west(J, r), lambda: decimated(J, r), lambda: block_bootstrap(J, r, seed=1)
+    ):  # fmt: skip
+        with pytest.raises(ArgumentError, match="rank is 2 for 3 parameters"):
+            call()

@@ -42,3 +42,11 @@ def test_without_freedom_nothing_is_judged() -> None:
     nothing = held_out_ratio(1.0, np.inf, 0, 30)
     assert nothing.bound == np.inf and not nothing.passed and "nothing to be judged by" in nothing.message
     assert freedom_of(10.0, 10.0) == 10.0 and freedom_of(2.0, 4.0) == 1.0 and freedom_of(0.0, 0.0) == 0.0
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("kind", [float, np.float64])
+def test_traces_of_large_covariances_do_not_overflow(kind) -> None:
+    exact = freedom_of(3.1, 3.01)
+    assert freedom_of(kind(3.1 * 2.0**520), kind(3.01) * 2.0**1020 * 2.0**2) == exact * 2.0**18
+    assert freedom_of(kind(3.1 * 2.0**-520), kind(3.01 * 2.0**-1000)) == exact * 2.0**-40

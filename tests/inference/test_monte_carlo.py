@@ -15,6 +15,7 @@ import pytest
 from scipy.special import comb
 
 from gtmodel.inference import binomial_band, coverage, monte_carlo
+from gtmodel.results import ArgumentError
 from tests.inference.runs import mean_of_ten, own_seed, slow, third_fails
 from tests.support.commands import environment
 
@@ -119,3 +120,8 @@ def alive(process: int) -> bool:
     except FileNotFoundError:
         return False
     return state != "Z"
+
+
+def test_coverage_needs_true_values() -> None:
+    with pytest.raises(ArgumentError, match=r"truth: .*true value"):
+        coverage([mean_of_ten(np.random.default_rng(1), 0)], {})

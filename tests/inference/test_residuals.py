@@ -14,6 +14,7 @@ from gtmodel.inference import (
     normality,
     whiteness,
 )  # fmt: skip
+from gtmodel.results import ArgumentError
 
 
 def test_autocorrelation_by_hand():
@@ -89,3 +90,15 @@ def test_an_offset_is_not_white() -> None:
 def test_a_fit_without_degrees_of_freedom_says_nothing_of_the_noise():
     found = noise_size(linear_fit(np.eye(2), [1.0, 2.0], ["a", "b"], sigma=0.1))
     assert not found.passed and found.message.endswith("residuals say nothing of the noise")
+
+
+@pytest.mark.parametrize("value", [0.0, 0.3, -1e6])
+def test_residuals_that_are_all_the_same_say_nothing_of_normality(value: float) -> None:
+    verdict = normality(np.full(50, value))
+    assert not verdict.passed and np.isnan(verdict.p)
+    assert verdict.message.startswith(f"all residuals are {value:.3g}: ")
+
+
+def test_normality_needs_residuals() -> None:
+    with pytest.raises(ArgumentError, match="0 residuals"):
+        normality(np.zeros(0))

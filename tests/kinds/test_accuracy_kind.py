@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import gtmodel as gt
-from gtmodel.kinematics.accuracy import ErrorSection, LinkErrors, MonteCarlo
+from gtmodel.kinematics.accuracy import ErrorSection, LinkErrors, MonteCarloDraws
 from gtmodel.problem_files import Context, InputError
 from gtmodel.problem_files.load import load
 from gtmodel.problem_files.run import answer, explain
@@ -55,7 +55,9 @@ def test_the_call_on_objects_gives_the_values_of_the_file() -> None:
         LinkErrors("case 2", along=[11e-6, 58e-6, 1e-6 * 19], across=[28e-6, 1e-6 * 38, 47e-6]),
     ]
     robot = gt.robots.gantry_tau("d1_nominal")
-    by_call = gt.kinematics.accuracy_study(robot, cases, section=ErrorSection(step=0.2), monte_carlo=MonteCarlo(500))
+    by_call = gt.kinematics.accuracy_study(
+        robot, cases, section=ErrorSection(step=0.2), monte_carlo=MonteCarloDraws(500)
+    )
     assert str(by_call.values) == str(by_file.values) and by_call.checks == by_file.checks
 
 

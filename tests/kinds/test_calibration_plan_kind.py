@@ -12,10 +12,10 @@ import gtmodel as gt
 from gtmodel.calibrate.plan import (
     Criteria,
     PlanLimits,
+    PlanSimulation,
     PosesToMeasure,
     Room,
     Safety,
-    Simulation,
     Tracker,
     plan_study,
 )
@@ -84,7 +84,7 @@ def test_the_call_on_objects_gives_the_values_of_the_file():
         safety=Safety(cone=np.radians(5.0)),
         poses=PosesToMeasure(20, held_out=5, starts=1),
         curve=[],
-        simulation=Simulation(runs=0),
+        simulation=PlanSimulation(runs=0),
         criteria=Criteria(accuracy=5e-5),
     )
     assert str(by_call.values) == str(by_file.values) and by_call.checks == by_file.checks

@@ -88,10 +88,9 @@ class TestInputs:
         assert caught.value.key == key and caught.value.message
 
     def test_a_file_in_another_unit(self, here: Path) -> None:
-        from gtmodel import ModelError
-
-        with pytest.raises(ModelError, match=r"input 'tau' is in N\.m; the trajectory gives it in m"):
+        with pytest.raises(InputError, match=r"input 'tau' is in N\.m; the trajectory gives it in m") as refused:
             solve(Context(folder=here), inputs={"tau": {"file": self.csv(here, unit="m")}})
+        assert refused.value.key == "inputs.tau"
 
 
 @pytest.mark.parametrize(

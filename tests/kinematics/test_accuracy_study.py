@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import gtmodel as gt
-from gtmodel.kinematics.accuracy import ErrorSection, LinkErrors, MonteCarlo, accuracy_study
+from gtmodel.kinematics.accuracy import ErrorSection, LinkErrors, MonteCarloDraws, accuracy_study
 from gtmodel.kinematics.accuracy.judged_case import nearest
 from gtmodel.results import ArgumentError, SolveStatus
 
@@ -24,7 +24,7 @@ def d1():
 @pytest.fixture(scope="module")
 def study(d1):
     def solved(*cases: LinkErrors, **options):
-        given = {"section": COARSE, "monte_carlo": MonteCarlo(samples=2000, seed=3)} | options
+        given = {"section": COARSE, "monte_carlo": MonteCarloDraws(samples=2000, seed=3)} | options
         return accuracy_study(d1, cases or [LENGTHS], **given)
 
     return solved

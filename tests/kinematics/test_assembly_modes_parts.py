@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from gtmodel.kinematics.assembly_modes import start_systems
-from gtmodel.kinematics.assembly_modes.homotopy import Parameters, straight_line
+from gtmodel.kinematics.assembly_modes.homotopy import HomotopyParameters, straight_line
 from gtmodel.kinematics.assembly_modes.kantorovich import BASIS_MATRICES, isolate
 from gtmodel.kinematics.assembly_modes.make_start_systems import SEEDS, make
 from gtmodel.kinematics.assembly_modes.newton import newton_step, solve_rows
@@ -62,10 +62,12 @@ def test_gradients_are_the_derivatives_of_the_basis() -> None:
 
 def test_the_line_between_two_platforms() -> None:
     random = np.random.default_rng(SEED)
-    draws = [Parameters(*(random.normal(size=s) + 1j for s in ((1, 6, 3), (1, 6, 3), (1, 6)))) for _ in range(2)]
+    draws = [
+        HomotopyParameters(*(random.normal(size=s) + 1j for s in ((1, 6, 3), (1, 6, 3), (1, 6)))) for _ in range(2)
+    ]
     C = straight_line(*draws)[0]
     for t in (0.0, 0.3, 1.0):
-        between = Parameters(
+        between = HomotopyParameters(
             *((1 - t) * a + t * b for a, b in zip(vars(draws[0]).values(), vars(draws[1]).values(), strict=True))
         )
         np.testing.assert_allclose(C[0] + t * (C[1] + t * C[2]), between.system()[0], atol=1e-13)
@@ -99,20 +101,26 @@ def test_the_file_reads_back_exactly_and_is_json() -> None:
 
 def test_tracking_there_and_back_returns_every_solution() -> None:
     a, b = start_systems()[:2]
-    to_b = straight_line(a.parameters, Parameters(b.parameters.A[None], b.parameters.B[None], b.parameters.c[None]))
+    to_b = straight_line(
+        a.parameters, HomotopyParameters(b.parameters.A[None], b.parameters.B[None], b.parameters.c[None])
+    )
     pose = np.zeros(40, dtype=np.intp)
     there = track(to_b, pose, a.z)
     assert np.all(there.arrived) and np.all(there.steps > 5)
     gaps = distances(np.concatenate([there.z, b.z]))[:40, 40:]
     assert np.max(gaps.min(axis=1)) < 1e-8 and len(set(gaps.argmin(axis=1).tolist())) == 40
-    to_a = straight_line(b.parameters, Parameters(a.parameters.A[None], a.parameters.B[None], a.parameters.c[None]))
+    to_a = straight_line(
+        b.parameters, HomotopyParameters(a.parameters.A[None], a.parameters.B[None], a.parameters.c[None])
+    )
     back = track(to_a, pose, there.z)
     assert np.max(np.diagonal(distances(np.concatenate([back.z, a.z]))[:40, 40:])) < 1e-8
 
 
 def test_paths_do_not_depend_on_their_company() -> None:
     a, b = start_systems()[:2]
-    line = straight_line(a.parameters, Parameters(b.parameters.A[None], b.parameters.B[None], b.parameters.c[None]))
+    line = straight_line(
+        a.parameters, HomotopyParameters(b.parameters.A[None], b.parameters.B[None], b.parameters.c[None])
+    )
     together = track(line, np.zeros(40, dtype=np.intp), a.z)
     alone = track(line, np.zeros(1, dtype=np.intp), a.z[11:12])
     np.testing.assert_allclose(alone.z[0], together.z[11], atol=1e-12)
@@ -162,7 +170,7 @@ def test_the_pose_of_a_self_motion_is_on_a_curve() -> None:
     p = griffis_duffy_platforms(1, SEED)
     z = study_point(Rotation.from_matrix(p.R[0]), p.T[0])
     c = np.sum(p.A**2, axis=2) + np.sum(p.B**2, axis=2) - p.L**2
-    assert on_a_curve(Parameters(p.A, p.B, c).system()[0], z / np.linalg.norm(z))
+    assert on_a_curve(HomotopyParameters(p.A, p.B, c).system()[0], z / np.linalg.norm(z))
 
 
 def test_rotation_angles_are_accurate_near_zero_and_at_half_a_turn() -> None:

@@ -10,6 +10,7 @@ import pytest
 from gtmodel import mechanics as m
 from gtmodel.kinematics import MeasurementError, backlash, cyclic_term, fit_guideway
 from gtmodel.kinematics.periodogram import strongest
+from gtmodel.results import ArgumentError
 from tests.mechanics.test_guideways import Slide
 from tests.support.guideway_data import ACROSS, ALONG, MEAN, P0, UM, V, cart
 
@@ -130,8 +131,10 @@ class TestBacklash:
     def test_forty_micrometres_within_the_interval(self):
         # the width of Fig. 4.3; synthetic
         found = [backlash(*self.runs(40e-6, seed)) for seed in range(100)]
-        covered = sum(b.low <= 40e-6 <= b.high for b in found)
+        covered = sum(low <= 40e-6 <= high for low, high in (b.interval("width") for b in found))
         assert 88 <= covered <= 100  # 95 of 100 expected; fewer than 88 has a chance of 0.15 per cent
+        with pytest.raises(ArgumentError, match="'across' was not estimated"):
+            found[0].interval("across")
         spread = np.std([b.width for b in found], ddof=1)
         assert spread == pytest.approx(np.mean([b.standard_error for b in found]), rel=0.25)
         assert all(b.significant and b.pairs == 60 for b in found)

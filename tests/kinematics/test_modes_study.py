@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 import gtmodel as gt
 from gtmodel import robots
-from gtmodel.kinematics.assembly_modes import Pose, bare, draw, modes_study, read_poses
+from gtmodel.kinematics.assembly_modes import CommandedPose, bare, draw, modes_study, read_poses
 from gtmodel.plot.assembly_modes import MARKED, modes_figure
 from gtmodel.results import ArgumentError, SolveStatus, as_json
 from gtmodel.results.written import png
@@ -24,7 +24,7 @@ PROBLEMS = Path(__file__).resolve().parents[2] / "problems"
 LEG = 1e-12
 # commanded pose by Newton and by the homotopy [m]
 SAME = 1e-10
-CARTS = Pose(q=[-0.2, 0.0, -0.2])
+CARTS = CommandedPose(q=[-0.2, 0.0, -0.2])
 # P. Dietmaier 1998, as printed
 PRINTED = tomllib.loads((PROBLEMS / "dietmaier_modes.toml").read_text(encoding="utf-8"))["platform"]
 DIETMAIER = [np.array(PRINTED[key]) for key in ("A_m", "B_m", "L_m")]
@@ -36,7 +36,9 @@ def rotation(mode: dict) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def f1():
-    return modes_study(robots.f1_gantry_tau(), Pose([0.72, 0.26, 0.21], np.radians([0.3, -3.0, -0.6]).tolist()))
+    return modes_study(
+        robots.f1_gantry_tau(), CommandedPose([0.72, 0.26, 0.21], np.radians([0.3, -3.0, -0.6]).tolist())
+    )
 
 
 @pytest.fixture(scope="module")
@@ -199,21 +201,23 @@ T0, Q0, E0 = [0.0] * 3, [0.0] * 3, [1.0, 0.0, 0.0, 0.0]
     [
         (lambda: gt.robots.gantry_tau("l1_tape"), None, "robot"),
         (robots.SixLink, None, "robot"),
-        (robots.f1_gantry_tau, Pose(q=Q0, tcp=T0), "pose"),
-        (robots.f1_gantry_tau, Pose(axes=Q0), "pose.axes"),
-        (robots.f1_gantry_tau, Pose(quaternion=E0), "pose.quaternion"),
-        (robots.f1_gantry_tau, Pose(tcp=T0, quaternion=E0, zyz=T0), "pose"),
-        (robots.f1_gantry_tau, Pose(tcp=T0, quaternion=[2.0, 0.0, 0.0, 0.0]), "pose.quaternion"),
+        (robots.extra_carts, None, "robot"),
+        (robots.extra_carts, CommandedPose(q=Q0), "robot"),
+        (robots.f1_gantry_tau, CommandedPose(q=Q0, tcp=T0), "pose"),
+        (robots.f1_gantry_tau, CommandedPose(axes=Q0), "pose.axes"),
+        (robots.f1_gantry_tau, CommandedPose(quaternion=E0), "pose.quaternion"),
+        (robots.f1_gantry_tau, CommandedPose(tcp=T0, quaternion=E0, zyz=T0), "pose"),
+        (robots.f1_gantry_tau, CommandedPose(tcp=T0, quaternion=[2.0, 0.0, 0.0, 0.0]), "pose.quaternion"),
         (
             robots.f1_gantry_tau,
-            [Pose(tcp=T0, quaternion=e) for e in (E0, [1, 1, 0, 0])],
+            [CommandedPose(tcp=T0, quaternion=e) for e in (E0, [1, 1, 0, 0])],
             "poses.quaternion",
         ),
         (robots.f1_gantry_tau, [], "poses"),
-        (robots.six_link_gantry_tau, Pose(q=Q0, axes=Q0), "pose.axes"),
-        (robots.six_link_gantry_tau, Pose(tcp=T0, zyz=T0), "pose.zyz"),
+        (robots.six_link_gantry_tau, CommandedPose(q=Q0, axes=Q0), "pose.axes"),
+        (robots.six_link_gantry_tau, CommandedPose(tcp=T0, zyz=T0), "pose.zyz"),
         (lambda: bare(np.zeros((6, 3)), np.zeros((6, 3)), np.ones(6)), None, "legs"),
-        (lambda: draw(1, 1), Pose(q=Q0), "pose"),
+        (lambda: draw(1, 1), CommandedPose(q=Q0), "pose"),
     ],
 )
 def test_what_cannot_be_used_is_named(make, poses, argument: str) -> None:
@@ -251,11 +255,11 @@ def test_a_file_of_a_spreadsheet_begins_with_a_mark(tmp_path: Path) -> None:
     (tmp_path / "p.csv").write_text(text, encoding="utf-8-sig")
     (tmp_path / "plain.csv").write_text(text, encoding="utf-8")
     marked, plain = (read_poses(tmp_path / name) for name in ("p.csv", "plain.csv"))
-    assert marked == plain and marked[0] == Pose(q=[0.01, 0.0, 0.0], axes=[np.pi, 0.0, 0.0])
+    assert marked == plain and marked[0] == CommandedPose(q=[0.01, 0.0, 0.0], axes=[np.pi, 0.0, 0.0])
 
 
 def test_carts_too_far_apart_have_no_real_mode_and_infinities_are_null(robot) -> None:
-    s = modes_study(robot, Pose(q=[5.0, 0.0, 0.0]))
+    s = modes_study(robot, CommandedPose(q=[5.0, 0.0, 0.0]))
     assert s.status.ok and s.message.endswith("the links cannot be assembled at these carts")
     assert (s.finite, s.real, s.modes, s.commanded) == (40, 0, [], None)
     v = json.loads(as_json.result("", None, s))["values"]

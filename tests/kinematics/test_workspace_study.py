@@ -10,7 +10,7 @@ import pytest
 import gtmodel as gt
 from gtmodel.compiler.flat_cache import shared
 from gtmodel.kinematics.mechanism import mechanism_of
-from gtmodel.kinematics.workspace import Beam, Bodies, Box, CrossSection, Limits, Sections, workspace_study
+from gtmodel.kinematics.workspace import Beam, Bodies, Box, CrossSection, Sections, WorkspaceLimits, workspace_study
 from gtmodel.kinematics.workspace.limited import task_of
 from gtmodel.kinematics.workspace.reached import _to_begin_with
 from gtmodel.results import ArgumentError, SolveStatus, Status
@@ -20,7 +20,7 @@ from tests.kinematics.by_hand import L1, disc_intersection_area
 # the step's square, on boundaries with corners
 AREA = 2e-3
 COARSE = CrossSection(step=0.1)
-STROKES = Limits(actuators=[[-1.5, 1.5]] * 3)
+STROKES = WorkspaceLimits(actuators=[[-1.5, 1.5]] * 3)
 
 
 @pytest.fixture(scope="module")
@@ -28,7 +28,7 @@ def l1():
     return gt.robots.gantry_tau("l1_tape")
 
 
-def reached(robot, limits: Limits | None = None, **options):
+def reached(robot, limits: WorkspaceLimits | None = None, **options):
     return workspace_study(robot, limits, **{"section": COARSE, **options})
 
 
@@ -41,7 +41,7 @@ def whole(l1):
 def printed(l1):
     """As in the notes on the L1, with the example strokes of the shipped problem."""
     return workspace_study(
-        l1, Limits(actuators=[[-1.5, 1.5]] * 3, cone=np.radians(40.0)), section=CrossSection(step=0.04),
+        l1, WorkspaceLimits(actuators=[[-1.5, 1.5]] * 3, cone=np.radians(40.0)), section=CrossSection(step=0.04),
         volume=Sections(-1.5, 4.0, sections=5, tolerance=0.1), compare_cones=np.radians([30.0, 45.0]).tolist(),
         points=[[0.5, -0.6, 0.7], [0.5, -0.6, 2.4], [0.5, 0.9, 0.2]],
     )  # fmt: skip
@@ -91,9 +91,9 @@ def test_guideways_of_any_direction(robot: str) -> None:
 @pytest.mark.parametrize(
     ("name", "options"),
     [
-        ("actuator limits", {"limits": Limits(actuators=[[-0.4, 3.0]] * 3)}),
-        ("Cartesian limits", {"limits": Limits(tcp_high=[9.0, -0.2, 9.0])}),
-        ("ball-joint cones of 20 deg", {"limits": Limits(cone=np.radians(20.0))}),
+        ("actuator limits", {"limits": WorkspaceLimits(actuators=[[-0.4, 3.0]] * 3)}),
+        ("Cartesian limits", {"limits": WorkspaceLimits(tcp_high=[9.0, -0.2, 9.0])}),
+        ("ball-joint cones of 20 deg", {"limits": WorkspaceLimits(cone=np.radians(20.0))}),
         ("obstacles", {"obstacles": [Box(name="table", low=[0.9, -1.0, -0.3], high=[1.9, -0.4, 0.2])]}),
         ("link-frame clearance", {"beams": [Beam([1.0, -0.6, -1.0], [1.0, -0.6, 0.5], 0.05, [1])]}),
         (
@@ -108,14 +108,14 @@ def test_every_limit_takes_something_away(l1, whole, name, options) -> None:
 
 
 def test_nothing_is_reached(l1) -> None:
-    s = reached(l1, Limits(tcp_low=[9.0, 9.0, 9.0]))
+    s = reached(l1, WorkspaceLimits(tcp_low=[9.0, 9.0, 9.0]))
     assert s.status is SolveStatus.INFEASIBLE and "no point of the section is reached" in s.message
     assert s.area == 0.0 and json.dumps(s.reasons) and s.files == {}
     assert all(s.figure(name).axes for name in s.figures)
 
 
 def test_few_points_of_a_section_not_reached(l1) -> None:
-    limits = Limits(tcp_low=[0.0, -0.5, 0.7], tcp_high=[9.0, -0.45, 0.75])
+    limits = WorkspaceLimits(tcp_low=[0.0, -0.5, 0.7], tcp_high=[9.0, -0.45, 0.75])
     s = reached(l1, limits, section=CrossSection(step=0.5))
     assert s.status is SolveStatus.INFEASIBLE and s.message.endswith("try a smaller step")
 
@@ -129,7 +129,7 @@ def test_what_leaves_the_window_says_so(l1) -> None:
 @pytest.mark.parametrize("sections", [3, 6])
 def test_the_volume_does_not_depend_on_the_sections_to_begin_with(l1, sections: int) -> None:
     """Without added ones 26.7 m3 and 0.0 m3."""
-    limits = Limits(cone=np.radians(40.0), actuators=[[-1.5, 1.5]] * 3)
+    limits = WorkspaceLimits(cone=np.radians(40.0), actuators=[[-1.5, 1.5]] * 3)
     s = reached(l1, limits, volume=Sections(-10.0, 12.0, sections, 0.05))
     assert s.status.ok and s.volume == pytest.approx(5.53, rel=0.02)
     assert s.volume_error < 0.05 * s.volume
@@ -144,7 +144,7 @@ def test_a_volume_with_too_few_sections_fails_its_check(l1) -> None:
 
 def test_sections_are_as_near_as_an_obstacle_is_thin(l1) -> None:
     box = Box(name="post", low=[0.4, -1.0, -0.3], high=[0.5, -0.4, 0.2])
-    task = task_of(l1, Limits(), None, COARSE, Bodies(), [box], [])
+    task = task_of(l1, WorkspaceLimits(), None, COARSE, Bodies(), [box], [])
     assert _to_begin_with(Sections(-1.0, 1.0, 3), task, [box], []) >= 21
 
 
@@ -156,7 +156,7 @@ def test_a_volume_may_be_cut_where_the_section_is_not(l1) -> None:
 
 def test_six_links_reach_farther_by_the_plate() -> None:
     # the plate's joints are up to 0.2 m from the tool centre point
-    task = task_of(gt.robots.six_link_gantry_tau(), Limits(), None, COARSE, Bodies(), [], [])
+    task = task_of(gt.robots.six_link_gantry_tau(), WorkspaceLimits(), None, COARSE, Bodies(), [], [])
     robot, section = task.robot, task.section
     pierced, L = section.pierced(robot.anchors, robot.directions), robot.lengths[:, None] + 0.05
     by_links = (pierced - L).max(axis=0), (pierced + L).min(axis=0)
@@ -189,10 +189,10 @@ def test_stopped_it_keeps_what_was_mapped(l1) -> None:
     ("options", "argument"),
     [
         ({"home": [0.0, 9.0, 0.0]}, "home"),
-        ({"limits": Limits(actuators=[[0.0, 1.0]])}, "limits.actuators"),
-        ({"limits": Limits(actuators=[[1.0, 0.0]] * 3)}, "limits.actuators"),
-        ({"limits": Limits(actuators=[[-1500.0, 1500.0]] * 3)}, "limits.actuators"),
-        ({"limits": Limits(tcp_low=[0, 0, 1.0], tcp_high=[1, 1, 0.0])}, "limits.tcp_high"),
+        ({"limits": WorkspaceLimits(actuators=[[0.0, 1.0]])}, "limits.actuators"),
+        ({"limits": WorkspaceLimits(actuators=[[1.0, 0.0]] * 3)}, "limits.actuators"),
+        ({"limits": WorkspaceLimits(actuators=[[-1500.0, 1500.0]] * 3)}, "limits.actuators"),
+        ({"limits": WorkspaceLimits(tcp_low=[0, 0, 1.0], tcp_high=[1, 1, 0.0])}, "limits.tcp_high"),
         ({"section": CrossSection(step=5.0)}, "section.step"),
         ({"section": CrossSection(step=1e-6)}, "section.step"),
         ({"section": CrossSection(low=[0.0, 0.0], high=[0.0, 1.0])}, "section.high"),

@@ -1,4 +1,4 @@
-"""A loop program with what its twin needs beside it: the same reference, laws and settings for both."""
+"""A loop program with what the loop in Python needs beside it: the same reference, laws and settings for both."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ from gtmodel.loop import (
     DynamicsLaw,
     Exchange,
     Faults,
-    Limits,
+    LoopLimits,
     LoopProcess,
+    LoopRun,
     PathLaw,
+    PythonLoop,
+    ReferenceTable,
     ReplayLaw,
     RobotSide,
-    Run,
     Settings,
-    Table,
     TrajectoryLaw,
-    Twin,
     lockstep,
 )
-from gtmodel.loop.laws import Law
+from gtmodel.loop.laws import LoopLaw
 from gtmodel.results import Status
 from gtmodel.robots import actuator_closed_loop
 
@@ -46,14 +46,14 @@ def text(values: Sequence[float]) -> str:
 
 @dataclass
 class Pair:
-    """The same run by the C loop and by its twin: logs, runs, and the C loop's report."""
+    """The same run by the C loop and by the loop in Python: logs, runs, and the C loop's report."""
 
     c_log: bytes
-    twin_log: bytes
-    c_run: Run
-    twin_run: Run
+    python_log: bytes
+    c_run: LoopRun
+    python_run: LoopRun
     report: dict
-    twin: Twin
+    python_loop: PythonLoop
 
 
 @dataclass
@@ -63,7 +63,7 @@ class Bench:
     functions: dict[str, CausalFunction]
 
     @cached_property
-    def reference(self) -> Table:
+    def reference(self) -> ReferenceTable:
         """A smooth motion of 1.2 s after a rest of 0.2 s; q, T and their derivatives every 4 ms."""
         s = np.clip((np.arange(400) - 50) / 300, 0.0, 1.0)
         duration = 300 * 0.004
@@ -75,12 +75,12 @@ class Bench:
         robot = gt.robots.gantry_tau("l1_tape", inertia="model_2")
         q, dq, ddq, status = robot.causal("T", ["q", "der(q)", "der(q,2)"])(T, dT, ddT)
         assert np.all(status == Status.OK)
-        return Table(np.hstack([q, dq, ddq, T, dT, ddT]))
+        return ReferenceTable(np.hstack([q, dq, ddq, T, dT, ddT]))
 
     @cached_property
-    def corrections(self) -> Table:
+    def corrections(self) -> ReferenceTable:
         random = np.random.default_rng(5)
-        return Table(np.cumsum(random.normal(0.0, 1e-4, (400, 3)), axis=0))
+        return ReferenceTable(np.cumsum(random.normal(0.0, 1e-4, (400, 3)), axis=0))
 
     @property
     def start_m(self) -> list[float]:
@@ -105,18 +105,18 @@ class Bench:
     def log(self) -> Path:
         return self.place / "loop.log"
 
-    def law(self, protocol: str, name: str) -> Law:
+    def law(self, protocol: str, name: str) -> LoopLaw:
         if name == "trajectory":
             return TrajectoryLaw(self.reference, 3, True, 20, 4, A, B)
         if name == "dynamics":
             return DynamicsLaw(self.reference, 3, self._inverse_dynamics, True, protocol == "egm", 2, KP, KD)
         if name == "replay":
             return ReplayLaw(self.reference, self.corrections, 3)
-        return PathLaw(3, self._forward, 2.0, Limits().path_m)
+        return PathLaw(3, self._forward, 2.0, LoopLimits().path_m)
 
-    def twin(self, protocol: str, law: str, *, live: bool = True) -> Twin:
-        settings = Settings(dry=not live, hold_cycles=HOLD, ramp_cycles=RAMP, limits=Limits(step_m=STEP))
-        return Twin(settings, Exchange(protocol, 3), self.law(protocol, law))  # type: ignore[arg-type]
+    def python_loop(self, protocol: str, law: str, *, live: bool = True) -> PythonLoop:
+        settings = Settings(dry=not live, hold_cycles=HOLD, ramp_cycles=RAMP, limits=LoopLimits(step_m=STEP))
+        return PythonLoop(settings, Exchange(protocol, 3), self.law(protocol, law))  # type: ignore[arg-type]
 
     def both(
         self, protocol: str, law: str, cycles: int, faults: Faults | None = None, *, live: bool = True, waits: int = 0
@@ -133,9 +133,9 @@ class Bench:
         with LoopProcess(self.program, [*self.options(protocol, law, live=live), "--cycles", str(cycles)]) as process:
             run = lockstep(robot(), process.exchange, cycles, *channels())
             report = process.finish()
-        twin = self.twin(protocol, law, live=live)
-        twin_run = lockstep(robot(), twin.exchange, cycles, *channels())
-        return Pair(self.log.read_bytes(), bytes(twin.log), run, twin_run, report, twin)
+        python_loop = self.python_loop(protocol, law, live=live)
+        python_run = lockstep(robot(), python_loop.exchange, cycles, *channels())
+        return Pair(self.log.read_bytes(), bytes(python_loop.log), run, python_run, report, python_loop)
 
     def _programme(self, cycle: int, path_m: Sequence[float]) -> list[float]:
         """The robot's own motion; the path's correction moves the carts along x, as it does on this robot."""

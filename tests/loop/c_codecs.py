@@ -23,8 +23,8 @@ class EgmPose(Structure):
         ("euler_deg", c_double * 3),
     )
 
-    def to_python(self) -> egm.Pose:
-        return egm.Pose(
+    def to_python(self) -> egm.EgmPose:
+        return egm.EgmPose(
             joints_deg=list(self.joints_deg[: self.joint_count]),
             external_mm=list(self.external_mm[: self.external_count]),
             position_mm=list(self.position_mm),
@@ -106,18 +106,18 @@ class Log(Structure):
     )
 
 
-def decode_egm(library: ctypes.CDLL, data: bytes) -> egm.Robot | None:
+def decode_egm(library: ctypes.CDLL, data: bytes) -> egm.EgmRobot | None:
     """EgmRobot as C reads it; None where it refuses."""
     robot = EgmRobot()
     if not library.gt_egm_read_robot(data, c_uint32(len(data)), ctypes.byref(robot)):
         return None
-    return egm.Robot(
+    return egm.EgmRobot(
         robot.sequence, robot.time_ms, robot.type, robot.feedback.to_python(), robot.planned.to_python(),
         robot.motor_state, robot.mci_state, robot.rapid_state, bool(robot.convergence_met),
     )  # fmt: skip
 
 
-def encode_egm(library: ctypes.CDLL, sensor: egm.Sensor) -> bytes:
+def encode_egm(library: ctypes.CDLL, sensor: egm.EgmSensor) -> bytes:
     """EgmSensor or EgmSensorPathCorr as C writes it."""
     out = ctypes.create_string_buffer(DATAGRAM_MAX)
     if sensor.path_mm is not None:
@@ -132,7 +132,7 @@ def encode_egm(library: ctypes.CDLL, sensor: egm.Sensor) -> bytes:
     return out.raw[:n]
 
 
-def decode_rsi(library: ctypes.CDLL, data: bytes) -> rsi.Robot | None:
+def decode_rsi(library: ctypes.CDLL, data: bytes) -> rsi.RsiRobot | None:
     """A controller's telegram as C reads it; None where it refuses."""
     robot = RsiRobot()
     if not library.gt_rsi_read_robot(data, c_uint32(len(data)), ctypes.byref(robot)):
@@ -140,10 +140,10 @@ def decode_rsi(library: ctypes.CDLL, data: bytes) -> rsi.Robot | None:
     names = [name for n, name in enumerate(rsi.ELEMENTS) if robot.present >> n & 1]
     values = {name: list(getattr(robot, SIX[list(rsi.ELEMENTS).index(name)])) for name in names}
     given = {name: robot.given[list(rsi.ELEMENTS).index(name)] for name in names}
-    return rsi.Robot(robot.ipoc, bytes(robot.ipoc_text[: robot.ipoc_length]), robot.delay, values, given)
+    return rsi.RsiRobot(robot.ipoc, bytes(robot.ipoc_text[: robot.ipoc_length]), robot.delay, values, given)
 
 
-def encode_rsi(library: ctypes.CDLL, sensor: rsi.Sensor) -> bytes:
+def encode_rsi(library: ctypes.CDLL, sensor: rsi.RsiSensor) -> bytes:
     """The answer as C writes it; empty where it refuses."""
     text = (c_uint8 * 20)(*sensor.stamp)
     six = [(c_double * 6)(*x) for x in (sensor.ak_deg, sensor.ek_mm, sensor.rkorr)]

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import pytest
 
-from gtmodel.loop import LoopError, LoopProcess, RobotSide, Twin, egm, lockstep, rsi
+from gtmodel.loop import LoopError, LoopProcess, PythonLoop, RobotSide, egm, lockstep, rsi
 from gtmodel.loop.record import COUNTERS, STATES, rows_of
 from gtmodel.results import Status
 from tests.loop.bench import HOLD, RAMP, Bench
@@ -26,23 +26,23 @@ WRAP = 1 << 32
 NASTY = (0.0, -0.0, 5e-324, 1e-300, 1e8, 1e22, 1e300, -1e308, math.pi)
 
 
-def _both(bench: Bench, protocol: str, law: str, cycles: Cycles) -> tuple[np.ndarray, Twin, dict]:
-    """The same datagrams, cycle by cycle, to the C loop and to its twin, whose logs and answers have to be equal."""
-    twin = bench.twin(protocol, law)
+def _both(bench: Bench, protocol: str, law: str, cycles: Cycles) -> tuple[np.ndarray, PythonLoop, dict]:
+    """The same datagrams, cycle by cycle, to the C loop and to the Python one: logs and answers have to be equal."""
+    python_loop = bench.python_loop(protocol, law)
     with LoopProcess(bench.program, [*bench.options(protocol, law), "--cycles", str(len(cycles))]) as process:
         for datagrams in cycles:
-            assert process.exchange(datagrams) == twin.exchange(datagrams)
+            assert process.exchange(datagrams) == python_loop.exchange(datagrams)
         report = process.finish()
     log = bench.log.read_bytes()
-    assert log == bytes(twin.log)
-    return rows_of(log), twin, report
+    assert log == bytes(python_loop.log)
+    return rows_of(log), python_loop, report
 
 
-def _moving(bench: Bench, cycles: int, **keys: int) -> tuple[RobotSide, Twin]:
-    """An EGM robot that follows the reference; the twin is the loop."""
-    robot, twin = bench.robot("egm", **keys), bench.twin("egm", "trajectory")
-    lockstep(robot, twin.exchange, cycles)
-    return robot, twin
+def _moving(bench: Bench, cycles: int, **keys: int) -> tuple[RobotSide, PythonLoop]:
+    """An EGM robot that follows the reference; the loop is the one in Python."""
+    robot, python_loop = bench.robot("egm", **keys), bench.python_loop("egm", "trajectory")
+    lockstep(robot, python_loop.exchange, cycles)
+    return robot, python_loop
 
 
 @pytest.mark.parametrize("after", [40, 150])
@@ -50,15 +50,15 @@ def test_counters_of_32_bits_run_over(bench: Bench, after: int) -> None:
     """A controller's clock does so every 49.7 days: the motion goes on, and nothing is lost."""
     keys = {"first_number": WRAP - after, "first_ms": WRAP - 4 * (after + 50)}
     robots = bench.robot("egm", **keys), bench.robot("egm", **keys)
-    twin = bench.twin("egm", "trajectory")
+    python_loop = bench.python_loop("egm", "trajectory")
     with LoopProcess(bench.program, [*bench.options("egm", "trajectory"), "--cycles", "400"]) as process:
-        runs = [lockstep(r, a, 400) for r, a in zip(robots, (process.exchange, twin.exchange), strict=True)]
+        runs = [lockstep(r, a, 400) for r, a in zip(robots, (process.exchange, python_loop.exchange), strict=True)]
         report = process.finish()
-    assert bench.log.read_bytes() == bytes(twin.log)
+    assert bench.log.read_bytes() == bytes(python_loop.log)
     assert {name: report[name] for name in COUNTERS} == dict.fromkeys(COUNTERS, 0)
     assert np.abs(runs[0].measured_m - bench.reference.rows[:, :3]).max() < 1e-9
     assert robots[0].late == 0, "the robot knows the answers by their numbers of 32 bits"
-    numbers = rows_of(bytes(twin.log))[:, 1]
+    numbers = rows_of(bytes(python_loop.log))[:, 1]
     assert np.all(np.diff(numbers) == 1) and numbers[-1] > WRAP
 
 
@@ -74,12 +74,12 @@ def test_numbers_before_zero_are_stale(bench: Bench) -> None:
 def test_robot_that_stops_running_is_not_waited_for(bench: Bench) -> None:
     """When it runs again the motion would have gone on without it: ramp at once, then stay stopped."""
     ends = 180
-    robot, twin = _moving(bench, ends + 1, ends=ends)
-    assert STATES[twin.state] == "ramping" and twin.status is Status.STALE_INPUT
+    robot, python_loop = _moving(bench, ends + 1, ends=ends)
+    assert STATES[python_loop.state] == "ramping" and python_loop.status is Status.STALE_INPUT
     robot.ends = None
-    lockstep(robot, twin.exchange, RAMP + 5)
-    rows = rows_of(bytes(twin.log))
-    assert STATES[twin.state] == "stopped"
+    lockstep(robot, python_loop.exchange, RAMP + 5)
+    rows = rows_of(bytes(python_loop.log))
+    assert STATES[python_loop.state] == "stopped"
     assert np.abs(np.diff(rows[ends - 1 :, 21:24], axis=0)).max() <= 0.004 * np.abs(rows[ends - 1, 27:30]).max() + 1e-12
     again = bench.robot("egm", ends=ends)
     c_rows, _, report = _both(bench, "egm", "trajectory", _stream(bench, again, ends + RAMP + 10))
@@ -87,11 +87,11 @@ def test_robot_that_stops_running_is_not_waited_for(bench: Bench) -> None:
 
 
 def _stream(bench: Bench, robot: RobotSide, cycles: int) -> Cycles:
-    """What the robot sends while a twin of the loop moves it."""
-    twin, sent = bench.twin("egm", "trajectory"), []
+    """What the robot sends while the loop in Python moves it."""
+    python_loop, sent = bench.python_loop("egm", "trajectory"), []
     for _ in range(cycles):
         sent.append([robot.datagram()])
-        robot.step(twin.exchange(sent[-1]))
+        robot.step(python_loop.exchange(sent[-1]))
     return sent
 
 
@@ -146,9 +146,9 @@ def test_anything_at_all_gives_the_twins_answers_within_the_limits(bench: Bench,
             robot.step([])
         stream = iter(good[after:])
         cycles = [[data] for data in good[:after]] + [_nasty(protocol, rng, stream) for _ in range(200)]
-        rows, twin, report = _both(bench, protocol, law, cycles)
+        rows, python_loop, report = _both(bench, protocol, law, cycles)
         assert np.all(np.isfinite(rows)) and report["garbage"] > 20
-        limits = twin.settings.limits
+        limits = python_loop.settings.limits
         moved = np.abs(np.diff(rows[:, 21:24], axis=0)).max(axis=1)
         running = rows[1:, 3] != STATES.index("waiting")
         assert moved[running & (rows[:-1, 3] != 0)].max(initial=0.0) <= limits.step_m * (HOLD + 1)

@@ -28,27 +28,27 @@ NUMBERS = st.floats(-1e6, 1e6)
 SIX = st.lists(NUMBERS, max_size=6)
 
 
-def _python(data: bytes) -> egm.Robot | None:
+def _python(data: bytes) -> egm.EgmRobot | None:
     try:
         return egm.decode_robot(data)
     except WireError:
         return None
 
 
-def _example() -> egm.Robot:
-    pose = egm.Pose([1.0, -2.0, 3.0], [10.5, 20.25, -30.0], [1.0, 2.0, 3.0], [1.0, 0.0, 0.0, 0.0], [5.0, 6.0, 7.0])
+def _example() -> egm.EgmRobot:
+    pose = egm.EgmPose([1.0, -2.0, 3.0], [10.5, 20.25, -30.0], [1.0, 2.0, 3.0], [1.0, 0.0, 0.0, 0.0], [5.0, 6.0, 7.0])
     pose.has_position = pose.has_quaternion = pose.has_euler = True
-    return egm.Robot(70000, 123456, 2, pose, egm.Pose([4.0, 5.0, 6.0], [1.0]), 1, 3, 2, True)
+    return egm.EgmRobot(70000, 123456, 2, pose, egm.EgmPose([4.0, 5.0, 6.0], [1.0]), 1, 3, 2, True)
 
 
 def test_bytes_by_hand_are_read(runtime: ctypes.CDLL) -> None:
-    expected = egm.Robot(300, 70000, 2, egm.Pose([1.5, -2.0], [1000.25]), mci_state=3)
+    expected = egm.EgmRobot(300, 70000, 2, egm.EgmPose([1.5, -2.0], [1000.25]), mci_state=3)
     assert egm.decode_robot(BY_HAND) == expected
     assert decode_egm(runtime, BY_HAND) == expected
 
 
 def test_the_answer_is_the_bytes_by_hand(runtime: ctypes.CDLL) -> None:
-    sensor = egm.Sensor(300, 70000, external_mm=[1000.25], external_speeds_mm_s=[0.5])
+    sensor = egm.EgmSensor(300, 70000, external_mm=[1000.25], external_speeds_mm_s=[0.5])
     assert egm.encode_sensor(sensor) == SENSOR_BY_HAND
     assert encode_egm(runtime, sensor) == SENSOR_BY_HAND
     assert egm.decode_sensor(SENSOR_BY_HAND) == sensor
@@ -73,7 +73,7 @@ def test_unknown_fields_of_every_wire_type_are_skipped(runtime: ctypes.CDLL) -> 
     [
         ("nothing", b""),
         ("no header", BY_HAND[11:]),
-        ("a number that is not finite", egm.encode_robot(egm.Robot(1, 2, feedback=egm.Pose([float("nan")])))),
+        ("a number that is not finite", egm.encode_robot(egm.EgmRobot(1, 2, feedback=egm.EgmPose([float("nan")])))),
         ("a group", BY_HAND + bytes.fromhex("0b0c")),
         ("field number zero", BY_HAND + bytes.fromhex("0001")),
         ("a varint of eleven bytes", BY_HAND + b"\x30" + b"\xff" * 10 + b"\x01"),
@@ -108,10 +108,10 @@ def test_c_and_python_agree_on_spoilt_datagrams(runtime: ctypes.CDLL) -> None:
 def test_c_writes_what_python_writes(
     runtime: ctypes.CDLL, joints: list[float], external: list[float], sequence: int, path: list[float] | None
 ) -> None:
-    sensor = egm.Sensor(sequence, sequence // 3, joints_deg=joints, joint_speeds_deg_s=joints[::-1])
+    sensor = egm.EgmSensor(sequence, sequence // 3, joints_deg=joints, joint_speeds_deg_s=joints[::-1])
     sensor.external_mm, sensor.external_speeds_mm_s = external, external[::-1]
     if path is not None:
-        sensor = egm.Sensor(sequence, 5, egm.TYPE_PATH_CORRECTION, path_mm=path, age_ms=sequence % 1000)
+        sensor = egm.EgmSensor(sequence, 5, egm.TYPE_PATH_CORRECTION, path_mm=path, age_ms=sequence % 1000)
     data = egm.encode_sensor(sensor)
     assert encode_egm(runtime, sensor) == data
     assert egm.decode_sensor(data) == sensor
@@ -121,5 +121,5 @@ def test_a_buffer_that_is_too_small_gives_no_answer(runtime: ctypes.CDLL) -> Non
     correction = EgmPathCorrection(1, 2, (ctypes.c_double * 3)(1.0, 2.0, 3.0), 4)
     out = ctypes.create_string_buffer(64)
     lengths = [runtime.gt_egm_write_path_correction(ctypes.byref(correction), out, n) for n in range(64)]
-    whole = len(egm.encode_sensor(egm.Sensor(1, 2, path_mm=[1.0, 2.0, 3.0], age_ms=4)))
+    whole = len(egm.encode_sensor(egm.EgmSensor(1, 2, path_mm=[1.0, 2.0, 3.0], age_ms=4)))
     assert lengths == [0] * whole + [whole] * (64 - whole)

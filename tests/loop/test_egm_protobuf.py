@@ -64,14 +64,14 @@ def _robot(rng: random.Random, *, packed: bool) -> Any:
     return robot
 
 
-def _pose_of(pose: Any) -> egm.Pose:
+def _pose_of(pose: Any) -> egm.EgmPose:
     parts = pose.cartesian
     numbers = {
         "position_mm": [parts.pos.n1, parts.pos.n2, parts.pos.n3],
         "quaternion": [parts.orient.n1, parts.orient.n2, parts.orient.n3, parts.orient.n4],
         "euler_deg": [parts.euler.n1, parts.euler.n2, parts.euler.n3],
     }
-    return egm.Pose(
+    return egm.EgmPose(
         joints_deg=list(pose.joints.joints[:6]),
         external_mm=list(pose.externalJoints.joints[:6]),
         has_position=parts.HasField("pos"),
@@ -81,8 +81,8 @@ def _pose_of(pose: Any) -> egm.Pose:
     )
 
 
-def _read_by_protobuf(robot: Any) -> egm.Robot:
-    return egm.Robot(
+def _read_by_protobuf(robot: Any) -> egm.EgmRobot:
+    return egm.EgmRobot(
         robot.header.seqno, robot.header.tm, robot.header.mtype, _pose_of(robot.feedBack), _pose_of(robot.planned),
         robot.motorState.state, robot.mciState.state, robot.rapidExecState.state, robot.mciConvergenceMet,
     )  # fmt: skip
@@ -141,12 +141,12 @@ def test_protobuf_reads_what_python_sends_as_a_robot() -> None:
             assert _read_by_protobuf(found) == robot
 
 
-def _sensor(rng: random.Random) -> egm.Sensor:
+def _sensor(rng: random.Random) -> egm.EgmSensor:
     if rng.random() < 0.3:
         path = [_number(rng) for _ in range(3)]
-        return egm.Sensor(_uint32(rng), _uint32(rng), egm.TYPE_PATH_CORRECTION, path_mm=path, age_ms=_uint32(rng))
+        return egm.EgmSensor(_uint32(rng), _uint32(rng), egm.TYPE_PATH_CORRECTION, path_mm=path, age_ms=_uint32(rng))
     six = [[_number(rng) for _ in range(count)] for count in (rng.randint(0, 6), rng.randint(0, 6)) for _ in range(2)]
-    return egm.Sensor(_uint32(rng), _uint32(rng), egm.TYPE_CORRECTION, *six)
+    return egm.EgmSensor(_uint32(rng), _uint32(rng), egm.TYPE_CORRECTION, *six)
 
 
 def test_answers_are_the_bytes_of_protobuf(runtime: ctypes.CDLL) -> None:

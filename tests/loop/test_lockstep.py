@@ -1,4 +1,4 @@
-"""The C loop against its twin in Python: equal logs byte for byte, exact counters, no divergence under faults."""
+"""The C loop against the loop in Python: equal logs byte for byte, exact counters, no divergence under faults."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ ROUND_OFF_M = 1e-9  # RSI sends whole 1e-6 mm, which the drive's inverse magnifi
 def test_log_of_5000_cycles_equals_the_twins_under_faults(bench: Bench, protocol: str) -> None:
     pair = bench.both(protocol, "trajectory", CYCLES, FAULTS)
     assert len(rows_of(pair.c_log)) == CYCLES
-    assert pair.c_log == pair.twin_log
+    assert pair.c_log == pair.python_log
     counted = {name: pair.report[name] for name in COUNTERS}
     assert counted == expected_counters(pair.c_run.to_loop.history)
     assert min(counted[name] for name in COUNTERS if name != "stale") > 50
@@ -33,8 +33,8 @@ def test_log_of_5000_cycles_equals_the_twins_under_faults(bench: Bench, protocol
 @pytest.mark.parametrize("law", ["trajectory", "dynamics", "replay", "path"])
 def test_every_law_equals_its_twin(bench: Bench, protocol: str, law: str) -> None:
     pair = bench.both(protocol, law, 200, waits=5)
-    assert pair.c_log == pair.twin_log
-    assert np.array_equal(pair.c_run.measured_m, pair.twin_run.measured_m)
+    assert pair.c_log == pair.python_log
+    assert np.array_equal(pair.c_run.measured_m, pair.python_run.measured_m)
     rows = rows_of(pair.c_log)
     moved = rows[:, 33:36] if law == "path" else rows[:, 21:24]
     assert np.ptp(moved, axis=0).max() > 1e-3
@@ -51,7 +51,7 @@ def test_inverted_drives_track_the_reference(bench: Bench, protocol: str) -> Non
 def test_dry_run_computes_and_does_not_move_the_robot(bench: Bench) -> None:
     egm, rsi = (bench.both(protocol, "trajectory", 200, live=False) for protocol in ("egm", "rsi"))
     for pair in (egm, rsi):
-        assert pair.c_log == pair.twin_log
+        assert pair.c_log == pair.python_log
         assert np.all(pair.c_run.measured_m == pair.c_run.measured_m[0])
         assert np.ptp(rows_of(pair.c_log)[:, 21]) > 0.01, "the law's command stands in the log"
     assert np.all(rows_of(egm.c_log)[:, 13] == 0), "EGM gets no answer"
@@ -62,5 +62,5 @@ def test_dry_run_computes_and_does_not_move_the_robot(bench: Bench) -> None:
 @pytest.mark.parametrize("seed", range(20))
 def test_many_seeds_of_faults(bench: Bench, seed: int) -> None:
     pair = bench.both("egm" if seed % 2 else "rsi", "trajectory", CYCLES, Faults(0.05, 0.2, 0.1, 0.05, 4, seed))
-    assert pair.c_log == pair.twin_log
+    assert pair.c_log == pair.python_log
     assert {name: pair.report[name] for name in COUNTERS} == expected_counters(pair.c_run.to_loop.history)

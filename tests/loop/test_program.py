@@ -149,7 +149,7 @@ def test_real_time_run_counts_every_deadline(bench: Bench) -> None:
             robot.step(answers)
         process.end()
         report = process.finish()
-        said = process.said
+        said = process.printed
     assert report["cycles"] == sum(report["reply_below_us"].values()) == sum(report["period_below_us"].values())
     assert report["lost"] == 0
     assert report["fifo"] or "not real-time" in said

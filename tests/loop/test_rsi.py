@@ -27,7 +27,7 @@ NUMBERS = st.floats(-1e8, 1e8)
 SIX = st.lists(NUMBERS, min_size=6, max_size=6)
 
 
-def _python(data: bytes) -> rsi.Robot | None:
+def _python(data: bytes) -> rsi.RsiRobot | None:
     try:
         return rsi.decode_robot(data)
     except rsi.TelegramError:
@@ -44,7 +44,7 @@ def test_a_telegram_is_read(runtime: ctypes.CDLL) -> None:
 
 
 def test_the_stamp_comes_back_to_the_letter(runtime: ctypes.CDLL) -> None:
-    sensor = rsi.Sensor(rsi.decode_robot(TELEGRAM).stamp, ek_mm=[1.0, -2.5, 1e-7, 5e-7, -5e-7, 1234567.1234567])
+    sensor = rsi.RsiSensor(rsi.decode_robot(TELEGRAM).stamp, ek_mm=[1.0, -2.5, 1e-7, 5e-7, -5e-7, 1234567.1234567])
     data = rsi.encode_sensor(sensor)
     assert encode_rsi(runtime, sensor) == data
     root = ElementTree.fromstring(data)
@@ -145,7 +145,7 @@ def test_c_and_python_agree_on_spoilt_telegrams(runtime: ctypes.CDLL) -> None:
 def test_c_writes_what_python_writes(
     runtime: ctypes.CDLL, ak: list[float], ek: list[float], rkorr: list[float], stamp: bytes
 ) -> None:
-    sensor = rsi.Sensor(stamp, ak, ek, rkorr)
+    sensor = rsi.RsiSensor(stamp, ak, ek, rkorr)
     data = rsi.encode_sensor(sensor)
     assert encode_rsi(runtime, sensor) == data
     read = rsi.decode_sensor(data)
@@ -155,7 +155,7 @@ def test_c_writes_what_python_writes(
 
 def test_numbers_that_cannot_be_sent_give_no_answer(runtime: ctypes.CDLL) -> None:
     for bad in (float("nan"), float("inf"), 1e9, -1e9):
-        assert encode_rsi(runtime, rsi.Sensor(b"1", ek_mm=[bad] + [0.0] * 5)) == b""
+        assert encode_rsi(runtime, rsi.RsiSensor(b"1", ek_mm=[bad] + [0.0] * 5)) == b""
         with pytest.raises(ValueError, match="cannot be sent"):
             write_decimal(bad)
 

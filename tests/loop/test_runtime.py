@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from gtmodel.loop import Table, expected_counters
+from gtmodel.loop import ReferenceTable, expected_counters
 from gtmodel.loop.sequence import Sequence
 from gtmodel.results import Status
 from tests.loop import c_codecs
@@ -41,7 +41,7 @@ def test_sequence_of_a_robot_that_started_again_is_stale(runtime: ctypes.CDLL) -
     assert (c.newest, python.newest, c.lost, python.lost) == (5100, 5100, 98, 98)
 
 
-def _at(runtime: ctypes.CDLL, table: Table, time_ms: int) -> tuple[Status, list[float]]:
+def _at(runtime: ctypes.CDLL, table: ReferenceTable, time_ms: int) -> tuple[Status, list[float]]:
     rows = np.ascontiguousarray(table.rows)
     given_rows = rows.ctypes.data_as(ctypes.POINTER(ctypes.c_double))
     traj = c_codecs.Traj(given_rows, rows.shape[0], rows.shape[1], table.step_ms)
@@ -54,7 +54,7 @@ def _at(runtime: ctypes.CDLL, table: Table, time_ms: int) -> tuple[Status, list[
 @given(time_ms=st.integers(0, 60) | st.integers(0, 2**62), step_ms=st.sampled_from([1, 4, 12]))
 @settings(max_examples=100, deadline=None)
 def test_reference_in_c_and_python(runtime: ctypes.CDLL, time_ms: int, step_ms: int) -> None:
-    table = Table(np.random.default_rng(3).normal(size=(6, 4)), step_ms)
+    table = ReferenceTable(np.random.default_rng(3).normal(size=(6, 4)), step_ms)
     status, row = _at(runtime, table, time_ms)
     assert (status, row) == table.at(time_ms)
     times = step_ms * np.arange(6)
@@ -66,13 +66,13 @@ def test_references_that_cannot_be_used(runtime: ctypes.CDLL) -> None:
     spoilt = np.ones((4, 2))
     spoilt[2, 1] = np.nan
     for table, time_ms, expected in (
-        (Table(np.zeros((0, 2))), 0, Status.OUT_OF_RANGE),
-        (Table(spoilt), 8, Status.NOT_FINITE),
-        (Table(spoilt), 5, Status.NOT_FINITE),
-        (Table(spoilt), 4, Status.OK),
+        (ReferenceTable(np.zeros((0, 2))), 0, Status.OUT_OF_RANGE),
+        (ReferenceTable(spoilt), 8, Status.NOT_FINITE),
+        (ReferenceTable(spoilt), 5, Status.NOT_FINITE),
+        (ReferenceTable(spoilt), 4, Status.OK),
         # finite rows whose difference overflows: halfway is 0, not infinity
-        (Table(np.array([[1.7e308], [-1.7e308]])), 2, Status.NOT_FINITE),
-        (Table(np.array([[1.7e308], [-1.7e308]])), 4, Status.OK),
+        (ReferenceTable(np.array([[1.7e308], [-1.7e308]])), 2, Status.NOT_FINITE),
+        (ReferenceTable(np.array([[1.7e308], [-1.7e308]])), 4, Status.OK),
     ):
         assert _at(runtime, table, time_ms)[0] is expected
         assert table.at(time_ms)[0] is expected

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gtmodel.loop import Faults, LoopProcess, Table, TrajectoryLaw
+from gtmodel.loop import Faults, LoopProcess, ReferenceTable, TrajectoryLaw
 from gtmodel.loop.python_loop import STOPPED
 from gtmodel.loop.record import STATES, rows_of
 from gtmodel.results import Status
@@ -15,34 +15,34 @@ BEFORE, SILENT, AFTER = 180, 100, 20
 
 
 def _through_silence(bench: Bench, protocol: str) -> tuple[np.ndarray, bytes]:
-    """Log of the C loop and of the twin: running, then no datagrams for a while, then datagrams again."""
+    """Log of the C loop and of the Python loop: running, then no datagrams for a while, then datagrams again."""
     robots = bench.robot(protocol), bench.robot(protocol)
-    twin = bench.twin(protocol, "trajectory")
+    python_loop = bench.python_loop(protocol, "trajectory")
     with LoopProcess(bench.program, [*bench.options(protocol, "trajectory"), "--cycles", "300"]) as process:
-        for robot, answering in zip(robots, (process.exchange, twin.exchange), strict=True):
+        for robot, answering in zip(robots, (process.exchange, python_loop.exchange), strict=True):
             for cycle in range(BEFORE + SILENT + AFTER):
                 silent = BEFORE <= cycle < BEFORE + SILENT
                 answers = answering([] if silent else [robot.datagram()])
                 robot.step([] if silent else answers)
         process.finish()
-    return rows_of(bench.log.read_bytes()), bytes(twin.log)
+    return rows_of(bench.log.read_bytes()), bytes(python_loop.log)
 
 
 @pytest.mark.parametrize("deceleration", [3.0, 40.0, 1e-300])
 def test_a_declared_deceleration_is_kept_and_the_way_is_told(bench: Bench, deceleration: float) -> None:
     robots = bench.robot("egm"), bench.robot("egm")
-    twin = bench.twin("egm", "trajectory")
-    twin.settings.deceleration_m_s2 = deceleration
+    python_loop = bench.python_loop("egm", "trajectory")
+    python_loop.settings.deceleration_m_s2 = deceleration
     options = [*bench.options("egm", "trajectory"), "--cycles", "600", "--deceleration", repr(deceleration)]
     with LoopProcess(bench.program, options) as process:
-        for robot, answering in zip(robots, (process.exchange, twin.exchange), strict=True):
+        for robot, answering in zip(robots, (process.exchange, python_loop.exchange), strict=True):
             for cycle in range(600):
                 silent = cycle >= BEFORE
                 answers = answering([] if silent else [robot.datagram()])
                 robot.step([] if silent else answers)
         report = process.finish()
     rows = rows_of(bench.log.read_bytes())
-    assert rows.tobytes() == bytes(twin.log)
+    assert rows.tobytes() == bytes(python_loop.log)
     speed, command = rows[:, 27:30], rows[:, 21:24]
     fastest = np.abs(speed).max(axis=1)
     assert fastest[BEFORE - 1] > 0.1 and np.all(fastest[BEFORE : BEFORE + HOLD] == fastest[BEFORE - 1])
@@ -54,14 +54,14 @@ def test_a_declared_deceleration_is_kept_and_the_way_is_told(bench: Bench, decel
         assert rows[BEFORE + HOLD + cycles - 1, 3] == STOPPED and np.count_nonzero(lost) == cycles
         way = 0.004 * fastest[BEFORE - 1] * (HOLD + (cycles - 1) / 2)
         assert np.isclose(np.abs(command[-1] - command[BEFORE - 1]).max(), way, rtol=1e-9)
-        assert np.isclose(report["coasted_m"], way, rtol=1e-9) and twin.coasted_m == report["coasted_m"]
+        assert np.isclose(report["coasted_m"], way, rtol=1e-9) and python_loop.coasted_m == report["coasted_m"]
     assert sum(report["compute_below_us"].values()) == report["cycles"]
 
 
 @pytest.mark.parametrize("protocol", ["egm", "rsi"])
 def test_silence_holds_the_speed_then_ramps_to_a_stop(bench: Bench, protocol: str) -> None:
-    rows, twin_log = _through_silence(bench, protocol)
-    assert rows.tobytes() == twin_log
+    rows, python_log = _through_silence(bench, protocol)
+    assert rows.tobytes() == python_log
     states, speed, command = rows[:, 3], rows[:, 27:30], rows[:, 21:24]
     held = slice(BEFORE, BEFORE + HOLD)
     ramp = slice(BEFORE + HOLD, BEFORE + HOLD + RAMP)
@@ -80,8 +80,8 @@ def test_silence_holds_the_speed_then_ramps_to_a_stop(bench: Bench, protocol: st
 
 
 def test_a_command_outside_the_limits_ramps_at_once(bench: Bench) -> None:
-    twin = bench.twin("egm", "trajectory")
-    twin.settings.limits.highest_m[0] = bench.start_m[0] + 0.02
+    python_loop = bench.python_loop("egm", "trajectory")
+    python_loop.settings.limits.highest_m[0] = bench.start_m[0] + 0.02
     robot = bench.robot("egm")
     options = [*bench.options("egm", "trajectory"), "--cycles", "300"]
     options += ["--highest", text([bench.start_m[0] + 0.02, 10.0, 10.0])]
@@ -89,12 +89,12 @@ def test_a_command_outside_the_limits_ramps_at_once(bench: Bench) -> None:
         for _ in range(300):
             datagram = robot.datagram()
             answers = process.exchange([datagram])
-            twin.exchange([datagram])
+            python_loop.exchange([datagram])
             robot.step(answers)
         report = process.finish()
     log = bench.log.read_bytes()
     rows = rows_of(log)
-    assert log == bytes(twin.log)
+    assert log == bytes(python_loop.log)
     assert STATES[report["state"]] == "stopped" and report["status"] == Status.OUT_OF_RANGE
     assert "holding" not in {STATES[int(s)] for s in rows[:, 3]}
     assert rows[:, 21].max() <= bench.start_m[0] + 0.02
@@ -103,27 +103,27 @@ def test_a_command_outside_the_limits_ramps_at_once(bench: Bench) -> None:
 def test_a_reference_that_begins_elsewhere_is_not_followed(bench: Bench) -> None:
     away = bench.reference.rows.copy()
     away[:, :3] += 2 * STEP
-    twin = bench.twin("egm", "trajectory")
-    law = twin.law
+    python_loop = bench.python_loop("egm", "trajectory")
+    law = python_loop.law
     assert isinstance(law, TrajectoryLaw)
-    law.reference = Table(away)
+    law.reference = ReferenceTable(away)
     robot = bench.robot("egm")
     for _ in range(5):
-        robot.step(twin.exchange([robot.datagram()]))
-    assert twin.status is Status.OUT_OF_RANGE
+        robot.step(python_loop.exchange([robot.datagram()]))
+    assert python_loop.status is Status.OUT_OF_RANGE
     assert np.all(robot.plant.position_m == bench.start_m)
 
 
 def test_a_law_without_its_table_never_starts(bench: Bench) -> None:
-    twin = bench.twin("rsi", "replay")
-    twin.law.corrections = Table(np.zeros((10, 2)))  # type: ignore[attr-defined]
+    python_loop = bench.python_loop("rsi", "replay")
+    python_loop.law.corrections = ReferenceTable(np.zeros((10, 2)))  # type: ignore[attr-defined]
     robot = bench.robot("rsi")
-    robot.step(twin.exchange([robot.datagram()]))
-    assert (twin.state, twin.status) == (STOPPED, Status.OUT_OF_RANGE)
+    robot.step(python_loop.exchange([robot.datagram()]))
+    assert (python_loop.state, python_loop.status) == (STOPPED, Status.OUT_OF_RANGE)
 
 
 def test_only_garbage_never_starts_anything(bench: Bench) -> None:
     pair = bench.both("rsi", "trajectory", 50, Faults(lost=1.0, garbage=1.0, seed=2))
-    assert pair.c_log == pair.twin_log
+    assert pair.c_log == pair.python_log
     assert pair.report["garbage"] == 50 and STATES[pair.report["state"]] == "waiting"
     assert np.all(rows_of(pair.c_log)[:, 13] == 0)

@@ -97,7 +97,7 @@ def test_whole_loop_runs_clean_under_sanitizers(bench: Bench, generated: Path, t
     faults = Faults(lost=0.05, delayed=0.2, repeated=0.1, garbage=0.1, seed=4)
     for law in ("trajectory", "dynamics", "replay", "path"):
         pair = clean.both(protocol, law, 1000, faults)
-        assert pair.c_log == pair.twin_log
+        assert pair.c_log == pair.python_log
 
 
 def test_misra_counts_only_fall() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 import gtmodel as gt
 from gtmodel import Status, mechanics as m
@@ -137,3 +138,13 @@ def test_spring_between_points():
     values = {"r": r, "der(r)": v, "force": force}
     assert power_balance(model, values, "force") < ROUND_OFF
     assert np.max(np.abs(original_residuals(model, values, "force"))) < RESIDUAL
+
+
+def test_a_spring_without_damping_between_massless_flanges_names_what_to_give():
+    bench = gt.Builder("bench")
+    spring = bench.part("spring", gt.mechanics.FlangeSpringDamper(k=1000.0))
+    left, right = bench.part("left", gt.mechanics.FixedFlange()), bench.part("right", gt.mechanics.ForceMotor())
+    bench.add(gt.connect(left.flange, spring.a), gt.connect(spring.b, right.flange))
+    sentence = r"der\(spring.b.s\) drops out where spring.d is 0: give spring.d another value$"
+    with pytest.raises(gt.ModelError, match=sentence):
+        bench.causal(known="right.force", targets=["spring.b.s"])

@@ -13,11 +13,10 @@ from gtmodel import mechanics, robots
 from gtmodel.compiler.causal import flat_of
 from gtmodel.lang.declare import Parameter
 from gtmodel.lang.values import check_parameter
-from gtmodel.mechanics import filters
 from gtmodel.mechanics.rotation import rotation_about
-from gtmodel.robots import cart, joint_plates, six_link, three_link, with_wrist
+from gtmodel.robots import cart, inverse_model, joint_plates, six_link, three_link, with_wrist
 
-MODULES = (mechanics, filters, robots, cart, joint_plates, six_link, three_link, with_wrist)
+MODULES = (mechanics, robots, cart, inverse_model, joint_plates, six_link, three_link, with_wrist)
 MODELS = {
     cls.__name__: cls
     for module in MODULES

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from gtmodel.milling import (
-    Coefficients,
     Cut,
     Cutter,
+    CuttingCoefficients,
     at_angles,
     force_spectrum,
     forces,
@@ -173,7 +173,7 @@ def test_peak_and_directions() -> None:
         (lambda: Cutter(0.02, 2, K, helix=2.0), "helix: must be at least 0 and less than 1.5708; found 2"),
         (lambda: Cutter(0.02, 2, K, tooth_angles=np.array([0.0, 7.0])), "tooth_angles: must rise"),
         (lambda: Cutter(0.02, 2, K, runout=np.zeros(3)), r"runout: has the shape \(3,\); expected 2"),
-        (lambda: Coefficients(*[np.nan] * 6), "K_te: expected finite numbers"),
+        (lambda: CuttingCoefficients(*[np.nan] * 6), "K_te: expected finite numbers"),
         (lambda: to_world([1.0, 0, 0], [0, 0, 1.0]), "runs along the tool axis"),
         (lambda: to_world([1.0, 0, 0], [0, 0, 0.0]), "must not be zero"),
         (lambda: forces(CUTTER, CUT, 0.0, discs=0), "0 discs"),

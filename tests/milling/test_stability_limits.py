@@ -7,12 +7,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gtmodel.milling import Coefficients, Cut, Cutter, Oscillators, certain_depth, spectral_radius, stability_lobes
+from gtmodel.milling import (
+    Cut,
+    Cutter,
+    CuttingCoefficients,
+    Oscillators,
+    certain_depth,
+    spectral_radius,
+    stability_lobes,
+)
 from gtmodel.milling.directional import directional_matrix, plane
 from gtmodel.milling.floquet import multipliers
 from gtmodel.milling.stability import proven_depth
 
-K = Coefficients(20e3, 600e6, 15e3, 200e6, 2e3, 100e6)
+K = CuttingCoefficients(20e3, 600e6, 15e3, 200e6, 2e3, 100e6)
 OVER = 1.01  # of a depth, the issue's bound
 SEMI = 120  # intervals of a tooth period: some 0.5 % of depth in the drawn range
 
@@ -167,7 +175,7 @@ def test_an_island_between_multiples_of_the_axial_pitch_is_seen(damping: float) 
     """Period doubling at 22.5 to 23.5 mm, below the Hopf limit at 28.3 mm: no peak at depths a fifth apart."""
     m, f = np.array([[50.0, 0.5, 50.0]]), np.array([[1500.0, 300.0, 400.0]])
     o = Oscillators.with_damping_ratio(m, m * (2 * np.pi * f) ** 2, np.array([[0.05, 0.004, damping]]))
-    cutter = Cutter(0.012, 2, Coefficients(0, 600e6, 0, 180e6, 0, 0), np.pi / 4)
+    cutter = Cutter(0.012, 2, CuttingCoefficients(0, 600e6, 0, 180e6, 0, 0), np.pi / 4)
     at = cutter, "up", 0.0006, 108.0, [1.0, 0.0, 0.0]
     deepest = proven_depth(o, *at, deepest=0.04)
     assert 0.0220 < deepest < 0.0225

@@ -10,10 +10,10 @@ import pytest
 import gtmodel as gt
 from gtmodel.milling import (
     AngleTable,
+    MillingSearch,
     Modal,
     Oscillators,
     PathOffset,
-    Search,
     study,
 )  # fmt: skip
 from gtmodel.results import SolveStatus
@@ -23,7 +23,7 @@ from tests.milling.shipped import ANGLES, GIVEN, MEASURED, PRINTED_CHOICE, RPM, 
 from tests.milling.thesis import CUT, CUTTER, OSCILLATORS, K
 from tests.support.refusals import argument_of_refusal
 
-COARSE = Search(refine=0, step=np.radians(4.0))
+COARSE = MillingSearch(refine=0, step=np.radians(4.0))
 
 
 @pytest.fixture(scope="module")
@@ -87,7 +87,7 @@ def test_static_alone_and_the_unreachable_part(kr500) -> None:
 
 def test_dynamics_from_joint_stiffness_are_refined_in_reach(kr500) -> None:
     modal = Modal([170.0, 100.0, 280.0], [0.09, 0.1, 0.09])
-    found = milled(kr500, dynamics=modal, search=Search(refine=2, step=np.radians(5.0)))
+    found = milled(kr500, dynamics=modal, search=MillingSearch(refine=2, step=np.radians(5.0)))
     low, high = found.reachable[0]
     assert low <= found.dynamic_angle <= high and "not a measurement" in found.dynamics
     assert 1e3 * found.dynamic_index <= found.combinations[0]["index_mm"] and all(ok for *_, ok in found.refined)
@@ -134,15 +134,15 @@ def test_places_that_cannot_be_reached_say_why(kr500) -> None:
         ({"cut": replace(CUT, radial_depth=0.03)}, "cut.radial_depth"),
         ({"speed": 0.0}, "speed"),
         ({"speed": 1e9 * RPM}, "speed"),
-        ({"search": Search(speeds=[2.0, -1.0])}, "search.speeds[1]"),
-        ({"search": Search(feed_directions=[[0.0, 0.0, 1.0]])}, "search.feed_directions[0]"),
+        ({"search": MillingSearch(speeds=[2.0, -1.0])}, "search.speeds[1]"),
+        ({"search": MillingSearch(feed_directions=[[0.0, 0.0, 1.0]])}, "search.feed_directions[0]"),
         ({"feed": [0.0, 0.0, 1.0]}, "feed"),
         ({"place": [9.0, 0.0, 0.0]}, "place"),
         ({"limits": np.radians([[-1.0, 1.0]] * 6)}, "place"),
         ({"limits": [[1.0, -1.0]]}, "limits"),
         ({"tool": replace(TOOL, spindle=[0.0] * 3)}, "tool"),
         ({"joint_stiffness": [1.0] * 5}, "joint_stiffness"),
-        ({"search": Search(static_choice=0.0)}, "search.static_choice"),
+        ({"search": MillingSearch(static_choice=0.0)}, "search.static_choice"),
         ({"search": replace(PRINTED_CHOICE, speed_range=[50.0, 20.0])}, "search.speed_range"),
         ({"lobes": (10.0, 2.0)}, "lobes"),
         ({"lobes": (2.0, 10.0), "dynamics": None}, "lobes"),
@@ -193,4 +193,4 @@ def test_what_the_report_leaves_open_is_said(kr500) -> None:
     assert "without the runout" in rows(cutter=out)["regenerative chatter"]
     uneven = rows(cutter=replace(CUTTER, tooth_angles=np.radians([0.0, 150.0])))["regenerative chatter"]
     assert uneven != usual["regenerative chatter"] and "without" not in uneven
-    assert rows(speed=6 * RPM)["regenerative chatter"].startswith("not told")
+    assert rows(speed=6 * RPM)["regenerative chatter"].startswith("unknown")

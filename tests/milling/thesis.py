@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from gtmodel.milling import Coefficients, Cut, Cutter, missing_z
+from gtmodel.milling import Cut, Cutter, CuttingCoefficients, missing_z
 from gtmodel.robots.kr500 import kr500_tables
 
 PRINTED: dict[str, Any] = kr500_tables()
 C, TESTS = PRINTED["cutting"], PRINTED["milling_tests"]
-K = Coefficients(*(C[k] for k in ("K_te_N_m", "K_tc_Pa", "K_re_N_m", "K_rc_Pa", "K_ae_N_m", "K_ac_Pa")))
+K = CuttingCoefficients(*(C[k] for k in ("K_te_N_m", "K_tc_Pa", "K_re_N_m", "K_rc_Pa", "K_ae_N_m", "K_ac_Pa")))
 CUTTER = Cutter(C["diameter_m"], C["teeth"], K, np.deg2rad(C["helix_deg"]))
 CUT = Cut(C["mode"], C["radial_depth_m"], C["axial_depth_m"], C["feed_per_tooth_m"])
 TOOTH_HZ = np.array(TESTS["tooth_frequency_Hz"])

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 import gtmodel as gt
-from gtmodel.motion.elastic import Mesh, Solver, Tool, elastic_study, plans
+from gtmodel.motion.elastic import ElasticMesh, ElasticSolver, ElasticTool, elastic_study, plans
 from gtmodel.motion.elastic.swing_study import RATIOS
 from gtmodel.results import ArgumentError, SolveStatus
 
 START, GOAL = [0.0, -0.9, 0.1], [0.9, -0.9, 0.45]
-TOOL = Tool(mass=5.0, frequency=6.0, damping=0.02)
+TOOL = ElasticTool(mass=5.0, frequency=6.0, damping=0.02)
 FORCE = 700.0
 COARSE = 24
 HALF = 0.5 / 6.0 / np.sqrt(1 - 0.02**2)  # a period of the swing [s]
@@ -25,7 +25,7 @@ def l1():
 
 
 def studied(robot, tool=TOOL, start=START, goal=GOAL, force=FORCE, **options):
-    return elastic_study(robot, start, goal, tool, force=force, **{"mesh": Mesh(COARSE), **options})
+    return elastic_study(robot, start, goal, tool, force=force, **{"mesh": ElasticMesh(COARSE), **options})
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +36,7 @@ def found(l1):
 @pytest.fixture(scope="module")
 def coarse(l1):
     """On 24 elements whatever they leave."""
-    return studied(l1, mesh=Mesh(COARSE, COARSE))
+    return studied(l1, mesh=ElasticMesh(COARSE, COARSE))
 
 
 def test_the_barrier_strategy_reaches_the_solver(l1, monkeypatch) -> None:
@@ -47,7 +47,7 @@ def test_the_barrier_strategy_reaches_the_solver(l1, monkeypatch) -> None:
         raise InterruptedError
 
     monkeypatch.setattr(plans, "collocate", recorded)
-    for solver in (None, Solver("monotone"), Solver("adaptive")):
+    for solver in (None, ElasticSolver("monotone"), ElasticSolver("adaptive")):
         with pytest.raises(InterruptedError):
             studied(l1, solver=solver)
     assert given == ["auto", "monotone", "adaptive"]
@@ -112,7 +112,7 @@ def test_the_picture_has_both_panels(found) -> None:
 
 
 def test_the_tool_is_carried_as_payload(l1) -> None:
-    given = {"start": START, "goal": GOAL, "force": FORCE, "cost": plans.Cost(), "solver": Solver()}
+    given = {"start": START, "goal": GOAL, "force": FORCE, "cost": plans.ElasticCost(), "solver": ElasticSolver()}
     task = plans.ElasticTask(robot=l1, tool=TOOL, **given)
     heavy = gt.robots.gantry_tau("l1_tape", payload=5.0)
     assert task.carrying.m_p == heavy.m_p and l1.m_p == heavy.m_p - 5.0
@@ -160,7 +160,7 @@ def test_stopped_before_a_plan_it_says_so(l1) -> None:
 
 def test_a_mesh_too_coarse_for_the_swing_is_named(found, coarse) -> None:
     # 24 elements in 1.1 s leave 3 % of the swing to the plan; 40 follow it
-    assert len(coarse.coarse) == 1 and coarse.coarse[0] in [row.value for row in coarse.rows]
-    assert "24" in coarse.coarse[0] and "34" in coarse.coarse[0] and not found.coarse
-    (stiff,) = plans.too_coarse(replace(TOOL, frequency=1000.0), Mesh(40), 1.1)
-    assert "so stiff" in stiff and plans.too_coarse(TOOL, Mesh(40), 1.1) == []
+    assert len(coarse.notes) == 1 and coarse.notes[0] in str(coarse)
+    assert "24" in coarse.notes[0] and "34" in coarse.notes[0] and not found.notes
+    (stiff,) = plans.too_coarse(replace(TOOL, frequency=1000.0), ElasticMesh(40), 1.1)
+    assert "so stiff" in stiff and plans.too_coarse(TOOL, ElasticMesh(40), 1.1) == []

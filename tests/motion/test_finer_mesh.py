@@ -15,23 +15,23 @@ MOST = 400
 
 
 @dataclass(frozen=True)
-class Found:
+class Mended:
     elements: int
     checks: dict[str, Check]
     most_elements: int = MOST
 
 
-def on(elements: int, order: float, floor: float = 0.0) -> Found:
+def on(elements: int, order: float, floor: float = 0.0) -> Mended:
     """An error that falls with the mesh, to a floor that no mesh mends."""
-    return Found(elements, {"error": at_most(elements**-order + floor, BOUND)})
+    return Mended(elements, {"error": at_most(elements**-order + floor, BOUND)})
 
 
-def finer(found: Found) -> int | None:
-    mesh = finer_mesh(found, found.checks, ("error",))
+def finer(mended: Mended) -> int | None:
+    mesh = finer_mesh(mended, mended.checks, ("error",))
     return mesh and mesh.elements
 
 
-def search(elements: int, again, interrupted=lambda: False) -> tuple[Found, str, list[int]]:
+def search(elements: int, again, interrupted=lambda: False) -> tuple[Mended, str, list[int]]:
     seen = []
 
     def counted(_, wanted):
@@ -44,26 +44,26 @@ def search(elements: int, again, interrupted=lambda: False) -> tuple[Found, str,
 @pytest.mark.parametrize("order", [1.5, 2.0, 3.0])
 @pytest.mark.parametrize("elements", np.random.default_rng(4).integers(2, 20, 6))
 def test_errors_that_fall_with_the_mesh_are_refined_until_they_hold(order: float, elements: int) -> None:
-    found, trouble, seen = search(int(elements), lambda n: on(n, order))
-    assert found.checks["error"].passed and not trouble
-    assert seen == sorted(set(seen)) and len(seen) <= PASSES and found.elements <= MOST
+    mended, trouble, seen = search(int(elements), lambda n: on(n, order))
+    assert mended.checks["error"].passed and not trouble
+    assert seen == sorted(set(seen)) and len(seen) <= PASSES and mended.elements <= MOST
 
 
 def test_an_error_that_no_mesh_mends_is_given_up_after_one() -> None:
-    found, trouble, seen = search(50, lambda n: on(n, 2.0, floor=0.1))
-    assert len(seen) == 1 and found.elements == seen[0] and not trouble and not found.checks["error"].passed
+    mended, trouble, seen = search(50, lambda n: on(n, 2.0, floor=0.1))
+    assert len(seen) == 1 and mended.elements == seen[0] and not trouble and not mended.checks["error"].passed
 
 
 def test_the_limit_of_the_elements_is_reached_and_not_passed() -> None:
-    found, _, seen = search(300, lambda n: on(n, 1.0))
-    assert found.elements == MOST and seen == [MOST]
+    mended, _, seen = search(300, lambda n: on(n, 1.0))
+    assert mended.elements == MOST and seen == [MOST]
 
 
 def test_what_was_found_before_is_kept_where_a_finer_mesh_finds_nothing() -> None:
-    found, trouble, seen = search(5, lambda n: on(n, 2.0) if n == 5 else "it wandered off")
-    assert found.elements == 5 and trouble == "it wandered off" and len(seen) == 1
+    mended, trouble, seen = search(5, lambda n: on(n, 2.0) if n == 5 else "it wandered off")
+    assert mended.elements == 5 and trouble == "it wandered off" and len(seen) == 1
 
 
 def test_an_interrupt_keeps_what_was_found() -> None:
-    found, trouble, seen = search(5, lambda n: on(n, 2.0), lambda: True)
-    assert found.elements == 5 and not trouble and not seen
+    mended, trouble, seen = search(5, lambda n: on(n, 2.0), lambda: True)
+    assert mended.elements == 5 and not trouble and not seen

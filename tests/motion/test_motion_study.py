@@ -8,7 +8,7 @@ from scipy.optimize import brentq
 
 import gtmodel as gt
 from gtmodel import SolveStatus
-from gtmodel.motion import Cost, End, Limits, Mesh as MeshOptions, MotionStudy, Obstacle, motion, study
+from gtmodel.motion import Cost, End, Limits, MotionMesh, MotionStudy, Obstacle, motion, study
 from gtmodel.motion.motion_study import solved
 from gtmodel.motion.planning import plan_of
 from gtmodel.optimize import Mesh, SolverOptions, solve as collocate
@@ -270,8 +270,8 @@ class TestRefusals:
             (lambda: Limits(force=1.0, tcp_velocity=0.0), "tcp_velocity"),
             (lambda: Limits(force=1.0, cart_low=[0.0]), "cart_low"),
             (lambda: Cost(time=-1.0), "time"),
-            (lambda: MeshOptions(elements=0), "elements"),
-            (lambda: MeshOptions(points=10), "points"),
+            (lambda: MotionMesh(elements=0), "elements"),
+            (lambda: MotionMesh(points=10), "points"),
             (lambda: End([0.0, 1.0]), "tcp"),
             (lambda: Obstacle([0.0] * 3, [0.1, 0.1, -0.1]), "size"),
         ],

@@ -12,7 +12,7 @@ import gtmodel as gt
 from gtmodel import SolveStatus
 from gtmodel.motion import Arc, JointCone, Line, MotionProblem, Polyline
 from gtmodel.motion.motion_study import solved
-from gtmodel.motion.planning import Plan, plan_of
+from gtmodel.motion.planning import MotionPlan, plan_of
 from gtmodel.results import Trajectory, Work
 from gtmodel.robots import make
 from tests.support.motions import d1, six_link
@@ -34,7 +34,7 @@ def on_the_line(**changes: Any) -> MotionProblem:
 
 
 @cache
-def declared() -> tuple[Plan, Trajectory]:
+def declared() -> tuple[MotionPlan, Trajectory]:
     """The declared problem, with a cone that it keeps, by squared speeds; sampled finely but for its ends."""
     plan = plan_of(on_the_line(limits__joint_cones=[JointCone(3, "plate", AXIS, np.radians(HALF_DEG))]))
     motion = plan.follower.fastest(80)

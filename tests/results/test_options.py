@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import gtmodel as gt
-from gtmodel.kinematics.workspace import Limits
+from gtmodel.kinematics.workspace import WorkspaceLimits
 from gtmodel.results import ArgumentError, Long, Options, Unit, Within
 
 
@@ -106,21 +106,23 @@ def test_a_word_is_told_with_the_one_that_was_meant() -> None:
 
 
 def test_a_class_is_told_as_it_is_imported() -> None:
-    with pytest.raises(ArgumentError, match=r"gtmodel\.motion\.Limits; found gtmodel\.kinematics\.workspace\.Limits"):
-        gt.motion.study(gt.robots.gantry_tau("l1_tape"), [0, 0, 0], [1, 0, 0], limits=Limits())  # type: ignore[arg-type]
+    with pytest.raises(
+        ArgumentError, match=r"gtmodel\.motion\.Limits; found gtmodel\.kinematics\.workspace\.WorkspaceLimits"
+    ):
+        gt.motion.study(gt.robots.gantry_tau("l1_tape"), [0, 0, 0], [1, 0, 0], limits=WorkspaceLimits())  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
     ("make", "argument"),
     [
         (lambda: gt.calibrate.Fit(variant="zzz"), "variant"),
-        (lambda: gt.compliance.Links(stiffness="2e7"), "stiffness"),
+        (lambda: gt.compliance.RodSprings(stiffness="2e7"), "stiffness"),
         (lambda: gt.motion.Spline(np.zeros((3, 2))), "points"),
         (lambda: gt.motion.Polyline(via=[[1.0, 2.0]]), "via"),
-        (lambda: Limits(actuators=[[0.0, 1.0, 2.0]] * 3), "actuators"),
+        (lambda: WorkspaceLimits(actuators=[[0.0, 1.0, 2.0]] * 3), "actuators"),
         (lambda: gt.milling.Cut("slott", 0.02, 0.005, 5e-4), "mode"),
         (lambda: gt.milling.Cut("slot", "0.02", 0.005, 5e-4), "radial_depth"),
-        (lambda: gt.milling.Cutter(-0.0254, 2, gt.milling.Coefficients(1, 1, 1, 1, 1, 1)), "diameter"),
+        (lambda: gt.milling.Cutter(-0.0254, 2, gt.milling.CuttingCoefficients(1, 1, 1, 1, 1, 1)), "diameter"),
         (lambda: gt.vibration.Record([[1.0], [2.0]], [["a"], ["b"]], 0.01), "y"),
         (lambda: gt.vibration.Record([[1.0], [2.0]], [[1.0]], 0.01), "y"),
         (lambda: gt.vibration.Record([[1.0], [2.0]], [[1.0], [2.0]], 0.0), "sample_time"),

@@ -25,6 +25,10 @@ typedef enum gt_status {
 """
 
 
+def test_only_ok_is_ok() -> None:
+    assert [s for s in Status if s.ok] == [Status.OK]
+
+
 def test_numbers_are_fixed() -> None:
     assert {s.name: int(s) for s in Status} == {
         "OK": 0,

@@ -194,3 +194,18 @@ class TestStatus:
             assert np.isfinite(alone).all() == (one == Status.OK)
         sentence = f.diagnose(rows[2])
         assert sentence.startswith(verdict.message) and len(sentence) > len(verdict.message)
+
+
+@pytest.mark.parametrize(
+    ("maker", "part"),
+    [
+        (gt.robots.six_link_gantry_tau, "cart"),
+        (gt.robots.f1_gantry_tau, "cart"),
+        (gt.robots.extra_carts, "cart"),
+        (lambda **parts: gantry_tau("l1_tape", **parts), "arm"),
+        (lambda **parts: gantry_tau("l1_tape", inertia="model_1", smoothing="piecewise_linear", **parts), "arm"),
+    ],
+)
+def test_friction_can_be_taken_out(maker, part: str):
+    robot = maker(**{part: {"friction": gt.mechanics.Frictionless}})
+    assert robot.causal(known="q", targets=f"{part}[1].friction.force")() == (0.0, Status.OK)

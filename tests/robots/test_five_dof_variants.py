@@ -12,7 +12,7 @@ import pytest
 import gtmodel as gt
 from gtmodel import Status
 from gtmodel.mechanics import BallScrew, ForceMotor, Inertia
-from gtmodel.robots.f1_screws import F1BallScrews
+from gtmodel.robots.f1_screws import f1_ball_screws
 from gtmodel.robots.five_carts import ExtraCarts, extra_carts
 from gtmodel.robots.triangular_link import queensland_gantry_tau
 from gtmodel.robots.with_wrist import gantry_tau_wrist
@@ -173,7 +173,7 @@ class TestBallScrew:
 
     def test_on_the_f1(self):
         f1 = gt.robots.f1_gantry_tau()
-        robot = F1BallScrews(**f1.__dict__["_modifiers"])
+        robot = f1_ball_screws()
         s = np.array([0.7, 0.26, 0.2, 0.004, -0.006, 0.002])
         T, q, phi = ok(*robot.causal("s", ["T", "q", "screw[1].shaft.phi"])(s))
         turns = ok(*self.axis().causal("screw.flange.s", "screw.shaft.phi")(s[3:]))

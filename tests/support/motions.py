@@ -6,7 +6,7 @@ from dataclasses import replace
 from functools import cache
 from typing import Any
 
-from gtmodel.motion import Cost, End, Limits, Mesh, MotionProblem, MotionStudy, Solver
+from gtmodel.motion import Cost, End, Limits, MotionMesh, MotionProblem, MotionStudy, Solver
 from gtmodel.motion.motion_study import solved
 from gtmodel.results import Work
 from gtmodel.robots import gantry_tau, make
@@ -44,7 +44,7 @@ def six_link(**changes: Any) -> MotionProblem:
     return changed(
         MotionProblem(
             robot=d1(), start=End([-1.6, -4.4, -0.1]), goal=End([-1.2, -4.4, 0.15]), limits=Limits(force=700.0),
-            cost=Cost(energy=0.01, force_unit=UNIT), mesh=Mesh(elements=10), solver=Solver(formulation="dae"),
+            cost=Cost(energy=0.01, force_unit=UNIT), mesh=MotionMesh(elements=10), solver=Solver(formulation="dae"),
         ),
         **changes,
     )  # fmt: skip

@@ -69,14 +69,16 @@ def test_five_percent_of_noise_gives_half_to_two_percent() -> None:
         assert 0.005 < fit.log_std(name) < 0.02
     assert fit.log_std("fn") < 0.003  # mass and stiffness err together
     for name, true in TRUE.items():
-        low, high = fit.interval(name, level=0.999)
+        low, high = fit.interval(f"{name}[0]", level=0.999)
         assert 0 < low < true < high
 
 
 def _hits(rng: np.random.Generator, k: int) -> list[bool]:
     del k
     fit = fit_modes(made(LINES, M, C, K, noise=0.05, seed=rng), noise=0.05)
-    return [fit.interval(n)[0] < true < fit.interval(n)[1] for n, true in TRUE.items()] + [len(fit.m) == 1]
+    return [fit.interval(f"{n}[0]")[0] < true < fit.interval(f"{n}[0]")[1] for n, true in TRUE.items()] + [
+        len(fit.m) == 1
+    ]
 
 
 @pytest.mark.parametrize("runs", [25, pytest.param(1000, marks=pytest.mark.proof)])
@@ -92,7 +94,9 @@ def _from_hits(rng: np.random.Generator, k: int, decay: float) -> list[bool]:
     F, x = synthetic_hits(M, C, K, sample_rate=1024.0, duration=2.0, hits=5, noise=0.2, seed=rng)
     fit = fit_modes(frequency_response(F, x, 1024.0, decay=decay), 1)
     assert fit.adequacy is not None
-    return [fit.interval(n)[0] < true < fit.interval(n)[1] for n, true in TRUE.items()] + [fit.adequacy.passed]
+    return [fit.interval(f"{n}[0]")[0] < true < fit.interval(f"{n}[0]")[1] for n, true in TRUE.items()] + [
+        fit.adequacy.passed
+    ]
 
 
 @pytest.mark.proof
@@ -137,7 +141,7 @@ def test_level_noise_is_told_by_the_residuals_and_weights_do_not_matter_without_
     assert len(fit.m) == 1 and fit.adequacy is None and not fit.estimate.known_noise
     scaled = fit.estimate.noise * np.abs(fit.response.receptance).max()
     assert scaled == pytest.approx(noise, rel=0.25)
-    assert fit.interval("k", level=0.999)[0] < K < fit.interval("k", level=0.999)[1]
+    assert fit.interval("k[0]", level=0.999)[0] < K < fit.interval("k[0]", level=0.999)[1]
 
 
 def test_what_cannot_be_fitted_is_a_sentence() -> None:
@@ -149,5 +153,5 @@ def test_what_cannot_be_fitted_is_a_sentence() -> None:
         fit_modes(exact(M, C, K), 0)
     with pytest.raises(ValueError, match="relative noise of 0; expected"):
         fit_modes(exact(M, C, K), noise=0.0)
-    with pytest.raises(ValueError, match="there is no 'f' of mode 0"):
+    with pytest.raises(ValueError, match="there is no 'f'; expected m, c, k"):
         fit_modes(exact(M, C, K), 1).interval("f")

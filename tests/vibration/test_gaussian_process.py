@@ -186,7 +186,7 @@ def _shares(rng: np.random.Generator, k: int, shape, truth) -> np.ndarray:
     for j, (g, e, s) in enumerate(zip(found, *held_out(found), strict=True)):
         for row, h in enumerate((g, g.calibrated(*g.leave_one_out()), g.calibrated(e, s))):
             for column, (of, value) in enumerate((("field", F[j, 60:]), ("measurement", new[j]))):
-                low, high = h.interval(X[60:], NOMINAL, of=of).T
+                low, high = h.prediction_interval(X[60:], NOMINAL, of=of).T
                 inside[row, column] += np.mean((value > low) & (value < high)) / 3
     return inside
 

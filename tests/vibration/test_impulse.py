@@ -49,8 +49,8 @@ def test_noise_gives_two_resonances_with_their_distance() -> None:
     assert len(found.resonances) == 2 and min(found.criterion, key=lambda k: found.criterion[k]) == 2
     # 4.05 Hz over 7.4 * 0.03 + 11.45 * 0.025 Hz
     assert found.distance[0] == pytest.approx(4.05 / (7.4 * 0.03 + 11.45 * 0.025), rel=0.05)
-    for r, true in zip(found.resonances, TRUE["frequency_Hz"], strict=True):
-        low, high = r.frequency_interval_Hz
+    for n, (r, true) in enumerate(zip(found.resonances, TRUE["frequency_Hz"], strict=True)):
+        low, high = found.interval(f"f[{n}]")
         assert low < r.frequency_Hz < high and high - low < 0.02 * true
         assert r.damped_Hz < r.frequency_Hz
     assert np.all(np.abs(found.residual / 1e-5 - 1) < 0.1) and found.synthetic == "seed 3, noise 1e-05 m"
@@ -69,7 +69,7 @@ def test_overlapping_peaks_are_said() -> None:
     near = hit(noise=1e-7, frequency_Hz=[10.0, 10.3], damping=[0.03, 0.03])
     found = identify_impulse(near, modes=2)
     assert found.distance[0] == pytest.approx(0.3 / 0.609, rel=0.05)
-    assert any("Hz overlap (0.49 half-power widths apart)" in w for w in found.words)
+    assert any("Hz overlap (0.49 half-power widths apart)" in w for w in found.notes)
 
 
 def covered(seeds: range) -> tuple[int, int]:
@@ -165,4 +165,4 @@ def test_noise_alone_has_no_resonance() -> None:
 
 def test_near_nyquist_an_alias_is_said() -> None:
     record = hammer_record([140.0], [0.01], [[1e-3]], samples=1000, sample_time=TS, noise=1e-5, seed=2)
-    assert any("from one at 140 Hz" in w for w in identify_impulse(record).words)
+    assert any("from one at 140 Hz" in w for w in identify_impulse(record).notes)

@@ -66,7 +66,7 @@ def test_a_pose_gives_three_oscillators_and_poses_give_rows(field) -> None:
 def test_intervals_hold_the_value_and_those_of_a_measurement_are_wider(field) -> None:
     pose = samples(4)
     for name in ("m", "c", "k", "fn", "zeta"):
-        inner, outer = (field.interval(name, pose, of=of) for of in ("field", "measurement"))
+        inner, outer = (field.prediction_interval(name, pose, of=of) for of in ("field", "measurement"))
         assert inner.shape == (4, 3, 2) and np.all(inner > 0)
         value = field.value(name, pose)
         assert np.all((inner[..., 0] < value) & (value < inner[..., 1]))
@@ -142,7 +142,7 @@ def test_the_file_gives_the_same_bits(field, tmp_path) -> None:
     poses = samples(20)
     for name in ("m", "c", "k"):
         assert np.array_equal(loaded.value(name, poses), field.value(name, poses))
-        assert np.array_equal(loaded.interval(name, poses), field.interval(name, poses))
+        assert np.array_equal(loaded.prediction_interval(name, poses), field.prediction_interval(name, poses))
     assert oscillator_text(loaded) == oscillator_text(field) and loaded.synthetic is None
 
 
@@ -223,9 +223,9 @@ POSE_OF_LEVEL = np.array([0.1, 0.2, 0.3, 0.4])
 @pytest.mark.parametrize("level", [95, 0.0, 1.0, -0.95, np.nan])
 def test_a_level_is_a_probability(field, level) -> None:
     with pytest.raises(ValueError, match="expected a probability between 0 and 1"):
-        field.interval("m", POSE_OF_LEVEL, level)
+        field.prediction_interval("m", POSE_OF_LEVEL, level)
     with pytest.raises(ValueError, match="expected a probability between 0 and 1"):
-        field.processes["x", "m"].interval(np.atleast_2d(POSE_OF_LEVEL), level)
+        field.processes["x", "m"].prediction_interval(np.atleast_2d(POSE_OF_LEVEL), level)
 
 
 def test_an_infinite_measurement_is_refused_and_not_left_out() -> None:

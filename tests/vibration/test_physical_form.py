@@ -22,7 +22,7 @@ from gtmodel.vibration import (
     structure_record,
 )
 from gtmodel.vibration.output_error import second_order_states
-from gtmodel.vibration.response import held
+from gtmodel.vibration.response import free_responses, held
 from tests.vibration.structures import TS, D, K, M, relative
 
 EXACT = 1e-9  # relative, from noise-free data: rounding of a logarithm and of a transform, far below any noise
@@ -44,7 +44,7 @@ def test_the_logarithm_is_exact_where_an_approximation_is_not() -> None:
         relative(form.M_inv_K, np.linalg.solve(M, K)) < EXACT and relative(form.M_inv_D, np.linalg.solve(M, D)) < EXACT
     )
     assert relative(form.M_inv_F, np.linalg.solve(M, FORCE)) < EXACT and form.jump < EXACT
-    assert form.words == ("M is not identifiable without a known force or mass; M^-1 K and M^-1 D are",)
+    assert form.notes == ("M is not identifiable without a known force or mass; M^-1 K and M^-1 D are",)
 
 
 def test_a_mode_near_nyquist_is_found_and_said() -> None:
@@ -52,7 +52,7 @@ def test_a_mode_near_nyquist_is_found_and_said() -> None:
     stiff = K * (103.0 / 16.80977) ** 2
     form = physical_form(exact(K=stiff))
     assert relative(form.M_inv_K, np.linalg.solve(M, stiff)) < EXACT
-    assert "near the Nyquist frequency of 125 Hz: these samples cannot tell it from one at 147" in form.words[1]
+    assert "near the Nyquist frequency of 125 Hz: these samples cannot tell it from one at 147" in form.notes[1]
     beyond = K * (147.0 / 16.80977) ** 2
     assert relative(physical_form(exact(K=beyond)).M_inv_K, np.linalg.solve(M, beyond)) > 0.1
 
@@ -89,8 +89,8 @@ def test_a_mass_matrix_that_no_structure_has_is_refused() -> None:
         from_known(form, force=[-1.0, 0.0])
     # a spring that pushes: M follows all the same, and the rest is said
     found = from_known(replace(form, M_inv_K=-form.M_inv_K), force=[1.0, 0.0])
-    assert relative(found.M, M) < EXACT and "K is not positive definite" in found.words[0]
-    assert from_known(form, force=[1.0, 0.0]).words == ()
+    assert relative(found.M, M) < EXACT and "K is not positive definite" in found.notes[0]
+    assert from_known(form, force=[1.0, 0.0]).notes == ()
 
 
 def test_without_force_or_mass_m_is_open() -> None:
@@ -133,7 +133,7 @@ def test_ten_micrometres_of_noise(recovered) -> None:
     # bound already: that is what 48 s tell
     assert max(relative(start.M, M), relative(start.K, K)) < WITHIN
     assert max(relative(fit.model.M, M), relative(fit.model.D, D), relative(fit.model.K, K)) < WITHIN
-    assert np.all(np.abs(fit.residual / 1e-5 - 1) < 0.05) and all("look white" in w for w in fit.words)
+    assert np.all(np.abs(fit.residual / 1e-5 - 1) < 0.05) and all("look white" in w for w in fit.notes)
     for X in (fit.model.M, fit.model.D, fit.model.K):
         assert np.linalg.eigvalsh(X)[0] > 0 and np.array_equal(X, X.T)
 
@@ -202,3 +202,20 @@ def test_a_noisy_coordinate_does_not_spoil_a_quiet_one(noisy: int) -> None:
             rows += 1
     low, high = binomial_band(rows, 0.95)
     assert low <= inside <= high
+
+
+@pytest.mark.parametrize("form", ["symmetric", "free"])
+def test_what_a_record_without_force_leaves_open_has_infinite_intervals(form) -> None:
+    A, B, C = second_order_states(M, D, K, FORCE)
+    y = free_responses(held(A, B, TS)[0], C, 600) @ [1e-3, -5e-4, 0.0, 0.0]
+    y += np.random.default_rng(1).normal(0.0, 1e-7, y.shape)
+    fit = output_error(Record(np.zeros((600, 1)), y, TS), SecondOrder(M, D, K, FORCE, 0.0), form=form)
+    e = fit.estimate
+    # any multiple of M, D and K moves alike
+    assert {"M[0,0]", "M[1,1]", "D[0,0]", "K[0,0]", "K[0,1]"} <= set(e.undetermined)
+    assert e.interval("K[0,0]") == (-np.inf, np.inf)
+    if form == "symmetric":
+        scale = dict(zip(e.names, e.values, strict=True))
+        _, low, high = e.combination({"K[0,0]": 1.0, "M[0,0]": -scale["K[0,0]"] / scale["M[0,0]"]})
+        assert np.isfinite([low, high]).all()
+    assert "do not determine" in fit.notes[0] and "M[0,0]" in fit.notes[0]

@@ -64,15 +64,15 @@ def test_an_offset_of_the_sensor_does_not_matter() -> None:
 
 def test_limits_are_said() -> None:
     found = identify_step(steps(0.9647, 0.03527))
-    assert found.words[0].startswith("residuals look white")
-    assert "the thesis itself found (6.11) too slow" in found.words[1] and "above 1.43 Hz" in found.words[1]
+    assert found.notes[0].startswith("residuals look white")
+    assert "the thesis itself found (6.11) too slow" in found.notes[1] and "above 1.43 Hz" in found.notes[1]
     # a resonance that first order lacks
     t = TS * np.arange(300)
     ringing = [Record(r.u, r.y + 1e-4 * np.sin(2 * np.pi * 7.4 * t)[:, None], TS) for r in steps(0.9647, 0.03527)]
-    assert "residuals are coloured" in identify_step(ringing).words[0]
+    assert "residuals are coloured" in identify_step(ringing).notes[0]
     # noise that hides which delay it is
     blurred = identify_step(steps(0.9647, 0.03527, noise=3e-4))
-    assert not blurred.delay_sure and "is not told from its neighbours at 1 %" in blurred.words[-1]
+    assert not blurred.delay_sure and "cannot be distinguished from its neighbours at 1 %" in blurred.notes[-1]
     # a pole so fast that the gain never falls by 3 dB
     assert bandwidth(0.1, TS) is None and bandwidth(-0.2, TS) is None
 
@@ -81,7 +81,7 @@ def covered(seeds: range) -> tuple[int, int]:
     inside = 0
     for seed in seeds:
         found = identify_step(steps(0.9647, 0.03527, seed=10 * seed, sizes=(1e-3,)), delay=5)
-        low, high = found.bandwidth_interval_Hz or (np.nan, np.nan)
+        low, high = found.interval("bandwidth_Hz")
         inside += found.estimate.interval("a")[0] < 0.9647 < found.estimate.interval("a")[1]
         inside += low < bandwidth(0.9647, TS) < high  # type: ignore[operator]
     return inside // 2, len(seeds)  # a and the bandwidth are one number seen twice
@@ -120,14 +120,14 @@ def test_what_is_refused() -> None:
 def test_a_delay_at_the_end_of_those_tried_is_not_sure() -> None:
     record = step_record(0.9647, 0.0353, 30, 1e-3, samples=400, before=25, sample_time=TS, noise=5e-6, seed=1)
     short, enough = identify_step(record), identify_step(record, longest=40)
-    assert not short.delay_sure and any("25 samples: the true one may be longer" in w for w in short.words)
+    assert not short.delay_sure and any("25 samples: the true one may be longer" in w for w in short.notes)
     assert enough.delay == 30 and enough.delay_sure
 
 
 def test_a_response_that_does_not_settle_is_said() -> None:
     record = step_record(0.999, 0.001, 5, 1e-3, samples=400, before=25, sample_time=TS, noise=5e-6, seed=1)
-    assert any("of the way to rest was still to go" in w for w in identify_step(record).words)
-    assert not any("still to go" in w for w in identify_step(steps(0.9647, 0.0353)).words)
+    assert any("of the way to rest was still to go" in w for w in identify_step(record).notes)
+    assert not any("still to go" in w for w in identify_step(steps(0.9647, 0.0353)).notes)
 
 
 @pytest.mark.parametrize("slow", [0.1, 1e-3, 1e-6, 1e-9])

@@ -2,7 +2,7 @@
 
 Measured, MeasuredSignal, FrameStart, Sag   columns of a file and what lies between device and robot
 read_poses        the poses of a CSV file
-Poses             poses with what is known of their file
+MeasuredPoses     poses with what is known of their file
 CartPoints, read_cart_points   guideways through measured points of the carts
 """
 
@@ -13,7 +13,7 @@ from ..._lazy import public
 if TYPE_CHECKING:
     from .cart_points import CartPoints as CartPoints, read_cart_points as read_cart_points
     from .options import FrameStart as FrameStart, Measured as Measured, MeasuredSignal as MeasuredSignal, Sag as Sag
-    from .poses import Poses as Poses
+    from .poses import MeasuredPoses as MeasuredPoses
     from .reading_file import read_poses as read_poses
 
 public(__name__)

@@ -12,7 +12,7 @@ import numpy as np
 from ...lang import Model, ModelError
 from ...measurements import signal_table
 from ...results import ArgumentError, Long, Options, Unit, Within
-from ...robots.families import family_of
+from ...robots.links import family_of
 from ...robots.measured_guideways import on_measured_points
 
 UNIT_LENGTH = 1e-3  # of the quaternion: printed digits leave less

@@ -23,7 +23,7 @@ SMALLER = {"m": "mm", "mm": "um"}
 LARGER = {"um": "mm", "mm": "m", "m": "km"}
 
 
-class Reading(NamedTuple):
+class ColumnReading(NamedTuple):
     """Another reading of the columns: what to say, and the rms distance [m] from the model's positions that is left."""
 
     message: str
@@ -109,7 +109,7 @@ def exchanged(names: Sequence[str], order: Sequence[int]) -> tuple[str, str]:
 def other_columns(
     names: Sequence[str], groups: Sequence[Sequence[int]], q: np.ndarray, before: float,
     left: Callable[[np.ndarray], float],
-) -> Reading | None:  # fmt: skip
+) -> ColumnReading | None:  # fmt: skip
     """Columns of actuators q (N, k) that belong to each other's arms, or count the other way: single columns, groups of
     one unit and all are tried. `left(q)`: rms distance [m] of the model's positions from the measured ones, `before` as
     given. `groups`: columns of one unit."""
@@ -121,16 +121,16 @@ def other_columns(
     if backward is not None and (order is None or turned < best):
         which = ", ".join(names[k] for k in backward)
         hint = f"{length(turned)} with the other sign; is a scale -1?"
-        return Reading(f"the columns {which} look reversed: {said} {hint}", turned)
+        return ColumnReading(f"the columns {which} look reversed: {said} {hint}", turned)
     if order is None:
         return None
     which, read = exchanged(names, order)
-    return Reading(f"the columns {which} look exchanged: {said} {length(best)} when read as {read}", best)
+    return ColumnReading(f"the columns {which} look exchanged: {said} {length(best)} when read as {read}", best)
 
 
 def swapped_axes(
     name: str, measured: np.ndarray, predicted: np.ndarray, size: float, free_frame: bool = False
-) -> Reading | None:
+) -> ColumnReading | None:
     """Positions (N, 3) whose axes are exchanged or reversed against the model's, as the cart directions show.
 
     With a frame that is unknown (`free_frame`) only the handedness can be found.
@@ -138,7 +138,7 @@ def swapped_axes(
     if free_frame:
         proper, mirrored = (_aligned(measured, predicted, hand)[2] for hand in (1, -1))
         if mirrored * NEARER < proper and proper > CLOSE * size:
-            return Reading(
+            return ColumnReading(
                 f"'{name}' is left-handed: no turn brings it nearer than {length(proper)} rms to the model's, "
                 f"a mirrored one {length(mirrored)}; an axis is reversed or two are exchanged",
                 mirrored,
@@ -154,7 +154,7 @@ def swapped_axes(
     order, signs = reading
     read = ", ".join(("-" if s < 0 else "") + AXES[k] for k, s in zip(order, signs, strict=True))
     left = np.linalg.det(np.eye(3)[list(order)]) * np.prod(signs) < 0
-    return Reading(
+    return ColumnReading(
         f"the axes of '{name}' look swapped: poses miss the model's by {length(before)} rms as given, and by "
         f"{length(best)} when ({read}) is read as (x, y, z)" + ("; as given they are left-handed" if left else ""),
         best,

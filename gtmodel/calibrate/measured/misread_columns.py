@@ -13,7 +13,7 @@ import scipy
 from ...lang.source import ModelError
 from ..calibration import calibrate
 from ..measurements import Measurements
-from ..problem import Problem
+from ..problem import CalibrationProblem
 from .column_checks import NEARER, exchanged, length
 
 THOUSANDS = ((1e-3, "large", "divided", "in millimetres"), (1e3, "small", "multiplied", "in metres"))
@@ -21,7 +21,9 @@ STEPS = 20  # of each fit: a few unknowns near their start need fewer
 POSES = 40  # that are looked at: enough to distinguish one order from another
 
 
-def misread_columns(problem: Problem, lengths: Sequence[str] = (), columns: Sequence[str] = ()) -> str | None:
+def misread_columns(
+    problem: CalibrationProblem, lengths: Sequence[str] = (), columns: Sequence[str] = ()
+) -> str | None:
     """One sentence with the residuals seen where another reading of the columns closes the links much better, or None.
 
     `problem`: prepared with little left free, such as the frames and an offset per actuator, so that a wrong reading
@@ -56,7 +58,7 @@ def misread_columns(problem: Problem, lengths: Sequence[str] = (), columns: Sequ
     )
 
 
-def _ordered(problem: Problem, m: Measurements, given: float) -> tuple[float, list[int]]:
+def _ordered(problem: CalibrationProblem, m: Measurements, given: float) -> tuple[float, list[int]]:
     """The misfit and the order of the actuators' columns: by assignment at the start values, then by exchanges that
     each lower it."""
     columns = np.asarray(m.values[problem.actuators])
@@ -78,7 +80,7 @@ def _ordered(problem: Problem, m: Measurements, given: float) -> tuple[float, li
         best, order = least, trial
 
 
-def _assigned(problem: Problem, m: Measurements) -> list[int]:
+def _assigned(problem: CalibrationProblem, m: Measurements) -> list[int]:
     """Which column each actuator should read, by how little its links' errors vary from pose to pose."""
     columns = np.asarray(m.values[problem.actuators])
     n = columns.shape[1]
@@ -92,7 +94,7 @@ def _assigned(problem: Problem, m: Measurements) -> list[int]:
     return [int(j) for j in scipy.optimize.linear_sum_assignment(varied)[1]]
 
 
-def _misfit(problem: Problem, m: Measurements, read: dict[str, np.ndarray]) -> float:
+def _misfit(problem: CalibrationProblem, m: Measurements, read: dict[str, np.ndarray]) -> float:
     """Root mean square [m] of the links' errors after the fit; infinite where there is none."""
     try:
         r = calibrate(problem.on(replace(m, values={**m.values, **read})), confidence=False, limit=STEPS).residuals

@@ -17,7 +17,7 @@ from ..measurements import Measurements, Pose
 
 
 @dataclass(frozen=True, eq=False)
-class Poses:
+class MeasuredPoses:
     """N measured poses for a study, and where they come from; what is left out is that of poses in memory.
 
     measurements: what was measured, in SI units. actuators: the variable that the drives measure.
@@ -52,7 +52,7 @@ class SplitPoses:
     held_out: np.ndarray
     columns: Mapping[str, Columns]
     repeated: tuple[np.ndarray, ...]
-    source: Poses
+    source: MeasuredPoses
 
     @property
     def pose(self) -> Pose:
@@ -93,13 +93,13 @@ class SplitPoses:
         return replace(self, all=replace(self.all, poses=poses))
 
 
-def split(poses: Poses | Measurements, model: Model, every: int) -> SplitPoses:
+def split(poses: MeasuredPoses | Measurements, model: Model, every: int) -> SplitPoses:
     """The poses with those held out: the given ones, or every k-th (Dressler 2012, eq. (5.5)), none for 0.
 
     Raises ArgumentError where they do not fit the model or each other.
     """
     if isinstance(poses, Measurements):
-        poses = Poses(poses)
+        poses = MeasuredPoses(poses)
     m = poses.measurements
     if not m.poses:
         if "T" not in m.values:
@@ -124,7 +124,7 @@ def split(poses: Poses | Measurements, model: Model, every: int) -> SplitPoses:
     return SplitPoses(m, poses.actuators, lines, held, columns, repeated, poses)
 
 
-def _fit_the_model(m: Measurements, poses: Poses, model: Model) -> dict[str, Columns]:
+def _fit_the_model(m: Measurements, poses: MeasuredPoses, model: Model) -> dict[str, Columns]:
     """Columns of all signals. Raises ArgumentError for signals that are no variables of the model, and for another
     number of columns."""
     flat = flat_of(model)

@@ -13,14 +13,14 @@ from ...measurements.signal_table import SignalTable
 from ...results import ArgumentError
 from ..measurements import Correction, Measurements, Pose
 from .options import ESTIMATE, Measured, MeasuredSignal, Sag
-from .poses import Poses
+from .poses import MeasuredPoses
 
 UNIT_LENGTH = 1e-3  # of a measured quaternion: printed digits leave less
 GRAVITY = 9.81  # m/s2
 IDENTITY = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
 
 
-def read_poses(path: Path | str, measured: Measured, held_out: Path | str | None = None) -> Poses:
+def read_poses(path: Path | str, measured: Measured, held_out: Path | str | None = None) -> MeasuredPoses:
     r"""Measured poses of a CSV file, one in each row; `held_out`: another file of the same columns that no fit sees.
 
     A number as scale, offset or delay is applied here; "estimate" is left to the calibration. Raises ArgumentError with
@@ -45,7 +45,7 @@ def read_poses(path: Path | str, measured: Measured, held_out: Path | str | None
     columns = {n: c for n, c in tables[0].columns.items() if n in measured.signals}
     given = measured.sag is not None and measured.sag.compliance != ESTIMATE
     known = [f"{measured.position}.sag"] if given else []
-    return Poses(measurements, measured.actuators, lines, held, columns, known, notes[0] if notes else None)
+    return MeasuredPoses(measurements, measured.actuators, lines, held, columns, known, notes[0] if notes else None)
 
 
 def _table(path: Path, measured: Measured, key: str = "measured.file") -> SignalTable:

@@ -15,7 +15,7 @@ from ...measurements.orders import orders
 from ...results import ArgumentError
 from ..calibration import calibrate
 from ..prediction import Prediction
-from ..problem import Problem as Prepared, prepare
+from ..problem import CalibrationProblem, prepare
 from ..unknowns import Choice
 from .column_checks import (
     CLOSE,
@@ -153,7 +153,7 @@ def a_priori(
     return Prediction(errors) if len(good) else None
 
 
-def exchanged_after(data: SplitPoses, prepared: Prepared, fitted: float, size: float) -> str | None:
+def exchanged_after(data: SplitPoses, prepared: CalibrationProblem, fitted: float, size: float) -> str | None:
     """Where a fit is left with length errors of `fitted` rms [m] or did not end: whether it is of another order of the
     actuators' columns, by fits of all of them. Arms do not know their columns, residuals do."""
     if fitted <= MISFIT * size:

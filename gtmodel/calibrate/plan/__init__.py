@@ -3,7 +3,7 @@
 plan_study           which poses to measure with which device, and what the calibration will be worth: a PlanStudy
 Room, Safety, PlanLimits                 where poses are looked for, and what they keep
 Tracker, PatternCamera, Wire, Gauge      what measures
-PosesToMeasure, Evaluation, Simulation, Criteria   how many poses, where the robot must be accurate, and how much
+PosesToMeasure, Evaluation, PlanSimulation, Criteria   how many poses, where the robot must be accurate, and how much
 """
 
 from typing import TYPE_CHECKING
@@ -17,10 +17,10 @@ if TYPE_CHECKING:
         Gauge as Gauge,
         PatternCamera as PatternCamera,
         PlanLimits as PlanLimits,
+        PlanSimulation as PlanSimulation,
         PosesToMeasure as PosesToMeasure,
         Room as Room,
         Safety as Safety,
-        Simulation as Simulation,
         Tracker as Tracker,
         Wire as Wire,
     )

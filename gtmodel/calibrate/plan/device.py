@@ -16,7 +16,7 @@ from ..devices import Camera, LaserTracker, LineOfSight, sampled
 from ..measurements import Measurements
 from ..partial_devices import seen_by_distance, seen_by_plane
 from ..perturbed_kinematics import moved
-from ..problem import Problem, prepare
+from ..problem import CalibrationProblem, prepare
 from .options import Gauge, PatternCamera, Tracker, Wire
 from .task import Task
 
@@ -55,7 +55,7 @@ class Measuring:
     limits: tuple[Limit, ...]
     at: Array | None
     device: Any
-    earlier: list[Problem] = field(default_factory=list)
+    earlier: list[CalibrationProblem] = field(default_factory=list)
 
     def readings(self, T: Array) -> dict[str, Array]:
         """Noise-free measurements at commanded poses. Raises ArgumentError for what cannot be reached."""
@@ -93,7 +93,7 @@ class Measuring:
         """Of commanded poses, without noise but with its size."""
         return Measurements(self.readings(T), self.noise(T))
 
-    def prepared(self, T: Array) -> Problem:
+    def prepared(self, T: Array) -> CalibrationProblem:
         """The calibration from these points. Raises ArgumentError."""
         if self.earlier:  # the same equations with other poses
             return self.earlier[0].on(self.measurements(T))
@@ -107,7 +107,7 @@ class Measuring:
         self.earlier.append(problem)
         return problem
 
-    def whole(self, T: Array) -> Problem:
+    def whole(self, T: Array) -> CalibrationProblem:
         """The robot's own closure equations at these points, all of its pose known: for positioning errors."""
         q, e, status = self.placed(T)
         good = status == 0

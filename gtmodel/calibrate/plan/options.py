@@ -42,7 +42,7 @@ class Safety(Options):
 
 
 @dataclass(frozen=True)
-class PlanLimits(options.Limits):
+class PlanLimits(options.WorkspaceLimits):
     """What poses must keep."""
 
     axes: Annotated[
@@ -173,7 +173,7 @@ class Evaluation(Options):
 
 
 @dataclass(frozen=True)
-class Simulation(Options):
+class PlanSimulation(Options):
     """Simulated calibrations with the device's noise; synthetic."""
 
     runs: Annotated[int, Within(least=0, most=10000), "how many"] = 20

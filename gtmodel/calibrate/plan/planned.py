@@ -19,7 +19,7 @@ from ..pose_numbers import Point
 from ..unknowns import Choice
 from .device import measuring
 from .files import in_order, poses_csv, rapid_program
-from .options import AnyDevice, Criteria, Evaluation, PlanLimits, PosesToMeasure, Room, Safety, Simulation
+from .options import AnyDevice, Criteria, Evaluation, PlanLimits, PlanSimulation, PosesToMeasure, Room, Safety
 from .pictures import pictures
 from .result import PlanStudy
 from .stages import stages_of
@@ -47,7 +47,7 @@ def plan_study(
     poses: PosesToMeasure | None = None,
     curve: Annotated[Sequence[int] | None, Within(above=0)] = None,
     evaluation: Evaluation | None = None,
-    simulation: Simulation | None = None,
+    simulation: PlanSimulation | None = None,
     criteria: Criteria | None = None,
     title: str = "",
     progress: Progress = silent,
@@ -76,10 +76,10 @@ def plan_study(
     Interrupted, it holds the steps that are done. Raises ArgumentError.
 
     >>> import gtmodel as gt
-    >>> from gtmodel.calibrate.plan import PosesToMeasure, Room, Simulation, Tracker
+    >>> from gtmodel.calibrate.plan import PosesToMeasure, Room, PlanSimulation, Tracker
     >>> s = gt.calibrate.plan_study(
     ...     gt.robots.gantry_tau("l1_tape"), Tracker([1.0, -4.5, 0.8]), Room([0.8, -1, 0.4], [2, 0, 1.4], step=0.25),
-    ...     poses=PosesToMeasure(12, held_out=0, starts=1), curve=(), simulation=Simulation(runs=0),
+    ...     poses=PosesToMeasure(12, held_out=0, starts=1), curve=(), simulation=PlanSimulation(runs=0),
     ... )
     >>> (s.poses, s.rank, s.parameters)
     (12, 21, 21)

@@ -19,7 +19,7 @@ from ..pose_information import PoseInformation, pose_information
 from ..pose_numbers import ErrorCurve, Point, error_curve, grid_point, sufficient_number
 from ..pose_selection import condition_removal, exchange
 from ..positioning import Positioning, positioning
-from ..problem import Problem
+from ..problem import CalibrationProblem
 from .device import Measuring
 from .stages import stages_of
 from .task import Task
@@ -245,7 +245,7 @@ def simulate(plan: PlanState, stop: Stop) -> None:
     assert plan.chosen is not None
     basis, sizes = plan.chosen.basis, plan.chosen.sizes
     asked = plan.task.simulation
-    ready: Problem = plan.measuring.prepared(plan.poses)
+    ready: CalibrationProblem = plan.measuring.prepared(plan.poses)
     u = ready.unknowns
     scale = np.array([asked.start_error] * len(u.names))
     errors, lost = [], 0

@@ -9,7 +9,7 @@ from ...kinematics.workspace.options import Beam, Bodies, Box
 from ...lang import Model
 from ...results.options import Long, Options, Unit, Within
 from ..unknowns import Choice
-from .options import MICRO, AnyDevice, Criteria, Evaluation, PlanLimits, PosesToMeasure, Room, Safety, Simulation
+from .options import MICRO, AnyDevice, Criteria, Evaluation, PlanLimits, PlanSimulation, PosesToMeasure, Room, Safety
 
 CURVE = (10, 15, 20, 30, 40, 60, 80, 100)
 
@@ -43,6 +43,6 @@ class Task(Options):
         "numbers of poses for the curve of predicted errors, with the number that suffices; [] for none",
     ] = field(default_factory=lambda: list(CURVE))  # fmt: skip
     evaluation: Annotated[Evaluation | None, "where the robot must be accurate"] = None
-    simulation: Simulation = field(default_factory=Simulation)
+    simulation: PlanSimulation = field(default_factory=PlanSimulation)
     criteria: Criteria = field(default_factory=Criteria)
     title: str = ""

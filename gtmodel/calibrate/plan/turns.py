@@ -14,7 +14,7 @@ from ...kinematics.mechanism import Mechanism
 from ...kinematics.workspace import InverseKinematics, Limit, Poses, limited_mechanism
 from ...results import ArgumentError, Status
 from ...robots.f1 import LINK_ENDS, link_guideways
-from ...robots.families import family_of
+from ...robots.links import family_of
 from .options import Tracker
 from .task import Task
 

@@ -17,7 +17,7 @@ from ..measured.poses import SplitPoses
 from ..measurements import Measurements
 from ..options import COST_WORDS, Fit
 from ..prediction import MAD, Outlier, Prediction, outliers
-from ..problem import Problem as Prepared
+from ..problem import CalibrationProblem
 from ..sensitivity import Sensitivity, sensitivity
 from .contradictions import contradicted_priors
 from .intervals import Confidence
@@ -27,13 +27,13 @@ HUBER = 1.345  # standard deviations: 95 % as sharp as least squares where there
 
 
 @dataclass(frozen=True, eq=False)
-class Findings:
+class CalibrationFindings:
     """`before`, `after`: identifiability without and with the data's noise. `fitted`, `held_out`, `a_priori`: signal ->
     errors of the calibrated model on fitted and held-out poses, and of the robot as it was on the latter or, without
     any, the former; empty where a pose cannot be closed. `repeatability`: rms distance [m] of poses at the same
     actuators from their mean, None without any."""
 
-    problem: Prepared
+    problem: CalibrationProblem
     data: SplitPoses
     calibration: Calibration
     before: Identifiability
@@ -97,8 +97,8 @@ class Findings:
 
 
 def findings_of(
-    fit: Fit, data: SplitPoses, prepared: Prepared, a_priori: Prediction | None, stop: Callable[[], bool]
-) -> Findings:
+    fit: Fit, data: SplitPoses, prepared: CalibrationProblem, a_priori: Prediction | None, stop: Callable[[], bool]
+) -> CalibrationFindings:
     """Fit and look at it; `a_priori`: errors of the robot as it was, at all poses; `stop`: see calibrate().
 
     Raises ArgumentError where the cost or the loss does not fit the measurements."""
@@ -117,14 +117,14 @@ def findings_of(
         raise ArgumentError(str(error), option) from error
     part = data.held_out if data.held_out.any() else ~data.held_out
     prior = {} if a_priori is None else {data.position: Prediction(a_priori.errors[part])}
-    return Findings(
+    return CalibrationFindings(
         prepared, data, c, before, _predicted(c, data.fitted), {} if data.kept is None else _predicted(c, data.kept),
         prior, outliers(c.residuals),
         _sensitivity(fit, c), _repeatability(data), fit.loss,
     )  # fmt: skip
 
 
-def verdict(findings: Findings, accuracy: float | None) -> tuple[bool, bool | None, list[str]]:
+def verdict(findings: CalibrationFindings, accuracy: float | None) -> tuple[bool, bool | None, list[str]]:
     """Whether the numerics are sound, whether prediction is proven (None: not tried), and what both cover, in words."""
     c = findings.calibration
     sound, sentences = c.status.ok, []
@@ -201,7 +201,7 @@ def _scale(c: Calibration) -> float:
     return max(MAD * float(np.median(np.abs(r))), 1e-12)
 
 
-def length_noise(p: Prepared) -> float:
+def length_noise(p: CalibrationProblem) -> float:
     """Noise of a length [m] before the residuals are known: that of the position, 0.1 mm where none is stated."""
     for pose in p.measurements.poses:
         if pose.position in p.measurements.noise:

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
-from .findings import Findings
+from .findings import CalibrationFindings
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def pictures(findings: Findings, title: str) -> Mapping[str, Callable[[], Figure]]:
+def pictures(findings: CalibrationFindings, title: str) -> Mapping[str, Callable[[], Figure]]:
     """File name -> drawing; those that the result can fill."""
     c, headline, held = findings.calibration, findings.headline[0], findings.headline[2]
     name = findings.position

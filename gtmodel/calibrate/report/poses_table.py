@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from ...results.table import csv_text
-from .findings import Findings
+from .findings import CalibrationFindings
 
 
-def text(findings: Findings) -> str:
+def text(findings: CalibrationFindings) -> str:
     """Line of the file, fitted or held out, the measured position [m], errors of position [mm] and lengths [mm];
     empty where a pose cannot be closed."""
     name = findings.position

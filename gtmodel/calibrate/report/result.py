@@ -12,9 +12,9 @@ from .rows import rows_of
 STIFFNESS = (
     "with [joint_stiffness]: method, stiffness_MNm_rad with interval_MNm_rad (95 %; null: no upper end) and "
     "compliance_rad_Nm by joint, other_method_MNm_rad and agree (whether intervals overlap), compensator_rate_N_m and "
-    "its std, chi_squared_p, adequacy and adequate, observability_O1, told, best_tests (lines of the file), "
-    "softest_N_m and stiffest_N_m by test (null for a negative compliance), said: doubts about the tests, and what the "
-    "print claims and the model does not support; all other values but synthetic are then null"
+    "its std, chi_squared_p, adequacy and adequate, observability_O1, best_tests (lines of the file), "
+    "softest_N_m and stiffest_N_m by test (null for a negative compliance), notes: doubts about the tests, and what "
+    "the print claims and the model does not support; all other values but synthetic are then null"
 )
 
 

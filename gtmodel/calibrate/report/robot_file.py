@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from ...lang import Model
-from ...robots.families import family_of
+from ...robots.links import family_of
 from ..modifiers import merged
-from .findings import Findings
+from .findings import CalibrationFindings
 
 # printed name of the file's key -> parameter of the model, and what its numbers are multiplied by
 GEOMETRY = {
@@ -41,7 +41,7 @@ class Origin:
     given: Mapping[str, Any] = field(default_factory=dict)
 
 
-def text(findings: Findings, model: Model, title: str, origin: Origin) -> str:
+def text(findings: CalibrationFindings, model: Model, title: str, origin: Origin) -> str:
     """A robot file: of the family, masses and friction as they were; of a model in Python its reference and its
     parameters, those given and in their place the calibrated."""
     import tomli_w
@@ -96,7 +96,7 @@ def _names(model: Model) -> list[str]:
     return [name for name, _ in GEOMETRY[family].values()] if family else []
 
 
-def _note(findings: Findings) -> str:
+def _note(findings: CalibrationFindings) -> str:
     errors, _, held = findings.headline
     what = "held-out" if held else "fitted"
     accuracy = (
@@ -108,7 +108,7 @@ def _note(findings: Findings) -> str:
     return f"frame of the measurements{accuracy}{synthetic}"
 
 
-def _confidence(findings: Findings) -> list[str]:
+def _confidence(findings: CalibrationFindings) -> list[str]:
     e = findings.confidence.estimate
     if e is None:
         return ["not solved: these are the values at which the iteration ended"]

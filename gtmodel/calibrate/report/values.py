@@ -11,7 +11,7 @@ from ...inference import Identifiability
 from ...results import Check, at_most
 from ..measured.poses import SplitPoses
 from ..prediction import Prediction
-from .findings import Findings, verdict
+from .findings import CalibrationFindings, verdict
 from .movement import moved_too_far
 
 LOOK = "the verdict in the table says what to look at"
@@ -19,7 +19,7 @@ SHOWN_PAIRS = 20
 MANY = 0.1  # of the poses: so many outliers are seldom chance
 
 
-def values_of(findings: Findings, accuracy: float | None) -> dict[str, Any]:
+def values_of(findings: CalibrationFindings, accuracy: float | None) -> dict[str, Any]:
     """The quantities of a `CalibrationStudy`, its estimate and its notes; accuracy [m]: what was wanted."""
     c, data = findings.calibration, findings.data
     sound, proven, sentences = verdict(findings, accuracy)
@@ -65,7 +65,7 @@ def values_of(findings: Findings, accuracy: float | None) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def checks_of(accuracy: float | None, findings: Findings) -> dict[str, Check]:
+def checks_of(accuracy: float | None, findings: CalibrationFindings) -> dict[str, Check]:
     """Prediction and, where it was asked for, the accuracy."""
     checks = {}
     name = findings.position
@@ -88,7 +88,7 @@ def checks_of(accuracy: float | None, findings: Findings) -> dict[str, Check]:
     return checks
 
 
-def _unknowns(findings: Findings) -> list[dict[str, Any]]:
+def _unknowns(findings: CalibrationFindings) -> list[dict[str, Any]]:
     c, u, estimate = findings.calibration, findings.problem.unknowns, findings.confidence.estimate
     listed = []
     for k, name in enumerate(u.names):
@@ -102,7 +102,7 @@ def _unknowns(findings: Findings) -> list[dict[str, Any]]:
     return listed
 
 
-def _notes(findings: Findings) -> list[str]:
+def _notes(findings: CalibrationFindings) -> list[str]:
     c = findings.calibration
     if c.estimate is None:
         return []
@@ -110,7 +110,7 @@ def _notes(findings: Findings) -> list[str]:
     return [*findings.priors, *c.estimate.notes, *intervals, *_crowded(findings), *moved_too_far(c)]
 
 
-def _crowded(findings: Findings) -> list[str]:
+def _crowded(findings: CalibrationFindings) -> list[str]:
     """A sentence where so many poses hold outliers that they are hardly outliers."""
     N, bad = len(findings.lines), len({o.pose for o in findings.outliers})
     if bad <= MANY * N:
@@ -121,7 +121,7 @@ def _crowded(findings: Findings) -> list[str]:
     ]
 
 
-def _link_rms(findings: Findings) -> dict[str, float] | None:
+def _link_rms(findings: CalibrationFindings) -> dict[str, float] | None:
     kept = findings.data.kept
     if kept is None or findings.problem.reading.latent.numel():
         return None
@@ -157,7 +157,7 @@ def _identifiability(i: Identifiability) -> dict[str, Any]:
     }
 
 
-def _sensitivity(findings: Findings) -> dict[str, dict[str, float]] | None:
+def _sensitivity(findings: CalibrationFindings) -> dict[str, dict[str, float]] | None:
     s = findings.sensitivity
     if s is None:
         return None
@@ -171,7 +171,7 @@ def _sensitivity(findings: Findings) -> dict[str, dict[str, float]] | None:
     return table
 
 
-def _truth(findings: Findings) -> dict[str, float] | None:
+def _truth(findings: CalibrationFindings) -> dict[str, float] | None:
     robot = findings.data.source.truth
     if robot is None:
         return None

@@ -2,7 +2,7 @@
 
 Synthetic      seed, grid, sizes of the errors, device
 made_poses     the poses as a study takes them, with the texts of the files and the robot with the errors
-make, Made     the texts alone
+make, SyntheticFile   the texts alone
 disturbed      the robot that is measured
 """
 
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from ..._lazy import public
 
 if TYPE_CHECKING:
-    from .making import Made as Made, disturbed as disturbed, make as make
+    from .making import SyntheticFile as SyntheticFile, disturbed as disturbed, make as make
     from .options import Synthetic as Synthetic
     from .poses import made_poses as made_poses
 

@@ -36,7 +36,7 @@ class Carts(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Made:
+class SyntheticFile:
     """The CSV, what it says of itself, the robot that was measured; `carts`: the CSV of cart points where asked for."""
 
     text: str
@@ -77,7 +77,7 @@ def disturbed(model: Model, s: Synthetic) -> Model:
     return robot.with_(**changed, v=v)
 
 
-def make(model: Model, s: Synthetic) -> Made:
+def make(model: Model, s: Synthetic) -> SyntheticFile:
     """Poses on the grid that the model reaches, where the disturbed robot stands there, and what a device says.
 
     Raises ArgumentError where no pose is reached or the disturbed robot cannot stand.
@@ -120,7 +120,7 @@ def make(model: Model, s: Synthetic) -> Made:
         columns = {"q": at[:, None]} | {f"P{i + 1}": rows for i, rows in enumerate(reflectors)}
         tables = {n: (_in_units(a, ["mm"] * a.shape[1]), ["mm"] * a.shape[1]) for n, a in columns.items()}
         seen_carts = _text(tables, note, "cart points")
-    return Made(_text(shown, note), note, truth, "e" in shown, q.shape[1] > 3, seen_carts)
+    return SyntheticFile(_text(shown, note), note, truth, "e" in shown, q.shape[1] > 3, seen_carts)
 
 
 def stated_noise(s: Synthetic, rotary: bool) -> dict[str, list[float]]:

@@ -9,7 +9,7 @@ from typing import Literal
 
 from ...lang import Model
 from ..measured.options import Measured, MeasuredSignal
-from ..measured.poses import Poses
+from ..measured.poses import MeasuredPoses
 from ..measured.reading_file import read_poses
 from .making import make, stated_noise
 from .options import Synthetic
@@ -17,7 +17,7 @@ from .options import Synthetic
 FILE, CARTS = "measurements.csv", "carts.csv"
 
 
-def made_poses(robot: Model, synthetic: Synthetic, held_out: Path | str | None = None) -> Poses:
+def made_poses(robot: Model, synthetic: Synthetic, held_out: Path | str | None = None) -> MeasuredPoses:
     """Synthetic poses: where a robot with known errors stands when it is commanded to a grid, as a device measures it.
 
     robot: a Gantry-Tau of the library. held_out: a file of the same columns that no fit sees. The result holds the text

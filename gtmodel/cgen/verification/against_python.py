@@ -12,11 +12,11 @@ import casadi as ca
 from ..._version import __version__
 from ...compiler.causal import CausalFunction
 from ...results import Check, at_least, at_most
-from ..errors import GenerationError
 from ..generation import contents
 from ..interface import Interface, interfaces
 from ..manifest import changed_entries, changed_files, interface_entry, lacks, parameters_hash, read, sha256
 from ..real import real_of
+from ..text import GenerationError
 from ..toolchain import Toolchain, find
 from .comparison import compare
 from .report import CheckReport, check_report
@@ -89,8 +89,8 @@ def check(folder: Path, functions: Mapping[str, CausalFunction], *, points: int 
             failures = int(library[f"gt_{content['name']}_selftest"]())
             checks["selftest_failures"] = at_most(failures, 0, "stored vectors compared by ==")
             for face in faces:
-                found, rows[face.key], rows_ok[face.key] = compare(library, face, points, seed)
-                checks |= found
+                compared, rows[face.key], rows_ok[face.key] = compare(library, face, points, seed)
+                checks |= compared
     return check_report(checks, rows, rows_ok)
 
 

@@ -1,1 +1,1 @@
-"""What expressions tell before they are computed: bounds, sizes, pace, nonsmooth points, constant and common parts."""
+"""What expressions show before they are computed: bounds, sizes, pace, nonsmooth points, constant and common parts."""

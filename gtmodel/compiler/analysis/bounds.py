@@ -113,8 +113,8 @@ def _tanh_slope(a: Bounds) -> Bounds:
         return np.cosh(size[1]) ** -2.0, np.cosh(size[0]) ** -2.0
 
 
-def _jumps(step: Callable[[Any], Any]) -> tuple[Callable[[Bounds], Bounds], Callable[[Bounds], Bounds]]:
-    """A function that is constant but for its jumps; its rate is unbounded where it jumps."""
+def _piecewise_constant(step: Callable[[Any], Any]) -> tuple[Callable[[Bounds], Bounds], Callable[[Bounds], Bounds]]:
+    """A function that is constant but for its discontinuities, where its rate is unbounded."""
 
     def rate(a: Bounds) -> Bounds:
         still = step(a[0]) == step(a[1])
@@ -153,9 +153,9 @@ UNARY: dict[int, tuple[Callable[[Bounds], Bounds], Callable[[Bounds], Bounds]]] 
         lambda a: _times((2 / _SQRT_PI, 2 / _SQRT_PI), _rising(np.exp, _negative(_square(a)))),
     ),
     ca.OP_FABS: (_size, lambda a: _rising(np.sign, a)),
-    ca.OP_SIGN: _jumps(np.sign),
-    ca.OP_FLOOR: _jumps(np.floor),
-    ca.OP_CEIL: _jumps(np.ceil),
+    ca.OP_SIGN: _piecewise_constant(np.sign),
+    ca.OP_FLOOR: _piecewise_constant(np.floor),
+    ca.OP_CEIL: _piecewise_constant(np.ceil),
     ca.OP_NOT: (lambda a: (0.0, 1.0), lambda a: ANYTHING),
 }
 

@@ -1,4 +1,4 @@
-"""Operations whose jumps and corners a derivative does not show: sign, absolute value, minimum, comparisons."""
+"""Operations whose discontinuities and corners no derivative shows: sign, absolute value, minimum, comparisons."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """How long a step may be without missing what a function of time does: pulses after rest, edges, ripple.
 
 An integrator that sees a function at rest, or on a straight line, makes its steps as long as its other equations
-allow, and steps over a short pulse. Bounds over cells of time (see `bounds`) tell where a function may leave its
-straight line; cells are halved there until they tell that it does not.
+allow, and steps over a short pulse. Bounds over cells of time (see `bounds`) show where a function may leave its
+straight line; cells are halved there until they show that it does not.
 """
 
 from __future__ import annotations
@@ -100,7 +100,7 @@ def _stretches(steps: Sequence[Instruction], start: float, end: float) -> tuple[
 def _cells(
     steps: Sequence[Instruction], start: float, end: float
 ) -> tuple[np.ndarray, np.ndarray, tuple[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray], float]:
-    """Cells from `start` to `end` over which bounds tell that a function is a straight line, the bounds of its value
+    """Cells from `start` to `end` over which bounds show that a function is a straight line, the bounds of its value
     and rate over them, and the distance from the line that counts."""
     edges = np.linspace(start, end, CELLS + 1)
     table = _evaluated(steps, edges[:-1], edges[1:])

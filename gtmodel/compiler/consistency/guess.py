@@ -26,7 +26,7 @@ class Completion:
         self._fixed = {n for _, n in self._read}
 
     def knows(self, pair: Pair) -> bool:
-        """Whether a guess of this symbol tells something: the equations hold it, and its value is not known."""
+        """Whether a guess of this symbol is of use: the equations hold it, and its value is not known."""
         return pair in self._place and self._place[pair] not in self._fixed
 
     def __call__(self, known: np.ndarray, guess: Mapping[Pair, np.ndarray], wanted: Sequence[Pair]) -> np.ndarray:

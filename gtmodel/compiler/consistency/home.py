@@ -56,7 +56,7 @@ def moved(flat: FlatModel, sampler: Sampler, w: np.ndarray, starts: dict[Pair, f
     return moves
 
 
-def said(flat: FlatModel, changes: list[Moved]) -> str:
+def moved_sentence(flat: FlatModel, changes: list[Moved]) -> str:
     """One sentence on start values that were moved; empty if none was."""
     if not changes:
         return ""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import reprlib
 from collections.abc import Iterable, Mapping, Set
 from dataclasses import dataclass
 
@@ -9,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from ...lang.slips import floats
-from ...lang.source import ModelError
+from ...lang.source import ModelError, about
 from ..branch import root_derivatives
 from ..differentiation import condition_order
 from ..emit import express
@@ -18,6 +19,8 @@ from ..plan import CausalPlan
 
 Pair = tuple[int, int]
 
+# start values: squares of larger ones overflow, and an integrator's norms with them
+LARGEST = 1e150
 STEPS = 80
 # residuals relative to the terms of their equation: initial values are states of an integrator that is far looser
 TOLERANCE = 1e-10
@@ -31,7 +34,7 @@ STALLED = 0.999
 FREE = 1e-6
 # values that were guessed are moved this much less than those that were not
 SOFT = 1e-3
-# corrections this small, in nominals, no longer tell whether Newton converges
+# corrections this small, in nominals, no longer show whether Newton converges
 ROUND_OFF = 1e-8
 # prescribed values are reached from the home pose in steps no shorter than this part of the way
 SHORTEST = 1.0 / 128
@@ -239,7 +242,7 @@ class _Equations:
         return w
 
     def completing(self, w: np.ndarray, fixed: Set[int], some: Set[int]) -> list[int]:
-        """Symbols below the highest derivatives that, with `some`, tell apart all ways to move."""
+        """Symbols below the highest derivatives that, with `some`, distinguish all ways to move."""
         columns = self._free(fixed)
         rest = self._null_space(w, columns)
         top = dict(zip(self._plan.structure.unknowns, self._plan.structure.d.tolist(), strict=True))
@@ -346,23 +349,33 @@ def start_values(
             (held if v.fixed else guess).setdefault((kept, order), sign * v.start)
     names: dict[Pair, str] = {}
     for name, value in (given or {}).items():
-        _, indices, order = flat.lookup(name)
-        try:
-            array = floats(value).reshape(-1)
-        except (TypeError, ValueError):
-            raise ModelError(f"the start of '{name}' takes numbers; found {value!r}") from None
-        if array.size not in (1, len(indices)):
-            raise ModelError(f"the start of '{name}' has {len(indices)} entries; found {array.size}")
-        if not np.all(np.isfinite(array)):
-            raise ModelError(f"the start of '{name}' must be finite; found {value}")
-        for i, x in zip(indices, np.broadcast_to(array, len(indices)), strict=True):
-            sign, kept, k = plan.alias.resolve(i, order)
-            if kept in known:
-                raise ModelError(f"'{name}' cannot be started: '{flat.variables[kept].name}' is an input with its own")
-            value_of = sign * float(x)
-            if (kept, k) in names and held[(kept, k)] != value_of:
-                raise ModelError(f"the starts of '{names[(kept, k)]}' and '{name}' are the same quantity and differ")
-            names[(kept, k)] = name
-            held[(kept, k)] = value_of
-            guess.pop((kept, k), None)
+        with about(f"start.{name}"):
+            _, indices, order = flat.lookup(name)
+            try:
+                array = floats(value).reshape(-1)
+            except (TypeError, ValueError):
+                raise ModelError(f"the start of '{name}' takes numbers; found {reprlib.repr(value)}") from None
+            if array.size not in (1, len(indices)):
+                raise ModelError(f"the start of '{name}' has {len(indices)} entries; found {array.size}")
+            if not np.all(np.isfinite(array)):
+                raise ModelError(f"the start of '{name}' must be finite; found {value}")
+            if np.any(np.abs(array) > LARGEST):
+                size = float(np.max(np.abs(array)))
+                raise ModelError(
+                    f"the start of '{name}' is of size {size:g}; squares of more than {LARGEST:g} overflow"
+                )
+            for i, x in zip(indices, np.broadcast_to(array, len(indices)), strict=True):
+                sign, kept, k = plan.alias.resolve(i, order)
+                if kept in known:
+                    raise ModelError(
+                        f"'{name}' cannot be started: '{flat.variables[kept].name}' is an input with its own"
+                    )
+                value_of = sign * float(x)
+                if (kept, k) in names and held[(kept, k)] != value_of:
+                    raise ModelError(
+                        f"the starts of '{names[(kept, k)]}' and '{name}' are the same quantity and differ"
+                    )
+                names[(kept, k)] = name
+                held[(kept, k)] = value_of
+                guess.pop((kept, k), None)
     return held, guess

@@ -140,7 +140,7 @@ class Sampler:
     def points(self, count: int) -> np.ndarray:
         """`count` consistent points near the start values, the nearest first. Raises ModelError if there is none.
 
-        They belong to time 0, or where the equations have no solution then to one of OTHER_TIMES, which `time` tells.
+        They belong to time 0, or where the equations have no solution then to one of OTHER_TIMES, which is in `time`.
         """
         points, closest = self._points(count)
         clock = self.flat.scope.time.element_hash()
@@ -150,7 +150,7 @@ class Sampler:
                 if points:
                     break
         if not points:
-            # a later stage may bind what an earlier one left free: the system is singular then, and its rank tells
+            # a later stage may bind what an earlier one left free: the system is singular then, and its rank shows it
             points, _ = replace(self, stages=[ca.vertcat(*self.stages)], time=0.0)._points(count)
         if not points:
             raise ModelError(

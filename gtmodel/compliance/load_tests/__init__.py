@@ -2,7 +2,7 @@
 
 stiffness_study, StiffnessStudy   both methods, what they are worth, and doubts about the tests
 Setup, Noise, GravityCompensator  the arm's tool, method, noise and spring
-MeasuredTests, read_load_tests, LoadTests, Column   tests in memory, and from a CSV file
+MeasuredTests, read_load_tests, LoadTests, LoadTestColumn   tests in memory, and from a CSV file
 made_load_tests, SyntheticTests   synthetic tests of an arm with known stiffness
 """
 
@@ -12,8 +12,8 @@ from ..._lazy import public
 
 if TYPE_CHECKING:
     from .options import (
-        Column as Column,
         GravityCompensator as GravityCompensator,
+        LoadTestColumn as LoadTestColumn,
         LoadTests as LoadTests,
         Noise as Noise,
         Setup as Setup,

@@ -27,8 +27,8 @@ def negative(fit: StiffnessFit) -> list[str]:
         )
     if inside:
         notes.append(
-            f"by {fit.method} the compliance of {_joints(inside)} is negative within its noise: the tests do not tell "
-            "it from a rigid joint, use the lower end of its interval"
+            f"by {fit.method} the compliance of {_joints(inside)} is negative within its noise: the tests do not "
+            "distinguish it from a rigid joint, use the lower end of its interval"
         )
     return notes
 

@@ -58,12 +58,12 @@ class Setup(Options):
 
 
 @dataclass(frozen=True)
-class Column(Options):
+class LoadTestColumn(Options):
     """The columns of one quantity in a file, with their unit.
 
-    >>> gt.compliance.Column("q", "deg")  # q[0], q[1], ... of the file
-    Column(column='q', unit='deg')
-    >>> gt.compliance.Column(["Fx", "Fy", "Fz"], ["N", "N", "kN"]).unit
+    >>> gt.compliance.LoadTestColumn("q", "deg")  # q[0], q[1], ... of the file
+    LoadTestColumn(column='q', unit='deg')
+    >>> gt.compliance.LoadTestColumn(["Fx", "Fy", "Fz"], ["N", "N", "kN"]).unit
     ['N', 'N', 'kN']
     """
 
@@ -75,20 +75,23 @@ class Column(Options):
 class LoadTests(Options):
     """The columns of measured tests: joint angles, loads and displacements, one test in each row. World coordinates.
 
-    >>> from gtmodel.compliance import Column, LoadTests
+    >>> from gtmodel.compliance import LoadTestColumn, LoadTests
     >>> tests = LoadTests(
-    ...     q=Column("q", "deg"), force=Column("F", "N"), displacement=Column("d", "mm"), rotation=Column("r", "rad")
+    ...     q=LoadTestColumn("q", "deg"), force=LoadTestColumn("F", "N"),
+    ...     displacement=LoadTestColumn("d", "mm"), rotation=LoadTestColumn("r", "rad"),
     ... )
     >>> tests.moment is None  # the load was a force alone
     True
     """
 
-    q: Annotated[Column, "joint angles"]
-    force: Annotated[Column, "on the tool centre point"]
-    moment: Annotated[Column | None, "about it; none if left out"] = None
-    displacement: Annotated[Column, "of the tool centre point, with the load less without"]
-    rotation: Annotated[Column, "of the tool, as a rotation vector"]
-    wrist: Annotated[Column | None, "displacement of a target at the wrist centre; by the pose if left out"] = None
+    q: Annotated[LoadTestColumn, "joint angles"]
+    force: Annotated[LoadTestColumn, "on the tool centre point"]
+    moment: Annotated[LoadTestColumn | None, "about it; none if left out"] = None
+    displacement: Annotated[LoadTestColumn, "of the tool centre point, with the load less without"]
+    rotation: Annotated[LoadTestColumn, "of the tool, as a rotation vector"]
+    wrist: Annotated[LoadTestColumn | None, "displacement of a target at the wrist centre; by the pose if left out"] = (
+        None
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -70,11 +70,12 @@ def read_load_tests(path: Path | str, tests: LoadTests) -> MeasuredTests:
     Raises ArgumentError with the line of a wrong cell, or with the argument "tests.q.column" for a wrong column.
 
     >>> from pathlib import Path
-    >>> from gtmodel.compliance import Column, LoadTests, read_load_tests
+    >>> from gtmodel.compliance import LoadTestColumn, LoadTests, read_load_tests
     >>> head = [f"{name}[{i}]" for name, n in (("q", 6), ("F", 3), ("d", 3), ("r", 3)) for i in range(n)]
     >>> _ = Path("tests.csv").write_text(",".join(head) + "\n" + "90," * 6 + "0,0,-4000,0,0,-2.5,0,0,0.001\n")
     >>> tests = LoadTests(
-    ...     q=Column("q", "deg"), force=Column("F", "N"), displacement=Column("d", "mm"), rotation=Column("r", "rad")
+    ...     q=LoadTestColumn("q", "deg"), force=LoadTestColumn("F", "N"),
+    ...     displacement=LoadTestColumn("d", "mm"), rotation=LoadTestColumn("r", "rad"),
     ... )
     >>> read_load_tests("tests.csv", tests).displacement  # m, rad
     array([[ 0.    ,  0.    , -0.0025,  0.    ,  0.    ,  0.001 ]])

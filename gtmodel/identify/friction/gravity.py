@@ -7,6 +7,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 import scipy
 
+from ...results import ArgumentError
 from ...results.trajectory_errors import Array
 
 Gravity = Literal["most_symmetric", "poses"]  # how the mass is found beside friction by direction
@@ -31,14 +32,22 @@ def mass_by_norm(middle: Array, pattern: Array) -> MassByNorm:
 
     The middle level is the mean of the forces that the lines forwards and backwards reach at velocity zero:
     middle = m pattern + (fc+ - fc-)/2, with the magnitudes fc+ and fc- of Coulomb friction, whose asymmetric part is
-    what is left. The 2-norm gives m = middle.pattern / pattern.pattern.
+    what is left. The 2-norm gives m = middle.pattern / pattern.pattern. Raises ArgumentError for shapes that differ,
+    numbers that are not finite, and a pattern of zeros.
 
     >>> pattern = np.array([-7.9, -0.7, 8.6])
     >>> masses = gt.identify.mass_by_norm(20.0 * pattern + np.array([10.0, 0.0, 0.0]), pattern)
     >>> round(masses.two, 2), round(masses.one[0], 2), round(masses.maximum, 2)  # the 1-norm leaves an outlier alone
     (19.42, 20.0, 19.39)
     """
-    c, g = np.asarray(middle, float).ravel(), np.asarray(pattern, float).ravel()
+    c, g = np.asarray(middle, float), np.asarray(pattern, float)
+    if c.shape != g.shape:
+        raise ArgumentError(f"has the shape {c.shape}; expected {g.shape}, that of the pattern", "middle")
+    if not (np.isfinite(c).all() and np.isfinite(g).all()):
+        raise ArgumentError("holds a number that is not finite, or the pattern does", "middle")
+    if not np.any(g):
+        raise ArgumentError("one kilogram loads no cart, so no force determines the mass", "pattern")
+    c, g = c.ravel(), g.ravel()
     return MassByNorm(float(c @ g / (g @ g)), _weighted_median(c, g), _minimax(c, g))
 
 

@@ -9,9 +9,9 @@ import numpy as np
 from ...inference import linear_fit
 from ...results import ArgumentError, Estimate
 from ...results.trajectory_errors import Array
+from .constant_velocity import Runs
 from .gravity import PARALLEL, Gravity, MassByNorm, mass_by_norm
 from .refused import check, refuse_driving, refuse_exchanged, refuse_no_mass
-from .steady import Runs
 
 COLUMNS = (
     "some force in another cart's column, or with another sign, would fit these runs as well: only the log's own order "
@@ -27,8 +27,8 @@ class FrictionFit:
     [kg/s]: tau = m pattern + fc+ + fv+ v forwards and m pattern - fc- + fv- v backwards, v < 0. `mass` is m [kg].
     `estimate` has all of these with their covariance, named "m", "coulomb_plus[0]" and so on. `lines` are the straight
     lines by actuator, as fitted; `middle` (poses, carts) the levels between the two directions [N]; `pattern` (poses,
-    carts) the forces that hold one kilogram [N/kg]; `by_norm` the mass by three norms; `undetermined` says in words
-    what the runs leave open; `residual_rms` (carts,) is that of the lines [N].
+    carts) the forces that hold one kilogram [N/kg]; `by_norm` the mass by three norms; `notes` say what the
+    runs leave open; `residual_rms` (carts,) is that of the lines [N].
     """
 
     mass: float
@@ -41,7 +41,7 @@ class FrictionFit:
     middle: Array
     pattern: Array
     by_norm: MassByNorm
-    undetermined: tuple[str, ...]
+    notes: tuple[str, ...]
     residual_rms: Array
 
     def against_motion(self, runs: Runs, level: float) -> tuple[float, float]:
@@ -196,7 +196,7 @@ def _mass_weights(pattern: Array, gravity: Gravity, symmetric: bool) -> Array:
     change = pattern - pattern.mean(axis=0)
     if np.sum(change**2) <= PARALLEL * np.sum(pattern**2):
         raise ArgumentError(
-            "gravity loads the actuators alike in all poses, so their levels do not tell the mass; record another "
+            "gravity loads the actuators alike in all poses, so their levels do not determine the mass; record another "
             "pose, or take the most symmetric friction",
             "pattern",
         )
@@ -211,13 +211,13 @@ def _in_words(pattern: Array, symmetric: bool, gravity: Gravity) -> tuple[str, .
         )
     alone = (
         "slopes and the two levels of each actuator are determined; its gravity and the asymmetric half of its Coulomb "
-        "friction, (fc+ - fc-)/2, enter only as their sum and cannot be told apart on one actuator"
+        "friction, (fc+ - fc-)/2, enter only as their sum and cannot be distinguished on one actuator"
     )
     if gravity == "poses":
         return (
             alone,
-            "the mass is told by how the levels change between poses, as far as friction itself does not change with "
-            "the pose",
+            "the mass is determined by how the levels change between poses, as far as friction itself does not change "
+            "with the pose",
         )
     moves = ", ".join(f"{-g:+.2f}" for g in pattern.mean(axis=0))
     return (

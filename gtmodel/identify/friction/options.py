@@ -1,4 +1,4 @@
-"""What a friction study asks for: where the tool was held, what counts as steady, friction known or synthetic."""
+"""Options of a friction study: where the tool was held, what counts as constant velocity, known friction."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from ...results.options import Options, Unit, Within
-from .steady import CUTOFF_HZ, SHORTEST, STEADY
+from .constant_velocity import ACCELERATION, CUTOFF_HZ, SHORTEST
 
 
 @dataclass(frozen=True)
@@ -30,23 +30,23 @@ class HeldPose(Options):
 
 
 @dataclass(frozen=True)
-class Steady(Options):
+class ConstantVelocity(Options):
     """Which stretches of a log count as runs at constant velocity.
 
-    >>> gt.identify.Steady(slowest=-0.1)
+    >>> gt.identify.ConstantVelocity(slowest=-0.1)
     Traceback (most recent call last):
     gtmodel.results.refusal.ArgumentError: slowest: must be at least 0; found -0.1
     """
 
     cutoff: Annotated[
         float, Unit("Hz"), Within(above=0.0),
-        "of the low pass that separates steady from unsteady rows; means are of raw ones",
+        "of the low pass that separates rows at constant velocity from others; means are of raw ones",
     ] = CUTOFF_HZ  # fmt: skip
     slowest: Annotated[float, Unit("m/s"), Within(least=0.0), "slower runs are left out"] = 0.0
     steady_acceleration: Annotated[
         float, Unit("m/s2"), Within(above=0.0),
         "rows count as constant velocity while all accelerations are smaller",
-    ] = STEADY  # fmt: skip
+    ] = ACCELERATION  # fmt: skip
     shortest_run: Annotated[float, Unit("s"), Within(above=0.0), "shorter runs are left out"] = SHORTEST
 
 

@@ -98,7 +98,7 @@ def published_friction_study(
         middle=middle[None],
         pattern=pattern,
         intervals={},
-        undetermined=[WARNING],
+        notes=[WARNING],
         chosen=published.mass,
         asymmetry=size[0],
         figures={"friction": partial(_figure, lines, published.mass, g, norms.two, title or "published friction")},

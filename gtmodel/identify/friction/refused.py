@@ -9,8 +9,8 @@ from ...measurements.copies import SAME, copies
 from ...results import ArgumentError, Estimate
 from ...results.trajectory_errors import Array
 from ..exchanged import exchanged
+from .constant_velocity import Runs
 from .gravity import PARALLEL, Gravity
-from .steady import Runs
 
 DIGITS, FEW = 6, 1e-12  # of a force that was written down, not a mean; how far the rounding of that is off
 
@@ -31,7 +31,7 @@ def check(runs: Runs, pattern: Array) -> None:
             )
     if not np.any(pattern):
         raise ArgumentError(
-            "one kilogram loads no cart, so no force tells the mass; check the direction of gravity", "pattern"
+            "one kilogram loads no cart, so no force determines the mass; check the direction of gravity", "pattern"
         )
     if np.any((runs.pose < 0) | (runs.pose >= poses)):
         raise ArgumentError(f"a run names pose {int(np.max(runs.pose)) + 1}; the pattern has {poses}", "runs")
@@ -117,5 +117,7 @@ def refuse_no_mass(estimate: Estimate, carts: int, symmetric: bool, gravity: Gra
     if high < 0:
         why = "check the direction of gravity and the sign of the guideways, the poses and the order of the columns"
         if gravity == "most_symmetric" and not symmetric:
-            why += '; or friction differs by direction more than gravity does, then let poses tell the mass ("poses")'
+            why += (
+                '; or friction differs by direction more than gravity does, then let poses determine the mass ("poses")'
+            )
         raise ArgumentError(f"the mass would be {mass:.4g} kg, which none can be; {why}", "pattern")

@@ -16,17 +16,17 @@ from ...measurements import Session
 from ...results import ArgumentError, Check, Quantity, Row, SolveStatus, Study, Work, at_least, at_most, listed, naming
 from ...results.door import study_function
 from ...results.work import Progress, never, silent
+from .constant_velocity import Runs, concatenate, constant_velocity_log, constant_velocity_runs
 from .gravity import Gravity, MassByNorm
 from .levels import FrictionFit, identify_friction
-from .options import FrictionCoefficients, HeldPose, Steady, SyntheticRuns
+from .options import ConstantVelocity, FrictionCoefficients, HeldPose, SyntheticRuns
 from .pattern import gravity_pattern
-from .steady import Runs, constant_velocity_log, joined, steady_runs
 
 Array = np.ndarray
 
 SLOPE_ERROR = 0.01  # of synthetic logs, or what their noise explains
 DRIVES = "friction drives in one direction"
-TELL = 'record more poses and let them tell the mass (gravity = "poses")'
+TELL = 'record more poses and let them determine the mass (gravity = "poses")'
 COLUMNS = (
     "check the poses and their forces that hold a kilogram, the order of the columns and the offsets of the forces"
 )
@@ -64,7 +64,6 @@ class FrictionStudy(Study):
     pattern: Annotated[Array | None, Quantity("N/kg", "force of each cart that holds one kilogram, by pose")] = None
     residual: Annotated[Array | None, Quantity("N", "rms of the fitted lines, by cart")] = None
     runs: Annotated[int | None, Quantity("", "number of runs at constant velocity")] = None
-    undetermined: Annotated[Sequence[str] | None, Quantity("", "what the runs leave open, in words")] = None
     synthetic: Annotated[
         str | None, Quantity("", "seed and noise of synthetic logs; null for measured ones")
     ] = None  # fmt: skip
@@ -75,7 +74,6 @@ class FrictionStudy(Study):
         if self.mass_interval is None or self.mass_by_norm is None or self.residual is None:
             return []
         (low, high), (first, last) = self.mass_interval, self.mass_by_norm["one"]
-        sentences = self.undetermined or ()
         return [
             Row("mass held", self.mass, "kg"),
             Row("95 % interval", f"{low:.4g} .. {high:.4g}", "kg"),
@@ -84,7 +82,6 @@ class FrictionStudy(Study):
             *self._coefficients(),
             Row("residual of the lines", listed(self.residual), "N"),
             Row("runs at constant velocity", self.runs),
-            *(Row("not told" if k else "told", text) for k, text in enumerate(sentences, len(sentences) > 1)),
             *([Row("SYNTHETIC", self.synthetic)] if self.synthetic else []),
         ]
 
@@ -99,7 +96,7 @@ def friction_study(
     runs: Runs | Sequence[Sequence[Session]] | SyntheticRuns,
     poses: Sequence[HeldPose],
     *,
-    steady: Steady | None = None,
+    constant_velocity: ConstantVelocity | None = None,
     directions: Literal["separate", "symmetric"] = "separate",
     gravity: Gravity = "most_symmetric",
     title: str = "",
@@ -117,7 +114,7 @@ def friction_study(
         runs: by pose the recordings, sessions with the signals q (n, carts) [m] and force (n, carts) [N]; or runs at
             constant velocity as they are; or what synthetic logs are made of.
         poses: where the tool was held.
-        steady: which stretches of the recordings count.
+        constant_velocity: which stretches of the recordings count.
         directions: "separate" for coefficients by direction of motion, or "symmetric".
         gravity: how the mass is found beside them, see `identify_friction`.
         progress, max_seconds, stop: see `gtmodel.results.Work`.
@@ -145,7 +142,7 @@ def friction_study(
         note = next((s.trajectory.synthetic for log in logs for s in log if s.trajectory.synthetic), None)
         if work.interrupted():
             return FrictionStudy(status=SolveStatus.INTERRUPTED, message="stopped before the fit", title=title)
-        used = _steady(logs, pattern, steady or Steady())
+        used = _runs_of(logs, pattern, constant_velocity or ConstantVelocity())
     try:
         fit = identify_friction(used, pattern, symmetric=directions == "symmetric", gravity=gravity)
     except ArgumentError as error:
@@ -166,7 +163,8 @@ def friction_study(
         pattern=fit.pattern,
         residual=fit.residual_rms,
         runs=len(used.pose),
-        undetermined=list(fit.undetermined),
+        notes=fit.notes,
+        estimate=e,
         synthetic=note,
         figures={"friction": partial(_figure, fit, used, names, title or "friction", note)},
         files={"parameters.toml": _parameters(fit.mass, coefficients, note)},
@@ -213,7 +211,7 @@ def _made(s: SyntheticRuns, pattern: Array, names: Sequence[str]) -> list[list[S
     ]
 
 
-def _steady(logs: Sequence[Sequence[Session]], pattern: Array, steady: Steady) -> Runs:
+def _runs_of(logs: Sequence[Sequence[Session]], pattern: Array, limits: ConstantVelocity) -> Runs:
     poses, carts = pattern.shape
     if len(logs) != poses:
         raise ArgumentError(f"has recordings of {len(logs)} poses; expected {poses}, a list for each pose", "runs")
@@ -225,13 +223,13 @@ def _steady(logs: Sequence[Sequence[Session]], pattern: Array, steady: Steady) -
             if width != carts:
                 raise ArgumentError(f"has {width} columns; the robot has {carts} carts", "runs.force")
             with naming(f"runs[{pose}]", ArgumentError):
-                parts.append(steady_runs(
-                    session, pose=pose, cutoff_Hz=steady.cutoff, steady=steady.steady_acceleration,
-                    slow=steady.slowest, shortest=steady.shortest_run,
+                parts.append(constant_velocity_runs(
+                    session, pose=pose, cutoff_Hz=limits.cutoff, acceleration=limits.steady_acceleration,
+                    slow=limits.slowest, shortest=limits.shortest_run,
                 ))  # fmt: skip
     if not parts:
         raise ArgumentError("is empty; expected a recording or more", "runs")
-    return joined(parts)
+    return concatenate(parts)
 
 
 def _checks(fit: FrictionFit, runs: Runs, truth: SyntheticRuns | None, mass_determined: bool) -> dict[str, Check]:

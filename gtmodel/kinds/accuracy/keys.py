@@ -20,4 +20,4 @@ class Schema(RobotProblem):
         description="how ellipsoids become corners: exact first-order bound, or the iteration of Dressler 2012, A.2",
     )
     cases: list[Made[options.LinkErrors]] = Field(min_length=1, description="errors to look at, one after the other")
-    monte_carlo: Made[options.MonteCarlo] = Made[options.MonteCarlo]()
+    monte_carlo: Made[options.MonteCarloDraws] = Made[options.MonteCarloDraws]()

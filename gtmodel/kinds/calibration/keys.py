@@ -17,14 +17,14 @@ from gtmodel.problem_files.robot_keys import RobotProblem
 
 
 @made_from(measured.Measured)
-class Measured(Made):
+class MeasuredSection(Made):
     """Measured poses in a CSV file."""
 
     file: str = Field(description="path from the problem's folder")
 
 
 @made_from(carts.CartPoints, "at", "points")
-class CartPoints(Made):
+class CartPointsSection(Made):
     """Points of each cart along its guideway, measured in another set-up of the device (Dressler 2012, eq. (5.7))."""
 
     file: str = Field(
@@ -38,7 +38,7 @@ class CartPoints(Made):
     )
 
 
-class HeldOut(FileSection):
+class HeldOutSection(FileSection):
     """Poses that the fit does not see."""
 
     every: int = Field(default=2, ge=0, description="every how many-th pose is held out; 0 for none")
@@ -46,7 +46,7 @@ class HeldOut(FileSection):
 
 
 @made_from(load_tests.LoadTests)
-class LoadTests(Made):
+class LoadTestsSection(Made):
     """Measured tests, one a row: where the arm stood, what pulled, what moved. World coordinates."""
 
     file: str = Field(description="CSV, path from the problem's folder")
@@ -67,7 +67,7 @@ class _SetUp(_Hung):
 class JointStiffness(_SetUp):
     """Joint stiffness of a serial arm from static load tests. One of measurements and synthetic says what moved."""
 
-    measurements: LoadTests | None = Field(default=None, description="measured tests")
+    measurements: LoadTestsSection | None = Field(default=None, description="measured tests")
     synthetic: Made[load_tests.SyntheticTests] | None = Field(default=None, description="synthetic tests")
 
 
@@ -79,10 +79,10 @@ class _Fitted(RobotProblem, Made):
 class Schema(_Fitted):
     """Geometric parameters of a robot from measured poses."""
 
-    measurements: Measured | None = Field(default=None, description="measured poses")
+    measurements: MeasuredSection | None = Field(default=None, description="measured poses")
     synthetic: Made[synthetic_options.Synthetic] | None = Field(default=None, description="synthetic poses instead")
-    cart_points: CartPoints | None = Field(default=None, description="guideways through measured points")
-    held_out: HeldOut = HeldOut()
+    cart_points: CartPointsSection | None = Field(default=None, description="guideways through measured points")
+    held_out: HeldOutSection = HeldOutSection()
     joint_stiffness: JointStiffness | None = Field(
         default=None, description="joint stiffness of a serial arm from static load tests, in place of geometry"
     )

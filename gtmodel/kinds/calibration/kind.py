@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 
 from gtmodel import calibrate
-from gtmodel.calibrate import CalibrationStudy, CartPoints, Origin, Poses
+from gtmodel.calibrate import CalibrationStudy, CartPoints, MeasuredPoses, Origin
 from gtmodel.calibrate.calibration_study import explained
 from gtmodel.calibrate.modifiers import merged
 from gtmodel.compliance import MeasuredTests, StiffnessStudy, made_load_tests, read_load_tests, stiffness_study
@@ -66,7 +66,7 @@ def explain(problem: Schema, context: Context) -> str:
     return "\n".join([f"{problem.title or name}: {lines[0]}", *lines[1:]])
 
 
-def _poses(problem: Schema, robot: Model, context: Context) -> Poses:
+def _poses(problem: Schema, robot: Model, context: Context) -> MeasuredPoses:
     _one_of(problem, "measurements")
     other = problem.held_out.file
     held_out = None if other is None else context.file(other, "held_out.file")

@@ -17,28 +17,28 @@ MOVED = ("free", "fixed", "tied", "unit_quaternions", "sizes")
 
 
 @made_from(options.Tracker)
-class Tracker(Made):
+class TrackerSection(Made):
     """A laser tracker, which measures a distance and two angles."""
 
     kind: Literal["laser_tracker"] = Field(description="which device")
 
 
 @made_from(options.PatternCamera)
-class Camera(Made):
+class CameraSection(Made):
     """A fixed camera that sees a pattern on the plate."""
 
     kind: Literal["camera"] = Field(description="which device")
 
 
 @made_from(options.Wire)
-class Wire(Made):
+class WireSection(Made):
     """A wire sensor, a bar or an interferometer: the distance of the tool centre point from one point."""
 
     kind: Literal["distance"] = Field(description="which device")
 
 
 @made_from(options.Gauge)
-class Gauge(Made):
+class GaugeSection(Made):
     """A dial gauge over a plane, or one coordinate: the height of the tool centre point above a known plane."""
 
     kind: Literal["plane"] = Field(description="which device")
@@ -48,7 +48,10 @@ class Gauge(Made):
 class _Moved(RobotProblem, Made):
     """Which parameters are to be calibrated."""
 
-    device: Annotated[Tracker | Camera | Wire | Gauge, Field(discriminator="kind", description="what measures")]
+    device: Annotated[
+        TrackerSection | CameraSection | WireSection | GaugeSection,
+        Field(discriminator="kind", description="what measures"),
+    ]
 
 
 @made_from(Task, "robot", "device", "choice", "title")

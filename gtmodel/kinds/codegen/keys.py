@@ -6,7 +6,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from gtmodel.cgen import options
+from gtmodel.cgen import Verification
 from gtmodel.problem_files.base import FileSection
 from gtmodel.problem_files.from_options import Made
 from gtmodel.problem_files.robot_keys import RobotProblem
@@ -32,4 +32,4 @@ class Schema(RobotProblem):
     box: dict[str, list[list[float]]] = Field(
         default={}, description='intervals by input, such as "der(T)" = [[-1.5, 1.5]]: inside every function answers'
     )
-    check: Made[options.Verification] = Made[options.Verification]()
+    check: Made[Verification] = Made[Verification]()

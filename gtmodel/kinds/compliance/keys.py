@@ -15,13 +15,13 @@ class Schema(RobotProblem):
     """How a robot deflects: stiffness, deflection, natural frequencies. [links] for a parallel robot, [arm] for a
     serial one."""
 
-    links: Made[options.Links] | None = Field(default=None, description="of a parallel robot")
-    carts: Made[options.Carts] = Made[options.Carts]()
-    frame: Made[options.Frame] = Made[options.Frame]()
-    arm: Made[options.Arm] | None = Field(default=None, description="of a serial arm")
+    links: Made[options.RodSprings] | None = Field(default=None, description="of a parallel robot")
+    carts: Made[options.CartSprings] = Made[options.CartSprings]()
+    frame: Made[options.FrameSprings] = Made[options.FrameSprings]()
+    arm: Made[options.ArmSprings] | None = Field(default=None, description="of a serial arm")
     load: Made[options.Load] = Made[options.Load]()
     pose_m: Annotated[list[float], Field(min_length=3, max_length=3)] | None = Field(
         default=None, description="tool centre point whose numbers are reported; home if left out"
     )
     frequencies: Annotated[int, Field(ge=1, le=12)] = Field(default=3, description="how many are reported")
-    section: Made[options.Map] = Made[options.Map]()
+    section: Made[options.ComplianceMap] = Made[options.ComplianceMap]()

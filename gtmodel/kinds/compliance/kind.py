@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from gtmodel.compliance import ComplianceStudy, Springs, study
 from gtmodel.compliance.compliance_study import WORDS, grid_of, on_springs
-from gtmodel.compliance.options import Arm
+from gtmodel.compliance.options import ArmSprings
 from gtmodel.compliance.sprung_links import SprungLinks
 from gtmodel.problem_files.base import Context, InputError
 from gtmodel.problem_files.call import Call
@@ -48,7 +48,7 @@ def explain(problem: Schema, context: Context) -> str:
     return "\n".join([*lines, *(f"  {sentence}" for sentence in sprung.assumptions)])
 
 
-def _springs(problem: Schema) -> Springs | Arm:
+def _springs(problem: Schema) -> Springs | ArmSprings:
     given = [key for key in ("links", "arm") if getattr(problem, key) is not None]
     if len(given) != 1:
         raise InputError(

@@ -12,7 +12,7 @@ from gtmodel.problem_files.from_options import Made
 from gtmodel.problem_files.robot_keys import RobotProblem
 
 
-class Place(FileSection):
+class PlaceSection(FileSection):
     """Where the motion begins or ends, at rest."""
 
     tcp_m: Annotated[list[float], Field(min_length=3, max_length=3)] = Field(
@@ -20,7 +20,7 @@ class Place(FileSection):
     )
 
 
-class Limits(FileSection):
+class LimitsSection(FileSection):
     """What the motors can."""
 
     force_N: PositiveFloat = Field(description="largest force of each motor")
@@ -29,10 +29,10 @@ class Limits(FileSection):
 class Schema(RobotProblem):
     """Residual vibration of an elastic tool of a three-link robot."""
 
-    start: Place
-    goal: Place
-    limits: Limits
-    tool: Made[options.Tool]
-    cost: Made[options.Cost] = Made[options.Cost]()
-    mesh: Made[options.Mesh] = Made[options.Mesh]()
-    solver: Made[options.Solver] = Made[options.Solver]()
+    start: PlaceSection
+    goal: PlaceSection
+    limits: LimitsSection
+    tool: Made[options.ElasticTool]
+    cost: Made[options.ElasticCost] = Made[options.ElasticCost]()
+    mesh: Made[options.ElasticMesh] = Made[options.ElasticMesh]()
+    solver: Made[options.ElasticSolver] = Made[options.ElasticSolver]()

@@ -19,7 +19,7 @@ class HeldPoseSection(Made):
     files: list[str] = Field(default=[], description="logs of this pose, with [log]")
 
 
-@made_from(options.Steady)
+@made_from(options.ConstantVelocity)
 class FrictionLogSection(LogSampling, Made):
     """Measured logs; each pose names its own files."""
 

@@ -38,10 +38,10 @@ def call(problem: Schema, context: Context) -> Call:
             raise InputError("published lines belong to one pose; leave the others out", "pose")
         return Call(published_friction_study, model, problem.printed.options(), poses[0], title=problem.title)
     logs = problem.synthetic.options() if problem.synthetic is not None else _logs(problem, context)
-    steady = None if problem.log is None else problem.log.options()
+    limits = None if problem.log is None else problem.log.options()
     return Call(
-        friction_study, model, logs, poses, steady=steady, directions=problem.directions, gravity=problem.gravity,
-        title=problem.title,
+        friction_study, model, logs, poses, constant_velocity=limits, directions=problem.directions,
+        gravity=problem.gravity, title=problem.title,
     )  # fmt: skip
 
 

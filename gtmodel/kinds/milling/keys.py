@@ -7,7 +7,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field, PositiveFloat
 
-from gtmodel.milling import AngleTable, Coefficients, Cut, Cutter, Oscillators, missing_z, options
+from gtmodel.milling import AngleTable, Cut, Cutter, CuttingCoefficients, Oscillators, missing_z, options
 from gtmodel.problem_files.base import Context, FileSection, InputError
 from gtmodel.problem_files.from_options import Made, made_from
 from gtmodel.problem_files.robot_keys import RobotProblem
@@ -18,13 +18,13 @@ SOURCES = ("oscillator", "modal", "oscillator_field")  # of dynamics; at most on
 
 
 @made_from(Cutter, "coefficients")
-class CutterKeys(Made[Coefficients]):
+class CutterKeys(Made[CuttingCoefficients]):
     """A helical end mill, with cutting coefficients for the material."""
 
     def options(self) -> Any:
         """The cutter."""
-        K = {name: getattr(self, key) for key, name in Made[Coefficients].attributes.items()}
-        return Cutter(**self.given(), coefficients=Coefficients(**K))
+        K = {name: getattr(self, key) for key, name in Made[CuttingCoefficients].attributes.items()}
+        return Cutter(**self.given(), coefficients=CuttingCoefficients(**K))
 
 
 @made_from(Cut)
@@ -54,8 +54,8 @@ class OscillatorRow(FileSection):
         return missing_z(self.m_kg, [*self.c_kg_s, 1.0], self.k_N_m)
 
 
-@made_from(options.Search, "speeds", "speed_range")
-class Search(Made):
+@made_from(options.MillingSearch, "speeds", "speed_range")
+class SearchSection(Made):
     """What may be chosen besides the angle."""
 
     speeds_rpm: list[float] = Field(default=[], description="spindle speeds to compare with the given one")
@@ -66,10 +66,10 @@ class Search(Made):
     def options(self) -> Any:
         """In turns per second."""
         between = self.speed_range_rpm and [rpm / 60 for rpm in self.speed_range_rpm]
-        return options.Search(**self.given(), speeds=[rpm / 60 for rpm in self.speeds_rpm], speed_range=between)
+        return options.MillingSearch(**self.given(), speeds=[rpm / 60 for rpm in self.speeds_rpm], speed_range=between)
 
 
-class Lobes(FileSection):
+class LobesSection(FileSection):
     """Stability lobes in the chosen pose."""
 
     from_rpm: PositiveFloat = Field(description="lowest spindle speed")
@@ -83,7 +83,7 @@ class Schema(RobotProblem):
     """
 
     place_m: Three = Field(description="of the tool centre point, world coordinates")
-    tool: Made[options.Tool] = Made[options.Tool]()
+    tool: Made[options.MillingTool] = Made[options.MillingTool]()
     cutter: CutterKeys
     cut: CutKeys
     joint_stiffness_MNm_rad: list[PositiveFloat] = Field(
@@ -95,8 +95,8 @@ class Schema(RobotProblem):
     oscillator_field: str | None = Field(
         default=None, description="file of a Gaussian-process field over the poses, as kind dynamic_stiffness writes it"
     )
-    search: Search = Search()
-    lobes: Lobes | None = Field(default=None, description="stability lobes too")
+    search: SearchSection = SearchSection()
+    lobes: LobesSection | None = Field(default=None, description="stability lobes too")
     compensation: Made[options.PathOffset] | None = Field(default=None, description="compensation too")
     printed_tests: bool = Field(default=False, description="predict the twelve tests of Cvitanic 2021 too")
 
@@ -121,7 +121,7 @@ def _table(rows: list[OscillatorRow]) -> AngleTable:
         with naming(f"oscillator[{n}]", ValueError):
             oscillators.append(row.oscillators())
     with naming("oscillator", ValueError):
-        return AngleTable(np.deg2rad([row.angle_deg for row in rows]), Oscillators.joined(oscillators))
+        return AngleTable(np.deg2rad([row.angle_deg for row in rows]), Oscillators.concatenate(oscillators))
 
 
 def _field(file: str, context: Context) -> Any:

@@ -16,19 +16,19 @@ Three = Annotated[list[float], Field(min_length=3, max_length=3)]
 Lengths = Annotated[list[PositiveFloat], Field(min_length=6, max_length=6)]
 
 
-@made_from(hand_poses.Pose, "axes")
-class Pose(Made):
+@made_from(hand_poses.CommandedPose, "axes")
+class PoseSection(Made):
     """Carts and rotary axes, or a tool pose."""
 
     q_rad: Three | None = Field(default=None, description="rotary axes q4, q5, q6 of an F1; zero if left out")
     q_deg: Three | None = Field(default=None, description="the same in degrees")
 
-    def options(self) -> hand_poses.Pose:
+    def options(self) -> hand_poses.CommandedPose:
         """The pose in SI. Raises InputError for angles in both units."""
         if self.q_rad is not None and self.q_deg is not None:
             raise InputError("give either q_rad or q_deg", "pose")
         axes = self.q_rad if self.q_deg is None else np.radians(self.q_deg).tolist()
-        return hand_poses.Pose(axes=axes, **self.given())
+        return hand_poses.CommandedPose(axes=axes, **self.given())
 
 
 class Platform(FileSection):
@@ -57,7 +57,7 @@ class Schema(Problem):
     parameters: dict[str, Any] = Field(
         default={}, description="modifiers of the model, by its own parameter names, in SI"
     )
-    pose: Pose | None = Field(default=None)
+    pose: PoseSection | None = Field(default=None)
     poses: str | None = Field(
         default=None,
         description="CSV file of many poses; columns q1_m, q2_m, q3_m, with q4_deg ... or q4_rad ... for an F1, or "

@@ -15,7 +15,7 @@ from gtmodel.problem_files import robots
 from gtmodel.problem_files.base import Context, InputError
 from gtmodel.problem_files.call import Call
 
-from .keys import Platform, Pose, Schema
+from .keys import Platform, PoseSection, Schema
 
 NAME = "modes"
 RESULT = ModesStudy
@@ -76,7 +76,7 @@ def _asked(problem: Schema, context: Context) -> tuple[Any, Any]:
     return model, read_poses(context.file(problem.poses, "poses"))
 
 
-def _legs(platform: Platform, pose: Pose | None) -> Hands:
+def _legs(platform: Platform, pose: PoseSection | None) -> Hands:
     T = e = None
     if pose is not None:
         foreign = [key for key in ("q_m", "q_rad", "q_deg") if getattr(pose, key) is not None]

@@ -9,7 +9,7 @@ from pydantic import Field, PositiveFloat, PositiveInt
 from gtmodel.problem_files.base import FileSection, Problem
 
 
-class Mesh(FileSection):
+class MeshSection(FileSection):
     """Where the equations are collocated."""
 
     elements: PositiveInt = Field(default=50, le=10000, description="number of elements of the horizon")
@@ -22,7 +22,7 @@ class Mesh(FileSection):
     )
 
 
-class Solver(FileSection):
+class SolverSection(FileSection):
     """In which form the problem is solved, and when the solver stops."""
 
     formulation: Literal["auto", "inverse", "explicit", "torn", "dae"] = Field(
@@ -50,5 +50,5 @@ class Schema(Problem):
     parameters: dict[str, Any] = Field(
         default={}, description="modifiers of the model, by its own parameter names, in SI"
     )
-    mesh: Mesh = Mesh()
-    solver: Solver = Solver()
+    mesh: MeshSection = MeshSection()
+    solver: SolverSection = SolverSection()

@@ -20,7 +20,7 @@ class Schema(RobotProblem):
     limits: Made[options.Limits]
     path: PathSection | None = Field(default=None, description="the path to follow; free if it is left out")
     cost: Made[options.Cost] = Made[options.Cost]()
-    mesh: Made[options.Mesh] = Made[options.Mesh]()
+    mesh: Made[options.MotionMesh] = Made[options.MotionMesh]()
     starts: Made[options.Starts] = Made[options.Starts]()
     solver: Made[options.Solver] = Made[options.Solver]()
     export: Made[options.Export] = Made[options.Export]()

@@ -26,10 +26,10 @@ def call(problem: Schema, context: Context) -> Call:
 
 def explain(problem: Schema, context: Context) -> str:
     """What is optimised: states, controls, bounds, and the certificate of the inverse dynamics."""
-    return told(problem.motion(context), problem)
+    return explained(problem.motion(context), problem)
 
 
-def told(asked: MotionProblem, problem: Schema) -> str:
+def explained(asked: MotionProblem, problem: Schema) -> str:
     """What is optimised for this motion, in the words of its file."""
     plan, mesh, force = plan_of(asked), asked.mesh, asked.limits.force
     built = build(motion(asked, plan.guard, plan.path))

@@ -45,11 +45,11 @@ class Schema(trajectory.Schema):
 
     def rows(self, context: Context) -> list[TableRow]:
         """The rows of the study. Raises InputError, and ArgumentError."""
-        found = []
+        rows = []
         for row, problem in zip(self.row, self.problems(), strict=True):
             published = None if row.published is None else row.published.options()
-            found.append(TableRow(row.name, problem.motion(context), row.most_iterations, published))
-        return found
+            rows.append(TableRow(row.name, problem.motion(context), row.most_iterations, published))
+        return rows
 
 
 def _text(value: Any) -> str:

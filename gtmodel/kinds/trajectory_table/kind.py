@@ -7,7 +7,7 @@ from gtmodel.problem_files.base import Context, InputError
 from gtmodel.problem_files.call import Call
 from gtmodel.problem_files.path_keys import PATH_ARGUMENTS
 
-from ..trajectory.kind import told
+from ..trajectory.kind import explained
 from .keys import Schema
 
 NAME = "trajectory_table"
@@ -25,4 +25,4 @@ def call(problem: Schema, context: Context) -> Call:
 def explain(problem: Schema, context: Context) -> str:
     """Each row as its kind explains it."""
     rows = zip(problem.rows(context), problem.problems(), strict=True)
-    return "\n\n".join(f"{row.name}\n{told(row.problem, keys)}" for row, keys in rows)
+    return "\n\n".join(f"{row.name}\n{explained(row.problem, keys)}" for row, keys in rows)

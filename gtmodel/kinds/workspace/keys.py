@@ -23,7 +23,7 @@ class Schema(RobotProblem):
     points_m: list[Point] = Field(default=[], description="points to judge one by one")
     section: Made[CrossSection] = Made[CrossSection]()
     volume: Made[options.Sections] | None = Field(default=None)
-    limits: Made[options.Limits] = Made[options.Limits]()
+    limits: Made[options.WorkspaceLimits] = Made[options.WorkspaceLimits]()
     bodies: Made[options.Bodies] = Made[options.Bodies]()
     obstacles: list[Made[options.Box]] = Field(default=[], description="boxes that links and plate must not touch")
     beams: list[Made[options.Beam]] = Field(default=[], description="beams of the frame that links must not touch")

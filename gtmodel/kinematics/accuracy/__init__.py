@@ -4,7 +4,7 @@ Corners: first_order_corners, exact_corners, projected_corners, SIGNS, largest. 
 Parallelepiped, parallelepiped. Maps: ErrorMap, map_errors. Draws: length_cloud, base_point_cloud. Forward kinematics:
 ForwardWithLengths, common_point.
 
-The study: accuracy_study over a section, an AccuracyStudy; asked for by LinkErrors, ErrorSection, MonteCarlo.
+The study: accuracy_study over a section, an AccuracyStudy; asked for by LinkErrors, ErrorSection, MonteCarloDraws.
 """
 
 from typing import TYPE_CHECKING
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from .error_map import ErrorCase as ErrorCase, ErrorMap as ErrorMap, map_errors as map_errors
     from .lengths import ForwardWithLengths as ForwardWithLengths
     from .monte_carlo import base_point_cloud as base_point_cloud, length_cloud as length_cloud
-    from .options import ErrorSection as ErrorSection, LinkErrors as LinkErrors, MonteCarlo as MonteCarlo
+    from .options import ErrorSection as ErrorSection, LinkErrors as LinkErrors, MonteCarloDraws as MonteCarloDraws
     from .parallelepiped import Parallelepiped as Parallelepiped, parallelepiped as parallelepiped
     from .section_study import AccuracyStudy as AccuracyStudy, accuracy_study as accuracy_study
     from .spheres import common_point as common_point

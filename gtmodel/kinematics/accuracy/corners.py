@@ -31,6 +31,15 @@ def first_order_corners(u: Array, r: Array) -> tuple[Array, Array]:
 
     Returns: errors (n, 8, 3) [m] and codes (n,) of `Status`: SINGULAR where the links lie in a plane, NOT_FINITE for
     rows with NaN; such rows are NaN and harm no other.
+
+    Three links, two at a right angle and one that leans; each may be 0.1 mm too long or too short:
+
+    >>> u = np.array([[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.6, 0.8]]])  # links along the rows
+    >>> errors, status = gt.kinematics.accuracy.first_order_corners(u, np.full(3, 1e-4))
+    >>> errors.shape, status
+    ((1, 8, 3), array([0]))
+    >>> (1e3 * gt.kinematics.accuracy.largest(errors)).round(3)  # mm
+    array([0.245])
     """
     u = np.asarray(u, dtype=float)
     r = np.broadcast_to(np.asarray(r, dtype=float), (len(u), 3))
@@ -54,6 +63,17 @@ def exact_corners(
         q: (n, m) actuator coordinates. a: (n, 3, 3) base points [m]. lengths: (3,) [m]. r: (n, 3) or (3,) [m].
 
     Returns: corners (n, 8, 3) [m] and codes (n,). Each corner is checked against the lengths it was made for.
+
+    Links of the L1 that may be 0.1 mm too long or too short, at the home pose:
+
+    >>> from gtmodel.kinematics.accuracy import ForwardWithLengths, exact_corners, largest
+    >>> robot = gt.robots.gantry_tau("l1_tape")
+    >>> forward = ForwardWithLengths(robot.causal(known="q", targets="T"), [f"L[{i}]" for i in range(3)])
+    >>> q, status = robot.causal(known="T", targets="q")(robot.home)
+    >>> a = robot.A + q[:, None] * robot.v
+    >>> corners, status = exact_corners(forward, q[None], a[None], robot.L, np.full(3, 1e-4))
+    >>> (1e3 * largest(corners - robot.home)).round(3), status  # mm
+    (array([0.418]), array([0]))
     """
     n = len(q)
     r = np.broadcast_to(np.asarray(r, dtype=float), (n, 3))
@@ -70,5 +90,11 @@ def exact_corners(
 
 
 def largest(errors: Array) -> Array:
-    """Greatest error [m] (n,) of corners (n, 8, 3) given from the nominal point."""
+    """Greatest error [m] (n,) of corners (n, 8, 3) given from the nominal point.
+
+    >>> corners = np.zeros((1, 8, 3))
+    >>> corners[0, 5] = [3e-5, 0.0, 4e-5]
+    >>> gt.kinematics.accuracy.largest(corners)
+    array([5.e-05])
+    """
     return np.linalg.norm(errors, axis=2).max(axis=1)

@@ -58,6 +58,14 @@ def projected_corners(a: Array, T: Array, lengths: Array, ellipsoids: Ellipsoids
         a: (n, 3, 3) nominal base points [m]. T: (n, 3) nominal intersection [m]. lengths: (3,) [m].
 
     Returns: corners (n, 8, 3) [m] in the order of SIGNS, and whether each converged, (n, 8). Others are NaN.
+
+    Base points 1 m away from where the links meet, each within 0.1 mm in all directions:
+
+    >>> from gtmodel.kinematics.accuracy import Ellipsoids, largest, projected_corners
+    >>> within = Ellipsoids(np.tile(np.eye(3), (3, 1, 1)), np.full((3, 3), 1e-4))
+    >>> corners, converged = projected_corners(-np.eye(3)[None], np.zeros((1, 3)), np.ones(3), within)
+    >>> (1e3 * largest(corners)).round(3), bool(converged.all())  # mm
+    (array([0.173]), True)
     """
     n = len(T)
     # rows of corners, so that all are iterated at once

@@ -79,6 +79,21 @@ def map_errors(
     Args:
         base_points: called with T (k, 3), returns the base points (k, 3, 3) [m] and codes (k,) of `Status`.
         progress: called with the fraction done; returning True stops the work, the rest is NaN.
+
+    The L1 at two points, whose links may be 0.1 mm too long or too short; the second is out of reach:
+
+    >>> from gtmodel.kinematics.accuracy import ErrorCase, map_errors
+    >>> from gtmodel.kinematics.workspace import Bodies, limited_mechanism
+    >>> robot = limited_mechanism(gt.robots.gantry_tau("l1_tape"), None, Bodies())
+    >>> def base_points(T):
+    ...     poses = robot.inverse(T)
+    ...     return poses.a, poses.status
+    ...
+    >>> case = ErrorCase(lengths=robot.lengths, radius=np.full(3, 1e-4))
+    >>> T = np.array([[1.4, -0.4, 0.9], [1.4, -0.4, 9.0]])
+    >>> errors = map_errors(case, base_points, T)
+    >>> (1e3 * errors.error).round(3), errors.status  # mm
+    (array([0.42,  nan]), array([0, 1]))
     """
     n = len(T)
     error, faces = np.full(n, np.nan), np.full((n, 3), np.nan)

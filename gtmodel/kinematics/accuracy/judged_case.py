@@ -12,13 +12,13 @@ from ...compiler.causal import compile_causal
 from ...inference import FALSE_ALARM
 from ...results import ArgumentError, Check, Status, at_least, at_most, listed
 from ..mechanism import Mechanism
-from ..section import Section
+from ..section import SectionPlane
 from .corners import SIGNS, Array, exact_corners, largest
 from .ellipsoids import Ellipsoids
 from .error_map import ErrorCase, ErrorMap, Method
 from .lengths import ForwardWithLengths
 from .monte_carlo import base_point_cloud, length_cloud
-from .options import LinkErrors, MonteCarlo
+from .options import LinkErrors, MonteCarloDraws
 from .parallelepiped import parallelepiped
 from .spheres import common_point
 
@@ -42,7 +42,7 @@ class ErrorRegion:
     """
 
     robot: Mechanism
-    plane: Section
+    plane: SectionPlane
     corners: Array
     low: Array
     high: Array
@@ -114,7 +114,7 @@ def judged(
     errors: ErrorCase,
     mapped: ErrorMap,
     good: Array,
-    draws: MonteCarlo,
+    draws: MonteCarloDraws,
 ) -> JudgedCase:
     """Values of one case, and its corners by the robot's equations, by Newton, and by drawing.
 

@@ -42,6 +42,16 @@ def parallelepiped(u: Array, r: Array) -> Parallelepiped:
 
     Rows whose links lie in a plane have no such body: they are infinite or NaN; test them first
     (`first_order_corners` gives a status).
+
+    Links at right angles, with errors of at most 1, 2 and 3 mm, give a box:
+
+    >>> box = gt.kinematics.accuracy.parallelepiped(np.eye(3)[None], np.array([[1e-3, 2e-3, 3e-3]]))
+    >>> (1e3 * box.edges[0]).round(6)  # mm, the whole width of the errors
+    array([[2., 0., 0.],
+           [0., 4., 0.],
+           [0., 0., 6.]])
+    >>> (1e6 * box.faces).round(6)  # mm2
+    array([[24., 12.,  8.]])
     """
     u = np.asarray(u, dtype=float)
     r = np.broadcast_to(np.asarray(r, dtype=float), (len(u), 3))

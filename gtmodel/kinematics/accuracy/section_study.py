@@ -20,7 +20,7 @@ from ..mechanism import home_figure, mechanism_of
 from .corners import Array
 from .error_map import ErrorMap, Method, map_errors
 from .judged_case import ErrorRegion, JudgedCase, errors_of, judged, with_method
-from .options import ErrorSection, LinkErrors, MonteCarlo
+from .options import ErrorSection, LinkErrors, MonteCarloDraws
 
 MOST_POINTS = 1e7
 DIAGONAL = 101  # points of the rectangle's diagonal along which the faces are drawn
@@ -75,7 +75,7 @@ def accuracy_study(
     *,
     section: ErrorSection | None = None,
     method: Method = "support",
-    monte_carlo: MonteCarlo | None = None,
+    monte_carlo: MonteCarloDraws | None = None,
     title: str = "",
     progress: Progress = silent,
     max_seconds: float | None = None,
@@ -104,7 +104,7 @@ def accuracy_study(
     2
     """
     work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
-    draws = monte_carlo or MonteCarlo()
+    draws = monte_carlo or MonteCarloDraws()
     region = region_of(robot, cases, section or ErrorSection())
     resolved = with_method(list(cases), method)
     errors = [errors_of(case, k, region.robot) for k, case in enumerate(resolved)]

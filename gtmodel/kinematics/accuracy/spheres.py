@@ -16,6 +16,15 @@ def common_point(centres: Array, radii: Array, start: Array) -> tuple[Array, Arr
 
     Returns the points and codes (n,) of `Status`: SINGULAR where the three directions lie in a plane, NOT_CONVERGED
     where the spheres do not meet near the start. Other rows than OK are NaN.
+
+    Spheres of 1 m, and one that is too small to meet the others:
+
+    >>> centres = np.tile(-np.eye(3), (2, 1, 1))
+    >>> radii = np.array([[1.0, 1.0, 1.0], [1.0, 1.0, 0.1]])
+    >>> points, status = gt.kinematics.accuracy.common_point(centres, radii, np.zeros((2, 3)))
+    >>> points.round(6) + 0.0, [gt.Status(code).name for code in status]
+    (array([[ 0.,  0.,  0.],
+           [nan, nan, nan]]), ['OK', 'NOT_CONVERGED'])
     """
     x = np.array(start, dtype=float)
     status = np.where(np.isfinite(x).all(axis=1) & np.isfinite(centres).all(axis=(1, 2)), Status.OK, Status.NOT_FINITE)

@@ -4,11 +4,11 @@ Modes
     assembly_modes        of one platform: joints A, B (6, 3), lengths L (6,) -> AssemblyModes
     assembly_modes_batch  of many platforms or poses at once
     AssemblyModes         real modes R, T, all complex ones, status, message, certificate
-    Certificate           found, real, distinct, residual, nearest other mode, retries
+    Certificate           finite, real, distinct, residual, nearest other mode, retries
 
 The study
     modes_study           of a robot in one pose or many, or of bare platforms: a ModesStudy
-    Pose, read_poses      poses of the robot, one by one or from a CSV file
+    CommandedPose, read_poses   poses of the robot, one by one or from a CSV file
     Hands, bare, draw     legs of platforms, as they are given or drawn by a seed
 
 Start systems
@@ -22,12 +22,11 @@ from ..._lazy import public
 
 if TYPE_CHECKING:
     from .certificate import Certificate as Certificate
-    from .hand_poses import Pose as Pose, read_poses as read_poses
+    from .hand_poses import CommandedPose as CommandedPose, read_poses as read_poses
     from .modes_of_poses import modes_study as modes_study
     from .modes_result import ModesStudy as ModesStudy
-    from .platform_draw import draw as draw
     from .result import AssemblyModes as AssemblyModes
-    from .six_links import Hands as Hands, bare as bare
+    from .six_links import Hands as Hands, bare as bare, draw as draw
     from .solve import assembly_modes as assembly_modes, assembly_modes_batch as assembly_modes_batch
     from .start_system import StartSystem as StartSystem, start_systems as start_systems
 

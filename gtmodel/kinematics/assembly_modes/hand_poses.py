@@ -28,8 +28,14 @@ COLUMNS = {
 
 
 @dataclass(frozen=True)
-class Pose(Options):
-    """Carts and rotary axes, or a tool pose; home where nothing is given."""
+class CommandedPose(Options):
+    """Carts and rotary axes, or a tool pose; home where nothing is given.
+
+    >>> gt.kinematics.assembly_modes.CommandedPose(q=[0.1, 0.2])
+    Traceback (most recent call last):
+        ...
+    gtmodel.results.refusal.ArgumentError: q: expected 3 numbers; found 2
+    """
 
     q: Annotated[list[float] | None, Unit("m"), Long(3), "coordinates of the three carts"] = None
     axes: Annotated[
@@ -47,8 +53,15 @@ class Pose(Options):
         return tuple(name for name in COLUMNS if getattr(self, name) is not None)
 
 
-def read_poses(path: str | Path) -> list[Pose]:
-    """The poses of a CSV file, one row each, named columns as in COLUMNS. Raises ArgumentError."""
+def read_poses(path: str | Path) -> list[CommandedPose]:
+    """The poses of a CSV file, one row each, named columns as in COLUMNS. Raises ArgumentError.
+
+    >>> from pathlib import Path
+    >>> from gtmodel.kinematics.assembly_modes import read_poses
+    >>> _ = Path("poses.csv").write_text("q1_m,q2_m,q3_m,q4_deg,q5_deg,q6_deg\\n0.7,0.3,0.2,90,0,0\\n")
+    >>> read_poses("poses.csv")[0].axes
+    [1.5707963267948966, 0.0, 0.0]
+    """
     path = Path(path)
     with naming("poses", ArgumentError):
         table = CsvTable(path, "q1_m,q2_m,q3_m")
@@ -70,12 +83,12 @@ def read_poses(path: str | Path) -> list[Pose]:
     with naming("poses", ArgumentError):
         numbers = {c: table.numbers(c).tolist() for c in known}
     return [
-        Pose(**{name: [f * numbers[c][k] for c in columns] for name, columns, f in wanted})
+        CommandedPose(**{name: [f * numbers[c][k] for c in columns] for name, columns, f in wanted})
         for k in range(len(table.lines))
     ]
 
 
-def hands_of(robot: SixLinks, poses: Sequence[Pose], argument: str) -> Hands:
+def hands_of(robot: SixLinks, poses: Sequence[CommandedPose], argument: str) -> Hands:
     """Legs of the robot in poses that give the same quantities. Raises ArgumentError at `argument`."""
     given = poses[0].given()
     _check(robot, given, argument)
@@ -90,13 +103,13 @@ def hands_of(robot: SixLinks, poses: Sequence[Pose], argument: str) -> Hands:
     return robot.at_poses(T[None], e[None])
 
 
-def orientations(poses: Sequence[Pose], left_out: np.ndarray, argument: str) -> np.ndarray:
+def orientations(poses: Sequence[CommandedPose], left_out: np.ndarray, argument: str) -> np.ndarray:
     """Quaternions (n, 4) of length 1 of the poses, `left_out` where they say nothing."""
     heads = [f"pose {i + 1} " if len(poses) > 1 else "" for i in range(len(poses))]
     return np.array([_orientation(pose, left_out, argument, head) for pose, head in zip(poses, heads, strict=True)])
 
 
-def _orientation(pose: Pose, left_out: np.ndarray, argument: str, head: str) -> np.ndarray:
+def _orientation(pose: CommandedPose, left_out: np.ndarray, argument: str, head: str) -> np.ndarray:
     if pose.quaternion is not None:
         e = np.array(pose.quaternion)
         length = float(np.linalg.norm(e))

@@ -11,7 +11,7 @@ from .study import Array, closed_system, leg_rows
 
 
 @dataclass(frozen=True)
-class Parameters:
+class HomotopyParameters:
     """A platform as 42 free numbers, real or complex, or n of them: A, B (..., 6, 3) and c (..., 6).
 
     c stands for A.A + B.B - L^2, but is a parameter of its own along a homotopy.
@@ -25,21 +25,21 @@ class Parameters:
         """The seven equations at these parameters, (..., 7, 18)."""
         return closed_system(leg_rows(self.A, self.B, self.c))
 
-    def of(self, poses: NDArray[np.intp]) -> Parameters:
+    def of(self, poses: NDArray[np.intp]) -> HomotopyParameters:
         """Some of n platforms."""
-        return Parameters(self.A[poses], self.B[poses], self.c[poses])
+        return HomotopyParameters(self.A[poses], self.B[poses], self.c[poses])
 
 
-def straight_line(start: Parameters, end: Parameters) -> Array:
+def straight_line(start: HomotopyParameters, end: HomotopyParameters) -> Array:
     """Coefficients of the systems C(t) = C0 + t C1 + t^2 C2 between start and end; (n, 3, 7, 18), complex.
 
     start: one platform, or n; end: n platforms, arrays with a leading axis. The products A B make it quadratic.
     """
-    middle = Parameters(*(0.5 * (a + b) for a, b in zip(_arrays(start), _arrays(end), strict=True)))
+    middle = HomotopyParameters(*(0.5 * (a + b) for a, b in zip(_arrays(start), _arrays(end), strict=True)))
     C0, Cm, C1 = np.broadcast_arrays(start.system(), middle.system(), end.system())
     quadratic = 2 * (C0 + C1 - 2 * Cm)
     return np.stack([C0, C1 - C0 - quadratic, quadratic], axis=-3).astype(complex)
 
 
-def _arrays(parameters: Parameters) -> tuple[Array, Array, Array]:
+def _arrays(parameters: HomotopyParameters) -> tuple[Array, Array, Array]:
     return parameters.A, parameters.B, parameters.c

@@ -11,7 +11,7 @@ from .newton import newton_step
 from .platform import Real, ScaledLegs
 from .projective import distance_to_conjugate, distances, projective_distance
 from .result import AssemblyModes, rotation_angle
-from .search import Search
+from .search import ModesSearch
 from .sorting import are_same, residuals
 from .study import MODES, Array, rotation_and_position
 
@@ -20,7 +20,7 @@ SAME_MULTIPLE = 1e-3  # distance of two endpoints of one multiple mode
 ORDER_DIGITS = 9  # of positions, by which the real modes are sorted
 
 
-def modes_of(search: Search, scaled: ScaledLegs) -> AssemblyModes:
+def modes_of(search: ModesSearch, scaled: ScaledLegs) -> AssemblyModes:
     """The modes that a search has found for one pose, with their certificate."""
     status, message = search.verdict()
     real = _is_real(search.z, search.isolation)

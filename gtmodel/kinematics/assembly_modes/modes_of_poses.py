@@ -17,7 +17,7 @@ from ...results.door import study_function
 from ...results.status import ModesStatus
 from ...results.work import Progress, never, silent
 from .commanded_mode import COMMANDED, Judged
-from .hand_poses import Pose, hands_of
+from .hand_poses import CommandedPose, hands_of
 from .modes_result import ModesStudy
 from .six_links import Hands, six_links_of
 from .solve import assembly_modes_batch
@@ -35,7 +35,7 @@ CERTIFIED = (*LEAST, *GREATEST, "retries", "worst_residual")
 @study_function
 def modes_study(
     robot: Model | Hands,
-    poses: Pose | Sequence[Pose] | None = None,
+    poses: CommandedPose | Sequence[CommandedPose] | None = None,
     *,
     title: str = "",
     progress: Progress = silent,
@@ -53,8 +53,8 @@ def modes_study(
     Interrupted, it holds the poses that were searched. Raises ArgumentError.
 
     >>> import gtmodel as gt
-    >>> from gtmodel.kinematics.assembly_modes import Pose
-    >>> s = gt.kinematics.modes_study(gt.robots.six_link_gantry_tau(), Pose(q=[-0.2, 0.0, -0.2]))
+    >>> from gtmodel.kinematics.assembly_modes import CommandedPose
+    >>> s = gt.kinematics.modes_study(gt.robots.six_link_gantry_tau(), CommandedPose(q=[-0.2, 0.0, -0.2]))
     >>> s.finite, s.real, s.commanded
     (40, 6, 6)
     """
@@ -75,13 +75,13 @@ def modes_study(
     return _study_of(judged, title)
 
 
-def legs_of(robot: Model | Hands, poses: Pose | Sequence[Pose] | None) -> Hands:
+def legs_of(robot: Model | Hands, poses: CommandedPose | Sequence[CommandedPose] | None) -> Hands:
     """The legs that a study is about. Raises ArgumentError."""
     if isinstance(robot, Hands):
         if poses is not None:
             raise ArgumentError("legs of a platform are where they are; leave the poses out", _named(poses))
         return robot
-    given = [poses or Pose()] if poses is None or isinstance(poses, Pose) else list(poses)
+    given = [poses or CommandedPose()] if poses is None or isinstance(poses, CommandedPose) else list(poses)
     if not given:
         raise ArgumentError("has no poses", "poses")
     try:
@@ -90,8 +90,8 @@ def legs_of(robot: Model | Hands, poses: Pose | Sequence[Pose] | None) -> Hands:
         raise ArgumentError(str(error), "robot") from error
 
 
-def _named(poses: Pose | Sequence[Pose] | None) -> str:
-    return "pose" if poses is None or isinstance(poses, Pose) else "poses"
+def _named(poses: CommandedPose | Sequence[CommandedPose] | None) -> str:
+    return "pose" if poses is None or isinstance(poses, CommandedPose) else "poses"
 
 
 def _study_of(judged: Judged, title: str) -> ModesStudy:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .homotopy import Parameters, straight_line
+from .homotopy import HomotopyParameters, straight_line
 from .newton import refined
 from .projective import SAME, projective_distance
 from .study import MODES, Array, basis, leg_rows
@@ -20,7 +20,7 @@ LOOP_SIZE = 0.9  # distance of a loop's corners
 MOST_LOOPS = 200
 
 
-def random_start_system(seed: int) -> tuple[Parameters, Array]:
+def random_start_system(seed: int) -> tuple[HomotopyParameters, Array]:
     """A random complex platform and its 40 solutions (40, 8), |z| = 1; the same for the same seed.
 
     Raises RuntimeError when the loops do not find all 40.
@@ -36,14 +36,14 @@ def random_start_system(seed: int) -> tuple[Parameters, Array]:
     known = np.concatenate([x, y])[None]
     without_c = leg_rows(A, B, np.zeros(6, dtype=complex))
     c = -(without_c @ basis(known[0])) / (x @ x)
-    start = Parameters(A, B, c)
+    start = HomotopyParameters(A, B, c)
     known = refined(start.system(), known)
     for _ in range(MOST_LOOPS):
-        corners = [Parameters(A + LOOP_SIZE * draw(6, 3), B + LOOP_SIZE * draw(6, 3), c + LOOP_SIZE * draw(6))
+        corners = [HomotopyParameters(A + LOOP_SIZE * draw(6, 3), B + LOOP_SIZE * draw(6, 3), c + LOOP_SIZE * draw(6))
                    for _ in range(2)]  # fmt: skip
         z = known
         for a, b in zip([start, *corners], [*corners, start], strict=True):
-            to = Parameters(b.A[None], b.B[None], b.c[None])
+            to = HomotopyParameters(b.A[None], b.B[None], b.c[None])
             ends = track(straight_line(a, to), np.zeros(len(z), dtype=np.intp), z)
             z = ends.z[ends.arrived]
         for candidate in refined(start.system(), z):

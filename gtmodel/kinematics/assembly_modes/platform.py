@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ...lang.source import ModelError
-from .homotopy import Parameters
+from .homotopy import HomotopyParameters
 
 Real = NDArray[np.float64]
 LEGS = 6
@@ -47,10 +47,10 @@ class ScaledLegs:
         one = slice(i, i + 1)
         return ScaledLegs(self.legs[one], self.size[one], self.base_centre[one], self.platform_centre[one])
 
-    def parameters(self) -> Parameters:
+    def parameters(self) -> HomotopyParameters:
         """The coefficients' parameters (A, B, c) of the scaled legs."""
         A, B, L = self.legs.A, self.legs.B, self.legs.L
-        return Parameters(A, B, np.sum(A * A, axis=-1) + np.sum(B * B, axis=-1) - L * L)
+        return HomotopyParameters(A, B, np.sum(A * A, axis=-1) + np.sum(B * B, axis=-1) - L * L)
 
 
 def read_legs(A: ArrayLike, B: ArrayLike, L: ArrayLike) -> Legs:

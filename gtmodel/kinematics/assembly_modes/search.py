@@ -21,7 +21,7 @@ def _nothing(C: Array) -> tuple[Array, Isolation]:
 
 
 @dataclass
-class Search:
+class ModesSearch:
     """The search for the modes of one scaled pose with the system C (7, 18).
 
     z (k, 8), isolation: all different regular modes so far. last: the endings from the start system used last.
@@ -75,7 +75,10 @@ class Search:
         if count == MODES:
             return ModesStatus.COMPLETE, f"all {MODES} modes were found"
         if count > MODES:
-            return ModesStatus.INCOMPLETE, f"found {count} modes where at most {MODES} can be: some are not told apart"
+            return (
+                ModesStatus.INCOMPLETE,
+                f"found {count} modes where at most {MODES} can be: some are not distinguished",
+            )
         if not self._agreed:
             return ModesStatus.INCOMPLETE, (
                 f"{tail}, {multiple} in singular modes, and {lost} were lost with {self.used} start systems: "

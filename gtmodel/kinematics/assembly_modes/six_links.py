@@ -1,8 +1,8 @@
-"""What the search for assembly modes needs of a robot: its six legs at given carts or a given pose, as arrays."""
+"""Six legs as arrays: of a robot at given carts or a given pose, of bare platforms, and of synthetic ones."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import casadi as ca
@@ -56,8 +56,7 @@ class SixLinks:
     @cached_property
     def carts_and_axes(self) -> tuple[int, int]:
         """How many of the coordinates q are carts [m] and how many are rotary axes [rad]."""
-        (count,), _ = flat_of(self.model).groups["q"]
-        return 3, count - 3
+        return 3, _coordinates(self.model) - 3
 
     @property
     def turns(self) -> bool:
@@ -132,16 +131,63 @@ def six_links_of(model: Model) -> SixLinks:
             f"{type(model).__name__} with {len(rods)} of them",
             "robot",
         )
+    count = _coordinates(model)
+    if count not in (3, 6):
+        raise ArgumentError(
+            f"assembly modes are those of three carts, or of three carts and three rotary axes; {type(model).__name__} "
+            f"has {count} coordinates q",
+            "robot",
+        )
     return SixLinks(model, rods)
 
 
+def _coordinates(model: Model) -> int:
+    (count,), _ = flat_of(model).groups["q"]
+    return count
+
+
 def bare(A: Array, B: Array, L: Array, T: Array | None = None, e: Array | None = None) -> Hands:
-    """Legs given as they are: A, B (n, 6, 3) or (6, 3), L (n, 6) or (6,); commanded poses T (n, 3), e (n, 4)."""
+    """Legs given as they are: A, B (n, 6, 3) or (6, 3), L (n, 6) or (6,); commanded poses T (n, 3), e (n, 4).
+
+    A hexapod at rest 1 m above its base:
+
+    >>> from gtmodel.kinematics.assembly_modes import bare
+    >>> angle = np.radians([0, 60, 120, 180, 240, 300])
+    >>> A = np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])
+    >>> B = 0.5 * np.roll(A, 1, axis=0)
+    >>> hands = bare(A, B, np.linalg.norm(A - B - [0, 0, 1.0], axis=1), T=np.array([0, 0, 1.0]))
+    >>> hands.A.shape, hands.L.round(3)
+    ((1, 6, 3), array([[1.323, 1.323, 1.323, 1.323, 1.323, 1.323]]))
+    """
     A, B, L = A.reshape(-1, LINKS, 3), B.reshape(-1, LINKS, 3), L.reshape(-1, LINKS)
     n = len(L)
     positions = np.full((n, 3), np.nan) if T is None else T.reshape(n, 3)
     rotations = np.full((n, 3, 3), np.nan) if e is None else _rotations(e.reshape(n, 4))
     return Hands(A, B, L, positions, rotations, np.zeros((n, 0)), {})
+
+
+def draw(count: int, seed: int) -> Hands:
+    """Base joints uniform in a cube of side 2 m, plate joints in one of side 1 m, measured in random poses.
+
+    T is normal with standard deviation 1 m, attitudes are uniform over all. The drawn pose is the commanded one.
+    The first platforms of a larger count are those of a smaller one.
+
+    >>> from gtmodel.kinematics.assembly_modes import draw
+    >>> hands = draw(3, seed=1)
+    >>> len(hands), hands.L.shape, hands.synthetic
+    (3, (3, 6), 'synthetic platforms, seed 1')
+    """
+    random = np.random.default_rng(seed)
+    A, B, T, e = (np.zeros((count, *shape)) for shape in ((LINKS, 3), (LINKS, 3), (3,), (4,)))
+    for i in range(count):
+        A[i], B[i] = random.uniform(-1.0, 1.0, (LINKS, 3)), random.uniform(-0.5, 0.5, (LINKS, 3))
+        T[i], e[i] = random.normal(size=3), random.normal(size=4)
+    hands = bare(A, B, np.ones((count, LINKS)), T, e)
+    return replace(
+        hands,
+        synthetic=f"synthetic platforms, seed {seed}",
+        L=np.linalg.norm(T[:, None] + B @ np.swapaxes(hands.R, 1, 2) - A, axis=2),
+    )
 
 
 def _rotations(e: Array) -> Array:

@@ -15,7 +15,7 @@ from .homotopy import straight_line
 from .modes import modes_of
 from .platform import Legs, ScaledLegs, fault, read_legs, scale
 from .result import AssemblyModes, without_modes
-from .search import Search
+from .search import ModesSearch
 from .sorting import sort_endpoints
 from .start_system import StartSystem, start_systems
 from .tracker import track
@@ -46,6 +46,14 @@ def assembly_modes(
     Modes count as infinite when |x.x| < 1e-10 for a point of unit norm: positions beyond some 1e10 leg lengths.
 
     Raises ModelError for a wrong shape, for several poses, or entries that are not real numbers.
+
+    One synthetic platform: all modes over the complex numbers, and those that are real:
+
+    >>> from gtmodel.kinematics.assembly_modes import assembly_modes, draw
+    >>> hands = draw(1, seed=1)
+    >>> modes = assembly_modes(hands.A[0], hands.B[0], hands.L[0])
+    >>> modes.message, modes.certificate.finite, modes.T.shape
+    ('all 40 modes were found', 40, (4, 3))
     """
     legs = read_legs(A, B, L)
     if max(np.ndim(A) - 2, np.ndim(B) - 2, np.ndim(L) - 1) > 0:
@@ -70,6 +78,11 @@ def assembly_modes_batch(
         systems: as for `assembly_modes`.
 
     One result per pose, in their order; a bad pose does not harm the others. Raises ModelError for wrong shapes.
+
+    >>> from gtmodel.kinematics.assembly_modes import assembly_modes_batch, draw
+    >>> hands = draw(2, seed=1)
+    >>> [modes.certificate.real for modes in assembly_modes_batch(hands.A, hands.B, hands.L)]
+    [4, 2]
     """
     return _solve(read_legs(A, B, L), systems, progress)
 
@@ -103,7 +116,7 @@ def _solve_some(legs: Legs, systems: tuple[StartSystem, ...]) -> list[AssemblyMo
 def _solve_scaled(scaled: ScaledLegs, systems: tuple[StartSystem, ...]) -> list[AssemblyModes]:
     parameters = scaled.parameters()
     C = parameters.system()
-    searches = [Search(C[i]) for i in range(len(C))]
+    searches = [ModesSearch(C[i]) for i in range(len(C))]
     singular = architecturally_singular(scaled)
     pending = np.flatnonzero(~singular)
     for start in systems:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .homotopy import Parameters
+from .homotopy import HomotopyParameters
 from .study import Array
 
 FILE = Path(__file__).with_name("start_systems.json")
@@ -23,13 +23,18 @@ class StartSystem:
     """A complex platform and its solutions z (40, 8), |z| = 1; seed: of the random numbers that made it."""
 
     seed: int
-    parameters: Parameters
+    parameters: HomotopyParameters
     z: Array
 
 
 @functools.cache
 def start_systems() -> tuple[StartSystem, ...]:
-    """The stored start systems, in the order of their use."""
+    """The stored start systems, in the order of their use.
+
+    >>> from gtmodel.kinematics.assembly_modes import start_systems
+    >>> start_systems()[0].z.shape  # 40 solutions in Study coordinates
+    (40, 8)
+    """
     return from_text(FILE.read_text(encoding="utf-8"))
 
 
@@ -56,7 +61,7 @@ def from_text(text: str) -> tuple[StartSystem, ...]:
     systems = []
     for record in json.loads(text)["systems"]:
         A, B, c, z = (_complex(record[k]) for k in ("A", "B", "c", "z"))
-        systems.append(StartSystem(record["seed"], Parameters(A, B, c[0]), z))
+        systems.append(StartSystem(record["seed"], HomotopyParameters(A, B, c[0]), z))
     return tuple(systems)
 
 

@@ -96,7 +96,13 @@ def causality_of(
     branches: Mapping[str, int] | None = None,
     orientation: Orientation | None = None,
 ) -> CausalFunction:
-    """The causality, with the orientation among its targets. Raises ArgumentError."""
+    """The causality, with the orientation among its targets. Raises ArgumentError.
+
+    >>> from gtmodel.kinematics.causality import Orientation, causality_of
+    >>> f = causality_of(gt.robots.f1_gantry_tau(), ["q"], ["T"], orientation=Orientation())
+    >>> [signal.name for signal in f.outputs]
+    ['T', 'e']
+    """
     flat = flat_of(model)
     if not targets:
         raise ArgumentError("no target is given; name at least one variable to compute", "targets")

@@ -12,7 +12,13 @@ Three = Annotated[list[float], Long(3)]
 
 @dataclass(frozen=True, kw_only=True)
 class PointGrid(Options):
-    """A box of points for the one known vector of three, in SI units."""
+    """A box of points for the one known vector of three, in SI units.
+
+    >>> gt.kinematics.causality.PointGrid(center=[0.0, 0.0, 0.0], half_width=[0.1] * 3, counts=[3, 3, 0])
+    Traceback (most recent call last):
+        ...
+    gtmodel.results.refusal.ArgumentError: counts: must be at least 1; found 0
+    """
 
     center: Annotated[list[float] | None, Long(3), "middle of the box"] = None
     center_where: Annotated[
@@ -35,6 +41,9 @@ class Orientation(Options):
     """Adds the orientation to the table: ZYZ angles in degrees, and on request the turn from the middle point.
 
     Keep the joints among the targets: an arm that has no say in the orientation still limits what can be reached.
+
+    >>> gt.kinematics.causality.Orientation(of="plate.R").rotation_vector
+    False
     """
 
     of: Annotated[str, "the model's quaternion, scalar first, or rotation matrix"] = "e"

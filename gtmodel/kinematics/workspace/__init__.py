@@ -1,6 +1,6 @@
 """Workspace of a robot: which tool centre points it reaches under limits, and area, boundary and volume of them.
 
-The study: workspace_study, WorkspaceStudy, asked for by Limits, CrossSection, Sections, Bodies, Box, Beam.
+The study: workspace_study, WorkspaceStudy, asked for by WorkspaceLimits, CrossSection, Sections, Bodies, Box, Beam.
 Points: Grid, box_grid, section_grid. The robot: InverseKinematics, Poses. Limits: ActuatorLimits, BallJointCones,
 CartesianBox, Singularities, Obstacles, LinkClearance, FrameClearance. Maps: Reach, map_grid, map_section, map_volume.
 Shapes: Region, region. Robots under limits: limited_mechanism, limits_of.
@@ -24,7 +24,13 @@ if TYPE_CHECKING:
         Limit as Limit,
         Singularities as Singularities,
     )
-    from .options import Beam as Beam, Bodies as Bodies, Box as Box, Limits as Limits, Sections as Sections
+    from .options import (
+        Beam as Beam,
+        Bodies as Bodies,
+        Box as Box,
+        Sections as Sections,
+        WorkspaceLimits as WorkspaceLimits,
+    )
     from .reach import (
         FIRST_LIMIT as FIRST_LIMIT,
         NOT_LOOKED_AT as NOT_LOOKED_AT,

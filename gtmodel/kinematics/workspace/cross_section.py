@@ -63,6 +63,17 @@ def region(inside: Inside, u: Array, v: Array, mask: Array) -> Region:
         inside: called with (n, 2) coordinates [m], returns (n,) booleans.
         u, v: ascending coordinates of the grid [m].
         mask: (len(u), len(v)) booleans, `inside` at the points of the grid.
+
+    A disc of radius 1 m on a grid of 0.1 m; its area and circumference come close to pi and 2 pi:
+
+    >>> def inside(p):
+    ...     return np.linalg.norm(p, axis=1) < 1.0
+    ...
+    >>> u = v = np.linspace(-1.5, 1.5, 31)
+    >>> grid = np.stack(np.meshgrid(u, v, indexing="ij"), axis=-1)
+    >>> disc = gt.kinematics.workspace.region(inside, u, v, inside(grid.reshape(-1, 2)).reshape(31, 31))
+    >>> round(disc.area, 2)
+    3.14
     """
     mask = np.asarray(mask, dtype=bool)
     on_edge = bool(mask[[0, -1]].any() or mask[:, [0, -1]].any())

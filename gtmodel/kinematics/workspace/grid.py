@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..section import Section
+from ..section import SectionPlane
 
 Array = np.ndarray
 
@@ -43,12 +43,25 @@ class Grid:
 
 
 def box_grid(low: Array, high: Array, step: float) -> Grid:
-    """Points of a box with sides along the axes, from low to high [m], at most `step` [m] apart."""
+    """Points of a box with sides along the axes, from low to high [m], at most `step` [m] apart.
+
+    >>> grid = gt.kinematics.workspace.box_grid(np.zeros(3), np.array([1.0, 0.5, 0.0]), 0.25)
+    >>> grid.shape
+    (5, 3, 2)
+    """
     return Grid(np.zeros(3), np.eye(3), tuple(spaced(a, b, step) for a, b in zip(low, high, strict=True)))
 
 
-def section_grid(section: Section, low: Array, high: Array, step: float) -> Grid:
-    """Points of a section within low <= (u, v) <= high [m], at most `step` [m] apart."""
+def section_grid(section: SectionPlane, low: Array, high: Array, step: float) -> Grid:
+    """Points of a section within low <= (u, v) <= high [m], at most `step` [m] apart.
+
+    The plane across guideways along x:
+
+    >>> robot = gt.robots.gantry_tau("l1_tape")
+    >>> plane = gt.kinematics.section.across_guideways(robot.A, robot.v, robot.home)
+    >>> gt.kinematics.workspace.section_grid(plane, np.array([-1.0, 0.0]), np.array([0.0, 1.0]), 0.5).shape
+    (3, 3)
+    """
     directions = np.stack([section.across, section.up])
     return Grid(section.origin, directions, tuple(spaced(a, b, step) for a, b in zip(low, high, strict=True)))
 

@@ -10,10 +10,10 @@ import numpy as np
 from ...lang import Model
 from ...results import ArgumentError
 from ..mechanism import Mechanism, mechanism_of
-from ..section import CrossSection, Section, refuse_disordered
+from ..section import CrossSection, SectionPlane, refuse_disordered
 from .clearance import FrameClearance, LinkClearance, Obstacles
 from .limits import ActuatorLimits, BallJointCones, CartesianBox, Limit, Singularities
-from .options import Beam, Bodies, Box, Limits
+from .options import Beam, Bodies, Box, WorkspaceLimits
 from .reach import Reach
 
 Array = np.ndarray
@@ -22,7 +22,13 @@ LONGEST_STROKE = 100.0  # in link lengths; a longer one was given in millimetres
 
 
 def limited_mechanism(model: Model, home: Sequence[float] | Array | None, bodies: Bodies) -> Mechanism:
-    """The robot with its home pose (3,) [m] and its real plate joints. Raises ArgumentError."""
+    """The robot with its home pose (3,) [m] and its real plate joints. Raises ArgumentError.
+
+    >>> from gtmodel.kinematics.workspace import Bodies, limited_mechanism
+    >>> robot = limited_mechanism(gt.robots.gantry_tau("l1_tape"), [1.4, -0.4, 0.9], Bodies(link_radius=0.02))
+    >>> robot.home.T, robot.lengths.round(2)
+    (array([[ 1.4, -0.4,  0.9]]), array([2.05, 1.82, 1.81]))
+    """
     joints = bodies.plate_joints
     home = None if home is None else np.asarray(home, float)
     robot = mechanism_of(model, home)
@@ -35,9 +41,18 @@ def limited_mechanism(model: Model, home: Sequence[float] | Array | None, bodies
 
 
 def limits_of(
-    limits: Limits, bodies: Bodies, boxes: Sequence[Box], beams: Sequence[Beam], robot: Mechanism
+    limits: WorkspaceLimits, bodies: Bodies, boxes: Sequence[Box], beams: Sequence[Beam], robot: Mechanism
 ) -> list[Limit]:
-    """Limits in the order of their cost and of their certainty. Raises ArgumentError."""
+    """Limits in the order of their cost and of their certainty. Raises ArgumentError.
+
+    Two limits are asked for; singular poses are one in any case:
+
+    >>> from gtmodel.kinematics.workspace import Bodies, WorkspaceLimits, limited_mechanism, limits_of
+    >>> robot = limited_mechanism(gt.robots.gantry_tau("l1_tape"), None, Bodies())
+    >>> wanted = WorkspaceLimits(actuators=[[-1.5, 1.5]] * 3, cone=np.radians(40.0))
+    >>> [type(limit).__name__ for limit in limits_of(wanted, Bodies(), [], [], robot)]
+    ['Singularities', 'ActuatorLimits', 'BallJointCones']
+    """
     all_limits: list[Limit] = [Singularities(robot.directions, limits.singularity)]
     if limits.actuators is not None:
         all_limits.append(_strokes(limits.actuators, robot))
@@ -96,25 +111,25 @@ def _frame(beams: Sequence[Beam], radius: Array) -> FrameClearance:
 
 
 @dataclass(frozen=True)
-class Task:
+class WorkspaceTask:
     """What is looked at: the robot, its tests, and the part low <= (u, v) <= high [m] of the section."""
 
     robot: Mechanism
     reach: Reach
-    section: Section
+    section: SectionPlane
     low: Array
     high: Array
 
 
 def task_of(
     robot: Model,
-    limits: Limits,
+    limits: WorkspaceLimits,
     home: Sequence[float] | None,
     section: CrossSection,
     bodies: Bodies,
     obstacles: Sequence[Box],
     beams: Sequence[Beam],
-) -> Task:
+) -> WorkspaceTask:
     """The section is what all links can reach at most, unless it is given. Raises ArgumentError."""
     mechanism = limited_mechanism(robot, home, bodies)
     reach = Reach(mechanism.inverse, limits_of(limits, bodies, obstacles, beams, mechanism))
@@ -129,4 +144,4 @@ def task_of(
     size = np.prod((high - low) / section.step)
     if size > MOST_POINTS:
         raise ArgumentError(f"the grid would have {size:.1e} points; take a larger step", "section.step")
-    return Task(mechanism, reach, plane, low, high)
+    return WorkspaceTask(mechanism, reach, plane, low, high)

@@ -15,8 +15,13 @@ MOST_SECTIONS = 200  # of one volume: each maps a whole grid
 
 
 @dataclass(frozen=True)
-class Limits(Options):
-    """Limits that the workspace must keep; what is left out is unlimited."""
+class WorkspaceLimits(Options):
+    """Limits that the workspace must keep; what is left out is unlimited.
+
+    >>> limits = gt.kinematics.workspace.WorkspaceLimits(actuators=[[-1.5, 1.5]] * 3)
+    >>> round(float(np.degrees(limits.singularity)), 3), limits.cone is None  # deg
+    (0.1, True)
+    """
 
     actuators: Annotated[list[Pair] | None, Unit("m"), "least and greatest q of every cart"] = None
     cone: Annotated[
@@ -35,7 +40,13 @@ class Limits(Options):
 
 @dataclass(frozen=True)
 class Bodies(Options):
-    """Sizes of links and plate, for clearances. The way from the simplified to the real joints may be given."""
+    """Sizes of links and plate, for clearances. The way from the simplified to the real joints may be given.
+
+    >>> gt.kinematics.workspace.Bodies(link_radius=-0.02)
+    Traceback (most recent call last):
+        ...
+    gtmodel.results.refusal.ArgumentError: link_radius: must be at least 0; found -0.02
+    """
 
     link_radius: Annotated[float, Unit("m"), Within(least=0.0), "radius of every link"] = 0.0
     plate_radius: Annotated[
@@ -50,7 +61,13 @@ class Bodies(Options):
 
 @dataclass(frozen=True, kw_only=True)
 class Box(Options):
-    """An obstacle with sides along the axes."""
+    """An obstacle with sides along the axes.
+
+    >>> gt.kinematics.workspace.Box(low=[0, 0, 0], high=[1.0, 1.0])
+    Traceback (most recent call last):
+        ...
+    gtmodel.results.refusal.ArgumentError: high: expected 3 numbers; found 2
+    """
 
     name: Annotated[str, "name of the obstacle in messages"] = ""
     low: Annotated[list[float], Unit("m"), Long(3), "its least corner"]
@@ -59,7 +76,12 @@ class Box(Options):
 
 @dataclass(frozen=True)
 class Beam(Options):
-    """A straight beam of the frame, from which the links must keep clear."""
+    """A straight beam of the frame, from which the links must keep clear.
+
+    >>> beam = gt.kinematics.workspace.Beam([0, 0, 0.8], [0, 0, 1.6], radius=0.05, skip_links=[1])
+    >>> beam.radius, beam.skip_links
+    (0.05, [1])
+    """
 
     from_: Annotated[list[float], Unit("m"), Long(3), "one end"]
     to: Annotated[list[float], Unit("m"), Long(3), "the other end"]
@@ -69,7 +91,13 @@ class Beam(Options):
 
 @dataclass(frozen=True)
 class Sections(Options):
-    """Sections between two positions along the guideways."""
+    """Sections between two positions along the guideways.
+
+    >>> gt.kinematics.workspace.Sections(low=-0.5, high=0.5, tolerance=2.0)
+    Traceback (most recent call last):
+        ...
+    gtmodel.results.refusal.ArgumentError: tolerance: must be more than 0 and less than 1; found 2
+    """
 
     low: Annotated[float, Unit("m"), "first position along the guideways"]
     high: Annotated[float, Unit("m"), "last position along the guideways"]

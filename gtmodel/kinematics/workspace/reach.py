@@ -133,6 +133,15 @@ def map_grid(
         client: of a cluster, such as `dask.distributed.Client`: anything with `map(function, items)`, which returns
             futures, and `gather(futures)`. At most WINDOW chunks are under way. Left out: here.
         progress: called with the fraction done; returning True stops the work.
+
+    The L1 along a block beside its home, with carts that move 1 m each way:
+
+    >>> from gtmodel.kinematics.workspace import ActuatorLimits, Bodies, Reach, box_grid, limited_mechanism, map_grid
+    >>> robot = limited_mechanism(gt.robots.gantry_tau("l1_tape"), None, Bodies())
+    >>> reach = Reach(robot.inverse, [ActuatorLimits(np.full(3, -1.0), np.full(3, 1.0))])
+    >>> block = box_grid(np.array([1.4, -0.4, 0.9]), np.array([2.6, -0.4, 1.0]), 0.1)
+    >>> reach.counts(map_grid(reach, block).codes)
+    {'reachable': 46, 'outside the actuator limits': 6}
     """
     codes = np.full(grid.size, NOT_LOOKED_AT, dtype=np.uint8)
     spans = [(begin, min(begin + chunk, grid.size)) for begin in range(0, grid.size, chunk)]

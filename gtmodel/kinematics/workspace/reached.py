@@ -17,9 +17,9 @@ from ...results.table import csv_text
 from ...results.work import Progress, never, silent
 from ..mechanism import home_figure
 from ..section import CrossSection
-from .limited import Task, task_of
+from .limited import WorkspaceTask, task_of
 from .limits import BallJointCones
-from .options import DEGREE, Beam, Bodies, Box, Limits, Sections
+from .options import DEGREE, Beam, Bodies, Box, Sections, WorkspaceLimits
 from .reach import REACHABLE, Reach
 from .result import WorkspaceStudy
 from .volume import SectionMap, Volume, map_section, map_volume
@@ -37,7 +37,7 @@ FEW = 10  # steps across the section; a section not reached at so few points may
 @study_function
 def workspace_study(
     robot: Model,
-    limits: Limits | None = None,
+    limits: WorkspaceLimits | None = None,
     *,
     home: Annotated[Sequence[float] | None, Long(3)] = None,
     section: CrossSection | None = None,
@@ -68,14 +68,14 @@ def workspace_study(
     Interrupted, it holds what was mapped until then. Raises ArgumentError.
 
     >>> import gtmodel as gt
-    >>> from gtmodel.kinematics.workspace import CrossSection, Limits
+    >>> from gtmodel.kinematics.workspace import CrossSection, WorkspaceLimits
     >>> robot = gt.robots.gantry_tau("l1_tape")
-    >>> s = gt.kinematics.workspace_study(robot, Limits(cone=0.7), section=CrossSection(step=0.1))
+    >>> s = gt.kinematics.workspace_study(robot, WorkspaceLimits(cone=0.7), section=CrossSection(step=0.1))
     >>> s.area < s.kinematic_area
     True
     """
     work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
-    limits, section, bodies = limits or Limits(), section or CrossSection(), bodies or Bodies()
+    limits, section, bodies = limits or WorkspaceLimits(), section or CrossSection(), bodies or Bodies()
     task = task_of(robot, limits, home, section, bodies, obstacles, beams)
     if volume is not None:
         _refuse_range(volume)
@@ -113,7 +113,7 @@ class _Stopped(Exception):
 class _Maps:
     """Maps of one section, and of many; raise _Stopped."""
 
-    task: Task
+    task: WorkspaceTask
     step: float
     work: Work
 
@@ -138,7 +138,7 @@ class _Maps:
         return solid
 
 
-def _to_begin_with(volume: Sections, task: Task, boxes: Sequence[Box], beams: Sequence[Beam]) -> int:
+def _to_begin_with(volume: Sections, task: WorkspaceTask, boxes: Sequence[Box], beams: Sequence[Beam]) -> int:
     """Number of sections before any is added: as many as asked for, or so many that none of the obstacles fits between
     two of them."""
     normal = task.section.normal
@@ -151,8 +151,8 @@ def _to_begin_with(volume: Sections, task: Task, boxes: Sequence[Box], beams: Se
 
 def _study_of(
     title: str,
-    task: Task,
-    limits: Limits,
+    task: WorkspaceTask,
+    limits: WorkspaceLimits,
     points: Sequence[Sequence[float]],
     main: SectionMap,
     bare: SectionMap,
@@ -262,7 +262,9 @@ def _boundary(main: SectionMap) -> str:
     return csv_text(dict(zip(("loop", "u_m", "v_m", "x_m", "y_m", "z_m"), columns, strict=True)), digits=9)
 
 
-def _section_figure(title: str, task: Task, main: SectionMap, bare: SectionMap, cones: dict[float, SectionMap]) -> Any:
+def _section_figure(
+    title: str, task: WorkspaceTask, main: SectionMap, bare: SectionMap, cones: dict[float, SectionMap]
+) -> Any:
     from ...plot.workspace import section_figure
 
     layers = {f"ball-joint cones of {_degrees(a):g} deg": section_map.region for a, section_map in cones.items()}

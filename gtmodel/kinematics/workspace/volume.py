@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..section import Section
+from ..section import SectionPlane
 from .cross_section import Region, region
 from .grid import section_grid
 from .options import MOST_SECTIONS
@@ -25,7 +25,7 @@ Progress = Callable[[float], bool]
 class SectionMap:
     """The workspace in one section: codes of a grid with coordinates u and v [m], and the region reached."""
 
-    section: Section
+    section: SectionPlane
     u: Array
     v: Array
     codes: Array
@@ -64,7 +64,7 @@ class Volume:
 
 def map_section(
     reach: Reach,
-    section: Section,
+    section: SectionPlane,
     low: Array,
     high: Array,
     step: float,
@@ -73,7 +73,17 @@ def map_section(
     client: Any = None,
     progress: Progress | None = None,
 ) -> SectionMap:
-    """The workspace within low <= (u, v) <= high [m] of a section, on a grid of `step` [m]; see `map_grid`."""
+    """The workspace within low <= (u, v) <= high [m] of a section, on a grid of `step` [m]; see `map_grid`.
+
+    The area that the L1 reaches in a section through its home [m2]:
+
+    >>> from gtmodel.kinematics.workspace import Bodies, Reach, limited_mechanism, map_section
+    >>> robot = limited_mechanism(gt.robots.gantry_tau("l1_tape"), None, Bodies())
+    >>> low, high = np.array([-2.1, -0.7]), np.array([0.7, 2.0])
+    >>> mapped = map_section(Reach(robot.inverse), robot.section(None), low, high, step=0.05)
+    >>> round(float(mapped.region.area), 2)
+    3.34
+    """
     grid = section_grid(section, low, high, step)
     reach_map: ReachMap = map_grid(reach, grid, chunk=chunk, client=client, progress=progress)
     u, v = grid.coordinates
@@ -83,7 +93,7 @@ def map_section(
 
 def map_volume(
     reach: Reach,
-    section: Section,
+    section: SectionPlane,
     low: Array,
     high: Array,
     along: Array,
@@ -102,6 +112,15 @@ def map_volume(
     of the length reached, half of it where nothing is reached, then where the area changes most, until the estimated
     error is below it or there are `most`; the section itself, at 0, is one of them if it lies between. Else there are
     those at `along` alone. `coarse`: each is mapped on the double step too.
+
+    The L1 between two sections 1 m apart, without limits of the carts: areas [m2] and volume [m3]:
+
+    >>> from gtmodel.kinematics.workspace import Bodies, Reach, limited_mechanism, map_volume
+    >>> robot = limited_mechanism(gt.robots.gantry_tau("l1_tape"), None, Bodies())
+    >>> low, high = np.array([-2.1, -0.7]), np.array([0.7, 2.0])
+    >>> solid = map_volume(Reach(robot.inverse), robot.section(None), low, high, np.array([-0.5, 0.5]), step=0.05)
+    >>> solid.areas.round(2), round(float(solid.volume), 2)
+    (array([3.34, 3.34]), 3.34)
     """
     areas: dict[float, tuple[float, float]] = {}
     counts: dict[str, int] = {}

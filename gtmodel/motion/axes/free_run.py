@@ -35,6 +35,17 @@ def free_run(
     Nothing holds q4 = -q5 here but the forces. Between its rows a force is a cubic spline, one per element: rows are
     the start and then `rows_per_element` equally spaced ones of each element. The row at an element's left edge belongs
     to the element before it, so that a force may jump there.
+
+    >>> class SixSprings(gt.Model):
+    ...     q = gt.variable(6)
+    ...     tau = gt.input(6)
+    ...
+    ...     def equations(self):
+    ...         yield gt.der(self.q, 2) == self.tau - self.q - 2 * gt.der(self.q)
+    >>> t = np.linspace(0.0, 1.0, 5)
+    >>> run = gt.Trajectory(t, {"q": np.zeros((5, 6)), "der(q)": np.zeros((5, 6)), "tau": np.ones((5, 6))}, {})
+    >>> gt.motion.axes.free_run(SixSprings(), run, rows_per_element=4).q.round(4)  # 1 - 2 / e
+    array([0.2642, 0.2642, 0.2642, 0.2642, 0.2642, 0.2642])
     """
     forward = compile_causal(robot, known="tau", targets="der(q,2)", prefer="q")
     y = np.concatenate([run["q"][0], run["der(q)"][0]])

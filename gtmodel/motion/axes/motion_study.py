@@ -10,13 +10,13 @@ from ...results import Trajectory, Work
 from ...results.check import failed_of
 from ...results.door import study_function
 from ...results.work import Progress, never, silent
-from ..finer_mesh import finer_mesh, refined, told
+from ..finer_mesh import finer_mesh, refined, refinement_note
 from ..options import AxisLimits, Shape
 from .options import AxisCost, AxisEnd, AxisMesh, AxisSolver, ToolCourse
 from .planning import plan_of
 from .problem import AxisProblem
 from .result import AxisStudy
-from .trial import MENDED, Found, on_this_mesh
+from .trial import MENDED, AxisOutcome, on_this_mesh
 
 
 @study_function
@@ -73,19 +73,19 @@ def axis_study(
     given = on_this_mesh(plan, problem.mesh, None, work)
     iterations = given.study.iterations or 0
 
-    def finer(found: Found) -> AxisMesh | None:
-        return finer_mesh(found.mesh, found.checks, MENDED) if found.study.status.converged else None
+    def finer(outcome: AxisOutcome) -> AxisMesh | None:
+        return finer_mesh(outcome.mesh, outcome.checks, MENDED) if outcome.study.status.converged else None
 
-    def again(before: Found, mesh: AxisMesh) -> Found | str:
+    def again(before: AxisOutcome, mesh: AxisMesh) -> AxisOutcome | str:
         nonlocal iterations
         after = on_this_mesh(plan, mesh, before.solution, work)
         iterations += after.study.iterations or 0
         return after if after.study.status.converged else f"on {mesh.elements} elements: {after.study.message}"
 
-    found, trouble = refined(given, finer, again, work.interrupted)
-    study, message = found.study, found.study.message
-    if found is not given:
+    outcome, trouble = refined(given, finer, again, work.interrupted)
+    study, message = outcome.study, outcome.study.message
+    if outcome is not given:
         end = "" if study.status.ok else ";"
-        message += end + told(problem.mesh.elements, found.mesh.elements, failed_of(given.checks))
+        message += end + refinement_note(problem.mesh.elements, outcome.mesh.elements, failed_of(given.checks))
     message = "; ".join(filter(None, [message, trouble]))
-    return study.with_(iterations=iterations, message=message, refined=found is not given)
+    return study.with_(iterations=iterations, message=message, refined=outcome is not given)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
 from ...results import Long, Options, Unit, Within
-from ..solver_options import Barrier, MostElements
+from ..options import Barrier, MostElements
 
 
 @dataclass(frozen=True)

@@ -70,7 +70,11 @@ class PathOrientation:
 def turning(at: Array, through: Array, argument: str) -> scipy.interpolate.PPoly:
     """A smooth course through directions or quaternions (n, d) at fractions (n,) of the way; equal ones: a constant.
 
-    Raises ArgumentError where two that follow one another are too far apart, or opposite.
+    Raises ArgumentError, with the name `argument`, where two that follow one another are too far apart, or opposite.
+
+    >>> course = gt.motion.axes.turning(np.array([0.0, 1.0]), np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]), "goal")
+    >>> course(0.5)
+    array([0.5, 0.5, 0. ])
     """
     through = through / np.linalg.norm(through, axis=1)[:, None]
     if through.shape[1] == 4:  # e and -e are one orientation: the nearer sign

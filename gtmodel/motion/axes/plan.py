@@ -93,8 +93,8 @@ class AxisPlan:
     def held(self, run: Trajectory) -> dict[str, Array]:
         """Axes and their two derivatives along the path, at the rows of a motion of s; NaN where they cannot be had."""
         orders = len(self.following.inputs)
-        _, *found = self.following.along(*(run[name] for name in ("s", "der(s)", "der(s,2)", "drive")[:orders]))
-        return dict(zip(("q", "der(q)", "der(q,2)"), found, strict=False))
+        _, *rates = self.following.along(*(run[name] for name in ("s", "der(s)", "der(s,2)", "drive")[:orders]))
+        return dict(zip(("q", "der(q)", "der(q,2)"), rates, strict=False))
 
     @cached_property
     def strokes(self) -> tuple[Array, Array]:
@@ -142,11 +142,11 @@ class AxisPlan:
                 yield self.drive == gt.der(self.s, order)
 
             def objective(self) -> Any:
-                found = cost.time * self.final_time
+                total = cost.time * self.final_time
                 if cost.energy:
                     shares = [self.robot.tau[k] / self.limit[k] for k in range(MOTORS)]
-                    found = found + cost.energy * gt.integral(sum(x**2 for x in shares))
-                return found
+                    total = total + cost.energy * gt.integral(sum(x**2 for x in shares))
+                return total
 
             def constraints(self) -> Any:
                 yield gt.between(-self.limit, self.robot.tau, self.limit)

@@ -38,7 +38,18 @@ class _Place:
 
 
 def plan_of(problem: AxisProblem) -> AxisPlan:
-    """The plan of a problem. Raises ArgumentError."""
+    """The plan of a problem. Raises ArgumentError.
+
+    >>> end = gt.motion.AxisEnd([0.72, 0.26, 0.21], [0.1, 0.0, 0.0])
+    >>> problem = gt.motion.axes.AxisProblem(
+    ...     robot=gt.robots.catalogue.make("f1"), start=end, goal=end,
+    ...     limits=gt.motion.AxisLimits(force=1000.0, torque=40.0),
+    ... )
+    >>> gt.motion.axes.plan_of(problem)
+    Traceback (most recent call last):
+        ...
+    gtmodel.results.refusal.ArgumentError: start.axes: q5 = 0 is not -q4 = -5.72958 degrees; ...
+    """
     robot = problem.robot
     if not isinstance(robot, F1):
         raise ArgumentError(
@@ -154,7 +165,7 @@ def _unit(v: Array, argument: str) -> Array:
 
 def _ends_of(problem: AxisProblem, following: CausalFunction, start: Array, goal: Array) -> tuple[Array, Array]:
     """Axes at both ends of the path; those of the problem where it gives them."""
-    found = []
+    ends = []
     for which, s, given in (("start", 0.0, start), ("goal", 1.0, goal)):
         q, status = following(s)
         argument = which if np.all(np.isfinite(given)) else f"{which}.tcp"
@@ -167,8 +178,8 @@ def _ends_of(problem: AxisProblem, following: CausalFunction, start: Array, goal
                 "degrees; the path is followed with these: give them, or the tool centre point",
                 argument,
             )
-        found.append(np.where(np.isfinite(given), given, q))
-    return found[0], found[1]
+        ends.append(np.where(np.isfinite(given), given, q))
+    return ends[0], ends[1]
 
 
 def _guard(problem: AxisProblem, robot: F1, start: Array) -> MotionConstraints:
@@ -197,9 +208,9 @@ def _carrier(robot: F1, start: Array, arm: int, end: str) -> Carrier | None:
 def _check_strokes(plan: AxisPlan) -> None:
     check_strokes(plan.problem.limits, "cart", "axis")
     for (which, end), q in zip(plan.problem.ends, (plan.start, plan.goal), strict=True):
-        k, told = _beyond(plan, q)
-        if told:
-            raise ArgumentError(told, f"{which}.{'tcp' if end.tcp is not None else 'carts' if k < CARTS else 'axes'}")
+        k, fault = _beyond(plan, q)
+        if fault:
+            raise ArgumentError(fault, f"{which}.{'tcp' if end.tcp is not None else 'carts' if k < CARTS else 'axes'}")
 
 
 def _beyond(plan: AxisPlan, q: Array) -> tuple[int, str]:
@@ -238,17 +249,17 @@ def _check_ends(plan: AxisPlan) -> None:
 def _check_way(plan: AxisPlan) -> None:
     """The whole path can be followed within strokes and the limits of positions."""
     s = np.linspace(0.0, 1.0, SAMPLES)
-    _, q, *_, status = found = plan.following.along(s)
+    _, q, *_, status = motion = plan.following.along(s)
     assert plan.course is not None
     wanted = plan.course.path(s)[0]
     for k in range(SAMPLES):
         shown = f"({', '.join(f'{x:.4g}' for x in wanted[k])}) m, {100 * s[k]:.0f} % of the way"
         if status[k] != Status.OK:
             raise ArgumentError(f"the path cannot be followed with this tool direction at {shown}", "path")
-        _, told = _beyond(plan, q[k])
-        if told:
-            raise ArgumentError(f"{told}, at {shown}", "path")
-    if plan.guard.margins and (broken := plan.guard.broken(found[-2])):
+        _, fault = _beyond(plan, q[k])
+        if fault:
+            raise ArgumentError(f"{fault}, at {shown}", "path")
+    if plan.guard.margins and (broken := plan.guard.broken(motion[-2])):
         raise ArgumentError(f"the path {broken[1]}, {100 * s[broken[0]]:.0f} % of the way", "path")
 
 
@@ -259,8 +270,8 @@ def _earlier(problem: AxisProblem) -> Trajectory | None:
         return None
     names = {} if problem.path is not None else {"der(q)": "der(s)", "der(q,2)": "drive", "q": "s"}
     if any(name not in run for name in (*names, "T", "e")):
-        told = "its trajectory lacks one of q, der(q), der(q,2), T and e; start from another result"
-        raise ArgumentError(told, "earlier")
+        message = "its trajectory lacks one of q, der(q), der(q,2), T and e; start from another result"
+        raise ArgumentError(message, "earlier")
     values = {new: coordinates(run[old], problem.degrees_of_freedom) for old, new in names.items()}
     guess = Trajectory(run.time, values, {}) if values else progress_of(run)
     pose = {"robot.T": "T", "robot.e": "e"}

@@ -39,8 +39,8 @@ PATH_M = 1e-6  # round-off of the same equations
 
 
 @dataclass(frozen=True)
-class Found:
-    """What was found on one mesh."""
+class AxisOutcome:
+    """What came of one mesh."""
 
     mesh: AxisMesh
     solution: Solution
@@ -51,7 +51,7 @@ class Found:
         return self.study.checks
 
 
-def on_this_mesh(plan: AxisPlan, mesh: AxisMesh, guess: Solution | None, work: Work) -> Found:
+def on_this_mesh(plan: AxisPlan, mesh: AxisMesh, guess: Solution | None, work: Work) -> AxisOutcome:
     """The optimum on a mesh and what comes of it."""
     solution = collocate(
         plan.optimization,
@@ -62,7 +62,7 @@ def on_this_mesh(plan: AxisPlan, mesh: AxisMesh, guess: Solution | None, work: W
         progress=work.iterations("optimising"),
         throw=False,
     )
-    return Found(mesh, solution, _judged(plan, mesh, solution, work))
+    return AxisOutcome(mesh, solution, _judged(plan, mesh, solution, work))
 
 
 def _judged(plan: AxisPlan, mesh: AxisMesh, solution: Solution, work: Work) -> AxisStudy:

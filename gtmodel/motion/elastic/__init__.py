@@ -1,7 +1,7 @@
 """Motions of a robot whose tool swings on a spring.
 
 elastic_study        plans with the tool rigid, shaped, and elastic, and what each leaves: `ElasticStudy`
-Tool, Cost, Mesh, Solver   what it is asked for
+ElasticTool, ElasticCost, ElasticMesh, ElasticSolver   what it is asked for
 
 RigidMotion, ElasticMotion   the optimisations
 ElasticTask, plans_on        what is planned, and the plans on one mesh
@@ -14,8 +14,13 @@ from ..._lazy import public
 
 if TYPE_CHECKING:
     from .models import ElasticMotion as ElasticMotion, RigidMotion as RigidMotion
-    from .options import Cost as Cost, Mesh as Mesh, Solver as Solver, Tool as Tool
-    from .plans import ElasticTask as ElasticTask, NoPlan as NoPlan, Plans as Plans, plans_on as plans_on
+    from .options import (
+        ElasticCost as ElasticCost,
+        ElasticMesh as ElasticMesh,
+        ElasticSolver as ElasticSolver,
+        ElasticTool as ElasticTool,
+    )
+    from .plans import ElasticTask as ElasticTask, Plans as Plans, PlansFailure as PlansFailure, plans_on as plans_on
     from .plate_motion import PlateMotion as PlateMotion, swing as swing
     from .swing_study import ElasticStudy as ElasticStudy, elastic_study as elastic_study
 

@@ -10,7 +10,20 @@ from ...robots import GantryTau
 
 
 class RigidMotion(GantryTau, gt.Optimization):
-    """The optimal motion from rest to rest between two points: time plus energy, motor forces within +-F_max."""
+    """The optimal motion from rest to rest between two points: time plus energy, motor forces within +-F_max.
+
+    `ElasticTask.models` makes it of a robot that carries the tool as payload.
+
+    >>> from gtmodel.motion.elastic import ElasticCost, ElasticSolver, ElasticTask, ElasticTool
+    >>> tool = ElasticTool(mass=5.0, frequency=6.0, damping=0.02)
+    >>> task = ElasticTask(
+    ...     robot=gt.robots.gantry_tau("l1_tape"), start=[0.0, -0.9, 0.1], goal=[0.2, -0.9, 0.2],
+    ...     tool=tool, force=700.0, cost=ElasticCost(), solver=ElasticSolver(),
+    ... )
+    >>> rigid, _ = task.models
+    >>> round(gt.solve(rigid, gt.Mesh(8)).final_time, 2)  # [s]
+    0.37
+    """
 
     final_time = gt.free(guess=1.2, min=0.2, unit="s")
     F_max = gt.parameter(unit="N", positive=True, description="largest force of a motor")
@@ -32,6 +45,19 @@ class RigidMotion(GantryTau, gt.Optimization):
 class ElasticMotion(RigidMotion):
     """The motion of `RigidMotion` with a mass on a spring at the plate; the mass hangs at rest at the start and at the
     end.
+
+    Raises ModelError for a negative mass, and for a stiffness or damping that is not positive semidefinite.
+
+    >>> from gtmodel.motion.elastic import ElasticCost, ElasticSolver, ElasticTask, ElasticTool
+    >>> tool = ElasticTool(mass=5.0, frequency=6.0, damping=0.02)
+    >>> task = ElasticTask(
+    ...     robot=gt.robots.gantry_tau("l1_tape"), start=[0.0, -0.9, 0.1], goal=[0.2, -0.9, 0.2],
+    ...     tool=tool, force=700.0, cost=ElasticCost(), solver=ElasticSolver(),
+    ... )
+    >>> rigid, elastic = task.models
+    >>> solution = gt.solve(elastic, gt.Mesh(8), guess=gt.solve(rigid, gt.Mesh(8)).trajectory)
+    >>> round(1e3 * float(solution.trajectory["spring.offset"][-1, 2]), 1)  # [mm]: the tool hangs by its weight
+    -6.9
     """
 
     mass = gt.parameter(unit="kg", positive=True, description="mass on the spring")

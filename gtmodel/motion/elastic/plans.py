@@ -16,7 +16,7 @@ from ...optimize import Mesh as CollocationMesh, Solution, SolverOptions, resimu
 from ...results import ArgumentError, Check, SolveStatus, Status, Work, at_most
 from ...robots import GantryTau
 from .models import ElasticMotion, RigidMotion
-from .options import MOST_ELEMENTS, Cost, Mesh, Solver, Tool
+from .options import MOST_ELEMENTS, ElasticCost, ElasticMesh, ElasticSolver, ElasticTool
 from .plate_motion import PlateMotion, sampled
 
 SHARE = 0.01  # of the rigid plan's swing; 40 elements leave 0.4 %, shaping a part in a million
@@ -37,10 +37,10 @@ class ElasticTask:
     robot: Model
     start: Sequence[float]
     goal: Sequence[float]
-    tool: Tool
+    tool: ElasticTool
     force: float
-    cost: Cost
-    solver: Solver
+    cost: ElasticCost
+    solver: ElasticSolver
 
     def __post_init__(self) -> None:
         three_link(self.robot)
@@ -76,16 +76,16 @@ class ElasticTask:
         return {**robot.__dict__["_modifiers"], "F_max": self.force, **cost, **ends}
 
 
-def too_coarse(tool: Tool, mesh: Mesh, duration: float) -> list[str]:
+def too_coarse(tool: ElasticTool, mesh: ElasticMesh, duration: float) -> list[str]:
     """A sentence where the elements of the mesh are too long for the tool's swing."""
     elements, frequency = mesh.elements, tool.frequency
     wanted = int(np.ceil(TO_A_PERIOD * duration * frequency))
     if elements >= wanted:
         return []
-    found = f"mesh.elements = {elements} are {elements / (duration * frequency):.2g} to a period of the tool's swing"
+    fact = f"mesh.elements = {elements} are {elements / (duration * frequency):.2g} to a period of the tool's swing"
     if wanted <= MOST_ELEMENTS:
-        return [f"{found}, which the elastic plan cannot follow: take at least {wanted}"]
-    return [f"{found}; no mesh here follows it, a tool so stiff hardly swings: plan with it as payload"]
+        return [f"{fact}, which the elastic plan cannot follow: take at least {wanted}"]
+    return [f"{fact}; no mesh here follows it, a tool so stiff hardly swings: plan with it as payload"]
 
 
 def three_link(robot: Model) -> GantryTau:
@@ -105,7 +105,7 @@ class Plans:
     """
 
     task: ElasticTask
-    mesh: Mesh
+    mesh: ElasticMesh
     rigid: Solution
     elastic: Solution
     motions: list[PlateMotion]
@@ -119,16 +119,27 @@ class Plans:
 
 
 @dataclass(frozen=True)
-class NoPlan:
-    """Why one of the plans was not found, and the iterations of all."""
+class PlansFailure:
+    """Why one of the plans was not solved, and the iterations of all."""
 
     status: SolveStatus
     message: str
     iterations: int
 
 
-def plans_on(mesh: Mesh, task: ElasticTask, before: Plans | None, work: Work) -> Plans | NoPlan:
-    """The plans on a mesh, from those before, and what they leave; why not where one is not found."""
+def plans_on(mesh: ElasticMesh, task: ElasticTask, before: Plans | None, work: Work) -> Plans | PlansFailure:
+    """The plans on a mesh, begun from those before, and what they leave; why not where one of them is not solved.
+
+    >>> from gtmodel.motion.elastic import ElasticCost, ElasticMesh, ElasticSolver, ElasticTask, ElasticTool, plans_on
+    >>> tool = ElasticTool(mass=5.0, frequency=6.0, damping=0.02)
+    >>> task = ElasticTask(
+    ...     robot=gt.robots.gantry_tau("l1_tape"), start=[0.0, -0.9, 0.1], goal=[0.2, -0.9, 0.2],
+    ...     tool=tool, force=700.0, cost=ElasticCost(), solver=ElasticSolver(),
+    ... )
+    >>> plans = plans_on(ElasticMesh(elements=8), task, None, gt.results.Work())
+    >>> plans.table["ZV"]["residual_mm"] < 1e-3 * plans.table["rigid"]["residual_mm"]
+    True
+    """
 
     def planned(model: Optimization, stage: str, guess: Any) -> Solution:
         # forces keep their limit at every instant; the plan is judged by its re-simulation
@@ -140,12 +151,12 @@ def plans_on(mesh: Mesh, task: ElasticTask, before: Plans | None, work: Work) ->
     of_rigid, of_elastic = task.models
     rigid = planned(of_rigid, "rigid plan", before.rigid if before else None)
     if not rigid.status.ok:
-        return NoPlan(rigid.status, f"rigid plan: {rigid.message}", rigid.iterations)
+        return PlansFailure(rigid.status, f"rigid plan: {rigid.message}", rigid.iterations)
     plate = sampled(rigid, task.tool)
     elastic = planned(of_elastic, "elastic plan", before.elastic if before else rigid.trajectory)
     if not elastic.status.ok:
         message = "; ".join([f"elastic plan: {elastic.message}", *too_coarse(task.tool, mesh, rigid.final_time)])
-        return NoPlan(elastic.status, message, rigid.iterations + elastic.iterations)
+        return PlansFailure(elastic.status, message, rigid.iterations + elastic.iterations)
     work.progress("comparing", 0.9)
     tool = task.tool
     motions = [PlateMotion("rigid", plate, _largest(plate["tau"]))]
@@ -157,7 +168,9 @@ def plans_on(mesh: Mesh, task: ElasticTask, before: Plans | None, work: Work) ->
     return _judged(task, mesh, motions, rigid, elastic)
 
 
-def _judged(task: ElasticTask, mesh: Mesh, motions: list[PlateMotion], rigid: Solution, elastic: Solution) -> Plans:
+def _judged(
+    task: ElasticTask, mesh: ElasticMesh, motions: list[PlateMotion], rigid: Solution, elastic: Solution
+) -> Plans:
     tool, table = task.tool, {}
     for m in motions:
         off = m.residual([1 - OFF, 1 + OFF], tool)

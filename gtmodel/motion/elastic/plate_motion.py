@@ -10,7 +10,7 @@ import numpy as np
 from ...control.input_shaping import residual_vibration
 from ...optimize import Solution
 from ...results import ArgumentError, Trajectory
-from .options import Tool
+from .options import ElasticTool
 
 Array = np.ndarray
 SAMPLES = 4001  # of a motion, at least
@@ -27,25 +27,36 @@ class PlateMotion:
     plate: Trajectory
     peak: float
 
-    def residual(self, ratios: Any, tool: Tool) -> Array:
+    def residual(self, ratios: Any, tool: ElasticTool) -> Array:
         """Amplitude [m] for modes at these ratios to the planned frequency."""
         v = self.plate["der(T)"]
         by_direction = residual_vibration(self.plate.time, v, np.asarray(ratios) * tool.frequency, tool.damping)
         return np.linalg.norm(by_direction, axis=-1)
 
 
-def sampled(solution: Solution, tool: Tool) -> Trajectory:
+def sampled(solution: Solution, tool: ElasticTool) -> Trajectory:
     """The plate along the collocated polynomials; its ends, at rest to the solver's tolerance, are put to rest."""
     n = _samples(solution.trajectory.duration, tool)
-    found = solution.sample(np.linspace(0.0, 1.0, n)).select(["T", "der(T)", "der(T,2)", "tau"])
-    v = found["der(T)"].copy()
+    plate = solution.sample(np.linspace(0.0, 1.0, n)).select(["T", "der(T)", "der(T,2)", "tau"])
+    v = plate["der(T)"].copy()
     v[[0, -1]] = 0.0
-    return found.with_values({"der(T)": v}, {"der(T)": "m/s"})
+    return plate.with_values({"der(T)": v}, {"der(T)": "m/s"})
 
 
-def swing(plate: Trajectory, tool: Tool) -> tuple[Array, Array]:
+def swing(plate: Trajectory, tool: ElasticTool) -> tuple[Array, Array]:
     """Times and offsets (n, 3) [m] of the tool during the motion and AFTER periods after it, integrated exactly for
-    velocities linear between samples."""
+    velocities linear between samples.
+
+    plate: its velocity "der(T)" (n, 3) [m/s] at least, from rest to rest.
+
+    >>> t = np.linspace(0.0, 0.5, 101)
+    >>> velocity = np.outer(np.sin(np.pi * t / 0.5), [0.2, 0.0, 0.0])
+    >>> plate = gt.Trajectory(t, {"der(T)": velocity}, {"der(T)": "m/s"})
+    >>> tool = gt.motion.elastic.ElasticTool(mass=5.0, frequency=6.0)
+    >>> time, offset = gt.motion.elastic.swing(plate, tool)
+    >>> (1e3 * np.abs(offset[time > 0.5]).max(axis=0)).round(2)  # [mm], undamped
+    array([1.82, 0.  , 0.  ])
+    """
     from scipy.signal import StateSpace, lsim
 
     w = 2 * np.pi * tool.frequency
@@ -61,7 +72,7 @@ def swing(plate: Trajectory, tool: Tool) -> tuple[Array, Array]:
     return time, np.column_stack([lsim(system, v[:, k], time)[1] for k in range(3)])
 
 
-def _samples(duration: float, tool: Tool) -> int:
+def _samples(duration: float, tool: ElasticTool) -> int:
     """Instants of a motion that follow its swing. Raises ArgumentError for a frequency that they cannot follow."""
     n = max(SAMPLES, int(np.ceil(PER_PERIOD * duration * tool.frequency)) + 1)
     if n > MOST_SAMPLES:

@@ -16,9 +16,9 @@ from ...results.door import study_function
 from ...results.options import Long, Within
 from ...results.trajectory_files import TRAJECTORY
 from ...results.work import Progress, never, silent
-from ..finer_mesh import finer_mesh, refined, told
-from .options import Cost, Mesh, Solver, Tool
-from .plans import MENDED, OFF, ElasticTask, NoPlan, Plans, plans_on, too_coarse
+from ..finer_mesh import finer_mesh, refined, refinement_note
+from .options import ElasticCost, ElasticMesh, ElasticSolver, ElasticTool
+from .plans import MENDED, OFF, ElasticTask, Plans, PlansFailure, plans_on, too_coarse
 from .plate_motion import PlateMotion, swing
 
 RATIOS = np.linspace(0.6, 1.4, 81)
@@ -34,8 +34,8 @@ ASSUMED = (
 class ElasticStudy(Study):
     """How an elastic tool swings after each of several motions; where a plan was not found there are no values.
 
-    force: limit of the motors [N]. coarse: sentences on a mesh that is too coarse for the oscillation. refined: whether
-    the mesh is finer than the given one.
+    force: limit of the motors [N]. notes: where a mesh is too coarse for the oscillation. refined: whether the mesh is
+    finer than the given one.
     """
 
     motions: Annotated[
@@ -62,7 +62,6 @@ class ElasticStudy(Study):
         ),
     ] = None
     force: float = np.inf
-    coarse: Sequence[str] = ()
     refined: bool = False
 
     @property
@@ -79,7 +78,6 @@ class ElasticStudy(Study):
             Row("the tool hangs by", 1e3 * self.static, "mm"),
             Row("elastic plan, re-simulated: tool off", 1e3 * self.resimulated_end, "mm"),
         ]
-        rows += [Row("look at this", sentence) for sentence in self.coarse]
         if self.refined:
             rows.append(Row("elements of the mesh, refined", self.elements))
         for name, m in self.motions.items():
@@ -95,12 +93,12 @@ def elastic_study(
     robot: Model,
     start: Annotated[Sequence[float], Long(3)],
     goal: Annotated[Sequence[float], Long(3)],
-    tool: Tool,
+    tool: ElasticTool,
     *,
     force: Annotated[float, Within(above=0.0)],
-    cost: Cost | None = None,
-    mesh: Mesh | None = None,
-    solver: Solver | None = None,
+    cost: ElasticCost | None = None,
+    mesh: ElasticMesh | None = None,
+    solver: ElasticSolver | None = None,
     title: str = "",
     progress: Progress = silent,
     max_seconds: float | None = None,
@@ -114,46 +112,49 @@ def elastic_study(
         start, goal: (3,) tool centre points at both ends [m].
         tool: the mass, the frequency of its spring and its damping.
         force: limit of every motor [N].
-        cost, mesh, solver: see `Cost`, `Mesh`, `Solver`. Where a check fails that a finer mesh can mend, one is taken.
+        cost, mesh, solver: see `ElasticCost`, `ElasticMesh`, `ElasticSolver`. Where a check fails that a finer mesh
+            can mend, one is taken.
         progress, max_seconds, stop: see `gtmodel.results.Work`. Stopped on a finer mesh, it holds what the one before
             gave; stopped before, no values.
 
     Raises ArgumentError.
 
     >>> import gtmodel as gt
-    >>> robot, tool = gt.robots.gantry_tau("l1_tape"), gt.motion.elastic.Tool(mass=5.0, frequency=6.0, damping=0.02)
-    >>> coarse = gt.motion.elastic.Mesh(elements=24, most_elements=24)
+    >>> from gtmodel.motion.elastic import ElasticMesh, ElasticTool
+    >>> robot, tool = gt.robots.gantry_tau("l1_tape"), ElasticTool(mass=5.0, frequency=6.0, damping=0.02)
+    >>> coarse = ElasticMesh(elements=24, most_elements=24)
     >>> s = gt.motion.elastic_study(robot, [0.0, -0.9, 0.1], [0.9, -0.9, 0.45], tool, force=700.0, mesh=coarse)
     >>> s.motions["ZV"]["residual_mm"] < 1e-3 * s.motions["rigid"]["residual_mm"]
     True
     """
     work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
-    mesh = mesh or Mesh()
+    mesh = mesh or ElasticMesh()
     task = ElasticTask(
-        robot=robot, start=start, goal=goal, tool=tool, force=force, cost=cost or Cost(), solver=solver or Solver()
+        robot=robot, start=start, goal=goal, tool=tool, force=force, cost=cost or ElasticCost(),
+        solver=solver or ElasticSolver(),
     )  # fmt: skip
     work.step("the rigid plan")
     given = plans_on(mesh, task, None, work)
-    if isinstance(given, NoPlan):
+    if isinstance(given, PlansFailure):
         return ElasticStudy(status=given.status, message=given.message, title=title, iterations=given.iterations)
     iterations = given.iterations
 
-    def again(before: Plans, mesh: Mesh) -> Plans | str:
+    def again(before: Plans, mesh: ElasticMesh) -> Plans | str:
         nonlocal iterations
         after = plans_on(mesh, task, before, work)
         iterations += after.iterations
-        return f"on {mesh.elements} elements: {after.message}" if isinstance(after, NoPlan) else after
+        return f"on {mesh.elements} elements: {after.message}" if isinstance(after, PlansFailure) else after
 
-    found, trouble = refined(given, lambda p: finer_mesh(p.mesh, p.checks, MENDED), again, work.interrupted)
-    mended = told(mesh.elements, found.mesh.elements, failed_of(given.checks))
-    return _study_of(found, iterations, mended.strip(), trouble, title)
+    plans, trouble = refined(given, lambda p: finer_mesh(p.mesh, p.checks, MENDED), again, work.interrupted)
+    mended = refinement_note(mesh.elements, plans.mesh.elements, failed_of(given.checks))
+    return _study_of(plans, iterations, mended.strip(), trouble, title)
 
 
-def _study_of(found: Plans, iterations: int, mended: str, trouble: str, title: str) -> ElasticStudy:
+def _study_of(outcome: Plans, iterations: int, mended: str, trouble: str, title: str) -> ElasticStudy:
     """mended: what is to be said of a refined mesh. trouble: what ended its refinement."""
-    task, elastic, tool = found.task, found.elastic, found.task.tool
-    ends = "; ".join(f"{n} {t['final_time_s']:.4g} s, {t['residual_mm']:.3g} mm" for n, t in found.table.items())
-    plans = (("rigid", found.rigid), ("elastic", elastic))
+    task, elastic, tool = outcome.task, outcome.elastic, outcome.task.tool
+    ends = "; ".join(f"{n} {t['final_time_s']:.4g} s, {t['residual_mm']:.3g} mm" for n, t in outcome.table.items())
+    plans = (("rigid", outcome.rigid), ("elastic", elastic))
     open_ends = [f"{name} plan: {plan.reservation}" for name, plan in plans if plan.reservation]
     study = ElasticStudy(
         status=SolveStatus.SOLVED,
@@ -161,23 +162,23 @@ def _study_of(found: Plans, iterations: int, mended: str, trouble: str, title: s
         title=title,
         objective=elastic.objective,
         iterations=iterations,
-        checks=found.checks,
-        motions=found.table,
+        checks=outcome.checks,
+        motions=outcome.table,
         frequency=tool.frequency,
         static=tool.sag,
-        elements=found.mesh.elements,
-        resimulated_end=found.left,
+        elements=outcome.mesh.elements,
+        resimulated_end=outcome.left,
         force=task.force,
-        coarse=too_coarse(tool, found.mesh, elastic.final_time),
+        notes=too_coarse(tool, outcome.mesh, elastic.final_time),
         refined=bool(mended),
         trajectory=elastic.trajectory,
         machine_files=(TRAJECTORY,),
-        figures={"swing": partial(_figure, found.motions, tool, title)},
+        figures={"swing": partial(_figure, outcome.motions, tool, title)},
     )
     return study.with_(message="; ".join(filter(None, [study.message, mended, trouble, *open_ends])))
 
 
-def _figure(motions: list[PlateMotion], tool: Tool, title: str) -> Any:
+def _figure(motions: list[PlateMotion], tool: ElasticTool, title: str) -> Any:
     from ...plot.elastic_motion import swing_figure
 
     swings = {m.name: swing(m.plate, tool) for m in motions}

@@ -9,17 +9,21 @@ import casadi as ca
 import numpy as np
 
 from ...lang.expression import Expr
-from .builder import Builder
+from .builder import ProblemBuilder
 from .cost import cost_of
 from .dynamic import Bounds, DynamicProblem, Quadrature
 from .horizon import PointValue, horizon, point_values, shortest_length
-from .limits import Limits, bounded_end, check_bounds, limits_of, rows_at_start
-from .relations import Row
+from .limits import TrajectoryBounds, bounded_end, check_bounds, limits_of, rows_at_start
+from .relations import ConstraintRow
 from .row_scaling import Jacobians, of_constants, scale_of, within
 
 
 def assembled(
-    b: Builder, objective: Expr, constraints: list[Row], quadratures: Sequence[Quadrature], branches: dict[str, int]
+    b: ProblemBuilder,
+    objective: Expr,
+    constraints: list[ConstraintRow],
+    quadratures: Sequence[Quadrature],
+    branches: dict[str, int],
 ) -> DynamicProblem:
     """The problem of an objective and constraints, in the form that the builder writes. Raises ModelError."""
     ends = horizon(b.flat, b.P, b.parameters)
@@ -30,12 +34,12 @@ def assembled(
     names, bounds_P, guess = _constants(b)
     shortest = shortest_length(b.flat, ends, constraints, guess, b.P[b.n_free :])
     if shortest and not bounded_end(b, ends, shortest, bounds_P):
-        limits.points.append(Row(ends.length, shortest, np.inf, "the horizon's shortest length", None))
+        limits.points.append(ConstraintRow(ends.length, shortest, np.inf, "the horizon's shortest length", None))
     check_bounds(b, limits.x, limits.u, bounds_P, limits.start, limits.end)
     rates, algebraic, labels = b.dynamics()
     integrands = b.express([q.integrand for q in quadratures]) if quadratures else []
     sizes = zip(names, of_constants(guess, bounds_P.low, bounds_P.high), strict=True)
-    scale_P = np.array([b.told.get(n, s) for n, s in sizes])
+    scale_P = np.array([b.sizes.get(n, s) for n, s in sizes])
     x_scale = within(b.nominals(b.states), limits.x.low, limits.x.high)
     u_scale = within(b.nominals(b.input_pairs), limits.u.low, limits.u.high)
     jacobian = b.jacobian(x_scale, u_scale, guess)
@@ -67,7 +71,7 @@ def assembled(
     )  # fmt: skip
 
 
-def _expressed(b: Builder, limits: Limits, instants: list[PointValue]) -> list[Row]:
+def _expressed(b: ProblemBuilder, limits: TrajectoryBounds, instants: list[PointValue]) -> list[ConstraintRow]:
     """The rows along the path, and the instants, in states, inputs and constants."""
     asked = [i.expression for i in instants]
     values = b.express(asked + [r.expression for r in limits.path])
@@ -76,7 +80,7 @@ def _expressed(b: Builder, limits: Limits, instants: list[PointValue]) -> list[R
     return [replace(r, expression=e) for r, e in zip(limits.path, values[len(instants) :], strict=True)]
 
 
-def _constants(b: Builder) -> tuple[list[str], Bounds, np.ndarray]:
+def _constants(b: ProblemBuilder) -> tuple[list[str], Bounds, np.ndarray]:
     """Free constants and, behind them, the parameters that may change: names, bounds, guess."""
     value = {q.name: q.value for q in b.flat.parameters}
     held = [value[n] for n in b.tunable]
@@ -85,7 +89,7 @@ def _constants(b: Builder) -> tuple[list[str], Bounds, np.ndarray]:
     return [*(q.name for q in free), *b.tunable], bounds, np.array([q.value for q in free] + held)
 
 
-def _size(path: list[Row], jacobian: Jacobians) -> None:
+def _size(path: list[ConstraintRow], jacobian: Jacobians) -> None:
     """Give each row its size: its own bounds' where these tell one."""
     for row, size in zip(path, jacobian.typical([r.expression for r in path]), strict=True):
         nominal = float(within(np.array(row.scale), np.array(row.low), np.array(row.high)))

@@ -12,13 +12,13 @@ HIGHEST = 2  # derivatives under whose names a guess may hold a state
 
 def names_of(flat: FlatModel, alias: AliasResult, pair: Pair) -> list[tuple[str, int]]:
     """All (name, sign) with name == sign * symbol; the symbol's own name first."""
-    found = [(flat.symbol_name(*pair), 1)]
+    names = [(flat.symbol_name(*pair), 1)]
     for v in flat.variables:
         for k in range(HIGHEST + 1):
             sign, kept, order = alias.resolve(v.index, k)
             if (kept, order) == pair and (v.index, k) != pair:
-                found.append((derivative_name(v.name, k), sign))
-    return found
+                names.append((derivative_name(v.name, k), sign))
+    return names
 
 
 def nominal_of(flat: FlatModel, alias: AliasResult, pair: Pair) -> float:

@@ -30,11 +30,11 @@ class Explicit:
 
 
 @dataclass(eq=False)
-class Builder:
+class ProblemBuilder:
     """Writes expressions of original names in states, rates, controls, free constants and time.
 
     base: the plan of the explicit form. parameters: what stands in place of the parameters. delayed: variable index ->
-    (control that it follows, declaration). told: sizes by the names of variables and free constants, in place of their
+    (control that it follows, declaration). sizes: by the names of variables and free constants, in place of their
     nominals.
     """
 
@@ -47,7 +47,7 @@ class Builder:
     parameters: ca.SX
     tunable: tuple[str, ...]
     delayed: dict[int, tuple[int, Delayed]]
-    told: Mapping[str, float]
+    sizes: Mapping[str, float]
 
     def __post_init__(self) -> None:
         flat, states = self.flat, self.states
@@ -117,17 +117,17 @@ class Builder:
         if not needed:
             return result
         other, form = self.other(), self.explicit()
-        found = other.express([written[n] for n in needed])
+        expressions = other.express([written[n] for n in needed])
         if self.given.numel():
-            found = ca.substitute(found, [other.given], [self.given])
+            expressions = ca.substitute(expressions, [other.given], [self.given])
         if form.unknowns:
             # the unknowns' polynomials are near: Newton's steps square what they miss
             z, r = ca.vertcat(*form.unknowns), ca.vertcat(*form.residuals)
             step = z - ca.solve(ca.densify(ca.jacobian(r, z)), r)
             for _ in range(STEPS):
-                found = ca.substitute(found, [z], [step])
-            found = ca.substitute(found, [z], [ca.vertcat(*self.express(form.unknowns))])
-        for n, e in zip(needed, found, strict=True):
+                expressions = ca.substitute(expressions, [z], [step])
+            expressions = ca.substitute(expressions, [z], [ca.vertcat(*self.express(form.unknowns))])
+        for n, e in zip(needed, expressions, strict=True):
             result[n] = e
         return result
 
@@ -138,13 +138,13 @@ class Builder:
         unknowns = [s for b in base.newton for s in b.unknowns]
         residuals = [r for b in base.newton for r in b.residuals]
         wanted = [scope.symbol(i, k + 1) for i, k in self.states] + [scope.symbol(*p) for p in self.z_pairs]
-        found = other.express([*wanted, *residuals])
-        if found and self.given.numel():
-            found = ca.substitute(found, [other.given], [self.given])
+        expressions = other.express([*wanted, *residuals])
+        if expressions and self.given.numel():
+            expressions = ca.substitute(expressions, [other.given], [self.given])
         n, m = len(self.states), len(wanted)
-        return Explicit(found[:n], found[n:m], unknowns, found[m:])
+        return Explicit(expressions[:n], expressions[n:m], unknowns, expressions[m:])
 
-    def other(self) -> Builder:
+    def other(self) -> ProblemBuilder:
         """The same problem in its explicit form."""
         return replace(self, plan=self.base, kind="torn" if self.base.newton else "explicit")
 
@@ -192,9 +192,9 @@ class Builder:
         return [(i, 0) for i in (*self.controls, *self.delayed)] + self.z_pairs
 
     def nominal(self, pair: Pair) -> float:
-        """Size of a variable's derivative: as it was told, else its nominal."""
-        told = [self.told[n] for n, _ in names_of(self.flat, self.base.alias, pair) if n in self.told]
-        return told[0] if told else nominal_of(self.flat, self.base.alias, pair)
+        """Size of a variable's derivative: the given one, else its nominal."""
+        given = [self.sizes[n] for n, _ in names_of(self.flat, self.base.alias, pair) if n in self.sizes]
+        return given[0] if given else nominal_of(self.flat, self.base.alias, pair)
 
     def nominals(self, pairs: list[Pair]) -> np.ndarray:
         """Sizes of several."""

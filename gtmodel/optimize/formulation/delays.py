@@ -36,7 +36,7 @@ def delays_of(flat: FlatModel) -> dict[int, tuple[int, Delayed]]:
 
     Raises ModelError for a delay of something that is no input of the same class.
     """
-    found: dict[int, tuple[int, Delayed]] = {}
+    delays: dict[int, tuple[int, Delayed]] = {}
     for component in _components(flat.root):
         path = component.__dict__["_path"]
         for name, item in type(component)._declared.items():
@@ -47,8 +47,8 @@ def delays_of(flat: FlatModel) -> dict[int, tuple[int, Delayed]]:
             if shape is None or flat.variables[indices[0]].role != "input":
                 raise ModelError(f"'{own_name}' delays '{source_name}', which is no input of {flat.title}", item.where)
             for own, source in zip(flat.groups[own_name][1], indices, strict=True):
-                found[own] = (source, item)
-    return found
+                delays[own] = (source, item)
+    return delays
 
 
 def _components(model: Model) -> Iterator[Model]:

@@ -14,10 +14,10 @@ from ...lang.optimization import Delayed
 from ...lang.scope import Misfit
 from .attributes import Pair
 from .horizon import PointValue
-from .relations import Row
+from .relations import ConstraintRow
 
 if TYPE_CHECKING:
-    from .builder import Builder
+    from .builder import ProblemBuilder
 
 
 @dataclass
@@ -72,7 +72,7 @@ class DynamicProblem:
     algebraic: ca.SX
     algebraic_labels: list[str]
     algebraic_scale: np.ndarray
-    path: list[Row]
+    path: list[ConstraintRow]
     x_bounds: Bounds
     u_bounds: Bounds
     P_bounds: Bounds
@@ -82,8 +82,8 @@ class DynamicProblem:
     integrals: list[tuple[ca.SX, ca.SX, float]]
     instants: list[PointValue]
     mayer: ca.SX
-    points: list[Row]
-    builder: Builder
+    points: list[ConstraintRow]
+    builder: ProblemBuilder
     base: CausalPlan
     x_scale: np.ndarray
     u_scale: np.ndarray

@@ -12,7 +12,7 @@ from ...compiler.flat import FlatModel
 from ...lang.expression import Expr
 from ...lang.scope import Instant
 from ...lang.source import ModelError
-from .relations import Row
+from .relations import ConstraintRow
 
 ROUND_OFF = 1e-12  # of times on a horizon of length 1
 # of the guessed length: what a horizon that nobody bounds does not fall below, lest it divide by zero. A solution that
@@ -79,18 +79,18 @@ def end_of(flat: FlatModel, name: str) -> ca.SX:
     raise ModelError(f"{flat.title}: {name} is a number [s], a gt.parameter or gt.free(...); found {value!r}")
 
 
-def initial_rows(flat: FlatModel) -> list[Row]:
+def initial_rows(flat: FlatModel) -> list[ConstraintRow]:
     """initial_equations() of all components as constraints at the start of the horizon."""
     rows = []
     for e in flat.initial:
         symbol = ca.SX.sym(f"initial{len(flat.scope.instants)}")
         flat.scope.instants.append(Instant(symbol, e.residual, end_of(flat, "start_time")))
-        rows.append(Row(symbol, 0.0, 0.0, f"{e.label} ({e.where})", e.where))
+        rows.append(ConstraintRow(symbol, 0.0, 0.0, f"{e.label} ({e.where})", e.where))
     return rows
 
 
 def shortest_length(
-    flat: FlatModel, h: Horizon, constraints: Sequence[Row], guess: np.ndarray, tunable: ca.SX | None = None
+    flat: FlatModel, h: Horizon, constraints: Sequence[ConstraintRow], guess: np.ndarray, tunable: ca.SX | None = None
 ) -> float:
     """What a free horizon must not fall below [s]: 0 where bounds or a constraint keep its length away from zero, else
     a small part of its length at the guess of the constants. Raises ModelError where that is no length.
@@ -102,7 +102,9 @@ def shortest_length(
         values = ca.SX(guess[len(guess) - tunable.numel() :])
         t0, tf, *rows = ca.substitute([h.t0, h.tf, *[r.expression for r in constraints]], [tunable], [values])
         h = Horizon(t0, tf, h.P[: h.P.numel() - tunable.numel()])
-        constraints = [Row(e, r.low, r.high, r.label, r.where) for e, r in zip(rows, constraints, strict=True)]
+        constraints = [
+            ConstraintRow(e, r.low, r.high, r.label, r.where) for e, r in zip(rows, constraints, strict=True)
+        ]
     free = {q.symbol.element_hash(): q for q in flat.parameters if q.free}
 
     def limits(end: ca.SX) -> tuple[float, float]:
@@ -138,7 +140,7 @@ def shortest_length(
     )
 
 
-def _shortest(row: Row, h: Horizon) -> float:
+def _shortest(row: ConstraintRow, h: Horizon) -> float:
     """Lower bound of the horizon's length that a constraint a * length + b gives; -inf where it gives none."""
     jacobian = ca.vertcat(ca.gradient(row.expression, h.P), ca.gradient(h.length, h.P))
     known = {s.element_hash() for s in ca.vertsplit(h.P)}

@@ -10,28 +10,30 @@ import numpy as np
 
 from ...lang.source import ModelError
 from .attributes import Pair
-from .builder import Builder
+from .builder import ProblemBuilder
 from .dynamic import Bounds
 from .horizon import Horizon, PointValue
-from .relations import Row, as_bound
+from .relations import ConstraintRow, as_bound
 
 # what a value that is fixed at the start may miss, in the size of the row: IPOPT's own measure of a solution
 START_SLACK = 1e-6
 
 
 @dataclass(eq=False)
-class Limits:
+class TrajectoryBounds:
     """Bounds of states, inputs, and of states at both ends; rows along the path and at instants, in original names."""
 
     x: Bounds
     u: Bounds
     start: Bounds
     end: Bounds
-    path: list[Row] = field(default_factory=list)
-    points: list[Row] = field(default_factory=list)
+    path: list[ConstraintRow] = field(default_factory=list)
+    points: list[ConstraintRow] = field(default_factory=list)
 
 
-def limits_of(builder: Builder, constraints: list[Row], instants: list[PointValue], apart: Collection[int]) -> Limits:
+def limits_of(
+    builder: ProblemBuilder, constraints: list[ConstraintRow], instants: list[PointValue], apart: Collection[int]
+) -> TrajectoryBounds:
     """The declared bounds and the constraints, each where it is cheapest: a bound of a variable before a row.
 
     apart: variables whose fixed start is held elsewhere. Raises ModelError for a fixed start that is no state's.
@@ -40,14 +42,14 @@ def limits_of(builder: Builder, constraints: list[Row], instants: list[PointValu
     position = {p: n for n, p in enumerate(b.states)}
     place = dict(b.control_symbols) | {p: (b.given.numel() + n, 1) for n, p in enumerate(b.z_pairs)}
     n = len(b.states)
-    found = Limits(Bounds.free(n), Bounds.free(b.u.numel()), Bounds.free(n), Bounds.free(n))
+    bounds = TrajectoryBounds(Bounds.free(n), Bounds.free(b.u.numel()), Bounds.free(n), Bounds.free(n))
 
     def bounded(pair: Pair, low: float, high: float) -> bool:
         if pair in position:
-            found.x.tighten(position[pair], low, high)
+            bounds.x.tighten(position[pair], low, high)
         elif pair in place:
             n, sign = place[pair]
-            found.u.tighten(n, *((low, high) if sign > 0 else (-high, -low)))
+            bounds.u.tighten(n, *((low, high) if sign > 0 else (-high, -low)))
         return pair in position or pair in place
 
     for v in flat.variables:
@@ -56,28 +58,33 @@ def limits_of(builder: Builder, constraints: list[Row], instants: list[PointValu
         sign, kept, order = b.plan.alias.resolve(v.index, 0)
         if not bounded((kept, order), *((v.min, v.max) if sign > 0 else (-v.max, -v.min))):
             symbol, nominal = flat.scope.symbol(v.index, 0), b.nominal((v.index, 0))
-            found.path.append(Row(symbol, v.min, v.max, f"bounds of {v.name}", v.where, nominal))
+            bounds.path.append(ConstraintRow(symbol, v.min, v.max, f"bounds of {v.name}", v.where, nominal))
     for row in constraints:
         if _is_point(b, row.expression):
-            if not _end_bound(b, row, instants, position, found.start, found.end):
-                found.points.append(row)
+            if not _end_bound(b, row, instants, position, bounds.start, bounds.end):
+                bounds.points.append(row)
             continue
         bound = as_bound(b.plan.alias.rewrite(flat, row.expression), row, flat, b.parameters)
         if bound is None or not bounded(*bound):
-            found.path.append(row)
-    _initial(b, position, found.start, apart)
-    return found
+            bounds.path.append(row)
+    _initial(b, position, bounds.start, apart)
+    return bounds
 
 
-def _is_point(b: Builder, e: ca.SX) -> bool:
+def _is_point(b: ProblemBuilder, e: ca.SX) -> bool:
     keys = {s.element_hash() for i in b.flat.scope.instants for s in ca.vertsplit(ca.vec(i.symbol))}
     constant = {q.symbol.element_hash() for q in b.flat.parameters}
-    found = [s.element_hash() for s in ca.symvar(e)]
-    return any(k in keys for k in found) or all(k in constant for k in found)
+    symbols = [s.element_hash() for s in ca.symvar(e)]
+    return any(k in keys for k in symbols) or all(k in constant for k in symbols)
 
 
 def _end_bound(
-    b: Builder, row: Row, instants: list[PointValue], position: dict[Pair, int], start: Bounds, end: Bounds
+    b: ProblemBuilder,
+    row: ConstraintRow,
+    instants: list[PointValue],
+    position: dict[Pair, int],
+    start: Bounds,
+    end: Bounds,
 ) -> bool:
     """A point constraint on one state at one end is a bound on a variable."""
     symbols = ca.symvar(row.expression)
@@ -96,7 +103,7 @@ def _end_bound(
     return True
 
 
-def _initial(b: Builder, position: dict[Pair, int], start: Bounds, apart: Collection[int]) -> None:
+def _initial(b: ProblemBuilder, position: dict[Pair, int], start: Bounds, apart: Collection[int]) -> None:
     """Fixed start attributes are initial conditions, but for the variables `apart`."""
     for v in b.flat.variables:
         if not v.fixed or v.start is None or v.index in apart:
@@ -111,7 +118,7 @@ def _initial(b: Builder, position: dict[Pair, int], start: Bounds, apart: Collec
         start.tighten(position[(kept, order)], sign * v.start, sign * v.start)
 
 
-def check_bounds(b: Builder, x: Bounds, u: Bounds, P: Bounds, start: Bounds, end: Bounds) -> None:
+def check_bounds(b: ProblemBuilder, x: Bounds, u: Bounds, P: Bounds, start: Bounds, end: Bounds) -> None:
     states = [b.flat.symbol_name(*p) for p in b.states]
     controls = [b.flat.symbol_name(*p) for p in b.input_pairs]
     free = [q.name for q in b.flat.parameters if q.free]
@@ -128,7 +135,7 @@ def check_bounds(b: Builder, x: Bounds, u: Bounds, P: Bounds, start: Bounds, end
                 )
 
 
-def bounded_end(b: Builder, ends: Horizon, shortest: float, P: Bounds) -> bool:
+def bounded_end(b: ProblemBuilder, ends: Horizon, shortest: float, P: Bounds) -> bool:
     """A shortest length as a bound of the end that is a free constant, where the other end is a number."""
     for end, other, sign in ((ends.tf, ends.t0, 1.0), (ends.t0, ends.tf, -1.0)):
         if end.is_symbolic() and other.is_constant():
@@ -140,8 +147,14 @@ def bounded_end(b: Builder, ends: Horizon, shortest: float, P: Bounds) -> bool:
 
 
 def rows_at_start(
-    b: Builder, written: list[Row], path: list[Row], x: Bounds, u: Bounds, start: Bounds, t0: ca.SX
-) -> list[tuple[PointValue, Row]]:
+    b: ProblemBuilder,
+    written: list[ConstraintRow],
+    path: list[ConstraintRow],
+    x: Bounds,
+    u: Bounds,
+    start: Bounds,
+    t0: ca.SX,
+) -> list[tuple[PointValue, ConstraintRow]]:
     """Rows at the start of the horizon, where no collocation point lies: what states, constants and time tell.
 
     Raises ModelError where a start that is fixed breaks one.
@@ -154,11 +167,11 @@ def rows_at_start(
             low, high = float(u.low[offset + n]), float(u.high[offset + n])
             if np.isfinite(low) or np.isfinite(high):
                 name, size = b.flat.symbol_name(*pair), b.nominal(pair)
-                row = Row(b.flat.scope.symbol(*pair), low, high, f"bounds of {name}", None, size)
+                row = ConstraintRow(b.flat.scope.symbol(*pair), low, high, f"bounds of {name}", None, size)
                 written, rows = [*written, row], [*rows, row]
         if rows:
-            found = b.other().express([r.expression for r in written])
-            rows = [replace(r, expression=e) for r, e in zip(rows, found, strict=True)]
+            expressions = b.other().express([r.expression for r in written])
+            rows = [replace(r, expression=e) for r, e in zip(rows, expressions, strict=True)]
     low, high = np.maximum(x.low, start.low), np.minimum(x.high, start.high)
     states = {s.element_hash(): n for n, s in enumerate(ca.vertsplit(b.x))}
     constants = {s.element_hash(): n for n, s in enumerate(ca.vertsplit(b.P))}
@@ -190,6 +203,6 @@ def rows_at_start(
             # an equation without an unknown would leave too few of them
             bounds = (row.low - START_SLACK * row.scale, row.high + START_SLACK * row.scale)
         symbol = ca.SX.sym(f"start{len(result)}")
-        point = Row(symbol, *bounds, label, row.where, row.scale)
+        point = ConstraintRow(symbol, *bounds, label, row.where, row.scale)
         result.append((PointValue(symbol, row.expression, 0.0), point))
     return result

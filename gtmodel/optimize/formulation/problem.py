@@ -16,12 +16,12 @@ from ...lang.slips import line_of, persons_code
 from ...lang.source import ModelError
 from .assembled import assembled
 from .attributes import Pair
-from .builder import Builder
+from .builder import ProblemBuilder
 from .delays import delays_of
 from .dynamic import DynamicProblem, Quadrature
 from .horizon import end_of, initial_rows
 from .quadratures import set_apart
-from .relations import Row, relations
+from .relations import ConstraintRow, relations
 
 FORMULATIONS = ("auto", "inverse", "explicit", "torn", "dae")
 
@@ -106,8 +106,8 @@ def _build(flat: FlatModel, asked: _Asked) -> DynamicProblem:
     delayed = {i: (controls.index(source), item) for i, (source, item) in delays.items()}
 
     def made(plan: CausalPlan, kind: str) -> DynamicProblem:
-        told = dict(asked.sizes)
-        b = Builder(flat, plan, kind, base.states, controls, base, fold, asked.tunable, delayed, told)
+        sizes = dict(asked.sizes)
+        b = ProblemBuilder(flat, plan, kind, base.states, controls, base, fold, asked.tunable, delayed, sizes)
         return assembled(b, objective, constraints, quadratures, branches)
 
     problem = made(plan, kind)
@@ -121,7 +121,7 @@ def _build(flat: FlatModel, asked: _Asked) -> DynamicProblem:
     return problem
 
 
-def _stated(flat: FlatModel) -> tuple[Expr, list[Row]]:
+def _stated(flat: FlatModel) -> tuple[Expr, list[ConstraintRow]]:
     """The objective and the constraints, with the initial equations. Raises ModelError."""
     root = flat.root
     if not isinstance(root, Optimization):
@@ -184,7 +184,7 @@ def _fold(flat: FlatModel, tunable: Sequence[str]) -> ca.SX:
     )
 
 
-def _all_pairs(flat: FlatModel, constraints: list[Row], apart: Collection[int]) -> list[Pair]:
+def _all_pairs(flat: FlatModel, constraints: list[ConstraintRow], apart: Collection[int]) -> list[Pair]:
     """Every chain symbol that the model, its cost or its constraints mention, but for the variables `apart`."""
     expressions = [i.expression for i in flat.scope.instants] + [r.expression for r in constraints]
     named = [p for e in expressions for p in flat.scope.symbols_in(e)]

@@ -16,14 +16,14 @@ from ...lang.scope import Instant
 from ..mesh import Mesh
 from ..tables import basis
 from .dynamic import DynamicProblem, Quadrature
-from .relations import Row
+from .relations import ConstraintRow
 
 SAME_TIME = 100  # how deep two expressions of one time are compared
 LEFT = 1e-12  # of the horizon: at an edge the element on the left tells
 
 
 def set_apart(
-    flat: FlatModel, objective: ca.SX, constraints: Sequence[Row], preferred: Sequence[int], final_time: ca.SX
+    flat: FlatModel, objective: ca.SX, constraints: Sequence[ConstraintRow], preferred: Sequence[int], final_time: ca.SX
 ) -> tuple[ca.SX, list[Quadrature]]:
     """The objective with integrals in place of such states, which are entered in the scope, and what was replaced.
 
@@ -45,7 +45,7 @@ def set_apart(
             chosen.append((v, instants, integrand))
     if not uses.moves(but={v.index for v, _, _ in chosen}):
         return objective, []  # a problem keeps a state
-    found: list[Quadrature] = []
+    quadratures: list[Quadrature] = []
     for v, instants, integrand in chosen:
         assert v.start is not None
         total = ca.SX.sym(f"total of {v.name}")
@@ -53,8 +53,8 @@ def set_apart(
         flat.scope.instants[:] = [i for i in flat.scope.instants if not any(i is own for own in instants)]
         old = ca.vertcat(*[i.symbol for i in instants])
         objective = ca.substitute([objective], [old], [ca.repmat(v.start + total, len(instants), 1)])[0]
-        found.append(Quadrature(v.index, integrand, v.start))
-    return objective, found
+        quadratures.append(Quadrature(v.index, integrand, v.start))
+    return objective, quadratures
 
 
 def _plain(flat: FlatModel, v: FlatVariable) -> bool:
@@ -66,7 +66,7 @@ def _plain(flat: FlatModel, v: FlatVariable) -> bool:
 class _Uses:
     """Where a variable and its derivatives stand in a model."""
 
-    def __init__(self, flat: FlatModel, constraints: Sequence[Row]) -> None:
+    def __init__(self, flat: FlatModel, constraints: Sequence[ConstraintRow]) -> None:
         self.flat = flat
         scope = flat.scope
         self.equations = [e.residual for e in flat.equations]

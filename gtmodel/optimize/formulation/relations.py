@@ -17,7 +17,7 @@ from ...lang.source import ModelError, SourceLocation
 
 
 @dataclass(eq=False)
-class Row:
+class ConstraintRow:
     """One scalar constraint with its name and the line that wrote it; the solver sees it divided by `scale`."""
 
     expression: ca.SX
@@ -28,7 +28,7 @@ class Row:
     scale: float = 1.0
 
 
-def relations(source: Iterable[Any] | None, flat: FlatModel) -> list[Row]:
+def relations(source: Iterable[Any] | None, flat: FlatModel) -> list[ConstraintRow]:
     """Rows of everything that constraints() yields. Raises ModelError for what is no relation."""
     written = line_of(getattr(type(flat.root), "constraints", None))
     if source is None:
@@ -46,9 +46,9 @@ def relations(source: Iterable[Any] | None, flat: FlatModel) -> list[Row]:
 
 def relation_rows(
     source: Iterable[Any], title: str, word: str = "constraint", *, written: SourceLocation | None = None
-) -> list[Row]:
+) -> list[ConstraintRow]:
     """Rows of relations. Raises ModelError for what is no relation."""
-    rows: list[Row] = []
+    rows: list[ConstraintRow] = []
     for count, item in enumerate(flatten_items(list(each_of(source, title))), 1):
         if not isinstance(item, Relation):
             raise ModelError(
@@ -61,11 +61,13 @@ def relation_rows(
             if not ca.symvar(residual[k]):
                 raise ModelError(f"a {word} holds no variable: {residual[k]} {item.op} 0", item.where)
             suffix = f"[{k}]" if residual.numel() > 1 else ""
-            rows.append(Row(residual[k], low, high, f"{word} {count}{suffix} ({item.where})", item.where))
+            rows.append(ConstraintRow(residual[k], low, high, f"{word} {count}{suffix} ({item.where})", item.where))
     return rows
 
 
-def as_bound(e: ca.SX, row: Row, flat: FlatModel, parameters: ca.SX) -> tuple[tuple[int, int], float, float] | None:
+def as_bound(
+    e: ca.SX, row: ConstraintRow, flat: FlatModel, parameters: ca.SX
+) -> tuple[tuple[int, int], float, float] | None:
     """(chain symbol, low, high) of a row a*s + b with numeric a and b, else None."""
     if flat.parameters:
         e = ca.substitute([e], [flat.p], [parameters])[0]

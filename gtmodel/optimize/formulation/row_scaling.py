@@ -24,14 +24,14 @@ def of_trajectory(scaling: Trajectory | None, free: dict[str, float]) -> tuple[t
         return ()
     if not isinstance(scaling, Trajectory):
         raise ModelError(f"scaling takes a gt.Trajectory or an earlier solution; found {scaling!r}")
-    found = {"final_time": abs(float(scaling.time[-1]))} | {n: abs(v) for n, v in free.items()}
+    largest = {"final_time": abs(float(scaling.time[-1]))} | {n: abs(v) for n, v in free.items()}
     for name in scaling.names:
         sizes = np.atleast_1d(np.max(np.abs(scaling[name]), axis=0))
         head, comma, order = name.removeprefix("der(").removesuffix(")").partition(",")
         for k, size in enumerate(sizes.tolist()):
             entry = f"{head}[{k}]" if np.ndim(scaling[name]) > 1 else head
-            found[f"der({entry}{comma}{order})" if name.startswith("der(") else entry] = size
-    return tuple((n, v) for n, v in sorted(found.items()) if v > 0)
+            largest[f"der({entry}{comma}{order})" if name.startswith("der(") else entry] = size
+    return tuple((n, v) for n, v in sorted(largest.items()) if v > 0)
 
 
 def within(nominal: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
@@ -43,11 +43,11 @@ def within(nominal: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray
 def of_constants(guess: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
     """Sizes of constants that are chosen: 1 or a larger guess, or their bounds where these are far smaller; with one
     bound only, a guess that is far smaller tells the size beside it."""
-    found = within(np.maximum(1.0, np.abs(guess)), low, high)
+    size = within(np.maximum(1.0, np.abs(guess)), low, high)
     bound = np.minimum(np.abs(low), np.abs(high))
     reach = np.maximum(np.abs(guess), bound)
     one_sided = (np.isfinite(low) != np.isfinite(high)) & (guess != 0) & (reach < SMALL)
-    return np.where(one_sided, reach, found)
+    return np.where(one_sided, reach, size)
 
 
 def scale_of(size: float) -> float:
@@ -66,21 +66,21 @@ class Jacobians:
     P: np.ndarray
 
     def _points(self, count: int | None) -> list[list[np.ndarray]]:
-        found = []
+        points = []
         for sample in self.plan.samples[:count]:
             known = dict(zip(self.plan.pairs, sample, strict=True))
             point = [np.array([known.get(p, 0.0) for p in pairs]) for pairs in self.pairs]
-            found.append([*point, self.P, np.array(self.plan.sampler.time)])
-        return found
+            points.append([*point, self.P, np.array(self.plan.sampler.time)])
+        return points
 
     def largest(self, rows: ca.SX, count: int | None = None) -> np.ndarray:
         """Largest derivative of each row, (samples, rows); 0 where none is finite."""
         f = ca.Function("derivatives", self.arguments, [ca.jacobian(rows, ca.vertcat(*self.arguments[:3]))])
-        found = []
+        largest = []
         for point in self._points(count):
             jacobian = np.abs(np.asarray(f(*point).full())) * self.nominal
-            found.append(np.max(np.where(np.isfinite(jacobian), jacobian, 0.0), axis=1, initial=0.0))
-        return np.array(found)
+            largest.append(np.max(np.where(np.isfinite(jacobian), jacobian, 0.0), axis=1, initial=0.0))
+        return np.array(largest)
 
     def typical(self, rows: list[ca.SX]) -> np.ndarray:
         """Median over the points of each row's largest derivative; 1 where that is none."""
@@ -104,10 +104,10 @@ class Jacobians:
         size = self.typical(values)
         jacobian = ca.Function("derivatives", [symbols, P], [ca.jacobian(ca.vertcat(*rows), ca.vertcat(symbols, P))])
         here = ca.Function("values", self.arguments, [ca.vertcat(*values) if values else ca.SX(0, 1)])
-        found = np.zeros(len(rows))
+        largest = np.zeros(len(rows))
         for point in self._points(1):
             v = np.asarray(here(*point).full()).reshape(-1)
             for at in (v, v + size):
                 each = np.abs(np.asarray(jacobian(at, self.P).full())) * np.concatenate([size, p_size])
-                found = np.maximum(found, np.max(np.where(np.isfinite(each), each, 0.0), axis=1, initial=0.0))
-        return np.where(found > 0, found, 1.0)
+                largest = np.maximum(largest, np.max(np.where(np.isfinite(each), each, 0.0), axis=1, initial=0.0))
+        return np.where(largest > 0, largest, 1.0)

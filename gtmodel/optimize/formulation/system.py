@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 
-from ..rows import on_rows
 from .dynamic import DynamicProblem
 
 STEPS = 20
@@ -15,7 +15,7 @@ NEWTON_DONE = 1e-12  # relative: corrections this small are round-off
 
 
 @dataclass(eq=False)
-class System:
+class RateSystem:
     """The equations as an ordinary differential one, with `count` unknowns that have no closed form (`pairs`).
 
     values: (x, given inputs, unknowns, P, t) -> rates, point variables; residual: the same -> r, dr/dunknowns.
@@ -31,31 +31,31 @@ class System:
         return len(self.pairs)
 
     @classmethod
-    def of(cls, problem: DynamicProblem) -> System:
+    def of(cls, problem: DynamicProblem) -> RateSystem:
         """Made once for a problem. Raises ModelError where the model has no such form."""
         if "system" not in problem.cache:
             problem.cache["system"] = cls._made(problem)
         return problem.cache["system"]
 
     @classmethod
-    def _made(cls, problem: DynamicProblem) -> System:
-        found = problem.builder.explicit()
-        rates = list(found.rates)
+    def _made(cls, problem: DynamicProblem) -> RateSystem:
+        form = problem.builder.explicit()
+        rates = list(form.rates)
         extra = [r for r in problem.rates[len(rates) :] if r is not None]
         # rates of cost states may hold what the formulation left unsolved
         old = ca.vertcat(problem.xd[: len(rates)], *[problem.flat.scope.symbol(*p) for p in problem.z_pairs])
-        new = ca.vertcat(*rates, *found.point)
+        new = ca.vertcat(*rates, *form.point)
         if extra and old.numel():
             extra = ca.substitute(extra, [old], [new])
-        unknowns = ca.vertcat(*found.unknowns) if found.unknowns else ca.SX(0, 1)
-        residual = ca.vertcat(*found.residuals) if found.residuals else ca.SX(0, 1)
+        unknowns = ca.vertcat(*form.unknowns) if form.unknowns else ca.SX(0, 1)
+        residual = ca.vertcat(*form.residuals) if form.residuals else ca.SX(0, 1)
         arguments = [problem.x, problem.builder.given, unknowns, problem.P, problem.t]
         rates = ca.vertcat(*rates, *extra)
-        values = ca.Function("values", arguments, [rates, ca.vertcat(*found.point) if found.point else ca.SX(0, 1)])
+        values = ca.Function("values", arguments, [rates, ca.vertcat(*form.point) if form.point else ca.SX(0, 1)])
         jacobian = ca.Function("residual", arguments, [residual, ca.densify(ca.jacobian(residual, unknowns))])
         by_state = [ca.densify(ca.jacobian(e, problem.x)) for e in (rates, residual)]
         slope = ca.Function("slope", arguments, [*by_state, ca.densify(ca.jacobian(rates, unknowns))], {"cse": True})
-        pairs = [p for p in map(problem.flat.scope.owner, found.unknowns) if p is not None]
+        pairs = [p for p in map(problem.flat.scope.owner, form.unknowns) if p is not None]
         return cls(values, jacobian, slope, pairs)
 
     def near(self, problem: DynamicProblem, inputs: np.ndarray, rates: np.ndarray) -> np.ndarray:
@@ -116,3 +116,12 @@ class System:
 def _stacked(side_by_side: np.ndarray, n: int, width: int) -> np.ndarray:
     """Matrices (r, n * width) as (n, r, width)."""
     return side_by_side.reshape(len(side_by_side), n, width).transpose(1, 0, 2)
+
+
+def on_rows(
+    f: ca.Function, rows: Sequence[np.ndarray], P: np.ndarray, times: np.ndarray, *more: np.ndarray
+) -> list[np.ndarray]:
+    """Results (r, n) of f for n instants side by side; `rows` and `more` (n, ...) stand before and behind P and t."""
+    n = len(times)
+    before, behind = ([ca.DM(a.T) for a in arguments] for arguments in (rows, more))
+    return [v.full() for v in f.map(n).call([*before, ca.repmat(ca.DM(P), 1, n), ca.DM(times).T, *behind])]

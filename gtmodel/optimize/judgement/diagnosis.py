@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..finite import not_finite
-from ..ipopt import Run
+from ..ipopt import SolverRun
 from ..nlp import Nlp
 from ..solution import horizon
 
@@ -14,14 +14,14 @@ SMALL = 1e-6  # violations below this are none
 FAR = 1e6  # nominals: what is so far away where nothing bounds it runs away
 
 
-def sentence(run: Run, nlp: Nlp) -> str:
+def sentence(run: SolverRun, nlp: Nlp) -> str:
     """One sentence on how a solve ended."""
     if run.status.ok:
         return solved_word(run)
     return failure(run, [surplus(nlp), not_finite(nlp, run.x), runaway(nlp, run.x) or worst(nlp, run)])
 
 
-def solved_word(run: Run) -> str:
+def solved_word(run: SolverRun) -> str:
     word = "solved" if run.word == "Solve_Succeeded" else "solved to the acceptable level only"
     if run.other is not None:
         other, reason = run.other
@@ -29,7 +29,7 @@ def solved_word(run: Run) -> str:
     return f"{word}: {run.reservation}" if run.reservation else word
 
 
-def failure(run: Run, more: list[str]) -> str:
+def failure(run: SolverRun, more: list[str]) -> str:
     """The status in words, IPOPT's word, and what else is known."""
     tries = _word(run.word)
     if run.other is not None:
@@ -89,7 +89,7 @@ def runaway(nlp: Nlp, x: np.ndarray) -> str:
     return f"'{name}' has grown to {value:.2g}{place}, where it has no bound: bound it, or give it a larger nominal"
 
 
-def worst(nlp: Nlp, run: Run) -> str:
+def worst(nlp: Nlp, run: SolverRun) -> str:
     """The most violated rows with element and time."""
     rows = violated(nlp.lbg, nlp.ubg, run.g)
     return f"worst rows: {'; '.join(named_row(nlp, run.x, r, v) for r, v in rows)}" if rows else ""

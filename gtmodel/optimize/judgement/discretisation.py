@@ -15,13 +15,12 @@ import numpy as np
 
 from ...results.status import SolveStatus
 from ..formulation.dynamic import DynamicProblem
-from ..formulation.system import System
+from ..formulation.system import RateSystem, on_rows
 from ..mesh import Mesh
 from ..nlp import Nlp, placed
-from ..rows import on_rows
 from ..shooting import TOLERANCE
 from ..solution import Check, Solution, constants, horizon
-from ..tables import Table, basis, basis_slope, table
+from ..tables import CollocationTable, basis, basis_slope, table
 from .narrow import bends, passed_over
 
 NAME, COST = "discretisation_error", "integral_error"
@@ -68,27 +67,29 @@ def judged(solution: Solution, bound: float | None, exact: bool = False, scale: 
     """
     if exact:
         return solution.with_checks(**{NAME: Check(TOLERANCE, bound), COST: Check(TOLERANCE, bound)})
-    found = discretisation(solution.nlp, solution.x, scale)
-    solution = solution.with_checks(**{NAME: Check(found.error, bound), COST: Check(found.integral, bound)})
+    estimate = discretisation(solution.nlp, solution.x, scale)
+    solution = solution.with_checks(**{NAME: Check(estimate.error, bound), COST: Check(estimate.integral, bound)})
     if not solution.status.ok or (solution.checks[NAME].passed and solution.checks[COST].passed):
         return solution
-    return replace(solution, status=SolveStatus.CHECK_FAILED, message=f"{solution.message}, but {told(found, bound)}")
+    return replace(
+        solution, status=SolveStatus.CHECK_FAILED, message=f"{solution.message}, but {sentence(estimate, bound)}"
+    )
 
 
-def told(found: Discretisation, bound: float | None) -> str:
+def sentence(estimate: Discretisation, bound: float | None) -> str:
     """What a mesh that is too coarse says."""
     more = "take more elements, or gt.optimize.refine"
-    if not np.isfinite(found.error + found.integral):
+    if not np.isfinite(estimate.error + estimate.integral):
         return f"between its points the equations of the model give no number, so that nothing tells its error; {more}"
-    if bound is not None and found.error <= bound:
+    if bound is not None and estimate.error <= bound:
         return (
-            f"the mesh does not resolve the integral in the objective: it misses {found.missed.sum():.4g} of it, "
-            f"{found.integral:.2g} of the integral of its absolute value (bound {bound:g}); {more}"
+            f"the mesh does not resolve the integral in the objective: it misses {estimate.missed.sum():.4g} of it, "
+            f"{estimate.integral:.2g} of the integral of its absolute value (bound {bound:g}); {more}"
         )
-    than = "the nearest motion of the model" if found.shadow else "what the model makes of its input"
+    than = "the nearest motion of the model" if estimate.shadow else "what the model makes of its input"
     return (
-        f"the mesh does not resolve the model: '{found.state}' is {found.error:.2g} of its range off {than} at "
-        f"{found.time:.4g} s (bound {bound:g}); {more}"
+        f"the mesh does not resolve the model: '{estimate.state}' is {estimate.error:.2g} of its range off {than} at "
+        f"{estimate.time:.4g} s (bound {bound:g}); {more}"
     )
 
 
@@ -112,9 +113,9 @@ def discretisation(nlp: Nlp, x: np.ndarray, scale: float = 1.0) -> Discretisatio
         missed, part = _integrals(along, mesh, nlp.problem, scale)
         if not nlp.problem.state_names:
             return Discretisation(0.0, "", np.nan, 0.0 * mesh.h, missed, part)
-        found = _estimate(along, nlp.problem, mesh, t0, tf - t0)
-        found = found or Discretisation(np.inf, "", np.nan, none, missed, part)
-        return replace(found, missed=missed, integral=part)
+        estimate = _estimate(along, nlp.problem, mesh, t0, tf - t0)
+        estimate = estimate or Discretisation(np.inf, "", np.nan, none, missed, part)
+        return replace(estimate, missed=missed, integral=part)
 
 
 def _estimate(along: _Along, problem: DynamicProblem, mesh: Mesh, t0: float, duration: float) -> Discretisation | None:
@@ -172,14 +173,14 @@ def _integrals(along: _Along, mesh: Mesh, problem: DynamicProblem, scale: float)
 
 def ranges(problem: DynamicProblem, xs: np.ndarray) -> np.ndarray:
     """Highest minus lowest value of each state (nx,) in rows xs; entries of a vector share the largest of theirs."""
-    found = np.ptp(xs, axis=0)
+    ranges = np.ptp(xs, axis=0)
     entries: dict[tuple[int, int], list[int]] = {}
     group = {i: n for n, (_, indices) in enumerate(problem.flat.groups.values()) for i in indices}
     for n, (index, order) in enumerate(problem.state_pairs):
         entries.setdefault((group.get(index, -1 - index), order), []).append(n)
     for columns in entries.values():
-        found[columns] = found[columns].max()
-    return found
+        ranges[columns] = ranges[columns].max()
+    return ranges
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,7 +190,7 @@ class _Along:
     the Jacobian of the rates by the states (N, M, nx, nx). length: of the elements [s]. unseen: by element, what the
     finer rule passes over of functions of time in the states at its nodes (M, nx), and the whole integrals (q,)."""
 
-    fine: Table
+    fine: CollocationTable
     length: np.ndarray
     states: np.ndarray
     rates: np.ndarray
@@ -209,7 +210,7 @@ def _along(nlp: Nlp, x: np.ndarray, mesh: Mesh, t0: float, duration: float) -> _
     inputs = np.stack([layout.inputs(row, places) for row in y]).reshape(N * n, -1)
     given, P = inputs[:, : layout.nu + len(problem.delayed)], constants(nlp, x)
     times = t0 + (mesh.edges[:-1, None] + mesh.h[:, None] * places).ravel() * duration
-    system, rows = System.of(problem), xs.reshape(N * n, nx)
+    system, rows = RateSystem.of(problem), xs.reshape(N * n, nx)
     # unknowns from the nearest collocation point: their polynomials overshoot
     nearest = np.abs(places[:, None] - mesh.table.points).argmin(axis=1)
     begin = inputs.reshape(N, n, -1)[:, nearest].reshape(N * n, -1)
@@ -251,7 +252,7 @@ def _integrands(problem: DynamicProblem) -> ca.Function:
     return ca.Function("integrals", problem.arguments, [ca.vertcat(ca.SX(0, 1), *[e for _, e, _ in problem.integrals])])
 
 
-def _errors(fine: Table, missed: np.ndarray, jacobian: np.ndarray) -> _Grid | None:
+def _errors(fine: CollocationTable, missed: np.ndarray, jacobian: np.ndarray) -> _Grid | None:
     """One Newton step of the finer rule from what is missed (N, M, nx), with Jacobians (N, M, nx, nx) per element."""
     N, M, nx = missed.shape
     matrix = np.einsum("ji,xy->ixjy", fine.derivative[1:], np.eye(nx))[None].repeat(N, 0)
@@ -261,11 +262,11 @@ def _errors(fine: Table, missed: np.ndarray, jacobian: np.ndarray) -> _Grid | No
         [-missed[..., None], np.broadcast_to(-fine.derivative[0][:, None, None] * np.eye(nx), (N, M, nx, nx))], axis=-1
     )
     try:
-        found = np.linalg.solve(matrix.reshape(N, M * nx, M * nx), right.reshape(N, M * nx, nx + 1))
+        errors = np.linalg.solve(matrix.reshape(N, M * nx, M * nx), right.reshape(N, M * nx, nx + 1))
     except np.linalg.LinAlgError:
         return None
-    found = found.reshape(N, M, nx, nx + 1)
-    return _Grid(found[..., 0], found[..., 1:])
+    errors = errors.reshape(N, M, nx, nx + 1)
+    return _Grid(errors[..., 0], errors[..., 1:])
 
 
 def _from_start(grid: _Grid) -> np.ndarray:

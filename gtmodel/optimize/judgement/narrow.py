@@ -13,8 +13,8 @@ import casadi as ca
 import numpy as np
 
 from ...compiler.analysis.pace import edges_of
-from ..formulation.system import System
-from ..tables import Table
+from ..formulation.system import RateSystem
+from ..tables import CollocationTable
 
 # of an element: a straight stretch that is shorter lies between two points of the rule
 NARROW = 0.1
@@ -28,7 +28,7 @@ Along = Callable[[int, np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 
 def bends(
-    system: System, integrands: ca.Function, P: np.ndarray, edges: np.ndarray, t0: float, duration: float
+    system: RateSystem, integrands: ca.Function, P: np.ndarray, edges: np.ndarray, t0: float, duration: float
 ) -> dict[int, np.ndarray]:
     """Elements on which a function of time has stretches shorter than NARROW of them, with the places (0 to 1) where
     it bends. integrands: (x, rates, u, P, t) -> those of the objective; edges: (N + 1,) of the elements, 0 to 1."""
@@ -43,17 +43,17 @@ def bends(
     times = edges_of(ca.vertcat(*columns), time, t0, t0 + duration)
     if times.size > MOST:
         times = times[:MOST]
-    found: dict[int, np.ndarray] = {}
+    places: dict[int, np.ndarray] = {}
     for k, (left, right) in enumerate(pairwise(edges.tolist())):
         inner = ((times - t0) / duration - left) / (right - left)
         inner = inner[(inner > 0) & (inner < 1)]
         if inner.size and np.min(np.diff(np.concatenate([[0.0], inner, [1.0]]))) < NARROW:
-            found[k] = inner
-    return found
+            places[k] = inner
+    return places
 
 
 def passed_over(
-    places: np.ndarray, fine: Table, length: float, at_nodes: np.ndarray, element: int, along: Along
+    places: np.ndarray, fine: CollocationTable, length: float, at_nodes: np.ndarray, element: int, along: Along
 ) -> tuple[np.ndarray, np.ndarray]:
     """Errors (M, nx) of the states at the nodes of a rule on one element, and (q,) of the integrals, by what the rule
     does not see. at_nodes: (M, nx) rates there; places: where functions of time bend; length: of the element [s]."""
@@ -66,5 +66,5 @@ def passed_over(
         return np.einsum("ic,icx->ix", weights, values.reshape(*weights.shape, values.shape[-1]))
 
     reached = np.cumsum(sums(rates), axis=0)[np.searchsorted(cuts, fine.points) - 1]
-    told = np.linalg.solve(fine.derivative[1:].T, length * at_nodes)
-    return reached - told, sums(integrands).sum(axis=0)
+    seen = np.linalg.solve(fine.derivative[1:].T, length * at_nodes)
+    return reached - seen, sums(integrands).sum(axis=0)

@@ -12,10 +12,9 @@ from numpy.polynomial import legendre
 from ...lang.optimization import Delayed, Optimization
 from ...lang.source import ModelError
 from ..element import of_states
-from ..formulation.system import System
+from ..formulation.system import RateSystem, on_rows
 from ..mesh import Mesh, given_mesh
 from ..nlp import placed
-from ..rows import on_rows
 from ..solution import Solution, constants, states_and_controls
 from ..solve import NotSolved, solve
 from .discretisation import COST, NAME, discretisation
@@ -82,7 +81,7 @@ def element_errors(solution: Solution) -> np.ndarray:
     points, weights = (points + 1) / 2, weights / 2
     s = (mesh.edges[:-1, None] + mesh.h[:, None] * points).ravel()
     xs, xd, us, times = states_and_controls(nlp, solution.x, s)
-    system, P = System.of(problem), constants(nlp, solution.x)
+    system, P = RateSystem.of(problem), constants(nlp, solution.x)
     given = us[:, : nlp.element.layout.nu + len(problem.delayed)]
     z = np.zeros((len(s), system.count))
     if system.count:
@@ -192,9 +191,9 @@ def refine(
 
 def _unresolved(solution: Solution) -> np.ndarray:
     """What each element adds to the checks that failed, beside its share of what their bounds allow; else nothing."""
-    found = discretisation(solution.nlp, solution.x)
-    worse = np.zeros(len(found.elements))
-    for name, added in ((NAME, found.elements), (COST, np.abs(found.missed))):
+    estimate = discretisation(solution.nlp, solution.x)
+    worse = np.zeros(len(estimate.elements))
+    for name, added in ((NAME, estimate.elements), (COST, np.abs(estimate.missed))):
         check = solution.checks[name]
         if not check.passed and check.bound is not None and 0 < added.sum() < np.inf:
             worse = np.maximum(worse, added * len(added) / added.sum() * (check.value / check.bound))

@@ -14,10 +14,9 @@ from ...results.status import SolveStatus
 from ...results.trajectory import Trajectory
 from ..element import pointwise
 from ..formulation.dynamic import DynamicProblem
-from ..formulation.system import System
+from ..formulation.system import RateSystem, on_rows
 from ..mesh import Mesh
 from ..nlp import Nlp, placed
-from ..rows import on_rows
 from ..solution import Solution, constants, horizon, named, states_and_controls, totals
 from .overshoot import control_range
 
@@ -87,7 +86,7 @@ def resimulate(solution: Solution, tolerance: float = INTEGRATOR_TOLERANCE) -> R
     s[-1] = 1.0
     xs, us = np.vstack(states), np.vstack([_given(nlp, solution.x, k, fine) for k in range(mesh.elements)])
     times = t0 + s * (tf - t0)
-    system, zs = System.of(problem), np.vstack(unknowns)
+    system, zs = RateSystem.of(problem), np.vstack(unknowns)
     rates, us = system.at(xs, us, zs, P, times)
     rows = [slice(k * len(fine), (k + 1) * len(fine)) for k in range(mesh.elements)]
     paths = [scipy.interpolate.CubicHermiteSpline(times[r], xs[r], rates[r]) for r in rows]
@@ -163,7 +162,7 @@ def _integrate(
 def _first_unknowns(solution: Solution, x: np.ndarray, t0: float, P: np.ndarray) -> np.ndarray:
     """Start values for the unknowns without a closed form: those of the solution, corrected by Newton."""
     nlp, problem = solution.nlp, solution.problem
-    system = System.of(problem)
+    system = RateSystem.of(problem)
     if not system.count:
         return np.zeros(0)
     first = placed(nlp, solution.x).h[0] * nlp.mesh.table.points[0]
@@ -209,7 +208,7 @@ def make_integrator(nlp: Nlp, tolerance: float, outputs: Sequence[float] = (), s
     late = _combined(_polynomials("polynomial", mesh, s), D, nd)
     P = ca.SX.sym("P", problem.P.numel())
     t = left + s * length
-    system = System.of(problem)
+    system = RateSystem.of(problem)
     z = ca.SX.sym("z", system.count)
     given = ca.vertcat(u, late)
     rates, point_variables = system.values(problem.x, given, z, P, t)

@@ -8,6 +8,7 @@ import numpy as np
 
 from ...inference import Verdict
 from ...results.estimate import Estimate
+from ...results.refusal import ArgumentError
 from .frequency_modes import ADDED, SHARES, receptance
 from .frequency_response import FrequencyResponse
 
@@ -46,10 +47,16 @@ class ModalFit:
         """Distance from the first mode to the nearest other one [Hz]; None where there is one mode only."""
         return float(np.abs(self.fn[1:] - self.fn[0]).min()) if len(self.m) > 1 else None
 
-    def interval(self, name: str, mode: int = 0, level: float = 0.95) -> tuple[float, float]:
-        """Confidence interval of "m", "c", "k", "fn" [Hz] or "zeta", always positive. Raises ValueError."""
-        _, low, high = self.estimate.combination(self._weights(name, mode), level)
-        shift = ADDED.get(name, 0.0)
+    def interval(self, name: str, level: float = 0.95) -> tuple[float, float]:
+        """Confidence interval of "m[0]", "c[0]", "k[0]", "fn[0]" [Hz] or "zeta[0]" of the mode with this index, always
+        positive. Raises ValueError."""
+        stem, _, place = name.partition("[")
+        if not (place.endswith("]") and place[:-1].isdigit()):
+            raise ArgumentError(
+                f"there is no '{name}'; expected {', '.join(SHARES)} with an index, as in fn[0]", "name"
+            )
+        _, low, high = self.estimate.combination(self._weights(stem, int(place[:-1])), level)
+        shift = ADDED.get(stem, 0.0)
         return float(np.exp(low + shift)), float(np.exp(high + shift))
 
     def log_std(self, name: str, mode: int = 0) -> float:

@@ -68,7 +68,7 @@ class GaussianProcess:
         variance = np.maximum(variance, 0.0) + (self.noise**2 if of == "measurement" else 0.0)
         return self.mean + k.T @ self.weights, self.inflation * np.sqrt(variance)
 
-    def interval(self, poses: np.ndarray, level: float = 0.95, *, of: str = "field") -> np.ndarray:
+    def prediction_interval(self, poses: np.ndarray, level: float = 0.95, *, of: str = "field") -> np.ndarray:
         """Limits (n, 2) that hold the field, or a measurement of it, with probability `level` in 0 .. 1."""
         mean, std = self.predict(poses, of=of)
         q = quantile(level)

@@ -37,7 +37,7 @@ class OscillatorField:
         """The most likely "m", "c", "k", "fn" [Hz] or "zeta", (3,) at a pose (4,), (n, 3) at poses (n, 4)."""
         return np.exp(self._log(name, pose)[0])
 
-    def interval(self, name: str, pose: Any, level: float = 0.95, *, of: str = "field") -> np.ndarray:
+    def prediction_interval(self, name: str, pose: Any, level: float = 0.95, *, of: str = "field") -> np.ndarray:
         """Limits (3, 2) or (n, 3, 2) of the same, of the field or of a new measurement of it.
 
         Those of fn and zeta take the errors of m, c and k as independent, which is on the safe side where m and k

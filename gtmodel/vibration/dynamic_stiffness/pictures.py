@@ -51,7 +51,7 @@ def lowest(map: FrequencyMap, experiments: Sequence[Experiment], field: Oscillat
     grid = np.tile(at, (len(u) * len(v), 1))
     grid[:, over[0]], grid[:, over[1]] = (a.ravel() for a in np.meshgrid(u, v))
     fn = field.value("fn", grid)
-    limits = field.interval("fn", grid)
+    limits = field.prediction_interval("fn", grid)
     softest = fn.argmin(axis=1)
     rows = np.arange(len(grid))
     wide = np.log(limits[rows, softest, 1] / limits[rows, softest, 0]) / 2

@@ -28,7 +28,7 @@ def pose_table(experiments: Sequence[Experiment], fits: Sequence[ModalFit | None
         if f is None:
             writer.writerow([*start, 0, "", *[""] * len(heads), "no mode was found"])
             continue
-        numbers = [repr(float(x)) for n in NAMES for x in (getattr(f, n)[0], *f.interval(n))]
+        numbers = [repr(float(x)) for n in NAMES for x in (getattr(f, n)[0], *f.interval(f"{n}[0]"))]
         apart = "" if f.next_mode is None else repr(f.next_mode)
         writer.writerow([*start, len(f.m), apart, *numbers, "; ".join(f.notes)])
     return out.getvalue()

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from ...results import Quantity, Row, Study
+from ...results import ArgumentError, Quantity, Row, Study
 from .experiments import Experiment
 from .frequency_modal import ModalFit
 from .oscillator_field import OscillatorField
@@ -17,6 +17,7 @@ from .synthetic_experiments import NEW_POSES
 
 Array = np.ndarray
 Fits = Sequence[ModalFit | None]
+QUANTITIES = ("mass", "damping", "stiffness", "frequency", "damping_ratio")  # as NAMES of the fits
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -42,7 +43,6 @@ class DynamicStiffnessStudy(Study):
     next_mode: Annotated[
         Sequence[float | None], Quantity("Hz", "distance to the nearest other mode; null where there is one")
     ]
-    warnings: Annotated[Sequence[str], "of fits, in words"]
     scatter: Annotated[
         float,
         "standard deviation of a logarithm between experiments at one pose, from the repeatability",
@@ -91,15 +91,22 @@ class DynamicStiffnessStudy(Study):
     experiments: Sequence[Experiment] = ()
     fits: Fits = ()
 
+    def interval(self, name: str, level: float = 0.95) -> tuple[float, float]:
+        """Confidence interval of "mass[0]", "damping[0]", "stiffness[0]", "frequency[0]" or "damping_ratio[0]" of the
+        experiment with this index, by the noise of its own records. Raises ArgumentError."""
+        stem, _, place = name.partition("[")
+        own = dict(zip(QUANTITIES, NAMES, strict=True))
+        fit = dict(enumerate(self.fits)).get(int(place[:-1])) if place[:-1].isdigit() else None
+        if stem not in own or fit is None:
+            raise ArgumentError(f"there is no '{name}'; expected one of {', '.join(own)} with an index", "name")
+        return fit.interval(f"{own[stem]}[0]", level)
+
     @property
     def rows(self) -> list[Row]:
         """The table for people."""
         rows = _experiment_rows(self.experiments, self.fits)
         if self.field is not None:
             rows += self._field_rows()
-        rows += [Row("warning", text) for text in self.warnings[:5]]
-        if len(self.warnings) > 5:
-            rows.append(Row("warnings", f"{len(self.warnings) - 5} more in result.json"))
         if self.synthetic is not None:
             rows += [Row("printed oscillators", self.printed), Row("SYNTHETIC", self.synthetic)]
         return rows

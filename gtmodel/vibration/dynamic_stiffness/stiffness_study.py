@@ -22,7 +22,7 @@ from .options import FrequencyMap, ModalFitting, Process
 from .oscillator_field import OscillatorField, fit_oscillator_field
 from .oscillator_field_file import oscillator_text
 from .pose_table import NAMES, pose_table
-from .stiffness_result import DynamicStiffnessStudy, Fits
+from .stiffness_result import QUANTITIES, DynamicStiffnessStudy, Fits
 from .synthetic_experiments import CHANGE, SyntheticExperiments, inputs_of
 
 Array = np.ndarray
@@ -70,19 +70,19 @@ def dynamic_stiffness_study(
     if map.over[0] == map.over[1]:
         raise ArgumentError("expected two different coordinates", "map.over")
     fits: list[ModalFit | None] = []
-    warnings: list[str] = []
+    all_notes: list[str] = []
     for n, experiment in enumerate(given):
         if work.interrupted():
             return DynamicStiffnessStudy(
                 status=SolveStatus.INTERRUPTED,
                 message=f"stopped after {n} of {len(given)} experiments",
                 title=title,
-                **_by_experiment(given[:n], fits, warnings, repeatability),
+                **_by_experiment(given[:n], fits, all_notes, repeatability),
             )
         work.progress("fitting modes", 0.1 + 0.5 * n / len(given))
         modal, notes = _fitted(experiment, fit, None if made is None else made.relative_noise)
         fits.append(modal)
-        warnings += [f"{experiment.source}: {text}" for text in notes]
+        all_notes += [f"{experiment.source}: {text}" for text in notes]
     work.progress("fitting processes", 0.7)
     rows = _rows_of(given, fits)
     field, errors = _field(given, rows, process, None if made is None else made.note)
@@ -110,7 +110,7 @@ def dynamic_stiffness_study(
             "poses.csv": pose_table(given, fits, field.synthetic),
         },
         machine_files=("oscillators.toml", "oscillators.c"),
-        **_by_experiment(given, fits, warnings, repeatability),
+        **_by_experiment(given, fits, all_notes, repeatability),
         measured_repeatability=_repeatability(given, rows),
         noise_of_process=[g.noise for g in processes],
         lengths=[g.lengths for g in processes],
@@ -126,18 +126,17 @@ def dynamic_stiffness_study(
     )
 
 
-def _by_experiment(given: Sequence[Experiment], fits: Fits, warnings: Sequence[str], repeatability: float) -> Any:
+def _by_experiment(given: Sequence[Experiment], fits: Fits, notes: Sequence[str], repeatability: float) -> Any:
     """The quantities of single experiments."""
     values = np.array([[np.nan] * 5 if f is None else [getattr(f, n)[0] for n in NAMES] for f in fits])
-    names = ("mass", "damping", "stiffness", "frequency", "damping_ratio")
     return {
         "poses": np.array([e.pose for e in given]),
         "direction": ["xyz"[e.direction] for e in given],
-        **dict(zip(names, values.reshape(-1, 5).T, strict=True)),
+        **dict(zip(QUANTITIES, values.reshape(-1, 5).T, strict=True)),
         "relative_std": [None if f is None else [f.log_std(n) for n in NAMES] for f in fits],
         "modes": [0 if f is None else len(f.m) for f in fits],
         "next_mode": [None if f is None else f.next_mode for f in fits],
-        "warnings": list(warnings),
+        "notes": list(notes),
         "scatter": repeatability / CHANGE,
         "experiments": given,
         "fits": fits,
@@ -198,7 +197,7 @@ def _checks(
     checks = {"coverage_held_out": at_least(share, least, "the poses are too few for this field: measure more")}
     if made is not None:
         inside = [
-            fit.interval("k")[0] < made.then[2, n // 3, e.direction] < fit.interval("k")[1]
+            fit.interval("k[0]")[0] < made.then[2, n // 3, e.direction] < fit.interval("k[0]")[1]
             for n, (e, fit) in enumerate(zip(experiments, fits, strict=True))
             if fit is not None
         ]

@@ -1,4 +1,4 @@
-"""One calibration of a synthetic L1 whose carts wander or whose device drifts, by seed; worker processes import it."""
+"""One calibration of a synthetic L1 with guideway errors or a drifting device, by seed; worker processes import it."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 
 from gtmodel.calibrate import Calibration, Measurements, calibrate, prepare
-from gtmodel.calibrate.problem import Problem
+from gtmodel.calibrate.problem import CalibrationProblem
 from gtmodel.calibrate.smooth_errors import with_smooth_errors
 from gtmodel.calibrate.synthetic.guideway_errors import GuidewayError
 from gtmodel.inference.covariance import automatic_lag, fixed_b
@@ -26,8 +26,8 @@ OF_AN_ARM = 7  # unknowns
 def placed(number: int, grid: bool = False) -> tuple[np.ndarray, np.ndarray]:
     """Actuators and tool centre points at random, or in the order of a grid inside the random ones."""
     if not grid:
-        found = poses("three_link", 100)
-        return found["q"][:number], found["T"][:number]
+        known = poses("three_link", 100)
+        return known["q"][:number], known["T"][:number]
     T = poses("three_link", 100)["T"]
     middle, half = (T.max(axis=0) + T.min(axis=0)) / 2, 0.6 * (T.max(axis=0) - T.min(axis=0)) / 2
     lines = [np.linspace(m - h, m + h, n) for m, h, n in zip(middle, half, (7, 6, 6), strict=True)]
@@ -39,12 +39,12 @@ def placed(number: int, grid: bool = False) -> tuple[np.ndarray, np.ndarray]:
 
 
 @cache
-def ready(number: int, grid: bool = False) -> Problem:
+def ready(number: int, grid: bool = False) -> CalibrationProblem:
     q, T = placed(number, grid)
     return prepare(true_robot("three_link"), Measurements({"q": q, "T": T}))
 
 
-def wandered(number: int, k: int, rng: np.random.Generator, size: float = 1.0) -> Measurements:
+def off_straight(number: int, k: int, rng: np.random.Generator, size: float = 1.0) -> Measurements:
     """Carts where the tool centre point stands although their guideways bend; the device's noise."""
     robot = true_robot("three_link")
     A, v, L = (np.array(getattr(robot, name), float) for name in "AvL")
@@ -67,12 +67,12 @@ def fit(m: Measurements, grid: bool = False) -> Calibration:
     return calibrate(ready(len(m), grid).on(m))
 
 
-def with_wandering(rng: np.random.Generator, k: int, number: int, size: float = 1.0) -> tuple[Estimate, Estimate]:
+def with_guideway_errors(rng: np.random.Generator, k: int, number: int, size: float = 1.0) -> tuple[Estimate, Estimate]:
     """Estimates for white noise and with smooth errors."""
-    c = fit(wandered(number, k, rng, size))
-    found = with_smooth_errors(c)
-    assert c.estimate is not None and found is not None
-    return c.estimate, found[0]
+    c = fit(off_straight(number, k, rng, size))
+    smooth = with_smooth_errors(c)
+    assert c.estimate is not None and smooth is not None
+    return c.estimate, smooth[0]
 
 
 def with_drift(rng: np.random.Generator, k: int, number: int) -> tuple[Estimate, Estimate]:

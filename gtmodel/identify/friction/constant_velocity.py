@@ -8,11 +8,14 @@ from typing import NamedTuple
 import numpy as np
 
 from ...measurements import Session, ZeroPhase, motion
+from ...results import ArgumentError
 from ...results.trajectory import Trajectory
 from ...results.trajectory_errors import Array, TrajectoryError
 
-CUTOFF_HZ = 10.0  # of the low pass that separates steady from unsteady rows; means are taken of unfiltered ones
-STEADY = 0.2  # m/s2
+CUTOFF_HZ = (
+    10.0  # of the low pass that separates rows at constant velocity from others; means are taken of unfiltered ones
+)
+ACCELERATION = 0.2  # m/s2, the largest at constant velocity
 SHORTEST = 0.2  # s
 
 
@@ -30,22 +33,22 @@ class Runs(NamedTuple):
     position: Array
 
 
-def steady_runs(
+def constant_velocity_runs(
     session: Session,
     position: str = "q",
     force: str = "force",
     *,
     pose: int = 0,
     cutoff_Hz: float = CUTOFF_HZ,
-    steady: float = STEADY,
+    acceleration: float = ACCELERATION,
     slow: float = 0.0,
     shortest: float = SHORTEST,
 ) -> Runs:
     """The runs of a log: stretches in which no cart accelerates and all move.
 
     `position` [m] and `force` [N] are names of the signals, (n,) or (n, carts); `pose` is the index of the pose in
-    which the log was recorded. Rows count as steady while every acceleration behind a low pass of `cutoff_Hz` is
-    below `steady` [m/s2] and every velocity above `slow` [m/s] in size; a stretch lasts at least `shortest` [s] after
+    which the log was recorded. Rows count while every acceleration behind a low pass of `cutoff_Hz` is below
+    `acceleration` [m/s2] and every velocity above `slow` [m/s] in size; a stretch lasts at least `shortest` [s] after
     the filter's settling time is cut off its ends. The velocity of a run is that of a straight line through its
     positions, its force the mean, both of unfiltered rows.
 
@@ -54,7 +57,7 @@ def steady_runs(
     >>> log = gt.identify.constant_velocity_log(
     ...     [0.2, 0.4], lambda v: 150.0 * np.sign(v) + 190.0 * v, np.array([30.0]), seed=1, noise=5.0
     ... )
-    >>> runs = gt.identify.steady_runs(log)
+    >>> runs = gt.identify.constant_velocity_runs(log)
     >>> runs.velocity[:, 0].round(3), runs.force[:, 0].round(-1)
     (array([ 0.2, -0.2,  0.4, -0.4]), array([ 190., -190.,  230., -230.]))
     """
@@ -63,8 +66,8 @@ def steady_runs(
     cut = low_pass.end_rows(step)
     n = len(smooth)
     v, a = (smooth[name].reshape(n, -1) for name in (f"der({position})", f"der({position},2)"))
-    still = np.asarray((np.abs(a) < steady).all(axis=1) & (np.abs(v) > slow).all(axis=1))
-    # a change of sign is no steady motion, however slow it happens
+    still = np.asarray((np.abs(a) < acceleration).all(axis=1) & (np.abs(v) > slow).all(axis=1))
+    # a change of sign is no constant velocity, however slow it happens
     border = np.concatenate([[True], (np.sign(v[1:]) != np.sign(v[:-1])).any(axis=1) | (still[1:] != still[:-1])])
     starts = np.flatnonzero(border)
     settle = round(1 / (cutoff_Hz * step))
@@ -75,8 +78,8 @@ def steady_runs(
             stretches.append(rows)
     if not stretches:
         raise TrajectoryError(
-            f"'{session.name}' holds no steady motion of {shortest:g} s with accelerations below {steady:g} m/s2; "
-            "record runs at constant velocity, or raise the limit"
+            f"'{session.name}' holds no constant velocity of {shortest:g} s with accelerations below "
+            f"{acceleration:g} m/s2; record runs at constant velocity, or raise the limit"
         )
     raw = session.trajectory
     q, tau = (raw[name].reshape(len(raw), -1) for name in (position, force))
@@ -90,13 +93,15 @@ def steady_runs(
     )
 
 
-def joined(runs: Sequence[Runs]) -> Runs:
-    """Runs of several recordings as one, in their order.
+def concatenate(runs: Sequence[Runs]) -> Runs:
+    """Runs of several recordings as one, in their order. Raises ArgumentError for none.
 
     >>> one = gt.identify.Runs(np.array([[0.2]]), np.array([[190.0]]), np.array([0]), np.ones(1), np.zeros((1, 1)))
-    >>> gt.identify.joined([one, one._replace(pose=np.array([1]))]).pose
+    >>> gt.identify.concatenate([one, one._replace(pose=np.array([1]))]).pose
     array([0, 1])
     """
+    if not runs:
+        raise ArgumentError("there are no runs; expected those of one recording or more", "runs")
     return Runs(*(np.concatenate(parts) for parts in zip(*runs, strict=True)))
 
 
@@ -125,7 +130,8 @@ def constant_velocity_log(
         acceleration: of the ramps [m/s2].
         travel, longest: a run is so many metres long, but takes no longer than so many seconds.
 
-    The trajectory has q [m] and force [N] and carries seed and noise in its `synthetic`.
+    The trajectory has q [m] and force [N] and carries seed and noise in its `synthetic`. Raises ArgumentError for no
+    velocities, and for numbers that are not above zero.
 
     >>> log = gt.identify.constant_velocity_log(
     ...     [0.2, 0.4], lambda v: 150.0 * np.sign(v) + 190.0 * v, np.array([30.0]), seed=1, noise=5.0
@@ -133,6 +139,15 @@ def constant_velocity_log(
     >>> log.trajectory.synthetic, log.trajectory["force"].shape
     ('seed 1, white force noise 5 N, positions in steps of 1e-06 m', (1904, 1))
     """
+    above_zero = {"sample_time": sample_time, "acceleration": acceleration, "travel": travel, "longest": longest}
+    for name, value in above_zero.items():
+        if not (value > 0 and np.isfinite(value)):
+            raise ArgumentError(f"expected a number above 0; found {value:g}", name)
+    if not (len(velocities) and all(v > 0 and np.isfinite(v) for v in velocities)):
+        each = ", ".join(f"{v:g}" for v in velocities) or "none"
+        raise ArgumentError(f"expected one or more, above 0; found {each}", "velocities")
+    if not noise >= 0:
+        raise ArgumentError(f"expected 0 or more; found {noise:g}", "noise")
     pieces = []
     for speed in velocities:
         ramp = np.arange(0, speed, acceleration * sample_time)
