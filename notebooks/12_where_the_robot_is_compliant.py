@@ -144,7 +144,7 @@ plan = stands.tests(np.tile(loads, (6, 1)), sigma=[2e-5] * 3 + [1e-4] * 3, wrist
 truth = 1e6 * np.array([3.93, 3.46, 2.77, 1.57, 0.24, 0.17])
 tests = synthetic_tests(plan, 1 / truth, np.random.default_rng(9))
 fits = [complete_pose(tests), decoupled(tests)]
-intervals = [np.array([f.interval(j) for j in range(6)]) for f in fits]
+intervals = [np.array([f.interval(f"stiffness[{j}]") for j in range(6)]) for f in fits]
 stiffness_figure(
     [(f.method, f.stiffness, i) for f, i in zip(fits, intervals, strict=True)], truth,
     title="KR 500-3, SYNTHETIC load tests (seed 9)",
