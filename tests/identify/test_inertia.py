@@ -238,7 +238,7 @@ def test_a_motion_that_does_not_tell_names_what_moves_together():
     q = np.asarray(simulator(SHORT).truth["q"][0]) + 0.3 * np.sin(2 * np.pi * time)[:, None]  # all carts alike
     q = q * np.ones(3)
     log = gt.Trajectory(time, {"q": q, "tau": np.ones((3000, 3))}, {"q": "m", "tau": "N"})
-    with pytest.raises(gt.ModelError, match=r"the motion does not tell the parameters: .*m_"):
+    with pytest.raises(gt.ModelError, match=r"the motion does not determine the parameters: .*m_"):
         identify(rows_of(Session("alike", log, SAMPLE_TIME), regressor(), WIDE), nonnegative=False)
 
 
