@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import ast
 import re
+import tokenize
 from pathlib import Path
 
 import pytest
@@ -40,3 +42,30 @@ def test_a_retired_word_is_not_used(word: str) -> None:
         if pattern.search(MEANT.sub("", line))
     ]
     assert not found, f"say {RETIRED[word]}: {found[:5]}"
+
+
+SPOKEN = {"found", "told", "untold", "heard"}
+"""What a name is to say is what it holds, not that somebody found it."""
+OF_EACH_KIND = {"Schema"}
+SOURCES = sorted((CLONE / "gtmodel").rglob("*.py"))
+
+
+def test_names_say_what_they_hold() -> None:
+    spoken = []
+    for path in SOURCES:
+        with path.open("rb") as file:
+            spoken += [
+                f"{path.relative_to(CLONE)}:{token.start[0]}: {token.string}"
+                for token in tokenize.tokenize(file.readline)
+                if token.type == tokenize.NAME and SPOKEN & set(token.string.lower().split("_"))
+            ]
+    assert not spoken, spoken[:5]
+
+
+def test_no_two_classes_have_one_name() -> None:
+    places: dict[str, list[str]] = {}
+    for path in SOURCES:
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ClassDef) and not node.name.startswith("_") and node.name not in OF_EACH_KIND:
+                places.setdefault(node.name, []).append(f"{path.relative_to(CLONE)}:{node.lineno}")
+    assert not {name: at for name, at in places.items() if len(at) > 1}
