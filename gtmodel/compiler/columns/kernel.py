@@ -1,7 +1,7 @@
 """A function on columns of rows by NumPy, block by block, with the numbers of CasADi's virtual machine to the last bit.
 
-Only what IEEE 754 defines goes to NumPy: its tanh, exp, log, pow and arctan2 are not those of libm, and whether its sine
-is depends on the processor. Such steps are calls of an elementwise ca.Function, which asks libm itself.
+Only what IEEE 754 defines goes to NumPy: its tanh, exp, log, pow and arctan2 are not those of libm, and whether its
+sine is depends on the processor. Such steps are calls of an elementwise ca.Function, which asks libm itself.
 """
 
 from __future__ import annotations
@@ -68,14 +68,14 @@ def _if_else_zero(condition: np.ndarray, value: np.ndarray, target: np.ndarray) 
     np.copyto(target, value, where=condition != 0.0)
 
 
-def _called(op: int, given: Sequence[np.ndarray], target: np.ndarray) -> Callable[[], Any]:
+def _called(op: int, given: Sequence[Any], target: Any) -> Callable[[], Any]:
     """An operation of libm on columns, by CasADi's virtual machine on their memory."""
-    f = _elementwise(op, len(given), len(target)).buffer()
-    buffer: Any = f[0]
+    buffer: Any
+    buffer, run = _elementwise(op, len(given), len(target)).buffer()
     for k, column in enumerate(given):
         buffer.set_arg(k, memoryview(column))
     buffer.set_res(0, memoryview(target))
-    return partial(_run, f[1], buffer, given)
+    return partial(_run, run, buffer, given)
 
 
 def _run(run: Callable[[], Any], *_kept: Any) -> None:
