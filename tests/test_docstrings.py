@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import ast
 import doctest
 import inspect
+import re
+import textwrap
 from operator import attrgetter
 from pathlib import Path
 from typing import Any
@@ -26,13 +29,12 @@ LACKING = Path(__file__).parent / "suites" / "without_example.txt"
 def public(library: str) -> dict[str, Any]:
     """Functions and classes of gtmodel that a library, or gt itself where the name is "", offers by name."""
     holder = attrgetter(library)(gt) if library else gt
-    above = vars(attrgetter(library.rpartition(".")[0])(gt)) if "." in library else {}  # what it offers too is its own
-    names = getattr(holder, "__all__", None) or [n for n in vars(holder) if not n.startswith("_")]
-    found = {name: getattr(holder, name) for name in names}
+    above = attrgetter(library.rpartition(".")[0])(gt) if "." in library else None  # what it offers too is its own
+    found = {name: getattr(holder, name) for name in getattr(holder, "__all__", vars(holder)) if name[0] != "_"}
     return {
         name: item
         for name, item in found.items()
-        if above.get(name) is not item
+        if getattr(above, name, None) is not item
         and (inspect.isclass(item) or callable(item))
         and getattr(item, "__module__", "").startswith("gtmodel")
     }
@@ -50,6 +52,35 @@ def called_directly(item: Any) -> bool:
 def test_every_public_object_has_a_docstring(library: str) -> None:
     bare = [name for name, item in public(library).items() if not (inspect.getdoc(item) or "").strip()]
     assert not bare
+
+
+SHAPE = re.compile(r"\((\.\.\.|\w+|-?\d+)( \w+)?,|scalar|rows")
+ARRAYS = re.compile(r"ndarray|ArrayLike|\bArray\b")
+
+
+def functions(library: str) -> dict[str, Any]:
+    return {name: item for name, item in public(library).items() if inspect.isfunction(item)}
+
+
+@pytest.mark.parametrize("library", ["", *LIBRARIES])
+def test_a_function_says_what_it_raises(library: str) -> None:
+    silent = []
+    for name, item in functions(library).items():
+        body = ast.parse(textwrap.dedent(inspect.getsource(inspect.unwrap(item))))
+        raises = any(isinstance(node, ast.Raise) and node.exc is not None for node in ast.walk(body))
+        if raises and "aises" not in (inspect.getdoc(item) or ""):
+            silent.append(name)
+    assert not silent
+
+
+@pytest.mark.parametrize("library", ["", *LIBRARIES])
+def test_a_function_of_arrays_says_their_shapes(library: str) -> None:
+    silent = [
+        name
+        for name, item in functions(library).items()
+        if ARRAYS.search(str(inspect.signature(inspect.unwrap(item)))) and not SHAPE.search(inspect.getdoc(item) or "")
+    ]
+    assert not silent
 
 
 @pytest.mark.parametrize("library", ["", *LIBRARIES])

@@ -14,7 +14,8 @@ from ..results.door import study_function
 from ..results.made_files import MadeFiles
 from ..results.options import Within
 from ..results.work import Progress, never, silent
-from .measured.cart_points import CartPoints, on_cart_points
+from .measured.cart_points import on_cart_points
+from .measured.options import CartPoints
 from .measured.poses import MeasuredPoses, split
 from .measured.witness import a_priori, exchanged_after, recognise_sessions, witness_of
 from .measurements import Measurements

@@ -9,7 +9,7 @@ from ..inference import Prior
 from ..lang import Model, ModelError
 from ..results import ArgumentError
 from ..robots.links import family_of
-from .measured.cart_points import CartPoints
+from .measured.options import CartPoints
 from .measured.poses import SplitPoses
 from .options import Fit, Known
 from .problem import CalibrationProblem, prepare

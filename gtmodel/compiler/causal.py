@@ -25,7 +25,7 @@ from .flat import FlatModel
 from .flat_cache import flat_of
 from .newton import NewtonKernel
 from .plan import CausalPlan, make_plan
-from .rows import PIVOT_TOLERANCE, map_columns, status_codes
+from .rows import PIVOT_TOLERANCE, judged_columns, map_columns, status_codes
 
 Pair = tuple[int, int]
 Group = tuple[str, tuple[int, ...], list[int]]
@@ -180,11 +180,9 @@ class CausalFunction:
         there than at the home pose, the status is WRONG_BRANCH: such a solution takes `branches`.
         """
         columns, rows = self._columns(arguments)
-        results, status = self._evaluate(columns, self._guesses(guess, columns) if guess else None)
+        guesses = self._guesses(guess, columns) if guess else None
+        results, status = self._evaluate(columns, guesses, blank=True)
         values = [r.T for r in results[:-1]]
-        bad = np.flatnonzero(status != Status.OK)
-        for v in values:
-            v[bad] = np.nan
         shaped = [v.reshape(v.shape[0], *s.shape) for v, s in zip(values, self.outputs, strict=True)]
         if rows is None:
             return (*(v[0] if s.shape else float(v[0]) for v, s in zip(shaped, self.outputs, strict=True)),
@@ -261,9 +259,10 @@ class CausalFunction:
         n = columns[0].shape[1] if columns else 1
         code = np.zeros(n, dtype=int)
         zs: list[np.ndarray] = []
+        if not self._built.kernels:
+            return zs, code
         given = np.vstack(columns) if columns else np.zeros((0, n))
-        if self._built.kernels:  # nothing is looked for where the inputs are too large
-            given = np.where(self.sizes.within(columns), given, np.nan)
+        given = np.where(self.sizes.within(columns), given, np.nan)  # nothing is looked for where they are too large
         for k, kernel in enumerate(self._built.kernels):
             z, converged, singular = kernel.solve(given, None if guesses is None else guesses[k])
             code = np.where((code == 0) & ~converged, Status.NOT_CONVERGED, code)
@@ -273,12 +272,13 @@ class CausalFunction:
         return zs, code
 
     def _evaluate(
-        self, columns: list[np.ndarray], guesses: Sequence[np.ndarray | None] | None = None
+        self, columns: list[np.ndarray], guesses: Sequence[np.ndarray | None] | None = None, blank: bool = False
     ) -> tuple[list[np.ndarray], np.ndarray]:
-        """Targets and margins as columns, and the status of each column."""
+        """Targets and margins as columns, and the status of each column; blank: NaN for targets without an answer."""
         zs, iteration = self._unknowns(columns, guesses)
-        results = map_columns(self._built.closed, [*columns, *zs])
-        return results, self.status(columns, results, iteration)
+        return judged_columns(
+            self._built.closed, columns, self.margins, self.sizes, zs, iteration if zs else None, blank
+        )
 
     def status(
         self, columns: list[np.ndarray], results: list[np.ndarray], iteration: np.ndarray | None = None
@@ -352,7 +352,7 @@ class CausalFunction:
         for a, shape in arrays:
             size = int(np.prod(shape, dtype=int))
             flat = a.reshape(-1, size) if a.ndim > len(shape) else np.broadcast_to(a.reshape(1, size), (n, size))
-            columns.append(np.ascontiguousarray(flat.T))
+            columns.append(flat.T)
         return columns, rows
 
     def explain(self) -> str:

@@ -12,6 +12,7 @@ import numpy as np
 from ..lang.source import ModelError
 from ..results.status import Status
 from .blocks import VERDICTS
+from .columns.kept import kernel_of
 
 if TYPE_CHECKING:
     from .analysis.sizes import Sizes
@@ -31,18 +32,22 @@ def map_columns(
 ) -> list[np.ndarray]:
     """A function on columns side by side: inputs (size, n), results (r, n * c) for outputs of shape (r, c).
 
-    `made`: f mapped to numbers of columns, kept by the caller between calls.
+    `made`: f mapped to numbers of columns, kept by the caller between calls. Many rows go to a `ColumnKernel`; the
+    numbers are the same to the last bit.
     """
     n = columns[0].shape[1] if columns else 1
     if n == 0:
         return [np.zeros((f.size1_out(k), 0)) for k in range(f.n_out())]
+    kernel = kernel_of(f, n)
+    if kernel is not None:
+        return _side_by_side(f, kernel.run(columns)[0])
     dense = all(f.sparsity_out(k).is_dense() for k in range(f.n_out()))
     dense = dense and all(f.sparsity_in(k).is_dense() for k in range(f.n_in()))
     if n == 1 or not dense:
         g = f if n == 1 else f.map(n)
         return [np.array(r.full()) for r in g.call([ca.DM(c) for c in columns])]
     inputs = [np.ascontiguousarray(c.T) for c in columns]
-    results = [np.empty((n, f.size2_out(k), f.size1_out(k))) for k in range(f.n_out())]
+    results = [np.empty((n, f.numel_out(k))) for k in range(f.n_out())]
     size, g = 0, f
     edges = [*range(0, n, BLOCK), n]
     if made is not None and n > GROUP and n % GROUP:
@@ -63,7 +68,41 @@ def map_columns(
             else:
                 set_res(k - len(inputs), memoryview(view))
         run()
-    return [r.reshape(r.shape[0] * r.shape[1], r.shape[2]).T for r in results]
+    return _side_by_side(f, results)
+
+
+def _side_by_side(f: ca.Function, results: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """Entries of the outputs (n, r c), column below column, as (r, n c)."""
+    shapes = [f.size_out(k) for k in range(f.n_out())]
+    return [r.reshape(len(r) * c, rows).T for r, (rows, c) in zip(results, shapes, strict=True)]
+
+
+def judged_columns(
+    f: ca.Function,
+    columns: Sequence[np.ndarray],
+    margins: Sequence[Any],
+    sizes: Sizes,
+    unknowns: Sequence[np.ndarray] = (),
+    iteration: np.ndarray | None = None,
+    blank: bool = False,
+) -> tuple[list[np.ndarray], np.ndarray]:
+    """Results of map_columns on (columns, unknowns), outputs of one column, and their `status_codes`.
+
+    blank: results of rows that have a code are NaN, but for the margins.
+    """
+    kernel = kernel_of(f, columns[0].shape[1]) if columns else None
+    if kernel is None:
+        results = map_columns(f, [*columns, *unknowns])
+        codes = status_codes(margins, columns, results, iteration, sizes=sizes)
+        if blank:
+            bad = np.flatnonzero(codes != Status.OK)
+            for r in results[:-1]:
+                r.T[bad] = np.nan
+        return results, codes
+    judge = BlockJudge(margins, sizes, len(columns), iteration)
+    results, codes = kernel.run([*columns, *unknowns], judge, blank)
+    assert codes is not None
+    return _side_by_side(f, results), codes
 
 
 def _grouped(f: ca.Function, size: int) -> ca.Function:
@@ -102,6 +141,48 @@ def status_codes(
     return np.where(inputs, code, Status.NOT_FINITE)
 
 
+# a sum of squares over a block that is below this part of what each row may have
+_SURELY = 0.999
+
+
+class BlockJudge:
+    """`status_codes` of one block of rows after the other; where plainly all rows are good, by fewer passes."""
+
+    def __init__(
+        self, margins: Sequence[Any], sizes: Sizes, arguments: int, iteration: np.ndarray | None = None
+    ) -> None:
+        """`arguments`: how many of the inputs are judged by their size; the others are unknowns of Newton blocks."""
+        self._margins, self._sizes, self._arguments, self._iteration = margins, sizes, arguments, iteration
+        self._is_pivot = np.array([m.kind == "pivot" for m in margins], dtype=bool)
+        apart = [m.kind in ("pivot", "branch") for m in margins]
+        # an ordinary margin may be zero: it lies above the largest number below zero
+        self._above = np.array(
+            [PIVOT_TOLERANCE * m.scale if a else -np.nextafter(0.0, 1.0) for m, a in zip(margins, apart, strict=True)]
+        )
+
+    def __call__(self, rows: slice, inputs: Sequence[np.ndarray], outputs: Sequence[np.ndarray]) -> np.ndarray | None:
+        columns = inputs[: self._arguments]
+        iteration = None if self._iteration is None else self._iteration[rows]
+        if (iteration is None or not iteration.any()) and self._all_good(columns, outputs):
+            return None
+        return status_codes(self._margins, columns, outputs, iteration, sizes=self._sizes)
+
+    def _all_good(self, columns: Sequence[np.ndarray], outputs: Sequence[np.ndarray]) -> bool:
+        *values, margins = outputs
+        if not all(np.isfinite(v).all() for v in values):
+            return False
+        if len(margins):
+            below = ~(np.minimum.reduce(margins, axis=1) > self._above)  # NaN among them
+            if not np.all(self._is_pivot[below]):
+                return False
+            if not np.all(np.maximum.reduce(margins[below], axis=1) < -self._above[below]):
+                return False
+        total = 0.0
+        for weight, places in self._sizes.groups:
+            total += weight * sum(float(row @ row) for place in places for row in columns[place])
+        return total <= _SURELY * self._sizes.most
+
+
 class PlainMargin(NamedTuple):
     """What the status of a row needs of a margin; its symbols stay with the model."""
 
@@ -131,12 +212,8 @@ class RowFunction:
         """Arrays (n, ...) of the targets and int codes (n,) of `Status`; rows without a solution are NaN."""
         arrays = [np.asarray(a, dtype=float) for a in arguments]
         columns = [a.reshape(a.shape[0], -1).T for a in arrays]
-        results = map_columns(self._function, columns)
-        status = status_codes(self._margins, columns, results, None, sizes=self._sizes)
+        results, status = judged_columns(self._function, columns, self._margins, self._sizes, blank=True)
         values = [r.T for r in results[:-1]]
-        bad = np.flatnonzero(status != Status.OK)
-        for v in values:
-            v[bad] = np.nan
         return (*(v.reshape(len(status), *s) for v, s in zip(values, self._shapes, strict=True)), status)
 
     def __getstate__(self) -> dict[str, Any]:

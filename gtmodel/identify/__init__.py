@@ -85,11 +85,16 @@ if TYPE_CHECKING:
         bias_of as bias_of,
         identify as identify,
     )
-    from .options import ClosedLoop as ClosedLoop, Fitting as Fitting, SyntheticLog as SyntheticLog
+    from .options import (
+        ClosedLoop as ClosedLoop,
+        Fitting as Fitting,
+        Processing as Processing,
+        SyntheticLog as SyntheticLog,
+    )
     from .reference_motion import multisine as multisine, read_motion as read_motion
     from .regressor import Regressor as Regressor, RegressorRows as RegressorRows
     from .repeated import Repeated as Repeated, repeat_identification as repeat_identification
-    from .rows import Processing as Processing, Rows as Rows, rows_of as rows_of, with_offsets as with_offsets
+    from .rows import Rows as Rows, rows_of as rows_of, with_offsets as with_offsets
     from .simulated_log import LogSimulator as LogSimulator, Sensors as Sensors
     from .tracking import Tracking as Tracking
     from .work import MechanicalWork as MechanicalWork, work_of as work_of

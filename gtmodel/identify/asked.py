@@ -8,10 +8,9 @@ from dataclasses import dataclass
 from ..compiler.causal import flat_of
 from ..lang import Model, ModelError
 from ..results import ArgumentError, Work, naming
-from .options import Fitting
+from .options import Fitting, Processing
 from .parameter_names import ParameterError, among, scalar_parameters
 from .regressor import Regressor
-from .rows import Processing
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,9 +10,10 @@ import numpy as np
 from gtmodel.lang import ModelError
 from gtmodel.measurements import ESTIMATE, Corrections, Session, cutoff_for
 
+from .options import Processing
 from .parameter_names import among
 from .regressor import Regressor
-from .rows import Processing, rows_of, with_offsets
+from .rows import rows_of, with_offsets
 
 
 def corrected(

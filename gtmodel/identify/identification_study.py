@@ -17,11 +17,11 @@ from .assembled_study import assembled_study
 from .closed_loop import ClosedLoopRun, follow
 from .identified import IdentificationStudy
 from .inertia import Identification, Validation, identify
-from .options import ClosedLoop, Fitting, SyntheticLog
+from .options import ClosedLoop, Fitting, Processing, SyntheticLog
 from .parameter_names import among
 from .recordings import Log, Recordings, measured, sessions_of, synthetic_recordings
 from .repeated import Repeated, repeat_identification
-from .rows import Processing, Rows, rows_of, with_offsets
+from .rows import Rows, rows_of, with_offsets
 
 Array = np.ndarray
 

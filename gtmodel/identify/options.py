@@ -9,6 +9,33 @@ from typing import Annotated, Literal
 from ..lang import Model
 from ..results.options import Options, Unit, Within
 
+MASK_STEPS = 3.0  # quantisation steps per sample: below, the sign of a velocity is not known
+
+
+@dataclass(frozen=True)
+class Processing(Options):
+    """How logs become rows: the zero-phase low pass on position, efforts and regressor, and which rows are used.
+
+    >>> gt.identify.Processing(cutoff=0.0)
+    Traceback (most recent call last):
+    gtmodel.results.refusal.ArgumentError: cutoff: must be more than 0; found 0
+    """
+
+    cutoff: Annotated[
+        float | None, Unit("Hz"), Within(above=0.0), "2.5 times the excitation band if left out"
+    ] = None  # fmt: skip
+    order: Annotated[int, Within(least=1), "of the Butterworth filter"] = 4
+    every: Annotated[
+        int | None, Within(least=1), "every how many-th row is used; as many as are independent if left out"
+    ] = None
+    position_step: Annotated[
+        float | None, Within(least=0.0),
+        "quantisation of the position, in SI; the smallest step in the log if left out",
+    ] = None  # fmt: skip
+    mask_steps: Annotated[
+        float, Within(least=0.0), "rows slower than so many position steps a sample are left out"
+    ] = MASK_STEPS  # fmt: skip
+
 
 @dataclass(frozen=True)
 class Fitting(Options):

@@ -13,6 +13,7 @@ from .options import SyntheticLog
 
 Array = np.ndarray
 
+APART = 0.15  # between the frequencies of neighbouring axes, as a share of them
 CLOSED = 1e-9  # of the motion's size: how far a motion that repeats may end from where it begins
 
 
@@ -47,8 +48,9 @@ def multisine(
         raise ArgumentError(f"a motion of {length:g} s cannot grow and fade over {ramp:g} s each; take a shorter ramp")
     rng = np.random.default_rng(seed)
     phases = rng.uniform(0, 2 * np.pi, (len(f), len(centre)))
-    # slightly other frequencies on each axis, so that no two axes repeat each other's pattern
-    own = f[:, None] * (1 + 0.15 * (np.arange(len(centre)) - (len(centre) - 1) / 2))
+    # slightly other frequencies on each axis, so that no two axes repeat each other's pattern; none below a half
+    apart = min(APART, 1 / max(1, len(centre) - 1))
+    own = f[:, None] * (1 + apart * (np.arange(len(centre)) - (len(centre) - 1) / 2))
     sines = np.sum(np.sin(2 * np.pi * own * time[:, None, None] + phases) / own, axis=1)
     fade = _rise((time - time[0]) / ramp) * _rise((time[-1] - time) / ramp)
     shape = fade[:, None] * sines

@@ -13,8 +13,9 @@ from gtmodel.measurements import Session
 from gtmodel.results.estimate import Estimate
 
 from .inertia import Confidence, identify
+from .options import Processing
 from .regressor import Regressor
-from .rows import Processing, rows_of
+from .rows import rows_of
 from .simulated_log import LogSimulator, Sensors
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 import scipy
@@ -23,8 +23,8 @@ from gtmodel.measurements import (
 )
 from gtmodel.measurements.filters import WIDEST
 from gtmodel.results import Status, TrajectoryError
-from gtmodel.results.options import Options, Unit, Within
 
+from .options import Processing
 from .regressor import Regressor
 
 Array = np.ndarray
@@ -36,36 +36,10 @@ INDEPENDENT = 0.57
 WIDER = 4.0
 NOISE_STEPS = 4 / 3  # three such steps are four standard deviations of the velocity
 DISTINCT = 0.5  # of a stretch of efforts that is taken for a copy: a coarse reading repeats itself
-MASK_STEPS = 3.0  # quantisation steps per sample: below, the sign of a velocity is not known
 # three-point differences of a 2.5 Hz motion at 4 ms are 7e-4 off, as much as the noise of the masses; these 5e-7
 FIRST = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12
 SECOND = np.array([-1.0, 16.0, -30.0, 16.0, -1.0]) / 12
 HALF = 2
-
-
-@dataclass(frozen=True)
-class Processing(Options):
-    """How logs become rows: the zero-phase low pass on position, efforts and regressor, and which rows are used.
-
-    >>> gt.identify.Processing(cutoff=0.0)
-    Traceback (most recent call last):
-    gtmodel.results.refusal.ArgumentError: cutoff: must be more than 0; found 0
-    """
-
-    cutoff: Annotated[
-        float | None, Unit("Hz"), Within(above=0.0), "2.5 times the excitation band if left out"
-    ] = None  # fmt: skip
-    order: Annotated[int, Within(least=1), "of the Butterworth filter"] = 4
-    every: Annotated[
-        int | None, Within(least=1), "every how many-th row is used; as many as are independent if left out"
-    ] = None
-    position_step: Annotated[
-        float | None, Within(least=0.0),
-        "quantisation of the position, in SI; the smallest step in the log if left out",
-    ] = None  # fmt: skip
-    mask_steps: Annotated[
-        float, Within(least=0.0), "rows slower than so many position steps a sample are left out"
-    ] = MASK_STEPS  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)

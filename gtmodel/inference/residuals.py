@@ -212,6 +212,8 @@ def contiguous(n: int, folds: int) -> list[np.ndarray]:
 def alternate(n: int, folds: int = 2) -> list[np.ndarray]:
     """Indices 0..n-1 dealt out in turn to `folds` parts: alternate grid points, Dressler 2012, section 5.5.
 
+    Returns that many arrays (m,), m = n / folds; the first ones are longer by one where that is no whole number.
+
     >>> gt.inference.alternate(5)
     [array([0, 2, 4]), array([1, 3])]
     """

@@ -57,6 +57,7 @@ def inverse(d: Any, v: Any) -> InverseMeasure:
 
 def forward(d: Any) -> ForwardMeasure:
     """Distance of three links d (3, 3) [m] or (rows, 3, 3) from lying in one plane, where they lose a direction.
+    Raises ValueError for another number of links.
 
     Three links that almost lie in a plane, the third 10 mm out of it:
 

@@ -127,7 +127,7 @@ def peak_force(cutter: Cutter, cut: Cut, samples: int = 3600) -> np.ndarray:
 def to_world(F: ArrayLike, feed: ArrayLike, up: ArrayLike = (0.0, 0.0, 1.0)) -> np.ndarray:
     """Forces (..., 3), given along feed, transverse and axial direction, in world coordinates.
 
-    feed (3): direction of the cutter over the workpiece; up (3): along the tool axis, from tip to spindle. The
+    feed (3,): direction of the cutter over the workpiece; up (3,): along the tool axis, from tip to spindle. The
     transverse axis is up x feed. Raises ValueError where feed has a part along the tool axis or no length.
 
     >>> gt.milling.to_world([10.0, 1.0, 0.0], feed=[0.0, 1.0, 0.0])  # transverse: up x feed = -x

@@ -150,7 +150,6 @@ class Kind(Protocol):
     """What the module kind.py of a kind offers; see `registry`."""
 
     NAME: str
-    RESULT: type[Study]
     Schema: type[Problem]
 
     def call(self, problem: Any, context: Context) -> Call: ...

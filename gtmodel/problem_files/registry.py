@@ -1,29 +1,36 @@
 """Problem kinds: the only place where robots and engines meet. A package per kind, with
 keys.py (keys of the file -> options of the study) and kind.py (keys -> call of the study).
 
+keys.py holds
+
+    Schema    a `Problem` subclass: every key of the file, described, its unit in its name
+    RESULT    the class of its study by name, whose quantities ``values`` will hold
+
 kind.py holds
 
     NAME      its name in a problem file, ``kind = "..."``
-    Schema    a `Problem` subclass: every key of the file, described, its unit in its name
-    RESULT    the class of its study, whose quantities ``values`` will hold
+    Schema    that of keys.py
     ARGUMENTS where the study's arguments stand in the file, if not under their own names: "map" -> "section";
               a function `arguments` (problem) where that depends on the problem
     call      (problem, context) -> Call
     explain   optional: (problem, context) -> str
 
-`names` lists the kinds with one line each, `get` imports one; nothing else is imported before it is needed.
+`names` lists the kinds with one line each, `get` imports one, `schema_of` and `result_of` what it takes and gives
+without what it computes with; nothing else is imported before it is needed.
 """
 
 from __future__ import annotations
 
 import difflib
 from importlib import import_module
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from .input_error import InputError
 
 if TYPE_CHECKING:
-    from .base import Kind
+    from gtmodel.results import Study
+
+    from .base import Kind, Problem
 
 _KINDS = {
     "trajectory": "time- or energy-optimal motion of a robot between two poses",
@@ -56,9 +63,24 @@ def names() -> dict[str, str]:
 
 def get(name: str) -> Kind:
     """The kind of that name. Raises InputError with close matches."""
+    # a module that is a Kind
+    return _module(name, "kind")  # type: ignore[return-value]
+
+
+def schema_of(name: str) -> type[Problem]:
+    """What its files hold. Raises InputError with close matches."""
+    return _module(name, "keys").Schema
+
+
+def result_of(name: str) -> type[Study]:
+    """The class of what it answers. Raises InputError with close matches."""
+    library, _, study = _module(name, "keys").RESULT.rpartition(".")
+    return getattr(import_module(library), study)
+
+
+def _module(name: str, file: str) -> Any:
     if name not in _KINDS:
         close = difflib.get_close_matches(name, _KINDS, n=1)
         hint = f"did you mean '{close[0]}'?" if close else f"there are {', '.join(_KINDS)}"
         raise InputError(f"there is no kind '{name}'; {hint}")
-    # a module that is a Kind
-    return import_module(f"gtmodel.kinds.{name}.kind")  # type: ignore[return-value]
+    return import_module(f"gtmodel.kinds.{name}.{file}")

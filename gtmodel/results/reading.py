@@ -67,6 +67,7 @@ def read(folder: str | Path) -> Stored:
             iterations=data["iterations"],
             checks={name: _check(c) for name, c in data["checks"].items()},
             trajectory=trajectory,
+            notes=data["values"].get("notes", ()),
             stored=data["values"],
         )
     except OSError as error:

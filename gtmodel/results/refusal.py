@@ -31,7 +31,7 @@ class ArgumentError(ValueError):
 def naming(argument: str, *kinds: type[Exception]) -> Iterator[None]:
     """A block in which errors of these kinds are refused as this argument, in the same sentence.
 
-    kinds: exception classes; all others pass.
+    kinds: exception classes; all others pass. Raises ArgumentError in place of them.
 
     >>> with gt.results.naming("guess", KeyError, ValueError):
     ...     float("fast")

@@ -117,8 +117,10 @@ class Study:
         """Write result.json, the files and with `plot` the pictures into a folder of its own; returns the paths.
 
         What goes to a machine is written only of a result that may be used, or marked with `write_failed`. Raises
-        ArgumentError for a folder with files that gtmodel did not write.
+        ArgumentError for a folder with files that gtmodel did not write, and for what names no folder.
         """
+        if not isinstance(folder, (str, Path)):
+            raise ArgumentError(f"expected the name of a folder; found {type(folder).__name__}", "folder")
         return write(self, Path(folder), plot=plot, write_failed=write_failed)
 
     def __str__(self) -> str:

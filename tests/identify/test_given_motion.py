@@ -60,3 +60,12 @@ def test_a_motion_is_read_from_a_file(motion: np.ndarray, tmp_path: Path):
         with pytest.raises(ArgumentError) as caught:
             read_motion(tmp_path / "trajectory.csv", LINKS.robot, SyntheticLog(**options))
         assert caught.value.argument == argument
+
+
+def test_many_axes_move_each_at_its_own_frequency() -> None:
+    time = np.arange(0.0, 8.0, 0.01)
+    q = multisine(time, np.zeros(20), np.ones(20), np.array([0.5, 1.1]), seed=2)
+    assert np.all(np.isfinite(q)) and np.allclose(np.abs(q).max(axis=0), 1.0)
+    assert np.linalg.matrix_rank(q) == 20
+    turns = np.sum(np.diff(np.sign(q[np.abs(q).min(axis=1) > 0]), axis=0) != 0, axis=0)
+    assert turns.min() >= 2  # none at a frequency near zero

@@ -12,9 +12,9 @@ import pytest
 import gtmodel as gt
 from gtmodel.cli import main
 from gtmodel.compiler.flat_cache import shared
-from gtmodel.kinds.calibration.kind import RESULT
 from gtmodel.problem_files import Context, InputError, robots
 from gtmodel.problem_files.load import load
+from gtmodel.problem_files.registry import result_of
 from gtmodel.problem_files.run import answer, explain
 from gtmodel.results import SolveStatus
 from gtmodel.results.quantity import described
@@ -39,7 +39,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 class TestShippedProblems:
     def test_l1_by_the_command_line(self, folder: Path) -> None:
         found = json.loads((folder / "result.json").read_text())
-        assert found["status"] == "solved" and list(found["values"]) == [*described(RESULT), "notes"]
+        assert found["status"] == "solved" and list(found["values"]) == [*described(result_of("calibration")), "notes"]
         assert all(check["passed"] for check in found["checks"].values())
         v = found["values"]
         assert len(v["unknowns"]) == 21 and v["poses"] == {"fitted": 100, "held_out": 100, "repeated": 0}
@@ -181,7 +181,11 @@ def shipped_arm():
 class TestJointStiffness:
     def test_the_shipped_problem_is_solved_and_reported(self, shipped_arm) -> None:
         s = shipped_arm
-        assert s.status is SolveStatus.SOLVED and list(s.values) == [*described(RESULT), "notes"] and s.rows
+        assert (
+            s.status is SolveStatus.SOLVED
+            and list(s.values) == [*described(result_of("calibration")), "notes"]
+            and s.rows
+        )
         assert list(s.values["joint_stiffness"])[:3] == ["method", "stiffness_MNm_rad", "interval_MNm_rad"]
         assert s.values["synthetic"] == "seed 9, noise 2e-05 m and 0.0001 rad" and s.values["parameters"] is None
         page = s.files["report.html"]

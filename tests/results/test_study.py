@@ -331,11 +331,17 @@ def test_a_written_study_is_given_back(tmp_path):
     assert {p.name for p in paths} == {"result.json", "run.toml", "map.csv"}
     again = read(tmp_path / "out")
     assert again.status is b.status and again.values == {**b.values, "stiffness_N_m": [2e3, 4e3]}
+    assert again.notes == ["a note"]
     assert again.mass == 2.5 and again.checks["end_m"].passed and "solved" in str(again)
     assert b.write(tmp_path / "out") == paths  # what gtmodel wrote it may replace
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "a.txt").write_text("mine")
-    for call in (lambda: b.write(tmp_path / "mine"), lambda: read(tmp_path / "mine"), lambda: read(tmp_path / "none")):
+    for call in (
+        lambda: b.write(tmp_path / "mine"),
+        lambda: b.write(3),
+        lambda: read(tmp_path / "mine"),
+        lambda: read(tmp_path / "none"),
+    ):
         with pytest.raises(ArgumentError) as caught:
             call()
         assert caught.value.argument == "folder"

@@ -11,8 +11,14 @@ from typing import TYPE_CHECKING
 from ..._lazy import public
 
 if TYPE_CHECKING:
-    from .cart_points import CartPoints as CartPoints, read_cart_points as read_cart_points
-    from .options import FrameStart as FrameStart, Measured as Measured, MeasuredSignal as MeasuredSignal, Sag as Sag
+    from .cart_points import read_cart_points as read_cart_points
+    from .options import (
+        CartPoints as CartPoints,
+        FrameStart as FrameStart,
+        Measured as Measured,
+        MeasuredSignal as MeasuredSignal,
+        Sag as Sag,
+    )
     from .poses import MeasuredPoses as MeasuredPoses
     from .reading_file import read_poses as read_poses
 

@@ -2,43 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
 
 import numpy as np
 
 from ...lang import Model, ModelError
 from ...measurements import signal_table
-from ...results import ArgumentError, Long, Options, Unit, Within
+from ...results import ArgumentError
 from ...robots.links import family_of
 from ...robots.measured_guideways import on_measured_points
+from .options import CartPoints
 
 UNIT_LENGTH = 1e-3  # of the quaternion: printed digits leave less
-
-
-@dataclass(frozen=True, eq=False)
-class CartPoints(Options):
-    """Points of each cart along its guideway, measured in another set-up of the device (Dressler 2012, eq. (5.7)).
-
-    at: (n,) coordinates of the carts [m], increasing. points: arm from 1 -> (n, 3) [m]; all other arms stay straight.
-
-    >>> at = np.linspace(0.0, 2.0, 5)
-    >>> carts = gt.calibrate.CartPoints(at, {1: np.column_stack([at, 1e-4 * at**2, 0 * at])})  # arm 1 bends
-    >>> carts.points[1].shape, carts.quaternion
-    ((5, 3), [1.0, 0.0, 0.0, 0.0])
-    """
-
-    at: np.ndarray
-    points: Mapping[int, np.ndarray]
-    quaternion: Annotated[
-        list[float], Long(4), "turn of that set-up in the frame of the poses, by common reference points, scalar first"
-    ] = field(default_factory=lambda: [1.0, 0.0, 0.0, 0.0])  # fmt: skip
-    turn_std: Annotated[
-        float | None, Unit("rad"), Within(above=0.0),
-        "how well it is known; left out, the poses alone determine it, badly about the guideway",
-    ] = field(default=None, kw_only=True)  # fmt: skip
 
 
 def on_cart_points(robot: Model, carts: CartPoints | None) -> tuple[Model, list[str]]:

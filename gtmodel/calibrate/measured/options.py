@@ -1,9 +1,12 @@
-"""How poses stand in a CSV file: columns and units of signals, and what lies between device and robot."""
+"""How poses stand in a CSV file: columns and units, what lies between device and robot, points along guideways."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Literal
+
+import numpy as np
 
 from ...results.options import Long, Options, Unit, Within
 
@@ -101,3 +104,26 @@ class Measured(Options):
     target_per_session: Annotated[bool, "whether the target sat elsewhere in each session"] = False
     sag: Annotated[Sag | None, "of the tool under a payload; none if left out"] = None
     target_start: Annotated[FrameStart, "of the robot's tool frame in the target's"] = field(default_factory=FrameStart)
+
+
+@dataclass(frozen=True, eq=False)
+class CartPoints(Options):
+    """Points of each cart along its guideway, measured in another set-up of the device (Dressler 2012, eq. (5.7)).
+
+    at: (n,) coordinates of the carts [m], increasing. points: arm from 1 -> (n, 3) [m]; all other arms stay straight.
+
+    >>> at = np.linspace(0.0, 2.0, 5)
+    >>> carts = gt.calibrate.CartPoints(at, {1: np.column_stack([at, 1e-4 * at**2, 0 * at])})  # arm 1 bends
+    >>> carts.points[1].shape, carts.quaternion
+    ((5, 3), [1.0, 0.0, 0.0, 0.0])
+    """
+
+    at: np.ndarray
+    points: Mapping[int, np.ndarray]
+    quaternion: Annotated[
+        list[float], Long(4), "turn of that set-up in the frame of the poses, by common reference points, scalar first"
+    ] = field(default_factory=lambda: [1.0, 0.0, 0.0, 0.0])  # fmt: skip
+    turn_std: Annotated[
+        float | None, Unit("rad"), Within(above=0.0),
+        "how well it is known; left out, the poses alone determine it, badly about the guideway",
+    ] = field(default=None, kw_only=True)  # fmt: skip

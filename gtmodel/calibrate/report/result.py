@@ -13,9 +13,10 @@ STIFFNESS = (
     "with [joint_stiffness]: method, stiffness_MNm_rad with interval_MNm_rad (95 %; null: no upper end) and "
     "compliance_rad_Nm by joint, other_method_MNm_rad and agree (whether intervals overlap), compensator_rate_N_m and "
     "its std, chi_squared_p, adequacy and adequate, observability_O1, best_tests (lines of the file), "
-    "softest_N_m and stiffest_N_m by test (null for a negative compliance), notes: doubts about the tests, and what "
-    "the print claims and the model does not support; all other values but synthetic are then null"
+    "softest_N_m and stiffest_N_m by test (null for a negative compliance); all other values but synthetic and notes, "
+    "which hold doubts about the tests and what the print claims beyond them, are then null"
 )
+ABOVE = ("synthetic", "notes")  # of joint stiffness: what the calibration's values hold as their own
 
 
 Numbers = Mapping[str, float] | None
@@ -108,7 +109,7 @@ class CalibrationStudy(Study):
         """As in result.json; joint stiffness by the names of its own study."""
         values = dict(super().values)
         if self.joint_stiffness is not None:
-            values["joint_stiffness"] = {n: v for n, v in self.joint_stiffness.values.items() if n != "synthetic"}
+            values["joint_stiffness"] = {n: v for n, v in self.joint_stiffness.values.items() if n not in ABOVE}
         return values
 
     def interval(self, name: str, level: float = 0.95) -> tuple[float, float]:

@@ -28,7 +28,7 @@ class MassByNorm(NamedTuple):
 
 
 def mass_by_norm(middle: Array, pattern: Array) -> MassByNorm:
-    """Masses from the middle levels [N] and the forces that hold one kilogram [N/kg], both of any one shape.
+    """Masses from the middle levels [N] and the forces that hold one kilogram [N/kg], both (n,) or of any one shape.
 
     The middle level is the mean of the forces that the lines forwards and backwards reach at velocity zero:
     middle = m pattern + (fc+ - fc-)/2, with the magnitudes fc+ and fc- of Coulomb friction, whose asymmetric part is

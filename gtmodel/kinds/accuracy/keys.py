@@ -10,6 +10,8 @@ from gtmodel.kinematics.accuracy import options
 from gtmodel.problem_files.from_options import Made
 from gtmodel.problem_files.robot_keys import RobotProblem
 
+RESULT = "gtmodel.kinematics.AccuracyStudy"
+
 
 class Schema(RobotProblem):
     """Accuracy of a three-link robot."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gtmodel.kinematics.accuracy import AccuracyStudy, LinkErrors, accuracy_study
+from gtmodel.kinematics.accuracy import LinkErrors, accuracy_study
 from gtmodel.kinematics.accuracy.judged_case import describe, errors_of, with_method
 from gtmodel.kinematics.accuracy.section_study import region_of
 from gtmodel.problem_files.base import Context, InputError
@@ -12,7 +12,6 @@ from gtmodel.results import listed
 from .keys import Schema
 
 NAME = "accuracy"
-RESULT = AccuracyStudy
 
 
 def call(problem: Schema, context: Context) -> Call:

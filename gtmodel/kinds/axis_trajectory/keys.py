@@ -12,6 +12,8 @@ from gtmodel.problem_files.from_options import Made
 from gtmodel.problem_files.path_keys import PathSection, Point
 from gtmodel.problem_files.robot_keys import RobotProblem
 
+RESULT = "gtmodel.motion.AxisStudy"
+
 
 class AxisPathSection(PathSection):
     """The path to follow, from start to goal, and how the tool is held."""

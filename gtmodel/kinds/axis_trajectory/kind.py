@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from gtmodel.motion.axes import AxisProblem, AxisStudy, axis_study, plan_of
+from gtmodel.motion.axes import AxisProblem, axis_study, plan_of
 from gtmodel.motion.axes.plan import CARTS
 from gtmodel.optimize.formulation.problem import build
 from gtmodel.problem_files.base import Context
@@ -17,7 +17,6 @@ from gtmodel.problem_files.path_keys import PATH_ARGUMENTS
 from .keys import Schema
 
 NAME = "axis_trajectory"
-RESULT = AxisStudy
 ARGUMENTS = PATH_ARGUMENTS | {
     "start.carts": "start.q_m", "start.axes": "start.q_deg", "goal.carts": "goal.q_m", "goal.axes": "goal.q_deg",
     "tool.axis": "path.tool_axis", "tool.through": "path.tool", "earlier": "--start",

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from gtmodel.calibrate.measured import cart_points as carts, options as measured
+from gtmodel.calibrate.measured import options as measured
 from gtmodel.calibrate.options import Fit
 from gtmodel.calibrate.synthetic import options as synthetic_options
 from gtmodel.compliance.load_tests import options as load_tests
@@ -14,6 +14,8 @@ from gtmodel.compliance.options import Load
 from gtmodel.problem_files.base import FileSection
 from gtmodel.problem_files.from_options import Made, made_from
 from gtmodel.problem_files.robot_keys import RobotProblem
+
+RESULT = "gtmodel.calibrate.CalibrationStudy"
 
 
 @made_from(measured.Measured)
@@ -23,7 +25,7 @@ class MeasuredSection(Made):
     file: str = Field(description="path from the problem's folder")
 
 
-@made_from(carts.CartPoints, "at", "points")
+@made_from(measured.CartPoints, "at", "points")
 class CartPointsSection(Made):
     """Points of each cart along its guideway, measured in another set-up of the device (Dressler 2012, eq. (5.7))."""
 

@@ -22,7 +22,6 @@ from . import page
 from .keys import JointStiffness, Schema
 
 NAME = "calibration"
-RESULT = CalibrationStudy
 STIFFNESS = "joint_stiffness"
 ARGUMENTS = {
     "fit": "", "poses.values": "measurements.signals", "poses": "measurements", "measured": "measurements",

@@ -78,7 +78,7 @@ def stiffness_text(study: CalibrationStudy, problem: Schema, context: Context) -
     if values["synthetic"]:
         parts.append(f'<p class="made">Synthetic load tests: {escape(values["synthetic"])}</p>')
     sound = bool(v["adequate"]) and all(K > 0 for K in v["stiffness_MNm_rad"])
-    parts.append("<h2>Verdict</h2>" + items((v["adequacy"], *v["notes"]), sound))
+    parts.append("<h2>Verdict</h2>" + items((v["adequacy"], *study.notes), sound))
     rows = [
         (
             f"joint {j + 1}",

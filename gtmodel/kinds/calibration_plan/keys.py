@@ -13,6 +13,8 @@ from gtmodel.calibrate.plan.task import Task
 from gtmodel.problem_files.from_options import Made, made_from
 from gtmodel.problem_files.robot_keys import RobotProblem
 
+RESULT = "gtmodel.calibrate.PlanStudy"
+
 MOVED = ("free", "fixed", "tied", "unit_quaternions", "sizes")
 
 

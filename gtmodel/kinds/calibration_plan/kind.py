@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gtmodel.calibrate import Choice
-from gtmodel.calibrate.plan import PlanStudy, plan_study
+from gtmodel.calibrate.plan import plan_study
 from gtmodel.calibrate.plan.device import measuring
 from gtmodel.calibrate.plan.stages import stages_of
 from gtmodel.calibrate.plan.task import Task
@@ -16,7 +16,6 @@ from gtmodel.problem_files.call import Call
 from .keys import MOVED, Schema
 
 NAME = "calibration_plan"
-RESULT = PlanStudy
 ARGUMENTS = {"choice": ""}
 
 

@@ -11,6 +11,8 @@ from gtmodel.problem_files.base import FileSection
 from gtmodel.problem_files.from_options import Made
 from gtmodel.problem_files.robot_keys import RobotProblem
 
+RESULT = "gtmodel.cgen.CodeStudy"
+
 
 class Function(FileSection):
     """One function: these targets, computed from these known variables."""

@@ -15,7 +15,6 @@ from gtmodel.problem_files.noted import doubts, refuse_distrusted
 from .keys import Schema
 
 NAME = "codegen"
-RESULT = CodeStudy
 
 
 def call(problem: Schema, context: Context) -> Call:

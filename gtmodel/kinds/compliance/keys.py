@@ -10,6 +10,8 @@ from gtmodel.compliance import options
 from gtmodel.problem_files.from_options import Made
 from gtmodel.problem_files.robot_keys import RobotProblem
 
+RESULT = "gtmodel.compliance.ComplianceStudy"
+
 
 class Schema(RobotProblem):
     """How a robot deflects: stiffness, deflection, natural frequencies. [links] for a parallel robot, [arm] for a

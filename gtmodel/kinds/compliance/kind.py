@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gtmodel.compliance import ComplianceStudy, Springs, study
+from gtmodel.compliance import Springs, study
 from gtmodel.compliance.compliance_study import WORDS, grid_of, on_springs
 from gtmodel.compliance.options import ArmSprings
 from gtmodel.compliance.sprung_links import SprungLinks
@@ -13,7 +13,6 @@ from gtmodel.results import listed
 from .keys import Schema
 
 NAME = "compliance"
-RESULT = ComplianceStudy
 ARGUMENTS = {"map": "section", "springs.pose": "arm.pose", "springs.joint": "arm.joint", "springs": ""}
 
 

@@ -10,6 +10,8 @@ from gtmodel.problem_files.base import FileSection, Problem
 from gtmodel.problem_files.from_options import Made, made_from
 from gtmodel.vibration.dynamic_stiffness import options
 
+RESULT = "gtmodel.vibration.DynamicStiffnessStudy"
+
 
 class MeasuredExperimentsSection(FileSection):
     """Measured records, listed in a CSV file."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from gtmodel.problem_files.base import Context, InputError
 from gtmodel.problem_files.call import Call
 from gtmodel.robots.kr500_oscillators import NOTE, table_16
-from gtmodel.vibration import DynamicStiffnessStudy, dynamic_stiffness_study
+from gtmodel.vibration import dynamic_stiffness_study
 from gtmodel.vibration.dynamic_stiffness import (
     Experiment,
     SyntheticExperiments,
@@ -16,7 +16,6 @@ from gtmodel.vibration.dynamic_stiffness import (
 from .keys import Schema
 
 NAME = "dynamic_stiffness"
-RESULT = DynamicStiffnessStudy
 
 
 def arguments(problem: Schema) -> dict[str, str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gtmodel.motion.elastic import ElasticStudy, elastic_study
+from gtmodel.motion.elastic import elastic_study
 from gtmodel.motion.elastic.plans import three_link
 from gtmodel.motion.elastic.swing_study import ASSUMED
 from gtmodel.problem_files.base import Context, InputError
@@ -12,7 +12,6 @@ from gtmodel.problem_files.from_options import options_of
 from .keys import Schema
 
 NAME = "elastic_motion"
-RESULT = ElasticStudy
 ARGUMENTS = {"start": "start.tcp_m", "goal": "goal.tcp_m", "force": "limits.force"}
 
 

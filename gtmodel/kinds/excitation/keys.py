@@ -7,6 +7,8 @@ from gtmodel.motion import Limits
 from gtmodel.problem_files.from_options import Made, made_from
 from gtmodel.problem_files.robot_keys import RobotProblem
 
+RESULT = "gtmodel.identify.ExcitationStudy"
+
 
 @made_from(options.IdentificationExperiment)
 class Schema(RobotProblem, Made):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gtmodel.identify.excitation import FINER, ExcitationStudy, excitation_study
+from gtmodel.identify.excitation import FINER, excitation_study
 from gtmodel.identify.excitation.task import plan_of
 from gtmodel.problem_files.base import Context
 from gtmodel.problem_files.call import Call
@@ -12,7 +12,6 @@ from gtmodel.problem_files.call import Call
 from .keys import Schema
 
 NAME = "excitation"
-RESULT = ExcitationStudy
 ARGUMENTS = {"experiment": "", "start": "--start"}
 
 

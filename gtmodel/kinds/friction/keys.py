@@ -11,6 +11,8 @@ from gtmodel.problem_files.from_options import Made, made_from
 from gtmodel.problem_files.log_keys import LogSampling, MeasuredSignalSection
 from gtmodel.problem_files.robot_keys import RobotProblem
 
+RESULT = "gtmodel.identify.FrictionStudy"
+
 
 @made_from(options.HeldPose)
 class HeldPoseSection(Made):

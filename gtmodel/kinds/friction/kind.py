@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gtmodel.identify.friction import FrictionStudy, friction_study, gravity_pattern, published_friction_study
+from gtmodel.identify.friction import friction_study, gravity_pattern, published_friction_study
 from gtmodel.identify.friction.options import SyntheticRuns
 from gtmodel.measurements import Corrections, Session
 from gtmodel.problem_files.base import Context, InputError
@@ -13,7 +13,6 @@ from gtmodel.results.options import declared
 from .keys import FrictionLogSection, Schema
 
 NAME = "friction"
-RESULT = FrictionStudy
 ARGUMENTS = {
     "runs.force": "log.force_N.column",
     **{f"runs.{name}": f"synthetic.{name}" for name in declared(SyntheticRuns)},

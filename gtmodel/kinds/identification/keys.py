@@ -7,17 +7,17 @@ from typing import Any, Literal
 
 from pydantic import Field, PositiveFloat
 
-from gtmodel.compiler.causal import flat_of
 from gtmodel.identify import Processing, options
 from gtmodel.lang import Model, ModelError
 from gtmodel.measurements import Signal
-from gtmodel.problem_files import python_models, robots
+from gtmodel.problem_files import python_models
 from gtmodel.problem_files.base import Context, FileSection, InputError
 from gtmodel.problem_files.from_options import Made, made_from
 from gtmodel.problem_files.log_keys import LogFiles, MeasuredSignalSection
 from gtmodel.problem_files.robot_keys import RobotProblem
 from gtmodel.robots import entries
-from gtmodel.robots.by_direction import VARIANTS, inertia_variant
+
+RESULT = "gtmodel.identify.IdentificationStudy"
 
 
 class SharpFriction(FileSection):
@@ -69,6 +69,8 @@ class ClosedLoopSection(Made):
 
     def signals(self, context: Context) -> dict[str, Signal]:
         """The inputs as measured signals, in the units of the model. Raises InputError."""
+        from gtmodel.compiler.causal import flat_of  # here, as below: the keys alone need no model
+
         flat = flat_of(python_models.resolve(self.model, context, "closed_loop.model"))
         signals = {}
         for name, signal in self.inputs.items():
@@ -107,6 +109,8 @@ class Schema(RobotProblem, Made):
             if not self.free:
                 raise InputError("is missing; name the parameters to be estimated, or a variant", "free")
             return self.with_parameters(self.parameters, context), list(self.free)
+        from gtmodel.robots.by_direction import inertia_variant
+
         self._check_variant()
         scale = self.friction.velocity_scale_m_s
         more: dict[str, Any] = {} if scale is None else {"velocity_scale": scale}
@@ -120,6 +124,8 @@ class Schema(RobotProblem, Made):
 
     def with_parameters(self, parameters: dict[str, Any], context: Context) -> Model:
         """The robot, no variant of it, with these parameters. Raises InputError."""
+        from gtmodel.problem_files import robots
+
         in_python = python_models.is_reference(self.robot)
         return robots.resolve(
             self.robot,
@@ -132,6 +138,8 @@ class Schema(RobotProblem, Made):
         )
 
     def _check_variant(self) -> None:
+        from gtmodel.robots.by_direction import VARIANTS
+
         entry = entries().get(self.robot)
         if self.variant not in VARIANTS:
             raise InputError(f"there is no variant '{self.variant}'; there are {', '.join(VARIANTS)}", "variant")

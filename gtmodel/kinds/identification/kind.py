@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from gtmodel.compiler.causal import flat_of
-from gtmodel.identify import IdentificationStudy, read_motion, study, synthetic_study
+from gtmodel.identify import read_motion, study, synthetic_study
 from gtmodel.identify.asked import regressor_of
 from gtmodel.identify.parameter_names import among
 from gtmodel.lang import Model, ModelError
@@ -18,7 +18,6 @@ from gtmodel.problem_files.call import Call
 from .keys import IdentificationLogSection, Schema, SyntheticLogSection
 
 NAME = "identification"
-RESULT = IdentificationStudy
 ARGUMENTS = {
     "fitting": "",
     "processing": "filter",

@@ -10,6 +10,8 @@ from gtmodel.kinematics.causality import options
 from gtmodel.problem_files.from_options import Made
 from gtmodel.problem_files.robot_keys import RobotProblem
 
+RESULT = "gtmodel.kinematics.CausalityStudy"
+
 
 class Schema(RobotProblem):
     """A causality on many points. Quantities go by the model's own names, such as T, q, e or "arm[0].rod.tension"."""

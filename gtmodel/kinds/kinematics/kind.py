@@ -5,14 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from gtmodel.kinematics.causality import CausalityStudy, causality_of, causality_study
+from gtmodel.kinematics.causality import causality_of, causality_study
 from gtmodel.problem_files.base import Context, InputError
 from gtmodel.problem_files.call import Call
 
 from .keys import Schema
 
 NAME = "kinematics"
-RESULT = CausalityStudy
 ARGUMENTS = {f"points.{name}": f"grid.{name}" for name in ("center", "center_where", "counts", "directions")}
 
 

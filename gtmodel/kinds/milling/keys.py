@@ -13,6 +13,8 @@ from gtmodel.problem_files.from_options import Made, made_from
 from gtmodel.problem_files.robot_keys import RobotProblem
 from gtmodel.results.refusal import naming
 
+RESULT = "gtmodel.milling.MillingStudy"
+
 Three = Annotated[list[float], Field(min_length=3, max_length=3)]
 SOURCES = ("oscillator", "modal", "oscillator_field")  # of dynamics; at most one
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gtmodel.milling import MillingStudy, study
+from gtmodel.milling import study
 from gtmodel.milling.task import task_of
 from gtmodel.problem_files.base import Context
 from gtmodel.problem_files.call import Call
@@ -14,7 +14,6 @@ from gtmodel.robots.kr500 import kr500_tables
 from .keys import SOURCES, Schema
 
 NAME = "milling"
-RESULT = MillingStudy
 
 
 def arguments(problem: Schema) -> dict[str, str]:

@@ -12,6 +12,8 @@ from gtmodel.problem_files.base import FileSection, InputError, Problem
 from gtmodel.problem_files.from_options import Made, made_from
 from gtmodel.problem_files.robot_file import Points
 
+RESULT = "gtmodel.kinematics.ModesStudy"
+
 Three = Annotated[list[float], Field(min_length=3, max_length=3)]
 Lengths = Annotated[list[PositiveFloat], Field(min_length=6, max_length=6)]
 

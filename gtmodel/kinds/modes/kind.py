@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from gtmodel.kinematics.assembly_modes import ModesStudy, bare, draw, modes_study, read_poses
+from gtmodel.kinematics.assembly_modes import bare, draw, modes_study, read_poses
 from gtmodel.kinematics.assembly_modes.hand_poses import orientations
 from gtmodel.kinematics.assembly_modes.modes_of_poses import legs_of
 from gtmodel.kinematics.assembly_modes.six_links import LINKS, Hands
@@ -18,7 +18,6 @@ from gtmodel.problem_files.call import Call
 from .keys import Platform, PoseSection, Schema
 
 NAME = "modes"
-RESULT = ModesStudy
 ARGUMENTS = {"legs": "platform", "pose.axes": "pose"}
 
 

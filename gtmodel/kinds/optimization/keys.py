@@ -8,6 +8,8 @@ from pydantic import Field, PositiveFloat, PositiveInt
 
 from gtmodel.problem_files.base import FileSection, Problem
 
+RESULT = "gtmodel.optimize.OptimizationStudy"
+
 
 class MeshSection(FileSection):
     """Where the equations are collocated."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gtmodel.lang import Optimization
-from gtmodel.optimize import Mesh, OptimizationStudy, SolverOptions, optimization_study
+from gtmodel.optimize import Mesh, SolverOptions, optimization_study
 from gtmodel.optimize.formulation.dynamic import Bounds
 from gtmodel.problem_files import python_models
 from gtmodel.problem_files.base import Context
@@ -14,7 +14,6 @@ from gtmodel.problem_files.call import Call
 from .keys import Schema
 
 NAME = "optimization"
-RESULT = OptimizationStudy
 
 
 def call(problem: Schema, context: Context) -> Call:

@@ -10,6 +10,8 @@ from pydantic import BeforeValidator, Discriminator, Field, PositiveFloat, Tag
 from gtmodel.problem_files.base import FileSection
 from gtmodel.problem_files.robot_keys import RobotProblem
 
+RESULT = "gtmodel.simulation.SimulationStudy"
+
 
 def _numbers(value: Any) -> Any:
     """Refuses what is neither a number nor a list of numbers, in one sentence for both."""

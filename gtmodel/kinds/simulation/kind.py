@@ -7,13 +7,12 @@ from typing import Any
 from gtmodel.problem_files.base import Context, InputError
 from gtmodel.problem_files.call import Call
 from gtmodel.results import Trajectory, TrajectoryError
-from gtmodel.simulation import SimulationStudy, explain_simulation, simulation_study
+from gtmodel.simulation import explain_simulation, simulation_study
 from gtmodel.simulation.study import refuse_unknown
 
 from .keys import File, Schema
 
 NAME = "simulation"
-RESULT = SimulationStudy
 
 
 def call(problem: Schema, context: Context) -> Call:

@@ -11,6 +11,8 @@ from gtmodel.problem_files.from_options import Made, options_of
 from gtmodel.problem_files.path_keys import PathSection
 from gtmodel.problem_files.robot_keys import RobotProblem
 
+RESULT = "gtmodel.motion.MotionStudy"
+
 
 class Schema(RobotProblem):
     """Optimal motion between two poses, free or along a path."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from gtmodel.compiler.causal import compile_causal
-from gtmodel.motion import MotionStudy, motion, study
+from gtmodel.motion import motion, study
 from gtmodel.motion.planning import plan_of
 from gtmodel.motion.problem import MotionProblem
 from gtmodel.optimize.formulation.problem import build
@@ -14,7 +14,6 @@ from gtmodel.problem_files.path_keys import PATH_ARGUMENTS
 from .keys import Schema
 
 NAME = "trajectory"
-RESULT = MotionStudy
 ARGUMENTS = {**PATH_ARGUMENTS, "earlier": "--start"}
 
 

@@ -15,6 +15,8 @@ from gtmodel.problem_files.settings import apply
 
 from ..trajectory import keys as trajectory
 
+RESULT = "gtmodel.motion.MotionTable"
+
 
 class RowKeys(FileSection):
     """One motion: what it changes of the problem."""

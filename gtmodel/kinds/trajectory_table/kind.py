@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gtmodel.motion import MotionTable, table_study
+from gtmodel.motion import table_study
 from gtmodel.problem_files.base import Context, InputError
 from gtmodel.problem_files.call import Call
 from gtmodel.problem_files.path_keys import PATH_ARGUMENTS
@@ -11,7 +11,6 @@ from ..trajectory.kind import explained
 from .keys import Schema
 
 NAME = "trajectory_table"
-RESULT = MotionTable
 ARGUMENTS = {**PATH_ARGUMENTS, "rows[].problem.path.points": "path.file", "rows[].problem": "", "rows": "row"}
 
 

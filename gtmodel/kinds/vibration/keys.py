@@ -14,6 +14,8 @@ from gtmodel.problem_files.log_keys import LogFiles, MeasuredSignalSection
 from gtmodel.results import ArgumentError, TrajectoryError
 from gtmodel.vibration import Record, options, synthetic_records
 
+RESULT = "gtmodel.vibration.VibrationStudy"
+
 KNOWN = {
     "subspace": "structure",
     "step_response": "steps",

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from gtmodel.problem_files.base import Context, InputError
 from gtmodel.problem_files.call import Call
-from gtmodel.vibration import VibrationStudy, matrices_study, study
+from gtmodel.vibration import matrices_study, study
 
 from .keys import KNOWN, Schema
 
 NAME = "vibration"
-RESULT = VibrationStudy
 
 _LINES = {
     "subspace": "block Hankel matrices, one LQ factor, singular values; A and C from the subspace, B, D and the "

@@ -11,6 +11,8 @@ from gtmodel.kinematics.workspace import options
 from gtmodel.problem_files.from_options import Made
 from gtmodel.problem_files.robot_keys import RobotProblem
 
+RESULT = "gtmodel.kinematics.WorkspaceStudy"
+
 Point = Annotated[list[float], Field(min_length=3, max_length=3)]
 Angle = Annotated[float, Field(gt=0, le=180)]
 

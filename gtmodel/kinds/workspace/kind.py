@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gtmodel.kinematics.workspace import WorkspaceStudy, workspace_study
+from gtmodel.kinematics.workspace import workspace_study
 from gtmodel.kinematics.workspace.limited import task_of
 from gtmodel.problem_files.base import Context, InputError
 from gtmodel.problem_files.call import Call
@@ -13,7 +13,6 @@ from gtmodel.results import listed
 from .keys import Schema
 
 NAME = "workspace"
-RESULT = WorkspaceStudy
 
 
 def call(problem: Schema, context: Context) -> Call:

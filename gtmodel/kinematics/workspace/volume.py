@@ -106,7 +106,9 @@ def map_volume(
     client: Any = None,
     progress: Progress | None = None,
 ) -> Volume:
-    """The workspace between the first and the last of the sections at `along` [m], moved along the normal.
+    """The workspace between the first and the last of the sections at `along` (n,) [m], moved along the normal.
+
+    low, high (2,): corners of the grid in the section's coordinates [m]; step: of the grid [m].
 
     With a `tolerance` [share of the volume] sections are added in the middle of the widest gaps until these are a 16th
     of the length reached, half of it where nothing is reached, then where the area changes most, until the estimated

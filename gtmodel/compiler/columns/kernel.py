@@ -1,0 +1,141 @@
+"""A function on columns of rows by NumPy, block by block, with the numbers of CasADi's virtual machine to the last bit.
+
+Only what IEEE 754 defines goes to NumPy: its tanh, exp, log, pow and arctan2 are not those of libm, and whether its
+sine is depends on the processor. Such steps are calls of an elementwise ca.Function, which asks libm itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import cache, partial
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from .program import LIBM, ColumnProgram, Step
+
+# rows of a block: some thirty columns of them stay in a core's second cache, and a call costs less than its numbers
+BLOCK = 4096
+# rows are computed by multiples of it; and what an elementwise function takes at once
+PIECE = 256
+_TAKEN = 64
+
+_UFUNC: dict[int, Callable[..., Any]] = {
+    ca.OP_ASSIGN: np.positive, ca.OP_ADD: np.add, ca.OP_SUB: np.subtract, ca.OP_MUL: np.multiply, ca.OP_DIV: np.divide,
+    ca.OP_NEG: np.negative, ca.OP_SQ: np.square, ca.OP_SQRT: np.sqrt, ca.OP_FABS: np.absolute, ca.OP_FLOOR: np.floor,
+    ca.OP_CEIL: np.ceil, ca.OP_LT: np.less, ca.OP_LE: np.less_equal, ca.OP_EQ: np.equal, ca.OP_NE: np.not_equal,
+    ca.OP_NOT: np.logical_not, ca.OP_AND: np.logical_and, ca.OP_OR: np.logical_or,
+}  # fmt: skip
+_ONE = np.array(1.0)
+
+
+class Workspace:
+    """The memory of one run: a column for each place, and the steps bound to its first rows, by their number."""
+
+    def __init__(self, program: ColumnProgram) -> None:
+        self._program = program
+        self._bound: dict[int, list[Callable[[], Any]]] = {}
+        self.columns = np.zeros((program.places, BLOCK))
+        for place, value in program.constants:
+            self.columns[place] = value
+
+    def run(self, rows: int) -> None:
+        """All steps on the first rows, a multiple of PIECE."""
+        steps = self._bound.get(rows)
+        if steps is None:
+            steps = self._bound[rows] = [self._bind(s, rows) for s in self._program.steps]
+        for step in steps:
+            step()
+
+    def _bind(self, step: Step, rows: int) -> Callable[[], Any]:
+        target = self.columns[step.target, :rows]
+        if step.op in LIBM:
+            given = [np.full(rows, x) if isinstance(x, float) else self.columns[x, :rows] for x in step.operands]
+            return _called(step.op, given, target)
+        operands = [np.array(x) if isinstance(x, float) else self.columns[x, :rows] for x in step.operands]
+        if step.op == ca.OP_TWICE:
+            return partial(np.add, operands[0], operands[0], target)
+        if step.op == ca.OP_INV:
+            return partial(np.divide, _ONE, operands[0], target)
+        if step.op == ca.OP_IF_ELSE_ZERO:
+            return partial(_if_else_zero, *operands, target)
+        return partial(_UFUNC[step.op], *operands, target)
+
+
+def _if_else_zero(condition: np.ndarray, value: np.ndarray, target: np.ndarray) -> None:
+    target.fill(0.0)
+    np.copyto(target, value, where=condition != 0.0)
+
+
+def _called(op: int, given: Sequence[Any], target: Any) -> Callable[[], Any]:
+    """An operation of libm on columns, by CasADi's virtual machine on their memory."""
+    buffer: Any
+    buffer, run = _elementwise(op, len(given), len(target)).buffer()
+    for k, column in enumerate(given):
+        buffer.set_arg(k, memoryview(column))
+    buffer.set_res(0, memoryview(target))
+    return partial(_run, run, buffer, given)
+
+
+def _run(run: Callable[[], Any], *_kept: Any) -> None:
+    run()
+
+
+@cache
+def _elementwise(op: int, arguments: int, rows: int) -> ca.Function:
+    x = [ca.SX.sym("x", _TAKEN) for _ in range(arguments)]
+    pow_ = ca.OP_POW if op == ca.OP_CONSTPOW else op
+    y = ca.SX.unary(op, *x) if arguments == 1 else ca.SX.binary(pow_, *x)
+    return ca.Function("elementwise", x, [y]).map(rows // _TAKEN)
+
+
+# judges a block: which rows, their inputs and outputs as columns -> status codes, None where all are 0
+Judge = Callable[[slice, Sequence[np.ndarray], Sequence[np.ndarray]], np.ndarray | None]
+
+
+class ColumnKernel:
+    """A program with its memory; threads may share it."""
+
+    def __init__(self, program: ColumnProgram) -> None:
+        self.program = program
+        self._idle: list[Workspace] = []  # as many as threads have run at the same time
+
+    def run(
+        self, columns: Sequence[np.ndarray], judge: Judge | None = None, blank: bool = False
+    ) -> tuple[list[np.ndarray], np.ndarray | None]:
+        """Inputs (size, n) -> outputs (n, entries) and, with a judge, status codes (n,).
+
+        blank: rows with a code are NaN, but in the last output.
+        """
+        n = columns[0].shape[1]
+        program = self.program
+        results = [np.empty((n, s.stop - s.start)) for s in program.outputs]
+        codes = np.zeros(n, dtype=int) if judge is not None else None
+        space = self._idle.pop() if self._idle else Workspace(program)
+        work = space.columns
+        with np.errstate(all="ignore"):
+            for begin in range(0, n, BLOCK):
+                end = min(begin + BLOCK, n)
+                size = end - begin
+                rows = -(-size // PIECE) * PIECE
+                for places, column in zip(program.inputs, columns, strict=True):
+                    work[places, :size] = column[:, begin:end]
+                    if size < rows:  # more of the same, so that nothing odd is computed
+                        work[places, size:rows] = column[:, end - 1 : end]
+                space.run(rows)
+                for places, result in zip(program.outputs, results, strict=True):
+                    for k, row in enumerate(work[places, :size]):
+                        result[begin:end, k] = row
+                if judge is None or codes is None:
+                    continue
+                blocks = [[work[s, :size] for s in slices] for slices in (program.inputs, program.outputs)]
+                code = judge(slice(begin, end), *blocks)
+                if code is not None:
+                    codes[begin:end] = code
+                    if blank:
+                        bad = begin + np.flatnonzero(code)
+                        for result in results[:-1]:
+                            result[bad] = np.nan
+        self._idle.append(space)
+        return results, codes

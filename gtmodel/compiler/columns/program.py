@@ -1,0 +1,126 @@
+"""The instruction list of a function as steps on columns: which operation, of what, into which place."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import casadi as ca
+
+# what IEEE 754 defines to the last bit, whoever computes it
+EXACT = frozenset([
+    ca.OP_ADD, ca.OP_SUB, ca.OP_MUL, ca.OP_DIV, ca.OP_NEG, ca.OP_SQ, ca.OP_TWICE, ca.OP_INV, ca.OP_SQRT, ca.OP_FABS,
+    ca.OP_FLOOR, ca.OP_CEIL, ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE, ca.OP_NOT, ca.OP_AND, ca.OP_OR,
+    ca.OP_IF_ELSE_ZERO, ca.OP_ASSIGN,
+])  # fmt: skip
+# what is asked of libm, as the virtual machine asks it; any other operation stays with the virtual machine
+LIBM = {
+    ca.OP_SIN: "sin", ca.OP_COS: "cos", ca.OP_TAN: "tan", ca.OP_ASIN: "asin", ca.OP_ACOS: "acos", ca.OP_ATAN: "atan",
+    ca.OP_ATAN2: "atan2", ca.OP_SINH: "sinh", ca.OP_COSH: "cosh", ca.OP_TANH: "tanh", ca.OP_EXP: "exp",
+    ca.OP_LOG: "log", ca.OP_POW: "pow", ca.OP_CONSTPOW: "pow", ca.OP_FMIN: "fmin", ca.OP_FMAX: "fmax",
+    ca.OP_SIGN: "sign",
+}  # fmt: skip
+
+
+class Step(NamedTuple):
+    """An operation of places (int) or constants (float), and the place of what it gives."""
+
+    op: int
+    operands: tuple[int | float, ...]
+    target: int
+
+
+@dataclass(frozen=True)
+class ColumnProgram:
+    """A function on columns. Places 0, 1, ... hold the entries of all inputs, then those of all outputs, then what is
+    between; a place is taken again as soon as nobody reads it any more.
+
+    `constants`: outputs that never change.
+    """
+
+    inputs: tuple[slice, ...]
+    outputs: tuple[slice, ...]
+    places: int
+    steps: tuple[Step, ...]
+    constants: tuple[tuple[int, float], ...]
+
+    @property
+    def calls(self) -> int:
+        """How many steps go to libm."""
+        return sum(s.op in LIBM for s in self.steps)
+
+
+def program_of(f: ca.Function) -> ColumnProgram | None:
+    """Of a function with dense single columns in and dense outputs; None where one is not, or where an operation is
+    unknown here."""
+    if not f.is_a("SXFunction") or f.n_in() == 0:
+        return None
+    dense = [f.sparsity_in(k).is_dense() and f.size2_in(k) == 1 for k in range(f.n_in())]
+    if not all(dense) or not all(f.sparsity_out(k).is_dense() for k in range(f.n_out())):
+        return None
+    inputs = _slices(0, [f.size1_in(k) for k in range(f.n_in())])
+    outputs = _slices(inputs[-1].stop, [f.numel_out(k) for k in range(f.n_out())])
+    read = [(f.instruction_id(k), f.instruction_input(k), f.instruction_output(k)) for k in range(f.n_instructions())]
+    steps: list[Step] = []
+    constants: list[tuple[int, float]] = []
+    written: dict[int, int | float] = {}  # of the work vector: a place, a constant or -1 - number of the step
+    copies: list[tuple[int, int | float]] = []
+    for k, (op, given, put) in enumerate(read):
+        if op == ca.OP_INPUT:
+            written[put[0]] = inputs[given[0]].start + given[1]
+        elif op == ca.OP_CONST:
+            written[put[0]] = float(f.instruction_constant(k))
+        elif op == ca.OP_OUTPUT:
+            copies.append((outputs[put[0]].start + put[1], written[given[0]]))
+        elif op == ca.OP_ASSIGN:
+            written[put[0]] = written[given[0]]
+        elif op in EXACT or op in LIBM:
+            steps.append(Step(op, tuple(written[i] for i in given), -len(steps) - 1))
+            written[put[0]] = -len(steps)
+        else:
+            return None
+    first = outputs[-1].stop if outputs else inputs[-1].stop
+    settled: dict[int | float, int] = {}
+    ends: list[Step] = []
+    for place, value in copies:
+        if isinstance(value, float):
+            constants.append((place, value))
+        elif value < 0 and value not in settled:
+            settled[value] = place  # computed where it is wanted
+        else:
+            ends.append(Step(ca.OP_ASSIGN, (settled.get(value, value),), place))
+    placed, places = _placed(steps, settled, first)
+    return ColumnProgram(inputs, outputs, places, (*placed, *ends), tuple(constants))
+
+
+def _slices(begin: int, sizes: Sequence[int]) -> tuple[slice, ...]:
+    ends = [begin + sum(sizes[: k + 1]) for k in range(len(sizes))]
+    return tuple(slice(end - size, end) for end, size in zip(ends, sizes, strict=True))
+
+
+def _placed(steps: Sequence[Step], settled: dict[int | float, int], first: int) -> tuple[list[Step], int]:
+    """The steps with places in the stead of numbers of steps, those from `first` on shared one after the other; and how
+    many places there are."""
+    last = {x: k for k, step in enumerate(steps) for x in step.operands if isinstance(x, int) and x < 0}
+    place: dict[int | float, int] = dict(settled)
+    free: list[int] = []
+    placed: list[Step] = []
+    top = first
+    for k, (op, operands, number) in enumerate(steps):
+        given = tuple(place[x] if isinstance(x, int) and x < 0 else x for x in operands)
+        over = {x for x in operands if isinstance(x, int) and x < 0 and last[x] == k and x not in settled}
+        freed = [place[x] for x in over]
+        # an exact operation may write over what it reads; a call may not
+        in_place = op in EXACT and op != ca.OP_IF_ELSE_ZERO
+        if in_place:
+            free += freed
+        if number not in place:
+            if not free:
+                free.append(top)
+                top += 1
+            place[number] = free.pop()
+        if not in_place:
+            free += freed
+        placed.append(Step(op, given, place[number]))
+    return placed, top
