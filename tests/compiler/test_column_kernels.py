@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import gtmodel as gt
-from gtmodel.compiler import rows
+from gtmodel.compiler import newton, rows
 from gtmodel.compiler.columns import kept
 from gtmodel.compiler.columns.kernel import BLOCK, PIECE, ColumnKernel
 from gtmodel.compiler.columns.program import LIBM, program_of
@@ -172,3 +172,33 @@ def test_statuses_and_values_are_those_of_all_rows_at_once(known, target, spread
     assert len(set(codes.tolist())) >= 3
     assert same_bits(values, before) and np.all(np.isnan(values[codes != Status.OK]))
     assert values.flags.c_contiguous
+
+
+def test_newton_blocks_in_chunks_give_the_bits_of_single_calls(monkeypatch):
+    robot = gt.robots.f1_gantry_tau()
+    f = robot.causal("q", ["T", "e"])
+    rng = np.random.default_rng(4)
+    q = f.kernels[0].a0 + rng.uniform(-0.4, 0.4, (kept.PAID + 300, 6))  # some are out of reach
+    q[5], q[6, 2], q[7] = np.nan, np.inf, 1e9
+    f(q[:2000])  # kernels are there
+    T, e, status = f(q)
+    assert {Status.OK, Status.NOT_CONVERGED, Status.NOT_FINITE, Status.OUT_OF_RANGE} <= set(status.tolist())
+    for k in (0, 3, 5, 6, 7, 8, len(q) - 1):
+        one, turned, code = f(q[k])
+        assert code == status[k] and same_bits(one, T[k]) and same_bits(turned, e[k])
+    monkeypatch.setattr(newton, "CHUNK", 500)
+    assert all(same_bits(np.asarray(x, float), np.asarray(y, float)) for x, y in zip(f(q), (T, e, status), strict=True))
+
+
+def test_singular_matrices_are_those_of_their_singular_values():
+    rng = np.random.default_rng(5)
+    u, _, v = np.linalg.svd(rng.standard_normal((400, 5, 5)))
+    s = np.exp(rng.uniform(np.log(1e-10), 0.0, (400, 5)))
+    s[:20, 4] = 0.0
+    s[20] = 0.0
+    matrices = (u * s[:, None, :]) @ v * 10.0 ** rng.integers(-20, 20, (400, 1, 1))
+    values = np.linalg.svd(matrices, compute_uv=False)
+    expected = ~(values[:, -1] > newton.SINGULAR * values[:, 0])
+    assert np.array_equal(newton.is_singular(matrices), expected)
+    assert 20 < np.count_nonzero(expected) < 380
+    assert newton.is_singular(np.array([[[0.0]], [[2.0]], [[-1e-9]]])).tolist() == [True, False, False]
