@@ -44,6 +44,11 @@ class NewtonKernel:
     scale: np.ndarray
     label: str
 
+    @property
+    def functions(self) -> tuple[ca.Function, ca.Function]:
+        """What is evaluated on many rows."""
+        return self.residual, self.sensitivity
+
     def solve(self, a: np.ndarray, guess: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Solutions for columns of a (k, n): z (m, n), converged (n,), singular (n,).
 
