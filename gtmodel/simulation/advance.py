@@ -9,12 +9,11 @@ import numpy as np
 from ..compiler.analysis.pace import Pace
 from ..results.status import SolveStatus
 from .audit import Audit
-from .choice import LARGEST_CHANGE, SWITCH_BELOW, Reference
+from .choice import SWITCH_BELOW
 from .discontinuities import after_discontinuity
 from .ending import Ended, wall
 from .result import Progress, Switch
 from .small import History
-from .step import CHUNKS
 from .systems import SimulatedSystem
 
 if TYPE_CHECKING:
@@ -24,6 +23,10 @@ if TYPE_CHECKING:
 SHORTEST = 1e-8
 # an interval may be so many times as long as the one before it
 GROWTH = 3.0
+# where the integrator fails, it tries again over so many times fewer rows
+FEWER = 10
+# times after which progress is reported
+REPORTED = 50
 # so many calls of the integrator that together lead less far than this part of the run, or so many rows, lead nowhere
 STUCK_CALLS, STUCK, STUCK_ROWS = 100, 1e-4, 20
 # an integrator's Newton unknowns, in tolerances, and at least, in nominals: farther off it is another solution
@@ -47,12 +50,13 @@ class Integration:
         # of any state so far, in nominals: absolute tolerances mean nothing for a motion that is smaller
         self.largest = float(np.max(np.abs(self._x) / system.stepper.x_scale, initial=0.0))
         self._time = float(rows[0])
+        self._progress: Progress | None = None
         self._shortest = SHORTEST * float(rows[-1] - rows[0])
         self._stuck = float(rows[-1] - rows[0]) * min(STUCK, STUCK_ROWS / len(grid))
         self._calls, self._since = 0, self._time
-        self._reference: Reference | None = None
         self._switch_below = SWITCH_BELOW
-        self._last_span = np.inf
+        # of the last call: how far the next one goes depends on it, and how many rows it is likely to bring
+        self._last_span, self._likely = np.inf, len(grid)
         self._p = ready.inputs.piece(self._time)
         continuation = system.continuation
         if continuation is not None:
@@ -61,6 +65,7 @@ class Integration:
 
     def run(self, progress: Progress | None) -> None:
         """Go to the last row. Raises Ended where that is not reached."""
+        self._progress = progress
         end = float(self._rows[-1])
         at = np.array([self._time])
         self._record(at, self._x[None, :], self._z[None, :], self._work[None, :], self._here()[None, :])
@@ -68,8 +73,6 @@ class Integration:
         for stop in [*knots, end]:
             while self._time < stop:
                 self._advance(stop, self._span(stop))
-                if progress is not None and progress(self._time):
-                    raise Ended(SolveStatus.INTERRUPTED, f"stopped by request at {self._time:.6g} s")
             if stop < end:
                 self._begin_piece()
 
@@ -82,35 +85,29 @@ class Integration:
     # -- states ------------------------------------------------------------------------------------
 
     def _span(self, stop: float) -> float:
-        """Time [s] for which the states are good, after a look whether others would be better."""
+        """Time [s] to go, after a look whether other states would be better."""
         selection, longest = self._systems.selection, min(stop - self._time, GROWTH * self._last_span)
         if not selection.has_choice:
             return longest
         w = self._here()
         matrix = selection.matrix(w, self._time)
-        reference = selection.refer(self.system.choice, matrix)
-        if reference.quality < self._switch_below:
+        quality = selection.quality(self.system.choice, matrix)
+        if quality < self._switch_below:
             other = self._systems.at(w, self._time)
-            better = None if other is None else selection.refer(other.choice, matrix)
-            if other is not None and better is not None and better.quality > reference.quality:
+            better = 0.0 if other is None else selection.quality(other.choice, matrix)
+            if other is not None and better > quality:
                 self._switch(other, w)
-                reference = better
+                quality = better
             else:  # the best there is, until it gets much worse
-                self._switch_below = 0.5 * reference.quality
+                self._switch_below = 0.5 * quality
         else:
             self._switch_below = SWITCH_BELOW
-        if not reference.quality > 0.0:
+        if not quality > 0.0:
             raise Ended(
                 SolveStatus.FAILED,
                 f"the motion ends at {self._time:.6g} s in a singular pose: no choice of states describes it there",
             )
-        self._reference = reference
-        span = selection.horizon(self.system.choice, reference, w, self._time, longest)
-        if span < longest:
-            self._last_span = span
-        if span < min(longest, self._shortest):
-            raise self._wall()
-        return span
+        return longest
 
     def _switch(self, system: SimulatedSystem, w: np.ndarray) -> None:
         self.switches.append(Switch(self._time, self.system.states, system.states))
@@ -124,21 +121,25 @@ class Integration:
     # -- integration -------------------------------------------------------------------------------
 
     def _advance(self, stop: float, span: float) -> None:
-        """One call of the integrator over at most `span` seconds: many rows at once where that goes well."""
-        most, last = CHUNKS[0], max(self._last_span, span)
+        """One call of the integrator over at most `span` seconds: as many rows at once as go well."""
+        most, whole = self.system.stepper.most, True
         while True:
             if self._creeps():
                 raise self._wall()
             times, length = self._intervals(stop, span, most)
+            begin = self._time
             result = self.system.stepper(
-                self._x, self._z, self._time, length, self._p, len(times), self._pace.at(self._time)
+                self._x, self._z, begin, length, self._p, len(times), self._pace.at(begin), self._likely
             )
-            if result is not None and self._accept(times, *result):
-                self._last_span = last
+            if result is not None and (good := self._accept(times, *result)):
+                # where it went wrong, the next call does not go as far again at once
+                all_of_it = whole and good == len(times)
+                self._last_span = max(self._last_span, span) if all_of_it else good * length
+                self._likely = len(self._grid) if all_of_it else good
                 return
-            last = length
+            whole = False
             if len(times) > 1:
-                most = next(n for n in CHUNKS if n < len(times))
+                most = max(1, len(times) // FEWER) if result is None else 1
             else:
                 span = 0.5 * length
             if span < self._shortest:
@@ -163,35 +164,46 @@ class Integration:
         length = float(rows[0]) - self._time
         equal = np.abs(rows - self._time - length * np.arange(1, rows.size + 1)) <= 1e-9 * length
         available = rows.size if equal.all() else int(np.argmin(equal))
-        count = next(n for n in CHUNKS if n <= available)
-        return rows[:count], float(rows[count - 1] - self._time) / count
+        return rows[:available], float(rows[available - 1] - self._time) / available
 
-    def _accept(self, times: np.ndarray, xs: np.ndarray, zs: np.ndarray, works: np.ndarray) -> bool:
-        """Take the intervals over which the states stayed good; False if there is none."""
+    def _accept(self, times: np.ndarray, xs: np.ndarray, zs: np.ndarray, works: np.ndarray) -> int:
+        """Take the intervals over which the states stayed good; how many there are."""
         zs = self._followed(times, xs, zs)
         good = len(zs)
         touching: list[str] = []
         when = self._time
         if good and self.system.roots:
             good, touching, when = self._resolved(times[:good], xs[:good], zs)
-        points = self._points(xs[:good], zs[:good], times[:good])
-        if good and self._reference is not None:
-            changes = self._systems.selection.changes(self.system.choice, self._reference, points, times[:good])
-            fine = changes <= LARGEST_CHANGE
-            good = good if fine.all() else int(np.argmin(fine))
-        if good:
-            works = self._work + works
-            rows = np.flatnonzero(self._recorded(times[:good]))
-            if rows.size:
-                self._record(times[rows], xs[rows], zs[rows], works[rows], points[rows])
-            self._take(times[good - 1], xs[good - 1], zs[good - 1], works[good - 1])
+        begun = np.append(self._time, times[:good])
+        points = self._points(np.vstack([self._x, xs[:good]]), np.vstack([self._z, zs[:good]]), begun)
+        selection = self._systems.selection
+        if good and selection.has_choice:
+            good = selection.good_rows(self.system.choice, points, begun, self._switch_below)
+        points = points[1:]
+        works = self._work + works
+        # whether anybody looks on makes no difference to the numbers
+        size = REPORTED if self._progress is not None else max(1, good)
+        for begin in range(0, good, size):
+            block = slice(begin, min(good, begin + size))
+            self._take_rows(times[block], xs[block], zs[block], works[block], points[block])
         if touching and good == len(points):
             raise Ended(
                 SolveStatus.FAILED,
                 f"the motion ends at {when:.6g} s in a singular pose: the two solutions of "
                 f"{'; '.join(touching)} meet there, and nothing decides on which one it goes on",
             )
-        return good > 0
+        return good
+
+    def _take_rows(
+        self, times: np.ndarray, xs: np.ndarray, zs: np.ndarray, works: np.ndarray, points: np.ndarray
+    ) -> None:
+        """Record rows, go to the last of them, and say so."""
+        rows = np.flatnonzero(self._recorded(times))
+        if rows.size:
+            self._record(times[rows], xs[rows], zs[rows], works[rows], points[rows])
+        self._take(times[-1], xs[-1], zs[-1], works[-1])
+        if self._progress is not None and self._progress(self._time):
+            raise Ended(SolveStatus.INTERRUPTED, f"stopped by request at {self._time:.6g} s")
 
     def _followed(self, times: np.ndarray, xs: np.ndarray, zs: np.ndarray) -> np.ndarray:
         """The Newton unknowns to round-off, as far as they are those that the motion leads to."""

@@ -6,41 +6,36 @@ columns are states. A choice goes bad where the solved columns C become singular
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import casadi as ca
 import numpy as np
 
 from ..compiler.matrices import pivoted_qr
 from ..compiler.plan import CausalPlan
+from ..compiler.point_function import PointFunction
+from ..compiler.rows import map_columns
 from ..compiler.states import Stage, choose, stage_choices
 from ..lang.source import ModelError
 
 # below this fraction of the best conditioning the states are chosen anew
 SWITCH_BELOW = 0.3
-# |C^-1 dC| up to which a prediction may go: C stays invertible, and a root keeps its sign
+# |C^-1 dC| up to which a prediction may go, and what is compared with one inverse: C stays invertible, and a root
+# keeps its sign
 PREDICTED_CHANGE = 0.4
-# and beyond which a motion has gone too far in one step: the prediction was too short-sighted
+# and beyond which a motion has gone too far from one row to the next: the prediction was too short-sighted
 LARGEST_CHANGE = 0.8
 # relative column norm below which nothing is left to choose, as in compiler.states
 RANK_TOLERANCE = 1e-8
 
 # the solved columns of each stage that had a choice
 Choice = tuple[tuple[int, ...], ...]
+# rows and columns of a stage's matrix
+Part = tuple[tuple[int, ...], tuple[int, ...]]
+# rows that are compared with one inverse at once, to begin with
+ROWS = 64
 
 
 def choice_of(stages: list[Stage]) -> Choice:
     return tuple(tuple(sorted(s.matched.values())) for s in stage_choices(stages))
-
-
-@dataclass(eq=False)
-class Reference:
-    """Solved columns at one instant: their quality (1: as good as any choice), inverses and row scales."""
-
-    quality: float
-    inverses: list[np.ndarray]
-    scales: list[np.ndarray]
-    matrices: list[np.ndarray]
 
 
 class StateSelection:
@@ -49,11 +44,15 @@ class StateSelection:
     def __init__(self, plan: CausalPlan, prefer: frozenset[int]) -> None:
         self._plan, self._prefer = plan, prefer
         flat, structure = plan.flat, plan.structure
-        system = ca.densify(plan.system)
-        self._system = ca.Function("system", [plan.sampler.w, flat.scope.time], [system])
+        arguments = [plan.sampler.w, flat.scope.time]
+        self._system = PointFunction(ca.Function("system", arguments, [ca.densify(plan.system)]))
         self._pattern = set(zip(*plan.system.sparsity().get_triplet(), strict=True))
         self._stages = stage_choices(plan.stages)
         self._nominal = np.array([flat.variables[i].nominal for i in structure.unknowns])
+        self._parts = {
+            part: ca.Function("stage", arguments, [ca.densify(plan.system[list(part[0]), list(part[1])])])
+            for part in map(_part, self._stages)
+        }
         place = {pair: n for n, pair in enumerate(plan.pairs)}
         # position of each symbol's first and second derivative; the last entry of an extended point is zero
         self._next = [[place.get((i, k + m), -1) for i, k in plan.pairs] for m in (1, 2)]
@@ -63,7 +62,7 @@ class StateSelection:
         return bool(self._stages)
 
     def matrix(self, w: np.ndarray, time: float) -> np.ndarray:
-        return np.asarray(self._system(w, time).full())
+        return self._system(w, time)[0]
 
     # -- choosing ----------------------------------------------------------------------------------
 
@@ -78,10 +77,10 @@ class StateSelection:
             preferred = choice_of(choose(plan.flat, plan.structure, [m], self._prefer, self._pattern))
         except ModelError:
             return None
-        if self.refer(preferred, m).quality >= SWITCH_BELOW:
+        if self.quality(preferred, m) >= SWITCH_BELOW:
             return preferred
         best = self._best(m)
-        return best if best is not None and self.refer(best, m).quality > 0.0 else preferred
+        return best if best is not None and self.quality(best, m) > 0.0 else preferred
 
     def states(self, choice: Choice) -> list[int]:
         """Variables, by index, of the columns that a choice leaves unsolved."""
@@ -93,7 +92,7 @@ class StateSelection:
         choice: list[tuple[int, ...]] = []
         solved: list[int] = []
         for stage in self._stages:
-            a = self._scaled(m, stage)[1]
+            a = self._scaled(m, stage)
             place = {j: n for n, j in enumerate(stage.columns)}
             first = [place[j] for j in solved if j in place]
             q = np.linalg.qr(a[:, first])[0] if first else np.zeros((len(stage.rows), 0))
@@ -109,49 +108,96 @@ class StateSelection:
 
     # -- watching ----------------------------------------------------------------------------------
 
-    def refer(self, choice: Choice, m: np.ndarray) -> Reference:
-        """How good a choice is where the system Jacobian is m."""
-        reference = Reference(1.0 if np.all(np.isfinite(m)) else 0.0, [], [], [])
-        for stage, solved in zip(self._stages, choice, strict=True) if reference.quality else ():
-            scale, a = self._scaled(m, stage)
-            place = {j: n for n, j in enumerate(stage.columns)}
-            c = a[:, [place[j] for j in solved]]
-            _, _, order = pivoted_qr(a, "economic")
-            smallest, best = (np.linalg.svd(x, compute_uv=False)[-1] for x in (c, a[:, order[: len(stage.rows)]]))
-            quality = float(smallest / best) if best > RANK_TOLERANCE else 0.0
-            reference.quality = min(reference.quality, quality)
+    def quality(self, choice: Choice, m: np.ndarray) -> float:
+        """How good a choice is where the system Jacobian is m; 1: as good as any."""
+        if not np.all(np.isfinite(m)):
+            return 0.0
+        quality = 1.0
+        for (rows, columns), solved in self._distinct(choice):
+            a = m[np.ix_(rows, columns)] * self._nominal[list(columns)]
+            quality = min(quality, _quality(a, solved))
             if not quality > 0.0:
                 break
-            reference.inverses.append(np.linalg.inv(c))
-            reference.scales.append(scale)
-            reference.matrices.append(c)
-        return reference
+        return quality
 
-    def changes(self, choice: Choice, reference: Reference, points: np.ndarray, times: np.ndarray) -> np.ndarray:
-        """Largest |C^-1 dC| between the reference and each of other points; below 1 no singular pose lies between."""
-        matrices = np.asarray(self._system(points.T, times[None, :]).full())
-        matrices = matrices.reshape(matrices.shape[0], len(times), -1).transpose(1, 0, 2)
-        worst = np.zeros(len(times))
-        for n, (stage, solved) in enumerate(zip(self._stages, choice, strict=True)):
-            c = matrices[:, stage.rows][:, :, solved] * self._nominal[list(solved)] / reference.scales[n]
-            change = reference.inverses[n] @ (c - reference.matrices[n])
-            worst = np.maximum(worst, np.linalg.norm(change, axis=(1, 2)))
-        return np.where(np.isfinite(worst), worst, np.inf)
+    def good_rows(self, choice: Choice, points: np.ndarray, times: np.ndarray, below: float) -> int:
+        """How many rows after the first one a choice holds for: from each to the next no singular pose lies between,
+        neither by the points nor by what the rates at the first of them predict, and its quality stays above `below`;
+        the row at which it falls below is the last one."""
+        h = np.diff(times)[:, None]
+        with_zero = np.column_stack([points, np.zeros(len(points))])[:-1]
+        rate, curve = (with_zero[:, index] for index in self._next)
+        ahead = points[:-1] + h * rate + h**2 / 2 * curve
+        good = len(h)
+        for part, solved in self._distinct(choice):
+            both = np.vstack([points[: good + 1], ahead[:good]])
+            when = np.append(times[: good + 1], times[1 : good + 1])
+            matrices = map_columns(self._parts[part], [both.T, when[None, :]])[0]
+            matrices = matrices.reshape(len(part[0]), 2 * good + 1, -1) * self._nominal[list(part[1])]
+            good = _good_rows(matrices[:, : good + 1], matrices[:, good + 1 :], solved, below)
+        return good
 
-    def horizon(self, choice: Choice, reference: Reference, w: np.ndarray, time: float, longest: float) -> float:
-        """Time [s], at most `longest`, in which the solved columns stay good if the motion goes on as it is."""
-        rate, curve = (np.append(w, 0.0)[index] for index in self._next)
-        span = longest
-        while span > 1e-12 * longest:
-            ahead = w + span * rate + span**2 / 2 * curve
-            if self.changes(choice, reference, ahead[None, :], np.array([time + span]))[0] <= PREDICTED_CHANGE:
-                return span
-            span /= 2
-        return span
+    def _distinct(self, choice: Choice) -> list[tuple[Part, list[int]]]:
+        """Rows and columns of the stages with the places of the solved among the columns; equal stages once."""
+        parts = {
+            (_part(s), tuple(s.columns.index(j) for j in solved)): None
+            for s, solved in zip(self._stages, choice, strict=True)
+        }
+        return [(part, list(solved)) for part, solved in parts]
 
-    def _scaled(self, m: np.ndarray, stage: Stage) -> tuple[np.ndarray, np.ndarray]:
-        """Row scales and the stage's matrix in nominals with rows scaled to maximum 1."""
-        a = m[np.ix_(stage.rows, stage.columns)] * self._nominal[stage.columns]
-        size = np.max(np.abs(a), axis=1, keepdims=True)
-        scale = np.where(size > 0, size, 1.0)
-        return scale, a / scale
+    def _scaled(self, m: np.ndarray, stage: Stage) -> np.ndarray:
+        """The stage's matrix in nominals with rows scaled to maximum 1."""
+        return _with_unit_rows(m[np.ix_(stage.rows, stage.columns)] * self._nominal[stage.columns])
+
+
+def _part(stage: Stage) -> Part:
+    return tuple(stage.rows), tuple(stage.columns)
+
+
+def _with_unit_rows(a: np.ndarray) -> np.ndarray:
+    size = np.max(np.abs(a), axis=1, keepdims=True)
+    return a / np.where(size > 0, size, 1.0)
+
+
+def _quality(a: np.ndarray, solved: list[int], enough: float = np.inf) -> float:
+    """Smallest singular value of the solved columns of a stage's matrix, in parts of the best choice's; a lower bound
+    where that is `enough`."""
+    a = _with_unit_rows(a)
+    smallest, most = (float(np.linalg.svd(x, compute_uv=False)[-1]) for x in (a[:, solved], a))
+    if smallest >= enough * most > RANK_TOLERANCE:  # no columns are better conditioned than all of them
+        return smallest / most
+    order = pivoted_qr(a, "economic")[2]
+    best = float(np.linalg.svd(a[:, order[: len(a)]], compute_uv=False)[-1])
+    return smallest / best if best > RANK_TOLERANCE else 0.0
+
+
+def _good_rows(at: np.ndarray, ahead: np.ndarray, solved: list[int], below: float) -> int:
+    """As `StateSelection.good_rows`, of the matrices (equations, n, columns) of one stage, at each row and as predicted
+    for the next one."""
+    c, predicted = (np.ascontiguousarray(x[:, :, solved]) for x in (at, ahead))
+    row, last, window = 0, ahead.shape[1], ROWS
+    while row < last:
+        try:
+            inverse = np.linalg.inv(c[:, row])
+        except np.linalg.LinAlgError:
+            return row
+        end = min(last, row + window)
+        actual, expected = _changes(inverse, c[:, row + 1 : end + 1]), _changes(inverse, predicted[:, row:end])
+        near = (actual <= PREDICTED_CHANGE) & (expected <= PREDICTED_CHANGE)
+        count = end - row if near.all() else int(np.argmin(near))
+        if not count:
+            if not (actual[0] <= LARGEST_CHANGE and expected[0] <= PREDICTED_CHANGE):
+                return row
+            count = 1
+        row, window = row + count, 2 * count + 8
+        if row < last and _quality(at[:, row], solved, below) < below:
+            break
+    return row
+
+
+def _changes(inverse: np.ndarray, matrices: np.ndarray) -> np.ndarray:
+    """|inverse @ m - 1| of matrices (n, rows, n)."""
+    size, rows = matrices.shape[:2]
+    change = (inverse @ matrices.reshape(size, -1)).reshape(size, rows, size)
+    change -= np.eye(size)[:, None, :]
+    return np.sqrt(np.einsum("irj,irj->r", change, change))

@@ -103,8 +103,9 @@ def simulate(
     ready = prepared(tolerance)
     refuse_discontinuous_inputs(ready.inputs, ready.system.plan.inputs, start_time, final_time)
     rows = _rows(start_time, final_time, step)
-    # roots are watched from one time to the next: as often as rows are recorded by default
-    watched = (final_time - start_time) / OUTPUT_STEPS if ready.system.roots else np.inf
+    # roots and states are watched from one time to the next: as often as rows are recorded by default
+    watching = bool(ready.system.roots) or ready.systems.selection.has_choice
+    watched = (final_time - start_time) / OUTPUT_STEPS if watching else np.inf
     grid = _grid(rows, min(max_step, watched))
     pace = pace_of(ready.systems.driven(), ready.inputs.t, start_time, final_time)
     integration = Integration(ready, rows, grid, pace)
