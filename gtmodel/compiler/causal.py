@@ -285,10 +285,8 @@ class CausalFunction:
         self, columns: list[np.ndarray], guesses: Sequence[np.ndarray | None] | None = None, answers: bool = False
     ) -> tuple[list[np.ndarray], np.ndarray]:
         """Targets and margins as columns, and the status of each column; answers: without margins, NaN for none."""
-        zs, iteration = self._unknowns(columns, guesses)
-        return judged_columns(
-            self._built.closed, columns, self.margins, self.sizes, zs, iteration if zs else None, answers
-        )
+        zs, iteration = self._unknowns(columns, guesses) if self._built.kernels else ([], None)
+        return judged_columns(self._built.closed, columns, self.margins, self.sizes, zs, iteration, answers)
 
     def status(
         self, columns: list[np.ndarray], results: list[np.ndarray], iteration: np.ndarray | None = None

@@ -14,7 +14,7 @@ from .source import FLAGS, NAME, source
 # seconds that a step takes NumPy for a row, and a call of libm CasADi's virtual machine
 STEP, CALL = 0.6e-9, 20e-9
 # seconds of gcc: at all, and for each step
-COMPILE, COMPILE_STEP = 0.3, 2e-3
+COMPILE, COMPILE_STEP = 0.2, 1e-3
 # seconds on rows from which it pays to look whether a library is there
 LOOK = 0.02
 # more than this gcc does not take, nor the stack

@@ -36,20 +36,33 @@ _FRAME = """#include <math.h>
 #define AT_ONCE {at_once}
 #define LAST {last}
 typedef double Column[AT_ONCE];
+/* four numbers in a vector where the processor can: the same operations, rounded alike */
+#if defined(__x86_64__) && defined(__GLIBC__) && defined(__GNUC__) && !defined(__clang__)
+#define WIDE __attribute__((target_clones("avx2", "default")))
+#else
+#define WIDE
+#endif
 
-static void some(double (*restrict x)[AT_ONCE], double (*restrict y)[AT_ONCE]) {{
+WIDE static void some(double (*restrict x)[AT_ONCE], double (*restrict y)[AT_ONCE]) {{
 {body}
 }}
 
 static void load(Column *x, const double *p, long size, const long *step, long m) {{
+  const long row = step[0], entry = step[1];
   long e, i;
-  for (e = 0; e < size; ++e)
-    for (i = 0; i < AT_ONCE; ++i) x[e][i] = p[(i < m ? i : m - 1) * step[0] + e * step[1]];
+  for (e = 0; e < size; ++e) {{
+    const double *q = p + e * entry;
+    if (m == AT_ONCE) {{
+      for (i = 0; i < AT_ONCE; ++i) x[e][i] = q[i * row];
+    }} else {{
+      for (i = 0; i < AT_ONCE; ++i) x[e][i] = q[(i < m ? i : m - 1) * row];
+    }}
+  }}
 }}
 
 /* adds something to `doubt` where a row may be a bad one */
-static void judge(double (*restrict x)[AT_ONCE], double (*restrict y)[AT_ONCE], const double *low,
-                  const double *high, const double *weight, double most, double *restrict doubt) {{
+WIDE static void judge(double (*restrict x)[AT_ONCE], double (*restrict y)[AT_ONCE], const double *low,
+                       const double *high, const double *weight, double most, double *restrict doubt) {{
   Column size;
   int i, k;
   for (i = 0; i < AT_ONCE; ++i) size[i] = 0.0;
