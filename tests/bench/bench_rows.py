@@ -101,9 +101,9 @@ def l1_rows(size: int, times: int, compiled: bool) -> bool:
         wanted = COMPILED[name] if compiled else 1 / PLAIN
         passed = whole >= wanted
         good &= passed
-        way = "machine code" if compiled else "NumPy"
+        way, verdict = "machine code" if compiled else "NumPy", "pass" if passed else "FAIL"
         print(
-            f"| {name} | {way} | {us[0]:.4f} | {us[1]:.4f} | {whole:.2f} | {wanted:.1f} | {'pass' if passed else 'FAIL'} "
+            f"| {name} | {way} | {us[0]:.4f} | {us[1]:.4f} | {whole:.2f} | {wanted:.1f} | {verdict} "
             f"| {us[2]:.4f} | {blocks:.2f} |"
         )
     return good
