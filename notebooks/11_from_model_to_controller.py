@@ -36,7 +36,7 @@ from gtmodel.loop import (
     DrivePlant,
     Exchange,
     Faults,
-    Limits,
+    LoopLimits,
     LoopProcess,
     PythonLoop,
     ReferenceTable,
@@ -148,7 +148,7 @@ tracking_figure(as_trajectory(q), {label: as_trajectory(runs[key].measured_m) fo
 # cycle, among them a hash of every answer that was sent.
 
 # %%
-settings = Settings(dry=False, hold_cycles=25, limits=Limits(step_m=0.1))
+settings = Settings(dry=False, hold_cycles=25, limits=LoopLimits(step_m=0.1))
 law = TrajectoryLaw(reference, 3, True, 4 * drives["delay"], 4, a, b)
 python_loop = PythonLoop(settings, Exchange("egm", 3), law)
 lockstep(simulated(), python_loop.exchange, len(q), Channel(faults), Channel(faults))

@@ -12,13 +12,14 @@ from ..compiler.flat import FlatModel
 from ..inference import Identifiability
 from ..inference.losses import loss_named
 from ..inference.nonlinear import descend
-from ..inference.weighting import Weighting, prior_rows
+from ..inference.weighting import prior_rows
 from ..lang.builder import Builder
 from ..lang.model import Model
 from ..lang.source import ModelError
 from ..results.estimate import Estimate
 from ..results.refusal import ArgumentError
 from ..results.status import SolveStatus
+from .block_rows import BlockRows, parts
 from .blocks import Block
 from .confidence import Fitted, estimated
 from .implicit import Adjustment, require_noise_enough
@@ -167,7 +168,7 @@ def calibrate(
     residuals = problem.residuals(x) if latent_free else begin
     return Calibration(
         problem, cost, status, message, x, estimate, identified, problem.values(x), residuals, begin,
-        max(f.descent.iterations for f in fits), tuple(tuple(u.names[k] for k in f.block.columns) for f in fits),
+        max(f.descent.iterations for f in fits), tuple(tuple(u.names[k] for k in f.rows.block.columns) for f in fits),
     )  # fmt: skip
 
 
@@ -193,28 +194,19 @@ def _descended(
             continue
         own = [p for p in u.priors if p.name in {u.names[k] for k in b.columns}]
         P, p = prior_rows(tuple(own), tuple(u.names[k] for k in b.columns))
-        adjustment = None
+        covariance = None
         if implicit:
-            S = noise_covariance(problem, cost)
+            covariance = noise_covariance(problem, cost)
             labels = tuple(problem.labels[k] for k in b.rows)
-            require_noise_enough(b, read.data, S, read.latent.numel(), x[b.columns], labels)
-            adjustment = Adjustment(b, read.data, S, read.latent.numel())
+            require_noise_enough(b, read.data, covariance, read.latent.numel(), x[b.columns], labels)
         sigma = 1.0 if implicit or not own else _level(problem, b, x)
+        rows = BlockRows(b, read.data, sigma, covariance, read.latent.numel())
         d = descend(
-            adjustment or _plain(b, read.data), x[b.columns], u.sizes[b.columns], Weighting(np.array(1 / sigma), True),
-            P=P, p=p, loss=loss_named(loss), width=width, limit=limit, stop=stop,
-        )  # fmt: skip
+            rows, x[b.columns], u.sizes[b.columns], P=P, p=p, loss=loss_named(loss), width=width, limit=limit, stop=stop
+        )
         x[b.columns] = d.x
-        fits.append(Fitted(b, d, P, sigma, adjustment))
+        fits.append(Fitted(rows, d, P))
     return fits, x
-
-
-def _plain(block: Block, data: np.ndarray) -> Any:
-    def residuals(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        r, J = block.evaluate(data, x)
-        return r.reshape(-1), J.reshape(-1, J.shape[2])
-
-    return residuals
 
 
 def _level(problem: CalibrationProblem, block: Block, x: np.ndarray) -> float:
@@ -223,9 +215,12 @@ def _level(problem: CalibrationProblem, block: Block, x: np.ndarray) -> float:
     if any(n not in m.noise for n in problem.reading.places):
         lacking = [n for n in problem.reading.places if n not in m.noise]
         raise ModelError(f"priors are weighed against the noise: give that of {', '.join(lacking)} too")
-    S = noise_covariance(problem, "orthogonal")
-    _, _, By, _ = block.evaluate_all(problem.reading.data, x[block.columns])
-    return float(np.sqrt(np.mean(np.einsum("kmi,kij,kmj->km", By, np.broadcast_to(S, (len(m), *S.shape[1:])), By))))
+    S, mean = noise_covariance(problem, "orthogonal"), 0.0
+    for part in parts(len(m)):
+        _, _, By, _ = block.evaluate_all(problem.reading.data[:, part], x[block.columns])
+        own = np.broadcast_to(S, (len(m), *S.shape[1:]))[part]
+        mean += float(np.sum(np.einsum("kmi,kij,kmj->km", By, own, By)))
+    return float(np.sqrt(mean / (len(m) * len(block.rows))))
 
 
 def _arrived(fits: Sequence[Fitted]) -> str:

@@ -91,6 +91,7 @@ class Element:
     row_names: list[tuple[str, int]]
     cost: ca.SX
     integrals: ca.SX
+    at_edge: list[int]  # path rows that hold at the right edge too, where that is no collocation point
 
 
 def pointwise(problem: DynamicProblem) -> ca.Function:
@@ -160,8 +161,10 @@ def make_element(problem: DynamicProblem, mesh: Mesh) -> Element:
         path_rows.append(path / ca.DM([r.scale for r in problem.path]) if path.numel() else path)
         path_names += [(r.label, c) for r in problem.path]
         quadrature = quadrature + length * float(table.weights[c]) * integrand
-    edges = [n for n, r in enumerate(problem.path) if r.low != r.high and of_states(problem, r)]
-    if edges and table.points[-1] < 1.0:
+    edges: list[int] = []
+    if table.points[-1] < 1.0:
+        edges = [n for n, r in enumerate(problem.path) if r.low != r.high and of_states(problem, r)]
+    if edges:
         # bounds on states hold at the edges, which are no Gauss points, and so do these
         at_edge = point(end, ca.SX.zeros(nx), ca.SX.zeros(problem.u.numel()), P, t0 + (left + h) * horizon)[2]
         chosen = [problem.path[n] for n in edges]
@@ -177,7 +180,7 @@ def make_element(problem: DynamicProblem, mesh: Mesh) -> Element:
     weights = ca.DM([w for _, _, w in problem.integrals]) if problem.integrals else ca.DM(0, 1)
     cost = ca.dot(weights, quadrature) if problem.integrals else ca.SX(0)
     all_rows = ca.vertcat(*rows)
-    return Element(layout, y, P, d, all_rows, np.concatenate(low), np.concatenate(high), names, cost, quadrature)
+    return Element(layout, y, P, d, all_rows, np.concatenate(low), np.concatenate(high), names, cost, quadrature, edges)
 
 
 def of_states(problem: DynamicProblem, row: ConstraintRow) -> bool:

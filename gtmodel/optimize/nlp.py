@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -18,6 +19,7 @@ from .element import Element, Layout, make_element, value_at
 from .formulation.delays import DelayRows, delay_rows
 from .formulation.dynamic import DynamicProblem
 from .mesh import Mesh
+from .point_kernels import Derivatives, Pattern, constant, derivatives, linear_rows, point_kernels
 from .watch import Program
 
 
@@ -101,31 +103,7 @@ def make_nlp(problem: DynamicProblem, mesh: Mesh, machine_code: bool = False) ->
     p_scale = problem.P_scale
     total = N * n + nx + nP
     X = ca.MX.sym("X", total)
-    Y = ca.reshape(X[: N * n], n, N)
-    Pm = ca.repmat(X[N * n + nx :], 1, N)
-    D = ca.DM(np.vstack([mesh.h, mesh.edges[:-1]]))
-    y, P, d = element.y, ca.SX.sym("Ps", nP), element.d
-    rows, cost = (
-        ca.substitute([element.rows, element.cost], [element.P], [P * ca.DM(p_scale)]) if nP else
-        [element.rows, element.cost]
-    )  # fmt: skip
-    rows, cost = ca.cse([rows, cost])
-    J, JP = ca.jacobian(rows, y), ca.densify(ca.jacobian(rows, P))
-    lam_f, lam = ca.SX.sym("lam_f"), ca.SX.sym("lam", m)
-    L = lam_f * cost + ca.dot(lam, rows)
-    grad = ca.gradient(L, y)
-    Hyy = ca.triu(ca.jacobian(grad, y))
-    HyP = ca.densify(ca.jacobian(grad, P))
-    HPP = ca.densify(ca.hessian(L, P)[0]) if nP else ca.SX(0, 0)
-    args = [y, P, d]
-    one = [
-        _function("e_g", args, [rows, cost]),
-        _function("e_j", args, [rows, stacked(nonzeros(J)), JP]),
-        _function("e_h", [*args, lam_f, lam], [stacked(nonzeros(Hyy)), HyP, HPP]),
-        _function("e_d", args, [cost, ca.densify(ca.jacobian(cost, y)), ca.densify(ca.jacobian(cost, P))]),
-    ]
-    one, compile_seconds = compiled(one) if machine_code else (one, None)
-    e_g, e_j, e_h, e_d = (f.map(N) for f in one)
+    parts, compile_seconds = _parts(problem, mesh, element, p_scale, machine_code)
     point = _points(problem, mesh, element, p_scale)
     z = X[point.index.tolist()] if point.index.size else ca.MX(0, 1)
     mc = len(problem.points)
@@ -133,34 +111,100 @@ def make_nlp(problem: DynamicProblem, mesh: Mesh, machine_code: bool = False) ->
     lam_all = ca.MX.sym("lam_g", N * m + mc + md)
     sigma = ca.MX.sym("lam_f_x")
 
-    g_e, c_e = e_g(Y, Pm, D)
+    Y, P = ca.reshape(X[: N * n], n, N), X[N * n + nx :]
+    at = [part.arguments(Y, P) for part in parts]
+    continued = linear_rows(element.layout, m)
+    through = constant(continued) @ Y
     link = _link(X, n, m, nx, N)
     mayer, rows_p = point.value(z)
     held = ca.DM(delays.matrix) @ X[: N * n] if md else ca.MX(0, 1)
-    g = ca.vertcat(ca.vec(g_e) - link, rows_p, held)
-    f = ca.sum2(c_e) + mayer
 
-    _, nzJ, dP = e_j(Y, Pm, D)
-    jac = _jacobian(J, nzJ, dP, point, z, n, m, nx, nP, N, total, mc, delays)
-    _, dy, dPc = e_d(Y, Pm, D)
+    def all_rows(values: list[ca.MX]) -> ca.MX:
+        rows = sum((part.rows(v) for part, v in zip(parts, values, strict=True)), through)
+        return ca.vertcat(ca.vec(rows) - link, rows_p, held)
+
+    g = all_rows([part.mapped("rows")(*a) for part, a in zip(parts, at, strict=True)])
+    costs = [(part, part.mapped("cost")(*a)) for part, a in zip(parts, at, strict=True) if part.each.cost is not None]
+    f = sum((ca.sum2(c[0]) for _, c in costs), mayer)
+
+    first = [part.mapped("first")(*a) for part, a in zip(parts, at, strict=True)]
+    g_first = all_rows([v[0] for v in first])
+    entries = [part.entries(part.each.by_rows, v[1], m) for part, v in zip(parts, first, strict=True)]
+    jac = _jacobian(continued, entries, point, z, n, m, nx, nP, N, total, mc, delays)
+    grad_f = ca.MX.zeros(total, 1)
+    for part, (_, by_w, by_P) in costs:
+        by_y = constant(part.each.kernel.take.T) @ part.beside(by_w)
+        grad_f = grad_f + ca.vertcat(ca.vec(by_y), ca.MX.zeros(nx, 1), ca.sum2(by_P) if nP else ca.MX(0, 1))
     mayer_z = point.gradient(z)
-    grad_f = ca.vertcat(ca.vec(dy), ca.MX.zeros(nx, 1), ca.sum2(ca.reshape(dPc, nP, N)) if nP else ca.MX(0, 1))
     if point.index.size:
         spread = ca.DM.triplet(
             point.index.tolist(), list(range(point.index.size)), np.ones(point.index.size), total, point.index.size
         )
         grad_f = grad_f + spread @ mayer_z
-    nz, yP, PP = e_h(Y, Pm, D, ca.repmat(sigma, 1, N), ca.reshape(lam_all[: N * m], m, N))
-    hess = _hessian(Hyy, nz, yP, PP, point, z, sigma, lam_all[N * m : N * m + mc], n, nx, nP, N, total)
+    multipliers = ca.reshape(lam_all[: N * m], m, N)
+    second = [part.second(*a, sigma, multipliers) for part, a in zip(parts, at, strict=True)]
+    hess = _hessian(second, point, z, sigma, lam_all[N * m : N * m + mc], n, nx, N, total)
 
     parameters = ca.MX.sym("p", 0)
     nlp = ca.Function("nlp", [X, parameters], [f, g], ["x", "p"], ["f", "g"])
-    functions = functions_of(X, parameters, sigma, lam_all, f, g, grad_f, jac, hess)
+    functions = functions_of(X, parameters, sigma, lam_all, f, g_first, grad_f, jac, hess)
     lbx, ubx = _bounds(problem, element, mesh, p_scale)
     lbg = np.concatenate([np.tile(element.low, N), [r.low / r.scale for r in problem.points], delays.value])
     ubg = np.concatenate([np.tile(element.high, N), [r.high / r.scale for r in problem.points], delays.value])
     _step_bounds(problem, mesh, element.layout, m, lbg, ubg)
     return Nlp(functions, nlp, lbx, ubx, lbg, ubg, problem, mesh, element, p_scale, delays.names, compile_seconds)
+
+
+@dataclass(eq=False)
+class _Part:
+    """The derivatives of one kernel at all its places on the mesh."""
+
+    each: Derivatives
+    mesh: Mesh
+
+    @property
+    def places(self) -> int:
+        return self.mesh.elements * self.each.kernel.count
+
+    def arguments(self, Y: ca.MX, P: ca.MX) -> tuple[ca.MX, ca.MX, ca.DM]:
+        """w, P and d of all places, of the unknowns (n, N) of all elements and the constants."""
+        kernel = self.each.kernel
+        w = ca.reshape(constant(kernel.take) @ Y, kernel.w.numel(), self.places)
+        return w, ca.repmat(P, 1, self.places), ca.DM(kernel.data(self.mesh))
+
+    def mapped(self, name: str) -> ca.Function:
+        return getattr(self.each, name).map(self.places)
+
+    def beside(self, values: ca.MX) -> ca.MX:
+        """What all places give, those of one element one below the other (., N)."""
+        return ca.reshape(values, values.numel() // self.mesh.elements, self.mesh.elements)
+
+    def rows(self, values: ca.MX) -> ca.MX:
+        return constant(self.each.kernel.rows) @ self.beside(values)
+
+    def entries(self, to: tuple[Pattern, Any], values: ca.MX, height: int) -> tuple[Pattern, ca.MX]:
+        """Where in the matrix of an element they stand, and the entries of all elements (., N)."""
+        pattern, matrix = to
+        return pattern, constant(matrix) @ self.beside(values)
+
+    def second(self, w: ca.MX, P: ca.MX, d: ca.DM, sigma: ca.MX, lam: ca.MX) -> tuple[Pattern, ca.MX]:
+        """The upper triangle of the Hessian by [y, P]: where, and the entries of all elements."""
+        kernel = self.each.kernel
+        own = ca.reshape(constant(kernel.rows.T) @ lam, kernel.value.numel(), self.places)
+        values = self.mapped("second")(w, P, d, ca.repmat(sigma, 1, self.places), own)
+        return self.entries(self.each.by_unknowns, values, 0)
+
+
+def _parts(
+    problem: DynamicProblem, mesh: Mesh, element: Element, p_scale: np.ndarray, machine_code: bool
+) -> tuple[list[_Part], float | None]:
+    """Derivatives of all kernels, and the seconds that compiling them took; None where nothing is compiled."""
+    each, seconds = [derivatives(k) for k in point_kernels(problem, mesh, element, p_scale)], None
+    if machine_code:
+        made, seconds = compiled([f for d in each for f in d.functions])
+        known = {f.name(): f for f in made}
+        each = [d.exchanged([known[f.name()] for f in d.functions]) for d in each]
+    return [_Part(d, mesh) for d in each], seconds
 
 
 def functions_of(
@@ -196,10 +240,6 @@ def _step_bounds(problem: DynamicProblem, mesh: Mesh, layout: Layout, m: int, lb
         for k in mesh.blocks.borders:
             row = (k - 1) * m + layout.nx + j
             lbg[row], ubg[row] = -most, most
-
-
-def _function(name: str, args: list[ca.SX], out: list[ca.SX]) -> ca.Function:
-    return ca.Function(name, args, ca.cse(out))
 
 
 def _link(X: ca.MX, n: int, m: int, nx: int, N: int) -> ca.MX:
@@ -315,45 +355,53 @@ def scatter(rows: np.ndarray, cols: np.ndarray, values: ca.MX, shape: tuple[int,
     return ca.MX(sparsity, values[order.tolist()])
 
 
-def _tile(rows: list[int], cols: list[int], N: int, dr: int, dc: int) -> tuple[np.ndarray, np.ndarray]:
+def _tile(rows: np.ndarray, cols: np.ndarray, N: int, dr: int, dc: int) -> tuple[np.ndarray, np.ndarray]:
     k = np.repeat(np.arange(N), len(rows))
-    return np.tile(np.array(rows, int), N) + k * dr, np.tile(np.array(cols, int), N) + k * dc
+    return np.tile(rows.astype(int), N) + k * dr, np.tile(cols.astype(int), N) + k * dc
 
 
 def _jacobian(
-    J: ca.SX, nz: ca.MX, dP: ca.MX, point: _Point, z: ca.MX,
+    continued: Any, entries: list[tuple[Pattern, ca.MX]], point: _Point, z: ca.MX,
     n: int, m: int, nx: int, nP: int, N: int, total: int, mc: int, delays: DelayRows,
 ) -> ca.MX:  # fmt: skip
-    r1, c1 = _tile(*J.sparsity().get_triplet(), N, m, n)
-    r2 = np.array([k * m + i for k in range(N) for i in range(nx)], int)
-    c2 = np.array([(k + 1) * n + i for k in range(N) for i in range(nx)], int)
-    k, p, r = (a.ravel() for a in np.meshgrid(np.arange(N), np.arange(nP), np.arange(m), indexing="ij"))
-    r3, c3 = k * m + r, N * n + nx + p
+    through = continued.tocoo()
+    r, c = _tile(through.row, through.col, N, m, n)
+    rows, cols, values = [r], [c], [ca.MX(ca.DM(np.tile(through.data, N)))]
+    for (r, c), v in entries:
+        by_P = np.tile(c >= n, N)
+        r, own = _tile(r, c, N, m, n)
+        rows.append(r)
+        cols.append(np.where(by_P, np.tile(c, N) - n + N * n + nx, own))
+        values.append(ca.vec(v))
+    rows.append(np.array([k * m + i for k in range(N) for i in range(nx)], int))
+    cols.append(np.array([(k + 1) * n + i for k in range(N) for i in range(nx)], int))
+    values.append(-ca.MX.ones(N * nx, 1))
     rp, cp = (np.array(a, int) for a in point.jac_sparsity.get_triplet())
-    r4, c4 = rp + N * m, point.index[cp] if cp.size else cp
+    rows.append(rp + N * m)
+    cols.append(point.index[cp] if cp.size else cp)
     held = delays.matrix.tocoo()
-    r5, c5 = held.row.astype(int) + N * m + mc, held.col.astype(int)
-    values = ca.vertcat(ca.vec(nz), -ca.MX.ones(len(r2), 1), ca.vec(dP), point.jacobian(z), ca.DM(held.data))
-    rows, cols = np.concatenate([r1, r2, r3, r4, r5]), np.concatenate([c1, c2, c3, c4, c5])
-    return scatter(rows, cols, values, (N * m + mc + len(delays.value), total))
+    rows.append(held.row.astype(int) + N * m + mc)
+    cols.append(held.col.astype(int))
+    values += [point.jacobian(z), ca.MX(ca.DM(held.data))]
+    shape = (N * m + mc + len(delays.value), total)
+    return scatter(np.concatenate(rows), np.concatenate(cols), ca.vertcat(*values), shape)
 
 
 def _hessian(
-    Hyy: ca.SX, nz: ca.MX, yP: ca.MX, PP: ca.MX, point: _Point, z: ca.MX, sigma: ca.MX, lam: ca.MX,
-    n: int, nx: int, nP: int, N: int, total: int,
+    second: list[tuple[Pattern, ca.MX]], point: _Point, z: ca.MX, sigma: ca.MX, lam: ca.MX,
+    n: int, nx: int, N: int, total: int,
 ) -> ca.MX:  # fmt: skip
-    r1, c1 = _tile(*Hyy.sparsity().get_triplet(), N, n, n)
-    k, p, r = (a.ravel() for a in np.meshgrid(np.arange(N), np.arange(nP), np.arange(n), indexing="ij"))
-    r2, c2 = k * n + r, N * n + nx + p
-    result = scatter(
-        np.concatenate([r1, r2]), np.concatenate([c1, c2]), ca.vertcat(ca.vec(nz), ca.vec(yP)), (total, total)
-    )
-    if nP:
-        summed = ca.reshape(ca.sum2(ca.reshape(PP, nP * nP, N)), nP, nP)
-        i, j = np.triu_indices(nP)
-        at = (i + j * nP).astype(int).tolist()
-        offset = N * n + nx
-        result = result + scatter(i + offset, j + offset, ca.vec(summed)[at], (total, total))
+    result = ca.MX(total, total)
+    for (r, c), values in second:
+        own = r < n  # the others are of constants alone, which all elements share
+        rows, cols = _tile(r[own], c[own], N, n, n)
+        by_P = np.tile(c[own] >= n, N)
+        cols = np.where(by_P, np.tile(c[own], N) - n + N * n + nx, cols)
+        result = result + scatter(rows, cols, ca.vec(values[np.flatnonzero(own).tolist(), :]), (total, total))
+        if not np.all(own):
+            shared = ca.sum2(values[np.flatnonzero(~own).tolist(), :])
+            offset = N * n + nx - n
+            result = result + scatter(r[~own] + offset, c[~own] + offset, shared, (total, total))
     if point.hess_sparsity.nnz():
         rp, cp = (np.array(a, int) for a in point.hess_sparsity.get_triplet())
         rows, cols = point.index[rp], point.index[cp]

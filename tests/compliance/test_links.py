@@ -94,7 +94,7 @@ def test_the_equation_core_with_a_spring_in_every_rod_gives_the_same(l1, structu
 
 def energy_hessian(robot, p, springs):
     """Second derivative of the springs' energy by plate, carts along and across, rotary axes: from geometry alone."""
-    joints = gt.compile_causal(robot, known="q", targets=[f"{n}.a.r" for n in LinkGeometry(robot).links]).casadi
+    joints = robot.causal(known="q", targets=[f"{n}.a.r" for n in LinkGeometry(robot).links]).casadi
     x, s = ca.SX.sym("x", 6), ca.SX.sym("s", 3 * p.carts + p.q.shape[1] - p.carts)
     S = ca.skew(x[3:])
     R = ca.SX.eye(3) + S + S @ S / 2

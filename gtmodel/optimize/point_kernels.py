@@ -1,0 +1,278 @@
+"""One collocation point differentiated, and elements put together from points by constant matrices.
+
+What a point says depends on the unknowns of its element through few numbers w = A y: states, their slopes, inputs.
+A is constant, so that derivatives by y are those by w times constants: A'HA. One of three points is a third of their
+element to differentiate and to compile, and w is shorter than y.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+import scipy
+
+from ..compiler.matrices import nonzeros, stacked
+from .control import control_basis
+from .element import Element, Layout, pointwise
+from .formulation.dynamic import DynamicProblem
+from .mesh import Mesh
+from .tables import basis
+
+Pattern = tuple[np.ndarray, np.ndarray]  # rows and columns of the entries of a matrix, column by column
+
+
+@dataclass(eq=False)
+class PointKernel:
+    """Scaled rows and cost at `count` places of each element, as functions of (w, P, d).
+
+    d = [length of the element, its left end, the place in it, its weight in the cost]. take: (count nw, n) that gives
+    the places' w, one below the other, of an element's scaled unknowns y; rows: (m, count mr) that puts their rows
+    among those of the element.
+    """
+
+    name: str
+    w: ca.SX
+    P: ca.SX
+    d: ca.SX
+    value: ca.SX
+    cost: ca.SX
+    places: np.ndarray
+    weights: np.ndarray
+    take: scipy.sparse.csr_matrix
+    rows: scipy.sparse.csr_matrix
+
+    @property
+    def count(self) -> int:
+        return len(self.places)
+
+    def data(self, mesh: Mesh) -> np.ndarray:
+        """d at all places of all elements (4, N count)."""
+        N, K = mesh.elements, self.count
+        each = [np.repeat(mesh.h, K), np.repeat(mesh.edges[:-1], K), np.tile(self.places, N), np.tile(self.weights, N)]
+        return np.vstack(each)
+
+
+def point_kernels(problem: DynamicProblem, mesh: Mesh, element: Element, p_scale: np.ndarray) -> list[PointKernel]:
+    """The kernel of the collocation points, and where an element has rows at its right edge that of the edge."""
+    layout, K = element.layout, mesh.points
+    nx, nP, free = layout.nx, problem.P.numel(), layout.h >= 0
+    point = pointwise(problem)
+    with_rate = [n for n, r in enumerate(problem.rates) if r is not None]
+    path_scale = np.array([r.scale for r in problem.path])
+    x, slope, u = ca.SX.sym("x", nx), ca.SX.sym("slope", nx), ca.SX.sym("u", layout.nu + layout.nz)
+    P, d, own = ca.SX.sym("P", nP), ca.SX.sym("d", 4), ca.SX.sym("own", 2 if free else 0)
+    h, left = (own[0], own[1]) if free else (d[0], d[1])
+    physical = P * ca.DM(p_scale) if nP else P
+    t0, tf = ca.Function("times", [problem.P], [problem.t0, problem.tf])(physical)
+    length, t = h * (tf - t0), t0 + (left + h * d[2]) * (tf - t0)
+    rate, algebraic, path, integrand = point(x, slope / length, u, physical, t)
+    parts = [
+        (slope[with_rate] - length * rate) / ca.DM(problem.x_scale[with_rate]) if with_rate else ca.SX(0, 1),
+        algebraic / ca.DM(problem.algebraic_scale) if algebraic.numel() else algebraic,
+        path / ca.DM(path_scale) if path.numel() else path,
+    ]
+    weights = ca.DM([w for _, _, w in problem.integrals]) if problem.integrals else ca.DM(0, 1)
+    cost = length * d[3] * ca.dot(weights, integrand) if problem.integrals else ca.SX(1, 1)
+    first, npath, m = len(with_rate) + algebraic.numel(), path.numel(), element.rows.numel()
+    inner = layout.nl + first * K  # behind the rates and equations of all points those at the edge, then the path's
+    own_edge = len(element.at_edge)
+    c, r = np.meshgrid(np.arange(K), np.arange(first + npath), indexing="ij")
+    place = np.where(r < first, layout.nl + c * first + r, inner + own_edge + c * npath + r - first)
+    kernel = PointKernel(
+        "point", ca.vertcat(x, slope, u, own), P, d, ca.vertcat(*parts), cost, mesh.table.points, mesh.table.weights,
+        _taken(layout), _picked(place.ravel(), m),
+    )  # fmt: skip
+    if not own_edge:
+        return [kernel]
+    nothing = ca.SX.zeros(nx), ca.SX.zeros(problem.u.numel())
+    at_edge = point(x, *nothing, physical, t)[2][element.at_edge] / ca.DM(path_scale[element.at_edge])
+    edge = PointKernel(
+        "edge", ca.vertcat(x, own), P, d, at_edge, ca.SX(1, 1), np.ones(1), np.zeros(1),
+        _taken_end(layout), _picked(inner + np.arange(own_edge), m),
+    )  # fmt: skip
+    return [kernel, edge]
+
+
+def linear_rows(layout: Layout, m: int) -> scipy.sparse.csr_matrix:
+    """(m, n): what continues, at an element's right end; the other rows are the kernels'."""
+    mesh, nx = layout.mesh, layout.nx
+    matrix = scipy.sparse.lil_matrix((m, layout.size))
+    for j, columns in enumerate([layout.left[:nx], *layout.x]):
+        if mesh.table.end[j]:
+            matrix[np.arange(nx), columns] = mesh.table.end[j]
+    if layout.carried.size:
+        matrix[layout.carried, layout.u[-1]] = 1.0
+    if layout.h >= 0:
+        matrix[layout.edge, layout.edge], matrix[layout.edge, layout.h] = 1.0, layout.scale[layout.h]
+    return matrix.tocsr()
+
+
+def _picked(place: np.ndarray, m: int) -> scipy.sparse.csr_matrix:
+    shape = (m, len(place))
+    return scipy.sparse.csr_matrix((np.ones(len(place)), (place, np.arange(len(place)))), shape)
+
+
+def _taken(layout: Layout) -> scipy.sparse.csr_matrix:
+    """Each collocation point's states, slopes per element length, inputs and, where it is free, length and left end."""
+    mesh, nx = layout.mesh, layout.nx
+    table, nodes = mesh.table, [layout.left[:nx], *layout.x]
+    by_u, by_z = control_basis(mesh.control, table, table.points), basis(table.points, table.points)
+    blocks = []
+    for c in range(mesh.points):
+        slope = [(table.derivative[j, c], columns) for j, columns in enumerate(nodes)]
+        blocks += [
+            _combined([(1.0, layout.x[c])], nx, layout),
+            _combined(slope, nx, layout),
+            _combined(list(zip(by_u[c], layout.u, strict=True)), layout.nu, layout),
+            _combined(list(zip(by_z[c], layout.z, strict=True)), layout.nz, layout),
+            _own(layout),
+        ]
+    return scipy.sparse.vstack(blocks, "csr")
+
+
+def _taken_end(layout: Layout) -> scipy.sparse.csr_matrix:
+    nodes = [layout.left[: layout.nx], *layout.x]
+    state = _combined(list(zip(layout.mesh.table.end, nodes, strict=True)), layout.nx, layout)
+    return scipy.sparse.vstack([state, _own(layout)], "csr")
+
+
+def _combined(terms: Sequence[tuple[float, np.ndarray]], size: int, layout: Layout) -> scipy.sparse.csr_matrix:
+    """(size, n): the sum of weights times the columns of y, in SI units."""
+    matrix = scipy.sparse.lil_matrix((size, layout.size))
+    for weight, columns in terms:
+        if size and abs(weight) > 0.0:
+            matrix[np.arange(size), columns] = weight * layout.scale[columns]
+    return matrix.tocsr()
+
+
+def _own(layout: Layout) -> scipy.sparse.csr_matrix:
+    columns = [layout.h, layout.edge] if layout.h >= 0 else []
+    matrix = scipy.sparse.lil_matrix((len(columns), layout.size))
+    for row, column in enumerate(columns):
+        matrix[row, column] = layout.scale[column]
+    return matrix.tocsr()
+
+
+@dataclass(eq=False)
+class Derivatives:
+    """Functions of one place, and where in the matrices of one element what they give belongs.
+
+    rows: (w, P, d) -> rows; cost: -> cost, d cost/dw, d cost/dP; first: -> rows, nonzeros of their derivatives by
+    [w, P]; second: (w, P, d, lam_f, lam) -> nonzeros of the upper triangle of the Hessian by [w, P].
+    jacobian, hessian: the element's entries by [y, P], from those of all its places.
+    """
+
+    kernel: PointKernel
+    rows: ca.Function
+    cost: ca.Function | None
+    first: ca.Function
+    second: ca.Function
+    by_rows: tuple[Pattern, scipy.sparse.csr_matrix]
+    by_unknowns: tuple[Pattern, scipy.sparse.csr_matrix]
+
+    @property
+    def functions(self) -> list[ca.Function]:
+        return [f for f in (self.rows, self.first, self.second, self.cost) if f is not None]
+
+    def exchanged(self, functions: Sequence[ca.Function]) -> Derivatives:
+        """The same with other functions of the same names."""
+        rows, first, second, *cost = functions
+        own = (self.kernel, rows, cost[0] if cost else None, first, second)
+        return Derivatives(*own, self.by_rows, self.by_unknowns)
+
+
+def derivatives(kernel: PointKernel) -> Derivatives:
+    """Differentiate a kernel."""
+    k, n = kernel, kernel.take.shape[1]
+    args, v = [k.w, k.P, k.d], ca.vertcat(k.w, k.P)
+    nw, nP = k.w.numel(), k.P.numel()
+    value, cost = ca.cse([k.value, k.cost])
+    J = ca.jacobian(value, v)
+    lam_f, lam = ca.SX.sym("lam_f"), ca.SX.sym("lam", value.numel())
+    H = ca.triu(ca.hessian(lam_f * cost + ca.dot(lam, value), v)[0])
+    costs = None
+    if k.cost.nnz():
+        slope = [ca.densify(ca.gradient(cost, s)) if s.numel() else ca.SX(0, 1) for s in (k.w, k.P)]
+        costs = _shared(f"{k.name}_c", args, [cost, *slope])
+    # y and behind it P, of one place and of the element
+    take = [
+        scipy.sparse.block_diag([k.take[c * nw : (c + 1) * nw], scipy.sparse.eye(nP)], "csr") for c in range(k.count)
+    ]
+    mr = value.numel()
+    rows = [k.rows[:, c * mr : (c + 1) * mr] for c in range(k.count)]
+    return Derivatives(
+        k, _shared(f"{k.name}_g", args, [value]), costs, _shared(f"{k.name}_j", args, [value, stacked(nonzeros(J))]),
+        _shared(f"{k.name}_h", [*args, lam_f, lam], [stacked(nonzeros(H))]),
+        _scattered(_pattern(J), rows, take, (k.rows.shape[0], n + nP)),
+        _squared(_pattern(H), take, n + nP),
+    )  # fmt: skip
+
+
+def _shared(name: str, args: list[ca.SX], out: list[ca.SX]) -> ca.Function:
+    return ca.Function(name, args, ca.cse(out))
+
+
+def _pattern(matrix: ca.SX) -> Pattern:
+    rows, columns = matrix.sparsity().get_triplet()
+    return np.array(rows, int), np.array(columns, int)
+
+
+def _entries(matrix: scipy.sparse.csr_matrix, row: int) -> tuple[np.ndarray, np.ndarray]:
+    a, b = matrix.indptr[row], matrix.indptr[row + 1]
+    return matrix.indices[a:b], matrix.data[a:b]
+
+
+def _scattered(
+    own: Pattern,
+    rows: Sequence[scipy.sparse.csr_matrix],
+    take: Sequence[scipy.sparse.csr_matrix],
+    shape: tuple[int, int],
+) -> tuple[Pattern, scipy.sparse.csr_matrix]:
+    """R J A for each place: the element's entries, and the matrix that gives them of the places'."""
+    to, at, values = [], [], []
+    count = len(own[0])
+    for c, (R, A) in enumerate(zip(rows, take, strict=True)):
+        place = R.tocsc().indices  # one row of the element for each
+        for n, (i, j) in enumerate(zip(*own, strict=True)):
+            columns, weights = _entries(A, int(j))
+            to.append(place[i] + columns * shape[0])
+            at.append(np.full(len(columns), c * count + n))
+            values.append(weights)
+    return _gathered(to, at, values, shape[0], count * len(take))
+
+
+def _squared(own: Pattern, take: Sequence[scipy.sparse.csr_matrix], n: int) -> tuple[Pattern, scipy.sparse.csr_matrix]:
+    """The upper triangle of A'HA for each place, of H's upper triangle."""
+    to, at, values = [], [], []
+    count = len(own[0])
+    for c, A in enumerate(take):
+        for k, (i, j) in enumerate(zip(*own, strict=True)):
+            (a, wa), (b, wb) = _entries(A, int(i)), _entries(A, int(j))
+            r, s, v = np.repeat(a, len(b)), np.tile(b, len(a)), np.outer(wa, wb).ravel()
+            if i != j:
+                r, s, v = np.concatenate([r, s]), np.concatenate([s, r]), np.concatenate([v, v])
+            upper = r <= s
+            to.append(r[upper] + s[upper] * n)
+            at.append(np.full(int(upper.sum()), c * count + k))
+            values.append(v[upper])
+    return _gathered(to, at, values, n, count * len(take))
+
+
+def _gathered(
+    to: list[np.ndarray], at: list[np.ndarray], values: list[np.ndarray], height: int, width: int
+) -> tuple[Pattern, scipy.sparse.csr_matrix]:
+    """Entries (row + height column) that several places give are summed."""
+    if not to:
+        return (np.zeros(0, int), np.zeros(0, int)), scipy.sparse.csr_matrix((0, width))
+    entries, where = np.unique(np.concatenate(to), return_inverse=True)
+    shape = (len(entries), width)
+    matrix = scipy.sparse.csr_matrix((np.concatenate(values), (where, np.concatenate(at))), shape)
+    return (entries % height, entries // height), matrix
+
+
+def constant(matrix: scipy.sparse.spmatrix) -> ca.DM:
+    """For CasADi."""
+    return ca.DM(scipy.sparse.csc_matrix(matrix))
