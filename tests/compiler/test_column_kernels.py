@@ -224,6 +224,7 @@ def test_newton_blocks_in_chunks_give_the_bits_of_single_calls(way, monkeypatch)
     for k in (0, 3, 5, 6, 7, 8, len(q) - 1):
         one, turned, code = f(q[k])
         assert code == status[k] and same_bits(one, T[k]) and same_bits(turned, e[k])
+    assert all(same_bits(x, y) for x, y in zip(f(np.asfortranarray(q))[:2], (T, e), strict=True))
     monkeypatch.setattr(newton, "CHUNK", 500)
     assert all(same_bits(np.asarray(x, float), np.asarray(y, float)) for x, y in zip(f(q), (T, e, status), strict=True))
 
