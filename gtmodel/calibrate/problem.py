@@ -141,7 +141,7 @@ class CalibrationProblem:
         """All parameters that the equations hold, of model and measurement, at x."""
         u = self.unknowns
         numbers = np.asarray(u.numbers(np.asarray(x, float))).reshape(-1)
-        return {s.name(): float(v) for (s, _), v in zip(u.moved, numbers, strict=True)}
+        return dict(zip(u.parameters, numbers.tolist(), strict=True))
 
 
 def prepare(

@@ -69,6 +69,11 @@ class Unknowns:
         """x -> the values of `moved`, one below the other."""
         return ca.Function("parameters", [self.x], [ca.vertcat(*[v for _, v in self.moved])])
 
+    @cached_property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of `moved`."""
+        return tuple(s.name() for s, _ in self.moved)
+
     def named(self, x: np.ndarray) -> dict[str, float]:
         """Values x (n,) by name."""
         return dict(zip(self.names, x.tolist(), strict=True))

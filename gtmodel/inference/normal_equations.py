@@ -27,7 +27,7 @@ class Sums:
 
     @property
     def finite(self) -> bool:
-        return bool(np.isfinite(self.cost) and np.all(np.isfinite(self.matrix)))
+        return math.isfinite(self.cost) and math.isfinite(float(self.matrix.sum()))
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,14 +1,11 @@
-"""Calibration of the three-link robot as a user of NumPy and SciPy writes it: squared closures with exact Jacobian.
+"""Calibration of the three-link robot by a user of NumPy: squared closures, their exact Jacobian, Gauss-Newton.
 
 x (21,) holds A (3, 3), v (3, 3), L (3,); arm k has the closure |T - A_k - q_k v_k|^2 - L_k^2.
 """
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from scipy.optimize import least_squares
 
 STEPS, ARRIVED = 50, 1e-12  # Gauss-Newton ends with a step that is this part of the unknowns
 
@@ -28,11 +25,6 @@ def jacobian(x: np.ndarray, q: np.ndarray, T: np.ndarray) -> np.ndarray:
         J[:, k, 9 + 3 * k : 12 + 3 * k] = q[:, k, None] * d[:, k]
         J[:, k, 18 + k] = -2 * x[18 + k]
     return J.reshape(-1, 21)
-
-
-def by_scipy(x0: np.ndarray, q: np.ndarray, T: np.ndarray, **more: Any) -> Any:
-    """least_squares with its usual tolerances; method "lm" is its quickest on small dense problems."""
-    return least_squares(residual, x0, jacobian, args=(q, T), **more)
 
 
 def arm(x: np.ndarray, q: np.ndarray, T: np.ndarray) -> np.ndarray:
