@@ -114,20 +114,40 @@ class PathParametrization:
         tau = self.sample(motion, times.reshape(-1))["tau"].reshape(len(steps), DEGREE + 1, 3)
         power = np.linalg.inv(np.vander(nodes, increasing=True))
         c = np.einsum("pn,knm->kpm", power, tau)
-        forward = compile_causal(self.problem.robot, known="tau", targets="der(T,2)", prefer="T")
-        X: Any = ca.SX if forward.casadi.is_a("SXFunction") else ca.MX  # root finders are no SX
-        state, r = X.sym("state", 6), X.sym("r")
-        p = X.sym("p", 1 + 3 * (DEGREE + 1))
-        force = sum((p[1 + 3 * n : 4 + 3 * n] * r**n for n in range(DEGREE + 1)), X.zeros(3))
-        given = {("T", 0): state[:3], ("T", 1): state[3:], ("tau", 0): force}
-        arguments = [given[_base(signal.name), order] for signal in forward.inputs for order in [signal.pairs[0][1]]]
-        rate = ca.vertcat(state[3:], forward.casadi.call(arguments)[0])
-        dae = {"x": state, "p": p, "t": r, "ode": p[0] * rate}
-        run = ca.integrator("follow", "cvodes", dae, 0.0, 1.0, {"abstol": 1e-9, "reltol": 1e-9, "max_num_steps": 20000})
-        x = np.concatenate([self.path(np.zeros(1))[0][0], self.path(np.zeros(1))[1][0] * np.sqrt(motion.b[0])])
+        begin = [self.path(np.zeros(1))[0][0], self.path(np.zeros(1))[1][0] * np.sqrt(motion.b[0])]
+        run, z = self._forward(self.sample(motion, motion.t[:-1]), tau[:, 0])
+        x = np.concatenate(begin)
         for k, step in enumerate(steps):
-            x = np.asarray(run(x0=x, p=np.concatenate([[step], c[k].reshape(-1)]))["xf"]).reshape(-1)
+            result = run(x0=x, z0=z[k], p=np.concatenate([[step], c[k].reshape(-1)]))
+            x = np.asarray(result["xf"]).reshape(-1)
         return x[:3]
+
+    def _forward(self, nodes: Trajectory, tau: np.ndarray) -> tuple[ca.Function, np.ndarray]:
+        """An integrator over one interval, p = [its length, coefficients of the forces], and where Newton's unknowns
+        begin on each, by a motion and forces at the nodes: equations without a closed form are integrated with it."""
+        forward = compile_causal(self.problem.robot, known="tau", targets="der(T,2)", prefer="T")
+        state, r = ca.SX.sym("state", 6), ca.SX.sym("r")
+        p = ca.SX.sym("p", 1 + 3 * (DEGREE + 1))
+        force = sum((p[1 + 3 * n : 4 + 3 * n] * r**n for n in range(DEGREE + 1)), ca.SX.zeros(3))
+
+        def arguments(T: Any, dT: Any, tau: Any) -> list[Any]:
+            given = {("T", 0): T, ("T", 1): dT, ("tau", 0): tau}
+            return [given[_base(signal.name), signal.pairs[0][1]] for signal in forward.inputs]
+
+        known = arguments(state[:3], state[3:], force)
+        zs, _ = forward.unknowns(*arguments(nodes["T"], nodes["der(T)"], tau))
+        unknowns = [ca.SX.sym("z", z.shape[1]) for z in zs]
+        residuals = [
+            kernel.residual(unknowns[n], ca.vertcat(*known, *unknowns[:n]))[0]
+            for n, kernel in enumerate(forward.kernels)
+        ]
+        rate = ca.vertcat(state[3:], forward.closed.call([*known, *unknowns])[0])
+        dae = {"x": state, "p": p, "t": r, "ode": p[0] * rate}
+        if unknowns:
+            dae |= {"z": ca.vertcat(*unknowns), "alg": ca.vertcat(*residuals)}
+        options = {"abstol": 1e-9, "reltol": 1e-9, "max_num_steps": 20000}
+        run = ca.integrator("follow", "idas" if unknowns else "cvodes", dae, 0.0, 1.0, options)
+        return run, np.hstack(zs) if zs else np.zeros((len(tau), 0))
 
 
 def _base(name: str) -> str:
