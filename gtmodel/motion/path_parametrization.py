@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal
 
-import casadi as ca
 import numpy as np
+import scipy
 
 from ..compiler.causal import CausalFunction, compile_causal
 from ..lang import Model
@@ -15,6 +16,7 @@ from ..optimize.watch import Progress
 from ..results import SolveStatus, Status, Trajectory
 from ..robots.links import link_names
 from .constraints import MotionConstraints
+from .followed_branch import FollowedBranch
 from .guesses import trapezoid
 from .links import along_guideways, link_ends
 from .path_rows import task_along
@@ -24,6 +26,7 @@ from .problem import MotionProblem
 FORCE_RESERVE = 1e-5  # of the limit: what the root's rounding at rest and the curvature between nodes may take
 TIGHTENINGS = 4  # each takes what the curvature of the path adds between nodes, some 0.1 %, off the limit
 PER_INTERVAL = 4  # forces between nodes are looked at so often
+FOLLOWING = 1e-9  # tolerance of the integrator, relative and absolute
 DEGREE = 5  # of the polynomial that stands for a force within one interval when it is integrated
 
 
@@ -114,40 +117,29 @@ class PathParametrization:
         tau = self.sample(motion, times.reshape(-1))["tau"].reshape(len(steps), DEGREE + 1, 3)
         power = np.linalg.inv(np.vander(nodes, increasing=True))
         c = np.einsum("pn,knm->kpm", power, tau)
-        begin = [self.path(np.zeros(1))[0][0], self.path(np.zeros(1))[1][0] * np.sqrt(motion.b[0])]
-        run, z = self._forward(self.sample(motion, motion.t[:-1]), tau[:, 0])
-        x = np.concatenate(begin)
-        for k, step in enumerate(steps):
-            result = run(x0=x, z0=z[k], p=np.concatenate([[step], c[k].reshape(-1)]))
-            x = np.asarray(result["xf"]).reshape(-1)
-        return x[:3]
+        forward = FollowedBranch(compile_causal(self.problem.robot, known="tau", targets="der(T,2)", prefer="T"))
+        y = np.concatenate([self.path(np.zeros(1))[0][0], self.path(np.zeros(1))[1][0] * np.sqrt(motion.b[0])])
+        for begin, step, polynomial in zip(motion.t, steps, c, strict=False):
 
-    def _forward(self, nodes: Trajectory, tau: np.ndarray) -> tuple[ca.Function, np.ndarray]:
-        """An integrator over one interval, p = [its length, coefficients of the forces], and where Newton's unknowns
-        begin on each, by a motion and forces at the nodes: equations without a closed form are integrated with it."""
-        forward = compile_causal(self.problem.robot, known="tau", targets="der(T,2)", prefer="T")
-        state, r = ca.SX.sym("state", 6), ca.SX.sym("r")
-        p = ca.SX.sym("p", 1 + 3 * (DEGREE + 1))
-        force = sum((p[1 + 3 * n : 4 + 3 * n] * r**n for n in range(DEGREE + 1)), ca.SX.zeros(3))
+            def arguments(
+                t: float, y: np.ndarray, begin: float = begin, step: float = step, polynomial: np.ndarray = polynomial
+            ) -> list[np.ndarray]:
+                tau = ((t - begin) / step) ** np.arange(DEGREE + 1) @ polynomial
+                given = {("T", 0): y[:3], ("T", 1): y[3:], ("tau", 0): tau}
+                return [given[_base(signal.name), signal.pairs[0][1]] for signal in forward.f.inputs]
 
-        def arguments(T: Any, dT: Any, tau: Any) -> list[Any]:
-            given = {("T", 0): T, ("T", 1): dT, ("tau", 0): tau}
-            return [given[_base(signal.name), signal.pairs[0][1]] for signal in forward.inputs]
+            def rates(t: float, y: np.ndarray, arguments: Callable[..., Any] = arguments) -> np.ndarray:
+                return np.concatenate([y[3:], forward(*arguments(t, y))])
 
-        known = arguments(state[:3], state[3:], force)
-        zs, _ = forward.unknowns(*arguments(nodes["T"], nodes["der(T)"], tau))
-        unknowns = [ca.SX.sym("z", z.shape[1]) for z in zs]
-        residuals = [
-            kernel.residual(unknowns[n], ca.vertcat(*known, *unknowns[:n]))[0]
-            for n, kernel in enumerate(forward.kernels)
-        ]
-        rate = ca.vertcat(state[3:], forward.closed.call([*known, *unknowns])[0])
-        dae = {"x": state, "p": p, "t": r, "ode": p[0] * rate}
-        if unknowns:
-            dae |= {"z": ca.vertcat(*unknowns), "alg": ca.vertcat(*residuals)}
-        options = {"abstol": 1e-9, "reltol": 1e-9, "max_num_steps": 20000}
-        run = ca.integrator("follow", "idas" if unknowns else "cvodes", dae, 0.0, 1.0, options)
-        return run, np.hstack(zs) if zs else np.zeros((len(tau), 0))
+            span = begin, begin + step
+            run = scipy.integrate.solve_ivp(
+                rates, span, y, method="DOP853", rtol=FOLLOWING, atol=FOLLOWING, first_step=step
+            )
+            y = run.y[:, -1]
+            forward.kept(*arguments(span[1], y))
+            if not run.success:
+                return np.full(3, np.nan)
+        return y[:3] if np.all(forward.statuses() == Status.OK) else np.full(3, np.nan)
 
 
 def _base(name: str) -> str:

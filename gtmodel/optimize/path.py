@@ -183,15 +183,16 @@ def _assemble(interval: ca.Function, data: ca.DM, N: int, m: int) -> tuple[dict[
     rows, cost, _ = interval(y[0], y[1], p)
     sigma, lam = ca.SX.sym("sigma"), ca.SX.sym("lam", m)
     H = ca.hessian(sigma * cost + ca.dot(lam, rows), y)[0]
-    value = _hoisted("value", [y], p, [rows, cost], data)
-    first = [ca.densify(ca.jacobian(rows, y)), ca.densify(ca.gradient(cost, y))]
-    slope = _hoisted("slope", [y], p, first, data)
+    # each apart: IPOPT asks for one at a time
+    value, share = (_hoisted(n, [y], p, [e], data) for n, e in (("value", rows), ("share", cost)))
+    slope = _hoisted("slope", [y], p, [ca.densify(ca.jacobian(rows, y))], data)
+    steep = _hoisted("steep", [y], p, [ca.densify(ca.gradient(cost, y))], data)
     bend = _hoisted("bend", [y, sigma, lam], p, [ca.vertcat(H[0, 0], H[0, 1], H[1, 1])], data)
     x, none = ca.MX.sym("x", N + 1), ca.MX.sym("none", 0)
     Y = ca.horzcat(x[:-1], x[1:]).T
-    g, f = value(Y)
+    g, f = value(Y), share(Y)
     g, f = ca.vec(g), ca.sum2(f)
-    J, df = slope(Y)
+    J, df = slope(Y), steep(Y)
     gradient = ca.vertcat(df[0, :].T, 0) + ca.vertcat(0, df[1, :].T)
     k = np.arange(N)
     columns = (k[:, None, None] + np.arange(2)[None, :, None] + np.zeros((1, 1, m), int)).reshape(-1)
