@@ -18,7 +18,8 @@ class Block:
     """Rows of the closure and unknowns that have nothing to do with the others.
 
     `rows`, `columns`: their indices. `function`: (d, noise, latent, x) -> r (m,), Jacobians in x (m, n), in the noise
-    (m, ny), in the latent values (m, nz); `plain` (d, x) computes the first two, `alone` r only, both without noise.
+    (m, ny), in the latent values (m, nz); `plain` (d, x) computes the first two as [J r]' (n + 1, m), `alone` r only,
+    both without noise.
     """
 
     rows: np.ndarray
@@ -32,10 +33,14 @@ class Block:
         """r (N, m) of data (nd, N), without noise."""
         return self._mapped("alone", [data, _repeated(x, data)])[0].T
 
+    def appended(self, data: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """[J r] (N * m, n + 1), pose by pose, of data (nd, N), without noise."""
+        return self._mapped("plain", [data, _repeated(x, data)])[0].T
+
     def evaluate(self, data: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """r (N, m) and dr/dx (N, m, n) of data (nd, N), without noise."""
-        r, J = self._mapped("plain", [data, _repeated(x, data)])
-        return r.T, _stacked(J, data.shape[1])
+        rows = self.appended(data, x).reshape(data.shape[1], len(self.rows), len(self.columns) + 1)
+        return rows[..., -1], rows[..., :-1]
 
     def evaluate_all(
         self, data: np.ndarray, x: np.ndarray, noise: np.ndarray | None = None, latent: np.ndarray | None = None
@@ -72,10 +77,11 @@ def blocks(
         part, own = residuals[rows.tolist()], x[columns.tolist()]
         jacobian = [ca.densify(ca.jacobian(part, s)) for s in (own, noise, latent)]
         none = [noise, latent], [ca.DM.zeros(noise.numel(), 1), ca.DM.zeros(latent.numel(), 1)]
-        quiet = ca.cse(ca.substitute([ca.densify(part), jacobian[0]], *none))
+        quiet, slopes = ca.cse(ca.substitute([ca.densify(part), jacobian[0]], *none))
         parts.append(
             Block(
-                rows, columns, ca.Function("closure", [d, own], quiet[:1]), ca.Function("closure", [d, own], quiet),
+                rows, columns, ca.Function("closure", [d, own], [quiet]),
+                ca.Function("closure", [d, own], [ca.vertcat(slopes.T, quiet.T)]),
                 ca.Function("closure", [d, noise, latent, own], ca.cse([ca.densify(part), *jacobian])),
             )
         )  # fmt: skip
@@ -83,7 +89,8 @@ def blocks(
 
 
 def _repeated(x: np.ndarray, data: np.ndarray) -> np.ndarray:
-    return np.broadcast_to(x[:, None], (len(x), data.shape[1]))
+    # as np.broadcast_to, which takes longer than what it is for
+    return np.ndarray((len(x), data.shape[1]), buffer=np.ascontiguousarray(x, float), strides=(8, 0))
 
 
 def _stacked(J: np.ndarray, n: int) -> np.ndarray:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -12,13 +13,14 @@ from ..compiler.flat import FlatModel
 from ..inference import Identifiability
 from ..inference.losses import loss_named
 from ..inference.nonlinear import descend
-from ..inference.weighting import Weighting, prior_rows
+from ..inference.weighting import prior_rows
 from ..lang.builder import Builder
 from ..lang.model import Model
 from ..lang.source import ModelError
 from ..results.estimate import Estimate
 from ..results.refusal import ArgumentError
 from ..results.status import SolveStatus
+from .block_rows import BlockRows, parts
 from .blocks import Block
 from .confidence import Fitted, estimated
 from .implicit import Adjustment, require_noise_enough
@@ -34,8 +36,7 @@ class Calibration:
     """The result of calibrate().
 
     `estimate` of the unknowns, None unless solved and asked for; `values` of all parameters in the closure equations;
-    `residuals` (N, m) [m] of `labels`, none with latent variables; `start`: the residuals before. `blocks`: names of
-    unknowns that were solved together.
+    `start`: the `residuals` before. `blocks`: names of unknowns that were solved together.
     """
 
     problem: CalibrationProblem
@@ -46,7 +47,6 @@ class Calibration:
     estimate: Estimate | None
     identifiability: Identifiability | None
     values: dict[str, float]
-    residuals: np.ndarray
     start: np.ndarray
     iterations: int
     blocks: tuple[tuple[str, ...], ...]
@@ -57,6 +57,11 @@ class Calibration:
         if self.estimate is None:
             raise ArgumentError("there is no estimate: not solved, or asked for without confidence", "name")
         return self.estimate.interval(name, level)
+
+    @cached_property
+    def residuals(self) -> np.ndarray:
+        """Length errors (N, m) [m] of `problem.labels`, at first use; none with latent variables."""
+        return np.zeros_like(self.start) if self.problem.reading.latent.numel() else self.problem.residuals(self.x)
 
     @property
     def link_errors(self) -> dict[str, float]:
@@ -163,11 +168,9 @@ def calibrate(
             estimate, identified = estimated(problem, fits, loss_named(loss), width, hold_undetermined)
         except ValueError as error:
             raise ModelError(str(error)) from None
-    latent_free = not problem.reading.latent.numel()
-    residuals = problem.residuals(x) if latent_free else begin
     return Calibration(
-        problem, cost, status, message, x, estimate, identified, problem.values(x), residuals, begin,
-        max(f.descent.iterations for f in fits), tuple(tuple(u.names[k] for k in f.block.columns) for f in fits),
+        problem, cost, status, message, x, estimate, identified, problem.values(x), begin,
+        max(f.descent.iterations for f in fits), tuple(tuple(u.names[k] for k in f.rows.block.columns) for f in fits),
     )  # fmt: skip
 
 
@@ -191,30 +194,22 @@ def _descended(
     for b in problem.blocks_of(cost):
         if not len(b.columns):  # an arm of which nothing is free
             continue
-        own = [p for p in u.priors if p.name in {u.names[k] for k in b.columns}]
-        P, p = prior_rows(tuple(own), tuple(u.names[k] for k in b.columns))
-        adjustment = None
+        names = tuple(u.names[k] for k in b.columns)
+        own = tuple(p for p in u.priors if p.name in names)
+        P, p = prior_rows(own, names)
+        covariance = None
         if implicit:
-            S = noise_covariance(problem, cost)
+            covariance = noise_covariance(problem, cost)
             labels = tuple(problem.labels[k] for k in b.rows)
-            require_noise_enough(b, read.data, S, read.latent.numel(), x[b.columns], labels)
-            adjustment = Adjustment(b, read.data, S, read.latent.numel())
+            require_noise_enough(b, read.data, covariance, read.latent.numel(), x[b.columns], labels)
         sigma = 1.0 if implicit or not own else _level(problem, b, x)
+        rows = BlockRows(b, read.data, sigma, covariance, read.latent.numel())
         d = descend(
-            adjustment or _plain(b, read.data), x[b.columns], u.sizes[b.columns], Weighting(np.array(1 / sigma), True),
-            P=P, p=p, loss=loss_named(loss), width=width, limit=limit, stop=stop,
-        )  # fmt: skip
+            rows, x[b.columns], u.sizes[b.columns], P=P, p=p, loss=loss_named(loss), width=width, limit=limit, stop=stop
+        )
         x[b.columns] = d.x
-        fits.append(Fitted(b, d, P, sigma, adjustment))
+        fits.append(Fitted(rows, d, P))
     return fits, x
-
-
-def _plain(block: Block, data: np.ndarray) -> Any:
-    def residuals(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        r, J = block.evaluate(data, x)
-        return r.reshape(-1), J.reshape(-1, J.shape[2])
-
-    return residuals
 
 
 def _level(problem: CalibrationProblem, block: Block, x: np.ndarray) -> float:
@@ -223,9 +218,12 @@ def _level(problem: CalibrationProblem, block: Block, x: np.ndarray) -> float:
     if any(n not in m.noise for n in problem.reading.places):
         lacking = [n for n in problem.reading.places if n not in m.noise]
         raise ModelError(f"priors are weighed against the noise: give that of {', '.join(lacking)} too")
-    S = noise_covariance(problem, "orthogonal")
-    _, _, By, _ = block.evaluate_all(problem.reading.data, x[block.columns])
-    return float(np.sqrt(np.mean(np.einsum("kmi,kij,kmj->km", By, np.broadcast_to(S, (len(m), *S.shape[1:])), By))))
+    S, mean = noise_covariance(problem, "orthogonal"), 0.0
+    for part in parts(len(m)):
+        _, _, By, _ = block.evaluate_all(problem.reading.data[:, part], x[block.columns])
+        own = np.broadcast_to(S, (len(m), *S.shape[1:]))[part]
+        mean += float(np.sum(np.einsum("kmi,kij,kmj->km", By, own, By)))
+    return float(np.sqrt(mean / (len(m) * len(block.rows))))
 
 
 def _arrived(fits: Sequence[Fitted]) -> str:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -11,9 +12,9 @@ from ..inference import Identifiability, identifiability
 from ..inference.losses import Loss
 from ..inference.make_estimate import effective_parameters, moved_together, spectrum
 from ..inference.nonlinear import Descent
+from ..inference.normal_equations import triangle
 from ..results.estimate import Estimate
-from .blocks import Block
-from .implicit import Adjustment
+from .block_rows import BlockRows, parts
 from .problem import CalibrationProblem, noise_covariance
 
 PART = 1e-8  # of a null direction of length one in scaled units: smaller entries are rounding
@@ -21,22 +22,27 @@ PART = 1e-8  # of a null direction of length one in scaled units: smaller entrie
 
 @dataclass(frozen=True, eq=False)
 class Fitted:
-    """A block and where its iteration ended; P its prior rows, `sigma` what its residuals were divided by."""
+    """Rows of a block, where the iteration ended, and P its prior rows."""
 
-    block: Block
+    rows: BlockRows
     descent: Descent
     P: np.ndarray
-    sigma: float
-    adjustment: Adjustment | None
 
 
 @dataclass(frozen=True, eq=False)
 class _Share:
-    """What one block adds: `gain` (N, k, n) moves of all unknowns per unit of its residuals, psi (N, k) these with the
-    loss's derivative, `by_prior` (n, p) moves per unit of its priors, null directions (n, z), degrees of freedom."""
+    """What one block adds, at the end of its iteration.
 
-    gain: np.ndarray
+    Residuals r (N, k), and psi (N, k) with the loss's derivative; R (n, n) the triangle of its Jacobian J. With T (n,
+    rank) the rows U = J T have length one or less altogether, and T U' moves the block's unknowns per unit of the
+    residuals, over `sharp`; `by_prior` (rank, p) per unit of the priors, times T. Null directions (n, z).
+    """
+
+    r: np.ndarray
     psi: np.ndarray
+    R: np.ndarray
+    T: np.ndarray
+    sharp: float
     by_prior: np.ndarray
     null: np.ndarray
     degrees_of_freedom: float
@@ -63,97 +69,154 @@ def estimated(
     psi = np.hstack([s.psi for s in shares])
     if least < 0 or (least == 0 and not known):
         raise ValueError(f"{psi.size} closure residuals for {n} unknowns; measure more poses, or fix some")
-    gain = np.concatenate([s.gain for s in shares], axis=1)
     if known:
-        S, B = noise_covariance(problem, "orthogonal"), np.concatenate([_by_noise(problem, f) for f in fits], axis=1)
-        omega = B @ S @ B.transpose(0, 2, 1)
+        C, scaled = _by_stated_noise(problem, fits, shares, degrees_of_freedom)
     else:
-        # residuals of a row have lost the part of the degrees of freedom that its block's unknowns took
-        part = np.concatenate([np.full(s.psi.shape[1], s.degrees_of_freedom / s.psi.shape[1]) for s in shares])
-        omega = (psi.T @ psi / np.sqrt(np.outer(part, part)))[None]
-    cov = np.einsum("kci,kcj->ij", gain, np.broadcast_to(omega, (N, *omega.shape[1:])) @ gain)
-    by_prior = np.hstack([s.by_prior for s in shares])
-    cov = cov + by_prior @ by_prior.T
-    scaled = _scaled(problem, fits, omega, gain, cov, degrees_of_freedom) if known else psi
+        C, scaled = _by_residuals(fits, shares, psi), psi
+    columns = [f.rows.block.columns for f in fits]
+    T = _placed([s.T for s in shares], columns, n)
+    cov = T @ C @ T.T
     noise = float(np.sqrt(np.sum(scaled**2) / degrees_of_freedom)) if degrees_of_freedom > 0 else 1.0
-    null = np.hstack([s.null for s in shares])
+    null = _placed([s.null for s in shares], columns, n)
     estimate = Estimate(
-        u.names, np.concatenate([f.descent.x for f in fits])[_order(fits)], (cov + cov.T) / 2,
+        u.names, np.concatenate([f.descent.x for f in fits])[np.argsort(np.concatenate(columns))], (cov + cov.T) / 2,
         degrees_of_freedom if known else least, noise, known, scaled.reshape(-1), (), units=u.units,
         notes=(*notes, *u.notes), null_space=null if null.shape[1] else np.zeros((0, 0)),
     )  # fmt: skip
-    return estimate, _identified(problem, fits, 1.0 if known else noise, N)
+    return estimate, _identified(problem, fits, shares, 1.0 if known else noise, N)
 
 
 def _share(problem: CalibrationProblem, f: Fitted, loss: Loss, width: float) -> _Share:
-    u, d, columns = problem.unknowns, f.descent, f.block.columns
-    N, n = len(problem.measurements), len(u.names)
-    size, z = u.sizes[columns], (d.r / width) ** 2
-    weighted = loss.weight(d.r, width)[:, None] * d.J * size
-    s = spectrum(np.vstack([weighted, f.P * size]))
-    sharp = float(np.mean(loss.slope(z) + 2 * z * loss.bend(z)) / np.mean(loss.slope(z)))
-    inverse = s.inverse * np.outer(size, size) / sharp
-    gain, null, by_prior = np.zeros((N, len(d.r) // N, n)), np.zeros((n, s.null.shape[1])), np.zeros((n, len(f.P)))
-    gain[:, :, columns] = (d.J @ inverse).reshape(N, -1, len(columns))
-    null[columns] = np.where(np.abs(s.null) > PART, s.null, 0.0) * size[:, None]
-    by_prior[columns] = (f.P @ inverse).T
-    degrees_of_freedom = len(d.r) - effective_parameters(weighted, s.inverse)
+    u, columns = problem.unknowns, f.rows.block.columns
+    N, size = len(problem.measurements), u.sizes[columns]
+    residuals, R, weighted = [], np.zeros((0, 0)), np.zeros((0, 0))
+    for A in f.rows(f.descent.x):
+        residuals.append(A[:, -1].copy())
+        R = triangle(R, A[:, :-1])
+        if not loss.squares:
+            weighted = triangle(weighted, A[:, :-1] * loss.weight(A[:, -1], width)[:, None])
+    r = np.concatenate(residuals)
+    data = (R if loss.squares else weighted) * size
+    s = spectrum(np.vstack([data, f.P * size]))
+    z = (r / width) ** 2
+    slope = loss.slope(z)
+    sharp = float(np.mean(slope + 2 * z * loss.bend(z)) / np.mean(slope))
+    T = size[:, None] * s.V[:, : s.rank] / s.singular[: s.rank]
+    degrees_of_freedom = len(r) - effective_parameters(data, s.inverse)
     if abs(degrees_of_freedom - round(degrees_of_freedom)) < 1e-6:  # a whole number but for rounding
         degrees_of_freedom = float(round(degrees_of_freedom))
-    notes = moved_together(s.null, tuple(u.names[k] for k in columns))
-    return _Share(gain, (d.r * loss.slope(z)).reshape(N, -1), by_prior, null, degrees_of_freedom, notes)
+    return _Share(
+        r.reshape(N, -1), (r * slope).reshape(N, -1), R, T, sharp, (f.P @ T).T / sharp,
+        np.where(np.abs(s.null) > PART, s.null, 0.0) * size[:, None], degrees_of_freedom,
+        moved_together(s.null, tuple(u.names[k] for k in columns)),
+    )  # fmt: skip
 
 
-def _by_noise(problem: CalibrationProblem, f: Fitted) -> np.ndarray:
-    """Jacobian of the block's residuals, as the cost has them, in the noise of all signals (N, k, ny)."""
-    if f.adjustment is not None:
-        return f.adjustment.by_noise(f.descent.x)
-    return f.block.evaluate_all(problem.reading.data, f.descent.x)[2] / f.sigma
+def _by_residuals(fits: Sequence[Fitted], shares: Sequence[_Share], psi: np.ndarray) -> np.ndarray:
+    """Covariance of the moves, of all blocks' T, where the residuals say what the noise of a pose is."""
+    # residuals of a row have lost the part of the degrees of freedom that its block's unknowns took
+    part = np.concatenate([np.full(s.psi.shape[1], s.degrees_of_freedom / s.psi.shape[1]) for s in shares])
+    omega = (psi.T @ psi / np.sqrt(np.outer(part, part)))[None]
+    rows = _slices([s.psi.shape[1] for s in shares])
+    sums = _Moments(shares)
+    for pieces in zip(*(f.rows(f.descent.x) for f in fits), strict=True):
+        U = sums.moved(pieces)
+        sums.add(U, lambda a, b: omega[:, rows[a], rows[b]])
+    return sums.covariance()
 
 
-def _scaled(
-    problem: CalibrationProblem,
-    fits: Sequence[Fitted],
-    omega: np.ndarray,
-    gain: np.ndarray,
-    cov: np.ndarray,
-    degrees_of_freedom: float,
-) -> np.ndarray:
-    """Residuals (N, k) in units of their noise, such that their squares sum to `degrees_of_freedom` on average.
+def _by_stated_noise(
+    problem: CalibrationProblem, fits: Sequence[Fitted], shares: Sequence[_Share], degrees_of_freedom: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """The same where the noise of all signals is stated, and the residuals (N, k) in units of their noise.
 
-    What is left of noise e is e - J G'e: its expected squares are those of e less what the fit took, which differs from
-    the number of unknowns where the cost does not weigh as the noise does.
+    Their squares sum to `degrees_of_freedom` on average: what is left of noise e is e - J G'e, whose expected squares
+    are those of e less what the fit took, which differs from the number of unknowns where the cost does not weigh as
+    the noise does.
     """
-    N, n = len(problem.measurements), len(problem.unknowns.names)
-    J = np.zeros_like(gain)
-    at = 0
-    for f in fits:
-        rows = f.descent.J.reshape(N, -1, len(f.block.columns))
-        J[:, at : at + rows.shape[1], f.block.columns] = rows
-        at += rows.shape[1]
-    size = np.sqrt(np.diagonal(omega, axis1=1, axis2=2))
-    size = np.where(size > 0, size, 1.0)
-    J, D = J / size[..., None], omega / (size[..., None] * size[:, None])
-    G = gain * size[..., None]
-    taken = np.broadcast_to(D, (N, *D.shape[1:])) @ G
-    expected = N * J.shape[1] - 2 * float(np.sum(taken * J))
-    expected += np.einsum("kin,nm,kim->", J, cov, J, optimize=True)
-    r = np.hstack([f.descent.r.reshape(N, -1) for f in fits]) / size
-    return r * np.sqrt(degrees_of_freedom / expected) if degrees_of_freedom > 0 and expected > 0 and n else r
+    S, N = noise_covariance(problem, "orthogonal"), len(problem.measurements)
+    sums, taken = _Moments(shares), 0.0
+    left = [np.zeros((s.T.shape[1],) * 2) for s in shares]  # sums of rows in units of their noise
+    sizes = []
+    for part, pieces in zip(parts(N), zip(*(f.rows.with_noise(f.descent.x) for f in fits), strict=True), strict=True):
+        own = S if len(S) == 1 else S[part]
+        B = [b for _, b in pieces]
+        BS = [b @ own for b in B]
+        U = sums.moved([A for A, _ in pieces])
+
+        def omega(a: int, b: int, B: list[np.ndarray] = B, BS: list[np.ndarray] = BS) -> np.ndarray:
+            return BS[a] @ B[b].transpose(0, 2, 1)
+
+        sums.add(U, omega)
+        for k, (V, s) in enumerate(zip(U, shares, strict=True)):
+            covariance = omega(k, k)
+            size = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+            size = np.where(size > 0, size, 1.0)
+            shared = V / size[..., None]
+            taken += float(np.sum(shared * ((covariance @ V) / size[..., None]))) / s.sharp
+            left[k] += (flat := shared.reshape(-1, shared.shape[2])).T @ flat
+            sizes.append(size)
+    C, rows = sums.covariance(), len(shares)
+    size = np.hstack([np.concatenate(sizes[k::rows]) for k in range(rows)])
+    expected = size.size - 2 * taken
+    expected += sum(float(np.sum(C[w, w] * m)) for w, m in zip(sums.widths, left, strict=True))
+    r = np.hstack([s.r for s in shares]) / size
+    return C, r * np.sqrt(degrees_of_freedom / expected) if degrees_of_freedom > 0 and expected > 0 else r
 
 
-def _order(fits: Sequence[Fitted]) -> np.ndarray:
-    return np.argsort(np.concatenate([f.block.columns for f in fits]))
+class _Moments:
+    """Sums over the poses of U' omega U, block by block, U (c, k, rank) = J T."""
+
+    def __init__(self, shares: Sequence[_Share]) -> None:
+        self.shares, self.widths = shares, _slices([s.T.shape[1] for s in shares])
+        self.sum = np.zeros((sum(s.T.shape[1] for s in shares),) * 2)
+
+    def moved(self, pieces: Sequence[np.ndarray]) -> list[np.ndarray]:
+        """U of rows [J r] of each block."""
+        return [(A[:, :-1] @ s.T).reshape(-1, s.r.shape[1], s.T.shape[1])
+                for A, s in zip(pieces, self.shares, strict=True)]  # fmt: skip
+
+    def add(self, U: Sequence[np.ndarray], omega: Callable[[int, int], np.ndarray]) -> None:
+        """`omega` (c or 1, k, k) of two blocks: the covariance of their residuals within a pose."""
+        for a in range(len(U)):
+            for b in range(a, len(U)):
+                right = omega(a, b) @ U[b]
+                cross = U[a].reshape(-1, U[a].shape[2]).T @ right.reshape(-1, right.shape[2])
+                self.sum[self.widths[a], self.widths[b]] += cross
+                if a != b:
+                    self.sum[self.widths[b], self.widths[a]] += cross.T
+
+    def covariance(self) -> np.ndarray:
+        """Of the moves, those of the priors with them."""
+        sharp = np.concatenate([np.full(s.T.shape[1], s.sharp) for s in self.shares])
+        C = self.sum / np.outer(sharp, sharp)
+        for w, s in zip(self.widths, self.shares, strict=True):
+            C[w, w] += s.by_prior @ s.by_prior.T
+        return C
 
 
-def _identified(problem: CalibrationProblem, fits: Sequence[Fitted], noise: float, poses: int) -> Identifiability:
+def _slices(lengths: Sequence[int]) -> list[slice]:
+    ends = np.cumsum([0, *lengths])
+    return [slice(int(a), int(b)) for a, b in pairwise(ends)]
+
+
+def _placed(parts: Sequence[np.ndarray], columns: Sequence[np.ndarray], n: int) -> np.ndarray:
+    """Matrices (of a block's unknowns, any) side by side over all n unknowns."""
+    whole = np.zeros((n, sum(p.shape[1] for p in parts)))
+    for p, own, w in zip(parts, columns, _slices([p.shape[1] for p in parts]), strict=True):
+        whole[own, w] = p
+    return whole
+
+
+def _identified(
+    problem: CalibrationProblem, fits: Sequence[Fitted], shares: Sequence[_Share], noise: float, poses: int
+) -> Identifiability:
     """By the triangles of the blocks: as much as all their rows."""
     u = problem.unknowns
     rows = []
-    for f in fits:
-        J = f.descent.J / noise if noise > 0 else f.descent.J
-        J = np.asarray(np.linalg.qr(J, mode="r")) if len(J) > J.shape[1] else J
+    for f, s in zip(fits, shares, strict=True):
+        J = s.R / noise if noise > 0 else s.R
         full = np.zeros((len(J) + len(f.P), len(u.names)))
-        full[:, f.block.columns] = np.vstack([J, f.P])
+        full[:, f.rows.block.columns] = np.vstack([J, f.P])
         rows.append(full)
     return identifiability(np.vstack(rows), u.names, scale=u.sizes, poses=poses, known_noise=noise > 0)

@@ -15,6 +15,7 @@ from .calibration import Calibration
 from .measurements import Measurements
 from .positioning import closure_jacobians
 
+ROUNDING = 1e-9  # of the held-out mean square: where fitted poses leave less, the fit has taken all noise
 UNWEIGHTED = ("length", "squared")  # costs that count all residuals alike, whatever the noise of the pose is
 
 
@@ -59,7 +60,8 @@ def judge_held_out(
         growth = (equations + determined) / (equations - determined) if equations > determined else np.inf
         degrees_of_freedom = float(equations - determined), 3.0 * M
     else:
-        growth = np.trace(held) / len(held) / (np.trace(fit) / len(fit)) if np.trace(fit) > 0 else np.inf
+        left = np.trace(fit) / len(fit) > ROUNDING * np.trace(held) / len(held)
+        growth = np.trace(held) / len(held) / (np.trace(fit) / len(fit)) if left else np.inf
         degrees_of_freedom = tuple(freedom_of(float(np.trace(S)), float(np.sum(S * S))) for S in (fit, held))
     return held_out_ratio(
         ratio, float(growth), *(n / correlated for n in degrees_of_freedom), false_alarm=false_alarm, matters=matters

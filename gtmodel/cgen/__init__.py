@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING
 from .._lazy import public
 
 if TYPE_CHECKING:
-    from .code_study import CodeStudy as CodeStudy, Verification as Verification, study as study
+    from .code_result import CodeStudy as CodeStudy, Verification as Verification
+    from .code_study import study as study
     from .costs_file import write_costs as write_costs
     from .generation import Generated as Generated, generate as generate
     from .measurement import Costs as Costs, costs as costs

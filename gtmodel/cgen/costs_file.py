@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import Any
 
 from ..results.folder import FolderError, Held, holding
+from .code_result import COSTS
 from .manifest import read
 from .measurement import Costs
 from .text import GenerationError
 from .toolchain import STANDARD
 
-COSTS = "costs.json"
 _FORMAT = "gtmodel-c-costs-1"
 
 

@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from ..results.folder import FolderError, Held, holding, others, unfinished
-from .costs_file import COSTS, ours
+from .code_result import COSTS
+from .costs_file import ours
 from .manifest import FILE, changed_files, lacks, read
 from .text import GenerationError
 

@@ -35,7 +35,8 @@ if TYPE_CHECKING:
     )
     from .compensated import with_compensator as with_compensator
     from .complementary import Compensator as Compensator, complementary_stiffness as complementary_stiffness
-    from .compliance_study import ComplianceStudy as ComplianceStudy, study as study
+    from .compliance_result import ComplianceStudy as ComplianceStudy
+    from .compliance_study import study as study
     from .joint_stiffness import StiffnessFit as StiffnessFit, complete_pose as complete_pose, decoupled as decoupled
     from .link_masses import LinkMasses as LinkMasses
     from .link_poses import LinkGeometry as LinkGeometry, LinkPoses as LinkPoses

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 
 from ..results import Quantity, Row, Study
-from .closed_loop import ClosedLoopRun, rows_of
-from .inertia import Identification
+
+if TYPE_CHECKING:
+    from .closed_loop import ClosedLoopRun
+    from .inertia import Identification
 
 Array = np.ndarray
 Numbers = Mapping[str, float]
@@ -110,6 +112,8 @@ class IdentificationStudy(Study):
         for name, number in (self.numbers or {}).items():
             percent = "" if not number else f", {100 * published[name]:+.2f} %"
             rows.append(Row(f"published {name}", f"{number:g}{percent}", units.get(name, "")))
+        from .closed_loop import rows_of  # here: what a study holds is read without what makes it
+
         return rows + rows_of(self.closed_loop)
 
     def _parameter_rows(self) -> list[Row]:

@@ -76,7 +76,8 @@ def held_out_ratio(
 
     if not (growth > 0 and np.isfinite(growth) and fitted_freedom > 0 and held_out_freedom > 0):
         return HeldOut(ratio, np.inf, np.inf, false_alarm)
-    chance = float(np.sqrt(growth * stats.f.isf(false_alarm / tests, held_out_freedom, fitted_freedom)))
+    with np.errstate(over="ignore"):  # a bound beyond all numbers is infinite: nothing can be judged
+        chance = float(np.sqrt(growth * stats.f.isf(false_alarm / tests, held_out_freedom, fitted_freedom)))
     return HeldOut(ratio, float(np.sqrt(growth)), max(matters, chance), false_alarm)
 
 

@@ -14,12 +14,13 @@ from ..results.refusal import ArgumentError
 class Loss:
     """`rho` and its derivatives `slope` = rho' and `bend` = rho'' for z >= 0.
 
-    rho'(0) = 1, so that small residuals count as squares.
+    rho'(0) = 1, so that small residuals count as squares. `squares`: all do, whatever their size.
     """
 
     rho: Callable[[np.ndarray], np.ndarray]
     slope: Callable[[np.ndarray], np.ndarray]
     bend: Callable[[np.ndarray], np.ndarray]
+    squares: bool = False
 
     def cost(self, r: np.ndarray, width: float) -> float:
         """Half the sum of width^2 rho((r / width)^2)."""
@@ -38,7 +39,7 @@ class Loss:
 
 
 LOSSES = {
-    "linear": Loss(lambda z: z, np.ones_like, np.zeros_like),
+    "linear": Loss(lambda z: z, np.ones_like, np.zeros_like, squares=True),
     "huber": Loss(
         lambda z: np.where(z <= 1, z, 2 * np.sqrt(np.maximum(z, 1)) - 1),
         lambda z: 1 / np.sqrt(np.maximum(z, 1)),

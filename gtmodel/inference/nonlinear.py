@@ -14,6 +14,7 @@ from ..results.status import SolveStatus
 from .least_squares import make_estimate
 from .losses import Loss, loss_named
 from .make_estimate import RANK, scales
+from .normal_equations import Pieces, Sums, directions, norm, sums
 from .weighting import Prior, Weighting, prior_rows, weighting
 
 Residuals = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
@@ -28,11 +29,9 @@ QUIET = 1e-3  # a full step that changes the cost by less than this part is take
 
 @dataclass(frozen=True, eq=False)
 class Descent:
-    """Where the iteration ended: x (n,), whitened residuals `r` and Jacobian `J` there, and how it went."""
+    """Where the iteration ended: x (n,), and how it went."""
 
     x: np.ndarray
-    r: np.ndarray
-    J: np.ndarray
     cost: float
     status: SolveStatus
     message: str
@@ -42,8 +41,11 @@ class Descent:
 
 @dataclass(frozen=True, eq=False)
 class NonlinearFit(Descent):
-    """The iteration's end, and the `estimate` there; None unless solved."""
+    """The iteration's end, whitened residuals `r` (rows,) and Jacobian `J` (rows, n) there, and the `estimate`; None
+    unless solved."""
 
+    r: np.ndarray
+    J: np.ndarray
     estimate: Estimate | None = None
 
 
@@ -86,7 +88,7 @@ def nonlinear_fit(
     x, names, priors = np.asarray(start, float).reshape(-1), tuple(names), tuple(priors)
     if len(names) != len(x):
         raise ArgumentError(f"{len(names)} names for {len(x)} starting values; give one each")
-    r, J = residuals(x)
+    r, J = (np.asarray(a, float) for a in residuals(x))
     if J.shape != (len(r), len(x)):
         raise ArgumentError(f"the derivatives have the shape {J.shape}; expected ({len(r)}, {len(x)})")
     w = weighting(len(r), sigma=sigma, weights=weights, covariance=covariance)
@@ -94,25 +96,42 @@ def nonlinear_fit(
         raise ArgumentError("priors need the size of the noise to be weighed against: give sigma or covariance")
     size = scales(None if scale is None else np.asarray(scale, float), len(x), w(J))
     P, p = prior_rows(priors, names)
-    d = descend(residuals, x, size, w, P=P, p=p, loss=loss_named(loss), width=width, rank_tolerance=rank_tolerance,
-                limit=limit)  # fmt: skip
+    rows = _Dense(residuals, w, x, r, J)
+    d = descend(rows, x, size, P=P, p=p, loss=loss_named(loss), width=width, rank_tolerance=rank_tolerance, limit=limit)
+    (end,) = rows(d.x)
+    r, J = end[:, -1], end[:, :-1]
     if not d.status.ok:
-        return NonlinearFit(**vars(d))
+        return NonlinearFit(**vars(d), r=r, J=J)
     estimate = make_estimate(
-        d.x, d.r, d.J, names, size, np.ones(len(x), bool), P, w.known, units=tuple(units),
+        d.x, r, J, names, size, np.ones(len(x), bool), P, w.known, units=tuple(units),
         hold_undetermined=hold_undetermined, rank_tolerance=rank_tolerance,
     )  # fmt: skip
     if loss != "linear" and estimate.degrees_of_freedom:
-        factor = loss_named(loss).variance_factor(d.r, width, estimate.degrees_of_freedom)
+        factor = loss_named(loss).variance_factor(r, width, estimate.degrees_of_freedom)
         estimate = replace(estimate, covariance=estimate.covariance / (1.0 if w.known else estimate.noise**2) * factor)
-    return NonlinearFit(**vars(d), estimate=estimate)
+    return NonlinearFit(**vars(d), r=r, J=J, estimate=estimate)
+
+
+class _Dense:
+    """Whitened rows [J r] of a function that gives them all at once; the last are kept, at first r and J at x."""
+
+    def __init__(self, residuals: Residuals, w: Weighting, x: np.ndarray, r: np.ndarray, J: np.ndarray) -> None:
+        self.residuals, self.w = residuals, w
+        self.x, self.rows = x, self._whitened(r, J)
+
+    def __call__(self, x: np.ndarray) -> tuple[np.ndarray]:
+        if not np.array_equal(self.x, x):
+            self.x, self.rows = x.copy(), self._whitened(*self.residuals(x))
+        return (self.rows,)
+
+    def _whitened(self, r: np.ndarray, J: np.ndarray) -> np.ndarray:
+        return np.column_stack([self.w(np.asarray(J, float)), self.w(np.asarray(r, float))])
 
 
 def descend(
-    residuals: Residuals,
+    rows: Pieces,
     x: np.ndarray,
     scale: np.ndarray,
-    w: Weighting,
     *,
     P: np.ndarray | None = None,
     p: np.ndarray | None = None,
@@ -122,7 +141,7 @@ def descend(
     limit: int = 200,
     stop: Callable[[], bool] | None = None,
 ) -> Descent:
-    """Gauss-Newton with damping only where a full step does not help.
+    """Gauss-Newton with damping only where a full step does not help; `rows` are passed through, never kept.
 
     Along null directions nothing moves: steps are of least norm in units of the scales. `stop` is asked before each
     iteration and ends it with the best x so far, status INTERRUPTED.
@@ -131,52 +150,57 @@ def descend(
     n = len(scale)
     P = np.zeros((0, n)) if P is None else P
     p = np.zeros(len(P)) if p is None else p
+    size, no_prior = np.append(scale, 1.0), np.zeros((0, n + 1))
+    triangular = False  # from the first ill-conditioned Jacobian on
 
-    def at(x: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-        r, J = residuals(x)
-        r, J = w(np.asarray(r, float)), w(np.asarray(J, float))
-        prior = P @ x - p if len(P) else np.zeros(0)
-        return r, J, robust.cost(r, width) + 0.5 * float(prior @ prior)
+    def prior_at(x: np.ndarray) -> np.ndarray:
+        return np.column_stack([P, P @ x - p]) if len(P) else no_prior
+
+    def at(x: np.ndarray) -> tuple[Sums, np.ndarray, float]:
+        here, prior = sums(rows(x), robust, width, triangular=triangular), prior_at(x)
+        return here, prior, here.cost + 0.5 * float(prior[:, -1] @ prior[:, -1])
 
     def ended(status: SolveStatus, message: str) -> Descent:
-        return Descent(x, r, J, cost, status, message, iterations, evaluations)
+        return Descent(x, cost, status, message, iterations, evaluations)
 
-    r, J, cost = at(x)
+    here, prior, cost = at(x)
     damping, before, iterations, evaluations = 0.0, np.inf, 0, 1
-    if not (np.isfinite(cost) and np.all(np.isfinite(J))):
+    if not here.finite:
         return ended(SolveStatus.NOT_FINITE, "the residuals or their derivatives are not finite at the start")
     while iterations < limit:
         if stop is not None and stop():
             return ended(SolveStatus.INTERRUPTED, f"stopped after {iterations} iterations; the best parameters so far")
         iterations += 1
-        # the normal equations by QR and SVD: the condition number is not squared
-        weight = robust.weight(r, width)
-        rows = np.vstack([J * weight[:, None], P]) * scale
-        right = np.concatenate([r * weight, P @ x - p if len(P) else np.zeros(0)])
-        Q, R = np.linalg.qr(rows) if len(rows) > n else (np.eye(len(rows)), rows)
-        U, s, Vt = np.linalg.svd(R, full_matrices=False)
-        within = s > rank_tolerance * s[0]
-        projected = (U.T @ (Q.T @ right))[within]
+        d = directions(here, size, prior)
+        if d is None:
+            triangular = True
+            here, prior, cost = at(x)
+            d = directions(here, size, prior)
+            assert d is not None, "a triangle has directions, whatever its condition"
+        s = d.singular
+        within = s > rank_tolerance * s.max(initial=0.0)
         if not within.any():
             return ended(SolveStatus.SOLVED, "nothing measured moves with the parameters")
+        projected, V = d.projected[within], d.V[:, within]
         least = DAMPING * float(s[within][-1] / s[0]) ** 2
-        full = float(np.linalg.norm(projected / s[within]))  # of the undamped step, in units of the scales
-        reach = 1 + float(np.linalg.norm(x / scale)) if len(x) == n else 1.0
-        flat = float(np.linalg.norm(projected)) <= LEVEL * np.linalg.norm(right)
+        full = norm(projected / s[within])  # of the undamped step, in units of the scales
+        reach = 1 + norm(x / scale)
+        flat = norm(projected) <= LEVEL * d.size
         if flat and full >= before:  # the last digits no longer settle
             return ended(SolveStatus.SOLVED, f"arrived after {iterations} iterations")
+        if full <= STEP * reach:  # taken without a look at what it gains: that is below rounding
+            x = x - V @ (projected / s[within]) * scale
+            return ended(SolveStatus.SOLVED, f"arrived after {iterations} iterations")
         while True:
-            step = -Vt[within].T @ (projected * s[within] / (s[within] ** 2 + damping * s[0] ** 2)) * scale
+            step = -V @ (projected * s[within] / (s[within] ** 2 + damping * s[0] ** 2)) * scale
             trial = x + step
-            r_new, J_new, cost_new = at(trial)
+            there, prior_there, cost_new = at(trial)
             evaluations += 1
-            finite = np.isfinite(cost_new) and np.all(np.isfinite(J_new))
+            finite = there.finite
             if finite and (cost_new <= cost or (flat and damping == 0.0)):
                 quiet = cost - cost_new < QUIET * cost
-                x, r, J, cost, before = trial, r_new, J_new, cost_new, full
+                x, here, prior, cost, before = trial, there, prior_there, cost_new, full
                 damping = 0.0 if quiet or damping <= least else damping * EASIER
-                if full <= STEP * reach:
-                    return ended(SolveStatus.SOLVED, f"arrived after {iterations} iterations")
                 break
             if full <= ROUNDING * reach and finite:  # no better, but no further either
                 return ended(SolveStatus.SOLVED, f"arrived after {iterations} iterations, at rounding")

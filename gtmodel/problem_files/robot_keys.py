@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import Field, PositiveFloat
 
-from gtmodel.lang import Model
-
 from .base import Context, FileSection, Problem
+
+if TYPE_CHECKING:
+    from gtmodel.lang import Model
 
 
 class FrictionSection(FileSection):

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import builtins
 import inspect
+import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
-from typing import Annotated, Any, NamedTuple, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, NamedTuple, get_args, get_origin
 
 import numpy as np
 
@@ -79,7 +81,14 @@ def converted(value: Any, unit: str, written: str, out: bool = False) -> Any:
 @cache
 def quantities(cls: type) -> dict[str, Quantity]:
     """The declared quantities of a study's class by attribute, in the order of their last declaration."""
-    hints = get_type_hints(cls, include_extras=True)
+    hints: dict[str, Any] = {}
+    for c in reversed(cls.__mro__):
+        for name, hint in inspect.get_annotations(c).items():
+            hints.pop(name, None)
+            # what is no quantity is not evaluated: its type may be known to type checkers alone
+            if not isinstance(hint, str) or hint.startswith("Annotated["):
+                known = vars(sys.modules.get(c.__module__, builtins))
+                hints[name] = eval(hint, known, dict(vars(c))) if isinstance(hint, str) else hint
     order = list(dict.fromkeys(name for c in cls.__mro__ for name in reversed(inspect.get_annotations(c))))
     order.reverse()
     carried = {name: marks_of(hints[name]) for name in order if name in hints}

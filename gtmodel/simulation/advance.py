@@ -39,9 +39,10 @@ class Integration:
 
     def __init__(self, ready: Ready, rows: np.ndarray, grid: np.ndarray, pace: Pace) -> None:
         self._systems, self._inputs, self._recorder = ready.systems, ready.inputs, ready.recorder
+        self._settings = ready.settings
         self._rows, self._grid, self._pace = rows, grid, pace
         system = ready.system
-        self.audit = Audit(ready.systems.plan)
+        self.audit = Audit(ready.systems.original_equations)
         self.system = system
         self.switches: list[Switch] = []
         self.history = History()
@@ -91,9 +92,9 @@ class Integration:
             return longest
         w = self._here()
         matrix = selection.matrix(w, self._time)
-        quality = selection.quality(self.system.choice, matrix)
+        quality = selection.quality(self.system.choice, matrix, self._switch_below)
         if quality < self._switch_below:
-            other = self._systems.at(w, self._time)
+            other = self._systems.at(w, self._time, self._settings)
             better = 0.0 if other is None else selection.quality(other.choice, matrix)
             if other is not None and better > quality:
                 self._switch(other, w)
@@ -241,10 +242,10 @@ class Integration:
 
     def _points(self, xs: np.ndarray, zs: np.ndarray, times: np.ndarray) -> np.ndarray:
         """Points over the plan's pairs, one row for each time."""
-        return np.asarray(self.system.reduced.point(xs.T, zs.T, times[None, :], self._p).full()).T
+        return self.system.reduced.point(xs, zs, times[:, None], self._p)[0]
 
     def _record(self, times: np.ndarray, xs: np.ndarray, zs: np.ndarray, works: np.ndarray, points: np.ndarray) -> None:
-        rows = np.asarray(self.system.reduced.row(xs.T, zs.T, times[None, :], self._p).full()).T
+        rows = self.system.reduced.row(xs, zs, times[:, None], self._p)[0]
         finite = np.all(np.isfinite(rows), axis=1)
         count = len(times) if finite.all() else int(np.argmin(finite))
         self._recorder.add(times[:count], rows[:count], works[:count])

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from functools import partial
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 import tomli_w
@@ -13,16 +13,15 @@ import tomli_w
 from ...inference import FALSE_ALARM
 from ...lang import Model
 from ...measurements import Session
-from ...results import ArgumentError, Check, Quantity, Row, SolveStatus, Study, Work, at_least, at_most, listed, naming
+from ...results import ArgumentError, Check, SolveStatus, Work, at_least, at_most, naming
 from ...results.door import study_function
 from ...results.work import Progress, never, silent
 from .constant_velocity import Runs, concatenate, constant_velocity_log, constant_velocity_runs
+from .friction_result import LABELS, Array, FrictionStudy
 from .gravity import Gravity, MassByNorm
 from .levels import FrictionFit, identify_friction
 from .options import ConstantVelocity, FrictionCoefficients, HeldPose, SyntheticRuns
 from .pattern import gravity_pattern
-
-Array = np.ndarray
 
 SLOPE_ERROR = 0.01  # of synthetic logs, or what their noise explains
 DRIVES = "friction drives in one direction"
@@ -30,64 +29,6 @@ TELL = 'record more poses and let them determine the mass (gravity = "poses")'
 COLUMNS = (
     "check the poses and their forces that hold a kilogram, the order of the columns and the offsets of the forces"
 )
-LABELS = {
-    "coulomb_plus": "Coulomb friction forwards",
-    "coulomb_minus": "Coulomb friction backwards",
-    "viscous_plus": "viscous forwards",
-    "viscous_minus": "viscous backwards",
-}
-
-
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class FrictionStudy(Study):
-    """Friction by actuator and direction of motion, and the mass held; None where it was stopped before the fit."""
-
-    mass: Annotated[float | None, Quantity("kg", "plate and half the links, as the carts' forces hold them")] = None
-    mass_interval: Annotated[
-        Sequence[float] | None, Quantity("kg", "95 % interval; of the choice where the runs leave the mass open")
-    ] = None
-    mass_by_norm: Annotated[
-        Mapping[str, Any] | None,
-        Quantity("kg", "mass of least asymmetry by norm: two, one (interval), maximum"),
-    ] = None
-    coulomb_plus: Annotated[Array | None, Quantity("N", "Coulomb friction forwards, by cart")] = None
-    coulomb_minus: Annotated[Array | None, Quantity("N", "Coulomb friction backwards, by cart")] = None
-    viscous_plus: Annotated[Array | None, Quantity("kg/s", "viscous friction forwards, by cart")] = None
-    viscous_minus: Annotated[Array | None, Quantity("kg/s", "viscous friction backwards, by cart")] = None
-    intervals: Annotated[
-        Mapping[str, Sequence[float]] | None, Quantity("", "95 % intervals by name: m, coulomb_plus[0], ...")
-    ] = None
-    middle: Annotated[
-        Array | None,
-        Quantity("N", "level between the two directions, by pose and cart: gravity and asymmetric friction together"),
-    ] = None
-    pattern: Annotated[Array | None, Quantity("N/kg", "force of each cart that holds one kilogram, by pose")] = None
-    residual: Annotated[Array | None, Quantity("N", "rms of the fitted lines, by cart")] = None
-    runs: Annotated[int | None, Quantity("", "number of runs at constant velocity")] = None
-    synthetic: Annotated[
-        str | None, Quantity("", "seed and noise of synthetic logs; null for measured ones")
-    ] = None  # fmt: skip
-
-    @property
-    def rows(self) -> list[Row]:
-        """The table for people."""
-        if self.mass_interval is None or self.mass_by_norm is None or self.residual is None:
-            return []
-        (low, high), (first, last) = self.mass_interval, self.mass_by_norm["one"]
-        return [
-            Row("mass held", self.mass, "kg"),
-            Row("95 % interval", f"{low:.4g} .. {high:.4g}", "kg"),
-            Row("1-norm: least anywhere from", f"{first:.4g} to {last:.4g}", "kg"),
-            Row("maximum norm", self.mass_by_norm["maximum"], "kg"),
-            *self._coefficients(),
-            Row("residual of the lines", listed(self.residual), "N"),
-            Row("runs at constant velocity", self.runs),
-            *([Row("SYNTHETIC", self.synthetic)] if self.synthetic else []),
-        ]
-
-    def _coefficients(self) -> list[Row]:
-        units = {name: q.unit for name, q in self.quantities().items()}
-        return [Row(label, listed(getattr(self, name)), units[name]) for name, label in LABELS.items()]
 
 
 @study_function

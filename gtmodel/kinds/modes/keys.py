@@ -7,30 +7,30 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field, PositiveFloat
 
-from gtmodel.kinematics.assembly_modes import hand_poses
+from gtmodel.kinematics.assembly_modes import options
 from gtmodel.problem_files.base import FileSection, InputError, Problem
 from gtmodel.problem_files.from_options import Made, made_from
-from gtmodel.problem_files.robot_file import Points
 
 RESULT = "gtmodel.kinematics.ModesStudy"
 
 Three = Annotated[list[float], Field(min_length=3, max_length=3)]
+Points = Annotated[list[Three], Field(min_length=6, max_length=6)]
 Lengths = Annotated[list[PositiveFloat], Field(min_length=6, max_length=6)]
 
 
-@made_from(hand_poses.CommandedPose, "axes")
+@made_from(options.CommandedPose, "axes")
 class PoseSection(Made):
     """Carts and rotary axes, or a tool pose."""
 
     q_rad: Three | None = Field(default=None, description="rotary axes q4, q5, q6 of an F1; zero if left out")
     q_deg: Three | None = Field(default=None, description="the same in degrees")
 
-    def options(self) -> hand_poses.CommandedPose:
+    def options(self) -> options.CommandedPose:
         """The pose in SI. Raises InputError for angles in both units."""
         if self.q_rad is not None and self.q_deg is not None:
             raise InputError("give either q_rad or q_deg", "pose")
         axes = self.q_rad if self.q_deg is None else np.radians(self.q_deg).tolist()
-        return hand_poses.CommandedPose(axes=axes, **self.given())
+        return options.CommandedPose(axes=axes, **self.given())
 
 
 class Platform(FileSection):

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from ..._lazy import public
 
 if TYPE_CHECKING:
+    from .accuracy_result import AccuracyStudy as AccuracyStudy
     from .corners import (
         SIGNS as SIGNS,
         exact_corners as exact_corners,
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from .monte_carlo import base_point_cloud as base_point_cloud, length_cloud as length_cloud
     from .options import ErrorSection as ErrorSection, LinkErrors as LinkErrors, MonteCarloDraws as MonteCarloDraws
     from .parallelepiped import Parallelepiped as Parallelepiped, parallelepiped as parallelepiped
-    from .section_study import AccuracyStudy as AccuracyStudy, accuracy_study as accuracy_study
+    from .section_study import accuracy_study as accuracy_study
     from .spheres import common_point as common_point
 
 public(__name__)

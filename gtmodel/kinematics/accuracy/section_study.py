@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 
 from ...lang import Model
-from ...results import ArgumentError, Quantity, Row, SolveStatus, Status, Study, Work, listed
+from ...results import ArgumentError, SolveStatus, Status, Work
 from ...results.door import study_function
 from ...results.table import csv_text
 from ...results.work import Progress, never, silent
 from ..mechanism import home_figure, mechanism_of
+from .accuracy_result import AccuracyStudy
 from .corners import Array
 from .error_map import ErrorMap, Method, map_errors
 from .judged_case import ErrorRegion, JudgedCase, errors_of, judged, with_method
@@ -24,48 +24,6 @@ from .options import ErrorSection, LinkErrors, MonteCarloDraws
 
 MOST_POINTS = 1e7
 DIAGONAL = 101  # points of the rectangle's diagonal along which the faces are drawn
-
-
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class AccuracyStudy(Study):
-    """Greatest positioning errors over a rectangle of a cross-section, and over all that the robot reaches in it."""
-
-    cases: Annotated[
-        Sequence[Mapping[str, Any]],
-        "for each case: name, errors, method; over the rectangle min_um, max_um, their places min_at_m, max_at_m "
-        "in (u, v), centre_um and nearest_guideway to the maximum (from 1); reached_min_um and reached_max_um over "
-        "all that is reached; monte_carlo_um and its corner_um at the place of the maximum; and shape, the "
-        "parallelepiped at the centre: link_angles_deg, pyramid_angles_deg, faces_um2, longest_diagonal_um",
-    ]
-    window: Annotated[
-        Array, Quantity("m", "the rectangle that the numbers are about: least and greatest (u, v)")
-    ]  # fmt: skip
-    guideways: Annotated[Array, Quantity("m", "where the guideways pierce the section, (u, v)")]
-    section: Annotated[Mapping[str, Any], "the section: a point of it, and its normal"]
-    points: Annotated[
-        Mapping[str, Any],
-        "number of grid points in the rectangle, and how many of them have no error, by reason",
-    ]
-
-    @property
-    def rows(self) -> list[Row]:
-        """The table for people."""
-        low, high = self.window
-        rows = [Row("rectangle from (u, v)", listed(low), "m"), Row("to", listed(high), "m")]
-        for case in self.cases:
-            name = case["name"]
-            rows += [
-                Row(f"{name}: corners by", case["method"]),
-                Row(f"{name}: least error in the rectangle", case["min_um"], "um"),
-                Row(f"{name}: greatest", case["max_um"], "um"),
-                Row(f"{name}: at (u, v)", listed(case["max_at_m"]), "m"),
-                Row(f"{name}: nearest guideway", case["nearest_guideway"]),
-                Row(f"{name}: in the centre", case["centre_um"], "um"),
-                Row(f"{name}: over all that is reached, least", case["reached_min_um"], "um"),
-                Row(f"{name}: over all that is reached, greatest", case["reached_max_um"], "um"),
-                Row(f"{name}: synthetic draws at the greatest", case["monte_carlo_um"], "um"),
-            ]
-        return rows
 
 
 @study_function

@@ -22,9 +22,10 @@ from ..._lazy import public
 
 if TYPE_CHECKING:
     from .certificate import Certificate as Certificate
-    from .hand_poses import CommandedPose as CommandedPose, read_poses as read_poses
+    from .hand_poses import read_poses as read_poses
     from .modes_of_poses import modes_study as modes_study
     from .modes_result import ModesStudy as ModesStudy
+    from .options import CommandedPose as CommandedPose
     from .result import AssemblyModes as AssemblyModes
     from .six_links import Hands as Hands, bare as bare, draw as draw
     from .solve import assembly_modes as assembly_modes, assembly_modes_batch as assembly_modes_batch
