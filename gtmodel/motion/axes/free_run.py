@@ -61,7 +61,7 @@ def free_run(
         ) -> Array:
             a = forward(y[:AXES], y[AXES:], force(t))
             if not np.all(np.isfinite(a)) and not trouble:
-                trouble.append(_failed(t, forward.f(y[:AXES], y[AXES:], force(t))[-1]))
+                trouble.append(_failed(t, int(forward.f(y[:AXES], y[AXES:], force(t))[-1])))
             return np.concatenate([y[AXES:], a])
 
         span = (run.time[first], run.time[first + rows_per_element])
@@ -79,7 +79,7 @@ def free_run(
     statuses = forward.statuses()
     bad = np.flatnonzero(statuses != Status.OK)
     if bad.size:
-        return FreeRun(y[:AXES], y[AXES:], np.inf, _failed(times[bad[0]], statuses[bad[0]]))
+        return FreeRun(y[:AXES], y[AXES:], np.inf, _failed(times[bad[0]], int(statuses[bad[0]])))
     return FreeRun(y[:AXES], y[AXES:], float(worst))
 
 
