@@ -68,6 +68,7 @@ class NewtonKernel:
 
     def _solve(self, a: np.ndarray, guess: np.ndarray | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The same of few enough columns at once."""
+        a = np.ascontiguousarray(a)  # sums follow the memory, see _by_given
         n = a.shape[1]
         z = np.repeat(self.z0[:, None], n, axis=1)
         done = np.zeros(n)
@@ -152,7 +153,8 @@ class NewtonKernel:
     def _by_given(self, z: np.ndarray, a: np.ndarray) -> np.ndarray:
         """dr/da (m, n, k)."""
         n = z.shape[1]
-        return map_columns(self.sensitivity, [z, a])[0].reshape(len(z), n, len(a))
+        # row behind row: in which order a sum over the last axis is taken follows the memory
+        return np.ascontiguousarray(map_columns(self.sensitivity, [z, a])[0]).reshape(len(z), n, len(a))
 
     def derivative(self, z: np.ndarray, a: np.ndarray) -> np.ndarray:
         """dz/da (n, m, k) by the implicit function theorem."""

@@ -133,13 +133,22 @@ def status_codes(
                 good = (np.abs(row) if m.kind == "pivot" else row) > number(tolerance) * number(m.scale)
             else:
                 good = row >= 0
-        code = np.where((code == 0) & ~good, VERDICTS[m.kind], code)
-    finite = np.all([np.all(np.isfinite(r), axis=0) for r in results[:-1]], axis=0)
-    code = np.where((code == 0) & ~finite, Status.NOT_FINITE, code)
+        if not good.all():
+            code[(code == 0) & ~good] = VERDICTS[m.kind]
+    code[(code == 0) & ~_finite(results[:-1], n)] = Status.NOT_FINITE
     if sizes is not None:
-        code = np.where(sizes.within(columns), code, Status.OUT_OF_RANGE)
-    inputs = np.all([np.all(np.isfinite(c), axis=0) for c in columns], axis=0) if columns else True
-    return np.where(inputs, code, Status.NOT_FINITE)
+        code[~sizes.within(columns)] = Status.OUT_OF_RANGE
+    code[~_finite(columns, n)] = Status.NOT_FINITE
+    return code
+
+
+def _finite(columns: Sequence[np.ndarray], n: int) -> np.ndarray:
+    """In which of n columns all numbers are finite."""
+    finite = np.ones(n, dtype=bool)
+    for column in columns:
+        for row in column:
+            finite &= np.isfinite(row)
+    return finite
 
 
 # a sum of squares over a block that is below this part of what each row may have

@@ -108,7 +108,16 @@ class Integration:
                 SolveStatus.FAILED,
                 f"the motion ends at {self._time:.6g} s in a singular pose: no choice of states describes it there",
             )
-        return longest
+        # rows that are too far apart for these states: a part of the way to the next
+        after = int(np.searchsorted(self._grid, self._time, side="right"))
+        span = min(longest, float(self._grid[after]) - self._time)
+        if selection.foresees(self.system.choice, w, self._time, span):
+            return longest
+        while span >= self._shortest and not selection.foresees(self.system.choice, w, self._time, span):
+            span /= 2
+        if span < min(longest, self._shortest):
+            raise self._wall()
+        return span
 
     def _switch(self, system: SimulatedSystem, w: np.ndarray) -> None:
         self.switches.append(Switch(self._time, self.system.states, system.states))
@@ -178,6 +187,11 @@ class Integration:
         begun = np.append(self._time, times[:good])
         points = self._points(np.vstack([self._x, xs[:good]]), np.vstack([self._z, zs[:good]]), begun)
         selection = self._systems.selection
+        # with other states it might have gone on there: judged over a time that these are good for
+        if touching and selection.has_choice:
+            span = float(times[good] - begun[good])
+            if not selection.foresees(self.system.choice, points[good], float(begun[good]), span):
+                touching = []
         if good and selection.has_choice:
             good = selection.good_rows(self.system.choice, points, begun, self._switch_below)
         points = points[1:]

@@ -149,19 +149,38 @@ class StateSelection:
         self, choice: Choice, points: np.ndarray, times: np.ndarray, below: float, between: bool = False
     ) -> int:
         """As `good_rows`, looking at all of them. `between`: only as far as rows between these are good too."""
-        h = np.diff(times)[:, None]
-        with_zero = np.column_stack([points, np.zeros(len(points))])[:-1]
-        rate, curve = (with_zero[:, index] for index in self._next)
-        ahead = points[:-1] + h * rate + h**2 / 2 * curve
-        good = len(h)
+        ahead = self._ahead(points[:-1], np.diff(times))
+        good = len(ahead)
         for part, solved in self._distinct(choice):
             both = np.vstack([points[: good + 1], ahead[:good]])
-            when = np.append(times[: good + 1], times[1 : good + 1])
-            entries = self._parts[part](both, when[:, None])[0]
-            matrices = entries.reshape(len(both), len(part[1]), len(part[0])).transpose(2, 0, 1)
-            matrices = matrices * self._nominal[list(part[1])]
+            matrices = self._matrices(part, both, np.append(times[: good + 1], times[1 : good + 1]))
             good = _good_rows(matrices[:, : good + 1], matrices[:, good + 1 :], solved, below, between)
         return good
+
+    def foresees(self, choice: Choice, w: np.ndarray, time: float, span: float) -> bool:
+        """Whether the solved columns stay good over a time [s] if the motion goes on as it is."""
+        both = np.vstack([w, self._ahead(w[None, :], np.array([span]))])
+        for part, solved in self._distinct(choice):
+            c = self._matrices(part, both, np.array([time, time + span]))[:, :, solved]
+            try:
+                inverse = np.linalg.inv(c[:, 0])
+            except np.linalg.LinAlgError:
+                return False
+            if not _changes(inverse, c[:, 1:])[0] <= PREDICTED_CHANGE:
+                return False
+        return True
+
+    def _ahead(self, points: np.ndarray, spans: np.ndarray) -> np.ndarray:
+        """Where each point will be after a time [s], by its rates and their rates."""
+        with_zero, h = np.column_stack([points, np.zeros(len(points))]), spans[:, None]
+        rate, curve = (with_zero[:, index] for index in self._next)
+        return points + h * rate + h**2 / 2 * curve
+
+    def _matrices(self, part: Part, points: np.ndarray, times: np.ndarray) -> np.ndarray:
+        """The matrix of a stage in nominals at points: (equations, points, columns)."""
+        entries = self._parts[part](points, times[:, None])[0]
+        matrices = entries.reshape(len(points), len(part[1]), len(part[0])).transpose(2, 0, 1)
+        return matrices * self._nominal[list(part[1])]
 
     def _distinct(self, choice: Choice) -> list[tuple[Part, list[int]]]:
         """Rows and columns of the stages with the places of the solved among the columns; equal stages once."""

@@ -140,6 +140,17 @@ def test_inputs_may_be_constant_or_read_only_and_stay_as_they_are(way):
     assert np.array_equal(b, before)
 
 
+def test_inputs_of_other_kinds_and_odd_strides_are_read_as_numbers(way):
+    f = random_function(4, 40)
+    record = np.zeros(3000, dtype=[("tag", "i1"), ("a", "f8", 3), ("b", ">f8", 2)])
+    rng = np.random.default_rng(0)
+    record["a"], record["b"] = rng.standard_normal((3000, 3)), rng.integers(-3, 3, (3000, 2))
+    plain = [np.array(record[n], dtype=float).T for n in "ab"]
+    for b in (record["b"], record["b"].astype(int), record["b"].astype(np.float32), record["b"][:, ::-1][:, ::-1]):
+        for x, y in zip(kernel(f, way).run([record["a"].T, b.T])[0], kernel(f, way).run(plain)[0], strict=True):
+            assert same_bits(x, y)
+
+
 def test_few_rows_and_unknown_operations_stay_with_the_virtual_machine():
     x = ca.SX.sym("x")
     plain, special = ca.Function("f", [x], [x * x]), ca.Function("f", [x], [ca.erf(x)])
@@ -213,6 +224,7 @@ def test_newton_blocks_in_chunks_give_the_bits_of_single_calls(way, monkeypatch)
     for k in (0, 3, 5, 6, 7, 8, len(q) - 1):
         one, turned, code = f(q[k])
         assert code == status[k] and same_bits(one, T[k]) and same_bits(turned, e[k])
+    assert all(same_bits(x, y) for x, y in zip(f(np.asfortranarray(q))[:2], (T, e), strict=True))
     monkeypatch.setattr(newton, "CHUNK", 500)
     assert all(same_bits(np.asarray(x, float), np.asarray(y, float)) for x, y in zip(f(q), (T, e, status), strict=True))
 

@@ -192,6 +192,12 @@ class TestGoodRows:
         still = np.repeat(points[:1], 20, axis=0)  # the same pose in each row, at 7 rad/s
         assert selection.good_rows(choice, still, np.arange(20) * 2 * np.pi / 7, SWITCH_BELOW) == 0
 
+    def test_a_motion_is_foreseen_as_far_as_the_states_last(self, swing):
+        selection, choice, points, _ = swing
+        assert selection.foresees(choice, points[0], 0.0, 0.05)
+        assert not selection.foresees(choice, points[0], 0.0, 0.3)  # beyond a quarter of a turn
+        assert not selection.foresees(choice, np.full_like(points[0], np.nan), 0.0, 0.01)
+
     def test_every_accepted_step_is_small(self, swing):
         selection, choice, points, times = swing
         some = points[::10], times[::10]

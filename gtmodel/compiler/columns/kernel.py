@@ -69,6 +69,12 @@ def _if_else_zero(condition: np.ndarray, value: np.ndarray, target: np.ndarray) 
     np.copyto(target, value, where=condition != 0.0)
 
 
+def _in_doubles(column: np.ndarray) -> np.ndarray:
+    """As C reads it: numbers that are doubles, whole doubles apart."""
+    column = np.asarray(column, dtype=float)
+    return column if column.flags.aligned and not any(s % 8 for s in column.strides) else column.copy()
+
+
 def _called(op: int, given: Sequence[Any], target: Any) -> Callable[[], Any]:
     """An operation of libm on columns, by CasADi's virtual machine on their memory."""
     buffer: Any
@@ -131,7 +137,7 @@ class ColumnKernel:
         if machine is None:
             blocks = self._by_numpy(columns, results, judge)
         else:
-            blocks = self._by_machine(machine, [np.asarray(c, dtype=float) for c in columns], results, judge)
+            blocks = self._by_machine(machine, [_in_doubles(c) for c in columns], results, judge)
         for rows, code in blocks:
             if code is None or codes is None:
                 continue
@@ -154,6 +160,10 @@ class ColumnKernel:
             size = rows.stop - begin
             whole = -(-size // PIECE) * PIECE
             for places, column in zip(program.inputs, columns, strict=True):
+                if column.strides[1] == 0:  # the same for all rows
+                    if begin == 0:
+                        work[places] = column[:, :1]
+                    continue
                 work[places, :size] = column[:, rows]
                 if size < whole:  # more of the same, so that nothing odd is computed
                     work[places, size:whole] = column[:, rows.stop - 1 : rows.stop]

@@ -18,7 +18,7 @@ COMPILE, COMPILE_STEP = 0.2, 1e-3
 # seconds on rows from which it pays to look whether a library is there
 LOOK = 0.02
 # more than this gcc does not take, nor the stack
-MOST_STEPS, MOST_ENTRIES = 4000, 1000
+MOST_STEPS, MOST_ENTRIES = 4000, 500
 
 
 class MachineCode:

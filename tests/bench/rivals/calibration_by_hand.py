@@ -44,10 +44,23 @@ def arm(x: np.ndarray, q: np.ndarray, T: np.ndarray) -> np.ndarray:
     return x
 
 
-def by_arm(x0: np.ndarray, q: np.ndarray, T: np.ndarray) -> np.ndarray:
-    """All three arms one by one."""
-    columns, x = np.ascontiguousarray(T.T), x0.copy()
+def arm_by_rows(x: np.ndarray, q: np.ndarray, T: np.ndarray) -> np.ndarray:
+    """The same with a row per pose, as most people write it: T (N, 3), J (N, 7)."""
+    for _ in range(STEPS):
+        d = T - x[:3] - q[:, None] * x[3:6]
+        r = np.sum(d * d, axis=1) - x[6] ** 2
+        J = np.hstack([-2 * d, -2 * q[:, None] * d, np.full((len(q), 1), -2 * x[6])])
+        step = np.linalg.solve(J.T @ J, J.T @ r)
+        x = x - step
+        if np.linalg.norm(step) <= ARRIVED * np.linalg.norm(x):
+            break
+    return x
+
+
+def by_arm(x0: np.ndarray, q: np.ndarray, T: np.ndarray, columns: bool = True) -> np.ndarray:
+    """All three arms one by one, on contiguous columns or on rows."""
+    poses, x = np.ascontiguousarray(T.T) if columns else T, x0.copy()
     for k in range(3):
         own = [*range(3 * k, 3 * k + 3), *range(9 + 3 * k, 12 + 3 * k), 18 + k]
-        x[own] = arm(x[own], np.ascontiguousarray(q[:, k]), columns)
+        x[own] = (arm if columns else arm_by_rows)(x[own], np.ascontiguousarray(q[:, k]), poses)
     return x
