@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import ast
+import re
 import sys
 from importlib import import_module
-from importlib.util import resolve_name
+from importlib.util import find_spec, resolve_name
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -16,23 +17,43 @@ class _NoSuchName(AttributeError):
 
     def __init__(self, package: ModuleType, name: str) -> None:
         super().__init__(name=name, obj=package)
-        self.package, self.asked = package, name
+        self.package, self.asked = package.__name__, name  # its name: an error that a worker process sends is pickled
 
     def __str__(self) -> str:
         from .lang.slips import near
 
-        return f"module '{self.package.__name__}' has no attribute '{self.asked}'{near(self.asked, dir(self.package))}"
+        there = [name for name in dir(sys.modules[self.package]) if not name.startswith("_")]
+        longer = [name for name in there if _word(self.asked).search(name)]  # a name of before, made more precise
+        either = "' or '".join(longer)
+        meant = f"; did you mean '{either}'?" if 0 < len(longer) <= 3 else near(self.asked, there)
+        return f"module '{self.package}' has no attribute '{self.asked}'{meant}"
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _no_such_name, (self.package, self.asked)
+
+
+def _word(name: str) -> re.Pattern[str]:
+    """Finds a name as a whole word of another one, such as Mesh in MotionMesh and modes in natural_modes."""
+    return re.compile(rf"(?:^|_|(?<=[a-z0-9])(?=[A-Z])){re.escape(name)}(?:$|_|(?=[A-Z]))")
+
+
+def _no_such_name(package: str, name: str) -> _NoSuchName:
+    return _NoSuchName(import_module(package), name)
 
 
 class _Package(ModuleType):
-    """A package that looks its public names up in `_public`: name -> module and attribute, "" for a module itself."""
+    """A package that looks its public names up in `_public`: name -> module and attribute, "" for a module itself.
+
+    Its other modules are imported when they are first used too: `gt.motion.elastic` needs no import of its own.
+    """
 
     _public: dict[str, tuple[str, str]]
 
     def __getattr__(self, name: str) -> Any:
-        if name not in self._public:
+        own = f"{self.__name__}.{name}"
+        if name not in self._public and (name.startswith("_") or not name.isidentifier() or find_spec(own) is None):
             raise _NoSuchName(self, name)
-        module, attribute = self._public[name]
+        module, attribute = self._public.get(name, (own, ""))
         value = getattr(import_module(module), attribute) if attribute else import_module(module)
         self.__dict__[name] = value
         return value

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import pickle
 import subprocess
 import sys
 
@@ -75,7 +76,26 @@ def test_a_function_is_not_hidden_by_the_module_of_its_name() -> None:
     assert optimize.solve is gt.solve and optimize.estimate is gt.estimate
 
 
+MODULES = ["calibrate.plan.PlanSimulation", "kinematics.section", "lang.units", "loop.egm", "motion.elastic"]
+
+
+@pytest.mark.parametrize("name", MODULES)
+def test_a_module_of_a_package_is_there_when_it_is_used(name: str) -> None:
+    code = f"import gtmodel as gt, json; gt.{name}; assert not hasattr(gt, 'lang.units'); print(json.dumps([]))"
+    assert imported(code) == set()
+
+
+def test_an_error_about_a_name_goes_between_processes() -> None:
+    with pytest.raises(AttributeError) as caught:
+        calibrate.stdy  # noqa: B018
+    assert str(pickle.loads(pickle.dumps(caught.value))) == str(caught.value)
+
+
 def test_a_misspelt_name_is_answered_with_near_ones() -> None:
     with pytest.raises(AttributeError, match=r"'gtmodel\.calibrate' has no attribute 'stdy'; did you mean 'study'"):
         calibrate.stdy  # noqa: B018
+    with pytest.raises(AttributeError, match=r"did you mean 'natural_modes'\?$"):
+        gt.modes  # noqa: B018
+    with pytest.raises(AttributeError, match=r"did you mean 'AxisMesh' or 'MotionMesh'\?$"):
+        gt.motion.Mesh  # noqa: B018
     assert not hasattr(gt, "no_such_thing") and getattr(gt, "no_such_thing", 1) == 1

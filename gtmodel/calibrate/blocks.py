@@ -89,7 +89,8 @@ def blocks(
 
 
 def _repeated(x: np.ndarray, data: np.ndarray) -> np.ndarray:
-    return np.broadcast_to(x[:, None], (len(x), data.shape[1]))
+    # as np.broadcast_to, which takes longer than what it is for
+    return np.ndarray((len(x), data.shape[1]), buffer=np.ascontiguousarray(x, float), strides=(8, 0))
 
 
 def _stacked(J: np.ndarray, n: int) -> np.ndarray:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -35,8 +36,7 @@ class Calibration:
     """The result of calibrate().
 
     `estimate` of the unknowns, None unless solved and asked for; `values` of all parameters in the closure equations;
-    `residuals` (N, m) [m] of `labels`, none with latent variables; `start`: the residuals before. `blocks`: names of
-    unknowns that were solved together.
+    `start`: the `residuals` before. `blocks`: names of unknowns that were solved together.
     """
 
     problem: CalibrationProblem
@@ -47,7 +47,6 @@ class Calibration:
     estimate: Estimate | None
     identifiability: Identifiability | None
     values: dict[str, float]
-    residuals: np.ndarray
     start: np.ndarray
     iterations: int
     blocks: tuple[tuple[str, ...], ...]
@@ -58,6 +57,11 @@ class Calibration:
         if self.estimate is None:
             raise ArgumentError("there is no estimate: not solved, or asked for without confidence", "name")
         return self.estimate.interval(name, level)
+
+    @cached_property
+    def residuals(self) -> np.ndarray:
+        """Length errors (N, m) [m] of `problem.labels`, at first use; none with latent variables."""
+        return np.zeros_like(self.start) if self.problem.reading.latent.numel() else self.problem.residuals(self.x)
 
     @property
     def link_errors(self) -> dict[str, float]:
@@ -164,10 +168,8 @@ def calibrate(
             estimate, identified = estimated(problem, fits, loss_named(loss), width, hold_undetermined)
         except ValueError as error:
             raise ModelError(str(error)) from None
-    latent_free = not problem.reading.latent.numel()
-    residuals = problem.residuals(x) if latent_free else begin
     return Calibration(
-        problem, cost, status, message, x, estimate, identified, problem.values(x), residuals, begin,
+        problem, cost, status, message, x, estimate, identified, problem.values(x), begin,
         max(f.descent.iterations for f in fits), tuple(tuple(u.names[k] for k in f.rows.block.columns) for f in fits),
     )  # fmt: skip
 
@@ -192,8 +194,9 @@ def _descended(
     for b in problem.blocks_of(cost):
         if not len(b.columns):  # an arm of which nothing is free
             continue
-        own = [p for p in u.priors if p.name in {u.names[k] for k in b.columns}]
-        P, p = prior_rows(tuple(own), tuple(u.names[k] for k in b.columns))
+        names = tuple(u.names[k] for k in b.columns)
+        own = tuple(p for p in u.priors if p.name in names)
+        P, p = prior_rows(own, names)
         covariance = None
         if implicit:
             covariance = noise_covariance(problem, cost)

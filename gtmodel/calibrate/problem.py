@@ -140,9 +140,8 @@ class CalibrationProblem:
     def values(self, x: ArrayLike) -> dict[str, float]:
         """All parameters that the equations hold, of model and measurement, at x."""
         u = self.unknowns
-        f = ca.Function("parameters", [u.x], [ca.vertcat(*[v for _, v in u.moved])])
-        numbers = np.asarray(f(np.asarray(x, float))).reshape(-1)
-        return {s.name(): float(v) for (s, _), v in zip(u.moved, numbers, strict=True)}
+        numbers = np.asarray(u.numbers(np.asarray(x, float))).reshape(-1)
+        return dict(zip(u.parameters, numbers.tolist(), strict=True))
 
 
 def prepare(

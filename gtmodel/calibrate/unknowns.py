@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
@@ -62,6 +63,16 @@ class Unknowns:
     moved: tuple[tuple[ca.SX, ca.SX], ...]
     priors: tuple[Prior, ...]
     notes: tuple[str, ...] = ()
+
+    @cached_property
+    def numbers(self) -> ca.Function:
+        """x -> the values of `moved`, one below the other."""
+        return ca.Function("parameters", [self.x], [ca.vertcat(*[v for _, v in self.moved])])
+
+    @cached_property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of `moved`."""
+        return tuple(s.name() for s, _ in self.moved)
 
     def named(self, x: np.ndarray) -> dict[str, float]:
         """Values x (n,) by name."""

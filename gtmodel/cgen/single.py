@@ -9,6 +9,7 @@ import numpy as np
 
 from .real import FLOAT
 from .text import GenerationError
+from .toolchain import LIBM
 
 # shared names that speak of numbers get the f that libm gives to its functions in float: a project may hold both
 _NAMES = """
@@ -16,11 +17,6 @@ _NAMES = """
     gt_traj_end_ms
 """
 HEADERS = ("gt_guard.h", "gt_compare.h", "gt_newton.h", "gt_traj.h")
-_LIBM = """
-    acos acosh asin asinh atan atan2 atanh ceil copysign cos cosh erf exp expm1 fabs floor fmax fmin fmod hypot
-    log log10 log1p pow remainder sin sinh sqrt tan tanh
-"""
-LIBM = frozenset(_LIBM.split())
 _WORDS = {
     "double": "float",
     "DBL_MAX": "FLT_MAX",

@@ -9,14 +9,17 @@ import subprocess
 from dataclasses import dataclass
 from pathlib import Path
 
-from .single import LIBM
-
 STANDARD = ("-std=c99", "-O2", "-ffp-contract=off")
 WARNINGS = ("-Wall", "-Wextra", "-Wconversion", "-Wshadow", "-pedantic", "-Werror")
 # objects show what the code itself calls: a distribution's hardening would add calls of its own
 PLAIN = ("-fPIC", "-fno-stack-protector", "-U_FORTIFY_SOURCE")
 LINK = ("-lm",)
 SECONDS = 300.0
+_LIBM = """
+    acos acosh asin asinh atan atan2 atanh ceil copysign cos cosh erf exp expm1 fabs floor fmax fmin fmod hypot
+    log log10 log1p pow remainder sin sinh sqrt tan tanh
+"""
+LIBM = frozenset(_LIBM.split())
 # what generated code may ask for: libm, and what a compiler makes of a struct copy
 _MATH = (*LIBM, "sincos")
 ALLOWED_SYMBOLS = frozenset([*_MATH, *[f"{n}f" for n in _MATH], "memcpy", "memset", "_GLOBAL_OFFSET_TABLE_"])

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import casadi as ca
+import numpy as np
 
 from ..results.status import Status
-from .newton import NewtonBlock
 
 # the status of a margin on the wrong side, by kind
 VERDICTS = {
@@ -44,6 +44,23 @@ class Root:
     label: str
     value: int = 0
     settled_by: str = ""
+
+
+@dataclass(eq=False)
+class NewtonBlock:
+    """Equations without a closed form: residuals of the unknowns that are left after elimination.
+
+    `z0` and `scale` (nominals) are set from the sample points; labels name the unknowns.
+    """
+
+    unknowns: list[ca.SX]
+    residuals: list[ca.SX]
+    labels: list[str]
+    scale: np.ndarray
+
+    @property
+    def size(self) -> int:
+        return len(self.unknowns)
 
 
 @dataclass(frozen=True, eq=False)

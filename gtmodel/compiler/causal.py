@@ -17,6 +17,7 @@ from ..lang.slips import named, shortened
 from ..lang.source import ModelError
 from ..results.status import Status
 from .analysis.sizes import DOUBLE, Precision, Sizes, sizes_of
+from .columns.kept import PAID, kernel_of
 from .consistency.guess import Completion
 from .consistency.home import moved_sentence
 from .evaluate import Built, build
@@ -181,13 +182,22 @@ class CausalFunction:
         """
         columns, rows = self._columns(arguments)
         guesses = self._guesses(guess, columns) if guess else None
-        results, status = self._evaluate(columns, guesses, blank=True)
-        values = [r.T for r in results[:-1]]
+        results, status = self._evaluate(columns, guesses, answers=True)
+        values = [r.T for r in results]
         shaped = [v.reshape(v.shape[0], *s.shape) for v, s in zip(values, self.outputs, strict=True)]
         if rows is None:
             return (*(v[0] if s.shape else float(v[0]) for v, s in zip(shaped, self.outputs, strict=True)),
                     Status(int(status[0])))  # fmt: skip
         return (*shaped, status)
+
+    def compile(self) -> bool:
+        """Make machine code for calls on many rows now, or load it from the cache folder; False without a C compiler.
+
+        By itself a function does so once its rows have taken NumPy as long as a compiler takes. The numbers are the
+        same, to the last bit.
+        """
+        kernels = [kernel_of(f, PAID) for f in (self.closed, *[g for k in self.kernels for g in k.functions])]
+        return all([k is not None and k.machine.make(True) for k in kernels])
 
     def arguments_along(self, *motion: Any) -> list[Any]:
         """Arguments of a call for a motion of the one known variable: itself, its rate and so on, as far as given; zero
@@ -272,13 +282,11 @@ class CausalFunction:
         return zs, code
 
     def _evaluate(
-        self, columns: list[np.ndarray], guesses: Sequence[np.ndarray | None] | None = None, blank: bool = False
+        self, columns: list[np.ndarray], guesses: Sequence[np.ndarray | None] | None = None, answers: bool = False
     ) -> tuple[list[np.ndarray], np.ndarray]:
-        """Targets and margins as columns, and the status of each column; blank: NaN for targets without an answer."""
-        zs, iteration = self._unknowns(columns, guesses)
-        return judged_columns(
-            self._built.closed, columns, self.margins, self.sizes, zs, iteration if zs else None, blank
-        )
+        """Targets and margins as columns, and the status of each column; answers: without margins, NaN for none."""
+        zs, iteration = self._unknowns(columns, guesses) if self._built.kernels else ([], None)
+        return judged_columns(self._built.closed, columns, self.margins, self.sizes, zs, iteration, answers)
 
     def status(
         self, columns: list[np.ndarray], results: list[np.ndarray], iteration: np.ndarray | None = None

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from .rows import map_columns
+
 CORRECTIONS = 12
 # each correction must shrink to a quarter of the last: then Newton is inside its basin and cannot jump to
 # another assembly mode (a Newton-Kantorovich test without constants)
@@ -22,25 +24,10 @@ TRUST = 0.1
 CORNER = 1e-3
 SHORTEST_STEP = 1.0 / 4096
 MOST_STEPS = 2000
+# columns at once: their matrices stay near the core, and memory does not grow with the rows
+CHUNK = 4096
 # smallest over largest singular value below which a solution is called singular: half of the digits are lost
 SINGULAR = 1e-8
-
-
-@dataclass(eq=False)
-class NewtonBlock:
-    """Equations without a closed form: residuals of the unknowns that are left after elimination.
-
-    `z0` and `scale` (nominals) are set from the sample points; labels name the unknowns.
-    """
-
-    unknowns: list[ca.SX]
-    residuals: list[ca.SX]
-    labels: list[str]
-    scale: np.ndarray
-
-    @property
-    def size(self) -> int:
-        return len(self.unknowns)
 
 
 @dataclass(eq=False)
@@ -57,6 +44,11 @@ class NewtonKernel:
     scale: np.ndarray
     label: str
 
+    @property
+    def functions(self) -> tuple[ca.Function, ca.Function]:
+        """What is evaluated on many rows."""
+        return self.residual, self.sensitivity
+
     def solve(self, a: np.ndarray, guess: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Solutions for columns of a (k, n): z (m, n), converged (n,), singular (n,).
 
@@ -64,6 +56,19 @@ class NewtonKernel:
         that cannot be reached so keeps NaN. Where a guess (m, n) is so near that every correction contracts, its
         solution is taken instead.
         """
+        n = a.shape[1]
+        parts = [
+            self._solve(a[:, k : k + CHUNK], None if guess is None else guess[:, k : k + CHUNK])
+            for k in range(0, max(n, 1), CHUNK)
+        ]
+        if len(parts) == 1:
+            return parts[0]
+        z, converged, singular = zip(*parts, strict=True)
+        return np.hstack(z), np.hstack(converged), np.hstack(singular)
+
+    def _solve(self, a: np.ndarray, guess: np.ndarray | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The same of few enough columns at once."""
+        a = np.ascontiguousarray(a)  # sums follow the memory, see _by_given
         n = a.shape[1]
         z = np.repeat(self.z0[:, None], n, axis=1)
         done = np.zeros(n)
@@ -106,16 +111,14 @@ class NewtonKernel:
         ok = np.flatnonzero(converged)
         if ok.size:
             _, jacobian = self._evaluate(z[:, ok], a[:, ok])
-            s = np.linalg.svd(jacobian * self.scale, compute_uv=False)
-            singular[ok] = ~(s[:, -1] > SINGULAR * s[:, 0])
+            singular[ok] = is_singular(jacobian * self.scale)
         return z, converged, singular
 
     def _evaluate(self, z: np.ndarray, a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Residuals (m, n) and Jacobians (n, m, m)."""
         n, m = z.shape[1], z.shape[0]
-        f = self.residual if n == 1 else self.residual.map(n)
-        r, j = f(ca.DM(z), ca.DM(a))
-        return np.array(r.full()), np.array(j.full()).reshape(m, n, m).transpose(1, 0, 2)
+        r, j = map_columns(self.residual, [z, a])
+        return r, j.reshape(m, n, m).transpose(1, 0, 2)
 
     def _correct(self, z: np.ndarray, a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Newton from z; good where every correction contracts until round-off."""
@@ -150,8 +153,8 @@ class NewtonKernel:
     def _by_given(self, z: np.ndarray, a: np.ndarray) -> np.ndarray:
         """dr/da (m, n, k)."""
         n = z.shape[1]
-        f = self.sensitivity if n == 1 else self.sensitivity.map(n)
-        return np.array(f(ca.DM(z), ca.DM(a)).full()).reshape(len(z), n, len(a))
+        # row behind row: in which order a sum over the last axis is taken follows the memory
+        return np.ascontiguousarray(map_columns(self.sensitivity, [z, a])[0]).reshape(len(z), n, len(a))
 
     def derivative(self, z: np.ndarray, a: np.ndarray) -> np.ndarray:
         """dz/da (n, m, k) by the implicit function theorem."""
@@ -165,11 +168,31 @@ class NewtonKernel:
         return result
 
 
+def is_singular(matrices: np.ndarray) -> np.ndarray:
+    """Of many small matrices (n, m, m): whether the smallest singular value is below a part of the largest one.
+
+    Most are settled by their determinant: the mean of the squares of all values but the smallest is at most
+    |A|^2 / (m - 1), and a product is largest where its factors are equal.
+    """
+    m = matrices.shape[1]
+    with np.errstate(all="ignore"):
+        size = np.einsum("nij,nij->n", matrices, matrices)
+        smallest = np.abs(np.linalg.det(matrices)) * (max(m - 1, 1) / size) ** ((m - 1) / 2)
+        rest = np.flatnonzero(~(smallest > 2.0 * SINGULAR * np.sqrt(size)))  # twice: round-off is far from that
+    singular = np.zeros(len(matrices), dtype=bool)
+    if rest.size:
+        s = np.linalg.svd(matrices[rest], compute_uv=False)
+        singular[rest] = ~(s[:, -1] > SINGULAR * s[:, 0])
+    return singular
+
+
 def solve_rows(matrices: np.ndarray, rhs: np.ndarray) -> np.ndarray:
     """Solutions of many small systems; NaN where a matrix is singular or not finite."""
     result = np.full(rhs.shape, np.nan)
     ok = np.all(np.isfinite(matrices), axis=(1, 2)) & np.all(np.isfinite(rhs), axis=1)
     try:
+        if ok.all():
+            return np.linalg.solve(matrices, rhs[:, :, None])[:, :, 0]
         result[ok] = np.linalg.solve(matrices[ok], rhs[ok][:, :, None])[:, :, 0]
     except np.linalg.LinAlgError:
         for i in np.flatnonzero(ok):

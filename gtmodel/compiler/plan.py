@@ -10,14 +10,13 @@ import numpy as np
 
 from ..lang.source import ModelError
 from .alias import AliasResult, eliminate
-from .blocks import Margin, SolvedBlock
+from .blocks import Margin, NewtonBlock, SolvedBlock
 from .branch import check_branches, follow, settle, sides
 from .consistency.home import Moved, home_of, moved, starts_of
 from .consistency.points import Sampler
 from .differentiation import differentiate, folded as folded_into, pairs_of, stage_residuals, system_of
 from .flat import FlatEquation, FlatModel
 from .graph import strong_components
-from .newton import NewtonBlock
 from .pivots import SignAnalysis
 from .relevance import Condition, condition_block, conditions_on, needed, set_apart
 from .solving import solve_block

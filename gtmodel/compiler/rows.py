@@ -73,7 +73,7 @@ def map_columns(
 
 def _side_by_side(f: ca.Function, results: Sequence[np.ndarray]) -> list[np.ndarray]:
     """Entries of the outputs (n, r c), column below column, as (r, n c)."""
-    shapes = [f.size_out(k) for k in range(f.n_out())]
+    shapes = [f.size_out(k) for k in range(len(results))]
     return [r.reshape(len(r) * c, rows).T for r, (rows, c) in zip(results, shapes, strict=True)]
 
 
@@ -84,23 +84,24 @@ def judged_columns(
     sizes: Sizes,
     unknowns: Sequence[np.ndarray] = (),
     iteration: np.ndarray | None = None,
-    blank: bool = False,
+    answers: bool = False,
 ) -> tuple[list[np.ndarray], np.ndarray]:
     """Results of map_columns on (columns, unknowns), outputs of one column, and their `status_codes`.
 
-    blank: results of rows that have a code are NaN, but for the margins.
+    answers: without the margins, and NaN where a row has a code.
     """
     kernel = kernel_of(f, columns[0].shape[1]) if columns else None
     if kernel is None:
         results = map_columns(f, [*columns, *unknowns])
         codes = status_codes(margins, columns, results, iteration, sizes=sizes)
-        if blank:
+        if answers:
+            results = results[:-1]
             bad = np.flatnonzero(codes != Status.OK)
-            for r in results[:-1]:
+            for r in results:
                 r.T[bad] = np.nan
         return results, codes
-    judge = BlockJudge(margins, sizes, len(columns), iteration)
-    results, codes = kernel.run([*columns, *unknowns], judge, blank)
+    judge = BlockJudge(margins, sizes, columns, unknowns, iteration)
+    results, codes = kernel.run([*columns, *unknowns], judge, answers)
     assert codes is not None
     return _side_by_side(f, results), codes
 
@@ -132,13 +133,22 @@ def status_codes(
                 good = (np.abs(row) if m.kind == "pivot" else row) > number(tolerance) * number(m.scale)
             else:
                 good = row >= 0
-        code = np.where((code == 0) & ~good, VERDICTS[m.kind], code)
-    finite = np.all([np.all(np.isfinite(r), axis=0) for r in results[:-1]], axis=0)
-    code = np.where((code == 0) & ~finite, Status.NOT_FINITE, code)
+        if not good.all():
+            code[(code == 0) & ~good] = VERDICTS[m.kind]
+    code[(code == 0) & ~_finite(results[:-1], n)] = Status.NOT_FINITE
     if sizes is not None:
-        code = np.where(sizes.within(columns), code, Status.OUT_OF_RANGE)
-    inputs = np.all([np.all(np.isfinite(c), axis=0) for c in columns], axis=0) if columns else True
-    return np.where(inputs, code, Status.NOT_FINITE)
+        code[~sizes.within(columns)] = Status.OUT_OF_RANGE
+    code[~_finite(columns, n)] = Status.NOT_FINITE
+    return code
+
+
+def _finite(columns: Sequence[np.ndarray], n: int) -> np.ndarray:
+    """In which of n columns all numbers are finite."""
+    finite = np.ones(n, dtype=bool)
+    for column in columns:
+        for row in column:
+            finite &= np.isfinite(row)
+    return finite
 
 
 # a sum of squares over a block that is below this part of what each row may have
@@ -149,38 +159,45 @@ class BlockJudge:
     """`status_codes` of one block of rows after the other; where plainly all rows are good, by fewer passes."""
 
     def __init__(
-        self, margins: Sequence[Any], sizes: Sizes, arguments: int, iteration: np.ndarray | None = None
+        self,
+        margins: Sequence[Any],
+        sizes: Sizes,
+        columns: Sequence[np.ndarray],
+        unknowns: Sequence[np.ndarray] = (),
+        iteration: np.ndarray | None = None,
     ) -> None:
-        """`arguments`: how many of the inputs are judged by their size; the others are unknowns of Newton blocks."""
-        self._margins, self._sizes, self._arguments, self._iteration = margins, sizes, arguments, iteration
-        self._is_pivot = np.array([m.kind == "pivot" for m in margins], dtype=bool)
+        """`columns`: what is judged by its size; unknowns of Newton blocks are not."""
+        self._margins, self._sizes, self._arguments, self._iteration = margins, sizes, len(columns), iteration
         apart = [m.kind in ("pivot", "branch") for m in margins]
         # an ordinary margin may be zero: it lies above the largest number below zero
-        self._above = np.array(
-            [PIVOT_TOLERANCE * m.scale if a else -np.nextafter(0.0, 1.0) for m, a in zip(margins, apart, strict=True)]
-        )
+        low = [PIVOT_TOLERANCE * m.scale if a else -np.nextafter(0.0, 1.0) for m, a in zip(margins, apart, strict=True)]
+        high = [-x if m.kind == "pivot" else -np.inf for m, x in zip(margins, low, strict=True)]
+        weights = {place: weight for weight, places in sizes.groups for place in places}
+        weight = [weights[k] for k, c in enumerate(columns) for _ in c] + [0.0 for z in unknowns for _ in z]
+        self.limits = np.array(low), np.array(high), np.array(weight), _SURELY * sizes.most
 
-    def __call__(self, rows: slice, inputs: Sequence[np.ndarray], outputs: Sequence[np.ndarray]) -> np.ndarray | None:
+    def codes(
+        self, rows: slice, inputs: Sequence[np.ndarray], outputs: Sequence[np.ndarray], plainly: bool
+    ) -> np.ndarray | None:
         columns = inputs[: self._arguments]
         iteration = None if self._iteration is None else self._iteration[rows]
-        if (iteration is None or not iteration.any()) and self._all_good(columns, outputs):
-            return None
+        if plainly or self._all_good(columns, outputs):
+            return iteration if iteration is not None and iteration.any() else None
         return status_codes(self._margins, columns, outputs, iteration, sizes=self._sizes)
 
     def _all_good(self, columns: Sequence[np.ndarray], outputs: Sequence[np.ndarray]) -> bool:
         *values, margins = outputs
+        low, high, _, most = self.limits
         if not all(np.isfinite(v).all() for v in values):
             return False
         if len(margins):
-            below = ~(np.minimum.reduce(margins, axis=1) > self._above)  # NaN among them
-            if not np.all(self._is_pivot[below]):
-                return False
-            if not np.all(np.maximum.reduce(margins[below], axis=1) < -self._above[below]):
+            below = ~(np.minimum.reduce(margins, axis=1) > low)  # NaN among them
+            if below.any() and not np.all(np.maximum.reduce(margins[below], axis=1) < high[below]):
                 return False
         total = 0.0
         for weight, places in self._sizes.groups:
             total += weight * sum(float(row @ row) for place in places for row in columns[place])
-        return total <= _SURELY * self._sizes.most
+        return total <= most
 
 
 class PlainMargin(NamedTuple):
@@ -212,8 +229,8 @@ class RowFunction:
         """Arrays (n, ...) of the targets and int codes (n,) of `Status`; rows without a solution are NaN."""
         arrays = [np.asarray(a, dtype=float) for a in arguments]
         columns = [a.reshape(a.shape[0], -1).T for a in arrays]
-        results, status = judged_columns(self._function, columns, self._margins, self._sizes, blank=True)
-        values = [r.T for r in results[:-1]]
+        results, status = judged_columns(self._function, columns, self._margins, self._sizes, answers=True)
+        values = [r.T for r in results]
         return (*(v.reshape(len(status), *s) for v, s in zip(values, self._shapes, strict=True)), status)
 
     def __getstate__(self) -> dict[str, Any]:

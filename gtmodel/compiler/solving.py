@@ -6,10 +6,9 @@ import casadi as ca
 import numpy as np
 
 from .analysis.nonsmooth import is_nonsmooth, kinked_in
-from .blocks import SolvedBlock
+from .blocks import NewtonBlock, SolvedBlock
 from .flat import FlatModel
 from .linear import solve_linear
-from .newton import NewtonBlock
 from .pivots import SignAnalysis
 from .quadric import NoClosedForm, eliminate_explicit, solve_nonlinear
 from .structure import EquationStructure

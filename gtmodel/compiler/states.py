@@ -52,6 +52,35 @@ def choose(
     return stages
 
 
+def chosen_columns(
+    flat: FlatModel, structure: EquationStructure, jacobian: np.ndarray, preferred: frozenset[int]
+) -> list[list[int]]:
+    """The columns that `choose` solves for at one point in each of the `stage_choices`; ModelError as there."""
+    result: list[list[int]] = []
+    solved: list[int] = []
+    for k in range(-int(structure.d.max(initial=0)), 1):
+        rows = [i for i in range(len(structure.c)) if structure.c[i] + k >= 0]
+        cols = [j for j in range(len(structure.d)) if structure.d[j] + k >= 0]
+        if not rows:
+            solved = []
+            continue
+        m = _scaled(flat, structure, jacobian, rows, cols)
+        if len(cols) == len(rows) and _far_from_singular(m):
+            solved = cols
+        else:
+            groups = _groups(flat, structure, k, cols, solved, preferred)
+            solved = _best(flat, structure, k, rows, cols, [m], groups)
+        if len(cols) > len(rows):
+            result.append(solved)
+    return result
+
+
+def _far_from_singular(m: np.ndarray) -> bool:
+    """Whether elimination solves for all columns, whatever their order."""
+    largest = max(1.0, float(np.max(np.linalg.norm(m, axis=0), initial=0.0)))
+    return _conditioning(m) > RANK_TOLERANCE * largest
+
+
 def stage_choices(stages: list[Stage]) -> list[Stage]:
     """Stages in which there was something to choose: more columns than rows."""
     return [s for s in stages if s.rows and len(s.columns) > len(s.rows)]
@@ -71,8 +100,9 @@ def _groups(
 ) -> list[list[int]]:
     """Columns in the order in which they are to be solved: earlier choices, then low state preference, then
     derivatives before what is not differentiated."""
-    first = [j for j in cols if j in set(solved)]
-    rest = [j for j in cols if j not in set(solved)]
+    before = set(solved)
+    first = [j for j in cols if j in before]
+    rest = [j for j in cols if j not in before]
 
     def preference(j: int) -> tuple[int, int, int]:
         index = structure.unknowns[j]

@@ -14,7 +14,7 @@ from ..results.status import SolveStatus
 from .least_squares import make_estimate
 from .losses import Loss, loss_named
 from .make_estimate import RANK, scales
-from .normal_equations import Pieces, Sums, directions, sums
+from .normal_equations import Pieces, Sums, directions, norm, sums
 from .weighting import Prior, Weighting, prior_rows, weighting
 
 Residuals = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
@@ -150,10 +150,11 @@ def descend(
     n = len(scale)
     P = np.zeros((0, n)) if P is None else P
     p = np.zeros(len(P)) if p is None else p
+    size, no_prior = np.append(scale, 1.0), np.zeros((0, n + 1))
     triangular = False  # from the first ill-conditioned Jacobian on
 
     def prior_at(x: np.ndarray) -> np.ndarray:
-        return np.column_stack([P, P @ x - p]) if len(P) else np.zeros((0, n + 1))
+        return np.column_stack([P, P @ x - p]) if len(P) else no_prior
 
     def at(x: np.ndarray) -> tuple[Sums, np.ndarray, float]:
         here, prior = sums(rows(x), robust, width, triangular=triangular), prior_at(x)
@@ -170,11 +171,11 @@ def descend(
         if stop is not None and stop():
             return ended(SolveStatus.INTERRUPTED, f"stopped after {iterations} iterations; the best parameters so far")
         iterations += 1
-        d = directions(here, scale, prior)
+        d = directions(here, size, prior)
         if d is None:
             triangular = True
             here, prior, cost = at(x)
-            d = directions(here, scale, prior)
+            d = directions(here, size, prior)
             assert d is not None, "a triangle has directions, whatever its condition"
         s = d.singular
         within = s > rank_tolerance * s.max(initial=0.0)
@@ -182,10 +183,13 @@ def descend(
             return ended(SolveStatus.SOLVED, "nothing measured moves with the parameters")
         projected, V = d.projected[within], d.V[:, within]
         least = DAMPING * float(s[within][-1] / s[0]) ** 2
-        full = float(np.linalg.norm(projected / s[within]))  # of the undamped step, in units of the scales
-        reach = 1 + float(np.linalg.norm(x / scale))
-        flat = float(np.linalg.norm(projected)) <= LEVEL * d.size
+        full = norm(projected / s[within])  # of the undamped step, in units of the scales
+        reach = 1 + norm(x / scale)
+        flat = norm(projected) <= LEVEL * d.size
         if flat and full >= before:  # the last digits no longer settle
+            return ended(SolveStatus.SOLVED, f"arrived after {iterations} iterations")
+        if full <= STEP * reach:  # taken without a look at what it gains: that is below rounding
+            x = x - V @ (projected / s[within]) * scale
             return ended(SolveStatus.SOLVED, f"arrived after {iterations} iterations")
         while True:
             step = -V @ (projected * s[within] / (s[within] ** 2 + damping * s[0] ** 2)) * scale
@@ -197,8 +201,6 @@ def descend(
                 quiet = cost - cost_new < QUIET * cost
                 x, here, prior, cost, before = trial, there, prior_there, cost_new, full
                 damping = 0.0 if quiet or damping <= least else damping * EASIER
-                if full <= STEP * reach:
-                    return ended(SolveStatus.SOLVED, f"arrived after {iterations} iterations")
                 break
             if full <= ROUNDING * reach and finite:  # no better, but no further either
                 return ended(SolveStatus.SOLVED, f"arrived after {iterations} iterations, at rounding")

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal
 
-import casadi as ca
 import numpy as np
+import scipy
 
 from ..compiler.causal import CausalFunction, compile_causal
 from ..lang import Model
@@ -15,6 +16,7 @@ from ..optimize.watch import Progress
 from ..results import SolveStatus, Status, Trajectory
 from ..robots.links import link_names
 from .constraints import MotionConstraints
+from .followed_branch import FollowedBranch
 from .guesses import trapezoid
 from .links import along_guideways, link_ends
 from .path_rows import task_along
@@ -24,6 +26,7 @@ from .problem import MotionProblem
 FORCE_RESERVE = 1e-5  # of the limit: what the root's rounding at rest and the curvature between nodes may take
 TIGHTENINGS = 4  # each takes what the curvature of the path adds between nodes, some 0.1 %, off the limit
 PER_INTERVAL = 4  # forces between nodes are looked at so often
+FOLLOWING = 1e-9  # tolerance of the integrator, relative and absolute
 DEGREE = 5  # of the polynomial that stands for a force within one interval when it is integrated
 
 
@@ -114,20 +117,29 @@ class PathParametrization:
         tau = self.sample(motion, times.reshape(-1))["tau"].reshape(len(steps), DEGREE + 1, 3)
         power = np.linalg.inv(np.vander(nodes, increasing=True))
         c = np.einsum("pn,knm->kpm", power, tau)
-        forward = compile_causal(self.problem.robot, known="tau", targets="der(T,2)", prefer="T")
-        X: Any = ca.SX if forward.casadi.is_a("SXFunction") else ca.MX  # root finders are no SX
-        state, r = X.sym("state", 6), X.sym("r")
-        p = X.sym("p", 1 + 3 * (DEGREE + 1))
-        force = sum((p[1 + 3 * n : 4 + 3 * n] * r**n for n in range(DEGREE + 1)), X.zeros(3))
-        given = {("T", 0): state[:3], ("T", 1): state[3:], ("tau", 0): force}
-        arguments = [given[_base(signal.name), order] for signal in forward.inputs for order in [signal.pairs[0][1]]]
-        rate = ca.vertcat(state[3:], forward.casadi.call(arguments)[0])
-        dae = {"x": state, "p": p, "t": r, "ode": p[0] * rate}
-        run = ca.integrator("follow", "cvodes", dae, 0.0, 1.0, {"abstol": 1e-9, "reltol": 1e-9, "max_num_steps": 20000})
-        x = np.concatenate([self.path(np.zeros(1))[0][0], self.path(np.zeros(1))[1][0] * np.sqrt(motion.b[0])])
-        for k, step in enumerate(steps):
-            x = np.asarray(run(x0=x, p=np.concatenate([[step], c[k].reshape(-1)]))["xf"]).reshape(-1)
-        return x[:3]
+        forward = FollowedBranch(compile_causal(self.problem.robot, known="tau", targets="der(T,2)", prefer="T"))
+        y = np.concatenate([self.path(np.zeros(1))[0][0], self.path(np.zeros(1))[1][0] * np.sqrt(motion.b[0])])
+        for begin, step, polynomial in zip(motion.t, steps, c, strict=False):
+
+            def arguments(
+                t: float, y: np.ndarray, begin: float = begin, step: float = step, polynomial: np.ndarray = polynomial
+            ) -> list[np.ndarray]:
+                tau = ((t - begin) / step) ** np.arange(DEGREE + 1) @ polynomial
+                given = {("T", 0): y[:3], ("T", 1): y[3:], ("tau", 0): tau}
+                return [given[_base(signal.name), signal.pairs[0][1]] for signal in forward.f.inputs]
+
+            def rates(t: float, y: np.ndarray, arguments: Callable[..., Any] = arguments) -> np.ndarray:
+                return np.concatenate([y[3:], forward(*arguments(t, y))])
+
+            span = begin, begin + step
+            run = scipy.integrate.solve_ivp(
+                rates, span, y, method="DOP853", rtol=FOLLOWING, atol=FOLLOWING, first_step=step
+            )
+            y = run.y[:, -1]
+            forward.kept(*arguments(span[1], y))
+            if not run.success:
+                return np.full(3, np.nan)
+        return y[:3] if np.all(forward.statuses() == Status.OK) else np.full(3, np.nan)
 
 
 def _base(name: str) -> str:

@@ -44,20 +44,40 @@ def compiled(functions: Sequence[ca.Function]) -> tuple[list[ca.Function], float
     for f in functions:
         generator.add(f)
     source = generator.dump()
-    key = "\0".join([source, *FLAGS, chain.cc, platform.machine(), platform.system()])
-    library = _folder() / f"{hashlib.sha256(key.encode()).hexdigest()[:32]}.so"
+    library = _place(chain, source, FLAGS)
     begin = time.perf_counter()
     if _whole(library):
         try:
             return _loaded(functions, library), 0.0
         except RuntimeError:
             pass  # whole as it was written, but for another system or another CasADi
-    _build(chain, source, library)
+    _build(chain, source, library, FLAGS)
     try:
         return _loaded(functions, library), time.perf_counter() - begin
     except RuntimeError as error:
         said = " ".join(str(error).split())[:SHOWN]
         raise CompilerMissing(f"the element functions compiled by {chain.cc} do not load: {said}") from None
+
+
+def kept_library(source: str, flags: Sequence[str], build: bool) -> Path | None:
+    """The library of C, from the same cache, with `flags` behind the usual ones; None where it is not there and `build`
+    is false. Raises CompilerMissing."""
+    chain = find()
+    if isinstance(chain, str):
+        raise CompilerMissing(chain)
+    every = (*FLAGS[:-1], *flags, FLAGS[-1])
+    library = _place(chain, source, every)
+    if not _whole(library):
+        if not build:
+            return None
+        _build(chain, source, library, every)
+    return library
+
+
+def _place(chain: Toolchain, source: str, flags: Sequence[str]) -> Path:
+    """Where the library of a source lies, or will."""
+    key = "\0".join([source, *flags, chain.cc, platform.machine(), platform.system()])
+    return _folder() / f"{hashlib.sha256(key.encode()).hexdigest()[:32]}.so"
 
 
 def _folder() -> Path:
@@ -94,13 +114,13 @@ def _loaded(functions: Sequence[ca.Function], library: Path) -> list[ca.Function
     return [ca.external(f.name(), str(library)) for f in functions]
 
 
-def _build(chain: Toolchain, source: str, library: Path) -> None:
+def _build(chain: Toolchain, source: str, library: Path, flags: Sequence[str]) -> None:
     """Compile beside the target, then rename: another process sees a whole library or none."""
     try:
         with tempfile.TemporaryDirectory(dir=library.parent) as folder:
             text, made = Path(folder) / "element.c", Path(folder) / library.name
             text.write_text(source, encoding="utf-8")
-            good, said = chain.run(chain.cc, *FLAGS[:-1], text, "-o", made, FLAGS[-1])
+            good, said = chain.run(chain.cc, *flags[:-1], text, "-o", made, flags[-1])
             if not good:
                 raise CompilerMissing(
                     f"the C compiler {chain.cc} failed on the element functions: {said.strip()[:SHOWN]}"

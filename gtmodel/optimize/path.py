@@ -9,7 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
 import casadi as ca
 import numpy as np
@@ -161,29 +161,45 @@ def _interval(task: PathTask, s: np.ndarray, bounded: str) -> tuple[ca.Function,
     return f, data, len(rows)
 
 
+def _hoisted(name: str, args: list[ca.SX], p: ca.SX, out: list[ca.SX], data: ca.DM) -> Callable[..., Any]:
+    """The function of `args` at all columns of the data p. What depends on the data alone, such as the pose, its
+    Jacobians and masses, is evaluated once and for all."""
+    sizes = [e.shape for e in out]
+    column = ca.cse(ca.vertcat(*[ca.vec(e) for e in out]))
+    left, symbols, fixed = ca.extract_parametric(column, p)
+    q = ca.vertcat(*symbols) if symbols else ca.SX(0, 1)
+    N = data.shape[1]
+    known = ca.Function("known", [p], [ca.vertcat(*fixed) if symbols else q, p], {"cse": True}).map(N)
+    given = ca.vertcat(*known(data))
+    ends = np.cumsum([0, *(rows * columns for rows, columns in sizes)]).tolist()
+    parts = [ca.reshape(part, *size) for part, size in zip(ca.vertsplit(left, ends), sizes, strict=True)]
+    f = ca.Function(name, [*args, ca.vertcat(q, p)], parts, {"cse": True}).map(N)
+    return lambda *arguments: f(*arguments, given)
+
+
 def _assemble(interval: ca.Function, data: ca.DM, N: int, m: int) -> tuple[dict[str, ca.MX], dict[str, ca.Function]]:
     """The problem and its derivatives: two unknowns are differentiated once and mapped over the intervals."""
     y, p = ca.SX.sym("y", 2), ca.SX.sym("p", data.shape[0])
     rows, cost, _ = interval(y[0], y[1], p)
     sigma, lam = ca.SX.sym("sigma"), ca.SX.sym("lam", m)
     H = ca.hessian(sigma * cost + ca.dot(lam, rows), y)[0]
-    cse = {"cse": True}
-    value = ca.Function("value", [y, p], [rows, cost], cse).map(N)
-    first = [ca.densify(ca.jacobian(rows, y)), ca.densify(ca.gradient(cost, y))]
-    slope = ca.Function("slope", [y, p], first, cse).map(N)
-    bend = ca.Function("bend", [y, p, sigma, lam], [ca.vertcat(H[0, 0], H[0, 1], H[1, 1])], cse).map(N)
+    # each apart: IPOPT asks for one at a time
+    value, share = (_hoisted(n, [y], p, [e], data) for n, e in (("value", rows), ("share", cost)))
+    slope = _hoisted("slope", [y], p, [ca.densify(ca.jacobian(rows, y))], data)
+    steep = _hoisted("steep", [y], p, [ca.densify(ca.gradient(cost, y))], data)
+    bend = _hoisted("bend", [y, sigma, lam], p, [ca.vertcat(H[0, 0], H[0, 1], H[1, 1])], data)
     x, none = ca.MX.sym("x", N + 1), ca.MX.sym("none", 0)
     Y = ca.horzcat(x[:-1], x[1:]).T
-    g, f = value(Y, data)
+    g, f = value(Y), share(Y)
     g, f = ca.vec(g), ca.sum2(f)
-    J, df = slope(Y, data)
+    J, df = slope(Y), steep(Y)
     gradient = ca.vertcat(df[0, :].T, 0) + ca.vertcat(0, df[1, :].T)
     k = np.arange(N)
     columns = (k[:, None, None] + np.arange(2)[None, :, None] + np.zeros((1, 1, m), int)).reshape(-1)
     lines = (k[:, None, None] * m + np.zeros((1, 2, 1), int) + np.arange(m)[None, None, :]).reshape(-1)
     jacobian = scatter(lines, columns, ca.vec(J), (N * m, N + 1))
     sg, lg = ca.MX.sym("sg"), ca.MX.sym("lg", N * m)
-    h = bend(Y, data, ca.repmat(sg, 1, N), ca.reshape(lg, m, N))
+    h = bend(Y, ca.repmat(sg, 1, N), ca.reshape(lg, m, N))
     diagonal = ca.vertcat(h[0, :].T, 0) + ca.vertcat(0, h[2, :].T)
     n = np.arange(N + 1)
     entries = ca.vertcat(diagonal, h[1, :].T)

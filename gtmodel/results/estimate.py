@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from numbers import Real
 
 import numpy as np
 
@@ -103,8 +104,8 @@ class Estimate:
     def _quantile(self, level: float) -> float:
         from scipy import stats  # here: it alone takes as long to import as all of gtmodel
 
-        if not 0 < level < 1:
-            raise ArgumentError(f"a confidence level lies between 0 and 1; found {level:g}", "level")
+        if not isinstance(level, Real) or not 0 < level < 1:
+            raise ArgumentError(f"a confidence level lies between 0 and 1; found {level!r}", "level")
         return float(
             stats.norm.ppf((1 + level) / 2)
             if self.known_noise

@@ -28,7 +28,7 @@ def cells(study: Study) -> list[tuple[str, str, str, str]]:
     rows = [("status", study.status.value, "", "")]
     if study.iterations is not None:
         rows.append(("iterations", str(study.iterations), "", ""))
-    for label, value, *unit in study.rows or _of_values(study.values):
+    for label, value, *unit in study.rows or _of_values(study):
         rows.append((label, number(value), str(unit[0]) if unit else "", ""))
     rows += [("note", note, "", "") for note in study.notes]
     for name, check in study.checks.items():
@@ -46,8 +46,10 @@ def _verdict(check: Check) -> str:
     return f"{'passed' if check.passed else 'FAILED'}{bound}"
 
 
-def _of_values(values: Mapping[str, Any]) -> Iterator[tuple[str, Any, str]]:
-    for name, value in values.items():
+def _of_values(study: Study) -> Iterator[tuple[str, Any, str]]:
+    for name, value in study.values.items():
+        if name == "notes" and list(value or ()) == list(study.notes):
+            continue  # they have rows of their own
         stem, unit = split(name)
         yield stem.replace("_", " "), value, unit
 

@@ -39,9 +39,10 @@ class Integration:
 
     def __init__(self, ready: Ready, rows: np.ndarray, grid: np.ndarray, pace: Pace) -> None:
         self._systems, self._inputs, self._recorder = ready.systems, ready.inputs, ready.recorder
+        self._settings = ready.settings
         self._rows, self._grid, self._pace = rows, grid, pace
         system = ready.system
-        self.audit = Audit(ready.systems.plan)
+        self.audit = Audit(ready.systems.original_equations)
         self.system = system
         self.switches: list[Switch] = []
         self.history = History()
@@ -91,9 +92,9 @@ class Integration:
             return longest
         w = self._here()
         matrix = selection.matrix(w, self._time)
-        quality = selection.quality(self.system.choice, matrix)
+        quality = selection.quality(self.system.choice, matrix, self._switch_below)
         if quality < self._switch_below:
-            other = self._systems.at(w, self._time)
+            other = self._systems.at(w, self._time, self._settings)
             better = 0.0 if other is None else selection.quality(other.choice, matrix)
             if other is not None and better > quality:
                 self._switch(other, w)
@@ -107,7 +108,16 @@ class Integration:
                 SolveStatus.FAILED,
                 f"the motion ends at {self._time:.6g} s in a singular pose: no choice of states describes it there",
             )
-        return longest
+        # rows that are too far apart for these states: a part of the way to the next
+        after = int(np.searchsorted(self._grid, self._time, side="right"))
+        span = min(longest, float(self._grid[after]) - self._time)
+        if selection.foresees(self.system.choice, w, self._time, span):
+            return longest
+        while span >= self._shortest and not selection.foresees(self.system.choice, w, self._time, span):
+            span /= 2
+        if span < min(longest, self._shortest):
+            raise self._wall()
+        return span
 
     def _switch(self, system: SimulatedSystem, w: np.ndarray) -> None:
         self.switches.append(Switch(self._time, self.system.states, system.states))
@@ -177,6 +187,11 @@ class Integration:
         begun = np.append(self._time, times[:good])
         points = self._points(np.vstack([self._x, xs[:good]]), np.vstack([self._z, zs[:good]]), begun)
         selection = self._systems.selection
+        # with other states it might have gone on there: judged over a time that these are good for
+        if touching and selection.has_choice:
+            span = float(times[good] - begun[good])
+            if not selection.foresees(self.system.choice, points[good], float(begun[good]), span):
+                touching = []
         if good and selection.has_choice:
             good = selection.good_rows(self.system.choice, points, begun, self._switch_below)
         points = points[1:]
@@ -241,10 +256,10 @@ class Integration:
 
     def _points(self, xs: np.ndarray, zs: np.ndarray, times: np.ndarray) -> np.ndarray:
         """Points over the plan's pairs, one row for each time."""
-        return np.asarray(self.system.reduced.point(xs.T, zs.T, times[None, :], self._p).full()).T
+        return self.system.reduced.point(xs, zs, times[:, None], self._p)[0]
 
     def _record(self, times: np.ndarray, xs: np.ndarray, zs: np.ndarray, works: np.ndarray, points: np.ndarray) -> None:
-        rows = np.asarray(self.system.reduced.row(xs.T, zs.T, times[None, :], self._p).full()).T
+        rows = self.system.reduced.row(xs, zs, times[:, None], self._p)[0]
         finite = np.all(np.isfinite(rows), axis=1)
         count = len(times) if finite.all() else int(np.argmin(finite))
         self._recorder.add(times[:count], rows[:count], works[:count])

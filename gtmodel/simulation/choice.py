@@ -6,15 +6,17 @@ columns are states. A choice goes bad where the solved columns C become singular
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import casadi as ca
 import numpy as np
 
 from ..compiler.matrices import pivoted_qr
 from ..compiler.plan import CausalPlan
 from ..compiler.point_function import PointFunction
-from ..compiler.rows import map_columns
-from ..compiler.states import Stage, choose, stage_choices
+from ..compiler.states import Stage, chosen_columns, stage_choices
 from ..lang.source import ModelError
+from .over_rows import OverRows
 
 # below this fraction of the best conditioning the states are chosen anew
 SWITCH_BELOW = 0.3
@@ -32,6 +34,7 @@ Choice = tuple[tuple[int, ...], ...]
 Part = tuple[tuple[int, ...], tuple[int, ...]]
 # rows that are compared with one inverse at once, to begin with
 ROWS = 64
+STRIDE = 8
 
 
 def choice_of(stages: list[Stage]) -> Choice:
@@ -46,13 +49,15 @@ class StateSelection:
         flat, structure = plan.flat, plan.structure
         arguments = [plan.sampler.w, flat.scope.time]
         self._system = PointFunction(ca.Function("system", arguments, [ca.densify(plan.system)]))
-        self._pattern = set(zip(*plan.system.sparsity().get_triplet(), strict=True))
         self._stages = stage_choices(plan.stages)
         self._nominal = np.array([flat.variables[i].nominal for i in structure.unknowns])
         self._parts = {
-            part: ca.Function("stage", arguments, [ca.densify(plan.system[list(part[0]), list(part[1])])])
+            part: OverRows(
+                ca.Function("stage", arguments, [ca.vec(ca.densify(plan.system[list(part[0]), list(part[1])]))])
+            )
             for part in map(_part, self._stages)
         }
+        self._known: dict[Choice, list[tuple[Part, list[int]]]] = {}
         place = {pair: n for n, pair in enumerate(plan.pairs)}
         # position of each symbol's first and second derivative; the last entry of an extended point is zero
         self._next = [[place.get((i, k + m), -1) for i, k in plan.pairs] for m in (1, 2)]
@@ -74,10 +79,11 @@ class StateSelection:
             return None
         plan = self._plan
         try:
-            preferred = choice_of(choose(plan.flat, plan.structure, [m], self._prefer, self._pattern))
+            chosen = chosen_columns(plan.flat, plan.structure, m, self._prefer)
         except ModelError:
             return None
-        if self.quality(preferred, m) >= SWITCH_BELOW:
+        preferred = tuple(tuple(sorted(columns)) for columns in chosen)
+        if self.quality(preferred, m, SWITCH_BELOW) >= SWITCH_BELOW:
             return preferred
         best = self._best(m)
         return best if best is not None and self.quality(best, m) > 0.0 else preferred
@@ -108,14 +114,15 @@ class StateSelection:
 
     # -- watching ----------------------------------------------------------------------------------
 
-    def quality(self, choice: Choice, m: np.ndarray) -> float:
-        """How good a choice is where the system Jacobian is m; 1: as good as any."""
+    def quality(self, choice: Choice, m: np.ndarray, enough: float = np.inf) -> float:
+        """How good a choice is where the system Jacobian is m; 1: as good as any. A lower bound where that is
+        `enough`."""
         if not np.all(np.isfinite(m)):
             return 0.0
         quality = 1.0
         for (rows, columns), solved in self._distinct(choice):
             a = m[np.ix_(rows, columns)] * self._nominal[list(columns)]
-            quality = min(quality, _quality(a, solved))
+            quality = min(quality, _quality(a, solved, enough))
             if not quality > 0.0:
                 break
         return quality
@@ -123,27 +130,65 @@ class StateSelection:
     def good_rows(self, choice: Choice, points: np.ndarray, times: np.ndarray, below: float) -> int:
         """How many rows after the first one a choice holds for: from each to the next no singular pose lies between,
         neither by the points nor by what the rates at the first of them predict, and its quality stays above `below`;
-        the row at which it falls below is the last one."""
-        h = np.diff(times)[:, None]
-        with_zero = np.column_stack([points, np.zeros(len(points))])[:-1]
-        rate, curve = (with_zero[:, index] for index in self._next)
-        ahead = points[:-1] + h * rate + h**2 / 2 * curve
-        good = len(h)
+        the row at which it falls below is the last one.
+
+        Where every STRIDE-th row shows all of this, the rows between are not looked at.
+        """
+        last = len(times) - 1
+        some = np.append(np.arange(0, last, STRIDE), last)
+        if last > STRIDE:
+            good = self._good_rows(choice, points[some], times[some], below, between=True)
+            if good == len(some) - 1:
+                return last
+            first = int(some[good])
+        else:
+            first = 0
+        return first + self._good_rows(choice, points[first:], times[first:], below)
+
+    def _good_rows(
+        self, choice: Choice, points: np.ndarray, times: np.ndarray, below: float, between: bool = False
+    ) -> int:
+        """As `good_rows`, looking at all of them. `between`: only as far as rows between these are good too."""
+        ahead = self._ahead(points[:-1], np.diff(times))
+        good = len(ahead)
         for part, solved in self._distinct(choice):
             both = np.vstack([points[: good + 1], ahead[:good]])
-            when = np.append(times[: good + 1], times[1 : good + 1])
-            matrices = map_columns(self._parts[part], [both.T, when[None, :]])[0]
-            matrices = matrices.reshape(len(part[0]), 2 * good + 1, -1) * self._nominal[list(part[1])]
-            good = _good_rows(matrices[:, : good + 1], matrices[:, good + 1 :], solved, below)
+            matrices = self._matrices(part, both, np.append(times[: good + 1], times[1 : good + 1]))
+            good = _good_rows(matrices[:, : good + 1], matrices[:, good + 1 :], solved, below, between)
         return good
+
+    def foresees(self, choice: Choice, w: np.ndarray, time: float, span: float) -> bool:
+        """Whether the solved columns stay good over a time [s] if the motion goes on as it is."""
+        both = np.vstack([w, self._ahead(w[None, :], np.array([span]))])
+        for part, solved in self._distinct(choice):
+            c = self._matrices(part, both, np.array([time, time + span]))[:, :, solved]
+            try:
+                inverse = np.linalg.inv(c[:, 0])
+            except np.linalg.LinAlgError:
+                return False
+            if not _changes(inverse, c[:, 1:])[0] <= PREDICTED_CHANGE:
+                return False
+        return True
+
+    def _ahead(self, points: np.ndarray, spans: np.ndarray) -> np.ndarray:
+        """Where each point will be after a time [s], by its rates and their rates."""
+        with_zero, h = np.column_stack([points, np.zeros(len(points))]), spans[:, None]
+        rate, curve = (with_zero[:, index] for index in self._next)
+        return points + h * rate + h**2 / 2 * curve
+
+    def _matrices(self, part: Part, points: np.ndarray, times: np.ndarray) -> np.ndarray:
+        """The matrix of a stage in nominals at points: (equations, points, columns)."""
+        entries = self._parts[part](points, times[:, None])[0]
+        matrices = entries.reshape(len(points), len(part[1]), len(part[0])).transpose(2, 0, 1)
+        return matrices * self._nominal[list(part[1])]
 
     def _distinct(self, choice: Choice) -> list[tuple[Part, list[int]]]:
         """Rows and columns of the stages with the places of the solved among the columns; equal stages once."""
-        parts = {
-            (_part(s), tuple(s.columns.index(j) for j in solved)): None
-            for s, solved in zip(self._stages, choice, strict=True)
-        }
-        return [(part, list(solved)) for part, solved in parts]
+        if choice not in self._known:
+            places = [tuple(map(s.columns.index, solved)) for s, solved in zip(self._stages, choice, strict=True)]
+            parts = dict.fromkeys(zip(map(_part, self._stages), places, strict=True))
+            self._known[choice] = [(part, list(solved)) for part, solved in parts]
+        return self._known[choice]
 
     def _scaled(self, m: np.ndarray, stage: Stage) -> np.ndarray:
         """The stage's matrix in nominals with rows scaled to maximum 1."""
@@ -171,7 +216,7 @@ def _quality(a: np.ndarray, solved: list[int], enough: float = np.inf) -> float:
     return smallest / best if best > RANK_TOLERANCE else 0.0
 
 
-def _good_rows(at: np.ndarray, ahead: np.ndarray, solved: list[int], below: float) -> int:
+def _good_rows(at: np.ndarray, ahead: np.ndarray, solved: list[int], below: float, between: bool) -> int:
     """As `StateSelection.good_rows`, of the matrices (equations, n, columns) of one stage, at each row and as predicted
     for the next one."""
     c, predicted = (np.ascontiguousarray(x[:, :, solved]) for x in (at, ahead))
@@ -186,13 +231,21 @@ def _good_rows(at: np.ndarray, ahead: np.ndarray, solved: list[int], below: floa
         near = (actual <= PREDICTED_CHANGE) & (expected <= PREDICTED_CHANGE)
         count = end - row if near.all() else int(np.argmin(near))
         if not count:
-            if not (actual[0] <= LARGEST_CHANGE and expected[0] <= PREDICTED_CHANGE):
+            if between or not (actual[0] <= LARGEST_CHANGE and expected[0] <= PREDICTED_CHANGE):
                 return row
             count = 1
+        if _quality(at[:, row + count], solved, below) < below:
+            return row if between else _first(row, row + count, lambda n: _quality(at[:, n], solved, below) < below)
         row, window = row + count, 2 * count + 8
-        if row < last and _quality(at[:, row], solved, below) < below:
-            break
     return row
+
+
+def _first(low: int, high: int, holds: Callable[[int], bool]) -> int:
+    """The first number above `low` for which something holds, as it does for `high`, and not for what is below."""
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (low, middle) if holds(middle) else (middle, high)
+    return high
 
 
 def _changes(inverse: np.ndarray, matrices: np.ndarray) -> np.ndarray:

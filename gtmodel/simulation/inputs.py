@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable, Hashable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, TypeVar
 
 import casadi as ca
 import numpy as np
@@ -18,24 +19,28 @@ from ..results.trajectory import Trajectory, UnknownNameError
 from .table import INTERPOLATIONS, InputTable
 
 Shape = tuple[int, ...]
+Entry = TypeVar("Entry")
 
 
 @dataclass(eq=False)
 class SimulationInputs:
     """Scalar known variables as functions of time.
 
-    `functions`: index -> expression of `t`; `tables`: index -> Table. `p` holds a reference time and, for each
-    table in the order of the indices, the coefficients of its polynomial there; it is constant between `knots`,
-    and the integrator restarts at each of them.
+    `functions`: index -> expression of `t`; `tables`: index -> Table; `constants`: index -> value. `p` holds a
+    reference time, for each table in the order of the indices the coefficients of its polynomial there, and the
+    constants in their order; it is constant between `knots`, and the integrator restarts at each of them.
     """
 
     flat: FlatModel
     t: ca.SX
     functions: dict[int, ca.SX]
     tables: dict[int, InputTable]
+    constants: dict[int, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self.p = ca.SX.sym("p", 1 + sum(table.coefficients for table in self.tables.values()))
+        size = 1 + sum(table.coefficients for table in self.tables.values())
+        self._constant = {index: size + n for n, index in enumerate(sorted(self.constants))}
+        self.p = ca.SX.sym("p", size + len(self.constants))
         self._first: dict[int, int] = {}
         column = 1
         for index in sorted(self.tables):
@@ -44,7 +49,15 @@ class SimulationInputs:
 
     @property
     def known(self) -> list[int]:
-        return sorted([*self.functions, *self.tables])
+        return sorted([*self.functions, *self.tables, *self.constants])
+
+    @cached_property
+    def structure(self) -> Hashable:
+        """Equal for inputs that differ in numbers only: their tables' rows and their constants."""
+        of_time = [self.functions[index] for index in sorted(self.functions)]
+        text = ca.Function("inputs", [self.t], [ca.vertcat(*of_time)]).serialize() if of_time else ""
+        tables = tuple((index, self.tables[index].coefficients) for index in sorted(self.tables))
+        return tuple(sorted(self.functions)), text, tables, tuple(sorted(self.constants))
 
     def knots(self, start: float, end: float) -> np.ndarray:
         """Times strictly inside an interval at which a table bends or is discontinuous."""
@@ -54,11 +67,13 @@ class SimulationInputs:
     def piece(self, start: float, before: bool = False) -> np.ndarray:
         """Values of `p` from a knot, or any other time, up to the next knot; `before`: of the piece that ends there."""
         pieces = [self.tables[index].piece(start, before) for index in sorted(self.tables)]
-        return np.concatenate([[start], *pieces])
+        return np.concatenate([[start], *pieces, [self.constants[index] for index in sorted(self.constants)]])
 
     def values(self, pairs: list[tuple[int, int]], time: float) -> list[float]:
         """Numbers of known variables' derivatives (index, order) at a time."""
-        column = ca.vertcat(*[self.expression(*pair) for pair in pairs]) if pairs else ca.SX(0, 1)
+        if all(index in self.constants for index, _ in pairs):
+            return [self.constants[index] if order == 0 else 0.0 for index, order in pairs]
+        column = ca.vertcat(*[self.expression(*pair) for pair in pairs])
         return (
             np.asarray(ca.Function("values", [self.t, self.p], [column])(time, self.piece(time))).reshape(-1).tolist()
         )
@@ -70,6 +85,8 @@ class SimulationInputs:
             for _ in range(order):
                 e = ca.jacobian(e, self.t)
             return ca.densify(e)
+        if index in self.constants:
+            return self.p[self._constant[index]] if order == 0 else ca.SX(0.0)
         if index not in self.tables:
             name = self.flat.variables[index].name
             raise ModelError(f"input '{name}' needs a value; give inputs={{'{name}': ...}}")
@@ -101,12 +118,13 @@ def read_inputs(flat: FlatModel, given: Mapping[str, Any]) -> SimulationInputs:
     t = ca.SX.sym("t")
     functions: dict[int, ca.SX] = {}
     tables: dict[int, InputTable] = {}
+    constants: dict[int, float] = {}
     for name, value in given.items():
         with about(f"inputs.{name}"):
             shape, indices, order = flat.lookup(name)
             if order:
                 raise ModelError(f"input '{name}' is a derivative; give the variable itself as a function of time")
-            twice = [flat.variables[i].name for i in indices if i in functions or i in tables]
+            twice = [flat.variables[i].name for i in indices if i in functions or i in tables or i in constants]
             if twice:
                 raise ModelError(f"input '{twice[0]}' is given twice")
             table = _table(flat, name, indices[0], value)
@@ -115,11 +133,18 @@ def read_inputs(flat: FlatModel, given: Mapping[str, Any]) -> SimulationInputs:
                 columns = _columns(name, shape, len(indices), times, values)
                 tables |= {i: InputTable(name, times, columns[:, k], interpolation) for k, i in enumerate(indices)}
                 continue
-            entries = _symbolic(flat, name, value, t) if callable(value) else _constant(name, value)
-            if len(entries) not in (1, len(indices)):
-                raise ModelError(f"input '{name}' has {len(indices)} entries; found {len(entries)}")
-            functions |= {i: entries[k if len(entries) > 1 else 0] for k, i in enumerate(indices)}
-    return SimulationInputs(flat, t, functions, tables)
+            if callable(value):
+                functions |= _by_index(name, indices, _symbolic(flat, name, value, t))
+            else:
+                constants |= _by_index(name, indices, _constant(name, value))
+    return SimulationInputs(flat, t, functions, tables, constants)
+
+
+def _by_index(name: str, indices: list[int], entries: list[Entry]) -> dict[int, Entry]:
+    """Entries of an input by the indices of its variables; one stands for all."""
+    if len(entries) not in (1, len(indices)):
+        raise ModelError(f"input '{name}' has {len(indices)} entries; found {len(entries)}")
+    return dict(zip(indices, entries if len(entries) > 1 else entries * len(indices), strict=True))
 
 
 def _table(flat: FlatModel, name: str, index: int, value: Any) -> tuple[np.ndarray, np.ndarray, str] | None:
@@ -166,7 +191,7 @@ def _columns(name: str, shape: Shape, size: int, times: np.ndarray, values: np.n
     return values.reshape(len(times), size)
 
 
-def _constant(name: str, value: Any) -> list[ca.SX]:
+def _constant(name: str, value: Any) -> list[float]:
     try:
         array = floats(value).reshape(-1)
     except (TypeError, ValueError):
@@ -176,7 +201,7 @@ def _constant(name: str, value: Any) -> list[ca.SX]:
         ) from None
     if not np.all(np.isfinite(array)):
         raise ModelError(f"input '{name}' must be finite; found {value}")
-    return [ca.SX(float(x)) for x in array]
+    return [float(x) for x in array]
 
 
 def _symbolic(flat: FlatModel, name: str, function: Callable[[Any], Any], t: ca.SX) -> list[ca.SX]:

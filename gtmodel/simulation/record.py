@@ -57,16 +57,32 @@ def entries_of(flat: FlatModel, outputs: Sequence[str]) -> list[RecordedQuantity
     return [e for e in entries.values() if e.shape or e.pairs[0] not in in_vectors]
 
 
+@dataclass(frozen=True, eq=False)
+class Recorded:
+    """What rows consist of: `entries`, and after them `terms` terms of the stored energy; by the names asked for."""
+
+    names: tuple[str, ...]
+    entries: list[RecordedQuantity]
+    expressions: list[ca.SX]
+    terms: int
+    has_energy: bool
+
+    @staticmethod
+    def of(flat: FlatModel, outputs: Sequence[str]) -> Recorded:
+        """The same for the same names."""
+        key = "recorded", tuple(outputs)
+        if key not in flat.cache:
+            entries, terms = entries_of(flat, outputs), stored_terms(flat)
+            symbols = [flat.scope.symbol(*pair) for e in entries for pair in e.pairs]
+            flat.cache[key] = Recorded(tuple(outputs), entries, [*symbols, *terms], len(terms), bool(flat.energies))
+        return flat.cache[key]
+
+
 class Recorder:
     """Rows of a running simulation."""
 
-    def __init__(self, flat: FlatModel, outputs: Sequence[str]) -> None:
-        self.entries = entries_of(flat, outputs)
-        self.expressions: list[ca.SX] = [flat.scope.symbol(*pair) for e in self.entries for pair in e.pairs]
-        terms = stored_terms(flat)
-        self._terms = len(terms)
-        self.expressions += terms
-        self.has_energy = bool(flat.energies)
+    def __init__(self, recorded: Recorded) -> None:
+        self._recorded = recorded
         self._blocks: list[np.ndarray] = []
 
     def add(self, times: np.ndarray, values: np.ndarray, works: np.ndarray) -> None:
@@ -81,15 +97,15 @@ class Recorder:
         values: dict[str, np.ndarray] = {}
         units: dict[str, str] = {}
         column = 0
-        for e in self.entries:
+        for e in self._recorded.entries:
             block = rows[:, column : column + len(e.pairs)]
             column += len(e.pairs)
             values[e.name] = block if e.shape else block[:, 0]
             if e.unit != "?":
                 units[e.name] = e.unit
         error, moved = None, 0.0
-        terms, column = rows[:, column : column + self._terms], column + self._terms
-        if self.has_energy:
+        terms, column = rows[:, column : column + self._recorded.terms], column + self._recorded.terms
+        if self._recorded.has_energy:
             stored, supplied, dissipated = rows[:, column:].T
             for name, data in (("stored", stored), ("supplied", supplied), ("dissipated", dissipated)):
                 values[f"energy.{name}"], units[f"energy.{name}"] = data, "J"

@@ -12,6 +12,7 @@ from ..compiler.emit import express
 from ..compiler.flat import FlatModel
 from ..compiler.plan import CausalPlan
 from .inputs import SimulationInputs
+from .over_rows import OverRows
 
 Pair = tuple[int, int]
 
@@ -49,9 +50,9 @@ class Reduced:
         return ca.Function(name, self._arguments, list(results))
 
     @cached_property
-    def row(self) -> ca.Function:
+    def row(self) -> OverRows:
         """(x, z, t, p) -> outputs with the stored energy last."""
-        return self._function("row", self.outputs)
+        return OverRows(self._function("row", self.outputs))
 
     @cached_property
     def margins(self) -> ca.Function:
@@ -59,9 +60,9 @@ class Reduced:
         return self._function("margins", self._margins)
 
     @cached_property
-    def point(self) -> ca.Function:
+    def point(self) -> OverRows:
         """(x, z, t, p) -> values over plan.pairs."""
-        return self._function("point", self._point)
+        return OverRows(self._function("point", self._point))
 
     @cached_property
     def rate(self) -> ca.Function:

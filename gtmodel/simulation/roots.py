@@ -5,6 +5,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
+from .over_rows import OverRows
 from .reduced import Reduced
 
 # a minimum of a discriminant, relative to its typical size, that is zero within the accuracy of the motion;
@@ -30,7 +31,7 @@ class Roots:
         self._count, self._unknowns = d.numel(), z.numel()
         rate = ca.densify(ca.jacobian(d, t) + ca.mtimes(ca.jacobian(d, x), f))
         arguments = [x, z, t, reduced.p]
-        self._values = ca.Function("roots", arguments, [ca.densify(d), rate])
+        self._values = OverRows(ca.Function("roots", arguments, [d, rate]))
         # Newton unknowns move too: rz z' = -(rx x' + rt)
         r = reduced.residuals
         moved = ca.densify(ca.jacobian(r, t) + ca.mtimes(ca.jacobian(r, x), f))
@@ -45,7 +46,7 @@ class Roots:
         self, xs: np.ndarray, zs: np.ndarray, times: np.ndarray, p: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """Discriminants and their rates [1/s], one row for each time."""
-        values, rates = (np.asarray(v.full()).T for v in self._values(xs.T, zs.T, times[None, :], p))
+        values, rates = self._values(xs, zs, times[:, None], p)
         if self._through_z is not None:
             rates = rates.copy()
             for n, (x, z, t) in enumerate(zip(xs, zs, times, strict=True)):
@@ -58,7 +59,7 @@ class Roots:
 
     def values(self, x: np.ndarray, z: np.ndarray, time: float, p: np.ndarray) -> np.ndarray:
         """Discriminants at one point for columns of table pieces, one row for each column."""
-        return np.asarray(self._values(x, z, time, p)[0].full()).T
+        return self._values(x, z, np.array([time]), p.T)[0]
 
     def judge(self, times: np.ndarray, values: np.ndarray, rates: np.ndarray) -> tuple[np.ndarray, list[str], float]:
         """For each interval between neighbouring rows whether it is resolved, and the labels of what touches zero in

@@ -9,7 +9,6 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ..compiler.analysis.pace import pace_of
 from ..compiler.causal import flat_of
 from ..compiler.consistency.initial import Initial, initial_point, start_values
 from ..lang.model import Model
@@ -20,11 +19,11 @@ from .advance import Ended, Integration
 from .arguments import by_name, longest_step, names, number, output_step, span
 from .discontinuities import refuse_discontinuities, refuse_discontinuous_inputs
 from .inputs import SimulationInputs, read_inputs
-from .record import Recorder
+from .record import Recorded, Recorder
 from .resolution import resolution, unresolved
 from .result import NotSimulated, Progress, Simulation
 from .small import FINER, FINEST, small, small_states
-from .systems import SimulatedSystem, Systems
+from .systems import IntegratorSettings, SimulatedSystem, Systems
 from .turnover import balance, unbalanced
 
 OUTPUT_STEPS = 500
@@ -107,7 +106,7 @@ def simulate(
     watching = bool(ready.system.roots) or ready.systems.selection.has_choice
     watched = (final_time - start_time) / OUTPUT_STEPS if watching else np.inf
     grid = _grid(rows, min(max_step, watched))
-    pace = pace_of(ready.systems.driven(), ready.inputs.t, start_time, final_time)
+    pace = ready.systems.pace(ready.inputs, start_time, final_time)
     integration = Integration(ready, rows, grid, pace)
     status, message = SolveStatus.SOLVED, "simulated"
     try:
@@ -153,6 +152,7 @@ class Ready:
     """A simulation before its first step: a consistent point and the system chosen there."""
 
     systems: Systems
+    settings: IntegratorSettings
     inputs: SimulationInputs
     recorder: Recorder
     initial: Initial
@@ -187,12 +187,13 @@ def prepare(
         raise ModelError(f"{flat.title} declares no variable; there is nothing to simulate")
     refuse_discontinuities(flat)
     given = read_inputs(flat, inputs)
-    recorder = Recorder(flat, outputs)
+    recorded, settings = Recorded.of(flat, outputs), IntegratorSettings(tolerance, method, bounded)
     preferred = [i for name in prefer for i in flat.lookup(name)[1]]
-    systems = Systems(flat, given, recorder.expressions, preferred, tolerance, method, bounded)
+    systems = Systems.kept(flat, given, recorded, preferred)
     held, guess = start_values(systems.plan, start, given.known)
     prescribed = set(held)
-    pairs = [p for p in systems.plan.pairs if p[0] in set(given.known)]
+    known = set(given.known)
+    pairs = [p for p in systems.plan.pairs if p[0] in known]
     values = dict(zip(pairs, given.values(pairs, start_time), strict=True))
     for pair, value in values.items():
         if not np.isfinite(value):
@@ -202,14 +203,14 @@ def prepare(
             )
     held |= values
     initial = initial_point(systems.plan, held, guess, start_time)
-    system = systems.at(initial.w, start_time)
+    system = systems.at(initial.w, start_time, settings)
     if system is None:
         raise ModelError(f"{flat.title}: the start is a singular pose, where no choice of states describes the motion")
     x = system.reduced.from_point(initial.w)[0]
     x = np.where(np.abs(x) > ROUND_OFF * system.stepper.x_scale, x, 0.0)
     states = zip(system.plan.states, system.states, x.tolist(), strict=True)
     chosen = {name: value for pair, name, value in states if pair in initial.free - prescribed}
-    return Ready(systems, given, recorder, initial, system, chosen)
+    return Ready(systems, settings, given, Recorder(recorded), initial, system, chosen)
 
 
 def _rows(start: float, end: float, step: float | None) -> np.ndarray:

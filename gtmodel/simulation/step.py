@@ -23,7 +23,7 @@ KEPT = 32
 MOST_STEPS = 1000
 # a call over fewer intervals than this mostly builds up its order, in many short steps whose errors add up; each may
 # err by so much of the tolerance, down to what double precision leaves
-FEW, RESTARTED, FINEST = 20, 0.01, 1e-13
+FEW, RESTARTED, FINEST = 50, 0.01, 1e-13
 # longest internal steps, in intervals, are powers of this
 STEP_RATIO = 4.0
 

@@ -2,24 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeVar
 
 import casadi as ca
 import numpy as np
 
+from ..compiler.analysis.pace import Pace, pace_of
 from ..compiler.flat import FlatModel
 from ..compiler.plan import CausalPlan, make_plan
 from ..lang.source import ModelError
+from .audit import OriginalEquations
 from .choice import Choice, StateSelection, choice_of
 from .continuation import NewtonContinuation
 from .inputs import SimulationInputs
+from .record import Recorded
 from .reduced import Reduced
 from .roots import Roots
 from .step import Stepper
 
 Pair = tuple[int, int]
+Key = TypeVar("Key", bound=Hashable)
+Value = TypeVar("Value")
+# of each kind, for the next simulation of a model
+KEPT = 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,6 +37,15 @@ class BranchPlan:
     plan: CausalPlan
     jacobian: ca.Function
     signs: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class IntegratorSettings:
+    """How a system is integrated; `bounded`: no internal step is longer than an interval."""
+
+    tolerance: float = 1e-9
+    method: str = "bdf"
+    bounded: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,24 +81,20 @@ class SimulatedSystem:
         return self.plan.alias.declared_names(self.plan.flat)
 
 
-class Systems:
-    """Makes and keeps the systems of one simulation; `bounded`: no internal step is longer than an interval.
+DEFAULT = IntegratorSettings()
 
-    `plan` has the structure that all of them share, and samples to start from; `selection` chooses the states.
+
+class Systems:
+    """Makes and keeps the systems of simulations of a model that differ in starts and numbers of their inputs only.
+
+    `plan` has the structure that all of them share, and samples to start from; `selection` chooses the states;
+    `inputs` has the symbols that their functions read, and the numbers of the simulation they were made for.
     """
 
     def __init__(
-        self,
-        flat: FlatModel,
-        inputs: SimulationInputs,
-        outputs: list[ca.SX],
-        prefer: Sequence[int] = (),
-        tolerance: float = 1e-9,
-        method: str = "bdf",
-        bounded: bool = False,
+        self, flat: FlatModel, inputs: SimulationInputs, outputs: list[ca.SX], prefer: Sequence[int] = ()
     ) -> None:
-        self._flat, self._inputs, self._outputs = flat, inputs, outputs
-        self._tolerance, self._method, self._bounded = tolerance, method, bounded
+        self._flat, self.inputs, self._outputs = flat, inputs, outputs
         self._fold = ca.SX(ca.DM(flat.require_values()))
         expressions = [*outputs, *(e.expression for e in flat.energies), *(e.residual for e in flat.equations)]
         targets = {(v.index, 0) for v in flat.variables} | set(flat.scope.symbols_in(ca.vertcat(*expressions)))
@@ -93,9 +106,23 @@ class Systems:
         self._branches: dict[Choice, list[BranchPlan]]
         self.plan, self._branches = flat.cache[key]
         self.selection = StateSelection(self.plan, frozenset(self.plan.alias.resolve(i, 0)[1] for i in prefer))
-        self._made: dict[int, SimulatedSystem] = {}
+        self._reduced: dict[BranchPlan, Reduced] = {}
+        self._made: dict[tuple[BranchPlan, IntegratorSettings], SimulatedSystem] = {}
+        self._paces: dict[Hashable, Pace] = {}
 
-    def at(self, w: np.ndarray, time: float) -> SimulatedSystem | None:
+    @staticmethod
+    def kept(flat: FlatModel, inputs: SimulationInputs, outputs: Recorded, prefer: Sequence[int]) -> Systems:
+        """Those of the last simulations of this model with inputs of this structure, else new ones."""
+        known: dict[Hashable, Systems] = flat.cache.setdefault("simulated", {})
+        key = inputs.structure, outputs.names, tuple(prefer)
+        systems = known.pop(key, None) or Systems(flat, inputs, outputs.expressions, prefer)
+        return put_last(known, key, systems)
+
+    @cached_property
+    def original_equations(self) -> OriginalEquations:
+        return OriginalEquations(self.plan)
+
+    def at(self, w: np.ndarray, time: float, settings: IntegratorSettings = DEFAULT) -> SimulatedSystem | None:
         """The system whose states and branches suit a consistent point; None where no choice of states would do."""
         choice = self.selection.choose(w, time)
         if choice is None:
@@ -105,22 +132,44 @@ class Systems:
         if branch is None:
             branch = self._branch(self.selection.states(choice), w, time)
             known.append(branch)
-        if id(branch) not in self._made:
-            reduced = Reduced(branch.plan, self._inputs, self._outputs)
-            stepper = Stepper(reduced, self._tolerance, self._method, self._bounded)
-            choice = choice_of(branch.plan.stages)
-            self._made[id(branch)] = SimulatedSystem(choice, branch.plan, reduced, stepper, self._tolerance)
-        return self._made[id(branch)]
+        made = self._made.pop((branch, settings), None) or self._system(branch, settings)
+        return put_last(self._made, (branch, settings), made)
 
-    def driven(self) -> ca.SX:
-        """What functions of time act on: the inputs themselves, and the model's equations as a person wrote them."""
-        flat, inputs = self._flat, self._inputs
-        column = ca.vertcat(*[e.residual for e in flat.equations], *[e.expression for e in flat.energies])
-        given = [pair for pair in flat.scope.symbols_in(column) if pair[0] in inputs.functions]
-        old = [flat.scope.time, flat.p, *(flat.scope.symbol(*pair) for pair in given)]
-        new = [inputs.t, self._fold, *(inputs.expression(*pair) for pair in given)]
-        written = ca.substitute(column, ca.vertcat(*old), ca.vertcat(*new))
-        return ca.vertcat(*inputs.functions.values(), written)
+    def _system(self, branch: BranchPlan, settings: IntegratorSettings) -> SimulatedSystem:
+        reduced = self._reduced.pop(branch, None) or Reduced(branch.plan, self.inputs, self._outputs)
+        put_last(self._reduced, branch, reduced)
+        stepper = Stepper(reduced, settings.tolerance, settings.method, settings.bounded)
+        return SimulatedSystem(choice_of(branch.plan.stages), branch.plan, reduced, stepper, settings.tolerance)
+
+    def pace(self, inputs: SimulationInputs, start: float, end: float) -> Pace:
+        """How fast functions of time change between two times: inputs that have the numbers of a simulation."""
+        key = tuple(sorted(inputs.constants.items())) if self._uses_time else (), start, end
+        pace = self._paces.pop(key, None) or pace_of(self._driven(inputs), self.inputs.t, start, end)
+        return put_last(self._paces, key, pace)
+
+    @cached_property
+    def _written(self) -> ca.SX:
+        """The model's equations and energies as a person wrote them."""
+        flat = self._flat
+        return ca.vertcat(*[e.residual for e in flat.equations], *[e.expression for e in flat.energies])
+
+    @cached_property
+    def _uses_time(self) -> bool:
+        return bool(self.inputs.functions) or bool(ca.depends_on(self._written, self._flat.scope.time))
+
+    def _driven(self, inputs: SimulationInputs) -> ca.SX:
+        """What functions of time act on: the inputs themselves, and the model's equations."""
+        flat, symbols = self._flat, self.inputs
+        if not self._uses_time:
+            return ca.SX(0, 1)
+        pairs = flat.scope.symbols_in(self._written)
+        given = [pair for pair in pairs if pair[0] in symbols.functions]
+        constant = [pair for pair in pairs if pair[0] in symbols.constants]
+        old = [flat.scope.time, flat.p, *(flat.scope.symbol(*pair) for pair in [*given, *constant])]
+        new = [symbols.t, self._fold, *(symbols.expression(*pair) for pair in given)]
+        new += [ca.SX(inputs.constants[i] if order == 0 else 0.0) for i, order in constant]
+        written = ca.substitute(self._written, ca.vertcat(*old), ca.vertcat(*new))
+        return ca.vertcat(*symbols.functions.values(), written)
 
     def _branch(self, states: list[int], w: np.ndarray, time: float) -> BranchPlan:
         plan = self._plan(self.plan.pairs, states, rates=True, at=(w, time))
@@ -132,7 +181,7 @@ class Systems:
         return BranchPlan(plan, jacobian, tuple(root.value for root in roots))
 
     def _first_plan(self, targets: list[Pair]) -> CausalPlan:
-        given = set(self._inputs.known)
+        given = set(self.inputs.known)
         left = [v.name for v in self._flat.variables if v.role == "input" and v.index not in given]
         try:
             return self._plan(targets)
@@ -152,8 +201,16 @@ class Systems:
         rates: bool = False,
         at: tuple[np.ndarray, float] | None = None,
     ) -> CausalPlan:
-        return make_plan(self._flat, self._inputs.known, targets, prefer, rates=rates, fold=self._fold, at=at)
+        return make_plan(self._flat, self.inputs.known, targets, prefer, rates=rates, fold=self._fold, at=at)
 
 
 def _signs(jacobian: ca.Function, w: np.ndarray, time: float) -> tuple[int, ...]:
     return tuple(1 if s >= 0 else -1 for s in np.asarray(jacobian(w, time).full()).reshape(-1))
+
+
+def put_last(kept: dict[Key, Value], key: Key, value: Value) -> Value:
+    """The value, now the last of those that are kept; the oldest goes."""
+    kept[key] = value
+    if len(kept) > KEPT:
+        kept.pop(next(iter(kept)))
+    return value

@@ -9,6 +9,7 @@ import pytest
 
 from gtmodel.calibrate import Known, made_poses, study
 from gtmodel.calibrate.report import movement
+from gtmodel.calibrate.report.values import _notes
 from gtmodel.inference import identifiability
 from gtmodel.results import ArgumentError
 from tests.calibrate.shipped import L1, fit, measured, robot, shipped, solved, written
@@ -25,6 +26,25 @@ def test_a_prior_far_from_the_poses_is_named() -> None:
     assert v["verdict"][-1] == f"prediction not proven: {contradictions[0]}" and v["prediction_proven"] is False
     fine = solved("l1", how=noisy, priors={"L[0]": Known(std=0.01)}).values
     assert not any("contradicts" in s for s in fine["notes"])
+
+
+def test_a_note_is_shown_once() -> None:
+    stated = measured("l1", signals={"q": {"noise": 1e-6}, "T": {"noise": 1e-6}})
+    outcome = solved("l1", how=stated)
+    (note,) = [s for s in outcome.notes if "times the stated noise" in s]
+    assert note in outcome.verdict and str(outcome).count(note) == outcome._repr_html_().count(note) == 1
+
+
+def test_two_directions_in_one_sentence_are_one_note() -> None:
+    said = "the data do not determine a and b apart from each other"
+    nothing = SimpleNamespace(names=(), start=np.zeros(0), units=())
+    problem = SimpleNamespace(
+        unknowns=nothing, closure=SimpleNamespace(flat=SimpleNamespace(bindings={})), values=lambda x: {}
+    )
+    c = SimpleNamespace(estimate=SimpleNamespace(notes=(said, said)), x=np.zeros(0), values={}, problem=problem)
+    silent = SimpleNamespace(reasons=(), notes=())
+    findings = SimpleNamespace(calibration=c, confidence=silent, priors=[], outliers=[], lines=range(9))
+    assert _notes(findings) == [said]  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,7 @@ from scipy import stats
 from scipy.optimize import nnls
 
 from gtmodel.inference import Prior, linear_fit, weighting
+from gtmodel.results import ArgumentError
 
 ROUNDING = 1e-11  # of well-conditioned problems of order one
 
@@ -28,6 +29,19 @@ def test_a_straight_line_is_that_of_linregress():
     low, high = e.interval("slope")
     assert (high - low) / 2 == pytest.approx(stats.t.ppf(0.975, 38) * known.stderr, rel=ROUNDING)
     assert "N.s/m" in str(e)
+
+
+@pytest.mark.parametrize("level", [0, 1, 2, -0.5, np.nan, np.inf, True, None, "high"])
+def test_a_level_that_is_none_is_refused(level):
+    with pytest.raises(ArgumentError, match="a confidence level lies between 0 and 1; found"):
+        linear_fit(*line(), ("level", "slope")).interval("slope", level)
+
+
+def test_intervals_of_higher_levels_hold_those_of_lower_ones():
+    e = linear_fit(*line(), ("level", "slope"))
+    ends = [e.interval("slope", level) for level in (np.float32(0.5), 0.95, 0.99)]
+    lows, highs = zip(*ends, strict=True)
+    assert sorted(lows, reverse=True) == list(lows) and sorted(highs) == list(highs) and lows[0] < highs[0]
 
 
 def test_a_mean_of_unequal_sigmas_is_the_weighted_mean():

@@ -45,13 +45,13 @@ def test_a_fit_in_pieces_ends_where_lstsq_does(condition):
     inverse = np.linalg.pinv(J)
     std = 1e-3 * np.sqrt(np.sum(inverse**2, axis=1))
     assert d.status.ok and np.max(np.abs(d.x - x) / std) < 1e-10 * max(1.0, condition / 1e6)
-    inner = directions(sums([np.column_stack([J, -b])], LINEAR, 1.0, triangular=False), np.ones(5), np.zeros((0, 6)))
+    inner = directions(sums([np.column_stack([J, -b])], LINEAR, 1.0, triangular=False), np.ones(6), np.zeros((0, 6)))
     assert (inner is None) == (condition > CONDITION)
 
 
 def test_both_ways_have_the_same_directions_with_priors():
     A, prior = np.random.default_rng(2).standard_normal((50, 5)), np.eye(4, 5)[:2]
-    scale = np.array([1.0, 0.1, 3.0, 2.0])
+    scale = np.array([1.0, 0.1, 3.0, 2.0, 1.0])
     gram, R = (directions(sums(pieces(A, 9), LINEAR, 1.0, triangular=t), scale, prior) for t in (False, True))
     assert gram is not None and R is not None
     np.testing.assert_allclose(gram.singular, R.singular, rtol=1e-12)

@@ -332,6 +332,7 @@ def test_a_written_study_is_given_back(tmp_path):
     again = read(tmp_path / "out")
     assert again.status is b.status and again.values == {**b.values, "stiffness_N_m": [2e3, 4e3]}
     assert again.notes == ["a note"]
+    assert str(again).count("a note") == again._repr_html_().count("a note") == 1
     assert again.mass == 2.5 and again.checks["end_m"].passed and "solved" in str(again)
     assert b.write(tmp_path / "out") == paths  # what gtmodel wrote it may replace
     (tmp_path / "mine").mkdir()

@@ -47,6 +47,17 @@ def test_synthetic_experiments_are_recovered_and_say_what_they_are(small) -> Non
     assert "regression, no training data; its c_z repeats m_z" in small.printed
 
 
+NOTHING = ["stiffness", "stiffness[02", "stiffness[\u00b2]", "stiffness[36]", "k[0]", "", None, 3]
+
+
+@pytest.mark.parametrize("name", NOTHING)
+def test_an_interval_of_nothing_is_refused(small, name) -> None:
+    with pytest.raises(ArgumentError, match="expected one of mass, damping, stiffness"):
+        small.interval(name)
+    with pytest.raises(ArgumentError, match="expected m, c, k"):
+        small.fits[0].interval("k[3]" if name else "what[0]")
+
+
 def test_coverage_is_told_before_and_after_widening(small) -> None:
     before, after = small.coverage_held_out
     assert 0.5 < before <= after <= 1 and small.coverage_of_truth[1] >= small.coverage_of_truth[0]

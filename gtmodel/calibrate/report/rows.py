@@ -47,7 +47,8 @@ def rows_of(values: Mapping[str, Any]) -> list[Row]:
         Row("outlier", f"line {o['line']}, {o['link']}: {o['residual_mm']:.3g} mm, {o['times']:.1f} deviations")
         for o in values["outliers"][:WORST_ROWS]
     ]
-    rows += [Row("verdict", s) for s in values["verdict"]]
+    noted = values.get("notes", ())  # they have rows of their own
+    rows += [Row("verdict", s) for s in values["verdict"] if s not in noted]
     if values["synthetic"]:
         rows.append(Row("synthetic", values["synthetic"].partition(";")[0]))
     return rows

@@ -107,7 +107,8 @@ def _notes(findings: CalibrationFindings) -> list[str]:
     if c.estimate is None:
         return []
     intervals = [*findings.confidence.reasons, *findings.confidence.notes]
-    return [*findings.priors, *c.estimate.notes, *intervals, *_crowded(findings), *moved_too_far(c)]
+    notes = [*findings.priors, *c.estimate.notes, *intervals, *_crowded(findings), *moved_too_far(c)]
+    return list(dict.fromkeys(notes))  # two null directions may move the same names: one sentence
 
 
 def _crowded(findings: CalibrationFindings) -> list[str]:

@@ -6,13 +6,14 @@ sine is depends on the processor. Such steps are calls of an elementwise ca.Func
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import cache, partial
-from typing import Any
+from typing import Any, Protocol
 
 import casadi as ca
 import numpy as np
 
+from .machine import MachineCode, Prospect
 from .program import LIBM, ColumnProgram, Step
 
 # rows of a block: some thirty columns of them stay in a core's second cache, and a call costs less than its numbers
@@ -68,6 +69,12 @@ def _if_else_zero(condition: np.ndarray, value: np.ndarray, target: np.ndarray) 
     np.copyto(target, value, where=condition != 0.0)
 
 
+def _in_doubles(column: np.ndarray) -> np.ndarray:
+    """As C reads it: numbers that are doubles, whole doubles apart."""
+    column = np.asarray(column, dtype=float)
+    return column if column.flags.aligned and not any(s % 8 for s in column.strides) else column.copy()
+
+
 def _called(op: int, given: Sequence[Any], target: Any) -> Callable[[], Any]:
     """An operation of libm on columns, by CasADi's virtual machine on their memory."""
     buffer: Any
@@ -90,8 +97,21 @@ def _elementwise(op: int, arguments: int, rows: int) -> ca.Function:
     return ca.Function("elementwise", x, [y]).map(rows // _TAKEN)
 
 
-# judges a block: which rows, their inputs and outputs as columns -> status codes, None where all are 0
-Judge = Callable[[slice, Sequence[np.ndarray], Sequence[np.ndarray]], np.ndarray | None]
+class Judge(Protocol):
+    """Gives rows their status codes, block by block."""
+
+    @property
+    def limits(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+        """Rows whose outputs are finite are plainly good where each margin is above the first or below the second, and
+        the sum of squares of the entries of all inputs, weighted by the third, at most the fourth."""
+        ...
+
+    def codes(
+        self, rows: slice, inputs: Sequence[np.ndarray], outputs: Sequence[np.ndarray], plainly: bool
+    ) -> np.ndarray | None:
+        """Of these rows, from their inputs and outputs as columns, margins last; None where all are 0. `plainly`:
+        `limits` are kept by all, and inputs and outputs are not needed."""
+        ...
 
 
 class ColumnKernel:
@@ -99,43 +119,82 @@ class ColumnKernel:
 
     def __init__(self, program: ColumnProgram) -> None:
         self.program = program
+        self.machine = Prospect(program)
         self._idle: list[Workspace] = []  # as many as threads have run at the same time
 
     def run(
-        self, columns: Sequence[np.ndarray], judge: Judge | None = None, blank: bool = False
+        self, columns: Sequence[np.ndarray], judge: Judge | None = None, answers: bool = False
     ) -> tuple[list[np.ndarray], np.ndarray | None]:
         """Inputs (size, n) -> outputs (n, entries) and, with a judge, status codes (n,).
 
-        blank: rows with a code are NaN, but in the last output.
+        answers: without the last output, the margins, and NaN where a row has a code.
         """
         n = columns[0].shape[1]
-        program = self.program
-        results = [np.empty((n, s.stop - s.start)) for s in program.outputs]
+        sizes = [s.stop - s.start for s in self.program.outputs]
+        results = [np.empty((n, size)) for size in (sizes[:-1] if answers else sizes)]
         codes = np.zeros(n, dtype=int) if judge is not None else None
+        machine = self.machine.of(n)
+        if machine is None:
+            blocks = self._by_numpy(columns, results, judge)
+        else:
+            blocks = self._by_machine(machine, [_in_doubles(c) for c in columns], results, judge)
+        for rows, code in blocks:
+            if code is None or codes is None:
+                continue
+            codes[rows] = code
+            if answers:
+                bad = rows.start + np.flatnonzero(code)
+                for result in results:
+                    result[bad] = np.nan
+        return results, codes
+
+    def _by_numpy(
+        self, columns: Sequence[np.ndarray], results: Sequence[np.ndarray], judge: Judge | None
+    ) -> Iterator[tuple[slice, np.ndarray | None]]:
+        """Fill the results; the codes of each block of rows."""
+        n, program = columns[0].shape[1], self.program
         space = self._idle.pop() if self._idle else Workspace(program)
         work = space.columns
-        with np.errstate(all="ignore"):
-            for begin in range(0, n, BLOCK):
-                end = min(begin + BLOCK, n)
-                size = end - begin
-                rows = -(-size // PIECE) * PIECE
-                for places, column in zip(program.inputs, columns, strict=True):
-                    work[places, :size] = column[:, begin:end]
-                    if size < rows:  # more of the same, so that nothing odd is computed
-                        work[places, size:rows] = column[:, end - 1 : end]
-                space.run(rows)
-                for places, result in zip(program.outputs, results, strict=True):
-                    for k, row in enumerate(work[places, :size]):
-                        result[begin:end, k] = row
-                if judge is None or codes is None:
+        for begin in range(0, n, BLOCK):
+            rows = slice(begin, min(begin + BLOCK, n))
+            size = rows.stop - begin
+            whole = -(-size // PIECE) * PIECE
+            for places, column in zip(program.inputs, columns, strict=True):
+                if column.strides[1] == 0:  # the same for all rows
+                    if begin == 0:
+                        work[places] = column[:, :1]
                     continue
-                blocks = [[work[s, :size] for s in slices] for slices in (program.inputs, program.outputs)]
-                code = judge(slice(begin, end), *blocks)
-                if code is not None:
-                    codes[begin:end] = code
-                    if blank:
-                        bad = begin + np.flatnonzero(code)
-                        for result in results[:-1]:
-                            result[bad] = np.nan
+                work[places, :size] = column[:, rows]
+                if size < whole:  # more of the same, so that nothing odd is computed
+                    work[places, size:whole] = column[:, rows.stop - 1 : rows.stop]
+            with np.errstate(all="ignore"):
+                space.run(whole)
+            for places, result in zip(program.outputs, results, strict=False):
+                for k, row in enumerate(work[places, :size]):
+                    result[rows, k] = row
+            if judge is not None:
+                given, got = ([work[s, :size] for s in slices] for slices in (program.inputs, program.outputs))
+                yield rows, judge.codes(rows, given, got, False)
         self._idle.append(space)
-        return results, codes
+
+    def _by_machine(
+        self, machine: MachineCode, columns: Sequence[np.ndarray], results: Sequence[np.ndarray], judge: Judge | None
+    ) -> Iterator[tuple[slice, np.ndarray | None]]:
+        """The same. Margins that nobody wants are computed again, for blocks where one may be bad."""
+        n, last = columns[0].shape[1], len(self.program.outputs) - 1
+        wanted = [*results, *[None] * (last + 1 - len(results))]
+        run = machine.bound(columns, wanted, None if judge is None else judge.limits)
+        if judge is None:
+            run(0, n)
+            return
+        for begin in range(0, n, BLOCK):
+            rows = slice(begin, min(begin + BLOCK, n))
+            if not run(begin, rows.stop):
+                yield rows, judge.codes(rows, [], [], True)
+                continue
+            given, got = [c[:, rows] for c in columns], [r[rows] for r in results]
+            if len(results) == last:
+                places = self.program.outputs[-1]
+                got.append(np.empty((rows.stop - begin, places.stop - places.start)))
+                machine.bound(given, [*[None] * last, got[-1]])(0, rows.stop - begin)
+            yield rows, judge.codes(rows, given, [g.T for g in got], False)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import reprlib
 from collections.abc import Iterable, Mapping, Set
 from dataclasses import dataclass
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
@@ -13,9 +14,10 @@ from ...lang.slips import floats
 from ...lang.source import ModelError, about
 from ..branch import root_derivatives
 from ..differentiation import condition_order
-from ..emit import express
+from ..emit import substituted
 from ..matrices import pivoted_qr
 from ..plan import CausalPlan
+from ..point_function import PointFunction
 
 Pair = tuple[int, int]
 
@@ -24,6 +26,8 @@ LARGEST = 1e150
 STEPS = 80
 # residuals relative to the terms of their equation: initial values are states of an integrator that is far looser
 TOLERANCE = 1e-10
+# and where a closed form gives them, round-off
+EXACT = 1e-12
 # singular values below this fraction of the largest are directions that the equations leave free
 RANK = 1e-9
 # what an earlier stage settled is moved this much less than what comes up now
@@ -73,6 +77,8 @@ def initial_point(
     hoped = {place[pair]: value for pair, value in guess.items() if pair in place and place[pair] not in fixed}
     at_rest = plan.samples[0].copy()
     at_rest[[n for n, (_, k) in enumerate(plan.pairs) if k > 0]] = 0.0
+    if (direct := equations.in_closed_form(at_rest, fixed)) is not None:
+        return Initial(direct, frozenset())
     tries = [(w, kept) for w in (at_rest, *plan.samples[:2]) for kept in ([hoped, {}] if hoped else [{}])]
     for w, kept in tries:
         point = equations.reach(w, fixed | kept, hoped.keys() - kept.keys())
@@ -80,13 +86,13 @@ def initial_point(
             break
     else:
         raise ModelError(equations.contradiction(at_rest, fixed))
-    if not _on_branch(plan, point, time):  # the way led through a singular pose to the other side of a root
+    if not equations.on_branch(point):  # the way led through a singular pose to the other side of a root
         from_starts = at_rest.copy()
         for n, value in (hoped | fixed).items():
             from_starts[n] = value
-        for w in (_moved_to_branch(plan, point, time), from_starts):
+        for w in (equations.moved_to_branch(point), from_starts):
             other = equations.reach(w, fixed, hoped.keys())
-            if other is not None and _on_branch(plan, other, time):
+            if other is not None and equations.on_branch(other):
                 point, kept = other, {}
                 break
     taken = fixed | kept
@@ -96,28 +102,11 @@ def initial_point(
     return Initial(point, frozenset(plan.pairs[n] for n in equations.loose(point, fixed.keys())))
 
 
-def _on_branch(plan: CausalPlan, w: np.ndarray, time: float) -> bool:
-    """Whether every root has the sign that declared branches or start values give it, as in a causal function."""
-    roots = [r for b in plan.blocks for r in b.roots]
-    if not roots:
-        return True
-    jacobian = root_derivatives(plan, plan.sampler)(w, plan.flat.p0, time)
-    return bool(np.all(np.asarray(jacobian.full()).reshape(-1) * [r.value for r in roots] > 0))
+class _Written:
+    """All stages, positions first, and the initial equations, with their Jacobian; what the plan computes; and the
+    derivatives that show on which side of its roots a point lies. Functions of (point, parameters, time)."""
 
-
-def _moved_to_branch(plan: CausalPlan, w: np.ndarray, time: float) -> np.ndarray:
-    """The point with what the plan computes put on its branches, all else as it is; w itself if no numbers come out."""
-    flat = plan.flat
-    values = express(plan, [flat.scope.symbol(*pair) for pair in plan.pairs])
-    f = ca.Function("moved", [plan.sampler.w, flat.p, flat.scope.time], [ca.vertcat(*values)])
-    moved = np.asarray(f(w, flat.p0, time).full()).reshape(-1)
-    return moved if np.all(np.isfinite(moved)) else w
-
-
-class _Equations:
-    """All stages, positions first, and the initial equations, with their Jacobian, at one time."""
-
-    def __init__(self, plan: CausalPlan, time: float) -> None:
+    def __init__(self, plan: CausalPlan) -> None:
         self._plan, flat, sampler = plan, plan.flat, plan.sampler
         initial = plan.alias.rewrite_all(flat, [e.residual for e in flat.initial])
         residual = ca.SX(ca.vertcat(*sampler.stages, *initial))  # SX also where nothing is left but aliases
@@ -128,15 +117,99 @@ class _Equations:
                 f"{flat.title}: an initial equation uses {name}; nothing that the equations need is so high"
             )
         # how many rows belong to each stage and those before it, and the stage in which each symbol comes up first
-        self._counts = [*np.cumsum([s.numel() for s in sampler.stages]).tolist()[:-1], residual.numel()]
-        self._stage = np.full(len(plan.pairs), len(sampler.stages))
+        self.counts = [*np.cumsum([s.numel() for s in sampler.stages]).tolist()[:-1], residual.numel()]
+        self.stage = np.full(len(plan.pairs), len(sampler.stages))
         for n, stage in reversed(list(enumerate(sampler.stages))):
-            self._stage[[sampler.position[pair] for pair in flat.scope.symbols_in(stage)]] = n
+            self.stage[[sampler.position[pair] for pair in flat.scope.symbols_in(stage)]] = n
         jacobian = ca.densify(ca.jacobian(residual, sampler.w))
-        f = ca.Function("initial", [sampler.w, flat.p, flat.scope.time], [residual, jacobian])
-        p = flat.require_values()
-        self._f = lambda w: tuple(np.asarray(x.full()) for x in f(w, p, time))
-        self._nominal = np.array([flat.variables[i].nominal for i, _ in plan.pairs])
+        self._arguments = [sampler.w, flat.p, flat.scope.time]
+        self.residuals = PointFunction(ca.Function("initial", self._arguments, [residual, jacobian]))
+        self.nominal = np.array([flat.variables[i].nominal for i, _ in plan.pairs])
+        self.roots = np.array([r.value for b in plan.blocks for r in b.roots])
+
+    @cached_property
+    def sides(self) -> PointFunction:
+        return PointFunction(root_derivatives(self._plan, self._plan.sampler))
+
+    @cached_property
+    def computed(self) -> PointFunction:
+        """The point with what the plan computes put on its branches, all else as it is."""
+        flat = self._plan.flat
+        values = ca.cse(substituted(self._plan, [flat.scope.symbol(*pair) for pair in self._plan.pairs], []))
+        return PointFunction(ca.Function("computed", self._arguments, [ca.vertcat(*values)]))
+
+    @cached_property
+    def read(self) -> frozenset[int] | None:
+        """Positions of all that the plan computes a point from; None where it takes more than closed forms."""
+        plan = self._plan
+        if plan.newton or plan.flat.initial or plan.undetermined or plan.conditions:
+            return None
+        return frozenset(plan.sampler.position[pair] for pair in {*plan.states, *plan.inputs})
+
+    @cached_property
+    def rest(self) -> np.ndarray:
+        """Positions of what the plan has no need to compute, such as rates that nothing asks for."""
+        plan, owner = self._plan, self._plan.flat.scope.owner
+        known = {*plan.states, *plan.inputs, *(owner(s) for b in plan.blocks for s, _ in b.assignments)}
+        return np.array([n for n, pair in enumerate(plan.pairs) if pair not in known], dtype=int)
+
+
+class _Equations:
+    """All stages, positions first, and the initial equations, with their Jacobian, at one time."""
+
+    def __init__(self, plan: CausalPlan, time: float) -> None:
+        self._plan, self._time, self._p = plan, time, plan.flat.require_values()
+        key = "initial", plan
+        if key not in plan.flat.cache:
+            plan.flat.cache[key] = _Written(plan)
+        self._written: _Written = plan.flat.cache[key]
+        self._counts, self._stage, self._nominal = self._written.counts, self._written.stage, self._written.nominal
+
+    def _f(self, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        residual, jacobian = self._written.residuals(w, self._p, self._time)
+        return residual, jacobian
+
+    def on_branch(self, w: np.ndarray) -> bool:
+        """Whether every root has the sign that declared branches or start values give it, as in a causal function."""
+        roots = self._written.roots
+        if not roots.size:
+            return True
+        return bool(np.all(self._written.sides(w, self._p, self._time)[0].reshape(-1) * roots > 0))
+
+    def moved_to_branch(self, w: np.ndarray) -> np.ndarray:
+        """The point with what the plan computes put on its branches, all else as it is; w itself if no numbers come
+        out."""
+        moved = self._written.computed(w, self._p, self._time)[0].reshape(-1)
+        return moved if np.all(np.isfinite(moved)) else w
+
+    def in_closed_form(self, w: np.ndarray, fixed: Mapping[int, float]) -> np.ndarray | None:
+        """The consistent point with prescribed values, where these are all that the plan computes a point from; None
+        where that is no such point, or not the only one near."""
+        read = self._written.read
+        if read is None or not read <= fixed.keys():
+            return None
+        at, values = list(fixed), np.array(list(fixed.values()))
+        w = w.copy()
+        w[at] = values
+        w = self._written.computed(w, self._p, self._time)[0].reshape(-1)
+        if not np.all(np.abs(w[at] - values) <= EXACT * np.maximum(np.abs(values), self._nominal[at])):
+            return None
+        w[at] = values
+        if not (np.all(np.isfinite(w)) and self.on_branch(w)):
+            return None
+        residual, jacobian = self(w)
+        rest = self._written.rest
+        if rest.size and np.all(np.isfinite(jacobian)):
+            w[rest] -= np.linalg.lstsq(jacobian[:, rest], residual, rcond=RANK)[0]
+            residual, jacobian = self(w)
+        if not (np.all(np.isfinite(jacobian)) and np.max(np.abs(residual), initial=0.0) <= EXACT):
+            return None
+        columns = self._free(fixed.keys())
+        a = jacobian[:, columns] * self._nominal[columns]
+        if a.shape[0] < a.shape[1] or not a.shape[1]:
+            return w if not a.shape[1] else None
+        sizes = np.abs(np.diag(pivoted_qr(a, "r")[0]))
+        return w if sizes[-1] > RANK * sizes[0] else None
 
     def __call__(self, w: np.ndarray, count: int | None = None) -> tuple[np.ndarray, np.ndarray]:
         """First `count` residuals and their Jacobian (count, n), rows in units of their largest term."""

@@ -11,6 +11,7 @@ import scipy
 from ...compiler.causal import compile_causal
 from ...lang import Model
 from ...results import Status, Trajectory
+from ..followed_branch import FollowedBranch
 
 Array = np.ndarray
 TOLERANCE = 1e-8  # relative and absolute, far below what the sampled forces leave
@@ -47,9 +48,9 @@ def free_run(
     >>> gt.motion.axes.free_run(SixSprings(), run, rows_per_element=4).q.round(4)  # 1 - 2 / e
     array([0.2642, 0.2642, 0.2642, 0.2642, 0.2642, 0.2642])
     """
-    forward = compile_causal(robot, known="tau", targets="der(q,2)", prefer="q")
+    forward = FollowedBranch(compile_causal(robot, known="tau", targets="der(q,2)", prefer="q"))
     y = np.concatenate([run["q"][0], run["der(q)"][0]])
-    worst = abs(y[3] + y[4])
+    worst, times = abs(y[3] + y[4]), list[float]()
     for first in range(0, len(run) - 1, rows_per_element):
         own = slice(first + 1, first + rows_per_element + 1)
         force = scipy.interpolate.CubicSpline(run.time[own], run["tau"][own])
@@ -58,18 +59,29 @@ def free_run(
         def rates(
             t: float, y: Array, force: scipy.interpolate.CubicSpline = force, trouble: list[str] = trouble
         ) -> Array:
-            a, status = forward(y[:AXES], y[AXES:], force(t))
-            if status != Status.OK and not trouble:
-                trouble.append(f"the dynamics fail after {t:.4g} s: {Status(int(status)).name.lower()}")
+            a = forward(y[:AXES], y[AXES:], force(t))
+            if not np.all(np.isfinite(a)) and not trouble:
+                trouble.append(_failed(t, int(forward.f(y[:AXES], y[AXES:], force(t))[-1])))
             return np.concatenate([y[AXES:], a])
 
         span = (run.time[first], run.time[first + rows_per_element])
         with np.errstate(invalid="ignore"):  # a failed row is nan, and reported below
             done = scipy.integrate.solve_ivp(rates, span, y, method="DOP853", rtol=TOLERANCE, atol=TOLERANCE)
+        for t, row in zip(done.t, done.y.T, strict=True):
+            forward.kept(row[:AXES], row[AXES:], force(t))
+        times += done.t.tolist()
         if interrupted():
             trouble.append("interrupted")
         if trouble or not done.success:
             return FreeRun(y[:AXES], y[AXES:], np.inf, (trouble or [str(done.message)])[0])
         y = done.y[:, -1]
         worst = max(worst, float(np.max(np.abs(done.y[3] + done.y[4]))))
+    statuses = forward.statuses()
+    bad = np.flatnonzero(statuses != Status.OK)
+    if bad.size:
+        return FreeRun(y[:AXES], y[AXES:], np.inf, _failed(times[bad[0]], int(statuses[bad[0]])))
     return FreeRun(y[:AXES], y[AXES:], float(worst))
+
+
+def _failed(t: float, status: int) -> str:
+    return f"the dynamics fail after {t:.4g} s: {Status(int(status)).name.lower()}"

@@ -39,6 +39,16 @@ def coordinates(q: Array, degrees_of_freedom: int) -> Array:
     return q @ np.linalg.pinv(COUPLING[degrees_of_freedom]).T
 
 
+def following(course: PathOrientation, robot: gt.Model, guard: MotionConstraints) -> CausalFunction:
+    """s and its derivatives -> FOLLOWED, and the guard's margins where there are any."""
+    return course.function(robot, guard, *FOLLOWED, *(["margin"] if guard.margins else []))
+
+
+def dynamics_of(robot: gt.Model) -> CausalFunction:
+    """q and its two derivatives -> tau, T, e, R: one function for all that is asked of the axes."""
+    return compile_causal(robot, known="q", targets=["tau", "T", "e", "R"])
+
+
 @dataclass(frozen=True, eq=False)
 class AxisPlan:
     """A checked problem: robot, ends q (6,) [m, rad], further margins, and the course along a path or None."""
@@ -68,14 +78,19 @@ class AxisPlan:
         return np.repeat([limits.force, limits.torque], CARTS)
 
     @cached_property
-    def poses(self) -> CausalFunction:
-        """q -> T, e by Newton from the home pose."""
+    def placing(self) -> CausalFunction:
+        """q -> T, e by Newton from the home pose, and nothing of forces: what says why there is none."""
         return compile_causal(self.robot, known="q", targets=["T", "e"])
 
-    @cached_property
-    def inverse(self) -> CausalFunction:
-        """q and its two derivatives -> tau."""
-        return compile_causal(self.robot, known="q", targets="tau")
+    def poses(self, q: Array) -> tuple[Array, Array, Any]:
+        """T, e and the status at axes q (6,) or (n, 6), by Newton from the home pose."""
+        _, T, e, _, status = dynamics_of(self.robot).along(q)
+        return (T, e, status) if np.all(status == Status.OK) else self.placing(q)
+
+    def inverse(self, q: Array, velocity: Array, acceleration: Array) -> tuple[Array, Any]:
+        """tau and the status for axes and their two derivatives."""
+        tau, *_, status = dynamics_of(self.robot).along(q, velocity, acceleration)
+        return tau, status
 
     def margins(self, q: Array) -> Array:
         """Further margins (1, k) at rest at axes q (6,)."""
@@ -88,7 +103,7 @@ class AxisPlan:
     def following(self) -> CausalFunction:
         """s and its derivatives -> FOLLOWED, and the margins where there are any."""
         assert self.course is not None
-        return self.course.function(self.robot, self.guard, *FOLLOWED, *(["margin"] if self.guard.margins else []))
+        return following(self.course, self.robot, self.guard)
 
     def held(self, run: Trajectory) -> dict[str, Array]:
         """Axes and their two derivatives along the path, at the rows of a motion of s; NaN where they cannot be had."""
@@ -192,7 +207,7 @@ class AxisPlan:
                 k = int(np.flatnonzero(status != Status.OK)[0])
                 raise ArgumentError(
                     f"on the straight way of the axes, {100 * r[k, 0]:.0f} % from the start, the plate cannot be "
-                    f"followed: {self.poses.diagnose(q[k])}; give a nearer goal",
+                    f"followed: {self.placing.diagnose(q[k])}; give a nearer goal",
                     "goal",
                 )
             degrees_of_freedom = self.problem.degrees_of_freedom

@@ -17,7 +17,7 @@ from ..guesses import progress_of
 from ..paths import path_of
 from .options import AxisEnd
 from .path_orientation import PathOrientation, turning
-from .plan import CARTS, COUPLING, MOTORS, AxisPlan, coordinates
+from .plan import CARTS, COUPLING, FOLLOWED, MOTORS, AxisPlan, coordinates, dynamics_of, following
 from .problem import AxisProblem
 
 Array = np.ndarray
@@ -66,7 +66,9 @@ def plan_of(problem: AxisProblem) -> AxisPlan:
     start, goal, course = *(_axes(end) for _, end in problem.ends), None
     if problem.path is not None:
         course = _course(problem, robot)
-        start, goal = _ends_of(problem, course.function(robot, NO_GUARD, "robot.q"), start, goal)
+        # one function for all that is asked of the path, where its limits do not wait for the ends
+        guard = NO_GUARD if problem.limits.joint_cones else _guard(problem, robot, start)
+        start, goal = _ends_of(problem, following(course, robot, guard), start, goal)
     if np.array_equal(start, goal):
         raise ArgumentError("the goal equals the start; give another goal", "goal")
     guard = _guard(problem, robot, start)
@@ -150,10 +152,13 @@ def _place(robot: F1, end: AxisEnd, which: str) -> _Place:
     if end.tcp is not None:
         direction = None if end.tool is None else _unit(np.array(end.tool), f"{which}.tool")
         return _Place(np.array(end.tcp), quaternion_matrix(np.asarray(robot.home_e, float)), direction)
-    f = compile_causal(robot, known="q", targets=["T", "R"])
-    T, R, status = f(_axes(end))
-    if status != Status.OK:
-        raise ArgumentError(f"the links cannot close there: {f.diagnose(_axes(end))}", which)
+    q = _axes(end)
+    _, T, _, R, status = dynamics_of(robot).along(q)
+    if status != Status.OK:  # of the pose alone
+        f = compile_causal(robot, known="q", targets=["T", "R"])
+        T, R, status = f(q)
+        if status != Status.OK:
+            raise ArgumentError(f"the links cannot close there: {f.diagnose(q)}", which)
     return _Place(T, R, None)
 
 
@@ -163,14 +168,15 @@ def _unit(v: Array, argument: str) -> Array:
     return v / np.linalg.norm(v)
 
 
-def _ends_of(problem: AxisProblem, following: CausalFunction, start: Array, goal: Array) -> tuple[Array, Array]:
+def _ends_of(problem: AxisProblem, along: CausalFunction, start: Array, goal: Array) -> tuple[Array, Array]:
     """Axes at both ends of the path; those of the problem where it gives them."""
     ends = []
     for which, s, given in (("start", 0.0, start), ("goal", 1.0, goal)):
-        q, status = following(s)
+        *values, status = along.along(s)
+        q = values[FOLLOWED.index("robot.q")]
         argument = which if np.all(np.isfinite(given)) else f"{which}.tcp"
         if status != Status.OK:
-            raise ArgumentError(f"no axes hold the plate there: {following.diagnose(s)}", argument)
+            raise ArgumentError(f"no axes hold the plate there: {along.diagnose(*along.arguments_along(s))}", argument)
         if np.max(np.abs(q - given), initial=0.0, where=np.isfinite(given)) > SAME_AXES:
             shown = ", ".join(f"{x:.4g}" for x in (*q[:CARTS], *np.degrees(q[CARTS:])))
             raise ArgumentError(
@@ -191,7 +197,7 @@ def _guard(problem: AxisProblem, robot: F1, start: Array) -> MotionConstraints:
 def _carrier(robot: F1, start: Array, arm: int, end: str) -> Carrier | None:
     """What turns a ball joint: the plate, or the joint plate of arm 2 or 3; raw quaternions scale both sides alike."""
     if end == "plate":
-        R, _ = compile_causal(robot, known="q", targets="R")(start)
+        *_, R, _ = dynamics_of(robot).along(start)
         return Carrier(lambda m: m.robot.R, R)
     if arm == 0:
         return None
@@ -230,7 +236,7 @@ def _check_ends(plan: AxisPlan) -> None:
     for which, q in (("start", plan.start), ("goal", plan.goal)):
         _, _, status = plan.poses(q)
         if status != Status.OK:
-            raise ArgumentError(f"the links cannot close there: {plan.poses.diagnose(q)}", which)
+            raise ArgumentError(f"the links cannot close there: {plan.placing.diagnose(q)}", which)
         tau, status = plan.inverse(q, np.zeros(MOTORS), np.zeros(MOTORS))
         if status != Status.OK:
             raise ArgumentError(f"no motor forces hold the robot there: {Status(int(status)).name.lower()}", which)

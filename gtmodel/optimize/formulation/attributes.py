@@ -12,13 +12,21 @@ HIGHEST = 2  # derivatives under whose names a guess may hold a state
 
 def names_of(flat: FlatModel, alias: AliasResult, pair: Pair) -> list[tuple[str, int]]:
     """All (name, sign) with name == sign * symbol; the symbol's own name first."""
-    names = [(flat.symbol_name(*pair), 1)]
-    for v in flat.variables:
-        for k in range(HIGHEST + 1):
-            sign, kept, order = alias.resolve(v.index, k)
-            if (kept, order) == pair and (v.index, k) != pair:
-                names.append((derivative_name(v.name, k), sign))
-    return names
+    own = flat.symbol_name(*pair)
+    return [(own, 1)] + [(n, sign) for n, sign in _by_symbol(flat, alias).get(pair, []) if n != own]
+
+
+def _by_symbol(flat: FlatModel, alias: AliasResult) -> dict[Pair, list[tuple[str, int]]]:
+    """Names and signs of all variables and their derivatives, by what they stand for; made once and kept with alias."""
+    known = alias.__dict__.get("_by_symbol")
+    if known is None or known[0] is not flat or known[1] != len(alias.removed):
+        names: dict[Pair, list[tuple[str, int]]] = {}
+        for v in flat.variables:
+            for k in range(HIGHEST + 1):
+                sign, kept, order = alias.resolve(v.index, k)
+                names.setdefault((kept, order), []).append((derivative_name(v.name, k), sign))
+        known = alias.__dict__["_by_symbol"] = flat, len(alias.removed), names
+    return known[2]
 
 
 def nominal_of(flat: FlatModel, alias: AliasResult, pair: Pair) -> float:

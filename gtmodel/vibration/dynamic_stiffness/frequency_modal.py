@@ -49,9 +49,9 @@ class ModalFit:
 
     def interval(self, name: str, level: float = 0.95) -> tuple[float, float]:
         """Confidence interval of "m[0]", "c[0]", "k[0]", "fn[0]" [Hz] or "zeta[0]" of the mode with this index, always
-        positive. Raises ValueError."""
-        stem, _, place = name.partition("[")
-        if not (place.endswith("]") and place[:-1].isdigit()):
+        positive. Raises ArgumentError."""
+        stem, _, place = str(name).partition("[")
+        if not (place.endswith("]") and place[:-1].isdecimal()):
             raise ArgumentError(
                 f"there is no '{name}'; expected {', '.join(SHARES)} with an index, as in fn[0]", "name"
             )
@@ -71,7 +71,7 @@ class ModalFit:
 
     def _weights(self, name: str, mode: int) -> dict[str, float]:
         if name not in SHARES or not 0 <= mode < len(self.m):
-            raise ValueError(
-                f"there is no '{name}' of mode {mode}; expected {', '.join(SHARES)} of 0 to {len(self.m) - 1}"
+            raise ArgumentError(
+                f"there is no '{name}' of mode {mode}; expected {', '.join(SHARES)} of 0 to {len(self.m) - 1}", "name"
             )
         return dict(zip((f"log {p}[{mode}]" for p in "mck"), SHARES[name], strict=True))

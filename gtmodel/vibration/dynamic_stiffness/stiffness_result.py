@@ -94,9 +94,10 @@ class DynamicStiffnessStudy(Study):
     def interval(self, name: str, level: float = 0.95) -> tuple[float, float]:
         """Confidence interval of "mass[0]", "damping[0]", "stiffness[0]", "frequency[0]" or "damping_ratio[0]" of the
         experiment with this index, by the noise of its own records. Raises ArgumentError."""
-        stem, _, place = name.partition("[")
+        stem, _, place = str(name).partition("[")
         own = dict(zip(QUANTITIES, NAMES, strict=True))
-        fit = dict(enumerate(self.fits)).get(int(place[:-1])) if place[:-1].isdigit() else None
+        index = place[:-1] if place.endswith("]") else ""
+        fit = dict(enumerate(self.fits)).get(int(index)) if index.isdecimal() else None
         if stem not in own or fit is None:
             raise ArgumentError(f"there is no '{name}'; expected one of {', '.join(own)} with an index", "name")
         return fit.interval(f"{own[stem]}[0]", level)

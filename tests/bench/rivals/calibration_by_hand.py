@@ -1,14 +1,11 @@
-"""Calibration of the three-link robot as a user of NumPy and SciPy writes it: squared closures with exact Jacobian.
+"""Calibration of the three-link robot by a user of NumPy: squared closures, their exact Jacobian, Gauss-Newton.
 
 x (21,) holds A (3, 3), v (3, 3), L (3,); arm k has the closure |T - A_k - q_k v_k|^2 - L_k^2.
 """
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from scipy.optimize import least_squares
 
 STEPS, ARRIVED = 50, 1e-12  # Gauss-Newton ends with a step that is this part of the unknowns
 
@@ -30,11 +27,6 @@ def jacobian(x: np.ndarray, q: np.ndarray, T: np.ndarray) -> np.ndarray:
     return J.reshape(-1, 21)
 
 
-def by_scipy(x0: np.ndarray, q: np.ndarray, T: np.ndarray, **more: Any) -> Any:
-    """least_squares with its usual tolerances; method "lm" is its quickest on small dense problems."""
-    return least_squares(residual, x0, jacobian, args=(q, T), **more)
-
-
 def arm(x: np.ndarray, q: np.ndarray, T: np.ndarray) -> np.ndarray:
     """Gauss-Newton by normal equations on one arm: x (7,) of A, v, L; q (N,), T (3, N) in columns."""
     J = np.empty((7, len(q)))
@@ -52,10 +44,23 @@ def arm(x: np.ndarray, q: np.ndarray, T: np.ndarray) -> np.ndarray:
     return x
 
 
-def by_arm(x0: np.ndarray, q: np.ndarray, T: np.ndarray) -> np.ndarray:
-    """All three arms one by one."""
-    columns, x = np.ascontiguousarray(T.T), x0.copy()
+def arm_by_rows(x: np.ndarray, q: np.ndarray, T: np.ndarray) -> np.ndarray:
+    """The same with a row per pose, as most people write it: T (N, 3), J (N, 7)."""
+    for _ in range(STEPS):
+        d = T - x[:3] - q[:, None] * x[3:6]
+        r = np.sum(d * d, axis=1) - x[6] ** 2
+        J = np.hstack([-2 * d, -2 * q[:, None] * d, np.full((len(q), 1), -2 * x[6])])
+        step = np.linalg.solve(J.T @ J, J.T @ r)
+        x = x - step
+        if np.linalg.norm(step) <= ARRIVED * np.linalg.norm(x):
+            break
+    return x
+
+
+def by_arm(x0: np.ndarray, q: np.ndarray, T: np.ndarray, columns: bool = True) -> np.ndarray:
+    """All three arms one by one, on contiguous columns or on rows."""
+    poses, x = np.ascontiguousarray(T.T) if columns else T, x0.copy()
     for k in range(3):
         own = [*range(3 * k, 3 * k + 3), *range(9 + 3 * k, 12 + 3 * k), 18 + k]
-        x[own] = arm(x[own], np.ascontiguousarray(q[:, k]), columns)
+        x[own] = (arm if columns else arm_by_rows)(x[own], np.ascontiguousarray(q[:, k]), poses)
     return x

@@ -1,0 +1,32 @@
+"""A function of a reduced system at one point or over many rows, on NumPy memory."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+
+from ..compiler.point_function import PointFunction
+from ..compiler.rows import map_columns
+
+
+class OverRows:
+    """Called with arrays (n, size), one for each input, or (size,) where a row is the same for all; gives arrays
+    (n, size), one for each output."""
+
+    def __init__(self, f: ca.Function) -> None:
+        symbols = f.sx_in()
+        self.function = ca.Function(f.name(), symbols, [ca.densify(r) for r in f.call(symbols)])
+        self._made: dict[int, ca.Function] = {}
+
+    @cached_property
+    def _at_one(self) -> PointFunction:
+        return PointFunction(self.function)
+
+    def __call__(self, *arguments: np.ndarray) -> list[np.ndarray]:
+        rows = next((len(a) for a in arguments if a.ndim == 2), 1)
+        if rows == 1:
+            return [r.T.reshape(1, -1) for r in self._at_one(*[a[0] if a.ndim == 2 else a for a in arguments])]
+        columns = [a.T if a.ndim == 2 else np.broadcast_to(a[:, None], (a.size, rows)) for a in arguments]
+        return [r.T for r in map_columns(self.function, columns, self._made)]
