@@ -59,3 +59,9 @@ def test_a_file_that_is_wrong_is_refused_at_its_key() -> None:
     with pytest.raises(InputError) as caught:
         gt.load("compliance_l1", "section.step_m=0")
     assert caught.value.key == "section.step_m"
+
+
+def test_a_call_without_what_the_file_does_not_hold_names_it() -> None:
+    with pytest.raises(gt.results.ArgumentError) as caught:
+        gt.load("l1_controller")()
+    assert caught.value.argument == "folder"

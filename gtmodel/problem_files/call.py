@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable
 from typing import Any
 
-from gtmodel.results import Study
+from gtmodel.results import ArgumentError, Study
 
 
 class Call:
@@ -27,6 +28,12 @@ class Call:
         return self
 
     def __call__(self, **work: Any) -> Any:
+        """Run it. Raises ArgumentError where an argument is missing that the file does not hold, such as a folder."""
+        try:
+            inspect.signature(self.study).bind(*self.arguments, **self.options, **work)
+        except TypeError as error:
+            name = str(error).rpartition("'")[0].rpartition("'")[2]
+            raise ArgumentError(f"{self.study.__name__}(): {error}", name) from None
         study = self.study(*self.arguments, **self.options, **work)
         return study if self.finish is None else self.finish(study)
 

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from .linearize import Mode as Mode, linearize as linearize, natural_modes as natural_modes
     from .result import NotSimulated as NotSimulated, Simulation as Simulation, Switch as Switch
     from .run import simulate as simulate
-    from .study import SimulationStudy as SimulationStudy, simulation_study as simulation_study
+    from .simulation_result import SimulationStudy as SimulationStudy
+    from .study import simulation_study as simulation_study
 
 public(__name__)

@@ -3,66 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
 from functools import partial
 from typing import Annotated, Any, Literal
 
 from ..compiler.causal import flat_of
 from ..lang.model import Model
 from ..lang.source import ModelError
-from ..results import ArgumentError, Quantity, Row, SolveStatus, Study, Trajectory, Work, at_most
+from ..results import ArgumentError, SolveStatus, Trajectory, Work, at_most
 from ..results.door import study_function
 from ..results.options import Within
 from ..results.work import Progress, never, silent
 from .arguments import LARGEST_TIME, MOST_ROWS, MOST_STEPS
 from .result import Simulation
 from .run import simulate
+from .simulation_result import ENERGIES, SimulationStudy
 
 TIGHTER = "use a smaller tolerance"
 # in SI units: closed forms and polished Newton unknowns leave round-off, 1e-12 of forces up to 1e4 N
 EQUATIONS = 1e-8
-ENERGIES = ("stored", "supplied", "dissipated")
-
-
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class SimulationStudy(Study):
-    """A simulated motion. simulation: what `simulate` gave."""
-
-    simulation: Simulation
-    end_time: Annotated[float, Quantity("s", "time reached")]
-    end: Annotated[
-        Mapping[str, Any], Quantity("", "every recorded quantity at that time, by its name, in SI units")
-    ]  # fmt: skip
-    states: Annotated[Sequence[str], Quantity("", "names of the states at that time")]
-    switches: Annotated[int, Quantity("", "number of changes of the states on the way")]
-    chosen: Annotated[
-        Mapping[str, float],
-        Quantity("", "start values that the problem leaves open, by state; the initialisation chose them"),
-    ] = field(default_factory=dict)
-    energy_error: Annotated[
-        float | None,
-        Quantity("J", "largest error of the energy balance; null for a model that declares no energies"),
-    ] = None
-    energy_stored: Annotated[
-        float | None, Quantity("J", "energy stored at that time, beyond what was stored at the start")
-    ] = None
-    energy_supplied: Annotated[float | None, Quantity("J", "energy supplied until then")] = None
-    energy_dissipated: Annotated[float | None, Quantity("J", "energy dissipated until then")] = None
-
-    @property
-    def rows(self) -> list[Row]:
-        """The table for people."""
-        units = {} if self.trajectory is None else self.trajectory.units
-        rows = [Row("end time", self.end_time, "s")]
-        rows += [Row(f"{name} at the end", x, units[name]) for name, x in self.end.items() if "." not in name]
-        rows += [Row("states", ", ".join(self.states) or "none")]
-        rows += [Row(f"chosen start of {name}", x) for name, x in self.chosen.items()]
-        if self.switches:
-            rows.append(Row("changes of states", self.switches))
-        if self.energy_error is not None:
-            rows += [Row(f"energy {k}", getattr(self, f"energy_{k}"), "J") for k in ENERGIES]
-            rows.append(Row("error of the energy balance", self.energy_error, "J"))
-        return rows
 
 
 @study_function
