@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 import sys
 from importlib import import_module
 from importlib.util import find_spec, resolve_name
@@ -21,11 +22,19 @@ class _NoSuchName(AttributeError):
     def __str__(self) -> str:
         from .lang.slips import near
 
-        there = dir(sys.modules[self.package])
-        return f"module '{self.package}' has no attribute '{self.asked}'{near(self.asked, there)}"
+        there = [name for name in dir(sys.modules[self.package]) if not name.startswith("_")]
+        longer = [name for name in there if _word(self.asked).search(name)]  # a name of before, made more precise
+        either = "' or '".join(longer)
+        meant = f"; did you mean '{either}'?" if 0 < len(longer) <= 3 else near(self.asked, there)
+        return f"module '{self.package}' has no attribute '{self.asked}'{meant}"
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _no_such_name, (self.package, self.asked)
+
+
+def _word(name: str) -> re.Pattern[str]:
+    """Finds a name as a whole word of another one, such as Mesh in MotionMesh and modes in natural_modes."""
+    return re.compile(rf"(?:^|_|(?<=[a-z0-9])(?=[A-Z])){re.escape(name)}(?:$|_|(?=[A-Z]))")
 
 
 def _no_such_name(package: str, name: str) -> _NoSuchName:

@@ -94,4 +94,8 @@ def test_an_error_about_a_name_goes_between_processes() -> None:
 def test_a_misspelt_name_is_answered_with_near_ones() -> None:
     with pytest.raises(AttributeError, match=r"'gtmodel\.calibrate' has no attribute 'stdy'; did you mean 'study'"):
         calibrate.stdy  # noqa: B018
+    with pytest.raises(AttributeError, match=r"did you mean 'natural_modes'\?$"):
+        gt.modes  # noqa: B018
+    with pytest.raises(AttributeError, match=r"did you mean 'AxisMesh' or 'MotionMesh'\?$"):
+        gt.motion.Mesh  # noqa: B018
     assert not hasattr(gt, "no_such_thing") and getattr(gt, "no_such_thing", 1) == 1
