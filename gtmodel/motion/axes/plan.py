@@ -60,6 +60,7 @@ class AxisPlan:
     guard: MotionConstraints
     course: PathOrientation | None
     earlier: Trajectory | None
+    along: CausalFunction | None = None  # `following`, where it was made for the ends
 
     @property
     def coupling(self) -> Array:
@@ -103,7 +104,7 @@ class AxisPlan:
     def following(self) -> CausalFunction:
         """s and its derivatives -> FOLLOWED, and the margins where there are any."""
         assert self.course is not None
-        return following(self.course, self.robot, self.guard)
+        return self.along or following(self.course, self.robot, self.guard)
 
     def held(self, run: Trajectory) -> dict[str, Array]:
         """Axes and their two derivatives along the path, at the rows of a motion of s; NaN where they cannot be had."""

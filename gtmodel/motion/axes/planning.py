@@ -64,15 +64,18 @@ def plan_of(problem: AxisProblem) -> AxisPlan:
     for which, end in problem.ends:
         _check_end(problem, end, which)
     start, goal, course = *(_axes(end) for _, end in problem.ends), None
+    guard, along = None, None
     if problem.path is not None:
         course = _course(problem, robot)
         # one function for all that is asked of the path, where its limits do not wait for the ends
         guard = NO_GUARD if problem.limits.joint_cones else _guard(problem, robot, start)
-        start, goal = _ends_of(problem, following(course, robot, guard), start, goal)
+        along = following(course, robot, guard)
+        start, goal = _ends_of(problem, along, start, goal)
     if np.array_equal(start, goal):
         raise ArgumentError("the goal equals the start; give another goal", "goal")
-    guard = _guard(problem, robot, start)
-    plan = AxisPlan(problem, robot, start, goal, guard, course, _earlier(problem))
+    if guard is None or problem.limits.joint_cones:
+        guard, along = _guard(problem, robot, start), None
+    plan = AxisPlan(problem, robot, start, goal, guard, course, _earlier(problem), along)
     _check_strokes(plan)
     _check_ends(plan)
     if course is not None:
