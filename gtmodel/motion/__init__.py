@@ -28,7 +28,8 @@ if TYPE_CHECKING:
         axis_study as axis_study,
     )
     from .elastic import ElasticStudy as ElasticStudy, elastic_study as elastic_study
-    from .motion_study import MotionStudy as MotionStudy, study as study
+    from .motion_answer import MotionStudy as MotionStudy
+    from .motion_study import study as study
     from .motion_table import (
         MotionTable as MotionTable,
         Published as Published,

@@ -15,10 +15,11 @@ if TYPE_CHECKING:
     from .judgement.resimulate import Resimulation as Resimulation, resimulate as resimulate
     from .mesh import Mesh as Mesh
     from .multistart import MultiStart as MultiStart, Optimum as Optimum, multi_start as multi_start
+    from .optimization_result import OptimizationStudy as OptimizationStudy
     from .phases import Phases as Phases, PhasesSolution as PhasesSolution, solve_phases as solve_phases
     from .solution import Check as Check, Solution as Solution
     from .solve import NotSolved as NotSolved, SolverOptions as SolverOptions, solve as solve
-    from .study import OptimizationStudy as OptimizationStudy, optimization_study as optimization_study
+    from .study import optimization_study as optimization_study
     from .transcription import Continuation as Continuation, Transcription as Transcription, transcribe as transcribe
 
 public(__name__)

@@ -2,52 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
-from typing import Annotated, Any
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
 
 from ..lang import ModelError, Optimization
-from ..results import ArgumentError, Quantity, Row, Study, Trajectory, Work
+from ..results import ArgumentError, Trajectory, Work
 from ..results.door import study_function
 from ..results.work import Progress, never, silent
 from .compiled import CompilerMissing
 from .judgement.resimulate import resimulate
 from .mesh import Mesh
+from .optimization_result import TRIED, OptimizationStudy
 from .solution import Solution
 from .solve import SolverOptions, solve
-
-TRIED = ("defect", "violation_between_nodes", "cost_error")
-
-
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class OptimizationStudy(Study):
-    """A solved optimal control problem. solution: what `solve` gave."""
-
-    solution: Solution
-    final_time: Annotated[float, Quantity("s", "end of the horizon")]
-    free: Annotated[
-        Mapping[str, float],
-        Quantity("", "every constant that the optimisation chose, by its name in the class, in SI"),
-    ] = field(default_factory=dict)
-    defect: Annotated[
-        float | None,
-        Quantity("", "largest difference of re-simulated and collocated states at an element's edge, in nominals"),
-    ] = None
-    violation_between_nodes: Annotated[
-        float | None,
-        Quantity(
-            "", "largest excess over a bound or path constraint at any instant, in the unit of its row"
-        ),
-    ] = None  # fmt: skip
-    cost_error: Annotated[float | None, Quantity("", "re-simulated minus collocated integral cost")] = None
-
-    @property
-    def rows(self) -> list[Row]:
-        """The table for people."""
-        rows = [Row("objective", self.objective), Row("final time", self.final_time, "s")]
-        rows += [Row(name, value) for name, value in self.free.items() if name != "final_time"]
-        tried = ((name, getattr(self, name)) for name in TRIED)
-        return rows + [Row(name.replace("_", " "), value) for name, value in tried if value is not None]
 
 
 @study_function

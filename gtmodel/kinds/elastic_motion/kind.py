@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from gtmodel.motion.elastic import elastic_study
+from gtmodel.motion.elastic.elastic_result import ASSUMED
 from gtmodel.motion.elastic.plans import three_link
-from gtmodel.motion.elastic.swing_study import ASSUMED
 from gtmodel.problem_files.base import Context, InputError
 from gtmodel.problem_files.call import Call
 from gtmodel.problem_files.from_options import options_of

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from ..._lazy import public
 
 if TYPE_CHECKING:
+    from .elastic_result import ElasticStudy as ElasticStudy
     from .models import ElasticMotion as ElasticMotion, RigidMotion as RigidMotion
     from .options import (
         ElasticCost as ElasticCost,
@@ -22,6 +23,6 @@ if TYPE_CHECKING:
     )
     from .plans import ElasticTask as ElasticTask, Plans as Plans, PlansFailure as PlansFailure, plans_on as plans_on
     from .plate_motion import PlateMotion as PlateMotion, swing as swing
-    from .swing_study import ElasticStudy as ElasticStudy, elastic_study as elastic_study
+    from .swing_study import elastic_study as elastic_study
 
 public(__name__)

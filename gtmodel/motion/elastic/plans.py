@@ -15,6 +15,7 @@ from ...lang import Model, Optimization
 from ...optimize import Mesh as CollocationMesh, Solution, SolverOptions, resimulate, solve as collocate
 from ...results import ArgumentError, Check, SolveStatus, Status, Work, at_most
 from ...robots import GantryTau
+from .elastic_result import OFF
 from .models import ElasticMotion, RigidMotion
 from .options import MOST_ELEMENTS, ElasticCost, ElasticMesh, ElasticSolver, ElasticTool
 from .plate_motion import PlateMotion, sampled
@@ -22,7 +23,6 @@ from .plate_motion import PlateMotion, sampled
 SHARE = 0.01  # of the rigid plan's swing; 40 elements leave 0.4 %, shaping a part in a million
 RESIMULATED_M = 5e-4  # collocation's error, as an integrator shows it
 MENDED = ("elastic_share_of_rigid", "resimulated_end_mm")  # by a finer mesh
-OFF = 0.1  # error of the frequency that is reported
 TO_A_PERIOD = 5  # elements: six leave 0.4 % of the rigid plan's swing, 3.8 leave 3 %, 1.8 leave half
 SAME_M = 1e-6  # ends nearer than that are one place
 

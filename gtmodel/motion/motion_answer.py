@@ -1,0 +1,121 @@
+"""What a motion study answers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated
+
+from ..results import Quantity, Row, Study
+
+if TYPE_CHECKING:
+    from .problem import MotionProblem
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class MotionStudy(Study):
+    """An optimal motion; where none was solved, all values but the final time are None.
+
+    The trajectory and the files are those of the exported motion, whose motor forces keep their limit at every instant;
+    the optimum itself keeps it at the collocation points only. asked: the problem, with its mesh as it was given.
+    """
+
+    asked: MotionProblem
+    final_time: Annotated[
+        float | None,
+        Quantity(
+            "s", "final time of the collocation optimum, control as [mesh] says; the motion's is the exported one"
+        ),
+    ] = None
+    energy: Annotated[
+        float | None, Quantity("", "sum over motors of int (F / force_unit_N)^2 dt of that optimum [s]")
+    ] = None
+    saturation: Annotated[
+        Sequence[float] | None, Quantity("", "share of the time in which each motor is within 1 % of its limit")
+    ] = None
+    optima: Annotated[
+        Sequence[float] | None, Quantity("", "costs of the different optima that the starts ended in, best first")
+    ] = None
+    end_error: Annotated[
+        float | None, Quantity("m", "distance to the goal after re-simulating that optimum's force")
+    ] = None
+    peak_force_between_nodes: Annotated[
+        float | None, Quantity("N", "largest force of that optimum between its collocation points")
+    ] = None
+    elements: Annotated[
+        int | None, Quantity("", "elements of the mesh: those of the file, or more where a check failed on them")
+    ] = None
+    attempt_iterations: Annotated[
+        int | None,
+        Quantity("", "iterations of the attempt that ended in that optimum; those of all are `iterations`"),
+    ] = None
+    path_length: Annotated[
+        float | None, Quantity("m", "length of the path to follow; null for a free motion")
+    ] = None  # fmt: skip
+    cross_check_time: Annotated[
+        float | None,
+        Quantity("s", "final time along the path with squared speeds as unknowns; null without a path"),
+    ] = None
+    exported_final_time: Annotated[
+        float | None,
+        Quantity("s", "final time of the exported motion, which keeps its force limit at every instant"),
+    ] = None
+    exported_energy: Annotated[float | None, Quantity("", "its energy [s]")] = None
+    exported_end_error: Annotated[
+        float | None, Quantity("m", "distance to the goal after re-simulating the exported force")
+    ] = None
+    exported_peak_force: Annotated[
+        float | None, Quantity("N", "largest exported force: within the limit at every instant")
+    ] = None
+    exported_defect: Annotated[
+        float | None,
+        Quantity("", "largest difference between collocated and re-simulated states at an element edge [m, m/s]"),
+    ] = None
+    exported_link_along_guideway: Annotated[
+        float | None, Quantity("m", "least component of any link along its guideway; 0 at the edge of reach")
+    ] = None
+    exported_margins: Annotated[
+        Mapping[str, float] | None,
+        Quantity("", "least margin to each further limit, by key: in m for positions, else a share of the limit"),
+    ] = None
+    exported_clearance: Annotated[
+        Sequence[float] | None,
+        Quantity("m", "least distance of tool centre point and links from each obstacle"),
+    ] = None
+
+    @property
+    def rows(self) -> list[Row]:
+        """The table for people: the exported motion first, then the optimum that it comes from."""
+        if self.exported_final_time is None:
+            return [Row("final time", self.final_time, "s")]
+        rows = [
+            Row("final time", self.exported_final_time, "s"),
+            Row("energy", self.exported_energy, "s"),
+            Row("end error, re-simulated", _scaled(1e3, self.exported_end_error), "mm"),
+            Row("largest force at any instant", self.exported_peak_force, "N"),
+        ]
+        rows += [Row(f"margin to {key}", x) for key, x in (self.exported_margins or {}).items()]
+        rows += [Row(f"distance from obstacle {n}", 1e3 * x, "mm") for n, x in enumerate(self.exported_clearance or ())]
+        rows += [
+            Row("optimum: final time", self.final_time, "s"),
+            Row("optimum: cost", self.objective),
+            Row("optimum: energy", self.energy, "s"),
+            *(
+                Row(f"optimum: motor {i + 1} at its limit", 100 * x, "% of the time")
+                for i, x in enumerate(self.saturation or ())
+            ),
+            Row("optimum: end error, re-simulated", _scaled(1e3, self.end_error), "mm"),
+        ]
+        if self.asked.starts.count:
+            rows += [Row(f"optimum {n}: cost", cost) for n, cost in enumerate(self.optima or (), 1)]
+        if self.cross_check_time is not None:
+            rows.append(Row("optimum: final time by squared speeds", self.cross_check_time, "s"))
+        if self.asked.mesh.control != "constant":
+            rows.append(Row("optimum: largest force between its points", self.peak_force_between_nodes, "N"))
+        if self.elements != self.asked.mesh.elements:
+            rows.append(Row("elements of the mesh, refined", self.elements))
+        return rows
+
+
+def _scaled(factor: float, value: float | None) -> float | None:
+    return None if value is None else factor * value
