@@ -21,7 +21,7 @@
 /* Steps below this, in nominal sizes, are round-off and need not shrink. */
 #define GT_NEWTON_ROUND_OFF 1e-10
 
-/* A generated kernel: arg[0] the unknowns, arg[1] its constants, res[0] the residual, res[1] the Jacobian by columns. */
+/* A generated kernel: arg[0] the unknowns, arg[1] its constants, res[0] the residual, res[1] the Jacobian by rows. */
 typedef int (*gt_newton_kernel)(const double **arg, double **res, long long int *iw, double *w, int mem);
 
 /* What the last call came to. */
@@ -31,8 +31,9 @@ typedef struct gt_newton_marks {
     double residual; /* largest residual over the largest that is allowed: ok up to one */
 } gt_newton_marks;
 
-/* Solves J x = r for n <= size of r in place: r becomes x. LU by columns with partial pivoting, the first of equal
- * candidates is the pivot. Returns 0 if a pivot is not above `least`; lowers *smallest to the smallest pivot. */
+/* Solves J x = r for n <= size of r in place: r becomes x. LU by rows with partial pivoting, the first of equal
+ * candidates is the pivot; a row that has a zero there stays as it is. Returns 0 if a pivot is not above `least`;
+ * lowers *smallest to the smallest pivot. */
 static inline int gt_newton_lu(double *jacobian, double *r, int n, double least, double *smallest)
 {
     int i;
@@ -40,14 +41,14 @@ static inline int gt_newton_lu(double *jacobian, double *r, int n, double least,
     int k;
 
     for (k = 0; k < n; k++) {
-        double *column = &jacobian[n * k];
-        double best = fabs(column[k]);
-        double t;
+        double *upper = &jacobian[n * k];
+        double best = fabs(upper[k]);
+        double inverse;
         double x;
         int row = k;
 
         for (i = k + 1; i < n; i++) {
-            const double size = fabs(column[i]);
+            const double size = fabs(jacobian[(n * i) + k]);
 
             if (size > best) {
                 best = size;
@@ -61,38 +62,40 @@ static inline int gt_newton_lu(double *jacobian, double *r, int n, double least,
         if (best < *smallest) {
             *smallest = best;
         }
-        t = column[row];
-        column[row] = column[k];
-        column[k] = t;
         x = r[row];
-        r[row] = r[k];
-        r[k] = x;
-        t = 1.0 / t;
-        for (i = k + 1; i < n; i++) {
-            const double factor = column[i] * t;
+        if (row != k) {
+            double *other = &jacobian[n * row];
 
-            column[i] = factor;
-            r[i] -= factor * x;
+            r[row] = r[k];
+            r[k] = x;
+            for (j = k; j < n; j++) {
+                const double t = other[j];
+
+                other[j] = upper[j];
+                upper[j] = t;
+            }
         }
-        for (j = k + 1; j < n; j++) {
-            double *other = &jacobian[n * j];
+        inverse = 1.0 / upper[k];
+        for (i = k + 1; i < n; i++) {
+            double *lower = &jacobian[n * i];
+            const double factor = lower[k] * inverse;
 
-            t = other[row];
-            other[row] = other[k];
-            other[k] = t;
-            for (i = k + 1; i < n; i++) {
-                other[i] -= column[i] * t;
+            if (factor != 0.0) {
+                r[i] -= factor * x;
+                for (j = k + 1; j < n; j++) {
+                    lower[j] -= factor * upper[j];
+                }
             }
         }
     }
     for (k = n - 1; k >= 0; k--) {
-        const double *column = &jacobian[n * k];
-        const double x = r[k] / column[k];
+        const double *upper = &jacobian[n * k];
+        double x = r[k];
 
-        r[k] = x;
-        for (i = 0; i < k; i++) {
-            r[i] -= column[i] * x;
+        for (j = n - 1; j > k; j--) {
+            x -= upper[j] * r[j];
         }
+        r[k] = x / upper[k];
     }
     return 1;
 }

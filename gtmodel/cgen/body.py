@@ -10,6 +10,7 @@ import casadi as ca
 
 from ..compiler.causal import CausalFunction
 from .interface import Interface, macro
+from .loops import SOLVER, loop_text
 from .text import GenerationError, comment
 
 _EXPORTED = re.compile(r"^CASADI_SYMBOL_EXPORT [^\n]*?(\w+)\([^\n]*\{(?:[^\n]*\}\n|.*?^\}\n)\n?", re.M | re.S)
@@ -49,7 +50,8 @@ SIZES = ("SZ_ARG", "SZ_RES", "SZ_IW", "SZ_W")
 
 
 def casadi_functions(face: Interface) -> list[ca.Function]:
-    """The functions of `face` under their C names, instruction by instruction as Python evaluates them.
+    """The functions of `face` under their C names, instruction by instruction as Python evaluates them; without a body
+    that is written with loops.
 
     They are built again, not called: a call would simplify, and might round differently. Raises GenerationError
     if an output is not dense.
@@ -58,8 +60,9 @@ def casadi_functions(face: Interface) -> list[ca.Function]:
         f = face.function
         built = [CausalFunction(f.plan, f.inputs, f.outputs, face.body).closed]
     else:
-        built = [g for stage in face.newton for g in (stage.prepare, stage.kernel)] + [face.stages.body]
-    for name, g in zip(face.bodies, built, strict=True):
+        built = [g for stage in face.newton for g in (stage.prepare, stage.kernel)]
+        built += [face.stages.body] if face.loops is None else []
+    for name, g in zip(face.bodies, built, strict=face.loops is None):
         if g.name() != name or not all(g.sparsity_out(n).is_dense() for n in range(g.n_out())):
             raise GenerationError(
                 f"the function '{face.key}' has a sparse output or no C name; this is a gtmodel error"
@@ -82,9 +85,12 @@ def body(name: str, faces: list[Interface]) -> tuple[str, str]:
             raise GenerationError(f"the temporary folder {folder} does not take the code; free space, or set TMPDIR")
     if "#error" in text:
         raise GenerationError("CasADi cannot write C for one of the functions: its text holds an #error line")
-    return trimmed(text, prefix, {symbol for face in faces for symbol in face.bodies}), _header(
-        declarations, name, faces
-    )
+    rolled = [(face.body, face.loops) for face in faces if face.loops is not None]
+    wanted = {symbol for face in faces for symbol in face.bodies} - {symbol for symbol, _ in rolled}
+    text = trimmed(text, prefix, wanted)
+    if rolled:
+        text += "\n" + SOLVER + "\n".join(loop_text(symbol, loops) for symbol, loops in rolled)
+    return text, _header(declarations, name, faces)
 
 
 def trimmed(text: str, prefix: str, wanted: set[str]) -> str:
@@ -126,12 +132,20 @@ def _header(declarations: str, name: str, faces: list[Interface]) -> str:
         comment([_ABOUT_HEADER.format(name=name)]),
         f'#ifndef {guard}\n#define {guard}\n\n#ifdef __cplusplus\nextern "C" {{\n#endif\n\n',
     ]
+    rolled = {face.body: face.loops.body for face in faces if face.loops is not None}
     for symbol in [symbol for face in faces for symbol in face.bodies]:
-        for size in SIZES:
-            number = re.search(rf"^#define {symbol}_{size} (\d+)$", declarations, re.M)
-            if number is None:
-                raise GenerationError(f"CasADi {ca.CasadiMeta.version()} does not state {size} of '{symbol}'")
-            parts.append(f"#define {macro(symbol)}_{size} {number[1]}\n")
+        if symbol in rolled:
+            numbers = [rolled[symbol].given, len(rolled[symbol].outputs), 0, 0]
+        else:
+            numbers = [_stated(declarations, symbol, size) for size in SIZES]
+        parts += [f"#define {macro(symbol)}_{size} {n}\n" for size, n in zip(SIZES, numbers, strict=True)]
         parts.append(f"int {symbol}(const double **arg, double **res, long long int *iw, double *w, int mem);\n\n")
     parts.append("#ifdef __cplusplus\n}\n#endif\n\n#endif\n")
     return "".join(parts)
+
+
+def _stated(declarations: str, symbol: str, size: str) -> int:
+    number = re.search(rf"^#define {symbol}_{size} (\d+)$", declarations, re.M)
+    if number is None:
+        raise GenerationError(f"CasADi {ca.CasadiMeta.version()} does not state {size} of '{symbol}'")
+    return int(number[1])

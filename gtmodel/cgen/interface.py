@@ -8,8 +8,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from ..compiler.analysis.sizes import Sizes
+from ..compiler.blocks import Margin
 from ..compiler.causal import CausalFunction, CausalSignal, c_name
 from .box import Intervals, box_of, check_names
+from .lanes import Lanes
 from .newton_stages import NewtonStage, Stages, stages
 from .real import DOUBLE, Real
 from .text import GenerationError
@@ -89,6 +91,18 @@ class Interface:
     def newton(self) -> tuple[NewtonStage, ...]:
         """The Newton blocks; none of a closed form."""
         return self.stages.newton if self.stages else ()
+
+    @property
+    def loops(self) -> Lanes | None:
+        """What of the body is written as loops; None where it is written out."""
+        return self.stages.loops if self.stages else None
+
+    @property
+    def margins(self) -> list[Margin]:
+        """What decides the status of C, block by block."""
+        if self.stages is None or self.loops is None:
+            return self.function.margins
+        return [*[m for stage in self.newton for m in stage.margins], *self.stages.margins]
 
     @property
     def bodies(self) -> list[str]:

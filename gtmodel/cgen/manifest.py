@@ -104,11 +104,13 @@ def manifest(
             of_flat[id(flat)] = len(models)
             named = [{"name": q.name, "value": q.value, "unit": q.unit or "?"} for q in flat.parameters]
             models.append({"title": flat.title, "parameters": named})
-        margins = [{"kind": m.kind, "label": m.label, "scale": m.scale} for m in face.function.margins]
+        margins = [{"kind": m.kind, "label": m.label, "scale": m.scale} for m in face.margins]
         offered: dict[str, Any] = {"along": f"{face.symbol}_at"} if face.along else {}
         offered["box"] = _box(face)
         offered["limits"] = {m.signal: limit for m, limit in zip(face.inputs, face.sizes.limits, strict=True)}
         offered["operations"] = sum(operations(g) for g in casadi_functions(face))
+        if face.loops is not None:
+            offered["operations"] += operations(face.loops.body.function)
         functions.append({**interface_entry(face), **offered, "model": of_flat[id(flat)], "margins": margins})
     return {
         "format": FORMAT,

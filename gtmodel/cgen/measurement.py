@@ -113,7 +113,8 @@ def _compiled(
     for line in listing.splitlines():
         match line.split():
             case [_, size, "T" | "t" as kind, symbol]:
-                sizes[symbol.partition(".")[0]] = int(size, 16)
+                own = symbol.partition(".")[0]  # what is seldom needed stands apart, as gt_l1_fk.cold
+                sizes[own] = sizes.get(own, 0) + int(size, 16)
                 symbols += [symbol] if kind == "T" else []
     frames: dict[str, int] = {}
     for usage in sorted(place.glob("*.su")):

@@ -13,21 +13,27 @@ from ..compiler.analysis.sizes import Sizes
 from ..compiler.blocks import Margin
 from ..compiler.causal import CausalFunction, CausalSignal
 from ..compiler.emit import express
-from ..compiler.newton import NewtonKernel
 from ..compiler.plan import CausalPlan
 from ..compiler.rows import map_columns, status_codes
 from ..lang.scope import derivative_name
 from ..results.status import Status
-from .newton_steps import eliminate, newton
+from .lanes import Lanes, lanes_of, lines_of
+from .loops import can_be_written
+from .newton_steps import eliminate, newton, pivot_order
+from .open_body import open_body
 from .real import DOUBLE, Real
 from .virtual_machine import run
+
+# instructions of a body that is worth a look, and how many times shorter the text must become: what a loop stores and
+# loads again is paid by the elimination that it goes with
+LARGE, SHORTER = 1000, 3
 
 
 @dataclass(frozen=True, eq=False)
 class NewtonStage:
     """One Newton block in C. `prepare`: (inputs..., unknowns of earlier blocks...) -> (constants, margins); `kernel`:
-    (unknowns, constants) -> (residual, Jacobian). `home` solves the block at the home pose; `nominal`, `largest` (both
-    inverted) and `least` are what gt_newton wants."""
+    (unknowns, constants) -> (residual, Jacobian by rows), rows as partial pivoting takes them at home. `home` solves
+    the block at the home pose; `nominal`, `largest` (both inverted) and `least` are what gt_newton wants."""
 
     prepare: ca.Function
     kernel: ca.Function
@@ -51,11 +57,13 @@ class NewtonStage:
 
 @dataclass(frozen=True, eq=False)
 class Stages:
-    """The blocks in order, and `body`: (inputs..., unknowns of all blocks...) -> (targets..., margins)."""
+    """The blocks in order, and `body`: (inputs..., unknowns of all blocks...) -> (targets..., margins). Where `loops`
+    are given, C computes and Python evaluates these in its place, and `margins` are theirs."""
 
     newton: tuple[NewtonStage, ...]
     body: ca.Function
     margins: tuple[Margin, ...]
+    loops: Lanes | None = None
 
 
 def stages(f: CausalFunction, symbol: str, real: Real = DOUBLE) -> Stages:
@@ -80,8 +88,11 @@ def stages(f: CausalFunction, symbol: str, real: Real = DOUBLE) -> Stages:
 
     blocks = []
     for k, (block, r, z) in enumerate(zip(plan.newton, residuals, zs, strict=True)):
-        r, jacobian = ca.cse([ca.densify(r), ca.densify(ca.jacobian(r, z))])
-        inner, constants, outer = _hoisted([r, ca.vec(jacobian)], z)
+        home = np.array(f.kernels[k].residual(f.kernels[k].z0, f.kernels[k].a0)[1].full())
+        order = pivot_order(home)
+        r = ca.densify(r)[order]
+        r, jacobian = ca.cse([r, ca.densify(ca.jacobian(r, z))])
+        inner, constants, outer = _hoisted([r, ca.vec(jacobian.T)], z)
         expressions, here = at(k)
         given = [*args, *zs[:k]]
         prepare = ca.Function(f"{symbol}_prepare{k}", given, ca.cse([outer, expressions]))
@@ -90,12 +101,27 @@ def stages(f: CausalFunction, symbol: str, real: Real = DOUBLE) -> Stages:
         blocks.append(
             NewtonStage(
                 prepare, kernel, here, tuple(_signals(plan, pairs)), tuple(samples_of(f, pairs)[0].tolist()),
-                tuple(1.0 / float(x) for x in block.scale), *_limits(f.kernels[k], block.scale, real),
+                tuple(1.0 / float(x) for x in block.scale), *_limits(home[order], block.scale, real),
             )
         )  # fmt: skip
     expressions, here = at(len(zs))
     body = ca.Function(f"{symbol}_body", [*args, *zs], ca.cse([*map(ca.densify, targets), expressions]))
-    return Stages(tuple(blocks), body, here)
+    loops = loops_of(f, symbol, body) if real is DOUBLE else None
+    if loops is not None:
+        before = {id(m) for block in blocks for m in block.margins}
+        here = tuple(m for m in loops.body.margins if id(m) not in before)
+    return Stages(tuple(blocks), body, here, loops)
+
+
+def loops_of(f: CausalFunction, symbol: str, body: ca.Function) -> Lanes | None:
+    """The body with loops over equal parts, where it is large and these make less than 1 / SHORTER of it."""
+    if body.n_instructions() < LARGE:
+        return None
+    opened = open_body(f, symbol)
+    lanes = None if opened is None else lanes_of(opened)
+    if lanes is None or not can_be_written(lanes) or SHORTER * lines_of(lanes) > body.n_instructions():
+        return None
+    return lanes
 
 
 def samples_of(f: CausalFunction, pairs: Sequence[tuple[int, int]]) -> np.ndarray:
@@ -132,9 +158,8 @@ def _hoisted(expressions: list[ca.SX], z: ca.SX) -> tuple[list[ca.SX], ca.SX, ca
     return [ca.densify(p) for p in parts], ca.vertcat(*symbols), ca.densify(ca.vertcat(*outer))
 
 
-def _limits(kernel: NewtonKernel, nominal: np.ndarray, real: Real) -> tuple[tuple[float, ...], float]:
-    """Of residuals, inverted, and of pivots, by what they are at home."""
-    jacobian = np.array(kernel.residual(kernel.z0, kernel.a0)[1].full())
+def _limits(jacobian: np.ndarray, nominal: np.ndarray, real: Real) -> tuple[tuple[float, ...], float]:
+    """Of residuals, inverted, and of pivots, by what they are with the Jacobian at home."""
     rows = np.abs(jacobian) @ nominal
     _, _, smallest, _ = eliminate(jacobian[None].copy(), np.zeros((1, len(rows))), 0.0)
     largest = tuple(float(f"{1.0 / (real.residual * x):.3g}") for x in rows)
@@ -180,14 +205,14 @@ def evaluate_stages(
 
         def kernel(z: np.ndarray, chosen: np.ndarray, stage: NewtonStage = stage, here: np.ndarray = here):
             r, jacobian = evaluated(stage.kernel, [z.T, here[:, chosen]])
-            return r.T.copy(), jacobian.T.reshape(len(z), stage.size, stage.size).transpose(0, 2, 1).copy()
+            return r.T.copy(), jacobian.T.reshape(len(z), stage.size, stage.size).copy()
 
         begin = start[live, first : first + stage.size]
         nominal, largest = real.array(stage.nominal), real.array(stage.largest)
         root, verdict = newton(kernel, begin, nominal, largest, real.dtype(stage.least), real.round_off)
         z[live], status[live] = root, verdict
         given, first = [*given, z.T], first + stage.size
-    results = evaluated(cut.body, given)
+    results = evaluated(cut.body, given) if cut.loops is None else cut.loops.body.evaluate(given)
     status = np.where(status == 0, status_codes(cut.margins, [], results, None, real.pivot), status)
     values = np.vstack([*results[:-1], *given[len(inputs) :]]).T.copy()
     values[status != Status.OK] = np.nan

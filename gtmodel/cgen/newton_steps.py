@@ -12,6 +12,7 @@ from ..results.status import Status
 STEPS = 4
 REACH = 0.5
 CONTRACTION = 0.25
+NEARLY = 0.999  # of the largest candidate: the first such is the pivot of `pivot_order`, whatever the round-off
 
 Kernel = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
 
@@ -43,10 +44,11 @@ def newton(
 
 
 def eliminate(
-    jacobian: np.ndarray, r: np.ndarray, least: float
+    jacobian: np.ndarray, r: np.ndarray, least: float, skipping: bool = True
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """LU with partial pivoting of many systems J x = r, overwritten: factors (m, n, n), x (m, n), smallest pivots
-    (m,), and whether every pivot is above `least` (m,)."""
+    (m,), and whether every pivot is above `least` (m,). A row of the matrix with a factor of zero stays as it is, and
+    with `skipping` its right-hand side too: beside infinite numbers that is not the same."""
     m, n = r.shape
     every = np.arange(m)
     smallest = np.full(m, np.finfo(r.dtype).max)
@@ -63,13 +65,32 @@ def eliminate(
             for a in (jacobian, r):
                 upper, lower = a[every, k].copy(), a[every, row].copy()
                 a[every, k], a[every, row] = lower, upper
-            jacobian[:, k + 1 :, k] *= (1.0 / jacobian[:, k, k])[:, None]
-            r[:, k + 1 :] -= jacobian[:, k + 1 :, k] * r[:, k : k + 1]
-            jacobian[:, k + 1 :, k + 1 :] -= jacobian[:, k + 1 :, k : k + 1] * jacobian[:, k : k + 1, k + 1 :]
+            factors = jacobian[:, k + 1 :, k] * (1.0 / jacobian[:, k, k])[:, None]
+            jacobian[:, k + 1 :, k] = factors
+            zero = factors == 0.0
+            reduced = r[:, k + 1 :] - factors * r[:, k : k + 1]
+            r[:, k + 1 :] = np.where(zero & skipping, r[:, k + 1 :], reduced)
+            rest = jacobian[:, k + 1 :, k + 1 :]
+            changed = rest - factors[:, :, None] * jacobian[:, k : k + 1, k + 1 :]
+            rest[...] = np.where(zero[:, :, None], rest, changed)
         for k in range(n - 1, -1, -1):
+            for j in range(n - 1, k, -1):
+                r[:, k] -= jacobian[:, k, j] * r[:, j]
             r[:, k] /= jacobian[:, k, k]
-            r[:, :k] -= jacobian[:, :k, k] * r[:, k : k + 1]
     return jacobian, r, smallest, regular
+
+
+def pivot_order(matrix: np.ndarray) -> list[int]:
+    """The rows in the order in which partial pivoting takes them, so that those near it are seldom exchanged."""
+    rest, order = np.array(matrix), list(range(len(matrix)))
+    for k in range(len(order)):
+        size = np.abs(rest[k:, k])
+        row = k + int(np.argmax(size >= NEARLY * np.max(size)))
+        order[k], order[row] = order[row], order[k]
+        rest[[k, row]] = rest[[row, k]]
+        with np.errstate(all="ignore"):
+            rest[k + 1 :, k:] -= np.outer(rest[k + 1 :, k] / rest[k, k], rest[k, k:])
+    return order
 
 
 def _keep(

@@ -32,7 +32,8 @@ def part_vectors(face: Interface, inputs: np.ndarray, outputs: np.ndarray) -> li
         vectors += [_rows(known, prepared), _rows([z, prepared[0]], seen)]
         first += stage.size
         known = [*known, z]
-    vectors.append(_rows(known, evaluated(next(functions), known)))
+    results = evaluated(next(functions), known) if face.loops is None else face.loops.body.evaluate(known)
+    vectors.append(_rows(known, results))
     return vectors
 
 
@@ -44,6 +45,7 @@ def part_comparisons(face: Interface, inputs: np.ndarray, outputs: np.ndarray) -
     """Text of a static function for each body, with its tables, and the functions' names."""
     text, names = "", []
     sizes_of = [[g.numel_out(k) for k in range(g.n_out())] for g in casadi_functions(face)]
+    sizes_of += [face.loops.body.outputs] if face.loops is not None else []
     vectors = part_vectors(face, inputs, outputs)
     for symbol, (arguments, results), sizes in zip(face.bodies, vectors, sizes_of, strict=True):
         name = f"{face.key}{symbol.removeprefix(face.symbol)}"

@@ -64,11 +64,21 @@ class NewtonBlock:
 
 
 @dataclass(frozen=True, eq=False)
+class DenseCore:
+    """matrix @ unknowns == right: what of a linear block no pivot of constants solves, from four unknowns on."""
+
+    unknowns: list[ca.SX]
+    matrix: ca.SX
+    right: ca.SX
+
+
+@dataclass(frozen=True, eq=False)
 class SolvedBlock:
     """One block: unknown symbols in order with their expressions of earlier symbols.
 
     `uses`: per equation the names of all symbols in it, for the picture of the block-triangular form. `closures`: the
-    residuals of a block that is not linear in its unknowns.
+    residuals of a block that is not linear in its unknowns. `core`: of a linear one, which `assignments` solve too;
+    the margins of such a block are its pivots.
     """
 
     kind: str
@@ -81,3 +91,4 @@ class SolvedBlock:
     newton: NewtonBlock | None = None
     uses: tuple[tuple[str, ...], ...] = ()
     closures: tuple[ca.SX, ...] = ()
+    core: DenseCore | None = None

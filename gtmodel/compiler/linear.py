@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import casadi as ca
 
-from .blocks import Margin
+from .blocks import DenseCore, Margin
 from .matrices import triplets
 from .pivots import SignAnalysis, pivot_cost
 
@@ -12,16 +12,19 @@ from .pivots import SignAnalysis, pivot_cost
 CANCELLED = 1e-13
 # threshold pivoting: an entry this much smaller than another of its column would cost more than three digits
 MIN_PIVOT_RATIO = 1e-3
+# unknowns of a core that determinants solve
+SMALL_CORE = 3
 
 Assignments = list[tuple[ca.SX, ca.SX]]
 
 
 def solve_linear(
     residuals: list[ca.SX], unknowns: list[ca.SX], signs: SignAnalysis, label: str
-) -> tuple[Assignments, list[Margin], str]:
+) -> tuple[Assignments, list[Margin], str, DenseCore | None]:
     """Solve residuals == 0, linear in the unknowns.
 
-    Returns assignments in order of computation, pivot margins of the dense core, and a sentence on how.
+    Returns assignments in order of computation, pivot margins of the dense core, a sentence on how, and the core where
+    it is solved by QR.
     Constant pivots, then parameters declared nonzero; never a state-dependent one: what has no allowed pivot
     is the core.
     """
@@ -72,18 +75,19 @@ def solve_linear(
         eliminated.append((j, row, pivot, rhs[i]))
     assignments: Assignments = []
     margins: list[Margin] = []
+    core: DenseCore | None = None
     size = len(rows)
     if size:
         core_rows = sorted(rows)
         core_cols = sorted(count)
-        assignments, margins = _core(rows, core_rows, core_cols, rhs, unknowns, label)
+        assignments, margins, core = _core(rows, core_rows, core_cols, rhs, unknowns, label)
     for j, row, pivot, b in reversed(eliminated):
         value = b
         for k in sorted(row):
             value = value - row[k] * unknowns[k]
         assignments.append((unknowns[j], value / pivot))
     how = f"{len(eliminated)} pivots eliminated" + (f", dense core of {size}" if size else "")
-    return assignments, margins, how
+    return assignments, margins, how, core
 
 
 class _Entries:
@@ -143,11 +147,11 @@ def _core(
     rhs: list[ca.SX],
     unknowns: list[ca.SX],
     label: str,
-) -> tuple[Assignments, list[Margin]]:
+) -> tuple[Assignments, list[Margin], DenseCore | None]:
     """The dense rest: one division, determinants or QR; the diagonal of R shows how near to singular it is."""
     if len(core_rows) == 1:
         pivot = rows[core_rows[0]][core_cols[0]]
-        return [(unknowns[core_cols[0]], rhs[core_rows[0]] / pivot)], [Margin("pivot", pivot, label)]
+        return [(unknowns[core_cols[0]], rhs[core_rows[0]] / pivot)], [Margin("pivot", pivot, label)], None
     n = len(core_rows)
     a = ca.SX.zeros(n, n)
     for r, i in enumerate(core_rows):
@@ -155,9 +159,10 @@ def _core(
             if j in rows[i]:
                 a[r, c] = rows[i][j]
     b = ca.vertcat(*[rhs[i] for i in core_rows])
-    x, pivots = (_determinants if n <= 3 else _gram_schmidt)(a, b)
+    x, pivots = (_determinants if n <= SMALL_CORE else _gram_schmidt)(a, b)
     margins = [Margin("pivot", p, f"{label} ({unknowns[j].name()})") for j, p in zip(core_cols, pivots, strict=True)]
-    return [(unknowns[j], x[c]) for c, j in enumerate(core_cols)], margins
+    core = DenseCore([unknowns[j] for j in core_cols], a, b) if n > SMALL_CORE else None
+    return [(unknowns[j], x[c]) for c, j in enumerate(core_cols)], margins, core
 
 
 def _determinants(a: ca.SX, b: ca.SX) -> tuple[list[ca.SX], list[ca.SX]]:

@@ -37,9 +37,9 @@ def solve_block(
     kinked = is_nonsmooth(flat) and any(kinked_in(residuals, unknowns))
     keys = {s.element_hash() for s in unknowns}
     if not kinked and not any(s.element_hash() in keys for s in ca.symvar(jacobian)):
-        assignments, margins, how = solve_linear(residuals, unknowns, signs, label)
+        assignments, margins, how, core = solve_linear(residuals, unknowns, signs, label)
         kind = "explicit" if len(nodes) == 1 and not margins else "linear"
-        return SolvedBlock(kind, names, equations, assignments, margins, [], how, None, uses)
+        return SolvedBlock(kind, names, equations, assignments, margins, [], how, None, uses, (), core)
     try:
         assignments, margins, roots, how = solve_nonlinear(residuals, unknowns, signs, kinked)
     except NoClosedForm:

@@ -59,7 +59,8 @@ def test_every_part_of_every_function_is_under_self_test(made: tuple[dict[str, A
     succeed(*compiler, "-c", *[f for f in c_files(folder) if f != body.name], cwd=folder)
     tried: dict[str, int] = {}
     for part in re.finditer(r"^/\* (gt_\w+):\(.*?^}\n", text, re.M | re.S):
-        constants = list(re.finditer(r"(?<==)(-?\d\.\d+(?:e[+-]\d+)?)(f?)(?=;)", part[0]))
+        constants = list(re.finditer(r"(?<=[= (])(-?\d+\.\d+(?:e[+-]\d+)?)(f?)(?=[;) ])", part[0]))
+        constants = [c for c in constants if float(c[1])]  # zero stays what it is
         spread = np.linspace(0, len(constants) - 1, CHANGED).round().astype(int)
         for constant in [constants[k] for k in sorted(set(spread.tolist()))] if constants else []:
             first, last = part.start() + constant.start(), part.start() + constant.end()
