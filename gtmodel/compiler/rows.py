@@ -195,9 +195,10 @@ class BlockJudge:
             if below.any() and not np.all(np.maximum.reduce(margins[below], axis=1) < high[below]):
                 return False
         total = 0.0
-        for weight, places in self._sizes.groups:
-            total += weight * sum(float(row @ row) for place in places for row in columns[place])
-        return total <= most
+        with np.errstate(over="ignore"):  # infinite is too large as well
+            for weight, places in self._sizes.groups:
+                total += weight * sum(float(row @ row) for place in places for row in columns[place])
+        return bool(total <= most)
 
 
 class PlainMargin(NamedTuple):

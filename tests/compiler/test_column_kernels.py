@@ -278,3 +278,11 @@ def test_compiled_by_hand_it_gives_the_same_bits():
     assert f.compile() and f.compile()
     for x, y in zip(f(*arguments), before, strict=True):
         assert np.array_equal(x, y)
+
+
+@pytest.mark.filterwarnings("error")
+def test_inputs_whose_squares_overflow_are_out_of_range_without_a_warning():
+    ik = gt.robots.gantry_tau("l1_tape").causal(known="T", targets="q")
+    T = np.tile(np.array([1e200, -1e200, 1e200]), (4096, 1))
+    q, status = ik(T)
+    assert np.isnan(q).all() and (status != Status.OK).all()
