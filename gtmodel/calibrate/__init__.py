@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from .calibration import Calibration as Calibration, calibrate as calibrate
     from .calibration_study import study as study
     from .candidates import Candidates as Candidates, candidates as candidates, regular_grid as regular_grid
+    from .choice import Choice as Choice
     from .closure import Closure as Closure, closure_equations as closure_equations
     from .devices import Camera as Camera, Device as Device, LaserTracker as LaserTracker, LineOfSight as LineOfSight
     from .held_out import judge_held_out as judge_held_out
@@ -70,6 +71,5 @@ if TYPE_CHECKING:
     from .report.result import CalibrationStudy as CalibrationStudy
     from .report.robot_file import Origin as Origin
     from .synthetic import Synthetic as Synthetic, made_poses as made_poses
-    from .unknowns import Choice as Choice
 
 public(__name__)

@@ -22,13 +22,13 @@ from ..results.refusal import ArgumentError
 from ..results.status import SolveStatus
 from .block_rows import BlockRows, parts
 from .blocks import Block
+from .choice import Choice
 from .confidence import Fitted, estimated
 from .implicit import Adjustment, require_noise_enough
 from .measurements import Measurements
 from .modifiers import modifiers
 from .options import COSTS, Cost
 from .problem import CalibrationProblem, noise_covariance, prepare
-from .unknowns import Choice
 
 
 @dataclass(frozen=True, eq=False)

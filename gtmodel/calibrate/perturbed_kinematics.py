@@ -13,10 +13,10 @@ from ..compiler.rows import map_columns
 from ..lang.builder import Builder
 from ..lang.model import Model
 from ..lang.source import ModelError
+from .choice import Choice
 from .measurements import Measurements
 from .problem import prepare
 from .quaternions import turned
-from .unknowns import Choice
 
 ROUNDS = 50
 ARRIVED = 1e-12  # m and rad: the last Newton step, of lengths of metres

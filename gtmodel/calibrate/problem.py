@@ -18,10 +18,11 @@ from ..lang.builder import Builder
 from ..lang.model import Model
 from ..lang.source import ModelError
 from .blocks import Block, blocks
+from .choice import Choice
 from .closure import Closure, closure_equations
 from .measurements import Measurements
 from .reading import Reading, reading
-from .unknowns import Choice, Parameters, Unknowns, unknowns
+from .unknowns import Parameters, Unknowns, unknowns
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,11 +9,12 @@ from ..inference import Prior
 from ..lang import Model, ModelError
 from ..results import ArgumentError
 from ..robots.links import family_of
+from .choice import Choice
 from .measured.options import CartPoints
 from .measured.poses import SplitPoses
 from .options import Fit, Known
 from .problem import CalibrationProblem, prepare
-from .unknowns import Choice, Unknowns
+from .unknowns import Unknowns
 
 QUATERNIONS = ("u1_2", "u1_3", "u2_3")
 FAMILIES = {"ideal": "three_link", "modified": "three_link", "six_link": "six_link", "f1_unit": "f1", "f1_raw": "f1"}

@@ -30,12 +30,7 @@ if TYPE_CHECKING:
     from .elastic import ElasticStudy as ElasticStudy, elastic_study as elastic_study
     from .motion_answer import MotionStudy as MotionStudy
     from .motion_study import study as study
-    from .motion_table import (
-        MotionTable as MotionTable,
-        Published as Published,
-        TableRow as TableRow,
-        table_study as table_study,
-    )
+    from .motion_table import table_study as table_study
     from .options import (
         Arc as Arc,
         AxisLimits as AxisLimits,
@@ -56,6 +51,8 @@ if TYPE_CHECKING:
     )
     from .paths import read_points as read_points
     from .problem import MotionProblem as MotionProblem
+    from .table_answer import MotionTable as MotionTable
+    from .table_row import Published as Published, TableRow as TableRow
     from .task import motion as motion
 
 public(__name__)

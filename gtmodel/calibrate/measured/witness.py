@@ -14,9 +14,9 @@ from ...lang.units import parse_unit
 from ...measurements.orders import orders
 from ...results import ArgumentError
 from ..calibration import calibrate
+from ..choice import Choice
 from ..prediction import Prediction
 from ..problem import CalibrationProblem, prepare
-from ..unknowns import Choice
 from .column_checks import (
     CLOSE,
     NEARER,

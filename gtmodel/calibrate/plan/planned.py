@@ -15,8 +15,8 @@ from ...results.check import failed_of
 from ...results.door import study_function
 from ...results.options import Long, Within
 from ...results.work import Progress, never, silent
+from ..choice import Choice
 from ..pose_numbers import Point
-from ..unknowns import Choice
 from .device import measuring
 from .files import in_order, poses_csv, rapid_program
 from .options import AnyDevice, Criteria, Evaluation, PlanLimits, PlanSimulation, PosesToMeasure, Room, Safety

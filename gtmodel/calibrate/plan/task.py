@@ -8,7 +8,7 @@ from typing import Annotated
 from ...kinematics.workspace.options import Beam, Bodies, Box
 from ...lang import Model
 from ...results.options import Long, Options, Unit, Within
-from ..unknowns import Choice
+from ..choice import Choice
 from .options import MICRO, AnyDevice, Criteria, Evaluation, PlanLimits, PlanSimulation, PosesToMeasure, Room, Safety
 
 CURVE = (10, 15, 20, 30, 40, 60, 80, 100)
