@@ -6,12 +6,12 @@ import json
 from pathlib import Path
 from typing import Any
 
+from ..compiler.toolchain import STANDARD
 from ..results.folder import FolderError, Held, holding
 from .code_result import COSTS
 from .manifest import read
 from .measurement import Costs
 from .text import GenerationError
-from .toolchain import STANDARD
 
 _FORMAT = "gtmodel-c-costs-1"
 

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from ..compiler.causal import CausalFunction
+from ..compiler.toolchain import LINK, STANDARD, Toolchain, find
 from ..results.status import Status
 from .interface import Interface, interfaces
 from .manifest import read
@@ -19,7 +20,6 @@ from .points import draw, evaluate
 from .real import DOUBLE, real_of
 from .single import single
 from .text import hexadecimal
-from .toolchain import LINK, STANDARD, Toolchain, find
 from .wrapper import elements
 
 CALLS = 100  # counted; one more goes before them, so that nothing is loaded on the way

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..compiler.causal import CausalFunction
+from ..compiler.toolchain import SECONDS
 from .interface import Interface, interfaces
 from .manifest import read
 from .text import GenerationError, decimal
-from .toolchain import SECONDS
 from .wrapper import elements
 
 OPTIONS = ("-eva", "-eva-precision", "5", "-warn-special-float", "non-finite")

@@ -7,9 +7,9 @@ import re
 
 import numpy as np
 
+from ..compiler.toolchain import LIBM
 from .real import FLOAT
 from .text import GenerationError
-from .toolchain import LIBM
 
 # shared names that speak of numbers get the f that libm gives to its functions in float: a project may hold both
 _NAMES = """

@@ -9,6 +9,14 @@ import casadi as ca
 import numpy as np
 
 
+def densified(f: ca.Function) -> ca.Function:
+    """The same function with results that are dense."""
+    if all(f.sparsity_out(k).is_dense() for k in range(f.n_out())):
+        return f
+    symbols = f.sx_in()
+    return ca.Function(f.name(), symbols, [ca.densify(r) for r in f.call(symbols)])
+
+
 class PointFunction:
     """A function of columns, called with arrays or numbers; gives each result as an array of its shape.
 
@@ -16,9 +24,7 @@ class PointFunction:
     """
 
     def __init__(self, f: ca.Function) -> None:
-        if not all(f.sparsity_out(k).is_dense() for k in range(f.n_out())):
-            symbols = f.sx_in()
-            f = ca.Function(f.name(), symbols, [ca.densify(r) for r in f.call(symbols)])
+        f = densified(f)
         self._arguments = [np.zeros(f.numel_in(k)) for k in range(f.n_in())]
         self._results = [np.zeros((f.size2_out(k), f.size1_out(k))) for k in range(f.n_out())]
         self._buffer, self._run = f.buffer()

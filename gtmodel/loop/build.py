@@ -13,7 +13,7 @@ from typing import Any
 from .._files import codegen_dir
 from ..cgen import GenerationError
 from ..cgen.manifest import changed_files, lacks, read, sha256
-from ..cgen.toolchain import STANDARD, WARNINGS, exposed, find
+from ..compiler.toolchain import STANDARD, WARNINGS, exposed, find
 from ..results.folder import unfinished
 
 ADAPTER = "gt_loop_model.c"

@@ -28,9 +28,10 @@ if TYPE_CHECKING:
         axis_study as axis_study,
     )
     from .elastic import ElasticStudy as ElasticStudy, elastic_study as elastic_study
-    from .motion_answer import MotionStudy as MotionStudy
     from .motion_study import study as study
+    from .motion_study_result import MotionStudy as MotionStudy
     from .motion_table import table_study as table_study
+    from .motion_table_result import MotionTable as MotionTable
     from .options import (
         Arc as Arc,
         AxisLimits as AxisLimits,
@@ -51,7 +52,6 @@ if TYPE_CHECKING:
     )
     from .paths import read_points as read_points
     from .problem import MotionProblem as MotionProblem
-    from .table_answer import MotionTable as MotionTable
     from .table_row import Published as Published, TableRow as TableRow
     from .task import motion as motion
 

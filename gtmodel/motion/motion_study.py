@@ -18,7 +18,6 @@ from ..results.options import Long
 from ..results.work import Progress, never, silent
 from .constraints import clearances
 from .finer_mesh import how, refinement_note
-from .motion_answer import MotionStudy
 from .motion_result import (
     MotionFailure,
     MotionOutcome,
@@ -28,6 +27,7 @@ from .motion_result import (
     on_this_mesh,
     short_names,
 )
+from .motion_study_result import MotionStudy
 from .options import Cost, End, Export, Limits, MotionMesh, Shape, Solver, Starts
 from .planning import MotionPlan, plan_of
 from .problem import MotionProblem

@@ -10,8 +10,8 @@ from ..results import ArgumentError, SolveStatus, Trajectory, Work, at_most
 from ..results.door import study_function
 from ..results.work import Progress, never, silent
 from .motion_study import MotionStudy, solved
+from .motion_table_result import MotionTable
 from .planning import plan_of
-from .table_answer import MotionTable
 from .table_row import TableRow
 
 MEASURED = ("final_time_s", "energy", "saturation", "optima", "exported_final_time_s", "exported_peak_force_N")

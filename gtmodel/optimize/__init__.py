@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from .._lazy import public
 
 if TYPE_CHECKING:
-    from .compiled import CompilerMissing as CompilerMissing
+    from ..compiler.library_cache import CompilerMissing as CompilerMissing
     from .control import Blocks as Blocks
     from .estimate import Estimate as Estimate, estimate as estimate
     from .judgement.refine import Refinement as Refinement, refine as refine

@@ -6,11 +6,11 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+from ..compiler.library_cache import CompilerMissing
 from ..lang import ModelError, Optimization
 from ..results import ArgumentError, Trajectory, Work
 from ..results.door import study_function
 from ..results.work import Progress, never, silent
-from .compiled import CompilerMissing
 from .judgement.resimulate import resimulate
 from .mesh import Mesh
 from .optimization_result import TRIED, OptimizationStudy

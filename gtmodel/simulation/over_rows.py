@@ -7,7 +7,7 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from ..compiler.point_function import PointFunction
+from ..compiler.point_function import PointFunction, densified
 from ..compiler.rows import map_columns
 
 
@@ -16,8 +16,7 @@ class OverRows:
     (n, size), one for each output."""
 
     def __init__(self, f: ca.Function) -> None:
-        symbols = f.sx_in()
-        self.function = ca.Function(f.name(), symbols, [ca.densify(r) for r in f.call(symbols)])
+        self.function = densified(f)
         self._made: dict[int, ca.Function] = {}
 
     @cached_property

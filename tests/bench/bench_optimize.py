@@ -19,7 +19,7 @@ from functools import partial
 from pathlib import Path
 from statistics import median
 
-from gtmodel.cgen import toolchain
+from gtmodel.compiler import toolchain
 from tests.bench.rivals.gtmodel_road import compile_seconds, declared, solve_blocks
 from tests.bench.rivals.l1_by_hand import Motion
 from tests.bench.rivals.plain_casadi import solve_mx, solve_sx

@@ -1,9 +1,10 @@
 """The slow problems from two trees, interleaved: what a person waits for beside what he waited for before.
 
-OMP_NUM_THREADS=1 python tests/bench/bench_slow.py OTHER_TREE [--runs N] [PROBLEM ...]
+OMP_NUM_THREADS=1 python tests/bench/bench_slow.py [--other TREE] [--runs N] [PROBLEM ...]
 
 Each solve is a process of its own with an empty cache of compiled code; its time is processor time, children (gcc)
-counted. Of l1_min_time what its two optimisations take is measured apart. Prints Markdown.
+counted. Of l1_min_time what its two optimisations take is measured apart. Prints Markdown; without another tree the
+times of this one alone, which say nothing of fast or slow.
 """
 
 from __future__ import annotations
@@ -62,10 +63,15 @@ def seconds(tree: Path, problem: str) -> tuple[float, float]:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("other", type=Path, help="the tree to be compared with")
+    parser.add_argument("--other", type=Path, help="the tree to be compared with")
     parser.add_argument("problems", nargs="*", default=[*SLOW, SPLIT])
     parser.add_argument("--runs", type=int, default=3)
-    options = parser.parse_intermixed_args()
+    options = parser.parse_args()
+    if options.other is None:
+        print("| problem | now [s] |\n|---|---:|", flush=True)
+        for problem in options.problems:
+            print(f"| {problem} | {median(seconds(OWN, problem)[0] for _ in range(options.runs)):.1f} |", flush=True)
+        return 0
     print("| problem | before [s] | now [s] | ratio | at least | |\n|---|---:|---:|---:|---:|---|", flush=True)
     good = True
     for problem in options.problems:

@@ -11,8 +11,8 @@ import pytest
 
 import gtmodel as gt
 from gtmodel import cgen
-from gtmodel.cgen.toolchain import Toolchain
 from gtmodel.compiler.causal import CausalFunction
+from gtmodel.compiler.toolchain import Toolchain
 from tests.bench.callgrind import missing
 
 Functions = dict[str, CausalFunction]

@@ -10,10 +10,10 @@ import pytest
 
 import gtmodel as gt
 from gtmodel import Status, cgen
-from gtmodel.cgen import toolchain
 from gtmodel.cgen.interface import interfaces
 from gtmodel.cgen.points import HELD, draw, evaluate
 from gtmodel.cgen.verification.comparison import call
+from gtmodel.compiler import toolchain
 from gtmodel.results import SolveStatus
 from gtmodel.results.check import failed_of
 from tests.cgen.conftest import Functions, SliderCrank, c_files, copy, run, succeed

@@ -9,7 +9,7 @@ import stat
 import numpy as np
 import pytest
 
-from gtmodel.cgen import toolchain
+from gtmodel.compiler import toolchain
 from gtmodel.optimize import CompilerMissing, Mesh, SolverOptions, solve, solve_phases, transcribe
 from tests.optimize import features, problems
 

@@ -11,13 +11,13 @@ import casadi as ca
 
 from ..._version import __version__
 from ...compiler.causal import CausalFunction
+from ...compiler.toolchain import Toolchain, find
 from ...results import Check, at_least, at_most
 from ..generation import contents
 from ..interface import Interface, interfaces
 from ..manifest import changed_entries, changed_files, interface_entry, lacks, parameters_hash, read, sha256
 from ..real import real_of
 from ..text import GenerationError
-from ..toolchain import Toolchain, find
 from .comparison import compare
 from .report import CheckReport, check_report
 

@@ -8,6 +8,7 @@ from functools import partial
 
 import numpy as np
 
+from ..library_cache import CompilerMissing, kept_library
 from .program import ColumnProgram
 from .source import FLAGS, NAME, source
 
@@ -86,8 +87,6 @@ class Prospect:
     def make(self, build: bool) -> bool:
         """Load the library, or build it if wanted; whether it is there. A machine without a compiler, or where nothing
         can be kept, stays with NumPy."""
-        from ...optimize.compiled import CompilerMissing, kept_library
-
         if self._made is not None or not self._possible:
             return self._made is not None
         self._looked = True
