@@ -60,6 +60,7 @@ Set = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="Change a key of the file, as limits.force_N=500; repeatable."),
 ]
+Quiet = Annotated[bool, typer.Option("--quiet", help="Show no progress on stderr.")]
 WriteFailed = Annotated[
     bool,
     typer.Option("--write-failed", help="Write files for machines though a check failed, marked in the first line."),
@@ -168,6 +169,7 @@ def solve(
         Path | None, typer.Option(metavar="RESULT", help="Start from the result.json of an earlier --out.")
     ] = None,
     write_failed: WriteFailed = False,
+    quiet: Quiet = False,
 ) -> None:
     """Solve a problem. Ctrl-C and SIGTERM stop it and keep the best iterate."""
     from gtmodel.problem_files import run
@@ -176,7 +178,7 @@ def solve(
         loaded = _load(problem, settings, answer)
         job = run.context_of(loaded, max_seconds=max_seconds, start=start)
         folder = out or (Path(f"{job.name}-result") if plot else None)
-        with terminal.watching(job):
+        with terminal.watching(job, quiet=quiet):
             answer.finished = run.solve(loaded, job, out=folder, plot=plot, write_failed=write_failed)
         if plot and not answer.finished.outcome.figures:
             print(f"{problem}: there is no picture of this result", file=sys.stderr)
@@ -193,6 +195,7 @@ def codegen(
     settings: Set = None,
     as_json: Json = False,
     write_failed: WriteFailed = False,
+    quiet: Quiet = False,
 ) -> None:
     """Generate the C code of a robot's functions. With --check, code that fails a check is not written."""
     from gtmodel.problem_files import run
@@ -200,7 +203,7 @@ def codegen(
     with answering(context, as_json, problem) as answer:
         loaded = _load(problem, settings, answer)
         job = run.context_of(loaded)
-        with terminal.watching(job, "stopping after this step"):
+        with terminal.watching(job, "stopping after this step", quiet=quiet):
             answer.finished = run.generate(loaded, job, out, verify=check, write_failed=write_failed)
 
 
@@ -227,6 +230,7 @@ def loop(
         Path | None, typer.Option("--out", metavar="OUT", help="Results; DIR/loop by default.", callback=_folder)
     ] = None,
     as_json: Json = False,
+    quiet: Quiet = False,
 ) -> None:
     """Run the 4 ms loop with generated code against a simulated controller on loopback, its law off and on."""
     from gtmodel.problem_files import loop_run
@@ -235,7 +239,7 @@ def loop(
     with answering(context, as_json, str(folder)) as answer:
         answer.kind, answer.title = "loop", f"{peer}: {law}"
         job = Context(name=folder.name)
-        with terminal.watching(job, "stopping the loop, nothing will be compared"):
+        with terminal.watching(job, "stopping the loop, nothing will be compared", quiet=quiet):
             answer.finished = loop_run.run(
                 folder, out or folder / "loop", job, reference=reference, peer=peer, seconds=seconds, law=law,
                 in_lockstep=lockstep, elastic=elastic, deceleration=deceleration,

@@ -42,7 +42,7 @@ class Integration:
         self._settings = ready.settings
         self._rows, self._grid, self._pace = rows, grid, pace
         system = ready.system
-        self.audit = Audit(ready.systems.original_equations)
+        self.audit = Audit(ready.systems.original_equations, ready.systems.parameters)
         self.system = system
         self.switches: list[Switch] = []
         self.history = History()
