@@ -5,6 +5,7 @@ Exit code 0: solved and every check passed; 1: not; 2: bad input, one plain sent
 
 from __future__ import annotations
 
+import json
 import os
 import sys
 from collections.abc import Sequence
@@ -152,6 +153,27 @@ def schema(
     print()
     rows = [(name, about["unit"], about["description"]) for name, about in document["values"].items()]
     terminal.table(("in values", "unit", "description"), rows)
+
+
+@app.command()
+def doctor(context: typer.Context, as_json: Json = False) -> None:
+    """Show versions, solvers, compiler, extras and cache of this machine, for a report of a fault.
+
+    Exit code 0 when gtmodel can solve problems here; else the message says what to do.
+    """
+    from gtmodel._doctor.report import HEAD, examined
+
+    with answering(context, as_json, "doctor"):
+        report = examined()
+    if as_json:
+        print(json.dumps(report.document()))  # here, because the usual way needs NumPy
+    else:
+        terminal.table(HEAD, report.cells())
+        if report.ok:
+            print(f"\n{report.message}")
+    if not report.ok:
+        print(report.message, file=sys.stderr)
+        raise typer.Exit(1)
 
 
 @app.command()
