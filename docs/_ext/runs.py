@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
 import os
+import pty
+import re
 import shlex
 import subprocess
 import sys
@@ -15,7 +18,7 @@ from pathlib import Path
 
 CLONE = Path(__file__).parents[2]
 KEPT = CLONE / "build" / "site" / "runs"
-WIDTH = "110"  # columns of the printed tables
+WIDTH = "116"  # columns of the printed tables
 
 
 @dataclass(frozen=True)
@@ -59,9 +62,25 @@ def run(command: str) -> Result:
 
 def run_in(work: Path, arguments: list[str]) -> tuple[int, str]:
     """Exit code of `gtmodel` with these arguments in a folder, and what it printed; its errors too where it failed."""
-    env = {**os.environ, "PYTHONPATH": str(CLONE), "COLUMNS": WIDTH, "MPLBACKEND": "Agg", "TERM": "dumb"}
+    env = {**os.environ, "PYTHONPATH": str(CLONE), "MPLBACKEND": "Agg", "TERM": "xterm", "NO_COLOR": "1", "COLUMNS": WIDTH}
     command = [sys.executable, "-m", "gtmodel", *arguments]
-    done = subprocess.run(command, cwd=work, env=env, capture_output=True, text=True, check=False)
-    text = done.stdout + (done.stderr if done.returncode else "")
+    with tempfile.TemporaryFile() as errors:
+        reader, terminal = pty.openpty()  # tables as a terminal of this width shows them
+        with subprocess.Popen(command, cwd=work, env=env, stdout=terminal, stderr=errors) as process:
+            os.close(terminal)
+            text = _all_of(reader)
+        errors.seek(0)
+        text += errors.read().decode() if process.returncode else ""
+    text = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", text)  # bold and dim
     lines = [line.rstrip() for line in text.replace(str(work.resolve()), ".").replace(str(work), ".").splitlines()]
-    return done.returncode, "\n".join(lines).strip("\n")
+    return process.returncode, "\n".join(lines).strip("\n")
+
+
+def _all_of(terminal: int) -> str:
+    """What is written to a terminal until its other end is closed."""
+    parts = []
+    with contextlib.suppress(OSError):  # Linux: the other end is closed
+        while part := os.read(terminal, 65536):
+            parts.append(part)
+    os.close(terminal)
+    return b"".join(parts).decode()
