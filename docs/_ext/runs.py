@@ -62,11 +62,11 @@ def run(command: str) -> Result:
 
 def run_in(work: Path, arguments: list[str]) -> tuple[int, str]:
     """Exit code of `gtmodel` with these arguments in a folder, and what it printed; its errors too where it failed."""
-    env = {**os.environ, "PYTHONPATH": str(CLONE), "MPLBACKEND": "Agg", "TERM": "xterm", "NO_COLOR": "1", "COLUMNS": WIDTH}
+    own = {"PYTHONPATH": str(CLONE), "MPLBACKEND": "Agg", "TERM": "xterm", "NO_COLOR": "1", "COLUMNS": WIDTH}
     command = [sys.executable, "-m", "gtmodel", *arguments]
     with tempfile.TemporaryFile() as errors:
         reader, terminal = pty.openpty()  # tables as a terminal of this width shows them
-        with subprocess.Popen(command, cwd=work, env=env, stdout=terminal, stderr=errors) as process:
+        with subprocess.Popen(command, cwd=work, env={**os.environ, **own}, stdout=terminal, stderr=errors) as process:
             os.close(terminal)
             text = _all_of(reader)
         errors.seek(0)
