@@ -60,6 +60,24 @@ def run(command: str) -> Result:
     return Result(kept["text"], kept["code"], sorted(folder.glob("*.png")))
 
 
+def run_page(page: Path) -> dict[str, Result]:
+    """What the commands of a page print that are run in its own order, after its Python and with its files."""
+    text = page.read_text(encoding="utf-8")
+    folder = KEPT / hashlib.sha256(f"{_sources()}\0{text}".encode()).hexdigest()[:24]
+    if not (folder / "page.json").exists():
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory() as work:
+            command = [sys.executable, "-m", "docs._ext.fences", str(page), work, str(folder / "page.json")]
+            subprocess.run(
+                command, cwd=CLONE, check=True, env={**os.environ, "PYTHONPATH": str(CLONE), "MPLBACKEND": "Agg"}
+            )
+            for picture in sorted(Path(work).rglob("*.png")):
+                (folder / picture.name).write_bytes(picture.read_bytes())
+    pictures = sorted(folder.glob("*.png"))
+    rows = json.loads((folder / "page.json").read_text(encoding="utf-8"))
+    return {row["command"]: Result(row["text"], row["code"], pictures) for row in rows}
+
+
 def run_in(work: Path, arguments: list[str]) -> tuple[int, str]:
     """Exit code of `gtmodel` with these arguments in a folder, and what it printed; its errors too where it failed."""
     own = {"PYTHONPATH": str(CLONE), "MPLBACKEND": "Agg", "TERM": "xterm", "NO_COLOR": "1", "COLUMNS": WIDTH}
