@@ -12,6 +12,7 @@ import os
 import re
 import shlex
 import sys
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -58,6 +59,14 @@ def fences(page: Path) -> list[Fence]:
     return made
 
 
+def files_of(page: Path) -> dict[str, str]:
+    """Name -> content of what the reader of a page saves, on pages that it goes on from too."""
+    others = re.findall(r"<!-- files of: (\S+) -->", page.read_text(encoding="utf-8"))
+    files = [files_of(page.with_name(f"{name}.md")) for name in others]
+    own = {fence.file: fence.text for fence in fences(page) if fence.file}
+    return {name: text for saved in [*files, own] for name, text in saved.items()}
+
+
 def run_page(page: Path, work: Path, *, long: bool, python: bool = True) -> list[tuple[Fence, str, int, str]]:
     """Run a page in a folder, and return its commands with exit codes and what they printed.
 
@@ -68,20 +77,36 @@ def run_page(page: Path, work: Path, *, long: bool, python: bool = True) -> list
     for name in ("problems", "notebooks"):
         if not (work / name).exists():
             (work / name).symlink_to(CLONE / name)
+    for name, text in files_of(page).items():
+        (work / name).write_text(text, encoding="utf-8")
     scope: dict[str, Any] = {"__name__": "page"}
     ran = []
     for fence in fences(page):
         if fence.file:
-            (work / fence.file).write_text(fence.text, encoding="utf-8")
-        elif fence.info == "python" and python:
+            continue
+        if fence.info == "python" and python:
             if fence.long and not long:
                 python = False
                 continue
-            with contextlib.chdir(work):
+            with contextlib.chdir(work), _importable(work):
                 exec(compile("\n" * fence.line + fence.text, str(page), "exec"), scope)
         elif long or not fence.long:
             ran += [(fence, command, *run_in(work, shlex.split(command)[1:])) for command in fence.commands]
     return ran
+
+
+@contextlib.contextmanager
+def _importable(folder: Path) -> Iterator[None]:
+    """Modules of a folder may be imported, and are forgotten afterwards."""
+    before = set(sys.modules)
+    sys.path.insert(0, str(folder))
+    try:
+        yield
+    finally:
+        sys.path.remove(str(folder))
+        for name in set(sys.modules) - before:
+            if (folder / f"{name}.py").exists():
+                del sys.modules[name]
 
 
 def main() -> None:

@@ -57,7 +57,7 @@ class Run(_Page):
 
     def run(self) -> list[nodes.Node]:
         page = Path(self.env.doc2path(self.env.docname))
-        own = runs.run_page(page) if any(fence.file for fence in fences.fences(page)) else None
+        own = runs.run_page(page) if fences.files_of(page) else None
         made: list[nodes.Node] = []
         pictures = self.options.get("pictures", "").split()
         for command in self.content:

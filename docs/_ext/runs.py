@@ -16,6 +16,8 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
+from .fences import files_of
+
 CLONE = Path(__file__).parents[2]
 KEPT = CLONE / "build" / "site" / "runs"
 WIDTH = "116"  # columns of the printed tables
@@ -62,7 +64,7 @@ def run(command: str) -> Result:
 
 def run_page(page: Path) -> dict[str, Result]:
     """What the commands of a page print that are run in its own order, after its Python and with its files."""
-    text = page.read_text(encoding="utf-8")
+    text = page.read_text(encoding="utf-8") + str(files_of(page))
     folder = KEPT / hashlib.sha256(f"{_sources()}\0{text}".encode()).hexdigest()[:24]
     if not (folder / "page.json").exists():
         folder.mkdir(parents=True, exist_ok=True)
