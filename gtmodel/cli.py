@@ -5,6 +5,7 @@ Exit code 0: solved and every check passed; 1: not; 2: bad input, one plain sent
 
 from __future__ import annotations
 
+import json
 import os
 import sys
 from collections.abc import Sequence
@@ -133,8 +134,19 @@ def schema(
         str | None, typer.Argument(metavar="KIND", help="Without it: the kinds.", autocompletion=_kinds)
     ] = None,
     as_json: Json = False,
+    for_editors: Annotated[
+        bool, typer.Option("--json-schema", help="Print the JSON Schema with which editors complete and check keys.")
+    ] = False,
 ) -> None:
-    """Show the keys of a kind of problem, with units and defaults, and what its `values` will hold."""
+    """Show the keys of a kind of problem, with units and defaults, and what its `values` will hold.
+
+    For an editor such as VS Code with Even Better TOML: gtmodel schema KIND --json-schema > KIND.schema.json, and
+    #:schema ./KIND.schema.json as the first line of the problem file.
+    """
+    if for_editors:
+        with answering(context, False, kind or "schema"):
+            print(_editor_schema(kind, as_json), end="")
+        return
     from gtmodel.problem_files import names, schema as described
 
     with answering(context, as_json, kind or "schema") as answer:
@@ -152,6 +164,27 @@ def schema(
     print()
     rows = [(name, about["unit"], about["description"]) for name, about in document["values"].items()]
     terminal.table(("in values", "unit", "description"), rows)
+
+
+@app.command()
+def doctor(context: typer.Context, as_json: Json = False) -> None:
+    """Show versions, solvers, compiler, extras and cache of this machine, for a report of a fault.
+
+    Exit code 0 when gtmodel can solve problems here; else the message says what to do.
+    """
+    from gtmodel._doctor.report import HEAD, examined
+
+    with answering(context, as_json, "doctor"):
+        report = examined()
+    if as_json:
+        print(json.dumps(report.document()))  # here, because the usual way needs NumPy
+    else:
+        terminal.table(HEAD, report.cells())
+        if report.ok:
+            print(f"\n{report.message}")
+    if not report.ok:
+        print(report.message, file=sys.stderr)
+        raise typer.Exit(1)
 
 
 @app.command()
@@ -244,6 +277,17 @@ def loop(
                 folder, out or folder / "loop", job, reference=reference, peer=peer, seconds=seconds, law=law,
                 in_lockstep=lockstep, elastic=elastic, deceleration=deceleration,
             )  # fmt: skip
+
+
+def _editor_schema(kind: str | None, as_json: bool) -> str:
+    from gtmodel.problem_files import InputError, names
+    from gtmodel.problem_files.editor_schema import text_of
+
+    if as_json:
+        raise InputError("--json-schema is JSON already; leave --json out")
+    if kind is None:
+        raise InputError(f"--json-schema needs a kind; there are {', '.join(names())}")
+    return text_of(kind)
 
 
 def _commands() -> set[str]:
