@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import re
 import shlex
 import subprocess
 import sys
@@ -16,6 +17,7 @@ from pathlib import Path
 CLONE = Path(__file__).parents[2]
 KEPT = CLONE / "build" / "site" / "runs"
 WIDTH = "110"  # columns of the printed tables
+PROGRESS = re.compile(r"\d+:\d\d:\d\d ")  # a line every ten seconds, where a machine is slow enough for one
 
 
 @dataclass(frozen=True)
@@ -64,4 +66,5 @@ def run_in(work: Path, arguments: list[str]) -> tuple[int, str]:
     done = subprocess.run(command, cwd=work, env=env, capture_output=True, text=True, check=False)
     text = done.stdout + (done.stderr if done.returncode else "")
     lines = [line.rstrip() for line in text.replace(str(work.resolve()), ".").replace(str(work), ".").splitlines()]
+    lines = [line for line in lines if not PROGRESS.match(line)]
     return done.returncode, "\n".join(lines).strip("\n")
