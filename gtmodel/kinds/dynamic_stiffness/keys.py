@@ -6,7 +6,7 @@ from typing import Literal
 
 from pydantic import Field, NonNegativeFloat
 
-from gtmodel.problem_files.base import FileSection, Problem
+from gtmodel.problem_files.base import FileSection, Problem, Source
 from gtmodel.problem_files.from_options import Made, made_from
 from gtmodel.vibration.dynamic_stiffness import options
 
@@ -20,6 +20,7 @@ class MeasuredExperimentsSection(FileSection):
         description="CSV file with the columns x [m], y [m], z [m], A [deg], direction and file; rows of the same "
         "pose and direction are hits of one experiment, unless a column experiment tells them apart"
     )
+    source: Source = ""
 
 
 @made_from(options.SyntheticArm)
