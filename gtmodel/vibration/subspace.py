@@ -11,8 +11,8 @@ import numpy as np
 from ..results import ArgumentError
 from .hankel import project
 from .input_matrices import input_matrices
-from .order import NOISE_FREE, OrderTrial, choose, gap, largest_order
 from .options import BLOCK_ROWS, HELD_OUT, LARGEST
+from .order import NOISE_FREE, OrderTrial, choose, gap, largest_order
 from .record import Record, go_on
 from .response import simulate
 
