@@ -25,6 +25,25 @@ class UnitError(ValueError):
     """A unit text, or a combination of units, that has no meaning. The message is one plain sentence."""
 
 
+class UnknownSymbol(UnitError):
+    """A unit text with a symbol that is none; what was meant is looked for when somebody reads the message."""
+
+    def __init__(self, text: str, symbol: str) -> None:
+        super().__init__(text, symbol)
+        self._text, self._symbol = text, symbol
+
+    def __str__(self) -> str:
+        symbol = self._symbol
+        close = difflib.get_close_matches(symbol, _SYMBOLS, n=3, cutoff=0.5)
+        close += [
+            f"{symbol[:i]}.{symbol[i:]}"
+            for i in range(1, len(symbol))
+            if symbol[:i] in _SYMBOLS and symbol[i:] in _SYMBOLS
+        ]
+        hint = "close matches are " + ", ".join(map(repr, close)) if close else "known are " + ", ".join(_SYMBOLS)
+        return f"unit {self._text!r} holds the unknown symbol {symbol!r}; {hint}"
+
+
 @dataclass(frozen=True)
 class Dimension:
     """Product of powers of the seven SI base units; immutable and hashable.
@@ -277,14 +296,7 @@ class _Reader:
 
     def symbol(self, symbol: str) -> _Value:
         if symbol not in _SYMBOLS:
-            close = difflib.get_close_matches(symbol, _SYMBOLS, n=3, cutoff=0.5)
-            close += [
-                f"{symbol[:i]}.{symbol[i:]}"
-                for i in range(1, len(symbol))
-                if symbol[:i] in _SYMBOLS and symbol[i:] in _SYMBOLS
-            ]
-            hint = "close matches are " + ", ".join(map(repr, close)) if close else "known are " + ", ".join(_SYMBOLS)
-            raise UnitError(f"unit {self.text!r} holds the unknown symbol {symbol!r}; {hint}")
+            raise UnknownSymbol(self.text, symbol)
         return _SYMBOLS[symbol]
 
     def power(self, value: _Value, power: Fraction) -> _Value:

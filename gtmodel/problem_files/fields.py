@@ -5,9 +5,11 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping
 from functools import cache
+from types import NoneType
 from typing import Any, NamedTuple
 
 import pydantic
+from pydantic.json_schema import GenerateJsonSchema
 
 from gtmodel.results.unit_names import unit_of
 
@@ -44,10 +46,17 @@ class Key(NamedTuple):
         return self.key.rpartition(".")[0]
 
 
+class _Generator(GenerateJsonSchema):
+    """pydantic's own, without a serializer for each default that is JSON already."""
+
+    def encode_default(self, dft: Any) -> Any:
+        return dft if type(dft) in (NoneType, bool, int, float, str) else super().encode_default(dft)
+
+
 @cache
 def json_schema(schema: type[pydantic.BaseModel]) -> dict[str, Any]:
     """The JSON schema; made once, so leave it as it is."""
-    return schema.model_json_schema()
+    return schema.model_json_schema(schema_generator=_Generator)
 
 
 @cache
