@@ -94,6 +94,8 @@ class Dimension:
 
 def _rational(power: int | float | Fraction) -> int | Fraction:
     """The exact power, an int where it is whole; raises UnitError for a float that is no simple fraction."""
+    if type(power) is int:
+        return power
     exact = None
     if isinstance(power, Rational):
         exact = Fraction(int(power.numerator), int(power.denominator))
@@ -256,7 +258,7 @@ class _Reader:
             elif not spaced:
                 self.fail_here()
             if mark == "/":
-                value, divided = value * self.power(self.factor(), Fraction(-1)), True
+                value, divided = value * self.power(self.factor(), -1), True
             elif divided:
                 raise UnitError(
                     f"unit {self.text!r} has a product after '/', which can be read in two ways; put the "
@@ -291,7 +293,8 @@ class _Reader:
             below = int(match["below"] or 1)
             if below == 0:
                 raise UnitError(f"unit {self.text!r} has a power with denominator 0; write a fraction such as '^(1/2)'")
-            value = self.power(value, Fraction(int(match["whole"] or match["above"]), below))
+            above = int(match["whole"] or match["above"])
+            value = self.power(value, above if below == 1 else Fraction(above, below))
         return value
 
     def symbol(self, symbol: str) -> _Value:
@@ -299,7 +302,7 @@ class _Reader:
             raise UnknownSymbol(self.text, symbol)
         return _SYMBOLS[symbol]
 
-    def power(self, value: _Value, power: Fraction) -> _Value:
+    def power(self, value: _Value, power: int | Fraction) -> _Value:
         if power.denominator == 1:
             bits = max(value.factor.numerator.bit_length(), value.factor.denominator.bit_length()) - 1
             if max(bits, 2 * abs(value.pi_power)) * abs(power) > MAX_SCALE_BITS:
