@@ -47,10 +47,14 @@ class Key(NamedTuple):
 
 
 class _Generator(GenerateJsonSchema):
-    """pydantic's own, without a serializer for each default that is JSON already."""
+    """pydantic's own, without a serializer for each default that is JSON already, or a table of such."""
 
     def encode_default(self, dft: Any) -> Any:
-        return dft if type(dft) in (NoneType, bool, int, float, str) else super().encode_default(dft)
+        if type(dft) in (NoneType, bool, int, float, str):
+            return dft
+        if isinstance(dft, pydantic.BaseModel):
+            return {name: self.encode_default(value) for name, value in dft}
+        return [self.encode_default(one) for one in dft] if type(dft) is list else super().encode_default(dft)
 
 
 @cache
