@@ -40,6 +40,11 @@ def test_a_command_that_computes_nothing_imports_nothing_heavy(words: list[str])
     assert not {m for m in modules if m.startswith(("gtmodel.compiler", "gtmodel.mechanics", "gtmodel.kinds"))}
 
 
+def test_the_doctor_imports_nothing_that_may_be_broken() -> None:
+    modules = imported(RUN.format(words=["doctor", "--json"]))
+    assert "gtmodel._doctor.report" in modules and not modules & (HEAVY | {"control"})
+
+
 def test_help_of_the_command_line_reads_five_files_of_ours() -> None:
     ours = {m for m in imported(RUN.format(words=["--help"])) if m.startswith("gtmodel")}
     assert ours == {

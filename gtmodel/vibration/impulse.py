@@ -12,6 +12,7 @@ import scipy
 from gtmodel.inference import nonlinear_fit, whiteness
 from gtmodel.results import Estimate
 
+from .._lazy import hint
 from ..results import ArgumentError
 from .continuous import NEAR
 from .hankel import block_hankel
@@ -20,7 +21,9 @@ from .output_error import REWEIGHTED, central, settled, too_far, weights_of
 from .record import Record, columns, go_on
 
 if TYPE_CHECKING:
-    import control
+    from control import StateSpace
+else:
+    StateSpace = hint("control", "StateSpace")
 
 ROWS = 3  # the Hankel matrix has one row of blocks to this many columns
 MOST_ROWS = 200  # more cost time and determine no more
@@ -56,7 +59,7 @@ class ImpulseModel:
 
     resonances: tuple[Resonance, ...]
     distance: np.ndarray
-    system: control.StateSpace
+    system: StateSpace
     rest: np.ndarray
     criterion: dict[int, float]
     estimate: Estimate

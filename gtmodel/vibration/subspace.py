@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
 
+from .._lazy import hint
 from ..results import ArgumentError
 from .hankel import project
 from .input_matrices import input_matrices
@@ -17,7 +18,9 @@ from .record import Record, go_on
 from .response import simulate
 
 if TYPE_CHECKING:
-    import control
+    from control import StateSpace
+else:
+    StateSpace = hint("control", "StateSpace")
 
 Method = Literal["n4sid", "moesp", "cva"]
 
@@ -37,7 +40,7 @@ class SubspaceModel:
     without the held-out samples; `fitted` (N, p) of `system`. `synthetic` as in the record.
     """
 
-    system: control.StateSpace
+    system: StateSpace
     method: Method
     order: int
     why: str
