@@ -20,7 +20,7 @@ PYTEST     := env -u MAKEFLAGS -u MFLAGS -u MAKELEVEL -u PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help demo test types pytest proof bench docs conformance format constraints clean
+.PHONY: help demo test types pytest proof bench docs conformance format schemas constraints clean
 
 help:
 	@echo "make demo         solve the time-optimal motion of the L1 prototype, then generate and check its C code"
@@ -30,6 +30,7 @@ help:
 	@echo "make docs         build the site, build/site/html/index.html, with all commands and notebooks run"
 	@echo "make conformance  solve the problems with known optima and write docs/conformance.md"
 	@echo "make format       bring the Python files into the form that make test asks for"
+	@echo "make schemas      write problems/schemas anew, with which editors complete and check the keys of problems"
 	@echo "make constraints  resolve constraints.txt anew"
 	@echo "make clean        remove what was built and the caches; the environment, $(VENV), stays"
 	@echo "PYTHON=python3.12 chooses the interpreter of the environment, JOBS=4 the test processes."
@@ -75,6 +76,10 @@ conformance: $(VENV)/.dev
 format: $(VENV)/.dev
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
+
+schemas: $(VENV)/.core
+	mkdir -p problems/schemas
+	$(BIN)/python -c "from gtmodel.problem_files.editor_schema import write_all; write_all('problems/schemas')"
 
 # A failed or broken-off install leaves no stamp, and the next make repeats it.
 $(VENV)/.core: pyproject.toml constraints.txt | $(BIN)/python

@@ -134,8 +134,19 @@ def schema(
         str | None, typer.Argument(metavar="KIND", help="Without it: the kinds.", autocompletion=_kinds)
     ] = None,
     as_json: Json = False,
+    for_editors: Annotated[
+        bool, typer.Option("--json-schema", help="Print the JSON Schema with which editors complete and check keys.")
+    ] = False,
 ) -> None:
-    """Show the keys of a kind of problem, with units and defaults, and what its `values` will hold."""
+    """Show the keys of a kind of problem, with units and defaults, and what its `values` will hold.
+
+    For an editor such as VS Code with Even Better TOML: gtmodel schema KIND --json-schema > KIND.schema.json, and
+    #:schema ./KIND.schema.json as the first line of the problem file.
+    """
+    if for_editors:
+        with answering(context, False, kind or "schema"):
+            print(_editor_schema(kind, as_json), end="")
+        return
     from gtmodel.problem_files import names, schema as described
 
     with answering(context, as_json, kind or "schema") as answer:
@@ -266,6 +277,17 @@ def loop(
                 folder, out or folder / "loop", job, reference=reference, peer=peer, seconds=seconds, law=law,
                 in_lockstep=lockstep, elastic=elastic, deceleration=deceleration,
             )  # fmt: skip
+
+
+def _editor_schema(kind: str | None, as_json: bool) -> str:
+    from gtmodel.problem_files import InputError, names
+    from gtmodel.problem_files.editor_schema import text_of
+
+    if as_json:
+        raise InputError("--json-schema is JSON already; leave --json out")
+    if kind is None:
+        raise InputError(f"--json-schema needs a kind; there are {', '.join(names())}")
+    return text_of(kind)
 
 
 def _commands() -> set[str]:

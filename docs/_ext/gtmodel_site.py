@@ -27,7 +27,7 @@ from sphinx.util.docutils import SphinxDirective
 
 from gtmodel.problem_files import schema
 
-from . import reference, runs
+from . import fences, reference, runs
 
 DOCS = Path(__file__).parents[1]
 CLONE = DOCS.parent
@@ -47,18 +47,30 @@ class _Page(SphinxDirective):
 
 
 class Run(_Page):
-    """Commands, a line each, and what each prints; `status` is the exit code that is expected, 0 if left out."""
+    """Commands, a line each, and what each prints.
+
+    Options: `status`, the exit code that is expected, 0 if left out; `pictures`, which of theirs are shown.
+    """
 
     has_content = True
-    option_spec: ClassVar[dict[str, Any]] = {"status": directives.nonnegative_int}
+    option_spec: ClassVar[dict[str, Any]] = {"status": directives.nonnegative_int, "pictures": directives.unchanged}
 
     def run(self) -> list[nodes.Node]:
+        page = Path(self.env.doc2path(self.env.docname))
+        own = runs.run_page(page) if fences.files_of(page) else None
         made: list[nodes.Node] = []
+        pictures = self.options.get("pictures", "").split()
         for command in self.content:
-            result = runs.run(command)
+            result = runs.run(command) if own is None else own[command.split("  #")[0].strip()]
             if result.code != self.options.get("status", 0):
                 raise self.error(f"'{command}' ended with {result.code}: {result.text[-500:]}")
             made += self.console(command, result.text)
+            for picture in [p for p in pictures if p in {one.name for one in result.pictures}]:
+                pictures.remove(picture)
+                path = _shown(result, picture, self.env.docname.replace("/", "_"), self)
+                made += self.markdown(f"```{{image}} /{path}\n:alt: {Path(picture).stem}\n```")
+        if pictures:
+            raise self.error(f"nothing here draws {', '.join(pictures)}")
         return made
 
 

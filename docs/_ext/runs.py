@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
 import os
+import pty
 import re
 import shlex
 import subprocess
@@ -14,9 +16,11 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
+from .fences import files_of
+
 CLONE = Path(__file__).parents[2]
 KEPT = CLONE / "build" / "site" / "runs"
-WIDTH = "110"  # columns of the printed tables
+WIDTH = "116"  # columns of the printed tables
 PROGRESS = re.compile(r"\d+:\d\d:\d\d ")  # a line every ten seconds, where a machine is slow enough for one
 
 
@@ -59,12 +63,46 @@ def run(command: str) -> Result:
     return Result(kept["text"], kept["code"], sorted(folder.glob("*.png")))
 
 
+def run_page(page: Path) -> dict[str, Result]:
+    """What the commands of a page print that are run in its own order, after its Python and with its files."""
+    text = page.read_text(encoding="utf-8") + str(files_of(page))
+    folder = KEPT / hashlib.sha256(f"{_sources()}\0{text}".encode()).hexdigest()[:24]
+    if not (folder / "page.json").exists():
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory() as work:
+            command = [sys.executable, "-m", "docs._ext.fences", str(page), work, str(folder / "page.json")]
+            subprocess.run(
+                command, cwd=CLONE, check=True, env={**os.environ, "PYTHONPATH": str(CLONE), "MPLBACKEND": "Agg"}
+            )
+            for picture in sorted(Path(work).rglob("*.png")):
+                (folder / picture.name).write_bytes(picture.read_bytes())
+    pictures = sorted(folder.glob("*.png"))
+    rows = json.loads((folder / "page.json").read_text(encoding="utf-8"))
+    return {row["command"]: Result(row["text"], row["code"], pictures) for row in rows}
+
+
 def run_in(work: Path, arguments: list[str]) -> tuple[int, str]:
     """Exit code of `gtmodel` with these arguments in a folder, and what it printed; its errors too where it failed."""
-    env = {**os.environ, "PYTHONPATH": str(CLONE), "COLUMNS": WIDTH, "MPLBACKEND": "Agg", "TERM": "dumb"}
+    own = {"PYTHONPATH": str(CLONE), "MPLBACKEND": "Agg", "TERM": "xterm", "NO_COLOR": "1", "COLUMNS": WIDTH}
     command = [sys.executable, "-m", "gtmodel", *arguments]
-    done = subprocess.run(command, cwd=work, env=env, capture_output=True, text=True, check=False)
-    text = done.stdout + (done.stderr if done.returncode else "")
+    with tempfile.TemporaryFile() as errors:
+        reader, terminal = pty.openpty()  # tables as a terminal of this width shows them
+        with subprocess.Popen(command, cwd=work, env={**os.environ, **own}, stdout=terminal, stderr=errors) as process:
+            os.close(terminal)
+            text = _all_of(reader)
+        errors.seek(0)
+        text += errors.read().decode() if process.returncode else ""
+    text = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", text)  # bold and dim
     lines = [line.rstrip() for line in text.replace(str(work.resolve()), ".").replace(str(work), ".").splitlines()]
     lines = [line for line in lines if not PROGRESS.match(line)]
-    return done.returncode, "\n".join(lines).strip("\n")
+    return process.returncode, "\n".join(lines).strip("\n")
+
+
+def _all_of(terminal: int) -> str:
+    """What is written to a terminal until its other end is closed."""
+    parts = []
+    with contextlib.suppress(OSError):  # Linux: the other end is closed
+        while part := os.read(terminal, 65536):
+            parts.append(part)
+    os.close(terminal)
+    return b"".join(parts).decode()
