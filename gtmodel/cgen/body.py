@@ -128,15 +128,15 @@ def trimmed(text: str, prefix: str, wanted: set[str], kernels: Collection[str] =
 
 def _residual_alone(text: str, kernel: str) -> str:
     """The text with a return behind the residual of a kernel that is not given a place for its Jacobian."""
-    head, found, rest = text.partition(f"/* {kernel}:(")
+    head, begin, rest = text.partition(f"/* {kernel}:(")
     function, end, rest = rest.partition("\n}\n")
     parts = _RESIDUAL.match(function)
-    if not found or parts is None or "res[1]" in parts["residual"]:
+    if not begin or parts is None or "res[1]" in parts["residual"]:
         raise GenerationError(
             f"CasADi {ca.CasadiMeta.version()} writes '{kernel}' in a form that gtmodel does not know"
         )
     function = f"{parts['residual']}  if (res[1] == 0) {{ return 0; }}\n{parts['jacobian']}"
-    return f"{head}{found}{function}{end}{rest}"
+    return f"{head}{begin}{function}{end}{rest}"
 
 
 def _with_unused(function: re.Match[str]) -> str:
