@@ -186,8 +186,9 @@ class Derivatives:
 
     def exchanged(self, functions: Sequence[ca.Function]) -> Derivatives:
         """The same with other functions of the same names."""
-        rows, first, second, *cost = functions
-        return Derivatives(self.kernel, rows, *(cost or [None]) * 2, first, second, self.by_rows, self.by_unknowns)
+        rows, first, second, *costs = functions
+        cost = costs[0] if costs else None
+        return Derivatives(self.kernel, rows, cost, cost, first, second, self.by_rows, self.by_unknowns)
 
 
 def derivatives(kernel: PointKernel) -> Derivatives:

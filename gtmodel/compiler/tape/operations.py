@@ -169,3 +169,32 @@ def read_in(tape: Tape, expression: ca.SX, symbols: ca.SX) -> list[int]:
     """The entries of a column, its symbols at places 0, 1, ... of the inputs."""
     f = ca.Function("f", [symbols], [ca.densify(expression)])
     return tape.taken(instructions(f), [tape.input(k) for k in range(symbols.numel())])
+
+
+def parted(tape: Tape, numbers: Sequence[int], given: Sequence[int]) -> tuple[list[int], Tape, list[int]]:
+    """What of these numbers depends on the inputs `given` alone is taken out: its numbers on this tape; a tape of the
+    rest, whose first inputs, after the places of this tape's, are what was taken out; and the numbers on that."""
+    alone = set(given)
+    outside: dict[int, int] = {}
+    rest = Tape()
+    there: dict[int, int] = {}
+    places = 1 + max((tape.first[k] for k in range(len(tape.op)) if tape.op[k] == ca.OP_INPUT), default=-1)
+
+    def moved(k: int) -> int:
+        if k in alone and tape.op[k] not in (ca.OP_CONST, ca.OP_INPUT):
+            return rest.input(places + outside.setdefault(k, len(outside)))
+        if k not in there:
+            there[k] = rest.constant(tape.constants[k]) if k in tape.constants else rest.input(tape.first[k])
+        return there[k]
+
+    for k in tape.needed(numbers):
+        operands = tape.operands(k)
+        if not operands:
+            if k in tape.constants:
+                alone.add(k)
+        elif all(x in alone for x in operands):
+            alone.add(k)
+        else:
+            there[k] = rest.applied(tape.op[k], *[moved(x) for x in operands])
+    results = [moved(k) for k in numbers]
+    return list(outside), rest, results
