@@ -20,15 +20,17 @@ PYTEST     := env -u MAKEFLAGS -u MFLAGS -u MAKELEVEL -u PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help demo test types pytest proof bench conformance format constraints clean
+.PHONY: help demo test types pytest proof bench docs conformance format schemas constraints clean
 
 help:
 	@echo "make demo         solve the time-optimal motion of the L1 prototype, then generate and check its C code"
 	@echo "make test         lint, types and all tests: what CI runs"
 	@echo "make proof        long statistics and formal checks"
 	@echo "make bench        benchmarks and rivals"
+	@echo "make docs         build the site, build/site/html/index.html, with all commands and notebooks run"
 	@echo "make conformance  solve the problems with known optima and write docs/conformance.md"
 	@echo "make format       bring the Python files into the form that make test asks for"
+	@echo "make schemas      write problems/schemas anew, with which editors complete and check the keys of problems"
 	@echo "make constraints  resolve constraints.txt anew"
 	@echo "make clean        remove what was built and the caches; the environment, $(VENV), stays"
 	@echo "PYTHON=python3.12 chooses the interpreter of the environment, JOBS=4 the test processes."
@@ -62,12 +64,22 @@ bench: $(VENV)/.bench
 	done; \
 	test $$ran -eq 1 || echo "No benchmark in tests/bench yet: nothing was measured."; exit $$status
 
+# Strict: a link that leads nowhere, a command or a cell that fails ends the build.
+docs: $(VENV)/.docs
+	env -u PYTHONDONTWRITEBYTECODE $(ONE_THREAD) $(RUN) sphinx --quiet --fail-on-warning --keep-going --jobs $(JOBS) \
+	  -b html -d build/site/doctrees docs build/site/html
+	@echo "The site: build/site/html/index.html"
+
 conformance: $(VENV)/.dev
 	$(ONE_THREAD) $(BIN)/python docs/make_conformance.py
 
 format: $(VENV)/.dev
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
+
+schemas: $(VENV)/.core
+	mkdir -p problems/schemas
+	$(BIN)/python -c "from gtmodel.problem_files.editor_schema import write_all; write_all('problems/schemas')"
 
 # A failed or broken-off install leaves no stamp, and the next make repeats it.
 $(VENV)/.core: pyproject.toml constraints.txt | $(BIN)/python
@@ -85,6 +97,11 @@ $(VENV)/.bench: pyproject.toml constraints.txt | $(BIN)/python
 	@$(INSTALL) -e '.[dev,oracle,bench]'
 	@touch $(VENV)/.core $(VENV)/.dev $@
 
+$(VENV)/.docs: pyproject.toml constraints.txt | $(BIN)/python
+	@echo "Installing gtmodel and what builds the site into $(VENV) (a minute or two the first time) ..."
+	@$(INSTALL) -e '.[docs]'
+	@touch $(VENV)/.core $@
+
 $(BIN)/python:
 	@$(PYTHON) -c 'pass' 2>/dev/null || { echo "There is no working '$(PYTHON)'. Name a Python 3.11 or newer: make $(or $(MAKECMDGOALS),test) PYTHON=python3.12"; exit 1; }
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \
@@ -96,7 +113,7 @@ $(BIN)/python:
 # Resolved in an environment of its own; `list` and not `freeze`, which may write local paths.
 constraints: $(BIN)/python
 	rm -rf build/resolve && $(BIN)/python -m venv build/resolve
-	build/resolve/bin/python -m pip install --quiet --disable-pip-version-check --only-binary :all: -e '.[dev,oracle,bench,notebooks]'
+	build/resolve/bin/python -m pip install --quiet --disable-pip-version-check --only-binary :all: -e '.[dev,oracle,bench,notebooks,docs]'
 	{ sed -n '/^#/p' constraints.txt; \
 	  build/resolve/bin/python -m pip list --format freeze --exclude-editable \
 	    --exclude pip --exclude setuptools | LC_ALL=C sort -f; } > build/constraints.txt

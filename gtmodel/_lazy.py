@@ -9,7 +9,7 @@ from importlib import import_module
 from importlib.util import find_spec, resolve_name
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, ForwardRef
 
 
 class _NoSuchName(AttributeError):
@@ -76,6 +76,18 @@ def public(package: str) -> None:
     module.__dict__["_public"] = names
     module.__dict__["__all__"] = sorted({*names, *getattr(module, "__all__", ())})
     module.__class__ = _Package
+
+
+def hint(module: str, name: str) -> Any:
+    """The class `name` of a module, for annotations alone: what runs in place of an import in `if TYPE_CHECKING:`, so
+    that `typing.get_type_hints` finds the class, and imports it when somebody asks.
+
+    if TYPE_CHECKING:
+        from matplotlib.figure import Figure
+    else:
+        Figure = hint("matplotlib.figure", "Figure")
+    """
+    return ForwardRef(f"__import__({module!r}, fromlist=[{name!r}]).{name}")
 
 
 def _names(package: str, file: Path) -> dict[str, tuple[str, str]]:

@@ -9,13 +9,12 @@ import os
 import signal
 import sys
 import unicodedata
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, redirect_stdout, suppress
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager, nullcontext, redirect_stdout, suppress
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from rich.status import Status
-
     from gtmodel.problem_files import Context
     from gtmodel.results import Study
 
@@ -113,9 +112,11 @@ def _flush_c() -> None:
 
 
 @contextmanager
-def watching(context: Context, stopping: str = "stopping at the best iterate") -> Iterator[None]:
-    """Progress on stderr when it is a terminal; the first Ctrl-C asks for a stop, which shows as `stopping`, the
-    second one breaks off. SIGTERM, of a batch system or of `timeout`, and a terminal that is closed ask likewise."""
+def watching(
+    context: Context, stopping: str = "stopping at the best iterate", *, quiet: bool = False
+) -> Iterator[None]:
+    """Progress on stderr, unless `quiet`; the first Ctrl-C asks for a stop, which shows as `stopping`, the second one
+    breaks off. SIGTERM, of a batch system or of `timeout`, and a terminal that is closed ask likewise."""
 
     def interrupt(number: int, _frame: Any) -> None:
         if context.stop_requested:
@@ -137,37 +138,24 @@ def watching(context: Context, stopping: str = "stopping at the best iterate") -
                 continue
             before[number] = signal.signal(number, interrupt)
     try:
-        if not sys.stderr.isatty():
-            yield
-            return
-        from rich.console import Console
-
-        with Console(stderr=True).status("working") as status:
-            context.progress = _Shown(status)
+        with nullcontext() if quiet else _progress_of(context):
             yield
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
 
 
-class _Shown:
-    """Progress as one changing line."""
+@contextmanager
+def _progress_of(context: Context) -> Iterator[None]:
+    from gtmodel import _progress
 
-    def __init__(self, status: Status) -> None:
-        self._status = status
-        self._stage = "working"
+    if not sys.stderr.isatty():
+        context.progress = lines = _progress.PlainLines(partial(print, file=sys.stderr, flush=True), _progress.EVERY_S)
+        with lines.ticking():
+            yield
+        return
+    from rich.console import Console
 
-    def __call__(
-        self,
-        stage: str | None = None,
-        fraction: float | None = None,
-        numbers: Mapping[str, float] | None = None,
-    ) -> None:
-        from rich.text import Text
-
-        from gtmodel.results.table import number
-
-        self._stage = stage or self._stage
-        parts = [self._stage if fraction is None else f"{self._stage} {fraction:.0%}"]
-        parts += [f"{name} {number(value)}" for name, value in (numbers or {}).items()]
-        self._status.update(Text(", ".join(parts)))
+    with Console(stderr=True).status("working") as status:
+        context.progress = _progress.LiveLine(status)
+        yield

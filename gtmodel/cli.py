@@ -5,6 +5,7 @@ Exit code 0: solved and every check passed; 1: not; 2: bad input, one plain sent
 
 from __future__ import annotations
 
+import json
 import os
 import sys
 from collections.abc import Sequence
@@ -60,6 +61,7 @@ Set = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="Change a key of the file, as limits.force_N=500; repeatable."),
 ]
+Quiet = Annotated[bool, typer.Option("--quiet", help="Show no progress on stderr.")]
 WriteFailed = Annotated[
     bool,
     typer.Option("--write-failed", help="Write files for machines though a check failed, marked in the first line."),
@@ -132,8 +134,19 @@ def schema(
         str | None, typer.Argument(metavar="KIND", help="Without it: the kinds.", autocompletion=_kinds)
     ] = None,
     as_json: Json = False,
+    for_editors: Annotated[
+        bool, typer.Option("--json-schema", help="Print the JSON Schema with which editors complete and check keys.")
+    ] = False,
 ) -> None:
-    """Show the keys of a kind of problem, with units and defaults, and what its `values` will hold."""
+    """Show the keys of a kind of problem, with units and defaults, and what its `values` will hold.
+
+    For an editor such as VS Code with Even Better TOML: gtmodel schema KIND --json-schema > KIND.schema.json, and
+    #:schema ./KIND.schema.json as the first line of the problem file.
+    """
+    if for_editors:
+        with answering(context, False, kind or "schema"):
+            print(_editor_schema(kind, as_json), end="")
+        return
     from gtmodel.problem_files import names, schema as described
 
     with answering(context, as_json, kind or "schema") as answer:
@@ -154,6 +167,27 @@ def schema(
 
 
 @app.command()
+def doctor(context: typer.Context, as_json: Json = False) -> None:
+    """Show versions, solvers, compiler, extras and cache of this machine, for a report of a fault.
+
+    Exit code 0 when gtmodel can solve problems here; else the message says what to do.
+    """
+    from gtmodel._doctor.report import HEAD, examined
+
+    with answering(context, as_json, "doctor"):
+        report = examined()
+    if as_json:
+        print(json.dumps(report.document()))  # here, because the usual way needs NumPy
+    else:
+        terminal.table(HEAD, report.cells())
+        if report.ok:
+            print(f"\n{report.message}")
+    if not report.ok:
+        print(report.message, file=sys.stderr)
+        raise typer.Exit(1)
+
+
+@app.command()
 def solve(
     context: typer.Context,
     problem: Problem,
@@ -168,6 +202,7 @@ def solve(
         Path | None, typer.Option(metavar="RESULT", help="Start from the result.json of an earlier --out.")
     ] = None,
     write_failed: WriteFailed = False,
+    quiet: Quiet = False,
 ) -> None:
     """Solve a problem. Ctrl-C and SIGTERM stop it and keep the best iterate."""
     from gtmodel.problem_files import run
@@ -176,7 +211,7 @@ def solve(
         loaded = _load(problem, settings, answer)
         job = run.context_of(loaded, max_seconds=max_seconds, start=start)
         folder = out or (Path(f"{job.name}-result") if plot else None)
-        with terminal.watching(job):
+        with terminal.watching(job, quiet=quiet):
             answer.finished = run.solve(loaded, job, out=folder, plot=plot, write_failed=write_failed)
         if plot and not answer.finished.outcome.figures:
             print(f"{problem}: there is no picture of this result", file=sys.stderr)
@@ -193,6 +228,7 @@ def codegen(
     settings: Set = None,
     as_json: Json = False,
     write_failed: WriteFailed = False,
+    quiet: Quiet = False,
 ) -> None:
     """Generate the C code of a robot's functions. With --check, code that fails a check is not written."""
     from gtmodel.problem_files import run
@@ -200,7 +236,7 @@ def codegen(
     with answering(context, as_json, problem) as answer:
         loaded = _load(problem, settings, answer)
         job = run.context_of(loaded)
-        with terminal.watching(job, "stopping after this step"):
+        with terminal.watching(job, "stopping after this step", quiet=quiet):
             answer.finished = run.generate(loaded, job, out, verify=check, write_failed=write_failed)
 
 
@@ -227,6 +263,7 @@ def loop(
         Path | None, typer.Option("--out", metavar="OUT", help="Results; DIR/loop by default.", callback=_folder)
     ] = None,
     as_json: Json = False,
+    quiet: Quiet = False,
 ) -> None:
     """Run the 4 ms loop with generated code against a simulated controller on loopback, its law off and on."""
     from gtmodel.problem_files import loop_run
@@ -235,11 +272,22 @@ def loop(
     with answering(context, as_json, str(folder)) as answer:
         answer.kind, answer.title = "loop", f"{peer}: {law}"
         job = Context(name=folder.name)
-        with terminal.watching(job, "stopping the loop, nothing will be compared"):
+        with terminal.watching(job, "stopping the loop, nothing will be compared", quiet=quiet):
             answer.finished = loop_run.run(
                 folder, out or folder / "loop", job, reference=reference, peer=peer, seconds=seconds, law=law,
                 in_lockstep=lockstep, elastic=elastic, deceleration=deceleration,
             )  # fmt: skip
+
+
+def _editor_schema(kind: str | None, as_json: bool) -> str:
+    from gtmodel.problem_files import InputError, names
+    from gtmodel.problem_files.editor_schema import text_of
+
+    if as_json:
+        raise InputError("--json-schema is JSON already; leave --json out")
+    if kind is None:
+        raise InputError(f"--json-schema needs a kind; there are {', '.join(names())}")
+    return text_of(kind)
 
 
 def _commands() -> set[str]:

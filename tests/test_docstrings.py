@@ -7,7 +7,6 @@ import doctest
 import inspect
 import re
 import textwrap
-from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -15,29 +14,10 @@ import numpy as np
 import pytest
 
 import gtmodel as gt
+from docs._ext.public_names import LIBRARIES, public
 
-LIBRARIES = [
-    "calibrate", "cgen", "compliance", "control", "identify", "inference", "kinematics", "loop", "measurements",
-    "kinematics.accuracy", "kinematics.assembly_modes", "kinematics.causality", "kinematics.singularity",
-    "kinematics.workspace", "mechanics", "milling", "motion", "motion.axes", "motion.elastic", "optimize", "results",
-    "robots", "simulation", "vibration",
-]  # fmt: skip
 LACKING = Path(__file__).parent / "suites" / "without_example.txt"
 """Names that a user calls directly and whose docstring holds no example yet; the list may only become shorter."""
-
-
-def public(library: str) -> dict[str, Any]:
-    """Functions and classes of gtmodel that a library, or gt itself where the name is "", offers by name."""
-    holder = attrgetter(library)(gt) if library else gt
-    above = attrgetter(library.rpartition(".")[0])(gt) if "." in library else None  # what it offers too is its own
-    found = {name: getattr(holder, name) for name in getattr(holder, "__all__", vars(holder)) if name[0] != "_"}
-    return {
-        name: item
-        for name, item in found.items()
-        if getattr(above, name, None) is not item
-        and (inspect.isclass(item) or callable(item))
-        and getattr(item, "__module__", "").startswith("gtmodel")
-    }
 
 
 def called_directly(item: Any) -> bool:

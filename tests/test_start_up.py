@@ -40,6 +40,11 @@ def test_a_command_that_computes_nothing_imports_nothing_heavy(words: list[str])
     assert not {m for m in modules if m.startswith(("gtmodel.compiler", "gtmodel.mechanics", "gtmodel.kinds"))}
 
 
+def test_the_doctor_imports_nothing_that_may_be_broken() -> None:
+    modules = imported(RUN.format(words=["doctor", "--json"]))
+    assert "gtmodel._doctor.report" in modules and not modules & (HEAVY | {"control"})
+
+
 def test_help_of_the_command_line_reads_five_files_of_ours() -> None:
     ours = {m for m in imported(RUN.format(words=["--help"])) if m.startswith("gtmodel")}
     assert ours == {
@@ -52,11 +57,15 @@ def test_help_of_the_command_line_reads_five_files_of_ours() -> None:
     }
 
 
-@pytest.mark.parametrize("kind", ["calibration", "kinematics", "trajectory", "vibration"])
+KINDS = ["calibration", "dynamic_stiffness", "kinematics", "trajectory", "trajectory_table", "vibration"]
+
+
+@pytest.mark.parametrize("kind", KINDS)
 def test_a_schema_needs_no_part_of_scipy_and_no_robot(kind: str) -> None:
     modules = imported(RUN.format(words=["schema", kind]))
     assert f"gtmodel.kinds.{kind}.keys" in modules and not modules & {*PARTS_OF_SCIPY, "matplotlib", "rich"}
-    assert "gtmodel.robots.f1" not in modules
+    engines = {"gtmodel.compiler", "gtmodel.optimize.solve", "gtmodel.vibration.impulse", "gtmodel.motion.motion_study"}
+    assert not modules & {"gtmodel.robots.f1", *engines}
 
 
 def test_the_package_alone_imports_nothing_until_a_name_is_used() -> None:

@@ -101,7 +101,7 @@ class FlatModel:
     branches: list[FlatBranch]
     groups: dict[str, tuple[tuple[int, ...], list[int]]]
     bindings: dict[str, ca.SX]
-    root: Model
+    tree: Tree = field(repr=False)
     initial: list[FlatEquation] = field(default_factory=list)
     positive: frozenset[str] = frozenset()
     energies: list[FlatEnergy] = field(default_factory=list)
@@ -113,6 +113,11 @@ class FlatModel:
         if unit is None or order == 0:
             return unit or "?"
         return rate_unit(unit, order)
+
+    @property
+    def root(self) -> Model:
+        """The whole model, bound."""
+        return self.tree.root
 
     @property
     def p(self) -> ca.SX:
@@ -204,13 +209,13 @@ def flatten(model: Model | Builder) -> FlatModel:
     return FlatModel(
         scope=tree.scope,
         title=model.title if isinstance(model, Builder) else type(model).__name__,
-        variables=_variables(tree),
+        variables=variables_of(tree),
         parameters=parameters,
         equations=equations,
         branches=branches,
         groups={r.name: (r.item.shape, r.indices) for r in tree.variables},
         bindings={r.name: r.expression for r in tree.parameters},
-        root=tree.root,
+        tree=tree,
         initial=initial,
         energies=energies,
         positive=frozenset(q.name for q in parameters if q.symbol.element_hash() in positive),
@@ -279,7 +284,8 @@ def _numbers(tree: Tree, sx: ca.SX | None, n: int, default: float) -> np.ndarray
     return np.asarray(f(values)).reshape(-1)
 
 
-def _variables(tree: Tree) -> list[FlatVariable]:
+def variables_of(tree: Tree) -> list[FlatVariable]:
+    """All scalar variables of a tree with the numbers of their attributes."""
     result: list[FlatVariable] = []
     for r in tree.variables:
         a = r.attributes

@@ -116,9 +116,23 @@ def _unbalanced(
         text += f"; {type(flat.root).__name__}.{slips[0]}() is not asked for any: its name has to be equations"
     if rows:
         text += f"; too many equations or knowns among: {_listed([equations[i] for i in rows])}"
+        if both := _inputs_that_an_equation_joins(flat, [equations[i] for i in rows], set(unknowns)):
+            text += f"; {both[0]} and {both[1]} are inputs: declare the one that an equation gives as a variable"
     if loose := _unconnected(flat):
         text += f"; connected to nothing, so that their flows are 0: {', '.join(loose[:6])}"
     return text
+
+
+def _inputs_that_an_equation_joins(
+    flat: FlatModel, equations: list[FlatEquation], unknowns: set[int]
+) -> tuple[str, str] | None:
+    """The names of two inputs, both known, of one equation: usually a component's input and its owner's."""
+    for equation in equations:
+        known = {index for index, _ in flat.scope.symbols_in(equation.residual)} - unknowns
+        names = [v.name for v in (flat.variables[i] for i in sorted(known)) if v.role == "input"]
+        if len(names) > 1:
+            return names[0], names[1]
+    return None
 
 
 def _unconnected(flat: FlatModel) -> list[str]:

@@ -10,8 +10,12 @@ import numpy as np
 from gtmodel.inference import FALSE_ALARM, newey_west
 from gtmodel.inference.covariance import white
 
+from .._lazy import hint
+
 if TYPE_CHECKING:
     from .inertia import Identification
+else:
+    Identification = hint("gtmodel.identify.inertia", "Identification")
 
 # of a parameter's standard deviation: a delay that moves none so far is within what the intervals allow for
 MATTERS = 1.0

@@ -8,11 +8,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 
+from .._lazy import hint
 from ..results import Quantity, Row, Study
 
 if TYPE_CHECKING:
     from .closed_loop import ClosedLoopRun
     from .inertia import Identification
+else:
+    ClosedLoopRun = hint("gtmodel.identify.closed_loop", "ClosedLoopRun")
+    Identification = hint("gtmodel.identify.inertia", "Identification")
 
 Array = np.ndarray
 Numbers = Mapping[str, float]

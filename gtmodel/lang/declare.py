@@ -6,12 +6,15 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
+from .._lazy import hint
 from .slips import floats, named, shortened
 from .source import ModelError, SourceLocation, here
 from .units import UnitError, si_unit
 
 if TYPE_CHECKING:
     from .model import Model
+else:
+    Model = hint("gtmodel.lang.model", "Model")
 
 Shape = tuple[int, ...]
 Kind = Literal["rotation", "unit", "direction", "semidefinite"]

@@ -11,7 +11,7 @@ import numpy as np
 from ..lang import Model
 from ..optimize import Solution
 from ..optimize.judgement.overshoot import control_curves
-from ..results import SolveStatus, Trajectory, Work
+from ..results import SolveStatus, Trajectory, Work, at_most
 from ..results.check import failed_of
 from ..results.door import study_function
 from ..results.options import Long
@@ -29,6 +29,7 @@ from .motion_result import (
 )
 from .motion_study_result import MotionStudy
 from .options import Cost, End, Export, Limits, MotionMesh, Shape, Solver, Starts
+from .path_parametrization import NotReached
 from .planning import MotionPlan, plan_of
 from .problem import MotionProblem
 from .reference import at_rest, rapid_text, reference_text
@@ -150,16 +151,25 @@ def _study_of(
     curves = None
     if problem.mesh.control == "polynomial" and not plan.restricted:
         curves = control_curves(solution.nlp, solution.x)
-    reference, targets = (
-        at_rest(plan.robot, plan.guard, exported.final_time, step, exported.moving)
-        for step in (problem.export.sample, problem.export.target)
-    )
+    files, checks = {}, outcome.checks
+    try:
+        reference, targets = (
+            at_rest(plan.robot, plan.guard, exported.final_time, step, exported.moving)
+            for step in (problem.export.sample, problem.export.target)
+        )
+        files = {
+            "reference.csv": reference_text(reference, problem.title),
+            "motion.mod": rapid_text(targets, problem.title),
+        }
+    except NotReached as missed:
+        left_out = at_most(missed.samples, 0, "the motion leaves the reach between its rows: use more mesh.elements")
+        checks = {**checks, "reference_samples_out_of_reach": left_out}
     return MotionStudy(
         status=SolveStatus.SOLVED,
         message="; ".join(filter(None, [f"{how(solution)} and re-simulated{finer}", *more, solution.reservation])),
         objective=solution.objective,
         iterations=iterations,
-        checks=outcome.checks,
+        checks=checks,
         trajectory=trajectory,
         asked=asked,
         final_time=solution.final_time,
@@ -181,11 +191,8 @@ def _study_of(
         exported_margins=margins_of(plan, exported),
         exported_clearance=clearances(problem.limits.obstacles, run["T"], plan.links(run)),
         figures={"motion": partial(_figure, plan, trajectory, curves)},
-        files={
-            "reference.csv": reference_text(reference, problem.title),
-            "motion.mod": rapid_text(targets, problem.title),
-        },
-        machine_files=("reference.csv", "motion.mod"),
+        files=files,
+        machine_files=tuple(files),
     )
 
 

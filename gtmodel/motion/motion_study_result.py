@@ -6,10 +6,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
+from .._lazy import hint
 from ..results import Quantity, Row, Study
 
 if TYPE_CHECKING:
     from .problem import MotionProblem
+else:
+    MotionProblem = hint("gtmodel.motion.problem", "MotionProblem")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)

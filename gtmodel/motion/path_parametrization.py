@@ -13,7 +13,7 @@ from ..compiler.causal import CausalFunction, compile_causal
 from ..lang import Model
 from ..optimize.path import PathMotion, solve_path
 from ..optimize.watch import Progress
-from ..results import SolveStatus, Status, Trajectory
+from ..results import Status, Trajectory
 from ..robots.links import link_names
 from .constraints import MotionConstraints
 from .followed_branch import FollowedBranch
@@ -153,13 +153,25 @@ def motion_function(robot: Model, guard: MotionConstraints) -> CausalFunction:
     return compile_causal(guard.model(robot), known=f"{p}T", targets=names)
 
 
+class NotReached(Exception):
+    """A motion between its rows goes where the robot cannot be: at `samples` instants."""
+
+    def __init__(self, samples: int) -> None:
+        super().__init__(samples)
+        self.samples = samples
+
+
 def sampled(
     robot: Model, times: np.ndarray, T: np.ndarray, dT: np.ndarray, ddT: np.ndarray, guard: MotionConstraints
 ) -> Trajectory:
-    """A TCP motion with carts, forces, links and margins, by inverse kinematics and dynamics."""
+    """A TCP motion with carts, forces, links and margins, by inverse kinematics and dynamics.
+
+    Raises NotReached where the robot cannot be at an instant.
+    """
     p, f = guard.prefix, motion_function(robot, guard)
     *columns, status = f.along(T, dT, ddT)
-    assert np.all(status == Status.OK), SolveStatus.NOT_FINITE
+    if np.any(status != Status.OK):
+        raise NotReached(int(np.count_nonzero(status)))
     values = {signal.name: value for signal, value in zip(f.outputs, columns, strict=True)}
     result = {"T": T, "der(T)": dT, "der(T,2)": ddT, "tau": values[f"{p}tau"], "q": values[f"{p}q"],
               "der(q)": values[f"der({p}q)"]}  # fmt: skip

@@ -21,8 +21,6 @@ from .formulation.row_scaling import scale_of
 from .nlp import Nlp, functions_of, scatter
 from .watch import Program
 
-Link = Callable[["PhaseEnd", "PhaseEnd"], Iterable[Any]]
-
 
 class PhaseLinks(Protocol):
     """What is said of the links: see phases.Phases."""
@@ -48,6 +46,9 @@ class PhaseEnd:
         if name.startswith("_"):
             raise AttributeError(name)
         return self[name]
+
+
+Link = Callable[[PhaseEnd, PhaseEnd], Iterable[Any]]
 
 
 class Border:

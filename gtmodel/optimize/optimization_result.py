@@ -6,10 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated
 
+from .._lazy import hint
 from ..results import Quantity, Row, Study
 
 if TYPE_CHECKING:
     from .solution import Solution
+else:
+    Solution = hint("gtmodel.optimize.solution", "Solution")
 
 TRIED = ("defect", "violation_between_nodes", "cost_error")
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 import numpy as np
 
+from .._lazy import hint
 from ..lang.scope import derivative_name
 from ..results.check import Check
 from ..results.status import SolveStatus
@@ -23,6 +24,8 @@ from .tables import basis, basis_slope
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+else:
+    Figure = hint("matplotlib.figure", "Figure")
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol, runtime_checkable
+from typing import Annotated, Any, Protocol, Self, runtime_checkable
 
 import pydantic
 
@@ -20,7 +20,7 @@ from .input_error import InputError
 
 __all__ = [
     "TRAJECTORY", "Check", "Context", "FileSection", "Generating", "InputError", "Kind", "Problem", "Progress",
-    "Row", "at_least", "at_most", "silent", "unnoticed",
+    "Row", "Source", "at_least", "at_most", "silent", "unnoticed",
 ]  # fmt: skip
 
 
@@ -31,6 +31,19 @@ class FileSection(pydantic.BaseModel):
     """A table of a problem file. Unknown keys are errors, numbers are finite and not written as text."""
 
     model_config = pydantic.ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True, defer_build=True)
+
+    @classmethod
+    def left_out(cls) -> Self:
+        """The table of a file that does not have it: all defaults. pydantic needs no validator for it, which takes
+        longer to make than a schema to show."""
+        return cls.model_construct()
+
+
+# a key beside those that name files of measurements
+Source = Annotated[
+    str,
+    pydantic.Field(description="where to get files that do not come with the problem: project, file name, address"),
+]
 
 
 class Problem(FileSection):
@@ -111,8 +124,9 @@ class Context:
         """A file by its path from the problem's folder, or from the working directory; None where there is none."""
         return next((p for p in (self.folder / name, Path(name)) if p.is_file()), None)
 
-    def file(self, name: str, key: str, entered: str = "", what: str = "file") -> Path:
-        """A file that `key` names, entered among the inputs as `entered`. Raises InputError where there is none."""
+    def file(self, name: str, key: str, entered: str = "", what: str = "file", source: str = "") -> Path:
+        """A file that `key` names, entered among the inputs as `entered`. Raises InputError where there is none, with
+        what the problem says of its `source`."""
         path = self.find(name)
         if path is None:
             if any(p.is_dir() for p in (self.folder / name, Path(name))):
@@ -120,7 +134,8 @@ class Context:
             if not str(name).isprintable():  # in double quotes TOML reads \n and \t as line and tab
                 sign = "a backslash is a sign of its own in double quotes, write / in its place"
                 raise InputError(f"there is no {what} {str(name)!r}; {sign}", key)
-            raise InputError(f"there is no {what} '{name}' in {self.folder} or here", key)
+            get = f"; get it from {' '.join(source.split())} and put it there" if source.strip() else ""
+            raise InputError(f"there is no {what} '{name}' in {self.folder} or here{get}", key)
         self.take(entered or key, path)
         return path
 

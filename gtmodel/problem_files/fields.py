@@ -5,9 +5,11 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping
 from functools import cache
+from types import NoneType
 from typing import Any, NamedTuple
 
 import pydantic
+from pydantic.json_schema import GenerateJsonSchema
 
 from gtmodel.results.unit_names import unit_of
 
@@ -44,10 +46,21 @@ class Key(NamedTuple):
         return self.key.rpartition(".")[0]
 
 
+class _Generator(GenerateJsonSchema):
+    """pydantic's own, without a serializer for each default that is JSON already, or a table of such."""
+
+    def encode_default(self, dft: Any) -> Any:
+        if type(dft) in (NoneType, bool, int, float, str):
+            return dft
+        if isinstance(dft, pydantic.BaseModel):
+            return {name: self.encode_default(value) for name, value in dft}
+        return [self.encode_default(one) for one in dft] if type(dft) is list else super().encode_default(dft)
+
+
 @cache
 def json_schema(schema: type[pydantic.BaseModel]) -> dict[str, Any]:
     """The JSON schema; made once, so leave it as it is."""
-    return schema.model_json_schema()
+    return schema.model_json_schema(schema_generator=_Generator)
 
 
 @cache
@@ -67,17 +80,16 @@ def tables_of(schema: type[pydantic.BaseModel]) -> list[str]:
 def _keys(node: Mapping[str, Any], document: Mapping[str, Any], prefix: str, needed: bool) -> Iterator[Key]:
     required = node.get("required", [])
     for name, field in node.get("properties", {}).items():
-        opened = [_resolve(choice, document) for choice in _choices(field)]
+        opened = [resolve(choice, document) for choice in _choices(field)]
         inner = [(c, "") for c in opened if "properties" in c]
-        inner += [(i, "[]") for c in opened if "properties" in (i := _resolve(c.get("items", {}), document))]
+        inner += [(i, "[]") for c in opened if "properties" in (i := resolve(c.get("items", {}), document))]
         must = name in required
         for table, suffix in inner:
             yield from _keys(table, document, f"{prefix}{name}{suffix}.", needed and must)
         if not inner:
             default = _default(field, must, prefix, needed)
             text = _type_text(field, document)
-            numeric = any(_is_numeric(c, document) for c in opened)
-            unit = field.get("unit") or (unit_of(name) if numeric else "")
+            unit = field.get("unit") or (unit_of(name) if is_numeric(field, document) else "")
             yield Key(prefix + name, text, unit, default, field.get("description", ""))
 
 
@@ -95,24 +107,30 @@ def _choices(field: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     return [c for c in choices if c.get("type") != "null"]
 
 
-def _resolve(node: Mapping[str, Any], document: Mapping[str, Any]) -> Mapping[str, Any]:
+def resolve(node: Mapping[str, Any], document: Mapping[str, Any]) -> Mapping[str, Any]:
+    """A part of a schema, or the definition that it refers to."""
     reference = node.get("$ref")
     return document["$defs"][reference.rpartition("/")[2]] if reference else node
 
 
 def _items(node: Mapping[str, Any], document: Mapping[str, Any]) -> Mapping[str, Any]:
     """What a list holds; a fixed-length list is taken to hold one type."""
-    return _resolve(node.get("items") or (node.get("prefixItems") or [{}])[0], document)
+    return resolve(node.get("items") or (node.get("prefixItems") or [{}])[0], document)
 
 
-def _is_numeric(node: Mapping[str, Any], document: Mapping[str, Any]) -> bool:
+def is_numeric(node: Mapping[str, Any], document: Mapping[str, Any]) -> bool:
+    """True for numbers, lists of them, and a choice that holds one of these."""
+    return any(_holds_numbers(resolve(choice, document), document) for choice in _choices(node))
+
+
+def _holds_numbers(node: Mapping[str, Any], document: Mapping[str, Any]) -> bool:
     if node.get("type") == "array":
-        return any(_is_numeric(c, document) for c in _choices(_items(node, document)))
+        return is_numeric(_items(node, document), document)
     return node.get("type") in _NUMERIC
 
 
 def _type_text(field: Mapping[str, Any], document: Mapping[str, Any]) -> str:
-    texts = [_one_type(_resolve(c, document), document) for c in _choices(field)]
+    texts = [_one_type(resolve(c, document), document) for c in _choices(field)]
     return " or ".join(dict.fromkeys(texts))
 
 

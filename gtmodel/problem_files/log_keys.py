@@ -14,7 +14,7 @@ from gtmodel.measurements.signals import read_signals
 from gtmodel.results import TrajectoryError
 from gtmodel.results.unit_names import unit_of
 
-from .base import Context, FileSection, InputError
+from .base import Context, FileSection, InputError, Source
 
 Free = Literal["estimate"]
 
@@ -56,6 +56,7 @@ class MeasuredSignalSection(FileSection):
 class LogSampling(FileSection):
     """How logs are sampled; a kind adds its files and signals."""
 
+    source: Source = ""
     time: TimeColumn = TimeColumn()
     session: str | None = Field(default=None, description="column whose number distinguishes the recordings of a file")
     sample_time_s: PositiveFloat | None = Field(default=None, description="expected; the log's median if left out")
@@ -71,7 +72,7 @@ class LogSampling(FileSection):
             raise InputError("is empty; name a CSV or .mat file", key)
         for n, name in enumerate(names):
             place = f"{key}[{n}]"
-            path = context.file(name, place)
+            path = context.file(name, place, source=self.source)
             try:
                 sessions += read_signals(
                     [path],

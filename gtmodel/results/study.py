@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Self, TypeVar, get_type_hints
 
+from .._lazy import hint
 from .check import Check, failed_of, verdict
 from .estimate import Estimate
 from .quantity import Quantity, Row, quantities
@@ -17,12 +18,25 @@ from .table import html, text
 from .trajectory import Trajectory
 from .written import write
 
+S = TypeVar("S", bound="Study")
 _OWN = frozenset(s.message for s in SolveStatus)
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+else:
+    Figure = hint("matplotlib.figure", "Figure")
 
 
+def to_inherit(cls: type[S]) -> type[S]:
+    """A dataclass with types in place of the texts of its annotations: the __init__ of a subclass repeats them, in a
+    module that need not know their names."""
+    hints = get_type_hints(cls, include_extras=True)
+    for own in fields(cls):
+        own.type = hints[own.name]
+    return cls
+
+
+@to_inherit
 @dataclass(frozen=True, kw_only=True)
 class Study:
     """What a study of any library returns; a subclass declares its quantities as annotated attributes.

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import numpy as np
 import numpy.typing as npt
 
+from .._lazy import hint
 from .interpolation import Kind, interpolate
 from .trajectory_checks import checked_time, checked_unit, checked_values, json_text, one_line
 from .trajectory_csv import read_csv
@@ -23,6 +24,8 @@ from .trajectory_files import PathLike, read_npz, write_csv, write_npz
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+else:
+    Figure = hint("matplotlib.figure", "Figure")
 
 TIME_SLACK = 8 * np.finfo(float).eps  # relative; 3 * 0.1 may ask for the end of a trajectory that ends at 0.3
 GRID_SLACK = 1e-9  # relative to dt; the rounding of duration / dt must not lose the last sample

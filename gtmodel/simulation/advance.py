@@ -42,7 +42,7 @@ class Integration:
         self._settings = ready.settings
         self._rows, self._grid, self._pace = rows, grid, pace
         system = ready.system
-        self.audit = Audit(ready.systems.original_equations)
+        self.audit = Audit(ready.systems.original_equations, ready.systems.parameters)
         self.system = system
         self.switches: list[Switch] = []
         self.history = History()
@@ -135,7 +135,7 @@ class Integration:
         most, whole = self.system.stepper.most, True
         while True:
             if self._creeps():
-                raise self._wall()
+                raise self._wall(self._time - self._since)
             times, length = self._intervals(stop, span, most)
             begin = self._time
             result = self.system.stepper(
@@ -267,8 +267,10 @@ class Integration:
         self.audit(points[:count], times[:count])
         if count < len(times):
             self._take(times[count], xs[count], zs[count], works[count])
-            raise self._wall()
+            raise self._wall(0.0)
 
-    def _wall(self) -> Ended:
-        """Why it does not go on from here."""
-        return wall(self.system, self._x, self._z, self._time, self._p, self._shortest)
+    def _wall(self, failed: float | None = None) -> Ended:
+        """Why it does not go on from here, over `failed` [s] at once, the shortest interval if left out."""
+        run = float(self._rows[0]), float(self._rows[-1])
+        failed = self._shortest if failed is None else failed
+        return wall(self.system, self._x, self._z, self._time, self._p, self._shortest, run, failed)

@@ -15,9 +15,10 @@ SMALL = 1e-9
 
 
 class OriginalEquations:
-    """The equations before any elimination, over `plan.pairs`."""
+    """The equations before any elimination, over `plan.pairs`; `fold` has numbers for the parameters, and symbols for
+    those at `places`, which vary."""
 
-    def __init__(self, plan: CausalPlan) -> None:
+    def __init__(self, plan: CausalPlan, fold: ca.SX, places: list[int]) -> None:
         flat = self.flat = plan.flat
         pairs = self.pairs = sorted({pair for e in flat.equations for pair in flat.scope.symbols_in(e.residual)})
         place = {pair: n for n, pair in enumerate(plan.pairs)}
@@ -29,14 +30,14 @@ class OriginalEquations:
         residuals = ca.densify(ca.vertcat(*[e.residual for e in flat.equations]))
         self.arguments = [symbols, flat.p, flat.scope.time]
         written = ca.Function("equations", self.arguments, [residuals])
-        self.p = flat.require_values()
-        values, time = ca.SX.sym("values", len(pairs)), ca.SX.sym("time")
-        self._residuals = OverRows(ca.Function("equations", [values, time], [written(values, self.p, time)]))
+        self._places = places
+        values, time, varied = ca.SX.sym("values", len(pairs)), ca.SX.sym("time"), ca.SX(fold[places])
+        self._residuals = OverRows(ca.Function("equations", [values, time, varied], [written(values, fold, time)]))
 
-    def __call__(self, points: np.ndarray, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Values of `pairs` and residuals, one row for each point."""
+    def __call__(self, points: np.ndarray, times: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Values of `pairs` and residuals, one row for each point; p: values of the parameters."""
         values = self._sign * points[:, self._place]
-        return values, self._residuals(values, times[:, None])[0]
+        return values, self._residuals(values, times[:, None], p[self._places])[0]
 
 
 class Audit:
@@ -45,8 +46,8 @@ class Audit:
     `residual` is the largest |left - right| so far, of any equation at any point, in SI units.
     """
 
-    def __init__(self, equations: OriginalEquations) -> None:
-        self._equations = equations
+    def __init__(self, equations: OriginalEquations, p: np.ndarray) -> None:
+        self._equations, self._p = equations, p
         self.residual = 0.0
         self._worst: tuple[np.ndarray, float, int] | None = None
 
@@ -54,7 +55,7 @@ class Audit:
         """Look at points (rows)."""
         if not len(times) or not self._equations.flat.equations:
             return
-        values, residuals = self._equations(points, times)
+        values, residuals = self._equations(points, times, self._p)
         residuals = np.abs(residuals)
         point, equation = np.unravel_index(int(np.argmax(residuals)), residuals.shape)
         if residuals[point, equation] > self.residual:
@@ -70,9 +71,7 @@ class Audit:
         e = flat.equations[row]
         gradient = ca.Function("gradient", arguments, [ca.densify(ca.jacobian(e.residual, arguments[0]))])
         nominal = np.array([flat.variables[i].nominal for i, _ in self._equations.pairs])
-        terms = np.abs(gradient(values, self._equations.p, time).full().reshape(-1)) * np.maximum(
-            np.abs(values), nominal
-        )
+        terms = np.abs(gradient(values, self._p, time).full().reshape(-1)) * np.maximum(np.abs(values), nominal)
         if self.residual <= BROKEN * np.max(terms, initial=0.0):
             return None
         return (

@@ -15,6 +15,7 @@ def explain_simulation(
     *,
     inputs: Mapping[str, Any] | None = None,
     start: Mapping[str, Any] | None = None,
+    parameters: Mapping[str, Any] | None = None,
     start_time: float = 0.0,
     prefer: Sequence[str] | str = (),
     tolerance: float = 1e-9,
@@ -35,8 +36,8 @@ def explain_simulation(
     >>> "height" in text
     True
     """
-    ready = prepare(model, inputs, start, start_time, (), prefer, tolerance, method)
-    plan, flat, system = ready.systems.plan, ready.systems.plan.flat, ready.system
+    ready = prepare(model, inputs, start, start_time, (), prefer, tolerance, method, parameters=parameters)
+    plan, flat, system = ready.systems.plan, ready.systems.flat, ready.system
     x, z = system.reduced.from_point(ready.initial.w)
     known = [flat.variables[i].name for i in ready.inputs.known]
     integrator = f"IDAS, with {z.size} Newton unknowns" if z.size else f"CVODES ({method})"

@@ -7,6 +7,7 @@ columns are states. A choice goes bad where the solved columns C become singular
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import copy
 
 import casadi as ca
 import numpy as np
@@ -42,12 +43,13 @@ def choice_of(stages: list[Stage]) -> Choice:
 
 
 class StateSelection:
-    """The system Jacobian of a model at any point over `plan.pairs`; knows how good a choice of states is."""
+    """The system Jacobian of a model at any point over `plan.pairs`; knows how good a choice of states is. `varied` are
+    the parameters that the plan holds as symbols, `numbers` their values."""
 
-    def __init__(self, plan: CausalPlan, prefer: frozenset[int]) -> None:
-        self._plan, self._prefer = plan, prefer
+    def __init__(self, plan: CausalPlan, prefer: frozenset[int], varied: ca.SX, numbers: np.ndarray) -> None:
+        self._plan, self._prefer, self._numbers = plan, prefer, numbers
         flat, structure = plan.flat, plan.structure
-        arguments = [plan.sampler.w, flat.scope.time]
+        arguments = [plan.sampler.w, flat.scope.time, varied]
         self._system = PointFunction(ca.Function("system", arguments, [ca.densify(plan.system)]))
         self._stages = stage_choices(plan.stages)
         self._nominal = np.array([flat.variables[i].nominal for i in structure.unknowns])
@@ -62,12 +64,18 @@ class StateSelection:
         # position of each symbol's first and second derivative; the last entry of an extended point is zero
         self._next = [[place.get((i, k + m), -1) for i, k in plan.pairs] for m in (1, 2)]
 
+    def with_numbers(self, numbers: np.ndarray) -> StateSelection:
+        """The same with other values of the parameters that vary."""
+        other = copy(self)
+        other._numbers = numbers
+        return other
+
     @property
     def has_choice(self) -> bool:
         return bool(self._stages)
 
     def matrix(self, w: np.ndarray, time: float) -> np.ndarray:
-        return self._system(w, time)[0]
+        return self._system(w, time, self._numbers)[0]
 
     # -- choosing ----------------------------------------------------------------------------------
 
@@ -178,7 +186,7 @@ class StateSelection:
 
     def _matrices(self, part: Part, points: np.ndarray, times: np.ndarray) -> np.ndarray:
         """The matrix of a stage in nominals at points: (equations, points, columns)."""
-        entries = self._parts[part](points, times[:, None])[0]
+        entries = self._parts[part](points, times[:, None], self._numbers)[0]
         matrices = entries.reshape(len(points), len(part[1]), len(part[0])).transpose(2, 0, 1)
         return matrices * self._nominal[list(part[1])]
 

@@ -26,9 +26,10 @@ Entry = TypeVar("Entry")
 class SimulationInputs:
     """Scalar known variables as functions of time.
 
-    `functions`: index -> expression of `t`; `tables`: index -> Table; `constants`: index -> value. `p` holds a
-    reference time, for each table in the order of the indices the coefficients of its polynomial there, and the
-    constants in their order; it is constant between `knots`, and the integrator restarts at each of them.
+    `functions`: index -> expression of `t`; `tables`: index -> Table; `constants`: index -> value; `parameters`: place
+    in `flat.p` -> value, of those that vary from run to run. `p` holds a reference time, for each table in the order of
+    the indices the coefficients of its polynomial there, the constants and the parameters in their order; it is
+    constant between `knots`, and the integrator restarts at each of them.
     """
 
     flat: FlatModel
@@ -36,11 +37,14 @@ class SimulationInputs:
     functions: dict[int, ca.SX]
     tables: dict[int, InputTable]
     constants: dict[int, float] = field(default_factory=dict)
+    parameters: dict[int, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         size = 1 + sum(table.coefficients for table in self.tables.values())
         self._constant = {index: size + n for n, index in enumerate(sorted(self.constants))}
-        self.p = ca.SX.sym("p", size + len(self.constants))
+        last = size + len(self.constants)
+        self._parameter = {place: last + n for n, place in enumerate(sorted(self.parameters))}
+        self.p = ca.SX.sym("p", last + len(self.parameters))
         self._first: dict[int, int] = {}
         column = 1
         for index in sorted(self.tables):
@@ -53,11 +57,11 @@ class SimulationInputs:
 
     @cached_property
     def structure(self) -> Hashable:
-        """Equal for inputs that differ in numbers only: their tables' rows and their constants."""
+        """Equal for inputs that differ in numbers only: their tables' rows, their constants and parameters."""
         of_time = [self.functions[index] for index in sorted(self.functions)]
         text = ca.Function("inputs", [self.t], [ca.vertcat(*of_time)]).serialize() if of_time else ""
         tables = tuple((index, self.tables[index].coefficients) for index in sorted(self.tables))
-        return tuple(sorted(self.functions)), text, tables, tuple(sorted(self.constants))
+        return tuple(sorted(self.functions)), text, tables, tuple(sorted(self.constants)), tuple(self._parameter)
 
     def knots(self, start: float, end: float) -> np.ndarray:
         """Times strictly inside an interval at which a table bends or is discontinuous."""
@@ -67,7 +71,14 @@ class SimulationInputs:
     def piece(self, start: float, before: bool = False) -> np.ndarray:
         """Values of `p` from a knot, or any other time, up to the next knot; `before`: of the piece that ends there."""
         pieces = [self.tables[index].piece(start, before) for index in sorted(self.tables)]
-        return np.concatenate([[start], *pieces, [self.constants[index] for index in sorted(self.constants)]])
+        numbers = [given[key] for given in (self.constants, self.parameters) for key in sorted(given)]
+        return np.concatenate([[start], *pieces, numbers])
+
+    @property
+    def varied(self) -> tuple[ca.SX, ca.SX]:
+        """Symbols of the model's parameters that vary, and what stands for them in `p`."""
+        symbols = [self.flat.parameters[place].symbol for place in self._parameter]
+        return ca.SX(ca.vertcat(*symbols)), self.p[list(self._parameter.values())]
 
     def values(self, pairs: list[tuple[int, int]], time: float) -> list[float]:
         """Numbers of known variables' derivatives (index, order) at a time."""
@@ -104,7 +115,9 @@ class SimulationInputs:
         return value
 
 
-def read_inputs(flat: FlatModel, given: Mapping[str, Any]) -> SimulationInputs:
+def read_inputs(
+    flat: FlatModel, given: Mapping[str, Any], parameters: Mapping[int, float] | None = None
+) -> SimulationInputs:
     """Inputs from what a person gave by name.
 
     Each value is a number or array; a function of time, of one argument that takes NumPy's and gtmodel's functions
@@ -137,7 +150,7 @@ def read_inputs(flat: FlatModel, given: Mapping[str, Any]) -> SimulationInputs:
                 functions |= _by_index(name, indices, _symbolic(flat, name, value, t))
             else:
                 constants |= _by_index(name, indices, _constant(name, value))
-    return SimulationInputs(flat, t, functions, tables, constants)
+    return SimulationInputs(flat, t, functions, tables, constants, dict(parameters or {}))
 
 
 def _by_index(name: str, indices: list[int], entries: list[Entry]) -> dict[int, Entry]:

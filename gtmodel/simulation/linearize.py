@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 import numpy as np
 
+from .._lazy import hint
 from ..compiler.causal import flat_of
 from ..compiler.consistency.initial import initial_point, start_values
 from ..compiler.flat import FlatModel
@@ -20,7 +21,9 @@ from .inputs import SimulationInputs
 from .systems import Systems
 
 if TYPE_CHECKING:
-    import control
+    from control import StateSpace
+else:
+    StateSpace = hint("control", "StateSpace")
 
 
 @dataclass(frozen=True)
@@ -43,7 +46,7 @@ def linearize(
     start: Mapping[str, Any] | None = None,
     input_values: Mapping[str, Any] | None = None,
     prefer: Sequence[str] | str = (),
-) -> control.StateSpace:
+) -> StateSpace:
     """Linear model x' = A x + B u, y = C x + D u of the deviations from a consistent point.
 
     Args:
@@ -155,7 +158,7 @@ def _values(flat: FlatModel, known: list[int], given: Mapping[str, Any]) -> dict
     return values
 
 
-def natural_modes(system: control.StateSpace) -> list[Mode]:
+def natural_modes(system: StateSpace) -> list[Mode]:
     """Modes of a linear model by rising frequency; of a conjugate pair the one with positive imaginary part.
 
     system: as `linearize` returns it. Each `Mode` has its eigenvalue [1/s], natural frequency [Hz], damping ratio (1

@@ -41,7 +41,9 @@ class Reduced:
             "point": [scope.symbol(*pair) for pair in plan.pairs],
             "outputs": plan.alias.rewrite_all(flat, [*outputs, stored]),
         }
-        values = iter(express(plan, [e for group in groups.values() for e in group], [*given, (scope.time, self.t)]))
+        expressions = express(plan, [e for group in groups.values() for e in group], [*given, (scope.time, self.t)])
+        symbols, numbers = inputs.varied
+        values = iter(ca.substitute(expressions, [symbols], [numbers]) if inputs.parameters else expressions)
         columns = {name: _column([next(values) for _ in group]) for name, group in groups.items()}
         self.rates, self.powers, self.residuals = columns["rates"], columns["powers"], columns["residuals"]
         self._margins, self._point, self.outputs = columns["margins"], columns["point"], columns["outputs"]

@@ -6,12 +6,15 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from .._lazy import hint
 from ..results.check import Check
 from ..results.status import SolveStatus
 from ..results.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+else:
+    Figure = hint("matplotlib.figure", "Figure")
 
 # called with the time reached [s]; True asks for a stop
 Progress = Callable[[float], bool]

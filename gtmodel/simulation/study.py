@@ -30,6 +30,7 @@ def simulation_study(
     *,
     inputs: Mapping[str, Any] | None = None,
     start: Mapping[str, Any] | None = None,
+    parameters: Mapping[str, Any] | None = None,
     step: Annotated[float | None, Within(above=0.0)] = None,
     max_step: Annotated[float | None, Within(above=0.0)] = None,
     outputs: Sequence[str] = (),
@@ -44,7 +45,7 @@ def simulation_study(
     """Simulate a model from 0 to `final_time` [s], with checks, table and pictures.
 
     Args:
-        inputs, start, step, max_step, outputs, prefer, tolerance, method: as of `simulate`.
+        inputs, start, parameters, step, max_step, outputs, prefer, tolerance, method: as of `simulate`.
         progress, max_seconds, stop: see `gtmodel.results.Work`.
 
     A run that ends early, or is interrupted, keeps what there is. Raises ArgumentError for what is given wrong, and
@@ -67,8 +68,8 @@ def simulation_study(
 
     try:
         simulation = simulate(
-            model, final_time, inputs=inputs, start=start, step=step, max_step=max_step, outputs=outputs, prefer=prefer,
-            tolerance=tolerance, method=method, progress=report, throw=False,
+            model, final_time, inputs=inputs, start=start, parameters=parameters, step=step, max_step=max_step,
+            outputs=outputs, prefer=prefer, tolerance=tolerance, method=method, progress=report, throw=False,
         )  # fmt: skip
     except ModelError as error:
         if error.argument:

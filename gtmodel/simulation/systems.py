@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TypeVar
@@ -32,7 +33,8 @@ KEPT = 16
 
 @dataclass(frozen=True, eq=False)
 class BranchPlan:
-    """A plan for one choice of states, with the signs of its roots; `derivatives` have these signs at any point."""
+    """A plan for one choice of states, with the signs of its roots; the `jacobian` of (point, time, parameters that
+    vary) has these signs at any point."""
 
     plan: CausalPlan
     jacobian: ca.Function
@@ -85,42 +87,70 @@ DEFAULT = IntegratorSettings()
 
 
 class Systems:
-    """Makes and keeps the systems of simulations of a model that differ in starts and numbers of their inputs only.
+    """Makes and keeps the systems of simulations of a model that differ in starts and in numbers of their inputs and
+    of parameters that vary, only.
 
     `plan` has the structure that all of them share, and samples to start from; `selection` chooses the states;
-    `inputs` has the symbols that their functions read, and the numbers of the simulation they were made for.
+    `inputs` has the symbols that their functions read, and the numbers of the simulation they were made for. Parameters
+    are numbers in all of it, but for those that vary, which stay symbols; `flat` is the model with the numbers of one
+    run.
     """
 
     def __init__(
         self, flat: FlatModel, inputs: SimulationInputs, outputs: list[ca.SX], prefer: Sequence[int] = ()
     ) -> None:
-        self._flat, self.inputs, self._outputs = flat, inputs, outputs
+        self.flat, self.inputs, self._outputs = flat, inputs, outputs
+        places = sorted(inputs.parameters)
         self._fold = ca.SX(ca.DM(flat.require_values()))
+        for n in places:
+            self._fold[n] = flat.parameters[n].symbol
+        self._varied = ca.SX(ca.vertcat(*[flat.parameters[n].symbol for n in places]))
+        self._numbers = flat.p0[places]
         expressions = [*outputs, *(e.expression for e in flat.energies), *(e.residual for e in flat.equations)]
         targets = {(v.index, 0) for v in flat.variables} | set(flat.scope.symbols_in(ca.vertcat(*expressions)))
         # plans know neither inputs nor tolerances: the model keeps them for the next simulation
-        key = ("simulation", tuple(inputs.known), tuple(sorted(targets)))
+        key = ("simulation", tuple(inputs.known), tuple(places), tuple(sorted(targets)))
         if key not in flat.cache:
             flat.cache[key] = self._first_plan(sorted(targets)), {}
         self.plan: CausalPlan
         self._branches: dict[Choice, list[BranchPlan]]
         self.plan, self._branches = flat.cache[key]
-        self.selection = StateSelection(self.plan, frozenset(self.plan.alias.resolve(i, 0)[1] for i in prefer))
+        preferred = frozenset(self.plan.alias.resolve(i, 0)[1] for i in prefer)
+        self.selection = StateSelection(self.plan, preferred, self._varied, self._numbers)
         self._reduced: dict[BranchPlan, Reduced] = {}
         self._made: dict[tuple[BranchPlan, IntegratorSettings], SimulatedSystem] = {}
         self._paces: dict[Hashable, Pace] = {}
 
     @staticmethod
-    def kept(flat: FlatModel, inputs: SimulationInputs, outputs: Recorded, prefer: Sequence[int]) -> Systems:
-        """Those of the last simulations of this model with inputs of this structure, else new ones."""
+    def kept(
+        flat: FlatModel, inputs: SimulationInputs, outputs: Recorded, prefer: Sequence[int], now: FlatModel
+    ) -> Systems:
+        """Those of the last simulations of this model with inputs of this structure, else new ones. `now`: the model
+        with the numbers of this run in place of the parameters that vary."""
         known: dict[Hashable, Systems] = flat.cache.setdefault("simulated", {})
-        key = inputs.structure, outputs.names, tuple(prefer)
-        systems = known.pop(key, None) or Systems(flat, inputs, outputs.expressions, prefer)
-        return put_last(known, key, systems)
+        other = _other_kind(flat, now, sorted(inputs.parameters))
+        key = inputs.structure, outputs.names, tuple(prefer), other
+        systems = known.pop(key, None) or Systems(now if other else flat, inputs, outputs.expressions, prefer)
+        return put_last(known, key, systems)._with_numbers(now)
+
+    def _with_numbers(self, now: FlatModel) -> Systems:
+        """The same with the numbers of a run in place of the parameters that vary; all that is made is kept for all."""
+        if not self.inputs.parameters:
+            return self
+        assert self.original_equations is not None  # made before the copy, so that it is made once
+        run = copy(self)
+        run.flat, run._numbers = now, now.p0[sorted(self.inputs.parameters)]
+        run.selection = self.selection.with_numbers(run._numbers)
+        return run
 
     @cached_property
     def original_equations(self) -> OriginalEquations:
-        return OriginalEquations(self.plan)
+        return OriginalEquations(self.plan, self._fold, sorted(self.inputs.parameters))
+
+    @property
+    def parameters(self) -> np.ndarray:
+        """Values of all parameters in this run."""
+        return self.flat.require_values()
 
     def at(self, w: np.ndarray, time: float, settings: IntegratorSettings = DEFAULT) -> SimulatedSystem | None:
         """The system whose states and branches suit a consistent point; None where no choice of states would do."""
@@ -128,7 +158,7 @@ class Systems:
         if choice is None:
             return None
         known = self._branches.setdefault(choice, [])
-        branch = next((b for b in known if _signs(b.jacobian, w, time) == b.signs), None)
+        branch = next((b for b in known if _signs(b.jacobian, w, time, self._numbers) == b.signs), None)
         if branch is None:
             branch = self._branch(self.selection.states(choice), w, time)
             known.append(branch)
@@ -143,30 +173,31 @@ class Systems:
 
     def pace(self, inputs: SimulationInputs, start: float, end: float) -> Pace:
         """How fast functions of time change between two times: inputs that have the numbers of a simulation."""
-        key = tuple(sorted(inputs.constants.items())) if self._uses_time else (), start, end
+        numbers = (*sorted(inputs.constants.items()), *sorted(inputs.parameters.items()))
+        key = numbers if self._uses_time else (), start, end
         pace = self._paces.pop(key, None) or pace_of(self._driven(inputs), self.inputs.t, start, end)
         return put_last(self._paces, key, pace)
 
     @cached_property
     def _written(self) -> ca.SX:
         """The model's equations and energies as a person wrote them."""
-        flat = self._flat
+        flat = self.flat
         return ca.vertcat(*[e.residual for e in flat.equations], *[e.expression for e in flat.energies])
 
     @cached_property
     def _uses_time(self) -> bool:
-        return bool(self.inputs.functions) or bool(ca.depends_on(self._written, self._flat.scope.time))
+        return bool(self.inputs.functions) or bool(ca.depends_on(self._written, self.flat.scope.time))
 
     def _driven(self, inputs: SimulationInputs) -> ca.SX:
         """What functions of time act on: the inputs themselves, and the model's equations."""
-        flat, symbols = self._flat, self.inputs
+        flat, symbols = self.flat, self.inputs
         if not self._uses_time:
             return ca.SX(0, 1)
         pairs = flat.scope.symbols_in(self._written)
         given = [pair for pair in pairs if pair[0] in symbols.functions]
         constant = [pair for pair in pairs if pair[0] in symbols.constants]
         old = [flat.scope.time, flat.p, *(flat.scope.symbol(*pair) for pair in [*given, *constant])]
-        new = [symbols.t, self._fold, *(symbols.expression(*pair) for pair in given)]
+        new = [symbols.t, ca.SX(ca.DM(self.parameters)), *(symbols.expression(*pair) for pair in given)]
         new += [ca.SX(inputs.constants[i] if order == 0 else 0.0) for i, order in constant]
         written = ca.substitute(self._written, ca.vertcat(*old), ca.vertcat(*new))
         return ca.vertcat(*symbols.functions.values(), written)
@@ -176,13 +207,13 @@ class Systems:
         assert plan.pairs == self.plan.pairs
         roots = [r for b in plan.blocks for r in b.roots]
         column = ca.vertcat(*[r.slope for r in roots]) if roots else ca.SX(0, 1)
-        folded = ca.substitute(column, self._flat.p, self._fold) if self._flat.parameters else column
-        jacobian = ca.Function("derivatives", [plan.sampler.w, self._flat.scope.time], [folded])
+        folded = ca.substitute(column, self.flat.p, self._fold) if self.flat.parameters else column
+        jacobian = ca.Function("derivatives", [plan.sampler.w, self.flat.scope.time, self._varied], [folded])
         return BranchPlan(plan, jacobian, tuple(root.value for root in roots))
 
     def _first_plan(self, targets: list[Pair]) -> CausalPlan:
         given = set(self.inputs.known)
-        left = [v.name for v in self._flat.variables if v.role == "input" and v.index not in given]
+        left = [v.name for v in self.flat.variables if v.role == "input" and v.index not in given]
         try:
             return self._plan(targets)
         except ModelError as error:
@@ -201,11 +232,21 @@ class Systems:
         rates: bool = False,
         at: tuple[np.ndarray, float] | None = None,
     ) -> CausalPlan:
-        return make_plan(self._flat, self.inputs.known, targets, prefer, rates=rates, fold=self._fold, at=at)
+        return make_plan(self.flat, self.inputs.known, targets, prefer, rates=rates, fold=self._fold, at=at)
 
 
-def _signs(jacobian: ca.Function, w: np.ndarray, time: float) -> tuple[int, ...]:
-    return tuple(1 if s >= 0 else -1 for s in np.asarray(jacobian(w, time).full()).reshape(-1))
+def _signs(jacobian: ca.Function, w: np.ndarray, time: float, numbers: np.ndarray) -> tuple[int, ...]:
+    return tuple(1 if s >= 0 else -1 for s in np.asarray(jacobian(w, time, numbers).full()).reshape(-1))
+
+
+def _other_kind(flat: FlatModel, now: FlatModel, places: list[int]) -> Hashable:
+    """What a model with other numbers does not share with the model as it was made; nothing where they have all in
+    common. Signs of parameters decide on which side of a root the start lies, nominals are scales of the integrator."""
+    signs = np.sign(now.p0[places])
+    nominals = tuple(v.nominal for v in now.variables)
+    if np.array_equal(signs, np.sign(flat.p0[places])) and nominals == tuple(v.nominal for v in flat.variables):
+        return ()
+    return tuple(signs.tolist()), nominals
 
 
 def put_last(kept: dict[Key, Value], key: Key, value: Value) -> Value:

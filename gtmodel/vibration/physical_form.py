@@ -7,11 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from .._lazy import hint
 from ..results import ArgumentError
 from .continuous import continuous
 
 if TYPE_CHECKING:
-    import control
+    from control import StateSpace
+else:
+    StateSpace = hint("control", "StateSpace")
 
 UNIDENTIFIED = "M is not identifiable without a known force or mass; M^-1 K and M^-1 D are"
 CONDITION = 1e10  # of T with scaled rows: beyond, the outputs and their rates are no coordinates
@@ -33,7 +36,7 @@ class PhysicalForm:
     notes: tuple[str, ...]
 
 
-def physical_form(system: control.StateSpace) -> PhysicalForm:
+def physical_form(system: StateSpace) -> PhysicalForm:
     """M^-1 K and M^-1 D of a discrete model of order 2 p whose p outputs are positions.
 
     A_c = logm(A) / T_s, T = [C; C A_c]; T A_c T^-1 = [[0, I], [-M^-1 K, -M^-1 D]]. The printed eq. (6.14) of Dressler

@@ -13,14 +13,17 @@ from gtmodel.inference import nonlinear_fit, whiteness
 from gtmodel.measurements import copied_stretch
 from gtmodel.results import Estimate
 
+from .._lazy import hint
 from ..results import ArgumentError
+from .options import LONGEST
 from .output_error import central, too_far
 from .record import Record, go_on
 
 if TYPE_CHECKING:
-    import control
+    from control import TransferFunction
+else:
+    TransferFunction = hint("control", "TransferFunction")
 
-LONGEST = 25  # samples of delay tried when none is given: 100 ms at 4 ms
 AFTER = 10  # samples that must follow a step and its delay
 SURE = 0.01  # of the likelihood-ratio test between the delay and its neighbours
 SETTLED = 0.05  # of a step: what may be left at the end of a recording
@@ -63,7 +66,7 @@ class StepModel:
         return self.estimate.interval(name, level)
 
     @property
-    def system(self) -> control.TransferFunction:
+    def system(self) -> TransferFunction:
         """control.TransferFunction in z with the delay as poles at zero."""
         import control
 

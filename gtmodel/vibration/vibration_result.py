@@ -10,10 +10,12 @@ import numpy as np
 
 from ..inference import FALSE_ALARM
 from ..results import Estimate, Quantity, Row, Study
+from ..results.study import to_inherit
 
 Array = np.ndarray
 
 
+@to_inherit
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class VibrationStudy(Study):
     """The model of a vibrating structure. What this model does not determine is None."""

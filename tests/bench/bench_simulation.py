@@ -1,4 +1,4 @@
-"""What a simulation costs beside CVODES by hand, with the same rows out: first run, repeated runs, a sweep.
+"""What a simulation costs beside CVODES by hand, with the same rows out: first run, repeated runs, sweeps.
 
 Prints Markdown. Processor times of one process, medians of interleaved turns; the error of every road is measured
 against CVODES by hand at a much finer tolerance, so that equal tolerances can be seen to buy equal errors.
@@ -16,7 +16,15 @@ from typing import Any
 import numpy as np
 
 import gtmodel as gt
-from tests.bench.rivals.motions_by_hand import ByHand, Cvodes, by_scipy, pendulum, three_link
+from tests.bench.rivals.motions_by_hand import (
+    ByHand,
+    Cvodes,
+    by_scipy,
+    pendulum,
+    pendulum_of_any_mass,
+    three_link,
+    three_link_of_any_payload,
+)
 from tests.simulation.models import SwingingPendulum
 from tests.simulation.robot import T0, l1, oracle
 
@@ -122,19 +130,91 @@ def bench(case: Case, turns: int, sweep: int) -> None:
         verdict = "" if most is None else "pass" if mine <= most * hand else "FAIL"
         third = f"{more[0]:.1f}" if more else ""
         times = f"{mine:.1f} | {hand:.1f} | {third} | {mine / hand:.1f}"
-        print(f"| {case.name}, {name} | {times} | {most or ''} | {verdict} |", flush=True)
+        shown = f"sweep of {sweep:,}" if name == "sweep" else name
+        print(f"| {case.name}, {shown} | {times} | {most or ''} | {verdict} |", flush=True)
     print(f"| {case.name}, error | {errors[0]:.1e} | {errors[1]:.1e} | {errors[2]:.1e} | | | |", flush=True)
+
+
+@dataclass(frozen=True, eq=False)
+class ParameterSweep:
+    """Runs that differ in one parameter of the model: the n-th of its values, starts and inputs as by hand."""
+
+    name: str
+    model: gt.Model
+    parameter: str
+    value: Callable[[int], float]
+    motion: ByHand
+    end: float
+    given: dict[str, Any]
+    by_hand: tuple[np.ndarray, np.ndarray]
+    compared: Callable[[Mapping[str, np.ndarray]], np.ndarray]
+    columns: list[int]
+
+
+def parameter_sweeps(case: dict[str, Case], masses: int) -> list[ParameterSweep]:
+    swinging, dropping = case["pendulum, 10 s"], case["L1 drop, 1 s"]
+    heaviest = float(l1().m_p)
+    return [
+        ParameterSweep(
+            name, c.fresh(), parameter, value, motion, c.end, c.arguments(0)[0], c.arguments(0)[1:], c.compared,
+            c.columns,
+        )
+        for name, c, parameter, value, motion in (
+            ("pendulum, mass", swinging, "m", lambda n: 0.5 + n / masses, pendulum_of_any_mass()),
+            (
+                "L1 drop, payload", dropping, "m_p", lambda n: heaviest * (1 + n / masses),
+                three_link_of_any_payload(oracle(l1())),
+            ),
+        )
+    ]  # fmt: skip
+
+
+def bench_parameters(sweep: ParameterSweep, runs: int) -> None:
+    """Each run three times, side by side: of a model made with the value, of one model that is given it, by hand."""
+    step, p, (start, u) = sweep.end / (ROWS - 1), sweep.parameter, sweep.by_hand
+    rival = Cvodes(sweep.motion, sweep.end, ROWS, TOLERANCE)
+    times, apart = np.zeros((runs, 3)), 0.0
+    for n in range(runs):
+        value, rows = sweep.value(n), dict[str, Any]()
+
+        def run(name: str, model: gt.Model, rows: dict[str, Any] = rows, **more: Any) -> None:
+            rows[name] = gt.simulate(model, sweep.end, step=step, tolerance=TOLERANCE, **sweep.given, **more)
+
+        def by_hand(rows: dict[str, Any] = rows, value: float = value) -> None:
+            rows["hand"] = rival(start, np.append(u, value))[1][:, sweep.columns]
+
+        times[n] = (
+            cpu(lambda value=value, run=run: run("made", sweep.model.with_(**{p: value}))),
+            cpu(lambda value=value, run=run: run("given", sweep.model, parameters={p: value})),
+            cpu(by_hand),
+        )
+        a, b = (sweep.compared(rows[k].trajectory) for k in ("given", "made"))
+        apart = max(apart, float(np.max(np.abs(a - b))))
+    made, given, hand = times.mean(axis=0)
+    later = times[1:, 1].mean()
+    print(
+        f"| {sweep.name} | {made:.1f} | {given:.1f} | {later:.1f} | {hand:.1f} | {made / given:.0f} | "
+        f"{given / hand:.1f} | {apart:.0e} |",
+        flush=True,
+    )
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--turns", type=int, default=9)
-    parser.add_argument("--sweep", type=int, default=100)
+    parser.add_argument("--sweep", type=int, default=1000)
+    parser.add_argument("--masses", type=int, default=100)
     given = parser.parse_args()
     print("| run | gtmodel [ms] | CVODES by hand [ms] | DOP853 [ms] | ratio | at most | |")
     print("|---|---:|---:|---:|---:|---:|---|")
-    for case in cases():
+    known = cases()
+    for case in known:
         bench(case, given.turns, given.sweep)
+    columns = ("sweep over", "`with_` [ms]", "`parameters=` [ms]", "after the first [ms]", "by hand [ms]")
+    print(f"\n| {' | '.join((*columns, 'ratio', 'over hand', 'apart'))} |")
+    print("|---|---:|---:|---:|---:|---:|---:|---:|")
+    for sweep in parameter_sweeps({c.name: c for c in known}, given.masses):
+        bench_parameters(sweep, given.masses)
 
 
 if __name__ == "__main__":

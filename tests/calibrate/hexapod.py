@@ -1,4 +1,4 @@
-"""The hexapod of problems/models: its recordings, which are not shipped, and synthetic poses."""
+"""The hexapod of problems/models: its recordings and synthetic poses."""
 
 from functools import cache
 from pathlib import Path
@@ -12,7 +12,7 @@ from gtmodel.problem_files.base import Context
 from gtmodel.problem_files.python_models import resolve
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
-DATA = PROBLEMS / "../../shared/realdata/hexapod"
+DATA = PROBLEMS / "data" / "hexapod"
 FIRST, SECOND = "108_calibration_poses.csv", "rosbag_108_offset_origins.csv"
 # revolutions, m, rad: assumed; with it 48 parameters leave residuals of 1.09 times their noise
 NOISE = {"n": 2e-3, "T": 3e-4, "e": 1e-3}

@@ -26,7 +26,6 @@ from gtmodel.calibrate.measured.misread_columns import misread_columns
 from gtmodel.compiler.causal import flat_of
 from gtmodel.inference import Prior
 from tests.calibrate.hexapod import (
-    DATA,
     EVEN,
     FIRST,
     NOISE,
@@ -47,10 +46,6 @@ REFIT = np.linspace(0, 107, 12).astype(int)  # poses of the second recording on 
 OTHERS = np.setdiff1d(np.arange(108), REFIT)
 ROUNDING = 1e-12
 SCIPY = 1e-7  # m: what finite differences leave of an optimum of condition 240
-
-present = pytest.mark.skipif(
-    not (DATA / FIRST).is_file(), reason="the hexapod's recordings are not beside the clone (shared/realdata)"
-)
 
 
 @cache
@@ -106,7 +101,6 @@ def test_its_own_forward_kinematics_answers_the_poses():
     np.testing.assert_allclose(np.abs(np.sum(e * data["e"], axis=1)), 1.0, atol=1e-12)
 
 
-@present
 def test_one_recording_tells_all_48_parameters_in_the_capture_frame():
     identified = prepare(hexapod(), measured(FIRST), actuators="n").identifiability(calibrate(capture()).x)
     assert len(identified.names) == identified.rank == 48
@@ -117,7 +111,6 @@ def test_one_recording_tells_all_48_parameters_in_the_capture_frame():
     assert len(framed.names) == 60 and framed.redundant == 12  # two frames that the joints could make good
 
 
-@present
 def test_half_the_poses_fit_to_0_4_mm_and_the_others_follow():
     nominal = calibrate(hexapod(), measured(FIRST, poses=FRAMES).part(EVEN), Choice(fixed=LEGS), actuators="n")
     c = fitted()
@@ -133,7 +126,6 @@ def test_half_the_poses_fit_to_0_4_mm_and_the_others_follow():
     assert rms_mm(early.on(measured(FIRST).part(np.arange(54, 108)))) > 1.3 * held
 
 
-@present
 def test_the_optimum_is_scipys():
     data = {n: a[EVEN] for n, a in recording(FIRST).items()}
     shapes = [np.array(getattr(hexapod(), n)) for n in LEGS]
@@ -150,7 +142,6 @@ def test_the_optimum_is_scipys():
     assert np.sum(fitted().residuals ** 2) <= 2 * other.cost * (1 + ROUNDING)
 
 
-@present
 def test_nominal_joints_as_a_prior_keep_the_base_readable():
     """The frames of capture and markers are unknown too; joints stay near their drawing and the residuals as small."""
     robot, wide = hexapod(), 5e-3
@@ -170,7 +161,6 @@ def test_nominal_joints_as_a_prior_keep_the_base_readable():
     assert 0.93 < ratio[0] < 0.95 and np.abs(ratio[1:] - 1).max() < 0.01
 
 
-@present
 def test_another_recording_is_judged_with_offsets_of_its_own():
     """Refitted on 12 of its poses, judged on the 96 others: an offset per leg, for the homing, and the heights of the
     two origins, which this recording has moved by 28 and 13 mm. Offsets alone or heights alone do not make it good."""
@@ -227,7 +217,6 @@ def test_legs_in_another_order_are_recognised_in_one_sentence(order, read_right)
     assert sentence.endswith(f"mm when they are read as {', '.join(f'n[{k}]' for k in meant)}")
 
 
-@present
 @pytest.mark.parametrize(("name", "order"), [(FIRST, (0, 2, 1, 3, 4, 5)), (SECOND, (1, 2, 3, 4, 5, 0))])
 def test_measured_legs_in_another_order_are_recognised(name, order):
     p = prepare(hexapod(), measured(name, poses=FRAMES), aligned(), actuators="n")
@@ -245,7 +234,6 @@ def test_a_quaternion_with_its_scalar_last_is_recognised(read_right):
     assert str(misread_columns(wrong, ["T"])).startswith("'e' looks written with its scalar last: links miss by ")
 
 
-@present
 @pytest.mark.parametrize(("factor", "text"), [(1e3, "1000 times too large"), (1e-3, "1000 times too small")])
 def test_millimetres_for_metres_are_recognised(factor, text):
     p = prepare(hexapod(), measured(FIRST, poses=FRAMES), aligned(), actuators="n")

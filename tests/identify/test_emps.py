@@ -15,9 +15,9 @@ from gtmodel.mechanics import Mass
 from gtmodel.problem_files import Context
 from gtmodel.problem_files.python_models import resolve
 from gtmodel.results import ArgumentError, SolveStatus
+from tests.support.recordings import EMPS, NO_EMPS
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
-DATA = PROBLEMS / "../../shared/realdata/emps/DATA_EMPS.mat"
 PUBLISHED = {"M": 95.1089, "F_v": 203.5034, "F_c": 20.3935, "offset": -3.1648}
 FREE = list(PUBLISHED)
 SIGNALS = {
@@ -27,7 +27,7 @@ SIGNALS = {
 }
 SHARP, NONNEGATIVE = Processing(40.0), Fitting(nonnegative=["M", "F_v", "F_c"])
 
-measured = pytest.mark.skipif(not DATA.is_file(), reason="the EMPS recording is not beside the clone (shared/realdata)")
+measured = pytest.mark.skipif(not EMPS.is_file(), reason=NO_EMPS)
 
 
 def model(name: str, **parameters: float) -> Any:
@@ -35,7 +35,7 @@ def model(name: str, **parameters: float) -> Any:
 
 
 def identified(free: list[str] = FREE, signals: dict[str, Signal] = SIGNALS, **options: Any):
-    raw = read_signals([DATA], signals, time=Column("t", "s"), sample_time=0.001)
+    raw = read_signals([EMPS], signals, time=Column("t", "s"), sample_time=0.001)
     robot = options.pop("robot", None) or model("Emps")
     return study(robot, raw, free, signals=signals, fitting=NONNEGATIVE, **options)
 
@@ -50,7 +50,7 @@ def solved():
 @pytest.fixture(scope="module")
 def rows():
     signals = {name: SIGNALS[name] for name in ("q", "tau")}
-    raw = read_signals([DATA], signals, time=Column("t", "s"))
+    raw = read_signals([EMPS], signals, time=Column("t", "s"))
     return rows_of(Corrections(signals, raw).apply(), Regressor(model("Emps"), FREE), Processing(40.0, every=1))
 
 

@@ -12,14 +12,10 @@ from gtmodel.problem_files import Context, InputError
 from gtmodel.problem_files.load import load
 from gtmodel.problem_files.run import answer
 from gtmodel.results import SolveStatus
-from tests.calibrate.hexapod import DATA, FIRST, PROBLEMS
+from tests.calibrate.hexapod import PROBLEMS
 
 LEG_MM = 0.45  # rms on the fitted half: the bound
 PRINTED = 1e-6  # m: digits of the parameters in judge_hexapod.toml
-
-present = pytest.mark.skipif(
-    not (DATA / FIRST).is_file(), reason="the hexapod's recordings are not beside the clone (shared/realdata)"
-)
 
 
 def solved(name: str, *settings: str):
@@ -38,7 +34,6 @@ def test_a_recording_that_is_not_there_is_named(name):
         solved(name, "measurements.file=nowhere.csv")
 
 
-@present
 def test_half_a_recording_is_fitted_and_the_other_half_foretold():
     outcome = solved("calibrate_hexapod.toml")
     values = outcome.values
@@ -54,14 +49,12 @@ def test_half_a_recording_is_fitted_and_the_other_half_foretold():
         np.testing.assert_allclose(found[n], used[n], atol=PRINTED)
 
 
-@present
 def test_the_other_recording_is_judged_with_six_offsets_and_frames_refitted():
     outcome = solved("judge_hexapod.toml")
     assert outcome.status is SolveStatus.SOLVED and len(outcome.values["unknowns"]) == 6 + 12
     assert leg_rms_mm(outcome) < LEG_MM and outcome.values["held_out_mm"]["mean"] < 0.9
 
 
-@present
 @pytest.mark.parametrize(
     ("setting", "sentence"),
     [

@@ -16,6 +16,7 @@ from gtmodel.problem_files.load import Loaded, load, validate
 from gtmodel.problem_files.run import answer, explain
 from gtmodel.results import SolveStatus
 from tests.identify.plants import BAND, NOISE, SAMPLE_TIME, plant, simulator
+from tests.support import recordings
 from tests.support.refusals import key_of_refusal
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
@@ -158,10 +159,11 @@ def test_a_model_in_python_and_its_loop(changes: dict[str, Any], key: str) -> No
     assert refused(Context(folder=PROBLEMS), **{**EMPS, **changes}) == key
 
 
-@pytest.mark.skipif(not (PROBLEMS / "../../shared/realdata/emps/DATA_EMPS.mat").is_file(), reason="no EMPS recording")
+@pytest.mark.skipif(not recordings.EMPS.is_file(), reason=recordings.NO_EMPS)
 def test_the_drive_as_measured() -> None:
     context = Context(folder=PROBLEMS)
-    found: Any = answer(load(PROBLEMS / "emps.toml", ["closed_loop.every=20", "closed_loop.tolerance=1e-5"]), context)
+    quick = ["closed_loop.every=20", "closed_loop.tolerance=1e-5", f"log.files=['{recordings.EMPS}']"]
+    found: Any = answer(load(PROBLEMS / "emps.toml", quick), context)
     assert found.status is SolveStatus.SOLVED and len(found.closed_loop_rms) == 1 and len(found.published) == 4
     assert context.inputs["log.files[0]"].name == "DATA_EMPS.mat"
 

@@ -318,3 +318,11 @@ class TestShown:
         assert {"T", "q", "tau", "der(T)", "der(T,2)"} <= set(run.names)
         assert not any(name.startswith(("robot.", "der(robot.")) for name in run.names)
         assert (run.unit("T"), run.unit("der(T)"), run.unit("tau")) == ("m", "m/s", "N")
+
+
+def test_a_motion_that_leaves_the_reach_between_its_rows_is_a_failed_check():
+    """A mesh so coarse that the re-simulated motion runs along the edge of the workspace."""
+    study = gt.load("l1_min_time", "limits.force_N=500", "mesh.elements=20", "mesh.most_elements=20")()
+    assert study.status is gt.SolveStatus.CHECK_FAILED
+    assert study.checks["reference_samples_out_of_reach"].value > 0
+    assert not study.files and not study.machine_files

@@ -218,7 +218,7 @@ def test_states_are_chosen_as_the_compiler_chooses_them(n):
     plan = ready.systems.plan
     for prefer in ([], [i for name in ("q",) for i in plan.flat.lookup(name)[1]]):
         preferred = frozenset(plan.alias.resolve(i, 0)[1] for i in prefer)
-        selection = StateSelection(plan, preferred)
+        selection = StateSelection(plan, preferred, ca.SX(0, 1), np.zeros(0))
         m = selection.matrix(ready.initial.w, 0.0)
         pattern = set(zip(*plan.system.sparsity().get_triplet(), strict=True))
         expected = choice_of(choose(plan.flat, plan.structure, [m], preferred, pattern))

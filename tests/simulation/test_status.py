@@ -70,6 +70,37 @@ def test_growth_without_bound():
     assert 0.99 < t[-1] < 1.0 and run.trajectory["x"] == pytest.approx(1 / (1 - t), rel=1e-4)
 
 
+class Oscillating(gt.Model):
+    x = gt.variable(start=0.1, fixed=True)
+    v = gt.variable(start=0.0, fixed=True)
+    rate = gt.parameter(5.0, unit="1/s")
+
+    def equations(self):
+        yield der(self.x) == self.rate * self.v
+        yield der(self.v) == -self.rate * self.x
+
+
+@pytest.mark.parametrize("final_time", [1e8, 1e12, 1e50, 1e150])
+def test_a_run_that_is_too_long_for_its_motion(final_time):
+    run = simulate(Oscillating(), final_time, throw=False)
+    assert run.status is SolveStatus.FAILED
+    reason = f"because a run of {final_time:.3g} s is too long for so fast a motion: the integrator goes over "
+    assert reason in run.message and run.message.endswith("simulate a shorter one")
+    assert 0.1 < float(run.message.split("goes over ")[1].split()[0]) < 300.0  # 1000 steps, some 50 to a period
+
+
+def test_a_formula_without_a_number_is_no_matter_of_the_length():
+    class Logarithm(Oscillating):
+        y = gt.variable()
+
+        def equations(self):
+            yield from super().equations()
+            yield self.y == gt.log(self.x)
+
+    run = simulate(Logarithm(), 1e3, throw=False)
+    assert run.status is SolveStatus.FAILED and "too long" not in run.message
+
+
 def test_the_edge_of_a_formula():
     run = simulate(Draining(), 2.0, throw=False)
     assert run.status is SolveStatus.FAILED

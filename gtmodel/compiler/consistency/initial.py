@@ -60,18 +60,23 @@ class Initial:
 
 
 def initial_point(
-    plan: CausalPlan, held: Mapping[Pair, float], guess: Mapping[Pair, float], time: float = 0.0
+    plan: CausalPlan,
+    held: Mapping[Pair, float],
+    guess: Mapping[Pair, float],
+    time: float = 0.0,
+    p: np.ndarray | None = None,
 ) -> Initial:
     """A point that satisfies all differentiated equations and the initial equations.
 
     held: symbols with a prescribed value (fixed starts, known inputs and their derivatives).
     guess: values that are kept where the equations allow it, else approached.
+    p: values of all parameters, where they are not the model's own; the plan must hold those that differ as symbols.
     States that are free after that start as near to zero as the equations allow, from the side of the plan's samples.
     Where a root leaves a choice, the point lies on the plan's side of it, as in a causal function.
 
     Raises ModelError naming what contradicts the equations.
     """
-    equations = _Equations(plan, time)
+    equations = _Equations(plan, time, p)
     place = {pair: n for n, pair in enumerate(plan.pairs)}
     fixed = {place[pair]: value for pair, value in held.items() if pair in place}
     hoped = {place[pair]: value for pair, value in guess.items() if pair in place and place[pair] not in fixed}
@@ -157,8 +162,8 @@ class _Written:
 class _Equations:
     """All stages, positions first, and the initial equations, with their Jacobian, at one time."""
 
-    def __init__(self, plan: CausalPlan, time: float) -> None:
-        self._plan, self._time, self._p = plan, time, plan.flat.require_values()
+    def __init__(self, plan: CausalPlan, time: float, p: np.ndarray | None = None) -> None:
+        self._plan, self._time, self._p = plan, time, plan.flat.require_values() if p is None else p
         key = "initial", plan
         if key not in plan.flat.cache:
             plan.flat.cache[key] = _Written(plan)

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from ...results import Quantity, Row, Study, listed
+from ...results.study import to_inherit
 
 Array = np.ndarray
 
@@ -21,6 +22,7 @@ LABELS = {
 }
 
 
+@to_inherit
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class FrictionStudy(Study):
     """Friction by actuator and direction of motion, and the mass held; None where it was stopped before the fit."""

@@ -11,7 +11,7 @@ from gtmodel.calibrate.options import Fit
 from gtmodel.calibrate.synthetic import options as synthetic_options
 from gtmodel.compliance.load_tests import options as load_tests
 from gtmodel.compliance.options import Load
-from gtmodel.problem_files.base import FileSection
+from gtmodel.problem_files.base import FileSection, Source
 from gtmodel.problem_files.from_options import Made, made_from
 from gtmodel.problem_files.robot_keys import RobotProblem
 
@@ -23,6 +23,7 @@ class MeasuredSection(Made):
     """Measured poses in a CSV file."""
 
     file: str = Field(description="path from the problem's folder")
+    source: Source = ""
 
 
 @made_from(measured.CartPoints, "at", "points")
@@ -32,6 +33,7 @@ class CartPointsSection(Made):
     file: str = Field(
         description="CSV with the columns q and P1, P2, P3, three numbers each, from the problem's folder"
     )
+    source: Source = ""
     unit: str = Field(default="mm", description="of all its columns")
     arms: list[Annotated[int, Field(ge=1, le=3)]] = Field(
         description="arms on straight pieces through their points; all others stay straight: D1 models 2 and 4 all, 5 "
@@ -45,6 +47,7 @@ class HeldOutSection(FileSection):
 
     every: int = Field(default=2, ge=0, description="every how many-th pose is held out; 0 for none")
     file: str | None = Field(default=None, description="another file of the same columns instead")
+    source: Source = ""
 
 
 @made_from(load_tests.LoadTests)
@@ -52,6 +55,7 @@ class LoadTestsSection(Made):
     """Measured tests, one a row: where the arm stood, what pulled, what moved. World coordinates."""
 
     file: str = Field(description="CSV, path from the problem's folder")
+    source: Source = ""
 
 
 class _Hung(Made):
@@ -84,7 +88,7 @@ class Schema(_Fitted):
     measurements: MeasuredSection | None = Field(default=None, description="measured poses")
     synthetic: Made[synthetic_options.Synthetic] | None = Field(default=None, description="synthetic poses instead")
     cart_points: CartPointsSection | None = Field(default=None, description="guideways through measured points")
-    held_out: HeldOutSection = HeldOutSection()
+    held_out: HeldOutSection = HeldOutSection.left_out()
     joint_stiffness: JointStiffness | None = Field(
         default=None, description="joint stiffness of a serial arm from static load tests, in place of geometry"
     )

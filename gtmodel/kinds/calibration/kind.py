@@ -68,11 +68,11 @@ def explain(problem: Schema, context: Context) -> str:
 def _poses(problem: Schema, robot: Model, context: Context) -> MeasuredPoses:
     _one_of(problem, "measurements")
     other = problem.held_out.file
-    held_out = None if other is None else context.file(other, "held_out.file")
+    held_out = None if other is None else context.file(other, "held_out.file", source=problem.held_out.source)
     if problem.synthetic is not None:
         return calibrate.made_poses(robot, problem.synthetic.options(), held_out)
     assert problem.measurements is not None
-    path = context.file(problem.measurements.file, "measurements.file")
+    path = context.file(problem.measurements.file, "measurements.file", source=problem.measurements.source)
     return calibrate.read_poses(path, problem.measurements.options(), held_out)
 
 
@@ -80,8 +80,9 @@ def _carts(problem: Schema, context: Context) -> CartPoints | None:
     keys = problem.cart_points
     if keys is None:
         return None
+    file = context.file(keys.file, "cart_points.file", source=keys.source)
     try:
-        at, points = calibrate.read_cart_points(context.file(keys.file, "cart_points.file"), keys.arms, keys.unit)
+        at, points = calibrate.read_cart_points(file, keys.arms, keys.unit)
     except ArgumentError as error:
         raise InputError(error.message, "cart_points.file") from error
     return CartPoints(at, points, **keys.given())
@@ -101,7 +102,7 @@ def _tests(keys: JointStiffness, robot: Model, context: Context) -> MeasuredTest
         if keys.poses_deg is not None or keys.load is not None:
             name = "load" if keys.poses_deg is None else "poses_deg"
             raise InputError("belongs to synthetic tests; measured ones have it in their file", f"{STIFFNESS}.{name}")
-        path = context.file(keys.measurements.file, f"{STIFFNESS}.measurements.file")
+        path = context.file(keys.measurements.file, f"{STIFFNESS}.measurements.file", source=keys.measurements.source)
         return read_load_tests(path, keys.measurements.options())
     assert keys.synthetic is not None
     if not keys.poses_deg or not keys.load:

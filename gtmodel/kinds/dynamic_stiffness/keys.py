@@ -6,7 +6,7 @@ from typing import Literal
 
 from pydantic import Field, NonNegativeFloat
 
-from gtmodel.problem_files.base import FileSection, Problem
+from gtmodel.problem_files.base import FileSection, Problem, Source
 from gtmodel.problem_files.from_options import Made, made_from
 from gtmodel.vibration.dynamic_stiffness import options
 
@@ -20,6 +20,7 @@ class MeasuredExperimentsSection(FileSection):
         description="CSV file with the columns x [m], y [m], z [m], A [deg], direction and file; rows of the same "
         "pose and direction are hits of one experiment, unless a column experiment tells them apart"
     )
+    source: Source = ""
 
 
 @made_from(options.SyntheticArm)
@@ -35,8 +36,8 @@ class Schema(Problem):
     repeatability: NonNegativeFloat = Field(
         default=0.15, description="mean change of m, c and k between experiments at one pose; Cvitanic 2021 states 15 %"
     )
-    fit: Made[options.ModalFitting] = Made[options.ModalFitting]()
-    process: Made[options.Process] = Made[options.Process]()
-    map: Made[options.FrequencyMap] = Made[options.FrequencyMap]()
+    fit: Made[options.ModalFitting] = Made[options.ModalFitting].left_out()
+    process: Made[options.Process] = Made[options.Process].left_out()
+    map: Made[options.FrequencyMap] = Made[options.FrequencyMap].left_out()
     measured: MeasuredExperimentsSection | None = Field(default=None, description="measured records")
     synthetic: SyntheticArmSection | None = Field(default=None, description="synthetic records")

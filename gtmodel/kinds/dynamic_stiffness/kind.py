@@ -13,7 +13,7 @@ from gtmodel.vibration.dynamic_stiffness import (
     synthetic_experiments,
 )
 
-from .keys import Schema
+from .keys import MeasuredExperimentsSection, Schema
 
 NAME = "dynamic_stiffness"
 
@@ -29,7 +29,7 @@ def call(problem: Schema, context: Context) -> Call:
     if len(given) != 1:
         raise InputError("expected one of [measured] and [synthetic]", given[-1] if given else "measured")
     context.progress("reading", 0.05)
-    experiments = _made(problem) if problem.measured is None else _read(problem, problem.measured.index, context)
+    experiments = _made(problem) if problem.measured is None else _read(problem, problem.measured, context)
     return Call(
         dynamic_stiffness_study, experiments, fit=problem.fit.options(), process=problem.process.options(),
         map=problem.map.options(), repeatability=problem.repeatability, title=problem.title,
@@ -44,8 +44,8 @@ def _made(problem: Schema) -> SyntheticExperiments:
     )  # fmt: skip
 
 
-def _read(problem: Schema, index: str, context: Context) -> list[Experiment]:
-    path = context.file(index, "measured.index")
+def _read(problem: Schema, measured: MeasuredExperimentsSection, context: Context) -> list[Experiment]:
+    path = context.file(measured.index, "measured.index", source=measured.source)
     experiments = read_experiments(path, problem.fit.options())
     # run.toml keeps the hash of every file that was read
     for name, file in (pair for e in experiments for pair in e.files.items()):

@@ -79,7 +79,7 @@ class OscillatorField:
         return ca.Function(name, [pose], columns, ["pose"], names)
 
     def c_code(self, *, std: bool = False, name: str = "oscillators") -> str:
-        """casadi_function() as one C file: `name`(arg, res, iw, w, mem) in CasADi's calling convention."""
+        """casadi_function() as one C file: a function `name` with the arguments of CasADi's calling convention."""
         return _generated(self.casadi_function(std=std, name=name), name)
 
     def _logs(self, poses: np.ndarray, of: str) -> tuple[np.ndarray, np.ndarray]:

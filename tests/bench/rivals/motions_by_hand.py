@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
@@ -27,7 +27,17 @@ class ByHand:
 
 def pendulum(length: float = 1.0, mass: float = 1.0, g: float = 9.81) -> ByHand:
     """In the angle from hanging; rows x, x', y, y', tension, stored energy."""
-    y, u = ca.SX.sym("y", 2), ca.SX.sym("u", 0)
+    return _pendulum(length, mass, g, ca.SX.sym("u", 0))
+
+
+def pendulum_of_any_mass(length: float = 1.0, g: float = 9.81) -> ByHand:
+    """The same with its mass [kg] for u."""
+    mass = ca.SX.sym("mass")
+    return _pendulum(length, mass, g, mass)
+
+
+def _pendulum(length: float, mass: float | ca.SX, g: float, u: ca.SX) -> ByHand:
+    y = ca.SX.sym("y", 2)
     s, c = ca.sin(y[0]), ca.cos(y[0])
     rates = ca.vertcat(y[1], -g / length * s)
     tension = mass * (length * y[1] ** 2 + g * c) / length
@@ -39,6 +49,16 @@ def pendulum(length: float = 1.0, mass: float = 1.0, g: float = 9.81) -> ByHand:
 def three_link(robot: ThreeLink) -> ByHand:
     """Eqs. (6.3)-(6.8) of Dressler 2012, plate ahead of all carts; states T, T', and the energies supplied and
     dissipated; rows q, T, T', tau, stored energy, and those two."""
+    return _three_link(robot, robot.m_p, ca.SX(0, 1))
+
+
+def three_link_of_any_payload(robot: ThreeLink) -> ByHand:
+    """The same with the mass of the plate [kg] as a fourth number of u."""
+    mass = ca.SX.sym("m_p")
+    return _three_link(robot, mass, mass)
+
+
+def _three_link(robot: ThreeLink, m_p: float | ca.SX, more: ca.SX) -> ByHand:
     y, tau = ca.SX.sym("y", 8), ca.SX.sym("tau", 3)
     T, v = y[:3], y[3:6]
     A, square = robot.A, robot.L**2
@@ -50,17 +70,17 @@ def three_link(robot: ThreeLink) -> ByHand:
     bent = ((v[0] - qd) ** 2 + v[1] ** 2 + v[2] ** 2) / dx  # J times the last product of (6.6)
     quarter = robot.m_a / 4
     m1 = ca.vertcat(
-        ca.horzcat(robot.m_p + np.sum(robot.m_a / 2), 0, 0),
-        ca.horzcat(ca.dot(ca.DM(quarter), j[:, 1]), robot.m_p + np.sum(quarter), 0),
-        ca.horzcat(ca.dot(ca.DM(quarter), j[:, 2]), 0, robot.m_p + np.sum(quarter)),
+        ca.horzcat(m_p + np.sum(robot.m_a / 2), 0, 0),
+        ca.horzcat(ca.dot(ca.DM(quarter), j[:, 1]), m_p + np.sum(quarter), 0),
+        ca.horzcat(ca.dot(ca.DM(quarter), j[:, 2]), 0, m_p + np.sum(quarter)),
     )
     along, across = robot.m_c + robot.m_a / 2, robot.m_c + quarter
     m2 = ca.vertcat(*[ca.horzcat(*[j[i, k] * (along if k == 0 else across)[i] for i in range(3)]) for k in range(3)])
-    gravity = ca.vertcat(0, 0, robot.g * (robot.m_p + np.sum(robot.m_a / 2)))
+    gravity = ca.vertcat(0, 0, robot.g * (m_p + np.sum(robot.m_a / 2)))
     friction = ca.DM(robot.coulomb) * ca.tanh(qd / robot.velocity_scale) + ca.DM(robot.viscous) * qd
     right = j.T @ (tau - friction) - gravity - m2 @ bent
     acceleration = ca.inv_minor(m1 + m2 @ j) @ right
-    kinetic = (robot.m_p * ca.dot(v, v) + ca.dot(ca.DM(robot.m_c), qd**2)) / 2
+    kinetic = (m_p * ca.dot(v, v) + ca.dot(ca.DM(robot.m_c), qd**2)) / 2
     for i in range(3):
         half = (v + ca.vertcat(qd[i], 0, 0)) / 2
         kinetic += robot.m_a[i] * ca.dot(half, half) / 2
@@ -71,10 +91,11 @@ def three_link(robot: ThreeLink) -> ByHand:
     def numpy_rates(y: Array, u: Array) -> Array:
         q = robot.inverse_kinematics(y[:3], ahead)
         qd = robot.inverse_jacobian(y[:3], q) @ y[3:6]
-        works = [u @ qd, robot.friction(qd) @ qd]
-        return np.concatenate([y[3:6], robot.forward_dynamics(y[:3], q, y[3:6], u)[0], works])
+        loaded = replace(robot, m_p=u[3]) if u.size == 4 else robot
+        works = [u[:3] @ qd, robot.friction(qd) @ qd]
+        return np.concatenate([y[3:6], loaded.forward_dynamics(y[:3], q, y[3:6], u[:3])[0], works])
 
-    return ByHand(y, tau, rates, row, numpy_rates)
+    return ByHand(y, ca.vertcat(tau, more), rates, row, numpy_rates)
 
 
 class Cvodes:

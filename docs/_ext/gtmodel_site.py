@@ -1,0 +1,213 @@
+"""Sphinx extension of this site: commands with their real output, keys of a kind, the reference, mathematics.
+
+Directives of the pages:
+
+    ```{run}              commands of the command line, with what they print
+    ```{problem} NAME     a shipped problem: its file, its command, its table and pictures; options `pictures`: which of
+                          them, `settings`: KEY=VALUE ... behind --set
+    ```{keys} KIND        the keys of a problem file and the names of the results, as `gtmodel schema` gives them
+    ```{gallery}          a picture of every page that solves a problem
+
+What commands print is kept in build/site/runs until gtmodel or the problem changes.
+"""
+
+from __future__ import annotations
+
+import inspect
+import shutil
+from pathlib import Path
+from typing import Any, ClassVar
+
+from docutils import nodes
+from docutils.parsers.rst import directives
+from docutils.statemachine import StringList
+from docutils.utils.math.latex2mathml import tex2mathml
+from sphinx.application import Sphinx
+from sphinx.util.docutils import SphinxDirective
+
+from gtmodel.problem_files import schema
+
+from . import fences, reference, runs
+
+DOCS = Path(__file__).parents[1]
+CLONE = DOCS.parent
+
+
+class _Page(SphinxDirective):
+    """Writes Markdown and lets the page's own parser read it."""
+
+    def markdown(self, text: str) -> list[nodes.Node]:
+        holder = nodes.container()
+        self.state.nested_parse(StringList(text.splitlines(), self.get_source_info()[0]), self.content_offset, holder)
+        return holder.children
+
+    def console(self, command: str, output: str) -> list[nodes.Node]:
+        block = nodes.literal_block(f"$ {command}\n{output}", f"$ {command}\n{output}", language="console")
+        return [block]
+
+
+class Run(_Page):
+    """Commands, a line each, and what each prints.
+
+    Options: `status`, the exit code that is expected, 0 if left out; `pictures`, which of theirs are shown.
+    """
+
+    has_content = True
+    option_spec: ClassVar[dict[str, Any]] = {"status": directives.nonnegative_int, "pictures": directives.unchanged}
+
+    def run(self) -> list[nodes.Node]:
+        page = Path(self.env.doc2path(self.env.docname))
+        own = runs.run_page(page) if fences.files_of(page) else None
+        made: list[nodes.Node] = []
+        pictures = self.options.get("pictures", "").split()
+        for command in self.content:
+            result = runs.run(command) if own is None else own[command.split("  #")[0].strip()]
+            if result.code != self.options.get("status", 0):
+                raise self.error(f"'{command}' ended with {result.code}: {result.text[-500:]}")
+            made += self.console(command, result.text)
+            for picture in [p for p in pictures if p in {one.name for one in result.pictures}]:
+                pictures.remove(picture)
+                path = _shown(result, picture, self.env.docname.replace("/", "_"), self)
+                made += self.markdown(f"```{{image}} /{path}\n:alt: {Path(picture).stem}\n```")
+        if pictures:
+            raise self.error(f"nothing here draws {', '.join(pictures)}")
+        return made
+
+
+class Problem(_Page):
+    """A shipped problem: file, command, table, pictures."""
+
+    required_arguments = 1
+    option_spec: ClassVar[dict[str, Any]] = {"pictures": directives.unchanged, "settings": directives.unchanged}
+
+    def run(self) -> list[nodes.Node]:
+        name = self.arguments[0]
+        file = CLONE / "problems" / f"{name}.toml"
+        self.env.note_dependency(str(file))
+        settings = "".join(f" --set {s}" for s in self.options.get("settings", "").split())
+        command = _command(name, settings)
+        result = runs.run(command)
+        if result.code != 0:
+            raise self.error(f"'{command}' ended with {result.code}: {result.text[-500:]}")
+        made = self.markdown(f"```{{literalinclude}} {_up(self.env.docname)}problems/{name}.toml\n:language: toml\n```")
+        made += self.console(command, result.text)
+        wanted = self.options.get("pictures", "").split() or [p.name for p in result.pictures]
+        for picture in wanted:
+            path = _shown(result, picture, name, self)
+            made += self.markdown(f"```{{image}} /{path}\n:alt: {Path(picture).stem} of {name}\n```")
+        return made
+
+
+class Keys(_Page):
+    """Tables of the keys of a kind and of the names of its results."""
+
+    required_arguments = 1
+
+    def run(self) -> list[nodes.Node]:
+        document = schema.document(self.arguments[0])
+        keys = [[f"`{k['key']}`", k["type"], k["unit"] or "", _code(k["default"]), k["description"] or ""]
+                for k in map(_filled, document["keys"])]  # fmt: skip
+        made = _table(["key", "type", "unit", "default", "description"], keys)
+        values = [[f"`{name}`", v["unit"] or "", v["description"] or ""] for name, v in document["values"].items()]
+        text = f"Keys of the problem file:\n\n{made}\n\nNames in `result.json`, under `values`:\n\n"
+        return self.markdown(text + _table(["name", "unit", "description"], values))
+
+
+class Gallery(_Page):
+    """The first picture of every page of a kind, with a link to it."""
+
+    def run(self) -> list[nodes.Node]:
+        made: list[nodes.Node] = []
+        for page in sorted((DOCS / "kinds").glob("*.md")):
+            lines = page.read_text(encoding="utf-8").splitlines()
+            for i, line in enumerate(lines):
+                if not line.startswith("```{problem}"):
+                    continue
+                name = line.split()[1]
+                following = lines[i + 1] if i + 1 < len(lines) else ""
+                settings = "".join(f" --set {s}" for s in _option(lines[i + 1 : i + 4], "settings").split())
+                result = runs.run(_command(name, settings))
+                wanted = _option([following, *lines[i + 2 : i + 4]], "pictures").split()
+                pictures = wanted or [p.name for p in result.pictures]
+                if pictures:
+                    path = _shown(result, pictures[0], name, self)
+                    title = lines[0].lstrip("# ")
+                    made += self.markdown(
+                        f"```{{figure}} /{path}\n:target: {page.stem}.html\n:figclass: gallery\n"
+                        f":alt: {title}, {name}\n\n{title}: `{name}`\n```"
+                    )
+        return made
+
+
+def _option(lines: list[str], name: str) -> str:
+    return next((line.split(":", 2)[2].strip() for line in lines if line.startswith(f":{name}:")), "")
+
+
+def _command(problem: str, settings: str) -> str:
+    if 'kind = "codegen"' in (CLONE / "problems" / f"{problem}.toml").read_text(encoding="utf-8"):
+        return f"gtmodel codegen problems/{problem}.toml{settings} -o out --check"
+    return f"gtmodel solve problems/{problem}.toml{settings} --plot --out out"
+
+
+def _up(page: str) -> str:
+    return "../" * (page.count("/") + 1)
+
+
+def _shown(result: runs.Result, picture: str, name: str, directive: _Page) -> str:
+    """The path under docs/ of a copy of a picture that a command drew."""
+    source = next((p for p in result.pictures if p.name == picture), None)
+    if source is None:
+        raise directive.error(f"{name} draws no {picture}; it draws {[p.name for p in result.pictures]}")
+    target = DOCS / "_made" / name / picture
+    target.parent.mkdir(parents=True, exist_ok=True)
+    shutil.copyfile(source, target)
+    return target.relative_to(DOCS).as_posix()
+
+
+def _filled(key: dict[str, Any]) -> dict[str, Any]:
+    return {"key": "", "type": "", "unit": "", "default": "", "description": "", **key}
+
+
+def _code(value: object) -> str:
+    text = str(value if value is not None else "")
+    return text if not text or text.startswith("required") else f"`{text}`"
+
+
+def _table(header: list[str], rows: list[list[str]]) -> str:
+    def cell(text: object) -> str:
+        return inspect.cleandoc(str(text)).replace("\n", " ").replace("|", "\\|")
+
+    lines = [header, ["---"] * len(header), *rows]
+    return "\n".join("| " + " | ".join(map(cell, line)) + " |" for line in lines)
+
+
+def _copied_notebooks(app: Sphinx) -> None:
+    """The percent notebooks beside the pages: Sphinx reads what stands under its own folder."""
+    folder = DOCS / "notebooks"
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir()
+    for script in sorted((CLONE / "notebooks").glob("[0-9][0-9]_*.py")):
+        shutil.copyfile(script, folder / script.name)
+    names = "\n".join(p.stem for p in sorted(folder.glob("*.py")))
+    text = f"# Notebooks\n\nRun when this site was built.\n\n```{{toctree}}\n:maxdepth: 1\n\n{names}\n```\n"
+    (folder / "index.md").write_text(text, encoding="utf-8")
+
+
+def _mathml(self: Any, node: nodes.Element) -> None:
+    """LaTeX as MathML, which every browser shows without a script."""
+    block = isinstance(node, nodes.math_block)
+    self.body.append(tex2mathml(node.astext(), as_block=block))
+    raise nodes.SkipNode
+
+
+def setup(app: Sphinx) -> dict[str, Any]:
+    """Registers what the pages use."""
+    for name, directive in (("run", Run), ("problem", Problem), ("keys", Keys), ("gallery", Gallery)):
+        app.add_directive(name, directive)
+    app.add_html_math_renderer("mathml", (_mathml, None), (_mathml, None))
+    app.connect("builder-inited", _copied_notebooks)
+    app.connect("builder-inited", reference.write)
+    app.connect("autodoc-process-docstring", reference.kept_from_napoleon, priority=100)
+    app.connect("autodoc-process-docstring", reference.docstring, priority=900)
+    app.connect("autodoc-process-signature", reference.signature)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

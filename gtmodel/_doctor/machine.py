@@ -1,0 +1,88 @@
+"""What is on this machine besides Python packages: compiler, other programs, cache of libraries."""
+
+from __future__ import annotations
+
+import ctypes
+import getpass
+import os
+import re
+import shutil
+import subprocess
+import tempfile
+from pathlib import Path
+
+from gtmodel.compiler.library_cache import cache_folder
+from gtmodel.compiler.toolchain import Toolchain, exposed, find
+
+SECONDS = 20.0
+_SOURCE = "double tried(double x);\ndouble tried(double x) { return 2.0 * x; }\n"
+
+
+def first_line(*command: str) -> str:
+    """The first line that a command prints; "" where it fails."""
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, errors="replace", timeout=SECONDS)
+    except (OSError, subprocess.SubprocessError):
+        return ""
+    return done.stdout.strip().partition("\n")[0].strip() if done.returncode == 0 else ""
+
+
+def compiler() -> tuple[str, str]:
+    """The C compiler with its version, and what is wrong with it: a tiny function is compiled, loaded and called."""
+    chain = find()
+    if isinstance(chain, str):
+        return "none", chain
+    return f"{chain.cc}: {first_line(chain.cc, '--version') or 'of unknown version'}", _tried(chain)
+
+
+def _tried(chain: Toolchain) -> str:
+    try:
+        with tempfile.TemporaryDirectory(prefix="gtmodel-doctor-", ignore_cleanup_errors=True) as name:
+            source, made, library = (Path(name) / f"tried.{ending}" for ending in ("c", "o", "so"))
+            source.write_text(_SOURCE, encoding="utf-8")
+            for good, said in (chain.compile(source, made), chain.link_shared([made], library)):
+                if not good:
+                    return f"it fails on a tiny function: {' '.join(said.split())[:200]}"
+            function = ctypes.CDLL(str(library)).tried
+            function.argtypes, function.restype = [ctypes.c_double], ctypes.c_double
+            return "" if function(21.0) == 42.0 else "what it compiles gives wrong numbers"
+    except OSError as error:
+        return f"what it compiles does not run: {error}"
+
+
+def program(name: str, option: str) -> str:
+    """The first line of `name option`, "none" where there is no such program."""
+    path = shutil.which(name)
+    return "none" if path is None else first_line(path, option) or f"{path}, which does not start"
+
+
+def cache() -> tuple[str, str]:
+    """The folder of compiled libraries with their number and size, and why it cannot be used."""
+    try:
+        folder = cache_folder()
+    except RuntimeError:
+        return "none", "no home folder is known: set GTMODEL_CACHE to a folder of your own"
+    try:
+        sizes = [path.stat().st_size for path in folder.glob("*.so")] if folder.is_dir() else []
+        there = next(p for p in (folder, *folder.parents) if p.exists())
+        reason = "" if os.access(there, os.W_OK) else "cannot be written to"
+        reason = reason or (exposed(folder) if folder.is_dir() else "")
+    except OSError as error:
+        return str(folder), f"cannot be read: {error.strerror}"
+    text = f"{folder}: {len(sizes)} libraries, {sum(sizes) / 1e6:.1f} MB"
+    return text, f"{reason}: set GTMODEL_CACHE to a folder of your own" if reason else ""
+
+
+def discreet(text: str) -> str:
+    """A text without the home folder and the name of the user: ~ and USER stand in their places."""
+    try:
+        home = str(Path.home())
+    except RuntimeError:
+        home = ""
+    if len(home) > 1:
+        text = text.replace(home, "~")
+    try:
+        user = getpass.getuser()
+    except (OSError, KeyError, ImportError):
+        return text
+    return re.sub(rf"(?<=[/\\]){re.escape(user)}(?![\w.-])", "USER", text)

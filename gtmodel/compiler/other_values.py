@@ -1,0 +1,106 @@
+"""A flat model with other values of some parameters: its symbols stay, and what was compiled with them serves all."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from ..lang.bind import ParameterRecord, VariableRecord
+from ..lang.bound import check_bound
+from ..lang.declare import Declaration, Parameter
+from ..lang.source import ModelError, about
+from ..lang.values import check_parameter
+from .flat import FlatModel, variables_of
+
+
+def values_by_place(flat: FlatModel, given: Mapping[str, Any]) -> dict[int, float]:
+    """Values of parameters that a person gave by name, by their places in `flat.p`.
+
+    Raises ModelError for a name that is no parameter with a value of its own, and for a value that it does not take.
+    """
+    values: dict[int, float] = {}
+    for name, value in given.items():
+        with about(f"parameters.{name}"):
+            record = _record(flat, name)
+            assert isinstance(record.item, Parameter)
+            array = check_parameter(record.item, value, name)
+            if array.shape != record.shape:
+                raise ModelError(
+                    f"parameter '{name}' has shape {record.shape} in this model; found a value of shape {array.shape}"
+                )
+            values |= dict(zip(record.indices, array.reshape(-1).tolist(), strict=True))
+    return values
+
+
+def _record(flat: FlatModel, name: str) -> ParameterRecord:
+    known = {r.name: r for r in flat.tree.parameters if isinstance(r.item, Parameter)}
+    if name not in known:
+        close = difflib.get_close_matches(name, known, n=2)
+        own = ", ".join(n for n, r in known.items() if r.indices and "." not in n) or "none"
+        hint = f"did you mean {' or '.join(map(repr, close))}?" if close else f"top-level ones are {own}"
+        raise ModelError(f"{flat.title} has no parameter '{name}'; {hint}")
+    record = known[name]
+    if not record.indices:
+        sources = ", ".join(dict.fromkeys(s.name().split("[")[0] for s in ca.symvar(record.expression)))
+        raise ModelError(
+            f"parameter '{name}' follows from {sources or 'numbers in the model'}; give that another value"
+        )
+    return record
+
+
+def with_values(flat: FlatModel, values: Mapping[int, float]) -> FlatModel:
+    """The model with other numbers at some places of `flat.p`; attributes of variables follow, what was compiled does
+    not come along.
+
+    Raises ModelError where a parameter that follows from these, or is bounded by them, is not allowed.
+    """
+    if not values:
+        return flat
+    dependent = _dependent(flat, tuple(sorted(values)))
+    tree = replace(
+        flat.tree, parameters=[_with(r, values) for r in dependent.parameters], variables=dependent.variables
+    )
+    if dependent.checked:
+        check_bound(tree)
+    others = {v.index: v for v in variables_of(tree)}
+    return replace(
+        flat,
+        parameters=[replace(q, value=values.get(n, q.value)) for n, q in enumerate(flat.parameters)],
+        variables=[others.get(v.index, v) for v in flat.variables] if others else flat.variables,
+        cache={},
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Dependent:
+    """What follows from some parameters: `variables` with such attributes, `parameters` with all that have values of
+    their own; `checked`: one of these is bounded."""
+
+    parameters: list[ParameterRecord]
+    variables: list[VariableRecord]
+    checked: bool
+
+
+def _dependent(flat: FlatModel, places: tuple[int, ...]) -> _Dependent:
+    key = "dependent", places
+    if key not in flat.cache:
+        column = ca.vertcat(*[flat.parameters[n].symbol for n in places])
+        own = [r for r in flat.tree.parameters if r.indices]
+        bound = [r for r in flat.tree.parameters if not r.indices and ca.depends_on(r.expression, column)]
+        named = any(isinstance(b, Declaration) for r in own for b in (r.item.low, r.item.high))
+        attributes = [(r, [a for a in r.attributes.values() if isinstance(a, ca.SX)]) for r in flat.tree.variables]
+        variables = [r for r, given in attributes if given and ca.depends_on(ca.vertcat(*map(ca.vec, given)), column)]
+        flat.cache[key] = _Dependent([*own, *bound], variables, bool(bound) or named)
+    return flat.cache[key]
+
+
+def _with(record: ParameterRecord, values: Mapping[int, float]) -> ParameterRecord:
+    if record.values is None or not any(i in values for i in record.indices):
+        return record
+    numbers = [values.get(i, x) for i, x in zip(record.indices, record.values.tolist(), strict=True)]
+    return replace(record, values=np.array(numbers))

@@ -1,0 +1,99 @@
+"""A kind's keys as a JSON Schema for editors of TOML: they complete keys and mark faults while a person types.
+
+Taplo, which Even Better TOML is made of, reads draft-07 and looks at nothing beside a `$ref`: tables are written out
+where they are used. TOML has no null: a key that may be left out is one that is not required.
+"""
+
+from __future__ import annotations
+
+import inspect
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from gtmodel.results.unit_names import split
+
+from .fields import is_numeric, json_schema, resolve
+from .registry import names, schema_of
+
+DRAFT = "http://json-schema.org/draft-07/schema#"
+_BOUNDS = ("minimum", "maximum", "exclusiveMinimum", "exclusiveMaximum", "minItems", "maxItems", "minLength", "pattern")
+
+
+def editor_schema(kind: str) -> dict[str, Any]:
+    """The JSON Schema of the problem files of a kind. Raises InputError for a kind that there is not."""
+    document = json_schema(schema_of(kind))
+    schema = _node(document, document)
+    schema["properties"]["kind"] |= {"const": kind}
+    return {"$schema": DRAFT, "title": f"gtmodel problem of kind {kind}", "description": names()[kind], **schema}
+
+
+def text_of(kind: str) -> str:
+    """The schema as a file holds it; other signs than ASCII are escaped, so that no encoding of a shell spoils it."""
+    return json.dumps(editor_schema(kind), indent=1) + "\n"
+
+
+def write_all(folder: str | Path) -> list[Path]:
+    """Write NAME.schema.json of every kind into a folder."""
+    paths = [Path(folder) / f"{kind}.schema.json" for kind in names()]
+    for kind, path in zip(names(), paths, strict=True):
+        path.write_text(text_of(kind), encoding="utf-8", newline="\n")
+    return paths
+
+
+def _node(node: Mapping[str, Any], document: Mapping[str, Any]) -> dict[str, Any]:
+    """A part of pydantic's schema, its references written out, without titles and defaults."""
+    node = resolve(node, document)
+    choices = [_node(c, document) for c in node.get("anyOf") or node.get("oneOf") or () if c.get("type") != "null"]
+    if len(choices) == 1:
+        return choices[0]
+    if choices:
+        return {"anyOf": choices}
+    made: dict[str, Any] = {k: node[k] for k in ("type", "enum", "const", *_BOUNDS) if k in node}
+    if "items" in node:
+        made["items"] = _node(node["items"], document)
+    if "properties" in node:
+        if "description" in node:
+            made["description"] = inspect.cleandoc(node["description"])
+        made["properties"] = {name: _key(name, field, document) for name, field in node["properties"].items()}
+        made |= {k: node[k] for k in ("required", "additionalProperties") if k in node}
+    elif isinstance(node.get("additionalProperties"), Mapping):
+        made["additionalProperties"] = _node(node["additionalProperties"], document)
+    return made
+
+
+def _key(name: str, field: Mapping[str, Any], document: Mapping[str, Any]) -> dict[str, Any]:
+    """A key of a table: its name and unit as title, what it means, and its default where it is no table."""
+    made = _node(field, document)
+    stem, unit = split(name) if is_numeric(field, document) else (name, "")
+    unit = field.get("unit", unit)
+    text = field.get("description", made.get("description", ""))
+    about = {"title": f"{stem} [{unit}]" if unit else name, "description": f"[{unit}] {text}" if unit else text}
+    if "properties" in made:
+        _fill(made, field.get("default") or {})
+    elif (default := _without_nothing(field.get("default"))) is not None:
+        about["default"] = default
+    return {**about, **{k: v for k, v in made.items() if k != "description"}}
+
+
+def _fill(table: dict[str, Any], default: Mapping[str, Any]) -> None:
+    """The default of a table stands at its keys, where an editor looks for it."""
+    for name, value in default.items():
+        key = table["properties"][name]
+        if isinstance(value, Mapping) and "properties" in key:
+            _fill(key, value)
+        elif (plain := _without_nothing(value)) is not None:
+            key["default"] = plain
+        else:
+            key.pop("default", None)
+
+
+def _without_nothing(value: Any) -> Any:
+    """A default without what is left out: None, and tables and lists of tables that hold nothing else."""
+    if isinstance(value, Mapping):
+        kept = {k: v for k, one in value.items() if (v := _without_nothing(one)) is not None}
+        return kept if kept or not value else None
+    if isinstance(value, list):
+        return [v for one in value if (v := _without_nothing(one)) is not None]
+    return value

@@ -1,0 +1,111 @@
+"""The pages of the site are true: their Python and their commands run, every kind has a page, every name an entry."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from docs._ext.fences import fences, run_page
+from docs._ext.public_names import LIBRARIES, public
+from docs._ext.reference import page
+from gtmodel.problem_files import registry
+
+CLONE = Path(__file__).parents[1]
+DOCS = CLONE / "docs"
+PAGES = sorted(p for p in DOCS.rglob("*.md") if not {"_made", "notebooks", "reference"} & set(p.parts))
+LANGUAGES = {"python", "sh", "text", "toml", "c", "modelica", "matlab"} | {
+    f"{{{name}}}" for name in ("run", "problem", "keys", "gallery", "toctree", "include", "figure", "image")
+}
+"""Those that only show something, such as another tool's language, stand beside those that are run."""
+
+
+def named(page: Path) -> str:
+    return page.relative_to(DOCS).as_posix()
+
+
+def pages_with(long: bool) -> list[Any]:
+    return [pytest.param(p, id=named(p)) for p in PAGES if any(f.long is long for f in fences(p))]
+
+
+def check(page: Path, folder: Path, long: bool) -> None:
+    for fence, command, code, text in run_page(page, folder, long=long):
+        assert code == fence.status, f"{page.name} line {fence.line}: {command}\n{text[-2000:]}"
+
+
+@pytest.mark.parametrize("page", pages_with(False))
+def test_what_a_page_shows_runs(page: Path, tmp_path: Path) -> None:
+    check(page, tmp_path, long=False)
+
+
+@pytest.mark.proof
+@pytest.mark.parametrize("page", pages_with(True))
+def test_what_takes_long_on_a_page_runs(page: Path, tmp_path: Path) -> None:
+    check(page, tmp_path, long=True)
+
+
+@pytest.mark.proof
+def test_the_site_is_built_without_a_warning() -> None:
+    subprocess.run(["make", "docs", f"VENV={Path(sys.prefix)}"], cwd=CLONE, check=True)
+
+
+@pytest.mark.parametrize("page", [pytest.param(p, id=named(p)) for p in PAGES])
+def test_every_fence_is_of_a_language_that_is_tested(page: Path) -> None:
+    tested = {
+        "python",
+        "sh",
+        "text",
+        "toml",
+        "c",
+        "{run}",
+        "{toctree}",
+        "{gallery}",
+        "{include}",
+        "{figure}",
+        "{image}",
+    }
+    other = (
+        {f.info.split()[0] if f.info else "" for f in fences(page)}
+        - tested
+        - {"{problem}", "{keys}", "modelica", "matlab"}
+    )
+    assert not other
+
+
+def directive(page: Path, name: str) -> list[str]:
+    return [f.info.split()[1] for f in fences(page) if f.info.startswith(f"{{{name}}} ")]
+
+
+@pytest.mark.parametrize("kind", list(registry.names()))
+def test_every_kind_has_a_page_with_its_keys_and_a_problem(kind: str) -> None:
+    page = DOCS / "kinds" / f"{kind}.md"
+    assert directive(page, "keys") == [kind]
+    problems = directive(page, "problem")
+    assert problems
+    for problem in problems:
+        text = (CLONE / "problems" / f"{problem}.toml").read_text(encoding="utf-8")
+        assert re.search(rf'^kind = "{kind}"', text, re.M), problem
+
+
+def test_every_page_is_reached_from_the_first() -> None:
+    seen, left = set(), [DOCS / "index.md"]
+    while left:
+        page = left.pop()
+        seen.add(page)
+        for fence in fences(page):
+            if fence.info == "{toctree}":
+                entries = [e.split("<")[-1].rstrip(">") for e in fence.text.split("\n") if e and not e.startswith(":")]
+                left += [p for e in entries if (p := (page.parent / f"{e}.md").resolve()) in PAGES and p not in seen]
+    assert not {named(p) for p in PAGES} - {named(p) for p in seen}
+
+
+def test_the_reference_describes_every_public_object() -> None:
+    written = "\n".join(line for library in ["", *LIBRARIES] for line in page(library))
+    for library in ["", *LIBRARIES]:
+        for name in public(library):
+            full = f"gtmodel.{library}.{name}".replace("..", ".")
+            assert re.search(rf":: {re.escape(full)}$|^- ``{name}``: ", written, re.M), full

@@ -1,0 +1,128 @@
+"""Progress in a pipe or file: a plain line every ten seconds, none of short work, none with --quiet."""
+
+from __future__ import annotations
+
+import io
+import json
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from gtmodel import _progress, _terminal
+from gtmodel._progress import EVERY_S, PlainLines
+from gtmodel.problem_files import Context
+from tests.support.commands import Commands
+from tests.support.own_models import FILES
+
+
+class Clock:
+    """A clock that stands still until it is set."""
+
+    def __init__(self) -> None:
+        self.now = 1234.5
+
+    def __call__(self) -> float:
+        return self.now
+
+
+@pytest.fixture
+def clock() -> Clock:
+    return Clock()
+
+
+@pytest.fixture
+def written() -> list[str]:
+    return []
+
+
+@pytest.fixture
+def lines(clock: Clock, written: list[str]) -> PlainLines:
+    return PlainLines(written.append, EVERY_S, clock)
+
+
+def test_work_of_less_than_ten_seconds_writes_nothing(lines: PlainLines, clock: Clock, written: list[str]) -> None:
+    for _ in range(99):
+        lines("fitting", 0.5)
+        clock.now += 0.1
+        lines.tick()
+    assert written == []
+
+
+def test_one_line_every_ten_seconds_with_time_stage_and_share(
+    lines: PlainLines, clock: Clock, written: list[str]
+) -> None:
+    began = clock.now
+    for second in range(1, 41):
+        lines("fitting", second / 40)
+        clock.now = began + second
+        assert 0 < lines.tick() <= 10
+    assert written == ["0:00:10 fitting 25%", "0:00:20 fitting 50%", "0:00:30 fitting 75%", "0:00:40 fitting 100%"]
+
+
+def test_numbers_are_shown_and_a_silent_step_keeps_its_line(
+    lines: PlainLines, clock: Clock, written: list[str]
+) -> None:
+    clock.now += 10
+    lines.tick()
+    lines("optimising", None, {"iteration": 12, "objective": 1.25})
+    clock.now += 10
+    lines.tick()
+    lines(fraction=0.1)
+    clock.now += 3600
+    lines.tick()
+    assert written == ["0:00:10 working", "0:00:20 optimising, iteration 12, objective 1.25", "1:00:20 optimising 10%"]
+
+
+def test_lines_that_were_late_are_not_made_up_for(lines: PlainLines, clock: Clock, written: list[str]) -> None:
+    clock.now += 47
+    assert lines.tick() == pytest.approx(3) and lines.tick() == pytest.approx(3)
+    assert written == ["0:00:47 working"]
+
+
+def test_a_reader_that_has_gone_breaks_nothing(clock: Clock) -> None:
+    def closed(_line: str) -> None:
+        raise BrokenPipeError
+
+    lines = PlainLines(closed, EVERY_S, clock)
+    clock.now += 10
+    lines.tick()
+
+
+def test_lines_come_while_a_step_reports_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    stderr = io.StringIO()
+    monkeypatch.setattr(sys, "stderr", stderr)
+    monkeypatch.setattr(_progress, "EVERY_S", 0.001)
+    context = Context()
+    with _terminal.watching(context):
+        context.progress("deriving", 0.5)
+        limit = time.monotonic() + 60
+        while stderr.getvalue().count("deriving 50%") < 2 and time.monotonic() < limit:
+            time.sleep(0.001)
+    after = stderr.getvalue()
+    context.progress("later")
+    assert after.count("deriving 50%") >= 2 and stderr.getvalue() == after  # and none after the work
+
+
+def test_quiet_shows_no_progress(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setattr(_progress, "EVERY_S", 1e-6)
+    context = Context()
+    before = context.progress
+    with _terminal.watching(context, quiet=True):
+        assert context.progress is before
+    assert capsys.readouterr().err == ""
+
+
+def test_the_command_writes_progress_to_stderr_only(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    for name, text in FILES.items():
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(_progress, "EVERY_S", 1e-3)
+    gtmodel = Commands(capsys)
+    loud = gtmodel("solve", "swing.toml", "--json")
+    assert loud.code == 0 and "0:00:00 " in loud.err and json.loads(loud.out) == loud.json
+    quiet = gtmodel("solve", "swing.toml", "--json", "--quiet")
+    assert quiet.code == 0 and "0:00:0" not in quiet.err and quiet.json["values"] == loud.json["values"]
