@@ -75,7 +75,7 @@ def test_entries_that_are_always_zero_are_left_out():
 
 def test_operations_are_written_once():
     x, tape = ca.SX.sym("x", 2), Tape()
-    a, b, c = read_in(tape, ca.vertcat(ca.sin(x[0] * x[1]), ca.sin(x[1] * x[0]), -(-x[0]) * 1.0 + 0.0), x)
+    a, b, c = read_in(tape, ca.vertcat(ca.sin(x[0] * x[1]), ca.sin(x[1] * x[0]), 0.0 - (0.0 - x[0]) * 1.0), x)
     assert a == b
     assert c == tape.input(0)
     # of a zero the sign is kept, and no number is another one

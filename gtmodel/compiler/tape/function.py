@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from .expressions import written
-from .machine import Batch, Program, interpreter, known
+from .machine import Batch, TapeProgram, interpreter, known
 from .operations import Tape
 
 # seconds that CasADi's virtual machine takes for an operation of a large function; how often a solver asks for it
@@ -53,6 +53,6 @@ class TapeFunction:
                 self._maps[points] = self.casadi.map(points)
             else:
                 sizes = [a.numel() for a in self._arguments]
-                program = Program(library, self._tape, sizes, self._outputs)
+                program = TapeProgram(library, self._tape, sizes, self._outputs)
                 self._maps[points] = Batch(f"{self.name}_{points}", program, points)
         return self._maps[points]

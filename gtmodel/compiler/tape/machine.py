@@ -139,7 +139,7 @@ def interpreter(build: bool) -> ctypes.CDLL | None:
         return None
 
 
-class Program:
+class TapeProgram:
     """Outputs, columns of numbers of a tape, at many points; by the library of `interpreter`."""
 
     def __init__(
@@ -197,7 +197,7 @@ class Batch(ca.Callback):
     """A program as a function of CasADi: matrices with a column for each point. It is to be held as long as a function
     that calls it, and has no derivatives."""
 
-    def __init__(self, name: str, program: Program, points: int) -> None:
+    def __init__(self, name: str, program: TapeProgram, points: int) -> None:
         super().__init__()
         self._program, self._points = program, points
         self.construct(name, {})
