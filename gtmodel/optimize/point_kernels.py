@@ -14,6 +14,7 @@ import casadi as ca
 import numpy as np
 import scipy
 
+from ..compiler.matrices import nonzeros, stacked
 from ..compiler.tape.elimination import Entries, gradient, hessian, jacobian
 from ..compiler.tape.function import TapeFunction
 from ..compiler.tape.operations import Tape, read_in
@@ -23,6 +24,8 @@ from .formulation.dynamic import DynamicProblem
 from .mesh import Mesh
 from .tables import basis
 
+# operations of a point from which CasADi's own differentiation, and its search for what occurs twice, take seconds
+LARGE = 1000
 Pattern = tuple[np.ndarray, np.ndarray]  # rows and columns of the entries of a matrix, column by column
 
 
@@ -191,10 +194,43 @@ class Derivatives:
         return Derivatives(self.kernel, rows, cost, cost, first, second, self.by_rows, self.by_unknowns)
 
 
+Evaluated = TapeFunction | ca.Function
+Functions = tuple[ca.Function, ca.Function | None, Evaluated | None, Evaluated, Evaluated]  # as in `Derivatives`
+
+
 def derivatives(kernel: PointKernel) -> Derivatives:
-    """Differentiate a kernel."""
-    k, n = kernel, kernel.take.shape[1]
-    nw, nP, mr = k.w.numel(), k.P.numel(), k.value.numel()
+    """Differentiate a kernel: a large one on a tape."""
+    operations = ca.Function("f", [kernel.w, kernel.P, kernel.d], [kernel.value, kernel.cost]).n_instructions()
+    return _on_tape(kernel) if operations > LARGE else _by_casadi(kernel)
+
+
+def _by_casadi(kernel: PointKernel) -> Derivatives:
+    k, args, v = kernel, [kernel.w, kernel.P, kernel.d], ca.vertcat(kernel.w, kernel.P)
+    value, cost = ca.cse([k.value, k.cost])
+    J = ca.jacobian(value, v)
+    lam_f, lam = ca.SX.sym("lam_f"), ca.SX.sym("lam", value.numel())
+    H = ca.triu(ca.hessian(lam_f * cost + ca.dot(lam, value), v)[0])
+    costs = None
+    if k.cost.nnz():
+        slope = [ca.densify(ca.gradient(cost, s)) if s.numel() else ca.SX(0, 1) for s in (k.w, k.P)]
+        costs = _shared(f"{k.name}_c", args, [cost, *slope])
+    rows = _shared(f"{k.name}_g", args, [value])
+    first = _shared(f"{k.name}_j", args, [value, stacked(nonzeros(J))])
+    second = _shared(f"{k.name}_h", [*args, lam_f, lam], [stacked(nonzeros(H))])
+    return _placed(k, (rows, costs, costs, first, second), _pattern(J), _pattern(H))
+
+
+def _shared(name: str, args: list[ca.SX], out: list[ca.SX]) -> ca.Function:
+    return ca.Function(name, args, ca.cse(out))
+
+
+def _pattern(matrix: ca.SX) -> Pattern:
+    rows, columns = matrix.sparsity().get_triplet()
+    return np.array(rows, int), np.array(columns, int)
+
+
+def _on_tape(kernel: PointKernel) -> Derivatives:
+    k, nw, nP, mr = kernel, kernel.w.numel(), kernel.P.numel(), kernel.value.numel()
     args, multipliers = [k.w, k.P, k.d], [ca.SX.sym("lam_f"), ca.SX.sym("lam", mr)]
     tape = Tape()
     *value, cost = read_in(tape, ca.vertcat(k.value, k.cost), ca.vertcat(*args, *multipliers))
@@ -206,20 +242,26 @@ def derivatives(kernel: PointKernel) -> Derivatives:
         slope = gradient(tape, [cost], [tape.constant(1.0)], v)
         share = TapeFunction(f"{k.name}_f", tape, args, [[cost]]).casadi
         costs = TapeFunction(f"{k.name}_c", tape, args, [[cost], slope[:nw], slope[nw:]])
+    by_rows, first = _by_columns(J)
+    by_unknowns, second = _by_columns(H)
+    functions = (
+        TapeFunction(f"{k.name}_g", tape, args, [value]).casadi, share, costs,
+        TapeFunction(f"{k.name}_j", tape, args, [value, first]),
+        TapeFunction(f"{k.name}_h", tape, [*args, *multipliers], [second]),
+    )  # fmt: skip
+    return _placed(k, functions, by_rows, by_unknowns)
+
+
+def _placed(kernel: PointKernel, functions: Functions, by_rows: Pattern, by_unknowns: Pattern) -> Derivatives:
+    """With where what the functions give belongs, from where it stands in the matrices of one place."""
+    k, nw, nP, mr, n = kernel, kernel.w.numel(), kernel.P.numel(), kernel.value.numel(), kernel.take.shape[1]
     # y and behind it P, of one place and of the element
     take = [
         scipy.sparse.block_diag([k.take[c * nw : (c + 1) * nw], scipy.sparse.eye(nP)], "csr") for c in range(k.count)
     ]
     rows = [k.rows[:, c * mr : (c + 1) * mr] for c in range(k.count)]
-    by_rows, first = _by_columns(J)
-    by_unknowns, second = _by_columns(H)
-    return Derivatives(
-        k, TapeFunction(f"{k.name}_g", tape, args, [value]).casadi, share, costs,
-        TapeFunction(f"{k.name}_j", tape, args, [value, first]),
-        TapeFunction(f"{k.name}_h", tape, [*args, *multipliers], [second]),
-        _scattered(by_rows, rows, take, (k.rows.shape[0], n + nP)),
-        _squared(by_unknowns, take, n + nP),
-    )  # fmt: skip
+    scattered = _scattered(by_rows, rows, take, (k.rows.shape[0], n + nP))
+    return Derivatives(k, *functions, scattered, _squared(by_unknowns, take, n + nP))
 
 
 def _by_columns(entries: Entries) -> tuple[Pattern, list[int]]:

@@ -315,7 +315,7 @@ class TestInfeasible:
         assert re.search(worst, solution.message)
 
     def test_names_a_path_constraint_with_its_place(self):
-        solution = attempt(case(constraints=lambda self: [self.x**2 + self.u**2 <= 0.12]))
+        solution = attempt(case(constraints=lambda self: [self.x**2 + self.u**2 <= 0.1]))
         assert solution.status is SolveStatus.INFEASIBLE
         assert "in element 1, point 1 (0.1333 s) by " in solution.message
 
