@@ -176,12 +176,11 @@ class _Score:
             scores[short] = 1 / np.maximum(least, 1e-300)
             return scores
         C = np.linalg.inv(base)
-        flat = rows.reshape(-1, rows.shape[2])  # one product instead of one for each candidate
-        RC = (flat @ C).reshape(rows.shape)
+        RC = rows @ C
         capacity = np.eye(rows.shape[1]) + RC @ rows.transpose(0, 2, 1)
         if self.criterion == "D":
             return np.exp(-(np.linalg.slogdet(base)[1] + np.linalg.slogdet(capacity)[1]) / len(base))
-        gained = (RC.reshape(flat.shape) @ self.moment).reshape(rows.shape) @ RC.transpose(0, 2, 1)
+        gained = RC @ self.moment @ RC.transpose(0, 2, 1)
         return np.trace(C @ self.moment) - np.trace(np.linalg.solve(capacity, gained), axis1=1, axis2=2)
 
 
