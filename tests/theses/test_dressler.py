@@ -147,8 +147,8 @@ def nearest(target: np.ndarray) -> float:
     robot, mass = ROBOTS["l1_tracker_2008"], DYNAMICS["friction_constant_velocity"]["accumulated_mass_kg"]
     L, A = np.array(robot["L_m"]), np.array(robot["A_m"])
 
-    def distance(place: np.ndarray, side: int) -> float:
-        forces = gravity(L, A, mass, *place, side)
+    def distance(place: np.ndarray | tuple[float, float], side: int) -> float:
+        forces = gravity(L, A, mass, place[0], place[1], side)
         return 1e4 if forces is None else float(np.abs(forces - target).max())
 
     grid = [(y, z) for y in np.arange(0.0, 5.5, 0.1) for z in np.arange(-2.5, 2.5, 0.1)]
