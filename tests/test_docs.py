@@ -65,6 +65,7 @@ def test_every_fence_is_of_a_language_that_is_tested(page: Path) -> None:
         "{toctree}",
         "{gallery}",
         "{include}",
+        "{literalinclude}",
         "{figure}",
         "{image}",
     }
