@@ -78,7 +78,7 @@ def optimization_study(
         iterations=solution.iterations,
         checks=dict(solution.checks),
         trajectory=solution.trajectory,
-        figures={"signals": partial(_signals, solution.trajectory, title)},
+        figures={"states": partial(_states, solution.trajectory, title)},
         solution=solution,
         final_time=solution.final_time,
         free=dict(solution.free),
@@ -86,7 +86,7 @@ def optimization_study(
     )
 
 
-def _signals(trajectory: Trajectory, title: str) -> Any:
+def _states(trajectory: Trajectory, title: str) -> Any:
     """States, controls and what else is declared over time; rates are in trajectory.csv."""
     names = [name for name in trajectory.names if not name.startswith("der(")]
     figure = trajectory.plot(*names)

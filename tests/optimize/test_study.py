@@ -52,7 +52,7 @@ def test_values_and_table() -> None:
 
 
 def test_states_and_controls_are_drawn_without_their_rates() -> None:
-    figure = solved(title="implicit").figure("signals")
+    figure = solved(title="implicit").figure("states")
     labels = {t.get_text() for axes in figure.axes for legend in [axes.get_legend()] if legend for t in legend.texts}
     assert labels == {"x", "y", "u"} and figure.get_suptitle() == "implicit"
 
