@@ -6,7 +6,7 @@ Differentiating the whole NLP costs a set-up that grows with the mesh; one eleme
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import casadi as ca
@@ -36,6 +36,7 @@ class Nlp(Program):
     p_scale: np.ndarray
     linear_names: list[str]
     compile_seconds: float | None = None  # None: CasADi's virtual machine evaluates the elements
+    cache: dict[str, Any] = field(default_factory=dict)  # what is made of its functions when first asked for
 
     @property
     def size(self) -> int:
