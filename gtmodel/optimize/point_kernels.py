@@ -25,7 +25,7 @@ from .mesh import Mesh
 from .tables import basis
 
 # operations of a point from which CasADi's own differentiation, and its search for what occurs twice, take seconds
-LARGE = 1000
+LARGE = 3000
 Pattern = tuple[np.ndarray, np.ndarray]  # rows and columns of the entries of a matrix, column by column
 
 
