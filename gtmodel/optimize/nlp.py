@@ -37,6 +37,7 @@ class Nlp(Program):
     linear_names: list[str]
     compile_seconds: float | None = None  # None: CasADi's virtual machine evaluates the elements
     derivatives: list[Derivatives] = field(default_factory=list)  # held as long as the functions
+    cache: dict[str, Any] = field(default_factory=dict)  # what is made of its functions when first asked for
 
     @property
     def size(self) -> int:

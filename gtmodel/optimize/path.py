@@ -21,6 +21,7 @@ from ..results.status import SolveStatus
 from .ipopt import run_ipopt
 from .judgement.diagnosis import failure
 from .nlp import functions_of, scatter
+from .path_terms import collected
 from .solve import SolverOptions
 from .watch import Program, Progress
 
@@ -144,24 +145,33 @@ def _guess(s: np.ndarray) -> np.ndarray:
 def _interval(task: PathTask, s: np.ndarray, bounded: str) -> tuple[ca.Function, ca.DM, int]:
     """(b left, b right, data) -> scaled rows, cost, energy on one interval; the data of all, one column each."""
     at = [(s[:-1] + s[1:]) / 2] if bounded == "middle" else [s[:-1], s[1:]]
-    curves = [task.curve(x) for x in at]
-    data = ca.DM(np.hstack([*(column for curve in curves for column in curve), np.diff(s)[:, None]]).T)
-    sizes = [column.shape[1] for column in curves[0]]
+    rows, symbols, known = _collected_rows(task)
+    # coefficients of the rows at each place, and the length of the interval
+    data = ca.vertcat(*[known.map(len(x))(ca.DM(np.hstack(task.curve(x)).T)) for x in at], ca.DM(np.diff(s)).T)
     bl, br, p = ca.SX.sym("bl"), ca.SX.sym("br"), ca.SX.sym("p", data.shape[0])
     ds = p[-1]
     a = (br - bl) / (2 * ds)
     duration = 2 * ds / (ca.sqrt(bl + ROOT) + ca.sqrt(br + ROOT))
-    rows, energies = [], []
+    scaled, energies = [], []
     for n, b in enumerate([(bl + br) / 2] if bounded == "middle" else [bl, br]):
-        own = p[n * sum(sizes) : (n + 1) * sum(sizes)]
-        x, slope, curvature, *further = ca.vertsplit(own, np.cumsum([0, *sizes]).tolist())
-        row = task.quantities(x, slope * ca.sqrt(b + ROOT), curvature * b + slope * a, *further)
-        rows.append(row / ca.DM(_scale(task)))
+        row = rows(ca.sqrt(b + ROOT), b, a, p[n * symbols : (n + 1) * symbols])
+        scaled.append(row / ca.DM(_scale(task)))
         energies.append(duration * ca.dot(ca.DM(task.squares), row**2))
     energy = sum(energies) / len(energies)
     cost = task.time * duration + task.energy * energy
-    f = ca.Function("interval", [bl, br, p], [ca.vertcat(*rows), cost, energy], {"cse": True})
-    return f, data, len(rows)
+    f = ca.Function("interval", [bl, br, p], [ca.vertcat(*scaled), cost, energy], {"cse": True})
+    return f, data, len(scaled)
+
+
+def _collected_rows(task: PathTask) -> tuple[ca.Function, int, ca.Function]:
+    """(s', s'^2, s'', coefficients) -> rows; the number of coefficients; (what the curve gives) -> coefficients."""
+    sizes = [column.shape[1] for column in task.curve(np.zeros(1))]
+    v, b, a, place = ca.SX.sym("v"), ca.SX.sym("b"), ca.SX.sym("a"), ca.SX.sym("place", sum(sizes))
+    x, slope, curvature, *further = ca.vertsplit(place, np.cumsum([0, *sizes]).tolist())
+    written = task.quantities(x, slope * v, curvature * b + slope * a, *further)
+    rows, symbols, coefficients = collected(written, ca.vertcat(v, b, a))
+    known = ca.Function("known", [place], [coefficients], {"cse": True})
+    return ca.Function("rows", [v, b, a, symbols], [rows], {"cse": True}), symbols.numel(), known
 
 
 class _Hoisted:

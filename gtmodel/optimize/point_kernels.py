@@ -325,5 +325,7 @@ def _gathered(
 
 
 def constant(matrix: scipy.sparse.spmatrix) -> ca.DM:
-    """For CasADi."""
-    return ca.DM(scipy.sparse.csc_matrix(matrix))
+    """For CasADi, by its own constructor of sparsities, which is five times faster than the one of matrices."""
+    m = scipy.sparse.csc_matrix(matrix)
+    m.sort_indices()
+    return ca.DM(ca.Sparsity(*m.shape, m.indptr.tolist(), m.indices.tolist()), m.data)
