@@ -76,7 +76,7 @@ def test_wrong_inputs_name_their_key(problem, settings, key) -> None:
 
 
 def test_an_axis_beyond_its_stroke_is_refused_with_units() -> None:
-    with pytest.raises(InputError, match="^.*q6 = -9 deg is below limits.axis_low, -8 deg"):
+    with pytest.raises(InputError, match=r"q6 = -9 deg is below limits\.axis_low, -8 deg"):
         answer(load(FREE, ["limits.axis_low_deg=[-45, -45, -8]"]), Context())
 
 
