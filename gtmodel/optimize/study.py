@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 from ..compiler.library_cache import CompilerMissing
@@ -80,8 +81,20 @@ def optimization_study(
         solution=solution,
         final_time=solution.final_time,
         free=dict(solution.free),
+        figures={"optimum": partial(_figure, solution, title or solution.problem.flat.title)},
         **tried,
     )
+
+
+def _figure(solution: Solution, title: str) -> Any:
+    from ..plot.optimum import optimum_figure
+
+    problem = solution.problem
+    bounds = {}
+    for names, of in ((problem.state_names, problem.x_bounds), (problem.control_names, problem.u_bounds)):
+        bounds |= dict(zip(names, zip(of.low.tolist(), of.high.tolist(), strict=True), strict=False))
+    controls = {name.partition("[")[0] for name in problem.control_names}
+    return optimum_figure(solution.trajectory, sorted(controls), bounds, title=title)
 
 
 def _tried(solution: Solution) -> tuple[dict[str, Any], str]:
