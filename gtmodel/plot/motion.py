@@ -103,7 +103,7 @@ def space_figure(runs: Sequence[tuple[str, Trajectory]]) -> Figure:
     for n, (label, run) in enumerate(runs):
         axes.plot(*run["T"].T, color=COLOURS[n % len(COLOURS)], label=label)
     T = runs[0][1]["T"]
-    axes.plot(*T[:1].T, "o", color="black", markersize=5, label="start")
+    axes.scatter(*T[:1].T, color="black", s=20, label="start")
     finish(axes)
     key_below(figure, axes, columns=5)
     return figure

@@ -13,6 +13,7 @@ from typing import Any, TypeVar, cast
 
 import matplotlib as mpl
 import numpy as np
+from cycler import cycler
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
@@ -28,7 +29,7 @@ MEASURED: dict[str, Any] = dict(color=BLACK, marker=".", markersize=2.5, linesty
 MODELLED: dict[str, Any] = dict(color=ORANGE, linewidth=2.2, zorder=2)
 LIMIT: dict[str, Any] = dict(color="0.4", linestyle=":", linewidth=1.2)
 SETTINGS: dict[str, Any] = {
-    "axes.prop_cycle": mpl.cycler(color=COLOURS), "axes.axisbelow": True, "axes.titlesize": "medium",
+    "axes.prop_cycle": cycler(color=COLOURS), "axes.axisbelow": True, "axes.titlesize": "medium",
     "figure.titlesize": "large", "grid.alpha": 0.3, "image.cmap": HEIGHT, "legend.fontsize": "small",
     "legend.framealpha": 0.9, "axes.formatter.use_mathtext": True,
 }  # fmt: skip
@@ -40,7 +41,7 @@ def settings() -> Iterator[None]:
     """The settings of this module in place of a person's own, also while a picture is written: sizes count then."""
     with mpl.rc_context():
         mpl.rcdefaults()
-        mpl.rcParams.update(SETTINGS)
+        mpl.rcParams.update(cast("Any", SETTINGS))
         yield
 
 

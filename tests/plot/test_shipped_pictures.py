@@ -29,7 +29,8 @@ OTHERS = sorted({p.stem for p in PROBLEMS.glob("*.toml")} - {*QUICK, *NO_PICTURE
 
 @cache
 def pictures(name: str) -> dict[str, Any]:
-    return dict(run.solve(load(PROBLEMS / f"{name}.toml"), Context()).outcome.figures)
+    context = Context(folder=PROBLEMS)
+    return dict(run.solve(load(PROBLEMS / f"{name}.toml"), context).outcome.figures)
 
 
 @pytest.mark.parametrize("name", [*QUICK, *(pytest.param(n, marks=pytest.mark.proof) for n in OTHERS)])
