@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import pickle
 import subprocess
@@ -11,6 +12,7 @@ import pytest
 
 import gtmodel as gt
 from gtmodel import calibrate, optimize
+from gtmodel.cli import main
 
 HEAVY = {"numpy", "casadi", "scipy", "matplotlib", "rich"}
 PARTS_OF_SCIPY = {
@@ -66,6 +68,11 @@ def test_a_schema_needs_no_part_of_scipy_and_no_robot(kind: str) -> None:
     assert f"gtmodel.kinds.{kind}.keys" in modules and not modules & {*PARTS_OF_SCIPY, "matplotlib", "rich"}
     engines = {"gtmodel.compiler", "gtmodel.optimize.solve", "gtmodel.vibration.impulse", "gtmodel.motion.motion_study"}
     assert not modules & {"gtmodel.robots.f1", *engines}
+
+
+def test_garbage_is_collected_again_behind_a_schema(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["schema", "kinematics"]) == 0 and "kinematics" in capsys.readouterr().out
+    assert gc.isenabled()
 
 
 def test_the_package_alone_imports_nothing_until_a_name_is_used() -> None:

@@ -81,7 +81,7 @@ def optimization_study(
         solution=solution,
         final_time=solution.final_time,
         free=dict(solution.free),
-        figures={"optimum": partial(_figure, solution, title or solution.problem.flat.title)},
+        figures={"states": partial(_figure, solution, title or solution.problem.flat.title)},
         **tried,
     )
 
@@ -94,7 +94,8 @@ def _figure(solution: Solution, title: str) -> Any:
     for names, of in ((problem.state_names, problem.x_bounds), (problem.control_names, problem.u_bounds)):
         bounds |= dict(zip(names, zip(of.low.tolist(), of.high.tolist(), strict=True), strict=False))
     controls = {name.partition("[")[0] for name in problem.control_names}
-    return optimum_figure(solution.trajectory, sorted(controls), bounds, title=title)
+    return optimum_figure(solution.trajectory, sorted(controls), bounds, steps=solution.nlp.mesh.control == "constant",
+                          title=title)  # fmt: skip
 
 
 def _tried(solution: Solution) -> tuple[dict[str, Any], str]:
@@ -106,4 +107,5 @@ def _tried(solution: Solution) -> tuple[dict[str, Any], str]:
     if run.trajectory is None:
         return {}, f"{solution.message}; not re-simulated: {run.message}"
     numbers: dict[str, Any] = dict(zip(TRIED, (run.defect, run.violation, run.cost_error), strict=True))
-    return numbers, f"{solution.message}{';' if solution.reservation else ' and'} re-simulated"
+    clean = solution.status.ok and not solution.reservation
+    return numbers, f"{solution.message}{' and' if clean else ';'} re-simulated"

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 
+from ..._lazy import hint
 from ...results import ArgumentError, Quantity, Row, Study
 from .options import NEW_POSES
 
@@ -17,6 +18,10 @@ if TYPE_CHECKING:
     from .oscillator_field import OscillatorField
 
     Fits = Sequence[ModalFit | None]
+else:
+    Experiment = hint("gtmodel.vibration.dynamic_stiffness.experiments", "Experiment")
+    Fits = Sequence[hint("gtmodel.vibration.dynamic_stiffness.frequency_modal", "ModalFit") | None]
+    OscillatorField = hint("gtmodel.vibration.dynamic_stiffness.oscillator_field", "OscillatorField")
 
 Array = np.ndarray
 QUANTITIES = ("mass", "damping", "stiffness", "frequency", "damping_ratio")  # as NAMES of the fits
