@@ -6,6 +6,7 @@ from collections.abc import Hashable, Sequence
 from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
+from threading import get_ident
 from typing import TypeVar
 
 import casadi as ca
@@ -109,7 +110,7 @@ class Systems:
         expressions = [*outputs, *(e.expression for e in flat.energies), *(e.residual for e in flat.equations)]
         targets = {(v.index, 0) for v in flat.variables} | set(flat.scope.symbols_in(ca.vertcat(*expressions)))
         # plans know neither inputs nor tolerances: the model keeps them for the next simulation
-        key = ("simulation", tuple(inputs.known), tuple(places), tuple(sorted(targets)))
+        key = ("simulation", get_ident(), tuple(inputs.known), tuple(places), tuple(sorted(targets)))
         if key not in flat.cache:
             flat.cache[key] = self._first_plan(sorted(targets)), {}
         self.plan: CausalPlan
@@ -127,8 +128,10 @@ class Systems:
         flat: FlatModel, inputs: SimulationInputs, outputs: Recorded, prefer: Sequence[int], now: FlatModel
     ) -> Systems:
         """Those of the last simulations of this model with inputs of this structure, else new ones. `now`: the model
-        with the numbers of this run in place of the parameters that vary."""
-        known: dict[Hashable, Systems] = flat.cache.setdefault("simulated", {})
+        with the numbers of this run in place of the parameters that vary.
+
+        Each thread has its own: two calls of one integrator of CasADi at a time destroy each other's memory."""
+        known: dict[Hashable, Systems] = flat.cache.setdefault(("simulated", get_ident()), {})
 
         def of_kind(other: Hashable) -> Systems:
             key = inputs.structure, outputs.names, tuple(prefer), other

@@ -242,3 +242,36 @@ class TestPointFunction:
         with ThreadPoolExecutor(4) as pool:
             results = list(pool.map(lambda k: f(np.full(50, float(k)))[0], range(400)))
         assert all((r == k**2).all() for k, r in enumerate(results)) and (first == 1).all()
+
+
+class TestThreads:
+    """One integrator of CasADi called by two threads at a time destroyed the heap; each thread has its own."""
+
+    def test_threads_share_no_integrator(self):
+        arguments = None, {"x": 0.6, "der(x)": 0.0}, 0.0, (), (), 1e-9, "bdf"
+        pendulum = SwingingPendulum()
+        own = [prepare(pendulum, *arguments).system.stepper for _ in range(2)]
+        with ThreadPoolExecutor(1) as pool:
+            other = [pool.submit(prepare, pendulum, *arguments).result().system.stepper for _ in range(2)]
+        assert own[0] is own[1] and other[0] is other[1] and own[0] is not other[0]
+
+    def test_numbers_of_simulations_at_the_same_time(self):
+        pendulum, starts = SwingingPendulum(), [0.6, 0.5, 0.4] * 2
+
+        def swing(x):
+            return table(gt.simulate(pendulum, 0.2, start={"x": x, "der(x)": 0.0}))
+
+        one_by_one = [swing(x) for x in starts]
+        with ThreadPoolExecutor(4) as pool:
+            for a, b in zip(pool.map(swing, starts), one_by_one, strict=True):
+                np.testing.assert_array_equal(a, b)
+
+    def test_a_simulation_within_the_progress_of_another(self):
+        pendulum, inner = SwingingPendulum(), []
+
+        def swing(x, progress=None):
+            return table(gt.simulate(pendulum, 0.5, start={"x": x, "der(x)": 0.0}, progress=progress))
+
+        outer, alone = swing(0.6), swing(0.4)
+        np.testing.assert_array_equal(swing(0.6, lambda _: bool(inner.append(swing(0.4)))), outer)
+        assert inner and all(np.array_equal(each, alone) for each in inner)
