@@ -126,7 +126,8 @@ def _deviations(axes: Any, names: Sequence[str], std: np.ndarray, unit: str) -> 
 def correlation_figure(names: Sequence[str], correlation: np.ndarray, title: str = "") -> Figure:
     """Correlation coefficients (n, n) of unknowns."""
     n = len(names)
-    figure = Figure(figsize=(3.0 + 0.14 * n, 2.4 + 0.14 * n), layout="constrained")
+    beside = 0.06 * max(map(len, names), default=0)  # inches that the names need
+    figure = Figure(figsize=(3.2 + beside + 0.14 * n, 2.8 + beside + 0.14 * n), layout="constrained")
     axes = figure.add_subplot()
     drawn = axes.imshow(correlation, cmap=AWAY_FROM_ZERO, vmin=-1, vmax=1)
     size = 7 if n <= MANY else 5
