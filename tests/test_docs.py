@@ -19,7 +19,7 @@ CLONE = Path(__file__).parents[1]
 DOCS = CLONE / "docs"
 PAGES = sorted(p for p in DOCS.rglob("*.md") if not {"_made", "notebooks", "reference"} & set(p.parts))
 LANGUAGES = {"python", "sh", "text", "toml", "c", "modelica", "matlab"} | {
-    f"{{{name}}}" for name in ("run", "problem", "keys", "gallery", "toctree", "include", "figure", "image")
+    f"{{{name}}}" for name in ("run", "problem", "keys", "gallery", "theses", "toctree", "include", "figure", "image")
 }
 """Those that only show something, such as another tool's language, stand beside those that are run."""
 
@@ -64,6 +64,7 @@ def test_every_fence_is_of_a_language_that_is_tested(page: Path) -> None:
         "{run}",
         "{toctree}",
         "{gallery}",
+        "{theses}",
         "{include}",
         "{figure}",
         "{image}",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import pickle
 import subprocess
@@ -11,6 +12,7 @@ import pytest
 
 import gtmodel as gt
 from gtmodel import calibrate, optimize
+from gtmodel.cli import main
 
 HEAVY = {"numpy", "casadi", "scipy", "matplotlib", "rich"}
 PARTS_OF_SCIPY = {
@@ -57,11 +59,20 @@ def test_help_of_the_command_line_reads_five_files_of_ours() -> None:
     }
 
 
-@pytest.mark.parametrize("kind", ["calibration", "kinematics", "trajectory", "vibration"])
+KINDS = ["calibration", "dynamic_stiffness", "kinematics", "trajectory", "trajectory_table", "vibration"]
+
+
+@pytest.mark.parametrize("kind", KINDS)
 def test_a_schema_needs_no_part_of_scipy_and_no_robot(kind: str) -> None:
     modules = imported(RUN.format(words=["schema", kind]))
     assert f"gtmodel.kinds.{kind}.keys" in modules and not modules & {*PARTS_OF_SCIPY, "matplotlib", "rich"}
-    assert "gtmodel.robots.f1" not in modules
+    engines = {"gtmodel.compiler", "gtmodel.optimize.solve", "gtmodel.vibration.impulse", "gtmodel.motion.motion_study"}
+    assert not modules & {"gtmodel.robots.f1", *engines}
+
+
+def test_garbage_is_collected_again_behind_a_schema(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["schema", "kinematics"]) == 0 and "kinematics" in capsys.readouterr().out
+    assert gc.isenabled()
 
 
 def test_the_package_alone_imports_nothing_until_a_name_is_used() -> None:

@@ -13,6 +13,13 @@
 #define GT_RARE
 #endif
 
+/* For what several functions of a file have in common: one copy of it, not one in each. */
+#if defined(__GNUC__)
+#define GT_SHARED __attribute__((noinline))
+#else
+#define GT_SHARED
+#endif
+
 /* 1 if none of the n numbers at x is NaN or infinite, else 0; denormal numbers are finite. */
 static inline int gt_all_finite(const double *x, int n)
 {

@@ -21,7 +21,8 @@
 /* Steps below this, in nominal sizes, are round-off and need not shrink. */
 #define GT_NEWTON_ROUND_OFF 1e-10
 
-/* A generated kernel: arg[0] the unknowns, arg[1] its constants, res[0] the residual, res[1] the Jacobian by rows. */
+/* A generated kernel: arg[0] the unknowns, arg[1] its constants, res[0] the residual, res[1] the Jacobian by rows, or 0
+ * where it is not wanted. */
 typedef int (*gt_newton_kernel)(const double **arg, double **res, long long int *iw, double *w, int mem);
 
 /* What the last call came to. */
@@ -101,7 +102,8 @@ static inline int gt_newton_lu(double *jacobian, double *r, int n, double least,
 }
 
 /* Moves z from its start to the solution. `nominal` and `largest` (n each): sizes of the unknowns and largest residuals
- * that are allowed, both inverted; `least`: smallest pivot. arg[0] must be z; only GT_OK makes z an answer. */
+ * that are allowed, both inverted; `least`: smallest pivot. arg[0] must be z; only GT_OK makes z an answer,
+ * and res[1] is 0 then. */
 static inline gt_status gt_newton(gt_newton_kernel kernel, const double **arg, double **res, long long int *iw,
                                   double *w, int n, const double *nominal, const double *largest, double least,
                                   double *z, gt_newton_marks *marks)
@@ -143,6 +145,7 @@ static inline gt_status gt_newton(gt_newton_kernel kernel, const double **arg, d
             most = GT_NEWTON_ROUND_OFF;
         }
     }
+    res[1] = 0;
     if (kernel(arg, res, iw, w, 0) != 0) {
         return GT_NOT_CONVERGED;
     }

@@ -7,6 +7,7 @@ Directives of the pages:
                           them, `settings`: KEY=VALUE ... behind --set
     ```{keys} KIND        the keys of a problem file and the names of the results, as `gtmodel schema` gives them
     ```{gallery}          a picture of every page that solves a problem
+    ```{theses}           the rows of docs/theses.toml
 
 What commands print is kept in build/site/runs until gtmodel or the problem changes.
 """
@@ -27,7 +28,7 @@ from sphinx.util.docutils import SphinxDirective
 
 from gtmodel.problem_files import schema
 
-from . import fences, reference, runs
+from . import fences, reference, runs, theses
 
 DOCS = Path(__file__).parents[1]
 CLONE = DOCS.parent
@@ -139,6 +140,14 @@ class Gallery(_Page):
         return made
 
 
+class Theses(_Page):
+    """Printed numbers of the theses beside ours."""
+
+    def run(self) -> list[nodes.Node]:
+        self.env.note_dependency(str(theses.FILE))
+        return self.markdown("\n".join(theses.lines()))
+
+
 def _option(lines: list[str], name: str) -> str:
     return next((line.split(":", 2)[2].strip() for line in lines if line.startswith(f":{name}:")), "")
 
@@ -202,7 +211,13 @@ def _mathml(self: Any, node: nodes.Element) -> None:
 
 def setup(app: Sphinx) -> dict[str, Any]:
     """Registers what the pages use."""
-    for name, directive in (("run", Run), ("problem", Problem), ("keys", Keys), ("gallery", Gallery)):
+    for name, directive in (
+        ("run", Run),
+        ("problem", Problem),
+        ("keys", Keys),
+        ("gallery", Gallery),
+        ("theses", Theses),
+    ):
         app.add_directive(name, directive)
     app.add_html_math_renderer("mathml", (_mathml, None), (_mathml, None))
     app.connect("builder-inited", _copied_notebooks)

@@ -21,6 +21,7 @@ from .fences import files_of
 CLONE = Path(__file__).parents[2]
 KEPT = CLONE / "build" / "site" / "runs"
 WIDTH = "116"  # columns of the printed tables
+PROGRESS = re.compile(r"\d+:\d\d:\d\d ")  # a line every ten seconds, where a machine is slow enough for one
 
 
 @dataclass(frozen=True)
@@ -98,6 +99,7 @@ def run_in(work: Path, arguments: list[str]) -> tuple[int, str]:
         text += errors.read().decode() if process.returncode else ""
     text = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", text)  # bold and dim
     lines = [line.rstrip() for line in text.replace(str(work.resolve()), ".").replace(str(work), ".").splitlines()]
+    lines = [line for line in lines if not PROGRESS.match(line)]
     return process.returncode, "\n".join(lines).strip("\n")
 
 

@@ -13,6 +13,8 @@ from ..lang.source import ModelError
 # directions in which the neighbourhood of a point is looked at: to the faces, edges and corners of a cube
 _AROUND = np.array([d for d in np.ndindex(3, 3, 3) if d != (1, 1, 1)], float) - 1
 AROUND = _AROUND / np.linalg.norm(_AROUND, axis=1, keepdims=True)
+# neighbours of one call: a call costs as much as some hundred of them
+AT_ONCE = 4096
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,14 +77,25 @@ def candidates(
         if not m.complete or (stop is not None and stop(name, 1.0)):
             return Candidates(T, masks, complete=False)
     if safety > 0 and stages:
-        last = next(reversed(stages.values()))
-        within = left.copy()
-        for d in AROUND:
-            at = np.flatnonzero(within)
-            if len(at):
-                within[at] = last.inside(T[at] + safety * d)
-        masks["safety distance"] = within
+        masks["safety distance"] = _all_around(next(reversed(stages.values())), T, left, safety)
     return Candidates(T, masks)
+
+
+def _all_around(reach: Reach, T: np.ndarray, left: np.ndarray, distance: float) -> np.ndarray:
+    """Which of the points that are `left` have all their neighbours at a distance [m] within reach.
+
+    Few points are asked in several directions by one call; many in one after the other, so that what is lost in one
+    direction costs nothing in the next.
+    """
+    within = left.copy()
+    begin = 0
+    while begin < len(AROUND) and within.any():
+        at = np.flatnonzero(within)
+        directions = AROUND[begin : begin + max(1, AT_ONCE // len(at))]
+        begin += len(directions)
+        neighbours = T[at] + distance * directions[:, None]
+        within[at] = np.all(reach.inside(neighbours.reshape(-1, 3)).reshape(len(directions), -1), axis=0)
+    return within
 
 
 def regular_grid(low: np.ndarray, high: np.ndarray, volume: float, number: int) -> Grid:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import tempfile
+from collections.abc import Collection
 from pathlib import Path
 
 import casadi as ca
@@ -43,6 +44,8 @@ _BODY = re.compile(
     r"(?:  casadi_(?:real|int) [^;=]*;\n)*)(.*?^\}\n)",
     re.M | re.S,
 )
+# where a kernel has written its residual and begins with its Jacobian
+_RESIDUAL = re.compile(r"\A(?P<residual>.*^  res\[0\]\[\d+\]=[^\n]*\n)(?P<jacobian>.*)\Z", re.M | re.S)
 _PARAMETERS = ("arg", "res", "iw", "w", "mem")
 # what a body returns, unlike a helper with its values
 _RETURNED = re.compile(r"^  return ([^;]*);$", re.M)
@@ -87,14 +90,15 @@ def body(name: str, faces: list[Interface]) -> tuple[str, str]:
         raise GenerationError("CasADi cannot write C for one of the functions: its text holds an #error line")
     rolled = [(face.body, face.loops) for face in faces if face.loops is not None]
     wanted = {symbol for face in faces for symbol in face.bodies} - {symbol for symbol, _ in rolled}
-    text = trimmed(text, prefix, wanted)
+    text = trimmed(text, prefix, wanted, [stage.kernel.name() for face in faces for stage in face.newton])
     if rolled:
         text += "\n" + SOLVER + "\n".join(loop_text(symbol, loops) for symbol, loops in rolled)
     return text, _header(declarations, name, faces)
 
 
-def trimmed(text: str, prefix: str, wanted: set[str]) -> str:
-    """CasADi's text without the functions that describe themselves at run time, and including our headers."""
+def trimmed(text: str, prefix: str, wanted: set[str], kernels: Collection[str] = ()) -> str:
+    """CasADi's text without the functions that describe themselves at run time, and including our headers. `kernels`
+    write no Jacobian where none is wanted."""
     text = _EXPORTED.sub(lambda m: m[0] if m[1] in wanted else "", text)
     text = text.replace("/* Configuration this file was compiled with */\n", "")
     for constant in _CONSTANT.findall(text):
@@ -116,8 +120,23 @@ def trimmed(text: str, prefix: str, wanted: set[str]) -> str:
     for asked, direct in _ASKED:
         text = asked.sub(direct, text)
     text = _HELPER.sub("static inline casadi_real ", text)
+    for kernel in sorted(kernels):
+        text = _residual_alone(text, kernel)
     lines = [line.rstrip() for line in text.splitlines()]
     return re.sub(r"\n{3,}", "\n\n", "\n".join(lines)).strip("\n") + "\n"
+
+
+def _residual_alone(text: str, kernel: str) -> str:
+    """The text with a return behind the residual of a kernel that is not given a place for its Jacobian."""
+    head, begin, rest = text.partition(f"/* {kernel}:(")
+    function, end, rest = rest.partition("\n}\n")
+    parts = _RESIDUAL.match(function)
+    if not begin or parts is None or "res[1]" in parts["residual"]:
+        raise GenerationError(
+            f"CasADi {ca.CasadiMeta.version()} writes '{kernel}' in a form that gtmodel does not know"
+        )
+    function = f"{parts['residual']}  if (res[1] == 0) {{ return 0; }}\n{parts['jacobian']}"
+    return f"{head}{begin}{function}{end}{rest}"
 
 
 def _with_unused(function: re.Match[str]) -> str:

@@ -33,7 +33,8 @@ _COUNTED = re.compile(r"Collected : (\d+)")
 class Costs:
     """Costs of generated functions, each by C name.
 
-    text_bytes: machine code. Code that the compiler found twice counts in the function that keeps it.
+    text_bytes: machine code. Code that the compiler found twice counts in the function that keeps it, Newton's method,
+        which is there once, in the first function that calls it.
     newton_bytes: the part of it that is Newton blocks and their guards, without the closed form behind them.
     stack_bytes: stack, with all that is called.
     instructions: of one call with its guards.
@@ -82,11 +83,15 @@ def costs(folder: Path, functions: Mapping[str, CausalFunction]) -> Costs:
         place = Path(scratch)
         sizes, frames, symbols = _compiled(tools, folder, name, place)
         parts = {f.symbol: [f.symbol, *f.bodies, *[f"solve_{f.key}{k}" for k in range(len(f.newton))]] for f in faces}
+        # Newton's method is there once, and counts in the first function that calls it
+        for first in [f.symbol for f in faces if f.newton][:1]:
+            parts[first].append("solve")
         text = {symbol: sum(sizes.get(p, 0) for p in names) for symbol, names in parts.items()}
         newton = {f.symbol: text[f.symbol] - sizes.get(f.body, 0) for f in faces if f.newton}
         stack = {
             f.symbol: frames.get(f.symbol, 0)
             + sum(frames.get(f"solve_{f.key}{k}", 0) for k in range(len(f.newton)))
+            + (frames.get("solve", 0) if f.newton else 0)
             + max(frames.get(p, 0) for p in f.bodies)
             for f in faces
         }

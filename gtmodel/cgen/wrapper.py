@@ -25,6 +25,18 @@ static GT_RARE int each_finite(const double *const *place, const int *size, int 
 """
 
 
+_NEWTON = """\
+/* Newton's method, once for all functions of this file. */
+static GT_SHARED gt_status solve(gt_newton_kernel kernel, const double **arg, double **res, long long int *iw,
+                                 double *w, int n, const double *nominal, const double *largest, double least,
+                                 double *z, gt_newton_marks *marks)
+{
+    return gt_newton(kernel, arg, res, iw, w, n, nominal, largest, least, z, marks);
+}
+
+"""
+
+
 def wrapper(name: str, faces: list[Interface]) -> str:
     """Text of the guarded functions.
 
@@ -40,6 +52,7 @@ def wrapper(name: str, faces: list[Interface]) -> str:
         comment(["Below this fraction of its typical size a pivot means singular, and a branch is left."]),
         f"#define GT_PIVOT_TOLERANCE ({decimal(faces[0].real.pivot)})\n\n",
         _EACH_FINITE,
+        _NEWTON if newton else "",
         *[_start(face) + _function(face) + _along(face) for face in faces],
     ]
     return "".join(parts).rstrip("\n") + "\n"
@@ -154,7 +167,7 @@ def _block(face: Interface, k: int, stage: NewtonStage) -> str:
         *[_indented(_margin(i, margin)) for i, margin in enumerate(stage.margins)],
         "    }\n",
         "    arg[0] = z;\n    arg[1] = constants;\n    res[0] = residual;\n    res[1] = jacobian;\n",
-        f"    return gt_newton({kernel}, arg, res, iw, w, {n}, nominal, largest, {decimal(stage.least)}, z, marks);\n",
+        f"    return solve({kernel}, arg, res, iw, w, {n}, nominal, largest, {decimal(stage.least)}, z, marks);\n",
         "}\n\n",
     ]
     return "".join(lines)

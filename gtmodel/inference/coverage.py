@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 
 from ..results.estimate import Estimate
 from ..results.refusal import ArgumentError
@@ -22,10 +23,9 @@ def binomial_band(runs: int, level: float = 0.95, band: float = BAND) -> tuple[i
     >>> gt.inference.binomial_band(200), gt.inference.binomial_band(500)
     ((179, 198), (458, 489))
     """
-    from scipy import stats  # here: it alone takes as long to import as all of gtmodel
-
     tail = (1 - band) / 2
-    return int(stats.binom.ppf(tail, runs, level)), int(stats.binom.ppf(1 - tail, runs, level))
+    below = scipy.special.bdtr(np.arange(runs + 1.0), runs, level)  # scipy.stats takes long to import
+    return int(np.searchsorted(below, tail)), int(np.searchsorted(below, 1 - tail))
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,9 +60,7 @@ class Coverage:
     @property
     def biased(self) -> tuple[str, ...]:
         """Names whose mean error is larger than chance makes it in so many runs, at the band's level for all names."""
-        from scipy import stats  # here: it alone takes as long to import as all of gtmodel
-
-        limit = float(stats.norm.ppf(1 - (1 - BAND) / 2 / len(self.names)))
+        limit = float(scipy.special.ndtri(1 - (1 - BAND) / 2 / len(self.names)))
         return tuple(n for n, b in zip(self.names, self.bias, strict=True) if abs(b) > limit)
 
     @property

@@ -25,6 +25,25 @@ class UnitError(ValueError):
     """A unit text, or a combination of units, that has no meaning. The message is one plain sentence."""
 
 
+class UnknownSymbol(UnitError):
+    """A unit text with a symbol that is none; what was meant is looked for when somebody reads the message."""
+
+    def __init__(self, text: str, symbol: str) -> None:
+        super().__init__(text, symbol)
+        self._text, self._symbol = text, symbol
+
+    def __str__(self) -> str:
+        symbol = self._symbol
+        close = difflib.get_close_matches(symbol, _SYMBOLS, n=3, cutoff=0.5)
+        close += [
+            f"{symbol[:i]}.{symbol[i:]}"
+            for i in range(1, len(symbol))
+            if symbol[:i] in _SYMBOLS and symbol[i:] in _SYMBOLS
+        ]
+        hint = "close matches are " + ", ".join(map(repr, close)) if close else "known are " + ", ".join(_SYMBOLS)
+        return f"unit {self._text!r} holds the unknown symbol {symbol!r}; {hint}"
+
+
 @dataclass(frozen=True)
 class Dimension:
     """Product of powers of the seven SI base units; immutable and hashable.
@@ -75,6 +94,8 @@ class Dimension:
 
 def _rational(power: int | float | Fraction) -> int | Fraction:
     """The exact power, an int where it is whole; raises UnitError for a float that is no simple fraction."""
+    if type(power) is int:
+        return power
     exact = None
     if isinstance(power, Rational):
         exact = Fraction(int(power.numerator), int(power.denominator))
@@ -237,7 +258,7 @@ class _Reader:
             elif not spaced:
                 self.fail_here()
             if mark == "/":
-                value, divided = value * self.power(self.factor(), Fraction(-1)), True
+                value, divided = value * self.power(self.factor(), -1), True
             elif divided:
                 raise UnitError(
                     f"unit {self.text!r} has a product after '/', which can be read in two ways; put the "
@@ -272,22 +293,16 @@ class _Reader:
             below = int(match["below"] or 1)
             if below == 0:
                 raise UnitError(f"unit {self.text!r} has a power with denominator 0; write a fraction such as '^(1/2)'")
-            value = self.power(value, Fraction(int(match["whole"] or match["above"]), below))
+            above = int(match["whole"] or match["above"])
+            value = self.power(value, above if below == 1 else Fraction(above, below))
         return value
 
     def symbol(self, symbol: str) -> _Value:
         if symbol not in _SYMBOLS:
-            close = difflib.get_close_matches(symbol, _SYMBOLS, n=3, cutoff=0.5)
-            close += [
-                f"{symbol[:i]}.{symbol[i:]}"
-                for i in range(1, len(symbol))
-                if symbol[:i] in _SYMBOLS and symbol[i:] in _SYMBOLS
-            ]
-            hint = "close matches are " + ", ".join(map(repr, close)) if close else "known are " + ", ".join(_SYMBOLS)
-            raise UnitError(f"unit {self.text!r} holds the unknown symbol {symbol!r}; {hint}")
+            raise UnknownSymbol(self.text, symbol)
         return _SYMBOLS[symbol]
 
-    def power(self, value: _Value, power: Fraction) -> _Value:
+    def power(self, value: _Value, power: int | Fraction) -> _Value:
         if power.denominator == 1:
             bits = max(value.factor.numerator.bit_length(), value.factor.denominator.bit_length()) - 1
             if max(bits, 2 * abs(value.pi_power)) * abs(power) > MAX_SCALE_BITS:

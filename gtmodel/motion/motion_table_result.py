@@ -4,11 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
+from .._lazy import hint
 from ..results import Quantity, Row, Study
-from .motion_study import MotionStudy
-from .table_row import TableRow
+
+if TYPE_CHECKING:
+    from .motion_study_result import MotionStudy
+    from .table_row import TableRow
+else:
+    MotionStudy = hint("gtmodel.motion.motion_study_result", "MotionStudy")
+    TableRow = hint("gtmodel.motion.table_row", "TableRow")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-import scipy
 
 from ..compiler.causal import compile_causal
 from ..lang import Model
 from ..results import Trajectory
+from ..results.interpolation import CubicHermite
 from ..results.table import csv_text
 from .constraints import MotionConstraints
 from .path_parametrization import sampled
@@ -47,7 +47,7 @@ def between_rows(
     order: of the derivative of the motion that is the control, None where forces are.
     """
     T, dT = run["T"], run["der(T)"]
-    curve = scipy.interpolate.CubicHermiteSpline(run.time, T, dT)
+    curve = CubicHermite(run.time, T, dT)
     forward = compile_causal(robot, known="tau", targets="der(T,2)", prefer="T")
 
     def moving(times: np.ndarray) -> Trajectory:

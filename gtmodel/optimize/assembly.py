@@ -8,6 +8,8 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
+from ..compiler.flat import FlatBranch
+from .formulation.dynamic import DynamicProblem
 from .formulation.system import on_rows
 from .nlp import Nlp, placed
 from .solution import constants, horizon, mesh_fractions, states_and_controls
@@ -36,17 +38,12 @@ def shrunk(nlp: Nlp, x: np.ndarray) -> str:
 def wrong_branch(nlp: Nlp, x: np.ndarray) -> str:
     """A sentence on the first declared branch whose sign is not the wanted one at some point, or nothing."""
     problem = nlp.problem
-    flat, alias = problem.flat, problem.plan.alias
-    branches = []
-    for b in flat.branches:
-        pairs = flat.scope.symbols_in(alias.rewrite(flat, b.expression))
-        if all(problem.builder.expressible(p) for p in pairs):
-            branches.append(b)
+    if "branches" not in problem.cache:
+        problem.cache["branches"] = _branches(problem)
+    branches, f = problem.cache["branches"]
     if not branches:
         return ""
-    expressions = problem.builder.express([b.expression for b in branches])
     xs, rates, us, times = states_and_controls(nlp, x, mesh_fractions(placed(nlp, x))[1:])
-    f = ca.Function("branches", problem.arguments, [ca.vertcat(*expressions)])
     (values,) = on_rows(f, (xs, rates, us), constants(nlp, x), times)
     for b, row in zip(branches, values, strict=True):
         sign = problem.branches.get(b.name, 1)
@@ -58,3 +55,15 @@ def wrong_branch(nlp: Nlp, x: np.ndarray) -> str:
                 f"{sign:+d} is wanted; give a guess on the wanted branch, or branches={{'{b.name}': {-sign:+d}}}"
             )
     return ""
+
+
+def _branches(problem: DynamicProblem) -> tuple[list[FlatBranch], ca.Function]:
+    """The declared branches that the problem's unknowns tell, and the expressions of all."""
+    flat, alias, builder = problem.flat, problem.plan.alias, problem.builder
+    branches = [
+        b
+        for b in flat.branches
+        if all(builder.expressible(p) for p in flat.scope.symbols_in(alias.rewrite(flat, b.expression)))
+    ]
+    expressions = builder.express([b.expression for b in branches]) if branches else []
+    return branches, ca.Function("branches", problem.arguments, [ca.vertcat(ca.SX(0, 1), *expressions)])

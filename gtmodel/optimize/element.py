@@ -68,13 +68,16 @@ class Layout:
         """How many unknowns continue from element to element."""
         return len(self.left)
 
+    @property
+    def nodes(self) -> np.ndarray:
+        """Where the states at the left end and the points stand (points + 1, nx)."""
+        return np.vstack([self.left[: self.nx], self.x])
+
     def inputs(self, y: np.ndarray, local: np.ndarray) -> np.ndarray:
-        """Controls and point variables (len(local), nu + nz) of an element with physical unknowns y."""
+        """Controls and point variables (..., len(local), nu + nz) of elements with physical unknowns y (..., size)."""
         mesh = self.mesh
-        u = control_basis(mesh.control, mesh.table, local) @ y[self.u]
-        if mesh.control == "constant":
-            u = np.repeat(y[self.u], len(local), 0)
-        return np.hstack([u, basis(mesh.table.points, local) @ y[self.z]])
+        u = control_basis(mesh.control, mesh.table, local) @ y[..., self.u]
+        return np.concatenate([u, basis(mesh.table.points, local) @ y[..., self.z]], -1)
 
 
 @dataclass(eq=False)

@@ -77,9 +77,12 @@ def initial_guess(nlp: Nlp, guess: Trajectory | Solution | None) -> np.ndarray:
     blocks[:, layout.left[: layout.nx]] = xs[:, 0]
     blocks[:, layout.x.ravel()] = xs[:, 1:].reshape(N, -1)
     blocks[:, layout.z.ravel()] = us[:, :, layout.nu :].reshape(N, -1)
-    for k in range(N):
-        c = _coefficients(nlp, us[k, :, : layout.nu], [f for f, _ in inputs[: layout.nu]], k)
-        blocks[k, layout.u] = np.clip(c, u.low[: layout.nu], u.high[: layout.nu])
+    if mesh.control == "polynomial":  # its coefficients are its values at the points
+        blocks[:, layout.u] = us[:, :, : layout.nu]
+    else:
+        for k in range(N):
+            c = _coefficients(nlp, us[k, :, : layout.nu], [f for f, _ in inputs[: layout.nu]], k)
+            blocks[k, layout.u] = np.clip(c, u.low[: layout.nu], u.high[: layout.nu])
     end = np.zeros(layout.nl)
     ends = np.array([f(np.array([1.0]))[0] for f, _ in states])
     end[: layout.nx] = np.clip(ends, x.low, x.high)
@@ -97,8 +100,6 @@ def initial_guess(nlp: Nlp, guess: Trajectory | Solution | None) -> np.ndarray:
 def _coefficients(nlp: Nlp, at_points: np.ndarray, series: list[Series], k: int) -> np.ndarray:
     """Control coefficients (m, nu) of element k from values at its points, or at its ends."""
     mesh = nlp.mesh
-    if mesh.control == "polynomial":
-        return at_points
     if mesh.control == "constant":
         block = mesh.blocks
         if block is not None:  # one value for all elements of a block

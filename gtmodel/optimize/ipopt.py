@@ -25,6 +25,11 @@ FATROP = {True: "Solve_Succeeded", False: "fatrop did not converge"}
 WARM_PUSH, WARM_BARRIER = 1e-3, 1e-6
 # iterations without progress after which a first try makes room for the second; converging runs stay below a third
 LOST = 150
+# from so many unknowns on MUMPS takes the order QAMD, which knows the dense rows of free constants, and asks for twice
+# the memory that it expects to need instead of IPOPT's eleven times, whose pages are new to it at every iteration:
+# together a third of it; where memory does not suffice IPOPT doubles it
+LARGE = 2500
+OF_LARGE: dict[str, Any] = {"mumps_pivot_order": 6, "mumps_mem_percent": 100}
 # ends after which the other strategy is tried: what stopped the run was neither the caller nor a limit of his
 TRIED_AGAIN = (SolveStatus.FAILED, SolveStatus.INFEASIBLE, SolveStatus.DIVERGED, SolveStatus.NOT_FINITE)
 
@@ -135,6 +140,7 @@ def _once(
         "hessian_approximation": HESSIANS[options.hessian],
         "honor_original_bounds": "yes",  # IPOPT relaxes bounds by 1e-8 while it works
         "mumps_pivot_order": 0,  # AMD: 18 % per iteration on these banded systems
+        **(OF_LARGE if len(program.lbx) >= LARGE else {}),
     }
     if options.hessian == "lbfgs":
         # one larger factorisation in place of a solve for each of the last steps: half of the time per iteration

@@ -6,7 +6,7 @@ Differentiating the whole NLP costs a set-up that grows with the mesh; one eleme
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import casadi as ca
@@ -36,6 +36,8 @@ class Nlp(Program):
     p_scale: np.ndarray
     linear_names: list[str]
     compile_seconds: float | None = None  # None: CasADi's virtual machine evaluates the elements
+    derivatives: list[Derivatives] = field(default_factory=list)  # held as long as the functions
+    cache: dict[str, Any] = field(default_factory=dict)  # what is made of its functions when first asked for
 
     @property
     def size(self) -> int:
@@ -124,15 +126,18 @@ def make_nlp(problem: DynamicProblem, mesh: Mesh, machine_code: bool = False) ->
         return ca.vertcat(ca.vec(rows) - link, rows_p, held)
 
     g = all_rows([part.mapped("rows")(*a) for part, a in zip(parts, at, strict=True)])
-    costs = [(part, part.mapped("cost")(*a)) for part, a in zip(parts, at, strict=True) if part.each.cost is not None]
-    f = sum((ca.sum2(c[0]) for _, c in costs), mayer)
+    with_cost = [(part, a) for part, a in zip(parts, at, strict=True) if part.each.cost is not None]
+    f = sum((ca.sum2(part.mapped("share").call(a)[0]) for part, a in with_cost), mayer)
 
     first = [part.mapped("first")(*a) for part, a in zip(parts, at, strict=True)]
     g_first = all_rows([v[0] for v in first])
     entries = [part.entries(part.each.by_rows, v[1], m) for part, v in zip(parts, first, strict=True)]
     jac = _jacobian(continued, entries, point, z, n, m, nx, nP, N, total, mc, delays)
     grad_f = ca.MX.zeros(total, 1)
-    for part, (_, by_w, by_P) in costs:
+    f_first = mayer
+    for part, a in with_cost:
+        each, by_w, by_P = part.mapped("cost")(*a)
+        f_first = f_first + ca.sum2(each)
         by_y = constant(part.each.kernel.take.T) @ part.beside(by_w)
         grad_f = grad_f + ca.vertcat(ca.vec(by_y), ca.MX.zeros(nx, 1), ca.sum2(by_P) if nP else ca.MX(0, 1))
     mayer_z = point.gradient(z)
@@ -147,12 +152,15 @@ def make_nlp(problem: DynamicProblem, mesh: Mesh, machine_code: bool = False) ->
 
     parameters = ca.MX.sym("p", 0)
     nlp = ca.Function("nlp", [X, parameters], [f, g], ["x", "p"], ["f", "g"])
-    functions = functions_of(X, parameters, sigma, lam_all, f, g_first, grad_f, jac, hess)
+    functions = functions_of(X, parameters, sigma, lam_all, f_first, g_first, grad_f, jac, hess)
     lbx, ubx = _bounds(problem, element, mesh, p_scale)
     lbg = np.concatenate([np.tile(element.low, N), [r.low / r.scale for r in problem.points], delays.value])
     ubg = np.concatenate([np.tile(element.high, N), [r.high / r.scale for r in problem.points], delays.value])
     _step_bounds(problem, mesh, element.layout, m, lbg, ubg)
-    return Nlp(functions, nlp, lbx, ubx, lbg, ubg, problem, mesh, element, p_scale, delays.names, compile_seconds)
+    return Nlp(
+        functions, nlp, lbx, ubx, lbg, ubg, problem, mesh, element, p_scale, delays.names, compile_seconds,
+        derivatives=[part.each for part in parts],
+    )  # fmt: skip
 
 
 @dataclass(eq=False)

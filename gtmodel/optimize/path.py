@@ -7,17 +7,21 @@ the motion rests and s' has a vertical tangent; on each interval s'' is constant
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Literal
 
 import casadi as ca
 import numpy as np
 
+from ..compiler.tape.elimination import gradient, hessian, jacobian
+from ..compiler.tape.function import TapeFunction
+from ..compiler.tape.operations import Tape, parted, read_in
 from ..results.status import SolveStatus
 from .ipopt import run_ipopt
 from .judgement.diagnosis import failure
 from .nlp import functions_of, scatter
+from .path_terms import collected
 from .solve import SolverOptions
 from .watch import Program, Progress
 
@@ -111,7 +115,7 @@ def solve_path(
     s = cosine_nodes(intervals)
     interval, data, per = _interval(task, s, bounded)
     count = per * rows
-    nlp, derivatives = _assemble(interval, data, intervals, count)
+    nlp, derivatives, _held = _assemble(interval, data, intervals, count)
     low_b, high_b = np.zeros(intervals + 1), np.full(intervals + 1, np.inf)
     for end, rests in zip((0, -1), task.rest, strict=True):
         if rests:
@@ -141,68 +145,92 @@ def _guess(s: np.ndarray) -> np.ndarray:
 def _interval(task: PathTask, s: np.ndarray, bounded: str) -> tuple[ca.Function, ca.DM, int]:
     """(b left, b right, data) -> scaled rows, cost, energy on one interval; the data of all, one column each."""
     at = [(s[:-1] + s[1:]) / 2] if bounded == "middle" else [s[:-1], s[1:]]
-    curves = [task.curve(x) for x in at]
-    data = ca.DM(np.hstack([*(column for curve in curves for column in curve), np.diff(s)[:, None]]).T)
-    sizes = [column.shape[1] for column in curves[0]]
+    rows, symbols, known = _collected_rows(task)
+    # coefficients of the rows at each place, and the length of the interval
+    data = ca.vertcat(*[known.map(len(x))(ca.DM(np.hstack(task.curve(x)).T)) for x in at], ca.DM(np.diff(s)).T)
     bl, br, p = ca.SX.sym("bl"), ca.SX.sym("br"), ca.SX.sym("p", data.shape[0])
     ds = p[-1]
     a = (br - bl) / (2 * ds)
     duration = 2 * ds / (ca.sqrt(bl + ROOT) + ca.sqrt(br + ROOT))
-    rows, energies = [], []
+    scaled, energies = [], []
     for n, b in enumerate([(bl + br) / 2] if bounded == "middle" else [bl, br]):
-        own = p[n * sum(sizes) : (n + 1) * sum(sizes)]
-        x, slope, curvature, *further = ca.vertsplit(own, np.cumsum([0, *sizes]).tolist())
-        row = task.quantities(x, slope * ca.sqrt(b + ROOT), curvature * b + slope * a, *further)
-        rows.append(row / ca.DM(_scale(task)))
+        row = rows(ca.sqrt(b + ROOT), b, a, p[n * symbols : (n + 1) * symbols])
+        scaled.append(row / ca.DM(_scale(task)))
         energies.append(duration * ca.dot(ca.DM(task.squares), row**2))
     energy = sum(energies) / len(energies)
     cost = task.time * duration + task.energy * energy
-    f = ca.Function("interval", [bl, br, p], [ca.vertcat(*rows), cost, energy], {"cse": True})
-    return f, data, len(rows)
+    f = ca.Function("interval", [bl, br, p], [ca.vertcat(*scaled), cost, energy], {"cse": True})
+    return f, data, len(scaled)
 
 
-def _hoisted(name: str, args: list[ca.SX], p: ca.SX, out: list[ca.SX], data: ca.DM) -> Callable[..., Any]:
-    """The function of `args` at all columns of the data p. What depends on the data alone, such as the pose, its
-    Jacobians and masses, is evaluated once and for all."""
-    sizes = [e.shape for e in out]
-    column = ca.cse(ca.vertcat(*[ca.vec(e) for e in out]))
-    left, symbols, fixed = ca.extract_parametric(column, p)
-    q = ca.vertcat(*symbols) if symbols else ca.SX(0, 1)
-    N = data.shape[1]
-    known = ca.Function("known", [p], [ca.vertcat(*fixed) if symbols else q, p], {"cse": True}).map(N)
-    given = ca.vertcat(*known(data))
-    ends = np.cumsum([0, *(rows * columns for rows, columns in sizes)]).tolist()
-    parts = [ca.reshape(part, *size) for part, size in zip(ca.vertsplit(left, ends), sizes, strict=True)]
-    f = ca.Function(name, [*args, ca.vertcat(q, p)], parts, {"cse": True}).map(N)
-    return lambda *arguments: f(*arguments, given)
+def _collected_rows(task: PathTask) -> tuple[ca.Function, int, ca.Function]:
+    """(s', s'^2, s'', coefficients) -> rows; the number of coefficients; (what the curve gives) -> coefficients."""
+    sizes = [column.shape[1] for column in task.curve(np.zeros(1))]
+    v, b, a, place = ca.SX.sym("v"), ca.SX.sym("b"), ca.SX.sym("a"), ca.SX.sym("place", sum(sizes))
+    x, slope, curvature, *further = ca.vertsplit(place, np.cumsum([0, *sizes]).tolist())
+    written = task.quantities(x, slope * v, curvature * b + slope * a, *further)
+    rows, symbols, coefficients = collected(written, ca.vertcat(v, b, a))
+    known = ca.Function("known", [place], [coefficients], {"cse": True})
+    return ca.Function("rows", [v, b, a, symbols], [rows], {"cse": True}), symbols.numel(), known
 
 
-def _assemble(interval: ca.Function, data: ca.DM, N: int, m: int) -> tuple[dict[str, ca.MX], dict[str, ca.Function]]:
-    """The problem and its derivatives: two unknowns are differentiated once and mapped over the intervals."""
+class _Hoisted:
+    """Numbers of a tape at all columns of the data, the last of the arguments. What depends on the data alone, such as
+    the pose, its Jacobians and masses, is evaluated once and for all. To be held as long as what a call gave is in use.
+    """
+
+    def __init__(self, tape: Tape, args: Sequence[ca.SX], numbers: Sequence[int], data: ca.DM) -> None:
+        *free, p = args
+        self._free, self._data, N = free, data, data.shape[1]
+        first = sum(a.numel() for a in free)
+        outside, rest, results = parted(tape, numbers, [tape.input(first + k) for k in range(p.numel())])
+        known = TapeFunction("known", tape, args, [outside]).map(N)
+        self._known = known(*[ca.DM.zeros(a.numel(), N) for a in free], data)
+        own = [*args, ca.SX.sym("known", len(outside))]
+        self._mapped = TapeFunction("path", rest, own, [results]).map(N)
+
+    def __call__(self, *arguments: ca.MX) -> ca.MX:
+        """Of the first arguments; the others do not matter."""
+        N = self._data.shape[1]
+        left = [ca.DM.zeros(a.numel(), N) for a in self._free[len(arguments) :]]
+        return self._mapped(*arguments, *left, self._data, self._known)
+
+
+def _assemble(
+    interval: ca.Function, data: ca.DM, N: int, m: int
+) -> tuple[dict[str, ca.MX], dict[str, ca.Function], list[_Hoisted]]:
+    """The problem and its derivatives: two unknowns are differentiated once and mapped over the intervals. And what is
+    to be held as long as these are in use."""
     y, p = ca.SX.sym("y", 2), ca.SX.sym("p", data.shape[0])
     rows, cost, _ = interval(y[0], y[1], p)
-    sigma, lam = ca.SX.sym("sigma"), ca.SX.sym("lam", m)
-    H = ca.hessian(sigma * cost + ca.dot(lam, rows), y)[0]
+    args, tape = [y, ca.SX.sym("sigma"), ca.SX.sym("lam", m), p], Tape()
+    *rows, cost = read_in(tape, ca.vertcat(rows, cost), ca.vertcat(*args))
+    v, weights = [tape.input(0), tape.input(1)], [*(tape.input(3 + k) for k in range(m)), tape.input(2)]
+    none, one = tape.constant(0.0), tape.constant(1.0)
+    J, H = jacobian(tape, rows, v), hessian(tape, [*rows, cost], weights, v)
     # each apart: IPOPT asks for one at a time
-    value, share = (_hoisted(n, [y], p, [e], data) for n, e in (("value", rows), ("share", cost)))
-    slope = _hoisted("slope", [y], p, [ca.densify(ca.jacobian(rows, y))], data)
-    steep = _hoisted("steep", [y], p, [ca.densify(ca.gradient(cost, y))], data)
-    bend = _hoisted("bend", [y, sigma, lam], p, [ca.vertcat(H[0, 0], H[0, 1], H[1, 1])], data)
-    x, none = ca.MX.sym("x", N + 1), ca.MX.sym("none", 0)
+    wanted = [
+        rows,
+        [cost],
+        [J.get((row, column), none) for column in range(2) for row in range(m)],
+        gradient(tape, [cost], [one], v),
+        [H.get(place, none) for place in ((0, 0), (0, 1), (1, 1))],
+    ]
+    value, share, slope, steep, bend = held = [_Hoisted(tape, args, numbers, data) for numbers in wanted]
+    x, empty = ca.MX.sym("x", N + 1), ca.MX.sym("none", 0)
     Y = ca.horzcat(x[:-1], x[1:]).T
-    g, f = value(Y), share(Y)
-    g, f = ca.vec(g), ca.sum2(f)
-    J, df = slope(Y), steep(Y)
-    gradient = ca.vertcat(df[0, :].T, 0) + ca.vertcat(0, df[1, :].T)
+    g, f = ca.vec(value(Y)), ca.sum2(share(Y))
+    df = steep(Y)
+    grad = ca.vertcat(df[0, :].T, 0) + ca.vertcat(0, df[1, :].T)
     k = np.arange(N)
     columns = (k[:, None, None] + np.arange(2)[None, :, None] + np.zeros((1, 1, m), int)).reshape(-1)
     lines = (k[:, None, None] * m + np.zeros((1, 2, 1), int) + np.arange(m)[None, None, :]).reshape(-1)
-    jacobian = scatter(lines, columns, ca.vec(J), (N * m, N + 1))
+    jac = scatter(lines, columns, ca.vec(slope(Y)), (N * m, N + 1))
     sg, lg = ca.MX.sym("sg"), ca.MX.sym("lg", N * m)
     h = bend(Y, ca.repmat(sg, 1, N), ca.reshape(lg, m, N))
     diagonal = ca.vertcat(h[0, :].T, 0) + ca.vertcat(0, h[2, :].T)
     n = np.arange(N + 1)
     entries = ca.vertcat(diagonal, h[1, :].T)
-    hessian = scatter(np.concatenate([n, k]), np.concatenate([n, k + 1]), entries, (N + 1, N + 1))
-    functions = functions_of(x, none, sg, lg, f, g, gradient, jacobian, hessian)
-    return {"x": x, "p": none, "f": f, "g": g}, functions
+    hess = scatter(np.concatenate([n, k]), np.concatenate([n, k + 1]), entries, (N + 1, N + 1))
+    functions = functions_of(x, empty, sg, lg, f, g, grad, jac, hess)
+    return {"x": x, "p": empty, "f": f, "g": g}, functions, held

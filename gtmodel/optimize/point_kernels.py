@@ -15,12 +15,17 @@ import numpy as np
 import scipy
 
 from ..compiler.matrices import nonzeros, stacked
+from ..compiler.tape.elimination import Entries, gradient, hessian, jacobian
+from ..compiler.tape.function import TapeFunction
+from ..compiler.tape.operations import Tape, read_in
 from .control import control_basis
 from .element import Element, Layout, pointwise
 from .formulation.dynamic import DynamicProblem
 from .mesh import Mesh
 from .tables import basis
 
+# operations of a point from which CasADi's own differentiation, and its search for what occurs twice, take seconds
+LARGE = 3000
 Pattern = tuple[np.ndarray, np.ndarray]  # rows and columns of the entries of a matrix, column by column
 
 
@@ -160,35 +165,47 @@ def _own(layout: Layout) -> scipy.sparse.csr_matrix:
 class Derivatives:
     """Functions of one place, and where in the matrices of one element what they give belongs.
 
-    rows: (w, P, d) -> rows; cost: -> cost, d cost/dw, d cost/dP; first: -> rows, nonzeros of their derivatives by
-    [w, P]; second: (w, P, d, lam_f, lam) -> nonzeros of the upper triangle of the Hessian by [w, P].
+    rows: (w, P, d) -> rows; share: -> cost; cost: -> cost, d cost/dw, d cost/dP; first: -> rows, nonzeros of their
+    derivatives by [w, P]; second: (w, P, d, lam_f, lam) -> nonzeros of the upper triangle of the Hessian by [w, P].
     jacobian, hessian: the element's entries by [y, P], from those of all its places.
+
+    Hold it as long as what maps its functions is in use. rows and share have derivatives.
     """
 
     kernel: PointKernel
     rows: ca.Function
-    cost: ca.Function | None
-    first: ca.Function
-    second: ca.Function
+    share: ca.Function | None
+    cost: TapeFunction | ca.Function | None
+    first: TapeFunction | ca.Function
+    second: TapeFunction | ca.Function
     by_rows: tuple[Pattern, scipy.sparse.csr_matrix]
     by_unknowns: tuple[Pattern, scipy.sparse.csr_matrix]
 
     @property
     def functions(self) -> list[ca.Function]:
-        return [f for f in (self.rows, self.first, self.second, self.cost) if f is not None]
+        """As functions of CasADi of one place."""
+        made = [self.rows, self.first, self.second, *([] if self.cost is None else [self.cost])]
+        return [f.casadi if isinstance(f, TapeFunction) else f for f in made]
 
     def exchanged(self, functions: Sequence[ca.Function]) -> Derivatives:
         """The same with other functions of the same names."""
-        rows, first, second, *cost = functions
-        own = (self.kernel, rows, cost[0] if cost else None, first, second)
-        return Derivatives(*own, self.by_rows, self.by_unknowns)
+        rows, first, second, *costs = functions
+        cost = costs[0] if costs else None
+        return Derivatives(self.kernel, rows, cost, cost, first, second, self.by_rows, self.by_unknowns)
+
+
+Evaluated = TapeFunction | ca.Function
+Functions = tuple[ca.Function, ca.Function | None, Evaluated | None, Evaluated, Evaluated]  # as in `Derivatives`
 
 
 def derivatives(kernel: PointKernel) -> Derivatives:
-    """Differentiate a kernel."""
-    k, n = kernel, kernel.take.shape[1]
-    args, v = [k.w, k.P, k.d], ca.vertcat(k.w, k.P)
-    nw, nP = k.w.numel(), k.P.numel()
+    """Differentiate a kernel: a large one on a tape."""
+    operations = ca.Function("f", [kernel.w, kernel.P, kernel.d], [kernel.value, kernel.cost]).n_instructions()
+    return _on_tape(kernel) if operations > LARGE else _by_casadi(kernel)
+
+
+def _by_casadi(kernel: PointKernel) -> Derivatives:
+    k, args, v = kernel, [kernel.w, kernel.P, kernel.d], ca.vertcat(kernel.w, kernel.P)
     value, cost = ca.cse([k.value, k.cost])
     J = ca.jacobian(value, v)
     lam_f, lam = ca.SX.sym("lam_f"), ca.SX.sym("lam", value.numel())
@@ -197,18 +214,10 @@ def derivatives(kernel: PointKernel) -> Derivatives:
     if k.cost.nnz():
         slope = [ca.densify(ca.gradient(cost, s)) if s.numel() else ca.SX(0, 1) for s in (k.w, k.P)]
         costs = _shared(f"{k.name}_c", args, [cost, *slope])
-    # y and behind it P, of one place and of the element
-    take = [
-        scipy.sparse.block_diag([k.take[c * nw : (c + 1) * nw], scipy.sparse.eye(nP)], "csr") for c in range(k.count)
-    ]
-    mr = value.numel()
-    rows = [k.rows[:, c * mr : (c + 1) * mr] for c in range(k.count)]
-    return Derivatives(
-        k, _shared(f"{k.name}_g", args, [value]), costs, _shared(f"{k.name}_j", args, [value, stacked(nonzeros(J))]),
-        _shared(f"{k.name}_h", [*args, lam_f, lam], [stacked(nonzeros(H))]),
-        _scattered(_pattern(J), rows, take, (k.rows.shape[0], n + nP)),
-        _squared(_pattern(H), take, n + nP),
-    )  # fmt: skip
+    rows = _shared(f"{k.name}_g", args, [value])
+    first = _shared(f"{k.name}_j", args, [value, stacked(nonzeros(J))])
+    second = _shared(f"{k.name}_h", [*args, lam_f, lam], [stacked(nonzeros(H))])
+    return _placed(k, (rows, costs, costs, first, second), _pattern(J), _pattern(H))
 
 
 def _shared(name: str, args: list[ca.SX], out: list[ca.SX]) -> ca.Function:
@@ -218,6 +227,48 @@ def _shared(name: str, args: list[ca.SX], out: list[ca.SX]) -> ca.Function:
 def _pattern(matrix: ca.SX) -> Pattern:
     rows, columns = matrix.sparsity().get_triplet()
     return np.array(rows, int), np.array(columns, int)
+
+
+def _on_tape(kernel: PointKernel) -> Derivatives:
+    k, nw, nP, mr = kernel, kernel.w.numel(), kernel.P.numel(), kernel.value.numel()
+    args, multipliers = [k.w, k.P, k.d], [ca.SX.sym("lam_f"), ca.SX.sym("lam", mr)]
+    tape = Tape()
+    *value, cost = read_in(tape, ca.vertcat(k.value, k.cost), ca.vertcat(*args, *multipliers))
+    inputs = [tape.input(place) for place in range(nw + nP + k.d.numel() + 1 + mr)]
+    v, lam_f, lam = inputs[: nw + nP], inputs[-1 - mr], inputs[-mr:] if mr else []
+    J, H = jacobian(tape, value, v), hessian(tape, [*value, cost], [*lam, lam_f], v)
+    share = costs = None
+    if k.cost.nnz():
+        slope = gradient(tape, [cost], [tape.constant(1.0)], v)
+        share = TapeFunction(f"{k.name}_f", tape, args, [[cost]]).casadi
+        costs = TapeFunction(f"{k.name}_c", tape, args, [[cost], slope[:nw], slope[nw:]])
+    by_rows, first = _by_columns(J)
+    by_unknowns, second = _by_columns(H)
+    functions = (
+        TapeFunction(f"{k.name}_g", tape, args, [value]).casadi, share, costs,
+        TapeFunction(f"{k.name}_j", tape, args, [value, first]),
+        TapeFunction(f"{k.name}_h", tape, [*args, *multipliers], [second]),
+    )  # fmt: skip
+    return _placed(k, functions, by_rows, by_unknowns)
+
+
+def _placed(kernel: PointKernel, functions: Functions, by_rows: Pattern, by_unknowns: Pattern) -> Derivatives:
+    """With where what the functions give belongs, from where it stands in the matrices of one place."""
+    k, nw, nP, mr, n = kernel, kernel.w.numel(), kernel.P.numel(), kernel.value.numel(), kernel.take.shape[1]
+    # y and behind it P, of one place and of the element
+    take = [
+        scipy.sparse.block_diag([k.take[c * nw : (c + 1) * nw], scipy.sparse.eye(nP)], "csr") for c in range(k.count)
+    ]
+    rows = [k.rows[:, c * mr : (c + 1) * mr] for c in range(k.count)]
+    scattered = _scattered(by_rows, rows, take, (k.rows.shape[0], n + nP))
+    return Derivatives(k, *functions, scattered, _squared(by_unknowns, take, n + nP))
+
+
+def _by_columns(entries: Entries) -> tuple[Pattern, list[int]]:
+    """Where they stand, column by column, and their numbers on the tape."""
+    places = sorted(entries, key=lambda place: place[::-1])
+    rows, columns = (np.array([place[n] for place in places], int) for n in (0, 1))
+    return (rows, columns), [entries[place] for place in places]
 
 
 def _entries(matrix: scipy.sparse.csr_matrix, row: int) -> tuple[np.ndarray, np.ndarray]:
@@ -274,5 +325,7 @@ def _gathered(
 
 
 def constant(matrix: scipy.sparse.spmatrix) -> ca.DM:
-    """For CasADi."""
-    return ca.DM(scipy.sparse.csc_matrix(matrix))
+    """For CasADi, by its own constructor of sparsities, which is five times faster than the one of matrices."""
+    m = scipy.sparse.csc_matrix(matrix)
+    m.sort_indices()
+    return ca.DM(ca.Sparsity(*m.shape, m.indptr.tolist(), m.indices.tolist()), m.data)

@@ -14,6 +14,7 @@ from ..lang.scope import derivative_name
 from ..results.check import Check
 from ..results.status import SolveStatus
 from ..results.trajectory import Trajectory
+from .control import control_basis
 from .formulation.dynamic import DynamicProblem
 from .formulation.quadratures import summed
 from .formulation.system import RateSystem, on_rows
@@ -232,15 +233,17 @@ def states_and_controls(
     table, edges = mesh.table, mesh.edges
     # a little to the left: time / duration may round past the edge it came from
     k = np.clip(np.searchsorted(edges, s - 1e-12, side="left") - 1, 0, mesh.elements - 1)
-    xs, rates, us = (np.zeros((len(s), n)) for n in (layout.nx, layout.nx, layout.nu + layout.nz))
-    for element in np.unique(k):
-        rows = np.flatnonzero(k == element)
-        local = np.clip((s[rows] - edges[element]) / mesh.h[element], 0.0, 1.0)
-        y = x[element * layout.size : (element + 1) * layout.size] * layout.scale
-        nodes = np.vstack([y[layout.left[: layout.nx]], y[layout.x]])
-        xs[rows] = basis(table.nodes, local) @ nodes
-        rates[rows] = basis_slope(table.nodes, local) @ nodes / (mesh.h[element] * (tf - t0))
-        us[rows] = layout.inputs(y, local)
+    length, local = mesh.h[k], np.clip((s - edges[k]) / mesh.h[k], 0.0, 1.0)
+    y = (x[: nlp.end].reshape(mesh.elements, layout.size) * layout.scale)[k]
+
+    def combined(weights: np.ndarray, places: np.ndarray) -> np.ndarray:
+        """Of each row its own weights times its own unknowns."""
+        return np.einsum("ri,rij->rj", weights, y[:, places])
+
+    xs = combined(basis(table.nodes, local), layout.nodes)
+    rates = combined(basis_slope(table.nodes, local), layout.nodes) / (length * (tf - t0))[:, None]
+    u = combined(control_basis(mesh.control, table, local), layout.u)
+    us = np.hstack([u, combined(basis(table.points, local), layout.z)])
     return xs, rates, us, t0 + s * (tf - t0)
 
 

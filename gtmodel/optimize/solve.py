@@ -24,6 +24,7 @@ from .guess import initial_guess
 from .ipopt import BARRIERS, HESSIANS, SolverRun, run_ipopt
 from .judgement.diagnosis import sentence
 from .judgement.discretisation import BOUND, judged
+from .merged import merged
 from .mesh import Mesh, given_mesh
 from .nlp import Nlp, make_nlp
 from .objective_scaling import objective_scale
@@ -33,6 +34,8 @@ from .watch import Multipliers, Progress
 
 SOLVERS = ("ipopt", "fatrop")
 METHODS = ("collocation", "shooting")
+# elements; on coarser meshes making the merged form takes as long as it spares
+MERGED_FROM = 100
 
 
 @dataclass(frozen=True)
@@ -237,7 +240,11 @@ def solve_nlp(
         staged = Staged(nlp, scale)
         run = run_ipopt(staged, x0, options)
         return _answer(nlp, staged.turned(run), options, throw, scale)
-    return _answer(nlp, run_ipopt(nlp, x0, options, progress, warm, scale), options, throw, scale)
+    one = merged(nlp) if nlp.mesh.elements >= MERGED_FROM else None
+    if one is None:
+        return _answer(nlp, run_ipopt(nlp, x0, options, progress, warm, scale), options, throw, scale)
+    x0, warm = one.start(x0, warm)
+    return _answer(nlp, one.turned(run_ipopt(one, x0, options, progress, warm, scale)), options, throw, scale)
 
 
 def _answer(

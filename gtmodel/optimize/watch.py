@@ -94,8 +94,10 @@ class IterationWatch(ca.Callback):
         self.stopped = ""
         self.stalled = ""
         self.raised: BaseException | None = None
-        self.best: Iterate | None = None
+        # violation, objective, number, outputs of IPOPT of the best: NumPy's numbers only where they are asked for
+        self._best: tuple[float, float, int, dict[str, ca.DM]] | None = None
         self.program = nlp
+        self.names = ca.nlpsol_out()
         self.construct("watch", {})
 
     def get_n_in(self) -> int:
@@ -119,15 +121,12 @@ class IterationWatch(ca.Callback):
         count, self.count = self.count, self.count + 1
         late = self.stop_at is not None and time.monotonic() > self.stop_at
         asked = False
-        outputs = dict(zip(ca.nlpsol_out(), arg, strict=True))
+        outputs = dict(zip(self.names, arg, strict=True))
         g, f = np.asarray(outputs["g"]).reshape(-1), float(outputs["f"])
         violation = self.program.violation(g)
-        better = self.best is None or rank(violation, f) < rank(self.best.violation, self.best.objective)
+        better = self._best is None or rank(violation, f) < rank(*self._best[:2])
         if count > self.done and better and np.isfinite([violation, f]).all():  # the guess itself is no answer
-            x, rows, bounds = (np.array(outputs[n]).reshape(-1) for n in ("x", "lam_g", "lam_x"))
-            # IPOPT brings only its last iterate back to the bounds that it relaxed
-            x = np.clip(x, self.program.lbx, self.program.ubx)
-            self.best = Iterate(count, x, g.copy(), f, Multipliers(rows, bounds), violation)
+            self._best = violation, f, count, outputs
         if self.progress is not None:
             try:
                 asked = bool(self.progress(count, f, violation))
@@ -144,10 +143,21 @@ class IterationWatch(ca.Callback):
 
     def better_than(self, g: np.ndarray, f: float) -> Iterate | None:
         """The best iterate where it is clearly better than the last one, given by its rows and objective."""
-        last, best = self.program.violation(g), self.best
-        if best is None or rank(best.violation, best.objective) >= rank(last, f):
+        last, best = self.program.violation(g), self._best
+        if best is None or rank(*best[:2]) >= rank(last, f):
             return None
-        return best if last <= FEASIBLE or best.violation <= NEARER * last else None
+        return self.best if last <= FEASIBLE or best[0] <= NEARER * last else None
+
+    @property
+    def best(self) -> Iterate | None:
+        """The iterate nearest to its constraints, and of those that keep them the one of the least objective."""
+        if self._best is None:
+            return None
+        violation, f, count, outputs = self._best
+        x, g, rows, bounds = (np.asarray(outputs[n]).reshape(-1) for n in ("x", "g", "lam_g", "lam_x"))
+        # IPOPT brings only its last iterate back to the bounds that it relaxed
+        x = np.clip(x, self.program.lbx, self.program.ubx)
+        return Iterate(count, x, g, f, Multipliers(rows, bounds), violation)
 
 
 def rank(violation: float, objective: float) -> tuple[float, float]:

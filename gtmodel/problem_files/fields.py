@@ -5,9 +5,11 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping
 from functools import cache
+from types import NoneType
 from typing import Any, NamedTuple
 
 import pydantic
+from pydantic.json_schema import GenerateJsonSchema
 
 from gtmodel.results.unit_names import unit_of
 
@@ -44,10 +46,21 @@ class Key(NamedTuple):
         return self.key.rpartition(".")[0]
 
 
+class _Generator(GenerateJsonSchema):
+    """pydantic's own, without a serializer for each default that is JSON already, or a table of such."""
+
+    def encode_default(self, dft: Any) -> Any:
+        if type(dft) in (NoneType, bool, int, float, str):
+            return dft
+        if isinstance(dft, pydantic.BaseModel):
+            return {name: self.encode_default(value) for name, value in dft}
+        return [self.encode_default(one) for one in dft] if type(dft) is list else super().encode_default(dft)
+
+
 @cache
 def json_schema(schema: type[pydantic.BaseModel]) -> dict[str, Any]:
     """The JSON schema; made once, so leave it as it is."""
-    return schema.model_json_schema()
+    return schema.model_json_schema(schema_generator=_Generator)
 
 
 @cache

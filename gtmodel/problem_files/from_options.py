@@ -5,14 +5,14 @@ from __future__ import annotations
 import dataclasses
 import inspect
 import types
-from collections.abc import Callable
-from typing import Annotated, Any, ClassVar, Generic, TypeVar, Union, get_args, get_origin, get_type_hints
+from collections.abc import Callable, Sequence
+from typing import Annotated, Any, ClassVar, Generic, TypeVar, Union, get_args, get_origin
 
 import numpy as np
 import pydantic
 
 from gtmodel.results.agreement import UNEQUAL
-from gtmodel.results.options import Long, Options, Unit, Within, declared, written_name
+from gtmodel.results.options import Long, Options, Unit, Within, declared, hints, written_name
 from gtmodel.results.quantity import converted
 from gtmodel.results.refusal import ArgumentError
 
@@ -77,24 +77,29 @@ def made_from(options: type[Options], *left_out: str) -> Callable[[type[S]], typ
     """Give a table the keys of an options class, except the fields that are left out; its own keys come behind."""
 
     def made(cls: type[S]) -> type[S]:
-        hints = get_type_hints(options, include_extras=True)
-        fields: dict[str, Any] = {}
-        attributes: dict[str, str] = {}
-        for f in dataclasses.fields(options):  # pyright: ignore[reportArgumentType]
-            if f.name in left_out:
-                continue
-            marks = declared(options)[f.name]
-            key = written_name(f.name, marks)
-            attributes[key] = f.name
-            fields[key] = (_hint(hints[f.name], marks), _field(f, marks))
-        table = pydantic.create_model(
-            cls.__name__, __base__=cls, __module__=cls.__module__,
-            __doc__=_without_example(cls.__doc__ or options.__doc__ or ""), **fields,
-        )  # fmt: skip
-        table.made_of, table.attributes = options, attributes
-        return table
+        return _table(options, left_out, cls, cls.__name__, cls.__module__, cls.__doc__ or options.__doc__)
 
     return made
+
+
+def _table(
+    options: type[Any], left_out: Sequence[str], base: type[S], name: str, module: str, doc: str | None
+) -> type[S]:
+    """A table below `base` with the fields of an options class as keys."""
+    hinted, marked = hints(options), declared(options)
+    fields: dict[str, Any] = {}
+    attributes: dict[str, str] = {}
+    for f in dataclasses.fields(options):
+        if f.name in left_out:
+            continue
+        key = written_name(f.name, marked[f.name])
+        attributes[key] = f.name
+        fields[key] = (_hint(hinted[f.name], marked[f.name]), _field(f, marked[f.name]))
+    table = pydantic.create_model(
+        name, __base__=base, __module__=module, __doc__=_without_example(doc or ""), **fields
+    )  # fmt: skip
+    table.made_of, table.attributes = options, attributes
+    return table
 
 
 def _without_example(doc: str) -> str:
@@ -129,10 +134,7 @@ _SECTIONS: dict[type, type[Made]] = {}
 def section_of(options: type) -> type[Made]:
     """The table of an options class, with all its fields."""
     if options not in _SECTIONS:
-        empty = types.new_class(
-            options.__name__, (Made,), {}, lambda space: space.update(__module__=options.__module__)
-        )
-        _SECTIONS[options] = made_from(options)(empty)
+        _SECTIONS[options] = _table(options, (), Made, options.__name__, options.__module__, options.__doc__)
     return _SECTIONS[options]
 
 

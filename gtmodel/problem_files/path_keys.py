@@ -8,7 +8,6 @@ import numpy as np
 from pydantic import Field, PositiveFloat, PositiveInt
 
 from gtmodel.motion.options import Arc, Line, Polyline, Shape, Spline, Taught
-from gtmodel.motion.paths import read_points
 from gtmodel.results import ArgumentError
 
 from .base import Context, FileSection, InputError
@@ -64,6 +63,8 @@ class PathSection(FileSection):
             raise InputError("is missing", "path.file")
         file = context.file(self.file, "path.file", "path")
         try:
+            from gtmodel.motion.paths import read_points  # here: the keys alone need no splines
+
             return read_points(file)
         except ArgumentError as error:
             raise InputError(error.message, "path.file") from error

@@ -36,7 +36,7 @@ class RobotProblem(Problem):
     parameters: dict[str, Any] = Field(
         default={}, description="modifiers of the model, by its own parameter names, in SI"
     )
-    friction: FrictionSection = FrictionSection()
+    friction: FrictionSection = FrictionSection.left_out()
 
     def model(self, context: Context) -> Model:
         """The robot, configured. Raises InputError."""

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cache
 from numbers import Real
 
 import numpy as np
+import scipy
 
 from .refusal import ArgumentError
 
@@ -102,15 +104,9 @@ class Estimate:
         return self.names.index(name)
 
     def _quantile(self, level: float) -> float:
-        from scipy import stats  # here: it alone takes as long to import as all of gtmodel
-
         if not isinstance(level, Real) or not 0 < level < 1:
             raise ArgumentError(f"a confidence level lies between 0 and 1; found {level!r}", "level")
-        return float(
-            stats.norm.ppf((1 + level) / 2)
-            if self.known_noise
-            else stats.t.ppf((1 + level) / 2, self.degrees_of_freedom)
-        )
+        return _of_normal_or_student(float(level), None if self.known_noise else float(self.degrees_of_freedom))
 
     def __str__(self) -> str:
         width = max(len(n) for n in self.names)
@@ -123,3 +119,12 @@ class Estimate:
         lines += [f"{name} is held at its bound" for name in self.held]
         lines += self.notes
         return "\n".join([*lines, f"{len(self.residuals)} measured values, residual noise {self.noise:.4g}"])
+
+
+@cache
+def _of_normal_or_student(level: float, degrees_of_freedom: float | None) -> float:
+    """What bounds a share `level` of the normal distribution on both sides, or of Student's."""
+    # scipy.stats has the same two functions, but takes as long to import as all of gtmodel
+    if degrees_of_freedom is None:
+        return float(scipy.special.ndtri((1 + level) / 2))
+    return float(scipy.special.stdtrit(degrees_of_freedom, (1 + level) / 2))

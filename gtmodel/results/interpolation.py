@@ -29,3 +29,26 @@ def interpolate(grid: Array, value: Array, times: Array, kind: Kind) -> Array:
     weight = weight[..., None] if value.ndim == 2 else weight
     below, above = value[left], value[left + 1]
     return np.where(weight == 1.0, above, below + weight * (above - below))
+
+
+class CubicHermite:
+    """The cubics through values (n, k) with derivatives (n, k) on an ascending grid, n at least 2; beyond its ends, the
+    outermost ones. The numbers are those of scipy.interpolate.CubicHermiteSpline, which takes longer to import than a
+    motion to re-simulate.
+    """
+
+    def __init__(self, grid: Array, value: Array, derivative: Array) -> None:
+        h = np.diff(grid)[:, None]
+        slope = np.diff(value, axis=0) / h
+        bend = (derivative[:-1] + derivative[1:] - 2.0 * slope) / h
+        self._grid = grid
+        self._powers = value[:-1], derivative[:-1], (slope - derivative[:-1]) / h - bend, bend / h
+
+    def __call__(self, times: Array, order: int = 0) -> Array:
+        """Values (m, k) at times (m,), or their derivatives where order is 1."""
+        piece = np.clip(np.searchsorted(self._grid, times, side="right") - 1, 0, len(self._grid) - 2)
+        s = (times - self._grid[piece])[:, None]
+        zeroth, first, second, third = (p[piece] for p in self._powers)
+        if order == 1:
+            return first + second * s * 2.0 + third * (s * s) * 3.0
+        return zeroth + first * s + second * (s * s) + third * (s * s * s)

@@ -25,4 +25,6 @@ def plain(head: Sequence[str], rows: Sequence[Sequence[str]], title: str = "") -
 
 def width(cell: str) -> int:
     """How many places a text takes on a terminal."""
+    if cell.isascii():
+        return len(cell)
     return sum(0 if unicodedata.combining(c) else 2 if unicodedata.east_asian_width(c) in "WF" else 1 for c in cell)

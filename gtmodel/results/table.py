@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import html as markup
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
@@ -62,13 +61,15 @@ def text(study: Study) -> str:
 
 def html(study: Study) -> str:
     """The table, and the first picture where matplotlib is installed, for a notebook."""
-    lines = [f"<b>{markup.escape(study.title)}</b>"] if study.title else []
+    from html import escape  # here: its table of entities is for pages alone
+
+    lines = [f"<b>{escape(study.title)}</b>"] if study.title else []
     lines.append("<table><tr>" + "".join(f"<th>{h}</th>" for h in HEAD) + "</tr>")
     for row in cells(study):
-        lines.append("<tr>" + "".join(f"<td>{markup.escape(cell)}</td>" for cell in row) + "</tr>")
+        lines.append("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>")
     lines.append("</table>")
     if study.message != study.status.message:
-        lines.append(f"<p>{markup.escape(study.message)}</p>")
+        lines.append(f"<p>{escape(study.message)}</p>")
     return "\n".join([*lines, *_picture(study)])
 
 

@@ -163,10 +163,7 @@ class Trajectory:
         return self._time.size
 
     def __contains__(self, name: object) -> bool:
-        try:
-            return isinstance(name, str) and bool(self._find(name))
-        except UnknownNameError:
-            return False
+        return isinstance(name, str) and self._place(name) is not None
 
     def __getitem__(self, name: str) -> Array:
         """Signal "T" as (n,) or (n, k), component "T[0]" as (n,); read-only.
@@ -362,20 +359,29 @@ class Trajectory:
         return list(self._units.items()), self._title, self._provenance, self._synthetic
 
     def _find(self, name: str) -> tuple[str, int | None]:
-        """Signal and component index behind a name; index None for the whole signal."""
-        if name in self._values:
-            return name, None
+        """Signal and component index behind a name; index None for the whole signal. Raises UnknownNameError."""
+        place = self._place(name)
+        if place is not None:
+            return place
         match = COLUMN.fullmatch(name) if isinstance(name, str) else None
         value = self._values.get(match["base"]) if match else None
         if not match or value is None or value.ndim == 1:
             raise UnknownNameError(unknown(name, self._values, "there is no signal"))
-        base, index = match["base"], int(match["index"])
-        if index >= value.shape[1]:
-            raise UnknownNameError(
-                f"there is no component {name!r}: signal {base!r} has {value.shape[1]}, from "
-                f"{columns(base, value)[0]!r} to {columns(base, value)[-1]!r}"
-            )
-        return base, index
+        base = match["base"]
+        raise UnknownNameError(
+            f"there is no component {name!r}: signal {base!r} has {value.shape[1]}, from "
+            f"{columns(base, value)[0]!r} to {columns(base, value)[-1]!r}"
+        )
+
+    def _place(self, name: str) -> tuple[str, int | None] | None:
+        """What `_find` finds; None for an unknown name, without a search for close ones."""
+        if name in self._values:
+            return name, None
+        match = COLUMN.fullmatch(name) if isinstance(name, str) else None
+        value = self._values.get(match["base"]) if match else None
+        if not match or value is None or value.ndim == 1 or int(match["index"]) >= value.shape[1]:
+            return None
+        return match["base"], int(match["index"])
 
     def _inside(self, times: Array) -> Array:
         """Times clipped to the grid when outside by rounding only; raises TrajectoryError when really out."""

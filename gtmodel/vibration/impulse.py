@@ -16,6 +16,7 @@ from .._lazy import hint
 from ..results import ArgumentError
 from .continuous import NEAR
 from .hankel import block_hankel
+from .options import MOST_MODES
 from .output_error import REWEIGHTED, central, settled, too_far, weights_of
 from .record import Record, columns, go_on
 
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
 else:
     StateSpace = hint("control", "StateSpace")
 
-LARGEST = 4  # resonances tried when their number is not given
 ROWS = 3  # the Hankel matrix has one row of blocks to this many columns
 MOST_ROWS = 200  # more cost time and determine no more
 REST = 10  # the last share of samples, one in so many, gives the rest position from which the realisation starts
@@ -77,7 +77,7 @@ def identify_impulse(
     record: Record,
     *,
     modes: int | None = None,
-    largest: int = LARGEST,
+    largest: int = MOST_MODES,
     interrupted: Callable[[], bool] = lambda: False,
 ) -> ImpulseModel:
     """Resonances of the outputs of a record that begins after the hit, when no force acts any more.

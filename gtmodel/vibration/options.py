@@ -6,9 +6,12 @@ from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
 from ..results.options import Options, Unit, Within
-from .impulse import LARGEST as MOST_MODES
-from .step_response import LONGEST
-from .subspace import BLOCK_ROWS, HELD_OUT, LARGEST
+
+HELD_OUT = 1 / 3  # of the samples, at the end: judged, never fitted
+LARGEST = 12  # order tried when none is asked for: that of the largest model of Dressler 2012, section 6.3
+BLOCK_ROWS = 20  # past and future each: covers some periods of what a 4 ms loop can see, and costs little
+LONGEST = 25  # samples of delay tried when none is given: 100 ms at 4 ms
+MOST_MODES = 4  # resonances tried when their number is not given
 
 
 @dataclass(frozen=True)

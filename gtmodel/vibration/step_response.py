@@ -15,6 +15,7 @@ from gtmodel.results import Estimate
 
 from .._lazy import hint
 from ..results import ArgumentError
+from .options import LONGEST
 from .output_error import central, too_far
 from .record import Record, go_on
 
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
 else:
     TransferFunction = hint("control", "TransferFunction")
 
-LONGEST = 25  # samples of delay tried when none is given: 100 ms at 4 ms
 AFTER = 10  # samples that must follow a step and its delay
 SURE = 0.01  # of the likelihood-ratio test between the delay and its neighbours
 SETTLED = 0.05  # of a step: what may be left at the end of a recording

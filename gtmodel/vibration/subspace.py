@@ -12,6 +12,7 @@ from .._lazy import hint
 from ..results import ArgumentError
 from .hankel import project
 from .input_matrices import input_matrices
+from .options import BLOCK_ROWS, HELD_OUT, LARGEST
 from .order import NOISE_FREE, OrderTrial, choose, gap, largest_order
 from .record import Record, go_on
 from .response import simulate
@@ -23,9 +24,6 @@ else:
 
 Method = Literal["n4sid", "moesp", "cva"]
 
-HELD_OUT = 1 / 3  # of the samples, at the end: judged, never fitted
-LARGEST = 12  # order tried when none is asked for: that of the largest model of Dressler 2012, section 6.3
-BLOCK_ROWS = 20  # past and future each: covers some periods of what a 4 ms loop can see, and costs little
 UNSTABLE = 1 + 1e-9  # modulus of a pole; rounding of a pole on the unit circle is let through
 
 

@@ -13,13 +13,21 @@ from pathlib import Path
 
 # another number of BLAS threads sums in another order and moves the last digits
 ONE_THREAD = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-PROBLEMS = Path(__file__).resolve().parents[2] / "problems"
+CLONE = Path(__file__).resolve().parents[2]
+PROBLEMS = CLONE / "problems"
+sys.path.insert(0, str(CLONE))
+
+from tests.support.recordings import EMPS  # noqa: E402
+
+# a recording that is not shipped, from where the tests have it
+SETTINGS = {"emps": ["--set", f"log.files=['{EMPS}']"]}
 
 
 def solve(out: Path, names: list[str]) -> None:
     for name in names or sorted(p.stem for p in PROBLEMS.glob("*.toml")):
         folder = out / name
         command = [sys.executable, "-m", "gtmodel.cli", "solve", str(PROBLEMS / f"{name}.toml"), "--out", str(folder)]
+        command += SETTINGS.get(name, [])
         done = subprocess.run(command, capture_output=True, text=True, check=False, env=ONE_THREAD)
         folder.mkdir(parents=True, exist_ok=True)
         (folder / "printed.txt").write_text(done.stdout.replace(str(folder), "OUT"))

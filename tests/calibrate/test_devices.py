@@ -1,5 +1,7 @@
 """Devices: noise by another road, where they see; candidates by hand."""
 
+from importlib import import_module
+
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
@@ -7,6 +9,7 @@ from scipy.spatial.transform import Rotation
 
 import gtmodel as gt
 from gtmodel.calibrate import Camera, LaserTracker, LineOfSight, candidates
+from gtmodel.calibrate.candidates import AROUND
 from gtmodel.calibrate.devices import sampled
 from gtmodel.kinematics.mechanism import mechanism_of
 from gtmodel.kinematics.workspace import CartesianBox, InverseKinematics, Obstacles, Poses, Reach, box_grid
@@ -108,3 +111,23 @@ def test_candidates_pass_stage_by_stage_and_keep_off_the_edge():
     assert not stopped.complete and list(stopped.stages) == ["workspace"]
     with pytest.raises(gt.ModelError, match="must not be negative"):
         candidates(grid, {"workspace": first}, -0.1)
+
+
+@pytest.mark.parametrize("at_once", [1, 200, 4096])
+def test_neighbours_are_those_of_each_point_however_many_are_asked_at_once(
+    at_once: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(import_module("gtmodel.calibrate.candidates"), "AT_ONCE", at_once)
+    inverse: InverseKinematics = mechanism_of(gt.robots.gantry_tau("l1_tape")).inverse
+    low, high = np.array([0.0, -1.0, 0.3]), np.array([1.0, -0.2, 1.1])
+    hole = Obstacles(np.array([[0.3, -0.7, 0.6]]), np.array([[0.4, -0.6, 0.7]]), np.zeros(0))
+    reach = Reach(inverse, [CartesianBox(low, high), hole])
+    passed = candidates(box_grid(low, high, 0.1), {"workspace": reach}, 0.13)
+    workspace, kept = passed.stages["workspace"], passed.stages["safety distance"]
+    each = [bool(np.all(reach.inside(T + 0.13 * AROUND))) for T in passed.T[workspace]]
+    assert any(each) and not all(each)
+    np.testing.assert_array_equal(kept[workspace], each)
+    assert not kept[~workspace].any()
+    # the last direction alone may forbid a point, and nothing is asked where no point is left
+    nothing = candidates(box_grid(low, high, 0.4), {"workspace": reach}, 5.0)
+    assert nothing.counts["safety distance"] == 0

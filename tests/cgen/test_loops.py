@@ -28,10 +28,13 @@ from tests.cgen.calls import shared_library
 from tests.cgen.conftest import copy, run, succeed
 from tests.support.compare import relative_error
 
-# bytes of machine code with guards, 20,500 and 38,600 when written out; the first keeps the kernel that both share
-TEXT = {"velocity": 9_800, "inverse_dynamics": 12 * 1024}
+# bytes of machine code with guards, 20,500 and 38,600 when written out; the first keeps the kernel and Newton's method,
+# which both share
+TEXT = {"velocity": 10_500, "inverse_dynamics": 11_300}
+BOTH = 21_700
 SHARED = 2_100  # of the elimination, and of the tables of both
-INSTRUCTIONS = {"velocity": 13_005, "inverse_dynamics": 16_682}  # of a call, as they were when written out
+# of a call; 13,005 and 16,682 when written out, 12,140 and 16,559 when the last kernel computed a Jacobian too
+INSTRUCTIONS = {"velocity": 12_000, "inverse_dynamics": 16_400}
 NUMBERS = 4  # equal parts of the small model
 
 Functions = dict[str, CausalFunction]
@@ -134,7 +137,7 @@ def test_text_does_not_depend_on_the_run(functions: Functions, faces: dict[str, 
 def test_loops_are_small(folder: Path, functions: Functions) -> None:
     costs = cgen.costs(folder, functions)
     found = {key: costs.text_bytes[f"gt_d1_{key}"] for key in TEXT}
-    assert {key: n for key, n in found.items() if n > TEXT[key]} == {}
+    assert {key: n for key, n in found.items() if n > TEXT[key]} == {} and sum(found.values()) <= BOTH
     counted = {key: costs.instructions.get(f"gt_d1_{key}", 0) for key in INSTRUCTIONS}  # 0 without valgrind
     assert {key: n for key, n in counted.items() if n > INSTRUCTIONS[key]} == {}
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import scipy
 
-from ...compiler.causal import compile_causal
+from ...compiler.causal import CausalFunction, compile_causal
 from ...kinematics.mechanism import Mechanism
 from ...kinematics.workspace import InverseKinematics, Limit, Poses, limited_mechanism
 from ...results import ArgumentError, Status
@@ -67,7 +67,8 @@ def turns_of(task: Task) -> list[Turn]:
     f1: Any = model
     home = scipy.spatial.transform.Rotation.from_quat(np.array(f1.home_e, float), scalar_first=True)
     turned = [home * scipy.spatial.transform.Rotation.from_rotvec(turn) for turn in np.array(turns, float)]
-    return [Turn(_mechanism(f1, task.home, e), e) for e in (R.as_quat(scalar_first=True) for R in turned)]
+    function = compile_causal(f1, known=["T", "e"], targets=["q", *LINK_ENDS])
+    return [Turn(_mechanism(f1, function, task.home, e), e) for e in (R.as_quat(scalar_first=True) for R in turned)]
 
 
 def facing(task: Task, turn: Turn) -> list[Limit]:
@@ -83,9 +84,7 @@ def facing(task: Task, turn: Turn) -> list[Limit]:
     return [Facing(np.array(device.at), plate.apply(device.target_axis), device.acceptance)]
 
 
-def _mechanism(f1: Any, place: Sequence[float] | None, e: Array) -> Mechanism:
-    function = compile_causal(f1, known=["T", "e"], targets=["q", *LINK_ENDS])
-
+def _mechanism(f1: Any, function: CausalFunction, place: Sequence[float] | None, e: Array) -> Mechanism:
     def placed(T: Array) -> Any:
         return function(T, np.tile(e, (len(T), 1)))
 

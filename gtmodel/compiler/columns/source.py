@@ -12,7 +12,7 @@ from .program import LIBM, ColumnProgram, Step
 # rows of the inner loops, whose columns lie on the stack
 AT_ONCE = 32
 NAME = "gt_columns"
-_TEXT = {
+TEXT = {
     ca.OP_ASSIGN: "{0}", ca.OP_ADD: "{0} + {1}", ca.OP_SUB: "{0} - {1}", ca.OP_MUL: "{0} * {1}", ca.OP_DIV: "{0} / {1}",
     ca.OP_NEG: "-{0}", ca.OP_SQ: "{0} * {0}", ca.OP_TWICE: "{0} + {0}", ca.OP_INV: "1.0 / {0}", ca.OP_SQRT: "sqrt({0})",
     ca.OP_FABS: "fabs({0})", ca.OP_FLOOR: "floor({0})", ca.OP_CEIL: "ceil({0})", ca.OP_LT: "{0} < {1}",
@@ -170,7 +170,7 @@ def _line(steps: Sequence[Step], k: int, part: Sequence[tuple[int, bool]], store
         return f"v{x - values}" if part[x - values] == part[k] else f"t{x - values}[i]"
 
     given = [text(x) for x in operands]
-    right = _TEXT[op].format(*given) if op in _TEXT else f"{LIBM[op]}({', '.join(given)})"
+    right = TEXT[op].format(*given) if op in TEXT else f"{LIBM[op]}({', '.join(given)})"
     line = f"const double v{k} = {right};"
     if k in stored:
         line += f" t{k}[i] = v{k};"

@@ -13,6 +13,7 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
+from ...compiler.rows import map_columns
 from ...optimize.ipopt import run_ipopt
 from ...optimize.judgement.diagnosis import failure
 from ...optimize.solve import SolverOptions
@@ -28,6 +29,7 @@ RESERVE = 2e-4  # of a row's size: IPOPT keeps its rows to 1e-4
 BEYOND = 1.1  # times what was seen between the samples
 PATIENCE, GAIN, KEPT = 25, 0.02, 1e-3  # iterations; of the cost, one per cent of a condition number; of a row's size
 FARTHEST = 0.05  # of a row's size: no reserve grows by more at once
+KEPT_GRIDS = 8
 SHARES = (0.99, 0.97, 0.9, 0.75, 0.5)
 
 
@@ -91,7 +93,19 @@ class ExcitationTask:
 
     def motion(self, c: Array, times: Array, orders: int = 3) -> list[Array]:
         """x, x', x'', ... (n, d) at times [s] for unknowns c (size, d)."""
-        return [self.basis.rows(times, order) @ c for order in range(orders)]
+        key = np.ascontiguousarray(times, dtype=float).tobytes()
+        if key not in self._basis_rows:
+            while len(self._basis_rows) >= KEPT_GRIDS:
+                self._basis_rows.pop(next(iter(self._basis_rows)))
+            self._basis_rows[key] = []
+        known = self._basis_rows[key]
+        known += [self.basis.rows(times, order) for order in range(len(known), orders)]
+        return [rows @ c for rows in known[:orders]]
+
+    @cached_property
+    def _basis_rows(self) -> dict[bytes, list[Array]]:
+        """Of the grids last asked for: the same ones again and again."""
+        return {}
 
     @cached_property
     def _mapped(self) -> dict[int, ca.Function]:
@@ -106,9 +120,7 @@ class ExcitationTask:
     def excess(self, c: Array, times: Array) -> Array:
         """(m,) greatest violation of each row in its size, negative where it is kept; infinite for no number."""
         columns = [part.T for part in self.motion(c, times, self.rows.n_in())]
-        n = len(times)
-        rows = self._mapped.get(n) or self._mapped.setdefault(n, self.rows.map(n))
-        values = np.asarray(rows(*columns)) / self.size[:, None]
+        values = map_columns(self.rows, columns, self._mapped)[0] / self.size[:, None]
         over = np.maximum(values - (self.high / self.size)[:, None], (self.low / self.size)[:, None] - values)
         return np.max(np.where(np.isnan(values), np.inf, over), axis=1)
 

@@ -16,10 +16,10 @@ RESULT = "gtmodel.kinematics.AccuracyStudy"
 class Schema(RobotProblem):
     """Accuracy of a three-link robot."""
 
-    section: Made[options.ErrorSection] = Made[options.ErrorSection]()
+    section: Made[options.ErrorSection] = Made[options.ErrorSection].left_out()
     method: Literal["support", "projection"] = Field(
         default="support",
         description="how ellipsoids become corners: exact first-order bound, or the iteration of Dressler 2012, A.2",
     )
     cases: list[Made[options.LinkErrors]] = Field(min_length=1, description="errors to look at, one after the other")
-    monte_carlo: Made[options.MonteCarloDraws] = Made[options.MonteCarloDraws]()
+    monte_carlo: Made[options.MonteCarloDraws] = Made[options.MonteCarloDraws].left_out()

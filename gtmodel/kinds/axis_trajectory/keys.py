@@ -36,6 +36,6 @@ class Schema(RobotProblem):
     goal: Made[axes.AxisEnd]
     limits: Made[options.AxisLimits]
     path: AxisPathSection | None = Field(default=None, description="the path to follow; free if it is left out")
-    cost: Made[axes.AxisCost] = Made[axes.AxisCost]()
-    mesh: Made[axes.AxisMesh] = Made[axes.AxisMesh]()
-    solver: Made[axes.AxisSolver] = Made[axes.AxisSolver]()
+    cost: Made[axes.AxisCost] = Made[axes.AxisCost].left_out()
+    mesh: Made[axes.AxisMesh] = Made[axes.AxisMesh].left_out()
+    solver: Made[axes.AxisSolver] = Made[axes.AxisSolver].left_out()

@@ -88,7 +88,7 @@ class Schema(_Fitted):
     measurements: MeasuredSection | None = Field(default=None, description="measured poses")
     synthetic: Made[synthetic_options.Synthetic] | None = Field(default=None, description="synthetic poses instead")
     cart_points: CartPointsSection | None = Field(default=None, description="guideways through measured points")
-    held_out: HeldOutSection = HeldOutSection()
+    held_out: HeldOutSection = HeldOutSection.left_out()
     joint_stiffness: JointStiffness | None = Field(
         default=None, description="joint stiffness of a serial arm from static load tests, in place of geometry"
     )

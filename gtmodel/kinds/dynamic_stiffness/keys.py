@@ -36,8 +36,8 @@ class Schema(Problem):
     repeatability: NonNegativeFloat = Field(
         default=0.15, description="mean change of m, c and k between experiments at one pose; Cvitanic 2021 states 15 %"
     )
-    fit: Made[options.ModalFitting] = Made[options.ModalFitting]()
-    process: Made[options.Process] = Made[options.Process]()
-    map: Made[options.FrequencyMap] = Made[options.FrequencyMap]()
+    fit: Made[options.ModalFitting] = Made[options.ModalFitting].left_out()
+    process: Made[options.Process] = Made[options.Process].left_out()
+    map: Made[options.FrequencyMap] = Made[options.FrequencyMap].left_out()
     measured: MeasuredExperimentsSection | None = Field(default=None, description="measured records")
     synthetic: SyntheticArmSection | None = Field(default=None, description="synthetic records")

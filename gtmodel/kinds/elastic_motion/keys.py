@@ -35,6 +35,6 @@ class Schema(RobotProblem):
     goal: PlaceSection
     limits: LimitsSection
     tool: Made[options.ElasticTool]
-    cost: Made[options.ElasticCost] = Made[options.ElasticCost]()
-    mesh: Made[options.ElasticMesh] = Made[options.ElasticMesh]()
-    solver: Made[options.ElasticSolver] = Made[options.ElasticSolver]()
+    cost: Made[options.ElasticCost] = Made[options.ElasticCost].left_out()
+    mesh: Made[options.ElasticMesh] = Made[options.ElasticMesh].left_out()
+    solver: Made[options.ElasticSolver] = Made[options.ElasticSolver].left_out()

@@ -16,6 +16,6 @@ class Schema(RobotProblem, Made):
 
     motion: Made[options.Family]
     limits: Made[Limits]
-    search: Made[options.ExcitationSearch] = Made[options.ExcitationSearch]()
-    random: Made[options.RandomMotions] = Made[options.RandomMotions]()
-    monte_carlo: Made[options.MonteCarloFits] = Made[options.MonteCarloFits]()
+    search: Made[options.ExcitationSearch] = Made[options.ExcitationSearch].left_out()
+    random: Made[options.RandomMotions] = Made[options.RandomMotions].left_out()
+    monte_carlo: Made[options.MonteCarloFits] = Made[options.MonteCarloFits].left_out()

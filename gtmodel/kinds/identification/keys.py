@@ -95,7 +95,7 @@ class Schema(RobotProblem, Made):
         default=None, description="of a three-link robot: model_1 to model_4 of Table 6.3, or links (thirteen)"
     )
     friction: SharpFriction = SharpFriction()  # pyright: ignore[reportIncompatibleVariableOverride]
-    filter: Made[Processing] = Made[Processing]()
+    filter: Made[Processing] = Made[Processing].left_out()
     log: IdentificationLogSection | None = Field(default=None, description="measured logs")
     synthetic: SyntheticLogSection | None = Field(default=None, description="or a synthetic log")
     published: dict[str, float] = Field(default={}, description="numbers to compare with, by parameter, in SI")

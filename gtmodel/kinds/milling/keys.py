@@ -85,7 +85,7 @@ class Schema(RobotProblem):
     """
 
     place_m: Three = Field(description="of the tool centre point, world coordinates")
-    tool: Made[options.MillingTool] = Made[options.MillingTool]()
+    tool: Made[options.MillingTool] = Made[options.MillingTool].left_out()
     cutter: CutterKeys
     cut: CutKeys
     joint_stiffness_MNm_rad: list[PositiveFloat] = Field(
@@ -97,7 +97,7 @@ class Schema(RobotProblem):
     oscillator_field: str | None = Field(
         default=None, description="file of a Gaussian-process field over the poses, as kind dynamic_stiffness writes it"
     )
-    search: SearchSection = SearchSection()
+    search: SearchSection = SearchSection.left_out()
     lobes: LobesSection | None = Field(default=None, description="stability lobes too")
     compensation: Made[options.PathOffset] | None = Field(default=None, description="compensation too")
     printed_tests: bool = Field(default=False, description="predict the twelve tests of Cvitanic 2021 too")

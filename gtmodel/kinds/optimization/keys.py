@@ -52,5 +52,5 @@ class Schema(Problem):
     parameters: dict[str, Any] = Field(
         default={}, description="modifiers of the model, by its own parameter names, in SI"
     )
-    mesh: MeshSection = MeshSection()
-    solver: SolverSection = SolverSection()
+    mesh: MeshSection = MeshSection.left_out()
+    solver: SolverSection = SolverSection.left_out()

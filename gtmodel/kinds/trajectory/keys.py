@@ -21,11 +21,11 @@ class Schema(RobotProblem):
     goal: Made[options.End]
     limits: Made[options.Limits]
     path: PathSection | None = Field(default=None, description="the path to follow; free if it is left out")
-    cost: Made[options.Cost] = Made[options.Cost]()
-    mesh: Made[options.MotionMesh] = Made[options.MotionMesh]()
-    starts: Made[options.Starts] = Made[options.Starts]()
-    solver: Made[options.Solver] = Made[options.Solver]()
-    export: Made[options.Export] = Made[options.Export]()
+    cost: Made[options.Cost] = Made[options.Cost].left_out()
+    mesh: Made[options.MotionMesh] = Made[options.MotionMesh].left_out()
+    starts: Made[options.Starts] = Made[options.Starts].left_out()
+    solver: Made[options.Solver] = Made[options.Solver].left_out()
+    export: Made[options.Export] = Made[options.Export].left_out()
 
     def motion(self, context: Context) -> MotionProblem:
         """The motion that the file describes. Raises InputError, and ArgumentError."""

@@ -100,10 +100,10 @@ class Schema(Problem):
     matrices: Made[options.Matrices] | None = Field(
         default=None, description='printed matrices, for model = "matrices"'
     )
-    subspace: Made[options.Subspace] = Made[options.Subspace]()
+    subspace: Made[options.Subspace] = Made[options.Subspace].left_out()
     physical: Made[options.Physical] | None = Field(default=None, description="M, D, K from the subspace model")
-    step_response: Made[options.StepResponse] = Made[options.StepResponse]()
-    impulse: Made[options.Impulse] = Made[options.Impulse]()
+    step_response: Made[options.StepResponse] = Made[options.StepResponse].left_out()
+    impulse: Made[options.Impulse] = Made[options.Impulse].left_out()
 
     def data(self, context: Context) -> tuple[list[Record], Any]:
         """The recordings for the model asked for, and what synthetic ones were made of. Raises InputError."""

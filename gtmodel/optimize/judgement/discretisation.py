@@ -205,9 +205,9 @@ def _along(nlp: Nlp, x: np.ndarray, mesh: Mesh, t0: float, duration: float) -> _
     places = np.concatenate([mesh.table.points, fine.nodes])
     N, n, nx, first = mesh.elements, len(places), layout.nx, mesh.points + 1
     y = x[: nlp.end].reshape(N, layout.size) * layout.scale
-    nodes = np.vstack([layout.left[:nx], layout.x])
+    nodes = layout.nodes
     xs = np.einsum("pi,nix->npx", basis(mesh.table.nodes, places), y[:, nodes])
-    inputs = np.stack([layout.inputs(row, places) for row in y]).reshape(N * n, -1)
+    inputs = layout.inputs(y, places).reshape(N * n, -1)
     given, P = inputs[:, : layout.nu + len(problem.delayed)], constants(nlp, x)
     times = t0 + (mesh.edges[:-1, None] + mesh.h[:, None] * places).ravel() * duration
     system, rows = RateSystem.of(problem), xs.reshape(N * n, nx)

@@ -22,8 +22,10 @@ def control_range(nlp: Nlp, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     for k in range(mesh.elements):
         at_fitted = controls_of(nlp, x, k, fitted)
         for j in range(layout.nu):
-            polynomial = Polynomial.fit(fitted, at_fitted[:, j], degree, domain=[0, 1], window=[0, 1])
-            turns = polynomial.deriv().roots() if degree > 1 else np.zeros(0)
+            turns = np.zeros(0)
+            if degree > 1:
+                polynomial = Polynomial.fit(fitted, at_fitted[:, j], degree, domain=[0, 1], window=[0, 1])
+                turns = polynomial.deriv().roots()
             turns = turns[np.isreal(turns)].real
             at = np.concatenate([[0.0, 1.0], mesh.table.points, turns[(turns > 0) & (turns < 1)]])
             values = controls_of(nlp, x, k, at)[:, j]

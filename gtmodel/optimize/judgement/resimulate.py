@@ -8,8 +8,8 @@ from math import comb
 
 import casadi as ca
 import numpy as np
-import scipy
 
+from ...results.interpolation import CubicHermite
 from ...results.status import SolveStatus
 from ...results.trajectory import Trajectory
 from ..element import pointwise
@@ -88,13 +88,16 @@ def resimulate(solution: Solution, tolerance: float = INTEGRATOR_TOLERANCE) -> R
     times = t0 + s * (tf - t0)
     system, zs = RateSystem.of(problem), np.vstack(unknowns)
     rates, us = system.at(xs, us, zs, P, times)
-    rows = [slice(k * len(fine), (k + 1) * len(fine)) for k in range(mesh.elements)]
-    paths = [scipy.interpolate.CubicHermiteSpline(times[r], xs[r], rates[r]) for r in rows]
+    at_both_ends = times, xs, rates
+
+    def path(k: int) -> CubicHermite:
+        own = slice(k * len(fine), (k + 1) * len(fine))
+        return CubicHermite(*(a[own] for a in at_both_ends))
 
     def integrated(s: float) -> tuple[np.ndarray, ...]:
         """State, rate, control and time at a fraction of the horizon."""
         k, t = mesh.element_at(s), t0 + s * (tf - t0)
-        x, local = paths[k](t), (s - edges[k]) / h[k]
+        x, local = path(k)(np.array([t]))[0], (s - edges[k]) / h[k]
         z = np.array([np.interp(local, fine, column) for column in unknowns[k].T])
         xd, u = system.at(x[None], _given(nlp, solution.x, k, np.array([local])), z[None], P, np.array([t]))
         return x, xd[0], u[0], np.array(t)

@@ -8,6 +8,8 @@ from typing import Annotated, Literal
 
 from ...results.options import Long, Options, Unit, Within
 
+NEW_POSES = 200  # of synthetic fields, where their truth is compared
+
 
 @dataclass(frozen=True)
 class ModalFitting(Options):

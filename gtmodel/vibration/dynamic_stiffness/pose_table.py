@@ -8,8 +8,8 @@ from collections.abc import Sequence
 
 from .experiments import Experiment
 from .frequency_modal import ModalFit
+from .stiffness_result import NAMES
 
-NAMES = ("m", "c", "k", "fn", "zeta")
 _UNITS = {"m": "kg", "c": "N.s/m", "k": "N/m", "fn": "Hz", "zeta": "1"}
 
 

@@ -4,20 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 
+from ..._lazy import hint
 from ...results import ArgumentError, Quantity, Row, Study
-from .experiments import Experiment
-from .frequency_modal import ModalFit
-from .oscillator_field import OscillatorField
-from .pose_table import NAMES
-from .synthetic_experiments import NEW_POSES
+from .options import NEW_POSES
+
+if TYPE_CHECKING:
+    from .experiments import Experiment
+    from .frequency_modal import ModalFit
+    from .oscillator_field import OscillatorField
+
+    Fits = Sequence[ModalFit | None]
+else:
+    Experiment = hint("gtmodel.vibration.dynamic_stiffness.experiments", "Experiment")
+    Fits = Sequence[hint("gtmodel.vibration.dynamic_stiffness.frequency_modal", "ModalFit") | None]
+    OscillatorField = hint("gtmodel.vibration.dynamic_stiffness.oscillator_field", "OscillatorField")
 
 Array = np.ndarray
-Fits = Sequence[ModalFit | None]
 QUANTITIES = ("mass", "damping", "stiffness", "frequency", "damping_ratio")  # as NAMES of the fits
+NAMES = ("m", "c", "k", "fn", "zeta")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)

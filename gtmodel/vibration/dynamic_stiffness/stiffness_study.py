@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 
@@ -21,9 +21,12 @@ from .frequency_modal import ModalFit
 from .options import FrequencyMap, ModalFitting, Process
 from .oscillator_field import OscillatorField, fit_oscillator_field
 from .oscillator_field_file import oscillator_text
-from .pose_table import NAMES, pose_table
-from .stiffness_result import QUANTITIES, DynamicStiffnessStudy, Fits
+from .pose_table import pose_table
+from .stiffness_result import NAMES, QUANTITIES, DynamicStiffnessStudy
 from .synthetic_experiments import CHANGE, SyntheticExperiments, inputs_of
+
+if TYPE_CHECKING:
+    from .stiffness_result import Fits
 
 Array = np.ndarray
 LEVEL = 0.95

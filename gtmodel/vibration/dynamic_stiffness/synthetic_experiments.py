@@ -12,11 +12,10 @@ from .experiments import Experiment
 from .frequency_response import FrequencyResponse, frequency_response
 from .frequency_synthetic import synthetic_hits, synthetic_receptance
 from .gaussian_process_kernel import KernelInputs
-from .options import ModalFitting, Process, SyntheticArm
+from .options import NEW_POSES, ModalFitting, Process, SyntheticArm
 from .oscillator_field_synthetic import SyntheticField, synthetic_field
 
 LOWEST_HZ = 1.0  # of synthetic receptances
-NEW_POSES = 200  # of synthetic fields, where their truth is compared
 CHANGE = 2 / np.sqrt(np.pi)  # mean size of the difference of two values of unit standard deviation
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from gtmodel.optimize.tables import table
 
 from .l1_by_hand import FORCE, FORCE_UNIT, GOAL, SHORTEST, START, Motion, data, inverse_dynamics
-from .timing import NLPSOL, Clock, Result
+from .timing import Clock, Result, of_size
 
 POINTS = 3
 
@@ -53,7 +53,7 @@ def solve_sx(motion: Motion, elements: int) -> Result:
             if motion.weight:
                 cost += motion.weight * h * float(radau.weights[c]) * ca.sumsqr(U[c] * (FORCE / FORCE_UNIT))
         p0, v0 = P[-1], V[-1]
-    solver = ca.nlpsol("sx", "ipopt", {"x": ca.vertcat(*x), "f": cost, "g": ca.vertcat(*g)}, NLPSOL)
+    solver = ca.nlpsol("sx", "ipopt", {"x": ca.vertcat(*x), "f": cost, "g": ca.vertcat(*g)}, of_size(sum(map(len, x0))))
     start = np.concatenate(x0), np.concatenate(low), np.concatenate(high)
     setup = clock.lap()
     return _run(solver, start, clock, setup)
@@ -79,7 +79,7 @@ def solve_mx(motion: Motion, elements: int) -> Result:
     Z = ca.reshape(x[6:-1], n, elements)
     left = ca.horzcat(x[:6], Z[n - 9 : n - 3, : elements - 1])
     g, f = element.map(elements)(left, Z, ca.repmat(x[-1], 1, elements))
-    solver = ca.nlpsol("mx", "ipopt", {"x": x, "f": x[-1] + ca.sum2(f), "g": ca.vec(g)}, NLPSOL)
+    solver = ca.nlpsol("mx", "ipopt", {"x": x, "f": x[-1] + ca.sum2(f), "g": ca.vec(g)}, of_size(x.numel()))
     at = ((np.arange(elements)[:, None] + radau.points) / elements).ravel()
     guess = np.hstack([motion.guessed(name, at) for name in ("T", "der(T)", "tau")]) / np.repeat([1.0, FORCE], [6, 3])
     free = np.full((len(at), 6), np.inf)

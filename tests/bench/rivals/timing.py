@@ -6,13 +6,20 @@ import time
 from dataclasses import dataclass
 from typing import Any
 
+from gtmodel.optimize.ipopt import LARGE, OF_LARGE
+
 TOLERANCE = 1e-8
-# the same for all of them; AMD (pivot order 0) is worth 18 % per iteration, and the rivals have it too
+# the same for all of them: MUMPS's order AMD is worth 18 % per iteration, and the rivals have it too
 IPOPT: dict[str, Any] = {
     "tol": TOLERANCE, "max_iter": 1000, "mu_strategy": "adaptive", "mumps_pivot_order": 0, "print_level": 0,
     "sb": "yes", "honor_original_bounds": "yes",
 }  # fmt: skip
 NLPSOL: dict[str, Any] = {"ipopt": IPOPT, "print_time": False, "error_on_fail": False, "show_eval_warnings": False}
+
+
+def of_size(unknowns: int) -> dict[str, Any]:
+    """NLPSOL with the options of MUMPS that gtmodel takes for so many unknowns."""
+    return {**NLPSOL, "ipopt": {**IPOPT, **(OF_LARGE if unknowns >= LARGE else {})}}
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,223 @@
+"""A tape on many points at once: an interpreter in C, compiled once for this machine, whatever the tape holds.
+
+CasADi's virtual machine takes one point after the other; of a function with 200,000 operations it reads every
+operation from memory again for each. Here an operation is read once for some points, whose numbers lie side by side.
+The operations are those of `columns.source`, rounded alike, so that the numbers are the virtual machine's.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Sequence
+from functools import cache
+
+import casadi as ca
+import numpy as np
+
+from ..columns.program import EXACT, LIBM
+from ..columns.source import FLAGS, TEXT
+from ..library_cache import CompilerMissing, kept_library
+from .operations import Tape
+
+AT_ONCE = 32  # points
+LEAF = -1  # in place of the operation: an input or a constant
+
+_SOURCE = """#include <math.h>
+#include <stddef.h>
+#include <string.h>
+#define AT_ONCE %(at_once)d
+#define EACH(value) for (i = 0; i < AT_ONCE; ++i) z[i] = value; memcpy(work[c[3]], z, sizeof z); break;
+typedef double Column[AT_ONCE];
+/* four numbers in a vector where the processor can: the same operations, rounded alike */
+#if defined(__x86_64__) && defined(__GLIBC__) && defined(__GNUC__) && !defined(__clang__)
+#define WIDE __attribute__((target_clones("avx2", "default")))
+#else
+#define WIDE
+#endif
+
+/* The operations that the results need, depth first, as [operation, place, place, place of what it gives]; a place is
+   taken again when nobody reads it any more. first: of a leaf its place. room: 4 n. Returns how many operations;
+   *places: how many places. result: numbers, then their places. */
+long gt_tape_plan(long n, const int *op, const int *first, const int *second, long results, int *result, int *code,
+                  int *room, long *places) {
+  int *place = room, *last = room + n, *stack = room + 2 * n, *order = room + 3 * n;
+  long steps = 0, free = 0, r, s, top;
+  for (s = 0; s < n; ++s) place[s] = op[s] < 0 ? first[s] : -1;
+  for (r = 0; r < results; ++r) {
+    top = 0;
+    stack[top++] = result[r];
+    while (top > 0) {
+      const int k = stack[top - 1];
+      if (place[k] != -1) --top;
+      else if (place[first[k]] == -1) stack[top++] = first[k];
+      else if (second[k] >= 0 && place[second[k]] == -1) stack[top++] = second[k];
+      else {
+        place[k] = 0;
+        order[steps++] = k;
+        --top;
+      }
+    }
+  }
+  for (s = 0; s < n; ++s) last[s] = -1;
+  for (s = 0; s < steps; ++s) {
+    const int k = order[s];
+    last[first[k]] = (int)s;
+    if (second[k] >= 0) last[second[k]] = (int)s;
+  }
+  for (r = 0; r < results; ++r) last[result[r]] = (int)steps;
+  for (s = 0; s < steps; ++s) {
+    const int k = order[s], x = first[k], y = second[k] >= 0 ? second[k] : first[k];
+    int *c = code + 4 * s;
+    c[0] = op[k];
+    c[1] = place[x];
+    c[2] = place[y];
+    if (op[x] >= 0 && last[x] == s) stack[free++] = place[x];
+    if (x != y && op[y] >= 0 && last[y] == s) stack[free++] = place[y];
+    c[3] = place[k] = free > 0 ? stack[--free] : (int)(*places)++;
+  }
+  for (r = 0; r < results; ++r) result[r] = place[result[r]];
+  return steps;
+}
+
+WIDE static void run(long steps, const int *code, Column *work) {
+  const int *c = code, *end = code + 4 * steps;
+  int i;
+  for (; c < end; c += 4) {
+    const double *x = work[c[1]], *y = work[c[2]];
+    Column z;
+    switch (c[0]) {
+%(cases)s
+    }
+  }
+}
+
+/* in[a]: sizes[a] numbers for each of the points, one point behind the other, NULL for zeros; out[a] alike, NULL where
+   it is not wanted. Inputs have the first places, then the constants. */
+void gt_tape_run(long steps, const int *code, long inputs, const long *sizes, const double *const *in, long outputs,
+                 const long *widths, const int *result, double *const *out, long numbers, const double *constants,
+                 Column *work, long points) {
+  long p, a, e, k, i, m;
+  for (k = 0, a = 0; a < inputs; ++a) k += sizes[a];
+  for (e = 0; e < numbers; ++e)
+    for (i = 0; i < AT_ONCE; ++i) work[k + e][i] = constants[e];
+  for (p = 0; p < points; p += AT_ONCE) {
+    m = points - p < AT_ONCE ? points - p : AT_ONCE;
+    for (k = 0, a = 0; a < inputs; ++a)
+      for (e = 0; e < sizes[a]; ++e, ++k)
+        for (i = 0; i < AT_ONCE; ++i)
+          work[k][i] = in[a] == NULL ? 0.0 : in[a][(p + (i < m ? i : m - 1)) * sizes[a] + e];
+    run(steps, code, work);
+    for (k = 0, a = 0; a < outputs; ++a)
+      for (e = 0; e < widths[a]; ++e, ++k)
+        if (out[a] != NULL)
+          for (i = 0; i < m; ++i) out[a][(p + i) * widths[a] + e] = work[result[k]][i];
+  }
+}
+"""
+
+
+def source() -> str:
+    def value(op: int) -> str:
+        return TEXT[op].format("x[i]", "y[i]") if op in TEXT else f"{LIBM[op]}({_arguments(op)})"
+
+    known = sorted({*EXACT, *LIBM})
+    cases = "\n".join(f"    case {op}: EACH(({value(op)}))" for op in known)
+    return _SOURCE % {"at_once": AT_ONCE, "cases": cases}
+
+
+def _arguments(op: int) -> str:
+    return "x[i], y[i]" if op in (ca.OP_ATAN2, ca.OP_POW, ca.OP_CONSTPOW) else "x[i]"
+
+
+@cache
+def interpreter(build: bool) -> ctypes.CDLL | None:
+    """The library, built where it is not there if wanted; None where there is none."""
+    try:
+        library = kept_library(source(), FLAGS[1:], build)
+        return None if library is None else ctypes.CDLL(str(library))
+    except (CompilerMissing, OSError):
+        return None
+
+
+class TapeProgram:
+    """Outputs, columns of numbers of a tape, at many points; by the library of `interpreter`."""
+
+    def __init__(
+        self, library: ctypes.CDLL, tape: Tape, inputs: Sequence[int], outputs: Sequence[Sequence[int]]
+    ) -> None:
+        """inputs: how many places of the tape's inputs belong to each argument."""
+        self._run = library.gt_tape_run
+        self.inputs, self.outputs = list(inputs), [len(numbers) for numbers in outputs]
+        n, own = len(tape.op), sum(inputs)
+        self._constants = np.array(list(tape.constants.values()), float)
+        op, first, second = (np.array(a, np.int32) for a in (tape.op, tape.first, tape.second))
+        constants = list(tape.constants)
+        first[constants] = own + np.arange(len(constants))
+        op[(op == ca.OP_INPUT) | (op == ca.OP_CONST)] = LEAF
+        self._result = np.array([k for numbers in outputs for k in numbers], np.int32)
+        code, room = np.empty((n, 4), np.int32), np.empty((4, n), np.int32)
+        places = ctypes.c_long(own + len(constants))
+        plan = library.gt_tape_plan
+        plan.restype = ctypes.c_long
+        steps = plan(
+            ctypes.c_long(n), _at(op), _at(first), _at(second), ctypes.c_long(len(self._result)), _at(self._result),
+            _at(code), _at(room), ctypes.byref(places),
+        )  # fmt: skip
+        self._code = code[:steps].copy()
+        self._places = places.value
+        self._sizes, self._widths = np.array(self.inputs, np.int_), np.array(self.outputs, np.int_)
+
+    @property
+    def steps(self) -> int:
+        return len(self._code)
+
+    def __call__(self, inputs: Sequence[np.ndarray | None], outputs: Sequence[np.ndarray | None], points: int) -> None:
+        """Inputs and outputs of float64, the numbers of one point behind those of another."""
+        given = (ctypes.c_void_p * max(len(inputs), 1))(*[None if a is None else a.ctypes.data for a in inputs])
+        wanted = (ctypes.c_void_p * max(len(outputs), 1))(*[None if a is None else a.ctypes.data for a in outputs])
+        work = np.empty((self._places, AT_ONCE))
+        long = ctypes.c_long
+        self._run(
+            long(self.steps), _at(self._code), long(len(inputs)), _at(self._sizes), given, long(len(outputs)),
+            _at(self._widths), _at(self._result), wanted, long(len(self._constants)), _at(self._constants), _at(work),
+            long(points),
+        )  # fmt: skip
+
+
+def known(tape: Tape) -> bool:
+    """Whether the interpreter has all operations of a tape."""
+    return set(tape.op) <= {*EXACT, *LIBM, ca.OP_INPUT, ca.OP_CONST}
+
+
+def _at(a: np.ndarray) -> ctypes.c_void_p:
+    return ctypes.c_void_p(a.ctypes.data)
+
+
+class Batch(ca.Callback):
+    """A program as a function of CasADi: matrices with a column for each point. It is to be held as long as a function
+    that calls it, and has no derivatives."""
+
+    def __init__(self, name: str, program: TapeProgram, points: int) -> None:
+        super().__init__()
+        self._program, self._points = program, points
+        self.construct(name, {})
+
+    def get_n_in(self) -> int:
+        return len(self._program.inputs)
+
+    def get_n_out(self) -> int:
+        return len(self._program.outputs)
+
+    def get_sparsity_in(self, i: int) -> ca.Sparsity:
+        return ca.Sparsity.dense(self._program.inputs[i], self._points)
+
+    def get_sparsity_out(self, i: int) -> ca.Sparsity:
+        return ca.Sparsity.dense(self._program.outputs[i], self._points)
+
+    def has_eval_buffer(self) -> bool:
+        return True
+
+    def eval_buffer(self, arg: Sequence[memoryview | None], res: Sequence[memoryview | None]) -> int:
+        given, wanted = ([None if m is None else np.frombuffer(m) for m in each] for each in (arg, res))
+        self._program(given, wanted, self._points)
+        return 0
