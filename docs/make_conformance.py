@@ -25,10 +25,15 @@ PAGE = HERE / "conformance.md"
 HEAD = """\
 # Conformance
 
-Dynamic optimisation problems with known optima: published values, closed forms, and values that other tools' own tests
-assert, each computed again independently on the same mesh. Written by `make conformance` from
-`tests/suites/conformance.toml`, which `tests/optimize/test_conformance.py` checks at every `make test`; the problems
-stand in `tests/optimize/problems.py`.
+Does the optimiser find the right answer? Here are optimal control problems whose optimum is known from somewhere
+else: a closed form, a published value, or a value that another tool's own tests assert. Where it comes from another
+tool's test, it was computed again independently, without gtmodel, on the same mesh. Each row gives the known cost,
+the tolerance that a test holds it to, and what gtmodel finds. A simulation with a known answer stands at the end.
+
+To repeat it: `make conformance` solves all of them and writes this page, in some seconds on any PC; no number here is
+a time, so that the machine does not matter. The rows are kept in `tests/suites/conformance.toml`, the problems in
+`tests/optimize/problems.py`, and `tests/optimize/test_conformance.py` checks them at every `make test`. On another
+processor or with another IPOPT the column *computed* may change in its last digits, within the tolerance of the row.
 
 *Mesh*: elements x points, Radau unless it says gauss; a control polynomial per element, bounded at its points. *Known*:
 where the mesh is the same, so are the digits, to 1e-6; a value of the continuous problem, or one printed with few

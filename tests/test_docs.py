@@ -66,6 +66,7 @@ def test_every_fence_is_of_a_language_that_is_tested(page: Path) -> None:
         "{gallery}",
         "{theses}",
         "{include}",
+        "{literalinclude}",
         "{figure}",
         "{image}",
     }

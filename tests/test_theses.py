@@ -111,7 +111,11 @@ def value(name: str, of: Any) -> float:
 
 
 def with_values(long: bool) -> list[Any]:
-    return [p for p in ROWS if "value" in p.values[0] and (problem_of(p.values[0]["command"]) in LONG) is long]
+    return [
+        pytest.param(row, id=name)
+        for name, row in rows().items()
+        if "value" in row and (problem_of(row["command"]) in LONG) is long
+    ]
 
 
 def check_values(row: dict[str, Any]) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 from ..compiler.library_cache import CompilerMissing
@@ -77,11 +78,21 @@ def optimization_study(
         iterations=solution.iterations,
         checks=dict(solution.checks),
         trajectory=solution.trajectory,
+        figures={"states": partial(_states, solution.trajectory, title)},
         solution=solution,
         final_time=solution.final_time,
         free=dict(solution.free),
         **tried,
     )
+
+
+def _states(trajectory: Trajectory, title: str) -> Any:
+    """States, controls and what else is declared over time; rates are in trajectory.csv."""
+    names = [name for name in trajectory.names if not name.startswith("der(")]
+    figure = trajectory.plot(*names)
+    if title:
+        figure.suptitle(title)
+    return figure
 
 
 def _tried(solution: Solution) -> tuple[dict[str, Any], str]:
@@ -93,4 +104,5 @@ def _tried(solution: Solution) -> tuple[dict[str, Any], str]:
     if run.trajectory is None:
         return {}, f"{solution.message}; not re-simulated: {run.message}"
     numbers: dict[str, Any] = dict(zip(TRIED, (run.defect, run.violation, run.cost_error), strict=True))
-    return numbers, f"{solution.message}{';' if solution.reservation else ' and'} re-simulated"
+    clean = solution.status.ok and not solution.reservation
+    return numbers, f"{solution.message}{' and' if clean else ';'} re-simulated"

@@ -122,6 +122,9 @@ def _bound(fault: Any, known: Key | None) -> str:
     kind, context = fault["type"], fault.get("ctx", {})
     if kind in ("literal_error", "enum"):
         return f"expected {context['expected']}"
+    if kind in ("too_short", "too_long"):
+        bound = f"at least {context['min_length']}" if kind == "too_short" else f"at most {context['max_length']}"
+        return f"expected {bound} entries"
     message = fault["msg"].removeprefix("Value error, ").removeprefix("Assertion failed, ")
     if message.startswith("Input should be "):
         unit = f" {known.unit}" if known and known.unit and context else ""

@@ -172,3 +172,9 @@ class TestTable:
         loaded = load(TABLE)
         text = explain(loaded, context_of(loaded))
         assert text.count("Radau points") == 4 and "along: line of 0.9657 m" in text
+
+
+def test_a_list_that_is_too_short_says_how_many_entries_are_expected():
+    with pytest.raises(InputError) as caught:
+        load("problems/table_3_1.toml", ["row=[]"])
+    assert (caught.value.key, caught.value.message) == ("row", "expected at least 2 entries; found []")

@@ -51,6 +51,17 @@ def test_values_and_table() -> None:
     assert {*s.checks} == {*s.solution.checks} and s.trajectory is s.solution.trajectory
 
 
+def test_states_and_controls_are_drawn_without_their_rates() -> None:
+    figure = solved(title="implicit").figure("states")
+    labels = {t.get_text() for axes in figure.axes for legend in [axes.get_legend()] if legend for t in legend.texts}
+    assert labels == {"x", "y", "u"} and figure.get_suptitle() == "implicit"
+
+
+def test_what_the_mesh_does_not_resolve_is_not_said_to_be_solved_and_re_simulated() -> None:
+    s = optimization_study(Implicit(), Mesh(elements=1, points=1))
+    assert s.status is SolveStatus.CHECK_FAILED and not s.message.endswith("and re-simulated")
+
+
 def test_stopped_it_keeps_the_iterate_and_is_not_tried() -> None:
     told: list[object] = []
     s = solved(
