@@ -75,6 +75,11 @@ def test_wrong_inputs_name_their_key(problem, settings, key) -> None:
     assert caught.value.key == key and caught.value.message
 
 
+def test_an_axis_beyond_its_stroke_is_refused_with_units() -> None:
+    with pytest.raises(InputError, match=r"q6 = -9 deg is below limits\.axis_low, -8 deg"):
+        answer(load(FREE, ["limits.axis_low_deg=[-45, -45, -8]"]), Context())
+
+
 def test_explain_says_what_is_optimised() -> None:
     told = explain(load(FREE), Context())
     assert "torn form, 20 elements x 3 Radau points, 5 degrees of freedom" in told

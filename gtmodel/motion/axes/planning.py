@@ -230,8 +230,9 @@ def _beyond(plan: AxisPlan, q: Array) -> tuple[int, str]:
         return -1, ""
     k = int(outside[0])
     side, bound = ("low", low[k]) if q[k] < low[k] else ("high", high[k])
-    body, value, bound = ("cart", q[k], bound) if k < CARTS else ("axis", np.degrees(q[k]), np.degrees(bound))
-    return k, f"q{k + 1} = {value:g} is {'below' if side == 'low' else 'above'} limits.{body}_{side}, {bound:g}"
+    body, unit, scale = ("cart", "m", 1.0) if k < CARTS else ("axis", "deg", np.degrees(1.0))
+    value, bound = f"{scale * q[k]:g} {unit}", f"{scale * bound:g} {unit}"
+    return k, f"q{k + 1} = {value} is {'below' if side == 'low' else 'above'} limits.{body}_{side}, {bound}"
 
 
 def _check_ends(plan: AxisPlan) -> None:
