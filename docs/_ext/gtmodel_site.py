@@ -145,7 +145,9 @@ class Theses(_Page):
 
     def run(self) -> list[nodes.Node]:
         self.env.note_dependency(str(theses.FILE))
-        return self.markdown("\n".join(theses.lines()))
+        holder = nodes.container(classes=["theses"])
+        holder += self.markdown("\n".join(theses.lines()))
+        return [holder]
 
 
 def _option(lines: list[str], name: str) -> str:

@@ -205,7 +205,7 @@ def _map_figure(sprung: Sprung, grid: Any, name: str, values: Array, title: str,
     u, v = grid.coordinates
     return map_figure(
         u, v, scale * values, label=f"{words} [{unit}]", marks=sprung.marks, directions=arrows,
-        point=sprung.section.coordinates(sprung.home[None])[0], title=title, names=sprung.section.names,
+        point=sprung.section.coordinates(sprung.home[None])[0], title=f"{title}: {words}", names=sprung.section.names,
     )  # fmt: skip
 
 

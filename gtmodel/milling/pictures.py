@@ -23,7 +23,8 @@ def angle(f: AngleSearch) -> Any:
     if place.dynamics is not None and f.findings is not None:
         frequency[place.dynamics.rows] = place.dynamics.oscillators.frequency
         peak = f.peak
-        marks = {"static choice": place.sweep.angles[f.findings.choices[0]], "dynamic choice": f.angle}
+        static = "static choice, given" if f.findings.static_row is not None else "static choice"
+        marks = {static: place.sweep.angles[f.findings.choices[0]], "dynamic choice": f.angle}
     else:
         marks = {"static choice": place.sweep.angles[int(np.nanargmin(place.static))]}
     tooth = [f.task.speed * f.task.cutter.teeth * n for n in range(1, 6)]
@@ -44,5 +45,5 @@ def lobes_of(task: MillingTask, lobes: Lobes, low: float, high: float) -> Any:
     from ..plot.milling import lobes_figure
 
     speed = np.linspace(low, high, SPEEDS)
-    title = f"{task.heading}: stability"
+    title = f"{task.heading}: axial depth that is proven stable"
     return lobes_figure(speed, lobes.depth_at(speed), (task.speed, task.cut.axial_depth), title=title)

@@ -78,21 +78,24 @@ def optimization_study(
         iterations=solution.iterations,
         checks=dict(solution.checks),
         trajectory=solution.trajectory,
-        figures={"states": partial(_states, solution.trajectory, title)},
         solution=solution,
         final_time=solution.final_time,
         free=dict(solution.free),
+        figures={"states": partial(_figure, solution, title or solution.problem.flat.title)},
         **tried,
     )
 
 
-def _states(trajectory: Trajectory, title: str) -> Any:
-    """States, controls and what else is declared over time; rates are in trajectory.csv."""
-    names = [name for name in trajectory.names if not name.startswith("der(")]
-    figure = trajectory.plot(*names)
-    if title:
-        figure.suptitle(title)
-    return figure
+def _figure(solution: Solution, title: str) -> Any:
+    from ..plot.optimum import optimum_figure
+
+    problem = solution.problem
+    bounds = {}
+    for names, of in ((problem.state_names, problem.x_bounds), (problem.control_names, problem.u_bounds)):
+        bounds |= dict(zip(names, zip(of.low.tolist(), of.high.tolist(), strict=True), strict=False))
+    controls = {name.partition("[")[0] for name in problem.control_names}
+    return optimum_figure(solution.trajectory, sorted(controls), bounds, steps=solution.nlp.mesh.control == "constant",
+                          title=title)  # fmt: skip
 
 
 def _tried(solution: Solution) -> tuple[dict[str, Any], str]:

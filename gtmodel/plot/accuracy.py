@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from matplotlib.text import Text
 
-from .panels import COLOURS, with_panels
+from .style import COLOURS, HEIGHT, key_below, styled, with_panels
 from .workspace import mark_guideways
 
 STYLES = ("-", "-.", "--")
@@ -17,6 +17,7 @@ LEVELS = 12
 NEAR = 0.07  # of the picture's width: a level's number so near to a guideway would cover that one's
 
 
+@styled
 def error_figure(
     u: np.ndarray,
     v: np.ndarray,
@@ -38,17 +39,19 @@ def error_figure(
     figure, (axes,) = with_panels(7.5, 6.5, grid=False)
     micrometres = np.ma.masked_invalid(1e6 * error).T
     if micrometres.count():
-        filled = axes.contourf(u, v, micrometres, LEVELS, cmap="viridis")
+        filled = axes.contourf(u, v, micrometres, LEVELS, cmap=HEIGHT)
         lines = axes.contour(u, v, micrometres, filled.levels, colors="white", linewidths=0.6)
         axes.clabel(lines, fontsize="small", fmt="%g")
         _make_room(lines.labelTexts, guideways, NEAR * max(np.ptp(u), np.ptp(v)))
         figure.colorbar(filled, ax=axes, label="greatest positioning error [µm]")
     if window is not None:
         low, high = window
-        axes.add_patch(Rectangle(tuple(low), *(high - low), fill=False, edgecolor="black", linestyle="--"))
+        axes.add_patch(Rectangle(tuple(low), *(high - low), fill=False, edgecolor="black", linestyle="--",
+                                 label="window that the numbers are about"))  # fmt: skip
     mark_guideways(axes, guideways)
     axes.set(xlabel=f"{names[0]} [m]", ylabel=f"{names[1]} [m]", title=title)
     axes.set_aspect("equal")
+    key_below(figure, axes)
     return figure
 
 
@@ -60,6 +63,7 @@ def _make_room(labels: Sequence[Text], guideways: np.ndarray, near: float) -> No
             label.set_visible(False)
 
 
+@styled
 def faces_figure(distance: np.ndarray, faces: Mapping[str, np.ndarray], *, title: str = "") -> Figure:
     """Areas of the parallelepiped's faces along a line.
 
@@ -69,8 +73,10 @@ def faces_figure(distance: np.ndarray, faces: Mapping[str, np.ndarray], *, title
     figure, panels = with_panels(8.0, 1.0 + 2.6 * len(faces), len(faces), title=title, sharex=True)
     for axes, (name, areas) in zip(panels, faces.items(), strict=True):
         for i in range(areas.shape[1]):
-            axes.plot(distance, 1e12 * areas[:, i], STYLES[i], color=COLOURS[i], label=f"orthogonal to link {i + 1}")
+            axes.plot(
+                distance, 1e12 * areas[:, i], STYLES[i], color=COLOURS[i], label=f"face orthogonal to link {i + 1}"
+            )
         axes.set(ylabel="area [µm²]", title=name)
-        axes.legend(fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
-    panels[-1].set_xlabel("along the line [m]")
+    panels[-1].set_xlabel("distance along the line [m]")
+    key_below(figure)
     return figure

@@ -11,14 +11,15 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.ticker import MaxNLocator
 
-from .panels import COLOURS, with_panels
 from .robot3d import draw_robot, from_the_side, pieces
+from .style import COLOURS, HIGHLIGHT, ORANGE, styled, with_panels
 
-MARKED = "#b00020"
+MARKED = ORANGE
 STROKE = 0.25  # of a guideway drawn to each side of its carts, in mean link lengths
 PANEL_GAP = 0.12  # between rows of panels, in panel heights
 
 
+@styled
 def modes_figure(
     A: np.ndarray,
     B: np.ndarray,
@@ -60,10 +61,11 @@ def modes_figure(
         shown = dict(color=MARKED, fontweight="bold") if k == commanded else dict(color="black")
         axes.set_title(name, fontsize="small", pad=0, **shown)
         if k == commanded:
-            axes.patch.set(facecolor="#fff3c4", alpha=1.0)
+            axes.patch.set(facecolor=HIGHLIGHT, alpha=1.0)
     return figure
 
 
+@styled
 def real_counts_figure(counts: Sequence[int], nearest: np.ndarray, *, title: str = "") -> Figure:
     """How many poses have how many real modes, and how near the commanded mode another one is.
 
@@ -73,7 +75,7 @@ def real_counts_figure(counts: Sequence[int], nearest: np.ndarray, *, title: str
     figure, (left, right) = with_panels(9.0, 3.8, columns=2, title=title)
     poses_by_count = Counter(counts)
     left.bar(list(poses_by_count), list(poses_by_count.values()), width=1.4, color=COLOURS[0])
-    left.set(xlabel="real modes", ylabel="poses", title="real modes per pose")
+    left.set(xlabel="number of real modes", ylabel="number of poses", title="real modes per pose")
     left.set_xticks(range(0, max(poses_by_count, default=0) + 3, 2))
     left.yaxis.set_major_locator(MaxNLocator(integer=True))
     near = np.asarray(nearest, dtype=float).reshape(-1, 2)
@@ -96,11 +98,11 @@ def _frame(axes: Any, low: np.ndarray, high: np.ndarray, *, named: bool) -> None
     axes.set_box_aspect(np.maximum(high - low, 1e-3 * np.max(high - low)), zoom=1.05)
     for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
         axis.set_major_locator(MaxNLocator(3))
-        axis.set_tick_params(labelsize=5, pad=-3)
+        axis.set_tick_params(labelsize=7, pad=-3)
         if not named:
             axis.set_ticklabels([])
     if named:
-        axes.set_xlabel("x [m]", fontsize=6, labelpad=-8)
-        axes.set_ylabel("y [m]", fontsize=6, labelpad=-8)
-        axes.set_zlabel("z [m]", fontsize=6, labelpad=-8)
+        axes.set_xlabel("x [m]", fontsize=8, labelpad=-6)
+        axes.set_ylabel("y [m]", fontsize=8, labelpad=-6)
+        axes.set_zlabel("z [m]", fontsize=8, labelpad=-6)
     from_the_side(axes)

@@ -8,9 +8,10 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ..results.trajectory import Trajectory
-from .panels import COLOURS, with_panels
+from .style import COLOURS, MEASURED, key_beside, styled, with_panels
 
 
+@styled
 def closed_loop_figure(runs: Sequence[tuple[str, Trajectory]], *, title: str = "") -> Figure:
     """Per recording its motion, and below its error in thousandths of a thousandth of the unit (µm, µrad).
 
@@ -25,10 +26,10 @@ def closed_loop_figure(runs: Sequence[tuple[str, Trajectory]], *, title: str = "
         measured, simulated = (trajectory[n].reshape(len(time), -1) for n in ("measured", "simulated"))
         for i in range(measured.shape[1]):
             of = "" if measured.shape[1] == 1 else f"[{i}]"
-            motion.plot(time, measured[:, i], color="0.6", linewidth=3.0, label=f"measured{of}")
-            motion.plot(time, simulated[:, i], color=COLOURS[i % len(COLOURS)], linewidth=1.0, label=f"simulated{of}")
+            motion.plot(time, simulated[:, i], color=COLOURS[i % len(COLOURS)], linewidth=2.2, label=f"simulated{of}")
+            motion.plot(time, measured[:, i], markevery=max(1, len(time) // 400), label=f"measured{of}", **MEASURED)
             error.plot(time, 1e6 * (simulated - measured)[:, i], color=COLOURS[i % len(COLOURS)], linewidth=0.8)
-        motion.set_ylabel(f"[{unit}]")
+        motion.set_ylabel(f"position [{unit}]")
         motion.tick_params(labelbottom=False)
         if len(runs) > 1:
             motion.set_title(name, fontsize="medium")
@@ -37,6 +38,6 @@ def closed_loop_figure(runs: Sequence[tuple[str, Trajectory]], *, title: str = "
         error.title.set_fontsize("small")
         for axes in (motion, error):
             axes.margins(x=0.0)
-        motion.legend(fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
+        key_beside(motion)
     panels[-1].set_xlabel("time [s]")
     return figure

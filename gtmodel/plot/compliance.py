@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from .panels import COLOURS, with_panels
+from .style import COLOURS, HEIGHT, key_below, styled, with_panels
 from .workspace import mark_guideways
 
 LEVELS = 12
@@ -17,8 +17,10 @@ DASH = 0.6  # length of one, of their distance
 # the tails of a map, near singular poses, would take all the colours
 TAIL = 99.0  # percentile
 BORDER = 0.15  # around what is drawn [m]
+ROOM, MAP, WIDTHS = 2.3, 4.6, (6.0, 9.0)  # inches: beside a map, its height, of the figure
 
 
+@styled
 def map_figure(
     u: np.ndarray,
     v: np.ndarray,
@@ -46,7 +48,7 @@ def map_figure(
         top = float(np.percentile(shown.compressed(), TAIL))
         levels = MaxNLocator(LEVELS).tick_values(shown.min(), max(top, shown.min() * 1.001))
         extend = "max" if levels[-1] < shown.max() else "neither"
-        filled = axes.contourf(u, v, shown, levels, cmap="viridis", extend=extend)
+        filled = axes.contourf(u, v, shown, levels, cmap=HEIGHT, extend=extend)
         axes.contour(u, v, shown, filled.levels, colors="white", linewidths=0.4)
         figure.colorbar(filled, ax=axes, label=label)
     if directions is not None:
@@ -57,22 +59,34 @@ def map_figure(
         apart = step * max(np.ptp(u) / (len(u) - 1), np.ptp(v) / (len(v) - 1))
         axes.quiver(x, y, d[..., 0], d[..., 1], angles="xy", pivot="mid", headwidth=0, headlength=0, headaxislength=0,
                     color="white", width=0.003, scale_units="xy", scale=1 / (DASH * apart))  # fmt: skip
-        axes.plot([], [], "-", color="0.6", label="softest direction, its part in the section")
+        axes.plot([], [], "-", color="0.6", label="softest direction, its part in the section (white)")
     if point is not None:
-        axes.plot(*point, "o", color=COLOURS[1], markersize=7, markeredgecolor="white", label="reported pose")
+        axes.plot(
+            *point,
+            "o",
+            color=COLOURS[1],
+            markersize=7,
+            linestyle="none",
+            markeredgecolor="white",
+            label="reported pose",
+        )
     mark_guideways(axes, marks)
     axes.set(xlabel=f"{names[0]} [m]", ylabel=f"{names[1]} [m]", title=title)
     if shown.count():
         inside = ~np.ma.getmaskarray(shown)
+        ranges = []
         for limit, c, along, others in ((axes.set_xlim, u, 0, marks[:, 0]), (axes.set_ylim, v, 1, marks[:, 1])):
             seen = np.concatenate([np.asarray(c)[inside.any(axis=along)], others])
             limit(seen.min() - BORDER, seen.max() + BORDER)
+            ranges.append(np.ptp(seen) + 2 * BORDER)
+        # as wide as what is drawn, with room for the scale beside it
+        figure.set_size_inches(float(np.clip(ROOM + MAP * ranges[0] / ranges[1], *WIDTHS)), 6.0)
     axes.set_aspect("equal")
-    if directions is not None or point is not None:
-        figure.legend(loc="outside lower center", fontsize="small", frameon=False, ncols=2)
+    key_below(figure, axes, columns=2)
     return figure
 
 
+@styled
 def shares_figure(shares: Mapping[str, float], *, title: str = "") -> Figure:
     """Parts of a load's work, 0 to 1, by what is compliant."""
     figure, (axes,) = with_panels(7.5, 2.6, grid=False)

@@ -7,20 +7,20 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
-from .panels import COLOURS, with_panels
+from .style import COLOURS, HEIGHT, MEASURED, MODELLED, key_below, plain_logarithm, styled, with_panels
 
 UNITS = {"m": ("kg", 1.0), "c": ("kN s/m", 1e-3), "k": ("MN/m", 1e-6)}
 Q95 = 1.96  # standard deviations of a 95 % interval
 
 
+@styled
 def response_figure(shown: Sequence[tuple[str, Any, Any]], *, title: str = "") -> Figure:
     """Size and phase of receptances, a column each (compare Cvitanic 2021, Fig. 6).
 
     shown: name, gtmodel.vibration.FrequencyResponse and ModalFit of it. The fitted lines are dark, modes are marked.
     """
-    figure, axes = with_panels(4.4 * len(shown), 5.6, 2, len(shown), title=title, fontsize="medium", sharex="col",
+    figure, axes = with_panels(3.6 * len(shown), 5.6, 2, len(shown), title=title, fontsize="medium", sharex="col",
                                height_ratios=[2, 1])  # fmt: skip
     axes = axes.reshape(2, -1)
     for column, (name, response, fit) in zip(axes.T, shown, strict=True):
@@ -32,24 +32,26 @@ def response_figure(shown: Sequence[tuple[str, Any, Any]], *, title: str = "") -
         model = fit.at(2j * np.pi * fine + response.decay)
         for axis, of in zip(column, (lambda z: 1e6 * np.abs(z), lambda z: np.rad2deg(np.angle(z))), strict=True):
             axis.plot(f, of(H), ".", color="0.75", markersize=3, label="measured")
-            axis.plot(own, of(G), ".", color=COLOURS[0], markersize=4, label="fitted lines")
-            axis.plot(
-                fine, of(model), color=COLOURS[1], linewidth=1.4, label=f"{len(fit.m)} mode{'s' * (len(fit.m) > 1)}"
-            )
+            axis.plot(own, of(G), label="measured, used for the fit", **MEASURED)
+            axis.plot(fine, of(model), label="fitted modes", **MODELLED)
             for k, mode in enumerate(fit.fn):
-                axis.axvline(mode, color="black", linestyle=":", linewidth=0.8, label="modes" if k == 0 else None)
+                axis.axvline(
+                    mode, color="black", linestyle=":", linewidth=0.8, label="natural frequency" if k == 0 else None
+                )
         size = 1e6 * np.abs(H)
-        column[0].set(yscale="log", title=name, ylim=(size[size > 0].min() / 2, 3 * 1e6 * np.abs(model).max()))
+        column[0].set(yscale="log", ylim=(size[size > 0].min() / 2, 3 * 1e6 * np.abs(model).max()))
         low, high = fit.interval("fn[0]")
-        said = f"fn {fit.fn[0]:.4g} Hz ({low:.4g}..{high:.4g})\nm {fit.m[0]:.3g} kg, zeta {fit.zeta[0]:.3g}"
-        column[0].text(0.97, 0.96, said, transform=column[0].transAxes, ha="right", va="top", fontsize="small")
+        said = f"{fit.fn[0]:.4g} Hz ({low:.4g}..{high:.4g}), {fit.m[0]:.3g} kg, zeta {fit.zeta[0]:.3g}"
+        column[0].set_title(f"{name}\n{said}", fontsize="small")
         column[1].set(xlabel="frequency [Hz]", ylim=(-190, 190), yticks=[-180, -90, 0, 90, 180], xlim=(0, top))
-    axes[0, 0].set_ylabel("receptance [um/N]")
-    axes[1, 0].set_ylabel("phase [deg]")
-    axes[0, 0].legend(fontsize="small", loc="lower left")
+    for size, phase in axes.T:
+        size.set_ylabel("receptance [µm/N]")
+        phase.set_ylabel("phase [deg]")
+    key_below(figure, axes[0, 0])
     return figure
 
 
+@styled
 def lowest_frequency_figure(
     u: np.ndarray, v: np.ndarray, frequency: np.ndarray, relative: np.ndarray, poses: np.ndarray, *,
     names: tuple[str, str], title: str = "",
@@ -60,8 +62,8 @@ def lowest_frequency_figure(
     """
     figure, (left, right) = with_panels(10.5, 4.6, 1, 2, title=title, grid=False, fontsize="medium", sharey=True)
     for axis, values, label, colours in (
-        (left, frequency, "lowest natural frequency [Hz]", "viridis"),
-        (right, 100 * relative, "its 95 % error [%]", "magma_r"),
+        (left, frequency, "lowest natural frequency [Hz]", HEIGHT),
+        (right, 100 * relative, "relative 95 % error of it [%]", "magma_r"),
     ):
         drawn = axis.contourf(u, v, values, levels=14, cmap=colours)
         figure.colorbar(drawn, ax=axis, label=label)
@@ -71,14 +73,16 @@ def lowest_frequency_figure(
             color="white",
             markeredgecolor="black",
             markersize=4,
+            linestyle="none",
             label="measured, other coordinates differ",
         )
-        axis.set_xlabel(names[0])
+        axis.set(xlabel=names[0], title=label.partition(" [")[0])
     left.set_ylabel(names[1])
-    figure.legend(*left.get_legend_handles_labels(), fontsize="small", loc="outside lower center", frameon=False)
+    key_below(figure, left)
     return figure
 
 
+@styled
 def held_out_figure(panels: Mapping[str, tuple[np.ndarray, np.ndarray, np.ndarray]], *, title: str = "") -> Figure:
     """Predicted against measured values that the fit had not seen, one panel each, with 95 % intervals.
 
@@ -92,20 +96,20 @@ def held_out_figure(panels: Mapping[str, tuple[np.ndarray, np.ndarray, np.ndarra
         predicted, measured = scale * predicted, scale * measured
         half = np.exp(Q95 * std)
         inside = (measured < predicted * half) & (measured > predicted / half)
-        for rows_, colour, label in ((inside, COLOURS[0], "inside"), (~inside, COLOURS[1], "outside")):
+        for rows_, colour, label in (
+            (inside, COLOURS[0], "95 % interval of the prediction holds what was measured"),
+            (~inside, COLOURS[1], "it does not"),
+        ):
             bars = np.stack([predicted - predicted / half, predicted * half - predicted])[:, rows_]
             axis.errorbar(measured[rows_], predicted[rows_], yerr=bars, fmt="o", color=colour, markersize=3,
-                          elinewidth=0.6, label=f"{rows_.sum()} {label}")  # fmt: skip
+                          elinewidth=0.6, label=label)  # fmt: skip
         ends = [measured.min() / 1.2, measured.max() * 1.2]
-        axis.plot(ends, ends, color="black", linewidth=0.8)
-        axis.set(xscale="log", yscale="log", title=f"{name} [{unit}]", xlim=ends)
+        axis.plot(ends, ends, color="black", linewidth=0.8, label="predicted = measured")
+        axis.set(xscale="log", yscale="log", title=f"{name}: {inside.sum()} of {len(inside)} inside", xlim=ends)
+        axis.set(xlabel=f"measured [{unit}]", ylabel=f"predicted [{unit}]")
         for ticks in (axis.xaxis, axis.yaxis):
-            ticks.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-            ticks.set_major_formatter(StrMethodFormatter("{x:g}"))
-            ticks.set_minor_formatter(NullFormatter())
-        axis.legend(fontsize="x-small", loc="upper left")
+            plain_logarithm(ticks)
     for axis in axes[len(panels) :]:
         axis.set_axis_off()
-    figure.supxlabel("measured, held out")
-    figure.supylabel("predicted, with its 95 % interval")
+    key_below(figure)
     return figure

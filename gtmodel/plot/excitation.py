@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import product
-from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from .panels import COLOURS, colour, with_panels
 from .robot3d import draw_robot, finish, pieces
+from .style import COLOURS, colour, in_space, key_below, key_beside, styled, with_panels
 
 WIDTH = 0.76  # of a group of bars, of their distance
 AXES = "xyz"
 PATHS = ("black", COLOURS[3], COLOURS[4])  # beside the links, which take the first colours
 
 
+@styled
 def information_figure(
     singular_values: Mapping[str, np.ndarray],
     names: Sequence[str],
@@ -38,8 +38,9 @@ def information_figure(
     figure, panels = with_panels(9.0, 2.8 * count, count, title=title)
     for k, (name, s) in enumerate(singular_values.items()):
         panels[0].semilogy(np.arange(1, len(s) + 1), s, "o-", color=colour(k), label=f"{name}: {s[0] / s[-1]:.4g}")
-    panels[0].set(xlabel="number", ylabel="singular value [N]", title="scaled regressor, and its condition number")
-    panels[0].legend(fontsize="small")
+    panels[0].set(xlabel="number of the singular value", ylabel="singular value [N]",
+                  title="singular values of the scaled regressor, with its condition number")  # fmt: skip
+    key_beside(panels[0])
     at = np.arange(len(names))
     for k, (name, row) in enumerate(deviations.items()):
         beside, width = _beside(k, len(deviations), WIDTH)
@@ -50,8 +51,8 @@ def information_figure(
     if deviations_percent.size:
         panels[1].set_ylim(bottom=deviations_percent.min() / 3)  # below the least one, which would have no bar else
     panels[1].set_xticks(at, names, rotation=30, ha="right")
-    panels[1].set(ylabel="deviation [%]", title="predicted standard deviation over nominal value")
-    panels[1].legend(fontsize="small")
+    panels[1].set(ylabel="deviation [%]", xlabel="parameter", title="predicted standard deviation over nominal value")
+    key_beside(panels[1])
     if amplitudes is not None:
         harmonics = frequency * np.arange(1, len(amplitudes) + 1)
         for k in range(amplitudes.shape[1]):
@@ -60,7 +61,7 @@ def information_figure(
             panels[2].bar(harmonics + beside, 1e3 * amplitudes[:, k], width, color=colour(k), label=label)
         panels[2].set_xticks(harmonics)
         panels[2].set(xlabel="frequency [Hz]", ylabel="amplitude [mm]", title="harmonics of the optimised motion")
-        panels[2].legend(fontsize="small")
+        key_beside(panels[2])
     return figure
 
 
@@ -70,6 +71,7 @@ def _beside(k: int, count: int, room: float) -> tuple[float, float]:
     return (k - (count - 1) / 2) * width, width
 
 
+@styled
 def path_figure(
     paths: Mapping[str, np.ndarray],
     carts: np.ndarray,
@@ -83,8 +85,7 @@ def path_figure(
 
     carts, joints: (l, 3) ends of its links [m]; directions (l, 3) of its guideways, not drawn if left out.
     """
-    figure = Figure(figsize=(8.0, 6.5), layout="constrained")
-    axes: Any = figure.add_subplot(projection="3d")
+    figure, axes = in_space(8.0, 6.5, title=title)
     alone = [[k] for k in range(len(carts))]
     reach = float(np.mean(np.linalg.norm(joints - carts, axis=1))) / 2
     guideways = np.zeros((0, 2, 3)) if directions is None else pieces(carts, alone, directions, reach)
@@ -95,8 +96,8 @@ def path_figure(
         corners = np.array(list(product(*box.T)))
         for a, b in product(range(8), repeat=2):
             if a < b and np.sum(corners[a] != corners[b]) == 1:
-                axes.plot(*corners[[a, b]].T, color="0.5", linestyle=":", linewidth=1.0)
+                label = "box of the tool centre point" if (a, b) == (0, 1) else None
+                axes.plot(*corners[[a, b]].T, color="0.5", linestyle=":", linewidth=1.0, label=label)
     finish(axes)
-    axes.legend(fontsize="small", loc="upper left")
-    figure.suptitle(title)
+    key_below(figure, axes)
     return figure

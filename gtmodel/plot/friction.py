@@ -7,13 +7,13 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from .panels import with_panels
+from .style import LIMIT, colour, key_below, styled, with_panels
 
 MARKERS = ("*", "s", "o", "D", "+", "x", "^", "v")
-COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
 FASTEST = 1.0  # m/s, where there are no points
 
 
+@styled
 def friction_figure(
     points: Sequence[tuple[str, np.ndarray, np.ndarray]],
     lines: Sequence[Callable[[np.ndarray], np.ndarray]],
@@ -29,26 +29,36 @@ def friction_figure(
         lines: by actuator, velocity -> modelled force [N]; not called at zero.
         gravity: (carts,) dotted level [N].
     """
-    figure, panels = with_panels(4.2 * len(lines), 4.2, columns=len(lines), title=title, fontsize="medium")
+    rows = 2 if points else 1
+    figure, panels = with_panels(3.6 * len(lines), 1.4 + 2.4 * rows, rows, len(lines), title=title, fontsize="medium",
+                                 sharex=True, height_ratios=[2, 1][:rows])  # fmt: skip
+    panels = panels.reshape(rows, -1)
     moving = np.concatenate([np.abs(v[np.isfinite(v)]) for _, v, _ in points] or [np.zeros(0)])
     fastest = float(moving.max()) if moving.size else FASTEST
     ahead = np.linspace(1e-6, 1.05 * fastest, 50)
-    for i, axes in enumerate(panels):
-        for way in (ahead, -ahead[::-1]):
-            axes.plot(way, lines[i](way), color="black", linewidth=1.2)
+    for i, axes in enumerate(panels[0]):
+        for n, way in enumerate((ahead, -ahead[::-1])):
+            axes.plot(way, lines[i](way), color="black", linewidth=1.2, label="fitted law" if n == 0 else None)
         axes.plot([0, 0], [lines[i](-ahead[:1])[0], lines[i](ahead[:1])[0]], color="black", linewidth=0.6)
-        axes.axhline(float(gravity[i]), color="0.4", linestyle=":", label="gravity")
+        axes.axhline(float(gravity[i]), label="gravity", **LIMIT)
+        axes.set(title=f"actuator {i + 1}", ylabel="force at constant velocity [N]")
         for k, (name, v, tau) in enumerate(points):
-            axes.plot(
-                v[:, i],
-                tau[:, i],
-                MARKERS[k % len(MARKERS)],
-                color=COLOURS[k % len(COLOURS)],
-                markersize=5,
-                markerfacecolor="none",
-                label=name,
-            )
-        axes.set(title=f"actuator {i + 1}", xlabel="velocity [m/s]")
-    panels[0].set_ylabel("force at constant velocity [N]")
-    panels[-1].legend(fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
+            look = dict(linestyle="none", color=colour(k), marker=MARKERS[k % len(MARKERS)], markersize=5,
+                        markerfacecolor="none")  # fmt: skip
+            axes.plot(v[:, i], tau[:, i], label=f"measured, {name}", **look)
+            panels[1, i].plot(v[:, i], tau[:, i] - _of_moving(lines[i], v[:, i]), **look)
+    for axes in panels[1:].ravel():
+        axes.axhline(0.0, color="black", linewidth=1.0)
+        axes.set_ylabel("measured - law [N]")
+    for axes in panels[-1]:
+        axes.set_xlabel("velocity [m/s]")
+    key_below(figure, panels[0, 0])
     return figure
+
+
+def _of_moving(line: Callable[[np.ndarray], np.ndarray], v: np.ndarray) -> np.ndarray:
+    """The law where something moves, NaN elsewhere."""
+    moves = np.isfinite(v) & (v != 0)
+    force = np.full(len(v), np.nan)
+    force[moves] = line(v[moves])
+    return force

@@ -7,12 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from .panels import COLOURS, with_panels
 from .signals import PANEL_HEIGHT
+from .style import MEASURED, MODELLED, ORANGE, key_below, styled, with_panels
 
-MODELLED = COLOURS[1]
 
-
+@styled
 def efforts_figure(
     time: np.ndarray,
     measured: np.ndarray,
@@ -27,17 +26,24 @@ def efforts_figure(
     As Figs. 6.5 and 6.6 of Dressler 2012. Of longer records the first `most_s` seconds are drawn.
     """
     rows = time <= time[0] + most_s
-    figure, stack = with_panels(8.5, 1.2 + PANEL_HEIGHT * len(names), len(names), title=title, sharex=True)
-    for k, (axes, name) in enumerate(zip(stack, names, strict=True)):
-        axes.plot(time[rows], measured[rows, k], color="black", linewidth=1.4, label="measured")
-        axes.plot(time[rows], modelled[rows, k], color=MODELLED, linewidth=1.0, label="modelled")
-        axes.plot(time[rows], (measured - modelled)[rows, k], color="0.6", linewidth=0.8, label="difference")
+    figure, panels = with_panels(11.0, 1.4 + PANEL_HEIGHT * len(names), len(names), 2, title=title, sharex=True,
+                                 width_ratios=(2, 1))  # fmt: skip
+    panels = panels.reshape(-1, 2)
+    for k, ((axes, error), name) in enumerate(zip(panels, names, strict=True)):
+        axes.plot(time[rows], modelled[rows, k], label="modelled", **MODELLED)
+        axes.plot(time[rows], measured[rows, k], label="measured", **MEASURED)
         axes.set_ylabel(f"{name} [{unit}]")
-    figure.legend(*stack[0].get_legend_handles_labels(), loc="outside lower right", ncols=3, fontsize="small")
-    stack[-1].set_xlabel("time [s]")
+        error.plot(time[rows], (measured - modelled)[rows, k], color="0.4", linewidth=0.8)
+        error.set_ylabel(f"difference [{unit}]")
+    panels[0, 0].set_title("measured and modelled")
+    panels[0, 1].set_title("measured - modelled, scale of its own")
+    key_below(figure, panels[0, 0])
+    for axes in panels[-1]:
+        axes.set_xlabel("time [s]")
     return figure
 
 
+@styled
 def friction_figure(
     velocity: np.ndarray,
     friction: np.ndarray,
@@ -50,14 +56,11 @@ def friction_figure(
 
     As Fig. 6.4 of Dressler 2012, from one motion. units: of velocity and of the efforts.
     """
-    figure, panels = with_panels(3.1 * len(names) + 0.6, 3.2, columns=len(names), title=title)
+    figure, panels = with_panels(3.6 * len(names) + 0.2, 3.8, columns=len(names), title=title)
     for k, (axes, name) in enumerate(zip(panels, names, strict=True)):
-        order = np.argsort(velocity[:, k])
-        axes.plot(velocity[:, k], friction[:, k], ".", color="0.6", markersize=2.5, label="measured less the masses")
-        axes.plot(velocity[order, k], law[order, k], ".", color=MODELLED, markersize=2.0, label="law")
-        axes.set_title(name, fontsize="medium")
-        axes.set_xlabel(f"velocity [{units[0]}]")
-        if k == 0:
-            axes.set_ylabel(f"friction [{units[1]}]")
-            axes.legend(loc="upper left", fontsize="x-small")
+        # of filtered records the law is no curve, for the filter acts on it too
+        axes.plot(velocity[:, k], law[:, k], "o", color=ORANGE, markersize=5, label="fitted law at the same samples")
+        axes.plot(velocity[:, k], friction[:, k], label="measured, less all other terms of the model", **MEASURED)
+        axes.set(title=name, xlabel=f"velocity [{units[0]}]", ylabel=f"friction [{units[1]}]")
+    key_below(figure, panels[0])
     return figure

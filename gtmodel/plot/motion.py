@@ -9,10 +9,12 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from ..results.trajectory import Trajectory
-from .panels import COLOURS, colour, with_panels
 from .path import draw_path, head
+from .robot3d import finish
+from .style import COLOURS, LIMIT, colour, in_space, key_below, key_under, styled, with_panels
 
 
+@styled
 def motion_figure(
     trajectory: Trajectory,
     polynomial: tuple[np.ndarray, np.ndarray] | None = None,
@@ -33,7 +35,7 @@ def motion_figure(
         path: (n, 3) [m], the path to follow, drawn in place of the straight line.
         constant: forces are constant per element, and drawn as steps.
     """
-    figure, (side, front, speed, force) = with_panels(10.5, 7.0, 2, 2)
+    figure, (side, front, speed, force) = with_panels(10.0, 7.8, 2, 2)
     T = trajectory["T"]
     for axes, plane in ((side, "xz"), (front, "yz")):
         a, b = map("xyz".index, plane)
@@ -41,13 +43,14 @@ def motion_figure(
             low = center - size / 2
             axes.add_patch(Rectangle((low[a], low[b]), size[a], size[b], color="0.85", zorder=0))
         draw_path(axes, T, plane, path)
-    side.set_title("path seen from the side")
-    front.set_title("path seen along the guideways")
-    side.legend(fontsize="small")
+    side.set_title("path of the tool centre point, x and z")
+    front.set_title("the same path, y and z")
+    for axes in (side, front):
+        key_under(axes)
     time = trajectory.time
     for k, name in enumerate("xyz"):
         speed.plot(time, trajectory["der(T)"][:, k], color=COLOURS[k], label=name)
-    speed.set_title("TCP velocity")
+    speed.set_title("velocity of the tool centre point")
     speed.set_ylabel("velocity [m/s]")
     for k in range(trajectory["tau"].shape[1]):
         if polynomial is not None:
@@ -55,7 +58,7 @@ def motion_figure(
         style = "steps-pre" if constant else "default"
         force.plot(time, trajectory["tau"][:, k], drawstyle=style, color=colour(k), label=f"motor {k + 1}")
     for sign in (-1, 1):
-        force.axhline(sign * force_limit, color="0.4", linestyle=":")
+        force.axhline(sign * force_limit, label="limit" if sign == 1 else None, **LIMIT)
     highest = 0.0 if polynomial is None else float(np.max(np.abs(polynomial[1])))
     reach = 1.1 * max(1.4 * force_limit, float(np.max(np.abs(trajectory["tau"]))), highest)
     force.set_ylim(-reach, reach)
@@ -64,11 +67,12 @@ def motion_figure(
     force.set_ylabel("force [N]")
     for axes in (speed, force):
         axes.set_xlabel("time [s]")
-        axes.legend(fontsize="small", ncols=3, loc="lower right")
+        key_under(axes)
     head(figure, trajectory)
     return figure
 
 
+@styled
 def force_figure(runs: Sequence[tuple[str, Trajectory]], *, force_limit: float) -> Figure:
     """Motor forces over time, one panel per motor and one curve per motion; as Dressler 2012, Fig. 3.10.
 
@@ -81,29 +85,25 @@ def force_figure(runs: Sequence[tuple[str, Trajectory]], *, force_limit: float) 
         for n, (label, run) in enumerate(runs):
             axes.plot(run.time, run["tau"][:, k], color=COLOURS[n % len(COLOURS)], linewidth=1.0, label=label)
         for sign in (-1, 1):
-            axes.axhline(sign * force_limit, color="0.4", linestyle=":")
-        axes.set_ylabel(f"motor {k + 1} [N]")
+            axes.axhline(sign * force_limit, label="limit" if sign == 1 else None, **LIMIT)
+        axes.set_ylabel(f"force of motor {k + 1} [N]")
     panels[-1].set_xlabel("time [s]")
-    if len(runs) > 1:
-        figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize="small")
+    key_below(figure, panels[0], columns=5)
     return figure
 
 
+@styled
 def space_figure(runs: Sequence[tuple[str, Trajectory]]) -> Figure:
     """Paths of the tool centre point in space, one per motion; as Dressler 2012, Fig. 3.9.
 
     Args:
         runs: (label, motion) with T [m].
     """
-    figure = Figure(figsize=(8.0, 6.0), layout="constrained")
-    axes = figure.add_subplot(projection="3d")
+    figure, axes = in_space(8.0, 6.0, title="paths of the tool centre point")
     for n, (label, run) in enumerate(runs):
         axes.plot(*run["T"].T, color=COLOURS[n % len(COLOURS)], label=label)
     T = runs[0][1]["T"]
-    axes.scatter(*T[0], color="black", s=20, label="start")  # type: ignore[misc]
-    for set_label, name in ((axes.set_xlabel, "x"), (axes.set_ylabel, "y"), (axes.set_zlabel, "z")):  # type: ignore[attr-defined]
-        set_label(f"{name} [m]")
-    axes.set_title("path of the tool centre point")
-    axes.set_aspect("equal")
-    axes.legend(fontsize="small")
+    axes.scatter(*T[:1].T, color="black", s=20, label="start")
+    finish(axes)
+    key_below(figure, axes, columns=5)
     return figure

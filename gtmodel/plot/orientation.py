@@ -9,21 +9,22 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ..kinematics.orientation import OrientationMap
-from .panels import COLOURS, with_panels
+from .style import AWAY_FROM_ZERO, COLOURS, styled, with_panels
 
 ANGLES = ("alpha", "beta", "gamma")
-MOST_LAYERS = 6  # more cannot be seen beside each other
+MOST_LAYERS = 4  # more cannot be seen beside each other
 LEVELS = 15
 NO_SOLUTION = "0.85"
 
 
+@styled
 def layers_figure(
     orientation: OrientationMap, half_width: Sequence[float], directions: Sequence[Sequence[float]], title: str = ""
 ) -> Figure:
     """One row of level plots per angle, one column per layer; colours are the same along a row.
 
     Each angle is shown minus its mean over all points, in degrees; where there is no solution the
-    panel is grey. Of more than six layers six are shown.
+    panel is grey. Of more than four layers four are shown.
 
     Args:
         orientation: of a grid (layers, n, m).
@@ -45,7 +46,7 @@ def layers_figure(
         for column, layer in enumerate(layers):
             axes = panels[angle, column]
             values = np.ma.masked_invalid(shown[layer].T)
-            drawn = axes.contourf(offsets[1], offsets[2], values, levels, cmap="RdBu_r")
+            drawn = axes.contourf(offsets[1], offsets[2], values, levels, cmap=AWAY_FROM_ZERO)
             axes.contour(offsets[1], offsets[2], values, levels, colors="black", linewidths=0.3)
             axes.set_aspect("equal")
             axes.set_facecolor(NO_SOLUTION)
@@ -54,7 +55,7 @@ def layers_figure(
         if drawn is not None:
             mean = float(np.nanmean(degrees[..., angle]))
             bar = figure.colorbar(drawn, ax=list(panels[angle]), ticks=[-top, 0.0, top], format="%+.2f")
-            bar.set_label(f"{ANGLES[angle]} {-mean:+.2f} [deg]")
+            bar.set_label(_from_mean(angle, mean))
         panels[angle, 0].set_ylabel(f"{names[2]} [m]")
     for axes in panels[-1]:
         axes.set_xlabel(f"{names[1]} [m]")
@@ -64,6 +65,7 @@ def layers_figure(
     return figure
 
 
+@styled
 def sequence_figure(orientation: OrientationMap, title: str = "") -> Figure:
     """The three ZYZ angles minus their means [deg] over the points (Dressler 2012, Fig. 4.7).
 
@@ -80,10 +82,15 @@ def sequence_figure(orientation: OrientationMap, title: str = "") -> Figure:
     for angle, axes in enumerate(stack):
         mean = float(np.nanmean(degrees[:, angle]))
         axes.plot(degrees[:, angle] - mean, color=COLOURS[angle], linewidth=0.8, marker=".", markersize=2)
-        axes.set_ylabel(f"{ANGLES[angle]} {-mean:+.2f} [deg]")
+        axes.set_ylabel(_from_mean(angle, mean))
         _part(axes, size, len(order))
-    stack[-1].set_xlabel("point")
+    stack[-1].set_xlabel("point, in the order of measuring")
     return figure
+
+
+def _from_mean(angle: int, mean: float) -> str:
+    """Name of an axis: an angle less its mean [deg]."""
+    return f"{ANGLES[angle]} {'-' if mean >= 0 else '+'} {abs(mean):.2f}° [deg]"
 
 
 def _part(axes: Axes, size: int, count: int) -> None:

@@ -10,7 +10,7 @@ import scipy
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from .panels import COLOURS
+from .style import COLOURS, in_space, key_below, styled
 
 TICKS = 5
 STROKE = 0.6  # of a guideway drawn to each side of its cart where no ends are given, in mean link lengths
@@ -54,6 +54,7 @@ def draw_robot(
         axes.plot(*np.asarray(T, float), "D", color="black", markersize=3.0 * width)
 
 
+@styled
 def robot_figure(
     carts: np.ndarray,
     joints: np.ndarray,
@@ -72,15 +73,13 @@ def robot_figure(
         directions: (l, 3) of each link's guideway.
         ends: (l, 2, 3) of the guideways [m]; a piece about each cart if left out.
     """
-    figure = Figure(figsize=(8.0, 6.5), layout="constrained")
-    axes: Any = figure.add_subplot(projection="3d")
+    figure, axes = in_space(8.0, 5.8, title=f"{title or 'robot'}: home pose")
     draw_links(axes, carts, joints, T, directions, ends=ends)
     for k, curve in enumerate(curves):
         closed = np.vstack([curve, curve[:1]])
         axes.plot(*closed.T, color="0.3", linestyle="--", label="boundary of the section" if k == 0 else None)
     finish(axes)
-    axes.legend(fontsize="small", loc="upper left")
-    figure.suptitle(title or "robot at its home pose")
+    key_below(figure, axes)
     return figure
 
 
@@ -102,7 +101,9 @@ def draw_links(
 
 def finish(axes: Any) -> None:
     """Equal scales, names of the axes, few ticks, and a view from the side."""
-    axes.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]")
+    for axis, name in ((axes.xaxis, "x"), (axes.yaxis, "y"), (axes.zaxis, "z")):
+        axis.set_label_text(f"{name} [m]")
+        axis.labelpad = 10
     for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
         axis.set_major_locator(MaxNLocator(TICKS))
     axes.set_aspect("equal")

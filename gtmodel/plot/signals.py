@@ -8,12 +8,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ..results.trajectory import Trajectory
-from .panels import COLOURS, STYLES, with_panels
+from .style import COLOURS, STYLES, key_beside, styled, with_panels
 
 ENERGIES = ("energy.stored", "energy.supplied", "energy.dissipated")
 PANEL_HEIGHT = 2.1  # inches
+LETTERS = 18  # of names along a panel
 
 
+@styled
 def signals_figure(
     trajectory: Trajectory, names: Iterable[str] | None = None, *, marks: Sequence[float] = ()
 ) -> Figure:
@@ -32,13 +34,14 @@ def signals_figure(
     for axes, (unit, members) in zip(stack, panels.items(), strict=False):
         for k, name in enumerate(members):
             _draw(axes, trajectory, name, k)
-        _finish(axes, unit)
+        _finish(axes, called(members, unit))
         for time in marks:
             axes.axvline(time, color="0.75", linewidth=0.6, zorder=0)
     stack[-1].set_xlabel("time [s]")
     return figure
 
 
+@styled
 def energy_figure(trajectory: Trajectory) -> Figure:
     """Change of the stored energy against what was supplied and dissipated; below, by how much they disagree.
 
@@ -49,11 +52,11 @@ def energy_figure(trajectory: Trajectory) -> Figure:
     rows = {"stored, since the start": stored - stored[0], "supplied": supplied, "dissipated": dissipated}
     for (label, row), colour in zip(rows.items(), COLOURS, strict=False):
         terms.plot(trajectory.time, row, color=colour, label=label)
-    _finish(terms, "J")
-    terms.set_title("energy")
+    _finish(terms, "energy [J]")
+    terms.set_title("where the energy goes")
     error.plot(trajectory.time, stored - stored[0] - supplied + dissipated, color="black")
-    error.set_title("stored - supplied + dissipated: error of the balance")
-    error.set_ylabel("[J]")
+    error.set_title("error of the balance: stored - supplied + dissipated")
+    error.set_ylabel("error [J]")
     error.set_xlabel("time [s]")
     return figure
 
@@ -74,7 +77,18 @@ def _draw(axes: Axes, trajectory: Trajectory, name: str, n: int) -> None:
         axes.plot(trajectory.time, columns[:, k], style, color=color, label=label)
 
 
-def _finish(axes: Axes, unit: str) -> None:
-    axes.set_ylabel(f"[{unit}]")
+def called(names: Sequence[str], unit: str) -> str:
+    """Names of the signals in a panel, as many as there is room for, with their unit."""
+    shown = []
+    for name in names:
+        if shown and len(", ".join([*shown, name])) > LETTERS:
+            shown.append("...")
+            break
+        shown.append(name)
+    return f"{', '.join(shown)} [{unit or '1'}]"
+
+
+def _finish(axes: Axes, label: str) -> None:
+    axes.set_ylabel(label)
     axes.margins(x=0.0)
-    axes.legend(fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
+    key_beside(axes)

@@ -7,12 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from .panels import with_panels
+from .style import COLOURS, key_below, plain_logarithm, styled, with_panels
 
-MARKERS, COLOURS = ("o", "s", "D"), ("#0072b2", "#d55e00", "#009e73")
+MARKERS = ("o", "s", "D")
 APART = 0.16  # of a joint's width, between methods
 
 
+@styled
 def stiffness_figure(
     fits: Sequence[tuple[str, np.ndarray, np.ndarray]], true: np.ndarray | None = None, *, title: str = ""
 ) -> Figure:
@@ -35,5 +36,6 @@ def stiffness_figure(
         k = np.arange(1, len(true) + 1)
         axes.hlines(true / 1e6, k - 0.3, k + 0.3, color="black", linewidth=0.8, label="true")
     axes.set(xlabel="joint", ylabel="stiffness [MN m/rad]", yscale="log", title=title)
-    axes.legend()
+    plain_logarithm(axes.yaxis)
+    key_below(figure, axes)
     return figure

@@ -7,12 +7,13 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from ..compiler.causal import CausalFunction
+from .style import BLUE, GREEN, ORANGE, styled
 
-ROOT = "#009e73"
-COLOURS = {"explicit": "0.6", "linear": "#0072b2", "quadratic": ROOT, "sphere pencil": ROOT, "Newton": "#d55e00"}
+COLOURS = {"explicit": "0.6", "linear": BLUE, "quadratic": GREEN, "sphere pencil": GREEN, "Newton": ORANGE}
 MAX_LABELS = 60  # more names than this cannot be read
 
 
+@styled
 def structure_figure(function: CausalFunction) -> Figure:
     """Incidence of the blocks: rows are equations, columns the unknowns they are solved for, blocks framed.
 

@@ -9,12 +9,13 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ..results.trajectory import Trajectory
-from .panels import COLOURS, STYLES, colour, curve, with_panels
+from .style import COLOURS, STYLES, colour, curve, key_below, styled, with_panels
 
 _AXES = "xyz"
 SMALLEST_MM = 1e-3  # what no measurement would show; zero has no logarithm
 
 
+@styled
 def tracking_figure(wanted: Trajectory, runs: Mapping[str, Trajectory], title: str = "") -> Figure:
     """The tool centre point of each run beside its reference, and below, its distance from it.
 
@@ -22,7 +23,7 @@ def tracking_figure(wanted: Trajectory, runs: Mapping[str, Trajectory], title: s
         wanted: T (n, 3) [m] and q (n, k) [m], a row per cycle.
         runs: by label; T and q of the cycles that a run lasted.
     """
-    figure, panels = with_panels(8.5, 9.0, 5, sharex=True)
+    figure, panels = with_panels(8.5, 9.0, 5, title=title, sharex=True)
     for k, axes in enumerate(panels[:3]):
         axes.plot(wanted.time, wanted["T"][:, k], color="black", linewidth=1.0, label="reference")
         for n, (label, run) in enumerate(runs.items(), 1):
@@ -38,12 +39,9 @@ def tracking_figure(wanted: Trajectory, runs: Mapping[str, Trajectory], title: s
         axes.set_ylabel("error of T [mm]" if name == "T" else "worst cart [mm]")
     panels[0].set_xlim(wanted.time[0], wanted.time[-1])
     figure.align_ylabels(panels)
-    figure.legend(
-        *panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=len(runs) + 1, fontsize="small"
-    )
-    panels[-1].set_xlabel(f"time [s]; errors below {1e3 * SMALLEST_MM:g} µm are drawn as {1e3 * SMALLEST_MM:g} µm")
-    if title:
-        panels[0].set_title(title)
+    panels[3].set_title(f"errors; below {1e3 * SMALLEST_MM:g} µm they are drawn as {1e3 * SMALLEST_MM:g} µm")
+    panels[-1].set_xlabel("time [s]")
+    key_below(figure, panels[0])
     return figure
 
 

@@ -7,40 +7,46 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from .panels import COLOURS, colour, with_panels
+from .style import BLUE, GREEN, MEASURED, MODELLED, ORANGE, colour, curve, key_below, styled, with_panels
 
-BLUE, ORANGE, GREEN = COLOURS[:3]
 GREY = "#777777"
 POINTS = 1200  # of a frequency response
 PEAK = np.linspace(-8, 8, 65)  # half widths of a peak, by which more are drawn about it
 MARKERS = "xo+s^dv*"
+MOST_NAMED = 6  # modes in a title
 WINDOW = 3.0  # s of a long recording that are shown
 Sampled = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
+@styled
 def order_figure(
     singular_values: np.ndarray, trials: Sequence[tuple[int, float | None]], chosen: int, *, title: str = ""
 ) -> Figure:
     """Singular values, and the rms error [m] on held-out samples by order; an unstable order (None) is a cross."""
     figure, (left, right) = with_panels(8.0, 3.8, columns=2, title=title)
     count = min(len(singular_values), 2 * max(n for n, _ in trials))
-    shown = np.maximum(singular_values[:count], 1e-16 * singular_values[0])
+    shown = np.maximum(singular_values[:count] / singular_values[0], 1e-16)
     left.semilogy(np.arange(1, count + 1), shown, "o", color=BLUE, markersize=4)
     left.axvline(chosen + 0.5, color=ORANGE, linestyle="--", linewidth=1)
-    left.set(xlabel="number", ylabel="singular value")
+    left.set(
+        xlabel="number of the singular value",
+        ylabel="singular value / largest one [1]",
+        title="singular values of the data",
+    )
     stable = [(n, 1e6 * e) for n, e in trials if e is not None]
     right.semilogy([n for n, _ in stable], [e for _, e in stable], "o-", color=BLUE, markersize=4)
     unstable = [n for n, e in trials if e is None]
     if unstable:
         top = max(e for _, e in stable) if stable else 1.0
         right.plot(unstable, [top] * len(unstable), "x", color=ORANGE, label="unstable")
-    right.axvline(chosen, color=ORANGE, linestyle="--", linewidth=1, label=f"chosen: {chosen}")
-    right.set(xlabel="order", ylabel="held-out error, rms [um]")
+    right.axvline(chosen, color=ORANGE, linestyle="--", linewidth=1, label=f"chosen order: {chosen}")
+    right.set(xlabel="order", ylabel="rms error [µm]", title="error on held-out samples")
     right.xaxis.get_major_locator().set_params(integer=True)
-    right.legend()
+    key_below(figure, right)
     return figure
 
 
+@styled
 def prediction_figure(
     time: np.ndarray, y: np.ndarray, predicted: np.ndarray, first: int, fit: np.ndarray, *, title: str = ""
 ) -> Figure:
@@ -48,14 +54,15 @@ def prediction_figure(
     rows = slice(first, min(len(time), first + max(int(WINDOW / (time[1] - time[0])), 2)))
     figure, panels = with_panels(8.0, 1.2 + 2.0 * y.shape[1], y.shape[1], title=title, sharex=True)
     for k, axes in enumerate(panels):
-        axes.plot(time[rows], 1e3 * y[rows, k], ".", color=GREY, markersize=3, label="measured")
-        axes.plot(time[rows], 1e3 * predicted[rows, k], color=BLUE, linewidth=1, label=f"predicted, fit {fit[k]:.4g} %")
-        axes.set(ylabel=f"position {k + 1} [mm]")
-        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False, borderaxespad=0.1)
+        axes.plot(time[rows], 1e3 * predicted[rows, k], label="predicted", **MODELLED)
+        axes.plot(time[rows], 1e3 * y[rows, k], label="measured", **MEASURED)
+        axes.set(ylabel=f"position {k + 1} [mm]", title=f"position {k + 1}: fit {fit[k]:.4g} %")
     panels[-1].set(xlabel="time [s]")
+    key_below(figure, panels[0])
     return figure
 
 
+@styled
 def response_figure(
     system: Sampled, sample_time: float, modes_Hz: Sequence[float] | np.ndarray, *, title: str = "", unit: str = "m/N"
 ) -> Figure:
@@ -70,20 +77,19 @@ def response_figure(
     for i in range(G.shape[1]):
         for j in range(G.shape[2]):
             label = f"position {i + 1}" + (f", input {j + 1}" if G.shape[2] > 1 else "")
-            size.loglog(f, np.abs(G[:, i, j]), label=label)
-            phase.semilogx(f, np.rad2deg(np.unwrap(np.angle(G[:, i, j]))))
-    for k, mode in enumerate(modes_Hz):
+            look = curve(i * G.shape[2] + j)
+            size.loglog(f, np.abs(G[:, i, j]), label=label, **look)
+            phase.semilogx(f, np.rad2deg(np.unwrap(np.angle(G[:, i, j]))), **look)
+    for n, mode in enumerate(modes_Hz):
         for axes in (size, phase):
-            axes.axvline(mode, color=GREY, linestyle=":", linewidth=1)
-        size.annotate(
-            f"{mode:.4g} Hz", (mode, 0.02 + 0.07 * (k % 2)), xycoords=("data", "axes fraction"), xytext=(3, 0),
-            textcoords="offset points", fontsize=8,
-        )  # fmt: skip
+            axes.axvline(mode, color=GREY, linestyle=":", linewidth=1, label="mode" if n == 0 else None)
+    at = ", ".join(f"{mode:.4g}" for mode in modes_Hz[:MOST_NAMED]) + ", ..." * (len(modes_Hz) > MOST_NAMED)
+    size.set_title(f"modes at {at} Hz" if len(modes_Hz) else "no modes")
     size.set(ylabel=f"magnitude [{unit}]")
     phase.set(xlabel="frequency [Hz]", ylabel="phase [deg]")
     for axes in (size, phase):
         axes.grid(alpha=0.3, which="both")
-    size.legend()
+    key_below(figure, size)
     return figure
 
 
@@ -96,6 +102,7 @@ def _lines(poles: np.ndarray, sample_time: float, f: np.ndarray) -> np.ndarray:
     return np.union1d(f, more[(more > f[0]) & (more < f[-1])])
 
 
+@styled
 def step_figure(
     runs: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]],
     by_delay: Mapping[int, float],
@@ -107,17 +114,17 @@ def step_figure(
     figure, (left, right) = with_panels(8.0, 4.0, columns=2, title=title, width_ratios=[2, 1])
     for n, (time, u, y, model) in enumerate(runs):
         left.plot(time, 1e3 * u, color=GREY, linewidth=0.8, label="reference" if n == 0 else None)
-        left.plot(time, 1e3 * y, ".", color=BLUE, markersize=2, label="measured" if n == 0 else None)
-        left.plot(time, 1e3 * model, color=ORANGE, linewidth=1.2, label="model" if n == 0 else None)
-    left.set(xlabel="time [s]", ylabel="position [mm]")
-    left.legend()
+        left.plot(time, 1e3 * model, label="model" if n == 0 else None, **MODELLED)
+        left.plot(time, 1e3 * y, label="measured" if n == 0 else None, **MEASURED)
+    left.set(xlabel="time [s]", ylabel="position [mm]", title="step responses")
     right.plot(list(by_delay), [1e6 * e for e in by_delay.values()], "o-", color=BLUE, markersize=3)
-    right.axvline(delay, color=ORANGE, linestyle="--", linewidth=1, label=f"delay {delay}")
-    right.set(xlabel="delay [samples]", ylabel="error, rms [um]", yscale="log")
-    right.legend()
+    right.axvline(delay, color=ORANGE, linestyle="--", linewidth=1, label=f"chosen delay: {delay}")
+    right.set(xlabel="delay [samples]", ylabel="rms error [µm]", yscale="log", title="error by delay")
+    key_below(figure)
     return figure
 
 
+@styled
 def decay_figure(
     time: np.ndarray, y: np.ndarray, fitted: np.ndarray, rest: np.ndarray, peaks_Hz: Sequence[float], *, title: str = ""
 ) -> Figure:
@@ -128,26 +135,24 @@ def decay_figure(
     f = np.fft.rfftfreq(len(time), time[1] - time[0])
     top = min(f[-1], 4 * max(peaks_Hz))
     for k, (left, right) in enumerate(panels):
-        left.plot(time, 1e3 * y[:, k], ".", color=GREY, markersize=2, label="measured")
-        left.plot(time, 1e3 * fitted[:, k], color=BLUE, linewidth=1, label="damped sines")
+        left.plot(time, 1e3 * fitted[:, k], label="fitted damped sines", **MODELLED)
+        left.plot(time, 1e3 * y[:, k], label="measured", **MEASURED)
         left.set(ylabel=f"position {k + 1} [mm]")
-        for values, shade in ((y, GREY), (fitted, BLUE)):
+        for values, look in ((fitted, MODELLED), (y, dict(color="black", linewidth=0.8, zorder=3))):
             spectrum = np.abs(np.fft.rfft(values[:, k] - rest[k])) * (time[1] - time[0])
-            right.semilogy(f[1:], spectrum[1:], color=shade, linewidth=1)
-        for peak in peaks_Hz:
-            right.axvline(peak, color=ORANGE, linestyle="--", linewidth=1)
+            right.semilogy(f[1:], spectrum[1:], **look)
+        for n, peak in enumerate(peaks_Hz):
+            right.axvline(peak, color=GREY, linestyle=":", linewidth=1, label="peak" if n == 0 else None)
         right.set(ylabel="spectrum [m s]", xlim=(0, top))
-    for n, peak in enumerate(peaks_Hz):
-        panels[0, 1].annotate(
-            f"{peak:.4g} Hz", (peak, 0.03 + 0.08 * (n % 3)), xycoords=("data", "axes fraction"), xytext=(3, 0),
-            textcoords="offset points", fontsize=8,
-        )  # fmt: skip
-    panels[0, 0].legend()
+    panels[0, 0].set_title("decay")
+    panels[0, 1].set_title("spectrum; peaks at " + ", ".join(f"{peak:.4g}" for peak in peaks_Hz) + " Hz")
+    key_below(figure, *panels[0])
     panels[-1, 0].set(xlabel="time [s]")
     panels[-1, 1].set(xlabel="frequency [Hz]")
     return figure
 
 
+@styled
 def poles_figure(poles: Mapping[str, np.ndarray], circles_Hz: np.ndarray, *, title: str = "") -> Figure:
     """Poles [1/s] by name in the complex plane, scaled by 2 pi; circles at undamped frequencies."""
     figure, (axes,) = with_panels(6.6, 6.4)
@@ -162,5 +167,5 @@ def poles_figure(poles: Mapping[str, np.ndarray], circles_Hz: np.ndarray, *, tit
         axes.plot(real, imaginary, marker, linestyle="none", color=c, label=name, markersize=8, markerfacecolor=fill)
     axes.axvline(0, color="black", linewidth=0.8)
     axes.set(xlabel="real part / 2 pi [Hz]", ylabel="imaginary part / 2 pi [Hz]", title=title, aspect="equal")
-    figure.legend(loc="outside lower center", ncols=3)
+    key_below(figure, axes, columns=3)
     return figure

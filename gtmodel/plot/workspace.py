@@ -11,12 +11,10 @@ from matplotlib.patches import PathPatch
 from matplotlib.path import Path
 
 from ..kinematics.workspace.cross_section import Region
-from .panels import with_panels
-
-# from the largest region to the smallest: light to dark
-SHADES = ("#e3e9f0", "#bcd0e5", "#8db3d9", "#5a8fc4", "#2d6aa8", "#124a83")
+from .style import SHADES, key_below, styled, with_panels
 
 
+@styled
 def section_figure(
     layers: Mapping[str, Region], guideways: np.ndarray, *, title: str = "", names: tuple[str, str] = ("u", "v")
 ) -> Figure:
@@ -38,17 +36,19 @@ def section_figure(
         axes.add_patch(patch)
     mark_guideways(axes, guideways)
     axes.autoscale_view()
-    axes.set(xlabel=f"{names[0]} [m]", ylabel=f"{names[1]} [m]", title=title or "cross-section of the workspace")
-    axes.set_aspect("equal", adjustable="datalim")
-    figure.legend(loc="outside lower center", fontsize="small", frameon=False)
+    axes.set(xlabel=f"{names[0]} [m]", ylabel=f"{names[1]} [m]", title=f"{title or 'workspace'}: cross-section")
+    axes.set_aspect("equal", adjustable="box")
+    key_below(figure, axes, columns=2)
     return figure
 
 
 def mark_guideways(axes: Any, guideways: np.ndarray) -> None:
     """Squares with the numbers of the guideways at (m, 2) [m]."""
     for k, (u, v) in enumerate(np.asarray(guideways)):
-        axes.plot(u, v, "s", color="black", markersize=8)
-        axes.annotate(str(k + 1), (u, v), xytext=(7, 7), textcoords="offset points", fontweight="bold")
+        axes.plot(u, v, "s", color="black", markersize=8, linestyle="none",
+                  label="guideway, with its number" if k == 0 else None)  # fmt: skip
+        axes.annotate(str(k + 1), (u, v), xytext=(7, 7), textcoords="offset points", fontweight="bold",
+                      bbox=dict(boxstyle="round,pad=0.1", facecolor="white", edgecolor="none", alpha=0.7))  # fmt: skip
 
 
 def _path(region: Region) -> Path:

@@ -9,6 +9,7 @@ import textwrap
 import tomllib
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
+from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -212,11 +213,13 @@ def sha256(content: bytes) -> str:
 def png(draw: Any, said: str = "") -> bytes:
     """A picture as a file, the same bytes for the same picture. said: what stands above it, of a failed result."""
     buffer = io.BytesIO()
-    figure = draw()
-    more = _headed(figure, said) if said else {}
-    _as_written(figure)
-    # matplotlib's own version stays out of the file: same input, same bytes
-    figure.savefig(buffer, format="png", dpi=_DPI, metadata={"Software": None}, **more)
+    style = import_module("gtmodel.plot.style")  # by name: pictures stand above what they show
+    with style.settings():
+        figure = draw()
+        more = _headed(figure, said) if said else {}
+        _as_written(figure)
+        # matplotlib's own version stays out of the file: same input, same bytes
+        figure.savefig(buffer, format="png", dpi=_DPI, metadata={"Software": None}, **more)
     return buffer.getvalue()
 
 

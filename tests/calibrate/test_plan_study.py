@@ -91,7 +91,7 @@ def test_every_step_has_its_picture(plan: Planner):
     shown: dict[str, Any] = {name: draw() for name, draw in done.figures.items()}
     legend = shown["4_poses"].axes[0].get_legend_handles_labels()[1]
     assert any(t.startswith("calibrate: 12") for t in legend) and "held out: 4" in legend
-    assert "synthetic" in shown["7_predicted_error"].axes[-1].get_ylabel()
+    assert "synthetic" in shown["7_predicted_error"].axes[-1].get_title()
     assert done.purpose.count("calibrate") == done.poses == 12 and done.purpose.count("verify") == done.held_out
     assert len(done.commanded) == len(done.actuators) == 16 and "parameters determined" in str(done)
 

@@ -92,7 +92,7 @@ def test_fewer_samples_of_the_reference_change_little(made: Session, emps: Any) 
 def test_the_picture(made: Session, emps: Any) -> None:
     run = followed(made, ClosedLoop(lambda **found: emps.with_(**found), ["qg"]))  # a function that makes the model
     figure = closed_loop_figure([(run.name, run.trajectory)], title="loop")
-    assert [axes.get_ylabel() for axes in figure.axes] == ["[m]", "error [µm]"]
+    assert [axes.get_ylabel() for axes in figure.axes] == ["position [m]", "error [µm]"]
 
 
 @pytest.mark.parametrize(("inputs", "numbers", "argument"), [(["qg"], {"mass": 1.0}, "model"), ([], TRUE, "")])

@@ -45,7 +45,9 @@ def test_what_is_written_and_drawn_says_that_it_is_synthetic(found):
     assert found.trajectory is not None and found.trajectory.synthetic == found.synthetic
     drawn = {name: found.figure(name) for name in found.figures}
     assert sorted(drawn) == ["efforts", "friction", "held_out"]
-    assert all(len(figure.axes) == 3 for figure in drawn.values())
+    # measured beside modelled and their difference, of three motors
+    assert {name: len(figure.axes) for name, figure in drawn.items()} == {"efforts": 6, "friction": 3, "held_out": 6}
+    assert all("(synthetic)" in figure.get_suptitle() for figure in drawn.values())
 
 
 def test_left_out_links_are_reported():

@@ -288,7 +288,7 @@ class TestShown:
         figure = o.figure("motion")
         titles = [axes.get_title() for axes in figure.axes]
         assert titles == [
-            "path seen from the side", "path seen along the guideways", "TCP velocity",
+            "path of the tool centre point, x and z", "the same path, y and z", "velocity of the tool centre point",
             "motor forces, constant per element; faint: polynomial",
         ]  # fmt: skip
         for axes in figure.axes:

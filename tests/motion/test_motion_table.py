@@ -84,7 +84,7 @@ class TestTable:
         assert {f"row_{n}_{name}" for n in (1, 2, 3, 4) for name in ("reference.csv", "motion.mod")} == set(o.files)
         forces, paths = o.figure("forces"), o.figure("paths")
         assert len(forces.axes) == 3 and all(len(a.lines) == 4 + 2 for a in forces.axes)
-        assert [a.get_ylabel() for a in forces.axes] == [f"motor {k} [N]" for k in (1, 2, 3)]
+        assert [a.get_ylabel() for a in forces.axes] == [f"force of motor {k} [N]" for k in (1, 2, 3)]
         assert paths.axes[0].get_zlabel() == "z [m]" and len(paths.axes[0].lines) == 4
 
 

@@ -54,7 +54,7 @@ def test_values_and_table() -> None:
 def test_states_and_controls_are_drawn_without_their_rates() -> None:
     figure = solved(title="implicit").figure("states")
     labels = {t.get_text() for axes in figure.axes for legend in [axes.get_legend()] if legend for t in legend.texts}
-    assert labels == {"x", "y", "u"} and figure.get_suptitle() == "implicit"
+    assert labels == {"x", "y", "u", "bound"} and figure.get_suptitle() == "implicit"
 
 
 def test_what_the_mesh_does_not_resolve_is_not_said_to_be_solved_and_re_simulated() -> None:

@@ -96,9 +96,12 @@ def test_one_missing_number_takes_nothing_else_away() -> None:
 
 @pytest.mark.parametrize("std", [[1e-3, 1e-4], [1e-3, 1e-3], [1e-3, 0.0], [2e-3, 5e-5]])
 def test_the_least_deviation_has_a_bar(std: list[float]) -> None:
-    axes = deviations_figure(["a", "b"], np.array(std), ["m", "1"]).axes[0]
-    low, high = axes.get_xlim()
-    assert low < min(s for s in std if s > 0) and high >= max(std)
+    for units in (["m", "m"], ["m", "1"]):
+        panels = deviations_figure(["a", "b"], np.array(std), units).axes
+        assert len(panels) == len(set(units))
+        for axes, shown in zip(panels, [std] if len(panels) == 1 else [[s] for s in std], strict=True):
+            low, high = axes.get_xlim()
+            assert low < min((s for s in shown if s > 0), default=np.inf) and high >= max(shown)
 
 
 @pytest.mark.parametrize("size", [1e-10, 1e-4, 10.0])
@@ -127,5 +130,5 @@ def test_the_least_of_the_predicted_deviations_has_a_bar() -> None:
 def test_a_cut_beside_the_lobes_is_said() -> None:
     speed = np.linspace(10.0, 100.0, 20)
     for at, said in ((50.0, "declared cut"), (500.0, "declared cut at 30000 rpm, not shown")):
-        legend: Any = lobes_figure(speed, 1e-3 * np.ones(20), (at, 1e-3)).axes[0].get_legend()
+        legend: Any = lobes_figure(speed, 1e-3 * np.ones(20), (at, 1e-3)).legends[0]
         assert said in [text.get_text() for text in legend.get_texts()]

@@ -125,7 +125,7 @@ class TestRunning:
         s = simulation_study(l1, 0.05, inputs={"tau": 0.0}, start={"T": [0.5, -0.9, 0.3]}, tolerance=1e-6)
         assert list(s.figures) == ["signals", "energy"]
         signals, energy = (s.figure(name) for name in s.figures)
-        assert [a.get_ylabel() for a in signals.axes] == ["[m]", "[m/s]", "[N]"]
+        assert [a.get_ylabel() for a in signals.axes] == ["q, T [m]", "der(T) [m/s]", "tau [N]"]
         legend = [t.get_text() for t in signals.axes[0].get_legend().get_texts()]
         assert legend == [f"{n}[{i}]" for n in "qT" for i in range(3)]
         assert signals.axes[-1].get_xlabel() == "time [s]"

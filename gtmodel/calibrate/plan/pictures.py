@@ -64,15 +64,21 @@ def _space(
         boxes=[(np.array(b.low), np.array(b.high)) for b in task.obstacles] if boxes else [],
         device=plan.measuring.at if device else None,
         again="points with several turns" if len(plan.turns) > 1 else "of them more than once",
-        title=f"{task.title or 'calibration plan'}: {step}",
+        title=_titled(plan, step),
     )
+
+
+def _titled(plan: PlanState, what: str) -> str:
+    return f"{plan.task.title or 'calibration plan'}: {what}"
 
 
 def _curve(plan: PlanState) -> Any:
     from ...plot.calibration_plan import curve_figure
 
     assert plan.curve is not None
-    return curve_figure(plan.curve.points, plan.grids, plan.task.criteria.accuracy, title=plan.task.title)
+    return curve_figure(
+        plan.curve.points, plan.grids, plan.task.criteria.accuracy, title=_titled(plan, "error by number of poses")
+    )
 
 
 def _parameters(plan: PlanState) -> Any:
@@ -81,7 +87,8 @@ def _parameters(plan: PlanState) -> Any:
     assert plan.chosen is not None
     std = np.array(list(plan.chosen.std().values()))
     own = np.sqrt(np.mean(plan.errors**2, axis=0)) if len(plan.errors) else None
-    return parameters_figure(plan.chosen.names, std, own, runs=len(plan.errors), title=plan.task.title)
+    title = _titled(plan, "predicted parameters")
+    return parameters_figure(plan.chosen.names, std, own, units=plan.units, runs=len(plan.errors), title=title)
 
 
 def _errors(plan: PlanState) -> Any:
@@ -89,5 +96,9 @@ def _errors(plan: PlanState) -> Any:
 
     simulated = plan.each_simulated() if len(plan.errors) else None
     return predicted_figure(
-        plan.evaluation[:, :3], plan.each_predicted(), simulated, runs=len(plan.errors), title=plan.task.title
+        plan.evaluation[:, :3],
+        plan.each_predicted(),
+        simulated,
+        runs=len(plan.errors),
+        title=_titled(plan, "predicted error by place"),
     )

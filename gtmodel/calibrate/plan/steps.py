@@ -54,6 +54,7 @@ class PlanState:
     poses: Array = field(default_factory=lambda: np.zeros((0, 3)))
     held_out: Array = field(default_factory=lambda: np.zeros((0, 3)))
     chosen: PoseInformation | None = None
+    units: tuple[str, ...] = ()  # of its unknowns
     identifiability: Identifiability | None = None
     rounds: list[int] = field(default_factory=list)
     errors: Array = field(default_factory=lambda: np.zeros((0, 0)))
@@ -216,7 +217,8 @@ def select(plan: PlanState, number: int, stop: Stop) -> None:
                 raise Stopped
             taken = s.indices
             plan.poses = plan.pool[taken]
-        plan.chosen = pose_information(plan.measuring.prepared(plan.poses))
+        ready = plan.measuring.prepared(plan.poses)
+        plan.chosen, plan.units = pose_information(ready), ready.unknowns.units
         if not plan.unpredicted:
             plan.target.moment(plan.chosen)  # few poses of a grid may determine too little
     except ModelError as error:

@@ -22,16 +22,24 @@ def pictures(findings: CalibrationFindings, title: str) -> Mapping[str, Callable
         errors = {f"{what}, calibrated": headline[name].sizes}
         if name in findings.a_priori:
             errors[f"{what}, before"] = findings.a_priori[name].sizes
-        drawn["pose_errors"] = lambda: _plot().pose_errors_figure(errors, title, headline[name].worst)
-        drawn["workspace_errors"] = lambda: _plot().workspace_errors_figure(T, headline[name].sizes, f"{title}: {what}")
+        drawn["pose_errors"] = lambda: _plot().pose_errors_figure(
+            errors, f"{title}: errors by pose", headline[name].worst
+        )
+        drawn["workspace_errors"] = lambda: _plot().workspace_errors_figure(
+            T, headline[name].sizes, f"{title}: errors by place, {what}"
+        )
     drawn["length_errors"] = lambda: _plot().length_errors_figure(
-        c.residuals, findings.problem.labels, f"{title}: fitted poses"
+        c.residuals, findings.problem.labels, f"{title}: length errors of the fitted poses"
     )
     estimate, after = findings.confidence.estimate, findings.after
     if estimate is not None and after is not None:
         units = [u or "1" for u in estimate.units]
-        drawn["deviations"] = lambda: _plot().deviations_figure(estimate.names, estimate.std, units, title)
-        drawn["correlation"] = lambda: _plot().correlation_figure(after.names, after.correlation, title)
+        drawn["deviations"] = lambda: _plot().deviations_figure(
+            estimate.names, estimate.std, units, f"{title}: standard deviations"
+        )
+        drawn["correlation"] = lambda: _plot().correlation_figure(
+            after.names, after.correlation, f"{title}: correlation"
+        )
     return drawn
 
 

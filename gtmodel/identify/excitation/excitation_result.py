@@ -140,7 +140,7 @@ def _information_figure(plan: ExcitationPlan, values: dict[str, Any], title: str
         },
         amplitudes=None if cosine is None else np.hypot(cosine, sine),
         frequency=1 / plan.task.basis.period,
-        title=f"{title}: {values['criterion']}",
+        title=f"{title},\noptimised for: {values['criterion']}",
     )
 
 
@@ -152,4 +152,4 @@ def _workspace_figure(plan: ExcitationPlan, motions: ExcitationMotions, trajecto
     limits = plan.limits
     box = None if None in (limits.tcp_low, limits.tcp_high) else np.array([limits.tcp_low, limits.tcp_high])
     return path_figure({"optimised": trajectory["T"], "best random": random}, joints[0], tips[0], box=box,
-                       title=trajectory.title)  # fmt: skip
+                       title=f"{trajectory.title}: paths, and the robot at the start")  # fmt: skip

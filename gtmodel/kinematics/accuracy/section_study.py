@@ -133,7 +133,7 @@ def _study_of(region: ErrorRegion, title: str, judged_cases: list[JudgedCase]) -
     figures: dict[str, Any] = {
         f"error_{k + 1}": partial(_error_figure, region, title, f) for k, f in enumerate(judged_cases)
     }
-    figures["faces"] = partial(_faces_figure, region, judged_cases)
+    figures["faces"] = partial(_faces_figure, region, title, judged_cases)
     low, high = region.low, region.high
     rectangle = region.plane.points(np.array([low, [high[0], low[1]], high, [low[0], high[1]]]))
     figures["robot"] = partial(home_figure, region.robot, [rectangle], title)
@@ -183,15 +183,18 @@ def _error_figure(region: ErrorRegion, title: str, f: JudgedCase) -> Any:
     error = f.map.error.reshape(len(region.u), len(region.v))
     return error_figure(
         region.u, region.v, error, region.corners, window=(region.low, region.high),
-        title=f"{title or 'accuracy'}: {f.values['name']}, {f.values['method']}", names=region.plane.names,
+        title=f"{title or 'accuracy'}: greatest error, {f.values['name']},\nby {f.values['method']}",
+        names=region.plane.names,
     )  # fmt: skip
 
 
-def _faces_figure(region: ErrorRegion, judged_cases: list[JudgedCase]) -> Any:
+def _faces_figure(region: ErrorRegion, title: str, judged_cases: list[JudgedCase]) -> Any:
     from ...plot.accuracy import faces_figure
 
     s = np.linspace(0.0, 1.0, DIAGONAL)
     T = region.plane.points(region.low + s[:, None] * (region.high - region.low))
     faces = {f.values["name"]: map_errors(f.errors, region.base_points, T).faces for f in judged_cases}
-    title = "faces of the error's parallelepiped, along the rising diagonal of the rectangle"
-    return faces_figure(s * float(np.linalg.norm(region.high - region.low)), faces, title=title)
+    what = "faces of the error's parallelepiped,\nalong the rising diagonal of the window"
+    return faces_figure(
+        s * float(np.linalg.norm(region.high - region.low)), faces, title=f"{title or 'accuracy'}: {what}"
+    )
