@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from gtmodel.lang import ModelError
-from gtmodel.problem_files.faults import LONGEST
+from gtmodel.problem_files.faults import LONGEST, shortened
 from tests.support.commands import Commands
 
 SUITES = Path(__file__).parent / "suites"
@@ -80,3 +80,9 @@ def test_a_slip_in_a_file_or_a_command_names_the_file(
     assert done.code == 2 and bool(done.out) == ("--json" in slip.get("command", ""))
     assert slip.get("file", "problem.toml") in done.err
     assert "line" not in slip or f"problem.toml: line {slip['line']}: " in done.err, done.err
+
+
+def test_a_long_sentence_is_cut_at_blanks() -> None:
+    cut = shortened("words of a sentence " * 30, 100)
+    assert len(cut) <= 100 and {*cut.split()} == {"words", "of", "a", "sentence", "..."}
+    assert len(shortened("x" * 200, 100)) <= 100

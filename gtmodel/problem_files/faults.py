@@ -25,11 +25,12 @@ def describe(error: BaseException, path: str = "") -> tuple[SolveStatus, str]:
 
 
 def shortened(text: str, most: int) -> str:
-    """A text of at most `most` characters: what it begins with, and its end, which says what to do."""
+    """A text of at most `most` characters: what it begins with, and its end, which says what to do; cut at blanks."""
     if len(text) <= most:
         return text
     end = most // 3
-    return f"{text[: most - end - 5]} ... {text[-end:]}"
+    head, tail = text[: most - end - 5], text[-end:]
+    return f"{head.rpartition(' ')[0] or head} ... {tail.partition(' ')[2] or tail}"
 
 
 def _described(error: BaseException, path: str) -> tuple[SolveStatus, str]:
