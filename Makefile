@@ -29,7 +29,7 @@ help:
 	@echo "make bench        benchmarks and rivals"
 	@echo "make docs         build the site, build/site/html/index.html, with all commands and notebooks run"
 	@echo "make conformance  solve the problems with known optima and write docs/conformance.md"
-	@echo "make pictures     draw docs/l1_min_time.png anew"
+	@echo "make pictures     draw docs/pictures anew, which README.md shows"
 	@echo "make format       bring the Python files into the form that make test asks for"
 	@echo "make schemas      write problems/schemas anew, with which editors complete and check the keys of problems"
 	@echo "make constraints  resolve constraints.txt anew"
@@ -65,9 +65,9 @@ bench: $(VENV)/.bench
 	done; \
 	test $$ran -eq 1 || echo "No benchmark in tests/bench yet: nothing was measured."; exit $$status
 
-# The one of README.md; the same problem draws the same bytes.
-pictures: demo
-	cp build/demo/motion.png docs/l1_min_time.png
+# Those of README.md; the same problem draws the same bytes.
+pictures: $(VENV)/.core
+	$(ONE_THREAD) $(BIN)/python docs/make_pictures.py
 
 # Strict: a link that leads nowhere, a command or a cell that fails ends the build.
 docs: $(VENV)/.docs
