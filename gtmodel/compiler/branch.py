@@ -62,47 +62,69 @@ def _with_roots(plan: CausalPlan, roots: list[Root]) -> CausalPlan:
 
 
 def _with_settled_roots(plan: CausalPlan, sampler: Sampler, wanted: Mapping[str, int]) -> CausalPlan:
-    roots = [r for b in plan.blocks for r in b.roots]
-    if not roots:
+    roots = RootSigns(plan, sampler)
+    if not roots.count:
         return plan
-    names, sides, values = _functions(plan, sampler, roots)
-    p = plan.flat.p0
-    jacobian = root_derivatives(plan, sampler)
-    at_start = np.array([_row(jacobian(w, p, sampler.time)) for w in plan.samples])
-    signs = np.ones(len(roots))
-    settled: list[Root] = []
-    for n, root in enumerate(roots):
-        seen = {}
-        for side in (1, -1):
-            signs[n] = side
-            seen[side] = np.array([_row(sides(w, p, sampler.time, signs)) for w in plan.samples])
-        teller = _teller(names, seen[1], seen[-1], wanted)
-        if teller is not None:
-            name = names[teller[0]]
-            settled.append(replace(root, settled_by=name, value=teller[1] * wanted.get(name, 1)))
-        else:
-            positive = int(np.sum(at_start[:, n] > 0))
-            if positive not in (0, len(at_start)):
-                raise ModelError(
-                    f"{plan.flat.title}: {root.label} has two solutions and nothing distinguishes them; declare "
-                    "gt.branch(name, expression) or give start values near the wanted one"
-                )
-            settled.append(replace(root, value=1 if positive else -1))
-        signs[n] = settled[n].value
-    samples = []
-    for sample in plan.samples:
-        w = sample.copy()
-        computed, numbers = values
-        w[computed] = _row(numbers(w, p, sampler.time, signs))
-        if not np.all(np.isfinite(w)) or sampler.correct(w) > RESIDUAL_TOLERANCE:
-            continue
-        if np.all(_row(jacobian(w, p, sampler.time)) * signs > 0):
-            samples.append(w)
-    if not samples:
-        raise ModelError(
-            f"{plan.flat.title}: no pose on the wanted branches was found; give start values near a home pose"
-        )
-    return replace(_with_roots(plan, settled), samples=np.array(samples))
+    settled = roots.settled(sampler, plan.samples, wanted)
+    return replace(_with_roots(plan, settled), samples=roots.samples(sampler, plan.samples, settled))
+
+
+class RootSigns:
+    """What gives the roots of a plan their signs, at numbers of the parameters that are those of a sampler's model."""
+
+    def __init__(self, plan: CausalPlan, sampler: Sampler) -> None:
+        self._roots = [r for b in plan.blocks for r in b.roots]
+        if self._roots:
+            self._names, self._sides, self._values = _functions(plan, sampler, self._roots)
+            self._jacobian = root_derivatives(plan, sampler)
+
+    @property
+    def count(self) -> int:
+        return len(self._roots)
+
+    def settled(self, sampler: Sampler, samples: np.ndarray, wanted: Mapping[str, int]) -> list[Root]:
+        """The roots with the signs of wanted branches, or else of samples. Raises ModelError."""
+        p, names = sampler.flat.p0, self._names
+        at_start = np.array([_row(self._jacobian(w, p, sampler.time)) for w in samples])
+        signs = np.ones(len(self._roots))
+        settled: list[Root] = []
+        for n, root in enumerate(self._roots):
+            seen = {}
+            for side in (1, -1):
+                signs[n] = side
+                seen[side] = np.array([_row(self._sides(w, p, sampler.time, signs)) for w in samples])
+            teller = _teller(names, seen[1], seen[-1], wanted)
+            if teller is not None:
+                name = names[teller[0]]
+                settled.append(replace(root, settled_by=name, value=teller[1] * wanted.get(name, 1)))
+            else:
+                positive = int(np.sum(at_start[:, n] > 0))
+                if positive not in (0, len(at_start)):
+                    raise ModelError(
+                        f"{sampler.flat.title}: {root.label} has two solutions and nothing distinguishes them; declare "
+                        "gt.branch(name, expression) or give start values near the wanted one"
+                    )
+                settled.append(replace(root, settled_by="", value=1 if positive else -1))
+            signs[n] = settled[n].value
+        return settled
+
+    def samples(self, sampler: Sampler, samples: np.ndarray, settled: list[Root]) -> np.ndarray:
+        """Samples where the roots have these signs. Raises ModelError where there is none."""
+        p, signs = sampler.flat.p0, np.array([r.value for r in settled], float)
+        kept = []
+        for sample in samples:
+            w = sample.copy()
+            computed, numbers = self._values
+            w[computed] = _row(numbers(w, p, sampler.time, signs))
+            if not np.all(np.isfinite(w)) or sampler.correct(w) > RESIDUAL_TOLERANCE:
+                continue
+            if np.all(_row(self._jacobian(w, p, sampler.time)) * signs > 0):
+                kept.append(w)
+        if not kept:
+            raise ModelError(
+                f"{sampler.flat.title}: no pose on the wanted branches was found; give start values near a home pose"
+            )
+        return np.array(kept)
 
 
 def _with_moved_home(plan: CausalPlan, sampler: Sampler, wanted: Mapping[str, int]) -> CausalPlan:

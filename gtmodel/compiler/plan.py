@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, field, replace
 
 import casadi as ca
@@ -11,7 +12,7 @@ import numpy as np
 from ..lang.source import ModelError
 from .alias import AliasResult, eliminate
 from .blocks import Margin, NewtonBlock, SolvedBlock
-from .branch import check_branches, follow, settle, sides
+from .branch import RootSigns, check_branches, follow, settle, sides
 from .consistency.home import Moved, home_of, moved, starts_of
 from .consistency.points import Sampler
 from .differentiation import differentiate, folded as folded_into, pairs_of, stage_residuals, system_of
@@ -277,6 +278,22 @@ def _points(sampler: Sampler, alias: AliasResult) -> tuple[Sampler, np.ndarray, 
     shared = replace(sampler, starts=starts_of(flat, alias, home_of(flat)))
     samples = shared.points(SAMPLE_POINTS)
     return shared, samples, moved(flat, shared, samples[0], declared)
+
+
+def starts_with(plan: CausalPlan, now: FlatModel) -> tuple[tuple[int, ...], np.ndarray]:
+    """The signs of the roots and the samples that a plan of the model with other numbers would have, `now`; the plan
+    holds as symbols what differs. Raises ModelError where that model has no consistent point."""
+    key = "root signs", plan
+    if key not in plan.flat.cache:
+        plan.flat.cache[key] = RootSigns(plan, plan.sampler)
+    roots: RootSigns = plan.flat.cache[key]
+    sampler = copy(plan.sampler)
+    sampler.flat, sampler.starts, sampler.time = now, starts_of(now, plan.alias), 0.0
+    sampler, samples, _ = _points(sampler, plan.alias)
+    if not roots.count:
+        return (), samples
+    settled = roots.settled(sampler, samples, {})
+    return tuple(r.value for r in settled), roots.samples(sampler, samples, settled)
 
 
 def _users(

@@ -217,7 +217,7 @@ def prepare(
                 "input, or start where it is defined"
             )
     held |= values
-    initial = initial_point(systems.plan, held, guess, start_time, systems.parameters)
+    initial = initial_point(systems.plan, held, guess, start_time, systems.parameters, systems.samples)
     system = systems.at(initial.w, start_time, settings)
     if system is None:
         raise ModelError(f"{flat.title}: the start is a singular pose, where no choice of states describes the motion")

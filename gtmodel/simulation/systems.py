@@ -13,7 +13,7 @@ import numpy as np
 
 from ..compiler.analysis.pace import Pace, pace_of
 from ..compiler.flat import FlatModel
-from ..compiler.plan import CausalPlan, make_plan
+from ..compiler.plan import CausalPlan, make_plan, starts_with
 from ..lang.source import ModelError
 from .audit import OriginalEquations
 from .choice import Choice, StateSelection, choice_of
@@ -120,6 +120,7 @@ class Systems:
         self._reduced: dict[BranchPlan, Reduced] = {}
         self._made: dict[tuple[BranchPlan, IntegratorSettings], SimulatedSystem] = {}
         self._paces: dict[Hashable, Pace] = {}
+        self.samples = self.plan.samples  # consistent points for the numbers of one run
 
     @staticmethod
     def kept(
@@ -128,20 +129,62 @@ class Systems:
         """Those of the last simulations of this model with inputs of this structure, else new ones. `now`: the model
         with the numbers of this run in place of the parameters that vary."""
         known: dict[Hashable, Systems] = flat.cache.setdefault("simulated", {})
-        other = _other_kind(flat, now, sorted(inputs.parameters))
-        key = inputs.structure, outputs.names, tuple(prefer), other
-        systems = known.pop(key, None) or Systems(now if other else flat, inputs, outputs.expressions, prefer)
-        return put_last(known, key, systems)._with_numbers(now)
 
-    def _with_numbers(self, now: FlatModel) -> Systems:
+        def of_kind(other: Hashable) -> Systems:
+            key = inputs.structure, outputs.names, tuple(prefer), other
+            systems = known.pop(key, None) or Systems(now if other else flat, inputs, outputs.expressions, prefer)
+            return put_last(known, key, systems)
+
+        other = _other_kind(flat, now, sorted(inputs.parameters))
+        systems = of_kind(other)
+        if not inputs.parameters:
+            return systems
+        signs, samples = systems._starts(now)
+        if signs != systems._signs:
+            systems = of_kind((other, signs))
+        return systems._with_numbers(now, samples)
+
+    def _with_numbers(self, now: FlatModel, samples: np.ndarray | None) -> Systems:
         """The same with the numbers of a run in place of the parameters that vary; all that is made is kept for all."""
-        if not self.inputs.parameters:
-            return self
         assert self.original_equations is not None  # made before the copy, so that it is made once
         run = copy(self)
         run.flat, run._numbers = now, now.p0[sorted(self.inputs.parameters)]
         run.selection = self.selection.with_numbers(run._numbers)
+        run.samples = self.plan.samples if samples is None else samples
         return run
+
+    @property
+    def _signs(self) -> tuple[int, ...]:
+        """On which sides of its roots the plan lies."""
+        return tuple(r.value for b in self.plan.blocks for r in b.roots)
+
+    def _starts(self, now: FlatModel) -> tuple[Hashable, np.ndarray | None]:
+        """The signs that roots have with other numbers, and consistent points with these; None for the plan's own. Of
+        numbers that have no such points, the numbers."""
+        same = np.array_equal(now.p0, self.flat.p0)
+        if same or not (self._start_depends or [v.start for v in now.variables] != self._own_starts):
+            return self._signs, None
+        try:
+            return starts_with(self.plan, now)
+        except ModelError:
+            return now.p0.tobytes(), None
+
+    @cached_property
+    def _own_starts(self) -> list[float | None]:
+        return [v.start for v in self.flat.variables]
+
+    @cached_property
+    def _start_depends(self) -> bool:
+        """Whether parameters that vary have a say in where a start is sought that has several solutions: they stand in
+        the equations of the stages in which what roots and Newton blocks hold comes up."""
+        plan, scope = self.plan, self.flat.scope
+        sides = [r.slope for b in plan.blocks for r in b.roots]
+        chosen = scope.symbols_in(ca.vertcat(*sides, *(s for b in plan.newton for s in b.unknowns)))
+        if not chosen:
+            return False
+        inside = [set(scope.symbols_in(stage)) for stage in plan.sampler.stages]
+        last = max(next((n for n, symbols in enumerate(inside) if pair in symbols), 0) for pair in chosen)
+        return bool(ca.depends_on(ca.vertcat(*plan.sampler.stages[: last + 1], *sides), self._varied))
 
     @cached_property
     def original_equations(self) -> OriginalEquations:

@@ -91,6 +91,48 @@ class TestEqualToTheModelMadeSo:
             a, b = both(Slide(), {"side": side}, 1.0)
             assert a.trajectory["y"][0] == pytest.approx(b.trajectory["y"][0]) and difference(a, b) < SAME
 
+    @pytest.mark.parametrize("given", [{"a": 0.5}, {"a": 1.5, "b": 3.0}, {"b": 1.9}])
+    def test_a_root_whose_side_depends_on_several_parameters(self, given):
+        """None of them changes its sign, what the root is multiplied by does: y stays near its start value, 1."""
+
+        class Slide(gt.Model):
+            second = gt.parameter(1.0, unit="s")
+            a = gt.parameter(2.0)
+            b = gt.parameter(1.0)
+            x = gt.variable(start=0.0, fixed=True)
+            y = gt.variable(start=1.0)
+
+            def equations(self):
+                yield self.second * gt.der(self.x) == 0.5 * self.y
+                yield (self.a - self.b) * self.y**2 == (self.a - self.b) * (2.0 - self.x)
+
+        model = Slide()
+        for values in ({"a": 2.0}, given, {"a": 2.5}):  # the model's own side before and after
+            a, b = both(model, values, 1.0)
+            assert a.trajectory["y"][0] == pytest.approx(np.sqrt(2.0)) and difference(a, b) < SAME
+
+    def test_the_solution_near_the_start_value_of_each_run(self):
+        """y = c + 1 or c - 1, whichever is nearer to 1."""
+
+        class Beside(gt.Model):
+            second = gt.parameter(1.0, unit="s")
+            c = gt.parameter(2.0)
+            x = gt.variable(start=0.0, fixed=True)
+            y = gt.variable(start=1.0)
+
+            def equations(self):
+                yield self.second * gt.der(self.x) == 0.5 * self.y
+                yield (self.y - self.c) ** 2 == 1.0 - 0.5 * self.x
+
+        model = Beside()
+        for c, first in ((2.0, 1.0), (0.5, 1.5), (1.8, 0.8), (0.3, 1.3)):
+            a, b = both(model, {"c": c}, 0.5)
+            assert a.trajectory["y"][0] == pytest.approx(first) and difference(a, b) < SAME
+
+    def test_a_start_far_from_the_model_s_own(self):
+        a, b = both(SwingingPendulum(), {"L": 1000.0}, 1.0)
+        assert a.status is b.status and difference(a, b) < SAME
+
     def test_zero_and_not_zero(self):
         for d in ([0.0, 0.0], [2.0, 0.0]):
             a, b = both(TwoMasses(), {"d": d}, 1.0, inputs={"F": 1.0}, start={"s": 0.0, "der(s)": 0.0})

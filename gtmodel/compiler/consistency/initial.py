@@ -65,12 +65,14 @@ def initial_point(
     guess: Mapping[Pair, float],
     time: float = 0.0,
     p: np.ndarray | None = None,
+    samples: np.ndarray | None = None,
 ) -> Initial:
     """A point that satisfies all differentiated equations and the initial equations.
 
     held: symbols with a prescribed value (fixed starts, known inputs and their derivatives).
     guess: values that are kept where the equations allow it, else approached.
     p: values of all parameters, where they are not the model's own; the plan must hold those that differ as symbols.
+    samples: consistent points for these values, where they are not the plan's.
     States that are free after that start as near to zero as the equations allow, from the side of the plan's samples.
     Where a root leaves a choice, the point lies on the plan's side of it, as in a causal function.
 
@@ -80,11 +82,12 @@ def initial_point(
     place = {pair: n for n, pair in enumerate(plan.pairs)}
     fixed = {place[pair]: value for pair, value in held.items() if pair in place}
     hoped = {place[pair]: value for pair, value in guess.items() if pair in place and place[pair] not in fixed}
-    at_rest = plan.samples[0].copy()
+    samples = plan.samples if samples is None else samples
+    at_rest = samples[0].copy()
     at_rest[[n for n, (_, k) in enumerate(plan.pairs) if k > 0]] = 0.0
     if (direct := equations.in_closed_form(at_rest, fixed)) is not None:
         return Initial(direct, frozenset())
-    tries = [(w, kept) for w in (at_rest, *plan.samples[:2]) for kept in ([hoped, {}] if hoped else [{}])]
+    tries = [(w, kept) for w in (at_rest, *samples[:2]) for kept in ([hoped, {}] if hoped else [{}])]
     for w, kept in tries:
         point = equations.reach(w, fixed | kept, hoped.keys() - kept.keys())
         if point is not None:
