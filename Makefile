@@ -20,7 +20,7 @@ PYTEST     := env -u MAKEFLAGS -u MFLAGS -u MAKELEVEL -u PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help demo test types pytest proof bench docs conformance format schemas constraints clean
+.PHONY: help demo test types pytest proof bench docs pictures conformance format schemas constraints clean
 
 help:
 	@echo "make demo         solve the time-optimal motion of the L1 prototype, then generate and check its C code"
@@ -29,6 +29,7 @@ help:
 	@echo "make bench        benchmarks and rivals"
 	@echo "make docs         build the site, build/site/html/index.html, with all commands and notebooks run"
 	@echo "make conformance  solve the problems with known optima and write docs/conformance.md"
+	@echo "make pictures     draw docs/pictures anew, which README.md shows"
 	@echo "make format       bring the Python files into the form that make test asks for"
 	@echo "make schemas      write problems/schemas anew, with which editors complete and check the keys of problems"
 	@echo "make constraints  resolve constraints.txt anew"
@@ -63,6 +64,10 @@ bench: $(VENV)/.bench
 	  ran=1; echo "== $$script"; $(ONE_THREAD) $(BIN)/python "$$script" || status=1; \
 	done; \
 	test $$ran -eq 1 || echo "No benchmark in tests/bench yet: nothing was measured."; exit $$status
+
+# Those of README.md; the same problem draws the same bytes.
+pictures: $(VENV)/.core
+	$(ONE_THREAD) $(BIN)/python docs/make_pictures.py
 
 # Strict: a link that leads nowhere, a command or a cell that fails ends the build.
 docs: $(VENV)/.docs

@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 from matplotlib.collections import PathCollection
 from matplotlib.figure import Figure
-from matplotlib.ticker import NullFormatter
+from matplotlib.ticker import MaxNLocator, NullFormatter
 
 from .style import AWAY_FROM_ZERO, COLOURS, ORANGE, key_below, styled, with_panels
 
 BINS = 30
+TICKS = 4  # along the longer side of a view
 MANY = 40  # names that still can be read on an axis
 
 
@@ -75,6 +76,9 @@ def workspace_errors_figure(positions: np.ndarray, sizes: np.ndarray, title: str
         worst = order[-1]
         axes.plot(positions[worst, a], positions[worst, b], "o", markerfacecolor="none", markeredgecolor=ORANGE, ms=12,
                   markeredgewidth=1.5, label=f"largest: {top:.3g} mm")  # fmt: skip
+        sides = np.ptp(positions[:, [a, b]], axis=0)
+        for axis, part in zip((axes.xaxis, axes.yaxis), sides / max(float(sides.max()), 1e-12), strict=True):
+            axis.set_major_locator(MaxNLocator(max(1, round(TICKS * float(part)))))  # a narrow panel has room for few
         axes.set(xlabel=f"{'xyz'[a]} [m]", ylabel=f"{'xyz'[b]} [m]")
         axes.set_aspect("equal")
     assert drawn is not None
@@ -122,7 +126,8 @@ def _deviations(axes: Any, names: Sequence[str], std: np.ndarray, unit: str) -> 
 def correlation_figure(names: Sequence[str], correlation: np.ndarray, title: str = "") -> Figure:
     """Correlation coefficients (n, n) of unknowns."""
     n = len(names)
-    figure = Figure(figsize=(3.0 + 0.14 * n, 2.4 + 0.14 * n), layout="constrained")
+    beside = 0.06 * max(map(len, names), default=0)  # inches that the names need
+    figure = Figure(figsize=(3.2 + beside + 0.14 * n, 2.8 + beside + 0.14 * n), layout="constrained")
     axes = figure.add_subplot()
     drawn = axes.imshow(correlation, cmap=AWAY_FROM_ZERO, vmin=-1, vmax=1)
     size = 7 if n <= MANY else 5

@@ -6,6 +6,7 @@ their style, where there are many. What was measured is dots, black, on top of w
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import wraps
@@ -33,6 +34,7 @@ SETTINGS: dict[str, Any] = {
     "figure.titlesize": "large", "grid.alpha": 0.3, "image.cmap": HEIGHT, "legend.fontsize": "small",
     "legend.framealpha": 0.9, "axes.formatter.use_mathtext": True,
 }  # fmt: skip
+LETTERS = 9.5  # of a large title, in an inch
 _Draw = TypeVar("_Draw", bound=Callable[..., Figure])
 
 
@@ -79,15 +81,20 @@ def with_panels(
     for axes in stack if grid else ():
         axes.grid(alpha=0.3)
     if title:
-        figure.suptitle(title, fontsize=fontsize)
+        figure.suptitle(_wrapped(title, width), fontsize=fontsize)
     return figure, stack
+
+
+def _wrapped(title: str, width: float) -> str:
+    """A title in lines that a figure of this width [inches] has room for."""
+    return "\n".join(textwrap.fill(line, int(LETTERS * width)) for line in title.splitlines())
 
 
 def in_space(width: float, height: float, *, title: str = "") -> tuple[Figure, Any]:
     """A figure [inches] with one panel in three dimensions."""
     figure = Figure(figsize=(width, height), layout="constrained")
     if title:
-        figure.suptitle(title)
+        figure.suptitle(_wrapped(title, width))
     return figure, figure.add_subplot(projection="3d")
 
 

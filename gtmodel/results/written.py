@@ -218,6 +218,7 @@ def png(draw: Any, said: str = "") -> bytes:
         figure = draw()
         more = _headed(figure, said) if said else {}
         _as_written(figure)
+        figure.draw_without_rendering()  # equal scales move the numbers, for which the layout then makes room
         # matplotlib's own version stays out of the file: same input, same bytes
         figure.savefig(buffer, format="png", dpi=_DPI, metadata={"Software": None}, **more)
     return buffer.getvalue()

@@ -27,7 +27,8 @@ NAMES_OVERLAP = 30  # more names than this along an axis are meant to be read in
 def faults(figure: Figure) -> list[str]:
     """A sentence each; none of a good picture."""
     canvas = FigureCanvasAgg(figure)
-    canvas.draw()
+    for _ in range(2):  # equal scales and the layout follow each other
+        canvas.draw()
     return [*unlabelled(figure), *doubled(figure), *covered(figure, canvas.get_renderer()), *foreign(figure)]
 
 
