@@ -71,7 +71,7 @@ pictures: $(VENV)/.core
 
 # Strict: a link that leads nowhere, a command or a cell that fails ends the build.
 docs: $(VENV)/.docs
-	env -u PYTHONDONTWRITEBYTECODE $(ONE_THREAD) $(RUN) sphinx --quiet --fail-on-warning --keep-going --jobs $(JOBS) \
+	env -u PYTHONDONTWRITEBYTECODE $(ONE_THREAD) $(RUN) sphinx --quiet --fresh-env --write-all --fail-on-warning --keep-going --jobs $(JOBS) \
 	  -b html -d build/site/doctrees docs build/site/html
 	@echo "The site: build/site/html/index.html"
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 from pathlib import Path
 
 import gtmodel as gt
@@ -12,7 +13,6 @@ PICTURES = {
     "hexapod": ("calibrate_hexapod", "pose_errors"),
 }
 """Name -> problem and figure."""
-WIDTH = 1200  # pixels
 
 
 def main() -> None:
@@ -20,9 +20,9 @@ def main() -> None:
     folder = Path(__file__).parent / "pictures"
     folder.mkdir(exist_ok=True)
     for name, (problem, figure) in PICTURES.items():
-        drawn = gt.load(problem)().figure(figure)
-        # no date and no version: the same picture is the same bytes
-        drawn.savefig(folder / f"{name}.png", dpi=WIDTH / drawn.get_figwidth(), metadata={"Software": None})
+        with tempfile.TemporaryDirectory() as written:
+            gt.load(problem)().write(f"{written}/out", plot=True)
+            (folder / f"{name}.png").write_bytes(Path(written, "out", f"{figure}.png").read_bytes())
 
 
 if __name__ == "__main__":

@@ -192,7 +192,7 @@ def _study_of(
         exported_clearance=clearances(problem.limits.obstacles, run["T"], plan.links(run)),
         figures={"motion": partial(_figure, plan, trajectory, curves)},
         files=files,
-        machine_files=tuple(files),
+        machine_files=("reference.csv", "motion.mod"),
     )
 
 

@@ -328,4 +328,5 @@ def constant(matrix: scipy.sparse.spmatrix) -> ca.DM:
     """For CasADi, by its own constructor of sparsities, which is five times faster than the one of matrices."""
     m = scipy.sparse.csc_matrix(matrix)
     m.sort_indices()
-    return ca.DM(ca.Sparsity(*m.shape, m.indptr.tolist(), m.indices.tolist()), m.data)
+    rows, columns = m.shape
+    return ca.DM(ca.Sparsity(rows, columns, m.indptr.tolist(), m.indices.tolist()), m.data)

@@ -47,9 +47,15 @@ class AccuracyStudy(Study):
                 Row(f"{name}: greatest", case["max_um"], "um"),
                 Row(f"{name}: at (u, v)", listed(case["max_at_m"]), "m"),
                 Row(f"{name}: nearest guideway", case["nearest_guideway"]),
-                Row(f"{name}: in the centre", case["centre_um"], "um"),
+                Row(
+                    f"{name}: in the centre", "out of reach" if np.isnan(case["centre_um"]) else case["centre_um"], "um"
+                ),
                 Row(f"{name}: over all that is reached, least", case["reached_min_um"], "um"),
                 Row(f"{name}: over all that is reached, greatest", case["reached_max_um"], "um"),
                 Row(f"{name}: synthetic draws at the greatest", case["monte_carlo_um"], "um"),
             ]
         return rows
+
+
+def _or_out_of_reach(value: float) -> float | str:
+    return "out of reach" if np.isnan(value) else value
