@@ -58,7 +58,7 @@ def judge_held_out(
         equations = N * max(len(c.problem.labels), 1)
         determined = len(c.x) if c.estimate is None else len(c.x) - c.estimate.null_space.shape[1]
         growth = (equations + determined) / (equations - determined) if equations > determined else np.inf
-        degrees_of_freedom = float(equations - determined), 3.0 * M
+        degrees_of_freedom = float(equations - determined), float(outside.size)
     else:
         left = np.trace(fit) / len(fit) > ROUNDING * np.trace(held) / len(held)
         growth = np.trace(held) / len(held) / (np.trace(fit) / len(fit)) if left else np.inf

@@ -13,7 +13,10 @@ MAD = 1.4826022185  # standard deviation of a normal variable over its median ab
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """Errors (N, 3) of a predicted position [m] or, as small turns, orientation [rad]; rows of NaN do not count."""
+    """Errors (N, 3) of a predicted position [m] or, as small turns, orientation [rad]; rows of NaN do not count.
+
+    A planar mechanism has errors (N, 2).
+    """
 
     errors: np.ndarray
 
@@ -45,7 +48,7 @@ class Prediction:
         return int(np.nanargmax(self.sizes))
 
     def principal(self) -> tuple[np.ndarray, np.ndarray]:
-        """Rms errors (3,) along the principal directions (3, 3), one per row, the least first.
+        """Rms errors (k,) along the principal directions (k, k) of errors (N, k), one per row, the least first.
 
         Of E'E / N with the errors as they are, their mean not removed, as below eq. (5.13) of Dressler 2012. The
         largest component of a direction is positive.
@@ -53,7 +56,7 @@ class Prediction:
         good = self.errors[np.all(np.isfinite(self.errors), axis=1)]
         values, vectors = np.linalg.eigh(good.T @ good / len(good))
         rows = vectors.T
-        rows = rows * np.sign(rows[np.arange(3), np.argmax(np.abs(rows), axis=1)])[:, None]
+        rows = rows * np.sign(rows[np.arange(len(rows)), np.argmax(np.abs(rows), axis=1)])[:, None]
         return np.sqrt(np.maximum(values, 0.0)), rows
 
 

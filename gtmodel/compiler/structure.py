@@ -109,6 +109,9 @@ def _unbalanced(
     if cols:
         names = ", ".join(flat.variables[unknowns[j]].name for j in cols[:6]) + (", ..." if len(cols) > 6 else "")
         text += f"; not determined: {names} (too few equations or too few known variables)"
+        met = {j for _, j in sigma}
+        if absent := [flat.variables[unknowns[j]].name for j in cols if j not in met][:6]:
+            text += f"; {', '.join(absent)} stand in no equation: is one, or its yield, missing?"
         inputs = [v for v in (flat.variables[unknowns[j]] for j in cols) if v.role == "input"]
         if inputs and not rows:
             text += f"; inputs are known where they are named: known=[{', '.join(repr(v.name) for v in inputs[:6])}]"

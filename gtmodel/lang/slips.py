@@ -174,6 +174,8 @@ def _explained(error: Exception) -> str:
         return f"it lacks its first argument; write def {bare[1]}(self)"
     if isinstance(error, TypeError) and "'method'" in text:
         return f"{text}; call the method, with parentheses behind its name"
+    if isinstance(error, TypeError) and text == "'Expr' object is not callable":
+        return "a variable is no function; its value at an instant is written x.at(instant), as x.at(self.final_time)"
     if isinstance(error, NotImplementedError) and "overloaded function" in text:  # CasADi, given an Expr
         name = text.partition("overloaded function '")[2].partition("'")[0]
         if name == "Function_call":

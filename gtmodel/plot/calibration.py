@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Sequence
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -66,12 +67,13 @@ def length_errors_figure(residuals: np.ndarray, labels: Sequence[str], title: st
 
 @styled
 def workspace_errors_figure(positions: np.ndarray, sizes: np.ndarray, title: str = "") -> Figure:
-    """Errors (N,) [m] at positions (N, 3) [m], seen along each axis; the greatest lie on top."""
+    """Errors (N,) [m] at positions (N, 3) [m], seen along each axis, or (N, 2); the greatest lie on top."""
     order = np.argsort(np.nan_to_num(sizes, nan=-1.0), kind="stable")
-    figure, panels = with_panels(11.0, 4.2, columns=3, title=title)
+    pairs = list(combinations(range(positions.shape[1]), 2))
+    figure, panels = with_panels(11.0 if len(pairs) > 1 else 5.5, 4.2, columns=len(pairs), title=title)
     top = 1e3 * float(np.nanmax(sizes))
     drawn: PathCollection | None = None
-    for axes, (a, b) in zip(panels, ((0, 1), (0, 2), (1, 2)), strict=True):
+    for axes, (a, b) in zip(panels, pairs, strict=True):
         drawn = axes.scatter(positions[order, a], positions[order, b], c=1e3 * sizes[order], s=22, zorder=2)
         worst = order[-1]
         axes.plot(positions[worst, a], positions[worst, b], "o", markerfacecolor="none", markeredgecolor=ORANGE, ms=12,

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import gtmodel as gt
 from gtmodel.calibrate import Fit, Known, MeasuredPoses, Measurements, Pose, read_poses, study
 from gtmodel.results import ArgumentError, SolveStatus
 from tests.calibrate.shipped import (
@@ -134,3 +135,55 @@ class TestChoices:
         poses = MeasuredPoses(Measurements({"phi": phi, "s": s}, poses=(Pose("s"),)), "phi")
         done = study(Slider(), poses)
         assert done.parameters == pytest.approx({"L": 1.23, "a": 0.41, "h": 0.12}, abs=1e-7)
+
+
+class FiveBar(gt.Model):
+    """Two cranks in a plane that hold the tool P by two rods."""
+
+    base = gt.parameter([-0.1, 0.1], unit="m", shape=2)
+    crank = gt.parameter([0.25, 0.25], unit="m", shape=2)
+    rod = gt.parameter([0.35, 0.35], unit="m", shape=2)
+    phi = gt.variable(2, unit="rad", start=[2.2, 0.9])
+    P = gt.variable(2, unit="m", start=[0.0, 0.44])
+
+    def equations(self):
+        for k in range(2):
+            elbow = gt.vector([self.base[k] + self.crank[k] * gt.cos(self.phi[k]), self.crank[k] * gt.sin(self.phi[k])])
+            yield gt.dot(self.P - elbow, self.P - elbow) == self.rod[k] ** 2
+
+
+class TestInThePlane:
+    BASE, CRANK, ROD = np.array([-0.1008, 0.1003]), np.array([0.2511, 0.2494]), np.array([0.3505, 0.3488])
+    NOISE = 3e-5  # m
+
+    def poses(self, order: list[int]) -> MeasuredPoses:
+        """Angles by the law of cosines, not by gtmodel."""
+        rng = np.random.default_rng(4)
+        P = rng.uniform([-0.2, 0.25], [0.2, 0.5], (60, 2))
+        d = np.stack([P[:, :1] - self.BASE, np.broadcast_to(P[:, 1:], (60, 2))], axis=2)
+        far = np.linalg.norm(d, axis=2)
+        opening = np.arccos((self.CRANK**2 + far**2 - self.ROD**2) / (2 * self.CRANK * far))
+        phi = np.arctan2(d[:, :, 1], d[:, :, 0]) + [1, -1] * opening
+        P = P[:, order] + rng.normal(scale=self.NOISE, size=P.shape)
+        return MeasuredPoses(Measurements({"phi": phi, "P": P}, noise={"P": self.NOISE}, poses=(Pose("P"),)), "phi")
+
+    def test_held_out_poses_prove_the_prediction(self, tmp_path: Path) -> None:
+        done = study(FiveBar(), self.poses([0, 1]), Fit(accuracy=5e-5))
+        assert done.status is SolveStatus.SOLVED
+        # the mean length of a normal vector in the plane, and what the parameters add
+        assert done.held_out["mean"] == pytest.approx(self.NOISE * np.sqrt(np.pi / 2), rel=0.2)
+        assert done.a_priori["mean"] > 1e-3
+        for k in range(2):
+            low, high = done.interval(f"crank[{k}]")
+            assert low < self.CRANK[k] < high
+        done.write(tmp_path, plot=True)
+        assert (tmp_path / "workspace_errors.png").exists()
+        assert (
+            (tmp_path / "poses.csv")
+            .read_text()
+            .startswith("line,part,P[0] [m],P[1] [m],error x [mm],error y [mm],error [mm],")
+        )
+
+    def test_swapped_axes_are_recognised(self) -> None:
+        with pytest.raises(ArgumentError, match=r"when \(y, x\) is read as \(x, y\)"):
+            study(FiveBar(), self.poses([1, 0]))

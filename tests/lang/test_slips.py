@@ -174,3 +174,42 @@ def test_a_folder_beside_the_package_whose_name_begins_like_it_is_a_persons() ->
         "gtmodel_robots/mine.py",
         2,
     )
+
+
+class Move(gt.Optimization):
+    x = gt.variable(start=1.0, fixed=True)
+    u = gt.input(min=-1.0, max=1.0)
+
+    def equations(self) -> Any:
+        yield gt.der(self.x) == self.u
+
+    def objective(self) -> Any:
+        return gt.integral(self.u**2)
+
+
+class TestSlipsOfOptimica:
+    def test_a_section_called_constraint_is_not_left_out_in_silence(self) -> None:
+        class Arrives(Move):
+            def constraint(self) -> Any:
+                yield self.x.at(self.final_time) == 0.0
+
+        with pytest.raises(gt.ModelError, match=r"constraint\(\) is not asked for any: its name has to be constraints"):
+            gt.transcribe(Arrives(), gt.Mesh(2))
+
+    def test_a_helper_of_that_name_is_free(self) -> None:
+        class Arrives(Move):
+            def constraint(self) -> Any:
+                return self.x.at(self.final_time) == 0.0
+
+            def constraints(self) -> Any:
+                yield self.constraint()
+
+        assert gt.solve(Arrives(), gt.Mesh(2)).objective == pytest.approx(1.0)
+
+    def test_a_variable_called_at_an_instant(self) -> None:
+        class Arrives(Move):
+            def constraints(self) -> Any:
+                yield self.x(self.final_time) == 0.0
+
+        with pytest.raises(gt.ModelError, match=r"written x\.at\(instant\)"):
+            gt.transcribe(Arrives(), gt.Mesh(2))

@@ -131,7 +131,7 @@ def other_columns(
 def swapped_axes(
     name: str, measured: np.ndarray, predicted: np.ndarray, size: float, free_frame: bool = False
 ) -> ColumnReading | None:
-    """Positions (N, 3) whose axes are exchanged or reversed against the model's, as the cart directions show.
+    """Positions (N, 3) or (N, 2) whose axes are exchanged or reversed against the model's, as the cart directions show.
 
     With a frame that is unknown (`free_frame`) only the handedness can be found.
     """
@@ -147,16 +147,18 @@ def swapped_axes(
     before = distance(measured, predicted)
     if before <= CLOSE * size:
         return None
-    readings = product(permutations(range(3)), product((1.0, -1.0), repeat=3))
+    axes = measured.shape[1]
+    readings = product(permutations(range(axes)), product((1.0, -1.0), repeat=axes))
     best, reading = nearest(before, lambda r: distance(measured[:, r[0]] * r[1], predicted), readings)
     if reading is None:
         return None
     order, signs = reading
     read = ", ".join(("-" if s < 0 else "") + AXES[k] for k, s in zip(order, signs, strict=True))
-    left = np.linalg.det(np.eye(3)[list(order)]) * np.prod(signs) < 0
+    left = np.linalg.det(np.eye(axes)[list(order)]) * np.prod(signs) < 0
     return ColumnReading(
         f"the axes of '{name}' look swapped: poses miss the model's by {length(before)} rms as given, and by "
-        f"{length(best)} when ({read}) is read as (x, y, z)" + ("; as given they are left-handed" if left else ""),
+        f"{length(best)} when ({read}) is read as ({', '.join(AXES[:axes])})"
+        + ("; as given they are left-handed" if left else ""),
         best,
     )
 
@@ -174,7 +176,7 @@ def _aligned(measured: np.ndarray, predicted: np.ndarray, hand: int) -> tuple[np
 
 
 def distance(measured: np.ndarray, predicted: np.ndarray) -> float:
-    """Rms distance [m] of positions (N, 3)."""
+    """Rms distance [m] of positions (N, 3) or (N, 2)."""
     return float(np.sqrt(np.mean(np.sum((measured - predicted) ** 2, axis=1))))
 
 

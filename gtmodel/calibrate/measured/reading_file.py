@@ -68,7 +68,7 @@ def _table(path: Path, measured: Measured, key: str = "measured.file") -> Signal
         name = getattr(measured, key_)
         if name is not None and name not in measured.signals:
             there = ", ".join(measured.signals)
-            raise ArgumentError(f"names '{name}', which is no signal; these are {there}", f"measured.{key_}")
+            raise ArgumentError(f"is '{name}', which is no signal; write one of these: {there}", f"measured.{key_}")
     if measured.sag is not None and isinstance(measured.sag.payload, str):
         wanted[f"load({measured.position})"] = (measured.sag.payload, "kg")
     if measured.session is None and (measured.device_per_session or measured.target_per_session):

@@ -50,7 +50,7 @@ class Witness:
     size: float
 
     def positions(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Positions (n, 3) and quaternions (n, 4 or 0) of the rows (n,) that are reached."""
+        """Positions (n, 3), in the plane (n, 2), and quaternions (n, 4 or 0) of the rows (n,) that are reached."""
         assert self.forward is not None
         T, *e, status = self.forward(q)
         good = np.flatnonzero(np.asarray(status) == 0)
@@ -67,7 +67,8 @@ def witness_of(model: Model, data: SplitPoses) -> Witness:
         forward = compile_causal(model, known=[data.actuators], targets=targets)
     except ModelError:
         forward = None
-    if forward is not None and forward.outputs[0].shape != (3,):
+    # a frame of the device is sought in space only
+    if forward is not None and forward.outputs[0].shape not in (((3,),) if pose.device else ((2,), (3,))):
         forward = None
     return Witness(forward, max(lengths, default=1.0))
 

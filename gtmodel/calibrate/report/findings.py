@@ -118,9 +118,9 @@ def findings_of(
     part = data.held_out if data.held_out.any() else ~data.held_out
     prior = {} if a_priori is None else {data.position: Prediction(a_priori.errors[part])}
     return CalibrationFindings(
-        prepared, data, c, before, _predicted(c, data.fitted), {} if data.kept is None else _predicted(c, data.kept),
-        prior, outliers(c.residuals),
-        _sensitivity(fit, c), _repeatability(data), fit.loss,
+        prepared, data, c, before, _predicted(c, data.fitted, data.position),
+        {} if data.kept is None else _predicted(c, data.kept, data.position),
+        prior, outliers(c.residuals), _sensitivity(fit, c), _repeatability(data), fit.loss,
     )  # fmt: skip
 
 
@@ -180,12 +180,13 @@ def verdict(findings: CalibrationFindings, accuracy: float | None) -> tuple[bool
     return True, proven, sentences
 
 
-def _predicted(c: Calibration, m: Measurements) -> dict[str, Prediction]:
+def _predicted(c: Calibration, m: Measurements, position: str) -> dict[str, Prediction]:
+    """Of the position, in the plane or in space, and of orientations; empty where no pose closes."""
     try:
         errors = c.positioning_errors(m)
     except (ModelError, ValueError, np.linalg.LinAlgError):
         return {}
-    predictions = {n: Prediction(e) for n, e in errors.items() if e.shape[1] == 3}
+    predictions = {n: Prediction(e) for n, e in errors.items() if n == position or e.shape[1] == 3}
     return predictions if all(np.any(np.isfinite(p.errors)) for p in predictions.values()) else {}
 
 
@@ -205,7 +206,9 @@ def length_noise(p: CalibrationProblem) -> float:
     """Noise of a length [m] before the residuals are known: that of the position, 0.1 mm where none is stated."""
     for pose in p.measurements.poses:
         if pose.position in p.measurements.noise:
-            return float(np.sqrt(np.mean(np.diagonal(p.measurements.covariance(pose.position, 3), axis1=1, axis2=2))))
+            axes = np.asarray(p.measurements.values[pose.position]).shape[1]
+            covariance = p.measurements.covariance(pose.position, axes)
+            return float(np.sqrt(np.mean(np.diagonal(covariance, axis1=1, axis2=2))))
     return 1e-4
 
 

@@ -25,9 +25,10 @@ def pictures(findings: CalibrationFindings, title: str) -> Mapping[str, Callable
         drawn["pose_errors"] = lambda: _plot().pose_errors_figure(
             errors, f"{title}: errors by pose", headline[name].worst
         )
-        drawn["workspace_errors"] = lambda: _plot().workspace_errors_figure(
-            T, headline[name].sizes, f"{title}: errors by place, {what}"
-        )
+        if T.shape[1] > 1:
+            drawn["workspace_errors"] = lambda: _plot().workspace_errors_figure(
+                T, headline[name].sizes, f"{title}: errors by place, {what}"
+            )
     drawn["length_errors"] = lambda: _plot().length_errors_figure(
         c.residuals, findings.problem.labels, f"{title}: length errors of the fitted poses"
     )

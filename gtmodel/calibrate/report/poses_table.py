@@ -15,7 +15,7 @@ def text(findings: CalibrationFindings) -> str:
     T = findings.data.T
     held = findings.data.held_out
     labels = findings.problem.labels
-    errors, lengths = np.full((len(T), 3), np.nan), np.full((len(T), len(labels)), np.nan)
+    errors, lengths = np.full(T.shape, np.nan), np.full((len(T), len(labels)), np.nan)
     for part, prediction in ((~held, findings.fitted), (held, findings.held_out)):
         if name in prediction:
             errors[part] = prediction[name].errors
@@ -23,7 +23,7 @@ def text(findings: CalibrationFindings) -> str:
     if findings.data.kept is not None:
         lengths[held] = findings.calibration.on(findings.data.kept)
     places = {f"{name}[{k}] [m]": x for k, x in enumerate(T.T)}
-    heads = [*(f"error {axis} [mm]" for axis in "xyz"), "error [mm]", *(f"{x} [mm]" for x in labels)]
+    heads = [*(f"error {axis} [mm]" for axis in "xyz"[: T.shape[1]]), "error [mm]", *(f"{x} [mm]" for x in labels)]
     numbers = np.column_stack([1e3 * errors, 1e3 * np.linalg.norm(errors, axis=1), 1e3 * lengths])
     return csv_text(
         {"line": findings.data.lines, "part": np.where(held, "held out", "fitted"), **places}

@@ -135,6 +135,12 @@ def _stated(flat: FlatModel) -> tuple[Expr, list[ConstraintRow]]:
             f"{flat.title}.objective() must return a scalar expression; found {objective!r}",
             line_of(type(root).objective),
         )
+    own = vars(type(root))
+    if "constraint" in own and type(root).constraints is Optimization.constraints:
+        raise ModelError(
+            f"{flat.title}.constraint() is not asked for any: its name has to be constraints",
+            line_of(own["constraint"]),
+        )
     if not flat.variables:
         raise ModelError(f"{flat.title} has no variable, so there is no trajectory to optimise; declare one")
     return objective, relations(root.constraints(), flat) + initial_rows(flat)
