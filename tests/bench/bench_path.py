@@ -75,7 +75,7 @@ def main() -> int:
             results[name].append(road(n or 0))
     totals = {name: [r.total for r in found] for name, found in results.items()}
     ratio = median(b / a for a, b in zip(*totals.values(), strict=True))
-    print("| road | mesh | final time [s] | error | iterations | total [s] |\n|---|---:|---:|---:|---:|---:|")
+    print("| method | mesh | final time [s] | error | iterations | total [s] |\n|---|---:|---:|---:|---:|---:|")
     for name, found in results.items():
         r, t = found[0], totals[name]
         cells = f"{sizes[name][1]} | {r.objective:.6f} | {abs(r.objective / reference - 1):.1e} | {r.iterations}"
