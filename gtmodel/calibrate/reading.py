@@ -60,7 +60,8 @@ def reading(closure: Closure, m: Measurements, starts: dict[str, np.ndarray], se
     for c in m.corrections:
         if c.signal not in signals:
             raise ModelError(f"a correction names '{c.signal}', which is not among {', '.join(signals)}")
-        signals[c.signal] = r.corrected(c, signals[c.signal])
+        first = closure.flat.groups[c.signal][1][0]
+        signals[c.signal] = r.corrected(c, signals[c.signal], closure.flat.variables[first].unit or "")
     for pose in m.poses:
         r.placed(pose, signals)
     for name in closure.latent:
@@ -106,7 +107,8 @@ class _Reader:
         self.noise.append(error)
         return turned(value, error) if quaternion else value + error
 
-    def corrected(self, c: Correction, value: ca.SX) -> ca.SX:
+    def corrected(self, c: Correction, value: ca.SX, unit: str) -> ca.SX:
+        """A signal in `unit` without its delay, scale and offset."""
         n = value.numel()
         if c.delay:
             rate = f"der({c.signal})"
@@ -120,7 +122,7 @@ class _Reader:
             for session in self.sessions:
                 inside = self.inside(session)
                 ending = f" in {session}" if len(self.sessions) > 1 else ""
-                offset = self.parameter(f"{c.signal}.offset{ending}", np.zeros(n), "")
+                offset = self.parameter(f"{c.signal}.offset{ending}", np.zeros(n), unit)
                 value = value - inside * offset
         return value
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import gtmodel as gt
-from gtmodel.calibrate import Fit, Known, MeasuredPoses, Measurements, Pose, read_poses, study
+from gtmodel.calibrate import Correction, Fit, Known, MeasuredPoses, Measurements, Pose, read_poses, study
 from gtmodel.results import ArgumentError, SolveStatus
 from tests.calibrate.shipped import (
     FITS,
@@ -187,3 +187,13 @@ class TestInThePlane:
     def test_swapped_axes_are_recognised(self) -> None:
         with pytest.raises(ArgumentError, match=r"when \(y, x\) is read as \(x, y\)"):
             study(FiveBar(), self.poses([1, 0]))
+
+    def test_zeros_of_the_encoders_are_estimated_in_their_unit(self) -> None:
+        m, zeros = self.poses([0, 1]).measurements, np.array([0.012, -0.007])  # rad
+        values = {"phi": m.values["phi"] + zeros, "P": m.values["P"]}
+        off = Measurements(values, noise=m.noise, poses=m.poses, corrections=(Correction("phi", offset=True),))
+        done = study(FiveBar(), MeasuredPoses(off, "phi"))
+        for k in range(2):
+            low, high = done.interval(f"phi.offset[{k}]")
+            assert low < zeros[k] < high
+        assert {u["name"]: u["unit"] for u in done.unknowns}["phi.offset[0]"] == "rad"
