@@ -50,8 +50,8 @@ def test_a_pose_that_does_not_close_is_its_own_row_only():
 
 
 def test_held_out_poses_that_do_not_close_are_no_proof(monkeypatch: pytest.MonkeyPatch):
-    def one_lost(c, m):
-        prediction = predicted(c, m)
+    def one_lost(*given):
+        prediction = predicted(*given)
         return {n: replace(p, errors=np.vstack([np.full((1, 3), np.nan), p.errors[1:]])) for n, p in prediction.items()}
 
     predicted = findings._predicted

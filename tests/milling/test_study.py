@@ -114,7 +114,7 @@ def test_a_field_over_the_poses_says_that_it_is_synthetic(kr500, field) -> None:
     assert found.dynamics == (
         "Gaussian processes over the pose, field.toml; synthetic: a field through six printed poses"
     )
-    assert "synthetic dynamics" in found.figure("angle").axes[0].get_title()
+    assert "synthetic dynamics" in found.figure("angle").get_suptitle()
     assert 1e3 * found.dynamic_index <= found.combinations[0]["index_mm"] and found.refined[0][2]
 
 
