@@ -17,7 +17,7 @@ from gtmodel.problem_files import registry
 
 CLONE = Path(__file__).parents[1]
 DOCS = CLONE / "docs"
-PAGES = sorted(p for p in DOCS.rglob("*.md") if not {"_made", "notebooks", "reference"} & set(p.parts))
+PAGES = sorted(p for p in DOCS.rglob("*.md") if not {"_made", "notebooks", "project", "reference"} & set(p.parts))
 LANGUAGES = {"python", "sh", "text", "toml", "c", "modelica", "matlab"} | {
     f"{{{name}}}" for name in ("run", "problem", "keys", "gallery", "theses", "toctree", "include", "figure", "image")
 }

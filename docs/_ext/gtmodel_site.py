@@ -32,6 +32,7 @@ from . import fences, reference, runs, theses
 
 DOCS = Path(__file__).parents[1]
 CLONE = DOCS.parent
+TEXTS = ("NOTATION", "CHANGELOG", "ARCHITECTURE", "CONTRIBUTING", "SECURITY")
 
 
 class _Page(SphinxDirective):
@@ -204,6 +205,18 @@ def _copied_notebooks(app: Sphinx) -> None:
     (folder / "index.md").write_text(text, encoding="utf-8")
 
 
+def _copied_texts(app: Sphinx) -> None:
+    """What stands at the top of the clone, as pages; links between these texts lead from page to page."""
+    folder = DOCS / "project"
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir()
+    for name in TEXTS:
+        text = (CLONE / f"{name}.md").read_text(encoding="utf-8")
+        for other in TEXTS:
+            text = text.replace(f"]({other}.md", f"]({other.lower()}.md")
+        (folder / f"{name.lower()}.md").write_text(text, encoding="utf-8")
+
+
 def _mathml(self: Any, node: nodes.Element) -> None:
     """LaTeX as MathML, which every browser shows without a script."""
     block = isinstance(node, nodes.math_block)
@@ -223,6 +236,7 @@ def setup(app: Sphinx) -> dict[str, Any]:
         app.add_directive(name, directive)
     app.add_html_math_renderer("mathml", (_mathml, None), (_mathml, None))
     app.connect("builder-inited", _copied_notebooks)
+    app.connect("builder-inited", _copied_texts)
     app.connect("builder-inited", reference.write)
     app.connect("autodoc-process-docstring", reference.kept_from_napoleon, priority=100)
     app.connect("autodoc-process-docstring", reference.docstring, priority=900)
