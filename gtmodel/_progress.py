@@ -34,6 +34,10 @@ class _Stage:
         parts = [self._stage if fraction is None else f"{self._stage} {fraction:.0%}"]
         parts += [f"{name} {number(value)}" for name, value in (numbers or {}).items()]
         self.text = ", ".join(parts)
+        self._show()
+
+    def _show(self) -> None:
+        """Called after each report."""
 
 
 class LiveLine(_Stage):
@@ -43,15 +47,9 @@ class LiveLine(_Stage):
         super().__init__()
         self._status = status
 
-    def __call__(
-        self,
-        stage: str | None = None,
-        fraction: float | None = None,
-        numbers: Mapping[str, float] | None = None,
-    ) -> None:
+    def _show(self) -> None:
         from rich.text import Text
 
-        super().__call__(stage, fraction, numbers)
         self._status.update(Text(self.text))
 
 

@@ -81,13 +81,19 @@ def test_lines_that_were_late_are_not_made_up_for(lines: PlainLines, clock: Cloc
     assert written == ["0:00:47 working"]
 
 
-def test_a_reader_that_has_gone_breaks_nothing(clock: Clock) -> None:
-    def closed(_line: str) -> None:
-        raise BrokenPipeError
+@pytest.mark.parametrize("error", [BrokenPipeError(), ValueError("I/O operation on closed file")], ids=type)
+def test_a_reader_that_has_gone_breaks_nothing(error: Exception, clock: Clock) -> None:
+    refused: list[str] = []
+
+    def closed(line: str) -> None:
+        refused.append(line)
+        raise error
 
     lines = PlainLines(closed, EVERY_S, clock)
-    clock.now += 10
-    lines.tick()
+    for _ in range(2):
+        clock.now += 10
+        assert lines.tick() == pytest.approx(10)
+    assert refused == ["0:00:10 working", "0:00:20 working"]
 
 
 def test_lines_come_while_a_step_reports_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
