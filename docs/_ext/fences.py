@@ -41,8 +41,12 @@ class Fence:
     @property
     def status(self) -> int:
         """The exit code that the option `status` of `run` expects."""
-        option = re.search(r"^:status: (\d)$", self.text, re.M)
-        return int(option[1]) if option else 0
+        return int(self.option("status") or 0)
+
+    def option(self, name: str) -> str:
+        """An option of a directive, "" where it has none of this name."""
+        line = re.search(rf"^:{name}: *(.*)$", self.text, re.M)
+        return line[1].strip() if line else ""
 
 
 def fences(page: Path) -> list[Fence]:

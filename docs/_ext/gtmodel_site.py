@@ -86,8 +86,7 @@ class Problem(_Page):
         name = self.arguments[0]
         file = CLONE / "problems" / f"{name}.toml"
         self.env.note_dependency(str(file))
-        settings = "".join(f" --set {s}" for s in self.options.get("settings", "").split())
-        command = _command(name, settings)
+        command = _command(name, self.options.get("settings", ""))
         result = runs.run(command)
         if result.code != 0:
             raise self.error(f"'{command}' ended with {result.code}: {result.text[-500:]}")
@@ -108,7 +107,7 @@ class Keys(_Page):
     def run(self) -> list[nodes.Node]:
         document = schema.document(self.arguments[0])
         keys = [[f"`{k['key']}`", k["type"], k["unit"] or "", _code(k["default"]), k["description"] or ""]
-                for k in map(_filled, document["keys"])]  # fmt: skip
+                for k in document["keys"]]  # fmt: skip
         made = _table(["key", "type", "unit", "default", "description"], keys)
         values = [[f"`{name}`", v["unit"] or "", v["description"] or ""] for name, v in document["values"].items()]
         text = f"Keys of the problem file:\n\n{made}\n\nNames in `result.json`, under `values`:\n\n"
@@ -121,19 +120,14 @@ class Gallery(_Page):
     def run(self) -> list[nodes.Node]:
         made: list[nodes.Node] = []
         for page in sorted((DOCS / "kinds").glob("*.md")):
-            lines = page.read_text(encoding="utf-8").splitlines()
-            for i, line in enumerate(lines):
-                if not line.startswith("```{problem}"):
+            title = page.read_text(encoding="utf-8").splitlines()[0].lstrip("# ")
+            for fence in fences.fences(page):
+                if not fence.info.startswith("{problem} "):
                     continue
-                name = line.split()[1]
-                following = lines[i + 1] if i + 1 < len(lines) else ""
-                settings = "".join(f" --set {s}" for s in _option(lines[i + 1 : i + 4], "settings").split())
-                result = runs.run(_command(name, settings))
-                wanted = _option([following, *lines[i + 2 : i + 4]], "pictures").split()
-                pictures = wanted or [p.name for p in result.pictures]
-                if pictures:
-                    path = _shown(result, pictures[0], name, self)
-                    title = lines[0].lstrip("# ")
+                name = fence.info.split()[1]
+                result = runs.run(_command(name, fence.option("settings")))
+                for picture in (fence.option("pictures").split() or [p.name for p in result.pictures])[:1]:
+                    path = _shown(result, picture, name, self)
                     made += self.markdown(
                         f"```{{figure}} /{path}\n:target: {page.stem}.html\n:figclass: gallery\n"
                         f":alt: {title}, {name}\n\n{title}: `{name}`\n```"
@@ -151,11 +145,8 @@ class Theses(_Page):
         return [holder]
 
 
-def _option(lines: list[str], name: str) -> str:
-    return next((line.split(":", 2)[2].strip() for line in lines if line.startswith(f":{name}:")), "")
-
-
 def _command(problem: str, settings: str) -> str:
+    settings = "".join(f" --set {setting}" for setting in settings.split())
     if 'kind = "codegen"' in (CLONE / "problems" / f"{problem}.toml").read_text(encoding="utf-8"):
         return f"gtmodel codegen problems/{problem}.toml{settings} -o out --check"
     return f"gtmodel solve problems/{problem}.toml{settings} --plot --out out"
@@ -174,10 +165,6 @@ def _shown(result: runs.Result, picture: str, name: str, directive: _Page) -> st
     target.parent.mkdir(parents=True, exist_ok=True)
     shutil.copyfile(source, target)
     return target.relative_to(DOCS).as_posix()
-
-
-def _filled(key: dict[str, Any]) -> dict[str, Any]:
-    return {"key": "", "type": "", "unit": "", "default": "", "description": "", **key}
 
 
 def _code(value: object) -> str:

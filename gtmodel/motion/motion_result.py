@@ -14,7 +14,7 @@ from ..results import Check, Trajectory, at_most
 from ..results.check import failed_of
 from .constraints import MARGIN_TOLERANCE
 from .finer_mesh import finer_mesh, refined
-from .path_parametrization import sampled
+from .path_parametrization import NotReached, sampled
 from .planning import MotionPlan
 from .problem import MotionProblem
 from .reference import between_rows
@@ -85,6 +85,15 @@ def on_this_mesh(
     plan: MotionPlan, search: MotionSearch, solution: Solution, optima: list[float]
 ) -> MotionOutcome | MotionFailure:
     """The optimum re-simulated, and the exported motion."""
+    try:
+        return _outcome(plan, search, solution, optima)
+    except NotReached as missed:
+        return MotionFailure(solution, f"{NO_EXPORT}: {missed}; {solution.message}")
+
+
+def _outcome(
+    plan: MotionPlan, search: MotionSearch, solution: Solution, optima: list[float]
+) -> MotionOutcome | MotionFailure:
     tried = resimulate(solution)
     if tried.trajectory is None:
         message = f"the optimum cannot be re-simulated: {tried.message}; {solution.message}"

@@ -154,10 +154,10 @@ def motion_function(robot: Model, guard: MotionConstraints) -> CausalFunction:
 
 
 class NotReached(Exception):
-    """A motion between its rows goes where the robot cannot be: at `samples` instants."""
+    """A motion goes where the robot cannot be: at `samples` instants."""
 
     def __init__(self, samples: int) -> None:
-        super().__init__(samples)
+        super().__init__(f"the motion leaves the robot's reach at {samples} instants: use more mesh.elements")
         self.samples = samples
 
 

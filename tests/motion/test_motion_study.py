@@ -8,8 +8,9 @@ from scipy.optimize import brentq
 
 import gtmodel as gt
 from gtmodel import SolveStatus
-from gtmodel.motion import Cost, End, Limits, MotionMesh, MotionStudy, Obstacle, motion, study
+from gtmodel.motion import Cost, End, Limits, MotionMesh, MotionStudy, Obstacle, motion, motion_result, study
 from gtmodel.motion.motion_study import solved
+from gtmodel.motion.path_parametrization import NotReached
 from gtmodel.motion.planning import plan_of
 from gtmodel.optimize import Mesh, SolverOptions, solve as collocate
 from gtmodel.results import ArgumentError, Work
@@ -326,3 +327,13 @@ def test_a_motion_that_leaves_the_reach_between_its_rows_is_a_failed_check():
     assert study.status is gt.SolveStatus.CHECK_FAILED
     assert study.checks["reference_samples_out_of_reach"].value > 0
     assert not study.files
+
+
+def test_an_exported_motion_out_of_reach_is_a_failure_in_a_sentence(monkeypatch):
+    def beyond(*_):
+        raise NotReached(3)
+
+    monkeypatch.setattr(motion_result, "sampled", beyond)
+    study = gt.load("l1_min_time", "mesh.elements=15", "mesh.most_elements=15", "cost.energy=0.01")()
+    assert study.status is gt.SolveStatus.FAILED
+    assert "at 3 instants" in study.message and not study.files

@@ -24,7 +24,7 @@ def rebuilt(expression: ca.SX, variables: ca.SX, given: ca.SX) -> tuple[ca.Funct
     )
 
 
-def agree(whole: ca.Function, terms: ca.Function, seed: int = 0) -> None:
+def assert_equal_values(whole: ca.Function, terms: ca.Function, seed: int = 0) -> None:
     rng = np.random.default_rng(seed)
     for _ in range(20):
         at = rng.uniform(0.2, 1.5, whole.numel_in(0)), rng.uniform(0.2, 1.5, whole.numel_in(1))
@@ -41,7 +41,7 @@ def test_every_kind_of_operation():
         (1 + v + a + p[0]) ** 5 / (p[1] + v + a), p[0] * p[1], 3.0, v, v - v, ca.atan2(a * p[1], v), 1 / p[0] + 1 / v,
     )  # fmt: skip
     whole, terms, _ = rebuilt(column, x, p)
-    agree(whole, terms)
+    assert_equal_values(whole, terms)
 
 
 def test_nothing_at_all():

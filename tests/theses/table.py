@@ -32,6 +32,6 @@ def gantry_tau(dynamics: bool = False) -> dict[str, Any]:
     return tomllib.loads((CLONE / "gtmodel/robots/data" / f"{name}.toml").read_text(encoding="utf-8"))
 
 
-def is_ours(row: str, computed: Any) -> None:
+def assert_is_ours(row: str, computed: Any) -> None:
     """The number in the column "ours" is the computed one."""
     np.testing.assert_allclose(computed, rows()[row]["ours"], rtol=SHOWN, atol=1e-9, err_msg=row)

@@ -6,7 +6,7 @@ import numpy as np
 import scipy
 from scipy.spatial.transform import Rotation
 
-from tests.theses.table import KR500, is_ours
+from tests.theses.table import KR500, assert_is_ours
 
 FUSION, TESTS = KR500["fusion"], KR500["milling_tests"]
 ORIGINS, AXES = (np.array(KR500["geometry"][key], float) for key in ("joint_origins_m", "joint_axes"))
@@ -31,7 +31,7 @@ def test_maximum_stiffness() -> None:
     for q in np.radians(KR500["static_stiffness"]["poses_deg"]):
         inverse = np.linalg.inv(arm(q)[2])
         found.append(np.linalg.norm((inverse.T @ stiffness @ inverse)[:3, :3], 2))
-    is_ours("maximum-stiffness", max(found))
+    assert_is_ours("maximum-stiffness", max(found))
 
 
 def test_a_rigid_tool_does_not_explain_figure_42() -> None:
@@ -41,22 +41,22 @@ def test_a_rigid_tool_does_not_explain_figure_42() -> None:
     wanted = np.concatenate([tip - p for tip, (p, _, _) in zip(printed, flanges, strict=True)])
     tool = np.linalg.lstsq(turns, wanted)[0]
     left = (turns @ tool - wanted).reshape(3, 3)
-    is_ours("figure-42-tool", 1e3 * np.abs(left).max())
+    assert_is_ours("figure-42-tool", 1e3 * np.abs(left).max())
     assert np.abs(left[:, 2]).max() < 0.006  # heights agree
 
 
 def test_frequencies_of_table_16() -> None:
     f = np.sqrt(1e6 * np.array(TESTS["k_MN_m"]) / TESTS["m_kg"]) / (2 * np.pi)
-    is_ours("table-4-range", [f[10:].min(), f[10:].max()])
-    is_ours("table-4-lower", [f[:4].min(), f[4:8].min()])
+    assert_is_ours("table-4-range", [f[10:].min(), f[10:].max()])
+    assert_is_ours("table-4-lower", [f[:4].min(), f[4:8].min()])
 
 
 def test_deflections_of_tables_5_and_6() -> None:
     mean, most = np.array(TESTS["deflection_mean_mm"]), np.array(TESTS["deflection_max_mm"])
-    is_ours("high-speed", mean[2] - mean[3])
-    is_ours("mean-deflection", [most[::2].mean(), most[1::2].mean()])
+    assert_is_ours("high-speed", mean[2] - mean[3])
+    assert_is_ours("mean-deflection", [most[::2].mean(), most[1::2].mean()])
     p = scipy.stats.ttest_rel(most[::2], most[1::2]).pvalue
-    is_ours("p-value", p)
+    assert_is_ours("p-value", p)
     assert p > 0.05
 
 
@@ -64,12 +64,12 @@ def test_rows_of_table_16() -> None:
     table = np.hstack([TESTS[key] for key in ("m_kg", "c_N_s_m", "k_MN_m")])
     poses = np.column_stack([TESTS["tcp_mm"], TESTS["angle_A_deg"]])
     assert len(np.unique(poses, axis=0)) == 9
-    is_ours("table-16-rows", len(np.unique(table, axis=0)))
+    assert_is_ours("table-16-rows", len(np.unique(table, axis=0)))
 
 
 def test_second_modes_of_table_17() -> None:
     ratio = np.array(KR500["appendix_a"]["second_modes_k_MN_m"]) / TESTS["k_MN_m"]
-    is_ours("table-17", ratio.min())
+    assert_is_ours("table-17", ratio.min())
     assert {tuple(at) for at in np.argwhere(ratio < 2)} == {(4, 1), (6, 1)}
     first = np.sqrt(1e6 * np.array(TESTS["k_MN_m"]) / TESTS["m_kg"]) / (2 * np.pi)
     slower = np.array(KR500["appendix_a"]["second_modes_Hz"]) < first
@@ -79,7 +79,7 @@ def test_second_modes_of_table_17() -> None:
 def test_state_equations() -> None:
     a, dt = 3.0, 1 / RATE
     moved = scipy.integrate.quad(lambda t: a * t, 0, dt)[0]
-    is_ours("eq-21", moved / (a * dt**2))
+    assert_is_ours("eq-21", moved / (a * dt**2))
 
 
 def product(p: np.ndarray, q: np.ndarray) -> np.ndarray:
@@ -134,15 +134,15 @@ def magnitude(sigma: float, axes: int) -> list[float]:
 def test_sensor_errors_of_table_8() -> None:
     one_for_all = np.sqrt(3)  # the length of (n, n, n)
     position = 1e3 * FUSION["tracker_noise_m"]
-    is_ours("table-8-position", magnitude(position, axes=3))
+    assert_is_ours("table-8-position", magnitude(position, axes=3))
     np.testing.assert_allclose(magnitude(one_for_all * position, axes=1), [0.0089, 0.0066], rtol=0.015)
-    is_ours("table-8-orientation", magnitude(FUSION["orientation_noise_deg"], axes=1))
-    is_ours("table-8-rate", magnitude(one_for_all * FUSION["gyro_noise_deg_s_rtHz"] * np.sqrt(RATE), axes=1))
+    assert_is_ours("table-8-orientation", magnitude(FUSION["orientation_noise_deg"], axes=1))
+    assert_is_ours("table-8-rate", magnitude(one_for_all * FUSION["gyro_noise_deg_s_rtHz"] * np.sqrt(RATE), axes=1))
     density = FUSION["accelerometer_noise_m_s2_rtHz"]
-    is_ours("table-8-acceleration", magnitude(one_for_all * density * np.sqrt(RATE), axes=1)[0])
+    assert_is_ours("table-8-acceleration", magnitude(one_for_all * density * np.sqrt(RATE), axes=1)[0])
     assert FUSION["accelerometer_bias_m_s2"] > 0.00018
-    is_ours("table-9-position", magnitude(one_for_all * 0.64, axes=1)[0])
-    is_ours("table-9-rate", magnitude(one_for_all * 0.16 * np.sqrt(RATE), axes=1)[0])
+    assert_is_ours("table-9-position", magnitude(one_for_all * 0.64, axes=1)[0])
+    assert_is_ours("table-9-rate", magnitude(one_for_all * 0.16 * np.sqrt(RATE), axes=1)[0])
 
 
 def sine() -> tuple[np.ndarray, np.ndarray]:
@@ -157,7 +157,7 @@ def sine() -> tuple[np.ndarray, np.ndarray]:
 
 def test_covariances_of_appendix_b() -> None:
     sigma = [FUSION["tracker_noise_m"], FUSION["accelerometer_noise_m_s2_rtHz"] * np.sqrt(RATE)]
-    is_ours("appendix-b-r", np.square(sigma))
+    assert_is_ours("appendix-b-r", np.square(sigma))
     dt = 1 / RATE
     F, H = np.array([[1, dt, dt**2], [0, 1, dt], [0, 0, 1]]), np.array([[1.0, 0, 0], [0, 0, 1]])  # (21) to (23)
     Q, R = np.diag(FUSION["Q_diagonal"]), np.diag(FUSION["R_diagonal"])
@@ -176,20 +176,20 @@ def test_covariances_of_appendix_b() -> None:
             x, P = x + gain @ innovation, P - gain @ S @ gain.T
             if k >= 200:
                 squares.append(innovation @ np.linalg.solve(S, innovation))
-    is_ours("appendix-b-q", np.mean(squares))
+    assert_is_ours("appendix-b-q", np.mean(squares))
 
 
 def test_first_peak_of_the_sine() -> None:
     t, places = sine()
-    is_ours("sine-peak", t[np.argmax(places[:3000, 1])])
+    assert_is_ours("sine-peak", t[np.argmax(places[:3000, 1])])
 
 
 def test_reductions_of_table_11() -> None:
     robot = np.array([[0.93, 0.80, 0.93, 0.93, 2.03, 0.97], [0.80, 0.97, 1.10, 0.85, 1.02, 1.23]])  # mm/s
     fusion = np.array([[0.76, 0.51, 0.51, 0.64, 1.27, 0.64], [0.64, 0.64, 0.72, 0.64, 0.72, 0.80]])
     three, five = 100 * (1 - fusion / robot)
-    is_ours("table-11-3-axis", three.max())
-    is_ours("table-11-5-axis", five.max())
+    assert_is_ours("table-11-3-axis", three.max())
+    assert_is_ours("table-11-5-axis", five.max())
     assert abs(three[3:].max() - 37.4) < 0.1
 
 
@@ -197,8 +197,8 @@ def test_equivalent_force() -> None:
     command, cycle, feed = 1e-4, KR500["closed_loop"]["cycle_s"], 0.04
     needed = 2 * command / cycle**2  # moves by the command in one cycle from rest
     assert abs(needed * cycle**2 / 2 - command) < 1e-18
-    is_ours("eq-30", needed / (command / cycle**2))
-    is_ours("eq-31", (feed * cycle) / cycle**2 - feed / cycle)
+    assert_is_ours("eq-30", needed / (command / cycle**2))
+    assert_is_ours("eq-31", (feed * cycle) / cycle**2 - feed / cycle)
     assert (0.012 / 0.004) ** 2 == 9
 
 

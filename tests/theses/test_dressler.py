@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 import gtmodel as gt
 from tests.kinematics.support.f1 import f1
-from tests.theses.table import gantry_tau, is_ours
+from tests.theses.table import assert_is_ours, gantry_tau
 
 ROBOTS, DYNAMICS = gantry_tau(), gantry_tau(dynamics=True)
 LOOP = DYNAMICS["actuator_closed_loop"]
@@ -19,7 +19,7 @@ G = 9.81
 
 def test_saving_of_table_3_1() -> None:
     free, line = (DYNAMICS["optimal_trajectory"][name][0] for name in ("free_w0", "path_w0"))
-    is_ours("table-3.1-saving", 100 * (1 - free / line))
+    assert_is_ours("table-3.1-saving", 100 * (1 - free / line))
 
 
 def test_solutions_of_the_three_link_robot() -> None:
@@ -31,24 +31,24 @@ def test_solutions_of_the_three_link_robot() -> None:
         q, status = robot.causal("T", "q", branches=branches)(T)
         assert status[0] == gt.Status.OK
         inverse.add(tuple(np.round(q[0], 9)))
-    is_ours("inverse-branches", len(inverse))
+    assert_is_ours("inverse-branches", len(inverse))
     forward = set()
     for side in (1, -1):
         q = np.array([sorted(inverse)[0]])
         p, status = robot.causal("q", "T", branches=gt.robots.configuration(robot, forward=side))(q)
         assert status[0] == gt.Status.OK
         forward.add(tuple(np.round(p[0], 6)))
-    is_ours("forward-branches", len(forward))
+    assert_is_ours("forward-branches", len(forward))
 
 
 def test_deviations_of_table_4_1() -> None:
     e = ROBOTS["actuator_errors"]
     mean, std = (np.array([e[f"residual_{of}_um"][name] for name in ("D1", "L1")]) for of in ("mean", "std"))
-    is_ours("table-4.1-std", np.mean(std / mean))
+    assert_is_ours("table-4.1-std", np.mean(std / mean))
 
 
 def test_directions_are_not_of_length_one() -> None:
-    is_ours("eq-4.13-unit", np.linalg.norm(ROBOTS["l1_camera"]["v"], axis=1).min())
+    assert_is_ours("eq-4.13-unit", np.linalg.norm(ROBOTS["l1_camera"]["v"], axis=1).min())
 
 
 def test_sign_of_newtons_step() -> None:
@@ -81,12 +81,12 @@ def test_guideways_of_table_5_1() -> None:
     v = np.array(ROBOTS["l1_tracker_2008"]["v"])
     v /= np.linalg.norm(v, axis=1)[:, None]
     mean = v.mean(axis=0) / np.linalg.norm(v.mean(axis=0))
-    is_ours("table-5.1-guideways", np.degrees(np.arccos(v @ mean)).mean())
+    assert_is_ours("table-5.1-guideways", np.degrees(np.arccos(v @ mean)).mean())
 
 
 def test_costs_of_table_5_8() -> None:
     one, two, three = 5.458e-6, 3.661e-6, 3.515e-7  # m^4, model 1
-    is_ours("table-5.8-cost", min(one, two) / three)
+    assert_is_ours("table-5.8-cost", min(one, two) / three)
 
 
 def test_tables_5_8_and_5_9_agree() -> None:
@@ -99,36 +99,36 @@ def test_tables_5_8_and_5_9_agree() -> None:
 
     found = scipy.optimize.least_squares(distance, [85.0, 100.9, -88.6])
     np.testing.assert_allclose(found.x, [85.1, 100.9, -88.5], atol=0.05)
-    is_ours("table-5.9-consistent", 1e3 * np.linalg.norm(found.fun.reshape(6, 3), axis=1).max())
+    assert_is_ours("table-5.9-consistent", 1e3 * np.linalg.norm(found.fun.reshape(6, 3), axis=1).max())
 
 
 def test_norms_of_the_quaternions() -> None:
     norms = [np.linalg.norm(ROBOTS["f1"][name]) for name in ("u1_2", "u1_3", "u2_3")]
-    is_ours("f1-norms", [min(norms), max(norms)])
+    assert_is_ours("f1-norms", [min(norms), max(norms)])
 
 
 def test_principal_components_of_the_f1() -> None:
     values = np.array([2.34, 4.17, 7.52])
     vectors = np.array([[0.27, 0.72, 0.74], [-0.36, -0.62, 0.69], [0.90, -0.44, 0.07]])
-    is_ours("f1-principal-ratio", np.sqrt(values[1:] / values[0]))
+    assert_is_ours("f1-principal-ratio", np.sqrt(values[1:] / values[0]))
     lengths = np.linalg.norm(vectors, axis=0)
     assert np.argmax(np.abs(lengths - 1)) == 1 and abs(lengths[1] - 1.047) < 1e-3
     assert np.abs(np.delete(lengths, 1) - 1).max() < 0.015  # rounding to two digits
-    is_ours("f1-principal-vector", np.cross(vectors[:, 2], vectors[:, 0]))
+    assert_is_ours("f1-principal-vector", np.cross(vectors[:, 2], vectors[:, 0]))
 
 
 def test_differences_of_table_5_6() -> None:
     vision, tracker, camera = (ROBOTS[name] for name in ("l1_vision", "l1_tracker", "l1_camera"))
     apart = [np.abs(np.subtract(vision[key], tracker[key])).max() for key in ("L_m", "A_m")]
-    is_ours("table-5.6-differences", 1e3 * max(apart))
-    is_ours("table-5.7-differences", 1e3 * np.subtract(tracker["L_m"], camera["L_m"])[1:])
+    assert_is_ours("table-5.6-differences", 1e3 * max(apart))
+    assert_is_ours("table-5.7-differences", 1e3 * np.subtract(tracker["L_m"], camera["L_m"])[1:])
 
 
 def test_the_noise_amplification_index() -> None:
     least, most = 0.3, 64.0  # section 5.6: singular values of the simulated calibration
     condition = most / least
     assert round(most**2 / least) == 13653 and abs(most / condition - least) < 1e-12  # the two printed sides
-    is_ours("eq-5.14", [least**2 / most, least / condition])
+    assert_is_ours("eq-5.14", [least**2 / most, least / condition])
 
 
 def gravity(L: np.ndarray, A: np.ndarray, mass: float, y: float, z: float, side: int) -> np.ndarray | None:
@@ -167,8 +167,8 @@ def nearest(target: np.ndarray) -> np.ndarray:
 
 def test_columns_of_table_6_2() -> None:
     columns = {name: np.array(column) for name, column in DYNAMICS["gravity_contribution_N"].items()}
-    is_ours("table-6.2-sums", max(abs(c.sum()) for c in columns.values()))
-    is_ours("table-6.2-diamond", nearest(columns["diamond"]))
+    assert_is_ours("table-6.2-sums", max(abs(c.sum()) for c in columns.values()))
+    assert_is_ours("table-6.2-diamond", nearest(columns["diamond"]))
     for name in ("star", "plus"):
         np.testing.assert_allclose(nearest(columns[name]), columns[name], atol=0.05)
 
@@ -176,11 +176,11 @@ def test_columns_of_table_6_2() -> None:
 def test_residuals_of_table_6_3() -> None:
     models = [DYNAMICS["inertia"][f"model_{n}"] for n in (1, 2, 3, 4)]
     e = np.array([m["residual"] for m in models])
-    is_ours("table-6.3-best", 1 + np.argmin(e.sum(axis=1)))
+    assert_is_ours("table-6.3-best", 1 + np.argmin(e.sum(axis=1)))
     assert np.all(np.argmin(e, axis=0) == 1)
     friction = DYNAMICS["friction_constant_velocity"]
     table = np.maximum(friction["viscous_minus_kg_s"], friction["viscous_plus_kg_s"])
-    is_ours("table-6.3-viscous", np.sum(np.array(models[1]["viscous_kg_s"]) > table))
+    assert_is_ours("table-6.3-viscous", np.sum(np.array(models[1]["viscous_kg_s"]) > table))
 
 
 def test_a_torque_of_a_cart_is_a_force() -> None:
@@ -196,7 +196,7 @@ def test_bandwidth_of_the_actuators() -> None:
             return abs(b / (1 - a * np.exp(-2j * np.pi * f * CYCLE)))
 
         found.append(scipy.optimize.brentq(lambda f, gain=gain: gain(f) - gain(0.0) / np.sqrt(2), 0.1, 20.0))
-    is_ours("eq-6.11-bandwidth", found)
+    assert_is_ours("eq-6.11-bandwidth", found)
 
 
 def test_the_response_has_an_inverse() -> None:
@@ -210,15 +210,15 @@ def test_the_response_has_an_inverse() -> None:
 
 def test_definiteness_of_the_compliance_matrices() -> None:
     value = np.linalg.eigvals(K)[0]
-    is_ours("k-eigenvalues", [value.real, abs(value.imag)])
+    assert_is_ours("k-eigenvalues", [value.real, abs(value.imag)])
     assert value.real < 0
     assert np.linalg.eigvals(M).min() > 0
-    is_ours("m-definite", np.linalg.eigvalsh((M + M.T) / 2)[0])
-    is_ours("d-definite", [np.trace(D), np.linalg.det(D)])
+    assert_is_ours("m-definite", np.linalg.eigvalsh((M + M.T) / 2)[0])
+    assert_is_ours("d-definite", [np.trace(D), np.linalg.det(D)])
 
 
 def test_a_hundred_radians_per_second() -> None:
-    is_ours("hundred-rad", 100 / (2 * np.pi))
+    assert_is_ours("hundred-rad", 100 / (2 * np.pi))
 
 
 GAMMA, DELTA = DYNAMICS["ilc"]["gamma"], DYNAMICS["ilc"]["delta_samples"]
@@ -238,7 +238,7 @@ def test_convergence_of_the_learning_control() -> None:
         response[LOOP["delay_samples"] :] = b * a ** np.arange(n - LOOP["delay_samples"])
         loop = Q @ (np.eye(n) - ahead @ scipy.linalg.toeplitz(response, none))
         sigma.append(np.sqrt(scipy.linalg.eigh(loop.T @ loop, eigvals_only=True, subset_by_index=[n - 1, n - 1])[0]))
-    is_ours("ilc-sigma", sigma)
+    assert_is_ours("ilc-sigma", sigma)
 
 
 def test_error_of_the_learning_control() -> None:
@@ -262,7 +262,7 @@ def test_error_of_the_learning_control() -> None:
             ahead = np.r_[error[DELTA:], np.full(DELTA, error[-1])]
             u = scipy.signal.filtfilt(B_Q, A_Q, u + GAMMA * ahead)
         left.append(100 * errors[5] / errors[0])
-    is_ours("ilc-error", left)
+    assert_is_ours("ilc-error", left)
 
 
 def test_the_extended_model() -> None:
