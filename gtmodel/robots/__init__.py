@@ -27,6 +27,7 @@ if TYPE_CHECKING:
         kr500_tables as kr500_tables,
     )
     from .serial.arm import SerialArm as SerialArm
+    from .serial.description import description as description
     from .serial.dh import independent_geometry as independent_geometry, serial_arm as serial_arm
     from .serial.from_urdf import from_urdf as from_urdf
     from .serial.to_urdf import to_urdf as to_urdf

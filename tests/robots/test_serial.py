@@ -82,7 +82,9 @@ def test_what_was_left_out_is_said() -> None:
 
 
 def test_several_ends_are_asked_about() -> None:
-    with pytest.raises(gt.ModelError, match="has several ends: finger_left, finger_right"):
+    with pytest.raises(
+        gt.ModelError, match="has several ends: finger_left, finger_right, tool_point, cabinet; name the link"
+    ):
         gt.robots.from_urdf(URDF / "telescope.urdf")
     with pytest.raises(gt.ModelError, match=r"has no link 'tool_pont'; did you mean tool_point"):
         gt.robots.from_urdf(URDF / "telescope.urdf", "tool_pont")

@@ -31,7 +31,7 @@ def serial_arm(
     limits: ArrayLike | None = None,
     c: ArrayLike | None = None,
     I: ArrayLike | None = None,
-    name: str = "arm",
+    title: str = "arm",
     smoothing: str = "tanh",
     payload: float = 0.0,
     **modifiers: Any,
@@ -51,7 +51,7 @@ def serial_arm(
         limits: (n, 2) lower and upper [rad, m].
         c, I: centres of mass (n, 3) [m] and inertias about them (n, 3, 3) [kg m2] in the link frames, in place of the
             mc and J of the model.
-        name: of the arm.
+        title: name of the arm.
         smoothing: of friction, "tanh", "piecewise_linear" or "sign".
         payload: point mass at the tool's origin [kg].
         modifiers: any other parameter of `SerialArm`: m, tool_xyz, viscous, ...
@@ -90,7 +90,7 @@ def serial_arm(
         ArmJoint(named[k], KINDS[kinds[k]], f"link_{k + 1}", float(ends[k, 0]), float(ends[k, 1]))  # type: ignore[arg-type]
         for k in range(n)
     )
-    structure = ArmStructure(name, made, convention, smoothing=smoothing)
+    structure = ArmStructure(title, made, convention, smoothing=smoothing)
     values: dict[str, Any] = {**numbers, **modifiers}
     if c is not None or I is not None:
         if "mc" in modifiers or "J" in modifiers:

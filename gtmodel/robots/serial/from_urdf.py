@@ -85,8 +85,9 @@ def _tip(urdf: Urdf, tip: str | None) -> str:
     # on a branch of fixed joints off a longer chain nothing of its own moves
     ends = [e for e in ends if moving[e] != longest[: len(moving[e])] or moving[e] == longest]
     if len(ends) > 1:
+        every = sorted(tips_of(urdf), key=lambda e: -len(moving[e]))
         raise ModelError(
-            f"{urdf.file} has several ends: {', '.join(ends[:6])}{', ...' if len(ends) > 6 else ''}; name the link "
+            f"{urdf.file} has several ends: {', '.join(every[:6])}{', ...' if len(every) > 6 else ''}; name the link "
             f"that the tool is, such as tip = '{ends[0]}' or {urdf.file}:{ends[0]}"
         )
     return ends[0]
