@@ -329,6 +329,7 @@ REFUSED = [
     (["codegen", "pendulum_code.toml", "-o", "."], "is not empty and was not written by gtmodel"),
     (["explain", "l1_tap"], "there is no robot 'l1_tap'; did you mean 'l1_tape'?"),
     (["explain", "l1_tape", "--known", "q"], "name its --targets; top-level names are q, T, tau"),
+    (["explain", "pendulum.py:Pendulum", "--targets", "phi"], "pendulum.py:Pendulum: 1 equation for 2 unknowns"),
     (["explain", "l1_tape", "--known", "q", "--targets", "taw"], "has no variable 'taw'; did you mean 'tau'"),
     (["explain", "swing.toml", "--targets", "phi"], "leave --known and --targets out"),
     (["schema", "trajectry"], "there is no kind 'trajectry'; did you mean 'trajectory'?"),
