@@ -126,8 +126,8 @@ WITH_K = {"k": gt.parameter(2.0, unit="1"), **ONE}
 SENTENCES = [
     (ONE, yields_true, r"Wrong\.equations\(\) yielded True, which is no equation; expected 'a == b' on expressions of "
      r"the model, gt\.connect or gt\.branch"),
-    (ONE, forgets_to_yield, r"nothing takes what this '==' says; write yield in front of it, or hand it to add\(\) of a "
-     r"Builder"),
+    (ONE, forgets_to_yield, r"nothing takes what this '==' says; write yield in front of it, or hand it to add\(\) of "
+     r"a Builder"),
     (ONE, returns_nothing, r"equations\(\) of Wrong returned nothing; expected 'yield' in front of each equation"),
     (ONE, returns_one, r"equations\(\) of Wrong returned one relation; expected 'yield' in front of each equation"),
     (TWO, is_trivial, r"an equation of 'the model' is always true; remove it or mend it"),
