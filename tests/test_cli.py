@@ -348,6 +348,15 @@ def test_bad_input_is_one_sentence_and_exit_code_2(gtmodel: Commands, words: lis
     assert len(said) == 1 and sentence in said[0], done.err
 
 
+@pytest.mark.parametrize("mistyped", ["swin.toml", "swin"])
+def test_a_mistyped_file_is_suggested_as_a_path_that_works(gtmodel: Commands, here: Path, mistyped: str) -> None:
+    for folder in (Path(), Path("own"), here):
+        (here / folder).mkdir(exist_ok=True)
+        (here / folder / "swing.toml").write_bytes((here / "swing.toml").read_bytes())
+        meant = re.search(r"did you mean '(.*)'\?", gtmodel("solve", str(folder / mistyped)).err)
+        assert meant and meant[1] == str(folder / "swing.toml") and (here / meant[1]).is_file()
+
+
 @pytest.mark.parametrize("words", [["solve", "nowhere.toml"], ["solve", "swing.toml", "--nonsense"]])
 def test_bad_input_gives_json_too(gtmodel: Commands, words: list[str]) -> None:
     done = gtmodel(*words, "--json")
