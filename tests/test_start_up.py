@@ -13,11 +13,9 @@ import pytest
 import gtmodel as gt
 from gtmodel import calibrate, optimize
 from gtmodel.cli import main
+from gtmodel.problem_files import names
 
 HEAVY = {"numpy", "casadi", "scipy", "matplotlib", "rich"}
-PARTS_OF_SCIPY = {
-    f"scipy.{name}" for name in ("sparse", "linalg", "optimize", "interpolate", "signal", "stats", "spatial")
-}
 RUN = """
 import json, os, sys
 from gtmodel.cli import main
@@ -59,15 +57,12 @@ def test_help_of_the_command_line_reads_five_files_of_ours() -> None:
     }
 
 
-KINDS = ["calibration", "dynamic_stiffness", "kinematics", "trajectory", "trajectory_table", "vibration"]
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_a_schema_needs_no_part_of_scipy_and_no_robot(kind: str) -> None:
+@pytest.mark.parametrize("kind", names())
+def test_a_schema_needs_no_model_no_engine_and_writes_no_study(kind: str) -> None:
     modules = imported(RUN.format(words=["schema", kind]))
-    assert f"gtmodel.kinds.{kind}.keys" in modules and not modules & {*PARTS_OF_SCIPY, "matplotlib", "rich"}
+    assert f"gtmodel.kinds.{kind}.keys" in modules and not modules & (HEAVY - {"numpy"})
     engines = {"gtmodel.compiler", "gtmodel.optimize.solve", "gtmodel.vibration.impulse", "gtmodel.motion.motion_study"}
-    assert not modules & {"gtmodel.robots.f1", *engines}
+    assert not modules & {"gtmodel.lang.model", "gtmodel.results.written", "gtmodel.robots.f1", *engines}
 
 
 def test_garbage_is_collected_again_behind_a_schema(capsys: pytest.CaptureFixture[str]) -> None:
