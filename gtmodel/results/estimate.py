@@ -8,7 +8,6 @@ from functools import cache
 from numbers import Real
 
 import numpy as np
-import scipy
 
 from .refusal import ArgumentError
 
@@ -124,6 +123,8 @@ class Estimate:
 @cache
 def _of_normal_or_student(level: float, degrees_of_freedom: float | None) -> float:
     """What bounds a share `level` of the normal distribution on both sides, or of Student's."""
+    import scipy  # here: a schema names the class and needs none of it
+
     # scipy.stats has the same two functions, but takes as long to import as all of gtmodel
     if degrees_of_freedom is None:
         return float(scipy.special.ndtri((1 + level) / 2))

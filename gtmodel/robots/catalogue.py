@@ -14,6 +14,7 @@ from . import clusters
 from .entries import entries, family_in, geometries
 from .f1 import EXAMPLE as F1_EXAMPLE, f1_gantry_tau
 from .kr500 import kr500
+from .serial.dh import serial_arm
 from .six_link import EXAMPLE as SIX_LINK_EXAMPLE, six_link_gantry_tau
 from .tables import printed
 from .three_link import GantryTau
@@ -78,6 +79,12 @@ def family_member(
     **modifiers: Any,
 ) -> Model:
     """A robot of a family: the named one, or any of it where `modifiers` give the whole geometry."""
+    if family == "serial" and name is None:
+        if inertia is not None:
+            raise ModelError(
+                f"inertia model '{inertia}' applies to three-link robots only; give the masses of the links"
+            )
+        return serial_arm(smoothing=smoothing, velocity_scale=velocity_scale, payload=payload, **modifiers)
     if family == "serial":
         if inertia is not None or payload or smoothing != "tanh" or velocity_scale != VELOCITY_SCALE:
             raise ModelError(
