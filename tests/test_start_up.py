@@ -63,6 +63,13 @@ def test_a_schema_needs_no_model_no_engine_and_writes_no_study(kind: str) -> Non
     assert not modules & {"gtmodel.lang.model", "gtmodel.results.written", "gtmodel.robots.f1", *engines}
 
 
+def test_a_solve_without_pictures_imports_no_matplotlib_and_no_other_family_of_robots() -> None:
+    modules = imported(RUN.format(words=["solve", "l1_min_time", "--quiet", "--max-seconds", "0.01"]))
+    assert "gtmodel.robots.three_link" in modules and "gtmodel.compiler.plan" in modules
+    assert not modules & {"matplotlib", "rich", "gtmodel.robots.f1", "gtmodel.robots.six_link", "gtmodel.robots.kr500"}
+    assert not {m for m in modules if m.startswith(("gtmodel.plot", "gtmodel.problem_files.robot_file"))}
+
+
 SEARCHES = """
 import atexit, gc, json, os, sys
 from gtmodel.__main__ import run

@@ -5,16 +5,18 @@ from __future__ import annotations
 import difflib
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from gtmodel.calibrate.modifiers import merged
 from gtmodel.lang import Model, ModelError
-from gtmodel.robots import SerialArm, entries, from_urdf, names
+from gtmodel.robots import entries, names
 
 from . import python_models
 from .base import Context, InputError
 from .files import parse, read
-from .robot_file import checked, is_python_robot
+
+if TYPE_CHECKING:
+    from gtmodel.robots import SerialArm
 
 _WORDS = {
     "inertia": "inertia",
@@ -69,6 +71,8 @@ def resolve(
         return arm
     name: str | None = None  # a robot file gives all of the geometry
     if reference.endswith(".toml"):
+        from .robot_file import is_python_robot  # here, as below: a robot of the catalogue needs no file
+
         data = _file(reference, context, key)
         if is_python_robot(data):
             return _calibrated(reference, data, context, key, given, modifiers)
@@ -95,6 +99,8 @@ def _urdf(
     """The arm of a URDF file; what of it is not used is noted. Raises InputError."""
     if "inertia" in given:
         raise InputError("applies to three-link robots only; a URDF has its masses in it", "inertia")
+    from gtmodel.robots import from_urdf
+
     name, _, tip = reference.partition(".urdf")
     path = context.file(f"{name}.urdf", key, "robot", "URDF file")
     try:
@@ -149,6 +155,8 @@ def _calibrated(
 def _from_file(
     reference: str, data: Mapping[str, Any], context: Context, key: str, modifiers: dict[str, Any]
 ) -> tuple[str, dict[str, Any]]:
+    from .robot_file import checked
+
     try:
         family, robot = checked(data)
         own = robot.modifiers()
@@ -160,6 +168,8 @@ def _from_file(
 
 def in_python(reference: str, context: Context) -> tuple[str, dict[str, Any]]:
     """What class and parameters a robot file of a model in Python names; the reference itself without one."""
+    from .robot_file import is_python_robot
+
     path = context.find(reference) if reference.endswith(".toml") else None
     data = parse(read(path)) if path is not None else {}
     return (data["robot"], data.get("parameters", {})) if is_python_robot(data) else (reference, {})
