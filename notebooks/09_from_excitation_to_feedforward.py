@@ -187,7 +187,7 @@ for name, value in rms.items():
 assert rms["feedback alone"] > 2 * rms["model 1"] and rms["model 1"] > 20 * rms["identified"]
 
 # %%
-errors = {name.replace(" ", "_"): run.error for name, run in runs.items()}
+errors = {f"error_{name.replace(' ', '_')}": run.error for name, run in runs.items()}
 signals_figure(gt.Trajectory(t, errors, dict.fromkeys(errors, "m"), title="tracking errors of the carts"))
 
 # %% [markdown]
