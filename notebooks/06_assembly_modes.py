@@ -161,11 +161,11 @@ middle.plot(np.degrees(angle), turned, color="#0072b2")
 middle.set(xlabel="axis 4 [deg]", ylabel="angle between the plates [deg]", title="nearest other mode")
 right.step(np.degrees(angle), count, where="post", color="black", label="real modes")
 right.plot(np.degrees(angle[~reached]), count[~reached], "x", color="#d55e00", label="forward kinematics: no answer")
-right.set(xlabel="axis 4 [deg]", ylabel="number of real modes", title="real modes")
+right.set(xlabel="axis 4 [deg]", ylabel="number of real modes", title="real modes", ylim=(0, 10))
 right.legend(fontsize="small", loc="lower left")
 for axes in (left, middle, right):
     axes.set_ylim(bottom=0.0)
-    axes.grid(alpha=0.3)
+        axes.grid(alpha=0.3)
 figure
 
 # %%
