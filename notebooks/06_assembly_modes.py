@@ -165,7 +165,7 @@ right.set(xlabel="axis 4 [deg]", ylabel="number of real modes", title="real mode
 right.legend(fontsize="small", loc="lower left")
 for axes in (left, middle, right):
     axes.set_ylim(bottom=0.0)
-        axes.grid(alpha=0.3)
+    axes.grid(alpha=0.3)
 figure
 
 # %%
