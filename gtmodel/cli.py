@@ -372,8 +372,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     terminal.printable()
     try:
         terminal.interruptible()
-        with terminal.uncollected(words):
-            code = app(args=words, prog_name="gtmodel", standalone_mode=False)
+        code = app(args=words, prog_name="gtmodel", standalone_mode=False)
         sys.stdout.flush()
     except TyperException as error:  # a wrong option, or no command at all
         sentence = _plain(error.format_message().rstrip("."), words)

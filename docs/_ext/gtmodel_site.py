@@ -28,7 +28,7 @@ from sphinx.util.docutils import SphinxDirective
 
 from gtmodel.problem_files import schema
 
-from . import fences, reference, runs, theses
+from . import fences, links, reference, runs, theses
 
 DOCS = Path(__file__).parents[1]
 CLONE = DOCS.parent
@@ -90,7 +90,9 @@ class Problem(_Page):
         result = runs.run(command)
         if result.code != 0:
             raise self.error(f"'{command}' ended with {result.code}: {result.text[-500:]}")
-        made = self.markdown(f"```{{literalinclude}} {_up(self.env.docname)}problems/{name}.toml\n:language: toml\n```")
+        made = self.markdown(
+            f"```{{literalinclude}} {links.up(self.env.docname)}problems/{name}.toml\n:language: toml\n```"
+        )
         made += self.console(command, result.text)
         wanted = self.options.get("pictures", "").split() or [p.name for p in result.pictures]
         for picture in wanted:
@@ -152,10 +154,6 @@ def _command(problem: str, settings: str) -> str:
     return f"gtmodel solve problems/{problem}.toml{settings} --plot --out out"
 
 
-def _up(page: str) -> str:
-    return "../" * (page.count("/") + 1)
-
-
 def _shown(result: runs.Result, picture: str, name: str, directive: _Page) -> str:
     """The path under docs/ of a copy of a picture that a command drew."""
     source = next((p for p in result.pictures if p.name == picture), None)
@@ -204,6 +202,10 @@ def _copied_texts(app: Sphinx) -> None:
         (folder / f"{name.lower()}.md").write_text(text, encoding="utf-8")
 
 
+def _links(app: Sphinx, page: str, content: list[str]) -> None:
+    content[0] = links.on_the_site(page, content[0])
+
+
 def _mathml(self: Any, node: nodes.Element) -> None:
     """LaTeX as MathML, which every browser shows without a script."""
     block = isinstance(node, nodes.math_block)
@@ -225,6 +227,7 @@ def setup(app: Sphinx) -> dict[str, Any]:
     app.connect("builder-inited", _copied_notebooks)
     app.connect("builder-inited", _copied_texts)
     app.connect("builder-inited", reference.write)
+    app.connect("source-read", _links)
     app.connect("autodoc-process-docstring", reference.kept_from_napoleon, priority=100)
     app.connect("autodoc-process-docstring", reference.docstring, priority=900)
     app.connect("autodoc-process-signature", reference.signature)

@@ -4,10 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
-from ..lang import Model
+from .._lazy import hint
 from ..results.options import Options, Unit, Within
+
+if TYPE_CHECKING:
+    from ..lang import Model
+else:
+    Model = hint("gtmodel.lang.model", "Model")
 
 MASK_STEPS = 3.0  # quantisation steps per sample: below, the sign of a velocity is not known
 

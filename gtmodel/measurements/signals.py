@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
-import scipy
 
 from ..lang.units import convert, parse_unit
 from ..results.trajectory import Trajectory
@@ -124,6 +123,8 @@ class Corrections:
 
         Raises LogError where the minimum is not found, or a delay ends at its bound.
         """
+        import scipy  # here, as below: what reads a log by its keys fits nothing
+
         if not self.free:
             return np.zeros(0)
         size = np.array([self._size(free) for free in self.free])
@@ -264,6 +265,8 @@ def _free(signals: Mapping[str, Signal], sessions: Sequence[Session]) -> list[Fr
 def _at(time: Array, rows: Array, wanted: Array, cut: int, delay: float) -> Array:
     if delay == 0.0:
         return rows[cut : len(rows) - cut]
+    import scipy
+
     return scipy.interpolate.CubicSpline(time, rows)(wanted + delay)
 
 

@@ -15,7 +15,8 @@ _NO_UNIT = {"min"}  # the smallest, never minutes
 def split(name: str) -> tuple[str, str]:
     """Stem and unit of a key, ("force", "N"); the unit is "" when the name carries none.
 
-    The longest ending that reads as a unit counts; what follows its first symbol divides: ``m_s2`` is m/s2.
+    The longest ending that reads as a unit counts; what follows its first symbol divides: ``m_s2`` is m/s2,
+    ``m_per_N`` m/N.
     """
     words = name.split("_")
     for i in range(1, len(words)):
@@ -30,7 +31,7 @@ def _unit(words: list[str]) -> str:
         return ""
     if len(words) == 1 and words[0] in _SPELLED:
         return _SPELLED[words[0]]
-    text = "/".join(_TORQUES.get(word, word) for word in words)
+    text = "/".join(_TORQUES.get(word, word) for word in words).replace("/per/", "/")
     try:
         parse_unit(text)
     except UnitError:
