@@ -141,7 +141,7 @@ def schema(
     """Show the keys of a kind of problem, with units and defaults, and what its `values` will hold.
 
     For an editor such as VS Code with Even Better TOML: gtmodel schema KIND --json-schema > KIND.schema.json, and
-    #:schema ./KIND.schema.json as the first line of the problem file.
+    #:schema ./KIND.schema.json as the first line of the problem file; for robot files: gtmodel schema robot.
     """
     if for_editors:
         with answering(context, False, kind or "schema"):
@@ -327,7 +327,7 @@ def _editor_schema(kind: str | None, as_json: bool) -> str:
     if as_json:
         raise InputError("--json-schema is JSON already; leave --json out")
     if kind is None:
-        raise InputError(f"--json-schema needs a kind; there are {', '.join(names())}")
+        raise InputError(f"--json-schema needs a kind; there are {', '.join(names())}; robot for robot files")
     return text_of(kind)
 
 

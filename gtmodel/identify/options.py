@@ -57,6 +57,10 @@ class Fitting(Options):
         default_factory=list
     )
     nonnegative: Annotated[bool | list[str], "free parameters that are so: all, none, these"] = True
+    inertias: Annotated[
+        Literal["base", "consistent"] | None,
+        "of a serial arm, free besides what is named: base parameters, or bodies too that can exist and have them",
+    ] = None  # fmt: skip
     confidence: Annotated[
         Literal["auto", "white", "newey_west"],
         "what intervals assume of residuals; auto takes newey_west where they are coloured",

@@ -6,7 +6,7 @@ from functools import cache
 
 from ..lang.units import UnitError, parse_unit
 
-_SPELLED = {"percent": "%", "Nm": "N.m"}
+_SPELLED = {"percent": "%", "Nm": "N.m", "kgm": "kg.m", "kgm2": "kg.m2"}
 _TORQUES = {"Nm": "N.m", "MNm": "MN.m"}  # before what divides: Nm_rad is N.m/rad, not rad
 _NO_UNIT = {"min"}  # the smallest, never minutes
 

@@ -111,11 +111,13 @@ class Schema(RobotProblem, Made):
     def fitted(self, context: Context) -> tuple[Model, list[str]]:
         """The model to be fitted, and the names of what is free. Raises InputError."""
         if self.variant is None:
-            if not self.free:
+            if not self.free and self.options().inertias is None:
                 raise InputError("is missing; name the parameters to be estimated, or a variant", "free")
-            return self.with_parameters(self.parameters, context), list(self.free)
+            return self.with_parameters(self.parameters, context), list(self.free or [])
         from gtmodel.robots.by_direction import inertia_variant
 
+        if self.options().inertias is not None:
+            raise InputError("is for serial arms; a variant says which masses there are", "inertias")
         self._check_variant()
         scale = self.friction.velocity_scale_m_s
         more: dict[str, Any] = {} if scale is None else {"velocity_scale": scale}
