@@ -59,11 +59,15 @@ class MeasuredSignalSection(FileSection):
 
 
 @made_from(LogForm)
-class _Form(Made):
-    """How a log file is written."""
+class FormSection(Made):
+    """How a file is written, where it does not say so itself."""
+
+    def form(self) -> LogForm:
+        """These keys as options, whatever else the table holds. Raises ArgumentError."""
+        return LogForm(**{field: getattr(self, key) for key, field in FormSection.attributes.items()})
 
 
-class LogSampling(_Form):
+class LogSampling(FormSection):
     """How logs are written and sampled; a kind adds its files and signals."""
 
     source: Source = ""
@@ -80,10 +84,6 @@ class LogSampling(_Form):
     empty_rows: EmptyRows = Field(
         default="refuse", description="rows that lack a number or hold nan: refuse the log, or drop them"
     )
-
-    def form(self) -> LogForm:
-        """How the files are written. Raises InputError."""
-        return LogForm(**{field: getattr(self, key) for key, field in _Form.attributes.items()})
 
     def read(self, names: list[str], signals: Mapping[str, Signal], context: Context, key: str) -> tuple[Session, ...]:
         """The columns of the signals from these files, as they stand in the log; `key`: where the names stand.
