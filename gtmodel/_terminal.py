@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import codecs
 import ctypes
-import gc
 import io
 import os
 import signal
@@ -110,19 +109,6 @@ def _flush_c() -> None:
     """Push out what C code still holds in its own buffer for stdout."""
     with suppress(OSError, AttributeError):
         ctypes.CDLL(None).fflush(None)
-
-
-@contextmanager
-def uncollected(words: Sequence[str]) -> Iterator[None]:
-    """Without searches for garbage where a command makes none: what a schema is read from stays until the end."""
-    collected = gc.isenabled()
-    if words[:1] == ["schema"]:
-        gc.disable()
-    try:
-        yield
-    finally:
-        if collected:
-            gc.enable()
 
 
 @contextmanager

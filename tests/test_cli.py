@@ -87,6 +87,12 @@ def test_schema_shows_units_and_defaults(gtmodel: Commands) -> None:
     assert " 50 " in elements
 
 
+def test_the_unit_of_a_value_is_the_declared_one_whatever_its_name_reads_as(gtmodel: Commands) -> None:
+    values = {k: gtmodel("schema", k, "--json").json["values"] for k in ("vibration", "dynamic_stiffness")}
+    assert values["vibration"]["M_inv_K_1_s2"]["unit"] == "1/s2"  # K is no kelvin
+    assert values["dynamic_stiffness"]["damping_N_s_m"]["unit"] == "N.s/m"
+
+
 def test_schema_without_a_kind_lists_the_kinds(gtmodel: Commands) -> None:
     assert list(gtmodel("schema", "--json").json["kinds"]) == list(kinds.names())
 
@@ -329,6 +335,7 @@ REFUSED = [
     (["codegen", "pendulum_code.toml", "-o", "."], "is not empty and was not written by gtmodel"),
     (["explain", "l1_tap"], "there is no robot 'l1_tap'; did you mean 'l1_tape'?"),
     (["explain", "l1_tape", "--known", "q"], "name its --targets; top-level names are q, T, tau"),
+    (["explain", "pendulum.py:Pendulum", "--targets", "phi"], "pendulum.py:Pendulum: 1 equation for 2 unknowns"),
     (["explain", "l1_tape", "--known", "q", "--targets", "taw"], "has no variable 'taw'; did you mean 'tau'"),
     (["explain", "swing.toml", "--targets", "phi"], "leave --known and --targets out"),
     (["schema", "trajectry"], "there is no kind 'trajectry'; did you mean 'trajectory'?"),
@@ -345,6 +352,15 @@ def test_bad_input_is_one_sentence_and_exit_code_2(gtmodel: Commands, words: lis
     assert done.code == 2 and done.out == ""
     said = [line for line in done.err.splitlines() if "the one shipped with gtmodel is used" not in line]
     assert len(said) == 1 and sentence in said[0], done.err
+
+
+@pytest.mark.parametrize("mistyped", ["swin.toml", "swin"])
+def test_a_mistyped_file_is_suggested_as_a_path_that_works(gtmodel: Commands, here: Path, mistyped: str) -> None:
+    for folder in (Path(), Path("own"), here):
+        (here / folder).mkdir(exist_ok=True)
+        (here / folder / "swing.toml").write_bytes((here / "swing.toml").read_bytes())
+        meant = re.search(r"did you mean '(.*)'\?", gtmodel("solve", str(folder / mistyped)).err)
+        assert meant and meant[1] == str(folder / "swing.toml") and (here / meant[1]).is_file()
 
 
 @pytest.mark.parametrize("words", [["solve", "nowhere.toml"], ["solve", "swing.toml", "--nonsense"]])

@@ -11,13 +11,22 @@ from typing import Any
 import pytest
 
 from docs._ext.fences import fences, run_page
+from docs._ext.links import on_the_site
 from docs._ext.public_names import LIBRARIES, public
 from docs._ext.reference import page
 from gtmodel.problem_files import registry
 
 CLONE = Path(__file__).parents[1]
 DOCS = CLONE / "docs"
-PAGES = sorted(p for p in DOCS.rglob("*.md") if not {"_made", "notebooks", "project", "reference"} & set(p.parts))
+MADE = {"_made", "notebooks", "project", "reference"}
+PAGES = sorted(p for p in DOCS.rglob("*.md") if not MADE & set(p.relative_to(DOCS).parts))
+MARKDOWN = [
+    *PAGES,
+    *CLONE.glob("*.md"),
+    *CLONE.glob(".github/**/*.md"),
+    *CLONE.glob("codegen/**/*.md"),
+    *CLONE.glob("problems/**/*.md"),
+]
 LANGUAGES = {"python", "sh", "text", "toml", "c", "modelica", "matlab"} | {
     f"{{{name}}}" for name in ("run", "problem", "keys", "gallery", "theses", "toctree", "include", "figure", "image")
 }
@@ -107,6 +116,26 @@ def test_every_page_is_reached_from_the_first() -> None:
                 entries = [e.split("<")[-1].rstrip(">") for e in fence.text.split("\n") if e and not e.startswith(":")]
                 left += [p for e in entries if (p := (page.parent / f"{e}.md").resolve()) in PAGES and p not in seen]
     assert not {named(p) for p in PAGES} - {named(p) for p in seen}
+
+
+@pytest.mark.parametrize("page", [pytest.param(p, id=p.relative_to(CLONE).as_posix()) for p in MARKDOWN])
+def test_every_link_leads_to_a_file_of_the_clone(page: Path) -> None:
+    """As a forge reads it, which shows the clone and knows nothing of the site."""
+    text = re.sub(r"^(```+).*?^\1$", "", page.read_text(encoding="utf-8"), flags=re.M | re.S)
+    links = re.findall(r"\]\(((?!https?:|mailto:|#)[^)\s#]+)", text)
+    assert not [link for link in links if not (page.parent / link).exists()]
+    assert not {p for link in links if MADE & set((p := (page.parent / link).resolve().relative_to(CLONE)).parts[1:2])}
+
+
+def test_links_to_files_of_the_clone_lead_to_pages_of_the_site() -> None:
+    written = {f"reference/gtmodel.{name}" for name in LIBRARIES} | {"reference/index"}
+    written |= {f"notebooks/{p.stem}" for p in (CLONE / "notebooks").glob("[0-9]*.py")}
+    for source in PAGES:
+        links = re.findall(r"\]\(((?:\.\./)+(?:notebooks|gtmodel)[^)]*)", source.read_text(encoding="utf-8"))
+        name = named(source).removesuffix(".md")
+        for link in links:
+            (to,) = re.findall(r"\((.*)\)", on_the_site(name, f"[x]({link})"))
+            assert (source.parent / to).resolve().relative_to(DOCS).as_posix() in written, link
 
 
 def test_the_reference_describes_every_public_object() -> None:

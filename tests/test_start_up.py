@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import json
 import pickle
 import subprocess
@@ -12,12 +11,9 @@ import pytest
 
 import gtmodel as gt
 from gtmodel import calibrate, optimize
-from gtmodel.cli import main
+from gtmodel.problem_files import names
 
 HEAVY = {"numpy", "casadi", "scipy", "matplotlib", "rich"}
-PARTS_OF_SCIPY = {
-    f"scipy.{name}" for name in ("sparse", "linalg", "optimize", "interpolate", "signal", "stats", "spatial")
-}
 RUN = """
 import json, os, sys
 from gtmodel.cli import main
@@ -59,20 +55,39 @@ def test_help_of_the_command_line_reads_five_files_of_ours() -> None:
     }
 
 
-KINDS = ["calibration", "dynamic_stiffness", "kinematics", "trajectory", "trajectory_table", "vibration"]
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_a_schema_needs_no_part_of_scipy_and_no_robot(kind: str) -> None:
+@pytest.mark.parametrize("kind", names())
+def test_a_schema_needs_no_model_no_engine_and_writes_no_study(kind: str) -> None:
     modules = imported(RUN.format(words=["schema", kind]))
-    assert f"gtmodel.kinds.{kind}.keys" in modules and not modules & {*PARTS_OF_SCIPY, "matplotlib", "rich"}
+    assert f"gtmodel.kinds.{kind}.keys" in modules and not modules & (HEAVY - {"numpy"})
     engines = {"gtmodel.compiler", "gtmodel.optimize.solve", "gtmodel.vibration.impulse", "gtmodel.motion.motion_study"}
-    assert not modules & {"gtmodel.robots.f1", *engines}
+    assert not modules & {"gtmodel.lang.model", "gtmodel.results.written", "gtmodel.robots.f1", *engines}
 
 
-def test_garbage_is_collected_again_behind_a_schema(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["schema", "kinematics"]) == 0 and "kinematics" in capsys.readouterr().out
-    assert gc.isenabled()
+def test_a_solve_without_pictures_imports_no_matplotlib_and_no_other_family_of_robots() -> None:
+    modules = imported(RUN.format(words=["solve", "l1_min_time", "--quiet", "--max-seconds", "0.01"]))
+    assert "gtmodel.robots.three_link" in modules and "gtmodel.compiler.plan" in modules
+    assert not modules & {"matplotlib", "rich", "gtmodel.robots.f1", "gtmodel.robots.six_link", "gtmodel.robots.kr500"}
+    assert not {m for m in modules if m.startswith(("gtmodel.plot", "gtmodel.problem_files.robot_file"))}
+
+
+SEARCHES = """
+import atexit, gc, json, os, sys
+from gtmodel.__main__ import run
+sys.argv = ["gtmodel", *{words}]
+shown, sys.stdout = sys.stdout, open(os.devnull, "w")
+searches = []
+gc.callbacks.append(lambda phase, about: searches.append(about["generation"]) if phase == "stop" else None)
+atexit.register(lambda: print(json.dumps([len(searches), gc.get_freeze_count() > 0]), file=shown, flush=True))
+run()
+"""
+
+
+@pytest.mark.parametrize("words", [["list"], ["schema", "calibration"]])
+def test_a_command_that_computes_nothing_searches_for_no_garbage(words: list[str]) -> None:
+    program = SEARCHES.format(words=words)
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    searches, left_to_the_end = json.loads(done.stdout)
+    assert searches <= 1 and left_to_the_end
 
 
 def test_the_package_alone_imports_nothing_until_a_name_is_used() -> None:

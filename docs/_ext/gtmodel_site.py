@@ -15,6 +15,7 @@ What commands print is kept in build/site/runs until gtmodel or the problem chan
 from __future__ import annotations
 
 import inspect
+import re
 import shutil
 from pathlib import Path
 from typing import Any, ClassVar
@@ -28,7 +29,7 @@ from sphinx.util.docutils import SphinxDirective
 
 from gtmodel.problem_files import schema
 
-from . import fences, reference, runs, theses
+from . import fences, links, reference, runs, theses
 
 DOCS = Path(__file__).parents[1]
 CLONE = DOCS.parent
@@ -90,7 +91,9 @@ class Problem(_Page):
         result = runs.run(command)
         if result.code != 0:
             raise self.error(f"'{command}' ended with {result.code}: {result.text[-500:]}")
-        made = self.markdown(f"```{{literalinclude}} {_up(self.env.docname)}problems/{name}.toml\n:language: toml\n```")
+        made = self.markdown(
+            f"```{{literalinclude}} {links.up(self.env.docname)}problems/{name}.toml\n:language: toml\n```"
+        )
         made += self.console(command, result.text)
         wanted = self.options.get("pictures", "").split() or [p.name for p in result.pictures]
         for picture in wanted:
@@ -106,12 +109,14 @@ class Keys(_Page):
 
     def run(self) -> list[nodes.Node]:
         document = schema.document(self.arguments[0])
-        keys = [[f"`{k['key']}`", k["type"], k["unit"] or "", _code(k["default"]), k["description"] or ""]
+        keys = [[f"`{k['key']}`", k["type"], _unit(k["unit"]), _code(k["default"]), k["description"] or ""]
                 for k in document["keys"]]  # fmt: skip
         made = _table(["key", "type", "unit", "default", "description"], keys)
-        values = [[f"`{name}`", v["unit"] or "", v["description"] or ""] for name, v in document["values"].items()]
+        values = [[f"`{name}`", _unit(v["unit"]), v["description"]] for name, v in document["values"].items()]
         text = f"Keys of the problem file:\n\n{made}\n\nNames in `result.json`, under `values`:\n\n"
-        return self.markdown(text + _table(["name", "unit", "description"], values))
+        holder = nodes.container(classes=["keys"])
+        holder += self.markdown(text + _table(["name", "unit", "description"], values))
+        return [holder]
 
 
 class Gallery(_Page):
@@ -152,10 +157,6 @@ def _command(problem: str, settings: str) -> str:
     return f"gtmodel solve problems/{problem}.toml{settings} --plot --out out"
 
 
-def _up(page: str) -> str:
-    return "../" * (page.count("/") + 1)
-
-
 def _shown(result: runs.Result, picture: str, name: str, directive: _Page) -> str:
     """The path under docs/ of a copy of a picture that a command drew."""
     source = next((p for p in result.pictures if p.name == picture), None)
@@ -165,6 +166,11 @@ def _shown(result: runs.Result, picture: str, name: str, directive: _Page) -> st
     target.parent.mkdir(parents=True, exist_ok=True)
     shutil.copyfile(source, target)
     return target.relative_to(DOCS).as_posix()
+
+
+def _unit(text: str) -> str:
+    """A unit as one writes it: µm for um, N m for N.m."""
+    return re.sub(r"\bu(m|rad)\b", r"µ\1", text).replace(".", " ")
 
 
 def _code(value: object) -> str:
@@ -187,9 +193,22 @@ def _copied_notebooks(app: Sphinx) -> None:
     folder.mkdir()
     for script in sorted((CLONE / "notebooks").glob("[0-9][0-9]_*.py")):
         shutil.copyfile(script, folder / script.name)
-    names = "\n".join(p.stem for p in sorted(folder.glob("*.py")))
-    text = f"# Notebooks\n\nRun when this site was built.\n\n```{{toctree}}\n:maxdepth: 1\n\n{names}\n```\n"
+    scripts = sorted(folder.glob("*.py"))
+    listed = "\n".join(f"- {{doc}}`{p.stem}`: {_question(p)}" for p in scripts)
+    names = "\n".join(p.stem for p in scripts)
+    text = (
+        "# Notebooks\n\nEach asks one question. They were run when this site was built.\n\n"
+        f"{listed}\n\n```{{toctree}}\n:hidden:\n\n{names}\n```\n"
+    )
     (folder / "index.md").write_text(text, encoding="utf-8")
+
+
+def _question(script: Path) -> str:
+    """What a notebook asks: its first bold sentence."""
+    asked = re.search(r"^# \*\*(.+?)\*\*$", script.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
+    if asked is None:
+        raise ValueError(f"{script.name} asks no question in bold under its title")
+    return asked[1].replace("\n# ", " ")
 
 
 def _copied_texts(app: Sphinx) -> None:
@@ -202,6 +221,10 @@ def _copied_texts(app: Sphinx) -> None:
         for other in TEXTS:
             text = text.replace(f"]({other}.md", f"]({other.lower()}.md")
         (folder / f"{name.lower()}.md").write_text(text, encoding="utf-8")
+
+
+def _links(app: Sphinx, page: str, content: list[str]) -> None:
+    content[0] = links.on_the_site(page, content[0])
 
 
 def _mathml(self: Any, node: nodes.Element) -> None:
@@ -225,6 +248,7 @@ def setup(app: Sphinx) -> dict[str, Any]:
     app.connect("builder-inited", _copied_notebooks)
     app.connect("builder-inited", _copied_texts)
     app.connect("builder-inited", reference.write)
+    app.connect("source-read", _links)
     app.connect("autodoc-process-docstring", reference.kept_from_napoleon, priority=100)
     app.connect("autodoc-process-docstring", reference.docstring, priority=900)
     app.connect("autodoc-process-signature", reference.signature)

@@ -170,7 +170,7 @@ def _posed(
     wanted = [alias.resolve(*t)[1:] for t in targets]
     equations, conditions = set_apart(flat, alias.equations, set(known))
     equations, unknowns, undetermined = needed(flat, equations, unknowns, {i for i, _ in wanted})
-    structure = analyse(flat, equations, unknowns)
+    structure = analyse(flat, equations, unknowns, {i for i, _ in wanted})
     column = {j: n for n, j in enumerate(unknowns)}
     deficit = max([order - int(structure.d[column[i]]) for i, order in wanted if i in column], default=0)
     structure = structure.raised(max(0, deficit))

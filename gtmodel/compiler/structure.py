@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
@@ -46,8 +47,10 @@ class EquationStructure:
         return EquationStructure(self.equations, self.unknowns, self.sigma, self.c + deficit, self.d + deficit, deficit)
 
 
-def analyse(flat: FlatModel, equations: list[FlatEquation], unknowns: list[int]) -> EquationStructure:
-    """Differentiation counts of a square system.
+def analyse(
+    flat: FlatModel, equations: list[FlatEquation], unknowns: list[int], targets: Collection[int] = ()
+) -> EquationStructure:
+    """Differentiation counts of a square system; targets: the unknowns that are asked for.
 
     Raises ModelError if the numbers of equations and unknowns differ, or if some of them cannot be matched;
     the sentence names the surplus equations or variables.
@@ -60,14 +63,15 @@ def analyse(flat: FlatModel, equations: list[FlatEquation], unknowns: list[int])
                 key = (i, column[index])
                 sigma[key] = max(sigma.get(key, 0), order)
     if len(equations) != len(unknowns):
-        raise ModelError(_unbalanced(flat, equations, unknowns, sigma))
-    match = _transversal(flat, equations, unknowns, sigma)
+        raise ModelError(_unbalanced(flat, equations, unknowns, targets, sigma))
+    match = _transversal(flat, equations, unknowns, targets, sigma)
     return EquationStructure(equations, unknowns, sigma, *_offsets(len(equations), sigma, match))
 
 
 def _transversal(
-    flat: FlatModel, equations: list[FlatEquation], unknowns: list[int], sigma: dict[tuple[int, int], int]
-) -> np.ndarray:
+    flat: FlatModel, equations: list[FlatEquation], unknowns: list[int], targets: Collection[int],
+    sigma: dict[tuple[int, int], int],
+) -> np.ndarray:  # fmt: skip
     """Column matched to each row by a highest-value transversal."""
     n = len(equations)
     if n == 0:
@@ -79,7 +83,7 @@ def _transversal(
     try:
         rows, cols = scipy.sparse.csgraph.min_weight_full_bipartite_matching(matrix)
     except ValueError:
-        raise ModelError(_unbalanced(flat, equations, unknowns, sigma)) from None
+        raise ModelError(_unbalanced(flat, equations, unknowns, targets, sigma)) from None
     match = np.empty(n, dtype=int)
     match[rows] = cols
     return match
@@ -101,8 +105,9 @@ def _offsets(n: int, sigma: dict[tuple[int, int], int], match: np.ndarray) -> tu
 
 
 def _unbalanced(
-    flat: FlatModel, equations: list[FlatEquation], unknowns: list[int], sigma: dict[tuple[int, int], int]
-) -> str:
+    flat: FlatModel, equations: list[FlatEquation], unknowns: list[int], targets: Collection[int],
+    sigma: dict[tuple[int, int], int],
+) -> str:  # fmt: skip
     """A sentence on a system that is not square or cannot be matched, naming the surplus items."""
     rows, cols = overdetermined_and_underdetermined(len(equations), len(unknowns), sigma)
     text = f"{flat.title}: {_count(len(equations), 'equation')} for {_count(len(unknowns), 'unknown')}"
@@ -111,10 +116,11 @@ def _unbalanced(
         text += f"; not determined: {names} (too few equations or too few known variables)"
         met = {j for _, j in sigma}
         if absent := [flat.variables[unknowns[j]].name for j in cols if j not in met][:6]:
-            text += f"; {', '.join(absent)} stand in no equation: is one, or its yield, missing?"
-        inputs = [v for v in (flat.variables[unknowns[j]] for j in cols) if v.role == "input"]
-        if inputs and not rows:
-            text += f"; inputs are known where they are named: known=[{', '.join(repr(v.name) for v in inputs[:6])}]"
+            verb = "stands" if len(absent) == 1 else "stand"
+            text += f"; {', '.join(absent)} {verb} in no equation: is one, or its yield, missing?"
+        inputs = [flat.variables[i] for i in (unknowns[j] for j in cols) if i not in targets]
+        if (names := [v.name for v in inputs if v.role == "input"][:6]) and not rows:
+            text += f"; inputs that are given have to be named: known=[{', '.join(map(repr, names))}]"
     if not equations and (slips := difflib.get_close_matches("equations", vars(type(flat.root)), n=1)):
         text += f"; {type(flat.root).__name__}.{slips[0]}() is not asked for any: its name has to be equations"
     if rows:

@@ -22,6 +22,11 @@ MAPPED = {"softest_N_m": ("stiffness along the softest direction", 1e-6, "N/µm"
           "frequency_Hz": ("lowest natural frequency", 1.0, "Hz")}  # fmt: skip
 
 
+def word(part: str) -> str:
+    """Of a part that is compliant, by its key in `shares`: a group of springs, or "joint_1" of a serial arm."""
+    return WORDS.get(part) or part.replace("_", " ")
+
+
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class ComplianceStudy(Study):
     """Stiffness, deflection and natural frequencies of a robot: at one pose, and over a section of its workspace."""
@@ -35,7 +40,10 @@ class ComplianceStudy(Study):
     deflection: Annotated[Array, Quantity("m", "of the tool centre point under the load")]
     rotation: Annotated[Array | None, Quantity("rad", "of the plate under the load; null where it has none")]
     work: Annotated[float | None, Quantity("J", "that the load does")] = None
-    shares: Annotated[Mapping[str, float] | None, "parts of this work by what is compliant; null without a load"]
+    shares: Annotated[
+        Mapping[str, float] | None,
+        "parts of this work by what is compliant: groups of springs, joints of a serial arm; null without a load",
+    ]
     sag: Annotated[
         Array | None, Quantity("m", "of the tool centre point by all weights; null for robots without masses")
     ]
@@ -62,7 +70,7 @@ class ComplianceStudy(Study):
             if self.rotation is not None:
                 rows.append(Row("rotation under it", listed(1e6 * self.rotation), "urad"))
         if self.shares is not None:
-            shares = ", ".join(f"{WORDS[k]} {100 * x:.0f} %" for k, x in self.shares.items() if x > 0)
+            shares = ", ".join(f"{word(k)} {100 * x:.0f} %" for k, x in self.shares.items() if x > 0)
             rows.append(Row("what takes the work", shares))
         if self.sag is not None and self.frequencies is not None:
             rows.append(Row("deflection by all weights", listed(1e6 * self.sag), "um"))

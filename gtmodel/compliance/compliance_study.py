@@ -17,8 +17,7 @@ from ..results.options import Long, Within
 from ..results.table import csv_text
 from ..results.work import Progress, never, silent
 from .cartesian import softest_and_stiffest
-from .compliance_result import MAPPED, WORDS, Array, ComplianceStudy
-from .link_springs import GROUPS
+from .compliance_result import MAPPED, Array, ComplianceStudy, word
 from .options import ArmSprings, ComplianceMap, Load, Springs
 from .sprung_arm import SprungArm
 from .sprung_links import ComplianceAtPoses, Sprung, SprungLinks
@@ -213,5 +212,5 @@ def _shares_figure(shares: dict[str, float], work: float, title: str) -> Any:
     from ..plot.compliance import shares_figure
 
     return shares_figure(
-        {WORDS[k]: shares[k] for k in GROUPS}, title=f"{title}:\nwhat takes the {work:.3g} J of the load"
+        {word(k): share for k, share in shares.items()}, title=f"{title}:\nwhat takes the {work:.3g} J of the load"
     )

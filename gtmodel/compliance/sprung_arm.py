@@ -70,14 +70,19 @@ class SprungArm:
             out = np.any(turned > high + 1e-9, axis=1)
             reason = [r or (OUTSIDE if o else "") for r, o in zip(reason, out, strict=True)]
         good = np.array([not r for r in reason])
-        C, moved = np.full((n, 6, 6), np.nan), np.full((n, 6), np.nan)
+        C, moved, work = np.full((n, 6, 6), np.nan), np.full((n, 6), np.nan), np.full((n, 6), np.nan)
+        load = np.array([*self.load.force, *self.load.moment])
         if good.any():
             poses: ArmPoses = arm_poses(self.model, q[good], self.tool)
             C[good] = (poses.J * self.compliance) @ np.swapaxes(poses.J, 1, 2)
-            load = np.array([*self.load.force, *self.load.moment])
-            turned = self.compliance * np.einsum("nij,i->nj", poses.J, load)  # by the load's torques
+            torque = np.einsum("nij,i->nj", poses.J, load)
+            turned = self.compliance * torque
             moved[good] = np.einsum("nij,nj->ni", poses.J, turned)
-        return ComplianceAtPoses(C, moved, reason)
+            work[good] = torque * turned / 2
+        shares = None
+        if np.any(load):
+            shares = {f"joint_{k + 1}": w for k, w in enumerate((work / work.sum(axis=1, keepdims=True)).T)}
+        return ComplianceAtPoses(C, moved, reason, shares=shares)
 
 
 def _wrapped(angle: Array) -> Array:

@@ -36,6 +36,12 @@ from typing import TYPE_CHECKING
 from .._lazy import public
 
 if TYPE_CHECKING:
+    from .base_parameters import BaseRegressor as BaseRegressor
+    from .consistent import (
+        ConsistentInertias as ConsistentInertias,
+        consistent_inertias as consistent_inertias,
+        pseudo_inertia as pseudo_inertia,
+    )
     from .corrected import corrected as corrected
     from .delay import Delay as Delay, delay_of as delay_of
     from .exchanged import Exchanged as Exchanged, exchanged_efforts as exchanged_efforts

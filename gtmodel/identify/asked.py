@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from ..compiler.causal import flat_of
 from ..lang import Model, ModelError
 from ..results import ArgumentError, Work, naming
+from .base_parameters import BaseRegressor, base_names
 from .options import Fitting, Processing
 from .parameter_names import ParameterError, among, scalar_parameters
 from .regressor import Regressor
@@ -17,6 +18,7 @@ from .regressor import Regressor
 class Asked:
     """What is free and how it is fitted, the regressor of what is free and watched, numbers to compare with."""
 
+    robot: Model
     free: Sequence[str]
     how: Fitting
     processing: Processing
@@ -24,6 +26,13 @@ class Asked:
     published: Mapping[str, float]
     title: str
     work: Work
+
+    @property
+    def nonnegative(self) -> bool | list[str]:
+        """What must not be negative; base parameters may be."""
+        if self.how.inertias is None or self.how.nonnegative is not True:
+            return self.how.nonnegative
+        return [n for n in self.regressor.names if n not in base_names(self.regressor)]
 
     @property
     def names(self) -> tuple[str, str]:
@@ -47,7 +56,9 @@ def asked_for(
         with naming(f"published.{name}", ModelError):
             scalar_parameters(flat_of(robot), [name])
     work.progress("reading", 0.1)
-    return Asked(free, how, processing or Processing(), regressor, published or {}, title, work)
+    return Asked(
+        robot, free_of(regressor, free, how), how, processing or Processing(), regressor, published or {}, title, work
+    )
 
 
 def regressor_of(robot: Model, free: Sequence[str], how: Fitting) -> Regressor:
@@ -55,8 +66,14 @@ def regressor_of(robot: Model, free: Sequence[str], how: Fitting) -> Regressor:
     for name in ("known", "targets"):
         with naming(f"fitting.{name}", ModelError):
             flat_of(robot).lookup(getattr(how, name))
+    if how.inertias is not None and how.watch:
+        raise ArgumentError("is not for inertias, of which all that can be determined is free", "fitting.watch")
     try:
-        regressor = Regressor(robot, [*free, *how.watch], how.known, how.targets)
+        regressor = (
+            BaseRegressor(robot, free, how.known, how.targets)
+            if how.inertias
+            else Regressor(robot, [*free, *how.watch], how.known, how.targets)
+        )
     except ParameterError as error:
         watched = {error.parameter, error.parameter.partition("[")[0]} & set(how.watch)
         raise ArgumentError(str(error), "fitting.watch" if watched else "free") from error
@@ -66,3 +83,8 @@ def regressor_of(robot: Model, free: Sequence[str], how: Fitting) -> Regressor:
         with naming("fitting.nonnegative", ModelError):
             among(regressor.names, how.nonnegative)
     return regressor
+
+
+def free_of(regressor: Regressor, free: Sequence[str], how: Fitting) -> Sequence[str]:
+    """What is estimated: the names that were given, and base parameters where inertias are asked for."""
+    return free if how.inertias is None else regressor.names

@@ -11,6 +11,7 @@ import tomli_w
 
 from ..results import SolveStatus, Trajectory
 from .asked import Asked
+from .bodies import bodies_of
 from .checks import judged
 from .closed_loop import ClosedLoopRun, within_bound
 from .identified import IdentificationStudy
@@ -35,6 +36,7 @@ def assembled_study(
     e, rows, title, parameters = identification.estimate, identification.rows, asked.title, identification.numbers
     compared = {name: number for name, number in asked.published.items() if name in parameters}
     checks, suspicions = judged(asked, data, identification, validation, repeated)
+    bodies = bodies_of(asked, identification)
     shown = (title or "identification") + (" (synthetic)" if rows.synthetic else "")
     stopped = repeated is not None and repeated.runs.interrupted
     coverage = None
@@ -48,7 +50,7 @@ def assembled_study(
         message=f"{len(e.names)} parameters from {len(rows)} rows",
         title=title,
         objective=float(np.sum((identification.residuals / identification.noise) ** 2)),
-        checks=checks | within_bound(loop, runs),
+        checks=checks | bodies.checks | within_bound(loop, runs),
         parameters=parameters,
         units={n: u for n, u in zip(rows.names, rows.units, strict=True) if n in (*e.names, *e.held)},
         intervals={n: list(e.interval(n)) for n in e.names},
@@ -72,20 +74,22 @@ def assembled_study(
             rows.filter_sentence,
             *suspicions,
             *identification.notes,
+            *bodies.notes,
             *([f"intervals take the estimated {known} as known"] if known else []),
         ],
         synthetic=rows.synthetic,
         published={name: parameters[name] / number - 1 for name, number in compared.items() if number}
         if compared
         else None,
+        **bodies.values,
         **_of_runs(runs),
         fit=identification,
         numbers=compared,
         closed_loop=runs,
         trajectory=_trajectory(identification, asked.how.targets, shown),
         figures=_figures(identification, validation, shown, runs, title),
-        files={"parameters.toml": _file(identification, shown)},
-        machine_files=("parameters.toml",),
+        files={"parameters.toml": _file(identification, shown), **bodies.files},
+        machine_files=("parameters.toml", *bodies.files),
     )
 
 

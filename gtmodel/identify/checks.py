@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ..inference import FALSE_ALARM, binomial_band
 from ..results import Check, at_least, at_most
 from .asked import Asked
+from .base_parameters import base_names
 from .exchanged import exchanged_efforts
 from .inertia import Identification, Validation
 from .recordings import Recordings
@@ -69,7 +72,7 @@ def judged(
         checks["delay_moves_a_parameter"] = Check(delay.moves, delay.bound, LOOK, judged=delay.passed)
     if order is not None:
         checks["exchanged_columns"] = Check(order.ratio, order.bound, LOOK, judged=order.passed)
-    far = _far_off(identification)
+    far = _far_off(identification, base_names(asked.regressor))
     checks["parameters_far_off"] = at_most(float(len(far)), 0.0, LOOK)
     piled = _piled(data, asked.how.targets)
     checks["saturated_share"] = at_most(max((share for share, _ in piled), default=0.0), SATURATED, LOOK)
@@ -86,11 +89,12 @@ def judged(
     return checks, said
 
 
-def _far_off(identification: Identification) -> list[str]:
-    """Where a unit of position, time or effort is off by its thousand, a parameter is, or all are."""
+def _far_off(identification: Identification, base: Sequence[str]) -> list[str]:
+    """Where a unit of position, time or effort is off by its thousand, a parameter is, or all are; those of `base` are
+    sums and differences, which may be small."""
     rows, e = identification.rows, identification.estimate
     nominal = dict(zip(rows.names, rows.nominal, strict=True))
-    nonzero = [n for n in e.names if nominal[n] and e.interval(n)[0] * e.interval(n)[1] > 0]
+    nonzero = [n for n in e.names if nominal[n] and n not in base and e.interval(n)[0] * e.interval(n)[1] > 0]
     ratios = {n: abs(e.value(n) / nominal[n]) for n in nonzero}
     far = [n for n in nonzero if ratios[n] > FAR] or (nonzero if nonzero and max(ratios.values()) < 1 / FAR else [])
     if not far:

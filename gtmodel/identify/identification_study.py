@@ -162,7 +162,7 @@ def _fitted(asked: Asked, data: Recordings, place: str) -> tuple[Identification,
     with naming(place, ModelError, TrajectoryError):
         rows = rows_from(data.fitted, used, data.offsets == "session")
         identification = identify(
-            rows, [*asked.free, *rows.signed], nonnegative=how.nonnegative, confidence=how.confidence
+            rows, [*asked.free, *rows.signed], nonnegative=asked.nonnegative, confidence=how.confidence
         )
         if not data.held_out:
             return identification, None

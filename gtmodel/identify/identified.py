@@ -62,6 +62,17 @@ class IdentificationStudy(Study):
         float | None,
         "condition number of the weighted regressor, columns in nominal values (0: least of its unit)",
     ] = None
+    base_parameters: Annotated[
+        Mapping[str, Mapping[str, float]] | None,
+        "of a serial arm, by name: the parameters in it with their factors; null where inertias are not asked for",
+    ] = None
+    masses: Annotated[
+        Array | None, Quantity("kg", "of bodies that can exist and have these base parameters, by link")
+    ] = None  # fmt: skip
+    first_moments: Annotated[Array | None, Quantity("kg.m", "the same, mass times centre of mass, link frames")] = None
+    inertias: Annotated[
+        Array | None, Quantity("kg.m2", "the same, xx, xy, xz, yy, yz, zz about the origins of the link frames")
+    ] = None  # fmt: skip
     left_out: Annotated[
         Numbers | None,
         "p-value by watched group of fixed parameters: small where the residuals show their traces",

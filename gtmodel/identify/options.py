@@ -4,10 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
-from ..lang import Model
+from .._lazy import hint
 from ..results.options import Options, Unit, Within
+
+if TYPE_CHECKING:
+    from ..lang import Model
+else:
+    Model = hint("gtmodel.lang.model", "Model")
 
 MASK_STEPS = 3.0  # quantisation steps per sample: below, the sign of a velocity is not known
 
@@ -52,6 +57,10 @@ class Fitting(Options):
         default_factory=list
     )
     nonnegative: Annotated[bool | list[str], "free parameters that are so: all, none, these"] = True
+    inertias: Annotated[
+        Literal["base", "consistent"] | None,
+        "of a serial arm, free besides what is named: base parameters, or bodies too that can exist and have them",
+    ] = None  # fmt: skip
     confidence: Annotated[
         Literal["auto", "white", "newey_west"],
         "what intervals assume of residuals; auto takes newey_west where they are coloured",

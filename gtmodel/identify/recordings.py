@@ -120,5 +120,5 @@ def synthetic_recordings(asked: Asked, plant: Model, s: SyntheticLog, motion: Ar
             simulators.append(LogSimulator(plant, reference, s.sample_time, *asked.names, tracking))
         logs.append(Session(f"synthetic log {k + 1}", simulators[k].draw(s.seed + k, sensors), s.sample_time))
     values = {q.name: q.value for q in flat_of(plant).parameters}
-    truth = {n: values[n] for n in asked.regressor.names if n in values}
+    truth = asked.regressor.numbers_of(values)
     return Recordings((logs[0],), (logs[1],), truth=truth, simulator=simulators[0], sensors=sensors)

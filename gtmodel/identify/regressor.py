@@ -54,11 +54,12 @@ class Regressor:
         known: variables prescribed by the motion.
         targets: measured efforts.
         prefer, branches: as for `Model.causal`.
+        idle: whether parameters may be named that enter no target; their columns are zero.
 
     Attributes: names (p,) of the parameters, nominal (p,) their values in the model [SI], units (p,), inputs and
     outputs (signals with name, shape and unit), columns: names of the scalar targets.
 
-    Raises ModelError for an unknown parameter, for one in which a target is not linear, for one that enters no target,
+    Raises ModelError for an unknown parameter, for one in which a target is not linear, for an idle one,
     and where the motion does not determine the targets.
 
     >>> class Axis(gt.Model):  # a cart with viscous and Coulomb friction
@@ -83,7 +84,9 @@ class Regressor:
         targets: str | Sequence[str] = "tau",
         prefer: str | Sequence[str] = (),
         branches: Mapping[str, int] | None = None,
+        idle: bool = False,
     ) -> None:
+        self._idle = idle
         if isinstance(parameters, str):
             parameters = [parameters]
         flat = flat_of(model)
@@ -124,11 +127,15 @@ class Regressor:
             given = np.vstack([given, z])
         results = map_columns(self._function, [*columns, *zs])
         status = status_codes(self._margins, columns, results, statuses, sizes=self._sizes)
-        m, p = len(self.columns), self.size
+        m, p = len(self.columns), len(self._chosen)
         Y, y0 = results[0].T.reshape(n, m, p), results[1].T
         bad = status != Status.OK
         Y[bad], y0[bad] = np.nan, np.nan
         return RegressorRows(Y, y0, status)
+
+    def numbers_of(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Of the parameters of a model by name, those of this regressor."""
+        return {n: values[n] for n in self.names if n in values}
 
     def effort(self, parameters: Any, *rows: Any) -> Array:
         """Efforts (n, targets) of a motion at these parameters (p,)."""
@@ -142,7 +149,7 @@ class Regressor:
         The numbers are an answer only where `status` is 0, a code of `Status`. `.map(n)` takes the rows side by side.
         Newton blocks are followed from the home pose as in `CausalFunction.casadi`.
         """
-        f, m, p = self._function, len(self.columns), self.size
+        f, m, p = self._function, len(self.columns), len(self._chosen)
         names = [c_name(s.name) for s in self.inputs] + ["time"] * self._uses_time
         kind: Any = ca.MX if self._kernels else ca.SX
         inputs: list[Any] = [kind.sym(n, s.size) for n, s in zip(names, self.inputs, strict=False)]
@@ -199,7 +206,7 @@ class Regressor:
 
     def _refuse_absent(self, jacobian: ca.SX) -> None:
         for k, name in enumerate(self.names):
-            if jacobian[:, k].nnz() == 0:
+            if not self._idle and jacobian[:, k].nnz() == 0:
                 raise ParameterError(
                     f"parameter '{name}' of {self._title} has no effect on {', '.join(s.name for s in self.outputs)} "
                     f"when {', '.join(s.name for s in self.inputs)} are known; leave it out",

@@ -4,6 +4,7 @@ Nothing here knows a model: functions take arrays, and names only to speak of th
 
 Fits
     linear_fit, nonlinear_fit   least squares with weights, bounds or losses, priors -> Estimate
+    linear_fits                 many measurements with one matrix, which is factored once
     Prior                       knowledge of a parameter before the data
 Worth
     identifiability             rank, null space in words, dependencies, standard deviations, O1 to O5
@@ -43,7 +44,7 @@ if TYPE_CHECKING:
         Identifiability as Identifiability,
         identifiability as identifiability,
     )
-    from .least_squares import linear_fit as linear_fit
+    from .least_squares import linear_fit as linear_fit, linear_fits as linear_fits
     from .monte_carlo import MonteCarlo as MonteCarlo, monte_carlo as monte_carlo
     from .nonlinear import NonlinearFit as NonlinearFit, nonlinear_fit as nonlinear_fit
     from .observability import Observability as Observability, observability as observability

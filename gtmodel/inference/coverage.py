@@ -92,12 +92,12 @@ def coverage(estimates: Sequence[Estimate], truth: Mapping[str, float], *, level
         raise ArgumentError("coverage needs runs; found none", "estimates")
     if not truth:
         raise ArgumentError("expected a true value of one name or more; found none", "truth")
+    names, true = tuple(truth), np.array(list(truth.values()), float)
     hits, errors = np.zeros(len(truth), int), np.zeros((len(estimates), len(truth)))
-    for k, (name, true) in enumerate(truth.items()):
-        for run, e in enumerate(estimates):
-            value, low, high = e.combination({name: 1.0}, level)
-            hits[k] += low <= true <= high
-            errors[run, k] = value - true
+    for run, e in enumerate(estimates):
+        low, high = e.intervals(names, level)
+        hits += (low <= true) & (true <= high)
+        errors[run] = [e.value(name) for name in names] - true
     spread = errors.std(axis=0, ddof=1) if len(estimates) > 1 else np.ones(len(truth))
     bias = errors.mean(axis=0) / np.where(spread > 0, spread, 1.0) * np.sqrt(len(estimates))
-    return Coverage(tuple(truth), hits, len(estimates), level, bias)
+    return Coverage(names, hits, len(estimates), level, bias)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import scipy
@@ -72,19 +73,78 @@ def linear_fit(
         near = AT_BOUND * size
         free = (x > low + near) & (x < high - near)
         before = noise
-        estimate = make_estimate(
-            x, bw - Aw @ x, Aw, names, size, free, P, w.known, units=tuple(units), prior_noise=noise,
+        worth = fit_worth(
+            Aw, names, size, free, P, w.known, units=tuple(units), prior_noise=noise,
             hold_undetermined=hold_undetermined, rank_tolerance=rank_tolerance,
         )  # fmt: skip
+        estimate = worth.estimate(x, bw - Aw @ x)
         noise = estimate.noise
         if w.known or not priors or abs(noise - before) <= NOISE_STILL * noise:
             break
     return estimate  # pyright: ignore[reportPossiblyUnboundVariable]
 
 
-def make_estimate(
-    x: np.ndarray,
-    r: np.ndarray,
+def linear_fits(
+    A: ArrayLike, b: ArrayLike, names: Sequence[str], *, scale: ArrayLike | None = None, rank_tolerance: float = RANK
+) -> list[Estimate]:
+    """Linear fits of many measurements with one A: the Estimates of `linear_fit(A, row, names, scale=scale)`.
+
+    A (rows, n), b (fits, rows). A is factored once, so that a fit costs little more than a product with it; this is for
+    repeated synthetic experiments. Each fit's own residuals determine its noise. Raises ArgumentError as linear_fit().
+
+    >>> time = np.linspace(0.0, 3.0, 20)
+    >>> A = np.column_stack([np.ones(20), time])
+    >>> noisy = A @ [1.0, 2.0] + 0.1 * np.random.default_rng(1).normal(size=(50, 20))  # synthetic
+    >>> fits = gt.inference.linear_fits(A, noisy, ["start", "speed"])
+    >>> len(fits), np.mean([e.value("speed") for e in fits]).round(1)
+    (50, np.float64(2.0))
+    """
+    A, b, names = np.asarray(A, float), np.asarray(b, float), tuple(names)
+    if b.ndim != 2:
+        raise ArgumentError(f"b has the shape {b.shape}; expected (fits, rows): a row per fit")
+    if not len(b):
+        return []
+    _check(A, b.T, names)
+    size = scales(None if scale is None else np.asarray(scale, float), len(names), A)
+    x = np.linalg.lstsq(A * size, b.T, rcond=rank_tolerance)[0].T * size
+    worth = fit_worth(A, names, size, np.ones(len(names), bool), np.zeros((0, len(names))), False,
+                      rank_tolerance=rank_tolerance)  # fmt: skip
+    residuals = b - x @ A.T
+    return [worth.estimate(own, r) for own, r in zip(x, residuals, strict=True)]
+
+
+@dataclass(frozen=True, eq=False)
+class FitWorth:
+    """What an Estimate says beside its values, but for the noise: the same for all measurements of one Jacobian.
+
+    `free` (n,) are the positions of the parameters that are not held, `inverse` (free, free) is the inverse of their
+    information in whitened rows; the others are as in Estimate.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    free: np.ndarray
+    inverse: np.ndarray
+    degrees_of_freedom: float
+    known: bool
+    notes: tuple[str, ...]
+    null_space: np.ndarray
+
+    def estimate(self, x: np.ndarray, r: np.ndarray) -> Estimate:
+        """The Estimate at an optimum x (n,) with whitened residuals r (rows,)."""
+        kept, dof = self.free, self.degrees_of_freedom
+        held = np.setdiff1d(np.arange(len(self.names)), kept)
+        noise = float(np.sqrt(r @ r / dof)) if dof else 1.0
+        cov = self.inverse * (1.0 if self.known else noise**2)
+        return Estimate(
+            tuple(self.names[k] for k in kept), x[kept], (cov + cov.T) / 2, dof, noise, self.known, r,
+            tuple(self.names[k] for k in held), held_values=tuple(float(x[k]) for k in held),
+            units=tuple(self.units[k] for k in kept) if self.units else (), notes=self.notes,
+            null_space=self.null_space,
+        )  # fmt: skip
+
+
+def fit_worth(
     J: np.ndarray,
     names: tuple[str, ...],
     scale: np.ndarray,
@@ -96,11 +156,11 @@ def make_estimate(
     prior_noise: float = 1.0,
     hold_undetermined: bool = False,
     rank_tolerance: float = RANK,
-) -> Estimate:
-    """The Estimate at an optimum x (n,) with whitened residuals r (rows,) and Jacobian J (rows, n).
+) -> FitWorth:
+    """What the whitened Jacobian J (rows, n) at an optimum is worth.
 
-    `free` (n,) says which parameters are not held; P (k, n) are whitened prior rows, times `prior_noise` in units of r.
-    Raises ArgumentError for too few rows, and for what is not determined unless `hold_undetermined`.
+    `free` (n,) says which parameters are not held; P (k, n) are whitened prior rows, times `prior_noise` in units of
+    the residuals. Raises ArgumentError for too few rows, and for what is not determined unless `hold_undetermined`.
     """
     kept = np.flatnonzero(free)
     own = tuple(names[k] for k in kept)
@@ -109,20 +169,15 @@ def make_estimate(
     null = moved_together(s.null, own)
     if null and not hold_undetermined:
         raise ArgumentError("; ".join(null))
-    degrees_of_freedom = len(r) - effective_parameters(data, s.inverse)
+    degrees_of_freedom = len(J) - effective_parameters(data, s.inverse)
     if abs(degrees_of_freedom - round(degrees_of_freedom)) < 1e-6:  # a whole number but for rounding
         degrees_of_freedom = float(round(degrees_of_freedom))
     if degrees_of_freedom < 0 or (degrees_of_freedom == 0 and not known):
-        raise ArgumentError(f"{len(r)} measured values for {len(kept)} unknowns; measure more, or give sigma")
-    noise = float(np.sqrt(r @ r / degrees_of_freedom)) if degrees_of_freedom else 1.0
-    cov = s.inverse * np.outer(size, size) * (1.0 if known else noise**2)
-    held = np.flatnonzero(~free)
+        raise ArgumentError(f"{len(J)} measured values for {len(kept)} unknowns; measure more, or give sigma")
     null_space = np.where(np.abs(s.null) > PART, s.null, 0.0) * size[:, None] if null else np.zeros((0, 0))
-    return Estimate(
-        own, x[kept], (cov + cov.T) / 2, degrees_of_freedom, noise, known, r, tuple(names[k] for k in held),
-        held_values=tuple(float(x[k]) for k in held), units=tuple(units[k] for k in kept) if units else (),
-        notes=tuple(null), null_space=null_space,
-    )  # fmt: skip
+    return FitWorth(
+        names, units, kept, s.inverse * np.outer(size, size), degrees_of_freedom, known, tuple(null), null_space
+    )
 
 
 def _solve(A: np.ndarray, b: np.ndarray, low: np.ndarray, high: np.ndarray, tolerance: float) -> np.ndarray:

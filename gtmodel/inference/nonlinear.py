@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from ..results.estimate import Estimate
 from ..results.refusal import ArgumentError
 from ..results.status import SolveStatus
-from .least_squares import make_estimate
+from .least_squares import fit_worth
 from .losses import Loss, loss_named
 from .make_estimate import RANK, scales
 from .normal_equations import Pieces, Sums, directions, norm, sums
@@ -102,10 +102,11 @@ def nonlinear_fit(
     r, J = end[:, -1], end[:, :-1]
     if not d.status.ok:
         return NonlinearFit(**vars(d), r=r, J=J)
-    estimate = make_estimate(
-        d.x, r, J, names, size, np.ones(len(x), bool), P, w.known, units=tuple(units),
+    worth = fit_worth(
+        J, names, size, np.ones(len(x), bool), P, w.known, units=tuple(units),
         hold_undetermined=hold_undetermined, rank_tolerance=rank_tolerance,
     )  # fmt: skip
+    estimate = worth.estimate(d.x, r)
     if loss != "linear" and estimate.degrees_of_freedom:
         factor = loss_named(loss).variance_factor(r, width, estimate.degrees_of_freedom)
         estimate = replace(estimate, covariance=estimate.covariance / (1.0 if w.known else estimate.noise**2) * factor)

@@ -12,7 +12,7 @@ import numpy as np
 
 from .scope import Scope
 from .slips import floats
-from .source import ModelError, SourceLocation, here
+from .source import ModelError, SourceLocation, dropped, here
 from .units import Dimension, UnitError
 
 Shape = tuple[int, ...]
@@ -359,6 +359,10 @@ def relation(a: Expr, b: Any, op: str) -> Relation:
         sa = ca.repmat(sa, rows, cols)
     if sb.shape != (rows, cols):
         sb = ca.repmat(sb, rows, cols)
+    if dropped():
+        raise ModelError(
+            f"nothing takes what this '{op}' says; write yield in front of it, or hand it to add() of a Builder", here()
+        )
     return Relation(sa, sb, op, dimension, here())
 
 

@@ -8,8 +8,10 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from dis import opname
 from functools import cache
 from pathlib import Path
+from types import FrameType
 
 LANG = str(Path(__file__).resolve().parent)
 _OURS = str(Path(LANG).parent) + os.sep
@@ -45,12 +47,30 @@ def _notebook_cell(filename: str) -> str | None:
     return None if code_name is None else " ".join(code_name)
 
 
-def here() -> SourceLocation:
-    """Location of the innermost calling frame outside the language package itself."""
+def _callers() -> FrameType:
     frame = sys._getframe(1)
     while frame.f_back is not None and frame.f_code.co_filename.startswith(LANG):
         frame = frame.f_back
+    return frame
+
+
+def here() -> SourceLocation:
+    """Location of the innermost calling frame outside the language package itself."""
+    frame = _callers()
     return of_frame(frame.f_code.co_filename, frame.f_lineno)
+
+
+def dropped() -> bool:
+    """Whether the statement that compares, in the innermost calling frame outside the language package, keeps nothing:
+    `a == b` alone on its line, for which Python compares and then pops."""
+    frame = _callers()
+    code, at = frame.f_code.co_code, frame.f_lasti
+    if opname[code[at]] != "COMPARE_OP":
+        return False
+    after = at + 2
+    while opname[code[after]] == "CACHE":
+        after += 2
+    return opname[code[after]] == "POP_TOP"
 
 
 def of_frame(filename: str, line: int) -> SourceLocation:

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
-import scipy
 
 from ..lang.units import convert, parse_unit
 from ..results.trajectory import Trajectory
@@ -39,7 +38,7 @@ class Signal:
     >>> gt.measurements.Signal("volts", "V", quantity_unit="N")
     Traceback (most recent call last):
         ...
-    gtmodel.measurements.log.LogError: ...give the scale in N per V, or scale = "estimate"
+    gtmodel.measurements.streams.form.LogError: ...give the scale in N per V, or scale = "estimate"
     """
 
     column: str | tuple[str, ...]
@@ -124,6 +123,8 @@ class Corrections:
 
         Raises LogError where the minimum is not found, or a delay ends at its bound.
         """
+        import scipy  # here, as below: what reads a log by its keys fits nothing
+
         if not self.free:
             return np.zeros(0)
         size = np.array([self._size(free) for free in self.free])
@@ -203,15 +204,16 @@ def read_signals(
     paths: Sequence[PathLike],
     signals: Mapping[str, Signal],
     *,
-    time: Column = TIME,
+    time: Column | None = TIME,
     session: str | None = None,
     sample_time: float | None = None,
     jitter: float = JITTER,
+    **more: Any,
 ) -> tuple[Session, ...]:
     r"""The columns of the signals from one or several files, one after the other, as sessions; not yet corrected.
 
-    signals: by quantity, which `Signal` shows it; `Corrections` then applies scale, offset and delay. Other arguments
-    and errors as of `read_log`.
+    signals: by quantity, which `Signal` shows it; `Corrections` then applies scale, offset and delay. Other arguments,
+    all that `read_log` takes, and errors as there.
 
     >>> from pathlib import Path
     >>> written = Path("run.csv").write_text("time,volts\n0.0,1.0\n0.1,1.5\n0.2,1.0\n")
@@ -224,7 +226,7 @@ def read_signals(
     return tuple(
         one
         for path in paths
-        for one in read_log(path, columns, time=time, session=session, sample_time=sample_time, jitter=jitter)
+        for one in read_log(path, columns, time=time, session=session, sample_time=sample_time, jitter=jitter, **more)
     )
 
 
@@ -263,6 +265,8 @@ def _free(signals: Mapping[str, Signal], sessions: Sequence[Session]) -> list[Fr
 def _at(time: Array, rows: Array, wanted: Array, cut: int, delay: float) -> Array:
     if delay == 0.0:
         return rows[cut : len(rows) - cut]
+    import scipy
+
     return scipy.interpolate.CubicSpline(time, rows)(wanted + delay)
 
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
         ZYZAngles as ZYZAngles,
     )
     from .ball_screw import BallScrew as BallScrew
-    from .bodies import FreeBody as FreeBody, PointMass as PointMass, RigidBody as RigidBody
+    from .bodies import FreeBody as FreeBody, LinkBody as LinkBody, PointMass as PointMass, RigidBody as RigidBody
     from .drive import Gear as Gear, Inertia as Inertia, Mass as Mass, RackAndPinion as RackAndPinion
     from .fixed import Fixed as Fixed, FixedTranslation as FixedTranslation, PointOnFrame as PointOnFrame
     from .frames import Flange as Flange, Frame as Frame, PointFrame as PointFrame, Shaft as Shaft, World as World
@@ -36,6 +36,7 @@ if TYPE_CHECKING:
         RotationalDirectionalTanhFriction as RotationalDirectionalTanhFriction,
         RotationalFriction as RotationalFriction,
         RotationalPiecewiseLinearFriction as RotationalPiecewiseLinearFriction,
+        RotationalSignFriction as RotationalSignFriction,
         RotationalStribeckFriction as RotationalStribeckFriction,
         RotationalTanhFriction as RotationalTanhFriction,
     )
@@ -51,6 +52,11 @@ if TYPE_CHECKING:
     from .joints import Prismatic as Prismatic, Revolute as Revolute, Spherical as Spherical, Universal as Universal
     from .load import FrameLoad as FrameLoad, PointLoad as PointLoad
     from .motor import ForceMotor as ForceMotor, GearedMotor as GearedMotor, TorqueMotor as TorqueMotor
+    from .placements import (
+        FixedDH as FixedDH,
+        FixedModifiedDH as FixedModifiedDH,
+        FixedRpy as FixedRpy,
+    )
     from .plane import Plane as Plane
     from .plate import RigidPlate as RigidPlate
     from .rod import ElasticRod as ElasticRod, MidpointRod as MidpointRod, Rod as Rod, UniformRod as UniformRod

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import lang as gt
 from .frames import Shaft
-from .friction_law import CoulombViscousLaw, DirectionalLaw, PiecewiseLinearSign, StribeckLaw, TanhSign
+from .friction_law import CoulombViscousLaw, DirectionalLaw, ExactSign, PiecewiseLinearSign, StribeckLaw, TanhSign
 
 
 class RotationalFriction(gt.Model):
@@ -67,6 +67,19 @@ class RotationalPiecewiseLinearFriction(PiecewiseLinearSign, CoulombViscousLaw, 
     >>> friction = gt.mechanics.RotationalPiecewiseLinearFriction(coulomb=3.0, viscous=0.2, velocity_scale=0.1)
     >>> print(friction.law(0.05), friction.law(10.0), friction.law(-10.0))
     1.51 5.0 -5.0
+    """
+
+
+class RotationalSignFriction(ExactSign, CoulombViscousLaw, _CoulombViscous):
+    """Coulomb and viscous friction with the exact sign, 0 at standstill: for identification, not for simulation.
+
+    >>> bench = gt.Builder("bench")
+    >>> motor = bench.part("motor", gt.mechanics.TorqueMotor())
+    >>> bearing = bench.part("bearing", gt.mechanics.RotationalSignFriction(coulomb=3.0, viscous=0.2))
+    >>> bench.add(gt.connect(motor.shaft, bearing.shaft))
+    >>> torque, status = bench.causal(known="motor.shaft.phi", targets="bearing.torque")(0.0, -10.0)
+    >>> print(round(torque, 6))
+    -5.0
     """
 
 

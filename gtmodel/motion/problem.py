@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..lang import Model
+from .._lazy import hint
 from ..results import Options
 from .options import Cost, End, Export, Limits, MotionMesh, Shape, Solver, Starts
+
+if TYPE_CHECKING:
+    from ..lang import Model
+else:
+    Model = hint("gtmodel.lang.model", "Model")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -181,7 +181,7 @@ class _Part:
         return w, ca.repmat(P, 1, self.places), ca.DM(kernel.data(self.mesh))
 
     def mapped(self, name: str) -> ca.Function:
-        return getattr(self.each, name).map(self.places)
+        return self.each.map(name, self.places)
 
     def beside(self, values: ca.MX) -> ca.MX:
         """What all places give, those of one element one below the other (., N)."""

@@ -9,6 +9,8 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
+from itertools import islice
 from typing import Literal
 
 import casadi as ca
@@ -175,30 +177,32 @@ def _collected_rows(task: PathTask) -> tuple[ca.Function, int, ca.Function]:
 
 
 class _Hoisted:
-    """Numbers of a tape at all columns of the data, the last of the arguments. What depends on the data alone, such as
-    the pose, its Jacobians and masses, is evaluated once and for all. To be held as long as what a call gave is in use.
-    """
+    """Columns of numbers of a tape at all columns of the data, the last of the arguments. What depends on the data
+    alone, such as the pose, its Jacobians and masses, is evaluated once and for all. To be held as long as what a call
+    gave is in use."""
 
-    def __init__(self, tape: Tape, args: Sequence[ca.SX], numbers: Sequence[int], data: ca.DM) -> None:
+    def __init__(self, tape: Tape, args: Sequence[ca.SX], wanted: Sequence[Sequence[int]], data: ca.DM) -> None:
         *free, p = args
         self._free, self._data, N = free, data, data.shape[1]
         first = sum(a.numel() for a in free)
+        numbers = [k for own in wanted for k in own]
         outside, rest, results = parted(tape, numbers, [tape.input(first + k) for k in range(p.numel())])
         known = TapeFunction("known", tape, args, [outside]).map(N)
         self._known = known(*[ca.DM.zeros(a.numel(), N) for a in free], data)
-        own = [*args, ca.SX.sym("known", len(outside))]
-        self._mapped = TapeFunction("path", rest, own, [results]).map(N)
+        own, left = [*args, ca.SX.sym("known", len(outside))], iter(results)
+        # each apart: IPOPT asks for one at a time
+        self._mapped = [TapeFunction("path", rest, own, [list(islice(left, len(k)))]).map(N) for k in wanted]
 
-    def __call__(self, *arguments: ca.MX) -> ca.MX:
+    def __call__(self, column: int, *arguments: ca.MX) -> ca.MX:
         """Of the first arguments; the others do not matter."""
         N = self._data.shape[1]
         left = [ca.DM.zeros(a.numel(), N) for a in self._free[len(arguments) :]]
-        return self._mapped(*arguments, *left, self._data, self._known)
+        return self._mapped[column](*arguments, *left, self._data, self._known)
 
 
 def _assemble(
     interval: ca.Function, data: ca.DM, N: int, m: int
-) -> tuple[dict[str, ca.MX], dict[str, ca.Function], list[_Hoisted]]:
+) -> tuple[dict[str, ca.MX], dict[str, ca.Function], _Hoisted]:
     """The problem and its derivatives: two unknowns are differentiated once and mapped over the intervals. And what is
     to be held as long as these are in use."""
     y, p = ca.SX.sym("y", 2), ca.SX.sym("p", data.shape[0])
@@ -208,7 +212,6 @@ def _assemble(
     v, weights = [tape.input(0), tape.input(1)], [*(tape.input(3 + k) for k in range(m)), tape.input(2)]
     none, one = tape.constant(0.0), tape.constant(1.0)
     J, H = jacobian(tape, rows, v), hessian(tape, [*rows, cost], weights, v)
-    # each apart: IPOPT asks for one at a time
     wanted = [
         rows,
         [cost],
@@ -216,7 +219,8 @@ def _assemble(
         gradient(tape, [cost], [one], v),
         [H.get(place, none) for place in ((0, 0), (0, 1), (1, 1))],
     ]
-    value, share, slope, steep, bend = held = [_Hoisted(tape, args, numbers, data) for numbers in wanted]
+    held = _Hoisted(tape, args, wanted, data)
+    value, share, slope, steep, bend = (partial(held, column) for column in range(len(wanted)))
     x, empty = ca.MX.sym("x", N + 1), ca.MX.sym("none", 0)
     Y = ca.horzcat(x[:-1], x[1:]).T
     g, f = ca.vec(value(Y)), ca.sum2(share(Y))

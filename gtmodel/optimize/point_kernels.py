@@ -8,12 +8,13 @@ element to differentiate and to compile, and w is shorter than y.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import casadi as ca
 import numpy as np
 import scipy
 
+from ..compiler.columns.batch import mapped
 from ..compiler.matrices import nonzeros, stacked
 from ..compiler.tape.elimination import Entries, gradient, hessian, jacobian
 from ..compiler.tape.function import TapeFunction
@@ -146,11 +147,11 @@ def _taken_end(layout: Layout) -> scipy.sparse.csr_matrix:
 
 def _combined(terms: Sequence[tuple[float, np.ndarray]], size: int, layout: Layout) -> scipy.sparse.csr_matrix:
     """(size, n): the sum of weights times the columns of y, in SI units."""
-    matrix = scipy.sparse.lil_matrix((size, layout.size))
-    for weight, columns in terms:
-        if size and abs(weight) > 0.0:
-            matrix[np.arange(size), columns] = weight * layout.scale[columns]
-    return matrix.tocsr()
+    kept = [(weight, columns) for weight, columns in terms if size and abs(weight) > 0.0]
+    columns = np.concatenate([c for _, c in kept]) if kept else np.zeros(0, int)
+    values = np.repeat([weight for weight, _ in kept], size) * layout.scale[columns]
+    rows = np.tile(np.arange(size), len(kept))
+    return scipy.sparse.csr_matrix((values, (rows, columns)), (size, layout.size))
 
 
 def _own(layout: Layout) -> scipy.sparse.csr_matrix:
@@ -180,6 +181,15 @@ class Derivatives:
     second: TapeFunction | ca.Function
     by_rows: tuple[Pattern, scipy.sparse.csr_matrix]
     by_unknowns: tuple[Pattern, scipy.sparse.csr_matrix]
+    maps: list[ca.Function] = field(default_factory=list)  # held: a Batch lives no longer than somebody holds it
+
+    def map(self, name: str, points: int) -> ca.Function:
+        """The function of that name at many points; of rows and share with derivatives."""
+        f = getattr(self, name)
+        if name in ("rows", "share") or isinstance(f, TapeFunction):
+            return f.map(points)
+        self.maps.append(mapped(f, points))
+        return self.maps[-1]
 
     @property
     def functions(self) -> list[ca.Function]:
@@ -256,12 +266,18 @@ def _placed(kernel: PointKernel, functions: Functions, by_rows: Pattern, by_unkn
     """With where what the functions give belongs, from where it stands in the matrices of one place."""
     k, nw, nP, mr, n = kernel, kernel.w.numel(), kernel.P.numel(), kernel.value.numel(), kernel.take.shape[1]
     # y and behind it P, of one place and of the element
-    take = [
-        scipy.sparse.block_diag([k.take[c * nw : (c + 1) * nw], scipy.sparse.eye(nP)], "csr") for c in range(k.count)
-    ]
+    take = [_with_identity(k.take[c * nw : (c + 1) * nw], nP) for c in range(k.count)]
     rows = [k.rows[:, c * mr : (c + 1) * mr] for c in range(k.count)]
     scattered = _scattered(by_rows, rows, take, (k.rows.shape[0], n + nP))
     return Derivatives(k, *functions, scattered, _squared(by_unknowns, take, n + nP))
+
+
+def _with_identity(matrix: scipy.sparse.csr_matrix, size: int) -> scipy.sparse.csr_matrix:
+    """The matrix, and below and beside it the identity."""
+    m, n, own = *matrix.shape, np.arange(size)
+    pointers = np.append(matrix.indptr, matrix.indptr[-1] + 1 + own)
+    entries = np.append(matrix.data, np.ones(size)), np.append(matrix.indices, n + own), pointers
+    return scipy.sparse.csr_matrix(entries, (m + size, n + size))
 
 
 def _by_columns(entries: Entries) -> tuple[Pattern, list[int]]:
@@ -271,9 +287,12 @@ def _by_columns(entries: Entries) -> tuple[Pattern, list[int]]:
     return (rows, columns), [entries[place] for place in places]
 
 
-def _entries(matrix: scipy.sparse.csr_matrix, row: int) -> tuple[np.ndarray, np.ndarray]:
-    a, b = matrix.indptr[row], matrix.indptr[row + 1]
-    return matrix.indices[a:b], matrix.data[a:b]
+def _entries(matrix: scipy.sparse.csr_matrix, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The entries of these rows one after the other: number of the row among these, column, value."""
+    count = np.diff(matrix.indptr)[rows]
+    number = np.repeat(np.arange(len(rows)), count)
+    at = np.arange(len(number)) + np.repeat(matrix.indptr[rows] - np.cumsum(count) + count, count)
+    return number, matrix.indices[at], matrix.data[at]
 
 
 def _scattered(
@@ -284,32 +303,32 @@ def _scattered(
 ) -> tuple[Pattern, scipy.sparse.csr_matrix]:
     """R J A for each place: the element's entries, and the matrix that gives them of the places'."""
     to, at, values = [], [], []
-    count = len(own[0])
+    i, j = own
     for c, (R, A) in enumerate(zip(rows, take, strict=True)):
         place = R.tocsc().indices  # one row of the element for each
-        for n, (i, j) in enumerate(zip(*own, strict=True)):
-            columns, weights = _entries(A, int(j))
-            to.append(place[i] + columns * shape[0])
-            at.append(np.full(len(columns), c * count + n))
-            values.append(weights)
-    return _gathered(to, at, values, shape[0], count * len(take))
+        number, columns, weights = _entries(A, j)
+        to.append(place[i[number]] + columns * shape[0])
+        at.append(c * len(i) + number)
+        values.append(weights)
+    return _gathered(to, at, values, shape[0], len(i) * len(take))
 
 
 def _squared(own: Pattern, take: Sequence[scipy.sparse.csr_matrix], n: int) -> tuple[Pattern, scipy.sparse.csr_matrix]:
     """The upper triangle of A'HA for each place, of H's upper triangle."""
     to, at, values = [], [], []
-    count = len(own[0])
+    i, j = own
     for c, A in enumerate(take):
-        for k, (i, j) in enumerate(zip(*own, strict=True)):
-            (a, wa), (b, wb) = _entries(A, int(i)), _entries(A, int(j))
-            r, s, v = np.repeat(a, len(b)), np.tile(b, len(a)), np.outer(wa, wb).ravel()
-            if i != j:
-                r, s, v = np.concatenate([r, s]), np.concatenate([s, r]), np.concatenate([v, v])
-            upper = r <= s
-            to.append(r[upper] + s[upper] * n)
-            at.append(np.full(int(upper.sum()), c * count + k))
-            values.append(v[upper])
-    return _gathered(to, at, values, n, count * len(take))
+        number, a, wa = _entries(A, i)
+        pair, b, wb = _entries(A, j[number])
+        number, r, s, v = number[pair], a[pair], b, wa[pair] * wb
+        both = i[number] != j[number]
+        r, s = np.concatenate([r, s[both]]), np.concatenate([s, r[both]])
+        number, v = np.concatenate([number, number[both]]), np.concatenate([v, v[both]])
+        upper = r <= s
+        to.append(r[upper] + s[upper] * n)
+        at.append(c * len(i) + number[upper])
+        values.append(v[upper])
+    return _gathered(to, at, values, n, len(i) * len(take))
 
 
 def _gathered(

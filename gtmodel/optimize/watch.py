@@ -94,8 +94,8 @@ class IterationWatch(ca.Callback):
         self.stopped = ""
         self.stalled = ""
         self.raised: BaseException | None = None
-        # violation, objective, number, outputs of IPOPT of the best: NumPy's numbers only where they are asked for
-        self._best: tuple[float, float, int, dict[str, ca.DM]] | None = None
+        # violation, objective, number, outputs of IPOPT of the best
+        self._best: tuple[float, float, int, dict[str, np.ndarray]] | None = None
         self.program = nlp
         self.names = ca.nlpsol_out()
         self.construct("watch", {})
@@ -117,29 +117,36 @@ class IterationWatch(ca.Callback):
         size = {"f": 1, "x": nx, "lam_x": nx, "g": ng, "lam_g": ng}.get(ca.nlpsol_out(i), 0)
         return ca.Sparsity.dense(size, 1)
 
-    def eval(self, arg: Sequence[ca.DM]) -> list[float]:
+    def has_eval_buffer(self) -> bool:
+        return True
+
+    def eval_buffer(self, arg: Sequence[memoryview | None], res: Sequence[memoryview]) -> int:
+        """In IPOPT's own memory, which is used again at the next iterate."""
+        np.frombuffer(res[0])[0] = self._stops({n: np.frombuffer(m) for n, m in zip(self.names, arg, strict=True) if m})
+        return 0
+
+    def _stops(self, outputs: dict[str, np.ndarray]) -> bool:
         count, self.count = self.count, self.count + 1
         late = self.stop_at is not None and time.monotonic() > self.stop_at
         asked = False
-        outputs = dict(zip(self.names, arg, strict=True))
-        g, f = np.asarray(outputs["g"]).reshape(-1), float(outputs["f"])
+        g, f = outputs.get("g", np.zeros(0)), float(outputs["f"][0])
         violation = self.program.violation(g)
         better = self._best is None or rank(violation, f) < rank(*self._best[:2])
         if count > self.done and better and np.isfinite([violation, f]).all():  # the guess itself is no answer
-            self._best = violation, f, count, outputs
+            self._best = violation, f, count, {name: values.copy() for name, values in outputs.items()}
         if self.progress is not None:
             try:
                 asked = bool(self.progress(count, f, violation))
             except BaseException as error:  # CasADi would print it and go on: it is raised when IPOPT has returned
                 self.raised = error
-                return [1]
+                return True
         if late or asked:
             self.stopped = "its time was over" if late else "it was asked to stop"
-            return [1]
+            return True
         if self.patience is not None and self.gains(f, violation) >= self.patience:
             self.stalled = f"no progress in {self.patience} iterations"
-            return [1]
-        return [0]
+            return True
+        return False
 
     def better_than(self, g: np.ndarray, f: float) -> Iterate | None:
         """The best iterate where it is clearly better than the last one, given by its rows and objective."""
@@ -154,7 +161,7 @@ class IterationWatch(ca.Callback):
         if self._best is None:
             return None
         violation, f, count, outputs = self._best
-        x, g, rows, bounds = (np.asarray(outputs[n]).reshape(-1) for n in ("x", "g", "lam_g", "lam_x"))
+        x, g, rows, bounds = (outputs.get(n, np.zeros(0)) for n in ("x", "g", "lam_g", "lam_x"))
         # IPOPT brings only its last iterate back to the bounds that it relaxed
         x = np.clip(x, self.program.lbx, self.program.ubx)
         return Iterate(count, x, g, f, Multipliers(rows, bounds), violation)

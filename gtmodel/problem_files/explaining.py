@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from gtmodel.compiler.causal import compile_causal, flat_of
+from gtmodel.robots import SerialArm, description
 
 from . import run
 from .base import Context, InputError
@@ -33,10 +34,13 @@ def of(
             raise InputError("a problem file says itself what is known; leave --known and --targets out")
         loaded = load(what, settings)
         return run.explain(loaded, run.context_of(loaded))
-    model = resolve(what, Context(), key="")
+    context = Context()
+    model = resolve(what, context, key="")
+    if not wanted and isinstance(model, SerialArm):
+        return description(model)
     if not wanted:
         raise InputError(f"name its --targets; top-level names are {flat_of(model).top()}")
-    return compile_causal(model, given, wanted, kept).explain()
+    return "\n".join([compile_causal(model, given, wanted, kept).explain(), *context.notes])
 
 
 def split(texts: Iterable[str]) -> list[str]:

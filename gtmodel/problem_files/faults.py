@@ -39,7 +39,8 @@ def _described(error: BaseException, path: str) -> tuple[SolveStatus, str]:
         return SolveStatus.BAD_INPUT, str(error if about_an_option else error.within(path))
     prefix = f"{path}: " if path else ""
     if isinstance(error, ModelError):
-        return SolveStatus.BAD_INPUT, prefix + sentence_of(error)
+        # "arm.py:FiveBar: " and "FiveBar: 1 equation ..." name the model once
+        return SolveStatus.BAD_INPUT, prefix + sentence_of(error).removeprefix(f"{path.rpartition(':')[2]}: ")
     if isinstance(error, (UnitError, TrajectoryError, UnknownNameError)):
         return SolveStatus.BAD_INPUT, f"{prefix}{error}"
     if isinstance(error, OSError) and error.filename is not None:

@@ -32,10 +32,11 @@ def find(path: str | Path) -> tuple[Path, bool]:
         for name in (asked.name, f"{asked.name}.toml"):
             if (folder / name).is_file():
                 return folder / name, True
-    beside = difflib.get_close_matches(asked.name, [p.name for p in asked.parent.glob("*.toml")], n=1)
-    close = difflib.get_close_matches(asked.stem, shipped_names(), n=1)
+    name = asked.name.removesuffix(".toml")
+    beside = difflib.get_close_matches(name, [p.stem for p in asked.parent.glob("*.toml")], n=1)
+    close = difflib.get_close_matches(name, shipped_names(), n=1)
     hint = f"did you mean the shipped '{close[0]}'?" if close else "gtmodel list problems shows the shipped ones"
-    hint = f"did you mean '{beside[0]}'?" if beside else hint
+    hint = f"did you mean '{asked.with_name(beside[0])}.toml'?" if beside else hint
     raise InputError(f"there is no such file; {hint}", file=str(path))
 
 

@@ -86,11 +86,11 @@ def _table(
     options: type[Any], left_out: Sequence[str], base: type[S], name: str, module: str, doc: str | None
 ) -> type[S]:
     """A table below `base` with the fields of an options class as keys."""
-    hinted, marked = hints(options), declared(options)
+    hinted, marked = hints(options, *left_out), declared(options, *left_out)
     fields: dict[str, Any] = {}
     attributes: dict[str, str] = {}
     for f in dataclasses.fields(options):
-        if f.name in left_out:
+        if f.name not in hinted:
             continue
         key = written_name(f.name, marked[f.name])
         attributes[key] = f.name

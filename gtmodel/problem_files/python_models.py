@@ -24,7 +24,12 @@ from .base import Context, InputError
 
 def is_reference(text: str) -> bool:
     """True for a text that names something in Python."""
-    return ":" in text
+    return ":" in text and not is_urdf(text)
+
+
+def is_urdf(text: str) -> bool:
+    """True for "arm.urdf" and, with the link at the end of its chain, "arm.urdf:tip"."""
+    return text.endswith(".urdf") or ".urdf:" in text
 
 
 def hint(text: str) -> str:

@@ -10,12 +10,14 @@ from typing import Annotated, Any, Literal, cast
 import numpy as np
 from pydantic import Field, PositiveFloat
 
+from gtmodel.lang import ModelError
 from gtmodel.robots import clusters, f1_geometry
+from gtmodel.robots.serial.bodies import moments
 
 from .base import FileSection, InputError
 from .load import validate
 from .plausible_lengths import refuse_other_units
-from .python_models import is_reference
+from .python_models import is_reference, is_urdf, sentence_of
 from .sentences import shown
 
 NotNegativeFloat = Annotated[float, Field(ge=0)]
@@ -30,7 +32,8 @@ LinkMasses = Annotated[list[NotNegativeFloat], Field(min_length=6, max_length=6)
 
 # links of a cluster this far from parallel at the best orientation [m]: a sign or a row is wrong, not a calibration
 MISFIT = 0.05
-PYTHON_KEYS = {"title", "source", "note", "robot", "parameters"}  # of a model in Python with parameters
+LONGEST_DH = 20.0  # m; longer links of an arm are millimetres
+PYTHON_KEYS = {"title", "source", "note", "robot", "parameters"}  # of another robot with parameters
 
 
 class _Robot(FileSection):
@@ -160,10 +163,80 @@ class F1File(_SixLinks):
         return {**super().more(), "J": self.J_kg_m2}
 
 
-FAMILIES: dict[str, type[_Robot]] = {"three_link": RobotFile, "six_link": SixLinkFile, "f1": F1File}
+class SerialFile(FileSection):
+    """A serial arm by Denavit-Hartenberg numbers; one entry or row per joint."""
+
+    family: Literal["serial"] = Field(description="kinematic structure")
+    title: str = Field(default="", description="name of the robot")
+    source: str = Field(default="", description="where the numbers come from")
+    note: str = Field(default="", description="frame and remarks")
+    convention: Literal["standard", "modified"] = Field(default="standard", description="modified: as Craig writes it")
+    joints: str | list[str] = Field(default="r", description="r (turns) or p (slides) of each joint, as rrp; or one r")
+    names: list[str] | None = Field(default=None, description="of the joints")
+    a_m: list[float] = Field(description="link lengths")
+    alpha_deg: list[float] = Field(description="twists")
+    d_m: list[float] = Field(description="offsets along the axes")
+    theta_deg: list[float] | None = Field(default=None, description="angles about the axes at q = 0")
+    beta_deg: list[float] | None = Field(default=None, description="Hayati's angles, where the next axis is parallel")
+    limits_deg: list[list[float]] | None = Field(default=None, description="lower and upper, of joints that turn")
+    limits: list[list[float]] | None = Field(
+        default=None, description="the same in rad, and in m for joints that slide"
+    )
+    base_m: Vector | None = Field(default=None, description="place of the base in the world")
+    base_rpy_deg: Vector | None = Field(default=None, description="its roll, pitch and yaw")
+    tool_m: Vector | None = Field(default=None, description="tool centre point in the last frame")
+    tool_rpy_deg: Vector | None = Field(default=None, description="roll, pitch and yaw of the tool there")
+    m_kg: list[float] | None = Field(default=None, description="masses of the links")
+    c_m: list[Vector] | None = Field(default=None, description="their centres of mass, link frames")
+    I_kg_m2: list[list[Vector]] | None = Field(
+        default=None, description="inertias about them, link frames", json_schema_extra={"unit": "kg.m2"}
+    )
+    viscous: list[float] | None = Field(default=None, description="viscous friction, N.m.s/rad or kg/s")
+    coulomb: list[float] | None = Field(default=None, description="Coulomb friction, N.m or N")
+
+    def modifiers(self) -> dict[str, Any]:
+        """Arguments of `robots.serial_arm`. Raises InputError."""
+        for key in ("a_m", "d_m", "tool_m", "base_m"):
+            far = np.max(np.abs(getattr(self, key) or [0.0]))
+            if far > LONGEST_DH:
+                raise InputError(f"look like millimetres, {far:g} m is the longest; give metres", key)
+        turning = self.joints if isinstance(self.joints, str) else "".join(k[:1] for k in self.joints)
+        if self.limits_deg is not None and (self.limits is not None or "p" in turning):
+            raise InputError("is for arms whose joints all turn; give limits alone, in rad and m", "limits_deg")
+        given = {
+            "a": self.a_m, "alpha": _radians(self.alpha_deg), "d": self.d_m, "theta": _radians(self.theta_deg),
+            "beta": _radians(self.beta_deg), "convention": self.convention, "joints": self.joints, "names": self.names,
+            "limits": self.limits or _radians(self.limits_deg), "base_xyz": self.base_m,
+            "base_rpy": _radians(self.base_rpy_deg), "tool_xyz": self.tool_m, "tool_rpy": _radians(self.tool_rpy_deg),
+            "m": self.m_kg, **self.moments(), "viscous": self.viscous, "coulomb": self.coulomb,
+            "title": self.title or "arm",
+        }  # fmt: skip
+        return {name: value for name, value in given.items() if value is not None}
+
+    def moments(self) -> dict[str, Any]:
+        """mc and J, of the model. Raises InputError."""
+        if self.c_m is None and self.I_kg_m2 is None:
+            return {}
+        try:
+            mc, J = moments(self.m_kg or np.zeros(len(self.a_m)), self.c_m, self.I_kg_m2)
+        except ModelError as error:
+            raise InputError(sentence_of(error), "c_m") from error
+        return {"mc": mc, "J": J}
 
 
-def checked(data: Mapping[str, Any]) -> tuple[str, _Robot]:
+def _radians(degrees: Any) -> Any:
+    return None if degrees is None else np.radians(degrees)
+
+
+FAMILIES: dict[str, type[_Robot | SerialFile]] = {
+    "three_link": RobotFile,
+    "six_link": SixLinkFile,
+    "f1": F1File,
+    "serial": SerialFile,
+}
+
+
+def checked(data: Mapping[str, Any]) -> tuple[str, _Robot | SerialFile]:
     """The family of a robot file, three_link where it names none, and its checked keys. Raises InputError."""
     family = data.get("family", "three_link")
     if not isinstance(family, str) or family not in FAMILIES:
@@ -175,7 +248,7 @@ def checked(data: Mapping[str, Any]) -> tuple[str, _Robot]:
         if own:
             meant = "six_link" if "B_m" in own else "f1"
             raise InputError(f'is missing; a file with {sorted(own)[0]} needs family = "{meant}"', "family")
-    return family, cast(_Robot, validate(FAMILIES[family], data))
+    return family, cast(_Robot | SerialFile, validate(FAMILIES[family], data))
 
 
 def is_robot_file(data: Mapping[str, Any]) -> bool:
@@ -184,8 +257,10 @@ def is_robot_file(data: Mapping[str, Any]) -> bool:
 
 
 def is_python_robot(data: Mapping[str, Any]) -> bool:
-    """True for a model in Python with parameters, as a calibration writes it."""
-    return "kind" not in data and is_reference(str(data.get("robot", ""))) and set(data) <= PYTHON_KEYS
+    """True for another robot with parameters, in Python, URDF or TOML, as a calibration writes it."""
+    named = str(data.get("robot", ""))
+    another = is_reference(named) or is_urdf(named) or named.endswith(".toml")
+    return "kind" not in data and another and set(data) <= PYTHON_KEYS
 
 
 def _refuse(misfit: float, key: str, more: str) -> None:

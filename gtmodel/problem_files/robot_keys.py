@@ -27,7 +27,8 @@ class RobotProblem(Problem):
     """A problem about one robot."""
 
     robot: str = Field(
-        description="catalogue name, TOML robot file, or a model in Python: package.module:Class, file.py:Class"
+        description="catalogue name, TOML robot file, URDF file (arm.urdf, arm.urdf:tip), or a model in Python: "
+        "package.module:Class, file.py:Class"
     )
     inertia: str | None = Field(
         default=None, description="identified masses and friction of a catalogue robot; the catalogue's own is model_2"

@@ -1,11 +1,11 @@
-"""A robot by reference: a catalogue name, a TOML robot file, or a Model written in Python."""
+"""A robot by reference: a catalogue name, a TOML robot file, a URDF file, or a Model written in Python."""
 
 from __future__ import annotations
 
 import difflib
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from gtmodel.calibrate.modifiers import merged
 from gtmodel.lang import Model, ModelError
@@ -14,7 +14,9 @@ from gtmodel.robots import entries, names
 from . import python_models
 from .base import Context, InputError
 from .files import parse, read
-from .robot_file import checked, is_python_robot
+
+if TYPE_CHECKING:
+    from gtmodel.robots import SerialArm
 
 _WORDS = {
     "inertia": "inertia",
@@ -41,8 +43,8 @@ def resolve(
     """The model that a problem file means.
 
     Args:
-        reference: catalogue name ("l1_tape"), "robot.toml", "package.module:Class" or "file.py:Class"; paths
-            start at the problem's folder, then at the working directory.
+        reference: catalogue name ("l1_tape"), "robot.toml", "arm.urdf" or "arm.urdf:tip", "package.module:Class" or
+            "file.py:Class"; paths start at the problem's folder, then at the working directory.
         key: where the reference stands in the file, for messages.
         parameters: modifiers of the model, by the names of its declarations.
         inertia, smoothing, velocity_scale [m/s], payload [kg]: of a robot of the catalogue or a robot file;
@@ -62,8 +64,15 @@ def resolve(
             )
         return python_models.resolve(reference, context, key, parameters)
     modifiers = dict(parameters or {})
+    if python_models.is_urdf(reference):
+        _refuse_options(modifiers, given)
+        arm = _urdf(reference, context, key, given, modifiers)
+        context.models.append(arm)
+        return arm
     name: str | None = None  # a robot file gives all of the geometry
     if reference.endswith(".toml"):
+        from .robot_file import is_python_robot  # here, as below: a robot of the catalogue needs no file
+
         data = _file(reference, context, key)
         if is_python_robot(data):
             return _calibrated(reference, data, context, key, given, modifiers)
@@ -82,6 +91,27 @@ def resolve(
         raise InputError(python_models.sentence_of(error), at) from error
     context.models.append(model)
     return model
+
+
+def _urdf(
+    reference: str, context: Context, key: str, given: Mapping[str, Any], parameters: Mapping[str, Any]
+) -> SerialArm:
+    """The arm of a URDF file; what of it is not used is noted. Raises InputError."""
+    if "inertia" in given:
+        raise InputError("applies to three-link robots only; a URDF has its masses in it", "inertia")
+    from gtmodel.robots import from_urdf
+
+    name, _, tip = reference.partition(".urdf")
+    path = context.file(f"{name}.urdf", key, "robot", "URDF file")
+    try:
+        arm = from_urdf(path, tip.removeprefix(":") or None, **given, **parameters)
+    except ModelError as error:
+        raise InputError(
+            python_models.sentence_of(error), "parameters" if "no declaration" in str(error) else key
+        ) from error
+    for note in arm.structure.notes:
+        context.note(f"{path.name}: {note}")
+    return arm
 
 
 def _refuse_options(parameters: Mapping[str, Any], given: Mapping[str, Any]) -> None:
@@ -108,23 +138,25 @@ def _calibrated(
     reference: str, data: Mapping[str, Any], context: Context, key: str, given: dict[str, Any],
     modifiers: dict[str, Any],
 ) -> Model:  # fmt: skip
-    """A model in Python with the parameters of a file, as a calibration writes it. Raises InputError."""
+    """Another robot with the parameters of a file, as a calibration writes it. Raises InputError."""
     own = data.get("parameters", {})
     if not isinstance(own, dict):
         raise InputError(f"expected a table [parameters] in '{reference}'; found {type(own).__name__}", key)
-    if given:
+    if given and python_models.is_reference(data["robot"]):
         raise InputError(f"applies to robots of the catalogue and their files only; '{reference}' is a model in Python",
                          _WORDS[next(iter(given))])  # fmt: skip
     path = context.find(reference)
     beside = replace(context, folder=path.resolve().parent) if path is not None else context
-    place = data["robot"].rpartition(":")[0]
+    place = data["robot"].rpartition(":")[0] or data["robot"]
     near = beside if (beside.folder / place).is_file() else context
-    return python_models.resolve(data["robot"], near, key, merged(own, modifiers))
+    return resolve(data["robot"], near, key=key, parameters=merged(own, modifiers), **given)
 
 
 def _from_file(
     reference: str, data: Mapping[str, Any], context: Context, key: str, modifiers: dict[str, Any]
 ) -> tuple[str, dict[str, Any]]:
+    from .robot_file import checked
+
     try:
         family, robot = checked(data)
         own = robot.modifiers()
@@ -136,6 +168,8 @@ def _from_file(
 
 def in_python(reference: str, context: Context) -> tuple[str, dict[str, Any]]:
     """What class and parameters a robot file of a model in Python names; the reference itself without one."""
+    from .robot_file import is_python_robot
+
     path = context.find(reference) if reference.endswith(".toml") else None
     data = parse(read(path)) if path is not None else {}
     return (data["robot"], data.get("parameters", {})) if is_python_robot(data) else (reference, {})

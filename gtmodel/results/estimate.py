@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from numbers import Real
 
 import numpy as np
-import scipy
 
 from .refusal import ArgumentError
 
@@ -74,9 +73,14 @@ class Estimate:
     def interval(self, name: str, level: float = 0.95) -> tuple[float, float]:
         """Confidence interval: normal where sigma was given, else Student's t with `degrees_of_freedom`. Raises
         ArgumentError."""
-        k = self._index(name)
-        q = self._quantile(level)
-        return float(self.values[k] - q * self.std[k]), float(self.values[k] + q * self.std[k])
+        low, high = self.intervals([name], level)
+        return float(low[0]), float(high[0])
+
+    def intervals(self, names: Sequence[str] | None = None, level: float = 0.95) -> tuple[np.ndarray, np.ndarray]:
+        """Confidence limits (n,), (n,) as interval() gives them, of the names or of all. Raises ArgumentError."""
+        k = [self._index(name) for name in (self.names if names is None else names)]
+        half = self._quantile(level) * self.std[k]
+        return self.values[k] - half, self.values[k] + half
 
     def combination(self, weights: Mapping[str, float], level: float = 0.95) -> tuple[float, float, float]:
         """Value and confidence limits of sum weights[name] * name; infinite where the data do not determine it.
@@ -124,6 +128,8 @@ class Estimate:
 @cache
 def _of_normal_or_student(level: float, degrees_of_freedom: float | None) -> float:
     """What bounds a share `level` of the normal distribution on both sides, or of Student's."""
+    import scipy  # here: a schema names the class and needs none of it
+
     # scipy.stats has the same two functions, but takes as long to import as all of gtmodel
     if degrees_of_freedom is None:
         return float(scipy.special.ndtri((1 + level) / 2))

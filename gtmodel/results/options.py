@@ -9,9 +9,13 @@ In a problem file that is the key ``force_N``.
 
 from __future__ import annotations
 
+import builtins
 import dataclasses
+import inspect
+import sys
 from dataclasses import dataclass
 from functools import cache
+from types import SimpleNamespace
 from typing import Any, get_type_hints
 
 from .agreement import Long as Long, Within as Within, agree
@@ -57,16 +61,22 @@ class Options:
 
 
 @cache
-def hints(cls: type) -> dict[str, Any]:
-    """The annotations of the fields of an options class, with what they carry."""
-    annotations = get_type_hints(cls, include_extras=True)
-    return {f.name: annotations[f.name] for f in dataclasses.fields(cls)}
+def hints(cls: type, *left_out: str) -> dict[str, Any]:
+    """The annotations of the fields of an options class, with what they carry; those of fields that are left out are
+    not evaluated, so that what they name, such as a Model, is not imported."""
+    names = [f.name for f in dataclasses.fields(cls) if f.name not in left_out]
+    evaluated: dict[str, Any] = {}
+    for c in reversed(cls.__mro__):
+        own = {name: hint for name, hint in inspect.get_annotations(c).items() if name in names}
+        known = vars(sys.modules.get(c.__module__, builtins))
+        evaluated |= get_type_hints(SimpleNamespace(__annotations__=own), known, include_extras=True)
+    return {name: evaluated[name] for name in names}
 
 
 @cache
-def declared(cls: type) -> dict[str, tuple[Any, ...]]:
+def declared(cls: type, *left_out: str) -> dict[str, tuple[Any, ...]]:
     """What the fields of an options class carry besides their types: Unit, Within, Long and a description."""
-    return {name: marks_of(hint) for name, hint in hints(cls).items()}
+    return {name: marks_of(hint) for name, hint in hints(cls, *left_out).items()}
 
 
 def written_name(field: str, marks: tuple[Any, ...]) -> str:

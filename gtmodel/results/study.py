@@ -14,9 +14,7 @@ from .estimate import Estimate
 from .quantity import Quantity, Row, quantities
 from .refusal import ArgumentError
 from .status import SolveStatus
-from .table import html, text
 from .trajectory import Trajectory
-from .written import write
 
 S = TypeVar("S", bound="Study")
 _OWN = frozenset(s.message for s in SolveStatus)
@@ -133,14 +131,20 @@ class Study:
         What goes to a machine is written only of a result that may be used, or marked with `write_failed`. Raises
         ArgumentError for a folder with files that gtmodel did not write, and for what names no folder.
         """
+        from .written import write
+
         if not isinstance(folder, (str, Path)):
             raise ArgumentError(f"expected the name of a folder; found {type(folder).__name__}", "folder")
         return write(self, Path(folder), plot=plot, write_failed=write_failed)
 
     def __str__(self) -> str:
+        from .table import text  # here, as the others: a schema shows no study and writes none
+
         return text(self)
 
     def _repr_html_(self) -> str:
+        from .table import html
+
         return html(self)
 
     def __repr__(self) -> str:

@@ -12,9 +12,6 @@ from ..lang import Model, ModelError
 from ..mechanics import PiecewiseLinearFriction, SignFriction, TanhFriction
 from . import clusters
 from .entries import entries, family_in, geometries
-from .f1 import EXAMPLE as F1_EXAMPLE, f1_gantry_tau
-from .kr500 import kr500
-from .six_link import EXAMPLE as SIX_LINK_EXAMPLE, six_link_gantry_tau
 from .tables import printed
 from .three_link import GantryTau
 
@@ -78,11 +75,21 @@ def family_member(
     **modifiers: Any,
 ) -> Model:
     """A robot of a family: the named one, or any of it where `modifiers` give the whole geometry."""
+    if family == "serial" and name is None:
+        from .serial.dh import serial_arm  # here, as below: a robot needs no other family
+
+        if inertia is not None:
+            raise ModelError(
+                f"inertia model '{inertia}' applies to three-link robots only; give the masses of the links"
+            )
+        return serial_arm(smoothing=smoothing, velocity_scale=velocity_scale, payload=payload, **modifiers)
     if family == "serial":
         if inertia is not None or payload or smoothing != "tanh" or velocity_scale != VELOCITY_SCALE:
             raise ModelError(
                 "masses and friction of 'kr500' are not printed; leave inertia, payload and friction smoothing out"
             )
+        from .kr500 import kr500
+
         return kr500(**modifiers)
     if family == "three_link":
         masses = {} if inertia is None else {"inertia": inertia}
@@ -94,7 +101,7 @@ def family_member(
             **masses,
             **modifiers,
         )
-    maker, default, example = _MAKERS[family]
+    maker, default, example = _maker(family)
     if inertia is not None:
         raise ModelError(
             f"inertia model '{inertia}' applies to three-link robots only; '{name or default}' has masses of its own "
@@ -106,11 +113,15 @@ def family_member(
     return maker(name or default, **{"m_p": m_p, "velocity_scale": velocity_scale, "cart": cart, **modifiers})
 
 
-# with a member whose geometry is replaced, and the example masses
-_MAKERS: dict[str, tuple[Callable[..., Model], str, dict[str, Any]]] = {
-    "six_link": (six_link_gantry_tau, "d1_six_link", SIX_LINK_EXAMPLE),
-    "f1": (f1_gantry_tau, "f1", F1_EXAMPLE),
-}
+def _maker(family: str) -> tuple[Callable[..., Model], str, dict[str, Any]]:
+    """What makes a robot of six links, with a member whose geometry is replaced, and the example masses."""
+    if family == "f1":
+        from .f1 import EXAMPLE as OF_F1, f1_gantry_tau
+
+        return f1_gantry_tau, "f1", OF_F1
+    from .six_link import EXAMPLE, six_link_gantry_tau
+
+    return six_link_gantry_tau, "d1_six_link", EXAMPLE
 
 
 def gantry_tau(
@@ -183,7 +194,9 @@ def _with_parts(parts: dict[str, Any], given: Any) -> Any:
 
 def _masses(geometry: dict[str, Any], inertia: str | None) -> dict[str, Any]:
     if inertia is None and geometry["prototype"] != "L1":
-        example: dict[str, Any] = SIX_LINK_EXAMPLE
+        from .six_link import EXAMPLE
+
+        example: dict[str, Any] = EXAMPLE
         m_a = [float(example["m_a"][rows].sum()) for rows in clusters.ROWS]
         return {k: example[k] for k in ("m_p", "m_c", "coulomb", "viscous")} | {"m_a": m_a}
     model = _pick(inertia or "model_2", _inertias(), "inertia model")

@@ -120,6 +120,8 @@ def compare(weight: float, runs: int, met: dict[tuple[str, str], list[float]]) -
         )
     machine_code = f", C for both controls in {compiled:.1f} s by the clock" if compiled else ""
     print(f"\nOnce: the model compiled in {model_seconds:.2f} s{machine_code}.")
+    checks = [1e3 * median(r.check for r in found[name]) for name in found if name in RIVALS]
+    print(f"Not in the totals: the estimate of the error, {min(checks):.0f} to {max(checks):.0f} ms of each solution.")
 
 
 def _ratio(found: dict[str, list[Result]], rival: str, ours: str, met: dict[tuple[str, str], list[float]]) -> str:
@@ -154,8 +156,9 @@ def _measured(weight: float, name: str, elements: int) -> tuple[Result, float]:
 
 def curve(weight: float, meshes: tuple[int, ...]) -> float:
     """Set-up, solve and memory over the mesh; the ratio of the set-ups on the finest."""
-    print(f"\n| weight {weight:g} | elements | cost | iterations | set-up [s] | solve [s] | memory [MB] |")
-    print("|---|---:|---:|---:|---:|---:|---:|")
+    columns = "elements | cost | iterations | set-up [s] | solve [s] | error estimate [s] | memory [MB]"
+    print(f"\n| weight {weight:g} | {columns} |")
+    print("|---|---:|---:|---:|---:|---:|---:|---:|")
     setups: dict[str, float] = {}
     for name in ("vm", "SX"):
         for elements in meshes:
@@ -164,7 +167,7 @@ def curve(weight: float, meshes: tuple[int, ...]) -> float:
             setups[name] = r.setup
             print(
                 f"| {TITLES[name]} | {elements} | {r.objective:.6f} | {r.iterations} | {r.setup:.2f} | {r.solve:.2f} | "
-                f"{memory:.0f} |"
+                f"{f'{r.check:.3f}' if r.check else ''} | {memory:.0f} |"
             )
     return setups["SX"] / setups["vm"]
 

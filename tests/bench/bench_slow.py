@@ -35,9 +35,9 @@ def timed(*a, **k):
     finally:
         taken.append(time.process_time() - began)
 solve.run_ipopt = timed
-from gtmodel.cli import main
+from runpy import run_module
 try:
-    main()
+    run_module("gtmodel", run_name="__main__")
 finally:
     print("optimisations", sum(taken), file=sys.stderr)
 """

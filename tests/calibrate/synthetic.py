@@ -9,7 +9,7 @@ import numpy as np
 
 import gtmodel as gt
 from gtmodel.calibrate import Measurements
-from gtmodel.robots.catalogue import f1_gantry_tau, six_link_gantry_tau
+from gtmodel.robots import f1_gantry_tau, six_link_gantry_tau
 
 GEOMETRY = {"three_link": ("A", "v", "L"), "six_link": ("A", "v", "L", "B"), "f1": ("A0", "v", "L", "A", "B", "r3")}
 GEOMETRY["f1_unit"] = GEOMETRY["f1"]

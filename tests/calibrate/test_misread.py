@@ -92,6 +92,15 @@ class TestColumns:
         assert f"the columns {', '.join(f'q[{k}]' for k in changed)} look exchanged" in said
         assert f"by 12.2 mm when read as {', '.join(f'q[{k}]' for k in back)}" in said
 
+    @pytest.mark.parametrize("frame", ["robot", "device"])
+    def test_of_actuators_and_position_exchanged(self, tmp_path: Path, frame: str) -> None:
+        said = refused(tmp_path, change=order(3, 4, 5, 0, 1, 2), frame=frame)
+        before, left = {"robot": ("2.09 m", "12.2 mm"), "device": ("1.04 m", "3.7 mm")}[frame]
+        assert said == (
+            f"poses.values.q: 'q' and 'T' look exchanged: poses miss the model's by {before} rms as given, and "
+            f"by {left} when each is read from the columns of the other"
+        )
+
     def test_rotary_axes_of_the_f1(self, tmp_path: Path) -> None:
         every_third = slice(None, None, 3)
         said = refused(tmp_path, "f1", change=order(0, 1, 2, 4, 3), rows=every_third)
@@ -120,7 +129,7 @@ class TestRows:
         said = refused(tmp_path, rows=slice(10))
         assert "5 poses give 5 equations of arm[0].rod for 7 unknowns (A[0,0] to L[0]); measure at least 7" in said
 
-    @pytest.mark.parametrize(("cell", "seen"), [("nan", "nan"), ("", "nothing"), ("inf", "inf")])
+    @pytest.mark.parametrize(("cell", "seen"), [("nan", "'nan'"), ("", "nothing"), ("inf", "'inf'")])
     def test_no_number(self, tmp_path: Path, cell: str, seen: str) -> None:
         _, rows = data("l1")
         first = rows[20][0]

@@ -89,6 +89,22 @@ def test_an_arm_is_as_soft_as_its_joints_say():
     assert "beyond the joints' limits" in found.reasons and {*found.figures} == {"softest"}
 
 
+def test_joints_of_an_arm_share_the_loads_work():
+    robot = gt.robots.kr500()
+    k, q = np.array([2e6, 2e6, 1.5e6, 4e5, 4e5, 2e5]), np.deg2rad([0.0, -80.0, 100.0, 10.0, 40.0, 0.0]).tolist()
+    load, coarse, tool = Load(FORCE, [10.0, -20.0, 5.0]), ComplianceMap(step=0.5), [0.1, 0.05, 0.4]
+    found = study(robot, ArmSprings(k.tolist(), q, tool), load, map=coarse)
+    assert list(found.shares) == [f"joint_{n}" for n in range(1, 7)]
+    assert sum(found.shares.values()) == pytest.approx(1.0)
+    for n in (0, 2, 4):  # by itself, among joints that are as good as rigid
+        alone = study(robot, ArmSprings(np.where(np.arange(6) == n, k, 1e20).tolist(), q, tool), load, map=coarse)
+        assert found.shares[f"joint_{n + 1}"] == pytest.approx(alone.work / found.work, rel=1e-9)
+    row = next(row.value for row in found.rows if row.label == "what takes the work")
+    assert row.startswith("joint 1 ") and row.count("%") == 6
+    bars = found.figure("shares").axes[0].patches
+    assert [round(b.get_width() / 100, 6) for b in bars[::-1]] == [round(x, 6) for x in found.shares.values()]
+
+
 RIGID = Springs(RodSprings(stiffness=1e7))
 
 

@@ -17,11 +17,13 @@ from gtmodel.identify.excitation import (
     random_excitations,
     singular_values,
 )
+from gtmodel.identify.excitation.sampled import SampledCost
 from gtmodel.results import SolveStatus
 
 BASES = [FourierSeries(4.0, 5), FourierSeries(0.5, 2), ClosedSpline(4.0, 12), ClosedSpline(3.0, 2)]
 ROUND_OFF = 1e-9  # of numbers of order w^2, some hundreds
 STEP_S = 1e-4
+OVERSHOOT = 0.03  # of the cost, for limits drawn in by what is seen between samples and for the tolerance
 SECOND_ORDER = 1e-5  # of central differences over STEP_S: step^2 times the next derivatives
 DRAWN = np.random.default_rng(5)
 
@@ -152,6 +154,27 @@ class TestOptimum:
         assert max(np.max(np.abs(x)), np.max(np.abs(v)) / 2, np.max(np.abs(force)) / 15) < 1 + 1e-5
         assert max(np.max(np.abs(x)), np.max(np.abs(v)) / 2, np.max(np.abs(force)) / 15) > 0.98
 
+    @pytest.mark.parametrize("criterion", CRITERIA)
+    def test_no_search_over_all_rows_at_once_finds_more_nearby(self, criterion) -> None:
+        """IPOPT with exact second derivatives, from the answer, within the limits at the samples."""
+        t = task(criterion)
+        start = random_excitations(t, CENTRE, 3, seed=1)[2]
+        found = optimise_excitation(t, start, tolerance=1e-3)
+        assert found.status is SolveStatus.SOLVED and found.feasible
+        c = ca.SX.sym("c", t.basis.size)
+        motion = [[ca.dot(ca.DM(row), c) for row in t.basis.rows(t.times(), k)] for k in range(3)]
+        samples = list(zip(*motion, strict=True))
+        scaled = ca.vertcat(*(t.regressor(*at) for at in samples)) * ca.DM(np.tile(t.nominal, (t.points, 1)))
+        f = cost(criterion, 3)(ca.mtimes(scaled.T, scaled) / t.points)
+        g = ca.vertcat(*(t.rows(*at) for at in samples))
+        quiet = {"ipopt": {"print_level": 0, "sb": "yes", "tol": 1e-8}, "print_time": False}
+        solver = ca.nlpsol("oracle", "ipopt", {"x": c, "f": f, "g": g}, quiet)
+        bounds = {"lbg": np.tile(t.low, t.points), "ubg": np.tile(t.high, t.points)}
+        best = float(solver(x0=found.c[:, 0], **bounds)["f"])
+        assert solver.stats()["success"]
+        # between its samples it overshoots by some per cent, by which the other keeps away from the limits
+        assert best - 1e-6 <= found.objective <= best + OVERSHOOT
+
     def test_same_start_same_motion(self) -> None:
         t = task("determinant")
         start = random_excitations(t, CENTRE, 1, seed=3)[0]
@@ -180,6 +203,26 @@ class TestOptimum:
             task(low=np.zeros(2))
         with pytest.raises(ValueError, match="none of them zero"):
             task(nominal=np.array([1.0, 0.0, 1.0]))
+
+
+class TestSamples:
+    """Rows and derivatives that the search sees."""
+
+    @pytest.mark.parametrize("low", [-np.inf, -1.0])
+    def test_rows_are_those_of_the_task_and_derivatives_their_own(self, low) -> None:
+        t = task("variance", low=np.array([low, -2.0, -np.inf]))
+        reserve = np.array([0.0, 0.1, 0.2])
+        sampled = SampledCost(t).within(reserve)
+        c = random_excitations(t, CENTRE, 1, seed=7)[0]
+        x, step = c[:, 0], DRAWN.normal(size=t.basis.size)
+        f, h = sampled.value(x)
+        assert f == sampled.cost(x)
+        assert len(h) == t.points * (3 + 1 + np.isfinite(low))
+        assert np.max(h) == pytest.approx(np.max(t.excess(c, t.times()) + reserve), abs=ROUND_OFF)
+        gradient, A = sampled.derivatives(x)
+        (f1, h1), (f0, h0) = sampled.value(x + STEP_S * step), sampled.value(x - STEP_S * step)
+        assert (f1 - f0) / (2 * STEP_S) == pytest.approx(gradient @ step, rel=1e-5)
+        np.testing.assert_allclose((h1 - h0) / (2 * STEP_S), A @ step, atol=SECOND_ORDER * np.abs(A).max())
 
 
 class TestRandomDraws:

@@ -6,7 +6,7 @@ from hypothesis import given, settings, strategies as st
 from scipy import stats
 from scipy.optimize import nnls
 
-from gtmodel.inference import Prior, linear_fit, weighting
+from gtmodel.inference import Prior, linear_fit, linear_fits, weighting
 from gtmodel.results import ArgumentError
 
 ROUNDING = 1e-11  # of well-conditioned problems of order one
@@ -176,3 +176,48 @@ def test_whitening_makes_the_covariance_one():
         root[3 * k : 3 * k + 3, 3 * k : 3 * k + 3] = block
     white = w(root)
     np.testing.assert_allclose(white @ white.T, np.eye(12), atol=1e-12)
+
+
+@pytest.mark.parametrize("fits", [1, 2, 51])
+@pytest.mark.parametrize("scale", [None, [1.0, 50.0, 0.01]])
+def test_many_fits_of_one_matrix_are_those_of_single_ones(fits, scale):
+    rng = np.random.default_rng(fits)
+    A = rng.normal(size=(30, 3)) * [1.0, 1e-2, 100.0]
+    b = rng.normal(size=(fits, 30)) + A @ [1.0, 2.0, 3.0]
+    several = linear_fits(A, b, "abc", scale=scale)
+    assert len(several) == fits
+    for e, row in zip(several, b, strict=True):
+        alone = linear_fit(A, row, "abc", scale=scale)
+        np.testing.assert_allclose(e.values, alone.values, rtol=ROUNDING)
+        np.testing.assert_allclose(e.covariance, alone.covariance, rtol=ROUNDING)
+        np.testing.assert_allclose(e.residuals, alone.residuals, atol=ROUNDING * np.abs(row).max())
+        assert (e.names, e.degrees_of_freedom, e.known_noise, e.held, e.notes) == (
+            alone.names, alone.degrees_of_freedom, alone.known_noise, alone.held, alone.notes
+        )  # fmt: skip
+        assert e.noise == pytest.approx(alone.noise, rel=ROUNDING)
+
+
+def test_many_fits_refuse_what_a_single_one_refuses():
+    A, b = line()
+    assert linear_fits(A, np.zeros((0, 40)), "ab") == []
+    with pytest.raises(ArgumentError, match=r"b has the shape \(40,\); expected \(fits, rows\)"):
+        linear_fits(A, b, "ab")
+    with pytest.raises(ArgumentError, match=r"A has the shape \(40, 2\); expected \(39, 2\)"):
+        linear_fits(A, b[None, 1:], "ab")
+    with pytest.raises(ArgumentError, match="b is not finite in row 7"):
+        linear_fits(A, np.stack([b, np.where(np.arange(40) == 7, np.nan, b)]), "ab")
+    with pytest.raises(ArgumentError, match="the data do not determine a and b apart"):
+        linear_fits(A[:, [0, 0]], b[None], "ab")
+    with pytest.raises(ArgumentError, match="1 measured values for 1 unknowns"):
+        linear_fits(np.ones((1, 1)), [[1.0]], "a")
+
+
+def test_intervals_of_all_names_are_those_of_each():
+    A, b = line()
+    e = linear_fit(A[:, [0, 0, 1]], b, "abc", hold_undetermined=True)  # a and b move together
+    low, high = e.intervals(level=0.9)
+    assert [(lo, hi) for lo, hi in zip(low, high, strict=True)] == [e.interval(name, 0.9) for name in "abc"]
+    assert np.isinf([low[0], high[1]]).all() and np.isfinite([low[2], high[2]]).all()
+    np.testing.assert_array_equal(e.intervals("c", 0.9), [[low[2]], [high[2]]])
+    with pytest.raises(ArgumentError, match="'d' was not estimated"):
+        e.intervals("ad")

@@ -70,9 +70,9 @@ def test_a_home_of_ones_own(tmp_path: Path) -> None:
         (
             "f1",
             {"family": "six_links"},
-            "family: expected one of three_link, six_link, f1; found the text 'six_links'; did",
+            "family: expected one of three_link, six_link, f1, serial; found the text 'six_links'; did",
         ),
-        ("f1", {"family": 1}, "family: expected one of three_link, six_link, f1; found 1"),
+        ("f1", {"family": 1}, "family: expected one of three_link, six_link, f1, serial; found 1"),
         ("f1", {"family": None}, 'family: is missing; a file with A0_mm needs family = "f1"'),
         ("d1_six_link", {"family": None}, 'family: is missing; a file with B_m needs family = "six_link"'),
         ("d1_six_link", {"B_m": None}, "B_m: is missing; expected a list of 6 lists of 3 numbers in m (plate joints"),
@@ -175,7 +175,7 @@ def test_explain_and_list() -> None:
         "source": "Dressler 2012, Table 5.5",
         "masses": "an example of ours",
     }
-    assert {*FAMILIES, "serial"} == {entry["family"] for entry in robots.values()}
+    assert {*FAMILIES} == {entry["family"] for entry in robots.values()}
 
 
 def test_explain_takes_a_robot_file(tmp_path: Path) -> None:

@@ -42,8 +42,12 @@ def yields_true(self):
     yield 1 == 1  # HERE
 
 
-def forgets_to_yield(self):  # HERE
-    self.x == 1  # noqa: B015
+def forgets_to_yield(self):
+    self.x == 1  # noqa: B015  # HERE
+
+
+def returns_nothing(self):  # HERE
+    _ = self.x == 1
 
 
 def returns_one(self):  # HERE
@@ -122,7 +126,9 @@ WITH_K = {"k": gt.parameter(2.0, unit="1"), **ONE}
 SENTENCES = [
     (ONE, yields_true, r"Wrong\.equations\(\) yielded True, which is no equation; expected 'a == b' on expressions of "
      r"the model, gt\.connect or gt\.branch"),
-    (ONE, forgets_to_yield, r"equations\(\) of Wrong returned nothing; expected 'yield' in front of each equation"),
+    (ONE, forgets_to_yield, r"nothing takes what this '==' says; write yield in front of it, or hand it to add\(\) of "
+     r"a Builder"),
+    (ONE, returns_nothing, r"equations\(\) of Wrong returned nothing; expected 'yield' in front of each equation"),
     (ONE, returns_one, r"equations\(\) of Wrong returned one relation; expected 'yield' in front of each equation"),
     (TWO, is_trivial, r"an equation of 'the model' is always true; remove it or mend it"),
     (WITH_K, has_no_variable, r"an equation of 'the model' is without any variable \(it says \(k-2\) == 0\); "

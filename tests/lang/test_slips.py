@@ -89,6 +89,28 @@ def test_a_slip_in_equations_names_its_line(line: str) -> None:
     assert where is not None and where.file == "lang/test_slips.py" and where.line == mistyped.__code__.co_firstlineno
 
 
+@pytest.mark.parametrize(
+    ("targets", "said"),
+    [
+        (["der(q,2)"], r"to be named: known=\['tau', 'wind'\]"),
+        (["tau"], r"to be named: known=\['wind'\]"),
+        (["tau", "wind"], ""),
+    ],
+)
+def test_inputs_that_are_not_given_are_named_but_for_those_that_are_asked_for(targets: list[str], said: str) -> None:
+    class Blown(gt.Model):
+        q = gt.variable()
+        tau = gt.input()
+        wind = gt.input()
+
+        def equations(self) -> Any:
+            yield gt.der(self.q, 2) == self.tau + self.wind
+
+    with pytest.raises(gt.ModelError, match=said or r"known variables\) \(") as caught:
+        Blown().causal(targets=targets)
+    assert said or "to be named" not in str(caught.value)
+
+
 CALLS = {
     "know": (lambda: Pendulum().causal(know="q", targets="tau"), "'known'"),
     "class": (lambda: Pendulum.causal(known="q", targets="tau"), "()"),
@@ -174,6 +196,86 @@ def test_a_folder_beside_the_package_whose_name_begins_like_it_is_a_persons() ->
         "gtmodel_robots/mine.py",
         2,
     )
+
+
+class Loose(Pendulum):
+    """Without its third line it would be right as well: nothing but the missing yield shows that it is meant."""
+
+    speed = gt.variable()
+
+    def equations(self) -> Any:
+        yield from super().equations()
+        yield self.speed == gt.der(self.q)
+        self.tau == -2.0 * self.speed  # noqa: B015
+
+
+class Backward(Pendulum):
+    def equations(self) -> Any:
+        yield from super().equations()
+        np.zeros(1) >= self.tau  # noqa: B015
+
+
+class Started(Pendulum):
+    def initial_equations(self) -> Any:
+        0.1 == self.q  # noqa: B015
+        yield gt.der(self.q) == 0.0
+
+
+class TestAnEquationWithoutItsYield:
+    @pytest.mark.parametrize(
+        ("model", "method", "line"),
+        [(Loose, "equations", 3), (Backward, "equations", 2), (Started, "initial_equations", 1)],
+    )
+    def test_is_named_with_its_line(self, model: type[gt.Model], method: str, line: int) -> None:
+        with pytest.raises(gt.ModelError, match=r"nothing takes what this '[=<>]=' says; write yield") as caught:
+            model().causal(known=["q"], targets=["tau"])
+        first = getattr(model, method).__code__.co_firstlineno
+        assert caught.value.where is not None
+        assert (caught.value.where.file, caught.value.where.line - first) == ("lang/test_slips.py", line)
+
+    def test_of_a_part_and_of_a_helper_is_named_too(self) -> None:
+        class Helped(Pendulum):
+            def equations(self) -> Any:
+                yield from super().equations()
+                self.stop()
+
+            def stop(self) -> None:
+                self.tau <= 1.0  # noqa: B015
+
+        class Robot(gt.Model):
+            arm = gt.part(Helped)
+
+        with pytest.raises(gt.ModelError, match=r"write yield in front of it") as caught:
+            Robot().causal(known=["arm.q"], targets=["arm.tau"])
+        assert caught.value.where is not None
+        assert caught.value.where.line == Helped.stop.__code__.co_firstlineno + 1
+
+    def test_in_constraints_is_named_with_its_line(self) -> None:
+        class Arrives(Move):
+            def constraints(self) -> Any:
+                yield self.x.at(self.final_time) == 0.0
+                self.x <= 2.0  # noqa: B015
+
+        with pytest.raises(gt.ModelError, match=r"this '<=' says; write yield") as caught:
+            gt.transcribe(Arrives(), gt.Mesh(2))
+        assert caught.value.where is not None
+        assert caught.value.where.line == Arrives.constraints.__code__.co_firstlineno + 2
+
+    def test_outside_of_a_class_is_named_too(self) -> None:
+        m = gt.Builder()
+        x = m.variable("x")
+        with pytest.raises(gt.ModelError, match=r"add\(\) of a Builder"):
+            x == 1.0  # noqa: B015
+
+    def test_what_is_kept_may_be_left_out(self) -> None:
+        class Chosen(Pendulum):
+            def equations(self) -> Any:
+                yield from (item for item in super().equations())
+                stops = {"low": self.tau == 0.0, "high": self.tau == 1.0}
+                assert stops.keys() == {"low", "high"}
+                repr(self.tau <= 1.0)
+
+        assert Chosen().causal(known=["q"], targets=["tau"]) is not None
 
 
 class Move(gt.Optimization):

@@ -103,9 +103,16 @@ def test_initial_equations_without_yield():
         def initial_equations(self):
             self.x == 1.0  # type: ignore[expression-value]  # noqa: B015
 
-    line = Forgotten.initial_equations.__code__.co_firstlineno
-    with pytest.raises(ModelError, match=rf"initial_equations\(\) of Forgotten returned nothing; .*py:{line}\)"):
+    class Kept(Sum):
+        def initial_equations(self):
+            _ = self.x == 1.0
+
+    line = Forgotten.initial_equations.__code__.co_firstlineno + 1
+    with pytest.raises(ModelError, match=rf"nothing takes what this '==' says; write yield .*py:{line}\)"):
         simulate(Forgotten(), 1.0, inputs={"u": 1.0})
+    line = Kept.initial_equations.__code__.co_firstlineno
+    with pytest.raises(ModelError, match=rf"initial_equations\(\) of Kept returned nothing; .*py:{line}\)"):
+        simulate(Kept(), 1.0, inputs={"u": 1.0})
 
 
 def test_an_infinite_derivative_at_the_start(recwarn):

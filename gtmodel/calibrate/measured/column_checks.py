@@ -100,6 +100,17 @@ def nearest(before: float, left: Callable[[Trial], float], trials: Iterable[Tria
     return (best, chosen) if best * NEARER < before else (before, None)
 
 
+def signals_exchanged(actuators: str, position: str, before: float, left: float) -> str | None:
+    """Actuators that look like the position and the position like them: rms distances [m] from the model's positions
+    `before`, as given, and what is `left` where one is read as the other."""
+    if not left * NEARER < before:
+        return None
+    return (
+        f"'{actuators}' and '{position}' look exchanged: poses miss the model's by {length(before)} rms as given, and "
+        f"by {length(left)} when each is read from the columns of the other"
+    )
+
+
 def exchanged(names: Sequence[str], order: Sequence[int]) -> tuple[str, str]:
     """The columns that another order changes, and the columns that are read for them."""
     changed = [k for k, j in enumerate(order) if j != k]
@@ -182,4 +193,6 @@ def distance(measured: np.ndarray, predicted: np.ndarray) -> float:
 
 def length(metres: float) -> str:
     """For a sentence."""
-    return f"{1e3 * metres:.3g} mm" if np.isfinite(metres) else "no pose at all"
+    if not np.isfinite(metres):
+        return "no pose at all"
+    return f"{metres:.3g} m" if metres >= 1 else f"{1e3 * metres:.3g} mm"

@@ -28,6 +28,7 @@ from .column_checks import (
     nearest,
     other_columns,
     scale_sentence,
+    signals_exchanged,
     stuck_columns,
     swapped_axes,
     unit_sentence,
@@ -86,13 +87,16 @@ def recognise(data: SplitPoses, witness: Witness) -> tuple[np.ndarray, np.ndarra
     q, T = data.q[rows], data.T[rows]
     predicted, e, good = witness.positions(q)
 
-    def misfit(reached: np.ndarray, _: np.ndarray, at: np.ndarray) -> float:
+    def misfit(reached: np.ndarray, _: np.ndarray, at: np.ndarray, measured: np.ndarray = T) -> float:
         if len(at) < REACHED * len(T):
             return np.inf
-        return aligned(T[at], reached)[2] if pose.device else distance(T[at], reached)
+        return aligned(measured[at], reached)[2] if pose.device else distance(measured[at], reached)
 
     names, groups = _columns(data)
     before = misfit(predicted, e, good)
+    if q.shape == T.shape and before > CLOSE * witness.size:
+        other = misfit(*witness.positions(T), q)
+        _refuse(signals_exchanged(data.actuators, pose.position, before, other), data.actuators)
     _refuse(stuck_columns(names, data.q, before, witness.size), data.actuators)
     if len(good) >= REACHED * len(q) and len(good) > 3:
         _refuse(scale_sentence(pose.position, T[good], predicted), pose.position)

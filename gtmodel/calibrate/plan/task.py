@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
+from ..._lazy import hint
 from ...kinematics.workspace.options import Beam, Bodies, Box
-from ...lang import Model
 from ...results.options import Long, Options, Unit, Within
 from ..choice import Choice
 from .options import MICRO, AnyDevice, Criteria, Evaluation, PlanLimits, PlanSimulation, PosesToMeasure, Room, Safety
+
+if TYPE_CHECKING:
+    from ...lang import Model
+else:
+    Model = hint("gtmodel.lang.model", "Model")
 
 CURVE = (10, 15, 20, 30, 40, 60, 80, 100)
 

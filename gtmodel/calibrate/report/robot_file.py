@@ -76,7 +76,8 @@ def text(findings: CalibrationFindings, model: Model, title: str, origin: Origin
     ]
     use = "gtmodel reads this file as a robot"
     if not family and origin.reference:
-        use += f", with '{origin.reference.rpartition(':')[0]}' beside it, beside the problem or here"
+        place = origin.reference.rpartition(":")[0] or origin.reference
+        use += f", with '{place}' beside it, beside the problem or here"
     if pieces:
         use = "no robot file, since guideways are measured: their A and v are those before"
     return "\n".join([f"# Calibrated parameters; {use}.", *comments, "", body])

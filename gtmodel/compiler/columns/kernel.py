@@ -6,6 +6,7 @@ sine is depends on the processor. Such steps are calls of an elementwise ca.Func
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from functools import cache, partial
 from typing import Any, Protocol
@@ -20,7 +21,7 @@ from .program import LIBM, ColumnProgram, Step
 BLOCK = 4096
 # rows are computed by multiples of it; and what an elementwise function takes at once
 PIECE = 256
-_TAKEN = 64
+TAKEN = 64
 
 _UFUNC: dict[int, Callable[..., Any]] = {
     ca.OP_ASSIGN: np.positive, ca.OP_ADD: np.add, ca.OP_SUB: np.subtract, ca.OP_MUL: np.multiply, ca.OP_DIV: np.divide,
@@ -34,34 +35,42 @@ _ONE = np.array(1.0)
 class Workspace:
     """The memory of one run: a column for each place, and the steps bound to its first rows, by their number."""
 
-    def __init__(self, program: ColumnProgram) -> None:
+    def __init__(self, program: ColumnProgram, rows: int = BLOCK) -> None:
         self._program = program
         self._bound: dict[int, list[Callable[[], Any]]] = {}
-        self.columns = np.zeros((program.places, BLOCK))
+        self.columns = np.zeros((program.places, rows))
         for place, value in program.constants:
             self.columns[place] = value
 
     def run(self, rows: int) -> None:
-        """All steps on the first rows, a multiple of PIECE."""
+        """All steps on the first rows, a multiple of TAKEN."""
         steps = self._bound.get(rows)
         if steps is None:
-            steps = self._bound[rows] = [self._bind(s, rows) for s in self._program.steps]
+            # one array for each place and constant, which all steps share: they stay in the cache
+            columns, constants = list(self.columns[:, :rows]), dict[tuple[float, float], np.ndarray]()
+            steps = self._bound[rows] = [_bound(s, columns, constants) for s in self._program.steps]
         for step in steps:
             step()
 
-    def _bind(self, step: Step, rows: int) -> Callable[[], Any]:
-        target = self.columns[step.target, :rows]
-        if step.op in LIBM:
-            given = [np.full(rows, x) if isinstance(x, float) else self.columns[x, :rows] for x in step.operands]
-            return _called(step.op, given, target)
-        operands = [np.array(x) if isinstance(x, float) else self.columns[x, :rows] for x in step.operands]
-        if step.op == ca.OP_TWICE:
-            return partial(np.add, operands[0], operands[0], target)
-        if step.op == ca.OP_INV:
-            return partial(np.divide, _ONE, operands[0], target)
-        if step.op == ca.OP_IF_ELSE_ZERO:
-            return partial(_if_else_zero, *operands, target)
-        return partial(_UFUNC[step.op], *operands, target)
+
+def _bound(
+    step: Step, columns: Sequence[np.ndarray], constants: dict[tuple[float, float], np.ndarray]
+) -> Callable[[], Any]:
+    target = columns[step.target]
+    if step.op in LIBM:
+        given = [np.full(len(target), x) if isinstance(x, float) else columns[x] for x in step.operands]
+        return _called(step.op, given, target)
+    operands = [
+        constants.setdefault((x, math.copysign(1.0, x)), np.array(x)) if isinstance(x, float) else columns[x]
+        for x in step.operands
+    ]
+    if step.op == ca.OP_TWICE:
+        return partial(np.add, operands[0], operands[0], target)
+    if step.op == ca.OP_INV:
+        return partial(np.divide, _ONE, operands[0], target)
+    if step.op == ca.OP_IF_ELSE_ZERO:
+        return partial(_if_else_zero, *operands, target)
+    return partial(_UFUNC[step.op], *operands, target)
 
 
 def _if_else_zero(condition: np.ndarray, value: np.ndarray, target: np.ndarray) -> None:
@@ -91,10 +100,10 @@ def _run(run: Callable[[], Any], *_kept: Any) -> None:
 
 @cache
 def _elementwise(op: int, arguments: int, rows: int) -> ca.Function:
-    x = [ca.SX.sym("x", _TAKEN) for _ in range(arguments)]
+    x = [ca.SX.sym("x", TAKEN) for _ in range(arguments)]
     pow_ = ca.OP_POW if op == ca.OP_CONSTPOW else op
     y = ca.SX.unary(op, *x) if arguments == 1 else ca.SX.binary(pow_, *x)
-    return ca.Function("elementwise", x, [y]).map(rows // _TAKEN)
+    return ca.Function("elementwise", x, [y]).map(rows // TAKEN)
 
 
 class Judge(Protocol):

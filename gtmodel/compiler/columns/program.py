@@ -102,15 +102,26 @@ def _slices(begin: int, sizes: Sequence[int]) -> tuple[slice, ...]:
 def _placed(steps: Sequence[Step], settled: dict[int | float, int], first: int) -> tuple[list[Step], int]:
     """The steps with places in the stead of numbers of steps, those from `first` on shared one after the other; and how
     many places there are."""
-    last = {x: k for k, step in enumerate(steps) for x in step.operands if isinstance(x, int) and x < 0}
+    last: dict[int | float, int] = {}
+    for k, step in enumerate(steps):
+        for x in step.operands:
+            if x.__class__ is int and x < 0:
+                last[x] = k
     place: dict[int | float, int] = dict(settled)
     free: list[int] = []
     placed: list[Step] = []
     top = first
     for k, (op, operands, number) in enumerate(steps):
-        given = tuple(place[x] if isinstance(x, int) and x < 0 else x for x in operands)
-        over = {x for x in operands if isinstance(x, int) and x < 0 and last[x] == k and x not in settled}
-        freed = [place[x] for x in over]
+        given: list[int | float] = []
+        freed: list[int] = []
+        for x in operands:
+            if x.__class__ is int and x < 0:
+                given.append(place[x])
+                if last[x] == k and x not in settled:
+                    freed.append(place[x])
+                    last[x] = -1  # freed once, read twice
+            else:
+                given.append(x)
         # an exact operation may write over what it reads; a call may not
         in_place = op in EXACT and op != ca.OP_IF_ELSE_ZERO
         if in_place:
@@ -122,5 +133,5 @@ def _placed(steps: Sequence[Step], settled: dict[int | float, int], first: int) 
             place[number] = free.pop()
         if not in_place:
             free += freed
-        placed.append(Step(op, given, place[number]))
+        placed.append(Step(op, tuple(given), place[number]))
     return placed, top

@@ -8,8 +8,9 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
+from ..columns.batch import Batch
 from .expressions import written
-from .machine import Batch, TapeProgram, interpreter, known
+from .machine import TapeProgram, interpreter, known
 from .operations import Tape
 
 # seconds that CasADi's virtual machine takes for an operation of a large function; how often a solver asks for it

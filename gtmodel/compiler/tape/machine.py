@@ -191,33 +191,3 @@ def known(tape: Tape) -> bool:
 
 def _at(a: np.ndarray) -> ctypes.c_void_p:
     return ctypes.c_void_p(a.ctypes.data)
-
-
-class Batch(ca.Callback):
-    """A program as a function of CasADi: matrices with a column for each point. It is to be held as long as a function
-    that calls it, and has no derivatives."""
-
-    def __init__(self, name: str, program: TapeProgram, points: int) -> None:
-        super().__init__()
-        self._program, self._points = program, points
-        self.construct(name, {})
-
-    def get_n_in(self) -> int:
-        return len(self._program.inputs)
-
-    def get_n_out(self) -> int:
-        return len(self._program.outputs)
-
-    def get_sparsity_in(self, i: int) -> ca.Sparsity:
-        return ca.Sparsity.dense(self._program.inputs[i], self._points)
-
-    def get_sparsity_out(self, i: int) -> ca.Sparsity:
-        return ca.Sparsity.dense(self._program.outputs[i], self._points)
-
-    def has_eval_buffer(self) -> bool:
-        return True
-
-    def eval_buffer(self, arg: Sequence[memoryview | None], res: Sequence[memoryview | None]) -> int:
-        given, wanted = ([None if m is None else np.frombuffer(m) for m in each] for each in (arg, res))
-        self._program(given, wanted, self._points)
-        return 0

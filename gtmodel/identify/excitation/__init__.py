@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from .optimise import (
         FINER as FINER,
         Excitation as Excitation,
-        ExcitationTask as ExcitationTask,
         optimise_excitation as optimise_excitation,
     )
     from .options import (
@@ -29,6 +28,7 @@ if TYPE_CHECKING:
         RandomMotions as RandomMotions,
     )
     from .random_motions import random_excitations as random_excitations
+    from .sampled import ExcitationTask as ExcitationTask
     from .study import excitation_study as excitation_study
 
 public(__name__)

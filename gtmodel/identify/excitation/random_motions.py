@@ -8,7 +8,8 @@ import numpy as np
 
 from ...results import ArgumentError
 from .basis import Array
-from .optimise import FINER, ExcitationTask
+from .optimise import FINER
+from .sampled import ExcitationTask
 
 HALVINGS = 14  # of the interval of the amplitude: found to 1e-4 of itself
 LARGEST = 1.0  # amplitude that a draw begins with, in the coordinate's unit; halved until it fits

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ...inference import Coverage, coverage, linear_fit
+from ...inference import Coverage, coverage, linear_fits
 from ...lang import Model
 from ...motion.options import Limits
 from ...results import ArgumentError, SolveStatus, Work, naming
@@ -21,6 +21,8 @@ from .random_motions import random_excitations
 from .task import ExcitationPlan, plan_of
 
 Array = np.ndarray
+
+FITS_AT_ONCE = 50  # synthetic identifications between two looks at the clock
 
 
 @study_function
@@ -128,11 +130,12 @@ def _monte_carlo(plan: ExcitationPlan, keys: MonteCarloFits, work: Work, W: Arra
     rng = np.random.default_rng(keys.seed)
     A, exact = np.tile(W, (experiment.periods, 1)), np.tile(W @ regressor.nominal, experiment.periods)
     estimates = []
-    for run in range(keys.runs):
-        work.progress("synthetic identifications", run / keys.runs)
+    while len(estimates) < keys.runs:
+        work.progress("synthetic identifications", len(estimates) / keys.runs)
         if work.interrupted():
             return None
-        noisy = exact + experiment.noise * rng.normal(size=len(exact))
-        estimates.append(linear_fit(A, noisy, regressor.names, scale=regressor.nominal))
+        some = min(FITS_AT_ONCE, keys.runs - len(estimates))
+        noisy = exact + experiment.noise * rng.normal(size=(some, len(exact)))
+        estimates += linear_fits(A, noisy, regressor.names, scale=regressor.nominal)
     truth = dict(zip(regressor.names, regressor.nominal.tolist(), strict=True))
     return coverage(estimates, truth), np.std([e.values for e in estimates], axis=0, ddof=1)

@@ -18,8 +18,8 @@ from ...robots.links import links_of
 from ..regressor import Regressor
 from .basis import Basis, ClosedSpline, FourierSeries
 from .information import Criterion
-from .optimise import ExcitationTask
 from .options import Family, IdentificationExperiment
+from .sampled import ExcitationTask
 
 SHARP = 1e-6  # m/s: the sign of a velocity, beside which the smoothed one is judged
 

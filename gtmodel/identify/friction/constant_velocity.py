@@ -11,12 +11,7 @@ from ...measurements import Session, ZeroPhase, motion
 from ...results import ArgumentError
 from ...results.trajectory import Trajectory
 from ...results.trajectory_errors import Array, TrajectoryError
-
-CUTOFF_HZ = (
-    10.0  # of the low pass that separates rows at constant velocity from others; means are taken of unfiltered ones
-)
-ACCELERATION = 0.2  # m/s2, the largest at constant velocity
-SHORTEST = 0.2  # s
+from .options import ACCELERATION, CUTOFF_HZ, SHORTEST
 
 
 class Runs(NamedTuple):

@@ -6,7 +6,12 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from ...results.options import Options, Unit, Within
-from .constant_velocity import ACCELERATION, CUTOFF_HZ, SHORTEST
+
+CUTOFF_HZ = (
+    10.0  # of the low pass that separates rows at constant velocity from others; means are taken of unfiltered ones
+)
+ACCELERATION = 0.2  # m/s2, the largest at constant velocity
+SHORTEST = 0.2  # s
 
 
 @dataclass(frozen=True)

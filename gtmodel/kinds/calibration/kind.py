@@ -17,6 +17,7 @@ from gtmodel.problem_files import python_models, robots
 from gtmodel.problem_files.base import Context, InputError
 from gtmodel.problem_files.call import Call
 from gtmodel.results import ArgumentError
+from gtmodel.robots import SerialArm
 
 from . import page
 from .keys import JointStiffness, Schema
@@ -43,9 +44,8 @@ def call(problem: Schema, context: Context) -> Call:
         return asked.then(partial(_in_the_file, problem=problem, context=context))
     carts = _carts(problem, context)
     reference, before = robots.in_python(problem.robot, context)
-    origin = Origin(
-        problem.robot, reference if python_models.is_reference(reference) else "", merged(before, problem.parameters)
-    )
+    own = python_models.is_reference(reference) or isinstance(robot, SerialArm)
+    origin = Origin(problem.robot, reference if own else "", merged(before, problem.parameters))
     title = problem.title or f"{NAME} of {problem.robot}"
     return Call(
         calibrate.study, robot, _poses(problem, robot, context), problem.options(), held_out=problem.held_out.every,
@@ -73,7 +73,7 @@ def _poses(problem: Schema, robot: Model, context: Context) -> MeasuredPoses:
         return calibrate.made_poses(robot, problem.synthetic.options(), held_out)
     assert problem.measurements is not None
     path = context.file(problem.measurements.file, "measurements.file", source=problem.measurements.source)
-    return calibrate.read_poses(path, problem.measurements.options(), held_out)
+    return calibrate.read_poses(path, problem.measurements.options(), held_out, problem.measurements.form())
 
 
 def _carts(problem: Schema, context: Context) -> CartPoints | None:

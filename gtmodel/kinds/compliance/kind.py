@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from gtmodel.compliance import Springs, study
-from gtmodel.compliance.compliance_study import WORDS, grid_of, on_springs
+from gtmodel.compliance.compliance_result import WORDS
+from gtmodel.compliance.compliance_study import grid_of, on_springs
 from gtmodel.compliance.options import ArmSprings
 from gtmodel.compliance.sprung_links import SprungLinks
 from gtmodel.problem_files.base import Context, InputError

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import Field, PositiveFloat
 
 from gtmodel.identify import Processing, options
-from gtmodel.lang import Model, ModelError
+from gtmodel.lang import ModelError
 from gtmodel.measurements import Signal
-from gtmodel.problem_files import python_models
 from gtmodel.problem_files.base import Context, FileSection, InputError
 from gtmodel.problem_files.from_options import Made, made_from
 from gtmodel.problem_files.log_keys import LogFiles, MeasuredSignalSection
 from gtmodel.problem_files.robot_keys import RobotProblem
 from gtmodel.robots import entries
+
+if TYPE_CHECKING:
+    from gtmodel.lang import Model
 
 RESULT = "gtmodel.identify.IdentificationStudy"
 
@@ -61,6 +63,8 @@ class ClosedLoopSection(Made):
     def loop(self, parameters: Mapping[str, Any], context: Context) -> options.ClosedLoop:
         """As the study takes it; the model with these parameters and what is found."""
 
+        from gtmodel.problem_files import python_models  # here, as below: the keys alone need no model
+
         def made(**estimates: Any) -> Model:
             return python_models.resolve(self.model, context, "closed_loop.model", {**parameters, **estimates})
 
@@ -69,7 +73,8 @@ class ClosedLoopSection(Made):
 
     def signals(self, context: Context) -> dict[str, Signal]:
         """The inputs as measured signals, in the units of the model. Raises InputError."""
-        from gtmodel.compiler.causal import flat_of  # here, as below: the keys alone need no model
+        from gtmodel.compiler.causal import flat_of
+        from gtmodel.problem_files import python_models
 
         flat = flat_of(python_models.resolve(self.model, context, "closed_loop.model"))
         signals = {}
@@ -106,11 +111,13 @@ class Schema(RobotProblem, Made):
     def fitted(self, context: Context) -> tuple[Model, list[str]]:
         """The model to be fitted, and the names of what is free. Raises InputError."""
         if self.variant is None:
-            if not self.free:
+            if not self.free and self.options().inertias is None:
                 raise InputError("is missing; name the parameters to be estimated, or a variant", "free")
-            return self.with_parameters(self.parameters, context), list(self.free)
+            return self.with_parameters(self.parameters, context), list(self.free or [])
         from gtmodel.robots.by_direction import inertia_variant
 
+        if self.options().inertias is not None:
+            raise InputError("is for serial arms; a variant says which masses there are", "inertias")
         self._check_variant()
         scale = self.friction.velocity_scale_m_s
         more: dict[str, Any] = {} if scale is None else {"velocity_scale": scale}
@@ -124,7 +131,7 @@ class Schema(RobotProblem, Made):
 
     def with_parameters(self, parameters: dict[str, Any], context: Context) -> Model:
         """The robot, no variant of it, with these parameters. Raises InputError."""
-        from gtmodel.problem_files import robots
+        from gtmodel.problem_files import python_models, robots
 
         in_python = python_models.is_reference(self.robot)
         return robots.resolve(

@@ -8,7 +8,7 @@ import numpy as np
 
 from gtmodel.compiler.causal import flat_of
 from gtmodel.identify import read_motion, study, synthetic_study
-from gtmodel.identify.asked import regressor_of
+from gtmodel.identify.asked import free_of, regressor_of
 from gtmodel.identify.parameter_names import among
 from gtmodel.lang import Model, ModelError
 from gtmodel.measurements import Signal
@@ -60,7 +60,7 @@ def explain(problem: Schema, context: Context) -> str:
     """What is free and fixed, and how the regressor is computed."""
     model, free = problem.fitted(context)
     regressor = regressor_of(model, free, problem.options())
-    at = among(regressor.names, free)
+    at = among(regressor.names, free_of(regressor, free, problem.options()))
     lines = [f"{problem.title or 'identification'}: {', '.join(regressor.columns)} linear in"]
     for k, (name, value, unit) in enumerate(zip(regressor.names, regressor.nominal, regressor.units, strict=True)):
         role = "free" if k in at else "watched"

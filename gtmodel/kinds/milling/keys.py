@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from pydantic import Field, PositiveFloat
 
-from gtmodel.milling import AngleTable, Cut, Cutter, CuttingCoefficients, Oscillators, missing_z, options
+from gtmodel.milling import Cut, Cutter, CuttingCoefficients, Oscillators, missing_z, options
 from gtmodel.problem_files.base import Context, FileSection, InputError
 from gtmodel.problem_files.from_options import Made, made_from
 from gtmodel.problem_files.robot_keys import RobotProblem
 from gtmodel.results.refusal import naming
+
+if TYPE_CHECKING:
+    from gtmodel.milling import AngleTable
 
 RESULT = "gtmodel.milling.MillingStudy"
 
@@ -115,6 +118,8 @@ class Schema(RobotProblem):
 
 
 def _table(rows: list[OscillatorRow]) -> AngleTable:
+    from gtmodel.milling import AngleTable  # here: the keys alone need no CasADi
+
     if len(rows) < 2:
         said = f"holds {len(rows)} angles; expected two or more, between which dynamics are known"
         raise InputError(said, "oscillator")

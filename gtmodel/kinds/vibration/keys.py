@@ -12,7 +12,7 @@ from gtmodel.problem_files.base import Context, InputError, Problem
 from gtmodel.problem_files.from_options import Made, made_from
 from gtmodel.problem_files.log_keys import LogFiles, MeasuredSignalSection
 from gtmodel.results import ArgumentError, TrajectoryError
-from gtmodel.vibration import Record, options, synthetic_records
+from gtmodel.vibration import Record, options
 
 RESULT = "gtmodel.vibration.VibrationStudy"
 
@@ -115,6 +115,8 @@ class Schema(Problem):
             )
         if self.measurements is not None:
             return self.measurements.records(self.model, context), None
+        from gtmodel.vibration import synthetic_records  # here: the keys alone need no simulation
+
         assert self.synthetic is not None
         known = self.synthetic.known(self.model)
         return synthetic_records(known, self.synthetic.options()), known

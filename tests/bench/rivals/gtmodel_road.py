@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from importlib import import_module
+from unittest.mock import patch
+
 import gtmodel as gt
 from gtmodel.motion import Cost, End, Limits, MotionProblem
 from gtmodel.motion.task import motion as declare
@@ -9,11 +12,12 @@ from gtmodel.optimize import Mesh, SolverOptions
 from gtmodel.optimize.formulation.problem import build
 from gtmodel.optimize.guess import initial_guess
 from gtmodel.optimize.nlp import make_nlp
-from gtmodel.optimize.solve import solve_nlp
 
 from .l1_by_hand import FORCE, FORCE_UNIT, GOAL, START, Motion
 from .plain_casadi import POINTS
 from .timing import TOLERANCE, Clock, Result
+
+SOLVE = import_module("gtmodel.optimize.solve")  # `gtmodel.optimize` has the function of that name
 
 
 def declared(motion: Motion) -> gt.Optimization:
@@ -31,15 +35,23 @@ def compile_seconds(motion: Motion) -> float:
 
 
 def solve_blocks(motion: Motion, model: gt.Optimization, elements: int, control: str, machine_code: bool) -> Result:
-    """Transcription, guess, IPOPT, and the solution by name. Compiling C is told apart."""
+    """Transcription, guess, IPOPT, and the solution by name. Compiling C, and the check of the mesh, are told apart."""
     problem, options = build(model), SolverOptions(tolerance=TOLERANCE, compile=machine_code)
-    clock = Clock()
+    clock, checks, judged = Clock(), list[float](), SOLVE.judged
+
+    def timed(*arguments):
+        own = Clock()
+        checked = judged(*arguments)
+        checks.append(own.lap())
+        return checked
+
     nlp = make_nlp(problem, Mesh(elements, POINTS, control=control), machine_code)
     x0 = initial_guess(nlp, motion.guess)
     setup = clock.lap()
-    solution = solve_nlp(nlp, x0, options, throw=False)
-    total, solver = clock.lap(), solution.seconds["setup"]
+    with patch.object(SOLVE, "judged", timed):
+        solution = SOLVE.solve_nlp(nlp, x0, options, throw=False)
+    total, solver, check = clock.lap(), solution.seconds["setup"], sum(checks)
     return Result(
-        solution.objective, solution.iterations, setup + solver, total - solver, solution.status.converged,
-        nlp.compile_seconds or 0.0,
+        solution.objective, solution.iterations, setup + solver, total - solver - check, solution.status.converged,
+        nlp.compile_seconds or 0.0, check,
     )  # fmt: skip

@@ -1,0 +1,157 @@
+"""Base parameters of a serial arm: the combinations of masses, moments and inertias that its efforts depend on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from ..compiler.causal import flat_of
+from ..inference import Dependencies, dependencies
+from ..lang import Model, ModelError
+from ..results import Status
+from ..robots import SerialArm
+from .regressor import Regressor, RegressorRows
+
+Array = np.ndarray
+BODIES = ("m", "mc", "J")
+POINTS, SEED = 60, 1  # random motions in which the rank is decided, a few hundred equations for 60 unknowns
+RANGE = np.pi  # rad or m, of a joint without limits
+NOTHING = 1e-9  # of the largest term of a combination: rounding
+SHOWN = 3  # terms of a combination in its name
+
+
+class BaseRegressor(Regressor):
+    """A regressor in the base parameters of a serial arm, and in further parameters such as its friction.
+
+    Of the ten numbers of each link, m, mc and J, the efforts depend on fewer combinations: a QR of the regressor at
+    random motions within the joint limits finds them, whatever the arm and the direction of gravity. Each combination
+    is named after the parameter that stays, of links nearer to the base first and inertias before moments and masses.
+
+    Args:
+        arm: with the geometry known.
+        more: further parameters, as of `Regressor`.
+        known, targets: as of `Regressor`.
+
+    Attributes beside those of `Regressor`, whose names, nominal and units are those of the base parameters:
+    dependencies: which parameters depend on which; `everything`: names of all of them, `matrix` (base, all): the base
+    parameters are matrix @ values.
+
+    Raises ModelError for what is no serial arm.
+
+    Two parallel axes across gravity, each link in the frame at its end: of 20 numbers six combinations matter.
+
+    >>> arm = gt.robots.serial_arm(a=[0.5, 0.4], alpha=0.0, base_rpy=[np.pi / 2, 0.0, 0.0], m=[2.0, 1.0])
+    >>> base = gt.identify.BaseRegressor(arm)
+    >>> for name, value in zip(base.names, base.nominal):
+    ...     print(f"{value:6.3f}  {name}")
+    ...
+    -0.750  J[0,5] - 0.25 m[0] - 0.25 m[1]
+     1.500  mc[0,0] + 0.5 m[0] + 0.5 m[1]
+     0.000  mc[0,1]
+    -0.160  J[1,5] - 0.16 m[1]
+     0.400  mc[1,0] + 0.4 m[1]
+     0.000  mc[1,1]
+    """
+
+    def __init__(
+        self,
+        arm: Model,
+        more: Sequence[str] = (),
+        known: str | Sequence[str] = "q",
+        targets: str | Sequence[str] = "tau",
+    ) -> None:
+        if not isinstance(arm, SerialArm):
+            raise ModelError(
+                f"base parameters are those of a serial arm, from a URDF or Denavit-Hartenberg numbers; {arm!r} is none"
+            )
+        super().__init__(arm, [*more, *_body_names(arm)], known, targets, idle=True)
+        self.everything = self.names
+        values, units = self.nominal, dict(zip(self.names, self.units, strict=True))
+        stacked = _stacked(self, arm)
+        first = len(self.everything) - 10 * len(arm.structure.joints)
+        bodies = list(self.everything[first:])
+        self.dependencies: Dependencies = dependencies(
+            stacked, self.everything, keep=[*self.everything[:first], *bodies]
+        )
+        independent = [n for n in self.everything if n in self.dependencies.independent]
+        self._at = [self.everything.index(n) for n in independent]
+        self.matrix = np.zeros((len(independent), len(self.everything)))
+        for row, name in enumerate(independent):
+            for other, factor in self.dependencies.base(name).items():
+                self.matrix[row, self.everything.index(other)] = factor
+        self.names = tuple(_combination(self.dependencies.base(n)) for n in independent)
+        self.units = tuple(units[n] for n in independent)
+        self.nominal = _without_rounding(self.matrix, values)
+
+    def __call__(self, *rows: Any) -> RegressorRows:
+        values = super().__call__(*rows)
+        return RegressorRows(values.Y[:, :, self._at], values.y0, values.status)
+
+    @property
+    def combinations(self) -> dict[str, dict[str, float]]:
+        """Of each base parameter, by its name: the parameters in it with their factors."""
+        return {
+            name: {self.everything[k]: float(row[k]) for k in np.flatnonzero(row)}
+            for name, row in zip(self.names, self.matrix, strict=True)
+        }
+
+    def numbers_of(self, values: Mapping[str, float]) -> dict[str, float]:
+        everything = _without_rounding(self.matrix, np.array([values[n] for n in self.everything]))
+        return dict(zip(self.names, everything.tolist(), strict=True))
+
+
+def base_names(regressor: Regressor) -> tuple[str, ...]:
+    """Names of base parameters of bodies, without those of friction."""
+    if not isinstance(regressor, BaseRegressor):
+        return ()
+    bodies = tuple(f"{name}[" for name in BODIES)
+    return tuple(n for n in regressor.names if n.startswith(bodies))
+
+
+def _body_names(arm: SerialArm) -> list[str]:
+    """Inertias, moments and mass of each link, from the base outwards: what comes first stays."""
+    names: list[str] = []
+    for k in range(len(arm.structure.joints)):
+        names += [*(f"J[{k},{i}]" for i in range(6)), *(f"mc[{k},{i}]" for i in range(3)), f"m[{k}]"]
+    return names
+
+
+def _stacked(regressor: Regressor, arm: SerialArm) -> Array:
+    """The regressor at random motions (rows, p)."""
+    limits = arm.structure.limits()
+    low, high = np.clip(limits, -RANGE, RANGE).T
+    rng = np.random.default_rng(SEED)
+    n = len(arm.structure.leaders)
+    draw = {"q": rng.uniform(low, high, (POINTS, n))}
+    draw |= {f"der(q{order})": rng.standard_normal((POINTS, n)) for order in ("", ",2")}
+    lacking = next((s.name for s in regressor.inputs if s.name not in draw), None)
+    if lacking is not None:
+        raise ModelError(f"base parameters are those of a motion in q; '{lacking}' is asked for besides")
+    values = Regressor.__call__(regressor, *[draw[s.name] for s in regressor.inputs])
+    Y, _ = RegressorRows(*[x[values.status == Status.OK] for x in values]).stacked()
+    return Y
+
+
+def _without_rounding(matrix: Array, values: Array) -> Array:
+    terms = matrix * values
+    total = terms.sum(axis=1)
+    return np.where(np.abs(total) > NOTHING * np.abs(terms).max(axis=1, initial=0.0), total, 0.0)
+
+
+def _combination(terms: dict[str, float]) -> str:
+    """Its terms as text, the one that stays first and then the largest; all of them where they are few."""
+    (first, _), *others = terms.items()
+    text = first
+    for k, (name, factor) in enumerate(others):
+        if k == SHOWN - 1 and len(others) > SHOWN - 1:
+            return f"{text} + ..."
+        size = "" if abs(abs(factor) - 1) < NOTHING else f"{abs(factor):.4g} "
+        text += f" {'-' if factor < 0 else '+'} {size}{name}"
+    return text
+
+
+def parameters_of(arm: Model) -> dict[str, float]:
+    """All scalar parameters of a model by name."""
+    return {q.name: q.value for q in flat_of(arm).parameters}

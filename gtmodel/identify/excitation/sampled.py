@@ -1,0 +1,195 @@
+"""What an excitation moves, which parameters it is for, which limits it keeps; and its cost and rows at samples."""
+
+from __future__ import annotations
+
+from copy import copy
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+
+from ...compiler.rows import map_columns
+from ...results import ArgumentError
+from .basis import Array, Basis
+from .information import Criterion, cost
+
+PER_SWING = 16  # samples of the shortest swing in the optimisation: limits overshoot by some 2 % between them
+KEPT_GRIDS = 8
+
+
+@dataclass(frozen=True, eq=False)
+class ExcitationTask:
+    """What an excitation moves, which parameters it is for, and which limits it keeps.
+
+    Args:
+        basis: the family of motions of the d coordinates x.
+        rows: (x, x', x'' and perhaps x''') -> bounded rows (m,), such as carts, link angles, velocities, forces.
+        low, high: (m,) their bounds.
+        regressor: (x, x', x'') -> Y (r, p), smooth; the force is Y @ parameters.
+        nominal: (p,) the parameters' nominal values, none zero; columns are scaled by them.
+        criterion: "condition", "determinant" or "variance".
+
+    Raises ArgumentError for shapes that do not fit and for a nominal value of zero.
+
+    >>> import casadi as ca
+    >>> x, v, a = (ca.SX.sym(name) for name in "xva")  # a pendulum m x'' + d x' + c sin x
+    >>> task = gt.identify.ExcitationTask(
+    ...     basis=gt.identify.FourierSeries(period=4.0, harmonics=3),
+    ...     rows=ca.Function("rows", [x, v, a], [ca.vertcat(x, v)]),
+    ...     low=np.array([-1.0, -2.0]),
+    ...     high=np.array([1.0, 2.0]),
+    ...     regressor=ca.Function("Y", [x, v, a], [ca.horzcat(a, v, ca.sin(x))]),
+    ...     nominal=np.array([2.0, 1.0, 5.0]),
+    ... )
+    >>> task.dimension, task.basis.size, task.points  # coordinates, unknowns of each, samples of a period
+    (1, 5, 48)
+    """
+
+    basis: Basis
+    rows: ca.Function
+    low: Array
+    high: Array
+    regressor: ca.Function
+    nominal: Array
+    criterion: Criterion = "condition"
+
+    def __post_init__(self) -> None:
+        m, p = self.rows.numel_out(0), self.regressor.size2_out(0)
+        if np.shape(self.low) != (m,) or np.shape(self.high) != (m,):
+            raise ArgumentError(f"there are {m} bounded rows; low and high take as many")
+        if np.shape(self.nominal) != (p,) or not np.all(np.isfinite(self.nominal)) or np.any(self.nominal == 0):
+            raise ArgumentError(f"the regressor has {p} columns; nominal takes as many numbers, none of them zero")
+
+    @property
+    def dimension(self) -> int:
+        """Number d of coordinates."""
+        return self.rows.numel_in(0)
+
+    @property
+    def points(self) -> int:
+        """Samples of one period in the optimisation."""
+        return int(np.ceil(PER_SWING * self.basis.period / self.basis.fastest))
+
+    def times(self, finer: int = 1) -> Array:
+        """Equally spaced instants [s] of one period, its end left out: it is the beginning."""
+        count = self.points * finer
+        return np.arange(count) * (self.basis.period / count)
+
+    def motion(self, c: Array, times: Array, orders: int = 3) -> list[Array]:
+        """x, x', x'', ... (n, d) at times [s] for unknowns c (size, d)."""
+        key = np.ascontiguousarray(times, dtype=float).tobytes()
+        if key not in self._basis_rows:
+            while len(self._basis_rows) >= KEPT_GRIDS:
+                self._basis_rows.pop(next(iter(self._basis_rows)))
+            self._basis_rows[key] = []
+        known = self._basis_rows[key]
+        known += [self.basis.rows(times, order) for order in range(len(known), orders)]
+        return [rows @ c for rows in known[:orders]]
+
+    @cached_property
+    def _basis_rows(self) -> dict[bytes, list[Array]]:
+        """Of the grids last asked for: the same ones again and again."""
+        return {}
+
+    @cached_property
+    def _mapped(self) -> dict[int, ca.Function]:
+        return {}
+
+    @cached_property
+    def size(self) -> Array:
+        """(m,) typical size of each row: its larger finite bound, or one."""
+        largest = np.maximum(*(np.where(np.isfinite(b), np.abs(b), 0.0) for b in (self.low, self.high)))
+        return np.where(largest > 0, largest, 1.0)
+
+    def excess(self, c: Array, times: Array) -> Array:
+        """(m,) greatest violation of each row in its size, negative where it is kept; infinite for no number."""
+        columns = [part.T for part in self.motion(c, times, self.rows.n_in())]
+        values = map_columns(self.rows, columns, self._mapped)[0] / self.size[:, None]
+        over = np.maximum(values - (self.high / self.size)[:, None], (self.low / self.size)[:, None] - values)
+        return np.max(np.where(np.isnan(values), np.inf, over), axis=1)
+
+    def stacked(self, c: Array, times: Array, regressor: ca.Function | None = None) -> Array:
+        """(n r, p) rows of the regressor along the motion, or of another one."""
+        f = self.regressor if regressor is None else regressor
+        r, p = f.size_out(0)
+        values = np.asarray(f.map(len(times))(*(part.T for part in self.motion(c, times))))
+        return values.reshape(r, len(times), p).transpose(1, 0, 2).reshape(-1, p)
+
+
+class SampledCost:
+    """Cost of the criterion, and rows (R,) in their size, of unknowns x (size d,) column by column of c.
+
+    The rows are those of every sample, first beyond their upper bounds, then beyond their lower ones; rows without a
+    bound there are left out. Kept where they are at most zero.
+    """
+
+    def __init__(self, task: ExcitationTask) -> None:
+        self.task = task
+        self.reserve = np.zeros(len(task.low))
+        d, orders, times = task.dimension, task.rows.n_in(), task.times()
+        self._basis = [task.basis.rows(times, order) for order in range(orders)]
+        x = [ca.SX.sym(name, d) for name in ("x", "v", "a", "j")[:orders]]
+        rows, every = ca.densify(task.rows(*x)) / ca.DM(task.size), ca.vertcat(*x)
+        self._rows = _Mapped(ca.Function("rows", x, [rows], {"cse": True}))
+        self._jacobian = _Mapped(ca.Function("jacobian", x, [ca.densify(ca.jacobian(rows, every))], {"cse": True}))
+        Y = ca.mtimes(task.regressor(*x[:3]), ca.diag(ca.DM(task.nominal)))
+        information, p = ca.densify(ca.mtimes(Y.T, Y)) / (task.points * Y.shape[0]), Y.shape[1]
+        self._information = _Mapped(ca.Function("information", x[:3], [information], {"cse": True}))
+        W, M = ca.SX.sym("W", p, p), ca.SX.sym("M", p, p)
+        weighed = ca.gradient(ca.sum1(ca.sum2(W * information)), ca.vertcat(*x[:3]))
+        self._gradient = _Mapped(ca.Function("gradient", [ca.vec(W), *x[:3]], [ca.densify(weighed)], {"cse": True}))
+        value = cost(task.criterion, p)(M)
+        self._cost = ca.Function("cost", [M], [value])
+        self._weights = ca.Function("weights", [M], [ca.densify(ca.gradient(value, M))], {"cse": True})
+        high, low = np.isfinite(task.high), np.isfinite(task.low)
+        self._bounded = np.concatenate([np.flatnonzero(high), np.flatnonzero(low)])
+        self._sign = np.concatenate([np.ones(high.sum()), -np.ones(low.sum())])
+        bound = np.where(self._sign > 0, task.high[self._bounded], -task.low[self._bounded])
+        self._bound = bound / task.size[self._bounded]
+
+    def within(self, reserve: Array) -> SampledCost:
+        """With bounds drawn in by a reserve (m,) in each row's size."""
+        other = copy(self)
+        other.reserve = reserve
+        return other
+
+    def cost(self, x: Array) -> float:
+        return float(self._cost(self._moments(self._motion(x))))
+
+    def value(self, x: Array) -> tuple[float, Array]:
+        motion = self._motion(x)
+        rows = self._rows(*motion)[self._bounded] * self._sign[:, None]
+        over = rows - (self._bound - self.reserve[self._bounded])[:, None]
+        return float(self._cost(self._moments(motion))), over.reshape(-1)
+
+    def derivatives(self, x: Array) -> tuple[Array, Array]:
+        motion, d, n = self._motion(x), self.task.dimension, self.task.points
+        W = np.asarray(self._weights(self._moments(motion))).reshape(-1, 1)
+        by_motion = self._gradient(np.repeat(W, n, axis=1), *motion[:3]).reshape(3, d, n)
+        gradient = np.concatenate([sum(B.T @ by_motion[k, j] for k, B in enumerate(self._basis[:3])) for j in range(d)])
+        m, orders = len(self.task.low), len(self._basis)
+        by_rows = self._jacobian(*motion).reshape(m, n, orders, d)[self._bounded] * self._sign[:, None, None, None]
+        by_unknown = [sum(by_rows[:, :, k, j, None] * B for k, B in enumerate(self._basis)) for j in range(d)]
+        A = np.stack(by_unknown, axis=2)  # (rows, samples, d, size)
+        return gradient, A.reshape(len(self._bounded) * n, -1)
+
+    def _motion(self, x: Array) -> list[Array]:
+        """x, x', ... (d, n) at the samples."""
+        c = x.reshape(-1, self.task.dimension, order="F")
+        return [(B @ c).T for B in self._basis]
+
+    def _moments(self, motion: list[Array]) -> Array:
+        """The information matrix (p, p)."""
+        p = len(self.task.nominal)
+        return self._information(*motion[:3]).reshape(p, -1, p).sum(axis=1)
+
+
+class _Mapped:
+    """A function on columns side by side, see `map_columns`."""
+
+    def __init__(self, f: ca.Function) -> None:
+        self.f, self.made = f, dict[int, ca.Function]()
+
+    def __call__(self, *columns: Array) -> Array:
+        return map_columns(self.f, columns, self.made)[0]

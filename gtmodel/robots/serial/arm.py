@@ -1,0 +1,234 @@
+"""A serial arm as a model: joints, placements, bodies and friction from parts, whatever its number of joints."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any, ClassVar
+
+import numpy as np
+
+from ... import lang as gt
+from ...mechanics import (
+    FixedDH,
+    FixedModifiedDH,
+    FixedRpy,
+    ForceMotor,
+    Frame,
+    Ground,
+    LinkBody,
+    PiecewiseLinearFriction,
+    Prismatic,
+    Revolute,
+    RotationalPiecewiseLinearFriction,
+    RotationalSignFriction,
+    RotationalTanhFriction,
+    SignFriction,
+    TanhFriction,
+    TorqueMotor,
+)
+from .structure import ArmStructure, JointKind, Style
+
+Z = np.array([0.0, 0.0, 1.0])
+# friction of revolute and of prismatic joints
+FRICTION: dict[str, tuple[type[gt.Model], type[gt.Model]]] = {
+    "tanh": (RotationalTanhFriction, TanhFriction),
+    "piecewise_linear": (RotationalPiecewiseLinearFriction, PiecewiseLinearFriction),
+    "sign": (RotationalSignFriction, SignFriction),
+}
+VELOCITY_SCALE = 0.1  # of friction [rad/s or m/s]
+DH_NAMES = ("theta", "d", "a", "alpha", "beta")
+
+
+class SerialArm(gt.Model):
+    """Base of all serial arms; made by `serial_arm`, `from_urdf` or a robot file with family = "serial".
+
+    q (n) [rad, m] are the joint coordinates, `tau` (n) [N.m, N] the motor efforts on them, T [m] and R the place and
+    orientation of the tool frame, v [m/s] and w [rad/s] its rates, world coordinates. The port `end` is that frame:
+    nothing pushes there unless something is connected. Gravity points along -z of the world, where base_xyz and
+    base_rpy place the base.
+
+    Parameters: base_xyz, base_rpy, tool_xyz, tool_rpy; of each joint by style xyz, rpy, axis (URDF) or theta, d, a,
+    alpha, beta (Denavit-Hartenberg); of each link m [kg], mc [kg m] and J [kg m2] as of `mechanics.LinkBody`, in the
+    link's own frame; viscous and coulomb friction of each joint, 0 unless given, with velocity_scale.
+
+    Joint 2 of an arm with two parallel axes, 1 kg at 0.5 m from it, held level:
+
+    >>> arm = gt.robots.serial_arm(a=[0.0, 0.5], alpha=[np.pi / 2, 0.0], m=[0.0, 1.0])
+    >>> tau, status = arm.causal(known="q", targets="tau")(np.zeros(2), np.zeros(2), np.zeros(2))
+    >>> tau.round(6) + 0.0
+    array([0.   , 4.905])
+    """
+
+    structure: ClassVar[ArmStructure]
+    base_xyz = gt.parameter([0.0, 0.0, 0.0], unit="m", description="place of the base in the world")
+    base_rpy = gt.parameter([0.0, 0.0, 0.0], unit="rad", description="its turn: Rz(yaw) Ry(pitch) Rx(roll)")
+    tool_xyz = gt.parameter([0.0, 0.0, 0.0], unit="m", description="tool from the last link, its coordinates")
+    tool_rpy = gt.parameter([0.0, 0.0, 0.0], unit="rad", description="turn of the tool on the last link")
+    T = gt.variable(3, unit="m", description="origin of the tool frame")
+    R = gt.variable((3, 3), unit="1", prefer=-4, description="rotation from tool to world coordinates")
+    v = gt.variable(3, unit="m/s", description="velocity of T")
+    w = gt.variable(3, unit="rad/s", prefer=-1, description="angular velocity of the tool, world coordinates")
+    end = gt.port(Frame)
+    ground = gt.part(Ground)
+    base = gt.part(FixedRpy, xyz=base_xyz, rpy=base_rpy)
+    tool = gt.part(FixedRpy, xyz=tool_xyz, rpy=tool_rpy)
+
+    @property
+    def joint_limits(self) -> np.ndarray | None:
+        """Limits of q (n, 2), lower and upper [rad, m], infinite where there is none; None for an arm without any."""
+        limits = self.structure.limits()
+        return limits if np.any(np.isfinite(limits)) else None
+
+    @property
+    def links(self) -> list[Any]:
+        """The parts that hold joint, body and friction of each link, inside equations()."""
+        return [getattr(self, f"link_{k + 1}") for k in range(len(self.structure.joints))]
+
+    def equations(self):
+        yield gt.connect(self.ground.frame, self.base.a)
+        before, efforts = self.base.b, [[] for _ in self.structure.leaders]
+        for k, link in enumerate(self.links):
+            at, multiplier, offset = self.structure.coordinate(k)
+            yield gt.connect(before, link.before)
+            if (multiplier, offset) == (1.0, 0.0):
+                yield self.q[at] == link.coordinate()
+            else:
+                yield link.coordinate() == multiplier * self.q[at] + offset
+            efforts[at].append(multiplier * link.effort())
+            before = link.after
+        for at, parts in enumerate(efforts):
+            yield self.tau[at] == sum(parts[1:], parts[0])
+        yield gt.connect(before, self.tool.a)
+        yield gt.connect(self.tool.b, self.end)
+        yield self.T == self.end.r
+        yield self.R == self.end.R
+        yield self.v == gt.der(self.end.r)
+        yield self.w == self.end.w
+
+    def __repr__(self) -> str:
+        s = self.structure
+        return f"SerialArm('{s.name}', {len(s.leaders)} joints from {s.base} to {s.tool})"
+
+
+class _Link(gt.Model):
+    """A joint with its placement, motor, friction and the body that it moves."""
+
+    m = gt.parameter(0.0, unit="kg", description="mass")
+    mc = gt.parameter(np.zeros(3), unit="kg.m", description="mass times centre of mass")
+    J = gt.parameter(np.zeros(6), unit="kg.m2", description="inertia about the link frame's origin")
+    before = gt.port(Frame)
+    after = gt.port(Frame)
+    body = gt.part(LinkBody, m=m, mc=mc, J=J)
+
+    def equations(self):
+        first, second = self.order()
+        yield gt.connect(self.before, first.a)
+        yield gt.connect(first.b, second.a)
+        yield gt.connect(second.b, self.after)
+        yield gt.connect(second.b, self.body.frame)
+        joint, motor, friction = self.driven()
+        yield gt.connect(joint, motor)
+        yield gt.connect(joint, friction)
+
+    def order(self) -> tuple[Any, Any]:
+        """Placement and joint, as they follow each other."""
+        return self.placement, self.joint
+
+
+def _revolute(smoothing: str) -> dict[str, Any]:
+    coulomb, viscous = gt.parameter(0.0, unit="N.m"), gt.parameter(0.0, unit="N.m.s/rad")
+    scale = gt.parameter(VELOCITY_SCALE, unit="rad/s")
+    return {
+        "coulomb": coulomb, "viscous": viscous, "velocity_scale": scale, "motor": gt.part(TorqueMotor),
+        "friction": gt.part(FRICTION[smoothing][0], coulomb=coulomb, viscous=viscous, velocity_scale=scale),
+        "coordinate": lambda self: self.joint.shaft.phi,
+        "effort": lambda self: self.motor.torque,
+        "driven": lambda self: (self.joint.shaft, self.motor.shaft, self.friction.shaft),
+    }  # fmt: skip
+
+
+def _prismatic(smoothing: str) -> dict[str, Any]:
+    coulomb, viscous = gt.parameter(0.0, unit="N"), gt.parameter(0.0, unit="kg/s")
+    scale = gt.parameter(VELOCITY_SCALE, unit="m/s")
+    return {
+        "coulomb": coulomb, "viscous": viscous, "velocity_scale": scale, "motor": gt.part(ForceMotor),
+        "friction": gt.part(FRICTION[smoothing][1], coulomb=coulomb, viscous=viscous, velocity_scale=scale),
+        "coordinate": lambda self: self.joint.flange.s,
+        "effort": lambda self: self.motor.force,
+        "driven": lambda self: (self.joint.flange, self.motor.flange, self.friction.flange),
+    }  # fmt: skip
+
+
+@cache
+def _link_class(style: Style, kind: JointKind, smoothing: str) -> type[_Link]:
+    body = _revolute(smoothing) if kind == "revolute" else _prismatic(smoothing)
+    joint, direction = (Revolute, "axis") if kind == "revolute" else (Prismatic, "v")
+    if style == "rpy":
+        xyz, rpy = gt.parameter(np.zeros(3), unit="m"), gt.parameter(np.zeros(3), unit="rad")
+        axis = gt.parameter(Z, unit="1", kind="direction")
+        own = {"xyz": xyz, "rpy": rpy, "axis": axis, "placement": gt.part(FixedRpy, xyz=xyz, rpy=rpy)}
+        return type("UrdfLink", (_Link,), {**body, **own, "joint": gt.part(joint, **{direction: axis})})
+    numbers = {n: gt.parameter(0.0, unit="m" if n in ("d", "a") else "rad") for n in DH_NAMES}
+    given = {"a_x" if n == "a" else n: p for n, p in numbers.items()}
+    placed = gt.part(FixedDH if style == "standard" else FixedModifiedDH, **given)
+    more = {"order": lambda self: (self.joint, self.placement)} if style == "standard" else {}
+    own = {**numbers, **more, "placement": placed, "joint": gt.part(joint, **{direction: Z})}
+    return type("DHLink", (_Link,), {**body, **own})
+
+
+def _units(structure: ArmStructure) -> dict[str, str | None]:
+    """Units of q and of what goes with it; none where joints of both kinds share an array."""
+    revolute = {"q": "rad", "tau": "N.m", "coulomb": "N.m", "viscous": "N.m.s/rad", "velocity_scale": "rad/s"}
+    prismatic = {"q": "m", "tau": "N", "coulomb": "N", "viscous": "kg/s", "velocity_scale": "m/s"}
+    if len(structure.kinds) > 1:
+        return dict.fromkeys(revolute)
+    return dict(revolute if structure.kinds == {"revolute"} else prismatic)
+
+
+def _row(name: str, k: int) -> Any:
+    return lambda arm: getattr(arm, name)[k]
+
+
+@cache
+def arm_class(structure: ArmStructure) -> type[SerialArm]:
+    """The class of all arms of a structure; made once."""
+    joints, units = structure.joints, _units(structure)
+    n, moving = len(joints), len(structure.leaders)
+    limits = structure.limits()
+    low, high = (x if np.all(np.isfinite(x)) else None for x in limits.T)
+    start = np.clip(np.zeros(moving), *limits.T)
+    body: dict[str, Any] = {
+        "structure": structure,
+        "q": gt.variable(
+            moving, unit=units["q"], start=start, prefer=1, min=low, max=high, description="joint coordinates"
+        ),
+        "tau": gt.input(moving, unit=units["tau"], nominal=100.0, description="motor efforts on the joints"),
+        "m": gt.parameter(np.zeros(n), unit="kg", description="masses of the links"),
+        "mc": gt.parameter(np.zeros((n, 3)), unit="kg.m", description="mass times centre of mass, link frames"),
+        "J": gt.parameter(
+            np.zeros((n, 6)), unit="kg.m2", description="xx, xy, xz, yy, yz, zz of the inertias about the link frames"
+        ),
+        "coulomb": gt.parameter(np.zeros(n), unit=units["coulomb"], min=0.0, description="Coulomb friction"),
+        "viscous": gt.parameter(np.zeros(n), unit=units["viscous"], min=0.0, description="viscous friction"),
+        "velocity_scale": gt.parameter(
+            VELOCITY_SCALE, unit=units["velocity_scale"], positive=True, description="over which friction changes sign"
+        ),
+    }
+    if structure.style == "rpy":
+        geometry = ["xyz", "rpy", "axis"]
+        body["xyz"] = gt.parameter(np.zeros((n, 3)), unit="m", description="origins of the joints, frame before")
+        body["rpy"] = gt.parameter(np.zeros((n, 3)), unit="rad", description="their turns: Rz(yaw) Ry(pitch) Rx(roll)")
+        body["axis"] = gt.parameter(
+            np.tile(Z, (n, 1)), unit="1", kind="direction", description="axes of the joints, in their frames"
+        )
+    else:
+        geometry = list(DH_NAMES)
+        for name in geometry:
+            unit = "m" if name in ("d", "a") else "rad"
+            what = "Hayati's beta" if name == "beta" else f"Denavit-Hartenberg {name}"
+            body[name] = gt.parameter(np.zeros(n), unit=unit, description=f"{what}, by joint")
+    rows = [*geometry, "m", "mc", "J", "coulomb", "viscous"]
+    for k, joint in enumerate(joints):
+        own = {name: _row(name, k) for name in rows} | {"velocity_scale": lambda arm: arm.velocity_scale}
+        body[f"link_{k + 1}"] = gt.part(_link_class(structure.style, joint.kind, structure.smoothing), **own)
+    return type("SerialArm", (SerialArm,), body)

@@ -1,0 +1,149 @@
+"""A serial arm as a URDF file, for pinocchio, ROS and others: any style of placement, inertias as they are now."""
+
+from __future__ import annotations
+
+from typing import Any
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ...lang import ModelError
+from .arm import DH_NAMES, SerialArm
+from .bodies import central, moved
+from .rotations import rotation_of_rpy, rpy_of_rotation
+
+Array = np.ndarray
+Pose = tuple[Array, Array]
+
+
+def to_urdf(arm: SerialArm, comment: str = "") -> str:
+    """The text of a URDF file of an arm: placements, limits, mimics, inertias and friction; the tool is a fixed joint.
+
+    comment: stands at the top, such as where the numbers come from. The base of the arm stands where base_xyz and
+    base_rpy put it: then a link "world" comes before it.
+
+    Raises ModelError for a body without mass that has moments, which URDF cannot say, and for a negative mass.
+
+    >>> arm = gt.robots.serial_arm(a=[0.3, 0.2], alpha=0.0, m=[3.0, 2.0], c=[[-0.15, 0, 0], [-0.1, 0, 0]])
+    >>> text = gt.robots.to_urdf(arm)
+    >>> again = gt.robots.from_urdf(text)
+    >>> q = np.array([0.3, -0.7])
+    >>> before, after = (x.causal(known="q", targets="T")(q)[0] for x in (arm, again))
+    >>> bool(np.allclose(before, after, atol=1e-15))
+    True
+    """
+    s = arm.structure
+    lines = ['<?xml version="1.0"?>']
+    if comment:
+        lines.append(f"<!-- {comment.replace('--', '- -')} -->")
+    lines.append(f"<robot name={quoteattr(s.name)}>")
+    base = (rotation_of_rpy(arm.base_rpy), np.asarray(arm.base_xyz, float))
+    names = [s.base, *[j.link for j in s.joints]]
+    if not _is_identity(base):
+        lines += ['  <link name="world"/>', f"  <link name={quoteattr(s.base)}/>"]
+        lines += _joint("base_mount", "fixed", "world", s.base, base)
+    else:
+        lines.append(f"  <link name={quoteattr(s.base)}/>")
+    places, bodies = _placements(arm)
+    for k, joint in enumerate(s.joints):
+        lines += _link(joint.link, *bodies[k])
+        more = [f"    <axis {_xyz('xyz', _axis(arm, k))}/>"]
+        kind = joint.kind
+        if kind == "revolute" and not (np.isfinite(joint.lower) or np.isfinite(joint.upper)):
+            kind = "continuous"
+        limit = {"velocity": joint.velocity, "effort": joint.effort}
+        if kind != "continuous":
+            limit |= {"lower": max(joint.lower, -1e9), "upper": min(joint.upper, 1e9)}
+        shown = {name: value if np.isfinite(value) else 1e9 for name, value in limit.items()}
+        more.append(f"    <limit {_numbers(shown)}/>")
+        viscous, coulomb = float(np.asarray(arm.viscous)[k]), float(np.asarray(arm.coulomb)[k])
+        if viscous or coulomb:
+            more.append(f'    <dynamics damping="{viscous:.17g}" friction="{coulomb:.17g}"/>')
+        if joint.leader is not None:
+            leader = s.joints[joint.leader].name
+            more.append(f'    <mimic joint={quoteattr(leader)} multiplier="{joint.multiplier:.17g}" '
+                        f'offset="{joint.offset:.17g}"/>')  # fmt: skip
+        lines += _joint(joint.name, kind, names[k], joint.link, places[k], more)
+    lines.append(f"  <link name={quoteattr(_tool(arm))}/>")
+    lines += _joint(f"{_tool(arm)}_mount", "fixed", names[-1], _tool(arm), places[-1])
+    return "\n".join([*lines, "</robot>", ""])
+
+
+def _tool(arm: SerialArm) -> str:
+    """Name of the tool's link, which is not that of the last moving one."""
+    s = arm.structure
+    return s.tool if s.tool not in {j.link for j in s.joints} else f"{s.tool}_tool"
+
+
+def _placements(arm: SerialArm) -> tuple[list[Pose], list[tuple[float, Array, Array]]]:
+    """Each joint in the link before, the tool in the last one; and the bodies, in frames that turn with their joint."""
+    s, n = arm.structure, len(arm.structure.joints)
+    m, mc, J = (np.asarray(x, float) for x in (arm.m, arm.mc, arm.J))
+    tool = (rotation_of_rpy(arm.tool_rpy), np.asarray(arm.tool_xyz, float))
+    if s.style == "rpy":
+        own = [(rotation_of_rpy(arm.rpy[k]), np.asarray(arm.xyz[k], float)) for k in range(n)]
+        return [*own, tool], [(m[k], mc[k], J[k]) for k in range(n)]
+    numbers = [np.asarray(getattr(arm, name), float) for name in DH_NAMES]
+    steps = [_dh(s.style, *[x[k] for x in numbers]) for k in range(n)]
+    if s.style == "modified":
+        return [*steps, tool], [(m[k], mc[k], J[k]) for k in range(n)]
+    start = (np.eye(3), np.zeros(3))
+    bodies = [(m[k], *moved(*steps[k], m[k], mc[k], J[k])) for k in range(n)]
+    R, r = steps[-1]
+    return [start, *steps[:-1], (R @ tool[0], R @ tool[1] + r)], bodies
+
+
+def _dh(style: str, theta: float, d: float, a: float, alpha: float, beta: float) -> Pose:
+    x, y, z = (rotation_of_rpy(np.eye(3)[k] * angle) for k, angle in enumerate((alpha, beta, theta)))
+    if style == "standard":
+        return z @ x @ y, np.array([a * np.cos(theta), a * np.sin(theta), d])
+    return x @ y @ z, np.array([a, 0.0, 0.0]) + d * (x @ y)[:, 2]
+
+
+def _axis(arm: SerialArm, k: int) -> Array:
+    axis = np.asarray(arm.axis, float)[k] if arm.structure.style == "rpy" else np.array([0.0, 0.0, 1.0])
+    return axis / np.linalg.norm(axis)
+
+
+def _is_identity(pose: Pose) -> bool:
+    return not np.any(pose[0] - np.eye(3)) and not np.any(pose[1])
+
+
+def _link(name: str, m: float, mc: Array, J: Array) -> list[str]:
+    if m < 0 or (m == 0 and (np.any(mc) or np.any(J))):
+        what = f"a mass of {m:.4g} kg" if m else "moments but no mass"
+        raise ModelError(f"link '{name}' has {what}, which URDF cannot say; take physically consistent inertias")
+    if m == 0:
+        return [f"  <link name={quoteattr(name)}/>"]
+    c, I = central(m, mc, J)
+    entries = {"ixx": I[0, 0], "ixy": I[0, 1], "ixz": I[0, 2], "iyy": I[1, 1], "iyz": I[1, 2], "izz": I[2, 2]}
+    return [
+        f"  <link name={quoteattr(name)}>",
+        "    <inertial>",
+        f'      <origin {_xyz("xyz", c)} rpy="0 0 0"/>',
+        f'      <mass value="{m:.17g}"/>',
+        f"      <inertia {_numbers(entries)}/>",
+        "    </inertial>",
+        "  </link>",
+    ]
+
+
+def _joint(name: str, kind: str, parent: str, child: str, pose: Pose, more: Any = ()) -> list[str]:
+    return [
+        f"  <joint name={quoteattr(name)} type={quoteattr(kind)}>",
+        f"    <parent link={quoteattr(parent)}/>",
+        f"    <child link={quoteattr(child)}/>",
+        f"    <origin {_xyz('xyz', pose[1])} {_xyz('rpy', rpy_of_rotation(pose[0]))}/>",
+        *more,
+        "  </joint>",
+    ]
+
+
+def _numbers(values: dict[str, float]) -> str:
+    return " ".join(f'{name}="{value:.17g}"' for name, value in values.items())
+
+
+def _xyz(name: str, values: ArrayLike) -> str:
+    numbers = " ".join(f"{x:.17g}" for x in np.asarray(values, float))
+    return f'{name}="{numbers}"'

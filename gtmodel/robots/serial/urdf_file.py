@@ -1,0 +1,303 @@
+"""A URDF file as it is written: links with inertias, joints with origins, axes, limits and mimics; SI units."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...lang import ModelError
+from .bodies import moved, six_of
+from .rotations import rotation_of_rpy
+from .xml_lines import XmlElement, XmlFault, parsed
+
+Array = np.ndarray
+MOVING = {"revolute", "continuous", "prismatic"}
+KINDS = (*sorted(MOVING), "fixed")
+DEGREES = 13.0  # rad; limits beyond two turns each way are degrees more often than angles
+MILLIMETRES = 100.0  # m; origins this far are millimetres more often
+# which no equation needs, with what they are called in the notes
+LEFT_OUT = {
+    "visual": "shapes to be shown", "collision": "shapes for collisions", "transmission": "transmissions",
+    "gazebo": "elements of Gazebo", "safety_controller": "safety controllers", "calibration": "calibration marks",
+    "material": "materials", "ros2_control": "elements of ros2_control", "sensor": "sensors",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class UrdfLink:
+    """A link with mass [kg], first moments (3) [kg m] and inertia (6) [kg m2] in its own frame, and its line."""
+
+    name: str
+    line: int
+    m: float
+    mc: Array
+    J: Array
+
+
+@dataclass(frozen=True)
+class UrdfJoint:
+    """A joint as written; `leader` is the name of the joint that it mimics."""
+
+    name: str
+    kind: str
+    line: int
+    parent: str
+    child: str
+    xyz: Array
+    rpy: Array
+    axis: Array
+    lower: float = -np.inf
+    upper: float = np.inf
+    velocity: float = np.inf
+    effort: float = np.inf
+    damping: float = 0.0
+    friction: float = 0.0
+    leader: str | None = None
+    multiplier: float = 1.0
+    offset: float = 0.0
+
+
+@dataclass(frozen=True)
+class Urdf:
+    """The links and joints of a file by name, its root link, and what was not used, in sentences."""
+
+    name: str
+    file: str
+    root: str
+    links: dict[str, UrdfLink]
+    joints: dict[str, UrdfJoint]
+    notes: list[str] = field(default_factory=list)
+
+    def joints_on(self, link: str) -> list[UrdfJoint]:
+        """Joints whose parent is a link, in the order of the file."""
+        return [j for j in self.joints.values() if j.parent == link]
+
+    def fault(self, sentence: str, line: int) -> ModelError:
+        """An error at a line of the file."""
+        return ModelError(f"{self.file}, line {line}: {sentence}")
+
+
+def read_urdf(source: str | Path) -> Urdf:
+    """A file, or its text where it begins with "<". Raises ModelError with file and line."""
+    text = str(source)
+    if text.lstrip().startswith("<"):
+        file, content = "URDF text", text.encode()
+    else:
+        file = Path(source).name
+        try:
+            content = Path(source).read_bytes()
+        except OSError as error:
+            raise ModelError(f"{text} cannot be read: {error.strerror}") from None
+    try:
+        return _Reader(file, parsed(content)).urdf()
+    except XmlFault as fault:
+        raise ModelError(f"{file}, line {fault.line}: {fault.sentence}") from None
+
+
+class _Reader:
+    def __init__(self, file: str, robot: XmlElement) -> None:
+        self.file, self.robot = file, robot
+        self.notes: list[str] = []
+
+    def urdf(self) -> Urdf:
+        robot = self.robot
+        if robot.tag == "sdf":
+            raise XmlFault("is SDF; expected URDF, whose outermost element is <robot>", robot.line)
+        if robot.tag != "robot":
+            raise XmlFault(f"the outermost element is <{robot.tag}>; expected <robot>", robot.line)
+        self.refuse_xacro(robot)
+        links: dict[str, UrdfLink] = {}
+        joints: dict[str, UrdfJoint] = {}
+        for element in robot.all("link"):
+            link = self.link(element)
+            self.refuse_second(links, link.name, "link", element)
+            links[link.name] = link
+        for element in robot.all("joint"):
+            joint = self.joint(element)
+            self.refuse_second(joints, joint.name, "joint", element)
+            joints[joint.name] = joint
+        if not links:
+            raise XmlFault("holds no <link>", robot.line)
+        self.count(robot)
+        root = self.root(links, joints)
+        for joint in joints.values():
+            if joint.leader is not None and joint.leader not in joints:
+                raise XmlFault(f"joint '{joint.name}' mimics '{joint.leader}', which is no joint", joint.line)
+        self.doubt(links, joints)
+        return Urdf(robot.attributes.get("name", "arm"), self.file, root, links, joints, self.notes)
+
+    def refuse_xacro(self, element: XmlElement) -> None:
+        if element.tag.startswith("xacro:") or any("${" in v or "$(" in v for v in element.attributes.values()):
+            raise XmlFault("is xacro, a template; make the URDF first: xacro arm.xacro > arm.urdf", element.line)
+        for inner in element.inside:
+            self.refuse_xacro(inner)
+
+    def refuse_second(
+        self, there: Mapping[str, UrdfLink | UrdfJoint], name: str, what: str, element: XmlElement
+    ) -> None:
+        if name in there:
+            raise XmlFault(f"a second {what} is called '{name}' (the first in line {there[name].line})", element.line)
+
+    def link(self, e: XmlElement) -> UrdfLink:
+        name = _attribute(e, "name")
+        inertial = e.one("inertial")
+        if inertial is None:
+            return UrdfLink(name, e.line, 0.0, np.zeros(3), np.zeros(6))
+        mass, inertia = inertial.one("mass"), inertial.one("inertia")
+        if mass is None or inertia is None:
+            lacking = "mass" if mass is None else "inertia"
+            raise XmlFault(f"the <inertial> of link '{name}' has no <{lacking}>", inertial.line)
+        m = _number(mass, "value")
+        if m < 0:
+            raise XmlFault(f"the mass of link '{name}' is {m:g} kg; it cannot be negative", mass.line)
+        xx, xy, xz, yy, yz, zz = (_number(inertia, f"i{k}") for k in ("xx", "xy", "xz", "yy", "yz", "zz"))
+        I = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        principal = np.linalg.eigvalsh(I)
+        if principal[0] < -1e-9 * abs(principal[2]) or principal[2] > (1 + 1e-6) * (principal[0] + principal[1]):
+            self.notes.append(f"line {inertia.line}: no body has the inertia of link '{name}': its principal moments "
+                              f"are {', '.join(f'{p:.3g}' for p in principal)} kg m2")  # fmt: skip
+        xyz, rpy = _origin(inertial)
+        mc, J = moved(rotation_of_rpy(rpy), xyz, m, np.zeros(3), six_of(I))
+        return UrdfLink(name, e.line, m, mc, J)
+
+    def joint(self, e: XmlElement) -> UrdfJoint:
+        name, kind = _attribute(e, "name"), _attribute(e, "type")
+        if kind not in KINDS:
+            base = "; a base that moves is no part of a serial arm" if kind in ("floating", "planar") else ""
+            raise XmlFault(f"joint '{name}' is {kind}; expected one of {', '.join(KINDS)}{base}", e.line)
+        ends: list[str] = []
+        for side in ("parent", "child"):
+            element = e.one(side)
+            if element is None:
+                raise XmlFault(f"joint '{name}' has no <{side}>", e.line)
+            ends.append(_attribute(element, "link"))
+        xyz, rpy = _origin(e)
+        axis_element = e.one("axis")
+        axis = np.array([1.0, 0.0, 0.0]) if axis_element is None else _vector(axis_element, "xyz", [1.0, 0.0, 0.0])
+        length = float(np.linalg.norm(axis))
+        if kind != "fixed" and length == 0.0:
+            raise XmlFault(f"the axis of joint '{name}' is zero", axis_element.line if axis_element else e.line)
+        more: dict[str, Any] = {}
+        limit = e.one("limit")
+        if limit is not None and kind != "fixed":
+            if kind != "continuous":
+                more["lower"], more["upper"] = (_number(limit, k, 0.0) for k in ("lower", "upper"))
+                if more["lower"] > more["upper"]:
+                    raise XmlFault(f"the lower limit of joint '{name}' is above the upper one", limit.line)
+            for key in ("velocity", "effort"):
+                value = _number(limit, key, 0.0)
+                more[key] = value if value > 0 else np.inf
+        elif kind in ("revolute", "prismatic"):
+            self.notes.append(f"line {e.line}: joint '{name}' is {kind} without a <limit>; it is taken as free")
+        dynamics = e.one("dynamics")
+        if dynamics is not None:
+            more["damping"], more["friction"] = (_number(dynamics, k, 0.0) for k in ("damping", "friction"))
+        mimic = e.one("mimic")
+        if mimic is not None and kind != "fixed":
+            more["leader"] = _attribute(mimic, "joint")
+            more["multiplier"], more["offset"] = _number(mimic, "multiplier", 1.0), _number(mimic, "offset", 0.0)
+        return UrdfJoint(name, kind, e.line, ends[0], ends[1], xyz, rpy, axis / (length or 1.0), **more)
+
+    def root(self, links: dict[str, UrdfLink], joints: dict[str, UrdfJoint]) -> str:
+        parents: dict[str, UrdfJoint] = {}
+        for j in joints.values():
+            for link, side in ((j.parent, "parent"), (j.child, "child")):
+                if link not in links:
+                    raise XmlFault(f"joint '{j.name}' names the {side} '{link}', which is no link", j.line)
+            if j.child in parents:
+                raise XmlFault(
+                    f"link '{j.child}' is the child of '{parents[j.child].name}' and of '{j.name}'; a loop is no URDF, "
+                    "write such a mechanism as a model of gtmodel",
+                    j.line,
+                )
+            parents[j.child] = j
+        roots = [name for name in links if name not in parents]
+        if not roots:
+            first = next(iter(joints.values()))
+            raise XmlFault("the joints go round in a circle: no link is without a parent", first.line)
+        if len(roots) > 1:
+            raise XmlFault(f"several links have no parent: {', '.join(roots[:4])}; expected one", links[roots[1]].line)
+        seen, waiting = {roots[0]}, [roots[0]]
+        while waiting:
+            below = [j.child for j in joints.values() if j.parent == waiting[-1]]
+            waiting.pop()
+            seen.update(below)
+            waiting += below
+        lost = next((name for name in links if name not in seen), None)
+        if lost is not None:
+            raise XmlFault(f"link '{lost}' does not hang on '{roots[0]}': its joints go round in a circle",
+                           links[lost].line)  # fmt: skip
+        return roots[0]
+
+    def count(self, robot: XmlElement) -> None:
+        counts = dict.fromkeys(LEFT_OUT, 0)
+        others: dict[str, int] = {}
+        known = {"link", "joint", "inertial", "origin", "mass", "inertia", "parent", "child", "axis", "limit",
+                 "dynamics", "mimic", "robot"}  # fmt: skip
+
+        def walk(e: XmlElement) -> None:
+            for inner in e.inside:
+                if inner.tag in LEFT_OUT:
+                    counts[inner.tag] += 1
+                elif inner.tag not in known:
+                    others.setdefault(inner.tag, inner.line)
+                else:
+                    walk(inner)
+
+        walk(robot)
+        left = [f"{number} {LEFT_OUT[tag]}" for tag, number in counts.items() if number]
+        if left:
+            self.notes.append(f"not used: {', '.join(left)}")
+        self.notes += [f"line {line}: <{tag}> is not known and not used" for tag, line in others.items()]
+
+    def doubt(self, links: dict[str, UrdfLink], joints: dict[str, UrdfJoint]) -> None:
+        for j in joints.values():
+            if np.max(np.abs(j.xyz)) > MILLIMETRES:
+                self.notes.append(f"line {j.line}: the origin of joint '{j.name}' is {np.max(np.abs(j.xyz)):g} m away; "
+                                  "URDF is in metres, this looks like millimetres")  # fmt: skip
+            if j.kind == "revolute" and np.any(np.abs([j.lower, j.upper])[np.isfinite([j.lower, j.upper])] > DEGREES):
+                self.notes.append(f"line {j.line}: the limits of joint '{j.name}' are {j.lower:g} and {j.upper:g} rad; "
+                                  "URDF is in radians, these look like degrees")  # fmt: skip
+
+
+def _origin(e: XmlElement) -> tuple[Array, Array]:
+    origin = e.one("origin")
+    if origin is None:
+        return np.zeros(3), np.zeros(3)
+    return _vector(origin, "xyz", [0.0, 0.0, 0.0]), _vector(origin, "rpy", [0.0, 0.0, 0.0])
+
+
+def _attribute(e: XmlElement, name: str) -> str:
+    if name not in e.attributes:
+        raise XmlFault(f"<{e.tag}> has no attribute '{name}'", e.line)
+    return e.attributes[name]
+
+
+def _number(e: XmlElement, name: str, default: float | None = None) -> float:
+    if default is not None and name not in e.attributes:
+        return default
+    text = _attribute(e, name)
+    try:
+        value = float(text)
+    except ValueError:
+        raise XmlFault(f"{name} of <{e.tag}> takes a number; found '{text[:40]}'", e.line) from None
+    if not np.isfinite(value):
+        raise XmlFault(f"{name} of <{e.tag}> must be finite; found '{text[:40]}'", e.line)
+    return value
+
+
+def _vector(e: XmlElement, name: str, default: list[float]) -> Array:
+    if name not in e.attributes:
+        return np.array(default)
+    words = e.attributes[name].split()
+    try:
+        value = np.array([float(w) for w in words])
+    except ValueError:
+        value = np.full(3, np.nan)
+    if value.shape != (3,) or not np.all(np.isfinite(value)):
+        raise XmlFault(f"{name} of <{e.tag}> takes three numbers; found '{e.attributes[name][:40]}'", e.line)
+    return value
