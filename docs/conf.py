@@ -45,4 +45,5 @@ autodoc_member_order = "bysource"
 autodoc_preserve_defaults = True
 default_role = "code"
 nitpicky = False
+smartquotes = False  # x'' is a second derivative
 suppress_warnings = ["myst.header"]

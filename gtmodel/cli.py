@@ -141,7 +141,7 @@ def schema(
     """Show the keys of a kind of problem, with units and defaults, and what its `values` will hold.
 
     For an editor such as VS Code with Even Better TOML: gtmodel schema KIND --json-schema > KIND.schema.json, and
-    #:schema ./KIND.schema.json as the first line of the problem file.
+    #:schema ./KIND.schema.json as the first line of the problem file; for robot files: gtmodel schema robot.
     """
     if for_editors:
         with answering(context, False, kind or "schema"):
@@ -218,6 +218,47 @@ def solve(
 
 
 @app.command()
+def inspect(
+    context: typer.Context,
+    file: Annotated[str, typer.Argument(metavar="FILE", help="Log: text, MATLAB, Parquet, or a ROS bag.")],
+    delimiter: Annotated[
+        str | None, typer.Option(metavar="NAME", help="comma, semicolon, tab, blank or bar; recognised if left out.")
+    ] = None,
+    decimal: Annotated[str | None, typer.Option(metavar="NAME", help="point, or comma where decimals have it.")] = None,
+    header: Annotated[
+        int | None, typer.Option(metavar="LINE", help="Line of the names, from 1; 0 where there is none.")
+    ] = None,
+    encoding: Annotated[str | None, typer.Option(metavar="NAME", help="Such as cp1252; UTF-8 if left out.")] = None,
+    stream: Annotated[str | None, typer.Option(metavar="NAME", help="Only this one, such as a topic.")] = None,
+    samples: Annotated[
+        str | None, typer.Option(metavar="NAME", help="rows or columns: where the samples of a matrix are.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Write the result into this folder.", callback=_folder)
+    ] = None,
+    as_json: Json = False,
+    plot: Annotated[bool, typer.Option("--plot", help="Draw the log; without --out into ./NAME-log.")] = False,
+    max_seconds: Annotated[float | None, typer.Option(metavar="S", help="Stop then, with what was read.")] = None,
+    quiet: Quiet = False,
+) -> None:
+    """Show what a log holds before it is used: columns, units guessed and why, rates, jitter, gaps, clocks, ranges."""
+    from gtmodel import _inspect
+    from gtmodel.problem_files.base import Context
+
+    given = {
+        "delimiter": delimiter, "decimal": decimal, "header": header, "encoding": encoding, "stream": stream,
+        "samples": samples,
+    }  # fmt: skip
+    with answering(context, as_json, file) as answer:
+        answer.kind, answer.title = _inspect.KIND, Path(file).name
+        job = Context(name=Path(file).stem, max_seconds=max_seconds)
+        folder = out or (Path(f"{job.name}-log") if plot else None)
+        asked = {name: value for name, value in given.items() if value is not None}
+        with terminal.watching(job, "stopping with what was read", quiet=quiet):
+            answer.finished = _inspect.run(file, asked, job, out=folder, plot=plot)
+
+
+@app.command()
 def codegen(
     context: typer.Context,
     problem: Problem,
@@ -286,7 +327,7 @@ def _editor_schema(kind: str | None, as_json: bool) -> str:
     if as_json:
         raise InputError("--json-schema is JSON already; leave --json out")
     if kind is None:
-        raise InputError(f"--json-schema needs a kind; there are {', '.join(names())}")
+        raise InputError(f"--json-schema needs a kind; there are {', '.join(names())}; robot for robot files")
     return text_of(kind)
 
 

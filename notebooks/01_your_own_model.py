@@ -158,7 +158,7 @@ path, error = figure.subplots(1, 2)
 path.plot(swing.t, np.degrees(np.arctan2(x, -y)), color="black")
 path.set(title="swing", xlabel="time [s]", ylabel="angle [deg]")
 error.plot(swing.t, drift, color="#d55e00")
-error.set(title="energy error", xlabel="time [s]", ylabel="[J]")
+error.set(title="what the integrator adds or loses", xlabel="time [s]", ylabel="energy error [J]")
 for axes in (path, error):
     axes.grid(alpha=0.3)
 figure
@@ -260,7 +260,7 @@ for side, colour in ((1, "#0072b2"), (-1, "#d55e00")):
     axes.plot(*middle.T, color=colour, label="open" if side > 0 else "crossed")
     k = 30  # one pose of the mechanism
     axes.plot(*np.transpose([(0, 0), B[k], C[k], (0.8, 0)]), "o-", color=colour, alpha=0.4)
-axes.set(title="middle of the coupler over one turn of the crank", xlabel="[m]", ylabel="[m]", aspect="equal")
+axes.set(title="middle of the coupler over one turn of the crank", xlabel="x [m]", ylabel="y [m]", aspect="equal")
 axes.grid(alpha=0.3)
 axes.legend()
 figure
@@ -368,11 +368,14 @@ figure.colorbar(shown, label="largest motor force at rest [N]")
 bow = np.linspace(0, 2 * np.pi, 361)
 for i in range(3):
     _, y0, z0 = robot.A[i]
-    axes.plot(y0 + robot.L[i] * np.cos(bow), z0 + robot.L[i] * np.sin(bow), "--", color="0.5", linewidth=0.8)
+    reach = "as far as a link reaches" if i == 0 else None
+    circle = y0 + robot.L[i] * np.cos(bow), z0 + robot.L[i] * np.sin(bow)
+    axes.plot(*circle, "--", color="0.5", linewidth=0.8, label=reach)
     axes.plot(y0, z0, "ks")
-    axes.annotate(f" guideway {i + 1}", (y0, z0))
+    axes.annotate(f"guideway {i + 1}", (y0, z0), xytext=(0, 8), textcoords="offset points", ha="center")
 axes.set(title="reachable slice of the L1 prototype", xlabel="y [m]", ylabel="z [m]", aspect="equal")
 axes.set(xlim=(-2.0, 0.8), ylim=(-0.6, 2.0))
+axes.legend(loc="lower left")
 figure
 
 # %% [markdown]

@@ -158,10 +158,10 @@ axes = figure.subplots()
 axes.plot(fine.time, fine["robot.tau"][:, worst_motor], color="#0072b2", label="polynomial")
 axes.plot(nodes.time[1:], nodes["robot.tau"][1:, worst_motor], "o", color="#d55e00", label="collocation points")
 for sign in (-1, 1):
-    axes.axhline(sign * 700, color="0.4", linestyle=":")
+    axes.axhline(sign * 700, color="0.4", linestyle=":", label="limit" if sign > 0 else None)
 axes.set(xlim=(middle - 4 * step, middle + 4 * step), xlabel="time [s]", ylabel="force [N]")
 axes.set_title(f"force of motor {worst_motor + 1} at its worst switch")
-axes.legend()
+axes.legend(loc="center left")
 axes.grid(alpha=0.3)
 figure
 
@@ -213,7 +213,7 @@ for (control, miss), colour in zip(misses.items(), ("#0072b2", "#d55e00"), stric
     axes.loglog(meshes, miss, "o-", color=colour, label=f"{control} force")
 axes.set_xticks(meshes, [str(elements) for elements in meshes])
 axes.minorticks_off()
-axes.set(title="distance to the goal, force re-simulated", xlabel="elements", ylabel="[m]")
+axes.set(title="distance to the goal, force re-simulated", xlabel="elements", ylabel="distance [m]")
 axes.grid(alpha=0.3)
 axes.legend()
 figure
@@ -249,15 +249,15 @@ for w, *numbers in zip(weights, costs, times, energies, strict=True):
 figure = Figure(figsize=(10, 3.6), layout="constrained")
 axes, force = figure.subplots(1, 2)
 axes.plot(times, energies, "o-", color="black")
-axes.margins(x=0.25, y=0.1)
+axes.margins(x=0.3, y=0.1)
 for w, x, y in zip(weights, times, energies, strict=True):
     axes.annotate(f"  w = {w:g}", (x, y))
-axes.set(title="time against energy", xlabel="time [s]", ylabel="energy [s]")
+axes.set(title="energy against time", xlabel="final time [s]", ylabel="energy, (force / unit)² over time [s]")
 for w, solution, colour in zip(weights, front, ("#0072b2", "#d55e00", "#009e73"), strict=True):
     nodes = solution.trajectory
     force.plot(nodes.time[1:], nodes["robot.tau"][1:, 0], color=colour, label=f"w = {w:g}")
-force.set(title="force of motor 1 at the collocation points", xlabel="time [s]", ylabel="[N]")
-force.legend()
+force.set(title="force of motor 1 at the collocation points", xlabel="time [s]", ylabel="force [N]")
+force.legend(loc="center right")
 for each in (axes, force):
     each.grid(alpha=0.3)
 figure
@@ -351,7 +351,7 @@ angle, torque = figure.subplots(1, 2)
 angle.plot(tried.time, np.degrees(tried["phi"]), color="black")
 angle.set(title=f"stands after {swing.final_time:.3f} s", xlabel="time [s]", ylabel="angle [deg]")
 torque.step(tried.time, tried["tau"], where="pre", color="#d55e00")
-torque.set(title="motor torque", xlabel="time [s]", ylabel="[N m]")
+torque.set(title="motor torque", xlabel="time [s]", ylabel="torque [N m]")
 for axes in (angle, torque):
     axes.grid(alpha=0.3)
 figure

@@ -213,7 +213,7 @@ place.plot(motion["T"][:, 0], motion["T"][:, 2], color="black")
 place.set(title="path of the plate", xlabel="x [m]", ylabel="z [m]")
 for i, colour in enumerate(("#0072b2", "#d55e00", "#009e73")):
     effort.plot(motion.time, motion["tau"][:, i], color=colour, label=f"motor {i + 1}{' (given)' if i == 0 else ''}")
-effort.set(title="motor forces", xlabel="time [s]", ylabel="[N]")
+effort.set(title="motor forces", xlabel="time [s]", ylabel="force [N]")
 effort.legend(fontsize="small")
 for axes in (place, effort):
     axes.grid(alpha=0.3)

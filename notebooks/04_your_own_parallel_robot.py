@@ -24,6 +24,7 @@
 # %matplotlib inline
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 import gtmodel as gt
 from gtmodel.mechanics import Anchor, RigidPlate, Strut
@@ -125,6 +126,9 @@ for foot, corner in zip(FEET, corners, strict=True):
 axes.plot(*np.vstack([corners, corners[:1]]).T, color="#0072b2")
 axes.plot(*FEET.T, "s", color="black")
 axes.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]", title="hexapod (example dimensions)")
+axes.set_aspect("equal")
+for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
+    axis.set_major_locator(MaxNLocator(4))
 figure
 
 # %%

@@ -69,7 +69,7 @@ assert abs(areas["cones of 30 deg"] - 1.6) < 0.1 and 2.6 < areas["cones of 45 de
 
 # %%
 boundary = section.points(layers["cones of 45 deg"].loops[0])
-robot_figure(home.a[0], home.b[0], home.T[0], l1.v, curves=[boundary], title="L1 prototype at home")
+robot_figure(home.a[0], home.b[0], home.T[0], l1.v, curves=[boundary], title="L1 prototype")
 
 # %% [markdown]
 # Why is a point not reached?
@@ -106,7 +106,7 @@ section = across_guideways(d1.A, d1.v, through=d1.home)
 guideways = section.pierced(d1.A, d1.v)
 grid = section_grid(section, guideways.min(axis=0), guideways.max(axis=0), 0.05)
 found = map_errors(case, base_points, grid.points())
-error_figure(*grid.coordinates, found.error.reshape(grid.shape), guideways, title="D1 prototype, case 2")
+error_figure(*grid.coordinates, found.error.reshape(grid.shape), guideways, title="D1 prototype, errors of case 2")
 
 # %%
 micrometres = 1e6 * found.error

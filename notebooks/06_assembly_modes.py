@@ -153,18 +153,18 @@ for j in np.flatnonzero(reached):
     turned[j] = np.degrees(Rotation.from_matrix(modes[j].R[k].T @ modes[j].R[other]).magnitude())
 count = np.array([len(m.T) for m in modes])
 
-figure = Figure(figsize=(9.5, 3.4), layout="constrained")
-left, right = figure.subplots(1, 2)
-left.plot(np.degrees(angle), gap, color="#0072b2", label="distance of T [mm]")
-left.plot(np.degrees(angle), turned, color="#d55e00", label="angle [deg]")
-left.set(xlabel="axis 4 [deg]", title="nearest other mode")
-left.set_ylim(bottom=0.0)
-left.legend(fontsize="small")
+figure = Figure(figsize=(11, 3.4), layout="constrained")
+left, middle, right = figure.subplots(1, 3)
+left.plot(np.degrees(angle), gap, color="#0072b2")
+left.set(xlabel="axis 4 [deg]", ylabel="distance of T [mm]", title="nearest other mode")
+middle.plot(np.degrees(angle), turned, color="#0072b2")
+middle.set(xlabel="axis 4 [deg]", ylabel="angle between the plates [deg]", title="nearest other mode")
 right.step(np.degrees(angle), count, where="post", color="black", label="real modes")
-right.plot(np.degrees(angle[~reached]), count[~reached], "x", color="#b00020", label="forward kinematics: no answer")
-right.set(xlabel="axis 4 [deg]", title="real modes", ylim=(0, 10))
+right.plot(np.degrees(angle[~reached]), count[~reached], "x", color="#d55e00", label="forward kinematics: no answer")
+right.set(xlabel="axis 4 [deg]", ylabel="number of real modes", title="real modes", ylim=(0, 10))
 right.legend(fontsize="small", loc="lower left")
-for axes in (left, right):
+for axes in (left, middle, right):
+    axes.set_ylim(bottom=0.0)
     axes.grid(alpha=0.3)
 figure
 

@@ -168,7 +168,7 @@ for axes, solution, title in zip(figure.subplots(1, 2), (quiet, fast), ("quiet",
     fine = solution.sample(np.linspace(0.0, 1.0, 801))
     for name, colour in (("x1", "#0072b2"), ("x2", "#009e73"), ("u", "#d55e00")):
         axes.plot(fine.time, fine[name], color=colour, label=name)
-    axes.set(title=title, xlabel="time [s]")
+    axes.set(title=title, xlabel="time [s]", ylabel="x1, x2, u [1]")
     axes.grid(alpha=0.3)
     axes.legend()
 figure
@@ -271,9 +271,9 @@ print(f"99 %: {low:.4f} to {high:.4f}, true {TRUE_MU}")
 figure = Figure(figsize=(6.5, 3.4), layout="constrained")
 axes = figure.subplots()
 fine = fit.sample(np.linspace(0.0, 1.0, 801))
-axes.plot(times, measured, "o", color="#d55e00", markersize=4, label="synthetic measurements")
-axes.plot(fine.time, fine["x2"], color="black", label=f"x2 with mu = {found.values[0]:.3f}")
-axes.set(xlabel="time [s]", ylabel="x2")
+axes.plot(fine.time, fine["x2"], color="#d55e00", linewidth=2.2, label=f"x2 with mu = {found.values[0]:.3f}")
+axes.plot(times, measured, "o", color="black", markersize=3, label="synthetic measurements")
+axes.set(xlabel="time [s]", ylabel="x2 [1]", title="the fitted oscillator and what was measured")
 axes.grid(alpha=0.3)
 axes.legend()
 figure

@@ -15,7 +15,7 @@
 # %% [markdown]
 # # From excitation to feedforward
 #
-# **How must a robot move for its masses and friction to be told, and what are they worth to its controller?**
+# **How must a robot move for its masses and friction to be identified, and what are they worth to its controller?**
 #
 # The L1 prototype (Dressler 2012, section 6.2) with masses and friction of Table 6.3, model 2, and link masses of our
 # own: thirteen parameters. Its logs here are synthetic; seeds and noise stand beside them.
@@ -187,7 +187,7 @@ for name, value in rms.items():
 assert rms["feedback alone"] > 2 * rms["model 1"] and rms["model 1"] > 20 * rms["identified"]
 
 # %%
-errors = {name.replace(" ", "_"): run.error for name, run in runs.items()}
+errors = {f"error_{name.replace(' ', '_')}": run.error for name, run in runs.items()}
 signals_figure(gt.Trajectory(t, errors, dict.fromkeys(errors, "m"), title="tracking errors of the carts"))
 
 # %% [markdown]

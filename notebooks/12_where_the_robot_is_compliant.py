@@ -109,7 +109,7 @@ print(f"softest {ends[0]:.2f} to {ends[1]:.2f} N/um; printed of another prototyp
 map_figure(
     a, b, soft[:, 0].reshape(len(a), len(b)) / 1e6, label="stiffness along the softest direction [N/µm]",
     marks=section.pierced(home.a[0], v), directions=in_plane.reshape(len(a), len(b), 2),
-    title="L1, springs an example of ours", names=section.names,
+    title="L1, with example springs", names=section.names,
 )  # fmt: skip
 
 # %% [markdown]
@@ -121,7 +121,7 @@ frequency = LinkMasses.of(robot).frequencies(over, 1)[:, 0]
 print(f"lowest natural frequency {np.nanmin(frequency):.1f} to {np.nanmax(frequency):.1f} Hz")
 map_figure(
     a, b, frequency.reshape(len(a), len(b)), label="lowest natural frequency [Hz]",
-    marks=section.pierced(home.a[0], v), title="L1 with 5 kg, springs an example of ours", names=section.names,
+    marks=section.pierced(home.a[0], v), title="L1 with 5 kg, with example springs", names=section.names,
 )  # fmt: skip
 
 # %% [markdown]

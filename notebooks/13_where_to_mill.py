@@ -115,6 +115,7 @@ study = milling.study(
     tool=milling.MillingTool(tcp=[0.3, 0.0, 0.25], spindle=[1.0, 0.0, 0.0], zero=-np.pi / 2),
     dynamics=milling.AngleTable(np.deg2rad([49.0, 52.0, 110.0]), oscillators[rows]),
     search=milling.MillingSearch(refine=0, speeds=[3225 / 60], static_choice=np.deg2rad(110.0)),
+    title="Where to mill with the KR 500-3",
 )
 print(*study.guideline, sep="\n")
 

@@ -87,6 +87,12 @@ def test_schema_shows_units_and_defaults(gtmodel: Commands) -> None:
     assert " 50 " in elements
 
 
+def test_the_unit_of_a_value_is_the_declared_one_whatever_its_name_reads_as(gtmodel: Commands) -> None:
+    values = {k: gtmodel("schema", k, "--json").json["values"] for k in ("vibration", "dynamic_stiffness")}
+    assert values["vibration"]["M_inv_K_1_s2"]["unit"] == "1/s2"  # K is no kelvin
+    assert values["dynamic_stiffness"]["damping_N_s_m"]["unit"] == "N.s/m"
+
+
 def test_schema_without_a_kind_lists_the_kinds(gtmodel: Commands) -> None:
     assert list(gtmodel("schema", "--json").json["kinds"]) == list(kinds.names())
 

@@ -15,6 +15,7 @@ What commands print is kept in build/site/runs until gtmodel or the problem chan
 from __future__ import annotations
 
 import inspect
+import re
 import shutil
 from pathlib import Path
 from typing import Any, ClassVar
@@ -108,12 +109,14 @@ class Keys(_Page):
 
     def run(self) -> list[nodes.Node]:
         document = schema.document(self.arguments[0])
-        keys = [[f"`{k['key']}`", k["type"], k["unit"] or "", _code(k["default"]), k["description"] or ""]
+        keys = [[f"`{k['key']}`", k["type"], _unit(k["unit"]), _code(k["default"]), k["description"] or ""]
                 for k in document["keys"]]  # fmt: skip
         made = _table(["key", "type", "unit", "default", "description"], keys)
-        values = [[f"`{name}`", v["unit"] or "", v["description"] or ""] for name, v in document["values"].items()]
+        values = [[f"`{name}`", _unit(v["unit"]), v["description"]] for name, v in document["values"].items()]
         text = f"Keys of the problem file:\n\n{made}\n\nNames in `result.json`, under `values`:\n\n"
-        return self.markdown(text + _table(["name", "unit", "description"], values))
+        holder = nodes.container(classes=["keys"])
+        holder += self.markdown(text + _table(["name", "unit", "description"], values))
+        return [holder]
 
 
 class Gallery(_Page):
@@ -165,6 +168,11 @@ def _shown(result: runs.Result, picture: str, name: str, directive: _Page) -> st
     return target.relative_to(DOCS).as_posix()
 
 
+def _unit(text: str) -> str:
+    """A unit as one writes it: µm for um, N m for N.m."""
+    return re.sub(r"\bu(m|rad)\b", r"µ\1", text).replace(".", " ")
+
+
 def _code(value: object) -> str:
     text = str(value if value is not None else "")
     return text if not text or text.startswith("required") else f"`{text}`"
@@ -185,9 +193,22 @@ def _copied_notebooks(app: Sphinx) -> None:
     folder.mkdir()
     for script in sorted((CLONE / "notebooks").glob("[0-9][0-9]_*.py")):
         shutil.copyfile(script, folder / script.name)
-    names = "\n".join(p.stem for p in sorted(folder.glob("*.py")))
-    text = f"# Notebooks\n\nRun when this site was built.\n\n```{{toctree}}\n:maxdepth: 1\n\n{names}\n```\n"
+    scripts = sorted(folder.glob("*.py"))
+    listed = "\n".join(f"- {{doc}}`{p.stem}`: {_question(p)}" for p in scripts)
+    names = "\n".join(p.stem for p in scripts)
+    text = (
+        "# Notebooks\n\nEach asks one question. They were run when this site was built.\n\n"
+        f"{listed}\n\n```{{toctree}}\n:hidden:\n\n{names}\n```\n"
+    )
     (folder / "index.md").write_text(text, encoding="utf-8")
+
+
+def _question(script: Path) -> str:
+    """What a notebook asks: its first bold sentence."""
+    asked = re.search(r"^# \*\*(.+?)\*\*$", script.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
+    if asked is None:
+        raise ValueError(f"{script.name} asks no question in bold under its title")
+    return asked[1].replace("\n# ", " ")
 
 
 def _copied_texts(app: Sphinx) -> None:

@@ -14,7 +14,6 @@ import gtmodel as gt
 from gtmodel.results.options import Options, declared
 from gtmodel.results.quantity import described
 from gtmodel.results.study import Study
-from gtmodel.results.unit_names import unit_of
 
 from .public_names import LIBRARIES, public
 
@@ -98,11 +97,12 @@ class _Typed(str):
 
 
 def _plain(annotation: Any) -> Any:
-    """`Annotated[float, Unit("N")]` -> `float`."""
-    if annotation is inspect.Parameter.empty or not isinstance(annotation, str):
+    """`Annotated[float, Unit("N")]` -> `float`, of a text or of what it was evaluated to."""
+    if annotation in (inspect.Parameter.empty, None):
         return annotation
+    text = annotation if isinstance(annotation, str) else MODULES.sub("", inspect.formatannotation(annotation))
     try:
-        tree = _Unwrapped().visit(ast.parse(annotation, mode="eval"))
+        tree = _Unwrapped().visit(ast.parse(text, mode="eval"))
     except SyntaxError:
         return annotation
     return _Typed(ast.unparse(tree))
@@ -111,7 +111,8 @@ def _plain(annotation: Any) -> Any:
 class _Unwrapped(ast.NodeTransformer):
     def visit_Subscript(self, node: ast.Subscript) -> ast.AST:
         self.generic_visit(node)
-        if isinstance(node.value, ast.Name) and node.value.id == "Annotated" and isinstance(node.slice, ast.Tuple):
+        of = getattr(node.value, "attr", getattr(node.value, "id", ""))  # typing.Annotated too
+        if of == "Annotated" and isinstance(node.slice, ast.Tuple):
             return node.slice.elts[0]
         return node
 
@@ -131,7 +132,7 @@ def docstring(app: Sphinx, what: str, name: str, item: Any, options: Any, lines:
     if issubclass(item, Study) and item is not Study:
         lines += ["", "Quantities, attribute and what it is:", ""]
         rows = described(item)
-        lines += [f"- ``{key}``{_in(unit_of(key))}: {_line(text)}" for key, text in rows.items()]
+        lines += [f"- ``{key}``{_in(q.file_unit)}: {_line(q.description)}" for key, q in rows.items()]
     elif issubclass(item, Options) and item is not Options:
         fields = declared(item)
         texts = {key: next((m for m in marks if isinstance(m, str)), "") for key, marks in fields.items()}
@@ -139,6 +140,7 @@ def docstring(app: Sphinx, what: str, name: str, item: Any, options: Any, lines:
         lines += ["", "Fields:", "", *(f"- ``{key}``{_in(units[key])}: {_line(texts[key])}" for key in fields)]
 
 
+MODULES = re.compile(r"\b(?:gtmodel|collections|typing|numpy)(?:\.\w+)*\.(?=\w)")
 ENTRY = re.compile(r"([a-z_]\w*(?:, \w+)*) ?: (\S.*)")
 CODE = re.compile(r"(``?[^`]*``?)")
 

@@ -71,7 +71,7 @@ def exchange(
     >>> len(chosen), bool(chosen.score < gt.calibrate.exchange(info, 8, "I", moment).score)
     (9, True)
     """
-    _require(info, number)
+    require_enough(info, number)
     if criterion not in CRITERIA:
         raise ModelError(f"there is no criterion '{criterion}'; these are: {', '.join(CRITERIA)}")
     if criterion == "I" and moment is None:
@@ -116,7 +116,7 @@ def condition_removal(
     >>> bool(gt.calibrate.condition_removal(info, 12, one_by_one=True).score <= at_once.score)
     True
     """
-    _require(info, number)
+    require_enough(info, number)
     rows = info.reduced
     left = np.arange(len(info))
     total = info.matrix()
@@ -146,7 +146,7 @@ def spread(info: PoseInformation, number: int) -> Selection:
     >>> gt.calibrate.spread(info, 9).indices
     array([ 0, 3, 6, 10, 13, 16, 20, 23, 26])
     """
-    _require(info, number)
+    require_enough(info, number)
     return Selection(np.round(np.linspace(0, len(info) - 1, number)).astype(int), "grid", np.nan)
 
 
@@ -208,7 +208,8 @@ def _conditions(information: np.ndarray) -> np.ndarray:
         return np.sqrt(values[:, -1] / np.maximum(values[:, 0], 0.0))
 
 
-def _require(info: PoseInformation, number: int) -> None:
+def require_enough(info: PoseInformation, number: int) -> None:
+    """Raises ModelError for more poses than there are, and for too few to determine the unknowns."""
     if not 1 <= number <= len(info):
         raise ModelError(f"{number} poses are asked for of {len(info)} candidates; ask for 1 to {len(info)}")
     prior = int(np.linalg.matrix_rank(info.priors)) if len(info.priors) else 0

@@ -66,12 +66,23 @@ def explain(f: CausalFunction) -> str:
 
 
 def _home(plan: CausalPlan) -> list[str]:
-    """The pose that roots and Newton continue: what is declared at the top, as far as the equations hold it."""
+    """The pose that roots and Newton continue: what is declared at the top, as far as the equations hold it.
+
+    Without forces, whose numbers at this point belong to arbitrary rates: of what is differentiated less often than the
+    positions only what roots and Newton solve for.
+    """
     flat, place = plan.flat, {pair: n for n, pair in enumerate(plan.pairs)}
+    order = {i: k for i, k in sorted(plan.pairs)}  # the highest of each variable
+    top = max(order.values(), default=0)
+    continued = {name for b in plan.blocks if b.newton is not None or b.roots for name in b.unknowns}
     parts = []
     for name, (_, indices) in flat.groups.items():
         resolved = [plan.alias.resolve(i, 0) for i in indices]
         if "." in name or not all((kept, k) in place for _, kept, k in resolved):
+            continue
+        if all(order[kept] < top for _, kept, _ in resolved) and not continued & {
+            flat.symbol_name(kept, k) for _, kept, k in resolved
+        }:
             continue
         values = [f"{sign * plan.samples[0][place[kept, k]]:.6g}" for sign, kept, k in resolved]
         parts.append(f"{name} = {values[0] if len(values) == 1 else '[' + ', '.join(values) + ']'}")

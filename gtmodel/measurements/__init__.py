@@ -4,9 +4,15 @@ Logs
     Column            where a quantity stands in a log, and its unit there
     Session           one stretch of evenly sampled rows
     session_of        a trajectory in memory as one
-    read_log          a CSV or .mat file as sessions
+    read_log          a file of any kind as sessions
+    open_log          the tables of a file, and what their columns are called
+    LogForm           how a file is written, where it does not say so itself
     read_signals      the same for a set of signals and several files
     LogError          what is wrong with a log, with the file and its line
+    sampling_of       rate, jitter, gaps and late rows of a time
+    SamplingReport, Gap   what it returns
+    inspect           what a log holds, before it is used
+    InspectionStudy   what it returns
 
 Signals
     Signal            a column with delay, scale and offset, each fixed or to be estimated
@@ -50,6 +56,7 @@ if TYPE_CHECKING:
         second_derivative as second_derivative,
         smooth_motion as smooth_motion,
     )
+    from .inspection.inspection_study import InspectionStudy as InspectionStudy, inspect as inspect
     from .log import (
         Column as Column,
         LogError as LogError,
@@ -57,6 +64,7 @@ if TYPE_CHECKING:
         read_log as read_log,
         session_of as session_of,
     )
+    from .sampling import Gap as Gap, SamplingReport as SamplingReport, sampling_of as sampling_of
     from .signals import (
         ESTIMATE as ESTIMATE,
         Corrections as Corrections,
@@ -64,5 +72,7 @@ if TYPE_CHECKING:
         offset_columns as offset_columns,
         read_signals as read_signals,
     )
+    from .streams.form import LogForm as LogForm
+    from .streams.opening import open_log as open_log
 
 public(__name__)

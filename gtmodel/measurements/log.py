@@ -3,34 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import partial
 from itertools import pairwise
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..lang.units import UnitError, convert, parse_unit
-from ..results.refusal import ArgumentError
 from ..results.trajectory import Trajectory
-from ..results.trajectory_csv import Header, TrajectoryCsv, check_increasing, read_table
-from ..results.trajectory_errors import Array, TrajectoryError
+from ..results.trajectory_errors import Array
 from ..results.trajectory_files import PathLike
-from .csv_table import Heads
+from ..results.work import Progress, silent
+from .sampling import MISSING, EmptyRows, LateRows, in_order
+from .streams.form import LogError as LogError, LogForm, shown
+from .streams.opening import stream_of
+from .streams.stream import Lines, Stream, TableRows
 
 JITTER = 0.1  # of the sample time: central differences of an uneven grid are off by about as much
-MISSING = 0.5  # of a sample time beyond the next row: a sample is missing, not late
-
-
-class LogError(TrajectoryError):
-    """A log that is not as declared. The message is one sentence with the file and its line."""
 
 
 class Column(NamedTuple):
     """Where a quantity stands in a log: the column's name, and its unit there.
 
     "q" means also the columns "q[0]", "q[1]" and so on, where there is no "q"; several names make a vector too:
-    `Column(("x", "y", "z"), "mm")`.
+    `Column(("x", "y", "z"), "mm")`. A member of a MATLAB struct is "rec.q", a field of a message "pose.position.x".
     """
 
     name: str | Sequence[str]
@@ -41,7 +37,8 @@ TIME = Column("time", "s")
 
 
 class Session(NamedTuple):
-    """One evenly sampled recording: a name for messages, the quantities in SI units, and the sample time [s]."""
+    """One recording: a name for messages, the quantities in SI units, and the sample time [s]; evenly sampled unless it
+    was read as uneven, then the sample time is the median step."""
 
     name: str
     trajectory: Trajectory
@@ -58,33 +55,46 @@ def session_of(trajectory: Trajectory, name: str = "log", *, jitter: float = JIT
     >>> round(gt.measurements.session_of(log).sample_time, 6)  # s
     0.1
     """
-    rows = np.arange(1, len(trajectory.time) + 1)
-    return Session(name, trajectory, _sample_time(trajectory.time, f"'{name}'", "row", rows, None, jitter))
+    lines = Lines()
+    lines.extend(np.arange(1, len(trajectory.time) + 1))
+    return Session(name, trajectory, _sample_time(trajectory.time, f"'{name}' row", lines, 0, None, jitter))
 
 
 def read_log(
     path: PathLike,
     columns: Mapping[str, Column],
     *,
-    time: Column = TIME,
+    time: Column | None = TIME,
     session: str | None = None,
     sample_time: float | None = None,
     jitter: float = JITTER,
+    uneven: bool = False,
+    late_rows: LateRows = "refuse",
+    empty_rows: EmptyRows = "refuse",
+    form: LogForm = LogForm(),  # noqa: B008
+    progress: Progress = silent,
 ) -> tuple[Session, ...]:
-    r"""Read a CSV or MATLAB file; returns a session for each recording in it, in SI units.
+    r"""Read a log file of any kind; returns a session for each recording in it, in SI units.
 
     Args:
         columns: quantity -> where it stands. Further columns of the file are left alone. A header cell may repeat the
             unit, "pos [mm]"; it must then be the declared one.
-        time: the column of time.
+        time: the column of time. None: there is none, and rows are `sample_time` apart. Where the file has times of its
+            own, as bags do, and no column "time", the default means those.
         session: a column whose number says which recording a row belongs to; the time may begin anew with each.
         sample_time: expected [s]; the median of the file's own where it is None.
         jitter: how far a step may be from the sample time, as a share of it.
+        uneven: True takes any steps of the time, for `sampling_of` and resampling.
+        late_rows: what becomes of rows whose time does not come after all earlier ones: "refuse", "drop", or "sort".
+        empty_rows: what becomes of rows that lack a number, or hold nan: "refuse", or "drop".
+        form: how the file is written, where it does not say so itself.
+        progress: called while a large file is read.
 
-    A matrix (n, k) of a MATLAB file is a vector. Comments "# title:" and "# synthetic:" of a CSV file are kept with the
-    trajectories. Raises LogError or TrajectoryError in one sentence with file and line (or sample): a column missing or
-    of another unit, a cell that is no finite number, a row of another length, a time going back, a gap, jitter.
-    FileNotFoundError passes through.
+    A text file of any delimiter, a MATLAB file of any version, Parquet, or a ROS bag; see `open_log`. A matrix of a
+    MATLAB file is a vector, its samples along the dimension that the time has. Comments "# title:" and "# synthetic:"
+    of a text file are kept with the trajectories. Raises LogError or TrajectoryError in one sentence with file and line
+    (or sample): a column missing or of another unit, a cell that is no finite number, a row of another length, a time
+    going back, a gap, jitter. FileNotFoundError passes through.
 
     >>> from pathlib import Path
     >>> Column = gt.measurements.Column
@@ -92,33 +102,57 @@ def read_log(
     >>> (session,) = gt.measurements.read_log("run.csv", {"q": Column("pos", "mm")}, time=Column("t", "ms"))
     >>> session.trajectory["q"].tolist(), session.sample_time
     ([0.01, 0.012, 0.015], 0.004)
+
+    Without a time, rows at even times:
+
+    >>> written = Path("run.csv").write_text("pos [mm]\n10\n12\n15\n")
+    >>> (session,) = gt.measurements.read_log("run.csv", {"q": Column("pos", "mm")}, time=None, sample_time=0.004)
+    >>> session.trajectory.time.tolist()
+    [0.0, 0.004, 0.008]
     """
-    _check_units(columns, time)
-    wanted = {"time": time, **columns}
-    read = _from_mat if str(path).lower().endswith(".mat") else _from_csv
-    table, names = read(path, wanted, session)
-    values = table.in_si()
-    stops = np.flatnonzero(np.diff(values[:, -1])) + 1 if session else np.array([], dtype=int)
-    _refuse_scattered(values, stops, table, path, session)
+    check_units(columns, time)
+    stream = stream_of(path, form, time="" if time is None else _one_name(time))
+    if time is not None and time == TIME and "time" not in stream.heads.names and stream.clock:
+        time = Column(stream.clock, "s")
+    if time is None and sample_time is None:
+        raise LogError(f"{shown(path)}: without a column of time the sample time has to be given")
+    gaps = empty_rows == "drop"
+    rows, shape = _in_si(stream, columns, time, session, gaps, progress)
     sessions = []
-    for begin, end in pairwise([0, *stops.tolist(), len(values)]):
-        rows = slice(begin, end)  # views: logs are large
-        part = TrajectoryCsv(table.columns, table.units, table.values[rows], table.lines[rows], table.notes)
-        label = f"{Path(path).name} {session} {values[begin, -1]:g}" if session else Path(path).name
-        check_increasing(values[rows, 0], part, path)
-        step = _sample_time(values[rows, 0], str(path), "line", part.lines, sample_time, jitter)
-        arrays = {name: values[rows][:, at] if len(at) > 1 else values[rows, at[0]] for name, at in names.items()}
+    for begin, end in pairwise([*_begins(rows, session, stream), len(rows.lines)]):
+        part, numbers, note = slice(begin, end), rows.lines, dict[str, Any]()
+        label = Path(path).name if session is None else f"{Path(path).name} {session} {rows.values[_OF][begin, 0]:g}"
+        if time is None:
+            assert sample_time is not None
+            grid: Array = sample_time * np.arange(float(end - begin))
+        else:
+            grid = rows.values[_TIME][part, 0]
+        taken = _chosen(grid, {n: rows.values[n][part] for n in shape} if gaps else {}, late_rows, note)
+        if taken is not None:
+            grid, numbers, begin = grid[taken], _lines_of(rows.lines, taken + begin), 0
+        if not len(grid):
+            raise LogError(f"{stream.source}: each row lacks a number of the columns that are asked for")
+        _refuse_backward(grid, begin, numbers, stream, time)
+        if uneven:
+            step = float(np.median(np.diff(grid))) if len(grid) > 1 else 0.0
+        else:
+            step = _sample_time(grid, f"{stream.source} {stream.row}", numbers, begin, sample_time, jitter)
+        values = {name: _signal(rows.values[name][part], taken, vector) for name, vector in shape.items()}
         units = {name: parse_unit(column.unit).si_text for name, column in columns.items()}
-        note = "; ".join(table.notes.get("synthetic", []))
         trajectory = Trajectory(
-            values[rows, 0], arrays, units, title=" ".join(table.notes.get("title", [])), synthetic=note or None
-        )
+            grid, values, units, title=" ".join(stream.comments.get("title", [])), provenance=note,
+            synthetic="; ".join(stream.comments.get("synthetic", [])) or None,
+        )  # fmt: skip
         sessions.append(Session(label, trajectory, step))
     return tuple(sessions)
 
 
-def _check_units(columns: Mapping[str, Column], time: Column) -> None:
-    for name, column in {**columns, "time": time}.items():
+_TIME, _OF = "\0time", "\0session"  # beside the names of quantities
+
+
+def check_units(columns: Mapping[str, Column], time: Column | None) -> None:
+    """Raises LogError for a declared unit that is none, and for a time that is not in one of time."""
+    for name, column in {**columns, **({} if time is None else {"time": time})}.items():
         try:
             unit = parse_unit(column.unit)
         except UnitError as error:
@@ -127,103 +161,110 @@ def _check_units(columns: Mapping[str, Column], time: Column) -> None:
             raise LogError(f"the time is declared in {column.unit}; expected a unit of time such as s or ms")
 
 
-def _from_csv(
-    path: PathLike, wanted: Mapping[str, Column], session: str | None
-) -> tuple[TrajectoryCsv, dict[str, list[int]]]:
-    names: dict[str, list[int]] = {}
-    return read_table(path, partial(_columns_of, wanted=wanted, session=session, names=names)), names
+def _one_name(time: Column) -> str:
+    return time.name if isinstance(time.name, str) else ""
 
 
-def _columns_of(
-    cells: Sequence[str], where: str, wanted: Mapping[str, Column], session: str | None, names: dict[str, list[int]]
-) -> Header:
-    """The declared columns of a header; where each quantity stands among them goes into `names`."""
-    heads = Heads(cells, where)
-    own, units, places = list[str](), list[str](), list[int]()
-    try:
-        for quantity, column in {**wanted, **({session: Column(session, "1")} if session else {})}.items():
-            members = heads.members(column.name)
-            if quantity != "time" and quantity in wanted:
-                names[quantity] = list(range(len(own), len(own) + len(members)))
-            for member in members:
-                heads.refuse_other_unit(member, column.unit)
-                own.append(member)
-                units.append(column.unit)
-                places.append(heads.place(member))
-    except ArgumentError as error:
-        raise LogError(error.message) from error
-    return own, units, places
+def _in_si(
+    stream: Stream,
+    columns: Mapping[str, Column],
+    time: Column | None,
+    session: str | None,
+    gaps: bool,
+    progress: Progress,
+) -> tuple[TableRows, dict[str, bool]]:
+    """The declared columns of a stream, and whether each quantity is a vector."""
+    declared = {} if time is None else {_TIME: time}
+    declared |= dict(columns) | ({} if session is None else {_OF: Column(session, "1")})
+    groups, changed = dict[str, list[str]](), dict[str, tuple[str, str]]()
+    for name, column in declared.items():
+        groups[name] = stream.heads.members(column.name)
+        for member in groups[name]:
+            stream.heads.refuse_other_unit(member, column.unit)
+        changed[name] = column.unit, parse_unit(column.unit).si_text
+
+    def si(name: str, values: Array) -> Array:
+        unit, si_unit = changed[name]
+        return values if unit == si_unit else convert(values, unit, si_unit)
+
+    rows = stream.read(groups, si, gaps=gaps, progress=progress)
+    for values in rows.values.values():
+        values.setflags(write=False)  # a trajectory takes them without a copy
+    return rows, {name: len(groups[name]) > 1 for name in columns}
 
 
-def _from_mat(
-    path: PathLike, wanted: Mapping[str, Column], session: str | None
-) -> tuple[TrajectoryCsv, dict[str, list[int]]]:
-    from scipy.io import loadmat
-
-    try:
-        data = _by_columns({k: np.asarray(v) for k, v in loadmat(str(path)).items() if not k.startswith("__")})
-    except FileNotFoundError:
-        raise
-    except Exception as error:
-        raise LogError(f"{path} cannot be read as a MATLAB file ({error}); save it with -v7, or as CSV") from error
-    names: dict[str, list[int]] = {}
-    columns, units, _ = _columns_of(list(data), str(path), wanted, session, names)
-    rows = data[columns[0]].size
-    arrays = []
-    for name in columns:
-        value = data[name].ravel()
-        if value.dtype.kind not in "biuf" or value.size != rows:
-            raise LogError(
-                f"{path}: the variable '{name}' holds {value.size} {value.dtype.name} values; "
-                f"expected {rows} numbers, one for each of '{columns[0]}'"
-            )
-        if (bad := np.flatnonzero(~np.isfinite(value))).size:
-            raise LogError(
-                f"{path} sample {bad[0] + 1}, variable '{name}': found {float(value[bad[0]])}; expected a finite "
-                "number, so cut the log there or repair it"
-            )
-        arrays.append(value.astype(float))
-    return TrajectoryCsv(columns, units, np.column_stack(arrays), np.arange(1, rows + 1), {}), names
+def _begins(rows: TableRows, session: str | None, stream: Stream) -> list[int]:
+    """The first row of each recording. Raises LogError where one goes on behind another."""
+    if session is None:
+        return [0]
+    of = rows.values[_OF][:, 0]
+    begins = [0, *(np.flatnonzero(np.diff(of)) + 1).tolist()]
+    _, first = np.unique(of[begins], return_index=True)
+    if len(first) < len(begins):
+        k = begins[min(set(range(len(begins))) - set(first.tolist()))]
+        raise LogError(
+            f"{stream.source} {stream.row} {rows.lines[k]}: {session} {of[k]:g} begins again after another one; "
+            "sort the rows by session, or number the recordings anew"
+        )
+    return begins
 
 
-def _by_columns(data: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Matrices "q" as columns "q[0]", "q[1]", ..."""
-    columns: dict[str, np.ndarray] = {}
-    for name, value in data.items():
-        if value.ndim == 2 and min(value.shape) > 1:
-            columns |= {f"{name}[{j}]": value[:, j] for j in range(value.shape[1])}
-        else:
-            columns[name] = value
-    return columns
+def _chosen(time: Array, values: Mapping[str, Array], late_rows: LateRows, note: dict[str, Any]) -> np.ndarray | None:
+    """The rows to take, None for all as they are; what is left out goes into the note.
+
+    values: those that must be numbers.
+    """
+    taken: np.ndarray | None = None
+    if values:
+        whole = np.isfinite(time) & np.all([np.isfinite(v).all(axis=1) for v in values.values()], axis=0)
+        if not whole.all():
+            taken = np.flatnonzero(whole)
+            note["rows without a number"] = len(time) - len(taken)
+            time = time[taken]
+    order = in_order(time, late_rows)
+    if order is None:
+        return taken
+    note["rows that came late or twice"] = int(np.sum(np.diff(np.maximum.accumulate(time)) <= 0))
+    return order if taken is None else taken[order]
 
 
-def _refuse_scattered(
-    values: Array, stops: np.ndarray, table: TrajectoryCsv, path: PathLike, session: str | None
-) -> None:
-    seen: list[float] = []
-    for k in [0, *stops] if session else []:
-        number = float(values[k, -1])
-        if number in seen:
-            raise LogError(
-                f"{path} line {table.lines[k]}: {session} {number:g} begins again after another one; "
-                "sort the rows by session, or number the recordings anew"
-            )
-        seen.append(number)
+def _signal(values: Array, taken: np.ndarray | None, vector: bool) -> Array:
+    rows = values if taken is None else values[taken]
+    return rows if vector else rows.reshape(-1)
 
 
-def _sample_time(
-    time: Array, source: str, row: str, numbers: np.ndarray, expected: float | None, jitter: float
-) -> float:
-    """The sample time of a session [s]. Raises LogError for the first step that is not one, with the number of its row,
-    a line of a file or another `row`."""
+def _lines_of(lines: Lines, rows: np.ndarray) -> Lines:
+    chosen = Lines()
+    chosen.extend(lines.array()[rows])
+    return chosen
+
+
+def _refuse_backward(time: Array, begin: int, lines: Lines, stream: Stream, column: Column | None) -> None:
+    """Raises LogError with the lines where the time [s] does not increase."""
+    if column is None or not (bad := np.flatnonzero(np.diff(time) <= 0)).size:
+        return
+    i, unit = int(bad[0]) + 1, column.unit
+    here, before = (float(f"{convert(float(t), 's', unit):.12g}") for t in (time[i], time[i - 1]))
+    raise LogError(
+        f"{stream.source} {stream.row} {lines[begin + i]}, {stream.cell} '{_one_name(column)}': {here!r} {unit} does "
+        f"not come after {before!r} {unit} in {stream.row} {lines[begin + i - 1]}; time must increase strictly, so "
+        'sort the rows, or say late_rows = "drop" or "sort"'
+    )
+
+
+def _sample_time(time: Array, where: str, lines: Lines, begin: int, expected: float | None, jitter: float) -> float:
+    """The sample time of a session [s]. Raises LogError for the first step that is not one.
+
+    where: file and what a row is called. lines: the number of each row; those of `time` stand from `begin` on.
+    """
     steps = np.diff(time)
     if steps.size < 2:
-        raise LogError(f"{source} {row} {numbers[0]}: a recording has {time.size} rows; expected at least 3")
+        raise LogError(f"{where} {lines[begin]}: a recording has {time.size} rows; expected at least 3")
     median = float(np.median(steps))
     if expected is not None and abs(median - expected) > jitter * expected:
         raise LogError(
-            f"{source}: the samples are {_ms(median)} ms apart; expected {_ms(expected)} ms; correct the sample time "
-            "or the unit of the time"
+            f"{where} {lines[begin]}: the samples are {_ms(median)} ms apart; expected {_ms(expected)} ms; correct the "
+            "sample time or the unit of the time"
         )
     step = median if expected is None else expected
     if (bad := np.flatnonzero(np.abs(steps - step) > jitter * step)).size:
@@ -234,7 +275,7 @@ def _sample_time(
             missing = "samples are" if lost > 1 else "sample is"
             what = f"about {lost} {missing} missing, so split the log into sessions there"
         raise LogError(
-            f"{source} {row} {numbers[k + 1]}: {_ms(float(steps[k]))} ms after the row before; expected {_ms(step)} ms "
+            f"{where} {lines[begin + k + 1]}: {_ms(float(steps[k]))} ms after the row before; expected {_ms(step)} ms "
             f"within {100 * jitter:g} %: {what}"
         )
     return float((time[-1] - time[0]) / steps.size)

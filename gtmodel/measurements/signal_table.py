@@ -10,9 +10,9 @@ import numpy as np
 
 from ..lang.units import UnitError, convert, parse_unit
 from ..results.refusal import ArgumentError, naming
-from .csv_table import CsvTable
-
-_NOTE = "# synthetic:"
+from .streams.form import LogForm
+from .streams.opening import stream_of
+from .streams.stream import Stream
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,31 +35,49 @@ class SignalTable:
     synthetic: str | None
 
 
-def read(path: Path, wanted: Mapping[str, tuple[str | Sequence[str], str | Sequence[str]]],
-         session: str | None = None) -> SignalTable:  # fmt: skip
+def read(
+    path: Path,
+    wanted: Mapping[str, tuple[str | Sequence[str], str | Sequence[str]]],
+    session: str | None = None,
+    form: LogForm = LogForm(),  # noqa: B008
+    *,
+    gaps: bool = False,
+) -> SignalTable:
     """The columns of each signal by name; `wanted`: signal -> its columns, or their common stem, and unit or units.
 
-    Columns that nobody asks for are left alone. Raises ArgumentError with the line: a column missing or there twice,
-    a unit that is not the declared one, an empty cell, a cell that is no finite number; of a signal's column or unit
-    with the argument "signals.NAME.column".
+    A file of any kind, see `open_log`; `form` says how it is written where it does not say so itself. With `gaps` an
+    empty cell or nan is NaN. Columns that nobody asks for are left alone. Raises ArgumentError with the line: a column
+    missing or there twice, a unit that is not the declared one, an empty cell, a cell that is no finite number; of a
+    signal's column or unit with the argument "signals.NAME.column".
     """
-    table = CsvTable(path, "q[0] [mm],q[1] [mm],q[2] [mm],T[0] [m],T[1] [m],T[2] [m]")
-    chosen = {signal: _columns(table, signal, *given) for signal, given in wanted.items()}
-    values = {}
-    for signal, c in chosen.items():
+    try:
+        stream = stream_of(path, form, time=_first(wanted))
+    except OSError as error:
+        raise ArgumentError(f"{path.name} cannot be read: {error.strerror}") from error
+    chosen = {signal: _columns(stream, signal, *given) for signal, given in wanted.items()}
+    for c in chosen.values():
         for name, unit in zip(c.names, c.units, strict=True):
-            table.refuse_other_unit(name, unit)
-        read = [convert(table.numbers(n), u, parse_unit(u).si_text) for n, u in zip(c.names, c.units, strict=True)]
-        values[signal] = np.column_stack(read)
-    sessions = None if session is None else tuple(table.texts(session))
-    notes = [x for x in path.read_text(encoding="utf-8-sig").splitlines() if x.startswith(_NOTE)]
-    note = notes[0].removeprefix(_NOTE).strip() if notes else None
-    return SignalTable(chosen, values, table.lines, sessions, note)
+            stream.heads.refuse_other_unit(name, unit)
+
+    def si(signal: str, values: np.ndarray) -> np.ndarray:
+        parts = zip(values.T, chosen[signal].units, strict=True)
+        return np.column_stack([convert(part, unit, parse_unit(unit).si_text) for part, unit in parts])
+
+    rows = stream.read({signal: c.names for signal, c in chosen.items()}, si, gaps=gaps)
+    sessions = None if session is None else tuple(stream.texts(session))
+    note = next(iter(stream.comments.get("synthetic", [])), None)
+    return SignalTable(chosen, rows.values, rows.lines.array(), sessions, note)
 
 
-def _columns(table: CsvTable, signal: str, column: str | Sequence[str], unit: str | Sequence[str]) -> Columns:
+def _first(wanted: Mapping[str, tuple[str | Sequence[str], str | Sequence[str]]]) -> str:
+    """A column by which the table of a file with several is found."""
+    column = next(iter(wanted.values()))[0]
+    return column if isinstance(column, str) else column[0]
+
+
+def _columns(stream: Stream, signal: str, column: str | Sequence[str], unit: str | Sequence[str]) -> Columns:
     with naming(f"signals.{signal}.column", ArgumentError):
-        members = table.members(column)
+        members = stream.heads.members(column)
     units = [unit] * len(members) if isinstance(unit, str) else list(unit)
     with naming(f"signals.{signal}.unit", ArgumentError, UnitError):
         if len(units) != len(members):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -38,7 +38,7 @@ class Signal:
     >>> gt.measurements.Signal("volts", "V", quantity_unit="N")
     Traceback (most recent call last):
         ...
-    gtmodel.measurements.log.LogError: ...give the scale in N per V, or scale = "estimate"
+    gtmodel.measurements.streams.form.LogError: ...give the scale in N per V, or scale = "estimate"
     """
 
     column: str | tuple[str, ...]
@@ -204,15 +204,16 @@ def read_signals(
     paths: Sequence[PathLike],
     signals: Mapping[str, Signal],
     *,
-    time: Column = TIME,
+    time: Column | None = TIME,
     session: str | None = None,
     sample_time: float | None = None,
     jitter: float = JITTER,
+    **more: Any,
 ) -> tuple[Session, ...]:
     r"""The columns of the signals from one or several files, one after the other, as sessions; not yet corrected.
 
-    signals: by quantity, which `Signal` shows it; `Corrections` then applies scale, offset and delay. Other arguments
-    and errors as of `read_log`.
+    signals: by quantity, which `Signal` shows it; `Corrections` then applies scale, offset and delay. Other arguments,
+    all that `read_log` takes, and errors as there.
 
     >>> from pathlib import Path
     >>> written = Path("run.csv").write_text("time,volts\n0.0,1.0\n0.1,1.5\n0.2,1.0\n")
@@ -225,7 +226,7 @@ def read_signals(
     return tuple(
         one
         for path in paths
-        for one in read_log(path, columns, time=time, session=session, sample_time=sample_time, jitter=jitter)
+        for one in read_log(path, columns, time=time, session=session, sample_time=sample_time, jitter=jitter, **more)
     )
 
 

@@ -91,7 +91,9 @@ def study(
 def solved(problem: MotionProblem, work: Work, earlier: Trajectory | None = None) -> MotionStudy:
     """Optimise, re-simulate, and make the exported motion whose force is bounded at every instant; on a finer mesh
     where a check fails that it can mend. Raises ArgumentError."""
+    work.progress("equations")
     plan = plan_of(problem, earlier)
+    work.progress("first guess")
     search = plan.search(work)
     solution = search.optimum()
     if not solution.status.converged:

@@ -149,6 +149,7 @@ class MotionSearch:
         wanted = control == self.problem.mesh.control
         stage = "optimising" if wanted else "bounding the force between the nodes"
         mesh, solver = self.problem.mesh, self.problem.solver
+        self.work.progress("collocation")
         solution = collocate(
             model,
             Mesh(mesh.elements, mesh.points, control=control),

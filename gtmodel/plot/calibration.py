@@ -10,12 +10,13 @@ from typing import Any
 import numpy as np
 from matplotlib.collections import PathCollection
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator, NullFormatter
+from matplotlib.ticker import MaxNLocator
 
-from .style import AWAY_FROM_ZERO, COLOURS, ORANGE, key_below, styled, with_panels
+from .style import AWAY_FROM_ZERO, COLOURS, ORANGE, key_below, millionths, plain_logarithm, styled, with_panels
 
 BINS = 30
 TICKS = 4  # along the longer side of a view
+FEW_DECADES = 3  # of which 2 and 5 have room for their numbers too
 MANY = 40  # names that still can be read on an axis
 
 
@@ -37,6 +38,7 @@ def pose_errors_figure(errors: dict[str, np.ndarray], title: str = "", worst: in
             axes.plot(worst + 1, 1e3 * e[worst], "o", markersize=8, markerfacecolor="none", markeredgecolor="black")
             said += f", largest {1e3 * float(e[worst]):.3g} mm (circle)"
         axes.set_title(said, loc="left")
+        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     panels[-1].set_xlabel("pose, in the order of the data")
     return figure
 
@@ -77,7 +79,7 @@ def workspace_errors_figure(positions: np.ndarray, sizes: np.ndarray, title: str
         drawn = axes.scatter(positions[order, a], positions[order, b], c=1e3 * sizes[order], s=22, zorder=2)
         worst = order[-1]
         axes.plot(positions[worst, a], positions[worst, b], "o", markerfacecolor="none", markeredgecolor=ORANGE, ms=12,
-                  markeredgewidth=1.5, label=f"largest: {top:.3g} mm")  # fmt: skip
+                  markeredgewidth=1.5, clip_on=False, label=f"largest: {top:.3g} mm")  # fmt: skip
         sides = np.ptp(positions[:, [a, b]], axis=0)
         for axis, part in zip((axes.xaxis, axes.yaxis), sides / max(float(sides.max()), 1e-12), strict=True):
             axis.set_major_locator(MaxNLocator(max(1, round(TICKS * float(part)))))  # a narrow panel has room for few
@@ -100,7 +102,7 @@ def deviations_figure(names: Sequence[str], std: np.ndarray, units: Sequence[str
     figure, panels = with_panels(7.5, 0.6 + 0.8 * len(groups) + 0.18 * len(names), len(groups), grid=False,
                                  title=textwrap.fill(title, 60), height_ratios=sizes)  # fmt: skip
     for axes, (unit, rows) in zip(panels, groups.items(), strict=True):
-        _deviations(axes, [names[k] for k in rows], np.asarray(std, float)[rows], unit)
+        _deviations(axes, [names[k] for k in rows], 1e6 * np.asarray(std, float)[rows], millionths(unit))
     return figure
 
 
@@ -114,9 +116,10 @@ def _deviations(axes: Any, names: Sequence[str], std: np.ndarray, unit: str) -> 
     positive = std[known & (std > 0)]
     least = float(np.min(positive)) if positive.size else 0.1 * top
     # below the least one, which would have no bar else
-    axes.set_xlim(10 ** (np.ceil(np.log10(least)) - 1), 10 ** np.ceil(np.log10(max(top, least))))
+    low, high = np.ceil(np.log10(least)) - 1, np.ceil(np.log10(max(top, least)))
+    axes.set_xlim(10**low, 10**high)
     axes.set_xscale("log")
-    axes.xaxis.set_minor_formatter(NullFormatter())
+    plain_logarithm(axes.xaxis, subs=(1.0, 2.0, 5.0) if high - low <= FEW_DECADES else (1.0,))
     axes.set_yticks(at, names, fontsize=7)
     axes.set_ylim(len(names) - 0.4, -0.6)
     hatched = "" if known.all() else "; hatched: not determined by these poses"
@@ -137,5 +140,5 @@ def correlation_figure(names: Sequence[str], correlation: np.ndarray, title: str
     axes.set_yticks(range(n), names, fontsize=size)
     axes.set(xlabel="parameter", ylabel="parameter")
     figure.colorbar(drawn, ax=axes, label="coefficient of correlation [1]", shrink=0.8)
-    figure.suptitle(textwrap.fill(title, 60), fontsize="medium")
+    axes.set_title(textwrap.fill(title, 60))
     return figure

@@ -10,8 +10,21 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-from .robot3d import draw_links, finish
-from .style import AMBER, BLUE, GREEN, ORANGE, PINK, SHADES, in_space, key_below, plain_logarithm, styled, with_panels
+from .robot3d import draw_links, fill, finish
+from .style import (
+    AMBER,
+    BLUE,
+    GREEN,
+    ORANGE,
+    PINK,
+    SHADES,
+    in_space,
+    key_below,
+    millionths,
+    plain_logarithm,
+    styled,
+    with_panels,
+)  # fmt: skip
 
 # colour, size, opacity; other layers are what the picture is about
 LAYERS: Mapping[str, tuple[str, float, float]] = {
@@ -45,13 +58,14 @@ def room_figure(
             a layer holds several times.
     """
     figure, axes = in_space(8.5, 6.4, title=title)
+    axes.computed_zorder = False  # what the picture is about over the other points, the robot over both
     draw_links(axes, *robot)
     for name, T in layers.items():
         colour, size, strength = LAYERS.get(name, MAIN)
         at, times = np.unique(np.asarray(T).reshape(-1, 3), axis=0, return_counts=True)
         twice = f", {np.count_nonzero(times > 1)} {again}" if np.any(times > 1) else ""
         axes.scatter(*at.T, s=size * times, color=colour, alpha=strength, depthshade=False,
-                     label=f"{name}: {len(T)}{twice}")  # fmt: skip
+                     zorder=1.5 if name not in LAYERS else 1.0, label=f"{name}: {len(T)}{twice}")  # fmt: skip
     wire = _corners(room)
     for n, (i, j) in enumerate(EDGES):
         label = "room" if n == 0 else None
@@ -66,6 +80,7 @@ def room_figure(
         axes.scatter(*device, marker="^", s=70, color=GREEN, depthshade=False, label="device")
     finish(axes)
     key_below(figure, axes)
+    fill(figure, axes)
     return figure
 
 
@@ -117,8 +132,7 @@ def parameters_figure(
         if len(known) < len(rows):
             axes.plot([], [], " ", label="grey name: not determined by itself")
         axes.set_xlim(-0.8, len(rows) - 0.2)
-        scaled = {"m": "µm", "rad": "µrad"}.get(unit, "1e-6" if unit in ("", "1") else f"1e-6 {unit}")
-        axes.set(ylabel=f"standard deviation [{scaled}]")
+        axes.set(ylabel=f"standard deviation [{millionths(unit)}]")
         axes.grid(axis="y", alpha=0.3)
     panels[-1].set_xlabel("parameter")
     key_below(figure)

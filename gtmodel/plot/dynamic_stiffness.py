@@ -63,10 +63,13 @@ def lowest_frequency_figure(
     figure, (left, right) = with_panels(10.5, 4.6, 1, 2, title=title, grid=False, fontsize="medium", sharey=True)
     for axis, values, label, colours in (
         (left, frequency, "lowest natural frequency [Hz]", HEIGHT),
-        (right, 100 * relative, "relative 95 % error of it [%]", "magma_r"),
+        (right, 100 * relative, "its relative 95 % error [%]", "magma_r"),
     ):
         drawn = axis.contourf(u, v, values, levels=14, cmap=colours)
-        figure.colorbar(drawn, ax=axis, label=label)
+        name, _, unit = label.partition(" [")
+        figure.colorbar(drawn, ax=axis).ax.set_title(
+            f"[{unit}", fontsize="small"
+        )  # beside, it would name the next panel
         axis.plot(
             *poses.T,
             "o",
@@ -76,7 +79,7 @@ def lowest_frequency_figure(
             linestyle="none",
             label="measured, other coordinates differ",
         )
-        axis.set(xlabel=names[0], title=label.partition(" [")[0])
+        axis.set(xlabel=names[0], title=name)
     left.set_ylabel(names[1])
     key_below(figure, left)
     return figure

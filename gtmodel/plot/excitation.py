@@ -8,7 +8,7 @@ from itertools import product
 import numpy as np
 from matplotlib.figure import Figure
 
-from .robot3d import draw_robot, finish, pieces
+from .robot3d import draw_robot, fill, finish, pieces
 from .style import COLOURS, colour, in_space, key_below, key_beside, styled, with_panels
 
 WIDTH = 0.76  # of a group of bars, of their distance
@@ -100,4 +100,5 @@ def path_figure(
                 axes.plot(*corners[[a, b]].T, color="0.5", linestyle=":", linewidth=1.0, label=label)
     finish(axes)
     key_below(figure, axes)
+    fill(figure, axes)
     return figure

@@ -43,8 +43,8 @@ def angle_figure(
     a = np.rad2deg(angles)
     figure, (top, middle, bottom) = with_panels(9.5, 7.6, 3, title=title, sharex=True)
     for axes, index, colour, name in (
-        (top, static, STATIC, "static index (18), under the peak force"),
-        (middle, dynamic, DYNAMIC, "dynamic index (19), largest over time"),
+        (top, static, STATIC, "static index, eq. (18), under the peak force"),
+        (middle, dynamic, DYNAMIC, "dynamic index, eq. (19), largest over time"),
     ):
         axes.semilogy(a, 1e3 * index, color=colour)
         axes.set(ylabel="deflection [mm]", title=name)

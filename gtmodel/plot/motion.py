@@ -10,7 +10,7 @@ from matplotlib.patches import Rectangle
 
 from ..results.trajectory import Trajectory
 from .path import draw_path, head
-from .robot3d import finish
+from .robot3d import fill, finish
 from .style import COLOURS, LIMIT, colour, in_space, key_below, key_under, styled, with_panels
 
 
@@ -103,7 +103,9 @@ def space_figure(runs: Sequence[tuple[str, Trajectory]]) -> Figure:
     for n, (label, run) in enumerate(runs):
         axes.plot(*run["T"].T, color=COLOURS[n % len(COLOURS)], label=label)
     T = runs[0][1]["T"]
-    axes.scatter(*T[:1].T, color="black", s=20, label="start")
+    axes.plot(*T[0], "o", markerfacecolor="white", markeredgecolor="black", linestyle="none", label="start")
+    axes.plot(*T[-1], "o", color="black", linestyle="none", label="goal")
     finish(axes)
-    key_below(figure, axes, columns=5)
+    key_below(figure, axes, columns=6)
+    fill(figure, axes)
     return figure

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ..kinematics.orientation import OrientationMap
-from .style import AWAY_FROM_ZERO, COLOURS, styled, with_panels
+from .style import AWAY_FROM_ZERO, COLOURS, key_below, styled, with_panels
 
 ANGLES = ("alpha", "beta", "gamma")
 MOST_LAYERS = 4  # more cannot be seen beside each other
@@ -85,6 +85,7 @@ def sequence_figure(orientation: OrientationMap, title: str = "") -> Figure:
         axes.set_ylabel(_from_mean(angle, mean))
         _part(axes, size, len(order))
     stack[-1].set_xlabel("point, in the order of measuring")
+    key_below(figure, stack[0])
     return figure
 
 
@@ -95,7 +96,8 @@ def _from_mean(angle: int, mean: float) -> str:
 
 def _part(axes: Axes, size: int, count: int) -> None:
     for k in range(size, count, size):
-        axes.axvline(k - 0.5, color="0.5", linewidth=0.8, linestyle="--")
+        label = "a new layer begins" if k == size else None
+        axes.axvline(k - 0.5, color="0.5", linewidth=0.8, linestyle="--", label=label)
     axes.margins(x=0.01)
 
 

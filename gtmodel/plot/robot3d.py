@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import product
 from typing import Any
 
 import numpy as np
 import scipy
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
+from matplotlib.transforms import Bbox
+from mpl_toolkits.mplot3d.proj3d import proj_transform
 
 from .style import COLOURS, in_space, key_below, styled
 
 TICKS = 5
+MARGIN = 0.12  # inches about a picture in space
+ZOOMS = 2  # each gets nearer: what is near grows more, and the names move outward
 STROKE = 0.6  # of a guideway drawn to each side of its cart where no ends are given, in mean link lengths
 FLAT = 1e-9  # least extent of the plate joints, relative, in a direction that counts
 
@@ -36,22 +41,25 @@ def draw_robot(
         T: (3,) tool centre point [m], drawn with rays to the plate joints.
         width: of the links [points]; other sizes follow it.
     """
-    for line in guideways:
-        axes.plot(*line.T, color="0.7", linewidth=1.8 * width, solid_capstyle="butt", zorder=0)
+    for k, line in enumerate(guideways):
+        axes.plot(*line.T, color="0.7", linewidth=1.8 * width, solid_capstyle="butt", zorder=0,
+                  label="guideway" if k == 0 else None)  # fmt: skip
     for n, legs in enumerate(map(list, carts)):
         colour = COLOURS[n % len(COLOURS)]
         if len(legs) > 1:  # the cart or joint plate that carries them
             axes.plot(*A[[*legs, legs[0]]].T, color="0.35", linewidth=width)
         for k in legs:
             axes.plot(*np.stack([A[k], joints[k]]).T, color=colour, linewidth=width, label=f"link {k + 1}")
-        axes.plot(*A[legs].T, "s", color="black", markersize=2.2 * width)
+        label = "end at the cart" if n == 0 else None
+        axes.plot(*A[legs].T, "s", color="black", markersize=2.2 * width, label=label)
         axes.plot(*joints[legs].T, "o", color=colour, markersize=1.6 * width)
     for face in plate_faces(joints):
         axes.plot_trisurf(*joints.T, triangles=[face], color="0.5", alpha=0.35, linewidth=0, shade=False)
     if T is not None:
         for joint in joints:
             axes.plot(*np.stack([T, joint]).T, color="black", linewidth=0.5 * width)
-        axes.plot(*np.asarray(T, float), "D", color="black", markersize=3.0 * width)
+        axes.plot(*np.asarray(T, float), "D", color="black", markersize=3.0 * width, linestyle="none",
+                  label="tool centre point")  # fmt: skip
 
 
 @styled
@@ -80,6 +88,7 @@ def robot_figure(
         axes.plot(*closed.T, color="0.3", linestyle="--", label="boundary of the section" if k == 0 else None)
     finish(axes)
     key_below(figure, axes)
+    fill(figure, axes)
     return figure
 
 
@@ -104,10 +113,45 @@ def finish(axes: Any) -> None:
     for axis, name in ((axes.xaxis, "x"), (axes.yaxis, "y"), (axes.zaxis, "z")):
         axis.set_label_text(f"{name} [m]")
         axis.labelpad = 10
-    for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
-        axis.set_major_locator(MaxNLocator(TICKS))
+    sides = np.ptp([axes.get_xlim(), axes.get_ylim(), axes.get_zlim()], axis=1)
+    for axis, part in zip((axes.xaxis, axes.yaxis, axes.zaxis), sides / sides.max(), strict=True):
+        axis.set_major_locator(MaxNLocator(max(2, round(TICKS * float(part)))))  # a short side has room for few
     axes.set_aspect("equal")
     from_the_side(axes)
+
+
+def fill(figure: Figure, axes: Any) -> None:
+    """Zoom to the room that title and legend leave, with the names of the axes; the last step of a figure.
+
+    Axes in three dimensions are a square, of which a flat or a high box fills little, and which cuts what stands out.
+    """
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")
+    low, high = np.array([0.0, 0.0]), np.array([figure.bbox.width, figure.bbox.height])
+    low[1] = max([low[1], *(legend.get_window_extent().y1 for legend in figure.legends)])
+    high[1] = min([high[1], *(text.get_window_extent().y0 for text in figure.texts)])
+    low, high = low + MARGIN * figure.dpi, high - MARGIN * figure.dpi
+    sides = np.ptp([axes.get_xlim(), axes.get_ylim(), axes.get_zlim()], axis=1)
+    zoom = 1.0
+    for _ in range(ZOOMS):
+        shown, box = _extent(axes)
+        zoom *= float(np.min((high - low - np.ptp(shown, axis=0) + np.ptp(box, axis=0)) / np.ptp(box, axis=0)))
+        axes.set_box_aspect(sides, zoom=zoom)
+        figure.draw_without_rendering()
+        shift = (low + high - _extent(axes)[0].sum(axis=0)) / 2 / [figure.bbox.width, figure.bbox.height]
+        axes.set_position(axes.get_position().translated(*shift))
+    for artist in (*axes.lines, *axes.collections):
+        artist.set_clip_on(False)
+
+
+def _extent(axes: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Lower left and upper right corner (2, 2) [pixels], as last drawn: with names and numbers; of the box alone."""
+    x, y, z = np.array(list(product(axes.get_xlim(), axes.get_ylim(), axes.get_zlim()))).T
+    u, v, _ = proj_transform(x, y, z, axes.get_proj())
+    at = axes.transData.transform(np.column_stack([u, v]))
+    box = np.array([at.min(axis=0), at.max(axis=0)])
+    named = [axis.get_tightbbox(None) for axis in (axes.xaxis, axes.yaxis, axes.zaxis)]
+    return Bbox.union([Bbox(box), *named]).get_points(), box
 
 
 def from_the_side(axes: Any) -> None:

@@ -120,6 +120,11 @@ def key_under(axes: Any, columns: int = 4) -> None:
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=min(columns, count), frameon=False)
 
 
+def millionths(unit: str) -> str:
+    """The unit of a millionth: µm, µrad; 1e-6 of what has none."""
+    return {"m": "µm", "rad": "µrad"}.get(unit, "1e-6" if unit in ("", "1") else f"1e-6 {unit}")
+
+
 def plain_logarithm(axis: Any, *, subs: tuple[float, ...] = (1.0, 2.0, 5.0)) -> None:
     """Numbers such as 0.5, 1, 2 and 5 along a logarithmic axis."""
     axis.set_major_locator(LogLocator(subs=subs))

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import MultipleLocator
 
 from .style import BLUE, GREEN, MEASURED, MODELLED, ORANGE, colour, curve, key_below, styled, with_panels
 
@@ -13,6 +14,7 @@ GREY = "#777777"
 POINTS = 1200  # of a frequency response
 PEAK = np.linspace(-8, 8, 65)  # half widths of a peak, by which more are drawn about it
 MARKERS = "xo+s^dv*"
+MOST_RIGHT_ANGLES = 5  # numbered along an axis; of more every second
 MOST_NAMED = 6  # modes in a title
 WINDOW = 3.0  # s of a long recording that are shown
 Sampled = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
@@ -87,6 +89,7 @@ def response_figure(
     size.set_title(f"modes at {at} Hz" if len(modes_Hz) else "no modes")
     size.set(ylabel=f"magnitude [{unit}]")
     phase.set(xlabel="frequency [Hz]", ylabel="phase [deg]")
+    phase.yaxis.set_major_locator(MultipleLocator(90 if np.ptp(phase.get_ylim()) < MOST_RIGHT_ANGLES * 90 else 180))
     for axes in (size, phase):
         axes.grid(alpha=0.3, which="both")
     key_below(figure, size)

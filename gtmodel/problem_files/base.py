@@ -121,8 +121,10 @@ class Context:
             self.notice(sentence)
 
     def find(self, name: str | Path) -> Path | None:
-        """A file by its path from the problem's folder, or from the working directory; None where there is none."""
-        return next((p for p in (self.folder / name, Path(name)) if p.is_file()), None)
+        """A file by its path from the problem's folder, or from the working directory; None where there is none. Of a
+        folder that is a ROS 2 bag, the file that says what is in it."""
+        places = [p for start in (self.folder / name, Path(name)) for p in (start, start / "metadata.yaml")]
+        return next((p for p in places if p.is_file()), None)
 
     def file(self, name: str, key: str, entered: str = "", what: str = "file", source: str = "") -> Path:
         """A file that `key` names, entered among the inputs as `entered`. Raises InputError where there is none, with

@@ -17,6 +17,7 @@ from gtmodel.results.unit_names import split
 from .fields import is_numeric, json_schema, resolve
 from .registry import names, schema_of
 
+ROBOT = "robot"  # where a kind may stand: the schema of robot files
 DRAFT = "http://json-schema.org/draft-07/schema#"
 _BOUNDS = ("minimum", "maximum", "exclusiveMinimum", "exclusiveMaximum", "minItems", "maxItems", "minLength", "pattern")
 
@@ -29,15 +30,36 @@ def editor_schema(kind: str) -> dict[str, Any]:
     return {"$schema": DRAFT, "title": f"gtmodel problem of kind {kind}", "description": names()[kind], **schema}
 
 
+def robot_schema() -> dict[str, Any]:
+    """The JSON Schema of robot files: one of the families, or another robot with parameters as a calibration writes."""
+    from .robot_file import FAMILIES, PYTHON_KEYS  # here: the keys of a kind need no robot
+
+    families = []
+    for file in FAMILIES.values():
+        document = json_schema(file)
+        families.append(_node(document, document))
+    texts = {"title": "name of the robot", "source": "where the numbers come from", "note": "frame and remarks",
+             "robot": "Python class, URDF or robot file whose parameters are given"}  # fmt: skip
+    properties: dict[str, Any] = {k: {"title": k, "description": v, "type": "string"} for k, v in texts.items()}
+    properties["parameters"] = {"title": "parameters", "description": "values by name, SI", "type": "object"}
+    assert set(properties) == PYTHON_KEYS
+    another = {"description": "Another robot with parameters.", "type": "object", "properties": properties,
+               "required": ["robot"], "additionalProperties": False}  # fmt: skip
+    about = {"title": "gtmodel robot file", "description": "geometry of a robot, for robot = in a problem file"}
+    return {"$schema": DRAFT, **about, "anyOf": [*families, another]}
+
+
 def text_of(kind: str) -> str:
-    """The schema as a file holds it; other signs than ASCII are escaped, so that no encoding of a shell spoils it."""
-    return json.dumps(editor_schema(kind), indent=1) + "\n"
+    """The schema of a kind, or of a robot file, as a file holds it; other signs than ASCII are escaped, so that no
+    encoding of a shell spoils it."""
+    return json.dumps(robot_schema() if kind == ROBOT else editor_schema(kind), indent=1) + "\n"
 
 
 def write_all(folder: str | Path) -> list[Path]:
-    """Write NAME.schema.json of every kind into a folder."""
-    paths = [Path(folder) / f"{kind}.schema.json" for kind in names()]
-    for kind, path in zip(names(), paths, strict=True):
+    """Write NAME.schema.json of every kind, and robot.schema.json, into a folder."""
+    every = [*names(), ROBOT]
+    paths = [Path(folder) / f"{kind}.schema.json" for kind in every]
+    for kind, path in zip(every, paths, strict=True):
         path.write_text(text_of(kind), encoding="utf-8", newline="\n")
     return paths
 

@@ -8,13 +8,15 @@ from typing import Literal
 from pydantic import Field, PositiveFloat
 
 from gtmodel.lang.units import UnitError
-from gtmodel.measurements import Column, Session, Signal
+from gtmodel.measurements import Column, LogForm, Session, Signal
 from gtmodel.measurements.log import JITTER
+from gtmodel.measurements.sampling import EmptyRows, LateRows
 from gtmodel.measurements.signals import read_signals
 from gtmodel.results import TrajectoryError
 from gtmodel.results.unit_names import unit_of
 
 from .base import Context, FileSection, InputError, Source
+from .from_options import Made, made_from
 
 Free = Literal["estimate"]
 
@@ -22,7 +24,10 @@ Free = Literal["estimate"]
 class TimeColumn(FileSection):
     """The column of time."""
 
-    column: str = Field(default="time", description="its name in the log")
+    column: str = Field(
+        default="time",
+        description='its name in the log; "" where there is none, rows are then log.sample_time_s apart',
+    )
     unit: str = Field(default="s", description="its unit there")
 
 
@@ -53,14 +58,32 @@ class MeasuredSignalSection(FileSection):
             raise InputError(str(error), key) from error
 
 
-class LogSampling(FileSection):
-    """How logs are sampled; a kind adds its files and signals."""
+@made_from(LogForm)
+class FormSection(Made):
+    """How a file is written, where it does not say so itself."""
+
+    def form(self) -> LogForm:
+        """These keys as options, whatever else the table holds. Raises ArgumentError."""
+        return LogForm(**{field: getattr(self, key) for key, field in FormSection.attributes.items()})
+
+
+class LogSampling(FormSection):
+    """How logs are written and sampled; a kind adds its files and signals."""
 
     source: Source = ""
     time: TimeColumn = TimeColumn()
     session: str | None = Field(default=None, description="column whose number distinguishes the recordings of a file")
-    sample_time_s: PositiveFloat | None = Field(default=None, description="expected; the log's median if left out")
+    sample_time_s: PositiveFloat | None = Field(
+        default=None, description="expected; the log's median if left out. Of a log without time: from row to row"
+    )
     jitter: float = Field(default=JITTER, gt=0, lt=1, description="how far a step may be off, as a share of it")
+    late_rows: LateRows = Field(
+        default="refuse",
+        description="rows whose time does not come after all earlier ones: refuse the log, drop them, or sort them",
+    )
+    empty_rows: EmptyRows = Field(
+        default="refuse", description="rows that lack a number or hold nan: refuse the log, or drop them"
+    )
 
     def read(self, names: list[str], signals: Mapping[str, Signal], context: Context, key: str) -> tuple[Session, ...]:
         """The columns of the signals from these files, as they stand in the log; `key`: where the names stand.
@@ -69,7 +92,10 @@ class LogSampling(FileSection):
         """
         sessions: list[Session] = []
         if not names:
-            raise InputError("is empty; name a CSV or .mat file", key)
+            raise InputError("is empty; name a log file", key)
+        if not self.time.column and self.sample_time_s is None:
+            section = key.rpartition(".")[0]
+            raise InputError("is missing; a log without a column of time needs it", f"{section}.sample_time_s")
         for n, name in enumerate(names):
             place = f"{key}[{n}]"
             path = context.file(name, place, source=self.source)
@@ -77,10 +103,14 @@ class LogSampling(FileSection):
                 sessions += read_signals(
                     [path],
                     signals,
-                    time=Column(self.time.column, self.time.unit),
+                    time=Column(self.time.column, self.time.unit) if self.time.column else None,
                     session=self.session,
                     sample_time=self.sample_time_s,
                     jitter=self.jitter,
+                    late_rows=self.late_rows,
+                    empty_rows=self.empty_rows,
+                    form=self.form(),
+                    progress=context.progress,
                 )
             except (TrajectoryError, UnitError) as error:
                 # the sentence names the file; a column's fault is the section's as often as the file's
@@ -94,7 +124,9 @@ class LogSampling(FileSection):
 class LogFiles(LogSampling):
     """Where logs lie and how they are sampled; a kind adds its signals."""
 
-    files: list[str] = Field(default=[], description="CSV or .mat files; paths start at the problem's folder")
+    files: list[str] = Field(
+        default=[], description="CSV, MATLAB, Parquet or bag files; paths start at the problem's folder"
+    )
 
     def sessions(
         self, signals: Mapping[str, Signal], context: Context, *, files: list[str] | None = None, key: str = "log.files"

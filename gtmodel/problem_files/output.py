@@ -11,7 +11,7 @@ from typing import Any
 from gtmodel.results import ArgumentError, Study, written
 from gtmodel.results.as_json import result
 from gtmodel.results.folder import Held
-from gtmodel.results.written import pictured, record, sha256
+from gtmodel.results.written import pictured, record, sha256, sha256_of_file
 
 from .base import Context, InputError
 from .load import Loaded
@@ -84,5 +84,5 @@ def _run(loaded: Loaded, context: Context, wall_s: float, files: Mapping[str, by
         inputs["max_seconds"] = context.max_seconds
     for name, path in context.inputs.items():
         inputs[name] = str(path)
-        inputs[f"{name}sha256"] = sha256(path.read_bytes()) if path.is_file() else ""
+        inputs[f"{name}sha256"] = sha256_of_file(path)
     return record(inputs, wall_s, files, {"problem": loaded.problem.model_dump(mode="json", exclude_none=True)})

@@ -10,14 +10,14 @@ from pydantic import Field, PositiveFloat, PositiveInt
 from gtmodel.motion.options import Arc, Line, Polyline, Shape, Spline, Taught
 from gtmodel.results import ArgumentError
 
-from .base import Context, FileSection, InputError
+from .base import Context, FileSection, InputError, Source
 
 Point = Annotated[list[float], Field(min_length=3, max_length=3)]
 OWN = {
     "polyline": {"via_m", "blend_m"},
     "arc": {"through_m"},
-    "spline": {"file"},
-    "taught": {"file", "tolerance_m"},
+    "spline": {"file", "source"},
+    "taught": {"file", "source", "tolerance_m"},
 }
 PATH_ARGUMENTS = {"path.points": "path.file"}  # where what a library says of a path stands in the file
 
@@ -34,6 +34,7 @@ class PathSection(FileSection):
     blend_m: PositiveFloat = Field(0.05, description="polyline: distance from a corner at which its blend begins")
     through_m: Point | None = Field(None, description="arc: a third point between start and goal")
     file: str = Field("", description="spline, taught: CSV file with the columns x_m, y_m, z_m")
+    source: Source = ""
     tolerance_m: PositiveFloat = Field(5e-4, description="taught: root mean square distance left by the smoothing")
     intervals: PositiveInt = Field(
         400, description="intervals of the motion by squared speeds, the exported one of kind trajectory"
@@ -61,7 +62,7 @@ class PathSection(FileSection):
     def _points(self, context: Context) -> np.ndarray:
         if not self.file:
             raise InputError("is missing", "path.file")
-        file = context.file(self.file, "path.file", "path")
+        file = context.file(self.file, "path.file", "path", source=self.source)
         try:
             from gtmodel.motion.paths import read_points  # here: the keys alone need no splines
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 import inspect
 from typing import Any
 
-from gtmodel.results.quantity import described
-from gtmodel.results.unit_names import unit_of
+from gtmodel.results.quantity import Quantity, described
 
 from .fields import json_schema, keys_of
 from .noted import DESCRIPTION, NOTES
@@ -27,6 +26,6 @@ def document(kind: str) -> dict[str, Any]:
 
 def values(kind: str) -> dict[str, dict[str, str]]:
     """Name -> unit and description of what `values` will hold."""
-    texts = dict(described(result_of(kind)))
-    texts.setdefault(NOTES, DESCRIPTION)
-    return {name: {"unit": unit_of(name), "description": inspect.cleandoc(text)} for name, text in texts.items()}
+    held = {**described(result_of(kind))}
+    held.setdefault(NOTES, Quantity(description=DESCRIPTION))
+    return {name: {"unit": q.file_unit, "description": inspect.cleandoc(q.description)} for name, q in held.items()}

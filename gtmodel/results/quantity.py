@@ -47,7 +47,12 @@ class Quantity:
 
     def name(self, attribute: str) -> str:
         """The name in result.json."""
-        return self.key or named(attribute, self.written or self.unit)
+        return self.key or named(attribute, self.file_unit)
+
+    @property
+    def file_unit(self) -> str:
+        """The unit in result.json."""
+        return self.written or self.unit
 
     def value(self, value: Any) -> Any:
         """The value in result.json."""
@@ -110,6 +115,6 @@ def listed(numbers: Iterable[float]) -> str:
     return ", ".join(f"{x + 0.0:.4g}" for x in numbers)  # -0 is 0
 
 
-def described(cls: type) -> Mapping[str, str]:
-    """Name in result.json -> description."""
-    return {q.name(attribute): q.description for attribute, q in quantities(cls).items()}
+def described(cls: type) -> Mapping[str, Quantity]:
+    """Name in result.json -> its quantity; `file_unit` is its unit there."""
+    return {q.name(attribute): q for attribute, q in quantities(cls).items()}

@@ -36,9 +36,9 @@ class Trajectory:
     """Named signals over one time grid, in SI units; immutable.
 
     Args:
-        time: (n,) finite and strictly increasing [s], n >= 1; copied.
-        values: name -> (n,) for a scalar signal or (n, k) for a vector one, finite; copied. Names are printable
-            and hold no blank or quote; "time" is reserved. The order of the names is kept.
+        time: (n,) finite and strictly increasing [s], n >= 1; copied unless read-only.
+        values: name -> (n,) for a scalar signal or (n, k) for a vector one, finite; copied unless read-only. Names are
+            printable and hold no blank or quote; "time" is reserved. The order of the names is kept.
         units: name -> SI unit text; a signal without one is dimensionless ("1").
         title: one line for plots and files.
         provenance: where the data came from (inputs, versions, hashes), JSON data.

@@ -21,6 +21,10 @@ def _frozen(data: npt.ArrayLike, what: str) -> Array:
         raise TrajectoryError(f"{what} is no array ({error}); expected rows of equal length") from error
     if raw.dtype.kind not in "biuf":
         raise TrajectoryError(f"{what} holds {raw.dtype} data; expected real numbers")
+    owner = raw if raw.base is None else raw.base
+    frozen = isinstance(owner, np.ndarray) and not (raw.flags.writeable or owner.flags.writeable)
+    if frozen and raw.dtype == np.float64 and raw.flags.c_contiguous:
+        return raw  # nobody writes to it; recordings are large
     array = np.array(raw, dtype=np.float64, order="C")
     array.setflags(write=False)
     return array

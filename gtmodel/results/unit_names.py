@@ -8,6 +8,7 @@ from ..lang.units import UnitError, parse_unit
 
 _SPELLED = {"percent": "%", "Nm": "N.m", "kgm": "kg.m", "kgm2": "kg.m2"}
 _TORQUES = {"Nm": "N.m", "MNm": "MN.m"}  # before what divides: Nm_rad is N.m/rad, not rad
+_PER = "per"
 _NO_UNIT = {"min"}  # the smallest, never minutes
 
 
@@ -15,8 +16,8 @@ _NO_UNIT = {"min"}  # the smallest, never minutes
 def split(name: str) -> tuple[str, str]:
     """Stem and unit of a key, ("force", "N"); the unit is "" when the name carries none.
 
-    The longest ending that reads as a unit counts; what follows its first symbol divides: ``m_s2`` is m/s2,
-    ``m_per_N`` m/N.
+    The longest ending that reads as a unit counts; what follows its first symbol divides: ``m_s2`` is m/s2, as
+    ``m_per_s2`` is; ``per_s`` is 1/s.
     """
     words = name.split("_")
     for i in range(1, len(words)):
@@ -27,11 +28,14 @@ def split(name: str) -> tuple[str, str]:
 
 
 def _unit(words: list[str]) -> str:
-    if not all(words) or _NO_UNIT.intersection(words):
+    if not all(words) or _NO_UNIT.intersection(words) or words[-1] == _PER:
         return ""
+    if words[0] == _PER:
+        words = ["1", *words]
+    words = [word for word in words if word != _PER]
     if len(words) == 1 and words[0] in _SPELLED:
         return _SPELLED[words[0]]
-    text = "/".join(_TORQUES.get(word, word) for word in words).replace("/per/", "/")
+    text = "/".join(_TORQUES.get(word, word) for word in words)
     try:
         parse_unit(text)
     except UnitError:

@@ -210,6 +210,14 @@ def sha256(content: bytes) -> str:
     return hashlib.sha256(content).hexdigest()
 
 
+def sha256_of_file(path: Path) -> str:
+    """The hash of a file of any size; "" where it is none."""
+    if not path.is_file():
+        return ""
+    with open(path, "rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
 def png(draw: Any, said: str = "") -> bytes:
     """A picture as a file, the same bytes for the same picture. said: what stands above it, of a failed result."""
     buffer = io.BytesIO()

@@ -129,7 +129,7 @@ class TestRows:
         said = refused(tmp_path, rows=slice(10))
         assert "5 poses give 5 equations of arm[0].rod for 7 unknowns (A[0,0] to L[0]); measure at least 7" in said
 
-    @pytest.mark.parametrize(("cell", "seen"), [("nan", "nan"), ("", "nothing"), ("inf", "inf")])
+    @pytest.mark.parametrize(("cell", "seen"), [("nan", "'nan'"), ("", "nothing"), ("inf", "'inf'")])
     def test_no_number(self, tmp_path: Path, cell: str, seen: str) -> None:
         _, rows = data("l1")
         first = rows[20][0]

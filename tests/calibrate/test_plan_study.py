@@ -242,3 +242,15 @@ def test_an_f1_names_its_own(plan: Planner, f1: Any):
         with pytest.raises(ArgumentError) as caught:
             plan(F1_TRACKER, ROOM, f1, **changes)
         assert caught.value.argument == argument
+
+
+def test_too_few_poses_are_refused_before_the_work(plan: Planner):
+    stages: list[str] = []
+
+    def reported(stage: str, *_: object) -> None:
+        stages.append(stage)
+
+    with pytest.raises(ArgumentError, match="4 poses with 3 equations each cannot determine 21 combinations") as caught:
+        plan(poses=replace(FEW, number=4), curve=[20, 30], progress=reported)
+    assert caught.value.argument == "poses.number"
+    assert "number of poses" not in stages and "poses" not in stages

@@ -90,6 +90,12 @@ def test_a_home_that_was_moved_is_said():
     np.testing.assert_allclose([float(v) for v in home[1].split(",")], q, atol=0.03)
 
 
+def test_a_home_pose_has_no_forces():
+    inverse = gt.robots.six_link_gantry_tau("d1_six_link").causal("T", "tau")
+    home = next(line for line in inverse.explain().splitlines() if "home pose: " in line)
+    assert re.findall(r"(\w+) = ", home) == ["q", "T", "e", "R"]
+
+
 @pytest.mark.parametrize("seed", range(2))
 def test_functions_share_the_home_whatever_had_to_move(seed: int):
     rng = np.random.default_rng(seed)

@@ -104,6 +104,7 @@ def test_the_call_on_objects_gives_the_values_of_the_file():
         ("limits.axes_deg=[[-9, 9]]", "limits.axes_deg"),
         ("limits.actuators_m=[[-9, 9]]", "limits.actuators_m"),
         ("safety.cone_deg=45.0", "safety.cone_deg"),
+        ("poses.number=4", "poses.number"),
         ("bodies.link_clearance=true", "bodies.link_clearance"),
         ("obstacles=[{low_m=[0, 0, 0], high_m=[0, 1, 1]}]", "obstacles[0].high_m"),
     ],

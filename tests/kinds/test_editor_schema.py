@@ -6,6 +6,7 @@ import json
 import re
 import tomllib
 from collections.abc import Iterator
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -13,13 +14,15 @@ import jsonschema
 import pytest
 
 from gtmodel.problem_files import InputError, names
-from gtmodel.problem_files.editor_schema import editor_schema, text_of, write_all
+from gtmodel.problem_files.editor_schema import ROBOT, editor_schema, robot_schema, text_of, write_all
 from gtmodel.problem_files.fields import keys_of
 from gtmodel.problem_files.load import check
 from gtmodel.problem_files.registry import schema_of
+from gtmodel.problem_files.robot_file import FAMILIES, checked, is_robot_file
 from gtmodel.problem_files.settings import apply
 from tests.support.commands import Commands
 
+TABLES = tomllib.loads(files("gtmodel.robots").joinpath("data", "gantry_tau.toml").read_text(encoding="utf-8"))
 PROBLEMS = Path(__file__).resolve().parents[2] / "problems"
 SHIPPED = sorted(PROBLEMS.glob("*.toml"))
 KEYWORDS = {"$schema", "title", "description", "default", "type", "enum", "const", "properties", "required", "items",
@@ -89,7 +92,7 @@ def test_defaults_of_a_table_stand_at_its_keys() -> None:
     assert axis["elements"]["default"] == schema_of("trajectory").model_fields["mesh"].default.elements
 
 
-@pytest.mark.parametrize("kind", names())
+@pytest.mark.parametrize("kind", [*names(), ROBOT])
 def test_shipped_schemas_are_current(kind: str) -> None:
     path = PROBLEMS / "schemas" / f"{kind}.schema.json"
     assert path.read_text(encoding="utf-8") == text_of(kind), "run `make schemas`"
@@ -187,3 +190,58 @@ def test_the_command_prints_a_file_for_editors(gtmodel: Commands) -> None:
 def test_wrong_words(gtmodel: Commands, words: list[str], sentence: str) -> None:
     done = gtmodel("schema", *words)
     assert done.code == 2 and sentence in done.sentence and not done.out
+
+
+ARM = {"family": "serial", "a_m": [0.3, 0.2], "alpha_deg": [0.0, 90.0], "d_m": [0.1, 0.0]}
+CALIBRATED = {"title": "mine", "robot": "hexapod.py:Hexapod", "parameters": {"L": [1.0, 1.1]}}
+
+
+def printed(name: str, family: str) -> dict[str, Any]:
+    """A robot file with a printed table."""
+    return {**TABLES[name], "family": family}
+
+
+ROBOTS = [
+    printed("l1_tape", "three_link"), printed("d1_six_link", "six_link"), printed("f1", "f1"), ARM, CALIBRATED,
+    {k: v for k, v in printed("l1_tape", "three_link").items() if k != "family"},
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("data", ROBOTS, ids=range(len(ROBOTS)))
+def test_robot_files_fit_their_schema(data: dict[str, Any]) -> None:
+    assert is_robot_file(data)
+    assert list(validator(ROBOT).iter_errors(data)) == []
+
+
+@pytest.mark.parametrize(
+    ("data", "changes"),
+    [
+        *((robot, {"nosuch": 1}) for robot in ROBOTS),
+        *((robot, {"title": 3}) for robot in ROBOTS),
+        (ROBOTS[0], {"L_m": [1.0, 2.0]}),
+        (ROBOTS[0], {"L_m": [1.0, 2.0, -1.0]}),
+        (ROBOTS[0], {"family": "six_link"}),
+        (ROBOTS[1], {"family": "three_link"}),
+        (ARM, {"convention": "other"}),
+        (CALIBRATED, {"robot": 1}),
+    ],
+)
+def test_a_wrong_robot_file_does_not_fit(data: dict[str, Any], changes: dict[str, Any]) -> None:
+    assert list(validator(ROBOT).iter_errors({**data, **changes}))
+    if data is not CALIBRATED:
+        with pytest.raises(InputError):
+            checked({**data, **changes})
+
+
+def test_the_schema_of_robot_files_has_every_family_and_what_taplo_reads() -> None:
+    schema = robot_schema()
+    jsonschema.Draft7Validator.check_schema(schema)
+    families = [one["properties"]["family"]["const"] for one in schema["anyOf"] if "family" in one["properties"]]
+    assert families == list(FAMILIES)
+    for node in nodes(schema):
+        assert set(node) <= KEYWORDS, set(node) - KEYWORDS
+    assert schema["anyOf"][0]["properties"]["L_m"]["title"] == "L [m]"
+
+
+def test_the_command_prints_the_schema_of_robot_files(gtmodel: Commands) -> None:
+    assert gtmodel("schema", ROBOT, "--json-schema").out == text_of(ROBOT)

@@ -183,3 +183,9 @@ def test_a_list_that_is_too_short_says_how_many_entries_are_expected():
 def test_the_shipped_table_bounds_no_iterations() -> None:
     """They belong to one instance: with another limit of the force all rows are solved, with more of them."""
     assert [row.most_iterations for row in load(TABLE, ["limits.force_N=900.0"]).problem.row] == [None] * 4
+
+
+def test_a_path_that_is_not_there_says_where_to_get_it() -> None:
+    asked = ['path.shape="spline"', 'path.file="nowhere.csv"', 'path.source="the drawing office"']
+    assert refused(*asked).message.endswith("; get it from the drawing office and put it there")
+    assert refused('path.shape="line"', 'path.source="nobody"').key == "path.source"

@@ -94,8 +94,8 @@ def test_a_matlab_file(tmp_path: Path) -> None:
     savemat(path, data)
     for columns, said in (
         ({"q": Column("position", "m")}, r"log.mat: there is no column 'position'; did you mean 'pos'"),
-        ({"q": Column("gain", "1")}, r"the variable 'gain' holds 1 float64 values; expected 5"),
-        ({"q": Column("bad", "m")}, r"log.mat sample 1, variable 'bad': found nan"),
+        ({"q": Column("gain", "1")}, r"the variable 'gain' holds 1 x 1 values; expected 5"),
+        ({"q": Column("bad", "m")}, r"log.mat sample 1, variable 'bad': found 'nan'"),
     ):
         with pytest.raises(LogError, match=said):
             read_log(path, columns, time=Column("t", "ms"))

@@ -192,13 +192,17 @@ class TestSearch:
             assert caught.value.argument == "earlier" and "expected three coordinates" in caught.value.message
 
     def test_a_stop_keeps_the_iterate(self):
-        seen = []
+        seen, before = [], []
 
-        def progress(stage, fraction, numbers):
-            seen.append((stage, numbers["iteration"]))
+        def progress(stage, fraction=None, numbers=None):
+            if numbers is None:
+                before.append(stage)
+            else:
+                seen.append((stage, numbers["iteration"]))
 
         o = solved(asked(**LIGHT), Work(progress=progress, stop=lambda: len(seen) > 5))
         assert o.status is SolveStatus.INTERRUPTED and seen == [("optimising", n) for n in range(6)]
+        assert before == ["equations", "first guess", "collocation"]  # what takes seconds before the first iteration
         assert o.final_time > 0 and o.trajectory.title.endswith("(not solved: interrupted)")
         assert np.all(np.isfinite(o.trajectory["T"])) and o.exported_final_time is None
 

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.transforms import Bbox
 from scipy.signal import cont2discrete
 
 from gtmodel.plot.calibration import deviations_figure, length_errors_figure
@@ -15,7 +16,9 @@ from gtmodel.plot.excitation import information_figure
 from gtmodel.plot.friction import friction_figure
 from gtmodel.plot.milling import angle_figure, compensation_figure, lobes_figure
 from gtmodel.plot.motion import motion_figure, space_figure
+from gtmodel.plot.robot3d import robot_figure
 from gtmodel.plot.signals import signals_figure
+from gtmodel.plot.style import settings
 from gtmodel.plot.tracking import tracking_figure
 from gtmodel.plot.vibration import poles_figure, response_figure
 from gtmodel.results.trajectory import Trajectory
@@ -99,8 +102,9 @@ def test_the_least_deviation_has_a_bar(std: list[float]) -> None:
     for units in (["m", "m"], ["m", "1"]):
         panels = deviations_figure(["a", "b"], np.array(std), units).axes
         assert len(panels) == len(set(units))
-        for axes, shown in zip(panels, [std] if len(panels) == 1 else [[s] for s in std], strict=True):
-            low, high = axes.get_xlim()
+        for axes, own in zip(panels, [std] if len(panels) == 1 else [[s] for s in std], strict=True):
+            low, high = axes.get_xlim()  # of millionths
+            shown = [1e6 * s for s in own]
             assert low < min((s for s in shown if s > 0), default=np.inf) and high >= max(shown)
 
 
@@ -132,3 +136,20 @@ def test_a_cut_beside_the_lobes_is_said() -> None:
     for at, said in ((50.0, "declared cut"), (500.0, "declared cut at 30000 rpm, not shown")):
         legend: Any = lobes_figure(speed, 1e-3 * np.ones(20), (at, 1e-3)).legends[0]
         assert said in [text.get_text() for text in legend.get_texts()]
+
+
+@pytest.mark.parametrize("sides", [(3.0, 0.5, 0.5), (0.5, 0.5, 3.0), (1.0, 4.0, 2.0)])
+def test_a_picture_in_space_fills_its_room_and_covers_nothing(sides: tuple[float, float, float]) -> None:
+    with settings():
+        carts, joints = np.zeros((3, 3)), np.tile(sides, (3, 1))
+        figure = robot_figure(carts, joints, joints[0], np.eye(3), ends=np.zeros((3, 2, 3)), title="a robot")
+        figure.draw_without_rendering()
+        axes: Any = figure.axes[0]
+        names = [axis.get_tightbbox(None) for axis in (axes.xaxis, axes.yaxis, axes.zaxis)]
+        (legend,), (title,) = figure.legends, figure.texts
+        for box in names:
+            assert legend.get_window_extent().y1 < box.y0 and box.y1 < title.get_window_extent().y0
+            assert 0.0 < box.x0 and box.x1 < figure.bbox.x1
+        whole = Bbox.union(names)
+        room = title.get_window_extent().y0 - legend.get_window_extent().y1
+        assert whole.height > 0.75 * room or whole.width > 0.75 * figure.bbox.width

@@ -82,6 +82,21 @@ def test_names_carry_units_both_ways(unit):
         assert split(named("inertia", unit)) == ("inertia", "" if unit == "1" else unit)
 
 
+@pytest.mark.parametrize(
+    ("name", "parts"),
+    [
+        ("compliance_m_per_N", ("compliance", "m/N")),
+        ("range_noise_um_per_m", ("range_noise", "um/m")),
+        ("gain_per_s", ("gain", "1/s")),
+        ("device_per_session", ("device_per_session", "")),
+        ("feed_per_tooth_m", ("feed_per_tooth", "m")),
+        ("drawn_per", ("drawn_per", "")),
+    ],
+)
+def test_per_divides_where_units_stand_about_it(name: str, parts: tuple[str, str]) -> None:
+    assert split(name) == parts
+
+
 def test_solved_with_a_failed_check_does_not_exist():
     failed = beam(checks={"end_m": at_most(2.0, 1.0, "go on")})
     assert failed.status is SolveStatus.CHECK_FAILED and "go on" in failed.message

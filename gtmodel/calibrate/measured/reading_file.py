@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from ...lang import ModelError
-from ...measurements import signal_table
+from ...measurements import LogForm, signal_table
 from ...measurements.signal_table import SignalTable
 from ...results import ArgumentError
 from ..measurements import Correction, Measurements, Pose
@@ -20,8 +20,15 @@ GRAVITY = 9.81  # m/s2
 IDENTITY = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
 
 
-def read_poses(path: Path | str, measured: Measured, held_out: Path | str | None = None) -> MeasuredPoses:
-    r"""Measured poses of a CSV file, one in each row; `held_out`: another file of the same columns that no fit sees.
+def read_poses(
+    path: Path | str,
+    measured: Measured,
+    held_out: Path | str | None = None,
+    form: LogForm = LogForm(),  # noqa: B008
+) -> MeasuredPoses:
+    r"""Measured poses of a file, one in each row; `held_out`: another file of the same columns that no fit sees.
+
+    The file may be any that `gt.measurements.open_log` takes; `form` says how it is written where it does not itself.
 
     A number as scale, offset or delay is applied here; "estimate" is left to the calibration. Raises ArgumentError with
     file and line, or with the argument "measured.signals.q.column" where a column is wrong.
@@ -34,10 +41,10 @@ def read_poses(path: Path | str, measured: Measured, held_out: Path | str | None
     array([[ 0.5 , -0.6 , 0.5 ],
            [ 0.503, -0.601, 0.502]])
     """
-    tables = [_table(Path(path), measured)]
+    tables = [_table(Path(path), measured, form)]
     held = None
     if held_out is not None:
-        tables.append(_table(Path(held_out), measured, "held_out.file"))
+        tables.append(_table(Path(held_out), measured, form, "held_out.file"))
         held = np.repeat([False, True], [len(t.lines) for t in tables])
     measurements = _measurements(tables, measured)
     lines = np.concatenate([t.lines for t in tables])
@@ -48,7 +55,7 @@ def read_poses(path: Path | str, measured: Measured, held_out: Path | str | None
     return MeasuredPoses(measurements, measured.actuators, lines, held, columns, known, notes[0] if notes else None)
 
 
-def _table(path: Path, measured: Measured, key: str = "measured.file") -> SignalTable:
+def _table(path: Path, measured: Measured, form: LogForm, key: str = "measured.file") -> SignalTable:
     wanted: dict[str, tuple[str | Sequence[str], str | Sequence[str]]] = {}
     if len(measured.signals) < 2:
         given = ", ".join(measured.signals) or "none"
@@ -74,7 +81,7 @@ def _table(path: Path, measured: Measured, key: str = "measured.file") -> Signal
     if measured.session is None and (measured.device_per_session or measured.target_per_session):
         raise ArgumentError("is missing; name the column that says the recording of a row", "measured.session")
     try:
-        return signal_table.read(path, wanted, measured.session)
+        return signal_table.read(path, wanted, measured.session, form)
     except ArgumentError as error:
         raise ArgumentError(error.message, f"measured.{error.argument}" if error.argument else key) from error
 

@@ -27,7 +27,7 @@ def pictures(plan: PlanState) -> Figures:
             "left for calibration": T[stages["safety"]],
             "reached, but not safe": T[stages["workspace"] & ~stages["safety"]],
         }
-        drawn["2_obstacles_and_safety"] = partial(_space, plan, second, "without obstacles and safety zones")
+        drawn["2_obstacles_and_safety"] = partial(_space, plan, second, "what obstacles and safety zones leave")
     if "safety distance" in stages or (plan.candidates.complete and "device" in stages):
         last = next(reversed(stages.values()))
         third = {

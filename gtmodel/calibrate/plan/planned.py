@@ -23,7 +23,17 @@ from .options import AnyDevice, Criteria, Evaluation, PlanLimits, PlanSimulation
 from .pictures import pictures
 from .result import PlanStudy
 from .stages import stages_of
-from .steps import PlanState, Stop, Stopped, draw_curve, find_candidates, prepare_information, select, simulate
+from .steps import (
+    PlanState,
+    Stop,
+    Stopped,
+    draw_curve,
+    find_candidates,
+    prepare_information,
+    refuse_number,
+    select,
+    simulate,
+)
 from .task import Task
 from .turns import turns_of
 from .verdict import checks_of, verdict_of
@@ -100,6 +110,7 @@ def plan_study(
     try:
         find_candidates(plan, asked)
         prepare_information(plan)
+        refuse_number(plan)  # before the work
         if not plan.unpredicted:
             draw_curve(plan, asked)
         _until_approved(plan, asked)

@@ -12,12 +12,12 @@ from ...kinematics.mechanism import Mechanism
 from ...kinematics.workspace import box_grid
 from ...kinematics.workspace.limited import refuse_disordered
 from ...lang import ModelError
-from ...results import ArgumentError
+from ...results import ArgumentError, naming
 from ..calibration import calibrate
 from ..candidates import Candidates, candidates, regular_grid
 from ..pose_information import PoseInformation, pose_information
 from ..pose_numbers import ErrorCurve, Point, error_curve, grid_point, sufficient_number
-from ..pose_selection import condition_removal, exchange
+from ..pose_selection import condition_removal, exchange, require_enough
 from ..positioning import Positioning, positioning
 from ..problem import CalibrationProblem
 from .device import Measuring
@@ -194,6 +194,13 @@ def draw_curve(plan: PlanState, stop: Stop) -> None:
         plan.info, plan.target, plan.task.criteria.accuracy, criterion, repeats=wanted.repeats, starts=1,
         seed=wanted.seed, most=min(most, 4 * wanted.most),
     )  # fmt: skip
+
+
+def refuse_number(plan: PlanState) -> None:
+    """Raises ArgumentError where so many poses cannot be selected. A grid has another number than it is asked for."""
+    if plan.task.poses.method != "grid":
+        with naming("poses.number", ModelError):
+            require_enough(plan.info, plan.task.poses.number)
 
 
 def select(plan: PlanState, number: int, stop: Stop) -> None:

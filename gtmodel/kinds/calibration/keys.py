@@ -13,14 +13,15 @@ from gtmodel.compliance.load_tests import options as load_tests
 from gtmodel.compliance.options import Load
 from gtmodel.problem_files.base import FileSection, Source
 from gtmodel.problem_files.from_options import Made, made_from
+from gtmodel.problem_files.log_keys import FormSection
 from gtmodel.problem_files.robot_keys import RobotProblem
 
 RESULT = "gtmodel.calibrate.CalibrationStudy"
 
 
 @made_from(measured.Measured)
-class MeasuredSection(Made):
-    """Measured poses in a CSV file."""
+class MeasuredSection(FormSection):
+    """Measured poses in a CSV, MATLAB or Parquet file."""
 
     file: str = Field(description="path from the problem's folder")
     source: Source = ""

@@ -73,7 +73,7 @@ def _poses(problem: Schema, robot: Model, context: Context) -> MeasuredPoses:
         return calibrate.made_poses(robot, problem.synthetic.options(), held_out)
     assert problem.measurements is not None
     path = context.file(problem.measurements.file, "measurements.file", source=problem.measurements.source)
-    return calibrate.read_poses(path, problem.measurements.options(), held_out)
+    return calibrate.read_poses(path, problem.measurements.options(), held_out, problem.measurements.form())
 
 
 def _carts(problem: Schema, context: Context) -> CartPoints | None:

@@ -26,7 +26,7 @@ def read_poses(path: str | Path) -> list[CommandedPose]:
     """
     path = Path(path)
     with naming("poses", ArgumentError):
-        table = CsvTable(path, "q1_m,q2_m,q3_m")
+        table = CsvTable(path)
     head = table.names
     wanted = [
         (name, columns, f) for name, all_ in COLUMNS.items() for columns, f in all_.items() if {*columns} & {*head}

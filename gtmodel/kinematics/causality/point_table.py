@@ -23,7 +23,7 @@ def read(path: Path, signals: Sequence[CausalSignal]) -> list[np.ndarray]:
     comments. Raises ArgumentError with the line: a column missing or there twice, a unit that does not fit, a cell that
     is no number.
     """
-    table = CsvTable(path, ",".join(columns(signals[0])))
+    table = CsvTable(path)
     parts = [[_in_units_of(signal, table, name) for name in columns(signal)] for signal in signals]
     return [np.stack(c, axis=1).reshape(-1, *signal.shape) for c, signal in zip(parts, signals, strict=True)]
 

@@ -44,7 +44,7 @@ def read_experiments(index: str | Path, fit: ModalFitting | None = None) -> list
     then in the working directory. fit: estimator and windows of hits. Raises ArgumentError.
     """
     path, fit = Path(index), fit or ModalFitting()
-    table = CsvTable(path, _INDEX)
+    table = CsvTable(path)
     for name in (*_PLACE, "direction", "file"):
         if name not in table.names:
             raise ArgumentError(f"{table.where}: there is no column '{name}'; expected {_INDEX}")
@@ -66,7 +66,7 @@ def read_experiments(index: str | Path, fit: ModalFitting | None = None) -> list
 
 def _response(files: Sequence[tuple[str, str]], fit: ModalFitting, paths: Mapping[str, Path]) -> FrequencyResponse:
     """Of the hits of one experiment, or the one receptance."""
-    tables = [CsvTable(paths[name], _RECORD) for name, _ in files]
+    tables = [CsvTable(paths[name]) for name, _ in files]
     (name, where), first = files[0], tables[0]
     try:
         if "frequency" in first.names:

@@ -1,0 +1,380 @@
+"""The study of a log before it is used."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+
+from ...results.door import study_function
+from ...results.quantity import Quantity, Row
+from ...results.status import SolveStatus
+from ...results.study import Study, to_inherit
+from ...results.trajectory_errors import Array
+from ...results.trajectory_files import PathLike
+from ...results.work import Progress, Work, never, silent
+from ..sampling import SamplingReport
+from ..streams.form import LogForm, shown
+from ..streams.matlab import MatFile
+from ..streams.opening import content_of
+from ..streams.stream import Stream
+from .clocks import Clock, ClockPair, clock_of, pairs
+from .columns import ColumnFacts, ColumnScan, Envelope
+from .guesses import UnitGuess, is_time, unit_guess
+
+SHORTEST = 16  # rows of a stream, where another one is longer: what is shorter are parameters
+MOST_CLOCKS = 4
+MOST_GAPS = 20  # that are listed
+MOST_NAMES = 12
+_COMPONENT = re.compile(r"(?P<base>.+?)(?:\[\d+\]|[_.](?:[xyzw]|\d+)|(?<=[^\d\W])\d+)")
+
+
+@dataclass(frozen=True, eq=False)
+class InspectedStream:
+    """One table of a log: its columns, the units that they probably have, its clocks; `envelope` is drawn."""
+
+    name: str
+    rows: int
+    columns: list[ColumnFacts]
+    guesses: list[UnitGuess]
+    clocks: list[Clock]
+    pairs: list[ClockPair]
+    envelope: Envelope
+    groups: list[list[int]]
+
+    @property
+    def clock(self) -> Clock | None:
+        """The one that orders the rows: the first in a known unit, else the first."""
+        return next((c for c in self.clocks if c.unit), next(iter(self.clocks), None))
+
+
+@to_inherit
+@dataclass(frozen=True, kw_only=True)
+class InspectionStudy(Study):
+    """What a log holds: `streams` by name in plain data, `inspected` as objects; notes say what to look at."""
+
+    streams: Annotated[
+        dict[str, Any],
+        Quantity(description="by stream: rows, columns with range, unit and why it is thought to be, clocks"),
+    ] = field(default_factory=dict)
+    inspected: Sequence[InspectedStream] = ()
+
+    @property
+    def rows(self) -> list[Row]:
+        """A row for each vector or column, behind those of the clocks of its stream."""
+        return [row for stream in self.inspected for row in _rows(stream, len(self.inspected) > 1)]
+
+
+@study_function
+def inspect(
+    path: PathLike,
+    form: LogForm = LogForm(),  # noqa: B008
+    *,
+    title: str = "",
+    progress: Progress = silent,
+    max_seconds: float | None = None,
+    stop: Callable[[], bool] = never,
+) -> InspectionStudy:
+    r"""What a log holds, before it is used: streams, columns, units guessed and why, rates, jitter, gaps, clocks.
+
+    Args:
+        path: a file as `open_log` takes it; it is read once, in blocks, so it may be larger than the memory.
+        form: how it is written, where it does not say so itself.
+        title: of the table and the picture.
+        progress, max_seconds, stop: see `Work`. Stopped, it tells of what was read.
+
+    Units that do not stand in the header are guesses and called so. Raises LogError for a file that cannot be read.
+
+    >>> from pathlib import Path
+    >>> lines = [f"{4 * k},{0.5 * k % 2},{300 + k}" for k in range(40) if k != 20]
+    >>> written = Path("run.csv").write_text("t_ms,force_N,tcp_x\n" + "\n".join(lines))
+    >>> study = gt.measurements.inspect("run.csv")
+    >>> (stream,) = study.inspected
+    >>> [guess.unit for guess in stream.guesses]
+    ['ms', 'N', 'mm']
+    >>> stream.guesses[2].why
+    'called like a position, up to 339: too far for m'
+    >>> round(stream.clock.sampling.rate, 6), stream.clock.sampling.gaps[0].missing
+    (250.0, 1)
+    """
+    work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
+    content = content_of(path, form)
+    notes: list[str] = []
+    all_streams = [content] if isinstance(content, Stream) else list(content.streams())
+    streams = [s for s in all_streams if not form.stream or s.name == form.stream]
+    made, ended = list[InspectedStream](), False
+    for stream in streams:
+        notes += [_on(stream, remark) for remark in stream.remarks]
+        inspected, ended = _inspected(stream, work, others=len(streams) > 1)
+        made += [] if inspected is None else [inspected]
+        if ended:
+            notes.append(f"stopped after row {made[-1].rows if made else 0}; what follows it is not in these numbers")
+            break
+    notes += [sentence for stream in made for sentence in _remarkable(stream, len(made) > 1)]
+    if isinstance(content, MatFile):
+        notes += _parameters(content)
+    title = title or shown(Path(path).name)
+    figures = {"log": partial(_picture, title, made)} if made else {}
+    return InspectionStudy(
+        status=SolveStatus.INTERRUPTED if ended else SolveStatus.SOLVED,
+        message="" if ended else f"{len(made)} stream{'s' if len(made) != 1 else ''}; units with ? are guesses",
+        title=title,
+        notes=notes,
+        figures=figures,
+        streams={stream.name or "table": _data(stream) for stream in made},
+        inspected=made,
+    )
+
+
+def _inspected(stream: Stream, work: Work, others: bool) -> tuple[InspectedStream | None, bool]:
+    """A stream, None for one that is too short beside others; and whether it was stopped."""
+    names = [name for name in stream.heads.names if name and _once(stream, name)]
+    units = dict(zip(stream.heads.names, stream.heads.units, strict=True))
+    numeric, scan, kept, ended = names, None, list[str](), False
+    blocks = stream.blocks(names, gaps=True) if names else iter(())
+    for block in blocks:
+        if scan is None:
+            kept = _clock_names(stream, numeric, block.values)
+            scan = ColumnScan(numeric, kept)
+        scan.add(block.values)
+        work.progress(f"reading {stream.source}", block.fraction)
+        if work.interrupted() and block.fraction < 1.0:
+            ended = True
+            break
+    if scan is None or (others and scan.lines < SHORTEST):
+        return None, ended
+    facts, groups = scan.facts(), _groups(names)
+    guesses: list[UnitGuess] = [UnitGuess("", "")] * len(names)
+    for group in groups:
+        rows = scan.head[:, group] if len(group) > 1 else None
+        for j in group:
+            guesses[j] = unit_guess(facts[j], units[names[j]], scan.head[:, j], rows)
+        _as_one(group, guesses, facts)
+    clocks = [clock_of(name, guesses[names.index(name)].unit, scan.numbers(name)) for name in kept]
+    clocks.sort(key=lambda clock: clock.name != stream.clock)
+    inspected = InspectedStream(
+        stream.name, scan.lines, facts, guesses, clocks, pairs(clocks), scan.envelope, groups
+    )  # fmt: skip
+    return inspected, ended
+
+
+def _once(stream: Stream, name: str) -> bool:
+    return stream.heads.names.count(name) == 1
+
+
+def _clock_names(stream: Stream, names: list[str], values: Array) -> list[str]:
+    """Columns of time by their names; without any, those that increase with each row."""
+    named = [name for name in names if name == stream.clock or is_time(name)]
+    if not named and len(values) > 2:
+        named = [name for j, name in enumerate(names) if np.all(np.diff(values[:, j]) > 0)]
+    return named[:MOST_CLOCKS]
+
+
+def _groups(names: list[str]) -> list[list[int]]:
+    """Columns side by side that are components of one vector by their names: q[0], q[1]; x_1, x_2; p.x, p.y, p.z."""
+    groups: list[list[int]] = []
+    before = ""
+    for j, name in enumerate(names):
+        match = _COMPONENT.fullmatch(name)
+        base = match["base"] if match else ""
+        if base and base == before:
+            groups[-1].append(j)
+        else:
+            groups.append([j])
+        before = base
+    return groups
+
+
+def _as_one(group: list[int], guesses: list[UnitGuess], facts: list[ColumnFacts]) -> None:
+    """Components of a vector have one unit: the one of the component that says most."""
+    units = [guesses[j].unit for j in group if not facts[j].constant]
+    if len(group) < 2 or any(guesses[j].stated for j in group) or len(set(units)) < 2:
+        return
+    widest = max(group, key=lambda j: facts[j].most - facts[j].least)
+    for j in group:
+        guesses[j] = guesses[widest]
+
+
+def _on(stream: Stream, sentence: str) -> str:
+    return f"{stream.name}: {sentence}" if stream.name else sentence
+
+
+def _remarkable(stream: InspectedStream, several: bool) -> list[str]:
+    """Sentences on what a person should look at before the log is used."""
+    lead = f"{stream.name}: " if several else ""
+    said: list[str] = []
+    for group in stream.groups:
+        guess, name = stream.guesses[group[0]], _group_name([stream.columns[j] for j in group])
+        if guess.why and not guess.stated and not guess.why.startswith("the name") and len(said) < MOST_NAMES:
+            said.append(f"{lead}{name}: {f'{guess.unit}? ' if guess.unit else ''}{guess.why}")
+    for clock in stream.clocks:
+        s, unit = clock.sampling, "s" if clock.unit else "of its unit"
+        if clock.resets:
+            times = "once" if clock.resets == 1 else f"{clock.resets} times"
+            said.append(f"{lead}the time '{clock.name}' goes back {times}: a reset, or rows that came late")
+        if s.repeated:
+            said.append(f"{lead}the time '{clock.name}' repeats itself in {s.repeated} rows")
+        if s.gaps:
+            first = s.gaps[0]
+            said.append(
+                f"{lead}'{clock.name}' has {_gaps(s)}, {100 * s.missing:.2g} % of the samples; the first of "
+                f"{first.duration:.4g} {unit} at {first.time:.6g} {unit}"
+            )
+        if not clock.unit:
+            said.append(f"{lead}the unit of the time '{clock.name}' is not known")
+    if not stream.clocks:
+        said.append(f"{lead}there is no column of time: if it is a recording, the sample time has to be given")
+    for pair in stream.pairs:
+        said.append(
+            f"{lead}'{pair.other}' is {1e3 * pair.offset:.4g} ms ahead of '{pair.first}' at the first row and gains "
+            f"{1e6 * pair.drift:.3g} ppm, roughly; {1e3 * pair.residual:.3g} ms scatter"
+        )
+    # a component of a quaternion ends at 1
+    turned = {c.name for c, guess in zip(stream.columns, stream.guesses, strict=True) if "quaternion" in guess.why}
+    for many, sentence in (
+        (lambda c: c.rows == 0, "no numbers in {}"),
+        (lambda c: c.rows and c.constant, "constant: {}"),
+        (lambda c: c.rows and c.empty, "rows without a number in {}"),
+        (
+            lambda c: c.clipped and c.name not in turned,
+            "looks clipped, for it stands at its extremes again and again: {}",
+        ),
+    ):
+        chosen = [c for c in stream.columns if many(c)]
+        if chosen:
+            said.append(lead + sentence.format(_listed([_counted(c) for c in chosen])))
+    return said
+
+
+def _gaps(sampling: SamplingReport) -> str:
+    count = len(sampling.gaps)
+    return "one gap" if count == 1 else f"{count} gaps"
+
+
+def _counted(c: ColumnFacts) -> str:
+    if c.rows == 0 or c.constant:
+        return c.name
+    return f"{c.name} ({c.empty if not c.clipped else c.clipped})"
+
+
+def _listed(names: list[str]) -> str:
+    more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
+    return ", ".join(names[:MOST_NAMES]) + more
+
+
+def _parameters(file: MatFile) -> list[str]:
+    """Single numbers and short vectors of a MATLAB file."""
+    single = [n for n, v in file.variables.items() if int(np.prod(v.shape)) == 1]
+    short = [n for n, v in file.variables.items() if 1 < int(np.prod(v.shape)) < SHORTEST]
+    notes = []
+    if single:
+        values = {n: float(file.variables[n].load().ravel()[0]) for n in single[: MOST_NAMES + 1]}
+        notes.append("single numbers: " + _listed([f"{n} = {values.get(n, 0.0):g}" for n in single]))
+    if short:
+        notes.append("short vectors: " + _listed(short))
+    if file.skipped:
+        notes.append("no numbers in " + _listed(file.skipped))
+    return notes
+
+
+def _rows(stream: InspectedStream, several: bool) -> list[Row]:
+    rows = [Row(f"stream {stream.name}" if several else "rows", stream.rows)]
+    for clock in stream.clocks:
+        s = clock.sampling
+        if clock.unit and s.rate:
+            text = (
+                f"{s.rate:.6g} Hz, jitter {100 * s.jitter:.2g} %, {_gaps(s)}, from {np.nanmin(clock.time):.6g} "
+                f"to {np.nanmax(clock.time):.6g}"
+            )
+            rows.append(Row(f"time {clock.name}", text, "s"))
+    times = {clock.name for clock in stream.clocks if clock.unit}
+    for group in stream.groups:
+        facts = [stream.columns[j] for j in group]
+        if all(c.name in times for c in facts):
+            continue
+        rows.append(Row(_group_name(facts), _range(facts), _unit_shown(stream.guesses[group[0]])))
+    return rows
+
+
+def _group_name(facts: list[ColumnFacts]) -> str:
+    return facts[0].name if len(facts) == 1 else f"{facts[0].name} to {facts[-1].name}"
+
+
+def _range(facts: list[ColumnFacts]) -> str:
+    filled = [c for c in facts if c.rows]
+    if not filled:
+        return "no numbers"
+    least, most = min(c.least for c in filled), max(c.most for c in filled)
+    parts = [f"{least:.6g}" if least == most else f"{least:.6g} to {most:.6g}"]
+    steps = {f"{c.step:.3g}" for c in filled if c.step}
+    if len(steps) == 1:
+        parts.append(f"in steps of {steps.pop()}")
+    if empty := sum(c.empty for c in facts):
+        parts.append(f"{empty} empty")
+    return ", ".join(parts)
+
+
+def _unit_shown(guess: UnitGuess) -> str:
+    return guess.unit if guess.stated or not guess.unit else f"{guess.unit} ?"
+
+
+def _data(stream: InspectedStream) -> dict[str, Any]:
+    """A stream as plain data, for result.json."""
+    return {
+        "rows": stream.rows,
+        "columns": [
+            {
+                "name": c.name, "unit": g.unit, "unit_from": "header" if g.stated else "guess" if g.unit else "",
+                "why": g.why, "least": c.least, "most": c.most, "mean": c.mean, "numbers": c.rows, "empty": c.empty,
+                "constant": c.constant, "step": c.step, "clipped_rows": c.clipped, "longest_repeat": c.longest,
+            }
+            for c, g in zip(stream.columns, stream.guesses, strict=True)
+        ],
+        "clocks": [_clock_data(clock) for clock in stream.clocks],
+        "clock_pairs": [
+            {"first": p.first, "other": p.other, "offset_s": p.offset, "drift_ppm": 1e6 * p.drift,
+             "residual_s": p.residual} for p in stream.pairs
+        ],
+    }  # fmt: skip
+
+
+def _clock_data(clock: Clock) -> dict[str, Any]:
+    s = clock.sampling
+    good = clock.time[np.isfinite(clock.time)]
+    return {
+        "name": clock.name, "unit": clock.unit, "monotonic": not (s.late or s.repeated), "resets": clock.resets,
+        "repeated": s.repeated, "start": float(good[0]) if len(good) else None,
+        "end": float(good[-1]) if len(good) else None, "rate_Hz": s.rate, "step_s": s.step, "jitter": s.jitter,
+        "largest_jitter": s.most, "gaps": len(s.gaps), "missing": s.missing,
+        "first_gaps": [asdict(gap) for gap in s.gaps[:MOST_GAPS]],
+    }  # fmt: skip
+
+
+def _picture(title: str, streams: Sequence[InspectedStream]) -> Any:
+    from ...plot.log import log_figure
+
+    return log_figure(title, [_drawn(stream) for stream in streams])
+
+
+def _drawn(stream: InspectedStream) -> dict[str, Any]:
+    """What the picture takes: times of the envelope, and each group of columns."""
+    clock, at = stream.clock, stream.envelope.rows
+    if clock is not None and len(clock.time):
+        time, label = clock.time[np.round(at).astype(int)], f"{clock.name} [{'s' if clock.unit else '?'}]"
+    else:
+        time, label = at, "row"
+    return {
+        "name": stream.name, "time": time, "label": label, "low": stream.envelope.low, "high": stream.envelope.high,
+        "groups": [
+            (_group_name([stream.columns[j] for j in group]), _unit_shown(stream.guesses[group[0]]), group)
+            for group in stream.groups
+            if not any(stream.columns[j].name == c.name for c in stream.clocks for j in group)
+            and any(stream.columns[j].rows and not stream.columns[j].constant for j in group)
+        ],
+        "clock": None if clock is None else clock.time,
+    }  # fmt: skip

@@ -1,0 +1,148 @@
+"""ROS bags by rosbags: each topic is a stream, the fields of its messages are columns, times count from the first."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+
+from .extra import needed
+from .form import LogError, shown
+from .heads import Heads
+from .stream import RowBlock, Stream
+
+RECEIVED, STAMP = "receive_time", "header.stamp"
+MOST_COMPONENTS = 64  # of an array in a message: longer ones are pictures, clouds and maps
+PER_BLOCK = 4096  # messages
+_NS = 10**9
+
+
+class Bag:
+    """A ROS 1 bag, or a ROS 2 bag: its folder, the metadata.yaml in it, or a file of it (.mcap, .db3)."""
+
+    def __init__(self, path: Path) -> None:
+        self.source = shown(path)
+        what = f"{self.source} is a ROS bag"
+        self._path = path.parent if path.name == "metadata.yaml" else path
+        self._reader = needed("rosbags.highlevel", what).AnyReader
+        typesys = needed("rosbags.typesys", what)
+        self._types = typesys.get_typestore(typesys.Stores.LATEST)
+        with self.opened() as reader:
+            self.start = int(reader.start_time)
+            self.topics = {name: info for name, info in reader.topics.items() if info.msgcount}
+            self.types = {name: info.msgtype or "" for name, info in self.topics.items()}
+            if not self.topics:
+                raise LogError(f"{self.source} holds no messages")
+
+    def opened(self) -> Any:
+        """The bag, open for reading. Raises LogError where it is none."""
+        return _Opened(self)
+
+    def streams(self) -> list[Stream]:
+        """A stream for each topic whose messages hold numbers."""
+        made = (TopicStream(self, topic) for topic in sorted(self.topics))
+        return [stream for stream in made if len(stream.heads.names) > 1]
+
+
+class _Opened:
+    def __init__(self, bag: Bag) -> None:
+        self._bag = bag
+        self._open: Any = None
+
+    def __enter__(self) -> Any:
+        try:
+            self._open = self._bag._reader([self._bag._path], default_typestore=self._bag._types)
+            return self._open.__enter__()
+        except FileNotFoundError:
+            raise
+        except Exception as error:  # of rosbags, of its database and of its compression
+            raise self._refused(error) from error
+
+    def __exit__(self, kind: Any, error: BaseException | None, trace: Any) -> None:
+        self._open.__exit__(kind, error, trace)
+        if isinstance(error, Exception) and not isinstance(error, LogError):
+            raise self._refused(error) from error
+
+    def _refused(self, error: Exception) -> LogError:
+        reason = " ".join(str(error).split())[:100] or type(error).__name__
+        return LogError(f"{self._bag.source} cannot be read as a ROS bag ({reason})")
+
+
+class TopicStream(Stream):
+    """The messages of a topic. Columns are dotted fields, `linear_acceleration.x`, and two times [s] after the bag's
+    first message: when it was received, and the stamp of its header, which is the clock where it is set."""
+
+    row: ClassVar[str] = "message"
+    cell: ClassVar[str] = "field"
+
+    def __init__(self, bag: Bag, topic: str) -> None:
+        self._bag = bag
+        names: list[str] = [RECEIVED]
+        clock = RECEIVED
+        for _, message in self._messages(topic):
+            names += [name for name, _ in _numbers(message)]
+            if _stamp(message):
+                clock = STAMP
+                names.insert(0, STAMP)
+            break
+        units = ["s" if name in (STAMP, RECEIVED) else "" for name in names]
+        super().__init__(
+            f"{bag.source} topic {topic}", topic, Heads(names, f"{bag.source} topic {topic}", units), clock
+        )
+        from_ = "the stamp of the header" if clock == STAMP else "when the message was received"
+        self.remarks.append(f"{bag.types[topic]}; its time is {from_}, counted from the first message of the bag")
+
+    def blocks(self, columns: Sequence[str], *, gaps: bool = False) -> Iterator[RowBlock]:
+        """See `Stream.blocks`."""
+        asked = [self.heads.names[self.heads.place(name)] for name in columns]
+        total, begin, rows = self._bag.topics[self.name].msgcount, 0, list[list[float]]()
+        for received, message in self._messages(self.name):
+            numbers = dict(_numbers(message))
+            numbers[RECEIVED] = (received - self._bag.start) / _NS
+            if STAMP in asked:
+                stamp = _stamp(message)
+                numbers[STAMP] = (stamp - self._bag.start) / _NS if stamp else np.nan
+            row = [numbers.get(name, np.nan) for name in asked]
+            if not gaps and not np.all(np.isfinite(row)):
+                j = int(np.argmin(np.isfinite(row)))
+                raise self.no_number(begin + len(rows) + 1, columns[j], numbers.get(asked[j], "nothing"))
+            rows.append(row)
+            if len(rows) == PER_BLOCK:
+                begin += len(rows)
+                yield RowBlock(np.array(rows), np.arange(begin - len(rows) + 1, begin + 1), begin / total)
+                rows = []
+        if rows:
+            yield RowBlock(np.array(rows), np.arange(begin + 1, begin + 1 + len(rows)), 1.0)
+
+    def _messages(self, topic: str) -> Iterator[tuple[int, Any]]:
+        with self._bag.opened() as reader:
+            of_topic = [c for c in reader.connections if c.topic == topic]
+            for connection, received, raw in reader.messages(connections=of_topic):
+                yield int(received), reader.deserialize(raw, connection.msgtype)
+
+
+def _stamp(message: Any) -> int:
+    """The stamp of a message's header [ns], 0 where there is none."""
+    stamp = getattr(getattr(message, "header", None), "stamp", None)
+    return 0 if stamp is None else int(stamp.sec) * _NS + int(stamp.nanosec)
+
+
+def _numbers(message: Any, prefix: str = "") -> Iterator[tuple[str, float]]:
+    """The numbers of a message by their dotted names."""
+    for field in fields(message):
+        value, name = getattr(message, field.name), prefix + field.name
+        if field.name.startswith("__") or name == "header":
+            continue
+        if is_dataclass(value):
+            yield from _numbers(value, f"{name}.")
+        elif isinstance(value, (bool, int, float, np.number, np.bool_)):
+            yield name, float(value)
+        elif isinstance(value, (list, np.ndarray)) and 0 < len(value) <= MOST_COMPONENTS:
+            if is_dataclass(value[0]):
+                for k, part in enumerate(value):
+                    yield from _numbers(part, f"{name}[{k}].")
+            elif not isinstance(value[0], str):
+                yield from ((f"{name}[{k}]", float(part)) for k, part in enumerate(value))

@@ -1,0 +1,115 @@
+"""Columns of a table by the names and units of its header: "q[0] [mm]", "force (N)", or a row of units below."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Sequence
+
+from ...lang.units import UnitError, parse_unit
+from .form import LogError
+
+# the blank tells e[1] from e [1]
+_CELL = re.compile(r"(?P<name>.*\S)\s+\[(?P<unit>[^\[\]]+)\]")
+# "pos[mm]", "pos (mm)": where that is a unit, else it belongs to the name, as in der(T)
+_LOOSE = re.compile(r"(?P<name>.*[^\s([])(?:\[|\s+\()(?P<unit>[^\[\]()]+)[\])]")
+_SPELLED = (
+    ("°C", "K"), ("°", "deg"), ("µ", "u"), ("μ", "u"), ("²", "2"), ("³", "3"), ("·", "."), ("Nm", "N.m"), ("Ω", "Ohm"),
+)  # fmt: skip
+_WORDS = {"-": "1", "sec": "s", "secs": "s", "second": "s", "seconds": "s", "degree": "deg", "degrees": "deg"}
+_WORDS |= {"radian": "rad", "radians": "rad", "volt": "V", "volts": "V", "meter": "m", "meters": "m", "newton": "N"}
+MOST_NAMES = 8  # of a message that lists the columns
+
+
+def spelled(unit: str) -> str:
+    """A unit as instruments write it, "°/s", "Nm", "sec", in the spelling of gtmodel; unchanged if there is none."""
+    text = unit.strip().strip("[]()").strip()
+    text = _WORDS.get(text.lower(), text)
+    for sign, word in _SPELLED:
+        text = text.replace(sign, word)
+    return text
+
+
+def is_unit(text: str) -> bool:
+    """Whether a text is a unit, in the spelling of gtmodel.
+
+    >>> from gtmodel.measurements.streams.heads import is_unit
+    >>> is_unit("deg/s"), is_unit("filtered")
+    (True, False)
+    """
+    try:
+        parse_unit(text)
+    except UnitError:
+        return False
+    return bool(text)
+
+
+class Heads:
+    """The columns of a header; columns that nobody asks for are left alone.
+
+    names, units: of each column; "" where a cell is empty or has no unit. where: the header, for messages.
+    """
+
+    def __init__(self, cells: Sequence[str], where: str, units: Sequence[str] = ()) -> None:
+        self.where = where
+        self._cells = list(cells)
+        both = [_parts(cell) for cell in cells]
+        self.names = [name for name, _ in both]
+        self.units = [own or given for (_, own), given in zip(both, units or [""] * len(both), strict=True)]
+
+    def members(self, name: str | Sequence[str]) -> list[str]:
+        """The columns that a declared name means: "q" means "q[0]", "q[1]" and so on where there is no "q"."""
+        members = [name] if isinstance(name, str) else list(name)
+        if isinstance(name, str) and not self._places(name):
+            indexed = [n for n in self.names if re.fullmatch(rf"{re.escape(name)}\[\d+\]", n)]
+            members = [f"{name}[{k}]" for k in range(len(set(indexed)))] or members
+        for member in members:
+            self.place(member)
+        return members
+
+    def place(self, name: str) -> int:
+        """Where a column stands. Raises LogError where it does not, or twice: which is meant is not clear."""
+        places = self._places(name)
+        if not places:
+            raise LogError(self.missing(name))
+        if len(places) > 1:
+            columns = f"columns {places[0] + 1} and {places[1] + 1}"
+            raise LogError(f"{self.where}: '{name}' is there twice, in {columns}; leave one of them out")
+        return places[0]
+
+    def missing(self, name: str) -> str:
+        """What is said of a column that is not there."""
+        return f"{self.where}: there is no column '{name}'; {self._hint(name)}"
+
+    def refuse_other_unit(self, name: str, declared: str) -> None:
+        """Raises LogError where the header says another unit than was declared."""
+        headed = self.units[self.place(name)]
+        try:
+            here, wanted = parse_unit(headed or declared), parse_unit(declared)
+        except UnitError as error:
+            raise LogError(f"{self.where}, column '{name}': {error}") from error
+        if (here.dimension, here.factor, here.pi_power) != (wanted.dimension, wanted.factor, wanted.pi_power):
+            said = f"'{name}' is in {headed} here and declared in {declared}; correct one of them"
+            raise LogError(f"{self.where}: {said}")
+
+    def _places(self, name: str) -> list[int]:
+        """By the name, or by the whole cell with its unit."""
+        return [k for k, n in enumerate(self.names) if n == name] or [
+            k for k, cell in enumerate(self._cells) if cell == name
+        ]
+
+    def _hint(self, name: str) -> str:
+        close = difflib.get_close_matches(name, self.names, n=1, cutoff=0.5)
+        if close:
+            return f"did you mean '{close[0]}'?"
+        there = [n for n in self.names if n]
+        more = f" and {len(there) - MOST_NAMES} more" if len(there) > MOST_NAMES else ""
+        return f"it has {', '.join(n[:24] for n in there[:MOST_NAMES]) or 'none'}{more}"
+
+
+def _parts(cell: str) -> tuple[str, str]:
+    if match := _CELL.fullmatch(cell):
+        return match["name"], spelled(match["unit"])
+    if (match := _LOOSE.fullmatch(cell)) and not match["unit"].isdigit() and is_unit(spelled(match["unit"])):
+        return match["name"], spelled(match["unit"])
+    return cell, ""

@@ -1,0 +1,218 @@
+"""MATLAB files of all versions, and HDF5: variables, members of structs and rows of matrices as columns of streams."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .extra import needed
+from .form import LogError, LogForm, shown
+from .heads import Heads
+from .stream import ArrayStream
+
+MOST_COMPONENTS = 64  # of a signal; a matrix with more both ways is a picture or a map
+SHORTEST = 3  # samples: shorter vectors are parameters
+MOST_STRUCTS = 100  # of an array of structs
+
+
+class MatVariable(NamedTuple):
+    """An array of numbers in a file: its shape as MATLAB shows it, and what reads it."""
+
+    shape: tuple[int, ...]
+    load: Callable[[], np.ndarray]
+
+
+class MatFile:
+    """The numeric arrays of a MATLAB file by their names, `rec.q` for a member of a struct.
+
+    `skipped`: names of what is no array of numbers. Raises LogError for what cannot be read.
+    """
+
+    def __init__(self, path: Path, form: LogForm) -> None:
+        self.source, self._form = shown(path), form
+        self.skipped: list[str] = []
+        read = _of_hdf5 if is_hdf5(path) else _of_old
+        self.variables: dict[str, MatVariable] = dict(self._kept(read(path)))
+        if not self.variables:
+            raise LogError(f"{self.source} holds no array of numbers")
+
+    def streams(self) -> list[ArrayStream]:
+        """The variables of each length as a table, the longest one first; what is shorter than a recording is no
+        stream."""
+        lengths: dict[int, None] = {}
+        for variable in self.variables.values():
+            lengths[self._length(variable)] = None
+        return [self.stream(n) for n in sorted(lengths, reverse=True) if n >= SHORTEST]
+
+    def of_time(self, time: str) -> ArrayStream:
+        """The table of the variables that have a sample for each of this one, which is the time."""
+        variable = self.variables.get(time)
+        if variable is None:
+            raise LogError(
+                Heads(list(self.variables), self.source).missing(time)
+                + ("" if time not in self.skipped else "; it holds no numbers")
+            )
+        if sum(n > 1 for n in variable.shape) > 1:
+            raise LogError(f"{self.source}: the time '{time}' is a matrix {_size(variable.shape)}; expected a vector")
+        return self.stream(int(np.prod(variable.shape)))
+
+    def stream(self, length: int) -> ArrayStream:
+        """The table of the variables with so many samples."""
+        columns: dict[str, tuple[str, int, int | None]] = {}  # variable, axis of the samples, component
+        for name, variable in self.variables.items():
+            axis = self._axis(variable, length)
+            if axis is None:
+                continue
+            width = int(np.prod(variable.shape)) // length
+            if width == 1:
+                columns[name] = name, axis, None
+            elif width <= MOST_COMPONENTS or self._form.samples is not None:
+                columns |= {f"{name}[{k}]": (name, axis, k) for k in range(width)}
+
+        def load(column: str) -> np.ndarray:
+            name, axis, component = columns[column]
+            values = self.variables[name].load()
+            if component is None:
+                return values.ravel()
+            return values.take(component, axis=1 - axis)
+
+        heads = _MatHeads(list(columns), self, length)
+        return ArrayStream(self.source, f"{length} samples", heads, load)
+
+    def _length(self, variable: MatVariable) -> int:
+        """Along what the samples run is said, or is a dimension that a vector of the file has, or is the longer one."""
+        shape = variable.shape
+        if len(shape) != 2 or min(shape) == 1 or self._form.samples is not None:
+            return int(max(shape)) if self._form.samples is None or min(shape) == 1 else self._stated(shape)
+        vectors = {max(v.shape) for v in self.variables.values() if len(v.shape) < 2 or min(v.shape) == 1}
+        both = [n for n in shape if n in vectors and n >= SHORTEST]
+        return max(both or shape)
+
+    def _stated(self, shape: tuple[int, ...]) -> int:
+        return shape[0] if self._form.samples == "rows" else shape[-1]
+
+    def _axis(self, variable: MatVariable, length: int) -> int | None:
+        """Along which axis a variable has so many samples. Raises LogError for a square matrix."""
+        shape = variable.shape
+        if len(shape) < 2 or min(shape) == 1:
+            return 0 if int(np.prod(shape)) == length else None
+        if len(shape) > 2 or length not in shape:
+            return None
+        if self._form.samples is not None:
+            return (0 if self._form.samples == "rows" else 1) if self._stated(shape) == length else None
+        return shape.index(length)
+
+    def _kept(self, arrays: Iterator[tuple[str, MatVariable | None]]) -> Iterator[tuple[str, MatVariable]]:
+        for name, variable in arrays:
+            if variable is None:
+                self.skipped.append(name)
+            elif int(np.prod(variable.shape)):
+                yield name, variable
+
+    def refuse_length(self, name: str, length: int) -> None:
+        """Raises LogError where a variable of this name has another number of samples."""
+        variable = self.variables.get(name)
+        if variable is not None:
+            raise LogError(
+                f"{self.source}: the variable '{name}' holds {_size(variable.shape)} values; expected {length} samples "
+                "as the time has"
+            )
+        if name in self.skipped:
+            raise LogError(f"{self.source}: the variable '{name}' holds no numbers")
+
+
+class _MatHeads(Heads):
+    """The columns of one length of a file; a variable of another length is not missing."""
+
+    def __init__(self, names: list[str], file: MatFile, length: int) -> None:
+        super().__init__(names, file.source)
+        self._file, self._samples = file, length
+
+    def place(self, name: str) -> int:
+        if name not in self.names:
+            self._file.refuse_length(name, self._samples)
+        elif (variable := self._file.variables.get(name.partition("[")[0])) is not None and (
+            variable.shape == (self._samples, self._samples) and self._file._form.samples is None
+        ):
+            raise LogError(
+                f"{self._file.source}: '{name}' is of a square matrix; say with samples whether they run along its "
+                "rows or its columns"
+            )
+        return super().place(name)
+
+
+def is_hdf5(path: Path) -> bool:
+    """Whether it is HDF5, with or without the head of a MATLAB 7.3 file."""
+    with open(path, "rb") as file:
+        head = file.read(520)
+    return head.startswith(b"\x89HDF") or head[512:516] == b"\x89HDF"
+
+
+def _of_old(path: Path) -> Iterator[tuple[str, MatVariable | None]]:
+    from scipy.io import loadmat
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of objects without a name, which are no numbers
+            content = loadmat(str(path))
+    except FileNotFoundError:
+        raise
+    except Exception as error:
+        reason = " ".join(str(error).split())[:80]
+        raise LogError(
+            f"{shown(path)} cannot be read as a MATLAB file ({reason}); save it with -v7, or as CSV"
+        ) from error
+    for name, value in content.items():
+        if not str(name).startswith("__") and name:
+            yield from _flat(str(name), value)
+
+
+def _flat(name: str, value: Any) -> Iterator[tuple[str, MatVariable | None]]:
+    value = np.asarray(value)
+    if value.dtype.names and value.size <= MOST_STRUCTS:
+        for k, record in enumerate(value.ravel()):
+            for member in value.dtype.names:
+                yield from _flat(f"{name}.{member}" if value.size == 1 else f"{name}[{k}].{member}", record[member])
+    elif value.dtype.kind in "biuf":
+        yield name, MatVariable(value.shape or (1,), lambda: value)
+    else:
+        yield name, None
+
+
+def _of_hdf5(path: Path) -> Iterator[tuple[str, MatVariable | None]]:
+    h5py = needed("h5py", f"{shown(path)} is a MATLAB 7.3 or HDF5 file")
+    try:
+        with h5py.File(path) as file:
+            names: list[str] = []
+            file.visit(names.append)
+            for name in names:
+                node = file[name]
+                if name.startswith("#") or not hasattr(node, "shape"):
+                    continue
+                own = node.attrs.get("MATLAB_class")
+                dotted = name.replace("/", ".")
+                if node.dtype.kind not in "biuf" or node.attrs.get("MATLAB_empty") or own in (b"char", b"cell"):
+                    yield dotted, None
+                    continue
+                shape = tuple(node.shape[::-1] if own is not None else node.shape) or (1,)
+                yield dotted, MatVariable(shape, _loader(h5py, path, name, turned=own is not None))
+    except OSError as error:
+        reason = " ".join(str(error).split())[:80]
+        raise LogError(f"{shown(path)} cannot be read as a MATLAB 7.3 file ({reason}); save it again") from error
+
+
+def _loader(h5py: Any, path: Path, name: str, turned: bool) -> Callable[[], np.ndarray]:
+    def load() -> np.ndarray:
+        with h5py.File(path) as file:
+            value = np.atleast_1d(np.asarray(file[name]))
+        return value.T if turned else value
+
+    return load
+
+
+def _size(shape: tuple[int, ...]) -> str:
+    return " x ".join(map(str, shape))

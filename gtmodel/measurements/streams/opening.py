@@ -1,0 +1,98 @@
+"""Any supported file as streams: the kind is recognised from the first bytes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ...results.trajectory_files import PathLike
+from .form import LogError, LogForm, shown
+from .matlab import MatFile
+from .stream import Stream
+from .text import TextStream
+
+if TYPE_CHECKING:
+    from .bags import Bag
+
+_TABLES = (".xlsx", ".xls", ".ods", ".mdf", ".mf4", ".dat.gz", ".zip")
+_BAGS = (b"#ROSBAG", b"\x89MCAP", b"SQLite format 3")
+MOST_STREAMS = 6  # of a message that lists them
+
+
+def open_log(path: PathLike, form: LogForm = LogForm()) -> list[Stream]:  # noqa: B008
+    r"""The tables of a log file, nothing read yet but what they are called.
+
+    A text file or a Parquet file is one stream; a MATLAB file has one for each number of samples in it; a ROS bag (ROS
+    1, ROS 2, MCAP) one for each topic. Raises LogError in one sentence for a file that is none of these;
+    FileNotFoundError passes through.
+
+    Parquet, MATLAB 7.3 and bags need `pip install 'gtmodel[logs]'`.
+
+    >>> from pathlib import Path
+    >>> written = Path("run.csv").write_text("# synthetic: seed 1\nt [ms];pos [mm]\n0;10\n4;12\n8;15\n")
+    >>> (stream,) = gt.measurements.open_log("run.csv")
+    >>> stream.heads.names, stream.heads.units
+    (['t', 'pos'], ['ms', 'mm'])
+    >>> stream.read({"q": ["pos"]}).values["q"].tolist()
+    [[10.0], [12.0], [15.0]]
+    >>> stream.remarks
+    ['the columns are separated by a semicolon']
+    """
+    content = content_of(path, form)
+    return [content] if isinstance(content, Stream) else list(content.streams())
+
+
+def stream_of(path: PathLike, form: LogForm, name: str = "", time: str = "") -> Stream:
+    """The table of a file that is meant: by its name, or the one with this column of time, or the only one.
+
+    Raises LogError where several could be meant, or none.
+    """
+    content = content_of(path, form)
+    name = name or form.stream
+    if isinstance(content, MatFile) and time and not name:
+        return content.of_time(time)
+    streams = [content] if isinstance(content, Stream) else content.streams()
+    if name:
+        chosen = [s for s in streams if s.name == name]
+    elif len(streams) > 1:
+        chosen = [s for s in streams if time in s.heads.names]
+    else:
+        chosen = streams
+    if len(chosen) == 1:
+        return chosen[0]
+    names = ", ".join(s.name for s in streams[:MOST_STREAMS])
+    more = f" and {len(streams) - MOST_STREAMS} more" if len(streams) > MOST_STREAMS else ""
+    if name:
+        raise LogError(f"{shown(path)}: there is no stream '{name[:40]}'; it has {names}{more}")
+    raise LogError(f"{shown(path)} holds several streams, {names}{more}; say which one is meant")
+
+
+def content_of(path: PathLike, form: LogForm) -> Stream | MatFile | Bag:
+    """The file, opened by what reads it."""
+    path = Path(path)
+    if path.is_dir() or path.name == "metadata.yaml":
+        if not path.is_dir() or (path / "metadata.yaml").is_file():
+            return _bag(path)
+        raise LogError(f"{shown(path)} is a folder without a metadata.yaml, so it is no ROS 2 bag; name a file")
+    with open(path, "rb") as file:
+        head = file.read(16)
+    suffix = path.suffix.lower()
+    if head.startswith(_BAGS):
+        return _bag(path)
+    if head.startswith(b"PAR1"):
+        from .parquet import ParquetStream
+
+        return ParquetStream(path, form)
+    if head.startswith((b"MATLAB", b"\x89HDF")) or suffix == ".mat":
+        return MatFile(path, form)
+    if head.startswith((b"PK", b"\xd0\xcf\x11\xe0", b"\x1f\x8b", b"MDF ")) or suffix in _TABLES:
+        raise LogError(f"{shown(path)} is no text, MATLAB, Parquet or bag file; save the table as CSV")
+    if suffix in (".parquet", ".bag", ".mcap", ".db3"):
+        raise LogError(f"{shown(path)} does not begin as a {suffix} file does; it is damaged or something else")
+    return TextStream(path, form)
+
+
+def _bag(path: Path) -> Bag:
+    from .bags import Bag
+
+    return Bag(path)

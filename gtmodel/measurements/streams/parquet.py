@@ -1,0 +1,87 @@
+"""Parquet files by pyarrow: nested columns flattened, lists of one length as vectors, time stamps as seconds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+
+from .extra import needed
+from .form import LogError, LogForm, shown
+from .heads import Heads
+from .stream import RowBlock, Stream
+
+
+class ParquetStream(Stream):
+    """The table of a Parquet file. A column of time stamps is the clock: seconds after its first one."""
+
+    row: ClassVar[str] = "row"
+    cell: ClassVar[str] = "column"
+
+    def __init__(self, path: Path, form: LogForm) -> None:
+        self._arrow = needed("pyarrow", f"{shown(path)} is a Parquet file")
+        parquet = needed("pyarrow.parquet", f"{shown(path)} is a Parquet file")
+        try:
+            self._file = parquet.ParquetFile(path)
+            first = next(self._file.iter_batches(batch_size=1), None)
+        except (OSError, self._arrow.ArrowException) as error:
+            reason = " ".join(str(error).split())[:80]
+            raise LogError(f"{shown(path)} cannot be read as a Parquet file ({reason}); write it again") from error
+        names: list[str] = []
+        units: list[str] = []
+        self._first: dict[str, int] = {}
+        clock = ""
+        for name, column, unit in [] if first is None else _flat(self._arrow, first):
+            names.append(name)
+            units.append(unit)
+            if self._arrow.types.is_timestamp(column.type):
+                self._first[name] = column.cast("timestamp[ns]", safe=False).cast("int64")[0].as_py()
+                clock, units[-1] = clock or name, "s"
+        super().__init__(shown(path), "", Heads(names, shown(path), units), clock)
+        if clock:
+            self.remarks.append(f"the time stamps '{clock}' are taken in seconds after the first")
+
+    def blocks(self, columns: Sequence[str], *, gaps: bool = False) -> Iterator[RowBlock]:
+        """See `Stream.blocks`."""
+        places = [self.heads.place(name) for name in columns]
+        total, begin = max(self._file.metadata.num_rows, 1), 0
+        for batch in self._file.iter_batches(batch_size=65_536):
+            parts = list(_flat(self._arrow, batch))
+            values = np.empty((batch.num_rows, len(columns)))
+            for j, (name, place) in enumerate(zip(columns, places, strict=True)):
+                values[:, j] = self._numbers(name, parts[place][0], parts[place][1])
+                if not gaps and (bad := np.flatnonzero(~np.isfinite(values[:, j]))).size:
+                    raise self.no_number(begin + int(bad[0]) + 1, name, values[bad[0], j])
+            lines = np.arange(begin + 1, begin + 1 + len(values))
+            begin += len(values)
+            yield RowBlock(values, lines, begin / total)
+
+    def _numbers(self, asked: str, name: str, column: Any) -> np.ndarray:
+        types = self._arrow.types
+        if types.is_timestamp(column.type):
+            stamps = column.cast("timestamp[ns]", safe=False).cast("int64").to_numpy(zero_copy_only=False)
+            return (stamps - self._first[name]) * 1e-9
+        if not (types.is_integer(column.type) or types.is_floating(column.type) or types.is_boolean(column.type)):
+            raise LogError(f"{self.source}: the column '{asked}' holds {column.type}; expected numbers")
+        if types.is_boolean(column.type):
+            column = column.cast("uint8")
+        return column.cast("float64", safe=False).to_numpy(zero_copy_only=False)
+
+
+def _flat(arrow: Any, batch: Any) -> Iterator[tuple[str, Any, str]]:
+    """Name, column, unit: members of structs dotted, components of lists of one length with their index."""
+    table = arrow.Table.from_batches([batch])
+    while any(arrow.types.is_struct(t.type) for t in table.schema):
+        table = table.flatten()
+    for field, column in zip(table.schema, table.columns, strict=True):
+        unit = ((field.metadata or {}).get(b"unit") or b"").decode(errors="replace")
+        array = column.combine_chunks()
+        if arrow.types.is_fixed_size_list(field.type):
+            flat = array.flatten()
+            width = field.type.list_size
+            for k in range(width):
+                yield f"{field.name}[{k}]", flat[k::width] if len(flat) else flat, unit
+        else:
+            yield field.name, array, unit

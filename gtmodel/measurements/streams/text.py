@@ -1,0 +1,301 @@
+"""Text files of columns: the delimiter and the header are recognised, the numbers are read block by block."""
+
+from __future__ import annotations
+
+import csv
+import math
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from itertools import islice
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+
+from .form import SIGNS, Delimiter, LogError, LogForm, shown
+from .heads import Heads, is_unit, spelled
+from .stream import RowBlock, Stream
+from .text_lines import Chunk, chunks, encoding_of, is_row
+
+LOOKED_AT = 50  # rows from which the delimiter and the header are recognised
+LIKE = 3  # rows of equal length below another line: that line is no header of theirs
+_NOTES = ("title", "synthetic", "provenance", "scalar")
+_DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
+_DATE = re.compile(r"\d{4}-\d\d-\d\d.*|\d{1,2}[./]\d{1,2}[./]\d{2,4}.*|\d{1,2}:\d\d(:\d\d.*)?")
+
+
+class TextStream(Stream):
+    """A text file of columns: CSV and its relatives. Raises LogError with the line for what is no table."""
+
+    row: ClassVar[str] = "line"
+    cell: ClassVar[str] = "column"
+
+    def __init__(self, path: Path, form: LogForm) -> None:
+        self.path, self.layout = path, _layout(path, form)
+        layout = self.layout
+        super().__init__(shown(path), "", layout.heads, remarks=layout.remarks, comments=layout.comments)
+
+    def blocks(self, columns: Sequence[str], *, gaps: bool = False) -> Iterator[RowBlock]:
+        """See `Stream.blocks`."""
+        places = [self.heads.place(name) for name in columns]
+        for chunk in chunks(self.path, self.layout.encoding):
+            lines, numbers = self._rows(chunk)
+            if not lines:
+                continue
+            values = self._fast(lines, places, gaps)
+            if values is None:
+                values = self._slow(lines, numbers, places, columns, gaps, cut=chunk.fraction >= 1 and not chunk.ended)
+            yield RowBlock(values, numbers, chunk.fraction)
+
+    def texts(self, column: str) -> list[str]:
+        """See `Stream.texts`."""
+        place = self.heads.place(column)
+        return [row[place] for _, row in self.cells()]
+
+    def cells(self) -> Iterator[tuple[int, list[str]]]:
+        """Line and cells of each row."""
+        for chunk in chunks(self.path, self.layout.encoding):
+            lines, numbers = self._rows(chunk)
+            for n, line in zip(numbers.tolist(), lines, strict=True):
+                yield n, self._split(line, n)
+
+    def _rows(self, chunk: Chunk) -> tuple[list[str], np.ndarray]:
+        """TableRows below the header, and their lines."""
+        layout, first, lines = self.layout, chunk.first, chunk.lines
+        if first < layout.first_row:
+            lines = lines[layout.first_row - first :]
+            first = layout.first_row
+        if any(mark in chunk.text for mark in ("#", "%", "//", "\n\n", "\n \n")) or not all(map(str.strip, lines)):
+            both = [(first + k, line) for k, line in enumerate(lines) if is_row(line)]
+            return [line for _, line in both], np.array([n for n, _ in both], dtype=np.int64)
+        return lines, np.arange(first, first + len(lines))
+
+    def _fast(self, lines: list[str], places: list[int], gaps: bool) -> np.ndarray | None:
+        """The numbers of rows that are written plainly; None where a row has to be looked at."""
+        layout, sign = self.layout, self.layout.sign
+        if sign == " ":
+            if any(len(line.split()) != layout.width for line in lines):
+                return None
+        elif any(line.count(sign) != layout.width - 1 for line in lines):
+            return None
+        if any('"' in line or "_" in line for line in lines):
+            return None
+        if layout.decimal_comma or (gaps and sign != " "):
+            text = "\n".join(["", *lines, ""])
+            if layout.decimal_comma:
+                text = text.replace(",", ".")
+            if gaps and sign != " ":
+                empty = f"{sign}nan{sign}"
+                text = text.replace(sign * 2, empty).replace(sign * 2, empty)
+                text = text.replace(f"\n{sign}", f"\nnan{sign}").replace(f"{sign}\n", f"{sign}nan\n")
+            lines = text.split("\n")[1:-1]
+        try:
+            values = np.loadtxt(lines, delimiter=None if sign == " " else sign, usecols=places, comments=None, ndmin=2)
+        except ValueError:
+            return None
+        if gaps:
+            values[~np.isfinite(values)] = np.nan
+        elif not np.isfinite(values).all():
+            return None
+        return values
+
+    def _slow(
+        self, lines: list[str], numbers: np.ndarray, places: list[int], columns: Sequence[str], gaps: bool, cut: bool
+    ) -> np.ndarray:
+        """Row by row. Raises LogError for the first cell that is no number."""
+        values = np.empty((len(lines), len(places)))
+        for k, (line, n) in enumerate(zip(lines, numbers.tolist(), strict=True)):
+            cells = self._split(line, n, cut and k == len(lines) - 1)
+            for j, place in enumerate(places):
+                try:
+                    values[k, j] = number(cells[place], self.layout.decimal_comma)
+                except ValueError:
+                    values[k, j] = math.nan
+                if not math.isfinite(values[k, j]):
+                    values[k, j] = math.nan
+                    if not gaps:
+                        raise self.no_number(n, columns[j], cells[place], self._advice(cells[place]))
+        return values
+
+    def _split(self, line: str, n: int, cut: bool = False) -> list[str]:
+        """The cells of a row. Raises LogError for another number of them."""
+        width, where = self.layout.width, f"{self.source} line {n}"
+        cells = split(line, self.layout.sign, where)
+        if len(cells) == width + 1 and not cells[-1]:
+            cells.pop()
+        if len(cells) == width - 1 and not self.heads.names[-1]:
+            cells.append("")
+        if len(cells) != width:
+            if cut:
+                raise LogError(
+                    f"{where}: the file ends within this row, with {len(cells)} of {width} cells; delete the line"
+                )
+            raise LogError(f"{where}: found {len(cells)} cells; expected {width}, one for each column of the header")
+        return cells
+
+    def _advice(self, cell: str) -> str:
+        if not self.layout.decimal_comma and _DECIMAL_COMMA.fullmatch(cell.strip()):
+            return '; of a file with decimal commas say decimal = "comma"'
+        if self.layout.decimal_comma and re.fullmatch(r"[+-]?\d+\.\d+.*", cell.strip()):
+            return '; decimal = "comma" was given, and this has a point'
+        if _DATE.fullmatch(cell.strip()):
+            return "; of a time that is a date write seconds, or leave the column out and give the sample time"
+        return ""
+
+
+@dataclass
+class _Layout:
+    """What was recognised of a text file."""
+
+    encoding: str
+    sign: str = ","
+    decimal_comma: bool = False
+    heads: Heads = field(default_factory=lambda: Heads([], ""))
+    width: int = 0
+    first_row: int = 1  # the line where rows begin
+    remarks: list[str] = field(default_factory=list)
+    comments: dict[str, list[str]] = field(default_factory=lambda: {key: [] for key in _NOTES})
+
+
+def number(cell: str, decimal_comma: bool = False) -> float:
+    """A cell as a number, nan and inf among them. Raises ValueError for anything else, 1_000 of Python's too."""
+    if "_" in cell or (decimal_comma and "." in cell):
+        raise ValueError(f"'{cell}' is no number")
+    return float(cell.replace(",", ".") if decimal_comma else cell)
+
+
+def split(line: str, sign: str, where: str) -> list[str]:
+    """The cells of a line, without blanks around them. Raises LogError for a quote that nothing closes."""
+    if '"' not in line:
+        return line.split() if sign == " " else [cell.strip() for cell in line.split(sign)]
+    try:
+        reader = csv.reader([line], delimiter=sign, strict=True, skipinitialspace=sign == " ")
+        return [cell.strip() for cell in next(reader)]
+    except csv.Error as error:
+        raise LogError(
+            f'{where}: a quote (") is not closed before the next delimiter or the end of the line; close it or take it '
+            "out"
+        ) from error
+
+
+def _layout(path: Path, form: LogForm) -> _Layout:
+    layout = _Layout(encoding_of(path, form), decimal_comma=form.decimal == "comma")
+    rows, comments = _head(path, layout, form)
+    if not rows:
+        raise LogError(f"{shown(path)} is empty; expected a header such as 'time [s],q[0] [m]' and rows")
+    layout.sign = _sign([line for _, line in rows], form, layout)
+    if layout.sign == "," and layout.decimal_comma:
+        raise LogError(f"{shown(path)}: commas cannot stand before decimals and between columns; name the delimiter")
+    tables = [(n, _header_cells(line, layout.sign, f"{shown(path)} line {n}")) for n, line in rows]
+    n, cells = tables[0]
+    where = f"{shown(path)} line {n}"
+    headed = not _numeric(cells, layout.decimal_comma) if form.header is None else form.header > 0
+    if headed:
+        _refuse_preamble(tables, layout, path, form)
+        units, layout.first_row = [], n + 1
+        if len(tables) > 1 and (units := _units(tables[1][1], len(cells))):
+            layout.first_row = tables[1][0] + 1
+            layout.remarks.append(f"the units stand in line {tables[1][0]}")
+        layout.heads = Heads(cells, where, units)
+    else:
+        while len(cells) > 1 and not cells[-1]:
+            cells.pop()
+        layout.first_row, where = n, f"{shown(path)} line {n}"
+        names = [str(k + 1) for k in range(len(cells))]
+        named = _header_cells(comments[1], layout.sign, where) if comments else []
+        if comments and len(named) == len(cells) and not _numeric(named, layout.decimal_comma):
+            names, where = named, f"{shown(path)} line {comments[0]}"
+            layout.remarks.append(f"the names of the columns stand in the comment in line {comments[0]}")
+        else:
+            layout.remarks.append(f"there is no header: the columns are called 1 to {len(cells)}")
+        layout.heads = Heads(names, where)
+    layout.width = len(layout.heads.names)
+    return layout
+
+
+def _head(path: Path, layout: _Layout, form: LogForm) -> tuple[list[tuple[int, str]], tuple[int, str] | None]:
+    """The first rows, the header among them, and the last comment above them; notes of comments are kept."""
+    rows: list[tuple[int, str]] = []
+    above: tuple[int, str] | None = None
+    for chunk in chunks(path, layout.encoding):
+        for n, line in enumerate(chunk.lines, chunk.first):
+            if form.header and n < form.header:
+                continue
+            if is_row(line) or n == form.header:
+                rows.append((n, line.lstrip("#% ") if n == form.header else line))
+                continue
+            key, colon, note = line[1:].partition(":")
+            if colon and key.strip().lower() in layout.comments:
+                layout.comments[key.strip().lower()].append(note.strip())
+            elif line.strip() and not rows:
+                above = n, line.lstrip("#%/ ")
+        if len(rows) >= LOOKED_AT:
+            break
+    return rows[:LOOKED_AT], above
+
+
+def _sign(lines: list[str], form: LogForm, layout: _Layout) -> str:
+    """The delimiter: as given, else the first of tab, semicolon, comma, bar that stands as often in most lines, else
+    blanks."""
+    if form.delimiter is not None:
+        return SIGNS[form.delimiter]
+    plain = [re.sub(r'"[^"]*"', "", line) for line in lines]
+    candidates: list[Delimiter] = ["tab", "semicolon", "comma", "bar"]
+    if layout.decimal_comma:
+        candidates.remove("comma")
+    for name in candidates:
+        counts = [line.count(SIGNS[name]) for line in plain]
+        if counts[0] and 2 * sum(map(bool, counts)) > len(counts):
+            if name != "comma":
+                layout.remarks.append(f"the columns are separated by a {name}")
+            return SIGNS[name]
+    for name in candidates:  # below a line of another kind
+        if 2 * sum(SIGNS[name] in line for line in plain) > len(plain):
+            return SIGNS[name]
+    below = plain[1:] or plain
+    if 2 * sum(len(line.split()) > 1 for line in below) > len(below):
+        layout.remarks.append("the columns are separated by blanks")
+        return " "
+    return ";" if layout.decimal_comma else ","
+
+
+def _header_cells(line: str, sign: str, where: str) -> list[str]:
+    if sign == " ":
+        # the blank before a unit parts no columns
+        return [cell.replace("\0", " ") for cell in re.sub(r"\s+(?=\[)", "\0", line.strip()).split()]
+    return split(line, sign, where)
+
+
+def _numeric(cells: Sequence[str], decimal_comma: bool) -> bool:
+    """Whether a line is a row of numbers and no header."""
+    try:
+        for cell in filter(None, cells):
+            number(cell, decimal_comma)
+    except ValueError:
+        return False
+    return any(cells)
+
+
+def _units(cells: Sequence[str], width: int) -> list[str]:
+    """A line below the header that holds nothing but units."""
+    given = [spelled(cell) if cell else "" for cell in cells]
+    bracketed = [cell.startswith(("[", "(")) for cell in cells if cell]
+    if len(given) != width or not any(given) or not all(is_unit(unit) for unit in given if unit):
+        return []
+    # a row of ones is a row
+    return given if all(bracketed) or not any(cell.isdigit() for cell in cells) else []
+
+
+def _refuse_preamble(tables: Sequence[tuple[int, list[str]]], layout: _Layout, path: Path, form: LogForm) -> None:
+    """Raises LogError where lines of another kind stand above the header."""
+    (n, cells), rest = tables[0], tables[1:]
+    if form.header is not None or len(rest) < 2 or len(rest[0][1]) == len(cells):
+        return
+    for (at, names), *below in (islice(rest, k, k + 1 + LIKE) for k in range(len(rest))):
+        alike = len(below) == LIKE and len(names) > 1 and all(len(row) == len(names) for _, row in below)
+        if alike and not _numeric(names, layout.decimal_comma) and _numeric(below[-1][1], layout.decimal_comma):
+            raise LogError(
+                f"{shown(path)} line {n}: {len(cells)} cells stand above a table of {len(names)} columns; if line {at} "
+                f"is its header, say header = {at}"
+            )

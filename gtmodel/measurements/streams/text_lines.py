@@ -1,0 +1,92 @@
+"""A text file in blocks of lines, whatever its encoding and the ends of its lines."""
+
+from __future__ import annotations
+
+import codecs
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+from .form import LogError, LogForm, shown
+
+BLOCK = 1 << 18  # bytes
+_MARKS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))
+COMMENTS = ("#", "%", "//")
+
+
+class Chunk(NamedTuple):
+    """Some lines without their ends, the number of the first in the file, and the part of the file read so far."""
+
+    first: int
+    lines: list[str]
+    text: str
+    fraction: float
+    ended: bool  # the last line has an end
+
+
+def encoding_of(path: Path, form: LogForm) -> str:
+    """By the byte-order mark, else as given, else UTF-8. Raises LogError for an encoding that is none."""
+    with open(path, "rb") as file:
+        head = file.read(4)
+    marked = next((name for mark, name in _MARKS if head.startswith(mark)), None)
+    try:
+        codecs.lookup(form.encoding or "utf-8")
+    except LookupError:
+        raise LogError(f"there is no encoding '{form.encoding}'; write one such as cp1252 or utf-16") from None
+    return marked or form.encoding or "utf-8"
+
+
+def chunks(path: Path, encoding: str, size: int = BLOCK) -> Iterator[Chunk]:
+    """The lines of a text file. Raises LogError for what is no text in this encoding."""
+    decoder = codecs.getincrementaldecoder(encoding)("strict")
+    total = max(path.stat().st_size, 1)
+    number, left, single = 1, "", None
+    with open(path, "rb") as file:
+        while True:
+            data = file.read(size)
+            try:
+                text = left + decoder.decode(data, final=not data)
+            except UnicodeDecodeError as error:
+                line = number + left.count("\n") + data[: error.start].count(b"\n")
+                raise LogError(
+                    f"{shown(path)} line {line} is not {encoding.removesuffix('-sig').upper()} text ({error.reason}); "
+                    "save it as UTF-8 or name its encoding, such as cp1252"
+                ) from error
+            if "\0" in text:
+                raise LogError(
+                    f"{shown(path)} line {number + text[: text.index(chr(0))].count(chr(10))} holds a zero byte: it is "
+                    "no text file; save the table as CSV"
+                )
+            if "\r" in text:
+                single = "\n" not in text if single is None else single
+                held = text.endswith("\r") and bool(data)  # its line feed may come with the next block
+                text = (text[:-1] if held else text).replace("\r\n", "\n")
+                if single:
+                    text = text.replace("\r", "\n")
+                elif "\r" in text:
+                    line = number + text[: text.index("\r")].count("\n")
+                    raise LogError(
+                        f"{shown(path)} line {line} holds a carriage return that ends no line; save the file with line "
+                        "feeds"
+                    )
+            else:
+                held = False
+            lines = text.split("\n")
+            left = lines.pop() if data else ""
+            if data and left:
+                text = text[: -len(left)]
+            if held:
+                left += "\r"
+            ended = bool(data) or not lines or lines[-1] == ""
+            if not data and lines and lines[-1] == "":
+                lines.pop()
+            if lines:
+                yield Chunk(number, lines, text, min(1.0, file.tell() / total), ended)
+            number += len(lines)
+            if not data:
+                return
+
+
+def is_row(line: str) -> bool:
+    """Whether a line is neither blank nor a comment."""
+    return bool(line) and not line.startswith(COMMENTS) and not line.isspace()
