@@ -194,7 +194,7 @@ def _copied_notebooks(app: Sphinx) -> None:
     for script in sorted((CLONE / "notebooks").glob("[0-9][0-9]_*.py")):
         shutil.copyfile(script, folder / script.name)
     scripts = sorted(folder.glob("*.py"))
-    listed = "\n".join(f"- [](/notebooks/{p.stem}): {_question(p)}" for p in scripts)
+    listed = "\n".join(f"- {{doc}}`{p.stem}`: {_question(p)}" for p in scripts)
     names = "\n".join(p.stem for p in scripts)
     text = (
         "# Notebooks\n\nEach asks one question. They were run when this site was built.\n\n"

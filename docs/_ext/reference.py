@@ -100,7 +100,7 @@ def _plain(annotation: Any) -> Any:
     """`Annotated[float, Unit("N")]` -> `float`, of a text or of what it was evaluated to."""
     if annotation in (inspect.Parameter.empty, None):
         return annotation
-    text = annotation if isinstance(annotation, str) else inspect.formatannotation(annotation)
+    text = annotation if isinstance(annotation, str) else MODULES.sub("", inspect.formatannotation(annotation))
     try:
         tree = _Unwrapped().visit(ast.parse(text, mode="eval"))
     except SyntaxError:
@@ -140,6 +140,7 @@ def docstring(app: Sphinx, what: str, name: str, item: Any, options: Any, lines:
         lines += ["", "Fields:", "", *(f"- ``{key}``{_in(units[key])}: {_line(texts[key])}" for key in fields)]
 
 
+MODULES = re.compile(r"\b(?:gtmodel|collections|typing|numpy)(?:\.\w+)*\.(?=\w)")
 ENTRY = re.compile(r"([a-z_]\w*(?:, \w+)*) ?: (\S.*)")
 CODE = re.compile(r"(``?[^`]*``?)")
 

@@ -7,7 +7,8 @@ Synthetic, made_poses     synthetic measurements of a robot with known errors
 CartPoints, read_cart_points   guideways through measured points
 Origin                    where a robot comes from, for its calibrated file
 
-Measurements, Pose, Correction   measured poses, their noise, and what lies between sensor and model
+Measurements, Pose, Correction   measured poses, whole or in part, their noise, and what lies between sensor and model
+FixedPoint                       a reflector on the end-effector, or the fixed end of a ball-bar
 Choice                           which parameters are free, fixed, tied, unit quaternions, with priors
 prepare, CalibrationProblem      equations, unknowns and Jacobians; identifiability before anything is measured
 calibrate, Calibration           parameters with confidence, residuals per link and pose, errors on other poses
@@ -48,7 +49,12 @@ if TYPE_CHECKING:
         read_cart_points as read_cart_points,
         read_poses as read_poses,
     )
-    from .measurements import Correction as Correction, Measurements as Measurements, Pose as Pose
+    from .measurements import (
+        Correction as Correction,
+        FixedPoint as FixedPoint,
+        Measurements as Measurements,
+        Pose as Pose,
+    )
     from .options import COSTS as COSTS, Cost as Cost, Fit as Fit, Known as Known
     from .partial_devices import seen_by_distance as seen_by_distance, seen_by_plane as seen_by_plane
     from .plan import PlanStudy as PlanStudy, plan_study as plan_study

@@ -17,13 +17,14 @@ from ..compiler.rows import map_columns
 class Block:
     """Rows of the closure and unknowns that have nothing to do with the others.
 
-    `rows`, `columns`: their indices. `function`: (d, noise, latent, x) -> r (m,), Jacobians in x (m, n), in the noise
-    (m, ny), in the latent values (m, nz); `plain` (d, x) computes the first two as [J r]' (n + 1, m), `alone` r only,
-    both without noise.
+    `rows`, `columns`, `hidden`: indices of its equations, unknowns and latent values. `function`: (d, noise, latent, x)
+    -> r (m,), Jacobians in x (m, n), in the noise (m, ny), in the latent values (m, nz); `plain` (d, x) computes the
+    first two as [J r]' (n + 1, m), `alone` r only, both without noise.
     """
 
     rows: np.ndarray
     columns: np.ndarray
+    hidden: np.ndarray
     alone: ca.Function
     plain: ca.Function
     function: ca.Function
@@ -74,15 +75,17 @@ def blocks(
         rows = np.flatnonzero(label[:m] == k)
         inside = [j for j in range(x.numel()) if label[m + j] == k or (k == order[0] and label[m + j] not in order)]
         columns = np.array(inside, int)
-        part, own = residuals[rows.tolist()], x[columns.tolist()]
-        jacobian = [ca.densify(ca.jacobian(part, s)) for s in (own, noise, latent)]
+        at = m + x.numel()
+        hidden = np.array([j for j in range(latent.numel()) if label[at + j] == k], int)
+        part, own, unseen = residuals[rows.tolist()], x[columns.tolist()], latent[hidden.tolist()]
+        jacobian = [ca.densify(ca.jacobian(part, s)) for s in (own, noise, unseen)]
         none = [noise, latent], [ca.DM.zeros(noise.numel(), 1), ca.DM.zeros(latent.numel(), 1)]
         quiet, slopes = ca.cse(ca.substitute([ca.densify(part), jacobian[0]], *none))
         parts.append(
             Block(
-                rows, columns, ca.Function("closure", [d, own], [quiet]),
+                rows, columns, hidden, ca.Function("closure", [d, own], [quiet]),
                 ca.Function("closure", [d, own], [ca.vertcat(slopes.T, quiet.T)]),
-                ca.Function("closure", [d, noise, latent, own], ca.cse([ca.densify(part), *jacobian])),
+                ca.Function("closure", [d, noise, unseen, own], ca.cse([ca.densify(part), *jacobian])),
             )
         )  # fmt: skip
     return tuple(parts)

@@ -20,11 +20,11 @@ from ..lang.source import ModelError
 from ..results.estimate import Estimate
 from ..results.refusal import ArgumentError
 from ..results.status import SolveStatus
-from .block_rows import BlockRows, parts
+from .block_rows import BlockRows, JointRows, parts
 from .blocks import Block
 from .choice import Choice
 from .confidence import Fitted, estimated
-from .implicit import Adjustment, require_noise_enough
+from .implicit import require_noise_enough
 from .measurements import Measurements
 from .modifiers import modifiers
 from .options import COSTS, Cost
@@ -60,13 +60,20 @@ class Calibration:
 
     @cached_property
     def residuals(self) -> np.ndarray:
-        """Length errors (N, m) [m] of `problem.labels`, at first use; none with latent variables."""
-        return np.zeros_like(self.start) if self.problem.reading.latent.numel() else self.problem.residuals(self.x)
+        """Errors (N, m) [m] of `problem.error_labels`, at first use: of the lengths, and with latent variables of what
+        was measured, model less measured, NaN where a pose does not close."""
+        return self._errors_of(self.problem) if self.problem.implicit else self.problem.residuals(self.x)
+
+    @property
+    def parts(self) -> tuple[Calibration, ...]:
+        """The same with each of the measurements, these first."""
+        return (self, *(replace(self, problem=p) for p in self.problem.beside))
 
     @property
     def link_errors(self) -> dict[str, float]:
-        """Mean |length error| [m] per link (Dressler 2012, eq. (5.13))."""
-        return dict(zip(self.problem.labels, np.abs(self.residuals).mean(axis=0).tolist(), strict=True))
+        """Mean |length error| [m] per link (Dressler 2012, eq. (5.13)), or of what was measured in part."""
+        mean = np.nanmean(np.abs(self.residuals), axis=0) if len(self.residuals) else np.zeros(0)
+        return dict(zip(self.problem.error_labels, mean.tolist(), strict=False))
 
     @property
     def pose_errors(self) -> np.ndarray:
@@ -86,8 +93,13 @@ class Calibration:
         return modifiers(self.problem.closure.flat, self.values, self.problem.closure.touched)
 
     def on(self, measurements: Measurements) -> np.ndarray:
-        """Length errors (N, m) [m] on other poses, such as those held out."""
-        return self.problem.on(measurements).residuals(self.x)
+        """Errors as `residuals` on other poses, such as those held out."""
+        p = self.problem.on(measurements)
+        return self._errors_of(p) if p.implicit else p.residuals(self.x)
+
+    def _errors_of(self, p: CalibrationProblem) -> np.ndarray:
+        errors = replace(self, problem=p).positioning_errors()
+        return np.hstack([errors[n] for n in p.judged])
 
     def positioning_errors(self, measurements: Measurements | None = None) -> dict[str, np.ndarray]:
         """Errors of the forward kinematics of the measured actuators, model less measured, by signal of the pose.
@@ -95,18 +107,20 @@ class Calibration:
         (N, 3) [m] for positions, and for quaternions a rotation vector (N, 3) [rad]. NaN where a pose cannot be closed.
         """
         p = self.problem if measurements is None else self.problem.on(measurements)
-        errors = np.full((len(p.measurements), p.reading.noise.numel()), np.nan)
+        errors = np.zeros((len(p.measurements), p.reading.noise.numel()))
+        lost = np.zeros(len(p.measurements), bool)
         S = noise_covariance(p, "forward", unit=True)
         for b in p.blocks_of("forward"):
-            y = Adjustment(b, p.reading.data, S, p.reading.latent.numel()).closing(self.x[b.columns])
-            touched = [k for k in range(errors.shape[1]) if np.any(np.nan_to_num(y[:, k]))]
-            errors[:, touched] = y[:, touched]
-        return {n: errors[:, s] for n, s in p.reading.places.items() if n != p.actuators}
+            y = p.adjustment(b, S).closing(self.x[b.columns])
+            errors += np.where(np.isnan(y), 0.0, y)
+            lost |= np.isnan(y).any(axis=1)
+        errors[lost] = np.nan
+        return {n: errors[:, p.reading.places[n]] for n in p.judged}
 
 
 def calibrate(
     model: Model | Builder | FlatModel | CalibrationProblem,
-    measurements: Measurements | None = None,
+    measurements: Measurements | Sequence[Measurements] | None = None,
     choice: Choice | None = None,
     *,
     cost: Cost = "length",
@@ -126,7 +140,10 @@ def calibrate(
     gtmodel.inference.nonlinear_fit(), in units of the noise where it is known and of the residual otherwise. `start`:
     other start values by unknown. With noise for all measured signals the confidence is propagated from it; otherwise
     it is estimated from the residuals, with poses taken as independent. What the poses do not determine stays at its
-    start, and the estimate says so, unless `hold_undetermined` is False: ModelError then. `stop` is asked once per
+    start, and the estimate says so, unless `hold_undetermined` is False: ModelError then. With latent variables, and
+    with several measurements, each of which has its own poses and signals, the cost is one of errors of what was
+    measured; those of several weigh by their noise. Where no residual is left beyond the unknowns, and no noise is
+    stated, there is no estimate; `identifiability` says how many are determined. `stop` is asked once per
     iteration: True ends with the best x so far and the status INTERRUPTED. Without `confidence` neither estimate nor
     identifiability are computed.
 
@@ -156,22 +173,49 @@ def calibrate(
         if name not in u.names:
             raise ModelError(f"start names '{name}', which is not free; these are: {', '.join(u.names)}")
         x[u.names.index(name)] = value
-    begin = problem.residuals(x) if not problem.reading.latent.numel() else np.zeros((len(problem.measurements), 0))
+    _require_errors(problem, cost)
+    begin = np.zeros((len(problem.measurements), 0)) if problem.implicit else problem.residuals(x)
     if not np.all(np.isfinite(begin)):
         raise ModelError("the closure equations are not finite at the start values; check units and frames")
     fits, x = _descended(problem, cost, x, loss, width, limit, stop)
     bad = next((f for f in fits if not f.descent.status.ok), None)
-    status, message = (bad.descent.status, bad.descent.message) if bad else (SolveStatus.SOLVED, _arrived(fits))
+    status, message = (bad.descent.status, _failed(problem, bad)) if bad else (SolveStatus.SOLVED, _arrived(fits))
     estimate = identified = None
-    if bad is None and confidence:
+    if bad is None and confidence and fits:
         try:
             estimate, identified = estimated(problem, fits, loss_named(loss), width, hold_undetermined)
         except ValueError as error:
             raise ModelError(str(error)) from None
+        if estimate is None:
+            message += f"; {identified.counts}, and no residual is left to judge them by"
     return Calibration(
         problem, cost, status, message, x, estimate, identified, problem.values(x), begin,
-        max(f.descent.iterations for f in fits), tuple(tuple(u.names[k] for k in f.rows.block.columns) for f in fits),
+        max((f.descent.iterations for f in fits), default=0),
+        tuple(tuple(u.names[k] for k in f.rows.columns) for f in fits),
     )  # fmt: skip
+
+
+def _require_errors(problem: CalibrationProblem, cost: Cost) -> None:
+    """Raises ModelError where a cost does not go with latent values or with several measurements."""
+    if cost not in ("length", "squared"):
+        lacking = [
+            f"{n} of {p.measurements.name or k}"
+            for k, p in enumerate(problem.parts, 1) for n in p.noisy(cost) if n not in p.measurements.noise
+        ]  # fmt: skip
+        if problem.beside and lacking:
+            raise ModelError(f"several measurements are weighed by their noise: give that of {', '.join(lacking)}")
+        return
+    latent = [n for p in problem.parts for n in p.latent]
+    if latent:
+        raise ModelError(
+            f"the cost '{cost}' needs all lengths, and {', '.join(dict.fromkeys(latent))} is latent; take 'forward', "
+            "'inverse' or 'orthogonal'"
+        )
+    if problem.beside:
+        raise ModelError(
+            f"several measurements are weighed by their noise, which the cost '{cost}' does not look at; take "
+            "'forward', 'inverse' or 'orthogonal'"
+        )
 
 
 def _descended(
@@ -183,33 +227,66 @@ def _descended(
     limit: int,
     stop: Callable[[], bool] | None = None,
 ) -> tuple[list[Fitted], np.ndarray]:
-    u, read = problem.unknowns, problem.reading
+    u = problem.unknowns
     x = x.copy()
     implicit = cost in ("inverse", "forward", "orthogonal")
-    if implicit and not read.latent.numel():  # from near the optimum each pose closes
+    if implicit and not problem.implicit and not problem.beside:  # from near the optimum each pose closes
         first, x = _descended(problem, "length", x, loss, width, limit, stop)
         if any(f.descent.status is SolveStatus.INTERRUPTED for f in first):
             return first, x
     fits = []
-    for b in problem.blocks_of(cost):
-        if not len(b.columns):  # an arm of which nothing is free
-            continue
-        names = tuple(u.names[k] for k in b.columns)
-        own = tuple(p for p in u.priors if p.name in names)
-        P, p = prior_rows(own, names)
-        covariance = None
-        if implicit:
-            covariance = noise_covariance(problem, cost)
-            labels = tuple(problem.labels[k] for k in b.rows)
-            require_noise_enough(b, read.data, covariance, read.latent.numel(), x[b.columns], labels)
-        sigma = 1.0 if implicit or not own else _level(problem, b, x)
-        rows = BlockRows(b, read.data, sigma, covariance, read.latent.numel())
+    for rows in _together(problem, cost, x):
+        columns = rows.columns
+        names = tuple(u.names[k] for k in columns)
+        P, p = prior_rows(tuple(q for q in u.priors if q.name in names), names)
         d = descend(
-            rows, x[b.columns], u.sizes[b.columns], P=P, p=p, loss=loss_named(loss), width=width, limit=limit, stop=stop
+            rows, x[columns], u.sizes[columns], P=P, p=p, loss=loss_named(loss), width=width, limit=limit, stop=stop
         )
-        x[b.columns] = d.x
+        x[columns] = d.x
         fits.append(Fitted(rows, d, P))
     return fits, x
+
+
+def _together(problem: CalibrationProblem, cost: Cost, x: np.ndarray) -> list[JointRows]:
+    """Rows of the blocks of all measurements, those that share an unknown in one."""
+    implicit = cost in ("inverse", "forward", "orthogonal")
+    groups: list[tuple[set[int], list[BlockRows], list[int]]] = []
+    for k, part in enumerate(problem.parts):
+        read = part.reading
+        for b in part.blocks_of(cost):
+            if not len(b.columns):  # an arm of which nothing is free
+                continue
+            covariance, begin = None, (None, None)
+            if implicit:
+                covariance = noise_covariance(part, cost)
+                labels = tuple(part.labels[j] for j in b.rows)
+                begin = part.begin(b, covariance)
+                require_noise_enough(b, read.data, covariance, begin, x[b.columns], labels)
+            own = {part.unknowns.names[j] for j in b.columns}
+            prior = any(p.name in own for p in part.unknowns.priors)
+            sigma = 1.0 if implicit or not prior else _level(part, b, x)
+            rows = BlockRows(b, read.data, sigma, covariance, begin)
+            columns = set(b.columns.tolist())
+            apart = [g for g in groups if not g[0] & columns]
+            joined = [g for g in groups if g[0] & columns]
+            merged = (
+                columns.union(*(g[0] for g in joined)), [r for g in joined for r in g[1]] + [rows],
+                [j for g in joined for j in g[2]] + [k],
+            )  # fmt: skip
+            groups = [*apart, merged]
+    return [JointRows(members, parts) for _, members, parts in groups]
+
+
+def _failed(problem: CalibrationProblem, bad: Fitted) -> str:
+    """Why the iteration ended, with the poses that cannot be closed."""
+    d = bad.descent
+    if d.status is not SolveStatus.NOT_FINITE:
+        return d.message
+    for member, part in zip(bad.rows.members, bad.rows.parts, strict=True):
+        lost = member.unclosed
+        if len(lost):
+            return problem.parts[part].measurements.unclosed(lost)
+    return d.message
 
 
 def _level(problem: CalibrationProblem, block: Block, x: np.ndarray) -> float:

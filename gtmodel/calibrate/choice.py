@@ -13,7 +13,8 @@ class Choice:
     """What to do with the parameters that the closure equations hold; names are of scalars ("L[0]"), rows or columns
     of numbers that share a beginning ("v[1]") or whole parameters ("A").
 
-    `free`: those to move, empty for all; `fixed`: those to leave, stronger than free (turns of quaternions too).
+    `free`: those to move, None for all, empty for none but those of the measurement; `fixed`: those to leave, stronger
+    than free (turns of quaternions too).
     `tied`: name -> name of the same shape, which it follows. `unit`: quaternions (4), scalar first, that are turned and
     keep the length 1 (three unknowns each, "u1_2 turned about x" [rad], in the quaternion's own frame). `priors` by
     scalar name of an unknown. `sizes`: expected error of a parameter, the scale in which rank and observability
@@ -27,7 +28,7 @@ class Choice:
     ('A[1,2]', 'L[0]', 'L[1]', 'L[2]')
     """
 
-    free: Sequence[str] = ()
+    free: Sequence[str] | None = None
     fixed: Sequence[str] = ()
     tied: Mapping[str, str] = field(default_factory=dict)
     unit: Sequence[str] = ()

@@ -144,11 +144,26 @@ def _labels(flat: FlatModel, equations: list[FlatEquation]) -> tuple[str, ...]:
 def _nothing_closes(
     flat: FlatModel, known: Sequence[str], alias: AliasResult, rest: list[tuple[FlatEquation, set[int]]]
 ) -> str:
-    inside = _overdetermined(rest)
-    names = [n for n, (_, indices) in flat.groups.items() if "." not in n and n not in known
-             and {alias.resolve(i, 0)[1] for i in indices} & inside]  # fmt: skip
+    names = _missing(flat, known, alias, rest)
     hint = f"measure {' or '.join(names)} too, or name it as latent" if names else f"known may be some of {flat.top()}"
     return f"{flat.title}: with {', '.join(known)} known not all equations close that hold parameters; {hint}"
+
+
+def left_open(model: Model | Builder | FlatModel, known: Sequence[str]) -> list[str]:
+    """Variables of the model's top level that would have to be known, or latent, for all equations to close."""
+    flat = model if isinstance(model, FlatModel) else flat_of(model)
+    given = {i for name in known for i in _indices(flat, name)}
+    alias = eliminate(flat, frozenset(given))
+    _, rest = _propagated(flat, [e for e in alias.equations if _position(flat, e)], set(given))
+    return _missing(flat, known, alias, rest)
+
+
+def _missing(
+    flat: FlatModel, known: Sequence[str], alias: AliasResult, rest: list[tuple[FlatEquation, set[int]]]
+) -> list[str]:
+    inside = _overdetermined(rest)
+    return [n for n, (_, indices) in flat.groups.items() if "." not in n and n not in known
+            and {alias.resolve(i, 0)[1] for i in indices} & inside]  # fmt: skip
 
 
 def _overdetermined(rest: list[tuple[FlatEquation, set[int]]]) -> set[int]:

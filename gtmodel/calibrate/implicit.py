@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -12,6 +13,14 @@ from .blocks import Block
 ROUNDS = 50
 # an error that moves by no more than this part of the noise, and this part of the data's size, has arrived
 STILL, FLOOR = 1e-10, 1e-13
+# a step is shortened where it leaves the equations farther from zero than a bound that falls by this part each round
+FALLING = 0.8
+ALLOWED = 0.1  # of a step's length: what its curvature may leave of the equations, where they already held
+SHORTEST = 1e-4  # part of a step: below, no step helps
+WIDE = 1e4  # ratio of the largest to the smallest noise, beyond which its squares lose digits
+NEIGHBOURS = 3  # closed poses from whose solution one that did not close is tried again
+
+Begin = tuple[np.ndarray | None, np.ndarray | None]
 
 
 @dataclass(eq=False)
@@ -20,20 +29,41 @@ class Adjustment:
 
     Gauss-Helmert steps; y and z of each pose are eliminated, so that unknowns x are all that is left. With noise in
     the actuators alone this is the error of the inverse kinematics, in the pose alone that of the forward kinematics in
-    the assembly mode of the measurement, in both the orthogonal distance. It starts where it last ended.
+    the assembly mode of the measurement, in both the orthogonal distance. It starts where it last ended; a step that
+    leads away from the closed pose is shortened, and a pose that does not close is tried again from the solution of the
+    nearest ones that did. `closed` (N,): which poses closed at the last x.
     """
 
     block: Block
     data: np.ndarray
     covariance: np.ndarray  # (N or 1, ny, ny), zero where there is no noise
-    latent: int
+    start: Begin = (None, None)  # changes (N, ny) and latent values (N, nz), zero if left out
     y: np.ndarray = field(init=False)
     z: np.ndarray = field(init=False)
+    closed: np.ndarray = field(init=False)
 
     def __post_init__(self) -> None:
         n = self.data.shape[1]
-        self.y = np.zeros((n, self.covariance.shape[1]))
-        self.z = np.zeros((n, self.latent))
+        y, z = self.start
+        self.y = np.zeros((n, self.covariance.shape[1])) if y is None else y.copy()
+        self.z = np.zeros((n, self.latent)) if z is None else z.copy()
+        self.closed = np.ones(n, bool)
+
+    @property
+    def latent(self) -> int:
+        """How many latent values a pose has."""
+        return len(self.block.hidden)
+
+    @cached_property
+    def roots(self) -> np.ndarray | None:
+        """Roots (N or 1, ny, ny) of the covariance where its sizes lie so far apart that its squares lose digits."""
+        sizes = np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2))
+        if sizes.max(initial=0.0) <= WIDE * np.min(sizes, initial=np.inf, where=sizes > 0):
+            return None
+        scale = np.where(sizes > 0, sizes, 1.0)
+        none = np.eye(sizes.shape[1]) * (sizes == 0)[:, None, :]
+        correlation = self.covariance / (scale[:, :, None] * scale[:, None, :]) + none
+        return sizes[:, :, None] * np.linalg.cholesky(correlation)
 
     def __call__(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Whitened residuals (N * k,) and their Jacobian (N * k, n); infinite where a pose cannot be closed."""
@@ -42,77 +72,198 @@ class Adjustment:
 
     def per_pose(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The same as (N, k) and (N, k, n), k equations less latent values."""
-        y, z = self.y, self.z
-        S = np.broadcast_to(self.covariance, (len(y), *self.covariance.shape[1:]))
-        size = float(np.sqrt(np.max(np.diagonal(S, axis1=1, axis2=2))))
-        floor = FLOOR * float(np.abs(self.data).max(initial=1.0))
-        with np.errstate(all="ignore"):
-            for _ in range(ROUNDS):
-                r, J, By, Bz = self.block.evaluate_all(self.data, x, y, z)
-                W = _whitening(By, Bz, S) if np.all(np.isfinite(r)) else None
-                if W is None:
-                    break
-                w = r - _times(By, y)
-                e = _times(W, w)
-                # the multipliers of the equations, from which all errors follow
-                new = -_times(S @ By.transpose(0, 2, 1), _times(W.transpose(0, 2, 1), e))
-                step = -_times(np.linalg.pinv(Bz), w + _times(By, new)) if self.latent else np.zeros_like(z)
-                moved = max(float(np.abs(new - y).max(initial=0.0)), float(np.abs(step).max(initial=0.0)))
-                y, z = new, z + step
-                if moved <= STILL * max(size, float(np.abs(y).max(initial=0.0))) + floor:
-                    self.y, self.z = y, z
-                    return e, W @ J
+        n, every = len(self.y), np.arange(len(self.y))
         rows = len(self.block.rows) - self.latent
-        return np.full((len(y), rows), np.inf), np.full((len(y), rows, len(x)), np.inf)
+        e, J = np.full((n, rows), np.inf), np.full((n, rows, len(x)), np.inf)
+        closed = np.zeros(n, bool)
+        self._close(x, every, self.y, self.z, e, J, closed)
+        if not closed.all() and closed.any():
+            self._from_neighbours(x, e, J, closed)
+        self.closed = closed
+        return e, J
 
     def closing(self, x: np.ndarray) -> np.ndarray:
         """The changes y (N, ny) that close the poses; rows of NaN where a pose cannot be closed."""
-        if np.all(np.isfinite(self.per_pose(x)[0])):
-            return self.y
-        y = np.full_like(self.y, np.nan)
-        for k in range(len(y)):  # one that does not close stops all that are solved beside it
-            S = self.covariance[k : k + 1] if len(self.covariance) > 1 else self.covariance
-            alone = Adjustment(self.block, self.data[:, k : k + 1], S, self.latent)
-            if np.all(np.isfinite(alone.per_pose(x)[0])):
-                y[k] = alone.y[0]
-        return y
+        self.per_pose(x)
+        return np.where(self.closed[:, None], self.y, np.nan)
 
     def by_noise(self, x: np.ndarray) -> np.ndarray:
         """Jacobian of the whitened residuals in the noise of all signals (N, k, ny), where the iteration ended."""
         _, _, By, Bz = self.block.evaluate_all(self.data, x, self.y, self.z)
-        W = _whitening(By, Bz, np.broadcast_to(self.covariance, (len(self.y), *self.covariance.shape[1:])))
-        if W is None:
+        W, good, _ = self._whitening(By, Bz, np.arange(len(self.y)))
+        if not good.all():
             raise ModelError("a pose is singular at the solution: its errors have no derivatives")
         return W @ By
+
+    def _close(
+        self, x: np.ndarray, index: np.ndarray, y: np.ndarray, z: np.ndarray, e: np.ndarray, J: np.ndarray,
+        closed: np.ndarray,
+    ) -> None:  # fmt: skip
+        """Iterates poses (of `index`) from y, z, and stores those that close in self, e, J and closed."""
+        S = self._at(self.covariance, index)
+        data = self.data if len(index) == self.data.shape[1] else self.data[:, index]
+        size = float(np.sqrt(np.max(np.diagonal(S, axis1=1, axis2=2))))
+        floor = FLOOR * float(np.abs(self.data).max(initial=1.0))
+        guard = _Guard(y, z)
+        with np.errstate(all="ignore"):
+            for _ in range(ROUNDS):
+                r, Jx, By, Bz = self.block.evaluate_all(data, x, y, z)
+                back = guard.refused(r, By, Bz, S)
+                W, good, turned = self._whitening(By, Bz, index)
+                w = r - _times(By, y)
+                v = _times(W, w)
+                # the multipliers of the equations, from which all errors follow
+                if turned is None:
+                    new = -_times(S @ By.transpose(0, 2, 1), _times(W.transpose(0, 2, 1), v))
+                else:
+                    new = -_times(turned, v)
+                step = -_times(_inverse(Bz), w + _times(By, new)) if self.latent else np.zeros_like(z)
+                moved = np.abs(new - y).max(axis=1, initial=0.0)
+                if self.latent:
+                    moved = np.maximum(moved, np.abs(step).max(axis=1))
+                still = moved <= STILL * max(size, float(np.abs(y).max(initial=0.0))) + floor
+                still &= good & ~back
+                if still.all():
+                    self.y[index], self.z[index], closed[index] = new, z + step, True
+                    e[index], J[index] = v, W @ Jx
+                    return
+                done = np.flatnonzero(still & ~closed[index])
+                if len(done):  # others may not close
+                    here = index[done]
+                    self.y[here], self.z[here], closed[here] = new[done], (z + step)[done], True
+                    e[here], J[here] = v[done], (W @ Jx)[done]
+                y, z, dead = guard.next(y, z, new, z + step, back, good)
+                if dead is not None and (still | dead).all():
+                    break
+
+    def _from_neighbours(self, x: np.ndarray, e: np.ndarray, J: np.ndarray, closed: np.ndarray) -> None:
+        """Tries the poses that did not close from the solutions of the nearest that did."""
+        spread = np.ptp(self.data, axis=1)
+        places = (self.data / np.where(spread > 0, spread, 1.0)[:, None]).T
+        there = np.flatnonzero(closed)
+        for rank in range(min(NEIGHBOURS, len(there))):
+            lost = np.flatnonzero(~closed)
+            if not len(lost):
+                return
+            distances = np.linalg.norm(places[lost, None] - places[None, there], axis=2)
+            near = there[np.argsort(distances, axis=1, kind="stable")[:, rank]]
+            self._close(x, lost, np.zeros_like(self.y[near]), self.z[near].copy(), e, J, closed)
+
+    def _whitening(
+        self, By: np.ndarray, Bz: np.ndarray, index: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+        """W (N, m - nz, m), which makes residuals white and blind to latent values, and which poses have one; and with
+        `roots` what turns white residuals into changes of the data."""
+        good = np.ones(len(By), bool)
+        if not np.isfinite(By.sum() + Bz.sum()):
+            good = np.array([np.isfinite(a).all() and np.isfinite(b).all() for a, b in zip(By, Bz, strict=True)])
+            By, Bz = (np.where(good[:, None, None], B, 0.0) for B in (By, Bz))
+        nz = Bz.shape[2]
+        blind = np.linalg.qr(Bz, mode="complete")[0][:, :, nz:].transpose(0, 2, 1) if nz else None
+        if self.roots is not None:
+            roots = self._at(self.roots, index)
+            A = By @ roots if blind is None else blind @ By @ roots
+            Q, R = np.linalg.qr(A.transpose(0, 2, 1))
+            pivots = np.abs(np.diagonal(R, axis1=1, axis2=2))
+            good = np.logical_and(good, pivots.min(axis=1, initial=np.inf) > 0)
+            R = np.where(good[:, None, None], R, np.eye(R.shape[1]))
+            right = np.broadcast_to(np.eye(R.shape[1]), R.shape) if blind is None else blind
+            return np.linalg.solve(R.transpose(0, 2, 1), right), good, roots @ Q
+        S = self._at(self.covariance, index)
+        omega = By @ S @ By.transpose(0, 2, 1)
+        omega = omega if blind is None else blind @ omega @ blind.transpose(0, 2, 1)
+        L, good = _lower(omega, good)
+        return (np.linalg.inv(L) if blind is None else np.linalg.solve(L, blind)), good, None
+
+    def _at(self, rows: np.ndarray, index: np.ndarray) -> np.ndarray:
+        """Of some poses, from an array of one for all or one each."""
+        return np.broadcast_to(rows, (len(index), *rows.shape[1:])) if len(rows) == 1 else rows[index]
+
+
+class _Guard:
+    """Which steps to shorten, pose by pose: those after which the equations are farther from zero than a bound that
+    falls from round to round."""
+
+    def __init__(self, y: np.ndarray, z: np.ndarray) -> None:
+        self.base, self.aim = (y, z), (y, z)
+        self.part = np.ones(len(y))
+        self.left = self.bound = np.full(len(y), np.inf)
+        self.weights: np.ndarray | None = None
+        self.begun = False
+
+    def refused(self, r: np.ndarray, By: np.ndarray, Bz: np.ndarray, S: np.ndarray) -> np.ndarray:
+        """(N,) poses whose last step led too far away."""
+        if self.weights is None:
+            noisy = np.diagonal(S, axis1=1, axis2=2)[:, None, :] > 0
+            size = np.sqrt(np.sum((By * noisy) ** 2, axis=2) + np.sum(Bz**2, axis=2))
+            self.weights = 1 / np.where(np.isfinite(size) & (size > 0), size, 1.0)
+        self.left = np.sum(np.abs(r) * self.weights, axis=1)
+        return ~(self.left <= self.bound)
+
+    def next(
+        self, y: np.ndarray, z: np.ndarray, new: np.ndarray, new_z: np.ndarray, back: np.ndarray, good: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+        """The next y and z, and poses that no step closes: None where all go on by a whole step."""
+        on = good & ~back
+        if not self.begun:
+            self.begun = True
+            length = np.abs(new - y).sum(axis=1) + np.abs(new_z - z).sum(axis=1)
+            self.bound = np.where(on, 2 * np.maximum(self.left, ALLOWED * length), np.inf)
+        else:
+            self.bound = np.where(on, FALLING * self.bound, self.bound)
+        if on.all():
+            self.base, self.aim = (y, z), (new, new_z)
+            self.part[:] = 1.0
+            return new, new_z, None
+        pick = on[:, None]
+        self.base = np.where(pick, y, self.base[0]), np.where(pick, z, self.base[1])
+        self.aim = np.where(pick, new, self.aim[0]), np.where(pick, new_z, self.aim[1])
+        shorter = np.clip(np.sqrt(self.bound / self.left), 0.05, 0.5)
+        self.part = np.where(on, 1.0, np.where(np.isfinite(shorter), shorter, 0.1) * self.part)
+        dead = (~back & ~good) | (self.part < SHORTEST)
+        part = np.where(dead, 0.0, self.part)[:, None]
+        y, z = (np.where(part == 1, b, a + part * (b - a)) for a, b in zip(self.base, self.aim, strict=True))
+        return y, z, dead
 
 
 def _times(A: np.ndarray, b: np.ndarray) -> np.ndarray:
     return (A @ b[..., None])[..., 0]
 
 
-def _whitening(By: np.ndarray, Bz: np.ndarray, S: np.ndarray) -> np.ndarray | None:
-    """W (N, m - nz, m), which makes residuals white and blind to latent values; None where a pose is singular."""
-    nz = Bz.shape[2]
-    omega = By @ S @ By.transpose(0, 2, 1)
+def _inverse(B: np.ndarray) -> np.ndarray:
+    return np.linalg.pinv(B if np.isfinite(B.sum()) else np.where(np.isfinite(B), B, 0.0))
+
+
+def _lower(omega: np.ndarray, good: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Cholesky factors, and where there are any; the identity elsewhere."""
     try:
-        if not nz:
-            return np.linalg.inv(np.linalg.cholesky(omega))
-        blind = np.linalg.qr(Bz, mode="complete")[0][:, :, nz:].transpose(0, 2, 1)
-        return np.linalg.solve(np.linalg.cholesky(blind @ omega @ blind.transpose(0, 2, 1)), blind)
+        if good.all():
+            return np.linalg.cholesky(omega), good
     except np.linalg.LinAlgError:
-        return None
+        pass
+    L, good = np.broadcast_to(np.eye(omega.shape[1]), omega.shape).copy(), good.copy()
+    for k in np.flatnonzero(good):
+        try:
+            L[k] = np.linalg.cholesky(omega[k])
+        except np.linalg.LinAlgError:
+            good[k] = False
+    return L, good
 
 
-def require_noise_enough(block: Block, data: np.ndarray, covariance: np.ndarray, latent: int, x: np.ndarray,
-                         labels: tuple[str, ...]) -> None:  # fmt: skip
+def require_noise_enough(block: Block, data: np.ndarray, covariance: np.ndarray, start: Begin,
+                         x: np.ndarray, labels: tuple[str, ...]) -> None:  # fmt: skip
     """ModelError where the noise has fewer directions than there are equations to close per pose."""
-    _, _, By, Bz = block.evaluate_all(data[:, :1], x)
+    latent = len(block.hidden)
+    _, _, By, Bz = block.evaluate_all(data[:, :1], x, *(None if s is None else s[:1] for s in start))
+    if not np.all(np.isfinite(By)) or not np.all(np.isfinite(Bz)):
+        return  # the first pose does not close at the start: that is said of it
     blind = np.linalg.qr(Bz[0], mode="complete")[0][:, latent:].T if latent else np.eye(len(block.rows))
-    omega = blind @ By[0] @ covariance[0] @ By[0].T @ blind.T
-    scale = np.sqrt(np.diag(omega))
-    rank = 0 if not np.all(scale > 0) else int(np.linalg.matrix_rank(omega / np.outer(scale, scale), tol=1e-10))
-    if rank < len(omega):
+    noisy = np.diagonal(covariance[0]) > 0  # sizes that lie far apart are no lack of directions
+    A = blind @ By[0] * noisy
+    scale = np.linalg.norm(A, axis=1)
+    rank = 0 if not np.all(scale > 0) else int(np.linalg.matrix_rank(A / scale[:, None], tol=1e-5))
+    if rank < len(A):
         raise ModelError(
-            f"the stated noise can close {rank} of the {len(omega)} equations of a pose ({', '.join(labels)}); "
+            f"the stated noise can close {rank} of the {len(A)} equations of a pose ({', '.join(labels)}); "
             "give noise to more signals, or take the cost 'length'"
         )

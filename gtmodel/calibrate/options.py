@@ -43,9 +43,11 @@ class Fit(Options):
         "ideal: one guideway direction (15 parameters); modified: one each (21); six_link (60); f1_unit, "
         "f1_raw: quaternions of length one, or free. Left out: all that the equations hold, quaternions raw",
     ] = None
-    free: Annotated[list[str], "parameters to move, scalars, rows or whole; all if left out"] = field(
-        default_factory=list
-    )
+    free: Annotated[
+        list[str] | None,
+        "parameters to move, scalars, rows or whole; all if left out; [] for none: the robot is judged as it is, with "
+        "frames, scales and offsets of the measurement alone estimated",
+    ] = None  # fmt: skip
     fixed: Annotated[list[str], "parameters to leave, stronger than free"] = field(default_factory=list)
     tied: Annotated[dict[str, str], "parameter -> parameter that it follows"] = field(default_factory=dict)
     unit_quaternions: Annotated[list[str], "quaternions that are turned at length one"] = field(default_factory=list)

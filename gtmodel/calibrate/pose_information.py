@@ -12,7 +12,7 @@ from ..inference import Identifiability, identifiability
 from ..inference.make_estimate import spectrum
 from ..inference.weighting import prior_rows
 from ..lang.source import ModelError
-from .implicit import Adjustment, require_noise_enough
+from .implicit import require_noise_enough
 from .problem import CalibrationProblem, noise_covariance
 
 # part of a prediction's Jacobian along what no pose determines, relative: more means that it cannot be predicted
@@ -102,12 +102,12 @@ def pose_information(problem: CalibrationProblem) -> PoseInformation:
     """
     u, read = problem.unknowns, problem.reading
     S = noise_covariance(problem, "orthogonal")
-    N, n, nz = len(problem.measurements), len(u.names), read.latent.numel()
+    N, n = len(problem.measurements), len(u.names)
     blocks_rows = []
     for b in problem.blocks_of("orthogonal"):
         labels = tuple(problem.labels[k] for k in b.rows)
-        require_noise_enough(b, read.data, S, nz, u.start[b.columns], labels)
-        _, J = Adjustment(b, read.data, S, nz).per_pose(u.start[b.columns])
+        require_noise_enough(b, read.data, S, problem.begin(b, S), u.start[b.columns], labels)
+        _, J = problem.adjustment(b, S).per_pose(u.start[b.columns])
         lost = np.flatnonzero(~np.all(np.isfinite(J), axis=(1, 2)))
         if lost.size:
             raise ModelError(f"pose {lost[0]} (from 0) cannot be closed by the model; take poses that it reaches")

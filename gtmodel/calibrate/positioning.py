@@ -132,7 +132,7 @@ def closure_jacobians(
     ModelError where the equations do not give the pose.
     """
     read, u = problem.reading, problem.unknowns
-    if signal not in read.places or read.latent.numel():
+    if signal not in read.places or read.latent.numel() or read.derived.numel() or len(read.stances) > 1:
         raise ModelError(f"positioning errors are predicted from poses whose '{signal}' and all else is known")
     pose = [k for n, s in read.places.items() if n != problem.actuators for k in range(s.start, s.stop)]
     m = len(problem.labels)

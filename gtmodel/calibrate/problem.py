@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -20,15 +20,20 @@ from ..lang.source import ModelError
 from .blocks import Block, blocks
 from .choice import Choice
 from .closure import Closure, closure_equations
-from .measurements import Measurements
-from .reading import Reading, reading
+from .implicit import Adjustment, Begin
+from .latent_start import closed_start
+from .measurements import Measurements, SignalName
+from .reading import Reading, reading, variables_of
 from .unknowns import Parameters, Unknowns, unknowns
+
+LOOSE = 1e3  # of the smallest noise: a signal with more hardly says where the pose is
 
 
 @dataclass(frozen=True, eq=False)
 class CalibrationProblem:
     """A calibration made ready: closure equations of the model with data, unknowns and functions; nothing is solved.
 
+    `beside`: other measurements of the same robot, with the same unknowns. `closure`: of the first pose of a row.
     `costs`: "squared" closure residuals (Dressler 2012, eq. (5.1)); "length", their roots |d| - L; the errors of the
     measured signals that close every pose: of `actuators` alone ("inverse"), of all others ("forward"), or of all that
     have noise ("orthogonal").
@@ -39,7 +44,9 @@ class CalibrationProblem:
     reading: Reading
     unknowns: Unknowns
     actuators: str
+    beside: tuple[CalibrationProblem, ...] = ()
     made: dict[str, tuple[Block, ...]] = field(default_factory=dict, repr=False)
+    starts: dict[tuple[int, ...], tuple[np.ndarray, np.ndarray]] = field(default_factory=dict, repr=False)
 
     def blocks_of(self, cost: str) -> tuple[Block, ...]:
         """What a cost is made of; what shares a noise that it counts is in one block. Made once, for all poses."""
@@ -47,11 +54,24 @@ class CalibrationProblem:
             places, counted = self.reading.places, () if cost in ("squared", "length") else self.noisy(cost)
             joined = [k for n in counted for k in range(places[n].start, places[n].stop)]
             read, u = self.reading, self.unknowns
-            known = [ca.vertcat(*[s for s, _ in read.values])], [ca.vertcat(*[v for _, v in read.values])]
-            rows = self.closure.residuals if cost == "squared" else self.closure.lengths
-            (inside,) = u.substituted(ca.substitute([rows], *known))
+            (inside,) = u.substituted([read.equations(squared=cost == "squared")])
             self.made[cost] = blocks(inside, read.d, read.noise, read.latent, u.x, joined)
         return self.made[cost]
+
+    @property
+    def latent(self) -> tuple[str, ...]:
+        """Variables that nobody measured."""
+        return tuple(dict.fromkeys(n for s in self.reading.stances for n in s.closure.latent))
+
+    @property
+    def parts(self) -> tuple[CalibrationProblem, ...]:
+        """The problem of each measurements, this one first."""
+        return (self, *self.beside)
+
+    @property
+    def implicit(self) -> bool:
+        """Whether latent variables leave the lengths open, so that the errors of what was measured are all there is."""
+        return self.reading.latent.numel() > 0
 
     @property
     def squared(self) -> tuple[Block, ...]:
@@ -71,21 +91,42 @@ class CalibrationProblem:
     def noisy(self, cost: str) -> list[str]:
         """Signals whose errors a cost counts."""
         every = list(self.reading.places)
-        return every if cost == "orthogonal" else [n for n in every if (n == self.actuators) == (cost == "inverse")]
+        return every if cost == "orthogonal" else [n for n in every if self.of_actuators(n) == (cost == "inverse")]
+
+    def of_actuators(self, signal: str) -> bool:
+        """Whether a signal is of the actuators, at whatever pose of a row."""
+        return signal.partition("@")[0] == self.actuators
+
+    @property
+    def judged(self) -> list[str]:
+        """Signals beside the actuators, whose errors are those of the robot."""
+        return self.noisy("forward")
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """Names of the closure residuals: links, in the model's order."""
-        return self.closure.labels
+        """Names of the closure residuals: links, in the model's order, and what was measured beside whole variables."""
+        read = self.reading
+        links = [SignalName("", pose=k).at(n) for k, s in enumerate(read.stances, 1) for n in s.closure.labels]
+        return (*links, *read.derived_labels)
+
+    @property
+    def error_labels(self) -> tuple[str, ...]:
+        """Names of the columns of a calibration's residuals: the links, or with latent values what was measured."""
+        if not self.implicit:
+            return self.labels
+        sizes = {n: s.stop - s.start for n, s in self.reading.places.items()}
+        return tuple(
+            name for n in self.judged for name in ([n] if sizes[n] == 1 else [f"{n}[{k}]" for k in range(sizes[n])])
+        )
 
     def residuals(self, x: ArrayLike | None = None) -> np.ndarray:
         """Lengths' errors (N, m) [m] in the order of `labels`, at x (default: the start).
 
         Raises ModelError where latent variables leave them open.
         """
-        if self.closure.latent:
+        if self.implicit:
             raise ModelError(
-                f"{', '.join(self.closure.latent)} is latent, so that no length is known by itself; take the errors of "
+                f"{', '.join(self.latent)} is latent, so that no length is known by itself; take the errors of "
                 "what was measured, positioning_errors()"
             )
         x = self.unknowns.start if x is None else np.asarray(x, float)
@@ -109,8 +150,9 @@ class CalibrationProblem:
         N, m, read = len(self.measurements), len(self.labels), self.reading
         J, By, Bz = (np.zeros((N, m, k)) for k in (len(x), read.noise.numel(), read.latent.numel()))
         for b in self.blocks_of(cost):
-            _, J[np.ix_(np.arange(N), b.rows, b.columns)], By[:, b.rows], Bz[:, b.rows] = b.evaluate_all(
-                read.data, x[b.columns]
+            every = np.arange(N)
+            _, J[np.ix_(every, b.rows, b.columns)], By[:, b.rows], Bz[np.ix_(every, b.rows, b.hidden)] = b.evaluate_all(
+                read.data, x[b.columns], *self.begin(b)
             )
         return J, By, Bz
 
@@ -119,10 +161,70 @@ class CalibrationProblem:
 
         Priors count as rows. Further arguments as for gtmodel.inference.identifiability().
         """
-        J = self.jacobian(x)
         P, _ = prior_rows(self.unknowns.priors, self.unknowns.names)
+        if self.implicit or self.beside:
+            own = [p.measured_rows(x) for p in self.parts]
+            poses = sum(len(p.measurements) for p in self.parts)
+            rows = np.vstack([*own, P])
+            return identifiability(rows, self.unknowns.names, scale=self.unknowns.sizes, poses=poses, **more)
+        J = self.jacobian(x)
         rows = np.vstack([J.reshape(-1, J.shape[2]) / sigma, P])
         return identifiability(rows, self.unknowns.names, scale=self.unknowns.sizes, poses=len(J), **more)
+
+    def measured_rows(self, x: ArrayLike | None = None, cost: str = "") -> np.ndarray:
+        """Jacobian (rows, n) in the unknowns of the errors of what was measured, in units of their noise, poses closed
+        at x; of poses that do not close there are none."""
+        x = self.unknowns.start if x is None else np.asarray(x, float)
+        S = noise_covariance(self, cost or self.usual_cost, unit=not self.weighed)
+        rows = [np.zeros((0, len(x)))]
+        for b in self.blocks_of(cost or self.usual_cost):
+            a = self.adjustment(b, S)
+            _, J = a.per_pose(x[b.columns])
+            full = np.zeros((int(a.closed.sum()) * J.shape[1], len(x)))
+            full[:, b.columns] = J[a.closed].reshape(-1, J.shape[2])
+            rows.append(full)
+        return np.vstack(rows)
+
+    def adjustment(self, block: Block, covariance: np.ndarray) -> Adjustment:
+        """The errors of what was measured, of one block, for a noise."""
+        return Adjustment(block, self.reading.data, covariance, self.begin(block, covariance))
+
+    def begin(self, block: Block, covariance: np.ndarray | None = None) -> Begin:
+        """Changes of the data (N, ny) and latent values (N, nz) of a block, at poses of the robot as it was at the
+        measured actuators. Changes only of signals that hardly bind, their noise being so large beside others'."""
+        wide: tuple[int, ...] = ()
+        if covariance is not None:
+            sizes = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2).max(axis=0))
+            wide = tuple(np.flatnonzero(sizes > LOOSE * np.min(sizes, initial=np.inf, where=sizes > 0)).tolist())
+        if not wide and not len(block.hidden):
+            return None, None
+        y, z = self._closed(wide)
+        return y if wide else None, z[:, block.hidden]
+
+    def _closed(self, wide: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
+        """Changes (N, ny) of some of the data and all latent values (N, nz) at the unknowns' start."""
+        if wide not in self.starts:
+            read, u = self.reading, self.unknowns
+            (inside,) = u.substituted([read.equations(squared=True)[: len(self.labels) - len(read.derived_labels)]])
+            kept = [k for k in range(read.noise.numel()) if k not in wide]
+            quiet = [ca.DM.zeros(len(kept), 1), ca.DM(u.start)]
+            (equations,) = ca.substitute([inside], [read.noise[kept], u.x], quiet)
+            free = ca.vertcat(read.noise[list(wide)], read.latent)
+            closed = closed_start(equations, read.d, free, read.data)
+            y = np.zeros((len(closed), read.noise.numel()))
+            y[:, list(wide)] = closed[:, : len(wide)]
+            self.starts[wide] = y, closed[:, len(wide) :]
+        return self.starts[wide]
+
+    @property
+    def usual_cost(self) -> str:
+        """All errors where all signals have a noise; elsewhere those of the pose, and the actuators count as exact."""
+        return "orthogonal" if all(n in self.measurements.noise for n in self.reading.places) else "forward"
+
+    @property
+    def weighed(self) -> bool:
+        """Whether the noise of all that is judged is stated."""
+        return all(n in self.measurements.noise for n in self.judged)
 
     def on(self, measurements: Measurements) -> CalibrationProblem:
         """The same equations and unknowns with other poses, of the same signals, corrections and sessions.
@@ -130,13 +232,16 @@ class CalibrationProblem:
         Raises ModelError where they differ.
         """
         sessions = self.measurements.session_names
-        read = reading(self.closure, measurements, latent_starts(self.closure), sessions)
+        closures = [s.closure for s in self.reading.stances]
+        starts = [latent_starts(c) for c in closures]
+        read = reading(closures, measurements, starts, sessions, self.reading.ending)
         if read.parameters.names != self.reading.parameters.names or len(read.data) != len(self.reading.data):
             raise ModelError(
                 f"the other poses have the signals {', '.join(measurements.values)} and other corrections or sessions "
                 f"than those prepared: {', '.join(self.measurements.values)}"
             )
-        return replace(self, measurements=measurements, reading=replace(self.reading, data=read.data))
+        own = replace(self.reading, data=read.data)
+        return replace(self, measurements=measurements, reading=own, beside=(), starts={})
 
     def values(self, x: ArrayLike) -> dict[str, float]:
         """All parameters that the equations hold, of model and measurement, at x."""
@@ -147,16 +252,19 @@ class CalibrationProblem:
 
 def prepare(
     model: Model | Builder | FlatModel,
-    measurements: Measurements,
+    measurements: Measurements | Sequence[Measurements],
     choice: Choice | None = None,
     *,
     actuators: str = "q",
     latent: Sequence[str] = (),
+    values: Mapping[str, float] | None = None,
 ) -> CalibrationProblem:
     """The calibration problem of a model and measured poses: closure equations, unknowns, Jacobians. Nothing is solved.
 
     All measured values but rates and loads count as known; `actuators`: the variable that the drives measure; `latent`:
-    see closure_equations(). Raises ModelError for what does not fit the model.
+    see closure_equations(). Several measurements of one robot share its parameters; frames, scales, offsets and points
+    belong to one of them each, " of NAME" in their names. `values` of parameters, by name, in place of the model's own
+    and of what those of the measurement start from. Raises ModelError for what does not fit the model.
 
     >>> robot = gt.robots.gantry_tau("l1_tape")
     >>> T = np.array([[x, y, z] for x in (0.0, 0.5, 1.0) for y in (-1.0, -0.5, 0.0) for z in (0.2, 0.5, 0.8)])
@@ -167,19 +275,37 @@ def prepare(
     ('arm[0].rod', 'arm[1].rod', 'arm[2].rod')
     >>> len(problem.unknowns.names), float(np.abs(problem.residuals()).max()) < 1e-9  # m
     (21, True)
+    >>> heights = gt.calibrate.Measurements({"q": q, "T[2]": T[:, 2]}, noise={"q": 1e-5, "T[2]": 2e-5})
+    >>> gt.calibrate.prepare(robot, heights).latent
+    ('T',)
     """
     flat = model if isinstance(model, FlatModel) else flat_of(model)
-    known = [n for n in measurements.values if not n.startswith(("der(", "load("))]
-    if actuators not in known:
-        raise ModelError(f"the actuators '{actuators}' are not among the measured {', '.join(known)}")
-    closure = closure_equations(flat, known, latent)
-    read = reading(closure, measurements, latent_starts(closure))
-    everything = Parameters.of(flat, closure.touched)
-    everything.extend(read.parameters)
+    several = [measurements] if isinstance(measurements, Measurements) else list(measurements)
+    if not several:
+        raise ModelError("there is nothing measured; give measurements")
+    ready: list[tuple[list[Closure], Reading, Measurements]] = []
+    for k, m in enumerate(several, 1):
+        poses = variables_of(flat, m, latent)
+        given = [n for n in m.values if not n.startswith(("der(", "load("))]
+        if actuators not in poses[0][0]:
+            raise ModelError(f"the actuators '{actuators}' are not among the measured {', '.join(given)}")
+        closures = [closure_equations(flat, known, hidden) for known, hidden in poses]
+        ending = f" of {m.name or k}" if len(several) > 1 else ""
+        ready.append((closures, reading(closures, m, [latent_starts(c) for c in closures], (), ending), m))
+    touched = sorted({t for closures, _, _ in ready for c in closures for t in c.touched})
+    everything = Parameters.of(flat, touched)
+    for _, read, _ in ready:
+        everything.extend(read.parameters)
+    for name, value in (values or {}).items():
+        if name in everything.names:
+            everything.values[everything.names.index(name)] = float(value)
     choice = choice or Choice()
-    free = [*choice.free, *read.parameters.names] if choice.free else []
-    u = unknowns(everything, replace(choice, free=free, unit=[*choice.unit, *read.unit]))
-    return CalibrationProblem(closure, measurements, read, u, actuators)
+    own = [n for _, read, _ in ready for n in read.parameters.names]
+    free = None if choice.free is None else [*choice.free, *own]
+    unit = [n for _, read, _ in ready for n in read.unit]
+    u = unknowns(everything, replace(choice, free=free, unit=[*choice.unit, *unit]))
+    first, *others = [CalibrationProblem(c[0], m, read, u, actuators) for c, read, m in ready]
+    return replace(first, beside=tuple(others)) if others else first
 
 
 def latent_starts(closure: Closure) -> dict[str, np.ndarray]:

@@ -10,9 +10,10 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..compiler.flat import FlatModel
 from ..lang.source import ModelError
 from .closure import Closure
-from .measurements import Correction, Measurements, Pose
+from .measurements import Correction, Measurements, Pose, SignalName
 from .quaternions import product, rotated, turned
 from .unknowns import Parameters
 
@@ -20,12 +21,22 @@ IDENTITY = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
 
 
 @dataclass(frozen=True, eq=False)
+class Stance:
+    """One pose of a row: its closure equations, and model symbols -> expressions in the row's data and parameters."""
+
+    closure: Closure
+    values: tuple[tuple[ca.SX, ca.SX], ...]
+
+
+@dataclass(frozen=True, eq=False)
 class Reading:
-    """`d` (nd,) symbols of a pose's data and `data` (nd, N) their values; `noise` (ny,) symbols of what is added to
+    """`d` (nd,) symbols of a row's data and `data` (nd, N) their values; `noise` (ny,) symbols of what is added to
     them; `latent` (nz,) symbols of what nobody measured.
 
-    `values`: model symbols -> expressions in these and in `parameters` of the measurement (frames, scales, offsets).
-    `places`: signal -> its slice of the noise; `unit`: quaternions among the parameters.
+    `stances`: the poses of a row, one mostly. `derived` (k,): equations of what was measured of them beside whole
+    variables, such as components, points and distances, `derived_labels` their names. `parameters` of the measurement
+    (frames, scales, offsets), whose names have the `ending`; `places`: signal -> its slice of the noise; `unit`:
+    quaternions among the parameters.
     """
 
     d: ca.SX
@@ -33,56 +44,124 @@ class Reading:
     noise: ca.SX
     places: dict[str, slice]
     latent: ca.SX
-    values: tuple[tuple[ca.SX, ca.SX], ...]
+    stances: tuple[Stance, ...]
+    derived: ca.SX
+    derived_labels: tuple[str, ...]
     parameters: Parameters
     unit: tuple[str, ...]
+    ending: str = ""
+
+    def equations(self, squared: bool) -> ca.SX:
+        """All that must vanish in a row, lengths as their squares or as they are."""
+        rows = []
+        for s in self.stances:
+            own = s.closure.residuals if squared else s.closure.lengths
+            known = [ca.vertcat(*[symbol for symbol, _ in s.values])], [ca.vertcat(*[v for _, v in s.values])]
+            rows += ca.substitute([own], *known)
+        return ca.vertcat(*rows, self.derived) if self.derived.numel() or len(rows) > 1 else rows[0]
 
 
-def reading(closure: Closure, m: Measurements, starts: dict[str, np.ndarray], sessions: Sequence[str] = ()) -> Reading:
-    """`starts`: of latent variables (k,) or (N, k); `sessions`: all that parameters are for, those of the measurements
-    if empty. Raises ModelError for what is measured but not in the model's
-    closure equations, wrong sizes, and corrections that need more than was given."""
-    r = _Reader(closure.flat.title, m, tuple(sessions) or m.session_names)
+def variables_of(flat: FlatModel, m: Measurements, latent: Sequence[str] = ()) -> list[tuple[list[str], list[str]]]:
+    """What is known and what is latent of each pose of a row, whole variables of the model.
+
+    Latent are those of `latent` and of the measurements, and what components, points and distances need that was not
+    measured. Raises ModelError for names that are none.
+    """
+    known: dict[int, list[str]] = {}
+    needed: dict[int, list[str]] = {}
+    for name in m.values:
+        if name.startswith(("der(", "load(")):
+            continue
+        ends = m.distances.get(name, (name,))
+        for end in ends:
+            s = _signal(flat, m, end)
+            if name not in m.distances and s.component is None and s.base not in m.points:
+                known.setdefault(s.pose, []).append(s.base)
+            elif s.base in m.points:
+                point = m.points[s.base]
+                needed.setdefault(s.pose, []).extend(n for n in (point.position, point.orientation) if n)
+            else:
+                needed.setdefault(s.pose, []).append(s.base)
+    poses = sorted({*known, *(k for k, names in needed.items() if names)})
+    if poses != list(range(1, len(poses) + 1)):
+        raise ModelError(f"the poses of a row are numbered from 1 without gaps; found {', '.join(map(str, poses))}")
+    named = list(dict.fromkeys([*latent, *m.latent]))
+    return [
+        (
+            known.get(k, []),
+            [n for n in dict.fromkeys([*needed.get(k, []), *named]) if n not in known.get(k, [])],
+        )
+        for k in poses
+    ]
+
+
+def _signal(flat: FlatModel, m: Measurements, name: str) -> SignalName:
+    whole = [*flat.groups, *m.points]
+    return SignalName.of(name, whole)
+
+
+def reading(
+    closures: Sequence[Closure], m: Measurements, starts: Sequence[Mapping[str, np.ndarray]],
+    sessions: Sequence[str] = (), ending: str = "",
+) -> Reading:  # fmt: skip
+    """One closure for each pose of a row; `starts`: of latent variables (k,) or (N, k), likewise; `sessions`: all that
+    parameters are for, those of the measurements if empty; `ending` of their names. Raises ModelError for what is
+    measured but not in the model's closure equations, wrong sizes, and corrections that need more than was given."""
+    first = closures[0]
+    r = _Reader(first.flat, m, tuple(sessions) or m.session_names, ending)
     own = any(c.offset for c in m.corrections) or any(p.device_per_session or p.target_per_session for p in m.poses)
     strange = [s for s in m.session_names if own and s not in r.sessions]
     if strange:
         raise ModelError(f"there is no session '{strange[0]}' among those prepared: {', '.join(r.sessions)}")
-    signals: dict[str, ca.SX] = {}
-    for name in closure.known:
-        if name not in m.values:
-            raise ModelError(f"'{name}' is known to the closure equations, but no values are given")
-        size = closure.symbols[name].numel()
-        given = np.asarray(m.values[name])
-        if given.shape[1] != size:
-            raise ModelError(f"'{name}' has {given.shape[1]} columns; the model's has {size}")
-        quaternion = name in closure.unit or any(p.orientation == name for p in m.poses)
-        signals[name] = r.read(name, quaternion)
+    stances, signals_of = [], []
+    for k, (closure, start) in enumerate(zip(closures, starts, strict=True), 1):
+        at = SignalName("", pose=k).at
+        signals: dict[str, ca.SX] = {}
+        for name in closure.known:
+            if at(name) not in m.values:
+                raise ModelError(f"'{at(name)}' is known to the closure equations, but no values are given")
+            size = closure.symbols[name].numel()
+            given = np.asarray(m.values[at(name)])
+            if given.shape[1] != size:
+                raise ModelError(f"'{at(name)}' has {given.shape[1]} columns; the model's has {size}")
+            quaternion = name in closure.unit or any(p.orientation == name for p in m.poses)
+            signals[name] = r.read(at(name), quaternion)
+        for c in m.corrections:
+            name = c.signal.partition("@")[0]
+            if c.signal == at(name) and name in signals:
+                index = closure.flat.groups[name][1][0]
+                signals[name] = r.corrected(c, name, signals[name], closure.flat.variables[index].unit or "")
+        for pose in m.poses:
+            r.placed(pose, signals, closure.latent)
+        for name in closure.latent:
+            signals[name] = r.hidden(at(name), start[name], name in closure.unit)
+        signals_of.append(signals)
+        names = (*closure.known, *closure.latent)
+        stances.append(Stance(closure, tuple((closure.symbols[n], signals[n]) for n in names)))
+    derived, labels = r.derived(signals_of)
+    whole = [SignalName("", pose=k).at(n) for k, s in enumerate(signals_of, 1) for n in s]
     for c in m.corrections:
-        if c.signal not in signals:
-            raise ModelError(f"a correction names '{c.signal}', which is not among {', '.join(signals)}")
-        first = closure.flat.groups[c.signal][1][0]
-        signals[c.signal] = r.corrected(c, signals[c.signal], closure.flat.variables[first].unit or "")
-    for pose in m.poses:
-        r.placed(pose, signals)
-    for name in closure.latent:
-        signals[name] = r.hidden(name, starts[name], name in closure.unit)
-    values = tuple((closure.symbols[n], signals[n]) for n in (*closure.known, *closure.latent))
+        if c.signal not in whole and c.signal not in r.places:
+            raise ModelError(f"a correction names '{c.signal}', which is not among {', '.join(r.places)}")
     return Reading(
         ca.vertcat(*r.d), np.vstack(r.columns), ca.vertcat(ca.SX(0, 1), *r.noise), r.places,
-        ca.vertcat(ca.SX(0, 1), *r.latent), values, r.parameters, tuple(r.unit),
+        ca.vertcat(ca.SX(0, 1), *r.latent), tuple(stances), derived, labels, r.parameters,
+        tuple(dict.fromkeys(r.unit)), ending,
     )  # fmt: skip
 
 
 class _Reader:
-    def __init__(self, title: str, m: Measurements, sessions: tuple[str, ...]) -> None:
+    def __init__(self, flat: FlatModel, m: Measurements, sessions: tuple[str, ...], ending: str) -> None:
+        self.flat = flat
         self.m = m
         self.sessions = sessions
+        self.ending = ending
         self.d: list[ca.SX] = []
         self.columns: list[np.ndarray] = []
         self.noise: list[ca.SX] = []
         self.places: dict[str, slice] = {}
         self.latent: list[ca.SX] = []
-        self.parameters = Parameters(title)
+        self.parameters = Parameters(flat.title)
         self.unit: list[str] = []
 
     def symbol(self, name: str, columns: np.ndarray) -> ca.SX:
@@ -92,8 +171,15 @@ class _Reader:
         return s
 
     def parameter(self, name: str, start: np.ndarray, unit: str, scalar: bool = False) -> ca.SX:
+        name += self.ending
         names = [name] if scalar else [f"{name}[{k}]" for k in range(len(start))]
-        return ca.vertcat(*[self.parameters.add(n, unit, v) for n, v in zip(names, start, strict=True)])
+        there = self.parameters.names
+        return ca.vertcat(
+            *[
+                self.parameters.symbols[there.index(n)] if n in there else self.parameters.add(n, unit, v)
+                for n, v in zip(names, start, strict=True)
+            ]
+        )
 
     def read(self, name: str, quaternion: bool) -> ca.SX:
         given = np.asarray(self.m.values[name])
@@ -107,44 +193,54 @@ class _Reader:
         self.noise.append(error)
         return turned(value, error) if quaternion else value + error
 
-    def corrected(self, c: Correction, value: ca.SX, unit: str) -> ca.SX:
-        """A signal in `unit` without its delay, scale and offset."""
+    def corrected(self, c: Correction, name: str, value: ca.SX, unit: str) -> ca.SX:
+        """A signal in `unit` without its delay, scale and offset, which it shares with the same `name` at other poses
+        of the row."""
         n = value.numel()
         if c.delay:
             rate = f"der({c.signal})"
             if rate not in self.m.values:
                 raise ModelError(f"a delay of '{c.signal}' needs its rate among the values, as '{rate}'")
             moved = self.symbol(rate, np.asarray(self.m.values[rate]).T)
-            value = value + self.parameter(f"{c.signal}.delay", np.zeros(1), "s", scalar=True) * moved
+            value = value + self.parameter(f"{name}.delay", np.zeros(1), "s", scalar=True) * moved
         if c.scale:
-            value = self.parameter(f"{c.signal}.scale", np.ones(n), "1") * value
+            value = self.parameter(f"{name}.scale", np.ones(n), "1") * value
         if c.offset:
             for session in self.sessions:
                 inside = self.inside(session)
                 ending = f" in {session}" if len(self.sessions) > 1 else ""
-                offset = self.parameter(f"{c.signal}.offset{ending}", np.zeros(n), unit)
+                offset = self.parameter(f"{name}.offset{ending}", np.zeros(n), unit)
                 value = value - inside * offset
         return value
 
-    def placed(self, pose: Pose, signals: dict[str, ca.SX]) -> None:
+    def placed(self, pose: Pose, signals: dict[str, ca.SX], latent: Sequence[str]) -> None:
         for name in (pose.position, pose.orientation):
-            if name is not None and name not in signals:
+            if name is not None and name not in signals and name not in latent:
                 raise ModelError(f"a pose names '{name}', which is not measured; measured are {', '.join(signals)}")
+        if pose.position not in signals:  # measured in part: seen() says what of it
+            if pose.orientation in signals and (pose.device or pose.target):
+                raise ModelError(
+                    f"'{pose.orientation}' is measured in the frame of a device, and '{pose.position}' only in part; "
+                    "measure the whole position, or leave the orientation out"
+                )
+            return
         p = signals[pose.position]
-        e = None if pose.orientation is None else signals[pose.orientation]
+        e = None if pose.orientation is None else signals.get(pose.orientation)
         if pose.target:
             if e is None:
-                raise ModelError(f"the target of '{pose.position}' needs a measured orientation; name it in the pose")
+                raise ModelError(
+                    f"the target of '{pose.position}' needs a measured orientation; name it in the pose, or measure "
+                    "the target as a point"
+                )
             parts = [
                 (inside, p + rotated(e, t), product(e, u))
                 for inside, t, u in self.frames(f"{pose.position}.target", pose.target_per_session, pose.target_start)
             ]
             p, e = (_sum(inside * part[k] for inside, *part in parts) for k in range(2))
         if pose.device:
-            name, each, starts = f"{pose.position}.device", pose.device_per_session, pose.device_starts
             parts = [
                 (inside, t + rotated(u, p), ca.SX(0) if e is None else product(u, e))
-                for inside, t, u in self.frames(name, each, pose.device_start or IDENTITY, starts)
+                for inside, t, u in self.device(pose)
             ]
             p, turned_ = (_sum(inside * part[k] for inside, *part in parts) for k in range(2))
             e = None if e is None else turned_
@@ -153,6 +249,62 @@ class _Reader:
         signals[pose.position] = p
         if pose.orientation is not None and e is not None:
             signals[pose.orientation] = e
+
+    def derived(self, signals: Sequence[Mapping[str, ca.SX]]) -> tuple[ca.SX, tuple[str, ...]]:
+        """Equations of components, points and distances, and a label each."""
+        rows: list[ca.SX] = []
+        labels: list[str] = []
+        for name in self.m.values:
+            if name.startswith(("der(", "load(")):
+                continue
+            if name in self.m.distances:
+                one, other = (self.point(end, signals, False) for end in self.m.distances[name])
+                value, unit, base = ca.norm_2(one - other), "m", name
+            else:
+                s = _signal(self.flat, self.m, name)
+                if s.component is None and s.base not in self.m.points:
+                    continue
+                value, base = self.point(name, signals, True), name.partition("@")[0]
+                unit = "m" if s.base in self.m.points else self.flat.variables[self.flat.groups[s.base][1][0]].unit
+            read = self.read(name, False)
+            if read.numel() != value.numel():
+                raise ModelError(f"'{name}' has {read.numel()} columns; it is {value.numel()} numbers")
+            for c in self.m.corrections:
+                if c.signal == name:
+                    read = self.corrected(c, base, read, unit or "")
+            rows.append(value - read)
+            labels += [name] if value.numel() == 1 else [f"{name}[{k}]" for k in range(value.numel())]
+        return ca.vertcat(ca.SX(0, 1), *rows), tuple(labels)
+
+    def point(self, name: str, signals: Sequence[Mapping[str, ca.SX]], seen: bool) -> ca.SX:
+        """A variable, a point, or a component of one, in the robot's frame or as the device has `seen` it."""
+        s = _signal(self.flat, self.m, name)
+        here = signals[min(s.pose, len(signals)) - 1]
+        pose: Pose | None = None
+        if s.base in self.m.points:
+            q = self.m.points[s.base]
+            at = np.asarray(q.at, float)
+            p = self.parameter(f"{s.base}.at", at, "m") if q.free else ca.SX(ca.DM(at))
+            if q.position is not None:
+                p = here[q.position] + (p if q.orientation is None else rotated(here[q.orientation], p))
+            pose = next((a for a in self.m.poses if q.position in (None, a.position)), None)
+        else:
+            p = here[s.base]
+            pose = next((a for a in self.m.poses if a.position == s.base), None)
+            if seen and pose is not None and pose.target:
+                raise ModelError(f"'{s.base}' is measured in part, on a target; measure the target as a point")
+        if seen and pose is not None:
+            if pose.sag:
+                p = p + self.sagged(pose)
+            if pose.device:
+                back = [(inside, rotated(ca.vertcat(u[0], -u[1:]), p - t)) for inside, t, u in self.device(pose)]
+                p = _sum(inside * part for inside, part in back)
+        return p if s.component is None else p[s.component]
+
+    def device(self, pose: Pose) -> list[tuple[ca.SX, ca.SX, ca.SX]]:
+        return self.frames(
+            f"{pose.position}.device", pose.device_per_session, pose.device_start or IDENTITY, pose.device_starts
+        )
 
     def inside(self, session: str) -> ca.SX:
         """1 at the poses of a session, 0 at others."""
@@ -183,7 +335,7 @@ class _Reader:
     def frame(self, name: str, start: tuple[ArrayLike, ArrayLike], ending: str = "") -> tuple[ca.SX, ca.SX]:
         t = self.parameter(f"{name}.t{ending}", np.asarray(start[0], float), "m")
         u = self.parameter(f"{name}.u{ending}", np.asarray(start[1], float), "1")
-        self.unit.append(f"{name}.u{ending}")
+        self.unit.append(f"{name}.u{ending}{self.ending}")
         return t, u
 
     def hidden(self, name: str, start: np.ndarray, quaternion: bool) -> ca.SX:

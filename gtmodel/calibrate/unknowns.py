@@ -123,7 +123,7 @@ def unknowns(parameters: Parameters, choice: Choice) -> Unknowns:
     for k, target in follows.items():
         chosen.moved[k] = chosen.moved.get(target, ca.SX(p.values[target]))
     everything = [(p.symbols[k], chosen.moved.get(k, ca.SX(p.values[k]))) for k in range(len(p.names))]
-    if not chosen.names:
+    if not chosen.names and (choice.free is None or len(choice.free)):
         raise ModelError(f"nothing is left free to calibrate in {p.title}: all parameters are fixed or tied")
     sizes = _sizes(p, choice, chosen)
     return Unknowns(
@@ -141,7 +141,7 @@ class _Chosen(Parameters):
 
 
 def _free(p: Parameters, choice: Choice) -> set[int]:
-    free = {k for name in choice.free for k in p.indices(name)} if choice.free else set(range(len(p.names)))
+    free = {k for name in choice.free for k in p.indices(name)} if choice.free is not None else set(range(len(p.names)))
     return free - {k for name in choice.fixed if TURN not in name for k in p.indices(name)}
 
 

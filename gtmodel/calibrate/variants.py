@@ -100,6 +100,6 @@ def _priors(keys: Mapping[str, Known], u: Unknowns) -> list[Prior]:
 
 def _naming(fit: Fit, sentence: str) -> str:
     for option in NAMING:
-        if any(f"'{name}" in sentence for name in getattr(fit, option)):
+        if any(f"'{name}" in sentence for name in getattr(fit, option) or ()):
             return f"fit.{option}"
     return "poses"

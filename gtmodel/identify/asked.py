@@ -63,16 +63,18 @@ def asked_for(
 
 def regressor_of(robot: Model, free: Sequence[str], how: Fitting) -> Regressor:
     """The regressor of what is free and what is watched. Raises ArgumentError."""
-    for name in ("known", "targets"):
-        with naming(f"fitting.{name}", ModelError):
-            flat_of(robot).lookup(getattr(how, name))
+    for argument, names in (("known", [how.known]), ("targets", [how.targets]), ("inputs", how.inputs)):
+        for name in names:
+            with naming(f"fitting.{argument}", ModelError):
+                flat_of(robot).lookup(name)
+    known = [how.known, *how.inputs]
     if how.inertias is not None and how.watch:
         raise ArgumentError("is not for inertias, of which all that can be determined is free", "fitting.watch")
     try:
         regressor = (
-            BaseRegressor(robot, free, how.known, how.targets)
+            BaseRegressor(robot, free, known, how.targets)
             if how.inertias
-            else Regressor(robot, [*free, *how.watch], how.known, how.targets)
+            else Regressor(robot, [*free, *how.watch], known, how.targets)
         )
     except ParameterError as error:
         watched = {error.parameter, error.parameter.partition("[")[0]} & set(how.watch)

@@ -126,9 +126,7 @@ def _stacked(regressor: Regressor, arm: SerialArm) -> Array:
     n = len(arm.structure.leaders)
     draw = {"q": rng.uniform(low, high, (POINTS, n))}
     draw |= {f"der(q{order})": rng.standard_normal((POINTS, n)) for order in ("", ",2")}
-    lacking = next((s.name for s in regressor.inputs if s.name not in draw), None)
-    if lacking is not None:
-        raise ModelError(f"base parameters are those of a motion in q; '{lacking}' is asked for besides")
+    draw |= {s.name: rng.standard_normal((POINTS, *s.shape)) for s in regressor.inputs if s.name not in draw}
     values = Regressor.__call__(regressor, *[draw[s.name] for s in regressor.inputs])
     Y, _ = RegressorRows(*[x[values.status == Status.OK] for x in values]).stacked()
     return Y

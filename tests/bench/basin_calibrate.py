@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import gtmodel as gt
 from gtmodel.calibrate import Fit, MeasuredPoses, calibrate
-from gtmodel.calibrate.basin import basin
 from gtmodel.calibrate.measured.poses import split
 from gtmodel.calibrate.variants import prepared
+from tests.support.basin import basin
 from tests.support.commands import CLONE
 
 STARTS, SEED = 100, 1

@@ -10,7 +10,6 @@ import pytest
 
 import gtmodel as gt
 from gtmodel.calibrate import CalibrationStudy, MeasuredPoses, made_poses, read_cart_points, study
-from gtmodel.calibrate.basin import basin
 from gtmodel.calibrate.report.sensitivity_table import table, text
 from gtmodel.calibrate.synthetic import SyntheticFile, make
 from gtmodel.problem_files.load import load
@@ -18,6 +17,7 @@ from gtmodel.results import ArgumentError
 from gtmodel.robots.measured_guideways import D1_MODELS
 from tests.calibrate.runs import ready
 from tests.calibrate.shipped import PROBLEMS
+from tests.support.basin import basin
 
 PRINTED = np.array([0.140, 0.120, 0.110, 0.100, 0.090])  # mm, Table 5.3
 STORY = 0.3  # of the printed means: our robot has errors of D1's sizes, but it is not D1

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from gtmodel.calibrate import Choice, block_rows, calibrate, prepare
-from gtmodel.calibrate.implicit import Adjustment
 from gtmodel.calibrate.problem import noise_covariance
 from gtmodel.inference import Prior
 from gtmodel.inference.losses import loss_named
@@ -33,7 +32,7 @@ def dense_rows(p, cost, x, sigma):
             s = sigma(b)
             out.append((b.columns, r / s, J / s, B / s))
         else:
-            a = Adjustment(b, p.reading.data, noise_covariance(p, cost), p.reading.latent.numel())
+            a = p.adjustment(b, noise_covariance(p, cost))
             out.append((b.columns, *a.per_pose(x[b.columns]), a.by_noise(x[b.columns])))
     return out
 

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from .calibration import calibrate
-from .problem import CalibrationProblem
+from gtmodel.calibrate.calibration import calibrate
+from gtmodel.calibrate.problem import CalibrationProblem
 
 SAME = 1e-3  # of the least sum of squares: redundant unknowns end elsewhere, their residuals do not
 
