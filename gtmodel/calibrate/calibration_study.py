@@ -6,8 +6,6 @@ from collections.abc import Callable
 from functools import partial
 from typing import Annotated
 
-import numpy as np
-
 from ..lang import Model
 from ..results import SolveStatus, Work
 from ..results.door import study_function

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Annotated, Literal, get_args
 
-from .measured.alarms import Alarm
 from ..results.options import Options, Unit, Within
+from .measured.alarms import Alarm
 
 Cost = Literal["squared", "length", "inverse", "forward", "orthogonal"]
 COSTS = get_args(Cost)

@@ -6,7 +6,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
 
 from ..results.estimate import Estimate
 from ..results.refusal import ArgumentError
@@ -15,6 +14,8 @@ from ..results.refusal import ArgumentError
 FALSE_ALARM = 1e-3
 # a ratio that matters: two halves of one recording or grid differ by some tenths where the model lacks a little
 MATTERS = 1.5
+# residuals over a stated noise that matter: noise is seldom known better than to a factor of two
+NOISE_MATTERS = 2.0
 
 
 @dataclass(frozen=True)
@@ -66,7 +67,7 @@ class OverNoise:
         )
 
 
-def over_noise(estimate: Estimate, *, false_alarm: float = FALSE_ALARM, matters: float = MATTERS) -> OverNoise:
+def over_noise(estimate: Estimate, *, false_alarm: float = FALSE_ALARM, matters: float = NOISE_MATTERS) -> OverNoise:
     """Judge the residuals of a fit whose noise was stated: is something in them that the model lacks?
 
     The bound is the larger of `matters` and of the ratio that noise alone exceeds with probability `false_alarm`: a
@@ -76,15 +77,17 @@ def over_noise(estimate: Estimate, *, false_alarm: float = FALSE_ALARM, matters:
     >>> e = gt.inference.linear_fit(np.ones((50, 1)), values, ["mean"], sigma=0.1)
     >>> judged = gt.inference.over_noise(e)
     >>> judged.passed, round(judged.ratio, 1), judged.bound
-    (False, 3.6, 1.5)
+    (False, 3.6, 2.0)
     """
     if not estimate.known_noise:
         raise ArgumentError("the noise was not given, so that the residuals cannot be compared with it; give sigma")
-    freedom = estimate.degrees_of_freedom
-    if not freedom > 0:
+    left = estimate.degrees_of_freedom
+    if not left > 0:
         return OverNoise(estimate.noise, np.inf)
-    chance = float(np.sqrt(scipy.special.chdtri(freedom, false_alarm) / freedom))  # scipy.stats takes long to import
-    return OverNoise(float(np.sqrt(np.sum(np.square(estimate.residuals)) / freedom)), max(matters, chance))
+    from scipy import special  # here: keys of kinds import this module
+
+    chance = float(np.sqrt(special.chdtri(left, false_alarm) / left))
+    return OverNoise(float(np.sqrt(np.sum(np.square(estimate.residuals)) / left)), max(matters, chance))
 
 
 def chance_ratio(
@@ -96,7 +99,7 @@ def chance_ratio(
 
     >>> few, many = (gt.inference.chance_ratio(n, n, tests=5) for n in (3.0, 100.0))
     >>> round(few, 1), round(many, 2)
-    (29.1, 1.43)
+    (20.4, 1.43)
     """
     if not (numerator_freedom > 0 and denominator_freedom > 0):
         return np.inf

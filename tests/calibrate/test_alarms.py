@@ -36,10 +36,10 @@ def test_another_order_must_be_better_than_chance_makes_it() -> None:
     assert much_nearer(1.0, 3.1, 5, 60.0) and not much_nearer(1.0, 2.9, 5, 60.0)
     assert not much_nearer(1.0, 3.1, 5, 3.0) and much_nearer(1.0, 100.0, 5, 3.0)
     assert not much_nearer(0.0, 1.0, 5, 0.0)  # no equation is left beyond the unknowns
-    rng, alarms, runs, freedom = np.random.default_rng(5), 0, 400, 4
+    rng, alarms, runs, beyond = np.random.default_rng(5), 0, 400, 4
     for _ in range(runs):  # of five readings that are all as good the best looks much better now and then
-        rms = np.sqrt(rng.chisquare(freedom, 6) / freedom)
-        alarms += nearest(float(rms[0]), lambda k, rms=rms: float(rms[k]), range(1, 6), freedom)[1] is not None
+        rms = np.sqrt(rng.chisquare(beyond, 6) / beyond)
+        alarms += nearest(float(rms[0]), lambda k, rms=rms: float(rms[k]), range(1, 6), beyond)[1] is not None
     assert alarms <= 4  # 1 in 1000 each; the fixed factor of three claims 50
 
 

@@ -91,14 +91,14 @@ def stuck_columns(names: Sequence[str], rows: np.ndarray, misfit: float, size: f
     )
 
 
-def much_nearer(left: float, before: float, tried: int, degrees_of_freedom: float) -> bool:
+def much_nearer(left: float, before: float, tried: int, beyond: float) -> bool:
     """Whether what another reading leaves, rms, is so much less than `before` that chance does not explain it: the best
-    of so many that were `tried`, with degrees of freedom of what either leaves. With none nothing can be said."""
-    return left * max(NEARER, chance_ratio(degrees_of_freedom, degrees_of_freedom, tests=tried)) < before
+    of so many that were `tried`, with `beyond` degrees of freedom of what either leaves; with none nothing can be."""
+    return left * max(NEARER, chance_ratio(beyond, beyond, tests=tried)) < before
 
 
 def nearest(
-    before: float, left: Callable[[Trial], float], trials: Iterable[Trial], degrees_of_freedom: float
+    before: float, left: Callable[[Trial], float], trials: Iterable[Trial], beyond: float
 ) -> tuple[float, Trial | None]:
     """Of other readings the one that leaves least, and what it leaves; None where it leaves not much less than
     `before`, see much_nearer()."""
@@ -108,15 +108,16 @@ def nearest(
         tried += 1
         if rms < best * (1 - 1e-9):
             best, chosen = rms, trial
-    return (best, chosen) if much_nearer(best, before, tried, degrees_of_freedom) else (before, None)
+    return (best, chosen) if much_nearer(best, before, tried, beyond) else (before, None)
 
 
 def signals_exchanged(
-    actuators: str, position: str, before: float, left: float, degrees_of_freedom: float
+    actuators: str, position: str, before: float, left: float, beyond: float, size: float
 ) -> str | None:
     """Actuators that look like the position and the position like them: rms distances [m] from the model's positions
-    `before`, as given, and what is `left` where one is read as the other."""
-    if not much_nearer(left, before, 1, degrees_of_freedom):
+    `before`, as given, and what is `left` where one is read as the other, with `beyond` degrees of freedom. Poses out
+    of reach count as missed by the robot's `size` [m]."""
+    if not much_nearer(left, min(before, size), 1, beyond):
         return None
     return (
         f"'{actuators}' and '{position}' look exchanged: poses miss the model's by {length(before)} rms as given, and "
@@ -132,17 +133,19 @@ def exchanged(names: Sequence[str], order: Sequence[int]) -> tuple[str, str]:
 
 def other_columns(
     names: Sequence[str], groups: Sequence[Sequence[int]], q: np.ndarray, before: float,
-    left: Callable[[np.ndarray], float], degrees_of_freedom: float,
+    left: Callable[[np.ndarray], float], beyond: float, size: float,
 ) -> ColumnReading | None:  # fmt: skip
     """Columns of actuators q (N, k) that belong to each other's arms, or count the other way: single columns, groups of
     one unit and all are tried. `left(q)`: rms distance [m] of the model's positions from the measured ones, `before` as
-    given. `groups`: columns of one unit."""
+    given, infinite out of reach, which counts as the robot's `size` [m]. `groups`: columns of one unit; `beyond`:
+    degrees of freedom of the distances."""
     every = list(range(len(names)))
     said = f"poses miss the model's by {length(before)} rms as given, and by"
-    best, order = nearest(before, lambda trial: left(q[:, trial]), orders(len(names), groups), degrees_of_freedom)
+    missed = min(before, size)
+    best, order = nearest(missed, lambda trial: left(q[:, trial]), orders(len(names), groups), beyond)
     signs = [*([k] for k in every), *map(list, groups), every]
     turned, backward = nearest(
-        before, lambda trial: left(np.where(np.isin(every, trial), -1.0, 1.0) * q), signs, degrees_of_freedom
+        missed, lambda trial: left(np.where(np.isin(every, trial), -1.0, 1.0) * q), signs, beyond
     )
     if backward is not None and (order is None or turned < best):
         which = ", ".join(names[k] for k in backward)
@@ -164,7 +167,7 @@ def swapped_axes(
     axes = measured.shape[1]
     if free_frame:
         proper, mirrored = (_aligned(measured, predicted, hand)[2] for hand in (1, -1))
-        if proper > CLOSE * size and much_nearer(mirrored, proper, 1, positions_freedom(len(measured), axes, True)):
+        if proper > CLOSE * size and much_nearer(mirrored, proper, 1, degrees_of_freedom(len(measured), axes, True)):
             return ColumnReading(
                 f"'{name}' is left-handed: no turn brings it nearer than {length(proper)} rms to the model's, "
                 f"a mirrored one {length(mirrored)}; an axis is reversed or two are exchanged",
@@ -177,7 +180,7 @@ def swapped_axes(
     readings = product(permutations(range(axes)), product((1.0, -1.0), repeat=axes))
     best, reading = nearest(
         before, lambda r: distance(measured[:, r[0]] * r[1], predicted), readings,
-        positions_freedom(len(measured), axes),
+        degrees_of_freedom(len(measured), axes),
     )  # fmt: skip
     if reading is None:
         return None
@@ -192,8 +195,8 @@ def swapped_axes(
     )
 
 
-def positions_freedom(poses: int, axes: int = 3, free_frame: bool = False) -> int:
-    """Degrees of freedom of the distances of so many positions, less those of a frame where one is sought."""
+def degrees_of_freedom(poses: int, axes: int = 3, free_frame: bool = False) -> int:
+    """Of the distances of so many positions, less those of a frame where one is sought."""
     return axes * poses - (axes * (axes + 1) // 2 if free_frame else 0)
 
 

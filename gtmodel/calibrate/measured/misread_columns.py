@@ -35,7 +35,7 @@ def misread_columns(
     rows = np.unique(np.linspace(0, len(m) - 1, min(POSES, len(m))).round().astype(int))
     problem, m = problem.on(m.part(rows)), m.part(rows)
     given = _misfit(problem, m, {})
-    freedom = len(m) * len(problem.labels) - len(problem.unknowns.names)
+    beyond = len(m) * len(problem.labels) - len(problem.unknowns.names)
     trials = [
         (name, factor * np.asarray(m.values[name]), f"'{name}' looks 1000 times too {size}",
          f"when it is {done} by 1000; the column is probably {unit}")
@@ -47,10 +47,10 @@ def misread_columns(
     ]  # fmt: skip
     for name, rows, looks, when in trials:
         left = _misfit(problem, m, {name: rows})
-        if much_nearer(left, given, len(trials), freedom):
+        if much_nearer(left, given, len(trials), beyond):
             return f"{looks}: links miss by {length(given)} rms as given, and by {length(left)} {when}"
     left, order = _ordered(problem, m, given)
-    if not much_nearer(left, given, len(order) * (len(order) - 1), freedom):  # pairs, and as many steps of the search
+    if not much_nearer(left, given, len(order) * (len(order) - 1), beyond):  # pairs, and as many steps of the search
         return None
     which, read = exchanged(columns or [f"{problem.actuators}[{k}]" for k in range(len(order))], order)
     return (

@@ -24,12 +24,12 @@ from .column_checks import (
     NEARER,
     aligned,
     angle_sentence,
+    degrees_of_freedom,
     distance,
     exchanged,
     length,
     nearest,
     other_columns,
-    positions_freedom,
     scale_sentence,
     signals_exchanged,
     stuck_columns,
@@ -99,10 +99,10 @@ def recognise(data: SplitPoses, witness: Witness, alarms: Alarms) -> tuple[np.nd
         return aligned(measured[at], reached)[2] if pose.device else distance(measured[at], reached)
 
     names, groups = _columns(data)
-    before, freedom = misfit(predicted, e, good), positions_freedom(*T.shape, pose.device)
+    before, beyond = misfit(predicted, e, good), degrees_of_freedom(len(T), T.shape[1], pose.device)
     if q.shape == T.shape and before > CLOSE * witness.size:
         other = misfit(*witness.positions(T), q)
-        sentence = signals_exchanged(data.actuators, pose.position, before, other, freedom)
+        sentence = signals_exchanged(data.actuators, pose.position, before, other, beyond, witness.size)
         alarms.raised("exchanged_signals", sentence, at_actuators)
     alarms.raised("stuck_columns", stuck_columns(names, data.q, before, witness.size), at_actuators)
     if len(good) >= REACHED * len(q) and len(good) > 3:
@@ -110,7 +110,9 @@ def recognise(data: SplitPoses, witness: Witness, alarms: Alarms) -> tuple[np.nd
         alarms.raised("scalar_last", _upright(data, rows[good], e), f"poses.values.{pose.orientation}")
     columns = None
     if before > CLOSE * witness.size:
-        columns = other_columns(names, groups, q, before, lambda trial: misfit(*witness.positions(trial)), freedom)
+        columns = other_columns(
+            names, groups, q, before, lambda trial: misfit(*witness.positions(trial)), beyond, witness.size
+        )
     if len(good) < max(4, REACHED * len(q)):
         alarms.raised("exchanged_columns", None if columns is None else columns.message, at_actuators)
         if len(q) < 4:
