@@ -82,6 +82,7 @@ class BaseRegressor(Regressor):
             for other, factor in self.dependencies.base(name).items():
                 self.matrix[row, self.everything.index(other)] = factor
         self.names = tuple(_combination(self.dependencies.base(n)) for n in independent)
+        self.base = tuple(n for n in self.names if n.startswith(tuple(f"{name}[" for name in BODIES)))
         self.units = tuple(units[n] for n in independent)
         self.nominal = _without_rounding(self.matrix, values)
 
@@ -100,14 +101,6 @@ class BaseRegressor(Regressor):
     def numbers_of(self, values: Mapping[str, float]) -> dict[str, float]:
         everything = _without_rounding(self.matrix, np.array([values[n] for n in self.everything]))
         return dict(zip(self.names, everything.tolist(), strict=True))
-
-
-def base_names(regressor: Regressor) -> tuple[str, ...]:
-    """Names of base parameters of bodies, without those of friction."""
-    if not isinstance(regressor, BaseRegressor):
-        return ()
-    bodies = tuple(f"{name}[" for name in BODIES)
-    return tuple(n for n in regressor.names if n.startswith(bodies))
 
 
 def _body_names(arm: SerialArm) -> list[str]:
