@@ -6,14 +6,13 @@ from collections.abc import Callable
 from functools import partial
 from typing import Annotated
 
-import numpy as np
-
 from ..lang import Model
-from ..results import ArgumentError, SolveStatus, Work
+from ..results import SolveStatus, Work
 from ..results.door import study_function
 from ..results.made_files import MadeFiles
 from ..results.options import Within
 from ..results.work import Progress, never, silent
+from .measured.alarms import Alarms
 from .measured.cart_points import on_cart_points
 from .measured.options import CartPoints
 from .measured.poses import MeasuredPoses, split
@@ -56,7 +55,8 @@ def study(
         progress, max_seconds, stop: see `gtmodel.results.Work`.
 
     Interrupted, it holds the best parameters so far and claims nothing. Raises ArgumentError, also for poses that were
-    read wrong: other units, exchanged columns, swapped axes.
+    read wrong: other units, exchanged columns, swapped axes. The message names the alarm, which `fit.accept` turns into
+    a note where the readings are right all the same.
 
     >>> from gtmodel.calibrate import Fit, Synthetic, made_poses, study
     >>> robot = gt.robots.gantry_tau("l1_tape")
@@ -69,9 +69,10 @@ def study(
     fit, origin = fit or Fit(), origin or Origin(type(robot).__name__)
     robot, on_points = on_cart_points(robot, carts)
     data = split(poses, robot, held_out)
+    alarms = Alarms(fit.accept)
     work.progress("looking at the poses", 0.3)
     witness = witness_of(robot, data)
-    placed = recognise_sessions(data, witness)
+    placed = recognise_sessions(data, witness, alarms)
     if placed and data.pose.device_start is None:
         data = data.with_device(placed)
     title = title or f"calibration of {origin.name}"
@@ -82,13 +83,11 @@ def study(
     work.progress("fitting", 0.5)
     ready = prepared(fit, robot, data, carts, on_points)
     require_poses(ready)
-    findings = findings_of(fit, data, ready, a_priori(data, witness, placed), work.interrupted)
+    findings = findings_of(fit, data, ready, a_priori(data, witness, placed), work.interrupted, alarms)
     c = findings.calibration
-    left = float(np.sqrt(np.mean(c.residuals**2))) if c.status.ok else np.inf
     stopped = c.status is SolveStatus.INTERRUPTED
-    exchanged = None if stopped else exchanged_after(data, ready, left, witness.size)
-    if exchanged is not None:
-        raise ArgumentError(exchanged, f"poses.values.{data.actuators}")
+    exchanged = None if stopped else exchanged_after(data, ready, c, witness.size)
+    alarms.raised("exchanged_columns", exchanged, f"poses.values.{data.actuators}")
     work.progress("telling", 0.9)
     return _study_of(findings, robot, fit, origin, title)
 

@@ -34,7 +34,7 @@ class TestUnits:
         said = refused(tmp_path, T={"unit": "m"})
         assert said == (
             "poses.values.T: 'T' spans 2009 m as declared in m, 980 times the robot's 2.05 m; the column is "
-            "probably in mm"
+            'probably in mm; if it is right, accept = ["unit"]'
         )
 
     def test_metres_for_millimetres(self, tmp_path: Path) -> None:
@@ -98,7 +98,7 @@ class TestColumns:
         before, left = {"robot": ("2.09 m", "12.2 mm"), "device": ("1.04 m", "3.7 mm")}[frame]
         assert said == (
             f"poses.values.q: 'q' and 'T' look exchanged: poses miss the model's by {before} rms as given, and "
-            f"by {left} when each is read from the columns of the other"
+            f'by {left} when each is read from the columns of the other; if it is right, accept = ["exchanged_signals"]'
         )
 
     def test_rotary_axes_of_the_f1(self, tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from gtmodel.calibrate import Known, made_poses, study
+from gtmodel.calibrate.measured.alarms import Alarms
 from gtmodel.calibrate.report import movement
 from gtmodel.calibrate.report.values import _notes
 from gtmodel.inference import identifiability
@@ -43,7 +44,9 @@ def test_two_directions_in_one_sentence_are_one_note() -> None:
     )
     c = SimpleNamespace(estimate=SimpleNamespace(notes=(said, said)), x=np.zeros(0), values={}, problem=problem)
     silent = SimpleNamespace(reasons=(), notes=())
-    findings = SimpleNamespace(calibration=c, confidence=silent, priors=[], outliers=[], lines=range(9))
+    findings = SimpleNamespace(
+        calibration=c, confidence=silent, priors=[], outliers=[], lines=range(9), far=[], alarms=Alarms()
+    )
     assert _notes(findings) == [said]  # type: ignore[arg-type]
 
 

@@ -14,7 +14,7 @@ from ...lang.source import ModelError
 from ..calibration import calibrate
 from ..measurements import Measurements
 from ..problem import CalibrationProblem
-from .column_checks import NEARER, exchanged, length
+from .column_checks import exchanged, length, much_nearer
 
 THOUSANDS = ((1e-3, "large", "divided", "in millimetres"), (1e3, "small", "multiplied", "in metres"))
 STEPS = 20  # of each fit: a few unknowns near their start need fewer
@@ -35,6 +35,7 @@ def misread_columns(
     rows = np.unique(np.linspace(0, len(m) - 1, min(POSES, len(m))).round().astype(int))
     problem, m = problem.on(m.part(rows)), m.part(rows)
     given = _misfit(problem, m, {})
+    beyond = len(m) * len(problem.labels) - len(problem.unknowns.names)
     trials = [
         (name, factor * np.asarray(m.values[name]), f"'{name}' looks 1000 times too {size}",
          f"when it is {done} by 1000; the column is probably {unit}")
@@ -46,10 +47,10 @@ def misread_columns(
     ]  # fmt: skip
     for name, rows, looks, when in trials:
         left = _misfit(problem, m, {name: rows})
-        if left * NEARER < given:
+        if much_nearer(left, given, len(trials), beyond):
             return f"{looks}: links miss by {length(given)} rms as given, and by {length(left)} {when}"
     left, order = _ordered(problem, m, given)
-    if not left * NEARER < given:
+    if not much_nearer(left, given, len(order) * (len(order) - 1), beyond):  # pairs, and as many steps of the search
         return None
     which, read = exchanged(columns or [f"{problem.actuators}[{k}]" for k in range(len(order))], order)
     return (

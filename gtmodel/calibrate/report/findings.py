@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
-from ...inference import HeldOut, Identifiability, noise_size
+from ...inference import HeldOut, Identifiability, OverNoise, noise_size, over_noise
 from ...lang import ModelError
 from ...results import ArgumentError
 from ..calibration import Calibration, calibrate
 from ..held_out import judge_held_out
+from ..measured.alarms import Alarms
 from ..measured.poses import SplitPoses
 from ..measurements import Measurements
 from ..options import COST_WORDS, Fit
@@ -44,6 +45,7 @@ class CalibrationFindings:
     sensitivity: Sensitivity | None
     repeatability: float | None
     loss: str = "linear"
+    alarms: Alarms = field(default_factory=Alarms)
 
     @property
     def after(self) -> Identifiability | None:
@@ -56,7 +58,23 @@ class CalibrationFindings:
 
     @cached_property
     def confidence(self) -> Confidence:
-        return Confidence(self.calibration, self.position, self.loss)
+        return Confidence(self.calibration, self.position, self.loss, bool(self.far))
+
+    @cached_property
+    def far(self) -> list[str]:
+        """What moved too far, in sentences, unless that is accepted."""
+        moved = moved_too_far(self.calibration)
+        if "moved_too_far" not in self.alarms.accepted:
+            return moved
+        for sentence in moved:
+            self.alarms.raised("moved_too_far", sentence, "fit.accept")
+        return []
+
+    @cached_property
+    def over_noise(self) -> OverNoise | None:
+        """Residuals against the stated noise; None where it was not stated or no residual is left."""
+        e = self.calibration.estimate
+        return None if e is None or not e.known_noise or e.degrees_of_freedom <= 0 else over_noise(e)
 
     @property
     def position(self) -> str:
@@ -97,7 +115,12 @@ class CalibrationFindings:
 
 
 def findings_of(
-    fit: Fit, data: SplitPoses, prepared: CalibrationProblem, a_priori: Prediction | None, stop: Callable[[], bool]
+    fit: Fit,
+    data: SplitPoses,
+    prepared: CalibrationProblem,
+    a_priori: Prediction | None,
+    stop: Callable[[], bool],
+    alarms: Alarms,
 ) -> CalibrationFindings:
     """Fit and look at it; `a_priori`: errors of the robot as it was, at all poses; `stop`: see calibrate().
 
@@ -120,7 +143,7 @@ def findings_of(
     return CalibrationFindings(
         prepared, data, c, before, _predicted(c, data.fitted, data.position),
         {} if data.kept is None else _predicted(c, data.kept, data.position),
-        prior, outliers(c.residuals), _sensitivity(fit, c), _repeatability(data), fit.loss,
+        prior, outliers(c.residuals), _sensitivity(fit, c), _repeatability(data), fit.loss, alarms,
     )  # fmt: skip
 
 
@@ -153,10 +176,9 @@ def verdict(findings: CalibrationFindings, accuracy: float | None) -> tuple[bool
     if not findings.held_out:
         sentences.append("prediction not proven: no poses were held out, errors of fitted poses flatter")
         return True, None, sentences
-    far = moved_too_far(c)
-    if far:
+    if findings.far:
         sentences.append(
-            f"prediction not proven: held-out poses were read in the same way as the fitted ones, and {far[0]}"
+            f"prediction not proven: held-out poses were read in the same way as the fitted ones, and {findings.far[0]}"
         )
         return True, False, sentences
     name, kept = findings.position, len(findings.lines_held_out)
@@ -164,7 +186,9 @@ def verdict(findings: CalibrationFindings, accuracy: float | None) -> tuple[bool
     sizes = f"mean {1e3 * outside.mean:.3g} mm, greatest {1e3 * outside.greatest:.3g} mm"
     judged = findings.judged
     assert judged is not None
-    proven = judged.passed and (accuracy is None or outside.mean <= accuracy)
+    over = findings.over_noise
+    noisy = over is not None and not over.passed
+    proven = judged.passed and not noisy and (accuracy is None or outside.mean <= accuracy)
     if proven:
         sentences.append(
             f"prediction proven on {kept} held-out poses: {sizes}; within their box, load and "
@@ -172,6 +196,11 @@ def verdict(findings: CalibrationFindings, accuracy: float | None) -> tuple[bool
         )
     elif accuracy is not None and outside.mean > accuracy:
         sentences.append(f"prediction misses the wanted {1e3 * accuracy:.3g} mm on {kept} held-out poses: {sizes}")
+    elif judged.passed and over is not None:
+        sentences.append(
+            f"prediction not proven on {kept} held-out poses ({sizes}): {over.message}; what is lacking may be larger "
+            "elsewhere: held-out poses were measured as the fitted ones"
+        )
     else:
         sentences.append(
             f"prediction not proven on {kept} held-out poses ({sizes}): {judged.message}; measure more poses or free "

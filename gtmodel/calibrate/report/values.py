@@ -12,7 +12,6 @@ from ...results import Check, at_most
 from ..measured.poses import SplitPoses
 from ..prediction import Prediction
 from .findings import CalibrationFindings, verdict
-from .movement import moved_too_far
 
 LOOK = "the verdict in the table says what to look at"
 SHOWN_PAIRS = 20
@@ -75,9 +74,11 @@ def checks_of(accuracy: float | None, findings: CalibrationFindings) -> dict[str
         checks["held_out_over_fitted"] = Check(judged.ratio, bound, LOOK, judged=judged.passed)
     if findings.lost:
         checks["held_out_poses_lost"] = at_most(float(findings.lost), 0.0, LOOK)
-    far = moved_too_far(findings.calibration)
-    if far:
-        checks["moved_too_far"] = at_most(float(len(far)), 0.0, LOOK)
+    if findings.far:
+        checks["moved_too_far"] = at_most(float(len(findings.far)), 0.0, LOOK)
+    over = findings.over_noise
+    if over is not None:
+        checks["residuals_over_noise"] = Check(over.ratio, over.bound, LOOK, judged=over.passed)
     if accuracy is not None and name in findings.headline[0]:
         mean = findings.headline[0][name].mean
         # what was fitted proves nothing
@@ -105,9 +106,10 @@ def _unknowns(findings: CalibrationFindings) -> list[dict[str, Any]]:
 def _notes(findings: CalibrationFindings) -> list[str]:
     c = findings.calibration
     if c.estimate is None:
-        return []
+        return [*findings.alarms.notes]
     intervals = [*findings.confidence.reasons, *findings.confidence.notes]
-    notes = [*findings.priors, *c.estimate.notes, *intervals, *_crowded(findings), *moved_too_far(c)]
+    notes = [*findings.priors, *c.estimate.notes, *intervals, *_crowded(findings), *findings.far]
+    notes += findings.alarms.notes
     return list(dict.fromkeys(notes))  # two null directions may move the same names: one sentence
 
 
