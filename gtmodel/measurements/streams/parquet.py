@@ -22,6 +22,7 @@ class ParquetStream(Stream):
 
     def __init__(self, path: Path, form: LogForm) -> None:
         self._arrow = needed("pyarrow", f"{shown(path)} is a Parquet file")
+        self._compute = needed("pyarrow.compute", f"{shown(path)} is a Parquet file")
         parquet = needed("pyarrow.parquet", f"{shown(path)} is a Parquet file")
         try:
             self._file = parquet.ParquetFile(path)
@@ -31,17 +32,20 @@ class ParquetStream(Stream):
             raise LogError(f"{shown(path)} cannot be read as a Parquet file ({reason}); write it again") from error
         names: list[str] = []
         units: list[str] = []
-        self._first: dict[str, int] = {}
-        clock = ""
+        self._first, clock, stamps = 0, "", list[str]()
         for name, column, unit in [] if first is None else _flat(self._arrow, first):
             names.append(name)
             units.append(unit)
             if self._arrow.types.is_timestamp(column.type):
-                self._first[name] = column.cast("timestamp[ns]", safe=False).cast("int64")[0].as_py()
+                if not clock:  # all count from the same instant: nanoseconds of today have more digits than a double
+                    self._first = column.cast("timestamp[ns]", safe=False).cast("int64")[0].as_py() or 0
                 clock, units[-1] = clock or name, "s"
-        super().__init__(shown(path), "", Heads(names, shown(path), units), clock)
+                stamps.append(name)
+        super().__init__(
+            shown(path), "", Heads(names, shown(path), units), clock, stamps=dict.fromkeys(stamps, self._first)
+        )
         if clock:
-            self.remarks.append(f"the time stamps '{clock}' are taken in seconds after the first")
+            self.remarks.append(f"the time stamps '{clock}' are taken in seconds after its first one")
 
     def blocks(self, columns: Sequence[str], *, gaps: bool = False) -> Iterator[RowBlock]:
         """See `Stream.blocks`."""
@@ -51,18 +55,19 @@ class ParquetStream(Stream):
             parts = list(_flat(self._arrow, batch))
             values = np.empty((batch.num_rows, len(columns)))
             for j, (name, place) in enumerate(zip(columns, places, strict=True)):
-                values[:, j] = self._numbers(name, parts[place][0], parts[place][1])
+                values[:, j] = self._numbers(name, parts[place][1])
                 if not gaps and (bad := np.flatnonzero(~np.isfinite(values[:, j]))).size:
                     raise self.no_number(begin + int(bad[0]) + 1, name, values[bad[0], j])
             lines = np.arange(begin + 1, begin + 1 + len(values))
             begin += len(values)
             yield RowBlock(values, lines, begin / total)
 
-    def _numbers(self, asked: str, name: str, column: Any) -> np.ndarray:
+    def _numbers(self, asked: str, column: Any) -> np.ndarray:
         types = self._arrow.types
         if types.is_timestamp(column.type):
-            stamps = column.cast("timestamp[ns]", safe=False).cast("int64").to_numpy(zero_copy_only=False)
-            return (stamps - self._first[name]) * 1e-9
+            stamps = column.cast("timestamp[ns]", safe=False).cast("int64")
+            since = self._compute.subtract(stamps, self._first)
+            return since.to_numpy(zero_copy_only=False).astype(float) * 1e-9  # what is empty is nan
         if not (types.is_integer(column.type) or types.is_floating(column.type) or types.is_boolean(column.type)):
             raise LogError(f"{self.source}: the column '{asked}' holds {column.type}; expected numbers")
         if types.is_boolean(column.type):
