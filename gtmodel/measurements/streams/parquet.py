@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -24,16 +25,14 @@ class ParquetStream(Stream):
         self._arrow = needed("pyarrow", f"{shown(path)} is a Parquet file")
         self._compute = needed("pyarrow.compute", f"{shown(path)} is a Parquet file")
         parquet = needed("pyarrow.parquet", f"{shown(path)} is a Parquet file")
-        try:
+        with self._sound(shown(path)):
             self._file = parquet.ParquetFile(path)
             first = next(self._file.iter_batches(batch_size=1), None)
-        except (OSError, self._arrow.ArrowException) as error:
-            reason = " ".join(str(error).split())[:80]
-            raise LogError(f"{shown(path)} cannot be read as a Parquet file ({reason}); write it again") from error
+            columns = [] if first is None else list(_flat(self._arrow, first))
         names: list[str] = []
         units: list[str] = []
         self._first, clock, stamps = 0, "", list[str]()
-        for name, column, unit in [] if first is None else _flat(self._arrow, first):
+        for name, column, unit in columns:
             names.append(name)
             units.append(unit)
             if self._arrow.types.is_timestamp(column.type):
@@ -51,8 +50,13 @@ class ParquetStream(Stream):
         """See `Stream.blocks`."""
         places = [self.heads.place(name) for name in columns]
         total, begin = max(self._file.metadata.num_rows, 1), 0
-        for batch in self._file.iter_batches(batch_size=65_536):
-            parts = list(_flat(self._arrow, batch))
+        batches = self._file.iter_batches(batch_size=65_536)
+        while True:
+            with self._sound(self.source):
+                batch = next(batches, None)
+                parts = [] if batch is None else list(_flat(self._arrow, batch))
+            if batch is None:
+                return
             values = np.empty((batch.num_rows, len(columns)))
             for j, (name, place) in enumerate(zip(columns, places, strict=True)):
                 values[:, j] = self._numbers(name, parts[place][1])
@@ -61,6 +65,15 @@ class ParquetStream(Stream):
             lines = np.arange(begin + 1, begin + 1 + len(values))
             begin += len(values)
             yield RowBlock(values, lines, begin / total)
+
+    @contextmanager
+    def _sound(self, source: str) -> Iterator[None]:
+        """What pyarrow raises of a damaged file, as a LogError."""
+        try:
+            yield
+        except (OSError, ValueError, self._arrow.ArrowException) as error:  # ValueError: of names
+            reason = " ".join(str(error).split())[:80]
+            raise LogError(f"{source} cannot be read as a Parquet file ({reason}); write it again") from error
 
     def _numbers(self, asked: str, column: Any) -> np.ndarray:
         types = self._arrow.types
