@@ -138,7 +138,8 @@ def _combination(terms: dict[str, float]) -> str:
     for k, (name, factor) in enumerate(others):
         if k == SHOWN - 1 and len(others) > SHOWN - 1:
             return f"{text} + ..."
-        size = "" if abs(abs(factor) - 1) < NOTHING else f"{abs(factor):.4g} "
+        written = f"{abs(factor):.4g}"
+        size = "" if written == "1" else f"{written} "
         text += f" {'-' if factor < 0 else '+'} {size}{name}"
     return text
 

@@ -186,7 +186,8 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
         (["nothing.csv"], "there is no file"),
         (["log.csv", "--decimal", "dot"], "--decimal"),
         (["log.csv", "--header", "-1"], "--header"),
-        (["bad.csv"], "bad.csv line 3"),
+        (["bad.csv"], "bad.csv: line 3"),
+        (["log.csv", "--header", "50"], "log.csv: has no line 50"),
         (["log.csv", "--out", "full"], "--out"),
     ],
 )

@@ -186,6 +186,8 @@ def split(line: str, sign: str, where: str) -> list[str]:
 def _layout(path: Path, form: LogForm) -> _Layout:
     layout = _Layout(encoding_of(path, form), decimal_comma=form.decimal == "comma")
     rows, comments = _head(path, layout, form)
+    if not rows and form.header:
+        raise LogError(f"{shown(path)} has no line {form.header} with names of columns and rows below it")
     if not rows:
         raise LogError(f"{shown(path)} is empty; expected a header such as 'time [s],q[0] [m]' and rows")
     layout.sign = _sign([line for _, line in rows], form, layout)
