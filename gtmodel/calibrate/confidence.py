@@ -159,8 +159,9 @@ def _by_residuals(fits: Sequence[Fitted], shares: Sequence[_Share], psi: np.ndar
 
 def _by_stated_noise(
     problem: CalibrationProblem, fits: Sequence[Fitted], shares: Sequence[_Share], degrees_of_freedom: float
-) -> tuple[np.ndarray, list[np.ndarray]]:
-    """The same where the noise of all signals is stated, and the residuals (N, k) of each part in units of their noise.
+) -> tuple[np.ndarray, list[np.ndarray], float]:
+    """The same where the noise of all signals is stated, the residuals (N, k) of each part in units of their noise, and
+    the rms of these units.
 
     Their squares sum to `degrees_of_freedom` on average: what is left of noise e is e - J G'e, whose expected squares
     are those of e less what the fit took, which differs from the number of unknowns where the cost does not weigh as

@@ -37,6 +37,12 @@ def test_of_many_data_sets(kind: str) -> None:
     assert seen.named >= SOUND * seen.counted, seen.missed
 
 
+def test_stated_noise_says_what_is_determined_after_the_fit_too() -> None:
+    """Noise in metres was taken for residuals in units of it: "0 of 9 parameters or combinations are determined"."""
+    after = judged("delta", 0).identifiability_after
+    assert after is not None and after["notes"][0].startswith("9 of 9 parameters or combinations are determined")
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_perfect_model_is_proven_and_one_that_lacks_an_effect_is_not(kind: str) -> None:
     """Rank = parameters and 12 equations or more are spare; the effect is of three times the noise."""
