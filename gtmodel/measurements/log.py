@@ -275,11 +275,11 @@ def _sample_time(time: Array, where: str, lines: Lines, begin: int, expected: fl
     off = steps - step
     if (bad := np.flatnonzero(np.abs(off, out=off) > jitter * step)).size:
         k = int(bad[0])
-        lost = round(float(steps[k]) / step) - 1
+        lost = float(np.round(steps[k] / step)) - 1
         what = "the step jitters, so resample the log"
         if steps[k] > (1 + MISSING) * step:
             missing = "samples are" if lost > 1 else "sample is"
-            what = f"about {lost} {missing} missing, so split the log into sessions there"
+            what = f"about {lost:.6g} {missing} missing, so split the log into sessions there"
         raise LogError(
             f"{where} {lines[begin + k + 1]}: {_ms(float(steps[k]))} ms after the row before; expected {_ms(step)} ms "
             f"within {100 * jitter:g} %: {what}"

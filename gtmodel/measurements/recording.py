@@ -13,7 +13,7 @@ from ..results.work import Progress, silent
 from .log import TIME, Column, LogError, read_log
 from .sampling import EmptyRows, LateRows
 from .streams.form import LogForm, shown
-from .streams.opening import open_log
+from .streams.opening import open_log, stream_of
 
 
 def read_recording(
@@ -36,8 +36,9 @@ def read_recording(
         late_rows, empty_rows, form, progress: as of `read_log`.
 
     The clocks are named by file, stream and column of time, as far as they differ: "MATLABtime", "/imu", "force.csv".
-    Nothing is resampled; `sampling_of(trajectory.time)` says how the rows follow each other. Raises LogError as
-    `read_log` does, and where a column could stand in several files.
+    Times that are stamps, of bags and Parquet files, count from the earliest of them in all files. Nothing is
+    resampled; `sampling_of(trajectory.time)` says how the rows follow each other. Raises LogError as `read_log` does,
+    and where a column could stand in several files.
 
     >>> from pathlib import Path
     >>> written = Path("robot.csv").write_text("t,q\n0.0,1.0\n0.1,1.2\n0.2,1.1\n")
@@ -62,12 +63,17 @@ def read_recording(
         key = of_file, column.stream or form.stream, column.time or time
         groups.setdefault(key, {})[name] = Column(column.name, column.unit)
     read: dict[str, Trajectory] = {}
+    zeros = {key: _zero(*key, form) for key in groups}
+    first = min((zero for zero in zeros.values() if zero is not None), default=0)
     for (file, stream, clock), chosen in groups.items():
         (session,) = read_log(
             file, chosen, time=clock, sample_time=sample_time, uneven=True, late_rows=late_rows, empty_rows=empty_rows,
             form=replace(form, stream=stream), progress=progress,
         )  # fmt: skip
-        read[_name(file, stream, clock, list(groups))] = session.trajectory
+        zero, trajectory = zeros[file, stream, clock], session.trajectory
+        if zero is not None and zero > first:  # stamps of several files count from the earliest
+            trajectory = _later(trajectory, (zero - first) * 1e-9)
+        read[_name(file, stream, clock, list(groups))] = trajectory
     return read
 
 
@@ -87,6 +93,24 @@ def _file_of(name: str, column: Column, files: Sequence[Path], form: LogForm) ->
         where = " and ".join(shown(file) for file in chosen) if chosen else "no file of the recording"
         raise LogError(f"the column '{wanted[0]}' of '{name}' is in {where}; name its file")
     return chosen[0]
+
+
+def _zero(file: Path, stream: str, clock: Column | None, form: LogForm) -> int | None:
+    """The instant [ns since 1970] from which the time of a stream counts; None where that is not known."""
+    if clock is None:
+        return None
+    name = clock.name if isinstance(clock.name, str) else ""
+    opened = stream_of(file, form, stream, time=name)
+    own = opened.clock if clock == TIME and name not in opened.heads.names else name
+    return opened.stamps.get(own)
+
+
+def _later(trajectory: Trajectory, shift: float) -> Trajectory:
+    values = {name: trajectory[name] for name in trajectory.names}
+    return Trajectory(
+        trajectory.time + shift, values, trajectory.units, title=trajectory.title, provenance=trajectory.provenance,
+        synthetic=trajectory.synthetic,
+    )  # fmt: skip
 
 
 def _holds(names: Sequence[str], wanted: Sequence[str]) -> bool:

@@ -262,6 +262,22 @@ def test_bags(tmp_path: Path, kind: str) -> None:
     assert session.sample_time == pytest.approx(0.004, rel=1e-9)
 
 
+def test_stamps_of_two_files_are_of_one_clock(tmp_path: Path) -> None:
+    arrow, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    for name, begin in (("a", START), ("b", START + 1_500_000_001)):
+        stamps = arrow.array(begin + 4_000_000 * np.arange(40), arrow.timestamp("ns"))
+        later = arrow.array([None, *(begin + 4_000_000 * np.arange(1, 40) + 7).tolist()], arrow.timestamp("ns"))
+        table = arrow.table({"stamp": stamps, "arrived": later, name: Q[:, 0]})
+        parquet.write_table(table, tmp_path / f"{name}.parquet")
+    paths = [tmp_path / "b.parquet", tmp_path / "a.parquet"]
+    recording = read_recording(paths, {"a": Column("a", "m"), "b": Column("b", "m")})
+    np.testing.assert_allclose(recording["a.parquet"].time, T, atol=1e-12)
+    np.testing.assert_allclose(recording["b.parquet"].time, T + 1.500000001, atol=1e-12)
+    own = Column("arrived", "s")
+    late = read_recording(paths[1], {"a": Column("a", "m", own)}, empty_rows="drop")["arrived"]
+    np.testing.assert_allclose(late.time, T[1:] + 7e-9, atol=1e-12)
+
+
 # -- time ----
 
 
