@@ -16,7 +16,7 @@ from .measured.alarms import Alarms
 from .measured.cart_points import on_cart_points
 from .measured.options import CartPoints
 from .measured.poses import MeasuredPoses, split
-from .measured.witness import a_priori, exchanged_after, recognise_sessions, witness_of
+from .measured.witness import a_priori, misread_after, recognise_sessions, witness_of
 from .measurements import Measurements
 from .options import Fit
 from .report import poses_table, robot_file, sensitivity_table
@@ -86,8 +86,9 @@ def study(
     findings = findings_of(fit, data, ready, a_priori(data, witness, placed), work.interrupted, alarms)
     c = findings.calibration
     stopped = c.status is SolveStatus.INTERRUPTED
-    exchanged = None if stopped else exchanged_after(data, ready, c, witness.size)
-    alarms.raised("exchanged_columns", exchanged, f"poses.values.{data.actuators}")
+    misread = None if stopped else misread_after(data, ready, c, witness)
+    if misread is not None:
+        alarms.raised(*misread, f"poses.values.{data.actuators}")
     work.progress("telling", 0.9)
     return _study_of(findings, robot, fit, origin, title)
 
