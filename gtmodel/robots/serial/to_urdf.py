@@ -34,9 +34,8 @@ def to_urdf(arm: SerialArm, comment: str = "") -> str:
     True
     """
     s = arm.structure
-    lines = ['<?xml version="1.0"?>']
-    if comment:
-        lines.append(f"<!-- {comment.replace('--', '- -')} -->")
+    # no declaration: a comment may then come before the first line
+    lines = [f"<!-- {comment.replace('--', '- -')} -->"] if comment else []
     lines.append(f"<robot name={quoteattr(s.name)}>")
     base = (rotation_of_rpy(arm.base_rpy), np.asarray(arm.base_xyz, float))
     names = [s.base, *[j.link for j in s.joints]]
