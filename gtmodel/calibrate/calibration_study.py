@@ -16,7 +16,7 @@ from .measured.alarms import Alarms
 from .measured.cart_points import on_cart_points
 from .measured.options import CartPoints
 from .measured.poses import MeasuredPoses, split
-from .measured.witness import a_priori, exchanged_after, recognise_sessions, witness_of
+from .measured.witness import a_priori, misread_after, recognise_sessions, witness_of
 from .measurements import Measurements
 from .options import Fit
 from .report import poses_table, robot_file, sensitivity_table
@@ -25,7 +25,7 @@ from .report.pictures import pictures
 from .report.result import CalibrationStudy
 from .report.robot_file import Origin
 from .report.values import checks_of, values_of
-from .variants import prepared, require_poses
+from .variants import by_dh_numbers, prepared, require_poses
 
 
 @study_function
@@ -67,7 +67,7 @@ def study(
     """
     work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
     fit, origin = fit or Fit(), origin or Origin(type(robot).__name__)
-    robot, on_points = on_cart_points(robot, carts)
+    robot, on_points = on_cart_points(by_dh_numbers(fit, robot), carts)
     data = split(poses, robot, held_out)
     alarms = Alarms(fit.accept)
     work.progress("looking at the poses", 0.3)
@@ -86,8 +86,9 @@ def study(
     findings = findings_of(fit, data, ready, a_priori(data, witness, placed), work.interrupted, alarms)
     c = findings.calibration
     stopped = c.status is SolveStatus.INTERRUPTED
-    exchanged = None if stopped else exchanged_after(data, ready, c, witness.size)
-    alarms.raised("exchanged_columns", exchanged, f"poses.values.{data.actuators}")
+    misread = None if stopped else misread_after(data, ready, c, witness)
+    if misread is not None:
+        alarms.raised(*misread, f"poses.values.{data.actuators}")
     work.progress("telling", 0.9)
     return _study_of(findings, robot, fit, origin, title)
 
@@ -96,7 +97,7 @@ def explained(
     robot: Model, poses: MeasuredPoses | Measurements, fit: Fit, held_out: int = 2, carts: CartPoints | None = None
 ) -> list[str]:
     """What is free, what stays, and what the poses can determine before anything is fitted, in lines of text."""
-    robot, on_points = on_cart_points(robot, carts)
+    robot, on_points = on_cart_points(by_dh_numbers(fit, robot), carts)
     data = split(poses, robot, held_out)
     ready = prepared(fit, robot, data, carts, on_points)
     u = ready.unknowns
@@ -117,7 +118,8 @@ def _study_of(findings: CalibrationFindings, robot: Model, fit: Fit, origin: Ori
     }
     if values["sensitivity"]:
         files["sensitivity.csv"] = partial(sensitivity_table.text, values["sensitivity"])
-    files |= {name: partial(str, text) for name, text in findings.data.source.files.items()}
+    urdf = robot_file.urdf(findings, robot, title)
+    files |= {name: partial(str, text) for name, text in [*urdf.items(), *findings.data.source.files.items()]}
     errors, _, held = findings.headline
     message = c.message
     if c.status.ok and findings.position in errors:
@@ -133,6 +135,6 @@ def _study_of(findings: CalibrationFindings, robot: Model, fit: Fit, origin: Ori
         checks=checks_of(fit.accuracy, findings),
         figures=pictures(findings, title),
         files=MadeFiles(files),
-        machine_files=("parameters.toml",),
+        machine_files=("parameters.toml", *urdf),
         **values,
     )

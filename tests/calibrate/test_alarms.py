@@ -57,14 +57,14 @@ WRONG = {
 @pytest.mark.parametrize("name", WRONG)
 def test_every_alarm_names_the_key_that_accepts_it(name: str, tmp_path: Path) -> None:
     signals, change = WRONG[name]
-    path, accept = written(tmp_path, "l1", change), []
+    path, accept, notes = written(tmp_path, "l1", change), [], ()
     for _ in range(5):  # what is wrong in one way may be wrong in others
         try:
             notes = solved("l1", path, how=measured("l1", signals=signals), accept=accept).notes
             break
         except ArgumentError as error:
             if "if it is right, accept" not in str(error):
-                notes = [f"accepted ({a})" for a in accept]  # the fit itself cannot
+                notes = tuple(f"accepted ({a})" for a in accept)  # the fit itself cannot
                 break
             accept = [*accept, str(error).rpartition('accept = ["')[2].removesuffix('"]')]
     assert accept[0] == name and len(accept) == len(set(accept))

@@ -18,7 +18,7 @@ from ..calibration import Calibration, calibrate
 from ..choice import Choice
 from ..prediction import Prediction
 from ..problem import CalibrationProblem, prepare
-from .alarms import Alarms
+from .alarms import Alarm, Alarms
 from .column_checks import (
     CLOSE,
     NEARER,
@@ -166,24 +166,33 @@ def a_priori(
     return Prediction(errors) if len(good) else None
 
 
-def exchanged_after(data: SplitPoses, prepared: CalibrationProblem, c: Calibration, size: float) -> str | None:
-    """After a fit that leaves length errors: whether it is of another order of the actuators' columns, by fits of all
-    of them. Arms do not know their columns, residuals do.
+def misread_after(
+    data: SplitPoses, prepared: CalibrationProblem, c: Calibration, witness: Witness
+) -> tuple[Alarm, str] | None:
+    """After a fit: the alarm, and in a sentence how columns are read otherwise.
 
-    None where errors are small for the robot's size or as large as the stated noise, and where chance may explain what
-    another order leaves: few residuals are beyond the unknowns.
+    Without forward kinematics by the lengths of the robot as it was, which no fit has bent to the readings. Where a fit
+    leaves length errors, whether it is of another order of the actuators' columns, by fits of all of them: arms do not
+    know their columns, residuals do. None where errors are small for the robot's size or as large as the stated noise,
+    and where chance may explain what another order leaves: few residuals are beyond the unknowns.
     """
-    given = _rms(c.residuals)
-    if given <= MISFIT * size or (c.estimate is not None and c.estimate.known_noise and over_noise(c.estimate).passed):
-        return None
     names, groups = _columns(data)
-    if data.pose.device or data.pose.target:
-        # with nothing but the frames free no link can take up another's column, in whatever order they are
-        own = [prepared.closure.flat.parameters[k].name for k in prepared.closure.touched]
-        alone = prepare(prepared.closure.flat, prepared.measurements, Choice(fixed=own), actuators=prepared.actuators)
-        sentence = misread_columns(alone, columns=names)
-        if sentence is not None:
-            return sentence
+    if witness.forward is None and not prepared.implicit:
+        alone = _alone(prepared)
+        if _rms(alone.residuals()) > CLOSE * witness.size or data.pose.device:
+            axes_of = "" if data.pose.device or data.pose.target else data.position
+            misread = misread_columns(alone, [data.position], names, axes_of)
+            if misread is not None:
+                return misread
+    given = _rms(c.residuals)
+    if given <= MISFIT * witness.size:
+        return None
+    if c.estimate is not None and c.estimate.known_noise and over_noise(c.estimate).passed:
+        return None
+    if witness.forward is not None and (data.pose.device or data.pose.target):
+        misread = misread_columns(_alone(prepared), columns=names)
+        if misread is not None:
+            return misread
     m = data.fitted
     q = np.asarray(m.values[data.actuators])
 
@@ -196,14 +205,19 @@ def exchanged_after(data: SplitPoses, prepared: CalibrationProblem, c: Calibrati
 
     best, order = nearest(given, left, orders(len(names), groups), c.residuals.size - len(c.x))
     # a fit that did not end leaves what another start might not: another order must then be right, not only nearer
-    if order is None or not (c.status.ok or best <= RIGHT * size):
+    if order is None or not (c.status.ok or best <= RIGHT * witness.size):
         return None
     which, read = exchanged(names, order)
     before = f"{length(given)} rms" if np.isfinite(given) else "no solution"
-    return (
+    return "exchanged_columns", (
         f"the columns {which} look exchanged: links are left with {before} as given and with {length(best)} rms when "
         f"read as {read}"
     )
+
+
+def _alone(prepared: CalibrationProblem) -> CalibrationProblem:
+    """With nothing but frames and offsets free: no link can then take up another's column, in whatever order."""
+    return prepare(prepared.closure.flat, prepared.measurements, Choice(free=[]), actuators=prepared.actuators)
 
 
 def _rms(residuals: np.ndarray) -> float:

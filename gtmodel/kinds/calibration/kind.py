@@ -17,7 +17,6 @@ from gtmodel.problem_files import python_models, robots
 from gtmodel.problem_files.base import Context, InputError
 from gtmodel.problem_files.call import Call
 from gtmodel.results import ArgumentError
-from gtmodel.robots import SerialArm
 
 from . import page
 from .keys import JointStiffness, Schema
@@ -44,7 +43,7 @@ def call(problem: Schema, context: Context) -> Call:
         return asked.then(partial(_in_the_file, problem=problem, context=context))
     carts = _carts(problem, context)
     reference, before = robots.in_python(problem.robot, context)
-    own = python_models.is_reference(reference) or isinstance(robot, SerialArm)
+    own = python_models.is_reference(reference) or python_models.is_urdf(reference)
     origin = Origin(problem.robot, reference if own else "", merged(before, problem.parameters))
     title = problem.title or f"{NAME} of {problem.robot}"
     return Call(
