@@ -71,7 +71,7 @@ def arm_choice(fit: Fit, model: Model, data: SplitPoses) -> tuple[list[str], lis
     if not isinstance(model, SerialArm):
         raise ArgumentError("'serial' is for serial arms, by Denavit-Hartenberg numbers", "fit.variant")
     try:
-        return independent_geometry(model, base=data.pose.device)
+        return independent_geometry(model, base=data.pose.device, tool="tool_xyz" not in fit.fixed)
     except ModelError as error:
         raise ArgumentError(str(error), "fit.variant") from error
 

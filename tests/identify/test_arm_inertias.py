@@ -247,6 +247,19 @@ def test_a_problem_file_asks_for_them(tmp_path: Path) -> None:
             answer(load(tmp_path / "arm.toml", [f"{key}={value}"]), Context(folder=tmp_path))
 
 
+@pytest.mark.proof
+def test_intervals_of_base_parameters_hold(tmp_path: Path) -> None:
+    """200 seeds: each in the exact 99.9 % band of 179 to 198, pooled 94 to 96 %."""
+    (tmp_path / "parallel.urdf").write_text((URDF / "parallel.urdf").read_text())
+    (tmp_path / "arm.toml").write_text(PROBLEM.replace('"consistent"', '"base"'))
+    done = answer(
+        load(tmp_path / "arm.toml", ["synthetic.runs=200", "synthetic.processes=0"]), Context(folder=tmp_path)
+    )
+    hits = done.coverage["hits"].values()
+    assert len(hits) == 18 and min(hits) >= 179 and max(hits) <= 198
+    assert 0.94 <= done.coverage["pooled"] <= 0.96
+
+
 MEASURED = """
 kind = "identification"
 robot = "parallel.urdf"
