@@ -113,7 +113,7 @@ assert np.allclose(np.diff(even.trajectory.time), 0.004)
 # %% [markdown]
 # ## Answer
 #
-# Of this hexapod: on poses within the box that was measured it predicts to a millimetre in the mean, on another day too,
+# Of this hexapod: within the box that was measured it predicts to a millimetre in the mean, on another day too,
 # once six offsets and two frames are fitted to some of its poses. Of its parameters one by one: nothing with an
 # interval, for the residuals are no noise, and the verdict says so. Of a late channel: how late, to a hundredth of a
 # sample, because its residuals are white.
