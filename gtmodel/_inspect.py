@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from gtmodel.measurements import LogForm, inspect
+from gtmodel.measurements.streams.form import shown
 from gtmodel.problem_files import output
 from gtmodel.problem_files.base import Context, InputError
 from gtmodel.problem_files.run import Finished
@@ -50,5 +51,7 @@ def _inspected(path: Path, form: LogForm, job: Context) -> Finished:
     try:
         outcome = inspect(path, form, **job.work())
     except ArgumentError as error:
-        raise InputError(error.message) from error
+        # the command names the file itself
+        said = error.message.removeprefix(shown(path))
+        raise InputError(said.lstrip(": ") or error.message) from error
     return Finished(outcome, time.monotonic() - job.began)

@@ -27,7 +27,7 @@ MARKDOWN = [
     *CLONE.glob("codegen/**/*.md"),
     *CLONE.glob("problems/**/*.md"),
 ]
-LANGUAGES = {"python", "sh", "text", "toml", "c", "modelica", "matlab"} | {
+LANGUAGES = {"python", "sh", "text", "toml", "xml", "c", "modelica", "matlab"} | {
     f"{{{name}}}" for name in ("run", "problem", "keys", "gallery", "theses", "toctree", "include", "figure", "image")
 }
 """Those that only show something, such as another tool's language, stand beside those that are run."""
@@ -73,6 +73,7 @@ def test_every_fence_is_of_a_language_that_is_tested(page: Path) -> None:
         "sh",
         "text",
         "toml",
+        "xml",
         "c",
         "{run}",
         "{toctree}",

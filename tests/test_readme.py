@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from gtmodel.kinds.identification.keys import IdentificationLogSection
 from gtmodel.problem_files.log_keys import MeasuredSignalSection
 
 CLONE = Path(__file__).parents[1]
@@ -66,10 +67,16 @@ def test_commands_of_the_readme_are_targets_of_make() -> None:
         assert make == "make" and re.search(rf"^{target}:", makefile, re.M)
 
 
-def test_the_signal_of_the_page_on_logs_is_one_of_a_log() -> None:
-    (text,) = fences("toml", (CLONE / "docs/howto/logs.md").read_text(encoding="utf-8"))
-    signals = tomllib.loads(text)["log"]["signals"]
-    assert {name: MeasuredSignalSection(**given) for name, given in signals.items()}.keys() == {"force_N"}
+def test_the_log_of_the_page_on_logs_is_one_of_a_problem() -> None:
+    page = (CLONE / "docs/howto/logs.md").read_text(encoding="utf-8")
+    (text,) = fences("toml", page)
+    given = tomllib.loads(text)["log"]
+    assert isinstance(IdentificationLogSection(**given).effort, MeasuredSignalSection)
+    keys = re.findall(r"`([\w.]+) = ([^`]+)`", page.partition("is said beside them:")[2].partition("## In Python")[0])
+    assert len(keys) > 10
+    for key, value in keys:
+        more = tomllib.loads(f"{key} = {value}")
+        assert IdentificationLogSection(**given | more)
 
 
 def test_python_blocks_run_as_printed(capsys: pytest.CaptureFixture[str]) -> None:

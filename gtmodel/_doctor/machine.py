@@ -11,7 +11,7 @@ import subprocess
 import tempfile
 from pathlib import Path
 
-from gtmodel.compiler.library_cache import cache_folder
+from gtmodel.compiler.library_cache import cache_folder, home_folder
 from gtmodel.compiler.toolchain import Toolchain, exposed, find
 
 SECONDS = 20.0
@@ -76,7 +76,7 @@ def cache() -> tuple[str, str]:
 def discreet(text: str) -> str:
     """A text without the home folder and the name of the user: ~ and USER stand in their places."""
     try:
-        home = str(Path.home())
+        home = str(home_folder())
     except RuntimeError:
         home = ""
     if len(home) > 1:

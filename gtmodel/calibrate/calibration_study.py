@@ -9,15 +9,16 @@ from typing import Annotated
 import numpy as np
 
 from ..lang import Model
-from ..results import ArgumentError, SolveStatus, Work
+from ..results import SolveStatus, Work
 from ..results.door import study_function
 from ..results.made_files import MadeFiles
 from ..results.options import Within
 from ..results.work import Progress, never, silent
+from .measured.alarms import Alarms
 from .measured.cart_points import on_cart_points
 from .measured.options import CartPoints, Refit
 from .measured.poses import MeasuredPoses, split_all
-from .measured.witness import a_priori, exchanged_after, recognise_sessions, witness_of
+from .measured.witness import a_priori, misread_after, recognise_sessions, witness_of
 from .measurements import Measurements
 from .options import Fit
 from .report import poses_table, robot_file, sensitivity_table
@@ -59,7 +60,8 @@ def study(
         progress, max_seconds, stop: see `gtmodel.results.Work`.
 
     Interrupted, it holds the best parameters so far and claims nothing. Raises ArgumentError, also for poses that were
-    read wrong: other units, exchanged columns, swapped axes.
+    read wrong: other units, exchanged columns, swapped axes. The message names the alarm, which `fit.accept` turns into
+    a note where the readings are right all the same.
 
     >>> from gtmodel.calibrate import Fit, Synthetic, made_poses, study
     >>> robot = gt.robots.gantry_tau("l1_tape")
@@ -80,9 +82,10 @@ def study(
     fit, origin = fit or Fit(), origin or Origin(type(robot).__name__)
     robot, on_points = on_cart_points(robot, carts)
     data = split_all(poses, robot, held_out, refit)
+    alarms = Alarms(fit.accept)
     work.progress("looking at the poses", 0.3)
     witnesses = [witness_of(robot, d) for d in data]
-    placed = [recognise_sessions(d, w) for d, w in zip(data, witnesses, strict=True)]
+    placed = [recognise_sessions(d, w, alarms) for d, w in zip(data, witnesses, strict=True)]
     data = [d.with_device(p) if p and d.pose.device_start is None else d for d, p in zip(data, placed, strict=True)]
     title = title or f"calibration of {origin.name}"
     if any(d.synthetic for d in data) and "synthetic" not in title.lower():
@@ -92,14 +95,13 @@ def study(
     work.progress("fitting", 0.5)
     ready = prepared(fit, robot, data, carts, on_points)
     before = [a_priori(d, w, p) for d, w, p in zip(data, witnesses, placed, strict=True)]
-    findings = findings_of(fit, data, ready, before, work.interrupted, refit)
+    findings = findings_of(fit, data, ready, before, work.interrupted, alarms, refit)
     c = findings.calibration
-    left = float(np.sqrt(np.mean(c.residuals**2))) if c.status.ok else np.inf
-    # where lengths are known, and with nothing else that could tell
+    # where all lengths are known by themselves, and something was fitted
     looked = c.status is not SolveStatus.INTERRUPTED and len(data) == 1 and not ready.implicit and len(c.x) > 0
-    exchanged = exchanged_after(data[0], ready, left, witnesses[0].size) if looked else None
-    if exchanged is not None:
-        raise ArgumentError(exchanged, f"poses.values.{data[0].actuators}")
+    misread = misread_after(data[0], ready, c, witnesses[0]) if looked else None
+    if misread is not None:
+        alarms.raised(*misread, f"poses.values.{data[0].actuators}")
     work.progress("telling", 0.9)
     return _study_of(findings, robot, fit, origin, title)
 

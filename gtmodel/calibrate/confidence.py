@@ -70,9 +70,9 @@ def estimated(
     degrees_of_freedom, least = sum(s.degrees_of_freedom for s in shares), min(s.degrees_of_freedom for s in shares)
     if least <= 0 and not known:
         return None, _identified(problem, fits, shares, 0.0)
-    scaled = _side_by_side(problem, fits, [s.psi for s in shares])
+    scaled, level = _side_by_side(problem, fits, [s.psi for s in shares]), 1.0
     if known:
-        C, scaled = _by_stated_noise(problem, fits, shares, degrees_of_freedom)
+        C, scaled, level = _by_stated_noise(problem, fits, shares, degrees_of_freedom)
     elif problem.beside:
         C = _by_size(shares, np.concatenate([r.reshape(-1) for r in scaled]), degrees_of_freedom)
     else:
@@ -88,7 +88,7 @@ def estimated(
         degrees_of_freedom if known else least, noise, known, residuals, (), units=u.units,
         notes=(*notes, *u.notes), null_space=null if null.shape[1] else np.zeros((0, 0)),
     )  # fmt: skip
-    return estimate, _identified(problem, fits, shares, 1.0 if known else noise)
+    return estimate, _identified(problem, fits, shares, level if known else noise)
 
 
 def _share(problem: CalibrationProblem, f: Fitted, loss: Loss, width: float) -> _Share:
@@ -159,8 +159,9 @@ def _by_residuals(fits: Sequence[Fitted], shares: Sequence[_Share], psi: np.ndar
 
 def _by_stated_noise(
     problem: CalibrationProblem, fits: Sequence[Fitted], shares: Sequence[_Share], degrees_of_freedom: float
-) -> tuple[np.ndarray, list[np.ndarray]]:
-    """The same where the noise of all signals is stated, and the residuals (N, k) of each part in units of their noise.
+) -> tuple[np.ndarray, list[np.ndarray], float]:
+    """The same where the noise of all signals is stated, the residuals (N, k) of each part in units of their noise, and
+    the rms of these units.
 
     Their squares sum to `degrees_of_freedom` on average: what is left of noise e is e - J G'e, whose expected squares
     are those of e less what the fit took, which differs from the number of unknowns where the cost does not weigh as
@@ -202,7 +203,8 @@ def _by_stated_noise(
     scaled = [r / size for r, size in zip(raw, whole, strict=True)]
     if degrees_of_freedom > 0 and expected > 0:
         scaled = [r * np.sqrt(degrees_of_freedom / expected) for r in scaled]
-    return C, scaled
+    every = np.concatenate([size.reshape(-1) for size in whole])
+    return C, scaled, float(np.sqrt(np.mean(every**2)))
 
 
 class _Moments:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import Annotated, Literal, get_args
 
 from ..results.options import Options, Unit, Within
+from .measured.alarms import Alarm
 
 Cost = Literal["squared", "length", "inverse", "forward", "orthogonal"]
 COSTS = get_args(Cost)
@@ -71,6 +72,11 @@ class Fit(Options):
         float | None, Unit("m", written="mm"), Within(above=0),
         "mean held-out positioning error that is wanted; a check",
     ] = None  # fmt: skip
+    accept: Annotated[
+        list[Alarm],
+        "alarms about the readings that are notes and refuse nothing: unit, scale, exchanged_signals, stuck_columns, "
+        "exchanged_columns, swapped_axes, scalar_last, out_of_reach, moved_too_far",
+    ] = field(default_factory=list)  # fmt: skip
     sensitivity_step: Annotated[
         float, Within(least=0), "change of each parameter in the sensitivity (5.8), in SI; 0 for none"
     ] = 5e-5  # fmt: skip

@@ -21,10 +21,27 @@ class CompilerMissing(RuntimeError):
 
 
 def cache_folder() -> Path:
-    """Where libraries are kept: $GTMODEL_CACHE, else gtmodel in $XDG_CACHE_HOME or in ~/.cache."""
+    """Where libraries are kept: $GTMODEL_CACHE, else gtmodel in $XDG_CACHE_HOME or in ~/.cache.
+
+    A variable that is empty counts as one that is not set. Raises CompilerMissing where no home is known.
+    """
     if own := os.environ.get("GTMODEL_CACHE", "").strip():
         return Path(own)
-    return Path(os.environ.get("XDG_CACHE_HOME", "").strip() or Path.home() / ".cache") / "gtmodel"
+    return Path(os.environ.get("XDG_CACHE_HOME", "").strip() or home_folder() / ".cache") / "gtmodel"
+
+
+def home_folder() -> Path:
+    """The user's home. With an empty HOME Python names the root folder: then the one of the list of users."""
+    try:
+        if os.environ.get("HOME", "not set").strip():
+            return Path.home()
+        import pwd  # here: Windows has none, and does not ask for HOME
+
+        return Path(pwd.getpwuid(os.getuid()).pw_dir)
+    except (RuntimeError, ImportError, KeyError):
+        raise CompilerMissing(
+            "no home folder is known to keep compiled libraries in; set GTMODEL_CACHE to a folder of your own"
+        ) from None
 
 
 def kept_library(source: str, flags: Sequence[str], wanted: bool) -> Path | None:

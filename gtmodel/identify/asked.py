@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from ..compiler.causal import flat_of
 from ..lang import Model, ModelError
 from ..results import ArgumentError, Work, naming
-from .base_parameters import BaseRegressor, base_names
 from .options import Fitting, Processing
 from .parameter_names import ParameterError, among, scalar_parameters
 from .regressor import Regressor
@@ -32,7 +31,7 @@ class Asked:
         """What must not be negative; base parameters may be."""
         if self.how.inertias is None or self.how.nonnegative is not True:
             return self.how.nonnegative
-        return [n for n in self.regressor.names if n not in base_names(self.regressor)]
+        return [n for n in self.regressor.names if n not in self.regressor.base]
 
     @property
     def names(self) -> tuple[str, str]:
@@ -63,17 +62,20 @@ def asked_for(
 
 def regressor_of(robot: Model, free: Sequence[str], how: Fitting) -> Regressor:
     """The regressor of what is free and what is watched. Raises ArgumentError."""
-    for name in ("known", "targets"):
-        with naming(f"fitting.{name}", ModelError):
-            flat_of(robot).lookup(getattr(how, name))
+    for argument, names in (("known", [how.known]), ("targets", [how.targets]), ("inputs", how.inputs)):
+        for name in names:
+            with naming(f"fitting.{argument}", ModelError):
+                flat_of(robot).lookup(name)
+    known = [how.known, *how.inputs]
     if how.inertias is not None and how.watch:
         raise ArgumentError("is not for inertias, of which all that can be determined is free", "fitting.watch")
     try:
-        regressor = (
-            BaseRegressor(robot, free, how.known, how.targets)
-            if how.inertias
-            else Regressor(robot, [*free, *how.watch], how.known, how.targets)
-        )
+        if how.inertias is not None:
+            from .base_parameters import BaseRegressor  # here: most identifications are not of arms
+
+            regressor = BaseRegressor(robot, free, known, how.targets)
+        else:
+            regressor = Regressor(robot, [*free, *how.watch], known, how.targets)
     except ParameterError as error:
         watched = {error.parameter, error.parameter.partition("[")[0]} & set(how.watch)
         raise ArgumentError(str(error), "fitting.watch" if watched else "free") from error

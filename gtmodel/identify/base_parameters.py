@@ -82,6 +82,7 @@ class BaseRegressor(Regressor):
             for other, factor in self.dependencies.base(name).items():
                 self.matrix[row, self.everything.index(other)] = factor
         self.names = tuple(_combination(self.dependencies.base(n)) for n in independent)
+        self.base = tuple(n for n in self.names if n.startswith(tuple(f"{name}[" for name in BODIES)))
         self.units = tuple(units[n] for n in independent)
         self.nominal = _without_rounding(self.matrix, values)
 
@@ -102,14 +103,6 @@ class BaseRegressor(Regressor):
         return dict(zip(self.names, everything.tolist(), strict=True))
 
 
-def base_names(regressor: Regressor) -> tuple[str, ...]:
-    """Names of base parameters of bodies, without those of friction."""
-    if not isinstance(regressor, BaseRegressor):
-        return ()
-    bodies = tuple(f"{name}[" for name in BODIES)
-    return tuple(n for n in regressor.names if n.startswith(bodies))
-
-
 def _body_names(arm: SerialArm) -> list[str]:
     """Inertias, moments and mass of each link, from the base outwards: what comes first stays."""
     names: list[str] = []
@@ -126,9 +119,7 @@ def _stacked(regressor: Regressor, arm: SerialArm) -> Array:
     n = len(arm.structure.leaders)
     draw = {"q": rng.uniform(low, high, (POINTS, n))}
     draw |= {f"der(q{order})": rng.standard_normal((POINTS, n)) for order in ("", ",2")}
-    lacking = next((s.name for s in regressor.inputs if s.name not in draw), None)
-    if lacking is not None:
-        raise ModelError(f"base parameters are those of a motion in q; '{lacking}' is asked for besides")
+    draw |= {s.name: rng.standard_normal((POINTS, *s.shape)) for s in regressor.inputs if s.name not in draw}
     values = Regressor.__call__(regressor, *[draw[s.name] for s in regressor.inputs])
     Y, _ = RegressorRows(*[x[values.status == Status.OK] for x in values]).stacked()
     return Y
@@ -147,7 +138,8 @@ def _combination(terms: dict[str, float]) -> str:
     for k, (name, factor) in enumerate(others):
         if k == SHOWN - 1 and len(others) > SHOWN - 1:
             return f"{text} + ..."
-        size = "" if abs(abs(factor) - 1) < NOTHING else f"{abs(factor):.4g} "
+        written = f"{abs(factor):.4g}"
+        size = "" if written == "1" else f"{written} "
         text += f" {'-' if factor < 0 else '+'} {size}{name}"
     return text
 

@@ -8,10 +8,7 @@ import numpy as np
 
 from ..lang import ModelError
 from ..results import ArgumentError, Check, at_most
-from ..robots import SerialArm, robot_table, to_urdf
 from .asked import Asked
-from .base_parameters import BaseRegressor
-from .consistent import MOVED, consistent_inertias
 from .inertia import Identification
 
 URDF, ROBOT = "identified.urdf", "identified.toml"
@@ -28,9 +25,14 @@ class IdentifiedBodies(NamedTuple):
 
 def bodies_of(asked: Asked, identification: Identification) -> IdentifiedBodies:
     """Of a fit of inertias; nothing of any other. Raises ArgumentError where no bodies can be made of it."""
-    base, robot = asked.regressor, asked.robot
-    if not isinstance(base, BaseRegressor) or not isinstance(robot, SerialArm):
+    if not asked.regressor.base:
         return IdentifiedBodies({}, {}, [], {})
+    from ..robots import SerialArm, robot_table, to_urdf
+    from .base_parameters import BaseRegressor  # here: most identifications are not of arms
+    from .consistent import MOVED, consistent_inertias
+
+    base, robot = asked.regressor, asked.robot
+    assert isinstance(base, BaseRegressor) and isinstance(robot, SerialArm)
     values: dict[str, Any] = {"base_parameters": base.combinations}
     if asked.how.inertias != "consistent":
         return IdentifiedBodies(values, {}, [], {})

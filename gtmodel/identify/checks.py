@@ -9,7 +9,6 @@ import numpy as np
 from ..inference import FALSE_ALARM, binomial_band
 from ..results import Check, at_least, at_most
 from .asked import Asked
-from .base_parameters import base_names
 from .exchanged import exchanged_efforts
 from .inertia import Identification, Validation
 from .recordings import Recordings
@@ -72,7 +71,7 @@ def judged(
         checks["delay_moves_a_parameter"] = Check(delay.moves, delay.bound, LOOK, judged=delay.passed)
     if order is not None:
         checks["exchanged_columns"] = Check(order.ratio, order.bound, LOOK, judged=order.passed)
-    far = _far_off(identification, base_names(asked.regressor))
+    far = _far_off(identification, asked.regressor.base)
     checks["parameters_far_off"] = at_most(float(len(far)), 0.0, LOOK)
     piled = _piled(data, asked.how.targets)
     checks["saturated_share"] = at_most(max((share for share, _ in piled), default=0.0), SATURATED, LOOK)

@@ -53,6 +53,9 @@ class Fitting(Options):
 
     known: Annotated[str, "the measured position, by the model's name"] = "q"
     targets: Annotated[str, "the measured efforts"] = "tau"
+    inputs: Annotated[
+        list[str], "further measured variables that the efforts depend on: a second force, a payload, a temperature"
+    ] = field(default_factory=list)
     watch: Annotated[list[str], "fixed parameters whose traces the residuals are searched for"] = field(
         default_factory=list
     )

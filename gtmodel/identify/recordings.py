@@ -58,12 +58,15 @@ def measured(
     if not raw:
         raise ArgumentError("is empty; expected a recording or more", "log")
     regressor, (known, targets) = asked.regressor, asked.names
-    wanted = next(s for s in regressor.inputs if s.name == known)
-    for name, shape, what in ((known, wanted.shape, "known"), (targets, regressor.outputs[0].shape, "targets")):
+    shapes = {s.name: s.shape for s in regressor.inputs}
+    wanted = [(known, shapes[known], "known"), (targets, regressor.outputs[0].shape, "targets")]
+    for name, shape, what in wanted + [(name, shapes[name], "inputs") for name in asked.how.inputs]:
         missing = next((s.name for s in (*raw, *others) if name not in s.trajectory), None)
         if missing is not None:
             raise ArgumentError(f"'{missing}' holds no '{name}'; name its signals as the robot does", "log")
         width = raw[0].trajectory[name].shape[1:]
+        if what == "inputs" and width == (1,) and shape == ():  # one column
+            continue
         if width != shape:
             raise ArgumentError(
                 f"has {width[0] if width else 1} columns; '{name}' of the robot has {shape[0] if shape else 1}",
@@ -105,6 +108,8 @@ def _by_session(what: str, signal: str) -> ArgumentError:
 
 def synthetic_recordings(asked: Asked, plant: Model, s: SyntheticLog, motion: Array | None) -> Recordings:
     """A log of the plant to fit and one of another motion to hold out. Raises ArgumentError."""
+    if asked.how.inputs:
+        raise ArgumentError("is for measured logs; a synthetic one has the motion alone", "fitting.inputs")
     noise = tuple(s.effort_noise) if isinstance(s.effort_noise, list) else float(s.effort_noise)
     wanted = len(asked.regressor.columns)
     if isinstance(noise, tuple) and len(noise) != wanted:

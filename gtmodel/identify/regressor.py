@@ -57,7 +57,8 @@ class Regressor:
         idle: whether parameters may be named that enter no target; their columns are zero.
 
     Attributes: names (p,) of the parameters, nominal (p,) their values in the model [SI], units (p,), inputs and
-    outputs (signals with name, shape and unit), columns: names of the scalar targets.
+    outputs (signals with name, shape and unit), columns: names of the scalar targets; base: those of the names that are
+    base parameters, of a `BaseRegressor` alone.
 
     Raises ModelError for an unknown parameter, for one in which a target is not linear, for an idle one,
     and where the motion does not determine the targets.
@@ -75,6 +76,8 @@ class Regressor:
     >>> rows.Y.tolist(), rows.y0.tolist()  # Coulomb friction keeps its number
     ([[[4.0, 0.5]]], [[3.0]])
     """
+
+    base: tuple[str, ...] = ()
 
     def __init__(
         self,

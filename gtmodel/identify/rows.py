@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -22,7 +22,7 @@ from gtmodel.measurements import (
     position_noise,
 )
 from gtmodel.measurements.filters import WIDEST
-from gtmodel.results import Status, TrajectoryError
+from gtmodel.results import Status, Trajectory, TrajectoryError
 
 from .options import Processing
 from .regressor import Regressor
@@ -109,7 +109,8 @@ def rows_of(
     standstill, where friction does not follow its law.
 
     Args:
-        sessions: recordings, evenly sampled, with position and efforts in the units of the model.
+        sessions: recordings, evenly sampled, with position and efforts in the units of the model, and whatever else
+            the regressor takes as known: it passes the filter of the position.
         regressor: of the parameters to be fitted.
         processing: filter and selection of rows.
         known, targets: the measured position and efforts, by the model's names.
@@ -263,6 +264,7 @@ def _rows(
     effort_rate, _ = velocity_and_acceleration(effort, step)
     time, position, effort, effort_rate = raw.time[inside], position[inside], effort[inside], effort_rate[inside]
     given = {known: position, f"der({known})": rate[inside], f"der({known},2)": acceleration[inside]}
+    given |= {name: x[inside] for name, x in _further(raw, regressor, given, wide if prefiltered else None, step)}
     values = regressor(*[given[s.name] for s in regressor.inputs])
     bad = np.flatnonzero(values.status != Status.OK)
     if bad.size:
@@ -298,6 +300,20 @@ def _rows(
         "dropped": np.array(1 - len(chosen) / max(1, len(rows))),
         "threshold": np.array(fast.threshold),
     }
+
+
+def _further(
+    raw: Trajectory, regressor: Regressor, given: Mapping[str, Array], low_pass: ZeroPhase | None, step: float
+) -> Iterator[tuple[str, Array]]:
+    """What a regressor takes besides the position and its rates, from the same log: values and up to two rates."""
+    for signal in regressor.inputs:
+        if signal.name in given:
+            continue
+        name, _, order = signal.name.removeprefix("der(").removesuffix(")").partition(",")
+        values = raw[name].reshape(len(raw), *signal.shape)
+        values = values if low_pass is None else low_pass(values, step)
+        rates = velocity_and_acceleration(values, step)
+        yield signal.name, values if signal.name == name else rates[int(order or 1) - 1]
 
 
 def velocity_and_acceleration(position: Array, sample_time: float) -> tuple[Array, Array]:

@@ -12,6 +12,8 @@ Worth
     newey_west, decimated, block_bootstrap   covariance under coloured residuals
     whiteness, normality, noise_size, cross_validation   what residuals say of a model
     held_out_ratio, freedom_of  how much larger than fitted errors held-out ones are by chance; FALSE_ALARM of verdicts
+    over_noise                  are residuals as large as the stated noise, by more than chance and than matters
+    chance_ratio                of two rms errors of one size
 Proof
     monte_carlo                 runs by seed in parallel processes
     coverage, binomial_band     do intervals hold the truth as often as they say
@@ -36,8 +38,11 @@ if TYPE_CHECKING:
     from .held_out import (
         FALSE_ALARM as FALSE_ALARM,
         HeldOut as HeldOut,
+        OverNoise as OverNoise,
+        chance_ratio as chance_ratio,
         freedom_of as freedom_of,
         held_out_ratio as held_out_ratio,
+        over_noise as over_noise,
     )
     from .identifiability import (
         Direction as Direction,

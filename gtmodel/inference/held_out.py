@@ -7,10 +7,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..results.estimate import Estimate
+from ..results.refusal import ArgumentError
+
 # probability that a sound model fails one verdict: seldom enough for an exit code that scripts rely on
 FALSE_ALARM = 1e-3
 # a ratio that matters: two halves of one recording or grid differ by some tenths where the model lacks a little
 MATTERS = 1.5
+# residuals over a stated noise that matter: noise is seldom known better than to a factor of two
+NOISE_MATTERS = 2.0
 
 
 @dataclass(frozen=True)
@@ -38,6 +43,74 @@ class HeldOut:
             f"held-out errors are {self.ratio:.3g} times the fitted ones; a sound model has {self.expected:.3g} on "
             f"average, and more than {self.bound:.3g} in {100 * self.false_alarm:g} % of the cases at most"
         )
+
+
+@dataclass(frozen=True)
+class OverNoise:
+    """Rms residuals of a fit over the stated noise: `ratio`, and the `bound` of a sound model, see over_noise()."""
+
+    ratio: float
+    bound: float
+
+    @property
+    def passed(self) -> bool:
+        """Within the bound; not where no residual is left to judge by."""
+        return bool(np.isfinite(self.bound)) and self.ratio <= self.bound
+
+    @property
+    def message(self) -> str:
+        if not np.isfinite(self.bound):
+            return "as many parameters as equations were fitted: residuals say nothing of the noise"
+        return (
+            f"residuals are {self.ratio:.3g} times the stated noise, of a sound model {self.bound:.3g} times at most"
+            + ("" if self.passed else ": the model lacks an effect, or the noise was stated too small")
+        )
+
+
+def over_noise(estimate: Estimate, *, false_alarm: float = FALSE_ALARM, matters: float = NOISE_MATTERS) -> OverNoise:
+    """Judge the residuals of a fit whose noise was stated: is something in them that the model lacks?
+
+    The bound is the larger of `matters` and of the ratio that noise alone exceeds with probability `false_alarm`: a
+    noise that was stated as it is leaves a chi-squared sum of squares. Raises ArgumentError where it was not stated.
+
+    >>> values = 3.0 + 0.4 * np.random.default_rng(1).normal(size=50)
+    >>> e = gt.inference.linear_fit(np.ones((50, 1)), values, ["mean"], sigma=0.1)
+    >>> judged = gt.inference.over_noise(e)
+    >>> judged.passed, round(judged.ratio, 1), judged.bound
+    (False, 3.6, 2.0)
+    """
+    if not estimate.known_noise:
+        raise ArgumentError("the noise was not given, so that the residuals cannot be compared with it; give sigma")
+    left = estimate.degrees_of_freedom
+    if not left > 0:
+        return OverNoise(estimate.noise, np.inf)
+    from scipy import special  # here: keys of kinds import this module
+
+    chance = float(np.sqrt(special.chdtri(left, false_alarm) / left))
+    return OverNoise(float(np.sqrt(np.sum(np.square(estimate.residuals)) / left)), max(matters, chance))
+
+
+def chance_ratio(
+    numerator_freedom: float, denominator_freedom: float, *, tests: int = 1, false_alarm: float = FALSE_ALARM
+) -> float:
+    """Ratio of two rms errors of one size that chance exceeds with probability `false_alarm` in any of so many tests.
+
+    Of independent normal errors with these degrees of freedom; infinite where one has none, and nothing can be judged.
+
+    >>> few, many = (gt.inference.chance_ratio(n, n, tests=5) for n in (3.0, 100.0))
+    >>> round(few, 1), round(many, 2)
+    (20.4, 1.43)
+    """
+    if not (numerator_freedom > 0 and denominator_freedom > 0):
+        return np.inf
+    return float(np.sqrt(_chance(numerator_freedom, denominator_freedom, false_alarm / tests)))
+
+
+def _chance(numerator_freedom: float, denominator_freedom: float, false_alarm: float) -> float:
+    """Of mean squares."""
+    from scipy import stats  # here: it alone takes as long to import as all of gtmodel
+
+    return float(stats.f.isf(false_alarm, numerator_freedom, denominator_freedom))
 
 
 def held_out_ratio(
@@ -72,12 +145,10 @@ def held_out_ratio(
     >>> many.passed, few.passed, round(few.bound, 1)
     (False, True, 3.1)
     """
-    from scipy import stats  # here: it alone takes as long to import as all of gtmodel
-
     if not (growth > 0 and np.isfinite(growth) and fitted_freedom > 0 and held_out_freedom > 0):
         return HeldOut(ratio, np.inf, np.inf, false_alarm)
     with np.errstate(over="ignore"):  # a bound beyond all numbers is infinite: nothing can be judged
-        chance = float(np.sqrt(growth * stats.f.isf(false_alarm / tests, held_out_freedom, fitted_freedom)))
+        chance = float(np.sqrt(growth * _chance(held_out_freedom, fitted_freedom, false_alarm / tests)))
     return HeldOut(ratio, float(np.sqrt(growth)), max(matters, chance), false_alarm)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -24,6 +25,7 @@ ROUNDING = 1e-8  # likewise: a step that the rounding of the residuals alone may
 LEVEL = 1e-5  # cosine of residuals and Jacobian: below, the cost is level to 1e-10 and cannot judge a step
 # damping begins below the smallest singular value, or weak directions would creep; all relative to the largest
 DAMPING, EASIER, HARDER, STUCK = 0.1, 0.1, 10.0, 1e16
+LOOK_BACK, SETTLED = 10, 1e-9  # iterations that together lowered the cost by less than this share: it has settled
 QUIET = 1e-3  # a full step that changes the cost by less than this part is taken undamped
 
 
@@ -166,12 +168,14 @@ def descend(
 
     here, prior, cost = at(x)
     damping, before, iterations, evaluations = 0.0, np.inf, 0, 1
+    earlier = deque([np.inf], maxlen=LOOK_BACK)
     if not here.finite:
         return ended(SolveStatus.NOT_FINITE, "the residuals or their derivatives are not finite at the start")
     while iterations < limit:
         if stop is not None and stop():
             return ended(SolveStatus.INTERRUPTED, f"stopped after {iterations} iterations; the best parameters so far")
         iterations += 1
+        earlier.append(cost)
         d = directions(here, size, prior)
         if d is None:
             triangular = True
@@ -210,4 +214,6 @@ def descend(
                 return ended(
                     SolveStatus.FAILED, "no step along the gradient lowers the residuals; are the derivatives right?"
                 )
+    if earlier[0] - cost <= SETTLED * cost:  # along a valley that is bent and all but level, steps never get short
+        return ended(SolveStatus.SOLVED, f"arrived after {iterations} iterations, at what lowers the residuals no more")
     return ended(SolveStatus.ITERATION_LIMIT, f"no end after {limit} iterations; start nearer, or scale the parameters")

@@ -156,6 +156,7 @@ _SCALED = {
     "um": _ScaledSymbol("m", Fraction(1, 10**6), "lengths"),
     "mm": _ScaledSymbol("m", Fraction(1, 10**3), "lengths"),
     "km": _ScaledSymbol("m", Fraction(10**3), "lengths"),
+    "ns": _ScaledSymbol("s", Fraction(1, 10**9), "times"),
     "us": _ScaledSymbol("s", Fraction(1, 10**6), "times"),
     "ms": _ScaledSymbol("s", Fraction(1, 10**3), "times"),
     "min": _ScaledSymbol("s", Fraction(60), "times"),

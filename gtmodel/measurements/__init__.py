@@ -5,6 +5,7 @@ Logs
     Session           one stretch of evenly sampled rows
     session_of        a trajectory in memory as one
     read_log          a file of any kind as sessions
+    read_recording    files recorded at once as trajectories by clock, rows uneven
     open_log          the tables of a file, and what their columns are called
     LogForm           how a file is written, where it does not say so itself
     read_signals      the same for a set of signals and several files
@@ -64,6 +65,7 @@ if TYPE_CHECKING:
         read_log as read_log,
         session_of as session_of,
     )
+    from .recording import read_recording as read_recording
     from .sampling import Gap as Gap, SamplingReport as SamplingReport, sampling_of as sampling_of
     from .signals import (
         ESTIMATE as ESTIMATE,

@@ -27,10 +27,15 @@ class Column(NamedTuple):
 
     "q" means also the columns "q[0]", "q[1]" and so on, where there is no "q"; several names make a vector too:
     `Column(("x", "y", "z"), "mm")`. A member of a MATLAB struct is "rec.q", a field of a message "pose.position.x".
+
+    time, stream, file: of its own, for `read_recording`; `read_log` has one of each for all columns.
     """
 
     name: str | Sequence[str]
     unit: str
+    time: Column | None = None
+    stream: str = ""
+    file: str = ""
 
 
 TIME = Column("time", "s")
@@ -257,28 +262,29 @@ def _sample_time(time: Array, where: str, lines: Lines, begin: int, expected: fl
 
     where: file and what a row is called. lines: the number of each row; those of `time` stand from `begin` on.
     """
-    steps = np.diff(time)
-    if steps.size < 2:
+    if time.size < 3:
         raise LogError(f"{where} {lines[begin]}: a recording has {time.size} rows; expected at least 3")
-    median = float(np.median(steps))
+    median = float(np.median(np.diff(time), overwrite_input=True))
     if expected is not None and abs(median - expected) > jitter * expected:
         raise LogError(
             f"{where} {lines[begin]}: the samples are {_ms(median)} ms apart; expected {_ms(expected)} ms; correct the "
             "sample time or the unit of the time"
         )
     step = median if expected is None else expected
-    if (bad := np.flatnonzero(np.abs(steps - step) > jitter * step)).size:
+    steps = np.diff(time)
+    off = steps - step
+    if (bad := np.flatnonzero(np.abs(off, out=off) > jitter * step)).size:
         k = int(bad[0])
-        lost = round(float(steps[k]) / step) - 1
+        lost = float(np.round(steps[k] / step)) - 1
         what = "the step jitters, so resample the log"
         if steps[k] > (1 + MISSING) * step:
             missing = "samples are" if lost > 1 else "sample is"
-            what = f"about {lost} {missing} missing, so split the log into sessions there"
+            what = f"about {lost:.6g} {missing} missing, so split the log into sessions there"
         raise LogError(
             f"{where} {lines[begin + k + 1]}: {_ms(float(steps[k]))} ms after the row before; expected {_ms(step)} ms "
             f"within {100 * jitter:g} %: {what}"
         )
-    return float((time[-1] - time[0]) / steps.size)
+    return float((time[-1] - time[0]) / (time.size - 1))
 
 
 def _ms(seconds: float) -> str:

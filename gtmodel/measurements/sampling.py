@@ -63,15 +63,17 @@ def sampling_of(time: Array | Sequence[float]) -> SamplingReport:
     (100.0, 2, 2)
     """
     time = np.asarray(time, dtype=float)
-    latest = np.maximum.accumulate(time)[:-1] if time.size else time
-    steps = time[1:] - latest
-    late, repeated = steps < 0, steps == 0
-    forward = steps[~(late | repeated)]
-    step = float(np.median(forward)) if forward.size else 0.0
-    if step == 0.0:
-        rows = int(time.size)
-        return SamplingReport(rows, 0.0, 0.0, 0.0, 0.0, 0.0, (), 0.0, int(late.sum()), int(repeated.sum()))
-    low, high = np.percentile(forward, [25.0, 75.0])
+    steps = np.diff(time)
+    late, repeated, forward = 0, 0, steps
+    if steps.size and steps.min() <= 0:
+        steps = time[1:] - np.maximum.accumulate(time)[:-1]
+        late, repeated = int(np.sum(steps < 0)), int(np.sum(steps == 0))
+        forward = steps[steps > 0]
+    rows, span = int(time.size), float(np.ptp(time)) if time.size else 0.0
+    if not forward.size:
+        return SamplingReport(rows, 0.0, 0.0, span, 0.0, 0.0, (), 0.0, late, repeated)
+    # no more copies than needed: a clock may have ten million rows
+    low, step, high = (float(x) for x in np.percentile(forward, [25.0, 50.0, 75.0]))
     longest = max((1 + MISSING) * step, high + FENCE * (high - low))
     wide = np.flatnonzero(steps > longest)
     lost = np.maximum(np.round(steps[wide] / step).astype(int) - 1, 1)
@@ -79,12 +81,10 @@ def sampling_of(time: Array | Sequence[float]) -> SamplingReport:
         Gap(int(k), float(time[k]), float(steps[k]), int(n))
         for k, n in zip(wide[:LONGEST_LIST], lost[:LONGEST_LIST], strict=True)
     )
-    near = np.abs(forward[forward <= longest] / step - 1.0)
-    duration = float(time.max() - time.min())
-    return SamplingReport(
-        int(time.size), step, 1 / step, duration, float((high - low) / 1.349 / step), float(near.max(initial=0.0)),
-        gaps, float(lost.sum() / (lost.sum() + time.size)), int(late.sum()), int(repeated.sum()),
-    )  # fmt: skip
+    slowest = float(np.max(forward, where=forward <= longest, initial=step))
+    most = max(slowest / step - 1.0, 1.0 - float(forward.min()) / step)
+    missing = float(lost.sum() / (lost.sum() + rows))
+    return SamplingReport(rows, step, 1 / step, span, (high - low) / 1.349 / step, most, gaps, missing, late, repeated)
 
 
 def in_order(time: Array, late_rows: LateRows) -> np.ndarray | None:

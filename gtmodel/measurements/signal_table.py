@@ -51,7 +51,7 @@ def read(
     signal's column or unit with the argument "signals.NAME.column".
     """
     try:
-        stream = stream_of(path, form, time=_first(wanted))
+        stream = stream_of(path, form, holding=_first(wanted))
     except OSError as error:
         raise ArgumentError(f"{path.name} cannot be read: {error.strerror}") from error
     chosen = {signal: _columns(stream, signal, *given) for signal, given in wanted.items()}

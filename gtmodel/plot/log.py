@@ -46,6 +46,7 @@ def log_figure(title: str, streams: Sequence[Mapping[str, Any]]) -> Figure:
         axes.plot(time[begins], np.maximum.reduceat(steps, begins), ".", color=BLUE, markersize=2)
         axes.axhline(float(np.median(steps)), **LIMIT)
         axes.set_title(f"steps of {stream['label']}", fontsize="small", loc="left")
+        axes.set_ylabel(f"step [{stream['label'].rpartition('[')[2]}")
         axes.set_xlabel(stream["label"], fontsize="small")
         axes.margins(x=0.0)
     return figure

@@ -8,17 +8,18 @@ from typing import Literal
 from pydantic import Field, PositiveFloat
 
 from gtmodel.lang.units import UnitError
-from gtmodel.measurements import Column, LogForm, Session, Signal
+from gtmodel.measurements import Column, LogForm, Session, Signal, read_recording
 from gtmodel.measurements.log import JITTER
 from gtmodel.measurements.sampling import EmptyRows, LateRows
 from gtmodel.measurements.signals import read_signals
-from gtmodel.results import TrajectoryError
+from gtmodel.results import Trajectory, TrajectoryError
 from gtmodel.results.unit_names import unit_of
 
 from .base import Context, FileSection, InputError, Source
 from .from_options import Made, made_from
 
 Free = Literal["estimate"]
+FILES = Field(default=[], description="CSV, MATLAB, Parquet or bag files; paths start at the problem's folder")
 
 
 class TimeColumn(FileSection):
@@ -56,6 +57,20 @@ class MeasuredSignalSection(FileSection):
             )
         except (TrajectoryError, UnitError) as error:
             raise InputError(str(error), key) from error
+
+
+class RecordedSignalSection(MeasuredSignalSection):
+    """A measured signal of a recording with several clocks."""
+
+    time: TimeColumn | None = Field(default=None, description="its own column of time; that of the log if left out")
+    stream: str = Field(default="", description="its own stream, such as the topic of a bag")
+    file: str = Field(default="", description="its own file among those of the log; the one that has the column")
+
+    def recorded(self) -> Column:
+        """Where it stands."""
+        column = self.column if isinstance(self.column, str) else tuple(self.column)
+        time = None if self.time is None else Column(self.time.column, self.time.unit)
+        return Column(column, self.unit, time, self.stream, self.file)
 
 
 @made_from(LogForm)
@@ -121,12 +136,30 @@ class LogSampling(FormSection):
         return tuple(sessions)
 
 
+class RecordingFiles(LogSampling):
+    """Files that were recorded at once, whose signals may have clocks of their own; a kind adds its signals."""
+
+    files: list[str] = FILES
+
+    def recording(self, signals: Mapping[str, Column], context: Context, key: str = "log") -> dict[str, Trajectory]:
+        """The signals by clock, in SI units, rows uneven, see `read_recording` of measurements. Raises InputError."""
+        if not self.files:
+            raise InputError("is empty; name a log file", f"{key}.files")
+        paths = [context.file(f, f"{key}.files[{n}]", source=self.source) for n, f in enumerate(self.files)]
+        time = Column(self.time.column, self.time.unit) if self.time.column else None
+        try:
+            return read_recording(
+                paths, signals, time=time, sample_time=self.sample_time_s, late_rows=self.late_rows,
+                empty_rows=self.empty_rows, form=self.form(), progress=context.progress,
+            )  # fmt: skip
+        except (TrajectoryError, UnitError) as error:
+            raise InputError(str(error), key) from error
+
+
 class LogFiles(LogSampling):
     """Where logs lie and how they are sampled; a kind adds its signals."""
 
-    files: list[str] = Field(
-        default=[], description="CSV, MATLAB, Parquet or bag files; paths start at the problem's folder"
-    )
+    files: list[str] = FILES
 
     def sessions(
         self, signals: Mapping[str, Signal], context: Context, *, files: list[str] | None = None, key: str = "log.files"

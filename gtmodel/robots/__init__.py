@@ -27,9 +27,11 @@ if TYPE_CHECKING:
         kr500_tables as kr500_tables,
     )
     from .serial.arm import SerialArm as SerialArm
+    from .serial.as_dh import as_dh as as_dh
     from .serial.description import description as description
-    from .serial.dh import independent_geometry as independent_geometry, serial_arm as serial_arm
+    from .serial.dh import serial_arm as serial_arm
     from .serial.from_urdf import from_urdf as from_urdf
+    from .serial.geometry import independent_geometry as independent_geometry
     from .serial.robot_table import robot_table as robot_table
     from .serial.to_urdf import to_urdf as to_urdf
     from .six_link import SixLink as SixLink, on_guideways as on_guideways, six_link_gantry_tau as six_link_gantry_tau

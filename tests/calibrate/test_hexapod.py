@@ -209,10 +209,11 @@ def read_right():
 def test_legs_in_another_order_are_recognised_in_one_sentence(order, read_right):
     data, p = read_right
     wrong = Measurements(data | {"n": data["n"][:, order]}, poses=FRAMES)
-    sentence = misread_columns(p.on(wrong), ["T"])
+    alarm, sentence = misread_columns(p.on(wrong), ["T"]) or ("", "")
+    assert alarm == "exchanged_columns"
     moved = [k for k in range(6) if order[k] != k]
     meant = [order.index(k) for k in moved]
-    assert sentence is not None and sentence.count(". ") == 0
+    assert sentence.count(". ") == 0
     assert sentence.startswith(f"the columns {', '.join(f'n[{k}]' for k in moved)} look exchanged: links miss by ")
     assert sentence.endswith(f"mm when they are read as {', '.join(f'n[{k}]' for k in meant)}")
 
@@ -223,7 +224,7 @@ def test_measured_legs_in_another_order_are_recognised(name, order):
     assert misread_columns(p, ["T"]) is None
     wrong = p.on(Measurements(recording(name) | {"n": recording(name)["n"][:, order]}, NOISE, poses=FRAMES))
     moved = [k for k in range(6) if order[k] != k]
-    said = str(misread_columns(wrong, ["T"]))
+    _, said = misread_columns(wrong, ["T"]) or ("", "")
     assert f"n[{moved[0]}], n[{moved[1]}]" in said
     assert f"read as {', '.join(f'n[{order.index(k)}]' for k in moved)}" in said
 
@@ -231,13 +232,14 @@ def test_measured_legs_in_another_order_are_recognised(name, order):
 def test_a_quaternion_with_its_scalar_last_is_recognised(read_right):
     data, p = read_right
     wrong = p.on(Measurements(data | {"e": np.roll(data["e"], -1, axis=1)}, poses=FRAMES))
-    assert str(misread_columns(wrong, ["T"])).startswith("'e' looks written with its scalar last: links miss by ")
+    alarm, said = misread_columns(wrong, ["T"]) or ("", "")
+    assert alarm == "scalar_last" and said.startswith("'e' looks written with its scalar last: links miss by ")
 
 
 @pytest.mark.parametrize(("factor", "text"), [(1e3, "1000 times too large"), (1e-3, "1000 times too small")])
 def test_millimetres_for_metres_are_recognised(factor, text):
     p = prepare(hexapod(), measured(FIRST, poses=FRAMES), aligned(), actuators="n")
     wrong = p.on(Measurements(recording(FIRST) | {"T": factor * recording(FIRST)["T"]}, NOISE, poses=FRAMES))
-    sentence = str(misread_columns(wrong, ["T"]))
-    assert sentence.startswith(f"'T' looks {text}: links miss by ")
+    alarm, sentence = misread_columns(wrong, ["T"]) or ("", "")
+    assert alarm == "unit" and sentence.startswith(f"'T' looks {text}: links miss by ")
     assert ("millimetres" if factor > 1 else "in metres") in sentence

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from gtmodel.calibrate import Known, Measurements, calibration_study, study
+from gtmodel.calibrate.measured import witness
 from gtmodel.calibrate.measured.witness import Witness
 from gtmodel.results import ArgumentError
 from tests.calibrate.shipped import data, file_of, measured, robot, solved, written
@@ -34,7 +35,7 @@ class TestUnits:
         said = refused(tmp_path, T={"unit": "m"})
         assert said == (
             "poses.values.T: 'T' spans 2009 m as declared in m, 980 times the robot's 2.05 m; the column is "
-            "probably in mm"
+            'probably in mm; if it is right, accept = ["unit"]'
         )
 
     def test_metres_for_millimetres(self, tmp_path: Path) -> None:
@@ -98,7 +99,7 @@ class TestColumns:
         before, left = {"robot": ("2.09 m", "12.2 mm"), "device": ("1.04 m", "3.7 mm")}[frame]
         assert said == (
             f"poses.values.q: 'q' and 'T' look exchanged: poses miss the model's by {before} rms as given, and "
-            f"by {left} when each is read from the columns of the other"
+            f'by {left} when each is read from the columns of the other; if it is right, accept = ["exchanged_signals"]'
         )
 
     def test_rotary_axes_of_the_f1(self, tmp_path: Path) -> None:
@@ -109,9 +110,13 @@ class TestColumns:
     def test_without_forward_kinematics_residuals_tell_where_lengths_are_known(
         self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        """With all parameters free the arms of three links only change their names: then what moved far is said."""
+        """By lengths as drawn; else by fits of all orders, or, where with all parameters free the arms of three links
+        only change their names, by what moved far."""
         monkeypatch.setattr(calibration_study, "witness_of", lambda model, data: Witness(None, 2.0))
         path = written(tmp_path, "l1", order(1, 0, 2))
+        with pytest.raises(ArgumentError, match=r"q\[0\], q\[1\] look exchanged: links miss by 194 mm .* as q\[1\], q"):
+            solved("l1", path)
+        monkeypatch.setattr(witness, "misread_columns", lambda *_: None)
         with pytest.raises(
             ArgumentError, match=r"q\[0\], q\[1\] look exchanged: links are left with .* read as q\[1\], q"
         ):

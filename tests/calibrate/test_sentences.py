@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from gtmodel.calibrate import Known, made_poses, study
+from gtmodel.calibrate.measured.alarms import Alarms
 from gtmodel.calibrate.report import movement
 from gtmodel.calibrate.report.values import _notes
 from gtmodel.inference import identifiability
@@ -46,7 +47,7 @@ def test_two_directions_in_one_sentence_are_one_note() -> None:
         status=SolveStatus.SOLVED,
     )  # fmt: skip
     silent = SimpleNamespace(reasons=(), notes=())
-    nothing_else = {"priors": [], "outliers": [], "parts": (), "refitted": None}
+    nothing_else = {"priors": [], "outliers": [], "parts": (), "refitted": None, "far": [], "alarms": Alarms()}
     findings = SimpleNamespace(calibration=c, confidence=silent, lines=range(9), **nothing_else)
     assert _notes(findings) == [said]  # type: ignore[arg-type]
 

@@ -246,3 +246,34 @@ def test_a_problem_file_asks_for_them(tmp_path: Path) -> None:
     ):
         with pytest.raises(gt.problem_files.InputError, match=sentence):
             answer(load(tmp_path / "arm.toml", [f"{key}={value}"]), Context(folder=tmp_path))
+
+
+MEASURED = """
+kind = "identification"
+robot = "parallel.urdf"
+inertias = "consistent"
+[filter]
+cutoff_Hz = 5.0
+[log]
+files = ["log.csv"]
+position = { column = "q", unit = "deg" }
+effort = { column = "tau", unit = "N.m" }
+"""
+
+
+def test_a_measured_log_in_degrees_gives_them_too(tmp_path: Path) -> None:
+    (tmp_path / "parallel.urdf").write_text((URDF / "parallel.urdf").read_text())
+    (tmp_path / "arm.toml").write_text(MEASURED)
+    plant = gt.robots.from_urdf(URDF / "parallel.urdf")
+    time = 0.004 * np.arange(3000)
+    q = gt.identify.multisine(time, np.array([0.0, 0.3, 0.5]), np.ones(3), np.array([0.2, 0.5, 0.9]), seed=2)
+    log = gt.identify.LogSimulator(plant, q).draw(1, gt.identify.Sensors(effort_noise=0.5))
+    columns = np.column_stack([time, np.degrees(log["q"]), log["tau"]])
+    header = ",".join(["time", *(f"q[{k}]" for k in range(3)), *(f"tau[{k}]" for k in range(3))])
+    np.savetxt(tmp_path / "log.csv", columns, delimiter=",", header=header, comments="", fmt="%.9g")
+    done = answer(load(tmp_path / "arm.toml"), Context(folder=tmp_path))
+    assert done.status.ok and all(c.passed for c in done.checks.values()), done.checks
+    base = BaseRegressor(plant)
+    e = done.estimate
+    off = [(e.value(n) - true) / s for n, s, true in zip(e.names, e.std, base.nominal, strict=True)]
+    assert np.max(np.abs(off)) < 4.0

@@ -7,7 +7,10 @@ import pytest
 
 import gtmodel as gt
 from gtmodel.calibrate import Fit, Measured, MeasuredSignal, read_poses, study
+from gtmodel.kinds.calibration.keys import Schema
+from gtmodel.kinds.calibration.kind import ARGUMENTS
 from gtmodel.problem_files import Context, InputError
+from gtmodel.problem_files.arguments import key_of
 from gtmodel.problem_files.load import load
 from gtmodel.problem_files.run import explain
 from gtmodel.results import ArgumentError
@@ -99,6 +102,10 @@ def test_what_is_wrong_in_one_of_several_is_named_there():
     good = one % '"T[2]"={column="height",unit="mm",noise=1e-5}'
     bad = one % '"T[2]"={column="hight",unit="mm"}'
     assert "measurements[1].signals.T[2].column" in refused(delta, [f"measurements=[{good},{bad}]"])
+    wide = "{name='b'," + (one % '"T[2]"={column=["a","b"],unit="mm",noise=1e-5}').removeprefix("{")
+    argument = "poses[1].values.T[2].column"
+    assert argument in refused(delta, [f"measurements=[{good},{wide}]"])
+    assert key_of(Schema, argument, ARGUMENTS) == "measurements[1].signals.T[2].column"
     assert "2 measurements are named 'heights'" in refused(delta, [f"measurements=[{good},{good}]"])
     bare = "{name='b'," + (one % '"T[2]"={column="height",unit="mm"}').removeprefix("{")
     assert "give that of T[2] of b" in refused(delta, [f"measurements=[{good},{bare}]"])

@@ -237,7 +237,7 @@ GRAMMAR = "expected symbols joined by '.', '*', a space or '/', with powers such
         (
             "parsec",
             "unit 'parsec' holds the unknown symbol 'parsec'; known are kg, m, s, A, K, mol, cd, rad, N, "
-            "Pa, J, W, C, V, Ohm, F, Wb, H, T, Hz, um, mm, km, us, ms, min, g, deg, urad, rpm, kN, MN, kPa, "
+            "Pa, J, W, C, V, Ohm, F, Wb, H, T, Hz, um, mm, km, ns, us, ms, min, g, deg, urad, rpm, kN, MN, kPa, "
             "MPa, GPa, bar",
         ),
         (

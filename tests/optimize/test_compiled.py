@@ -6,11 +6,13 @@ import gc
 import hashlib
 import os
 import stat
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from gtmodel.compiler import toolchain
+from gtmodel.compiler.library_cache import cache_folder
 from gtmodel.optimize import CompilerMissing, Mesh, SolverOptions, solve, solve_phases, transcribe
 from tests.optimize import features, problems
 
@@ -129,6 +131,22 @@ class TestMachineCode:
         (tmp_path / "file").write_text("")
         monkeypatch.setenv("GTMODEL_CACHE", str(tmp_path / "file" / "below"))
         with pytest.raises(CompilerMissing, match=r"cannot write to .* set GTMODEL_CACHE to another folder"):
+            solve(features.Tank(), Mesh(2, 1), solver=MACHINE)
+
+    @pytest.mark.skipif(not hasattr(os, "getuid"), reason="Windows does not ask for HOME")
+    def test_an_empty_home_counts_as_one_that_is_not_set(self, monkeypatch):
+        for name in ("GTMODEL_CACHE", "XDG_CACHE_HOME"):
+            monkeypatch.setenv(name, "")
+        monkeypatch.delenv("HOME", raising=False)
+        without = cache_folder()
+        monkeypatch.setenv("HOME", "")
+        assert cache_folder() == without != Path("/.cache/gtmodel")
+
+        def nobody(uid):
+            raise KeyError(uid)
+
+        monkeypatch.setattr("pwd.getpwuid", nobody)
+        with pytest.raises(CompilerMissing, match=r"no home folder is known .* set GTMODEL_CACHE"):
             solve(features.Tank(), Mesh(2, 1), solver=MACHINE)
 
     def test_a_compiler_that_fails(self, monkeypatch):

@@ -101,6 +101,32 @@ def test_limits_of_a_follower_bind_its_leader() -> None:
     np.testing.assert_allclose(stiff.joint_limits[2], [0.0, 0.5])
 
 
+def test_a_follower_whose_leader_is_not_on_the_chain_stands_still() -> None:
+    """The hand's right finger follows the left one: on a chain to it both stand where the left one may."""
+    telescope = gt.robots.from_urdf(URDF / "telescope.urdf", "finger_right")
+    assert [j.name for j in telescope.structure.joints] == ["slew", "luff", "extend_1", "extend_2", "hand_turn"]
+    assert any("'grip_other' follows 'grip', which is not on the chain" in n for n in telescope.structure.notes)
+    oracle = Pinocchio(URDF / "telescope.urdf", "finger_right", COUPLED["telescope"])
+    function = telescope.causal(known="q", targets=["T", "tau"])
+    for q, v, a in drawn(telescope, 3):
+        T, tau, _ = function(q, v, a)
+        np.testing.assert_allclose(T, oracle.tool(q)[0], atol=AGREEMENT)
+        np.testing.assert_allclose(tau, oracle.efforts(q, v, a), atol=AGREEMENT * 1e3)
+
+
+def test_a_follower_of_a_follower_follows_the_first() -> None:
+    text = (URDF / "telescope.urdf").read_text()
+    joint = '<axis xyz="0 0 1"/>\n    <limit lower="-3" upper="3" velocity="2" effort="20"/>'
+    assert joint in text
+    text = text.replace(joint, joint + '<mimic joint="extend_2" multiplier="2" offset="0.1"/>')
+    arm = gt.robots.from_urdf(text, "tool_point")
+    hand = arm.structure.joints[-1]
+    assert (hand.leader, hand.multiplier, hand.offset) == (2, pytest.approx(1.6), pytest.approx(0.2))
+    assert len(arm.structure.leaders) == 3
+    with pytest.raises(gt.ModelError, match="mimics itself"):
+        gt.robots.from_urdf(text.replace('mimic joint="extend_1"', 'mimic joint="hand_turn"'), "tool_point")
+
+
 LINKS = '<link name="a"/><link name="b"/>'
 ENDS = '<parent link="a"/><child link="b"/>'
 WRONG = {
@@ -220,6 +246,75 @@ def test_dh_arm_written_as_urdf_has_its_dynamics_in_pinocchio(convention, tmp_pa
         np.testing.assert_allclose(R, turn, atol=AGREEMENT)
         expected = oracle.efforts(q, v, w)
         np.testing.assert_allclose(tau, expected, atol=AGREEMENT * np.abs(expected).max())
+
+
+def tool_place(numbers, kinds, convention, tool, frame, q) -> np.ndarray:
+    """The tool in another frame (t and small turns) by products of matrices."""
+    M = along(0, frame[0]) @ along(1, frame[1]) @ along(2, frame[2])
+    M = M @ about(0, frame[3]) @ about(1, frame[4]) @ about(2, frame[5])
+    for (theta, d, a, alpha, beta), kind, x in zip(numbers, kinds, q, strict=True):
+        joint = about(2, x) if kind == "r" else along(2, x)
+        front, back = about(2, theta) @ along(2, d), along(0, a) @ about(0, alpha) @ about(1, beta)
+        M = M @ (joint @ front @ back if convention == "standard" else back @ front @ joint)
+    return M[:3, :3] @ tool + M[:3, 3]
+
+
+SKEW = dict(a=[0.3, 0.25, 0.1, 0.2], alpha=[1.0, 0.7, -0.5, 0.4], d=[0.1, 0.2, 0.3, 0.1])
+PUMA = dict(a=[0.16, 0.6, 0.12, 0, 0, 0], alpha=np.radians([-90, 0, -90, 90, -90, 0]), d=[0.45, 0, 0, 0.62, 0, 0.1])
+SCARA = dict(a=[0.3, 0.25, 0.1], alpha=[0.0, np.pi, 0.0])
+
+
+@pytest.mark.parametrize("convention", ["standard", "modified"])
+@pytest.mark.parametrize(
+    ("numbers", "joints", "rank"),
+    [(PUMA, "r" * 6, {"standard": 27, "modified": 26}), (SCARA, "rrp", 13), (SKEW, "rprr", 17), (SKEW, "prrr", 17),
+     (SKEW, "rrrp", 17)],
+    ids=["puma", "scara", "rprr", "prrr", "rrrp"],
+)  # fmt: skip
+def test_independent_geometry_is_all_that_positions_see(convention, numbers, joints, rank) -> None:
+    """As many as the rank of the positions' derivatives in all numbers, tool and frame, and independent of each other.
+
+    A PUMA's numbers in the modified convention give an arm whose axes 5 and 6 are one line.
+    """
+    arm = gt.robots.serial_arm(**numbers, joints=joints, convention=convention, tool_xyz=[0.12, 0.03, 0.05])
+    n = len(joints)
+    start = np.concatenate(
+        [np.array([arm.theta, arm.d, arm.a, arm.alpha, arm.beta]).T.ravel(), arm.tool_xyz, np.zeros(6)]
+    )
+    names = [f"{x}[{k}]" for k in range(n) for x in ("theta", "d", "a", "alpha", "beta")]
+    names += [f"tool_xyz[{k}]" for k in range(3)] + ["frame"] * 6
+    configurations = np.random.default_rng(3).uniform(-1.2, 1.2, (25, n))
+
+    def places(x: np.ndarray) -> np.ndarray:
+        split = x[: 5 * n].reshape(n, 5), joints, convention, x[5 * n : 5 * n + 3], x[5 * n + 3 :]
+        return np.concatenate([tool_place(*split, q) for q in configurations])
+
+    h = 1e-6
+    J = np.array([(places(start + h * e) - places(start - h * e)) / (2 * h) for e in np.eye(len(start))]).T
+    free, notes = gt.robots.independent_geometry(arm)
+    chosen = J[:, [k for k, name in enumerate(names) if name in free or name == "frame"]]
+    expected = rank if isinstance(rank, int) else rank[convention]
+    assert np.linalg.matrix_rank(J, 1e-6) == expected == chosen.shape[1] == np.linalg.matrix_rank(chosen, 1e-6)
+    everything = [*free, *(x for x in names if any(note.startswith(f"{x} ") for note in notes))]
+    left = {x for x in names if x != "frame" and not x.startswith("beta")} - set(everything)
+    assert not left  # each number is free, or a sentence says why not
+
+
+def test_of_a_urdf_it_asks_for_dh_numbers() -> None:
+    with pytest.raises(gt.ModelError, match=r"take as_dh\(arm\) to calibrate it"):
+        gt.robots.independent_geometry(gt.robots.from_urdf(URDF / "parallel.urdf"))
+
+
+def test_by_dh_numbers_it_is_the_same_arm(case) -> None:
+    arm, function, _ = case
+    other = gt.robots.as_dh(arm)
+    assert gt.robots.as_dh(other) is other
+    second = other.causal(known="q", targets=["T", "R", "tau"])
+    for q, v, a in drawn(arm, 4, 4):
+        for first, again in zip(function(q, v, a)[:3], second(q, v, a)[:3], strict=True):
+            np.testing.assert_allclose(again, first, atol=AGREEMENT * max(1.0, np.abs(first).max()))
+    nearly = np.abs(np.sin(np.asarray(other.alpha)[:-1])) < np.sin(np.radians(5.0))
+    assert not np.any(np.asarray(other.d)[:-1][nearly])  # Hayati's numbers there
 
 
 def test_friction_and_its_signs() -> None:

@@ -8,13 +8,15 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
+from ...inference import chance_ratio
 from ...measurements.orders import orders
 
 Trial = TypeVar("Trial")
 
 # of a signal's spread to the robot's size: beyond, its unit is another one
 LEAST, GREATEST = 5e-3, 30.0
-# another reading of the columns is believed when it brings the poses so many times nearer to the model's
+# another reading of the columns is believed when it brings the poses so many times nearer to the model's, or more where
+# chance does that in few poses
 NEARER = 3.0
 # of the robot's size: poses nearer to the model's than this part are read right, whatever else may be nearer still
 CLOSE = 0.02
@@ -89,21 +91,33 @@ def stuck_columns(names: Sequence[str], rows: np.ndarray, misfit: float, size: f
     )
 
 
-def nearest(before: float, left: Callable[[Trial], float], trials: Iterable[Trial]) -> tuple[float, Trial | None]:
+def much_nearer(left: float, before: float, tried: int, beyond: float) -> bool:
+    """Whether what another reading leaves, rms, is so much less than `before` that chance does not explain it: the best
+    of so many that were `tried`, with `beyond` degrees of freedom of what either leaves; with none nothing can be."""
+    return left * max(NEARER, chance_ratio(beyond, beyond, tests=tried)) < before
+
+
+def nearest(
+    before: float, left: Callable[[Trial], float], trials: Iterable[Trial], beyond: float
+) -> tuple[float, Trial | None]:
     """Of other readings the one that leaves least, and what it leaves; None where it leaves not much less than
-    `before`."""
-    best, chosen = before, None
+    `before`, see much_nearer()."""
+    best, chosen, tried = before, None, 0
     for trial in trials:
         rms = left(trial)
+        tried += 1
         if rms < best * (1 - 1e-9):
             best, chosen = rms, trial
-    return (best, chosen) if best * NEARER < before else (before, None)
+    return (best, chosen) if much_nearer(best, before, tried, beyond) else (before, None)
 
 
-def signals_exchanged(actuators: str, position: str, before: float, left: float) -> str | None:
+def signals_exchanged(
+    actuators: str, position: str, before: float, left: float, beyond: float, size: float
+) -> str | None:
     """Actuators that look like the position and the position like them: rms distances [m] from the model's positions
-    `before`, as given, and what is `left` where one is read as the other."""
-    if not left * NEARER < before:
+    `before`, as given, and what is `left` where one is read as the other, with `beyond` degrees of freedom. Poses out
+    of reach count as missed by the robot's `size` [m]."""
+    if not much_nearer(left, min(before, size), 1, beyond):
         return None
     return (
         f"'{actuators}' and '{position}' look exchanged: poses miss the model's by {length(before)} rms as given, and "
@@ -119,16 +133,20 @@ def exchanged(names: Sequence[str], order: Sequence[int]) -> tuple[str, str]:
 
 def other_columns(
     names: Sequence[str], groups: Sequence[Sequence[int]], q: np.ndarray, before: float,
-    left: Callable[[np.ndarray], float],
+    left: Callable[[np.ndarray], float], beyond: float, size: float,
 ) -> ColumnReading | None:  # fmt: skip
     """Columns of actuators q (N, k) that belong to each other's arms, or count the other way: single columns, groups of
     one unit and all are tried. `left(q)`: rms distance [m] of the model's positions from the measured ones, `before` as
-    given. `groups`: columns of one unit."""
+    given, infinite out of reach, which counts as the robot's `size` [m]. `groups`: columns of one unit; `beyond`:
+    degrees of freedom of the distances."""
     every = list(range(len(names)))
     said = f"poses miss the model's by {length(before)} rms as given, and by"
-    best, order = nearest(before, lambda trial: left(q[:, trial]), orders(len(names), groups))
+    missed = min(before, size)
+    best, order = nearest(missed, lambda trial: left(q[:, trial]), orders(len(names), groups), beyond)
     signs = [*([k] for k in every), *map(list, groups), every]
-    turned, backward = nearest(before, lambda trial: left(np.where(np.isin(every, trial), -1.0, 1.0) * q), signs)
+    turned, backward = nearest(
+        missed, lambda trial: left(np.where(np.isin(every, trial), -1.0, 1.0) * q), signs, beyond
+    )
     if backward is not None and (order is None or turned < best):
         which = ", ".join(names[k] for k in backward)
         hint = f"{length(turned)} with the other sign; is a scale -1?"
@@ -146,9 +164,10 @@ def swapped_axes(
 
     With a frame that is unknown (`free_frame`) only the handedness can be found.
     """
+    axes = measured.shape[1]
     if free_frame:
         proper, mirrored = (_aligned(measured, predicted, hand)[2] for hand in (1, -1))
-        if mirrored * NEARER < proper and proper > CLOSE * size:
+        if proper > CLOSE * size and much_nearer(mirrored, proper, 1, degrees_of_freedom(len(measured), axes, True)):
             return ColumnReading(
                 f"'{name}' is left-handed: no turn brings it nearer than {length(proper)} rms to the model's, "
                 f"a mirrored one {length(mirrored)}; an axis is reversed or two are exchanged",
@@ -158,9 +177,11 @@ def swapped_axes(
     before = distance(measured, predicted)
     if before <= CLOSE * size:
         return None
-    axes = measured.shape[1]
     readings = product(permutations(range(axes)), product((1.0, -1.0), repeat=axes))
-    best, reading = nearest(before, lambda r: distance(measured[:, r[0]] * r[1], predicted), readings)
+    best, reading = nearest(
+        before, lambda r: distance(measured[:, r[0]] * r[1], predicted), readings,
+        degrees_of_freedom(len(measured), axes),
+    )  # fmt: skip
     if reading is None:
         return None
     order, signs = reading
@@ -172,6 +193,11 @@ def swapped_axes(
         + ("; as given they are left-handed" if left else ""),
         best,
     )
+
+
+def degrees_of_freedom(poses: int, axes: int = 3, free_frame: bool = False) -> int:
+    """Of the distances of so many positions, less those of a frame where one is sought."""
+    return axes * poses - (axes * (axes + 1) // 2 if free_frame else 0)
 
 
 def aligned(measured: np.ndarray, predicted: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:

@@ -9,19 +9,22 @@ import numpy as np
 import scipy
 
 from ...compiler.causal import CausalFunction, compile_causal, flat_of
+from ...inference import over_noise
 from ...lang import Model, ModelError
 from ...lang.units import parse_unit
 from ...measurements.orders import orders
 from ...results import ArgumentError
-from ..calibration import calibrate
+from ..calibration import Calibration, calibrate
 from ..choice import Choice
 from ..prediction import Prediction
 from ..problem import CalibrationProblem, prepare
+from .alarms import Alarm, Alarms
 from .column_checks import (
     CLOSE,
     NEARER,
     aligned,
     angle_sentence,
+    degrees_of_freedom,
     distance,
     exchanged,
     length,
@@ -39,6 +42,7 @@ from .poses import SplitPoses
 MOST = 150  # poses that are looked at: enough to distinguish a metre from a millimetre
 REACHED = 0.5  # share of the poses that the model must reach to be a witness
 MISFIT = 2e-4  # of the robot's size: length errors of a fit above this are worth a look at other orders
+RIGHT = 5e-3  # of the robot's size: another order that leaves less is right where the given one has no solution
 TRIALS = 25  # iterations of a fit with other columns
 TURNED = 0.2  # rad: orientations nearer to the model's are read right
 
@@ -77,13 +81,15 @@ def witness_of(model: Model, data: SplitPoses) -> Witness:
     return Witness(forward, size)
 
 
-def recognise(data: SplitPoses, witness: Witness) -> tuple[np.ndarray, np.ndarray] | None:
+def recognise(data: SplitPoses, witness: Witness, alarms: Alarms) -> tuple[np.ndarray, np.ndarray] | None:
     """The frame of the device (t, quaternion) by alignment with the model, None without a witness.
 
-    Raises ArgumentError in one sentence with the numbers seen: wrong units, exchanged columns, swapped axes.
+    Raises ArgumentError in one sentence with the numbers seen, unless the alarm is accepted: wrong units, exchanged
+    columns, swapped axes.
     """
     pose = data.pose
-    _units(data, witness.size)
+    at_actuators, at_position = (f"poses.values.{n}" for n in (data.actuators, pose.position))
+    _units(data, witness.size, alarms)
     if witness.forward is None:
         return None
     rows = np.unique(np.round(np.linspace(0, len(data.q) - 1, min(MOST, len(data.q)))).astype(int))
@@ -96,47 +102,49 @@ def recognise(data: SplitPoses, witness: Witness) -> tuple[np.ndarray, np.ndarra
         return aligned(measured[at], reached)[2] if pose.device else distance(measured[at], reached)
 
     names, groups = _columns(data)
-    before = misfit(predicted, e, good)
+    before, beyond = misfit(predicted, e, good), degrees_of_freedom(len(T), T.shape[1], pose.device)
     if q.shape == T.shape and before > CLOSE * witness.size:
         other = misfit(*witness.positions(T), q)
-        _refuse(signals_exchanged(data.actuators, pose.position, before, other), data.actuators)
-    _refuse(stuck_columns(names, data.q, before, witness.size), data.actuators)
+        sentence = signals_exchanged(data.actuators, pose.position, before, other, beyond, witness.size)
+        alarms.raised("exchanged_signals", sentence, at_actuators)
+    alarms.raised("stuck_columns", stuck_columns(names, data.q, before, witness.size), at_actuators)
     if len(good) >= REACHED * len(q) and len(good) > 3:
-        _refuse(scale_sentence(pose.position, T[good], predicted), pose.position)
-        _refuse(_upright(data, rows[good], e), pose.orientation or "")
+        alarms.raised("scale", scale_sentence(pose.position, T[good], predicted), at_position)
+        alarms.raised("scalar_last", _upright(data, rows[good], e), f"poses.values.{pose.orientation}")
     columns = None
     if before > CLOSE * witness.size:
-        columns = other_columns(names, groups, q, before, lambda trial: misfit(*witness.positions(trial)))
-    if len(good) < max(4, REACHED * len(q)):
-        _refuse(None if columns is None else columns.message, data.actuators)
-        if len(q) < 4:
-            raise ArgumentError(
-                f"found {len(q)} poses; expected at least 4, better several tens", f"poses.values.{data.actuators}"
-            )
-        raise ArgumentError(
-            f"the robot's model reaches {len(good)} of {len(q)} poses with these actuators; check their units, order "
-            "and zero, or the robot",
-            f"poses.values.{data.actuators}",
+        columns = other_columns(
+            names, groups, q, before, lambda trial: misfit(*witness.positions(trial)), beyond, witness.size
         )
+    if len(good) < max(4, REACHED * len(q)):
+        alarms.raised("exchanged_columns", None if columns is None else columns.message, at_actuators)
+        if len(q) < 4:
+            raise ArgumentError(f"found {len(q)} poses; expected at least 4, better several tens", at_actuators)
+        far = (
+            f"the robot's model reaches {len(good)} of {len(q)} poses with these actuators; check their units, order "
+            "and zero, or the robot"
+        )
+        alarms.raised("out_of_reach", far, at_actuators)
+        return None
     axes = swapped_axes(pose.position, T[good], predicted, witness.size, pose.device)
     if columns is not None and (axes is None or columns.left < axes.left):
-        _refuse(columns.message, data.actuators)
+        alarms.raised("exchanged_columns", columns.message, at_actuators)
     elif axes is not None:
-        _refuse(axes.message, pose.position)
+        alarms.raised("swapped_axes", axes.message, at_position)
     if pose.device:
         t, R, _ = aligned(T[good], predicted)
         return t, scipy.spatial.transform.Rotation.from_matrix(R).as_quat(scalar_first=True)
     return None
 
 
-def recognise_sessions(data: SplitPoses, witness: Witness) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+def recognise_sessions(data: SplitPoses, witness: Witness, alarms: Alarms) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """recognise(), session by session where the device stood elsewhere in each: its frames, of one for all under "";
     empty without."""
     m, frames = data.all, {}
     for s in m.session_names if data.pose.device_per_session else ("",):
         rows = np.ones(len(m), bool) if m.sessions is None or not s else np.array([x == s for x in m.sessions])
         placed = recognise(
-            replace(data, all=m.part(rows), lines=data.lines[rows], held_out=data.held_out[rows]), witness
+            replace(data, all=m.part(rows), lines=data.lines[rows], held_out=data.held_out[rows]), witness, alarms
         )
         if placed is not None:
             frames[s] = placed
@@ -161,42 +169,66 @@ def a_priori(
     return Prediction(errors) if len(good) else None
 
 
-def exchanged_after(data: SplitPoses, prepared: CalibrationProblem, fitted: float, size: float) -> str | None:
-    """Where a fit is left with length errors of `fitted` rms [m] or did not end: whether it is of another order of the
-    actuators' columns, by fits of all of them. Arms do not know their columns, residuals do."""
-    if fitted <= MISFIT * size:
-        return None
+def misread_after(
+    data: SplitPoses, prepared: CalibrationProblem, c: Calibration, witness: Witness
+) -> tuple[Alarm, str] | None:
+    """After a fit: the alarm, and in a sentence how columns are read otherwise.
+
+    Without forward kinematics by the lengths of the robot as it was, which no fit has bent to the readings. Where a fit
+    leaves length errors, whether it is of another order of the actuators' columns, by fits of all of them: arms do not
+    know their columns, residuals do. None where errors are small for the robot's size or as large as the stated noise,
+    and where chance may explain what another order leaves: few residuals are beyond the unknowns.
+    """
     names, groups = _columns(data)
-    if data.pose.device or data.pose.target:
-        # with nothing but the frames free no link can take up another's column, in whatever order they are
-        own = [prepared.closure.flat.parameters[k].name for k in prepared.closure.touched]
-        alone = prepare(prepared.closure.flat, prepared.measurements, Choice(fixed=own), actuators=prepared.actuators)
-        sentence = misread_columns(alone, columns=names)
-        if sentence is not None:
-            return sentence
+    if witness.forward is None and not prepared.implicit:
+        alone = _alone(prepared)
+        if _rms(alone.residuals()) > CLOSE * witness.size or data.pose.device:
+            axes_of = "" if data.pose.device or data.pose.target else data.position
+            misread = misread_columns(alone, [data.position], names, axes_of)
+            if misread is not None:
+                return misread
+    given = _rms(c.residuals)
+    if given <= MISFIT * witness.size:
+        return None
+    if c.estimate is not None and c.estimate.known_noise and over_noise(c.estimate).passed:
+        return None
+    if witness.forward is not None and (data.pose.device or data.pose.target):
+        misread = misread_columns(_alone(prepared), columns=names)
+        if misread is not None:
+            return misread
     m = data.fitted
     q = np.asarray(m.values[data.actuators])
 
     def left(order: list[int]) -> float:
         other = replace(m, values={**m.values, data.actuators: q[:, order]})
         try:
-            c = calibrate(prepared.on(other), cost="length", limit=TRIALS)
+            return _rms(calibrate(prepared.on(other), cost="length", limit=TRIALS, confidence=False).residuals)
         except (ModelError, ValueError):
             return np.inf
-        return float(np.sqrt(np.mean(c.residuals**2)))
 
-    best, order = nearest(fitted, left, orders(len(names), groups))
-    if order is None:
+    best, order = nearest(given, left, orders(len(names), groups), c.residuals.size - len(c.x))
+    # a fit that did not end leaves what another start might not: another order must then be right, not only nearer
+    if order is None or not (c.status.ok or best <= RIGHT * witness.size):
         return None
     which, read = exchanged(names, order)
-    before = f"{length(fitted)} rms" if np.isfinite(fitted) else "no solution"
-    return (
+    before = f"{length(given)} rms" if np.isfinite(given) else "no solution"
+    return "exchanged_columns", (
         f"the columns {which} look exchanged: links are left with {before} as given and with {length(best)} rms when "
         f"read as {read}"
     )
 
 
-def _units(data: SplitPoses, size: float) -> None:
+def _alone(prepared: CalibrationProblem) -> CalibrationProblem:
+    """With nothing but frames and offsets free: no link can then take up another's column, in whatever order."""
+    return prepare(prepared.closure.flat, prepared.measurements, Choice(free=[]), actuators=prepared.actuators)
+
+
+def _rms(residuals: np.ndarray) -> float:
+    rms = float(np.sqrt(np.mean(residuals**2)))
+    return rms if np.isfinite(rms) else np.inf
+
+
+def _units(data: SplitPoses, size: float, alarms: Alarms) -> None:
     scaled = {c.signal for c in data.all.corrections if c.scale}
     for name, columns in data.columns.items():
         if name == data.pose.orientation or name in scaled or "(" in name:
@@ -206,9 +238,10 @@ def _units(data: SplitPoses, size: float) -> None:
         lengths, angles = ([k for k, u in enumerate(si) if u == unit] for unit in ("m", "rad"))
         whole = name in (data.actuators, data.pose.position)
         if lengths and (whole or np.ptp(rows[:, lengths]) > size):  # heights of a level bed, one distance: hardly any
-            _refuse(unit_sentence(name, rows[:, lengths], size, units[lengths[0]]), name)
+            sentence = unit_sentence(name, rows[:, lengths], size, units[lengths[0]])
+            alarms.raised("unit", sentence, f"poses.values.{name}")
         if angles:
-            _refuse(angle_sentence(name, rows[:, angles], units[angles[0]]), name)
+            alarms.raised("unit", angle_sentence(name, rows[:, angles], units[angles[0]]), f"poses.values.{name}")
 
 
 def _columns(data: SplitPoses) -> tuple[list[str], list[list[int]]]:
@@ -235,8 +268,3 @@ def _upright(data: SplitPoses, rows: np.ndarray, predicted: np.ndarray) -> str |
 def _turn(a: np.ndarray, b: np.ndarray) -> float:
     c = np.abs(np.sum(a * b, axis=1)) / np.linalg.norm(a, axis=1) / np.linalg.norm(b, axis=1)
     return float(np.sqrt(np.mean((2 * np.arccos(np.minimum(c, 1.0))) ** 2)))
-
-
-def _refuse(sentence: str | None, signal: str) -> None:
-    if sentence is not None:
-        raise ArgumentError(sentence, f"poses.values.{signal}")

@@ -9,11 +9,14 @@ from ..calibration import Calibration
 
 OPEN = 1e-6  # share of a parameter's direction in what is undetermined; below is round-off
 FAR = 0.1  # of the largest length: a tape measure does not err by that
+DOUBTFUL = 5.0  # standard deviations: a parameter that moved by less may be where it was
+SMALL = 5e-3  # of the largest length: residuals of poses that were read right, whose noise standard deviations rest on
 
 
 def moved_too_far(c: Calibration) -> list[str]:
-    """What moved where no correction of a robot known before would go: the length that moved farthest, and lengths of
-    rows without a unit, such as a cart's travel per actuator's; a sentence each."""
+    """What moved where no correction of a robot known before would go, and farther than by its standard deviation: the
+    length that moved farthest, and lengths of rows without a unit, such as a cart's travel per actuator's; a sentence
+    each."""
     if c.estimate is None:
         return []
     u, x = c.problem.unknowns, c.x
@@ -21,22 +24,33 @@ def moved_too_far(c: Calibration) -> list[str]:
     lengths = [k for k in own if u.units[k] == "m" and u.names[k] in c.values]
     said, asked = [], "are the columns, axes and the robot those of the measurement?"
     if lengths:
-        k = max(lengths, key=lambda k: abs(x[k] - u.start[k]))
+        size = max(abs(float(u.start[j])) for j in lengths)
+        doubt = _doubt(c, size)
+        k = max(lengths, key=lambda k: max(abs(x[k] - u.start[k]) - doubt[k], 0.0))
         moved = float(x[k] - u.start[k])
-        if abs(moved) > FAR * max(abs(float(u.start[j])) for j in lengths):
+        if abs(moved) > max(FAR * size, doubt[k]):
             said.append(f"{u.names[k]} moved by {moved:.3g} m from where it was: {asked}")
-    before, after = c.problem.values(u.start), c.values
+    before, after, unsure = c.problem.values(u.start), c.values, _doubt(c, max(map(abs, u.start), default=0.0))
     for row in dict.fromkeys(
         u.names[k].rpartition(",")[0] or u.names[k].partition("[")[0] for k in own if u.units[k] in ("", "1")
     ):
         members = [n for n in after if n == row or n.startswith((f"{row},", f"{row}["))]
         norms = [float(np.linalg.norm([values[n] for n in members])) for values in (before, after)]
-        if members and norms[0] > 0 and not 1 - FAR <= norms[1] / norms[0] <= 1 + FAR:
+        free = [unsure[k] for k in own if u.names[k] in members]
+        if members and norms[0] > 0 and abs(norms[1] - norms[0]) > max(FAR * norms[0], *free):
             name = f"{row}]" if "[" in row and row not in after else row
             said.append(
                 f"{name} became {norms[1] / norms[0]:.3g} times as long as it was; are the units right? {asked}"
             )
     return said
+
+
+def _doubt(c: Calibration, size: float) -> np.ndarray:
+    """How far each unknown (n,) may have moved by noise: what is determined badly moves far and predicts as well. Small
+    where residuals are so large for a robot of this size [m] that they are no noise."""
+    assert c.estimate is not None
+    rms = float(np.sqrt(np.mean(c.residuals**2))) if c.residuals.size else 0.0
+    return DOUBTFUL * c.estimate.std * min(1.0, SMALL * size / rms if rms > 0 else 1.0)
 
 
 def undetermined(c: Calibration, identifiability: Identifiability) -> str:

@@ -13,7 +13,6 @@ from ...results import Check, at_most
 from ..measured.poses import SplitPoses
 from ..prediction import Prediction
 from .findings import CalibrationFindings, verdict
-from .movement import moved_too_far
 
 LOOK = "the verdict in the table says what to look at"
 SHOWN_PAIRS = 20
@@ -80,9 +79,11 @@ def checks_of(accuracy: float | None, findings: CalibrationFindings) -> dict[str
             checks[f"held_out_over_fitted{of}"] = Check(judged.ratio, bound, LOOK, judged=judged.passed)
         if part.lost:
             checks[f"held_out_poses_lost{of}"] = at_most(float(part.lost), 0.0, LOOK)
-    far = moved_too_far(findings.calibration)
-    if far:
-        checks["moved_too_far"] = at_most(float(len(far)), 0.0, LOOK)
+    if findings.far:
+        checks["moved_too_far"] = at_most(float(len(findings.far)), 0.0, LOOK)
+    over = findings.over_noise
+    if over is not None:
+        checks["residuals_over_noise"] = Check(over.ratio, over.bound, LOOK, judged=over.passed)
     if accuracy is not None and name in findings.headline[0]:
         mean = findings.headline[0][name].mean
         # what was fitted proves nothing
@@ -110,14 +111,15 @@ def _unknowns(findings: CalibrationFindings) -> list[dict[str, Any]]:
 def _notes(findings: CalibrationFindings) -> list[str]:
     c = findings.calibration
     if not c.status.ok:
-        return []
+        return [*findings.alarms.notes]
     absent = [_absent(part) for part in findings.parts if part.problem.implicit]
     if findings.refitted is not None:
         absent.append(_refit_said(findings))
     if c.estimate is None:
-        return absent
+        return [*findings.alarms.notes, *absent]
     intervals = [*findings.confidence.reasons, *findings.confidence.notes]
-    notes = [*findings.priors, *c.estimate.notes, *intervals, *_crowded(findings), *moved_too_far(c), *absent]
+    notes = [*findings.priors, *c.estimate.notes, *intervals, *_crowded(findings), *findings.far]
+    notes += [*findings.alarms.notes, *absent]
     return list(dict.fromkeys(notes))  # two null directions may move the same names: one sentence
 
 

@@ -26,7 +26,8 @@ from .keys import JointStiffness, MeasuredSection, Schema
 NAME = "calibration"
 STIFFNESS = "joint_stiffness"
 ARGUMENTS = {
-    "fit": "", "poses.values": "measurements.signals", "poses": "measurements", "measured": "measurements",
+    "fit": "", "poses.values": "measurements.signals", "poses[].values": "measurements[].signals",
+    "poses": "measurements", "measured": "measurements",
     "carts.points": "cart_points.file", "carts": "cart_points",
     "tests": f"{STIFFNESS}.measurements", "truth": f"{STIFFNESS}.synthetic", "load": f"{STIFFNESS}.load",
     "setup": STIFFNESS, "held_out": "held_out.every",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import Field, PositiveFloat
@@ -38,6 +39,9 @@ class IdentificationLogSection(LogFiles):
 
     position: MeasuredSignalSection = Field(description="the known variable; scale and offset in its SI unit")
     effort: MeasuredSignalSection = Field(description="the measured efforts; scale and offset in their SI unit")
+    inputs: dict[str, MeasuredSignalSection] = Field(
+        default={}, description="further measured variables of the model by name: a second force, a payload; all known"
+    )
     held_out: list[str] = Field(default=[], description="logs of other motions, for validation only")
 
 
@@ -91,7 +95,7 @@ class ClosedLoopSection(Made):
         return signals
 
 
-@made_from(options.Fitting)
+@made_from(options.Fitting, "inputs")
 class Schema(RobotProblem, Made):
     """Masses and friction of a robot, or any parameters in which its efforts are linear, from measured motion."""
 
@@ -107,6 +111,10 @@ class Schema(RobotProblem, Made):
     closed_loop: ClosedLoopSection | None = Field(
         default=None, description="validation by simulating the controlled model"
     )
+
+    def fitting(self) -> options.Fitting:
+        """As the study takes it, with what the log measures besides."""
+        return replace(self.options(), inputs=list(self.log.inputs if self.log else {}))
 
     def fitted(self, context: Context) -> tuple[Model, list[str]]:
         """The model to be fitted, and the names of what is free. Raises InputError."""

@@ -23,6 +23,7 @@ ARGUMENTS = {
     "processing": "filter",
     "log.known": "log.position.column",
     "log.targets": "log.effort.column",
+    "fitting.inputs": "log.inputs",
     "held_out": "log.held_out",
     "motion": "synthetic.reference_file",
 }
@@ -32,7 +33,7 @@ def call(problem: Schema, context: Context) -> Call:
     """The study of the logs, or of a synthetic log."""
     model, free = problem.fitted(context)
     common: dict[str, Any] = {
-        "fitting": problem.options(),
+        "fitting": problem.fitting(),
         "processing": problem.filter.options(),
         "published": problem.published,
         "title": problem.title or f"identification of {problem.robot}",
@@ -59,8 +60,8 @@ def call(problem: Schema, context: Context) -> Call:
 def explain(problem: Schema, context: Context) -> str:
     """What is free and fixed, and how the regressor is computed."""
     model, free = problem.fitted(context)
-    regressor = regressor_of(model, free, problem.options())
-    at = among(regressor.names, free_of(regressor, free, problem.options()))
+    regressor = regressor_of(model, free, problem.fitting())
+    at = among(regressor.names, free_of(regressor, free, problem.fitting()))
     lines = [f"{problem.title or 'identification'}: {', '.join(regressor.columns)} linear in"]
     for k, (name, value, unit) in enumerate(zip(regressor.names, regressor.nominal, regressor.units, strict=True)):
         role = "free" if k in at else "watched"
@@ -77,13 +78,16 @@ def _motion(s: SyntheticLogSection, plant: Model, context: Context) -> np.ndarra
 
 
 def _signals(problem: Schema, log: IdentificationLogSection, model: Model, context: Context) -> dict[str, Signal]:
-    flat, signals = flat_of(model), {}
-    for key, measured in (("known", log.position), ("targets", log.effort)):
-        name: str = getattr(problem, key)
+    flat, signals, fitting = flat_of(model), {}, problem.fitting()
+    wanted = [
+        ("known", fitting.known, log.position, "log.position"),
+        ("targets", fitting.targets, log.effort, "log.effort"),
+    ]
+    wanted += [(f"log.inputs.{name}", name, signal, f"log.inputs.{name}") for name, signal in log.inputs.items()]
+    for key, name, measured, place in wanted:
         try:
             _, indices, order = flat.lookup(name)
         except ModelError as error:
             raise InputError(str(error), key) from error
-        place = "log.position" if key == "known" else "log.effort"
         signals[name] = measured.signal(place, flat.unit_of(indices[0], order))
     return signals | ({} if problem.closed_loop is None else problem.closed_loop.signals(context))

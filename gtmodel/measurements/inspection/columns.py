@@ -9,9 +9,11 @@ import numpy as np
 from ...results.trajectory_errors import Array
 
 HEAD = 20_000  # first rows that are kept, for what needs neighbours
+GROWTH = 1.25  # of what is kept
 BINS = 2_048  # of the envelope that is drawn
 CLIPPED = 4  # rows at one extreme: noise comes there once
 ABRUPT = 2.0  # times the mean step: what rests at its extreme comes there slowly
+CUT, HELD = 0.3, 0.5  # of the mean step, where so much of all repetition is at the extremes
 LEVELS = 16  # with fewer a column is a state, not a signal
 _STEPS = 64  # a quantisation step is one that all differences are multiples of, up to this
 
@@ -53,7 +55,7 @@ class ColumnScan:
         k = len(names)
         self.names, self.lines = names, 0
         self._places = {name: names.index(name) for name in kept}
-        self._kept: dict[str, list[Array]] = {name: [] for name in kept}
+        self._kept = {name: np.empty(0) for name in kept}
         self._count, self._sum = np.zeros(k, dtype=np.int64), np.zeros(k)
         self._least, self._most = np.full(k, np.inf), np.full(k, -np.inf)
         self._ends = [_Extreme(k, 1.0), _Extreme(k, -1.0)]
@@ -88,14 +90,21 @@ class ColumnScan:
         self._before = values[-1].copy()
         if len(self.head) < HEAD:
             self.head = np.vstack([self.head, values[: HEAD - len(self.head)]])
+        end = self.lines + len(values)
         for name, place in self._places.items():
-            self._kept[name].append(values[:, place].copy())
-        self.envelope.add(self.lines, low=values, high=values)
-        self.lines += len(values)
+            if end > len(self._kept[name]):
+                self._kept[name].resize(int(GROWTH * end), refcheck=False)
+            self._kept[name][self.lines : end] = values[:, place]
+        self.envelope.add(values)
+        self.lines = end
 
     def numbers(self, name: str) -> Array:
         """All numbers of a column that is kept."""
-        return np.concatenate(self._kept[name]) if self._kept[name] else np.empty(0)
+        return self._kept[name][: self.lines]
+
+    def forget(self) -> None:
+        """Let go of the numbers that were kept."""
+        self._kept = {}
 
     def facts(self) -> list[ColumnFacts]:
         """What was gathered, column by column."""
@@ -103,8 +112,11 @@ class ColumnScan:
         for j, name in enumerate(self.names):
             count = int(self._count[j])
             step = float(self._path[j] / self._moves[j]) if self._moves[j] else np.inf
+            held = sum(int(end.held[j]) for end in self._ends) > HELD * self._still[j]
             at_ends = [
-                int(end.rows[j]) for end in self._ends if end.rows[j] >= CLIPPED and end.entry(j) > ABRUPT * step
+                int(end.rows[j])
+                for end in self._ends
+                if end.rows[j] >= CLIPPED and end.entries[j] > 1 and end.entry(j) > (CUT if held else ABRUPT) * step
             ]
             clipped = sum(at_ends) if len(np.unique(self.head[:, j])) > LEVELS else 0
             made.append(
@@ -140,15 +152,17 @@ class _Extreme:
 
     def __init__(self, k: int, sign: float) -> None:
         self._sign, self._most = sign, np.full(k, -np.inf)
-        self.rows, self._entries = np.zeros(k, dtype=np.int64), np.zeros(k, dtype=np.int64)
+        self.rows, self.held, self.entries = (np.zeros(k, dtype=np.int64) for _ in range(3))
         self._steps = np.zeros(k)
 
     def add(self, values: Array, steps: Array) -> None:
         """Further rows, and how far each is from the row before."""
+        if not len(values):
+            return
         signed = self._sign * values
         high = np.where(np.isfinite(signed), signed, -np.inf).max(axis=0)
         above = high > self._most
-        self.rows[above] = self._entries[above] = 0
+        self.rows[above] = self.held[above] = self.entries[above] = 0
         self._steps[above] = 0.0
         self._most = np.maximum(self._most, high)
         for j in np.flatnonzero((high == self._most) & np.isfinite(high)):
@@ -156,12 +170,13 @@ class _Extreme:
             into = np.abs(steps[at, j])
             into = into[into > 0]
             self.rows[j] += int(at.sum())
-            self._entries[j] += len(into)
+            self.held[j] += int((steps[at, j] == 0).sum())
+            self.entries[j] += len(into)
             self._steps[j] += float(into.sum())
 
     def entry(self, j: int) -> float:
         """How far the row before an extreme was from it, in the mean."""
-        return float(self._steps[j] / self._entries[j]) if self._entries[j] else 0.0
+        return float(self._steps[j] / self.entries[j]) if self.entries[j] else 0.0
 
 
 class Envelope:
@@ -171,13 +186,12 @@ class Envelope:
         self.width = 1
         self.low, self.high, self._rows = np.empty((0, k)), np.empty((0, k)), 0
 
-    def add(self, _begin: int, low: Array, high: Array) -> None:
+    def add(self, values: Array) -> None:
         """Further rows; of a stretch with a NaN the numbers count."""
-        bins = (self._rows + np.arange(len(low))) // self.width
-        self._rows += len(low)
+        bins = (self._rows + np.arange(len(values))) // self.width
+        self._rows += len(values)
         begins = np.flatnonzero(np.diff(bins, prepend=-1))
-        low = np.fmin.reduceat(low, begins, axis=0)
-        high = np.fmax.reduceat(high, begins, axis=0)
+        low, high = np.fmin.reduceat(values, begins, axis=0), np.fmax.reduceat(values, begins, axis=0)
         if len(self.low) and bins[0] == len(self.low) - 1:
             self.low[-1], self.high[-1] = np.fmin(self.low[-1], low[0]), np.fmax(self.high[-1], high[0])
             low, high = low[1:], high[1:]

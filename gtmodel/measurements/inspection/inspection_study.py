@@ -156,6 +156,7 @@ def _inspected(stream: Stream, work: Work, others: bool) -> tuple[InspectedStrea
             guesses[j] = unit_guess(facts[j], units[names[j]], scan.head[:, j], rows)
         _as_one(group, guesses, facts)
     clocks = [clock_of(name, guesses[names.index(name)].unit, scan.numbers(name)) for name in kept]
+    scan.forget()
     clocks.sort(key=lambda clock: clock.name != stream.clock)
     inspected = InspectedStream(
         stream.name, scan.lines, facts, guesses, clocks, pairs(clocks), scan.envelope, groups

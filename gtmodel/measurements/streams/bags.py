@@ -89,9 +89,8 @@ class TopicStream(Stream):
                 names.insert(0, STAMP)
             break
         units = ["s" if name in (STAMP, RECEIVED) else "" for name in names]
-        super().__init__(
-            f"{bag.source} topic {topic}", topic, Heads(names, f"{bag.source} topic {topic}", units), clock
-        )
+        source, stamps = f"{bag.source} topic {topic}", {STAMP: bag.start, RECEIVED: bag.start}
+        super().__init__(source, topic, Heads(names, source, units), clock, stamps=stamps)
         from_ = "the stamp of the header" if clock == STAMP else "when the message was received"
         self.remarks.append(f"{bag.types[topic]}; its time is {from_}, counted from the first message of the bag")
 

@@ -200,15 +200,25 @@ def _of_hdf5(path: Path) -> Iterator[tuple[str, MatVariable | None]]:
                     continue
                 shape = tuple(node.shape[::-1] if own is not None else node.shape) or (1,)
                 yield dotted, MatVariable(shape, _loader(h5py, path, name, turned=own is not None))
-    except OSError as error:
-        reason = " ".join(str(error).split())[:80]
-        raise LogError(f"{shown(path)} cannot be read as a MATLAB 7.3 file ({reason}); save it again") from error
+    except _DAMAGED as error:
+        raise _damaged(path, error) from error
+
+
+_DAMAGED = (OSError, RuntimeError, KeyError, ValueError, TypeError)  # what h5py raises of damaged files
+
+
+def _damaged(path: Path, error: Exception) -> LogError:
+    reason = " ".join(str(error).split())[:80]
+    return LogError(f"{shown(path)} cannot be read as a MATLAB 7.3 file ({reason}); save it again")
 
 
 def _loader(h5py: Any, path: Path, name: str, turned: bool) -> Callable[[], np.ndarray]:
     def load() -> np.ndarray:
-        with h5py.File(path) as file:
-            value = np.atleast_1d(np.asarray(file[name]))
+        try:
+            with h5py.File(path) as file:
+                value = np.atleast_1d(np.asarray(file[name]))
+        except _DAMAGED as error:
+            raise _damaged(path, error) from error
         return value.T if turned else value
 
     return load

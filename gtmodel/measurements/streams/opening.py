@@ -42,8 +42,10 @@ def open_log(path: PathLike, form: LogForm = LogForm()) -> list[Stream]:  # noqa
     return [content] if isinstance(content, Stream) else list(content.streams())
 
 
-def stream_of(path: PathLike, form: LogForm, name: str = "", time: str = "") -> Stream:
+def stream_of(path: PathLike, form: LogForm, name: str = "", time: str = "", holding: str = "") -> Stream:
     """The table of a file that is meant: by its name, or the one with this column of time, or the only one.
+
+    holding: a column or vector of a table without time, in place of it.
 
     Raises LogError where several could be meant, or none.
     """
@@ -55,7 +57,7 @@ def stream_of(path: PathLike, form: LogForm, name: str = "", time: str = "") -> 
     if name:
         chosen = [s for s in streams if s.name == name]
     elif len(streams) > 1:
-        chosen = [s for s in streams if time in s.heads.names]
+        chosen = [s for s in streams if {time, holding, f"{holding}[0]"} & {*s.heads.names}]
     else:
         chosen = streams
     if len(chosen) == 1:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -22,47 +23,64 @@ class ParquetStream(Stream):
 
     def __init__(self, path: Path, form: LogForm) -> None:
         self._arrow = needed("pyarrow", f"{shown(path)} is a Parquet file")
+        self._compute = needed("pyarrow.compute", f"{shown(path)} is a Parquet file")
         parquet = needed("pyarrow.parquet", f"{shown(path)} is a Parquet file")
-        try:
+        with self._sound(shown(path)):
             self._file = parquet.ParquetFile(path)
             first = next(self._file.iter_batches(batch_size=1), None)
-        except (OSError, self._arrow.ArrowException) as error:
-            reason = " ".join(str(error).split())[:80]
-            raise LogError(f"{shown(path)} cannot be read as a Parquet file ({reason}); write it again") from error
+            columns = [] if first is None else list(_flat(self._arrow, first))
         names: list[str] = []
         units: list[str] = []
-        self._first: dict[str, int] = {}
-        clock = ""
-        for name, column, unit in [] if first is None else _flat(self._arrow, first):
+        self._first, clock, stamps = 0, "", list[str]()
+        for name, column, unit in columns:
             names.append(name)
             units.append(unit)
             if self._arrow.types.is_timestamp(column.type):
-                self._first[name] = column.cast("timestamp[ns]", safe=False).cast("int64")[0].as_py()
+                if not clock:  # all count from the same instant: nanoseconds of today have more digits than a double
+                    self._first = column.cast("timestamp[ns]", safe=False).cast("int64")[0].as_py() or 0
                 clock, units[-1] = clock or name, "s"
-        super().__init__(shown(path), "", Heads(names, shown(path), units), clock)
+                stamps.append(name)
+        super().__init__(
+            shown(path), "", Heads(names, shown(path), units), clock, stamps=dict.fromkeys(stamps, self._first)
+        )
         if clock:
-            self.remarks.append(f"the time stamps '{clock}' are taken in seconds after the first")
+            self.remarks.append(f"the time stamps '{clock}' are taken in seconds after its first one")
 
     def blocks(self, columns: Sequence[str], *, gaps: bool = False) -> Iterator[RowBlock]:
         """See `Stream.blocks`."""
         places = [self.heads.place(name) for name in columns]
         total, begin = max(self._file.metadata.num_rows, 1), 0
-        for batch in self._file.iter_batches(batch_size=65_536):
-            parts = list(_flat(self._arrow, batch))
+        batches = self._file.iter_batches(batch_size=65_536)
+        while True:
+            with self._sound(self.source):
+                batch = next(batches, None)
+                parts = [] if batch is None else list(_flat(self._arrow, batch))
+            if batch is None:
+                return
             values = np.empty((batch.num_rows, len(columns)))
             for j, (name, place) in enumerate(zip(columns, places, strict=True)):
-                values[:, j] = self._numbers(name, parts[place][0], parts[place][1])
+                values[:, j] = self._numbers(name, parts[place][1])
                 if not gaps and (bad := np.flatnonzero(~np.isfinite(values[:, j]))).size:
                     raise self.no_number(begin + int(bad[0]) + 1, name, values[bad[0], j])
             lines = np.arange(begin + 1, begin + 1 + len(values))
             begin += len(values)
             yield RowBlock(values, lines, begin / total)
 
-    def _numbers(self, asked: str, name: str, column: Any) -> np.ndarray:
+    @contextmanager
+    def _sound(self, source: str) -> Iterator[None]:
+        """What pyarrow raises of a damaged file, as a LogError."""
+        try:
+            yield
+        except (OSError, ValueError, self._arrow.ArrowException) as error:  # ValueError: of names
+            reason = " ".join(str(error).split())[:80]
+            raise LogError(f"{source} cannot be read as a Parquet file ({reason}); write it again") from error
+
+    def _numbers(self, asked: str, column: Any) -> np.ndarray:
         types = self._arrow.types
         if types.is_timestamp(column.type):
-            stamps = column.cast("timestamp[ns]", safe=False).cast("int64").to_numpy(zero_copy_only=False)
-            return (stamps - self._first[name]) * 1e-9
+            stamps = column.cast("timestamp[ns]", safe=False).cast("int64")
+            since = self._compute.subtract(stamps, self._first)
+            return since.to_numpy(zero_copy_only=False).astype(float) * 1e-9  # what is empty is nan
         if not (types.is_integer(column.type) or types.is_floating(column.type) or types.is_boolean(column.type)):
             raise LogError(f"{self.source}: the column '{asked}' holds {column.type}; expected numbers")
         if types.is_boolean(column.type):

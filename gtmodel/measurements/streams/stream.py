@@ -72,14 +72,15 @@ class Stream(ABC):
     """One table of a file: a CSV file, the variables of equal length of a MATLAB file, a topic of a bag.
 
     name: "" where the file has only one. heads: its columns. clock: the column that the file itself has for time [s],
-    "" for none. remarks: what was recognised, in sentences. comments: of a text file, what its lines "# title:",
-    "# synthetic:" say.
+    "" for none. stamps: columns that count from an instant, and that instant [ns since 1970]. remarks: what was
+    recognised, in sentences. comments: of a text file, what its lines "# title:", "# synthetic:" say.
     """
 
     source: str
     name: str
     heads: Heads
     clock: str = ""
+    stamps: dict[str, int] = field(default_factory=dict)
     remarks: list[str] = field(default_factory=list)
     comments: dict[str, list[str]] = field(default_factory=dict)
 
@@ -152,13 +153,9 @@ class ArrayStream(Stream):
     load: column -> (n,) numbers.
     """
 
-    def __init__(
-        self, source: str, name: str, heads: Heads, load: Callable[[str], np.ndarray], clock: str = "", row: str = ""
-    ) -> None:
-        super().__init__(source, name, heads, clock)
+    def __init__(self, source: str, name: str, heads: Heads, load: Callable[[str], np.ndarray]) -> None:
+        super().__init__(source, name, heads)
         self._load = load
-        if row:
-            self.row = row  # pyright: ignore[reportAttributeAccessIssue]
 
     def blocks(self, columns: Sequence[str], *, gaps: bool = False) -> Iterator[RowBlock]:
         """All rows at once, see `Stream.blocks`."""

@@ -22,7 +22,7 @@ LOOKED_AT = 50  # rows from which the delimiter and the header are recognised
 LIKE = 3  # rows of equal length below another line: that line is no header of theirs
 _NOTES = ("title", "synthetic", "provenance", "scalar")
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
-_DATE = re.compile(r"\d{4}-\d\d-\d\d.*|\d{1,2}[./]\d{1,2}[./]\d{2,4}.*|\d{1,2}:\d\d(:\d\d.*)?")
+_DATE = re.compile(r"\d{4}-\d\d-\d\d.*|\d{1,2}[./]\d{1,2}[./]\d{2,4}.*|\d{1,2}:\d\d([:.]\d.*)?")
 
 
 class TextStream(Stream):
@@ -84,6 +84,8 @@ class TextStream(Stream):
         if layout.decimal_comma or (gaps and sign != " "):
             text = "\n".join(["", *lines, ""])
             if layout.decimal_comma:
+                if "." in text:  # of thousands, or of another file
+                    return None
                 text = text.replace(",", ".")
             if gaps and sign != " ":
                 empty = f"{sign}nan{sign}"
@@ -140,7 +142,9 @@ class TextStream(Stream):
         if self.layout.decimal_comma and re.fullmatch(r"[+-]?\d+\.\d+.*", cell.strip()):
             return '; decimal = "comma" was given, and this has a point'
         if _DATE.fullmatch(cell.strip()):
-            return "; of a time that is a date write seconds, or leave the column out and give the sample time"
+            return (
+                "; a date or a time of day is no number, write seconds or give the sample time in place of the column"
+            )
         return ""
 
 
@@ -182,6 +186,8 @@ def split(line: str, sign: str, where: str) -> list[str]:
 def _layout(path: Path, form: LogForm) -> _Layout:
     layout = _Layout(encoding_of(path, form), decimal_comma=form.decimal == "comma")
     rows, comments = _head(path, layout, form)
+    if not rows and form.header:
+        raise LogError(f"{shown(path)} has no line {form.header} with names of columns and rows below it")
     if not rows:
         raise LogError(f"{shown(path)} is empty; expected a header such as 'time [s],q[0] [m]' and rows")
     layout.sign = _sign([line for _, line in rows], form, layout)
@@ -290,7 +296,7 @@ def _units(cells: Sequence[str], width: int) -> list[str]:
 def _refuse_preamble(tables: Sequence[tuple[int, list[str]]], layout: _Layout, path: Path, form: LogForm) -> None:
     """Raises LogError where lines of another kind stand above the header."""
     (n, cells), rest = tables[0], tables[1:]
-    if form.header is not None or len(rest) < 2 or len(rest[0][1]) == len(cells):
+    if form.header is not None or 2 * sum(len(row) == len(cells) for _, row in rest) >= len(rest):
         return
     for (at, names), *below in (islice(rest, k, k + 1 + LIKE) for k in range(len(rest))):
         alike = len(below) == LIKE and len(names) > 1 and all(len(row) == len(names) for _, row in below)

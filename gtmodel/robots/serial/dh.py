@@ -15,7 +15,6 @@ from .structure import ArmJoint, ArmStructure
 
 Array = np.ndarray
 KINDS = {"r": "revolute", "p": "prismatic", "revolute": "revolute", "prismatic": "prismatic"}
-NEARLY_PARALLEL = np.radians(5.0)  # below, the place of the common normal is worse known than a tilt
 
 
 def serial_arm(
@@ -97,59 +96,6 @@ def serial_arm(
             raise ModelError("c and I say the same as mc and J; give one pair of the two")
         values["mc"], values["J"] = moments(values.get("m", np.zeros(n)), c, I)
     return arm_class(structure)(**with_payload(values, payload, n))
-
-
-def independent_geometry(arm: SerialArm, base: bool = True, tool: bool = True) -> tuple[list[str], list[str]]:
-    """Which Denavit-Hartenberg numbers a calibration can determine, and why not the others, in sentences.
-
-    base: whether the frame in which the tool is measured is unknown too. tool: whether the place of the target on the
-    last link is, as tool_xyz. Positions alone are measured: of the tool's turn nothing is seen.
-
-    The names are for `free` of a calibration. Where an axis is within 5 degrees of parallel to the next, d stays and
-    beta is free; elsewhere beta stays. Raises ModelError for an arm that has no such numbers.
-
-    >>> arm = gt.robots.serial_arm(a=[0.1, 0.5, 0.0], alpha=[np.pi / 2, 0.0, np.pi / 2], d=[0.4, 0.0, 0.0])
-    >>> names, notes = gt.robots.independent_geometry(arm)
-    >>> print(", ".join(names))
-    a[0], alpha[0], theta[1], a[1], alpha[1], beta[1], tool_xyz[0], tool_xyz[1], tool_xyz[2]
-    >>> print(notes[1])
-    d[1]: axes 2 and 3 are nearly parallel, so that d[1] and d[2] move together; beta[1] is free in its place
-    """
-    s = arm.structure
-    if s.style == "rpy":
-        raise ModelError("an arm placed by xyz and rpy has six numbers a joint, two more than can be determined; "
-                         "write it by Denavit-Hartenberg numbers to calibrate it")  # fmt: skip
-    n = len(s.joints)
-    twist = np.abs(np.sin(np.asarray(arm.alpha, float)))
-    free: list[str] = []
-    notes: list[str] = []
-    # numbers lead from axis i to axis i + 1: of the standard convention all five of one link, of the modified one
-    # theta and d of a joint and a, alpha, beta of the next
-    for i in range(n - 1):
-        own, nxt = (i, i) if s.style == "standard" else (i, i + 1)
-        first = i == 0 and base
-        parallel = twist[nxt] < np.sin(NEARLY_PARALLEL)
-        prismatic = s.joints[i].kind == "prismatic"
-        if not first and not prismatic:
-            free.append(f"theta[{own}]")
-        if first:
-            notes.append(f"theta[{own}] and d[{own}]: a turn about and a shift along the first axis are those of the "
-                         "frame in which the tool is measured")  # fmt: skip
-        elif parallel:
-            notes.append(
-                f"d[{own}]: axes {i + 1} and {i + 2} are nearly parallel, so that d[{own}] and d[{own + 1}] move "
-                f"together; beta[{nxt}] is free in its place"
-            )
-        elif not prismatic:
-            free.append(f"d[{own}]")
-        free += [f"a[{nxt}]", f"alpha[{nxt}]"] + ([f"beta[{nxt}]"] if parallel else [])
-        if first and parallel:
-            notes.append(f"d[{own}] is the frame's; beta[{nxt}] is free since axes 1 and 2 are nearly parallel")
-    if tool:
-        free += [f"tool_xyz[{k}]" for k in range(3)]
-        notes.append(f"theta[{n - 1}], d[{n - 1}]" + (f", a[{n - 1}], alpha[{n - 1}]" if s.style == "standard" else "")
-                     + ": behind the last joint stands the target, whose place tool_xyz says alone")  # fmt: skip
-    return free, notes
 
 
 def _each(name: str, value: ArrayLike, n: int) -> Array:

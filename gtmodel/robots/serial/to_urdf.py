@@ -85,7 +85,7 @@ def _placements(arm: SerialArm) -> tuple[list[Pose], list[tuple[float, Array, Ar
         own = [(rotation_of_rpy(arm.rpy[k]), np.asarray(arm.xyz[k], float)) for k in range(n)]
         return [*own, tool], [(m[k], mc[k], J[k]) for k in range(n)]
     numbers = [np.asarray(getattr(arm, name), float) for name in DH_NAMES]
-    steps = [_dh(s.style, *[x[k] for x in numbers]) for k in range(n)]
+    steps = [dh_step(s.style, *[x[k] for x in numbers]) for k in range(n)]
     if s.style == "modified":
         return [*steps, tool], [(m[k], mc[k], J[k]) for k in range(n)]
     start = (np.eye(3), np.zeros(3))
@@ -94,7 +94,8 @@ def _placements(arm: SerialArm) -> tuple[list[Pose], list[tuple[float, Array, Ar
     return [start, *steps[:-1], (R @ tool[0], R @ tool[1] + r)], bodies
 
 
-def _dh(style: str, theta: float, d: float, a: float, alpha: float, beta: float) -> Pose:
+def dh_step(style: str, theta: float, d: float, a: float, alpha: float, beta: float) -> Pose:
+    """The frame behind Denavit-Hartenberg numbers [rad, m]: rotation (3, 3) and origin (3,) [m] in the one before."""
     x, y, z = (rotation_of_rpy(np.eye(3)[k] * angle) for k, angle in enumerate((alpha, beta, theta)))
     if style == "standard":
         return z @ x @ y, np.array([a * np.cos(theta), a * np.sin(theta), d])

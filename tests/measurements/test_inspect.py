@@ -1,0 +1,204 @@
+"""What `gtmodel inspect` says of a log: guesses are called so, and what is wrong with it is seen."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gtmodel.cli import main
+from gtmodel.measurements import InspectionStudy, inspect
+from gtmodel.measurements.inspection.columns import ColumnScan, quantum
+from gtmodel.results import SolveStatus
+from tests.support.picture_faults import faults
+
+N = 3000
+
+
+def log(folder: Path, **columns: np.ndarray) -> Path:
+    names, table = list(columns), np.column_stack(list(columns.values())).tolist()
+    rows = [",".join("" if x != x else repr(x) for x in row) for row in table]
+    (folder / "log.csv").write_text("\n".join([",".join(n.replace("__", " ") for n in names), *rows]) + "\n")
+    return folder / "log.csv"
+
+
+def units(study: InspectionStudy) -> dict[str, str]:
+    (stream,) = study.inspected
+    return {c.name: g.unit for c, g in zip(stream.columns, stream.guesses, strict=True)}
+
+
+T = 0.004 * np.arange(N)
+WAVE = np.sin(2 * np.pi * 0.7 * T)
+NOISE = np.random.default_rng(5).standard_normal((N, 3))  # synthetic: seed 5
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "unit"),
+    [
+        ("force_N", 300 * WAVE, "N"),
+        ("axis.position_deg", 90 * WAVE, "deg"),
+        ("act_vel_deg_per_s", 90 * WAVE, "deg/s"),
+        ("torque_Nm", 3 * WAVE, "N.m"),
+        ("v_m_s", 3 * WAVE, "m/s"),
+        ("joint_1", 1.5 * WAVE, "rad"),
+        ("joint_1", 95.0 * WAVE, "deg"),
+        ("tcp_x", 500 * WAVE, "mm"),
+        ("tcp_x", 0.5 * WAVE, "m"),
+        ("gyro_x", 200 * WAVE, "deg/s"),
+        ("gyro_x", 3 * WAVE, "rad/s"),
+        ("current", 3 * WAVE, ""),
+        ("force", 3 * WAVE, ""),
+    ],
+)
+def test_a_unit_is_guessed_from_name_and_range(tmp_path: Path, name: str, values: np.ndarray, unit: str) -> None:
+    study = inspect(log(tmp_path, t=T, **{name: values}))
+    assert units(study) == {"t": "s", name: unit}
+    (column,) = (c for c in study.streams["table"]["columns"] if c["name"] == name)
+    assert column["unit_from"] == ("guess" if unit else "") and bool(column["why"]) == bool(unit)
+
+
+def test_a_unit_of_the_header_is_no_guess(tmp_path: Path) -> None:
+    study = inspect(log(tmp_path, **{"t__[ms]": 1000 * T, "x__[mm]": 3 * WAVE}))
+    assert units(study) == {"t": "ms", "x": "mm"}
+    assert [c["unit_from"] for c in study.streams["table"]["columns"]] == ["header", "header"]
+    assert study.inspected[0].clock.sampling.rate == pytest.approx(250.0)  # type: ignore[union-attr]
+
+
+@pytest.mark.parametrize(("scale", "said"), [(9.81, "9.81 m/s2"), (1.0, "unit is probably g")])
+def test_an_acceleration_at_rest_is_gravity(tmp_path: Path, scale: float, said: str) -> None:
+    at_rest = scale * (np.array([0.1, -0.2, 0.97]) / np.linalg.norm([0.1, -0.2, 0.97]) + 0.002 * NOISE)
+    study = inspect(log(tmp_path, t=T, **{f"acc_{x}": at_rest[:, k] for k, x in enumerate("xyz")}))
+    assert any(said in note for note in study.notes)
+
+
+@pytest.mark.parametrize(("step", "unit"), [(0.004, "s"), (4.0, "ms"), (4000.0, "us"), (4e6, "ns")])
+def test_the_unit_of_a_time_by_its_step(tmp_path: Path, step: float, unit: str) -> None:
+    study = inspect(log(tmp_path, time=step * np.arange(N), x=WAVE))
+    clock = study.inspected[0].clock
+    assert clock is not None and clock.unit == unit and clock.sampling.rate == pytest.approx(250.0, rel=1e-6)
+
+
+def test_gaps_resets_and_two_clocks(tmp_path: Path) -> None:
+    time = T.copy()
+    time[2000:] += 0.1
+    other = 5.0 + time * (1 + 80e-6) + 1e-4 * NOISE[:, 0]
+    study = inspect(log(tmp_path, t_s=time, stamp_ms=1e3 * other, x=WAVE))
+    (stream,) = study.inspected
+    (pair,) = stream.pairs
+    assert (pair.first, pair.other) == ("t_s", "stamp_ms")
+    assert pair.offset == pytest.approx(5.0, abs=1e-4) and 1e6 * pair.drift == pytest.approx(80.0, abs=2.0)
+    assert pair.residual == pytest.approx(1e-4, rel=0.1)
+    gap = stream.clocks[0].sampling.gaps
+    assert [g.missing for g in gap] == [25] and any("one gap" in note for note in study.notes)
+    time[2500:] -= time[2500]
+    assert any("goes back once" in note for note in inspect(log(tmp_path, t_s=time, x=WAVE)).notes)
+
+
+def test_columns_that_are_worth_a_look(tmp_path: Path) -> None:
+    clipped = np.clip(3 * WAVE + 0.01 * NOISE[:, 0], -2.0, 2.0)
+    holes = WAVE.copy()
+    holes[100:110] = np.nan
+    rests = np.where(T > 6, 1.0, np.minimum(T / 6, 1.0))
+    study = inspect(
+        log(tmp_path, t=T, u=clipped, holes=holes, zero=0 * T, coarse=np.round(WAVE / 0.05) * 0.05, rests=rests)
+    )
+    (stream,) = study.inspected
+    facts = {c.name: c for c in stream.columns}
+    assert facts["u"].clipped > 100 and facts["u"].most == 2.0
+    assert facts["holes"].empty == 10 and facts["holes"].rows == N - 10
+    assert facts["zero"].constant and facts["coarse"].step == pytest.approx(0.05) and facts["t"].step
+    assert not facts["rests"].clipped and facts["rests"].longest > 1000
+    said = " ".join(study.notes)
+    assert "looks clipped" in said and "constant: zero" in said and "without a number in holes (10)" in said
+
+
+def test_facts_do_not_depend_on_the_blocks() -> None:
+    values = np.column_stack([T, np.clip(3 * WAVE, -2, 2), np.where(NOISE[:, 0] > 2, np.nan, NOISE[:, 1]), 0 * T])
+    whole = ColumnScan(["t", "u", "n", "z"], ["t"])
+    whole.add(values)
+    for size in (1, 7, 1000):
+        parts = ColumnScan(["t", "u", "n", "z"], ["t"])
+        for begin in range(0, N, size):
+            parts.add(values[begin : begin + size])
+        for a, b in zip(parts.facts(), whole.facts(), strict=True):
+            for name, value in vars(b).items():
+                if isinstance(value, float):
+                    np.testing.assert_allclose(getattr(a, name), value, rtol=1e-12, err_msg=name)
+                else:
+                    assert getattr(a, name) == value, name
+        np.testing.assert_array_equal(parts.numbers("t"), T)
+        np.testing.assert_array_equal(parts.envelope.low, whole.envelope.low)
+        np.testing.assert_array_equal(parts.envelope.high, whole.envelope.high)
+
+
+def test_the_step_of_a_converter() -> None:
+    rng = np.random.default_rng(6)  # synthetic: seed 6
+    for bits in (0.1, 360 / 4096, 1.5e-6):
+        assert quantum(np.round(rng.normal(0, 8, 5000)) * bits) == pytest.approx(bits, rel=1e-6)
+    assert quantum(rng.standard_normal(5000)) == 0.0 and quantum(np.zeros(5)) == 0.0
+
+
+def test_a_stop_keeps_what_was_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from gtmodel.measurements.streams import text_lines
+
+    path = log(tmp_path, t=T, x=WAVE)
+    small = lambda path, encoding: text_lines.chunks(path, encoding, 2000)  # noqa: E731
+    monkeypatch.setattr("gtmodel.measurements.streams.text.chunks", small)
+    shown: list[float] = []
+    study = inspect(
+        path, progress=lambda stage, fraction, numbers=None: shown.append(fraction), stop=lambda: len(shown) > 3
+    )  # type: ignore[arg-type]
+    assert study.status is SolveStatus.INTERRUPTED and 0 < study.inspected[0].rows < N
+    assert shown == sorted(shown) and "stopped after row" in study.notes[-1] + " ".join(study.notes)
+
+
+def test_the_picture(tmp_path: Path) -> None:
+    columns = {f"q_{k}": WAVE + k for k in range(3)}
+    study = inspect(log(tmp_path, t=np.cumsum(0.004 + 0.0002 * NOISE[:, 0]), **columns, u=300 * WAVE))
+    figure = study.figure("log")
+    assert len(figure.axes) == 3 and not faults(figure)
+
+
+def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = log(tmp_path, t=T, force_N=WAVE)
+    assert main(["inspect", str(path), "--quiet"]) == 0
+    printed = capsys.readouterr().out
+    assert "250 Hz" in printed and "force_N" in printed and "N ?" in printed
+    assert main(["inspect", str(path), "--json", "--quiet"]) == 0
+    data = json.loads(capsys.readouterr().out)
+    assert data["kind"] == "inspect" and data["status"] == "solved"
+    assert data["values"]["streams"]["table"]["clocks"][0]["rate_Hz"] == pytest.approx(250.0)
+    out = tmp_path / "out"
+    assert main(["inspect", str(path), "--out", str(out), "--plot", "--quiet"]) == 0
+    assert {p.name for p in out.iterdir()} >= {"result.json", "log.png", "run.toml"}
+    first = (out / "result.json").read_bytes()
+    assert (
+        main(["inspect", str(path), "--out", str(out), "--quiet"]) == 0 and (out / "result.json").read_bytes() == first
+    )
+    capsys.readouterr()
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["nothing.csv"], "there is no file"),
+        (["log.csv", "--decimal", "dot"], "--decimal"),
+        (["log.csv", "--header", "-1"], "--header"),
+        (["bad.csv"], "bad.csv: line 3"),
+        (["log.csv", "--header", "50"], "log.csv: has no line 50"),
+        (["log.csv", "--out", "full"], "--out"),
+    ],
+)
+def test_bad_input_is_one_sentence_and_exit_code_2(
+    tmp_path: Path, words: list[str], said: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    log(tmp_path, t=T[:9], x=WAVE[:9])
+    (tmp_path / "bad.csv").write_text("t,x\n0,1\n1,2,3\n")
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "mine.txt").write_text("mine")
+    assert main(["inspect", *words, "--quiet"]) == 2
+    lines = capsys.readouterr().err.strip().splitlines()
+    assert len(lines) == 1 and said in lines[0]

@@ -1,0 +1,77 @@
+"""Synthetic measurements of problems/data/arm_synthetic.csv: a six-axis arm with known errors, seen by a tracker.
+
+Run as a module it writes the file.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import scipy
+
+import gtmodel as gt
+from gtmodel.problem_files import Context
+from gtmodel.problem_files.robots import resolve
+
+PROBLEMS = Path(__file__).resolve().parents[2] / "problems"
+SEED, POSES, NOISE = 2026, 90, 30e-6  # m, of each coordinate
+LENGTHS, ANGLES = 5e-4, 1e-3  # standard deviations of the errors, m and rad
+# of the tracker in the robot's frame, and of the reflector from where the file of the arm has it
+DEVICE_T, DEVICE_RPY, REFLECTOR = (
+    np.array([2.6, -1.4, 0.3]),
+    np.array([0.02, -0.01, 2.4]),
+    np.array([4e-3, -3e-3, 2e-3]),
+)
+
+
+def nominal() -> gt.robots.SerialArm:
+    """The arm as its file has it."""
+    arm = resolve("models/six_axis_arm.toml", Context(folder=PROBLEMS))
+    assert isinstance(arm, gt.robots.SerialArm)
+    return arm
+
+
+def free() -> list[str]:
+    """What a calibration by positions alone determines."""
+    return gt.robots.independent_geometry(nominal())[0]
+
+
+def true_arm() -> gt.robots.SerialArm:
+    """The arm that is measured: each independent number off by a normal error."""
+    arm, rng = nominal(), np.random.default_rng([SEED, 1])
+    values = {name: np.array(getattr(arm, name), float) for name in ("theta", "d", "a", "alpha", "beta", "tool_xyz")}
+    for entry in free():
+        name, index = entry[:-1].split("[")
+        size = LENGTHS if name in ("d", "a") else ANGLES
+        values[name][int(index)] += REFLECTOR[int(index)] if name == "tool_xyz" else size * rng.standard_normal()
+    return arm.with_(**values)
+
+
+def poses() -> tuple[np.ndarray, np.ndarray]:
+    """Angles (n, 6) [rad] and measured positions (n, 3) [m] in the tracker's frame."""
+    rng = np.random.default_rng([SEED, 2])
+    low, high = np.radians([[-100, 100], [-50, 60], [-60, 45], [-150, 150], [-100, 100], [-170, 170]]).T
+    q = np.round(rng.uniform(low, high, (POSES, 6)), 6)
+    T, status = true_arm().causal(known="q", targets="T")(q)
+    assert not np.any(status)
+    R = scipy.spatial.transform.Rotation.from_euler("xyz", DEVICE_RPY)
+    return q, R.inv().apply(T - DEVICE_T) + NOISE * rng.standard_normal(T.shape)
+
+
+def text() -> str:
+    """The file: a comment, a header, angles in degrees and positions in mm."""
+    q, T = poses()
+    lines = [
+        f"# synthetic: seed {SEED}, noise {1e6 * NOISE:g} um of each coordinate; tests/support/arm_poses.py writes it",
+        ",".join([*(f"q[{k}]" for k in range(6)), *(f"T[{k}]" for k in range(3))]),
+    ]
+    lines += [
+        ",".join([*(f"{x:.7f}" for x in a), *(f"{x:.4f}" for x in b)])
+        for a, b in zip(np.degrees(q), 1e3 * T, strict=True)
+    ]
+    return "\n".join([*lines, ""])
+
+
+if __name__ == "__main__":
+    (PROBLEMS / "data" / "arm_synthetic.csv").write_text(text())
