@@ -27,7 +27,7 @@ from .report.pictures import pictures
 from .report.result import CalibrationStudy
 from .report.robot_file import Origin
 from .report.values import checks_of, values_of
-from .variants import prepared, too_few
+from .variants import by_dh_numbers, prepared, too_few
 
 
 @study_function
@@ -80,7 +80,7 @@ def study(
     """
     work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
     fit, origin = fit or Fit(), origin or Origin(type(robot).__name__)
-    robot, on_points = on_cart_points(robot, carts)
+    robot, on_points = on_cart_points(by_dh_numbers(fit, robot), carts)
     data = split_all(poses, robot, held_out, refit)
     alarms = Alarms(fit.accept)
     work.progress("looking at the poses", 0.3)
@@ -111,7 +111,7 @@ def explained(
     held_out: int = 2, carts: CartPoints | None = None,
 ) -> list[str]:  # fmt: skip
     """What is free, what stays, and what the poses can determine before anything is fitted, in lines of text."""
-    robot, on_points = on_cart_points(robot, carts)
+    robot, on_points = on_cart_points(by_dh_numbers(fit, robot), carts)
     data = split_all(poses, robot, held_out)
     ready = prepared(fit, robot, data, carts, on_points)
     u = ready.unknowns
@@ -135,6 +135,8 @@ def _study_of(findings: CalibrationFindings, robot: Model, fit: Fit, origin: Ori
     files |= {f"poses_{part.data.name}.csv": partial(poses_table.text, part) for part in findings.beside}
     if values["sensitivity"]:
         files["sensitivity.csv"] = partial(sensitivity_table.text, values["sensitivity"])
+    urdf = robot_file.urdf(findings, robot, title)
+    files |= {name: partial(str, text) for name, text in urdf.items()}
     for part in findings.parts:
         files |= {name: partial(str, text) for name, text in part.data.source.files.items()}
     errors, _, held = findings.headline
@@ -152,6 +154,6 @@ def _study_of(findings: CalibrationFindings, robot: Model, fit: Fit, origin: Ori
         checks=checks_of(fit.accuracy, findings),
         figures=pictures(findings, title),
         files=MadeFiles(files),
-        machine_files=("parameters.toml",),
+        machine_files=("parameters.toml", *urdf),
         **values,
     )
