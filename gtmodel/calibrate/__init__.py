@@ -13,6 +13,7 @@ Choice                           which parameters are free, fixed, tied, unit qu
 prepare, CalibrationProblem      equations, unknowns and Jacobians; identifiability before anything is measured
 calibrate, Calibration           parameters with confidence, residuals per link and pose, errors on other poses
 judge_held_out                   held-out errors against what a sound model has of them
+leave_out, folds_of              errors of poses that are left out in turn, one by one or in folds
 closure_equations                what closes, as symbols
 
 Before anything is measured
@@ -39,6 +40,7 @@ if TYPE_CHECKING:
     from .closure import Closure as Closure, closure_equations as closure_equations
     from .devices import Camera as Camera, Device as Device, LaserTracker as LaserTracker, LineOfSight as LineOfSight
     from .held_out import judge_held_out as judge_held_out
+    from .left_out import LeftOut as LeftOut, folds_of as folds_of, leave_out as leave_out
     from .measured import (
         CartPoints as CartPoints,
         FrameStart as FrameStart,
