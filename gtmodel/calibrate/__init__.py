@@ -40,7 +40,6 @@ if TYPE_CHECKING:
     from .closure import Closure as Closure, closure_equations as closure_equations
     from .devices import Camera as Camera, Device as Device, LaserTracker as LaserTracker, LineOfSight as LineOfSight
     from .held_out import judge_held_out as judge_held_out
-    from .left_out import LeftOut as LeftOut, folds_of as folds_of, leave_out as leave_out
     from .measured import (
         CartPoints as CartPoints,
         FrameStart as FrameStart,
@@ -76,6 +75,7 @@ if TYPE_CHECKING:
     )
     from .positioning import Positioning as Positioning, PredictedErrors as PredictedErrors, positioning as positioning
     from .problem import CalibrationProblem as CalibrationProblem, prepare as prepare
+    from .report.left_out import PosesLeftOut as PosesLeftOut, folds_of as folds_of, leave_out as leave_out
     from .report.result import CalibrationStudy as CalibrationStudy
     from .report.robot_file import Origin as Origin
     from .synthetic import Synthetic as Synthetic, made_poses as made_poses

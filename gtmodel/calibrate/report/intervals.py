@@ -132,10 +132,11 @@ class Confidence:
         k = int(np.argmax(times))
         if times[k] <= WEAK:
             return ""
+        expected = f"if {sizes[k]:.2g} {e.units[k] or '1'} is not what to expect of it, say so in sizes"
         return (
             f"no 95 % intervals hold: {e.names[k]} is determined to {e.std[k]:.2g} {e.units[k] or '1'} only, "
             f"{times[k]:.3g} times its expected error, where intervals of linearised least squares do not hold; fix "
-            "it, give a prior, or measure poses farther apart and turned farther"
+            f"it, give a prior, or measure poses farther apart and turned farther; {expected}"
         )
 
     @property

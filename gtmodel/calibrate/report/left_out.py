@@ -7,18 +7,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..inference import FALSE_ALARM, HeldOut, freedom_of, held_out_ratio
-from ..inference.held_out import MATTERS
-from ..lang.source import ModelError
-from ..results.refusal import ArgumentError
-from ..results.work import never
-from .calibration import Calibration, calibrate
-from .held_out import pose_covariances
-from .measurements import Measurements
+from ...inference import FALSE_ALARM, HeldOut, freedom_of, held_out_ratio
+from ...inference.held_out import MATTERS
+from ...lang.source import ModelError
+from ...results.refusal import ArgumentError
+from ...results.work import never
+from ..calibration import Calibration, calibrate
+from ..held_out import pose_covariances
+from ..measurements import Measurements
 
 
 @dataclass(frozen=True, eq=False)
-class LeftOut:
+class PosesLeftOut:
     """`errors`: signal -> errors (N, k) of each pose by the fit on the poses outside its fold, as of
     Calibration.positioning_errors(), NaN where it does not close. `judged`: against those of the fit on all poses."""
 
@@ -59,7 +59,7 @@ def leave_out(
     stop: Callable[[], bool] = never,
     false_alarm: float = FALSE_ALARM,
     matters: float = MATTERS,
-) -> LeftOut:
+) -> PosesLeftOut:
     """Fit anew without each of the folds, one pose each by default, and predict it: nothing is linearised.
 
     Every refit begins at the start of the calibration's problem, so that it knows nothing of what is left out; `loss`,
@@ -97,7 +97,7 @@ def leave_out(
         for name, own in again.positioning_errors(kept).items():
             errors[name][fold] = own
         held += _moments(again, kept, fitted, signal)
-    return LeftOut(errors, chosen, _judged(c, fitted, errors, held, signal, correlated, false_alarm, matters))
+    return PosesLeftOut(errors, chosen, _judged(c, fitted, errors, held, signal, correlated, false_alarm, matters))
 
 
 def _moments(c: Calibration, kept: Measurements, fitted: dict[str, np.ndarray], signal: str) -> np.ndarray:
@@ -122,10 +122,10 @@ def _judged(
         fit = np.full((1, 1), np.nan)
     if np.all(np.isfinite(held)) and np.all(np.isfinite(fit)) and len(outside):
         growth = (held[0] / outside.size) / (np.trace(fit) / len(fit))
-        freedoms = freedom_of(float(np.trace(fit)), float(np.sum(fit * fit))), freedom_of(*held.tolist())
+        independent = freedom_of(float(np.trace(fit)), float(np.sum(fit * fit))), freedom_of(*held.tolist())
     else:  # parameters are counted instead
         n = len(inside) * max(len(c.problem.labels), 1)
         growth = (n / (n - len(c.x))) ** 2 if n > len(c.x) else np.inf
-        freedoms = float(n - len(c.x)), float(outside.size)
-    fitted_of, held_of = (f / correlated for f in freedoms)
+        independent = float(n - len(c.x)), float(outside.size)
+    fitted_of, held_of = (f / correlated for f in independent)
     return held_out_ratio(ratio, float(growth), fitted_of, held_of, false_alarm=false_alarm, matters=matters)
