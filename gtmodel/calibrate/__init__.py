@@ -2,7 +2,9 @@
 
 study, CalibrationStudy   a robot on measured poses: were they read right, fit, held-out errors, intervals, verdict
 Fit, Known                which parameters move, what is known of them before
-MeasuredPoses, read_poses, Measured, MeasuredSignal, FrameStart, Sag   measured poses, and how they stand in a CSV file
+MeasuredPoses, read_poses, Measured, MeasuredSignal, MeasuredPoint, FrameStart, Sag   measured poses, and how they
+                                   stand in a file
+Refit                     what a held-out recording has of its own: refitted on a part of it, judged on the rest
 Synthetic, made_poses     synthetic measurements of a robot with known errors
 CartPoints, read_cart_points   guideways through measured points
 Origin                    where a robot comes from, for its calibrated file
@@ -44,8 +46,10 @@ if TYPE_CHECKING:
         CartPoints as CartPoints,
         FrameStart as FrameStart,
         Measured as Measured,
+        MeasuredPoint as MeasuredPoint,
         MeasuredPoses as MeasuredPoses,
         MeasuredSignal as MeasuredSignal,
+        Refit as Refit,
         Sag as Sag,
         read_cart_points as read_cart_points,
         read_poses as read_poses,

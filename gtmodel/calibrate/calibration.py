@@ -65,6 +65,11 @@ class Calibration:
         return self._errors_of(self.problem) if self.problem.implicit else self.problem.residuals(self.x)
 
     @property
+    def alone(self) -> Calibration:
+        """The same with the first of the measurements alone."""
+        return replace(self, problem=replace(self.problem, beside=())) if self.problem.beside else self
+
+    @property
     def parts(self) -> tuple[Calibration, ...]:
         """The same with each of the measurements, these first."""
         return (self, *(replace(self, problem=p) for p in self.problem.beside))
@@ -304,5 +309,7 @@ def _level(problem: CalibrationProblem, block: Block, x: np.ndarray) -> float:
 
 
 def _arrived(fits: Sequence[Fitted]) -> str:
+    if not fits:
+        return "nothing is free: judged as it is"
     counts = [f.descent.iterations for f in fits]
     return f"solved in {max(counts)} iterations" + (f", {len(fits)} blocks" if len(fits) > 1 else "")

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Annotated
+
+import numpy as np
 
 from ..lang import Model
 from ..results import SolveStatus, Work
@@ -14,8 +16,8 @@ from ..results.options import Within
 from ..results.work import Progress, never, silent
 from .measured.alarms import Alarms
 from .measured.cart_points import on_cart_points
-from .measured.options import CartPoints
-from .measured.poses import MeasuredPoses, split
+from .measured.options import CartPoints, Refit
+from .measured.poses import MeasuredPoses, split_all
 from .measured.witness import a_priori, misread_after, recognise_sessions, witness_of
 from .measurements import Measurements
 from .options import Fit
@@ -25,16 +27,17 @@ from .report.pictures import pictures
 from .report.result import CalibrationStudy
 from .report.robot_file import Origin
 from .report.values import checks_of, values_of
-from .variants import prepared, require_poses
+from .variants import prepared, too_few
 
 
 @study_function
 def study(
     robot: Model,
-    poses: MeasuredPoses | Measurements,
+    poses: MeasuredPoses | Measurements | Sequence[MeasuredPoses | Measurements],
     fit: Fit | None = None,
     *,
     held_out: Annotated[int, Within(least=0)] = 2,
+    refit: Refit | None = None,
     carts: CartPoints | None = None,
     origin: Origin | None = None,
     title: str = "",
@@ -47,9 +50,11 @@ def study(
     Args:
         robot: with its parameters as known before.
         poses: what was measured, in SI units: `Measurements` in memory, or `MeasuredPoses` by `read_poses` and
-            `made_poses`.
+            `made_poses`. Several, of heights, distances, positions, share the robot's parameters; they are weighed by
+            their noise, and each is judged by itself.
         fit: which parameters move, by which cost; all of them and length errors if left out.
         held_out: every how many-th pose no fit sees; 0 for none. Poses that say it themselves are not asked.
+        refit: what a held-out recording has of its own, found on a part of it; the rest judges.
         carts: guideways through measured points.
         origin: where the robot comes from, for parameters.toml.
         progress, max_seconds, stop: see `gtmodel.results.Work`.
@@ -64,50 +69,61 @@ def study(
     >>> s = study(robot, poses, Fit(variant="modified", sensitivity_step=0.0))
     >>> s.held_out["mean"] < s.a_priori["mean"] / 10
     True
+
+    Heights alone, from a probe: what they leave open is said.
+
+    >>> m = poses.measurements
+    >>> heights = gt.calibrate.Measurements({"q": m.values["q"], "T[2]": m.values["T"][:, 2]})
+    >>> s = study(robot, heights, Fit(free=["L"]))
+    >>> [(r["name"], list(r["errors"])) for r in s.recordings]
+    [('measurements', ['T[2]'])]
     """
     work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
     fit, origin = fit or Fit(), origin or Origin(type(robot).__name__)
     robot, on_points = on_cart_points(robot, carts)
-    data = split(poses, robot, held_out)
+    data = split_all(poses, robot, held_out, refit)
     alarms = Alarms(fit.accept)
     work.progress("looking at the poses", 0.3)
-    witness = witness_of(robot, data)
-    placed = recognise_sessions(data, witness, alarms)
-    if placed and data.pose.device_start is None:
-        data = data.with_device(placed)
+    witnesses = [witness_of(robot, d) for d in data]
+    placed = [recognise_sessions(d, w, alarms) for d, w in zip(data, witnesses, strict=True)]
+    data = [d.with_device(p) if p and d.pose.device_start is None else d for d, p in zip(data, placed, strict=True)]
     title = title or f"calibration of {origin.name}"
-    if data.synthetic and "synthetic" not in title.lower():
+    if any(d.synthetic for d in data) and "synthetic" not in title.lower():
         title += " (synthetic)"
     if work.interrupted():
         return CalibrationStudy(status=SolveStatus.INTERRUPTED, message="stopped before the fit", title=title)
     work.progress("fitting", 0.5)
     ready = prepared(fit, robot, data, carts, on_points)
-    require_poses(ready)
-    findings = findings_of(fit, data, ready, a_priori(data, witness, placed), work.interrupted, alarms)
+    before = [a_priori(d, w, p) for d, w, p in zip(data, witnesses, placed, strict=True)]
+    findings = findings_of(fit, data, ready, before, work.interrupted, alarms, refit)
     c = findings.calibration
-    stopped = c.status is SolveStatus.INTERRUPTED
-    misread = None if stopped else misread_after(data, ready, c, witness)
+    # where all lengths are known by themselves, and something was fitted
+    looked = c.status is not SolveStatus.INTERRUPTED and len(data) == 1 and not ready.implicit and len(c.x) > 0
+    misread = misread_after(data[0], ready, c, witnesses[0]) if looked else None
     if misread is not None:
-        alarms.raised(*misread, f"poses.values.{data.actuators}")
+        alarms.raised(*misread, f"poses.values.{data[0].actuators}")
     work.progress("telling", 0.9)
     return _study_of(findings, robot, fit, origin, title)
 
 
 def explained(
-    robot: Model, poses: MeasuredPoses | Measurements, fit: Fit, held_out: int = 2, carts: CartPoints | None = None
-) -> list[str]:
+    robot: Model, poses: MeasuredPoses | Measurements | Sequence[MeasuredPoses | Measurements], fit: Fit,
+    held_out: int = 2, carts: CartPoints | None = None,
+) -> list[str]:  # fmt: skip
     """What is free, what stays, and what the poses can determine before anything is fitted, in lines of text."""
     robot, on_points = on_cart_points(robot, carts)
-    data = split(poses, robot, held_out)
+    data = split_all(poses, robot, held_out)
     ready = prepared(fit, robot, data, carts, on_points)
     u = ready.unknowns
-    fitted, held = len(data.fitted), int(data.held_out.sum())
+    fitted, held = sum(len(d.fitted) for d in data), sum(int(d.held_out.sum()) for d in data)
     lines = [f"{fitted} poses fitted, {held} held out; {len(u.names)} unknowns, cost {fit.cost}"]
     lines += [f"  {n} [{unit or '1'}] from {x:g}" for n, unit, x in zip(u.names, u.units, u.start, strict=True)]
     fixed = [n for n in ready.values(u.start) if n not in u.names]
     if fixed:
         lines.append(f"fixed, tied or turned as a quaternion: {', '.join(fixed)}")
-    return [*lines, *ready.identifiability(sigma=length_noise(ready)).notes]
+    if not u.names:
+        return [*lines, "nothing is free: the robot is judged as it is"]
+    return [*lines, *too_few(ready), *ready.identifiability(sigma=length_noise(ready)).notes]
 
 
 def _study_of(findings: CalibrationFindings, robot: Model, fit: Fit, origin: Origin, title: str) -> CalibrationStudy:
@@ -116,12 +132,14 @@ def _study_of(findings: CalibrationFindings, robot: Model, fit: Fit, origin: Ori
         "parameters.toml": partial(robot_file.text, findings, robot, title, origin),
         "poses.csv": partial(poses_table.text, findings),
     }
+    files |= {f"poses_{part.data.name}.csv": partial(poses_table.text, part) for part in findings.beside}
     if values["sensitivity"]:
         files["sensitivity.csv"] = partial(sensitivity_table.text, values["sensitivity"])
-    files |= {name: partial(str, text) for name, text in findings.data.source.files.items()}
+    for part in findings.parts:
+        files |= {name: partial(str, text) for name, text in part.data.source.files.items()}
     errors, _, held = findings.headline
     message = c.message
-    if c.status.ok and findings.position in errors:
+    if c.status.ok and findings.position in errors and not findings.beside:
         message += (
             f"; {'held-out' if held else 'fitted'} error {1e3 * errors[findings.position].mean:.3g} mm in the mean"
         )
@@ -129,7 +147,7 @@ def _study_of(findings: CalibrationFindings, robot: Model, fit: Fit, origin: Ori
         status=c.status,
         message=message,
         title=title,
-        objective=float(0.5 * (c.residuals**2).sum()),
+        objective=float(0.5 * (np.nan_to_num(c.residuals) ** 2).sum()),
         iterations=c.iterations,
         checks=checks_of(fit.accuracy, findings),
         figures=pictures(findings, title),

@@ -55,8 +55,10 @@ def judge_held_out(
     try:
         fit, held = pose_covariances(c, kept, fitted, signal)
     except (ModelError, np.linalg.LinAlgError):
-        equations = N * max(len(c.problem.labels), 1)
         determined = len(c.x) if c.estimate is None else len(c.x) - c.estimate.null_space.shape[1]
+        equations = N * max(len(c.problem.labels), 1)
+        if c.problem.implicit and c.estimate is not None:  # of all measurements
+            equations = c.estimate.degrees_of_freedom + determined
         growth = (equations + determined) / (equations - determined) if equations > determined else np.inf
         degrees_of_freedom = float(equations - determined), float(outside.size)
     else:

@@ -101,6 +101,8 @@ def pose_information(problem: CalibrationProblem) -> PoseInformation:
     (21, 182)
     """
     u, read = problem.unknowns, problem.reading
+    if not u.names:
+        raise ModelError("nothing is free, so that poses have nothing to determine")
     S = noise_covariance(problem, "orthogonal")
     N, n = len(problem.measurements), len(u.names)
     blocks_rows = []

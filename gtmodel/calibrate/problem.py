@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, Literal
 
 import casadi as ca
 import numpy as np
@@ -223,7 +223,12 @@ class CalibrationProblem:
         return self.starts[wide]
 
     @property
-    def usual_cost(self) -> str:
+    def equations(self) -> int:
+        """How many of a pose are left for the unknowns."""
+        return len(self.labels) - self.reading.latent.numel()
+
+    @property
+    def usual_cost(self) -> Literal["forward", "orthogonal"]:
         """All errors where all signals have a noise; elsewhere those of the pose, and the actuators count as exact."""
         return "orthogonal" if all(n in self.measurements.noise for n in self.reading.places) else "forward"
 

@@ -12,7 +12,7 @@ from ..robots.links import family_of
 from .choice import Choice
 from .measured.options import CartPoints
 from .measured.poses import SplitPoses
-from .options import Fit, Known
+from .options import COST_WORDS, Cost, Fit, Known
 from .problem import CalibrationProblem, prepare
 from .unknowns import Unknowns
 
@@ -46,18 +46,21 @@ def choice_of(fit: Fit, model: Model, known: Sequence[str] = (), on_points: Sequ
 
 
 def prepared(
-    fit: Fit, model: Model, data: SplitPoses, carts: CartPoints | None = None, on_points: Sequence[str] = ()
+    fit: Fit, model: Model, data: Sequence[SplitPoses], carts: CartPoints | None = None, on_points: Sequence[str] = ()
 ) -> CalibrationProblem:
-    """The equations of the fitted poses. Raises ArgumentError with the option whose name is not understood."""
-    m, actuators = data.fitted, data.actuators
+    """The equations of the fitted poses of all measurements. Raises ArgumentError with the option whose name is not
+    understood."""
+    m, actuators = [d.fitted for d in data], data[0].actuators
     try:
-        choice = choice_of(fit, model, data.source.known, on_points)
+        several = len(data) > 1
+        known = [f"{n} of {d.name}" if several else n for d in data for n in d.source.known]
+        choice = choice_of(fit, model, known, on_points)
         first = prepare(model, m, choice, actuators=actuators)
         turn = None if carts is None else carts.turn_std
-        known = {f"{g}.u": Known(std=turn) for g in on_points} if turn is not None else {}
-        if not fit.priors and not known:
+        turns = {f"{g}.u": Known(std=turn) for g in on_points} if turn is not None else {}
+        if not fit.priors and not turns:
             return first
-        priors = _priors({**known, **fit.priors}, first.unknowns)
+        priors = _priors({**turns, **fit.priors}, first.unknowns)
         return prepare(model, m, replace(choice, priors=priors), actuators=actuators)
     except (ModelError, ValueError) as error:
         if isinstance(error, ArgumentError) and error.argument:
@@ -65,20 +68,31 @@ def prepared(
         raise ArgumentError(str(error), _naming(fit, str(error))) from error
 
 
-def require_poses(p: CalibrationProblem) -> None:
-    """Raises ArgumentError where a part of the robot has fewer equations than unknowns."""
-    N = len(p.measurements)
+def too_few(p: CalibrationProblem) -> list[str]:
+    """Sentences on parts of the robot that have fewer equations than unknowns."""
+    if p.implicit or p.beside:
+        return []  # identifiability says it of all measurements together
+    N, sentences = len(p.measurements), []
     for b in p.lengths:
         names = [p.unknowns.names[k] for k in b.columns]
         priors = sum(prior.name in names for prior in p.unknowns.priors)
         if N * len(b.rows) + priors < len(names):
             least = -(-(len(names) - priors) // len(b.rows))
-            raise ArgumentError(
+            sentences.append(
                 f"{N} poses give {N * len(b.rows)} equations of {', '.join(p.labels[k] for k in b.rows)} for "
                 f"{len(names)} unknowns ({names[0]} to {names[-1]}); measure at least {least} poses, better several "
-                "times as many, or fix parameters",
-                "poses",
+                "times as many, or fix parameters"
             )
+    return sentences
+
+
+def cost_of(fit: Fit, p: CalibrationProblem) -> Cost:
+    """The cost that a fit asks for; where lengths are open, or several measurements are weighed, the errors of what was
+    measured in place of those of lengths."""
+    cost = COST_WORDS[fit.cost]
+    if cost not in ("length", "squared") or not (p.beside or any(part.implicit for part in p.parts)):
+        return cost
+    return "orthogonal" if all(part.usual_cost == "orthogonal" for part in p.parts) else "forward"
 
 
 def _priors(keys: Mapping[str, Known], u: Unknowns) -> list[Prior]:

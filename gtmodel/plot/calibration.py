@@ -21,18 +21,21 @@ MANY = 40  # names that still can be read on an axis
 
 
 @styled
-def pose_errors_figure(errors: dict[str, np.ndarray], title: str = "", worst: int | None = None) -> Figure:
+def pose_errors_figure(
+    errors: dict[str, np.ndarray], title: str = "", worst: int | None = None, quantity: str = "positioning error [mm]"
+) -> Figure:
     """Absolute positioning error per pose (Dressler 2012, Fig. 5.1).
 
     Args:
-        errors: name -> (N,) [m] of the same poses, drawn in one panel each, for they differ by powers of ten.
+        errors: name -> (N,) [m], drawn in one panel each, for they differ by powers of ten.
         worst: pose of the first ones to be marked.
+        quantity: what they are errors of, along the axis.
     """
     figure, panels = with_panels(8.0, 0.8 + 2.3 * len(errors), len(errors), title=title, sharex=True)
     for n, (axes, (name, e)) in enumerate(zip(panels, errors.items(), strict=True)):
         axes.plot(np.arange(1, len(e) + 1), 1e3 * e, ".-", color=COLOURS[n % len(COLOURS)], linewidth=0.6, markersize=4)
         axes.axhline(1e3 * float(np.nanmean(e)), color="0.4", linestyle="--", linewidth=0.8)
-        axes.set(ylabel="positioning error [mm]", ylim=(0, None))
+        axes.set(ylabel=quantity, ylim=(0, None))
         said = f"{name}: mean {1e3 * float(np.nanmean(e)):.3g} mm (dashed)"
         if n == 0 and worst is not None:
             axes.plot(worst + 1, 1e3 * e[worst], "o", markersize=8, markerfacecolor="none", markeredgecolor="black")

@@ -20,8 +20,8 @@ def key_of(schema: type[pydantic.BaseModel], argument: str, renamed: Mapping[str
 
     renamed: arguments, or their beginnings, that stand elsewhere in the file; the longest that fits counts. What has
     no key is said under its own name. An entry of a list keeps its number: "cases[1].length" is "cases[1].length_um",
-    also where the list has another name in the file: {"poses": "pose"} stands for "poses[1]" too, and {"rows[].at": ""}
-    of what any row holds.
+    also where the list has another name in the file: {"poses": "pose"} stands for "poses[1]" too, {"rows[].at": ""} for
+    what any row holds, and {"poses[].values": "tables[].signals"} for what the table of the same number holds.
     """
     parts = argument.split(".")
     for n in range(len(parts), 0, -1):
@@ -34,6 +34,8 @@ def key_of(schema: type[pydantic.BaseModel], argument: str, renamed: Mapping[str
         )
         place = next((p for p in places if p is not None), None)
         if place is not None:
+            own = iter(_NUMBER.findall(head))
+            place = _EMPTY.sub(lambda empty, own=own: next(own, empty[0]), place)
             parts = [p for p in (place, *parts[n:]) if p]
             break
     wanted = ".".join(parts)

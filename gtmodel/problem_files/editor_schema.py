@@ -70,6 +70,9 @@ def _node(node: Mapping[str, Any], document: Mapping[str, Any]) -> dict[str, Any
     choices = [_node(c, document) for c in node.get("anyOf") or node.get("oneOf") or () if c.get("type") != "null"]
     if len(choices) == 1:
         return choices[0]
+    tables = [c for c in choices if "properties" in c]
+    if len(choices) == 2 and len(tables) == 1 and [c.get("items") for c in choices if c not in tables] == tables:
+        return {**tables[0], "type": ["object", "array"], "items": tables[0]}  # so that faults stand at their keys
     if choices:
         return {"anyOf": choices}
     made: dict[str, Any] = {k: node[k] for k in ("type", "enum", "const", *_BOUNDS) if k in node}

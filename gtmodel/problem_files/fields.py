@@ -82,7 +82,8 @@ def _keys(node: Mapping[str, Any], document: Mapping[str, Any], prefix: str, nee
     for name, field in node.get("properties", {}).items():
         opened = [resolve(choice, document) for choice in _choices(field)]
         inner = [(c, "") for c in opened if "properties" in c]
-        inner += [(i, "[]") for c in opened if "properties" in (i := resolve(c.get("items", {}), document))]
+        lists = [i for c in opened if "properties" in (i := resolve(c.get("items", {}), document))]
+        inner += [(i, "[]") for i in lists if (i, "") not in inner]  # one table or several: listed once
         must = name in required
         for table, suffix in inner:
             yield from _keys(table, document, f"{prefix}{name}{suffix}.", needed and must)
@@ -103,8 +104,10 @@ def _default(field: Mapping[str, Any], must: bool, prefix: str, needed: bool) ->
 
 
 def _choices(field: Mapping[str, Any]) -> list[Mapping[str, Any]]:
-    choices = field.get("anyOf") or field.get("oneOf") or [field]
-    return [c for c in choices if c.get("type") != "null"]
+    choices = field.get("anyOf") or field.get("oneOf")
+    if choices is None:
+        return [field] if field.get("type") != "null" else []
+    return [one for c in choices for one in _choices(c)]
 
 
 def resolve(node: Mapping[str, Any], document: Mapping[str, Any]) -> Mapping[str, Any]:

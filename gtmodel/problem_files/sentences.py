@@ -133,23 +133,30 @@ def _bound(fault: Any, known: Key | None) -> str:
 
 
 def _known(place: Sequence[str | int], schema: type[pydantic.BaseModel]) -> Key | None:
-    wanted = _pattern(place)
+    wanted = _pattern(place, schema)
     return next((k for k in keys_of(schema) if k.key == wanted or k.key == wanted.removesuffix("[]")), None)
 
 
-def _pattern(place: Sequence[str | int]) -> str:
-    """`("functions", 0, "name")` as the schema writes it, `functions[].name`; an index at the end falls off."""
+def _pattern(place: Sequence[str | int], schema: type[pydantic.BaseModel]) -> str:
+    """`("functions", 0, "name")` as the schema writes it, `functions[].name`; an index at the end falls off, and that
+    of tables of which there may be one or several."""
+    keys = [k.key for k in keys_of(schema)]
     parts = list(place)
     while parts and isinstance(parts[-1], int):
         parts.pop()
     text = ""
     for part in parts:
-        text += "[]" if isinstance(part, int) else (f".{part}" if text else part)
+        if isinstance(part, str):
+            text += f".{part}" if text else part
+        elif any(k.startswith(f"{text}[]") for k in keys) or not any(k.startswith(f"{text}.") for k in keys):
+            text += "[]"
     return text
 
 
 def _unknown(place: tuple[str | int, ...], schema: type[pydantic.BaseModel]) -> tuple[str, str]:
-    name, parent = str(place[-1]), _pattern(place[:-1]) + ("[]" if place[:-1] and isinstance(place[-2], int) else "")
+    name, parent = str(place[-1]), _pattern(place[:-1], schema)
+    if place[:-1] and isinstance(place[-2], int) and not any(k.parent == parent for k in keys_of(schema)):
+        parent += "[]"
     siblings = {k.name: k for k in keys_of(schema) if k.parent == parent}
     prefix = f"{parent}." if parent else ""
     tables = [t.removeprefix(prefix).removesuffix("[]") for t in tables_of(schema) if t.startswith(prefix)]

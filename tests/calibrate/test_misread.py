@@ -131,8 +131,12 @@ class TestColumns:
 
 class TestRows:
     def test_too_few_for_the_unknowns(self, tmp_path: Path) -> None:
-        said = refused(tmp_path, rows=slice(10))
-        assert "5 poses give 5 equations of arm[0].rod for 7 unknowns (A[0,0] to L[0]); measure at least 7" in said
+        """Said, with what they leave open, and not refused."""
+        few = solved("l1", written(tmp_path, "l1", rows=slice(10)), how=measured("l1"))
+        said = "5 poses give 5 equations of arm[0].rod for 7 unknowns (A[0,0] to L[0]); measure at least 7"
+        assert few.verdict is not None and any(s.startswith(said) for s in few.verdict)
+        assert few.identifiability_after is not None and few.identifiability_after["rank"] == 15
+        assert not few.intervals_hold and few.prediction_proven is not True
 
     @pytest.mark.parametrize(("cell", "seen"), [("nan", "'nan'"), ("", "nothing"), ("inf", "'inf'")])
     def test_no_number(self, tmp_path: Path, cell: str, seen: str) -> None:

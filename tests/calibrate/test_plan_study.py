@@ -131,11 +131,11 @@ def test_methods_of_selection(plan: Planner, method: Any):
 @pytest.mark.parametrize(
     ("device", "free", "worse"),
     [
-        (PatternCamera([1.4, -5.0, 0.8], [1.4, -0.5, 0.8]), [], 10.0),
+        (PatternCamera([1.4, -5.0, 0.8], [1.4, -0.5, 0.8]), None, 10.0),
         (Gauge([0.0, 0.0, 1.0]), ["L"], 0.1),
     ],
 )
-def test_other_devices(plan: Planner, device: Any, free: list[str], worse: float):
+def test_other_devices(plan: Planner, device: Any, free: list[str] | None, worse: float):
     asked = {"choice": Choice(free), "criteria": accuracy(5.0)}
     tracked = plan(**asked).predicted_error
     done = plan(device, simulation=TWO, **asked)
@@ -224,6 +224,7 @@ def test_a_stop_keeps_what_is_done(plan: Planner):
         ({"axis_noise": 0.0}, "axis_noise"),
         ({"curve": [0]}, "curve"),
         ({"choice": Choice(["B"])}, "choice"),
+        ({"choice": Choice([])}, "choice"),
         ({"choice": Choice(["L"], ["L"])}, "choice"),
     ],
 )

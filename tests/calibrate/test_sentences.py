@@ -12,7 +12,7 @@ from gtmodel.calibrate.measured.alarms import Alarms
 from gtmodel.calibrate.report import movement
 from gtmodel.calibrate.report.values import _notes
 from gtmodel.inference import identifiability
-from gtmodel.results import ArgumentError
+from gtmodel.results import ArgumentError, SolveStatus
 from tests.calibrate.shipped import L1, fit, measured, robot, shipped, solved, written
 
 
@@ -42,11 +42,13 @@ def test_two_directions_in_one_sentence_are_one_note() -> None:
     problem = SimpleNamespace(
         unknowns=nothing, closure=SimpleNamespace(flat=SimpleNamespace(bindings={})), values=lambda x: {}
     )
-    c = SimpleNamespace(estimate=SimpleNamespace(notes=(said, said)), x=np.zeros(0), values={}, problem=problem)
+    c = SimpleNamespace(
+        estimate=SimpleNamespace(notes=(said, said)), x=np.zeros(0), values={}, problem=problem,
+        status=SolveStatus.SOLVED,
+    )  # fmt: skip
     silent = SimpleNamespace(reasons=(), notes=())
-    findings = SimpleNamespace(
-        calibration=c, confidence=silent, priors=[], outliers=[], lines=range(9), far=[], alarms=Alarms()
-    )
+    nothing_else = {"priors": [], "outliers": [], "parts": (), "refitted": None, "far": [], "alarms": Alarms()}
+    findings = SimpleNamespace(calibration=c, confidence=silent, lines=range(9), **nothing_else)
     assert _notes(findings) == [said]  # type: ignore[arg-type]
 
 

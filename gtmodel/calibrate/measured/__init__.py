@@ -1,8 +1,9 @@
 """Measured poses: how they stand in a file, read, split in fitted and held-out ones, looked at before a fit.
 
-Measured, MeasuredSignal, FrameStart, Sag   columns of a file and what lies between device and robot
+Measured, MeasuredSignal, MeasuredPoint, FrameStart, Sag   columns of a file and what lies between device and robot
 read_poses        the poses of a CSV file
 MeasuredPoses     poses with what is known of their file
+Refit             what a held-out recording has of its own
 CartPoints, read_cart_points   guideways through measured points of the carts
 """
 
@@ -16,7 +17,9 @@ if TYPE_CHECKING:
         CartPoints as CartPoints,
         FrameStart as FrameStart,
         Measured as Measured,
+        MeasuredPoint as MeasuredPoint,
         MeasuredSignal as MeasuredSignal,
+        Refit as Refit,
         Sag as Sag,
     )
     from .poses import MeasuredPoses as MeasuredPoses

@@ -38,6 +38,30 @@ class MeasuredSignal(Options):
     delay: Annotated[float | Free, Unit("s"), "how late the column is; needs its rate"] = 0.0
     rate: Annotated[str | list[str] | None, "columns of the rate, for a delay"] = None
     rate_unit: Annotated[str, "unit of the rate's columns"] = "m/s"
+    between: Annotated[
+        list[str] | None, Long(2),
+        'the signal is the distance from one position or point to another, such as ["T", "T@2"]',
+    ] = None  # fmt: skip
+    representation: Annotated[
+        str | None,
+        "of an orientation: quaternion w x y z (if left out), quaternion x y z w, rotation vector, matrix, KUKA A B C, "
+        "intrinsic zyx or extrinsic xyz with any axes; of a position: matrix, the last column of a pose's 12 or 16",
+    ] = None  # fmt: skip
+
+
+@dataclass(frozen=True)
+class MeasuredPoint(Options):
+    """A point that is measured, or from which a distance is: on the end-effector, or fixed in the robot's frame.
+
+    >>> ball = gt.calibrate.MeasuredPoint([0.1, 0.0, -0.05], position="T", orientation="e")
+    >>> gt.calibrate.MeasuredPoint([1.0, 0.5, 0.2], estimate=True).position is None  # the fixed end of a ball-bar
+    True
+    """
+
+    at: Annotated[list[float], Unit("m"), Long(3), "in the frame of the end-effector, or the robot's"]
+    position: Annotated[str | None, "the model's position on which it sits; fixed if left out"] = None
+    orientation: Annotated[str | None, "the quaternion with which it turns"] = None
+    estimate: Annotated[bool, "whether its place is estimated from there"] = False
 
 
 @dataclass(frozen=True)
@@ -85,7 +109,10 @@ class Measured(Options):
     ('q', 'T')
     """
 
-    signals: Annotated[dict[str, MeasuredSignal], "by the model's variables: q, T, e"]
+    signals: Annotated[
+        dict[str, MeasuredSignal],
+        "by the model's variables: q, T, e; components: T[2]; points; distances; of a row's second pose: q@2",
+    ]  # fmt: skip
     session: Annotated[str | None, "column that names the recording of a row"] = None
     actuators: Annotated[str, "the variable that the drives measure"] = "q"
     position: Annotated[str, "the variable that the device measures"] = "T"
@@ -104,6 +131,28 @@ class Measured(Options):
     target_per_session: Annotated[bool, "whether the target sat elsewhere in each session"] = False
     sag: Annotated[Sag | None, "of the tool under a payload; none if left out"] = None
     target_start: Annotated[FrameStart, "of the robot's tool frame in the target's"] = field(default_factory=FrameStart)
+    points: Annotated[dict[str, MeasuredPoint], "points that are measured, by the names of their signals"] = field(
+        default_factory=dict
+    )
+    latent: Annotated[
+        list[str], "variables that nobody measured, found pose by pose; those that signals need are by themselves"
+    ] = field(default_factory=list)  # fmt: skip
+    name: Annotated[str, "of these measurements among others; their file's if left out"] = ""
+
+
+@dataclass(frozen=True)
+class Refit(Options):
+    """What a held-out recording has of its own: found on a part of its poses, so that it is judged on the others.
+
+    >>> gt.calibrate.Refit(["offset", "device"], every=4).every  # the first of every four poses refits them
+    4
+    """
+
+    what: Annotated[
+        list[Literal["offset", "scale", "device", "target"]],
+        "offset and scale of the actuators, as after homing anew; frame of the device; place of the target",
+    ]
+    every: Annotated[int, Within(least=2), "the first of so many held-out poses refits them, the others judge"] = 2
 
 
 @dataclass(frozen=True, eq=False)

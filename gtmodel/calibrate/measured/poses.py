@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -13,7 +14,10 @@ from ...lang import Model, ModelError
 from ...measurements import copies
 from ...measurements.signal_table import Columns
 from ...results import ArgumentError
-from ..measurements import Measurements, Pose
+from ..closure import left_open
+from ..measurements import Measurements, Pose, SignalName
+from ..reading import variables_of
+from .options import Refit
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +47,8 @@ class SplitPoses:
     """All poses, which are held out, and what there is to say of them.
 
     `all`: of one pose at least, `pose`; `lines` (N,): of their files; `repeated`: groups of poses at the same
-    actuators; `columns`: of every signal.
+    actuators; `columns`: of every signal. `refitting`: poses of a held-out recording that find what it has of its own,
+    and are in none of the others.
     """
 
     all: Measurements
@@ -53,6 +58,7 @@ class SplitPoses:
     columns: Mapping[str, Columns]
     repeated: tuple[np.ndarray, ...]
     source: MeasuredPoses
+    refitting: Measurements | None = None
 
     @property
     def pose(self) -> Pose:
@@ -60,7 +66,24 @@ class SplitPoses:
 
     @property
     def position(self) -> str:
-        return self.pose.position
+        """The signal by which the robot is judged: the measured position, or where that is known in part the first of
+        what was measured beside the actuators."""
+        return self.pose.position if self.whole else self.judged[0]
+
+    @property
+    def whole(self) -> bool:
+        """Whether the position was measured, one pose a row."""
+        return self.pose.position in self.all.values and not any("@" in n for n in self.all.values)
+
+    @property
+    def judged(self) -> list[str]:
+        """Signals beside the actuators, rates and loads."""
+        return [n for n in self.all.values
+                if not n.startswith(("der(", "load(")) and n.partition("@")[0] != self.actuators]  # fmt: skip
+
+    @property
+    def name(self) -> str:
+        return self.all.name
 
     @property
     def q(self) -> np.ndarray:
@@ -69,7 +92,7 @@ class SplitPoses:
 
     @property
     def T(self) -> np.ndarray:
-        """The measured positions (N, k) [m]."""
+        """The measured positions (N, k) [m], or what else the robot is judged by."""
         return np.asarray(self.all.values[self.position])
 
     @property
@@ -85,6 +108,19 @@ class SplitPoses:
         """The poses held out; None for none."""
         return self.all.part(self.held_out) if self.held_out.any() else None
 
+    def refitted_by(self, refit: Refit) -> SplitPoses:
+        """Without the first of every few held-out poses, which are `refitting`. Raises ArgumentError for none held
+        out."""
+        held = np.flatnonzero(self.held_out)
+        if not len(held):
+            raise ArgumentError("there are no held-out poses to refit on", "refit")
+        own = held[:: refit.every]
+        rest = np.setdiff1d(np.arange(len(self.lines)), own)
+        return replace(
+            self, all=self.all.part(rest), lines=self.lines[rest], held_out=self.held_out[rest],
+            repeated=_repeated(self.q[rest]), refitting=self.all.part(own),
+        )  # fmt: skip
+
     def with_device(self, placed: Mapping[str, tuple[np.ndarray, np.ndarray]]) -> SplitPoses:
         """The same with other starts for the frame of the device, by session, or "" for all."""
         first = next(iter(placed.values()))
@@ -93,7 +129,44 @@ class SplitPoses:
         return replace(self, all=replace(self.all, poses=poses))
 
 
-def split(poses: MeasuredPoses | Measurements, model: Model, every: int) -> SplitPoses:
+def split_all(
+    poses: MeasuredPoses | Measurements | Sequence[MeasuredPoses | Measurements],
+    model: Model,
+    every: int,
+    refit: Refit | None = None,
+) -> list[SplitPoses]:
+    """Each of the measurements with its poses held out. Raises ArgumentError as split(), and for names that are there
+    twice."""
+    several = [poses] if isinstance(poses, MeasuredPoses | Measurements) else list(poses)
+    if not several:
+        raise ArgumentError("there is nothing measured; give poses", "poses")
+    if refit is not None and len(several) > 1:
+        raise ArgumentError("is for one set of measurements with a held-out recording", "refit")
+    data = []
+    for k, one in enumerate(several, 1):
+        whole = MeasuredPoses(one) if isinstance(one, Measurements) else one
+        if not whole.measurements.name:
+            name = f"measurements {k}" if len(several) > 1 else "measurements"
+            whole = replace(whole, measurements=replace(whole.measurements, name=name))
+        try:
+            data.append(split(whole, model, every, refit))
+        except ArgumentError as error:
+            at = error.argument
+            if len(several) > 1 and at.startswith("poses"):
+                at = f"poses[{k - 1}]{at.removeprefix('poses')}"
+            raise ArgumentError(error.message, at) from error
+    names = [d.name for d in data]
+    for name in names:
+        if names.count(name) > 1:
+            raise ArgumentError(
+                f"{names.count(name)} measurements are named '{name}'; give each a name of its own", "poses"
+            )
+    if len({d.actuators for d in data}) > 1:
+        raise ArgumentError("measurements of one robot have the same actuators", "poses")
+    return data
+
+
+def split(poses: MeasuredPoses | Measurements, model: Model, every: int, refit: Refit | None = None) -> SplitPoses:
     """The poses with those held out: the given ones, or every k-th (Dressler 2012, eq. (5.5)), none for 0.
 
     Raises ArgumentError where they do not fit the model or each other.
@@ -101,8 +174,9 @@ def split(poses: MeasuredPoses | Measurements, model: Model, every: int) -> Spli
     if isinstance(poses, Measurements):
         poses = MeasuredPoses(poses)
     m = poses.measurements
+    partly = bool(m.points or m.distances or any(n.partition("@")[0].endswith("]") for n in m.values))
     if not m.poses:
-        if "T" not in m.values:
+        if "T" not in m.values and not partly:
             raise ArgumentError(
                 f"name the variable that was measured by a Pose; there are {', '.join(m.values)}", "poses"
             )
@@ -112,7 +186,8 @@ def split(poses: MeasuredPoses | Measurements, model: Model, every: int) -> Spli
     if every < 0 or every == 1:
         raise ArgumentError(f"{every} leaves no poses to fit; take 2 or more, or 0 for none held out", "held_out")
     lines = np.arange(1, len(m) + 1) if poses.lines is None else poses.lines
-    columns = _fit_the_model(m, poses, model)
+    columns = _fit_the_model(m, poses, model, partly)
+    m = _with_latent(m, model)
     _refuse_copies(m, lines, poses.held_out is not None)
     repeated = _repeated(np.asarray(m.values[poses.actuators]))
     held = np.zeros(len(lines), bool)
@@ -120,23 +195,44 @@ def split(poses: MeasuredPoses | Measurements, model: Model, every: int) -> Spli
         held = np.asarray(poses.held_out, bool)
     elif every > 0:
         held = _alternate(repeated, len(lines), every)
-    _refuse_unknown_sessions(m, held)
-    return SplitPoses(m, poses.actuators, lines, held, columns, repeated, poses)
+    if refit is None:
+        _refuse_unknown_sessions(m, held)
+    data = SplitPoses(m, poses.actuators, lines, held, columns, repeated, poses)
+    return data if refit is None else data.refitted_by(refit)
 
 
-def _fit_the_model(m: Measurements, poses: MeasuredPoses, model: Model) -> dict[str, Columns]:
+def _with_latent(m: Measurements, model: Model) -> Measurements:
+    """The measurements with what nobody measured, and without which the equations do not close, as latent.
+
+    Raises ArgumentError for signals that say nothing of a pose."""
+    flat = flat_of(model)
+    try:
+        stances = variables_of(flat, m)
+        missing = [n for known, latent in stances for n in left_open(flat, [*known, *latent])]
+    except ModelError as error:
+        raise ArgumentError(str(error), "poses") from error
+    return replace(m, latent=tuple(dict.fromkeys([*m.latent, *missing]))) if missing else m
+
+
+def _fit_the_model(m: Measurements, poses: MeasuredPoses, model: Model, partly: bool) -> dict[str, Columns]:
     """Columns of all signals. Raises ArgumentError for signals that are no variables of the model, and for another
     number of columns."""
     flat = flat_of(model)
     fitting: dict[str, Columns] = {}
     for name in (poses.actuators, *(n for p in m.poses for n in (p.position, p.orientation) if n)):
-        if name not in m.values:
+        if name not in m.values and (name == poses.actuators or not partly):
             raise ArgumentError(f"'{name}' is not among the measured {', '.join(m.values)}", "poses")
     for name, rows in m.values.items():
         if name.startswith("load("):
             continue
+        stem = re.sub(r"@\d+", "", name)
+        if name in m.distances or SignalName.of(stem, [*flat.groups, *m.points]).base in m.points:
+            k = np.asarray(rows).shape[1]
+            names = tuple(f"{name}[{j}]" for j in range(k)) if k > 1 else (name,)
+            fitting[name] = poses.columns.get(name) or Columns(names, ("m",) * k)
+            continue
         try:
-            shape, indices, _ = flat.lookup(name)
+            shape, indices, _ = flat.lookup(stem)
         except ModelError as error:
             raise ArgumentError(str(error), f"poses.values.{name}") from error
         columns, size = np.asarray(rows).shape[1], int(np.prod(shape))

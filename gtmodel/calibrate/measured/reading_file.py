@@ -8,12 +8,15 @@ from pathlib import Path
 import numpy as np
 
 from ...lang import ModelError
+from ...lang.units import parse_unit
 from ...measurements import LogForm, signal_table
 from ...measurements.signal_table import SignalTable
 from ...results import ArgumentError
-from ..measurements import Correction, Measurements, Pose
+from ...results.refusal import naming
+from ..measurements import Correction, FixedPoint, Measurements, Pose
 from .options import ESTIMATE, Measured, MeasuredSignal, Sag
 from .poses import MeasuredPoses
+from .representations import MATRIX, in_angles, positions, quaternions
 
 UNIT_LENGTH = 1e-3  # of a measured quaternion: printed digits leave less
 GRAVITY = 9.81  # m/s2
@@ -41,15 +44,18 @@ def read_poses(
     array([[ 0.5 , -0.6 , 0.5 ],
            [ 0.503, -0.601, 0.502]])
     """
-    tables = [_table(Path(path), measured, form)]
+    sources = [Path(path)]
+    tables = [_table(sources[0], measured, form)]
     held = None
     if held_out is not None:
-        tables.append(_table(Path(held_out), measured, form, "held_out.file"))
+        sources.append(Path(held_out))
+        tables.append(_table(sources[1], measured, form, "held_out.file"))
         held = np.repeat([False, True], [len(t.lines) for t in tables])
-    measurements = _measurements(tables, measured)
+    measurements = _measurements(tables, measured, sources)
     lines = np.concatenate([t.lines for t in tables])
     notes = [t.synthetic for t in tables if t.synthetic]
-    columns = {n: c for n, c in tables[0].columns.items() if n in measured.signals}
+    plain = {n for n, s in measured.signals.items() if s.representation is None}
+    columns = {n: c for n, c in tables[0].columns.items() if n in plain}
     given = measured.sag is not None and measured.sag.compliance != ESTIMATE
     known = [f"{measured.position}.sag"] if given else []
     return MeasuredPoses(measurements, measured.actuators, lines, held, columns, known, notes[0] if notes else None)
@@ -71,9 +77,10 @@ def _table(path: Path, measured: Measured, form: LogForm, key: str = "measured.f
             if s.rate is None:
                 raise ArgumentError("a delay needs the columns of the signal's rate", f"{at}.rate")
             wanted[f"der({name})"] = (s.rate, s.rate_unit)
+    partly = len(_seen(measured)) > 0
     for key_ in ("actuators", "position", "orientation"):
         name = getattr(measured, key_)
-        if name is not None and name not in measured.signals:
+        if name is not None and name not in measured.signals and (key_ == "actuators" or not partly):
             there = ", ".join(measured.signals)
             raise ArgumentError(f"is '{name}', which is no signal; write one of these: {there}", f"measured.{key_}")
     if measured.sag is not None and isinstance(measured.sag.payload, str):
@@ -86,12 +93,37 @@ def _table(path: Path, measured: Measured, form: LogForm, key: str = "measured.f
         raise ArgumentError(error.message, f"measured.{error.argument}" if error.argument else key) from error
 
 
-def _measurements(tables: Sequence[SignalTable], measured: Measured) -> Measurements:
+def _seen(measured: Measured) -> list[str]:
+    """Signals of poses that are known in part: components, points, distances."""
+    return [n for n, s in measured.signals.items() if s.between or n.partition("@")[0].endswith("]")
+            or n.partition("@")[0] in measured.points]  # fmt: skip
+
+
+def _represented(values: dict[str, np.ndarray], tables: Sequence[SignalTable], measured: Measured) -> None:
+    """Orientations as quaternions, scalar first, and positions out of matrices."""
+    for name, s in measured.signals.items():
+        if s.representation is None:
+            continue
+        at = f"measured.signals.{name}"
+        if ESTIMATE in (s.scale, s.offset, s.delay):
+            raise ArgumentError("an orientation has no scale, offset or delay to estimate", at)
+        with naming(f"{at}.representation", ArgumentError):
+            if name.partition("@")[0] == measured.position and s.representation == MATRIX:
+                values[name] = positions(values[name])
+                continue
+            units = {parse_unit(u).si_text for u in tables[0].columns[name].units}
+            if in_angles(s.representation) and units != {"rad"}:
+                raise ArgumentError(f"'{s.representation}' is in angles: write the unit deg or rad")
+            values[name] = quaternions(values[name], s.representation)
+
+
+def _measurements(tables: Sequence[SignalTable], measured: Measured, sources: Sequence[Path]) -> Measurements:
     values = {n: np.vstack([t.values[n] for t in tables]) for n in tables[0].values}
     corrections: list[Correction] = []
     for name, s in measured.signals.items():
         _read_through(name, s, values, corrections)
-    if measured.orientation is not None:
+    _represented(values, tables, measured)
+    if measured.orientation in values:
         _refuse_long(values[measured.orientation], measured.orientation)
     noise = {
         n: np.asarray(s.noise) if isinstance(s.noise, list) else s.noise for n, s in measured.signals.items() if s.noise
@@ -113,9 +145,16 @@ def _measurements(tables: Sequence[SignalTable], measured: Measured) -> Measurem
         values[f"load({measured.position})"] = _load(sag, values, measured.position)
     sessions = None if measured.session is None else [s for t in tables for s in t.sessions or ()]
     try:
-        measurements = Measurements(values, noise, sessions, (pose,), tuple(corrections))
+        points = {n: FixedPoint(p.at, p.position, p.orientation, p.estimate) for n, p in measured.points.items()}
+        between = {n: (s.between[0], s.between[1]) for n, s in measured.signals.items() if s.between}
+        places = [f"{path.name}, line {k}" for path, t in zip(sources, tables, strict=True) for k in t.lines]
+        measurements = Measurements(
+            values, noise, sessions, (pose,), tuple(corrections), points, between, tuple(measured.latent),
+            measured.name or sources[0].stem, places,
+        )  # fmt: skip
         for name in noise:
-            size = 3 if name == measured.orientation else np.asarray(measurements.values[name]).shape[1]
+            turns = name.partition("@")[0] == measured.orientation
+            size = 3 if turns else np.asarray(measurements.values[name]).shape[1]
             measurements.covariance(name, size)
         return measurements
     except ModelError as error:

@@ -67,7 +67,10 @@ def witness_of(model: Model, data: SplitPoses) -> Witness:
     pose = data.pose
     flat = flat_of(model)
     lengths = [abs(p.value) for p in flat.parameters if p.unit == "m" and np.isfinite(p.value)]
-    targets = [pose.position] + ([pose.orientation] if pose.orientation else [])
+    size = max(lengths, default=1.0)
+    if not data.whole:
+        return Witness(None, size)
+    targets = [n for n in (pose.position, pose.orientation) if n is not None and n in data.all.values]
     try:
         forward = compile_causal(model, known=[data.actuators], targets=targets)
     except ModelError:
@@ -75,7 +78,7 @@ def witness_of(model: Model, data: SplitPoses) -> Witness:
     # a frame of the device is sought in space only
     if forward is not None and forward.outputs[0].shape not in (((3,),) if pose.device else ((2,), (3,))):
         forward = None
-    return Witness(forward, max(lengths, default=1.0))
+    return Witness(forward, size)
 
 
 def recognise(data: SplitPoses, witness: Witness, alarms: Alarms) -> tuple[np.ndarray, np.ndarray] | None:
@@ -233,7 +236,8 @@ def _units(data: SplitPoses, size: float, alarms: Alarms) -> None:
         rows, units = np.asarray(data.all.values[name]), columns.units
         si = [parse_unit(u).si_text for u in units]
         lengths, angles = ([k for k, u in enumerate(si) if u == unit] for unit in ("m", "rad"))
-        if lengths:
+        whole = name in (data.actuators, data.pose.position)
+        if lengths and (whole or np.ptp(rows[:, lengths]) > size):  # heights of a level bed, one distance: hardly any
             sentence = unit_sentence(name, rows[:, lengths], size, units[lengths[0]])
             alarms.raised("unit", sentence, f"poses.values.{name}")
         if angles:

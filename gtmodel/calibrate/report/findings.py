@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -14,15 +14,18 @@ from ...results import ArgumentError
 from ..calibration import Calibration, calibrate
 from ..held_out import judge_held_out
 from ..measured.alarms import Alarms
+from ..measured.options import Refit
 from ..measured.poses import SplitPoses
 from ..measurements import Measurements
-from ..options import COST_WORDS, Fit
+from ..options import Fit
 from ..prediction import MAD, Outlier, Prediction, outliers
 from ..problem import CalibrationProblem
 from ..sensitivity import Sensitivity, sensitivity
+from ..variants import cost_of, too_few
 from .contradictions import contradicted_priors
 from .intervals import Confidence
 from .movement import moved_too_far, undetermined
+from .refitted import of_its_own, refitted
 
 ITERATIONS = 400  # of a fit: few poses leave valleys along which it is slow
 HUBER = 1.345  # standard deviations: 95 % as sharp as least squares where there are no outliers
@@ -33,12 +36,15 @@ class CalibrationFindings:
     """`before`, `after`: identifiability without and with the data's noise. `fitted`, `held_out`, `a_priori`: signal ->
     errors of the calibrated model on fitted and held-out poses, and of the robot as it was on the latter or, without
     any, the former; empty where a pose cannot be closed. `repeatability`: rms distance [m] of poses at the same
-    actuators from their mean, None without any."""
+    actuators from their mean, None without any. `beside`: those of other measurements that were fitted with these, with
+    the same parameters. `refitted`: with what the recording of the held-out poses has of its own; `kept`: these poses,
+    read so.
+    """
 
     problem: CalibrationProblem
     data: SplitPoses
     calibration: Calibration
-    before: Identifiability
+    before: Identifiability | None
     fitted: dict[str, Prediction]
     held_out: dict[str, Prediction]
     a_priori: dict[str, Prediction]
@@ -47,6 +53,14 @@ class CalibrationFindings:
     repeatability: float | None
     loss: str = "linear"
     alarms: Alarms = field(default_factory=Alarms)
+    beside: Sequence[CalibrationFindings] = field(default=())
+    refitted: Calibration | None = None
+    kept: Measurements | None = None
+
+    @property
+    def parts(self) -> tuple[CalibrationFindings, ...]:
+        """The findings of each of the measurements, these first."""
+        return (self, *self.beside)
 
     @property
     def after(self) -> Identifiability | None:
@@ -97,9 +111,18 @@ class CalibrationFindings:
         if kept is None or self.position not in self.held_out or self.position not in self.fitted:
             return None
         fitted, held_out = ({n: p.errors for n, p in each.items()} for each in (self.fitted, self.held_out))
-        return judge_held_out(
-            self.calibration, kept, fitted, held_out, self.position, correlated=self.confidence.correlated
-        )
+        own = Confidence(self.calibration.alone, self.position, self.loss) if self.beside else self.confidence
+        correlated = own.correlated
+        if self.refitted is not None:  # what it has of its own is as well known as these poses tell it
+            x, p = self.refitted.x, self.refitted.problem
+            share = len(x) / max(p.equations * len(p.measurements), 1)
+            held_out = {n: e / np.sqrt(1 + share) for n, e in held_out.items()}
+        return judge_held_out(self.calibration, kept, fitted, held_out, self.position, correlated=correlated)
+
+    @cached_property
+    def held_out_residuals(self) -> np.ndarray | None:
+        """Errors (M, m) [m] of the held-out poses, as the calibration's residuals; None without any."""
+        return None if self.kept is None else (self.refitted or self.calibration).on(self.kept)
 
     @property
     def lost(self) -> int:
@@ -116,36 +139,61 @@ class CalibrationFindings:
 
 
 def findings_of(
-    fit: Fit,
-    data: SplitPoses,
-    prepared: CalibrationProblem,
-    a_priori: Prediction | None,
-    stop: Callable[[], bool],
-    alarms: Alarms,
-) -> CalibrationFindings:
-    """Fit and look at it; `a_priori`: errors of the robot as it was, at all poses; `stop`: see calibrate().
+    fit: Fit, data: Sequence[SplitPoses], prepared: CalibrationProblem, a_priori: Sequence[Prediction | None],
+    stop: Callable[[], bool], alarms: Alarms, refit: Refit | None = None,
+) -> CalibrationFindings:  # fmt: skip
+    """Fit and look at it; `a_priori`: errors of the robot as it was, at all poses of each of the measurements; `stop`:
+    see calibrate().
 
     Raises ArgumentError where the cost or the loss does not fit the measurements."""
-    cost = COST_WORDS[fit.cost]
     width = fit.loss_width
     try:
+        cost = cost_of(fit, prepared)
         c = calibrate(prepared, cost=cost, stop=stop, limit=ITERATIONS)
-        if fit.loss != "linear" and c.status.ok:
+        if fit.loss != "linear" and c.status.ok and len(c.x):
             c = calibrate(
                 prepared, cost=cost, limit=ITERATIONS, loss=fit.loss, width=width or HUBER * _scale(c), stop=stop,
                 start=c.problem.unknowns.named(c.x),
             )  # fmt: skip
-        before = prepared.identifiability(sigma=length_noise(prepared))
+        before = prepared.identifiability(sigma=length_noise(prepared)) if len(c.x) else None
     except (ModelError, ValueError) as error:
         option = next((f"fit.{word}" for word in ("loss", "cost") if word in str(error)), "poses")
         raise ArgumentError(str(error), option) from error
+    first, *others = (
+        _of_part(fit, c if k == 0 else part, own, before, prior, alarms, refit)
+        for k, (part, own, prior) in enumerate(zip(c.parts, data, a_priori, strict=True))
+    )
+    return replace(first, beside=tuple(others))
+
+
+def _of_part(
+    fit: Fit,
+    c: Calibration,
+    data: SplitPoses,
+    before: Identifiability | None,
+    a_priori: Prediction | None,
+    alarms: Alarms,
+    refit: Refit | None = None,
+) -> CalibrationFindings:
     part = data.held_out if data.held_out.any() else ~data.held_out
+    held, kept = c, data.kept
+    if refit is not None and data.refitting is not None and kept is not None and c.status.ok:
+        held, kept = refitted(c, data.refitting, refit), of_its_own(kept, refit, data.actuators)
     prior = {} if a_priori is None else {data.position: Prediction(a_priori.errors[part])}
+    if not data.whole:
+        as_it_was = replace(c, x=c.problem.unknowns.start)
+        prior = _predicted(as_it_was, data.fitted if data.kept is None else data.kept, data)
     return CalibrationFindings(
-        prepared, data, c, before, _predicted(c, data.fitted, data.position),
-        {} if data.kept is None else _predicted(c, data.kept, data.position),
-        prior, outliers(c.residuals), _sensitivity(fit, c), _repeatability(data), fit.loss, alarms,
+        c.problem, data, c, before, _predicted(c, data.fitted, data),
+        {} if kept is None else _predicted(held, kept, data),
+        prior, outliers(_closed(c.residuals)), _sensitivity(fit, c), _repeatability(data), fit.loss, alarms, (),
+        None if held is c else held, kept,
     )  # fmt: skip
+
+
+def _closed(residuals: np.ndarray) -> np.ndarray:
+    """Those of poses that close; the others as zeros, which are no outliers."""
+    return np.nan_to_num(residuals)
 
 
 def verdict(findings: CalibrationFindings, accuracy: float | None) -> tuple[bool, bool | None, list[str]]:
@@ -154,27 +202,30 @@ def verdict(findings: CalibrationFindings, accuracy: float | None) -> tuple[bool
     sound, sentences = c.status.ok, []
     if not sound:
         return False, None, [f"not solved: {c.message}"]
-    assert c.estimate is not None and findings.after is not None
-    sentences.append(f"numerics sound: {c.message}, {findings.after.counts}")
+    if not len(c.x):
+        return _as_it_is(findings, accuracy)
+    assert findings.after is not None
+    sentences.append(f"numerics sound: {c.message}, {findings.after.counts}" if c.estimate is not None else c.message)
+    sentences += too_few(c.problem)
     if findings.after.redundant:
         sentences.append(undetermined(c, findings.after))
-    if c.estimate.known_noise:
+    if c.estimate is not None and c.estimate.known_noise:
         size = noise_size(c.estimate)
         sentences.append(size.message)
-    if c.estimate.degrees_of_freedom > 0:
+    if c.estimate is not None and c.estimate.degrees_of_freedom > 0:
         sentences.append(findings.confidence.scope)
-    lost = findings.lost
+    lost, kept_in_all = (sum(n) for n in zip(*((f.lost, len(f.lines_held_out)) for f in findings.parts), strict=True))
     if findings.priors:
         sentences.append(f"prediction not proven: {findings.priors[0]}")
         return True, False, sentences
     if lost:
         sentences.append(
-            f"prediction not proven: {lost} of {len(findings.lines_held_out)} held-out poses do not close with these "
+            f"prediction not proven: {lost} of {kept_in_all} held-out poses do not close with these "
             "parameters; "
             "two links may have come to coincide: give priors, fix parameters or turn the plate farther"
         )
         return True, False, sentences
-    if not findings.held_out:
+    if not any(f.held_out for f in findings.parts):
         sentences.append("prediction not proven: no poses were held out, errors of fitted poses flatter")
         return True, None, sentences
     if findings.far:
@@ -182,6 +233,17 @@ def verdict(findings: CalibrationFindings, accuracy: float | None) -> tuple[bool
             f"prediction not proven: held-out poses were read in the same way as the fitted ones, and {findings.far[0]}"
         )
         return True, False, sentences
+    verdicts = []
+    for part in findings.parts:
+        if part.held_out:
+            proven, sentence = _of_held_out(part, accuracy if part is findings else None)
+            verdicts.append(proven)
+            sentences.append(f"{part.data.name}: {sentence}" if findings.beside else sentence)
+    return True, all(verdicts), sentences
+
+
+def _of_held_out(findings: CalibrationFindings, accuracy: float | None) -> tuple[bool, str]:
+    """Whether the held-out poses of some measurements are predicted, and a sentence."""
     name, kept = findings.position, len(findings.lines_held_out)
     outside = findings.held_out[name]
     sizes = f"mean {1e3 * outside.mean:.3g} mm, greatest {1e3 * outside.greatest:.3g} mm"
@@ -189,34 +251,51 @@ def verdict(findings: CalibrationFindings, accuracy: float | None) -> tuple[bool
     assert judged is not None
     over = findings.over_noise
     noisy = over is not None and not over.passed
-    proven = judged.passed and not noisy and (accuracy is None or outside.mean <= accuracy)
-    if proven:
-        sentences.append(
+    if judged.passed and not noisy and (accuracy is None or outside.mean <= accuracy):
+        return True, (
             f"prediction proven on {kept} held-out poses: {sizes}; within their box, load and "
             "units, not beyond: a scale that all readings share is not seen"
         )
-    elif accuracy is not None and outside.mean > accuracy:
-        sentences.append(f"prediction misses the wanted {1e3 * accuracy:.3g} mm on {kept} held-out poses: {sizes}")
-    elif judged.passed and over is not None:
-        sentences.append(
+    if accuracy is not None and outside.mean > accuracy:
+        return False, f"prediction misses the wanted {1e3 * accuracy:.3g} mm on {kept} held-out poses: {sizes}"
+    if judged.passed and over is not None:
+        return False, (
             f"prediction not proven on {kept} held-out poses ({sizes}): {over.message}; what is lacking may be larger "
             "elsewhere: held-out poses were measured as the fitted ones"
         )
-    else:
-        sentences.append(
-            f"prediction not proven on {kept} held-out poses ({sizes}): {judged.message}; measure more poses or free "
-            "fewer parameters"
-        )
-    return True, proven, sentences
+    return False, (
+        f"prediction not proven on {kept} held-out poses ({sizes}): {judged.message}; measure more poses or free "
+        "fewer parameters"
+    )
 
 
-def _predicted(c: Calibration, m: Measurements, position: str) -> dict[str, Prediction]:
-    """Of the position, in the plane or in space, and of orientations; empty where no pose closes."""
+def _as_it_is(findings: CalibrationFindings, accuracy: float | None) -> tuple[bool, bool | None, list[str]]:
+    """The verdict where nothing was fitted, so that no pose is better known to the parameters than another."""
+    errors = findings.headline[0]
+    sentences = ["nothing was fitted: the robot is judged as it is"]
+    if findings.position not in errors:
+        return True, False, [*sentences, "no pose closes with these parameters"]
+    p = errors[findings.position]
+    said = f"mean {1e3 * p.mean:.3g} mm, greatest {1e3 * p.greatest:.3g} mm on {len(p.sizes)} poses"
+    if p.lost:
+        return True, False, [*sentences, f"{said}; {p.lost} do not close"]
+    if accuracy is None:
+        return True, None, [*sentences, f"{said}; accuracy_mm says what is wanted of them"]
+    proven = p.mean <= accuracy
+    against = "within" if proven else "more than"
+    return True, proven, [*sentences, f"{said}: {against} the wanted {1e3 * accuracy:.3g} mm"]
+
+
+def _predicted(c: Calibration, m: Measurements, data: SplitPoses) -> dict[str, Prediction]:
+    """Of the position, in the plane or in space, and of orientations; of all that was measured where the pose is known
+    in part. Empty where no pose closes."""
     try:
         errors = c.positioning_errors(m)
     except (ModelError, ValueError, np.linalg.LinAlgError):
         return {}
-    predictions = {n: Prediction(e) for n, e in errors.items() if n == position or e.shape[1] == 3}
+    predictions = {
+        n: Prediction(e) for n, e in errors.items() if n == data.position or e.shape[1] == 3 or not data.whole
+    }
     return predictions if all(np.any(np.isfinite(p.errors)) for p in predictions.values()) else {}
 
 
@@ -243,7 +322,7 @@ def length_noise(p: CalibrationProblem) -> float:
 
 
 def _sensitivity(fit: Fit, c: Calibration) -> Sensitivity | None:
-    if fit.sensitivity_step == 0 or not c.status.ok:
+    if fit.sensitivity_step == 0 or not c.status.ok or not len(c.x) or c.problem.beside:
         return None
     try:
         return sensitivity(c.problem, c.x, fit.sensitivity_step)

@@ -69,7 +69,8 @@ class Confidence:
     def withheld(self) -> str:
         """Why no interval can be given, in one sentence; empty where they can."""
         if self.calibration.estimate is None:
-            return f"no intervals hold: not solved, {self.calibration.message}"
+            why = "" if self.calibration.status.ok else "not solved, "
+            return f"no intervals hold: {why}{self.calibration.message}"
         return "" if self.holds else self.reasons[-1]
 
     @cached_property
@@ -119,8 +120,8 @@ class Confidence:
         """How many poses in a row have about one error: 1 unless residuals are coloured."""
         if not self._coloured:
             return 1
-        residuals, labels = self.calibration.residuals, self.calibration.problem.labels
-        orders = self._orders(len(residuals))
+        residuals, labels = self.calibration.residuals, self.calibration.problem.error_labels
+        orders = self._orders(self.calibration)
         return max(correlation_time(residuals[orders[name], labels.index(link)]) for link, name, _ in self._coloured)
 
     @cached_property
@@ -141,7 +142,7 @@ class Confidence:
 
     @property
     def _few(self) -> bool:
-        return len(self.calibration.residuals) < LEAST_POSES
+        return all(len(c.residuals) < LEAST_POSES for c in self.calibration.parts)
 
     @cached_property
     def _wrong(self) -> list[str]:
@@ -157,7 +158,8 @@ class Confidence:
 
     @cached_property
     def _coloured(self) -> list[tuple[str, str, str]]:
-        return [] if self._few else self._tested(self.calibration.residuals, self.calibration.problem.labels)
+        parts = [c for c in self.calibration.parts if len(c.residuals) >= LEAST_POSES]
+        return [one for c in parts for one in self._tested(c, c.residuals, c.problem.error_labels)]
 
     @cached_property
     def _smooth(self) -> tuple[Estimate, dict[str, SmoothErrors]] | None:
@@ -170,7 +172,7 @@ class Confidence:
         if smooth is None or self._few:
             return smooth
         left = np.column_stack([e.left for e in smooth[1].values()])
-        return None if self._tested(left, list(smooth[1])) else smooth
+        return None if self._tested(self.calibration, left, list(smooth[1])) else smooth
 
     @property
     def _why_not_smooth(self) -> list[str]:
@@ -187,11 +189,13 @@ class Confidence:
             ]
         return []
 
-    def _tested(self, residuals: np.ndarray, labels: tuple[str, ...] | list[str]) -> list[tuple[str, str, str]]:
+    def _tested(
+        self, c: Calibration, residuals: np.ndarray, labels: tuple[str, ...] | list[str]
+    ) -> list[tuple[str, str, str]]:
         """Link, order and sentence of each link whose residuals are coloured."""
-        if not residuals.shape[1]:
+        if not residuals.shape[1] or not np.all(np.isfinite(residuals)):
             return []
-        orders, coloured = self._orders(len(residuals)), []
+        orders, coloured = self._orders(c), []
         for label, r in zip(labels, residuals.T, strict=True):
             tests = {name: whiteness(r[order]) for name, order in orders.items()}
             name = min(tests, key=lambda n: tests[n].p)
@@ -199,9 +203,9 @@ class Confidence:
                 coloured.append((label, name, tests[name].message))
         return coloured
 
-    def _orders(self, poses: int) -> dict[str, np.ndarray]:
+    def _orders(self, c: Calibration) -> dict[str, np.ndarray]:
         """Orders of the poses in which residuals are tested: as measured and by each actuator."""
-        problem = self.calibration.problem
+        problem, poses = c.problem, len(c.problem.measurements)
         q = np.asarray(problem.measurements.values[problem.actuators])
         by = {f"by {problem.actuators}[{k}]": np.argsort(q[:, k], kind="stable") for k in range(q.shape[1])}
         return {MEASURED: np.arange(poses), **by}

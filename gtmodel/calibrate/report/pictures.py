@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from .findings import CalibrationFindings
 
 if TYPE_CHECKING:
@@ -17,7 +19,14 @@ def pictures(findings: CalibrationFindings, title: str) -> Mapping[str, Callable
     name = findings.position
     what = "held-out poses" if held else "fitted poses"
     drawn: dict[str, Callable[[], Figure]] = {}
-    if name in headline:
+    parts = findings.beside or not findings.data.whole
+    if parts:
+        of_parts = {title: sizes for part in findings.parts for title, sizes in _of_part(part).items()}
+        if of_parts:
+            drawn["pose_errors"] = lambda: _plot().pose_errors_figure(
+                of_parts, f"{title}: errors by pose", None, "error [mm]"
+            )
+    elif name in headline:
         T = findings.data.T[findings.data.held_out if held else ~findings.data.held_out]
         errors = {f"{what}, calibrated": headline[name].sizes}
         if name in findings.a_priori:
@@ -29,9 +38,10 @@ def pictures(findings: CalibrationFindings, title: str) -> Mapping[str, Callable
             drawn["workspace_errors"] = lambda: _plot().workspace_errors_figure(
                 T, headline[name].sizes, f"{title}: errors by place, {what}"
             )
-    drawn["length_errors"] = lambda: _plot().length_errors_figure(
-        c.residuals, findings.problem.labels, f"{title}: length errors of the fitted poses"
-    )
+    if not parts:
+        drawn["length_errors"] = lambda: _plot().length_errors_figure(
+            c.residuals, findings.problem.labels, f"{title}: length errors of the fitted poses"
+        )
     estimate, after = findings.confidence.estimate, findings.after
     if estimate is not None and after is not None:
         units = [u or "1" for u in estimate.units]
@@ -42,6 +52,19 @@ def pictures(findings: CalibrationFindings, title: str) -> Mapping[str, Callable
             after.names, after.correlation, f"{title}: correlation"
         )
     return drawn
+
+
+def _of_part(part: CalibrationFindings) -> dict[str, np.ndarray]:
+    """Sizes [m] of the errors of what some measurements measured, before and after, by what to call them."""
+    errors, _, held = part.headline
+    what = "held-out poses" if held else "fitted poses"
+    sizes = {}
+    for name in part.problem.judged:
+        if name in errors and name.partition("@")[0] != part.data.pose.orientation:
+            sizes[f"{part.data.name}, {name}, {what}"] = errors[name].sizes
+            if name in part.a_priori:
+                sizes[f"{part.data.name}, {name}, before"] = part.a_priori[name].sizes
+    return sizes
 
 
 def _plot() -> Any:

@@ -91,6 +91,10 @@ class CalibrationStudy(Study):
     repeatability: Annotated[float | None, Quantity("m",
         "rms distance of poses at the same actuators from their mean; null without any", written="mm",
     )] = None  # fmt: skip
+    recordings: Annotated[Tables, Quantity("",
+        "where there are several measurements, or poses known in part: name, numbers of poses fitted and held_out, "
+        "link_errors_mm, and errors by signal: unit, and mean, max, rms and lost poses a_priori, fitted and held_out",
+    )] = None  # fmt: skip
     sensitivity: Annotated[Mapping[str, Numbers] | None, Quantity("",
         "sums (5.8) of changes by a small step of each unknown: position_mm, orientation_deg, cost_m4; null "
         "where the pose is not determined",

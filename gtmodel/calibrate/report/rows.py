@@ -8,6 +8,7 @@ from typing import Any
 from ...results import Row
 
 WORST_ROWS = 5
+SHOWN_WEAK = 3
 WEAK = "determined no better than"  # of a combination, in words
 
 
@@ -23,8 +24,12 @@ def rows_of(values: Mapping[str, Any]) -> list[Row]:
             rows.append(Row("  95 %", "not determined by these poses"))
         else:
             rows.append(Row("  std, were residuals noise", u["std"], u["unit"]))
-    rows += [Row(f"mean length error of {n}", v, "mm") for n, v in values["link_errors_mm"].items()]
-    for key, said in (("a_priori_mm", "before"), ("fitted_mm", "fitted poses"), ("held_out_mm", "held-out poses")):
+    if values["recordings"] is None:
+        rows += [Row(f"mean length error of {n}", v, "mm") for n, v in values["link_errors_mm"].items()]
+    for recording in values["recordings"] or ():
+        rows += _of_recording(recording)
+    headline = (("a_priori_mm", "before"), ("fitted_mm", "fitted poses"), ("held_out_mm", "held-out poses"))
+    for key, said in headline if values["recordings"] is None else ():
         if values[key]:
             rows.append(Row(f"positioning error, {said}: mean", values[key]["mean"], "mm"))
             rows.append(Row("  greatest", values[key]["max"], "mm"))
@@ -41,7 +46,9 @@ def rows_of(values: Mapping[str, Any]) -> list[Row]:
         sentences = values["identifiability_after"]["notes"]
         rows += [Row("identifiability", s) for s in sentences if WEAK not in s]
         weak = sum(WEAK in s for s in sentences)
-        if weak:
+        if values["recordings"] is not None and weak <= SHOWN_WEAK:
+            rows += [Row("identifiability", s) for s in sentences if WEAK in s]
+        elif weak:
             rows.append(Row("identifiability", f"{weak} combinations are {WEAK} they were known; see result.json"))
     rows += [
         Row("outlier", f"line {o['line']}, {o['link']}: {o['residual_mm']:.3g} mm, {o['times']:.1f} deviations")
@@ -51,4 +58,15 @@ def rows_of(values: Mapping[str, Any]) -> list[Row]:
     rows += [Row("verdict", s) for s in values["verdict"] if s not in noted]
     if values["synthetic"]:
         rows.append(Row("synthetic", values["synthetic"].partition(";")[0]))
+    return rows
+
+
+def _of_recording(recording: Mapping[str, Any]) -> list[Row]:
+    """Errors of what some measurements measured."""
+    rows = []
+    for name, e in recording["errors"].items():
+        for key, said in (("a_priori", "before"), ("fitted", "fitted"), ("held_out", "held out")):
+            if e[key] is not None:
+                rows.append(Row(f"{recording['name']}, {name}, {said}: rms", e[key]["rms"], e["unit"]))
+                rows.append(Row("  greatest", e[key]["max"], e["unit"]))
     return rows

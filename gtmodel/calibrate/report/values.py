@@ -8,6 +8,7 @@ import numpy as np
 
 from ...compiler.causal import flat_of
 from ...inference import Identifiability
+from ...lang.units import parse_unit
 from ...results import Check, at_most
 from ..measured.poses import SplitPoses
 from ..prediction import Prediction
@@ -25,7 +26,8 @@ def values_of(findings: CalibrationFindings, accuracy: float | None) -> dict[str
     errors, lines, held = findings.headline
     own = {q.name for q in findings.problem.closure.flat.parameters}
     intervals_hold = c.estimate is not None and findings.confidence.holds
-    head = errors.get(findings.position)
+    whole = data.whole
+    head = errors.get(findings.position) if whole else None
     return {
         "parameters": {n: v for n, v in c.values.items() if n in own},
         "unknowns": _unknowns(findings),
@@ -33,27 +35,28 @@ def values_of(findings: CalibrationFindings, accuracy: float | None) -> dict[str
         "withheld": "" if intervals_hold else findings.confidence.withheld,
         "intervals_hold": intervals_hold,
         "colour_tested": c.estimate is not None and findings.confidence.tested,
-        "measurement": {n: v for n, v in c.values.items() if n not in own},
+        "measurement": {n: v for n, v in c.values.items() if n not in own} | _refitted(findings),
         "poses": {
             "fitted": len(findings.lines), "held_out": len(findings.lines_held_out), "repeated": len(data.repeated),
-        },
+        } | ({} if data.refitting is None else {"refitting": len(data.refitting)}),
         "link_errors": dict(c.link_errors),
         "held_out_link_rms": _link_rms(findings),
-        "held_out": _sizes(findings.held_out.get(findings.position)),
-        "fitted": _sizes(findings.fitted.get(findings.position)),
-        "a_priori": _sizes(findings.a_priori.get(findings.position)),
+        "held_out": _sizes(findings.held_out.get(findings.position)) if whole else None,
+        "fitted": _sizes(findings.fitted.get(findings.position)) if whole else None,
+        "a_priori": _sizes(findings.a_priori.get(findings.position)) if whole else None,
         "orientation": _sizes(errors.get(data.pose.orientation or "")),
         "worst": None if head is None else _worst(data, head, lines, held),
         "principal": None if head is None else _principal(head),
-        "identifiability_before": _identifiability(findings.before),
+        "identifiability_before": None if findings.before is None else _identifiability(findings.before),
         "identifiability_after": None if findings.after is None else _identifiability(findings.after),
         "correlated": [] if findings.after is None else [list(p) for p in findings.after.correlated[:SHOWN_PAIRS]],
         "outliers": [
-            {"line": int(findings.lines[o.pose]), "link": findings.problem.labels[o.link],
+            {"line": int(findings.lines[o.pose]), "link": findings.problem.error_labels[o.link],
              "residual_mm": 1e3 * o.residual, "times": o.times}
             for o in findings.outliers
         ],
         "repeatability": findings.repeatability,
+        "recordings": _recordings(findings),
         "sensitivity": _sensitivity(findings),
         "numerics_sound": sound,
         "prediction_proven": proven,
@@ -68,12 +71,14 @@ def checks_of(accuracy: float | None, findings: CalibrationFindings) -> dict[str
     """Prediction and, where it was asked for, the accuracy."""
     checks = {}
     name = findings.position
-    judged = findings.judged
-    if judged is not None:
-        bound = judged.bound if np.isfinite(judged.bound) else None
-        checks["held_out_over_fitted"] = Check(judged.ratio, bound, LOOK, judged=judged.passed)
-    if findings.lost:
-        checks["held_out_poses_lost"] = at_most(float(findings.lost), 0.0, LOOK)
+    for part in findings.parts:
+        of = f" of {part.data.name}" if findings.beside else ""
+        judged = part.judged if len(part.calibration.x) else None
+        if judged is not None:
+            bound = judged.bound if np.isfinite(judged.bound) else None
+            checks[f"held_out_over_fitted{of}"] = Check(judged.ratio, bound, LOOK, judged=judged.passed)
+        if part.lost:
+            checks[f"held_out_poses_lost{of}"] = at_most(float(part.lost), 0.0, LOOK)
     if findings.far:
         checks["moved_too_far"] = at_most(float(len(findings.far)), 0.0, LOOK)
     over = findings.over_noise
@@ -82,7 +87,7 @@ def checks_of(accuracy: float | None, findings: CalibrationFindings) -> dict[str
     if accuracy is not None and name in findings.headline[0]:
         mean = findings.headline[0][name].mean
         # what was fitted proves nothing
-        proven = 1e3 * mean if findings.held_out else np.nan
+        proven = 1e3 * mean if findings.held_out or not len(findings.calibration.x) else np.nan
         checks["mean_error_mm"] = at_most(
             proven, 1e3 * accuracy, LOOK if findings.held_out else "hold poses out to prove it"
         )
@@ -105,12 +110,45 @@ def _unknowns(findings: CalibrationFindings) -> list[dict[str, Any]]:
 
 def _notes(findings: CalibrationFindings) -> list[str]:
     c = findings.calibration
-    if c.estimate is None:
+    if not c.status.ok:
         return [*findings.alarms.notes]
+    absent = [_absent(part) for part in findings.parts if part.problem.implicit]
+    if findings.refitted is not None:
+        absent.append(_refit_said(findings))
+    if c.estimate is None:
+        return [*findings.alarms.notes, *absent]
     intervals = [*findings.confidence.reasons, *findings.confidence.notes]
     notes = [*findings.priors, *c.estimate.notes, *intervals, *_crowded(findings), *findings.far]
-    notes += findings.alarms.notes
+    notes += [*findings.alarms.notes, *absent]
     return list(dict.fromkeys(notes))  # two null directions may move the same names: one sentence
+
+
+def _refitted(findings: CalibrationFindings) -> dict[str, float]:
+    """What the recording of the held-out poses has of its own, by name."""
+    own = findings.refitted
+    if own is None:
+        return {}
+    names = own.problem.reading.parameters.names
+    return {f"{n} of the held-out recording": v for n, v in own.values.items() if n in names}
+
+
+def _refit_said(findings: CalibrationFindings) -> str:
+    own = findings.refitted
+    assert own is not None
+    names, poses = own.problem.unknowns.names, len(own.problem.measurements)
+    return (
+        f"{len(names)} values of the held-out recording are its own, refitted on {poses} of its poses ({names[0]} to "
+        f"{names[-1]}); the others judge"
+    )
+
+
+def _absent(part: CalibrationFindings) -> str:
+    """What was measured in part, and what became of the rest."""
+    latent = part.problem.latent
+    return (
+        f"{part.data.name}: {', '.join(latent)} {'was' if len(latent) == 1 else 'were'} not measured as a whole and "
+        f"found pose by pose; the errors are those of {', '.join(part.problem.judged)}"
+    )
 
 
 def _crowded(findings: CalibrationFindings) -> list[str]:
@@ -125,11 +163,45 @@ def _crowded(findings: CalibrationFindings) -> list[str]:
 
 
 def _link_rms(findings: CalibrationFindings) -> dict[str, float] | None:
-    kept = findings.data.kept
-    if kept is None or findings.problem.reading.latent.numel():
+    residuals = findings.held_out_residuals
+    if residuals is None:
         return None
-    rms = np.sqrt(np.mean(findings.calibration.on(kept) ** 2, axis=0))
-    return dict(zip(findings.problem.labels, rms.tolist(), strict=True))
+    rms = np.sqrt(np.nanmean(residuals**2, axis=0))
+    return dict(zip(findings.problem.error_labels, rms.tolist(), strict=True))
+
+
+def _recordings(findings: CalibrationFindings) -> list[dict[str, Any]] | None:
+    """Each of the measurements with the errors of what it measured, where there are several, or poses known in part."""
+    if not findings.beside and findings.data.whole:
+        return None
+    listed = []
+    for part in findings.parts:
+        errors = {}
+        for name in part.problem.judged:
+            factor, unit = _written(part, name)
+            sizes = {}
+            for key, said in (("a_priori", part.a_priori), ("fitted", part.fitted), ("held_out", part.held_out)):
+                p = said.get(name)
+                sizes[key] = None if p is None else {
+                    "mean": factor * p.mean, "max": factor * p.greatest, "rms": factor * p.rms, "lost": p.lost,
+                }  # fmt: skip
+            errors[name] = {"unit": unit, **sizes}
+        listed.append(
+            {
+                "name": part.data.name, "fitted": len(part.lines), "held_out": len(part.lines_held_out),
+                "errors": errors, "link_errors_mm": {n: 1e3 * v for n, v in part.calibration.link_errors.items()},
+            }
+        )  # fmt: skip
+    return listed
+
+
+def _written(part: CalibrationFindings, name: str) -> tuple[float, str]:
+    """Factor from SI, and unit, in which errors of a signal are written."""
+    turns = name.partition("@")[0] == part.data.pose.orientation
+    units = {parse_unit(u).si_text for u in part.data.columns[name].units} if name in part.data.columns else {"m"}
+    if turns or units == {"rad"}:
+        return float(np.degrees(1.0)), "deg"
+    return (1e3, "mm") if units == {"m"} else (1.0, min(units))
 
 
 def _sizes(p: Prediction | None) -> dict[str, float] | None:

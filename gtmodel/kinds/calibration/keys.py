@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Discriminator, Field, Tag
 
 from gtmodel.calibrate.measured import options as measured
 from gtmodel.calibrate.options import Fit
@@ -25,6 +25,12 @@ class MeasuredSection(FormSection):
 
     file: str = Field(description="path from the problem's folder")
     source: Source = ""
+
+
+Measurements = Annotated[
+    Annotated[MeasuredSection, Tag("one table")] | Annotated[list[MeasuredSection], Tag("tables")],
+    Discriminator(lambda value: "tables" if isinstance(value, list) else "one table"),
+]
 
 
 @made_from(measured.CartPoints, "at", "points")
@@ -49,6 +55,14 @@ class HeldOutSection(FileSection):
     every: int = Field(default=2, ge=0, description="every how many-th pose is held out; 0 for none")
     file: str | None = Field(default=None, description="another file of the same columns instead")
     source: Source = ""
+    refit: list[Literal["offset", "scale", "device", "target"]] = Field(
+        default=[],
+        description="what the held-out poses have of their own, refitted on a part of them: offset and scale of the "
+        "actuators, frame of the device, place of the target",
+    )
+    refit_every: int = Field(
+        default=2, ge=2, description="the first of so many held-out poses refits them, the others judge"
+    )
 
 
 @made_from(load_tests.LoadTests)
@@ -86,7 +100,9 @@ class _Fitted(RobotProblem, Made):
 class Schema(_Fitted):
     """Geometric parameters of a robot from measured poses."""
 
-    measurements: MeasuredSection | None = Field(default=None, description="measured poses")
+    measurements: Measurements | None = Field(
+        default=None, description="measured poses; several tables [[measurements]] share the robot's parameters"
+    )
     synthetic: Made[synthetic_options.Synthetic] | None = Field(default=None, description="synthetic poses instead")
     cart_points: CartPointsSection | None = Field(default=None, description="guideways through measured points")
     held_out: HeldOutSection = HeldOutSection.left_out()

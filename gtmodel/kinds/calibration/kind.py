@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 
 from gtmodel import calibrate
-from gtmodel.calibrate import CalibrationStudy, CartPoints, MeasuredPoses, Origin
+from gtmodel.calibrate import CalibrationStudy, CartPoints, MeasuredPoses, Origin, Refit
 from gtmodel.calibrate.calibration_study import explained
 from gtmodel.calibrate.modifiers import merged
 from gtmodel.compliance import MeasuredTests, StiffnessStudy, made_load_tests, read_load_tests, stiffness_study
@@ -20,15 +21,17 @@ from gtmodel.results import ArgumentError
 from gtmodel.robots import SerialArm
 
 from . import page
-from .keys import JointStiffness, Schema
+from .keys import JointStiffness, MeasuredSection, Schema
 
 NAME = "calibration"
 STIFFNESS = "joint_stiffness"
 ARGUMENTS = {
-    "fit": "", "poses.values": "measurements.signals", "poses": "measurements", "measured": "measurements",
+    "fit": "", "poses.values": "measurements.signals", "poses[].values": "measurements[].signals",
+    "poses": "measurements", "measured": "measurements",
     "carts.points": "cart_points.file", "carts": "cart_points",
     "tests": f"{STIFFNESS}.measurements", "truth": f"{STIFFNESS}.synthetic", "load": f"{STIFFNESS}.load",
     "setup": STIFFNESS, "held_out": "held_out.every",
+    "refit.what": "held_out.refit", "refit": "held_out.refit",
 }  # fmt: skip
 ALIKE = ("kind", "title", "robot", "parameters", STIFFNESS)
 
@@ -47,8 +50,10 @@ def call(problem: Schema, context: Context) -> Call:
     own = python_models.is_reference(reference) or isinstance(robot, SerialArm)
     origin = Origin(problem.robot, reference if own else "", merged(before, problem.parameters))
     title = problem.title or f"{NAME} of {problem.robot}"
+    own = problem.held_out
+    refit = Refit(own.refit, own.refit_every) if own.refit else None
     return Call(
-        calibrate.study, robot, _poses(problem, robot, context), problem.options(), held_out=problem.held_out.every,
+        calibrate.study, robot, _poses(problem, robot, context), problem.options(), held_out=own.every, refit=refit,
         carts=carts, origin=origin, title=title,
     ).then(partial(page.added, problem=problem, context=context))  # fmt: skip
 
@@ -65,15 +70,26 @@ def explain(problem: Schema, context: Context) -> str:
     return "\n".join([f"{problem.title or name}: {lines[0]}", *lines[1:]])
 
 
-def _poses(problem: Schema, robot: Model, context: Context) -> MeasuredPoses:
+def _poses(problem: Schema, robot: Model, context: Context) -> MeasuredPoses | list[MeasuredPoses]:
     _one_of(problem, "measurements")
     other = problem.held_out.file
     held_out = None if other is None else context.file(other, "held_out.file", source=problem.held_out.source)
     if problem.synthetic is not None:
         return calibrate.made_poses(robot, problem.synthetic.options(), held_out)
     assert problem.measurements is not None
-    path = context.file(problem.measurements.file, "measurements.file", source=problem.measurements.source)
-    return calibrate.read_poses(path, problem.measurements.options(), held_out, problem.measurements.form())
+    if isinstance(problem.measurements, MeasuredSection):
+        return _read(problem.measurements, "measurements", held_out, context)
+    if held_out is not None:
+        raise InputError("is for one table [measurements]; of several, each holds out some of its own", "held_out.file")
+    return [_read(one, f"measurements[{k}]", None, context) for k, one in enumerate(problem.measurements)]
+
+
+def _read(keys: MeasuredSection, key: str, held_out: Path | None, context: Context) -> MeasuredPoses:
+    path = context.file(keys.file, f"{key}.file", source=keys.source)
+    try:
+        return calibrate.read_poses(path, keys.options(), held_out, keys.form())
+    except ArgumentError as error:
+        raise InputError(error.message, error.argument.replace("measured", key, 1)) from error
 
 
 def _carts(problem: Schema, context: Context) -> CartPoints | None:

@@ -61,7 +61,9 @@ def text(study: CalibrationStudy, problem: Schema, context: Context) -> str:
     if values["measurement"]:
         parts.append("<h3>Of the measurement</h3>" + table(("name", "value"), list(values["measurement"].items())))
     parts += [picture(figures, name, CAPTIONS[name]) for name in ("deviations", "correlation")]
-    parts.append("<h2>Links</h2>" + table(("link", "mean length error [mm]"), list(values["link_errors_mm"].items())))
+    if values["recordings"] is None:
+        heads = ("link", "mean length error [mm]")
+        parts.append("<h2>Links</h2>" + table(heads, list(values["link_errors_mm"].items())))
     parts.append(picture(figures, "length_errors", CAPTIONS["length_errors"]))
     parts.append("<h2>What the poses determine</h2>" + _identifiability(values))
     parts.append(_outliers(values))
@@ -116,7 +118,8 @@ def _accuracy(values: Mapping[str, Any]) -> str:
     for key, said in (("a_priori_mm", "before"), ("fitted_mm", "fitted poses"), ("held_out_mm", "held-out poses")):
         if values[key]:
             rows.append((said, values[key]["mean"], values[key]["rms"], values[key]["max"]))
-    page = table(("positioning error", "mean [mm]", "rms [mm]", "greatest [mm]"), rows)
+    page = table(("positioning error", "mean [mm]", "rms [mm]", "greatest [mm]"), rows) if rows else ""
+    page += _recordings(values["recordings"] or ())
     if values["orientation_deg"]:
         o = values["orientation_deg"]
         page += f"<p>Orientation error: mean {o['mean']:.3g}, greatest {o['max']:.3g} degrees.</p>"
@@ -131,6 +134,16 @@ def _accuracy(values: Mapping[str, Any]) -> str:
     if values["repeatability_mm"] is not None:
         page += f"<p>Repeatability of poses measured more than once: {values['repeatability_mm']:.3g} mm rms.</p>"
     return page
+
+
+def _recordings(recordings: Sequence[Mapping[str, Any]]) -> str:
+    rows: list[Sequence[Any]] = []
+    for r in recordings:
+        for name, e in r["errors"].items():
+            for key, said in (("a_priori", "before"), ("fitted", "fitted"), ("held_out", "held out")):
+                if e[key] is not None:
+                    rows.append((r["name"], name, said, e[key]["mean"], e[key]["rms"], e[key]["max"], e["unit"]))
+    return table(("measurements", "of", "", "mean", "rms", "greatest", "unit"), rows) if rows else ""
 
 
 def _parameters(values: Mapping[str, Any]) -> str:
