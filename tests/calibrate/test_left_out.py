@@ -1,12 +1,13 @@
 """Poses left out in turn: equal to refits by hand, judged by what a sound model has."""
 
 from dataclasses import replace
+from typing import Any, Literal
 
 import numpy as np
 import pytest
 
-from gtmodel.calibrate import Choice, calibrate, folds_of, leave_out, prepare
-from gtmodel.results import ArgumentError
+from gtmodel.calibrate import Choice, Fit, calibrate, folds_of, leave_out, prepare, study
+from gtmodel.results import ArgumentError, SolveStatus
 from tests.calibrate.drawn import drawing, drawn, poses_of
 
 
@@ -60,3 +61,44 @@ def test_poses_at_the_same_actuators_stay_together_and_wrong_folds_are_refused()
         leave_out(c, stop=lambda: True)
     with pytest.raises(ArgumentError, match="of one table of measurements"):
         leave_out(replace(c, problem=replace(c.problem, beside=(c.problem,))))
+
+
+class TestStudy:
+    """Nine parameters of a delta printer from ten poses, all fitted."""
+
+    ASKED = Fit(fixed=["angle[2]"], sensitivity_step=0.0)
+
+    def solved(self, method: Literal["leave_one_out", "folds"], folds: int = 10, effect: float = 0.0, **more: Any):
+        poses = poses_of("delta", drawn("delta", 4, 10, effect))
+        return study(drawing("delta", 4), poses, self.ASKED, method=method, folds=folds, **more), poses
+
+    def test_headline_table_and_verdict_are_of_poses_left_out(self) -> None:
+        s, poses = self.solved("leave_one_out")
+        assert s.poses == {"fitted": 10, "held_out": 10, "repeated": 0}
+        c = calibrate(drawing("delta", 4), poses.measurements, DELTA)
+        left = leave_out(c)
+        assert s.held_out is not None and s.held_out["rms"] == pytest.approx(
+            np.sqrt(np.mean(np.sum(left.errors["T"] ** 2, axis=1))), rel=1e-6
+        )
+        assert s.checks["held_out_over_fitted"].value == pytest.approx(left.judged.ratio, rel=1e-6)
+        assert s.prediction_proven and s.verdict is not None
+        assert s.verdict[-1].startswith("prediction proven on 10 poses left out in turn: mean 0.0")
+        assert s.files["poses.csv"].count("left out in turn") == 10
+
+    def test_folds_and_an_effect_that_is_lacking(self) -> None:
+        s, _ = self.solved("folds", 5)
+        assert s.verdict is not None and "10 poses left out in turn in 5 folds" in s.verdict[-1]
+        wrong, _ = self.solved("folds", 5, effect=5.0)
+        assert wrong.prediction_proven is False
+
+    def test_interrupted_it_claims_nothing(self) -> None:
+        asked = iter([False] * 12)
+        s, _ = self.solved("leave_one_out", stop=lambda: not next(asked, False) and next(asked, None) is None)
+        assert s.status is SolveStatus.INTERRUPTED and s.prediction_proven is not True
+
+    def test_what_does_not_go_together_is_refused(self) -> None:
+        poses = poses_of("delta", drawn("delta", 4, 10))
+        held = replace(poses, held_out=np.arange(10) > 6)
+        for given, sentence in (([poses, poses], "of one table of measurements"), (held, "are held out already")):
+            with pytest.raises(ArgumentError, match=sentence):
+                study(drawing("delta", 4), given, self.ASKED, method="leave_one_out")

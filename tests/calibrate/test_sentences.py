@@ -48,6 +48,7 @@ def test_two_directions_in_one_sentence_are_one_note() -> None:
     )  # fmt: skip
     silent = SimpleNamespace(reasons=(), notes=())
     nothing_else = {"priors": [], "outliers": [], "parts": (), "refitted": None, "far": [], "alarms": Alarms()}
+    nothing_else["after"] = None
     findings = SimpleNamespace(calibration=c, confidence=silent, lines=range(9), **nothing_else)
     assert _notes(findings) == [said]  # type: ignore[arg-type]
 
@@ -124,3 +125,20 @@ def test_what_is_undetermined_is_said_with_the_movement_that_was_seen() -> None:
             and "of 2 parameters" in sentence
         )
         assert "near" not in sentence
+
+
+def test_parameters_that_drift_together_are_named_together() -> None:
+    """Offsets along parallel axes: their sum is determined alone, or hardly their difference."""
+    names, rng = ("a", "d[1]", "d[2]"), np.random.default_rng(6)
+    for near in (0.0, 1e-7):
+        J = np.column_stack([rng.standard_normal(8), np.ones(8), np.ones(8) + near * rng.standard_normal(8)])
+        determined = identifiability(J / 1e-5, names, scale=np.full(3, 1e-3))
+        assert determined.redundant + len(determined.near) == 1
+        for moved, said in (([0.0, 9.45, -9.4499], 1), ([2e-3, 5e-3, -5e-3], 0), ([3.0, 0.05, 0.05], 0)):
+            unknowns = SimpleNamespace(names=names, start=np.zeros(3), units=("m",) * 3)
+            c = SimpleNamespace(x=np.array(moved), problem=SimpleNamespace(unknowns=unknowns))
+            sentences = movement.drifted(c, determined)  # type: ignore[arg-type]
+            assert len(sentences) == said
+            if said:
+                assert "d[1] by 9.45 m" in sentences[0] and "d[2] by -9.45 m" in sentences[0]
+                assert ("do not determine" if not near else "no better than it was known") in sentences[0]

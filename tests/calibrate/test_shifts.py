@@ -1,9 +1,11 @@
 """A shift that offsets explain is named with its share."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from gtmodel.calibrate import Choice, Measurements, calibrate, prepare
+from gtmodel.calibrate import Choice, Fit, Measurements, calibrate, prepare, study
 from gtmodel.calibrate.report.shifts import shift_of
 from tests.calibrate.drawn import KINDS, drawing, drawn, measured_robot, poses_of
 from tests.calibrate.hexapod import FIRST, SECOND, hexapod, measured
@@ -69,3 +71,16 @@ def test_several_sessions_have_offsets_each() -> None:
     assert shift is not None and shift.sessions == ("a", "b")
     np.testing.assert_allclose(shift.offsets, [HOMED, -HOMED], atol=3e-4)
     assert "six offsets of q in 2 sessions" in shift.message
+
+
+def test_the_verdict_names_the_shift_in_place_of_more_poses() -> None:
+    both = [drawn("three_link", seed, 30) for seed in (0, 1)]
+    both[1]["q"] = both[1]["q"] + HOMED
+    values = {n: np.vstack([b[n] for b in both]) for n in both[0]}
+    poses = replace(poses_of("three_link", values), held_out=np.arange(60) >= 30)
+    s = study(drawing("three_link", 0), poses, KINDS["three_link"].fit)
+    assert s.prediction_proven is False and s.verdict is not None
+    assert "three offsets of q (" in s.verdict[-1] and "was the robot homed anew?" in s.verdict[-1]
+    assert "measure more poses" not in s.verdict[-1]
+    as_it_is = study(measured_robot("three_link"), poses_of("three_link", both[1]), Fit(free=[]))
+    assert any("three offsets of q (" in said for said in as_it_is.verdict or ())
