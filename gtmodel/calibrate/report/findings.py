@@ -138,9 +138,9 @@ class CalibrationFindings:
     def shift(self) -> Shift | None:
         """Offsets that explain the errors of the held-out poses, where these are larger than those of the fitted ones,
         or what the fitted ones leave."""
-        held = self.kept is not None and self.judged is not None and not self.judged.passed
         c = self.refitted or self.calibration
-        if held and self.kept is not None:
+        judged = self.judged if self.kept is not None and len(self.calibration.x) else None
+        if judged is not None and not judged.passed and self.kept is not None:
             return shift_of(c.problem.on(self.kept), c.x, False, self.position)
         return shift_of(self.calibration.problem, self.calibration.x, True, self.position)
 
