@@ -13,6 +13,7 @@ Worth
     whiteness, normality, noise_size, cross_validation   what residuals say of a model
     held_out_ratio, freedom_of  how much larger than fitted errors held-out ones are by chance; FALSE_ALARM of verdicts
     over_noise                  are residuals as large as the stated noise, by more than chance and than matters
+    between_recordings          have recordings of one machine disjoint intervals, and by how much
     chance_ratio                of two rms errors of one size
 Proof
     monte_carlo                 runs by seed in parallel processes
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
         newey_west as newey_west,
         white as white,
     )
+    from .between import BetweenRecordings as BetweenRecordings, between_recordings as between_recordings
     from .coverage import Coverage as Coverage, binomial_band as binomial_band, coverage as coverage
     from .dependencies import Dependencies as Dependencies, dependencies as dependencies
     from .held_out import (
