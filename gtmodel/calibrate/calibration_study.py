@@ -28,7 +28,7 @@ from .report.pictures import pictures
 from .report.result import CalibrationStudy
 from .report.robot_file import Origin
 from .report.values import checks_of, values_of
-from .variants import prepared, too_few
+from .variants import by_dh_numbers, prepared, too_few
 
 
 @study_function
@@ -85,7 +85,7 @@ def study(
     """
     work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
     fit, origin = fit or Fit(), origin or Origin(type(robot).__name__)
-    robot, on_points = on_cart_points(robot, carts)
+    robot, on_points = on_cart_points(by_dh_numbers(fit, robot), carts)
     data = split_all(poses, robot, held_out if method == "every" else 0, refit)
     in_turn = [] if method == "every" else _in_turn(data, folds if method == "folds" else None)
     alarms = Alarms(fit.accept)
@@ -126,7 +126,7 @@ def explained(
     held_out: int = 2, carts: CartPoints | None = None, method: str = "every",
 ) -> list[str]:  # fmt: skip
     """What is free, what stays, and what the poses can determine before anything is fitted, in lines of text."""
-    robot, on_points = on_cart_points(robot, carts)
+    robot, on_points = on_cart_points(by_dh_numbers(fit, robot), carts)
     data = split_all(poses, robot, held_out if method == "every" else 0)
     ready = prepared(fit, robot, data, carts, on_points)
     u = ready.unknowns
@@ -150,6 +150,8 @@ def _study_of(findings: CalibrationFindings, robot: Model, fit: Fit, origin: Ori
     files |= {f"poses_{part.data.name}.csv": partial(poses_table.text, part) for part in findings.beside}
     if values["sensitivity"]:
         files["sensitivity.csv"] = partial(sensitivity_table.text, values["sensitivity"])
+    urdf = robot_file.urdf(findings, robot, title)
+    files |= {name: partial(str, text) for name, text in urdf.items()}
     for part in findings.parts:
         files |= {name: partial(str, text) for name, text in part.data.source.files.items()}
     errors, _, held = findings.headline
@@ -167,6 +169,6 @@ def _study_of(findings: CalibrationFindings, robot: Model, fit: Fit, origin: Ori
         checks=checks_of(fit.accuracy, findings),
         figures=pictures(findings, title),
         files=MadeFiles(files),
-        machine_files=("parameters.toml",),
+        machine_files=("parameters.toml", *urdf),
         **values,
     )

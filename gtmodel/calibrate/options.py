@@ -40,9 +40,10 @@ class Fit(Options):
     """
 
     variant: Annotated[
-        Literal["ideal", "modified", "six_link", "f1_unit", "f1_raw"] | None,
+        Literal["ideal", "modified", "six_link", "f1_unit", "f1_raw", "serial"] | None,
         "ideal: one guideway direction (15 parameters); modified: one each (21); six_link (60); f1_unit, "
-        "f1_raw: quaternions of length one, or free. Left out: all that the equations hold, quaternions raw",
+        "f1_raw: quaternions of length one, or free; serial: of an arm's Denavit-Hartenberg numbers those that "
+        "positions determine. Left out: all that the equations hold, quaternions raw",
     ] = None
     free: Annotated[
         list[str] | None,

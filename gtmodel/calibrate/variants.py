@@ -17,19 +17,22 @@ from .problem import CalibrationProblem, prepare
 from .unknowns import Unknowns
 
 QUATERNIONS = ("u1_2", "u1_3", "u2_3")
+SERIAL = "serial"
 FAMILIES = {"ideal": "three_link", "modified": "three_link", "six_link": "six_link", "f1_unit": "f1", "f1_raw": "f1"}
 SAID = {"three_link": "three links", "six_link": "six links", "f1": "an F1"}
 NAMING = ("fixed", "tied", "unit_quaternions", "priors", "sizes", "free")  # options that hold names of parameters
 
 
-def choice_of(fit: Fit, model: Model, known: Sequence[str] = (), on_points: Sequence[str] = ()) -> Choice:
+def choice_of(
+    fit: Fit, model: Model, known: Sequence[str] = (), on_points: Sequence[str] = (), independent: Sequence[str] = ()
+) -> Choice:
     """Without priors; `known`: what no fit moves; `on_points`: names of guideways through measured points, of which the
-    frame moves.
+    frame moves; `independent`: what moves of an arm, if nothing is named.
 
     Raises ArgumentError for a variant of another family.
     """
     tied, unit = dict(fit.tied), list(fit.unit_quaternions)
-    if fit.variant is not None:
+    if fit.variant is not None and fit.variant != SERIAL:
         wanted, own = FAMILIES[fit.variant], family_of(model)
         if wanted != own:
             raise ArgumentError(
@@ -42,7 +45,35 @@ def choice_of(fit: Fit, model: Model, known: Sequence[str] = (), on_points: Sequ
             unit += [n for n in QUATERNIONS if n not in unit]
     unit += [f"{g}.u" for g in on_points]
     fixed = [*fit.fixed, *known, *(f"{g}.{n}" for g in on_points for n in ("at", "points"))]
-    return Choice(fit.free, fixed, tied, unit, (), fit.sizes)
+    return Choice(
+        fit.free if fit.free is not None or not independent else independent, fixed, tied, unit, (), fit.sizes
+    )
+
+
+def by_dh_numbers(fit: Fit, model: Model) -> Model:
+    """An arm of a URDF by Denavit-Hartenberg numbers where a variant moves these; any other robot as it is."""
+    if fit.variant != SERIAL or not hasattr(model, "structure"):
+        return model
+    from ..robots import SerialArm, as_dh  # here: most calibrations are not of arms
+
+    return as_dh(model) if isinstance(model, SerialArm) else model
+
+
+def arm_choice(fit: Fit, model: Model, data: Sequence[SplitPoses]) -> tuple[list[str], list[str]]:
+    """Of an arm the numbers that positions determine, and in sentences why not the others; nothing for other variants.
+
+    Raises ArgumentError for another robot.
+    """
+    if fit.variant != SERIAL:
+        return [], []
+    from ..robots import SerialArm, independent_geometry  # here: most calibrations are not of arms
+
+    if not isinstance(model, SerialArm):
+        raise ArgumentError("'serial' is for serial arms, by Denavit-Hartenberg numbers", "fit.variant")
+    try:
+        return independent_geometry(model, base=any(d.pose.device for d in data))
+    except ModelError as error:
+        raise ArgumentError(str(error), "fit.variant") from error
 
 
 def prepared(
@@ -54,8 +85,11 @@ def prepared(
     try:
         several = len(data) > 1
         known = [f"{n} of {d.name}" if several else n for d in data for n in d.source.known]
-        choice = choice_of(fit, model, known, on_points)
+        independent, reasons = arm_choice(fit, model, data)
+        choice = choice_of(fit, model, known, on_points, independent)
         first = prepare(model, m, choice, actuators=actuators)
+        if reasons and fit.free is None:
+            first = replace(first, unknowns=replace(first.unknowns, notes=(*first.unknowns.notes, *reasons)))
         turn = None if carts is None else carts.turn_std
         turns = {f"{g}.u": Known(std=turn) for g in on_points} if turn is not None else {}
         if not fit.priors and not turns:

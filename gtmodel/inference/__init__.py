@@ -25,6 +25,7 @@ from typing import TYPE_CHECKING
 from .._lazy import public
 
 if TYPE_CHECKING:
+    from .between import BetweenRecordings as BetweenRecordings, between_recordings as between_recordings
     from .covariance import (
         automatic_lag as automatic_lag,
         block_bootstrap as block_bootstrap,
@@ -34,7 +35,6 @@ if TYPE_CHECKING:
         newey_west as newey_west,
         white as white,
     )
-    from .between import BetweenRecordings as BetweenRecordings, between_recordings as between_recordings
     from .coverage import Coverage as Coverage, binomial_band as binomial_band, coverage as coverage
     from .dependencies import Dependencies as Dependencies, dependencies as dependencies
     from .held_out import (

@@ -36,8 +36,8 @@ class BetweenRecordings:
             for name, (low, high) in zip(self.pair, self.intervals, strict=True)
         )  # fmt: skip
         return (
-            f"recordings have disjoint 95 % intervals of {len(self.apart)} of {len(self.names)} parameters, most of all "
-            f"{self.worst}: {ends}; between recordings it varies by {self.spread[self.worst]:.2g} {self.unit} beyond "
+            f"recordings have disjoint 95 % intervals of {len(self.apart)} of {len(self.names)} parameters, most of "
+            f"all {self.worst}: {ends}; between recordings it varies by {self.spread[self.worst]:.2g} {self.unit} beyond "
             "their noise: an interval describes its recordings, not the machine"
         )
 

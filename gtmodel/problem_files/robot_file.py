@@ -22,6 +22,7 @@ from .sentences import shown
 
 NotNegativeFloat = Annotated[float, Field(ge=0)]
 Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
+Pair = Annotated[list[float], Field(min_length=2, max_length=2)]
 Quaternion = Annotated[list[float], Field(min_length=4, max_length=4)]
 Matrix = Annotated[list[Vector], Field(min_length=3, max_length=3)]
 Points = Annotated[list[Vector], Field(min_length=6, max_length=6)]
@@ -178,17 +179,15 @@ class SerialFile(FileSection):
     d_m: list[float] = Field(description="offsets along the axes")
     theta_deg: list[float] | None = Field(default=None, description="angles about the axes at q = 0")
     beta_deg: list[float] | None = Field(default=None, description="Hayati's angles, where the next axis is parallel")
-    limits_deg: list[list[float]] | None = Field(default=None, description="lower and upper, of joints that turn")
-    limits: list[list[float]] | None = Field(
-        default=None, description="the same in rad, and in m for joints that slide"
-    )
+    limits_deg: list[Pair] | None = Field(default=None, description="lower and upper, of joints that turn")
+    limits: list[Pair] | None = Field(default=None, description="the same in rad, and in m for joints that slide")
     base_m: Vector | None = Field(default=None, description="place of the base in the world")
     base_rpy_deg: Vector | None = Field(default=None, description="its roll, pitch and yaw")
     tool_m: Vector | None = Field(default=None, description="tool centre point in the last frame")
     tool_rpy_deg: Vector | None = Field(default=None, description="roll, pitch and yaw of the tool there")
     m_kg: list[float] | None = Field(default=None, description="masses of the links")
     c_m: list[Vector] | None = Field(default=None, description="their centres of mass, link frames")
-    I_kg_m2: list[list[Vector]] | None = Field(
+    I_kg_m2: list[Matrix] | None = Field(
         default=None, description="inertias about them, link frames", json_schema_extra={"unit": "kg.m2"}
     )
     viscous: list[float] | None = Field(default=None, description="viscous friction, N.m.s/rad or kg/s")

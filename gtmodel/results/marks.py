@@ -13,6 +13,7 @@ _COMMENT = {
     ".mod": ("! ", ""),
     ".c": ("/* ", " */"),
     ".h": ("/* ", " */"),
+    ".urdf": ("<!-- ", " -->"),  # before the outermost element: written without a declaration
 }
 
 
@@ -26,7 +27,8 @@ def marked(name: str, content: bytes, message: str, by: str = ", written by --wr
     except KeyError:
         raise ValueError(f"{name}: no comment is known for files of this ending") from None
     said = " ".join(message.split()).replace("*/", "* /").replace("/*", "/ *")
-    line = f"{before}{_MARK}{by}: {said}{after}"
+    text = f"{_MARK}{by}: {said}"
+    line = f"{before}{text.replace('--', '- -') if before == '<!-- ' else text}{after}"
     return line.encode() + b"\n" + content
 
 

@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gtmodel.problem_files import Context
+import gtmodel as gt
+from gtmodel.cli import main
+from gtmodel.problem_files import Context, InputError
 from gtmodel.problem_files.load import load
 from gtmodel.problem_files.robots import resolve
 from gtmodel.problem_files.run import answer
@@ -29,9 +31,12 @@ def test_the_data_are_those_of_the_stated_seed() -> None:
     np.testing.assert_allclose(shipped, made, atol=2e-4)  # one digit of the last place
 
 
-def test_the_problem_frees_what_can_be_determined() -> None:
-    free = load(PROBLEM, []).problem.free
-    assert [*free[:-1], *(f"tool_xyz[{k}]" for k in range(3))] == arm_poses.free()
+def test_the_problem_frees_what_can_be_determined(study) -> None:
+    """And says why the others stay."""
+    model = [n for n in study.estimate.names if not n.startswith("T.device")]
+    assert sorted(model) == sorted(arm_poses.free())
+    notes = "; ".join(study.notes)
+    assert "beta[1] is free in its place" in notes and "d[0] stays: it moves with the frame's shift along z" in notes
 
 
 def test_true_numbers_are_found(study) -> None:
@@ -51,22 +56,46 @@ def test_true_numbers_are_found(study) -> None:
 
 
 def test_the_calibrated_arm_is_the_true_one(study, tmp_path) -> None:
-    (tmp_path / "parameters.toml").write_text(study.files["parameters.toml"])
-    (tmp_path / "models").mkdir()
-    name = "six_axis_arm.toml"
-    (tmp_path / "models" / name).write_text((arm_poses.PROBLEMS / "models" / name).read_text())
-    calibrated = resolve("parameters.toml", Context(folder=tmp_path))
+    """By its robot file and by its URDF, alone in a folder."""
+    for name in ("parameters.toml", "calibrated.urdf"):
+        (tmp_path / name).write_text(study.files[name])
     q = np.random.default_rng(1).uniform(-0.8, 0.8, (40, 6))
-    places = [
-        arm.causal(known="q", targets="T")(q)[0] for arm in (calibrated, arm_poses.true_arm(), arm_poses.nominal())
-    ]
-    off, before = (np.linalg.norm(T - places[1], axis=1) for T in (places[0], places[2]))
-    assert off.max() < 1e-4 and before.max() > 3e-3  # m
+    arms = [resolve(name, Context(folder=tmp_path)) for name in ("parameters.toml", "calibrated.urdf")]
+    arms += [arm_poses.true_arm(), arm_poses.nominal()]
+    by_toml, by_urdf, true, before = (arm.causal(known="q", targets="T")(q)[0] for arm in arms)
+    np.testing.assert_allclose(by_urdf, by_toml, atol=1e-12)
+    off, was = (np.linalg.norm(T - true, axis=1).max() for T in (by_toml, before))
+    assert off < 1e-4 and was > 3e-3  # m
+
+
+def test_a_urdf_is_calibrated_as_well(study, tmp_path) -> None:
+    """Its axes get Denavit-Hartenberg numbers; another choice of frames, the same places."""
+    (tmp_path / "arm.urdf").write_text(gt.robots.to_urdf(arm_poses.nominal()))
+    other = solved("sensitivity_step=0", f'robot="{tmp_path / "arm.urdf"}"')
+    assert other.status.ok and len(other.estimate.names) == 27
+    assert other.held_out["mean"] == pytest.approx(study.held_out["mean"], rel=1e-6)
+
+
+def test_other_robots_have_no_such_numbers() -> None:
+    with pytest.raises(InputError, match="variant: 'serial' is for serial arms"):
+        answer(
+            load(arm_poses.PROBLEMS / "calibrate_hexapod.toml", ['variant="serial"']),
+            Context(folder=arm_poses.PROBLEMS),
+        )
+
+
+def test_an_arm_that_is_not_good_enough_is_marked_and_still_read(tmp_path) -> None:
+    """`--write-failed` marks its files in their first line, which no reader of URDF minds."""
+    out = tmp_path / "out"
+    assert main(["solve", str(PROBLEM), "--set", "accuracy_mm=0.001", "--out", str(out), "--write-failed"]) == 1
+    text = (out / "calibrated.urdf").read_text()
+    assert "NOT TO BE USED" in text.splitlines()[0] and text.startswith("<!-- ")
+    assert resolve("calibrated.urdf", Context(folder=out)).structure.tool == "tool"
 
 
 def test_redundant_numbers_are_named() -> None:
     """All numbers of all links and both frames: 12 of 39 are a matter of choice."""
-    every = solved("sensitivity_step=0", 'free=["theta", "d", "a", "alpha", "beta", "tool_xyz"]')
+    every = solved("sensitivity_step=0", 'variant="serial"', 'free=["theta", "d", "a", "alpha", "beta", "tool_xyz"]')
     assert every.status.ok
     shown = "; ".join(str(row) for row in every.rows)
     assert "27 of 39 parameters or combinations are determined" in shown

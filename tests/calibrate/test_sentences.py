@@ -48,7 +48,7 @@ def test_two_directions_in_one_sentence_are_one_note() -> None:
     )  # fmt: skip
     silent = SimpleNamespace(reasons=(), notes=())
     nothing_else = {"priors": [], "outliers": [], "parts": (), "refitted": None, "far": [], "alarms": Alarms()}
-    nothing_else["after"] = None
+    nothing_else |= {"after": None, "apart": None}
     findings = SimpleNamespace(calibration=c, confidence=silent, lines=range(9), **nothing_else)
     assert _notes(findings) == [said]  # type: ignore[arg-type]
 
@@ -105,7 +105,7 @@ def test_few_poses_are_said_to_be_untested(tmp_path: Path) -> None:
     v = solved("l1", written(tmp_path, "l1", rows=slice(None, None, 5))).values
     assert v["poses"]["fitted"] == 20 and not v["colour_tested"] and v["intervals_hold"]
     assert any("20 fitted poses are too few to test whether residuals are coloured" in s for s in v["notes"])
-    assert "parameters: 95 % intervals cover noise; colour not tested, 20 poses" in v["verdict"]
+    assert "parameters: 95 % intervals cover noise of this recording; colour not tested, 20 poses" in v["verdict"]
 
 
 def test_what_is_undetermined_is_said_with_the_movement_that_was_seen() -> None:

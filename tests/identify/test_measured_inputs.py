@@ -100,6 +100,19 @@ def test_rows_are_those_of_the_force_added_by_hand(log: gt.Trajectory) -> None:
     np.testing.assert_allclose(rows.Y, by_hand.Y, atol=1e-12)
 
 
+def test_scale_and_delay_of_an_input_are_estimated_like_those_of_any_signal(log: gt.Trajectory) -> None:
+    """Its column shows the force divided by 1.3, and 6 ms late."""
+    late = np.interp(log.time - 0.006, log.time, log["push"]) / 1.3
+    signals = {"q": log["q"], "tau": log["tau"], "push": late}
+    raw = gt.Trajectory(log.time, signals, {"q": "m", "tau": "N", "push": "N"})
+    Signal = gt.measurements.Signal
+    read = {"q": Signal("q", "m"), "tau": Signal("tau", "N")}
+    read["push"] = Signal("push", "N", scale="estimate", delay="estimate")
+    s = gt.identify.study(Pushed(), raw, list(TRUE), fitting=WITH, processing=PROCESSING, signals=read)
+    assert s.corrections["push.scale"] == pytest.approx(1.3, rel=0.01)
+    assert s.corrections["push.delay"] == pytest.approx(0.006, abs=5e-4)
+
+
 def test_values_and_rates_of_an_input_count() -> None:
     t = np.arange(4001) * 2e-3
     w, p = 2 * np.pi * 0.9, 2 * np.pi * 0.23

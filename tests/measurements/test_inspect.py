@@ -154,6 +154,28 @@ def test_a_stop_keeps_what_was_read(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     assert shown == sorted(shown) and "stopped after row" in study.notes[-1] + " ".join(study.notes)
 
 
+def test_bags_and_tables_of_other_programs(tmp_path: Path) -> None:
+    from tests.measurements.test_damaged_logs import bag, parquet
+
+    (tmp_path / "log.parquet").write_bytes(parquet(tmp_path))
+    (tmp_path / "log.bag").write_bytes(bag(tmp_path))
+    study = inspect(tmp_path / "log.parquet")
+    assert study.streams["table"]["rows"] == 40 and "no numbers in word" in study.notes
+    study = inspect(tmp_path / "log.bag")
+    assert list(study.streams) == ["/x"] and study.inspected[0].clock is not None
+    assert study.inspected[0].clock.sampling.rate == pytest.approx(250.0, rel=1e-6)
+    assert any("its time is when the message was received" in note for note in study.notes)
+
+
+def test_words_and_dates_in_columns(tmp_path: Path) -> None:
+    rows = [f"2026-11-23T00:00:{k % 60:02d}.5,{'run' if k % 3 else 'stop'},{k % 7}.5" for k in range(60)]
+    (tmp_path / "log.csv").write_text("when,state,x\n" + "\n".join(rows) + "\n")
+    study = inspect(tmp_path / "log.csv")
+    (stream,) = study.inspected
+    assert stream.clock is not None and (stream.clock.name, stream.clock.unit) == ("when", "s")
+    assert stream.clock.sampling.rate == pytest.approx(1.0) and "no numbers in state" in study.notes
+
+
 def test_the_picture(tmp_path: Path) -> None:
     columns = {f"q_{k}": WAVE + k for k in range(3)}
     study = inspect(log(tmp_path, t=np.cumsum(0.004 + 0.0002 * NOISE[:, 0]), **columns, u=300 * WAVE))

@@ -278,6 +278,27 @@ def test_stamps_of_two_files_are_of_one_clock(tmp_path: Path) -> None:
     np.testing.assert_allclose(late.time, T[1:] + 7e-9, atol=1e-12)
 
 
+@pytest.mark.parametrize(("between", "end"), [("T", ""), (" ", ""), ("T", "Z")])
+def test_dates_are_seconds_after_the_first(tmp_path: Path, between: str, end: str) -> None:
+    path = tmp_path / "log.csv"
+    nanoseconds = (T * 1e9).round().astype(np.int64) + 123
+    stamps = np.datetime64("2026-11-23T23:59:59.95", "ns") + nanoseconds
+    lines = [f"{s}{end},{x!r},word".replace("T", between) for s, x in zip(stamps, Q[:, 0].tolist(), strict=True)]
+    path.write_text("\n".join(["stamp,x,state", *lines]) + "\n")
+    (stream,) = open_log(path)
+    assert stream.clock == "stamp" and "dates in 'stamp'" in stream.remarks[0]
+    for time in (Column("time", "s"), Column("stamp", "s")):  # a file's own clock needs no word
+        (session,) = read_log(path, {"x": Column("x", "m")}, time=time)
+        np.testing.assert_allclose(session.trajectory.time, T, atol=1e-12)
+        np.testing.assert_array_equal(session.trajectory["x"], Q[:, 0])
+    lines[20] = lines[20].replace("2026", "soon")
+    path.write_text("\n".join(["stamp,x,state", *lines]) + "\n")
+    with pytest.raises(LogError, match="line 22, column 'stamp': found 'soon"):
+        read_log(path, {"x": Column("x", "m")})
+    (session,) = read_log(path, {"x": Column("x", "m")}, empty_rows="drop", uneven=True)
+    assert len(session.trajectory) == 39
+
+
 # -- time ----
 
 

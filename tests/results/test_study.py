@@ -75,11 +75,12 @@ def test_a_quantity_is_written_in_the_unit_that_people_write(angle):
 
 @pytest.mark.parametrize("unit", UNITS)
 def test_names_carry_units_both_ways(unit):
-    if unit == "kg.m2":  # no name can: it would read as another unit
-        with pytest.raises(ValueError):
-            named("inertia", unit)
-    else:
-        assert split(named("inertia", unit)) == ("inertia", "" if unit == "1" else unit)
+    assert split(named("inertia", unit)) == ("inertia", "" if unit == "1" else unit)
+
+
+def test_a_unit_that_no_name_carries_is_refused():
+    with pytest.raises(ValueError, match=r"no name carries the unit kg.m3: 'x_kgm3' reads as none"):
+        named("x", "kg.m3")
 
 
 @pytest.mark.parametrize(

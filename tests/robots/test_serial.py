@@ -136,6 +136,7 @@ WRONG = {
     '<!DOCTYPE r [\n<!ENTITY x "y">]><robot name="r"/>': "line 2: declares an entity",
     "<robot name='r'>\n<link name='a'></robot>": "line 2: is no XML: mismatched tag",
     "<sdf/>": "line 1: is SDF; expected URDF",
+    "<robot>\n" + "<link>" * 60 + "</link>" * 60 + "</robot>": "line 2: holds elements inside one another, more than",
     "<model/>": "line 1: the outermost element is <model>; expected <robot>",
     '<robot name="r"><link name="${n}"/></robot>': "line 1: is xacro, a template; make the URDF first",
     '<robot name="r"/>': "line 1: holds no <link>",
@@ -338,6 +339,8 @@ REFUSED = [
     (dict(a=[0.1, 0.2], alpha=0.0, names=["a", "a"]), "names takes 2 different names"),
     (dict(a=[0.1, 0.2], alpha=0.0, limits=[[0, 1], [1, 0]]), "limits takes a lower and a greater upper one"),
     (dict(a=[0.1], alpha=0.0, payload=-1.0), "a payload is a mass of 0 kg or more"),
+    (dict(a=[0.1, 0.2], alpha=0.0, limits=[[0, 1], [1]]), "'limits' takes numbers, the same count in each row"),
+    (dict(a="long", alpha=0.0), "'a' takes numbers"),
     (dict(a=[0.1], alpha=0.0, smoothing="none"), "friction smoothing is one of tanh"),
     (dict(a=[0.1], alpha=0.0, c=[[0, 0, 0]], mc=[[0, 0, 0]]), "c and I say the same as mc and J"),
 ]

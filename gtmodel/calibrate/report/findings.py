@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ...inference import HeldOut, Identifiability, OverNoise, noise_size, over_noise
+from ...inference import BetweenRecordings, HeldOut, Identifiability, OverNoise, noise_size, over_noise
 from ...lang import ModelError
 from ...results import ArgumentError, SolveStatus
 from ..calibration import Calibration, calibrate
@@ -26,6 +26,7 @@ from .contradictions import contradicted_priors
 from .intervals import Confidence
 from .left_out import PosesLeftOut, leave_out
 from .movement import moved_too_far, undetermined
+from .recordings import between_sessions
 from .refitted import of_its_own, refitted
 from .shifts import Shift, shift_of
 
@@ -143,6 +144,11 @@ class CalibrationFindings:
         if judged is not None and not judged.passed and self.kept is not None:
             return shift_of(c.problem.on(self.kept), c.x, False, self.position)
         return shift_of(self.calibration.problem, self.calibration.x, True, self.position)
+
+    @cached_property
+    def apart(self) -> BetweenRecordings | None:
+        """Parameters that sessions disagree on beyond their noise."""
+        return None if self.beside else between_sessions(self.calibration)
 
     @property
     def lost(self) -> int:

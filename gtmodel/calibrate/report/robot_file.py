@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ...lang import Model
+from ...lang import Model, ModelError
 from ...robots.links import family_of
 from ..modifiers import merged
 from .findings import CalibrationFindings
@@ -62,6 +62,12 @@ def text(findings: CalibrationFindings, model: Model, title: str, origin: Origin
                 table[key] = np.array(getattr(model, name), float).tolist()
         beside = {k: v for k, v in findings.calibration.values.items() if k.partition("[")[0] not in values}
         body = tomli_w.dumps(table)
+    elif _has_dh_numbers(model):
+        from ...robots import robot_table  # here: most calibrations are not of arms
+
+        own = {q.name for q in findings.problem.closure.flat.parameters}
+        beside = {k: v for k, v in findings.calibration.values.items() if k not in own}
+        body = tomli_w.dumps(robot_table(model.with_(**calibrated), "") | table)
     else:
         own = {q.name for q in findings.problem.closure.flat.parameters}
         beside = {k: v for k, v in findings.calibration.values.items() if k not in own}
@@ -75,12 +81,32 @@ def text(findings: CalibrationFindings, model: Model, title: str, origin: Origin
         if ".guideway.at[" not in name and ".guideway.points[" not in name
     ]
     use = "gtmodel reads this file as a robot"
-    if not family and origin.reference:
+    if not family and origin.reference and not _has_dh_numbers(model):
         place = origin.reference.rpartition(":")[0] or origin.reference
         use += f", with '{place}' beside it, beside the problem or here"
     if pieces:
         use = "no robot file, since guideways are measured: their A and v are those before"
     return "\n".join([f"# Calibrated parameters; {use}.", *comments, "", body])
+
+
+def urdf(findings: CalibrationFindings, model: Model, title: str) -> dict[str, str]:
+    """calibrated.urdf of an arm by Denavit-Hartenberg numbers, by name; none of others, and none of bodies that URDF
+    cannot say."""
+    if not _has_dh_numbers(model):
+        return {}
+    from ...robots import to_urdf  # here: most calibrations are not of arms
+
+    try:
+        return {
+            "calibrated.urdf": to_urdf(model.with_(**findings.calibration.parameters()), f"{title}; {_note(findings)}")
+        }
+    except ModelError:
+        return {}
+
+
+def _has_dh_numbers(model: Model) -> bool:
+    """Whether it is a serial arm whose file holds all that it is."""
+    return getattr(getattr(model, "structure", None), "style", "rpy") != "rpy"
 
 
 def _plain(value: Any) -> Any:

@@ -119,6 +119,7 @@ def _notes(findings: CalibrationFindings) -> list[str]:
         return [*findings.alarms.notes, *absent]
     intervals = [*findings.confidence.reasons, *findings.confidence.notes]
     drift = [] if findings.after is None else drifted(c, findings.after)
+    drift += [] if findings.apart is None else [findings.apart.message]
     notes = [*findings.priors, *c.estimate.notes, *drift, *intervals, *_crowded(findings), *findings.far]
     notes += [*findings.alarms.notes, *absent]
     return list(dict.fromkeys(notes))  # two null directions may move the same names: one sentence

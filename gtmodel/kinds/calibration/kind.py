@@ -18,7 +18,6 @@ from gtmodel.problem_files import python_models, robots
 from gtmodel.problem_files.base import Context, InputError
 from gtmodel.problem_files.call import Call
 from gtmodel.results import ArgumentError
-from gtmodel.robots import SerialArm
 
 from . import page
 from .keys import JointStiffness, MeasuredSection, Schema
@@ -48,14 +47,14 @@ def call(problem: Schema, context: Context) -> Call:
         return asked.then(partial(_in_the_file, problem=problem, context=context))
     carts = _carts(problem, context)
     reference, before = robots.in_python(problem.robot, context)
-    own = python_models.is_reference(reference) or isinstance(robot, SerialArm)
+    own = python_models.is_reference(reference) or python_models.is_urdf(reference)
     origin = Origin(problem.robot, reference if own else "", merged(before, problem.parameters))
     title = problem.title or f"{NAME} of {problem.robot}"
-    own = problem.held_out
-    refit = Refit(own.refit, own.refit_every) if own.refit else None
+    held = problem.held_out
+    refit = Refit(held.refit, held.refit_every) if held.refit else None
     return Call(
-        calibrate.study, robot, _poses(problem, robot, context), problem.options(), held_out=own.every, refit=refit,
-        method=own.method, folds=own.folds, carts=carts, origin=origin, title=title,
+        calibrate.study, robot, _poses(problem, robot, context), problem.options(), held_out=held.every, refit=refit,
+        method=held.method, folds=held.folds, carts=carts, origin=origin, title=title,
     ).then(partial(page.added, problem=problem, context=context))  # fmt: skip
 
 

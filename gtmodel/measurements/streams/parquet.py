@@ -59,7 +59,7 @@ class ParquetStream(Stream):
                 return
             values = np.empty((batch.num_rows, len(columns)))
             for j, (name, place) in enumerate(zip(columns, places, strict=True)):
-                values[:, j] = self._numbers(name, parts[place][1])
+                values[:, j] = self._numbers(name, parts[place][1], gaps)
                 if not gaps and (bad := np.flatnonzero(~np.isfinite(values[:, j]))).size:
                     raise self.no_number(begin + int(bad[0]) + 1, name, values[bad[0], j])
             lines = np.arange(begin + 1, begin + 1 + len(values))
@@ -75,13 +75,15 @@ class ParquetStream(Stream):
             reason = " ".join(str(error).split())[:80]
             raise LogError(f"{source} cannot be read as a Parquet file ({reason}); write it again") from error
 
-    def _numbers(self, asked: str, column: Any) -> np.ndarray:
+    def _numbers(self, asked: str, column: Any, gaps: bool) -> np.ndarray:
         types = self._arrow.types
         if types.is_timestamp(column.type):
             stamps = column.cast("timestamp[ns]", safe=False).cast("int64")
             since = self._compute.subtract(stamps, self._first)
             return since.to_numpy(zero_copy_only=False).astype(float) * 1e-9  # what is empty is nan
         if not (types.is_integer(column.type) or types.is_floating(column.type) or types.is_boolean(column.type)):
+            if gaps:
+                return np.full(len(column), np.nan)
             raise LogError(f"{self.source}: the column '{asked}' holds {column.type}; expected numbers")
         if types.is_boolean(column.type):
             column = column.cast("uint8")

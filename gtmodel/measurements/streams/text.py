@@ -22,6 +22,7 @@ LOOKED_AT = 50  # rows from which the delimiter and the header are recognised
 LIKE = 3  # rows of equal length below another line: that line is no header of theirs
 _NOTES = ("title", "synthetic", "provenance", "scalar")
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
+_STAMP = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d(:\d\d(\.\d{1,9})?)?Z?")
 _DATE = re.compile(r"\d{4}-\d\d-\d\d.*|\d{1,2}[./]\d{1,2}[./]\d{2,4}.*|\d{1,2}:\d\d([:.]\d.*)?")
 
 
@@ -34,7 +35,8 @@ class TextStream(Stream):
     def __init__(self, path: Path, form: LogForm) -> None:
         self.path, self.layout = path, _layout(path, form)
         layout = self.layout
-        super().__init__(shown(path), "", layout.heads, remarks=layout.remarks, comments=layout.comments)
+        stamps = {layout.heads.names[place]: zero for place, zero in layout.stamps.items()}
+        super().__init__(shown(path), "", layout.heads, next(iter(stamps), ""), stamps, layout.remarks, layout.comments)
 
     def blocks(self, columns: Sequence[str], *, gaps: bool = False) -> Iterator[RowBlock]:
         """See `Stream.blocks`."""
@@ -79,8 +81,16 @@ class TextStream(Stream):
                 return None
         elif any(line.count(sign) != layout.width - 1 for line in lines):
             return None
-        if any('"' in line or "_" in line for line in lines):
+        if any('"' in line for line in lines):
             return None
+        values = np.full((len(lines), len(places)), np.nan)
+        try:
+            for j, place in enumerate(places):
+                if place in layout.stamps:
+                    values[:, j] = self._seconds(lines, place)
+        except ValueError:
+            return None
+        plain = [j for j, p in enumerate(places) if p not in layout.stamps and not (gaps and p in layout.words)]
         if layout.decimal_comma or (gaps and sign != " "):
             text = "\n".join(["", *lines, ""])
             if layout.decimal_comma:
@@ -92,8 +102,10 @@ class TextStream(Stream):
                 text = text.replace(sign * 2, empty).replace(sign * 2, empty)
                 text = text.replace(f"\n{sign}", f"\nnan{sign}").replace(f"{sign}\n", f"{sign}nan\n")
             lines = text.split("\n")[1:-1]
+        cut, used = None if sign == " " else sign, [places[j] for j in plain]
         try:
-            values = np.loadtxt(lines, delimiter=None if sign == " " else sign, usecols=places, comments=None, ndmin=2)
+            if plain:
+                values[:, plain] = np.loadtxt(lines, delimiter=cut, usecols=used, comments=None, ndmin=2)
         except ValueError:
             return None
         if gaps:
@@ -101,6 +113,13 @@ class TextStream(Stream):
         elif not np.isfinite(values).all():
             return None
         return values
+
+    def _seconds(self, lines: list[str], place: int) -> np.ndarray:
+        """A column of dates [s] after its first one. Raises ValueError for a cell that is none."""
+        sign = self.layout.sign
+        cells = (line.split(None if sign == " " else sign, place + 1)[place] for line in lines)
+        stamps = np.array([cell.strip().removesuffix("Z") for cell in cells], dtype="datetime64[ns]")
+        return np.where(np.isnat(stamps), np.nan, (stamps.astype(np.int64) - self.layout.stamps[place]) * 1e-9)
 
     def _slow(
         self, lines: list[str], numbers: np.ndarray, places: list[int], columns: Sequence[str], gaps: bool, cut: bool
@@ -111,7 +130,10 @@ class TextStream(Stream):
             cells = self._split(line, n, cut and k == len(lines) - 1)
             for j, place in enumerate(places):
                 try:
-                    values[k, j] = number(cells[place], self.layout.decimal_comma)
+                    if place in self.layout.stamps:
+                        values[k, j] = _nanoseconds(cells[place], self.layout.stamps[place]) * 1e-9
+                    else:
+                        values[k, j] = number(cells[place], self.layout.decimal_comma)
                 except ValueError:
                     values[k, j] = math.nan
                 if not math.isfinite(values[k, j]):
@@ -158,6 +180,8 @@ class _Layout:
     heads: Heads = field(default_factory=lambda: Heads([], ""))
     width: int = 0
     first_row: int = 1  # the line where rows begin
+    stamps: dict[int, int] = field(default_factory=dict)  # columns of dates: the first one [ns since 1970]
+    words: set[int] = field(default_factory=set)  # columns without a number
     remarks: list[str] = field(default_factory=list)
     comments: dict[str, list[str]] = field(default_factory=lambda: {key: [] for key in _NOTES})
 
@@ -217,7 +241,29 @@ def _layout(path: Path, form: LogForm) -> _Layout:
             layout.remarks.append(f"there is no header: the columns are called 1 to {len(cells)}")
         layout.heads = Heads(names, where)
     layout.width = len(layout.heads.names)
+    _recognise_cells([cells for n, cells in tables if n >= layout.first_row], layout)
     return layout
+
+
+def _recognise_cells(rows: Sequence[list[str]], layout: _Layout) -> None:
+    """Columns that hold dates, which count as seconds after the first, and those that hold words."""
+    for place, name in enumerate(layout.heads.names):
+        cells = [row[place] for row in rows if len(row) > place and row[place]]
+        dated = [_STAMP.fullmatch(cell) is not None for cell in cells]
+        if cells and dated[0] and 2 * sum(dated) > len(dated):
+            layout.stamps[place] = _nanoseconds(cells[0])
+            layout.heads.units[place] = layout.heads.units[place] or "s"
+            layout.remarks.append(f"the dates in '{name}' are taken in seconds after the first one")
+        elif cells and not any(_numeric([cell], layout.decimal_comma) for cell in cells):
+            layout.words.add(place)
+
+
+def _nanoseconds(cell: str, zero: int = 0) -> int:
+    """A date in ns after an instant. Raises ValueError for what is none."""
+    stamp = np.datetime64(cell.strip().removesuffix("Z"), "ns")
+    if np.isnat(stamp):
+        raise ValueError(f"'{cell}' is no date")
+    return int(stamp.astype(np.int64)) - zero
 
 
 def _head(path: Path, layout: _Layout, form: LogForm) -> tuple[list[tuple[int, str]], tuple[int, str] | None]:

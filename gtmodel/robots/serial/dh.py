@@ -66,6 +66,12 @@ def serial_arm(
     >>> T.round(6)
     array([ 0.3 ,  0.25, -0.1 ])
     """
+    a, alpha, d, theta, beta = (
+        _numbers(name, x)
+        for name, x in zip(("a", "alpha", "d", "theta", "beta"), (a, alpha, d, theta, beta), strict=True)
+    )
+    limits = None if limits is None else _numbers("limits", limits)
+    c, I = (None if x is None else _numbers(name, x) for name, x in (("c", c), ("I", I)))
     n = max(np.size(x) for x in (a, alpha, d, theta, beta))
     n = max(n, 0 if limits is None else len(np.atleast_2d(limits)), len(joints) if not isinstance(joints, str) else 1)
     n = max(n, len(joints) if isinstance(joints, str) and joints not in KINDS else 1)
@@ -96,6 +102,13 @@ def serial_arm(
             raise ModelError("c and I say the same as mc and J; give one pair of the two")
         values["mc"], values["J"] = moments(values.get("m", np.zeros(n)), c, I)
     return arm_class(structure)(**with_payload(values, payload, n))
+
+
+def _numbers(name: str, value: ArrayLike) -> Array:
+    try:
+        return np.asarray(value, float)
+    except (TypeError, ValueError):
+        raise ModelError(f"'{name}' takes numbers, the same count in each row; found {str(value)[:60]}") from None
 
 
 def _each(name: str, value: ArrayLike, n: int) -> Array:

@@ -34,15 +34,15 @@ def to_urdf(arm: SerialArm, comment: str = "") -> str:
     True
     """
     s = arm.structure
-    lines = ['<?xml version="1.0"?>']
-    if comment:
-        lines.append(f"<!-- {comment.replace('--', '- -')} -->")
+    # no declaration: a comment may then come before the first line
+    lines = [f"<!-- {comment.replace('--', '- -')} -->"] if comment else []
     lines.append(f"<robot name={quoteattr(s.name)}>")
     base = (rotation_of_rpy(arm.base_rpy), np.asarray(arm.base_xyz, float))
     names = [s.base, *[j.link for j in s.joints]]
     if not _is_identity(base):
-        lines += ['  <link name="world"/>', f"  <link name={quoteattr(s.base)}/>"]
-        lines += _joint("base_mount", "fixed", "world", s.base, base)
+        world = "world" if s.base != "world" else "ground"
+        lines += [f'  <link name="{world}"/>', f"  <link name={quoteattr(s.base)}/>"]
+        lines += _joint("base_mount", "fixed", world, s.base, base)
     else:
         lines.append(f"  <link name={quoteattr(s.base)}/>")
     places, bodies = _placements(arm)

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from xml.parsers import expat
 
+DEEPEST = 50  # elements inside one another; those of a robot go seven deep
+
 
 class XmlFault(ValueError):
     """What is wrong with a file, and in which line."""
@@ -42,6 +44,8 @@ def parsed(content: bytes) -> XmlElement:
     stack = [outside]
 
     def begin(tag: str, attributes: dict[str, str]) -> None:
+        if len(stack) > DEEPEST:
+            raise XmlFault(f"holds elements inside one another, more than {DEEPEST} deep", parser.CurrentLineNumber)
         element = XmlElement(tag, attributes, parser.CurrentLineNumber)
         stack[-1].inside.append(element)
         stack.append(element)
