@@ -71,7 +71,8 @@ def arm_choice(fit: Fit, model: Model, data: Sequence[SplitPoses]) -> tuple[list
     if not isinstance(model, SerialArm):
         raise ArgumentError("'serial' is for serial arms, by Denavit-Hartenberg numbers", "fit.variant")
     try:
-        return independent_geometry(model, base=any(d.pose.device for d in data))
+        base = any(d.pose.device for d in data)
+        return independent_geometry(model, base=base, tool="tool_xyz" not in fit.fixed)
     except ModelError as error:
         raise ArgumentError(str(error), "fit.variant") from error
 

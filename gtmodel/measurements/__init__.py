@@ -21,6 +21,17 @@ Signals
     Corrections       the free ones of a set of signals, session by session
     offset_columns    the regressor of offsets that are free
 
+Clocks
+    resample          uneven rows on an even grid, with the error of the method
+    Resampled         what it returns
+    align             offset and drift between two clocks, by a signal that both show
+    Alignment         what it returns
+    delay_study       how late one signal comes behind another
+    DelayStudy        its result
+    Search            where the delay lies
+    SyntheticDelay    two synthetic recordings of one motion
+    made_pair         these as trajectories
+
 Copies
     copies            rows that equal an earlier one
     copied_stretch    samples in a row that repeat earlier ones
@@ -43,6 +54,10 @@ from typing import TYPE_CHECKING
 from .._lazy import public
 
 if TYPE_CHECKING:
+    from .alignment.align import Alignment as Alignment, align as align
+    from .alignment.delay_study import DelayStudy as DelayStudy, delay_study as delay_study
+    from .alignment.options import Search as Search, SyntheticDelay as SyntheticDelay
+    from .alignment.synthetic import made_pair as made_pair
     from .copies import Stretch as Stretch, copied_stretch as copied_stretch, copies as copies
     from .filters import (
         Moving as Moving,
@@ -66,6 +81,7 @@ if TYPE_CHECKING:
         session_of as session_of,
     )
     from .recording import read_recording as read_recording
+    from .resampling import Resampled as Resampled, resample as resample
     from .sampling import Gap as Gap, SamplingReport as SamplingReport, sampling_of as sampling_of
     from .signals import (
         ESTIMATE as ESTIMATE,

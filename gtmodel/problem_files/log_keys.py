@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Literal
 
 from pydantic import Field, PositiveFloat
@@ -10,9 +10,10 @@ from pydantic import Field, PositiveFloat
 from gtmodel.lang.units import UnitError
 from gtmodel.measurements import Column, LogForm, Session, Signal, read_recording
 from gtmodel.measurements.log import JITTER
+from gtmodel.measurements.resampling import Method, resample
 from gtmodel.measurements.sampling import EmptyRows, LateRows
 from gtmodel.measurements.signals import read_signals
-from gtmodel.results import Trajectory, TrajectoryError
+from gtmodel.results import ArgumentError, Trajectory, TrajectoryError
 from gtmodel.results.unit_names import unit_of
 
 from .base import Context, FileSection, InputError, Source
@@ -82,6 +83,32 @@ class FormSection(Made):
         return LogForm(**{field: getattr(self, key) for key, field in FormSection.attributes.items()})
 
 
+class ResampleSection(FileSection):
+    """Uneven rows on an even grid, before anything else is done with them."""
+
+    sample_time_s: PositiveFloat | None = Field(default=None, description="of the grid; the log's median if left out")
+    method: Method = Field(
+        default="cubic", description="between the rows: cubic spline, linear, or monotone (cubic without overshoot)"
+    )
+    longest_gap_s: PositiveFloat | None = Field(
+        default=None, description="that is bridged; a longer one parts the recording. Five median steps if left out"
+    )
+
+    def even(self, sessions: Sequence[Session], key: str) -> list[Session]:
+        """The sessions resampled. Raises InputError."""
+        try:
+            return [
+                even
+                for s in sessions
+                for even in resample(
+                    s.trajectory, self.sample_time_s, method=self.method, longest_gap=self.longest_gap_s, name=s.name
+                ).sessions
+            ]
+        except ArgumentError as error:
+            argument = {"sample_time": ".sample_time_s", "longest_gap": ".longest_gap_s"}.get(error.argument, "")
+            raise InputError(error.message, key + argument) from error
+
+
 class LogSampling(FormSection):
     """How logs are written and sampled; a kind adds its files and signals."""
 
@@ -92,6 +119,9 @@ class LogSampling(FormSection):
         default=None, description="expected; the log's median if left out. Of a log without time: from row to row"
     )
     jitter: float = Field(default=JITTER, gt=0, lt=1, description="how far a step may be off, as a share of it")
+    resample: ResampleSection | None = Field(
+        default=None, description="for logs with uneven rows or gaps; even ones are asked for if left out"
+    )
     late_rows: LateRows = Field(
         default="refuse",
         description="rows whose time does not come after all earlier ones: refuse the log, drop them, or sort them",
@@ -122,6 +152,7 @@ class LogSampling(FormSection):
                     session=self.session,
                     sample_time=self.sample_time_s,
                     jitter=self.jitter,
+                    uneven=self.resample is not None,
                     late_rows=self.late_rows,
                     empty_rows=self.empty_rows,
                     form=self.form(),
@@ -130,6 +161,8 @@ class LogSampling(FormSection):
             except (TrajectoryError, UnitError) as error:
                 # the sentence names the file; a column's fault is the section's as often as the file's
                 raise InputError(str(error), key.rpartition(".")[0]) from error
+        if self.resample is not None:
+            sessions = self.resample.even(sessions, f"{key.rpartition('.')[0]}.resample")
         widths = {tuple(s.trajectory[name].shape[1:] for name in signals) for s in sessions}
         if len(widths) > 1:
             raise InputError("the files have signals of different widths; name logs of one robot", key)

@@ -84,6 +84,14 @@ def test_other_robots_have_no_such_numbers() -> None:
         )
 
 
+def test_where_the_target_is_known_the_last_link_is_free() -> None:
+    """As many numbers as before: theta and d of the last joint say where the target turns, and a how far out."""
+    other = solved("sensitivity_step=0", 'fixed=["tool_xyz"]')
+    assert other.status.ok and len(other.estimate.names) == 27
+    last = {n for n in other.estimate.names if n.endswith("[5]")}
+    assert len(last) == 3 and not any(n.startswith("tool_xyz") for n in other.estimate.names)
+
+
 def test_an_arm_that_is_not_good_enough_is_marked_and_still_read(tmp_path) -> None:
     """`--write-failed` marks its files in their first line, which no reader of URDF minds."""
     out = tmp_path / "out"

@@ -142,3 +142,28 @@ def test_a_drive_whose_log_is_a_struct_of_rows_gives_the_same_result(tmp_path: P
     for name, value in first.items():
         if isinstance(value, (float, dict, list)):
             assert second[name] == value or repr(second[name]) == repr(value), name
+
+
+def test_an_uneven_log_is_resampled_where_the_file_asks_for_it(tmp_path: Path) -> None:
+    rng = np.random.default_rng(9)
+    uneven = T + 0.0012 * rng.uniform(-1, 1, len(T))
+    table = np.column_stack([uneven, np.sin(20 * uneven), np.cos(20 * uneven)])
+    text(rows=np.delete(table, [20, 21], axis=0))(tmp_path)
+    keys: dict[str, Any] = {
+        "files": ["log.csv"], "time": {"column": "t"}, "position": POSITION | {"unit": "m"}, "effort": EFFORT
+    }  # fmt: skip
+
+    def read(**more: Any) -> Any:
+        section = IdentificationLogSection.model_validate(keys | more)
+        signals = {"q": section.position.signal("position", "m"), "f": section.effort.signal("effort", "N")}
+        return section.sessions(signals, Context(folder=tmp_path))
+
+    with pytest.raises(InputError) as error:
+        read()
+    assert error.value.key == "log"
+    (session,) = read(resample={"sample_time_s": 0.004})
+    t = session.trajectory.time
+    assert np.diff(t) == pytest.approx(0.004) and session.trajectory["q"] == pytest.approx(np.sin(20 * t), abs=2e-4)
+    with pytest.raises(InputError) as error:
+        read(resample={"longest_gap_s": 1e-5})
+    assert error.value.key == "log.resample.longest_gap_s"

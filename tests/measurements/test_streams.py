@@ -128,6 +128,22 @@ def test_matrices_of_a_matlab_file_either_way_round(tmp_path: Path, inside: str,
     np.testing.assert_array_equal(session.trajectory["q"], Q)
 
 
+def test_transformations_are_numbered_row_by_row(tmp_path: Path) -> None:
+    poses = np.arange(4 * 4 * 40.0).reshape(4, 4, 40)
+    path = mat(tmp_path / "log.mat", T=poses, t=T)
+    (session,) = read_log(path, {"T": Column("T", "m")}, time=Column("t", "s"))
+    np.testing.assert_array_equal(session.trajectory["T"][7].reshape(4, 4), poses[:, :, 7])
+
+
+def test_without_a_time_samples_are_what_there_is_more_of(tmp_path: Path) -> None:
+    path = mat(
+        tmp_path / "log.mat", gain=np.arange(6.0), q=np.zeros((6, 500)), few=np.zeros((7, 9)), run=np.arange(7.0)
+    )
+    streams = {stream.name: set(stream.heads.names) for stream in open_log(path)}
+    assert streams["500 samples"] == {f"q[{k}]" for k in range(6)}
+    assert streams["7 samples"] == {*(f"few[{k}]" for k in range(9)), "run"}
+
+
 def test_a_square_matrix_needs_a_word(tmp_path: Path) -> None:
     square = Q[:3]
     path = mat(tmp_path / "log.mat", t=T[:3], q=square)

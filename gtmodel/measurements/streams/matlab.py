@@ -29,11 +29,13 @@ class MatVariable(NamedTuple):
 class MatFile:
     """The numeric arrays of a MATLAB file by their names, `rec.q` for a member of a struct.
 
+    The components of a matrix of matrices, (4, 4, n), are numbered row by row.
+
     `skipped`: names of what is no array of numbers. Raises LogError for what cannot be read.
     """
 
     def __init__(self, path: Path, form: LogForm) -> None:
-        self.source, self._form = shown(path), form
+        self.source, self.form = shown(path), form
         self.skipped: list[str] = []
         read = _of_hdf5 if is_hdf5(path) else _of_old
         self.variables: dict[str, MatVariable] = dict(self._kept(read(path)))
@@ -56,55 +58,55 @@ class MatFile:
                 Heads(list(self.variables), self.source).missing(time)
                 + ("" if time not in self.skipped else "; it holds no numbers")
             )
-        if sum(n > 1 for n in variable.shape) > 1:
+        if not _is_vector(variable.shape):
             raise LogError(f"{self.source}: the time '{time}' is a matrix {_size(variable.shape)}; expected a vector")
         return self.stream(int(np.prod(variable.shape)))
 
     def stream(self, length: int) -> ArrayStream:
         """The table of the variables with so many samples."""
-        columns: dict[str, tuple[str, int, int | None]] = {}  # variable, axis of the samples, component
+        columns: dict[str, tuple[str, int, int]] = {}  # variable, axis of the samples, component
         for name, variable in self.variables.items():
             axis = self._axis(variable, length)
             if axis is None:
                 continue
             width = int(np.prod(variable.shape)) // length
             if width == 1:
-                columns[name] = name, axis, None
-            elif width <= MOST_COMPONENTS or self._form.samples is not None:
+                columns[name] = name, axis, 0
+            elif width <= MOST_COMPONENTS or self.form.samples is not None:
                 columns |= {f"{name}[{k}]": (name, axis, k) for k in range(width)}
 
         def load(column: str) -> np.ndarray:
             name, axis, component = columns[column]
-            values = self.variables[name].load()
-            if component is None:
-                return values.ravel()
-            return values.take(component, axis=1 - axis)
+            return np.moveaxis(self.variables[name].load(), axis, 0).reshape(length, -1)[:, component]
 
-        heads = _MatHeads(list(columns), self, length)
-        return ArrayStream(self.source, f"{length} samples", heads, load)
+        return ArrayStream(self.source, f"{length} samples", _MatHeads(list(columns), self, length), load)
 
     def _length(self, variable: MatVariable) -> int:
-        """Along what the samples run is said, or is a dimension that a vector of the file has, or is the longer one."""
+        """The number of samples of a variable, as far as it can be seen without a time."""
         shape = variable.shape
-        if len(shape) != 2 or min(shape) == 1 or self._form.samples is not None:
-            return int(max(shape)) if self._form.samples is None or min(shape) == 1 else self._stated(shape)
-        vectors = {max(v.shape) for v in self.variables.values() if len(v.shape) < 2 or min(v.shape) == 1}
-        both = [n for n in shape if n in vectors and n >= SHORTEST]
-        return max(both or shape)
+        if _is_vector(shape):
+            return int(np.prod(shape))
+        if len(shape) > 2 or self.form.samples is not None:
+            return shape[self._stated(shape)]
+        vectors = {int(np.prod(v.shape)) for v in self.variables.values() if _is_vector(v.shape)}
+        short, long = sorted(shape)
+        # samples are more than components, but for a short table
+        return short if short in vectors and long not in vectors and long <= MOST_COMPONENTS else long
 
     def _stated(self, shape: tuple[int, ...]) -> int:
-        return shape[0] if self._form.samples == "rows" else shape[-1]
+        """The axis of the samples, as it is said or as MATLAB has it."""
+        return 0 if self.form.samples == "rows" else len(shape) - 1
 
     def _axis(self, variable: MatVariable, length: int) -> int | None:
-        """Along which axis a variable has so many samples. Raises LogError for a square matrix."""
+        """Along which axis a variable has so many samples, None for none; of a matrix of matrices along the last one
+        that has."""
         shape = variable.shape
-        if len(shape) < 2 or min(shape) == 1:
-            return 0 if int(np.prod(shape)) == length else None
-        if len(shape) > 2 or length not in shape:
-            return None
-        if self._form.samples is not None:
-            return (0 if self._form.samples == "rows" else 1) if self._stated(shape) == length else None
-        return shape.index(length)
+        if _is_vector(shape):
+            return int(np.argmax(shape)) if int(np.prod(shape)) == length else None
+        if self.form.samples is not None:
+            axis = self._stated(shape)
+            return axis if shape[axis] == length else None
+        return max((k for k, n in enumerate(shape) if n == length), default=None)
 
     def _kept(self, arrays: Iterator[tuple[str, MatVariable | None]]) -> Iterator[tuple[str, MatVariable]]:
         for name, variable in arrays:
@@ -136,7 +138,7 @@ class _MatHeads(Heads):
         if name not in self.names:
             self._file.refuse_length(name, self._samples)
         elif (variable := self._file.variables.get(name.partition("[")[0])) is not None and (
-            variable.shape == (self._samples, self._samples) and self._file._form.samples is None
+            variable.shape == (self._samples, self._samples) and self._file.form.samples is None
         ):
             raise LogError(
                 f"{self._file.source}: '{name}' is of a square matrix; say with samples whether they run along its "
@@ -222,6 +224,10 @@ def _loader(h5py: Any, path: Path, name: str, turned: bool) -> Callable[[], np.n
         return value.T if turned else value
 
     return load
+
+
+def _is_vector(shape: tuple[int, ...]) -> bool:
+    return sum(n > 1 for n in shape) < 2
 
 
 def _size(shape: tuple[int, ...]) -> str:

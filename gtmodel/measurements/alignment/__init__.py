@@ -1,0 +1,1 @@
+"""Clocks brought together, and delays: two recordings of one signal, sampled by different clocks or late."""

@@ -1,0 +1,201 @@
+"""One smooth curve through two recordings of it, with the clock, scale and shift of the second estimated along.
+
+The curve is a cubic spline s on the reference's clock; the reference reads s(t), the other one scale s(t') + shift at
+t' = at + (1 + drift) (t - at) + offset. The spline is eliminated (variable projection), so that the work grows with the
+number of rows and not with its square.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from ...results.trajectory_errors import Array
+from ..log import LogError
+from .coarse import Series
+
+PROBES = 48  # simulated white residuals: traces to a few per mille, the residual test to a tenth of its spread
+ITERATIONS = 30
+REWEIGHTS = 4  # the two noise levels settle in so many turns
+RIDGE = 1e-10  # of the largest diagonal: where neither recording has a row the curve is of no matter
+SETTLED = 0.02  # change of the logarithm of a noise level
+SMALL = 1e-7  # of a standard deviation: steps below are the end
+
+
+@dataclass(frozen=True, eq=False)
+class Warp:
+    """What is estimated: offset [s] at `at` on the other's clock, drift [1], scale and shift of each series."""
+
+    at: float
+    offset: float
+    drift: float
+    scale: Array
+    shift: Array
+
+    def __call__(self, time: Array) -> Array:
+        """The reference's times of times on the other's clock."""
+        return time + self.offset + self.drift * (time - self.at)
+
+
+@dataclass(frozen=True, eq=False)
+class CurveFit:
+    """A fitted common curve. `border`: rows of both recordings after the curve is eliminated (rows, estimated),
+    divided by the noise; `residuals` likewise, all of the references first. `noise` (series, 2):
+    standard deviations. `curve`: number of its coefficients. `simulated` (rows, PROBES): residuals of white noise."""
+
+    warp: Warp
+    spacing: float
+    border: Array
+    residuals: Array
+    parts: tuple[tuple[slice, slice], ...]
+    times: Array
+    noise: Array
+    curve: int
+    simulated: Array = field(repr=False)
+
+    @property
+    def degrees_of_freedom(self) -> int:
+        return len(self.residuals) - self.curve - self.border.shape[1]
+
+    @property
+    def sum_of_squares(self) -> float:
+        return float(self.residuals @ self.residuals)
+
+
+@dataclass(frozen=True)
+class Freed:
+    """Which of drift, scale and shift are estimated; the offset always is."""
+
+    drift: bool
+    scale: bool
+    shift: bool
+
+
+def fit_curve(series: Sequence[Series], warp: Warp, spacing: float, freed: Freed, noise: Array | None) -> CurveFit:
+    """The least-squares curve with knots `spacing` [s] apart, from a start, with both noise levels estimated.
+
+    noise: (series, 2) to start from; None for equal ones. Raises LogError where the iteration leaves the overlap.
+    """
+    if noise is None:
+        noise = np.array([[np.std(s.reference), np.std(s.other)] for s in series], dtype=float)
+    probes = np.random.default_rng(0).normal(size=(sum(len(s.reference) + len(s.other) for s in series), PROBES))
+    warp, fit = _descended(series, warp, spacing, freed, noise, probes)
+    for _ in range(REWEIGHTS - 1):
+        level = _levels(fit)
+        if np.all(np.abs(np.log(level / fit.noise)) < SETTLED):
+            break
+        warp, fit = _descended(series, warp, spacing, freed, level, probes)
+    level = _levels(fit)
+    # in units of the last levels, which the residuals gave
+    unit = np.concatenate([np.full(p.stop - p.start, level[k, w] / fit.noise[k, w])
+                           for k, pair in enumerate(fit.parts) for w, p in enumerate(pair)])  # fmt: skip
+    return replace(fit, residuals=fit.residuals / unit, border=fit.border / unit[:, None], noise=level)
+
+
+def _descended(
+    series: Sequence[Series], warp: Warp, spacing: float, freed: Freed, level: Array, probes: Array
+) -> tuple[Warp, CurveFit]:
+    fit = _evaluated(series, warp, spacing, freed, level, None)
+    for _ in range(ITERATIONS):
+        step: Array = np.asarray(np.linalg.lstsq(fit.border, fit.residuals, rcond=None)[0], dtype=float)
+        std = np.sqrt(np.diag(np.linalg.pinv(fit.border.T @ fit.border)))
+        for halving in range(12):
+            trial = _moved(warp, 0.5**halving * step, freed)
+            new = _evaluated(series, trial, spacing, freed, level, None)
+            if new.sum_of_squares <= fit.sum_of_squares * (1 + 1e-9):
+                break
+        else:
+            break
+        warp, fit = trial, new
+        if np.all(np.abs(step) <= SMALL * std):
+            break
+    return warp, _evaluated(series, warp, spacing, freed, level, probes)
+
+
+def _moved(warp: Warp, step: Array, freed: Freed) -> Warp:
+    """The order of the columns: offset, drift, then scale and shift of each series."""
+    k = 1 + freed.drift
+    own = step[k:].reshape(len(warp.scale), -1)
+    return replace(
+        warp,
+        offset=warp.offset + float(step[0]),
+        drift=warp.drift + (float(step[1]) if freed.drift else 0.0),
+        scale=warp.scale + (own[:, 0] if freed.scale else 0.0),
+        shift=warp.shift + (own[:, -1] if freed.shift else 0.0),
+    )
+
+
+def _evaluated(
+    series: Sequence[Series], warp: Warp, spacing: float, freed: Freed, level: Array, probes: Array | None
+) -> CurveFit:
+    import scipy
+
+    own = int(freed.scale) + int(freed.shift)
+    common = 1 + int(freed.drift)
+    rows = sum(len(s.reference) + len(s.other) for s in series)
+    border, residuals, times = np.zeros((rows, common + own * len(series))), np.zeros(rows), np.zeros(rows)
+    simulated = np.zeros((rows, 0 if probes is None else PROBES))
+    parts, curve, begin = [], 0, 0
+    for k, s in enumerate(series):
+        n, m = len(s.reference), len(s.other)
+        first, second = slice(begin, begin + n), slice(begin + n, begin + n + m)
+        both = slice(begin, begin + n + m)
+        u = warp(s.other_time)
+        if min(s.reference_time[-1], u[-1]) - max(s.reference_time[0], u[0]) <= 0:
+            raise LogError(f"the recordings of '{s.name}' do not overlap at the offset {warp.offset:.6g} s")
+        knots = _knots(min(s.reference_time[0], u[0]), max(s.reference_time[-1], u[-1]), spacing)
+        A1 = scipy.interpolate.BSpline.design_matrix(s.reference_time, knots, 3) / level[k, 0]
+        A2 = scipy.interpolate.BSpline.design_matrix(u, knots, 3) / level[k, 1]
+        A = scipy.sparse.vstack([A1, warp.scale[k] * A2]).tocsr()
+        y = np.concatenate([s.reference / level[k, 0], (s.other - warp.shift[k]) / level[k, 1]])
+        normal = (A.T @ A).tocsc()
+        diagonal = normal.diagonal()
+        curve += int(np.count_nonzero(diagonal > 1e-6 * diagonal.max()))
+        solve = scipy.sparse.linalg.splu(
+            normal + RIDGE * diagonal.max() * scipy.sparse.eye(len(diagonal), format="csc")
+        ).solve
+        c = solve(A.T @ y)
+        spline = scipy.interpolate.BSpline(knots, c, 3)
+        rate = warp.scale[k] * spline(u, 1) / level[k, 1]
+        D = np.zeros((n + m, border.shape[1]))
+        D[n:, 0] = rate
+        if freed.drift:
+            D[n:, 1] = rate * (s.other_time - warp.at)
+        at = common + own * k
+        if freed.scale:
+            D[n:, at] = spline(u) / level[k, 1]
+        if freed.shift:
+            D[n:, at + own - 1] = 1.0 / level[k, 1]
+        border[both] = D - A @ solve(A.T @ D)
+        residuals[both] = y - A @ c
+        times[first], times[second] = s.reference_time, u
+        if probes is not None:
+            simulated[both] = probes[both] - A @ solve(A.T @ probes[both])
+        parts.append((first, second))
+        begin = both.stop
+    if probes is not None:  # what the other estimates take up, too
+        Q = np.linalg.qr(border)[0]
+        simulated -= Q @ (Q.T @ simulated)
+    return CurveFit(warp, spacing, border, residuals, tuple(parts), times, level, curve, simulated)
+
+
+def _levels(fit: CurveFit) -> Array:
+    """Standard deviations of the two recordings of each series, by the share of their white residuals that is left."""
+    new: Array = np.empty_like(fit.noise)
+    for k, pair in enumerate(fit.parts):
+        for which, part in enumerate(pair):
+            # share of the variance that is left of white noise of these levels
+            left = float(np.mean(fit.simulated[part] ** 2))
+            new[k, which] = fit.noise[k, which] * np.sqrt(np.mean(fit.residuals[part] ** 2) / max(left, 1e-6))
+    floor = 1e-9 * max(float(new.max()), np.finfo(float).tiny)
+    new[new < floor] = floor
+    return new
+
+
+def _knots(low: float, high: float, spacing: float) -> Array:
+    """On a grid from zero, so that half the spacing holds all knots of the whole; four beyond each end are needed."""
+    first, last = int(np.floor(low / spacing)), int(np.ceil(high / spacing))
+    last += last == first
+    return spacing * np.arange(float(first - 3), float(last + 4))

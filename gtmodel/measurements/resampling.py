@@ -1,0 +1,147 @@
+"""Recordings with uneven rows on an even grid, by a stated method, with the error that it makes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from ..results.refusal import ArgumentError
+from ..results.trajectory import Trajectory
+from ..results.trajectory_errors import Array
+from .log import LogError, Session
+from .sampling import Gap, sampling_of
+
+Method = Literal["cubic", "linear", "monotone"]
+METHODS: tuple[Method, ...] = ("cubic", "linear", "monotone")
+FEWEST = 8  # rows: every other one is left out to judge the method
+LONGEST_GAP = 5.0  # median steps: beyond it the signal between two rows is a guess
+
+
+@dataclass(frozen=True, eq=False)
+class Resampled:
+    """A recording on an even grid. `sessions`: one for each stretch between gaps that are too long to bridge.
+
+    `error`: by signal, what the method misses the rows by where every other one is left out, rms in its unit, by
+    component: at twice the spacing, so more than on the grid, and with the noise of the rows in it; in a bridged gap
+    it is more. `bridged`: gaps that the method fills; `cut`: those at which the recording is parted.
+    """
+
+    sessions: tuple[Session, ...]
+    method: Method
+    error: Mapping[str, Array]
+    bridged: tuple[Gap, ...]
+    cut: tuple[Gap, ...]
+
+    @property
+    def trajectory(self) -> Trajectory:
+        """The one stretch there is. Raises LogError where gaps part the recording into several."""
+        if len(self.sessions) != 1:
+            raise LogError(
+                f"'{self.sessions[0].name}' has {len(self.cut)} gaps too long to bridge, the first of "
+                f"{self.cut[0].duration:.3g} s at {self.cut[0].time:.6g} s; take its `sessions`, or a longer "
+                "`longest_gap`"
+            )
+        return self.sessions[0].trajectory
+
+    @property
+    def message(self) -> str:
+        rows = sum(len(s.trajectory) for s in self.sessions)
+        text = f"{rows} rows every {1e3 * self.sessions[0].sample_time:.6g} ms by {self.method} interpolation"
+        if self.cut:
+            text += f", in {len(self.sessions)} stretches between gaps"
+        if self.bridged:
+            text += f"; {sum(g.missing for g in self.bridged)} missing rows are bridged"
+        return text
+
+
+def resample(
+    trajectory: Trajectory,
+    sample_time: float | None = None,
+    *,
+    method: Method = "cubic",
+    longest_gap: float | None = None,
+    start: float | None = None,
+    name: str = "log",
+) -> Resampled:
+    """A recording of uneven rows as even ones.
+
+    Args:
+        trajectory: its rows may jitter and have gaps.
+        sample_time: of the grid [s]; the median step of the rows if left out.
+        method: "cubic" spline through the rows, "linear" between them, or "monotone" (cubic without overshoot). None
+            of them filters: low-pass before you take a sample time much longer than the rows'.
+        longest_gap: that is bridged [s]; five median steps if left out. A longer one parts the recording.
+        start: first time of the grid [s]; the first row's if left out. The grid of all stretches is this one.
+
+    Raises LogError for fewer than eight rows between gaps, ArgumentError for a wrong argument.
+
+    >>> rng = np.random.default_rng(0)
+    >>> t = np.sort(0.01 * np.arange(500) + 0.003 * rng.uniform(-1, 1, 500))
+    >>> log = gt.Trajectory(t, {"q": np.sin(4 * t)}, {"q": "rad"})
+    >>> even = gt.measurements.resample(log, 0.01)
+    >>> T = even.trajectory.time
+    >>> float(np.abs(even.trajectory["q"] - np.sin(4 * T)).max()) < float(even.error["q"][0]) < 1e-5
+    True
+    """
+    if method not in METHODS:
+        raise ArgumentError(f"there is no method '{method}'; there are {', '.join(METHODS)}", "method")
+    sampling = sampling_of(trajectory.time)
+    step = sampling.step if sample_time is None else float(sample_time)
+    if not (np.isfinite(step) and step > 0):
+        raise ArgumentError(f"the sample time is {step:g} s; expected more than zero", "sample_time")
+    longest = LONGEST_GAP * sampling.step if longest_gap is None else float(longest_gap)
+    if not longest >= sampling.step:
+        raise ArgumentError(
+            f"the longest gap to bridge is {longest:g} s, and rows are {sampling.step:g} s apart; expected more",
+            "longest_gap",
+        )
+    time = trajectory.time
+    steps = np.diff(time)
+    breaks = np.flatnonzero(steps > longest) + 1
+    origin = float(time[0]) if start is None else float(start)
+    sessions, rows = list[Session](), dict[str, list[Array]]()
+    for begin, end in zip([0, *breaks.tolist()], [*breaks.tolist(), len(time)], strict=True):
+        part = slice(begin, end)
+        if end - begin < FEWEST:
+            raise LogError(
+                f"'{name}' has {end - begin} rows from {time[begin]:.6g} s to the next gap; expected "
+                f"at least {FEWEST}: bridge longer gaps (longest_gap), or cut the recording"
+            )
+        first, last = np.ceil((time[begin] - origin) / step - 1e-9), np.floor((time[end - 1] - origin) / step + 1e-9)
+        grid = np.clip(origin + step * np.arange(first, last + 1), time[begin], time[end - 1])
+        if len(grid) < 3:
+            raise LogError(f"'{name}': a sample time of {step:g} s leaves {len(grid)} rows; expected at least 3")
+        values = {}
+        for signal in trajectory.names:
+            y = np.asarray(trajectory[signal], float)
+            values[signal] = _curve(method)(time[part], y[part])(grid)
+            rows.setdefault(signal, []).append(_left_out(method, time[part], y[part]))
+        label = name if not len(breaks) else f"{name} from {time[begin]:.6g} s"
+        sessions.append(Session(label, Trajectory(
+            grid, values, {n: trajectory.unit(n) for n in trajectory.names}, title=trajectory.title,
+            provenance={"resampled": method, "sample_time_s": step}, synthetic=trajectory.synthetic,
+        ), step))  # fmt: skip
+    error = {n: np.sqrt(np.mean(np.concatenate(parts) ** 2, axis=0)) for n, parts in rows.items()}
+    bridged, cut = (tuple(g for g in sampling.gaps if (g.duration > longest) == over) for over in (False, True))
+    return Resampled(tuple(sessions), method, error, bridged, cut)
+
+
+def _curve(method: Method) -> Callable[[Array, Array], Callable[[Array], Array]]:
+    import scipy
+
+    if method == "linear":
+        return lambda t, y: scipy.interpolate.make_interp_spline(t, y, k=1)
+    if method == "cubic":
+        return lambda t, y: scipy.interpolate.CubicSpline(t, y)
+    return lambda t, y: scipy.interpolate.PchipInterpolator(t, y)
+
+
+def _left_out(method: Method, time: Array, y: Array) -> Array:
+    """What each inner row of odd number is missed by from those of even number, (rows, components)."""
+    kept = slice(0, None, 2)
+    missed = slice(1, len(time) - 1 if len(time) % 2 == 0 else None, 2)
+    curve = _curve(method)(time[kept], y[kept])
+    return (curve(time[missed]) - y[missed]).reshape(len(time[missed]), -1)
