@@ -96,7 +96,7 @@ def test_guideway_errors_alone_keep_their_intervals() -> None:
     v = study(robot("l1"), made, fit("l1")).values
     assert v["intervals_hold"] and v["colour_tested"]
     assert any(s.startswith("residuals follow the carts' positions") for s in v["notes"])
-    assert any("noise and smooth errors of the carts" in s for s in v["verdict"])
+    assert any("noise of this recording and smooth errors of the carts" in s for s in v["verdict"])
     inside = [u["interval_95"][0] <= v["truth"][u["name"]] <= u["interval_95"][1] for u in v["unknowns"]]
     assert sum(inside) >= 18  # of 21 in three arms of some three independent intervals
 
