@@ -37,8 +37,8 @@ class BetweenRecordings:
         )  # fmt: skip
         return (
             f"recordings have disjoint 95 % intervals of {len(self.apart)} of {len(self.names)} parameters, most of "
-            f"all {self.worst}: {ends}; between recordings it varies by {self.spread[self.worst]:.2g} {self.unit} beyond "
-            "their noise: an interval describes its recordings, not the machine"
+            f"all {self.worst}: {ends}; between recordings it varies by {self.spread[self.worst]:.2g} {self.unit} "
+            "beyond their noise: an interval describes its recordings, not the machine"
         )
 
 
