@@ -24,14 +24,10 @@
 
 # %%
 # %matplotlib inline
-from pathlib import Path
-
 import numpy as np
 
 import gtmodel as gt
-from gtmodel.problem_files.run import call_of
-
-problems = next(f for f in (Path("problems"), Path("../problems")) if f.is_dir())
+from gtmodel._files import problems_dir
 
 # %% [markdown]
 # ## 1 Look first
@@ -39,7 +35,7 @@ problems = next(f for f in (Path("problems"), Path("../problems")) if f.is_dir()
 # The same as `gtmodel inspect FILE`. What stands in no header is guessed, and the guess says why.
 
 # %%
-log = gt.measurements.inspect(problems / "data" / "hexapod" / "108_calibration_poses.csv")
+log = gt.measurements.inspect(problems_dir() / "data" / "hexapod" / "108_calibration_poses.csv")
 print(log.message)
 for note in log.notes:
     print("-", note)
@@ -49,10 +45,10 @@ assert any("quaternion" in note for note in log.notes)
 # ## 2 Fit
 #
 # The problem file says which column shows what, in which unit, and how well it is known. A file and a call are the same
-# study; `call_of` shows the call.
+# study; `gt.load` gives the call.
 
 # %%
-call = call_of(problems / "calibrate_hexapod.toml")
+call = gt.load("calibrate_hexapod")
 study = call()
 print(study.message)
 for name, errors in (("as drawn", study.a_priori), ("held out", study.held_out)):
@@ -80,7 +76,7 @@ assert study.numerics_sound and study.prediction_proven
 # have other origins, so six offsets and two frames are fitted to half of the poses and judged on the other half.
 
 # %%
-again = call_of(problems / "judge_hexapod.toml")()
+again = gt.load("judge_hexapod")()
 print(again.message)
 offsets = [u["value"] for u in again.unknowns if "offset" in u["name"]]  # motor revolutions
 lengths = 1e3 * np.array(offsets) * call.arguments[0].c  # call.arguments[0] is the robot as drawn
@@ -113,3 +109,11 @@ even = gt.measurements.resample(fit.bring(second), 0.004, longest_gap=0.1)
 print(even.message)
 print(f"rows are missed by {1e3 * even.error['q'][0]:.2f} mrad rms, of which the noise is {1e3 * truth.noise:g} mrad")
 assert np.allclose(np.diff(even.trajectory.time), 0.004)
+
+# %% [markdown]
+# ## Answer
+#
+# Of this hexapod: within the box that was measured it predicts to a millimetre in the mean, on another day too,
+# once six offsets and two frames are fitted to some of its poses. Of its parameters one by one: nothing with an
+# interval, for the residuals are no noise, and the verdict says so. Of a late channel: how late, to a hundredth of a
+# sample, because its residuals are white.
