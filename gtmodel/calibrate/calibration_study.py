@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 
 from ..lang import Model
-from ..results import SolveStatus, Work
+from ..results import ArgumentError, SolveStatus, Work
 from ..results.door import study_function
 from ..results.made_files import MadeFiles
 from ..results.options import Within
@@ -17,12 +17,13 @@ from ..results.work import Progress, never, silent
 from .measured.alarms import Alarms
 from .measured.cart_points import on_cart_points
 from .measured.options import CartPoints, Refit
-from .measured.poses import MeasuredPoses, split_all
+from .measured.poses import MeasuredPoses, SplitPoses, split_all
 from .measured.witness import a_priori, misread_after, recognise_sessions, witness_of
 from .measurements import Measurements
 from .options import Fit
 from .report import poses_table, robot_file, sensitivity_table
 from .report.findings import CalibrationFindings, findings_of, length_noise
+from .report.left_out import folds_of
 from .report.pictures import pictures
 from .report.result import CalibrationStudy
 from .report.robot_file import Origin
@@ -38,6 +39,8 @@ def study(
     *,
     held_out: Annotated[int, Within(least=0)] = 2,
     refit: Refit | None = None,
+    method: Literal["every", "leave_one_out", "folds"] = "every",
+    folds: Annotated[int, Within(least=2)] = 10,
     carts: CartPoints | None = None,
     origin: Origin | None = None,
     title: str = "",
@@ -55,6 +58,8 @@ def study(
         fit: which parameters move, by which cost; all of them and length errors if left out.
         held_out: every how many-th pose no fit sees; 0 for none. Poses that say it themselves are not asked.
         refit: what a held-out recording has of its own, found on a part of it; the rest judges.
+        method: "every" holds poses out as `held_out` says; "leave_one_out" fits all and predicts each pose by a fit
+            without it, "folds" each of so many `folds` by one without them: for few poses.
         carts: guideways through measured points.
         origin: where the robot comes from, for parameters.toml.
         progress, max_seconds, stop: see `gtmodel.results.Work`.
@@ -81,7 +86,8 @@ def study(
     work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
     fit, origin = fit or Fit(), origin or Origin(type(robot).__name__)
     robot, on_points = on_cart_points(by_dh_numbers(fit, robot), carts)
-    data = split_all(poses, robot, held_out, refit)
+    data = split_all(poses, robot, held_out if method == "every" else 0, refit)
+    in_turn = [] if method == "every" else _in_turn(data, folds if method == "folds" else None)
     alarms = Alarms(fit.accept)
     work.progress("looking at the poses", 0.3)
     witnesses = [witness_of(robot, d) for d in data]
@@ -95,7 +101,7 @@ def study(
     work.progress("fitting", 0.5)
     ready = prepared(fit, robot, data, carts, on_points)
     before = [a_priori(d, w, p) for d, w, p in zip(data, witnesses, placed, strict=True)]
-    findings = findings_of(fit, data, ready, before, work.interrupted, alarms, refit)
+    findings = findings_of(fit, data, ready, before, work.interrupted, alarms, refit, in_turn)
     c = findings.calibration
     # where all lengths are known by themselves, and something was fitted
     looked = c.status is not SolveStatus.INTERRUPTED and len(data) == 1 and not ready.implicit and len(c.x) > 0
@@ -106,13 +112,22 @@ def study(
     return _study_of(findings, robot, fit, origin, title)
 
 
+def _in_turn(data: Sequence[SplitPoses], folds: int | None) -> list[np.ndarray]:
+    """Folds of poses that are left out in turn. Raises ArgumentError for several measurements and for held-out ones."""
+    if len(data) > 1:
+        raise ArgumentError("poses are left out in turn of one table of measurements; there are several", "method")
+    if data[0].held_out.any():
+        raise ArgumentError("poses are held out already, by their file; leave out in turn or hold out", "method")
+    return folds_of(len(data[0].lines), folds, data[0].repeated)
+
+
 def explained(
     robot: Model, poses: MeasuredPoses | Measurements | Sequence[MeasuredPoses | Measurements], fit: Fit,
-    held_out: int = 2, carts: CartPoints | None = None,
+    held_out: int = 2, carts: CartPoints | None = None, method: str = "every",
 ) -> list[str]:  # fmt: skip
     """What is free, what stays, and what the poses can determine before anything is fitted, in lines of text."""
     robot, on_points = on_cart_points(by_dh_numbers(fit, robot), carts)
-    data = split_all(poses, robot, held_out)
+    data = split_all(poses, robot, held_out if method == "every" else 0)
     ready = prepared(fit, robot, data, carts, on_points)
     u = ready.unknowns
     fitted, held = sum(len(d.fitted) for d in data), sum(int(d.held_out.sum()) for d in data)

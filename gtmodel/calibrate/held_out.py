@@ -53,7 +53,7 @@ def judge_held_out(
     mean = float(np.mean(np.sum(inside**2, axis=1))) if N else 0.0
     ratio = float(np.sqrt(np.mean(np.sum(outside**2, axis=1)) / mean)) if mean > 0 and M else np.inf
     try:
-        fit, held = _covariances(c, kept, fitted, signal)
+        fit, held = pose_covariances(c, kept, fitted, signal)
     except (ModelError, np.linalg.LinAlgError):
         determined = len(c.x) if c.estimate is None else len(c.x) - c.estimate.null_space.shape[1]
         equations = N * max(len(c.problem.labels), 1)
@@ -70,7 +70,7 @@ def judge_held_out(
     )  # fmt: skip
 
 
-def _covariances(
+def pose_covariances(
     c: Calibration, kept: Measurements, fitted: Mapping[str, np.ndarray], signal: str
 ) -> tuple[np.ndarray, np.ndarray]:
     """Of all position errors at fitted poses (3 N, 3 N) and at held-out ones (3 M, 3 M), for pose noise of size one."""

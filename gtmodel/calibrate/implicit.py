@@ -11,6 +11,7 @@ from ..lang.source import ModelError
 from .blocks import Block
 
 ROUNDS = 50
+QUICK = 5  # rounds of whole steps, after which poses that have not all arrived are looked at one by one
 # an error that moves by no more than this part of the noise, and this part of the data's size, has arrived
 STILL, FLOOR = 1e-10, 1e-13
 # a step is shortened where it leaves the equations farther from zero than a bound that falls by this part each round
@@ -74,11 +75,13 @@ class Adjustment:
         """The same as (N, k) and (N, k, n), k equations less latent values."""
         n, every = len(self.y), np.arange(len(self.y))
         rows = len(self.block.rows) - self.latent
-        e, J = np.full((n, rows), np.inf), np.full((n, rows, len(x)), np.inf)
+        e, J = np.empty((n, rows)), np.empty((n, rows, len(x)))
         closed = np.zeros(n, bool)
         self._close(x, every, self.y, self.z, e, J, closed)
-        if not closed.all() and closed.any():
-            self._from_neighbours(x, e, J, closed)
+        if not closed.all():
+            if closed.any():
+                self._from_neighbours(x, e, J, closed)
+            e[~closed], J[~closed] = np.inf, np.inf
         self.closed = closed
         return e, J
 
@@ -99,16 +102,23 @@ class Adjustment:
         self, x: np.ndarray, index: np.ndarray, y: np.ndarray, z: np.ndarray, e: np.ndarray, J: np.ndarray,
         closed: np.ndarray,
     ) -> None:  # fmt: skip
-        """Iterates poses (of `index`) from y, z, and stores those that close in self, e, J and closed."""
+        """Iterates poses (of `index`) from y, z, and stores those that close in self, e, J and closed: by whole steps,
+        which mostly do for all, then with a look at each."""
+        if not self._stepped(x, index, y, z, e, J, closed, None):
+            self._stepped(x, index, y, z, e, J, closed, _Guard(y, z))
+
+    def _stepped(
+        self, x: np.ndarray, index: np.ndarray, y: np.ndarray, z: np.ndarray, e: np.ndarray, J: np.ndarray,
+        closed: np.ndarray, guard: _Guard | None,
+    ) -> bool:  # fmt: skip
+        """Whether all poses close; without a guard those that do are stored only then."""
         S = self._at(self.covariance, index)
         data = self.data if len(index) == self.data.shape[1] else self.data[:, index]
         size = float(np.sqrt(np.max(np.diagonal(S, axis1=1, axis2=2))))
         floor = FLOOR * float(np.abs(self.data).max(initial=1.0))
-        guard = _Guard(y, z)
         with np.errstate(all="ignore"):
-            for _ in range(ROUNDS):
+            for _ in range(QUICK if guard is None else ROUNDS):
                 r, Jx, By, Bz = self.block.evaluate_all(data, x, y, z)
-                back = guard.refused(r, By, Bz, S)
                 W, good, turned = self._whitening(By, Bz, index)
                 w = r - _times(By, y)
                 v = _times(W, w)
@@ -118,15 +128,26 @@ class Adjustment:
                 else:
                     new = -_times(turned, v)
                 step = -_times(_inverse(Bz), w + _times(By, new)) if self.latent else np.zeros_like(z)
-                moved = np.abs(new - y).max(axis=1, initial=0.0)
-                if self.latent:
-                    moved = np.maximum(moved, np.abs(step).max(axis=1))
-                still = moved <= STILL * max(size, float(np.abs(y).max(initial=0.0))) + floor
-                still &= good & ~back
+                arrived = STILL * max(size, float(np.abs(y).max(initial=0.0))) + floor
+                if guard is None:
+                    moved = max(float(np.abs(new - y).max(initial=0.0)), float(np.abs(step).max(initial=0.0)))
+                    if not good.all() or not np.isfinite(moved):
+                        return False
+                    still, back = np.full(len(index), moved <= arrived), ~good
+                else:
+                    back = guard.refused(r, By, Bz, S)
+                    each = np.abs(new - y).max(axis=1, initial=0.0)
+                    each = np.maximum(each, np.abs(step).max(axis=1, initial=0.0))
+                    still = (each <= arrived) & good & ~back
                 if still.all():
-                    self.y[index], self.z[index], closed[index] = new, z + step, True
-                    e[index], J[index] = v, W @ Jx
-                    return
+                    here = slice(None) if len(index) == len(closed) else index
+                    self.y[here], self.z[here], closed[here] = new, z + step, True
+                    e[here] = v
+                    J[here] = W @ Jx
+                    return True
+                if guard is None:
+                    y, z = new, z + step
+                    continue
                 done = np.flatnonzero(still & ~closed[index])
                 if len(done):  # others may not close
                     here = index[done]
@@ -135,6 +156,7 @@ class Adjustment:
                 y, z, dead = guard.next(y, z, new, z + step, back, good)
                 if dead is not None and (still | dead).all():
                     break
+        return False
 
     def _from_neighbours(self, x: np.ndarray, e: np.ndarray, J: np.ndarray, closed: np.ndarray) -> None:
         """Tries the poses that did not close from the solutions of the nearest that did."""

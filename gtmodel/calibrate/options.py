@@ -56,9 +56,11 @@ class Fit(Options):
     priors: Annotated[
         dict[str, Known], "by unknown, or by row or parameter for all its unknowns at their start"
     ] = field(default_factory=dict)  # fmt: skip
-    sizes: Annotated[dict[str, float], Within(above=0), "expected error of a parameter in SI; 0.001"] = field(
-        default_factory=dict
-    )
+    sizes: Annotated[
+        dict[str, float],
+        Within(above=0),
+        "expected error of a parameter in SI; 0.001, or by the data in other units than m and rad",
+    ] = field(default_factory=dict)
     cost: Annotated[
         Literal["closure", "linear", "inverse", "forward", "orthogonal"],
         "what is made small: squared closures (5.1), length errors, errors of the drives, of the pose, or "

@@ -24,9 +24,15 @@ from .implicit import Adjustment, Begin
 from .latent_start import closed_start
 from .measurements import Measurements, SignalName
 from .reading import Reading, reading, variables_of
-from .unknowns import Parameters, Unknowns, unknowns
+from .unknowns import SIZE, Parameters, Unknowns, unknowns
 
 LOOSE = 1e3  # of the smallest noise: a signal with more hardly says where the pose is
+
+
+# units whose expected errors are known: a millimetre, as much at a metre's distance, and of a compliance
+SIZED = ("m", "rad", "m/N")
+FACTOR = 10.0
+LOOKED_AT = 40  # poses
 
 
 @dataclass(frozen=True, eq=False)
@@ -310,7 +316,32 @@ def prepare(
     unit = [n for _, read, _ in ready for n in read.unit]
     u = unknowns(everything, replace(choice, free=free, unit=[*choice.unit, *unit]))
     first, *others = [CalibrationProblem(c[0], m, read, u, actuators) for c, read, m in ready]
-    return replace(first, beside=tuple(others)) if others else first
+    sized = _with_sizes(first)
+    parts = [replace(p, unknowns=sized) for p in (first, *others)]
+    return replace(parts[0], beside=tuple(parts[1:]))
+
+
+def _with_sizes(problem: CalibrationProblem) -> Unknowns:
+    """Unknowns in a unit that says nothing of their size, such as offsets in motor revolutions, get from the data the
+    size that moves the lengths of a pose by a millimetre, where that is farther than a factor of ten from the usual
+    one. Parameters of the model without a unit stay: they are directions, known as turns are."""
+    u, m = problem.unknowns, problem.measurements
+    own = {problem.closure.flat.parameters[t].name for t in problem.closure.touched}
+    known = [s in SIZED or (s in ("", "1") and n in own) for n, s in zip(u.names, u.units, strict=True)]
+    guessed = [k for k, n in enumerate(u.names) if not known[k] and n not in u.stated]
+    if not guessed or problem.implicit:
+        return u
+    rows = np.unique(np.linspace(0, len(m) - 1, min(LOOKED_AT, len(m))).round().astype(int))
+    try:
+        J = problem.on(m.part(rows)).jacobian()
+    except ModelError:
+        return u
+    moved = np.sqrt(np.sum(J[:, :, guessed] ** 2, axis=(0, 1)) / len(rows))
+    sizes = u.sizes.copy()
+    for k, by_unit in zip(guessed, moved, strict=True):
+        if np.isfinite(by_unit) and by_unit > 0 and not 1 / FACTOR <= by_unit <= FACTOR:
+            sizes[k] = SIZE / by_unit
+    return replace(u, sizes=sizes)
 
 
 def latent_starts(closure: Closure) -> dict[str, np.ndarray]:

@@ -26,6 +26,8 @@ TURN = " turned about "
 class Unknowns:
     """Scalar unknowns x (n,) with names, units, start values and sizes, and the parameters as expressions of x.
 
+    `stated`: names whose sizes were given.
+
     `moved`: symbols of parameters -> expressions in x and numbers; parameters that it does not hold are numbers.
     """
 
@@ -37,6 +39,7 @@ class Unknowns:
     moved: tuple[tuple[ca.SX, ca.SX], ...]
     priors: tuple[Prior, ...]
     notes: tuple[str, ...] = ()
+    stated: frozenset[str] = frozenset()
 
     @cached_property
     def numbers(self) -> ca.Function:
@@ -125,10 +128,11 @@ def unknowns(parameters: Parameters, choice: Choice) -> Unknowns:
     everything = [(p.symbols[k], chosen.moved.get(k, ca.SX(p.values[k]))) for k in range(len(p.names))]
     if not chosen.names and (choice.free is None or len(choice.free)):
         raise ModelError(f"nothing is left free to calibrate in {p.title}: all parameters are fixed or tied")
-    sizes = _sizes(p, choice, chosen)
+    sizes, stated = _sizes(p, choice, chosen)
     return Unknowns(
         tuple(chosen.names), tuple(chosen.units), ca.vertcat(*chosen.symbols), np.array(chosen.values),
         np.array([sizes[n] for n in chosen.names]), tuple(everything), tuple(choice.priors), tuple(chosen.notes),
+        stated,
     )  # fmt: skip
 
 
@@ -168,18 +172,21 @@ def _turn(p: Parameters, name: str, indices: list[int], still: set[str], chosen:
         chosen.moved[k] = component
 
 
-def _sizes(p: Parameters, choice: Choice, chosen: _Chosen) -> dict[str, float]:
-    """Expected errors by name. Raises ModelError for one that is not positive and for priors on what is not free."""
+def _sizes(p: Parameters, choice: Choice, chosen: _Chosen) -> tuple[dict[str, float], frozenset[str]]:
+    """Expected errors by name, and the names of those that were given. Raises ModelError for one that is not positive
+    and for priors on what is not free."""
+    stated: set[str] = set()
     sizes = {n: COMPLIANCE if unit == "m/N" else SIZE for n, unit in zip(chosen.names, chosen.units, strict=True)}
     for name, size in choice.sizes.items():
         if not size > 0:
             raise ModelError(f"the expected error of '{name}' is {size:g}; it must be positive")
         hits = [name] if name in sizes else [p.names[k] for k in p.indices(name)]
         sizes.update({n: size for n in hits if n in sizes})
+        stated.update(hits)
     for prior in choice.priors:
         if prior.name not in sizes:
             raise ModelError(f"a prior names '{prior.name}', which is not free; these are: {', '.join(chosen.names)}")
-    return sizes
+    return sizes, frozenset(stated)
 
 
 def _ties(p: Parameters, tied: Mapping[str, str]) -> dict[int, int]:

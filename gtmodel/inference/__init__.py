@@ -13,6 +13,7 @@ Worth
     whiteness, normality, noise_size, cross_validation   what residuals say of a model
     held_out_ratio, freedom_of  how much larger than fitted errors held-out ones are by chance; FALSE_ALARM of verdicts
     over_noise                  are residuals as large as the stated noise, by more than chance and than matters
+    between_recordings          have recordings of one machine disjoint intervals, and by how much
     chance_ratio                of two rms errors of one size
 Proof
     monte_carlo                 runs by seed in parallel processes
@@ -24,6 +25,7 @@ from typing import TYPE_CHECKING
 from .._lazy import public
 
 if TYPE_CHECKING:
+    from .between import BetweenRecordings as BetweenRecordings, between_recordings as between_recordings
     from .covariance import (
         automatic_lag as automatic_lag,
         block_bootstrap as block_bootstrap,

@@ -48,6 +48,7 @@ def test_two_directions_in_one_sentence_are_one_note() -> None:
     )  # fmt: skip
     silent = SimpleNamespace(reasons=(), notes=())
     nothing_else = {"priors": [], "outliers": [], "parts": (), "refitted": None, "far": [], "alarms": Alarms()}
+    nothing_else |= {"after": None, "apart": None}
     findings = SimpleNamespace(calibration=c, confidence=silent, lines=range(9), **nothing_else)
     assert _notes(findings) == [said]  # type: ignore[arg-type]
 
@@ -95,7 +96,7 @@ def test_guideway_errors_alone_keep_their_intervals() -> None:
     v = study(robot("l1"), made, fit("l1")).values
     assert v["intervals_hold"] and v["colour_tested"]
     assert any(s.startswith("residuals follow the carts' positions") for s in v["notes"])
-    assert any("noise and smooth errors of the carts" in s for s in v["verdict"])
+    assert any("noise of this recording and smooth errors of the carts" in s for s in v["verdict"])
     inside = [u["interval_95"][0] <= v["truth"][u["name"]] <= u["interval_95"][1] for u in v["unknowns"]]
     assert sum(inside) >= 18  # of 21 in three arms of some three independent intervals
 
@@ -104,7 +105,7 @@ def test_few_poses_are_said_to_be_untested(tmp_path: Path) -> None:
     v = solved("l1", written(tmp_path, "l1", rows=slice(None, None, 5))).values
     assert v["poses"]["fitted"] == 20 and not v["colour_tested"] and v["intervals_hold"]
     assert any("20 fitted poses are too few to test whether residuals are coloured" in s for s in v["notes"])
-    assert "parameters: 95 % intervals cover noise; colour not tested, 20 poses" in v["verdict"]
+    assert "parameters: 95 % intervals cover noise of this recording; colour not tested, 20 poses" in v["verdict"]
 
 
 def test_what_is_undetermined_is_said_with_the_movement_that_was_seen() -> None:
@@ -124,3 +125,20 @@ def test_what_is_undetermined_is_said_with_the_movement_that_was_seen() -> None:
             and "of 2 parameters" in sentence
         )
         assert "near" not in sentence
+
+
+def test_parameters_that_drift_together_are_named_together() -> None:
+    """Offsets along parallel axes: their sum is determined alone, or hardly their difference."""
+    names, rng = ("a", "d[1]", "d[2]"), np.random.default_rng(6)
+    for near in (0.0, 1e-7):
+        J = np.column_stack([rng.standard_normal(8), np.ones(8), np.ones(8) + near * rng.standard_normal(8)])
+        determined = identifiability(J / 1e-5, names, scale=np.full(3, 1e-3))
+        assert determined.redundant + len(determined.near) == 1
+        for moved, said in (([0.0, 9.45, -9.4499], 1), ([2e-3, 5e-3, -5e-3], 0), ([3.0, 0.05, 0.05], 0)):
+            unknowns = SimpleNamespace(names=names, start=np.zeros(3), units=("m",) * 3)
+            c = SimpleNamespace(x=np.array(moved), problem=SimpleNamespace(unknowns=unknowns))
+            sentences = movement.drifted(c, determined)  # type: ignore[arg-type]
+            assert len(sentences) == said
+            if said:
+                assert "d[1] by 9.45 m" in sentences[0] and "d[2] by -9.45 m" in sentences[0]
+                assert ("do not determine" if not near else "no better than it was known") in sentences[0]

@@ -8,9 +8,9 @@ from functools import cached_property
 
 import numpy as np
 
-from ...inference import HeldOut, Identifiability, OverNoise, noise_size, over_noise
+from ...inference import BetweenRecordings, HeldOut, Identifiability, OverNoise, noise_size, over_noise
 from ...lang import ModelError
-from ...results import ArgumentError
+from ...results import ArgumentError, SolveStatus
 from ..calibration import Calibration, calibrate
 from ..held_out import judge_held_out
 from ..measured.alarms import Alarms
@@ -24,8 +24,11 @@ from ..sensitivity import Sensitivity, sensitivity
 from ..variants import cost_of, too_few
 from .contradictions import contradicted_priors
 from .intervals import Confidence
+from .left_out import PosesLeftOut, leave_out
 from .movement import moved_too_far, undetermined
+from .recordings import between_sessions
 from .refitted import of_its_own, refitted
+from .shifts import Shift, shift_of
 
 ITERATIONS = 400  # of a fit: few poses leave valleys along which it is slow
 HUBER = 1.345  # standard deviations: 95 % as sharp as least squares where there are no outliers
@@ -38,7 +41,7 @@ class CalibrationFindings:
     any, the former; empty where a pose cannot be closed. `repeatability`: rms distance [m] of poses at the same
     actuators from their mean, None without any. `beside`: those of other measurements that were fitted with these, with
     the same parameters. `refitted`: with what the recording of the held-out poses has of its own; `kept`: these poses,
-    read so.
+    read so. `left_out`: where poses were left out in turn, which `held_out` are then the errors of, all poses.
     """
 
     problem: CalibrationProblem
@@ -56,6 +59,7 @@ class CalibrationFindings:
     beside: Sequence[CalibrationFindings] = field(default=())
     refitted: Calibration | None = None
     kept: Measurements | None = None
+    left_out: PosesLeftOut | None = None
 
     @property
     def parts(self) -> tuple[CalibrationFindings, ...]:
@@ -101,12 +105,19 @@ class CalibrationFindings:
         return self.data.lines[~self.data.held_out]
 
     @property
+    def unseen(self) -> np.ndarray:
+        """Which poses the errors `held_out` are of: those held out, or all where they were left out in turn."""
+        return self.data.held_out if self.left_out is None else np.ones(len(self.data.lines), bool)
+
+    @property
     def lines_held_out(self) -> np.ndarray:
-        return self.data.lines[self.data.held_out]
+        return self.data.lines[self.unseen]
 
     @cached_property
     def judged(self) -> HeldOut | None:
         """Held-out over fitted errors against what a sound model has; None without either."""
+        if self.left_out is not None:
+            return self.left_out.judged
         kept = self.data.kept
         if kept is None or self.position not in self.held_out or self.position not in self.fitted:
             return None
@@ -124,6 +135,21 @@ class CalibrationFindings:
         """Errors (M, m) [m] of the held-out poses, as the calibration's residuals; None without any."""
         return None if self.kept is None else (self.refitted or self.calibration).on(self.kept)
 
+    @cached_property
+    def shift(self) -> Shift | None:
+        """Offsets that explain the errors of the held-out poses, where these are larger than those of the fitted ones,
+        or what the fitted ones leave."""
+        c = self.refitted or self.calibration
+        judged = self.judged if self.kept is not None and len(self.calibration.x) else None
+        if judged is not None and not judged.passed and self.kept is not None:
+            return shift_of(c.problem.on(self.kept), c.x, False, self.position)
+        return shift_of(self.calibration.problem, self.calibration.x, True, self.position)
+
+    @cached_property
+    def apart(self) -> BetweenRecordings | None:
+        """Parameters that sessions disagree on beyond their noise."""
+        return None if self.beside else between_sessions(self.calibration)
+
     @property
     def lost(self) -> int:
         """Held-out poses that do not close with the calibrated parameters."""
@@ -140,10 +166,10 @@ class CalibrationFindings:
 
 def findings_of(
     fit: Fit, data: Sequence[SplitPoses], prepared: CalibrationProblem, a_priori: Sequence[Prediction | None],
-    stop: Callable[[], bool], alarms: Alarms, refit: Refit | None = None,
+    stop: Callable[[], bool], alarms: Alarms, refit: Refit | None = None, folds: Sequence[np.ndarray] = (),
 ) -> CalibrationFindings:  # fmt: skip
     """Fit and look at it; `a_priori`: errors of the robot as it was, at all poses of each of the measurements; `stop`:
-    see calibrate().
+    see calibrate(); `folds` of poses that are left out in turn.
 
     Raises ArgumentError where the cost or the loss does not fit the measurements."""
     width = fit.loss_width
@@ -163,7 +189,27 @@ def findings_of(
         _of_part(fit, c if k == 0 else part, own, before, prior, alarms, refit)
         for k, (part, own, prior) in enumerate(zip(c.parts, data, a_priori, strict=True))
     )
-    return replace(first, beside=tuple(others))
+    if not folds or not c.status.ok:
+        return replace(first, beside=tuple(others))
+    return _without(first, folds, width or (HUBER * _scale(c) if fit.loss != "linear" else 1.0), stop)
+
+
+def _without(
+    f: CalibrationFindings, folds: Sequence[np.ndarray], width: float, stop: Callable[[], bool]
+) -> CalibrationFindings:
+    """With the errors of poses by fits without them; interrupted, with none."""
+    c, name = f.calibration, f.position
+    try:
+        left = leave_out(
+            c, folds, name, loss=f.loss, width=width, limit=ITERATIONS, correlated=f.confidence.correlated, stop=stop
+        )
+    except ArgumentError:
+        if not stop():
+            raise
+        stopped = replace(c, status=SolveStatus.INTERRUPTED, message="stopped while poses were left out in turn")
+        return replace(f, calibration=stopped)
+    held = {n: Prediction(e) for n, e in left.errors.items() if n in f.fitted}
+    return replace(f, held_out=held, left_out=left)
 
 
 def _of_part(
@@ -244,7 +290,11 @@ def verdict(findings: CalibrationFindings, accuracy: float | None) -> tuple[bool
 
 def _of_held_out(findings: CalibrationFindings, accuracy: float | None) -> tuple[bool, str]:
     """Whether the held-out poses of some measurements are predicted, and a sentence."""
-    name, kept = findings.position, len(findings.lines_held_out)
+    name, number = findings.position, len(findings.lines_held_out)
+    kept = f"{number} held-out poses"
+    if findings.left_out is not None:
+        folds = len(findings.left_out.folds)
+        kept = f"{number} poses left out in turn" + (f" in {folds} folds" if folds < number else "")
     outside = findings.held_out[name]
     sizes = f"mean {1e3 * outside.mean:.3g} mm, greatest {1e3 * outside.greatest:.3g} mm"
     judged = findings.judged
@@ -253,19 +303,20 @@ def _of_held_out(findings: CalibrationFindings, accuracy: float | None) -> tuple
     noisy = over is not None and not over.passed
     if judged.passed and not noisy and (accuracy is None or outside.mean <= accuracy):
         return True, (
-            f"prediction proven on {kept} held-out poses: {sizes}; within their box, load and "
+            f"prediction proven on {kept}: {sizes}; within their box, load and "
             "units, not beyond: a scale that all readings share is not seen"
         )
     if accuracy is not None and outside.mean > accuracy:
-        return False, f"prediction misses the wanted {1e3 * accuracy:.3g} mm on {kept} held-out poses: {sizes}"
+        return False, f"prediction misses the wanted {1e3 * accuracy:.3g} mm on {kept}: {sizes}"
+    shifted = "" if findings.shift is None else findings.shift.message
     if judged.passed and over is not None:
         return False, (
-            f"prediction not proven on {kept} held-out poses ({sizes}): {over.message}; what is lacking may be larger "
-            "elsewhere: held-out poses were measured as the fitted ones"
+            f"prediction not proven on {kept} ({sizes}): {over.message}; "
+            + (shifted or "what is lacking may be larger elsewhere: held-out poses were measured as the fitted ones")
         )
     return False, (
-        f"prediction not proven on {kept} held-out poses ({sizes}): {judged.message}; measure more poses or free "
-        "fewer parameters"
+        f"prediction not proven on {kept} ({sizes}): {judged.message}; "
+        + (shifted or "measure more poses or free fewer parameters")
     )
 
 
@@ -273,6 +324,8 @@ def _as_it_is(findings: CalibrationFindings, accuracy: float | None) -> tuple[bo
     """The verdict where nothing was fitted, so that no pose is better known to the parameters than another."""
     errors = findings.headline[0]
     sentences = ["nothing was fitted: the robot is judged as it is"]
+    if findings.shift is not None:
+        sentences.append(findings.shift.message)
     if findings.position not in errors:
         return True, False, [*sentences, "no pose closes with these parameters"]
     p = errors[findings.position]

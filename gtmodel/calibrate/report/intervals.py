@@ -109,11 +109,19 @@ class Confidence:
         """What the intervals cover, for the verdict."""
         if not self.holds:
             return "parameters: no 95 % intervals hold, see the notes"
+        covered = f"parameters: 95 % intervals cover noise of {self._recorded}"
         if self._few:
-            return f"parameters: 95 % intervals cover noise; colour not tested, {len(self.calibration.residuals)} poses"
+            return f"{covered}; colour not tested, {len(self.calibration.residuals)} poses"
         if self._smooth is not None:
-            return "parameters: 95 % intervals cover noise and smooth errors of the carts, not drift, load or scale"
-        return "parameters: 95 % intervals cover noise; colour was tested and not found"
+            return f"{covered} and smooth errors of the carts, not drift, load or scale"
+        return f"{covered}; colour was tested and not found"
+
+    @property
+    def _recorded(self) -> str:
+        """What the intervals describe: another recording of the robot may have its own errors beside noise."""
+        problem = self.calibration.problem
+        several = bool(problem.beside) or len(problem.measurements.session_names) > 1
+        return "these recordings" if several else "this recording"
 
     @cached_property
     def correlated(self) -> int:
@@ -133,10 +141,11 @@ class Confidence:
         k = int(np.argmax(times))
         if times[k] <= WEAK:
             return ""
+        expected = f"if {sizes[k]:.2g} {e.units[k] or '1'} is not what to expect of it, say so in sizes"
         return (
             f"no 95 % intervals hold: {e.names[k]} is determined to {e.std[k]:.2g} {e.units[k] or '1'} only, "
             f"{times[k]:.3g} times its expected error, where intervals of linearised least squares do not hold; fix "
-            "it, give a prior, or measure poses farther apart and turned farther"
+            f"it, give a prior, or measure poses farther apart and turned farther; {expected}"
         )
 
     @property

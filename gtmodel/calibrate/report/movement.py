@@ -10,6 +10,9 @@ from ..calibration import Calibration
 OPEN = 1e-6  # share of a parameter's direction in what is undetermined; below is round-off
 FAR = 0.1  # of the largest length: a tape measure does not err by that
 DOUBTFUL = 5.0  # standard deviations: a parameter that moved by less may be where it was
+DRIFT = 15.0  # expected sizes along an undetermined combination: farther than a start value is off
+ALONG = 0.7  # of a movement: what goes elsewhere is no drift along the combination
+MOST_NAMED = 4
 SMALL = 5e-3  # of the largest length: residuals of poses that were read right, whose noise standard deviations rest on
 
 
@@ -43,6 +46,30 @@ def moved_too_far(c: Calibration) -> list[str]:
                 f"{name} became {norms[1] / norms[0]:.3g} times as long as it was; are the units right? {asked}"
             )
     return said
+
+
+def drifted(c: Calibration, identifiability: Identifiability) -> list[str]:
+    """Parameters that moved far together along a combination that the poses do not determine, or no better than it was
+    known: a sentence for each such combination, with how far."""
+    u = c.problem.unknowns
+    moved = dict(zip(u.names, (c.x - u.start).tolist(), strict=True))
+    scale = dict(zip(identifiability.names, identifiability.scale, strict=True))
+    said = []
+    for direction in (*identifiability.null, *identifiability.near):
+        names = list(direction.weights)
+        along = np.array([direction.weights[n] / scale[n] for n in names])
+        own = np.array([moved[n] / scale[n] for n in names])
+        along /= np.linalg.norm(along)
+        if abs(along @ own) <= DRIFT or abs(along @ own) < ALONG * np.linalg.norm(own):
+            continue
+        sizes = [f"{n} by {moved[n]:.3g} {u.units[u.names.index(n)]}".rstrip() for n in names[:MOST_NAMED]]
+        more = f" and {len(names) - MOST_NAMED} others" if len(names) > MOST_NAMED else ""
+        determined = "do not determine" if np.isinf(direction.std) else "determine no better than it was known"
+        said.append(
+            f"{', '.join(sizes)}{more} moved along a combination that the poses {determined}: one of many values that "
+            f"fit alike; {'fix it' if len(names) == 1 else 'fix one of them'} or give a prior"
+        )
+    return list(dict.fromkeys(said))
 
 
 def _doubt(c: Calibration, size: float) -> np.ndarray:

@@ -27,7 +27,7 @@ def pictures(findings: CalibrationFindings, title: str) -> Mapping[str, Callable
                 of_parts, f"{title}: errors by pose", None, "error [mm]"
             )
     elif name in headline:
-        T = findings.data.T[findings.data.held_out if held else ~findings.data.held_out]
+        T = findings.data.T[findings.unseen if held else ~findings.data.held_out]
         errors = {f"{what}, calibrated": headline[name].sizes}
         if name in findings.a_priori:
             errors[f"{what}, before"] = findings.a_priori[name].sizes

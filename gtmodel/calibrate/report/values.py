@@ -10,9 +10,9 @@ from ...compiler.causal import flat_of
 from ...inference import Identifiability
 from ...lang.units import parse_unit
 from ...results import Check, at_most
-from ..measured.poses import SplitPoses
 from ..prediction import Prediction
 from .findings import CalibrationFindings, verdict
+from .movement import drifted
 
 LOOK = "the verdict in the table says what to look at"
 SHOWN_PAIRS = 20
@@ -45,7 +45,7 @@ def values_of(findings: CalibrationFindings, accuracy: float | None) -> dict[str
         "fitted": _sizes(findings.fitted.get(findings.position)) if whole else None,
         "a_priori": _sizes(findings.a_priori.get(findings.position)) if whole else None,
         "orientation": _sizes(errors.get(data.pose.orientation or "")),
-        "worst": None if head is None else _worst(data, head, lines, held),
+        "worst": None if head is None else _worst(findings, head, lines, held),
         "principal": None if head is None else _principal(head),
         "identifiability_before": None if findings.before is None else _identifiability(findings.before),
         "identifiability_after": None if findings.after is None else _identifiability(findings.after),
@@ -118,7 +118,9 @@ def _notes(findings: CalibrationFindings) -> list[str]:
     if c.estimate is None:
         return [*findings.alarms.notes, *absent]
     intervals = [*findings.confidence.reasons, *findings.confidence.notes]
-    notes = [*findings.priors, *c.estimate.notes, *intervals, *_crowded(findings), *findings.far]
+    drift = [] if findings.after is None else drifted(c, findings.after)
+    drift += [] if findings.apart is None else [findings.apart.message]
+    notes = [*findings.priors, *c.estimate.notes, *drift, *intervals, *_crowded(findings), *findings.far]
     notes += [*findings.alarms.notes, *absent]
     return list(dict.fromkeys(notes))  # two null directions may move the same names: one sentence
 
@@ -208,9 +210,9 @@ def _sizes(p: Prediction | None) -> dict[str, float] | None:
     return None if p is None else {"mean": p.mean, "max": p.greatest, "rms": p.rms}
 
 
-def _worst(data: SplitPoses, head: Prediction, lines: np.ndarray, held: bool) -> dict[str, Any]:
-    part = data.held_out if held else ~data.held_out
-    T = data.T[part]
+def _worst(findings: CalibrationFindings, head: Prediction, lines: np.ndarray, held: bool) -> dict[str, Any]:
+    part = findings.unseen if held else ~findings.data.held_out
+    T = findings.data.T[part]
     k = head.worst
     return {"line": int(lines[k]), "position_m": T[k].tolist(), "error_mm": 1e3 * head.greatest, "held_out": held}
 

@@ -52,7 +52,13 @@ class CartPointsSection(Made):
 class HeldOutSection(FileSection):
     """Poses that the fit does not see."""
 
+    method: Literal["every", "leave_one_out", "folds"] = Field(
+        default="every",
+        description="every: some poses are held out; leave_one_out, folds: all are fitted, and each is predicted by a "
+        "fit without it, or without its fold, for few poses",
+    )
     every: int = Field(default=2, ge=0, description="every how many-th pose is held out; 0 for none")
+    folds: int = Field(default=10, ge=2, description="number of folds, of the method folds")
     file: str | None = Field(default=None, description="another file of the same columns instead")
     source: Source = ""
     refit: list[Literal["offset", "scale", "device", "target"]] = Field(

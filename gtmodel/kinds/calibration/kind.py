@@ -30,6 +30,7 @@ ARGUMENTS = {
     "carts.points": "cart_points.file", "carts": "cart_points",
     "tests": f"{STIFFNESS}.measurements", "truth": f"{STIFFNESS}.synthetic", "load": f"{STIFFNESS}.load",
     "setup": STIFFNESS, "held_out": "held_out.every",
+    "method": "held_out.method", "folds": "held_out.folds",
     "refit.what": "held_out.refit", "refit": "held_out.refit",
 }  # fmt: skip
 ALIKE = ("kind", "title", "robot", "parameters", STIFFNESS)
@@ -53,7 +54,7 @@ def call(problem: Schema, context: Context) -> Call:
     refit = Refit(held.refit, held.refit_every) if held.refit else None
     return Call(
         calibrate.study, robot, _poses(problem, robot, context), problem.options(), held_out=held.every, refit=refit,
-        carts=carts, origin=origin, title=title,
+        method=held.method, folds=held.folds, carts=carts, origin=origin, title=title,
     ).then(partial(page.added, problem=problem, context=context))  # fmt: skip
 
 
@@ -64,7 +65,7 @@ def explain(problem: Schema, context: Context) -> str:
         lines = fitted_rows(_tests(_stiffness(problem), robot, context))
     else:
         carts, poses = _carts(problem, context), _poses(problem, robot, context)
-        lines = explained(robot, poses, problem.options(), problem.held_out.every, carts)
+        lines = explained(robot, poses, problem.options(), problem.held_out.every, carts, problem.held_out.method)
     name = NAME if problem.joint_stiffness is None else STIFFNESS
     return "\n".join([f"{problem.title or name}: {lines[0]}", *lines[1:]])
 
