@@ -36,9 +36,7 @@ def shipped_files(folder: str) -> set[str]:
     return {
         p.relative_to(CLONE).as_posix()
         for p in (CLONE / folder).rglob("*")
-        if p.is_file()
-        and p.suffix not in leftovers
-        and not any(n in p.as_posix() for n in ("data/emps", "data/kr300"))  # may not be shipped
+        if p.is_file() and p.suffix not in leftovers and "data/emps" not in p.as_posix()  # may not be shipped
     }
 
 

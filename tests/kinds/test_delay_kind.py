@@ -72,7 +72,7 @@ def test_wrong_files(folder: Path, old: str, new: str, key: str, gtmodel: Comman
 
 @pytest.mark.skipif(not KR300.is_file(), reason="the KR300 recording is not shipped")
 def test_the_measured_arm(tmp_path: Path, gtmodel: Commands) -> None:
-    problem = (CLONE / "problems" / "delay_kr300.toml").read_text().replace("data/kr300/data_A.mat", str(KR300))
+    problem = (CLONE / "tests" / "kinds" / "delay_kr300.toml").read_text().replace("data/kr300/data_A.mat", str(KR300))
     (tmp_path / "p.toml").write_text(problem)
     values = gtmodel("solve", tmp_path / "p.toml", "--json").json["values"]
     assert 1e3 * np.array(values["delay_s"]) == pytest.approx([3.04, 3.08, 3.06], abs=0.1)
