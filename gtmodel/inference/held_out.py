@@ -14,8 +14,8 @@ from ..results.refusal import ArgumentError
 FALSE_ALARM = 1e-3
 # a ratio that matters: two halves of one recording or grid differ by some tenths where the model lacks a little
 MATTERS = 1.5
-# residuals over a stated noise that matter: noise is seldom known better than to a factor of two
-NOISE_MATTERS = 2.0
+# residuals over a stated noise that matter: noise is seldom known much better
+NOISE_MATTERS = 1.6
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ def over_noise(estimate: Estimate, *, false_alarm: float = FALSE_ALARM, matters:
     >>> e = gt.inference.linear_fit(np.ones((50, 1)), values, ["mean"], sigma=0.1)
     >>> judged = gt.inference.over_noise(e)
     >>> judged.passed, round(judged.ratio, 1), judged.bound
-    (False, 3.6, 2.0)
+    (False, 3.6, 1.6)
     """
     if not estimate.known_noise:
         raise ArgumentError("the noise was not given, so that the residuals cannot be compared with it; give sigma")
