@@ -78,6 +78,8 @@ def test_recordings_of_others_carry_their_licence_and_source() -> None:
 def test_nothing_shipped_names_a_folder_beside_the_clone() -> None:
     for folder in ("problems", "docs", "notebooks", "gtmodel", "codegen"):
         for path in sorted((CLONE / folder).rglob("*")):
+            if path.is_relative_to(CLONE / "docs" / "project"):  # made by `make docs` from the texts at the top
+                continue
             if path.suffix in {".md", ".py", ".toml", ".ipynb", ".c", ".h"}:
                 assert "shared/realdata" not in path.read_text(encoding="utf-8"), path
     assert "shared/realdata" not in (CLONE / "README.md").read_text(encoding="utf-8")

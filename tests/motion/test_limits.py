@@ -185,7 +185,8 @@ class TestRefusals:
         seen = []
 
         def progress(stage=None, fraction=None, numbers=None):
-            seen.append(numbers["violation"])
+            if numbers:
+                seen.append(numbers["violation"])
 
         problem = asked(**{**COARSE, "mesh__elements": 8}, limits__force=150.0, solver__max_iterations=100)
         o = solved(problem, Work(progress=progress))

@@ -85,7 +85,8 @@ class TestTable:
         forces, paths = o.figure("forces"), o.figure("paths")
         assert len(forces.axes) == 3 and all(len(a.lines) == 4 + 2 for a in forces.axes)
         assert [a.get_ylabel() for a in forces.axes] == [f"force of motor {k} [N]" for k in (1, 2, 3)]
-        assert paths.axes[0].get_zlabel() == "z [m]" and len(paths.axes[0].lines) == 4
+        drawn = [line.get_label() for line in paths.axes[0].lines]
+        assert paths.axes[0].get_zlabel() == "z [m]" and len(drawn) == 6, drawn
 
 
 class TestRefusals:

@@ -23,7 +23,9 @@ MOST_NAMES = 8  # of a message that lists the columns
 
 def spelled(unit: str) -> str:
     """A unit as instruments write it, "°/s", "Nm", "sec", in the spelling of gtmodel; unchanged if there is none."""
-    text = unit.strip().strip("[]()").strip()
+    text = unit.strip()
+    if text[:1] in "[(" and text[-1:] in "])" and not set(text[1:-1]) & set("[]()"):  # "(mm)", not "m/(N.s2)"
+        text = text[1:-1].strip()
     text = _WORDS.get(text.lower(), text)
     for sign, word in _SPELLED:
         text = text.replace(sign, word)
