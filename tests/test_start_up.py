@@ -130,3 +130,14 @@ def test_a_misspelt_name_is_answered_with_near_ones() -> None:
     with pytest.raises(AttributeError, match=r"did you mean 'AxisMesh' or 'MotionMesh'\?$"):
         gt.motion.Mesh  # noqa: B018
     assert not hasattr(gt, "no_such_thing") and getattr(gt, "no_such_thing", 1) == 1
+
+
+def test_numpy_on_the_left_of_an_expression_needs_no_function_of_gt_before() -> None:
+    """Ground has np.eye(3) == R: a first model in a fresh process failed where no function had been used."""
+    script = (
+        "import gtmodel as gt; b = gt.Builder('b'); g = b.part('g', gt.mechanics.Ground()); "
+        "load = b.part('load', gt.mechanics.FrameLoad()); b.add(gt.connect(g.frame, load.frame)); "
+        "b.causal(known=['load.force', 'load.torque'], targets='g.frame.r'); print('made')"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=120)
+    assert done.stdout == "made\n", done.stderr

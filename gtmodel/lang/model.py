@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from . import functions as _functions  # noqa: F401  # fills UFUNCS: NumPy on the left of an expression
 from .declare import ATTRIBUTES, Declaration, Each, Free, Outer, Parameter, Part, Port, Variable
 from .engine_method import EngineMethod
 from .expression import Expr
