@@ -18,8 +18,20 @@ MATTERS = 1.5
 NOISE_MATTERS = 1.6
 
 
+class _Bounded:
+    """A ratio that is judged by a bound."""
+
+    ratio: float
+    bound: float
+
+    @property
+    def passed(self) -> bool:
+        """Within the bound; not where nothing can be judged, whose bound is infinite."""
+        return bool(np.isfinite(self.bound)) and self.ratio <= self.bound
+
+
 @dataclass(frozen=True)
-class HeldOut:
+class HeldOut(_Bounded):
     """Held-out over fitted rms error: `ratio`, what a sound model has on average (`expected`), and the `bound`.
 
     The bound is the larger of 1.5 and of the ratio that a sound model exceeds with probability `false_alarm`.
@@ -29,11 +41,6 @@ class HeldOut:
     expected: float
     bound: float
     false_alarm: float
-
-    @property
-    def passed(self) -> bool:
-        """Within the bound; not where nothing can be judged, whose bound is infinite."""
-        return bool(np.isfinite(self.bound)) and self.ratio <= self.bound
 
     @property
     def message(self) -> str:
@@ -46,16 +53,11 @@ class HeldOut:
 
 
 @dataclass(frozen=True)
-class OverNoise:
+class OverNoise(_Bounded):
     """Rms residuals of a fit over the stated noise: `ratio`, and the `bound` of a sound model, see over_noise()."""
 
     ratio: float
     bound: float
-
-    @property
-    def passed(self) -> bool:
-        """Within the bound; not where no residual is left to judge by."""
-        return bool(np.isfinite(self.bound)) and self.ratio <= self.bound
 
     @property
     def message(self) -> str:

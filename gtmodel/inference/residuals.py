@@ -49,6 +49,11 @@ def insignificant(r: np.ndarray) -> int:
     )
 
 
+def portmanteau(c: np.ndarray, T: int) -> float:
+    """Ljung and Box's sum of the squared autocorrelations c at lags 1, 2, ... of T residuals."""
+    return T * (T + 2) * float(np.sum(c**2 / (T - np.arange(1, len(c) + 1))))
+
+
 def whiteness(r: np.ndarray, *, lags: int | None = None, parameters: int = 0) -> Verdict:
     """Ljung-Box test of whether residuals r (T,), in the order of time, are uncorrelated.
 
@@ -78,7 +83,7 @@ def whiteness(r: np.ndarray, *, lags: int | None = None, parameters: int = 0) ->
     c = autocorrelation(r, K)[1:]
     if np.ptp(r) == 0 and np.any(np.asarray(r) != 0):
         return Verdict(np.inf, 0.0, False, f"all residuals are {float(np.asarray(r)[0]):.3g}: an offset is left out")
-    Q = T * (T + 2) * float(np.sum(c**2 / (T - np.arange(1, K + 1))))
+    Q = portmanteau(c, T)
     p = float(stats.chi2.sf(Q, K - parameters))
     k = int(np.argmax(np.abs(c)))
     said = (

@@ -2,10 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from typing import Any
+
 import numpy as np
 
 from .. import lang as gt
 from .frames import Frame, PointFrame
+
+
+def rigid(a: Any, b: Any, d: Any, R: Any = None) -> Iterator[Any]:
+    """Equations of frame b fixed to frame a at d [m], its coordinates turned into a's by R, or parallel. Massless."""
+    arm = a.R @ d
+    yield gt.tree_edge(a, b)
+    yield b.r == a.r + arm
+    yield b.R == (a.R if R is None else a.R @ R)
+    yield b.w == a.w
+    yield a.f + b.f == 0
+    yield a.t + b.t + gt.cross(arm, b.f) == 0
 
 
 class Fixed(gt.Model):
@@ -33,14 +47,7 @@ class Fixed(gt.Model):
     b = gt.port(Frame)
 
     def equations(self):
-        a, b = self.a, self.b
-        d = a.R @ self.d
-        yield gt.tree_edge(a, b)
-        yield b.r == a.r + d
-        yield b.R == a.R @ self.R
-        yield b.w == a.w
-        yield a.f + b.f == 0
-        yield a.t + b.t + gt.cross(d, b.f) == 0
+        yield from rigid(self.a, self.b, self.d, self.R)
 
 
 class FixedTranslation(gt.Model):
@@ -64,14 +71,7 @@ class FixedTranslation(gt.Model):
     b = gt.port(Frame)
 
     def equations(self):
-        a, b = self.a, self.b
-        d = a.R @ self.d
-        yield gt.tree_edge(a, b)
-        yield b.r == a.r + d
-        yield b.R == a.R
-        yield b.w == a.w
-        yield a.f + b.f == 0
-        yield a.t + b.t + gt.cross(d, b.f) == 0
+        yield from rigid(self.a, self.b, self.d)
 
 
 class PointOnFrame(gt.Model):

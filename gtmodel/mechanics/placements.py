@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from .. import lang as gt
+from .fixed import rigid
 from .frames import Frame
 from .rotation import rotation_about
 
@@ -18,24 +17,6 @@ class _Placement(gt.Model):
 
     a = gt.port(Frame)
     b = gt.port(Frame)
-
-    def displacement(self) -> Any:
-        """Origin of b in coordinates of a [m]."""
-        raise NotImplementedError
-
-    def rotation(self) -> Any:
-        """From coordinates of b to those of a."""
-        raise NotImplementedError
-
-    def equations(self):
-        a, b = self.a, self.b
-        d = a.R @ self.displacement()
-        yield gt.tree_edge(a, b)
-        yield b.r == a.r + d
-        yield b.R == a.R @ self.rotation()
-        yield b.w == a.w
-        yield a.f + b.f == 0
-        yield a.t + b.t + gt.cross(d, b.f) == 0
 
 
 class FixedRpy(_Placement):
@@ -54,12 +35,11 @@ class FixedRpy(_Placement):
     xyz = gt.parameter([0.0, 0.0, 0.0], unit="m", description="origin of b, coordinates of a")
     rpy = gt.parameter([0.0, 0.0, 0.0], unit="rad", description="roll, pitch, yaw about the fixed axes x, y, z of a")
 
-    def displacement(self) -> Any:
-        return self.xyz
-
-    def rotation(self) -> Any:
+    def equations(self):
+        displacement = self.xyz
         roll, pitch, yaw = (self.rpy[k] for k in range(3))
-        return rotation_about(Z, yaw) @ rotation_about(Y, pitch) @ rotation_about(X, roll)
+        rotation = rotation_about(Z, yaw) @ rotation_about(Y, pitch) @ rotation_about(X, roll)
+        yield from rigid(self.a, self.b, displacement, rotation)
 
 
 class _DenavitHartenberg(_Placement):
@@ -87,11 +67,10 @@ class FixedDH(_DenavitHartenberg):
     [0.  0.3 0.4] [1. 0. 0.]
     """
 
-    def displacement(self) -> Any:
-        return gt.vector([self.a_x * gt.cos(self.theta), self.a_x * gt.sin(self.theta), self.d])
-
-    def rotation(self) -> Any:
-        return rotation_about(Z, self.theta) @ rotation_about(X, self.alpha) @ rotation_about(Y, self.beta)
+    def equations(self):
+        displacement = gt.vector([self.a_x * gt.cos(self.theta), self.a_x * gt.sin(self.theta), self.d])
+        rotation = rotation_about(Z, self.theta) @ rotation_about(X, self.alpha) @ rotation_about(Y, self.beta)
+        yield from rigid(self.a, self.b, displacement, rotation)
 
 
 class FixedModifiedDH(_DenavitHartenberg):
@@ -108,9 +87,8 @@ class FixedModifiedDH(_DenavitHartenberg):
     array([0.3, 0.4, 0. ])
     """
 
-    def displacement(self) -> Any:
+    def equations(self):
         turned = rotation_about(X, self.alpha) @ rotation_about(Y, self.beta)
-        return self.a_x * X + self.d * (turned @ Z)
-
-    def rotation(self) -> Any:
-        return rotation_about(X, self.alpha) @ rotation_about(Y, self.beta) @ rotation_about(Z, self.theta)
+        displacement = self.a_x * X + self.d * (turned @ Z)
+        rotation = rotation_about(X, self.alpha) @ rotation_about(Y, self.beta) @ rotation_about(Z, self.theta)
+        yield from rigid(self.a, self.b, displacement, rotation)

@@ -120,9 +120,6 @@ def test_vectors_share_one_offset():
     assert len(fit.tests) == 4  # the component that stands still says nothing
 
 
-SINE = {"period": 1.0}
-
-
 @pytest.mark.parametrize("case", ["still", "periodic", "unrelated", "apart", "few", "units", "none"])
 def test_what_shows_no_offset_is_refused(case):
     t = np.linspace(0, 10, 1001)

@@ -86,7 +86,7 @@ def damaged(good: bytes, rng: random.Random) -> bytes:
     return bytes(data)
 
 
-def trial(kind: str, folder: Path, count: int, seed: int) -> None:
+def assert_damage_is_read_or_refused(kind: str, folder: Path, count: int, seed: int) -> None:
     name, write = KINDS[kind]
     good, rng = write(folder), random.Random(seed)
     path, refused = folder / name, 0
@@ -104,7 +104,7 @@ def trial(kind: str, folder: Path, count: int, seed: int) -> None:
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
 @pytest.mark.parametrize("kind", KINDS)
 def test_damaged(tmp_path: Path, kind: str) -> None:
-    trial(kind, tmp_path, 40, 1)
+    assert_damage_is_read_or_refused(kind, tmp_path, 40, 1)
 
 
 # scipy's reader of MATLAB files trusts the type of an element: about one damaged file in a thousand ends the process
@@ -112,4 +112,4 @@ def test_damaged(tmp_path: Path, kind: str) -> None:
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "MATLAB"])
 def test_much_damaged(tmp_path: Path, kind: str) -> None:
-    trial(kind, tmp_path, 3000, 2)
+    assert_damage_is_read_or_refused(kind, tmp_path, 3000, 2)

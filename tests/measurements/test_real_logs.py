@@ -19,7 +19,7 @@ SECONDS = Column("MATLABtime", "s")
 def there(name: str) -> Path:
     path = recording(name)
     if not path.is_file():
-        pytest.skip(f"{name} is not there; ../shared/realdata/README.md says where it is from")
+        pytest.skip(f"{name} is not there; GTMODEL_RECORDINGS names the folder of recordings")
     return path
 
 

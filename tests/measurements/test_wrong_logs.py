@@ -105,7 +105,7 @@ def refused(path: Path, options: dict[str, Any]) -> str:
     return str(caught.value)
 
 
-def is_one_sentence(said: str, names: list[str]) -> None:
+def assert_one_sentence(said: str, names: list[str]) -> None:
     assert len(said) <= LONGEST and "\n" not in said and "Traceback" not in said, said
     for name in names:
         assert name in said, said
@@ -116,7 +116,7 @@ def test_a_wrong_text_file_is_refused_in_one_sentence(tmp_path: Path, case: str)
     content, names, options = TEXTS[case]
     path = tmp_path / "log.csv"
     path.write_bytes(content.encode("utf-8") if isinstance(content, str) else content)
-    is_one_sentence(refused(path, options), names)
+    assert_one_sentence(refused(path, options), names)
 
 
 def test_there_are_forty() -> None:
@@ -182,7 +182,7 @@ def test_a_wrong_file_of_another_kind_is_refused_in_one_sentence(tmp_path: Path,
     write, names, options = FILES[case]
     for module in {"bag": ["rosbags"], "Parquet": ["pyarrow"], "7.3": ["h5py"]}.get(case.split()[-2], []):
         pytest.importorskip(module)
-    is_one_sentence(refused(write(tmp_path), options), names)
+    assert_one_sentence(refused(write(tmp_path), options), names)
 
 
 def test_a_library_that_is_not_there_is_named_with_the_way_to_get_it(
@@ -196,4 +196,4 @@ def test_a_library_that_is_not_there_is_named_with_the_way_to_get_it(
         ("log.parquet", b"PAR1"), ("log.bag", b"#ROSBAG V2.0\n"), ("log.mat", b"MATLAB 7.3".ljust(512) + b"\x89HDF"),
     ):  # fmt: skip
         (tmp_path / name).write_bytes(content + b"\0" * 40)
-        is_one_sentence(refused(tmp_path / name, {}), [name, "pip install 'gtmodel[logs]'"])
+        assert_one_sentence(refused(tmp_path / name, {}), [name, "pip install 'gtmodel[logs]'"])

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...inference.covariance import automatic_lag, newey_west, white
-from ...inference.residuals import SMALL_P, Verdict, autocorrelation
+from ...inference.residuals import SMALL_P, Verdict, autocorrelation, portmanteau
 from ...results.estimate import Estimate
 from ...results.refusal import ArgumentError
 from ...results.trajectory import Trajectory
@@ -123,7 +123,7 @@ def align(
     if not low <= high:
         raise ArgumentError(f"the offset may be from {low:g} to {high:g} s; expected the smaller one first", "within")
     progress("correlating", 0.1)
-    start, _ = coarse_offset(series, low, high)
+    start = coarse_offset(series, low, high)
     at = 0.5 * float(series[0].other_time[0] + series[0].other_time[-1])
     warp = _with_scales(series, Warp(at, start, 0.0, np.ones(len(series)), np.zeros(len(series))), scale, shift)
     fit, resolved = _fine_enough(series, warp, Freed(drift, scale, shift), progress)
@@ -321,17 +321,11 @@ def _whiteness(r: Array, simulated: Array) -> Verdict:
     from scipy import stats  # here: it alone takes as long to import as all of gtmodel
 
     lags = min(LAGS, len(r) // 5)
-    Q = _portmanteau(r, lags)
-    chance = np.array([_portmanteau(column, lags) for column in simulated.T])
+    c = autocorrelation(r, lags)[1:]
+    Q = portmanteau(c, len(r))
+    chance = np.array([portmanteau(autocorrelation(column, lags)[1:], len(r)) for column in simulated.T])
     mean, variance = float(chance.mean()), float(chance.var(ddof=1))
     p = float(stats.chi2.sf(Q * 2 * mean / variance, 2 * mean**2 / variance))
-    c = autocorrelation(r, lags)[1:]
     k = int(np.argmax(np.abs(c)))
     said = "residuals look white" if p >= SMALL_P else f"residuals are coloured (correlation {c[k]:.2f} at lag {k + 1})"
     return Verdict(Q, p, p >= SMALL_P, f"{said}, p = {p:.2g} by {PROBES} simulations of white noise")
-
-
-def _portmanteau(r: Array, lags: int) -> float:
-    T = len(r)
-    c = autocorrelation(r, lags)[1:]
-    return T * (T + 2) * float(np.sum(c**2 / (T - np.arange(1, lags + 1))))

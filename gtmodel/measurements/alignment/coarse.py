@@ -25,8 +25,8 @@ class Series(NamedTuple):
     other: Array
 
 
-def coarse_offset(series: Sequence[Series], low: float, high: float) -> tuple[float, float]:
-    """What the other's times want added to agree best, between low and high [s], and the correlation there.
+def coarse_offset(series: Sequence[Series], low: float, high: float) -> float:
+    """What the other's times want added to agree best, between low and high [s].
 
     The squared correlation coefficients of all series, over what overlaps, are averaged; signs do not matter. Raises
     LogError where nothing varies, and where two shifts agree alike, as with a periodic motion.
@@ -53,7 +53,7 @@ def coarse_offset(series: Sequence[Series], low: float, high: float) -> tuple[fl
             f"the signals agree as well at an offset of {offsets[rival]:.6g} s as at {offsets[best]:.6g} s; the motion "
             "repeats itself, so give the range in which the offset lies"
         )
-    return float(offsets[best]), float(np.sqrt(score[best]))
+    return float(offsets[best])
 
 
 def _correlation(s: Series, step: float) -> tuple[Array, Array]:
