@@ -66,6 +66,7 @@ class InteriorRun:
     message: str
 
 
+@np.errstate(all="ignore")  # numbers that are not finite are asked for where a step is taken
 def interior_point(
     problem: ManyRows,
     x0: Array,
@@ -153,8 +154,7 @@ class _Iterate:
     @cached_property
     def curved(self) -> tuple[Array, Array]:
         """Eigenvalues (n,), least first, and directions (n, n) of the matrix of a step, of unknowns over their size."""
-        with np.errstate(all="ignore"):
-            condensed = self.H + (self.A.T * (self.y / self.s)) @ self.A
+        condensed = self.H + (self.A.T * (self.y / self.s)) @ self.A
         if not np.all(np.isfinite(condensed)):  # as of slacks that vanish
             return np.full(len(self.x), np.nan), condensed
         curvatures, directions = np.linalg.eigh(condensed * np.outer(self.size, self.size))

@@ -18,11 +18,12 @@ from .interior_point import interior_point
 from .sampled import ExcitationTask
 
 FINER = 20  # times as many samples when limits are looked at again
-TIGHTENINGS = 6
+TIGHTENINGS = 8  # and repetitions with a smaller barrier
 RESERVE = 2e-4  # of a row's size: the search keeps its rows to 1e-4
 BEYOND = 1.1  # times what was seen between the samples
 FARTHEST = 0.05  # of a row's size: no reserve grows by more at once
 BARRIER, WARM_BARRIER = 0.1, 1e-3  # of a search from the start, and of one that goes on from another's end
+SMALLER, LEAST_FIRST = 0.03, 1e-4  # a search that failed is repeated with a smaller barrier
 SHARES = (0.99, 0.97, 0.9, 0.75, 0.5)
 
 
@@ -103,6 +104,11 @@ def optimise_excitation(
         )  # fmt: skip
         iterations += run.iterations
         status, message = run.status, run.message
+        if status is SolveStatus.FAILED and barrier > LEAST_FIRST:
+            # a large barrier draws motions to where all rows are far away, which may be none at all: a criterion of
+            # ratios, such as the condition number, need not hold against it. A small one stays near x
+            barrier *= SMALLER
+            continue
         x, barrier = run.x, WARM_BARRIER
         c = x.reshape(start.shape, order="F")
         over = task.excess(c, fine)
