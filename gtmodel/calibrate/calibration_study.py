@@ -10,11 +10,11 @@ import numpy as np
 
 from ..lang import Model
 from ..results import ArgumentError, SolveStatus, Work
+from ..results.alarms import Alarms
 from ..results.door import study_function
 from ..results.made_files import MadeFiles
 from ..results.options import Within
 from ..results.work import Progress, never, silent
-from .measured.alarms import Alarms
 from .measured.cart_points import on_cart_points
 from .measured.options import CartPoints, Refit
 from .measured.poses import MeasuredPoses, SplitPoses, split_all

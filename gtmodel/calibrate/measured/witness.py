@@ -14,11 +14,12 @@ from ...lang import Model, ModelError
 from ...lang.units import parse_unit
 from ...measurements.orders import orders
 from ...results import ArgumentError
+from ...results.alarms import Alarms
 from ..calibration import Calibration, calibrate
 from ..choice import Choice
 from ..prediction import Prediction
 from ..problem import CalibrationProblem, prepare
-from .alarms import Alarm, Alarms
+from .alarms import Alarm
 from .column_checks import (
     CLOSE,
     NEARER,
