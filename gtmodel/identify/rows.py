@@ -83,6 +83,14 @@ class Rows:
         """Columns (n, m, k) of some parameters, each target over its size (m,)."""
         return self.Y[:, :, at] / size[:, None]
 
+    def part(self, k: int) -> Rows:
+        """The rows of recording k, from 0, alone."""
+        ends = [*self.starts, len(self)]
+        rows = slice(ends[k], ends[k + 1])
+        of_rows = {n: v[rows] for n in ("Y", "y0", "effort", "time", "position", "velocity", "effort_rate")
+                   if (v := getattr(self, n)) is not None}  # fmt: skip
+        return replace(self, starts=(0,), **of_rows)
+
     @property
     def filter_sentence(self) -> str:
         """What was done, for tables."""
