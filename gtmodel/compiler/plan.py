@@ -104,6 +104,12 @@ def make_plan(
 
     Raises ModelError for a system that is not square, redundant, singular or without a consistent point.
     """
+    if flat.events is not None and flat.events.modes:
+        raise ModelError(
+            f"{flat.title} has equations that switch by gt.If, which only simulate() follows; for anything else write "
+            "the side that is meant, or a smooth function",
+            flat.events.modes[0].where,
+        )
     check_branches(flat, branches or {})
     posed = _posed(flat, known, targets, prefer, apart)
     sampler, samples, changed = _located(posed, at)

@@ -59,13 +59,15 @@ def entries_of(flat: FlatModel, outputs: Sequence[str]) -> list[RecordedQuantity
 
 @dataclass(frozen=True, eq=False)
 class Recorded:
-    """What rows consist of: `entries`, and after them `terms` terms of the stored energy; by the names asked for."""
+    """What rows consist of: `entries`, after them `terms` terms of the stored energy and `extra` numbers that are not
+    recorded; by the names asked for."""
 
     names: tuple[str, ...]
     entries: list[RecordedQuantity]
     expressions: list[ca.SX]
     terms: int
     has_energy: bool
+    extra: int = 0
 
     @staticmethod
     def of(flat: FlatModel, outputs: Sequence[str]) -> Recorded:
@@ -86,8 +88,8 @@ class Recorder:
         self._blocks: list[np.ndarray] = []
 
     def add(self, times: np.ndarray, values: np.ndarray, works: np.ndarray) -> None:
-        """Rows: values of the entries, of the stored energy's terms, and of this itself; energies supplied and
-        dissipated so far [J]."""
+        """Rows: values of the entries, of the stored energy's terms, of what is not recorded, and of the stored energy;
+        energies supplied and dissipated so far [J]."""
         self._blocks.append(np.column_stack([times, values, works]))
 
     def trajectory(self) -> tuple[Trajectory, float | None, float]:
@@ -105,6 +107,7 @@ class Recorder:
                 units[e.name] = e.unit
         error, moved = None, 0.0
         terms, column = rows[:, column : column + self._recorded.terms], column + self._recorded.terms
+        column += self._recorded.extra
         if self._recorded.has_energy:
             stored, supplied, dissipated = rows[:, column:].T
             for name, data in (("stored", stored), ("supplied", supplied), ("dissipated", dissipated)):

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..compiler.causal import flat_of
 from ..compiler.consistency.initial import Initial, initial_point, start_values
+from ..compiler.flat import FlatModel
 from ..compiler.other_values import values_by_place, with_values
 from ..lang.model import Model
 from ..lang.slips import named
@@ -111,13 +112,21 @@ def simulate(
     def prepared(tolerance: float) -> Ready:
         return prepare(model, inputs, start, start_time, outputs, prefer, tolerance, method, bounded, parameters)
 
+    if flat_of(model).events is not None:
+        from .hybrid.run import simulate_events
+
+        given = start, start_time, step, max_step, outputs, prefer, tolerance, method
+        simulation = simulate_events(model, final_time, inputs, parameters, *given, progress)
+        if throw and not simulation.status.converged:
+            raise NotSimulated(simulation)
+        return simulation
     ready = prepared(tolerance)
     refuse_discontinuous_inputs(ready.inputs, ready.system.plan.inputs, start_time, final_time)
-    rows = _rows(start_time, final_time, step)
+    rows = output_rows(start_time, final_time, step)
     # roots and states are watched from one time to the next: as often as rows are recorded by default
     watching = bool(ready.system.roots) or ready.systems.selection.has_choice
     watched = (final_time - start_time) / OUTPUT_STEPS if watching else np.inf
-    grid = _grid(rows, min(max_step, watched))
+    grid = watched_grid(rows, min(max_step, watched))
     pace = ready.systems.pace(ready.inputs, start_time, final_time)
     integration = Integration(ready, rows, grid, pace)
     status, message = SolveStatus.SOLVED, "simulated"
@@ -189,21 +198,48 @@ def prepare(
     parameters: Mapping[str, Any] | None = None,
 ) -> Ready:
     """Everything that happens before the first step; arguments and errors as for `simulate`."""
+    refuse_settings(tolerance, method)
+    inputs, start, parameters = by_name("inputs", inputs), by_name("start", start), by_name("parameters", parameters)
+    outputs, prefer = names("outputs", outputs), names("prefer", prefer)
+    flat, now, given = read_model(model, inputs, parameters)
+    recorded, settings = Recorded.of(flat, outputs), IntegratorSettings(tolerance, method, bounded)
+    preferred = [i for name in prefer for i in flat.lookup(name)[1]]
+    return prepare_in(flat, now, given, recorded, Recorder(recorded), start, start_time, preferred, settings)
+
+
+def refuse_settings(tolerance: Any, method: Any) -> None:
+    """Raises ModelError for a tolerance or a method that is none."""
     if not 1e-14 <= number("tolerance", tolerance) <= 0.1:
         raise ModelError(f"the tolerance must lie between 1e-14 and 0.1; found {tolerance:g}")
     if method not in ("bdf", "adams"):
         raise ModelError(f"there is no integration method '{method}'; it is 'bdf' or 'adams'")
-    inputs, start, parameters = by_name("inputs", inputs), by_name("start", start), by_name("parameters", parameters)
-    outputs, prefer = names("outputs", outputs), names("prefer", prefer)
+
+
+def read_model(
+    model: Model, inputs: Mapping[str, Any], parameters: Mapping[str, Any], further: Mapping[int, float] | None = None
+) -> tuple[FlatModel, FlatModel, SimulationInputs]:
+    """A flat model, the same with the numbers of a run, and its inputs; `further`: numbers of parameters that vary by
+    their places. Raises ModelError for what is wrong in any of these."""
     flat = flat_of(model)
     if not flat.variables:
         raise ModelError(f"{flat.title} declares no variable; there is nothing to simulate")
     refuse_discontinuities(flat)
-    varied = values_by_place(flat, parameters)
-    now = with_values(flat, varied)
-    given = read_inputs(flat, inputs, varied)
-    recorded, settings = Recorded.of(flat, outputs), IntegratorSettings(tolerance, method, bounded)
-    preferred = [i for name in prefer for i in flat.lookup(name)[1]]
+    varied = values_by_place(flat, parameters) | dict(further or {})
+    return flat, with_values(flat, varied), read_inputs(flat, inputs, varied)
+
+
+def prepare_in(
+    flat: FlatModel,
+    now: FlatModel,
+    given: SimulationInputs,
+    recorded: Recorded,
+    recorder: Recorder,
+    start: Mapping[str, Any],
+    start_time: float,
+    preferred: Sequence[int],
+    settings: IntegratorSettings,
+) -> Ready:
+    """A simulation of a flat model before its first step; `now`: with the numbers of this run."""
     systems = Systems.kept(flat, given, recorded, preferred, now)
     held, guess = start_values(replace(systems.plan, flat=now), start, given.known)
     prescribed = set(held)
@@ -225,10 +261,10 @@ def prepare(
     x = np.where(np.abs(x) > ROUND_OFF * system.stepper.x_scale, x, 0.0)
     states = zip(system.plan.states, system.states, x.tolist(), strict=True)
     chosen = {name: value for pair, name, value in states if pair in initial.free - prescribed}
-    return Ready(systems, settings, given, Recorder(recorded), initial, system, chosen)
+    return Ready(systems, settings, given, recorder, initial, system, chosen)
 
 
-def _rows(start: float, end: float, step: float | None) -> np.ndarray:
+def output_rows(start: float, end: float, step: float | None) -> np.ndarray:
     """Times to record; the end is one of them."""
     step = (end - start) / OUTPUT_STEPS if step is None else step
     count = max(1, round((end - start) / step))
@@ -238,7 +274,7 @@ def _rows(start: float, end: float, step: float | None) -> np.ndarray:
     return np.append(start + step * np.arange(count + 1), end)
 
 
-def _grid(rows: np.ndarray, max_step: float) -> np.ndarray:
+def watched_grid(rows: np.ndarray, max_step: float) -> np.ndarray:
     """Rows, and times between them that are nowhere further apart than max_step."""
     parts = int(np.ceil(np.max(np.diff(rows)) / max_step - 1e-9))
     if parts <= 1:
