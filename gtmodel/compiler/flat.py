@@ -22,9 +22,9 @@ from ..lang.scope import Scope, derivative_name
 from ..lang.slips import each_of, line_of, persons_code
 from ..lang.source import ModelError, SourceLocation, of_frame
 from ..lang.units import rate_unit
+from .analysis.events import FlatEvents, collect_events
 from .connection_graph import check_trees
 from .connections import connection_equations
-from .events import FlatEvents, collect_events
 
 _DER = re.compile(r"^der\((?P<inner>.+?)(?:,\s*(?P<order>\d+))?\)$")
 

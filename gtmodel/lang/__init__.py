@@ -6,6 +6,7 @@ from .._lazy import public
 
 if TYPE_CHECKING:
     from .builder import Builder as Builder
+    from .condition import Condition as Condition
     from .connect import (
         Branch as Branch,
         Connection as Connection,
@@ -35,7 +36,6 @@ if TYPE_CHECKING:
         variable as variable,
     )
     from .events import (
-        Condition as Condition,
         EnergyLoss as EnergyLoss,
         If as If,
         Reinit as Reinit,
@@ -73,8 +73,8 @@ if TYPE_CHECKING:
     from .model import Connector as Connector, Model as Model
     from .optimization import Optimization as Optimization, delayed as delayed, integral as integral, misfit as misfit
     from .piecewise import piecewise as piecewise
-    from .source import ModelError as ModelError, SourceLocation as SourceLocation
     from .sampled import SampledBlock as SampledBlock
+    from .source import ModelError as ModelError, SourceLocation as SourceLocation
     from .units import UnitError as UnitError
 
 public(__name__)

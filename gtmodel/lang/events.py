@@ -2,80 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import casadi as ca
 
+from .condition import Condition, condition_of
 from .expression import DimensionError, Expr, Relation, gathered, operand, relation, scope_of
 from .scope import Scope
 from .slips import named
 from .source import ModelError, SourceLocation, here
 from .units import si_unit
-
-Operation = Literal["relation", "and", "or", "not", "sample"]
-
-
-@dataclass(frozen=True, eq=False)
-class Condition:
-    """What is true or false at each instant: a relation `a <= b`, or several joined by `&` (and), `|` (or), `~` (not).
-
-    Comparing expressions makes a `Relation`, which is one; parentheses are needed, `(a <= b) & (c >= d)`. A strict `<`
-    is the same as `<=`: at the instant itself the side counts on which the motion goes on.
-    """
-
-    operation: Operation
-    parts: tuple[Condition, ...]
-    relation: Relation | None
-    where: SourceLocation
-    every: ca.SX | None = None
-    offset: ca.SX | None = None
-
-    def __and__(self, other: Any) -> Condition:
-        return joined("and", self, other)
-
-    def __or__(self, other: Any) -> Condition:
-        return joined("or", self, other)
-
-    def __invert__(self) -> Condition:
-        return joined("not", self)
-
-    def __bool__(self) -> bool:
-        raise ModelError(
-            "a condition has no truth value while a model is being built; hand it to gt.when or gt.If", self.where
-        )
-
-    def walk(self) -> Iterator[Condition]:
-        """This condition and all inside it."""
-        yield self
-        for part in self.parts:
-            yield from part.walk()
-
-
-def condition_of(value: Any) -> Condition:
-    """A relation or a condition as a condition. Raises ModelError for what is none."""
-    if isinstance(value, Condition):
-        return value
-    if not isinstance(value, Relation):
-        raise ModelError(f"a condition is a relation such as x <= 0; found {value!r}", here())
-    if value.op == "==":
-        raise ModelError(
-            "'==' of two real quantities holds at no instant that a simulation could meet; compare by <= or >=",
-            value.where,
-        )
-    if value.residual.numel() != 1:
-        raise ModelError(
-            f"a condition compares scalars; found {value.residual.numel()} entries: name the one that is meant, or "
-            "join several by & and |",
-            value.where,
-        )
-    return Condition("relation", (), value, value.where)
-
-
-def joined(operation: Operation, *parts: Any) -> Condition:
-    """Conditions joined to one."""
-    return Condition(operation, tuple(map(condition_of, parts)), None, here())
 
 
 @named
@@ -239,7 +176,7 @@ def pre(x: Any) -> Expr:
 
 
 @named
-def If(condition: Any, then: Any, otherwise: Any) -> Any:  # noqa: N802  # as Modelica's, and `if` is taken
+def If(condition: Any, then: Any, otherwise: Any) -> Any:  # as Modelica's, and `if` is taken
     """One of two expressions, or one of two equations, by a condition; `simulate` switches at the exact instant.
 
     Args:

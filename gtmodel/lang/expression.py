@@ -10,6 +10,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from .condition import Condition, joined
 from .scope import Scope
 from .slips import floats
 from .source import ModelError, SourceLocation, dropped, here
@@ -198,7 +199,7 @@ class Relation:
     """An equation or a constraint: `lhs == rhs`, `lhs <= rhs` or `lhs >= rhs`, with the line where it was written.
 
     Comparing expressions makes it. It has no truth value: yield it. In `gt.when` and `gt.If` it is a condition, and
-    `&`, `|` and `~` join several. strict: written with < or >, which only discrete variables distinguish from <= and >=.
+    `&`, `|` and `~` join several. strict: written with < or >, which differ from <= and >= for discrete variables only.
     """
 
     lhs: ca.SX
@@ -209,14 +210,29 @@ class Relation:
     scope: Scope
     strict: bool = False
 
-    def __and__(self, other: Any) -> Any:
-        return _joined("and", self, other)
+    def __and__(self, other: Any) -> Condition:
+        return joined("and", self, other)
 
-    def __or__(self, other: Any) -> Any:
-        return _joined("or", self, other)
+    def __or__(self, other: Any) -> Condition:
+        return joined("or", self, other)
 
-    def __invert__(self) -> Any:
-        return _joined("not", self)
+    def __invert__(self) -> Condition:
+        return joined("not", self)
+
+    def condition(self) -> Condition:
+        """This relation as a condition. Raises ModelError for `==` and for more than one entry."""
+        if self.op == "==":
+            raise ModelError(
+                "'==' of two real quantities holds at no instant that a simulation could meet; compare by <= or >=",
+                self.where,
+            )
+        if self.residual.numel() != 1:
+            raise ModelError(
+                f"a condition compares scalars; found {self.residual.numel()} entries: name the one that is meant, or "
+                "join several by & and |",
+                self.where,
+            )
+        return Condition("relation", (), self, self.where)
 
     @property
     def residual(self) -> ca.SX:
@@ -380,12 +396,6 @@ def relation(a: Expr, b: Any, op: str, strict: bool = False) -> Relation:
             f"nothing takes what this '{op}' says; write yield in front of it, or hand it to add() of a Builder", here()
         )
     return Relation(sa, sb, op, dimension, here(), a.scope, strict)
-
-
-def _joined(operation: Any, *parts: Any) -> Any:
-    from .events import joined  # conditions are made of relations
-
-    return joined(operation, *parts)
 
 
 def matmul(a: Any, b: Any) -> Expr:

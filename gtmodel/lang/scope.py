@@ -10,7 +10,7 @@ import casadi as ca
 from .source import ModelError, here
 
 if TYPE_CHECKING:
-    from .events import Condition
+    from .condition import Condition
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,7 +18,7 @@ from .systems import SimulatedSystem
 
 if TYPE_CHECKING:
     from .hybrid.one_step import OneStep
-    from .run import Ready
+    from .prepare import Ready
     from .step import Stepper
 
 # an interval this much shorter than the whole run means that the motion leads nowhere

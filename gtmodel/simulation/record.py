@@ -14,6 +14,8 @@ from ..results.trajectory import Trajectory
 from .turnover import stored_terms
 
 Pair = tuple[int, int]
+# of the stored energies
+ROUND_OFF = 1e-9
 Shape = tuple[int, ...]
 
 
@@ -114,5 +116,7 @@ class Recorder:
                 values[f"energy.{name}"], units[f"energy.{name}"] = data, "J"
             flows = np.column_stack([terms, stored, supplied, dissipated])
             moved = float(np.max(np.ptp(flows, axis=0)))
+            # less than this of what is stored is round-off: nothing moves
+            moved = max(moved, ROUND_OFF * float(np.max(np.abs(flows))))
             error = float(np.max(np.abs(stored - stored[0] - supplied + dissipated)))
         return Trajectory(times, values, units), error, moved

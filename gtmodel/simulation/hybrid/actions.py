@@ -9,7 +9,7 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from ...compiler.events import FlatEvents, FlatWhen
+from ...compiler.analysis.events import FlatEvents, FlatWhen
 from ...compiler.flat import FlatModel
 from ...lang.source import ModelError
 
@@ -18,9 +18,7 @@ Pair = tuple[int, int]
 
 def read_by(events: FlatEvents, flat: FlatModel) -> list[Pair]:
     """What actions and sampled blocks read of the continuous variables."""
-    expressions = [
-        v for w in events.whens for v in [*(x for _, x in w.assigns), *(x for _, x in w.reinits), *_loss(w)]
-    ]
+    expressions = [v for w in events.whens for v in [*(x for _, x in w.assigns), *(x for _, x in w.reinits), *_loss(w)]]
     pairs = set(flat.scope.symbols_in(ca.vertcat(*expressions))) if expressions else set()
     pairs |= {pair for w in events.whens for pair, _ in w.reinits}
     pairs |= {(i, 0) for b in events.blocks for s in b.inputs for i in s.places}
@@ -99,9 +97,7 @@ class Actions:
                     )
                 owner[key] = when
             changes.discrete |= dict(zip([place for place, _ in when.assigns], numbers[:count], strict=True))
-            changes.restarted |= dict(
-                zip([pair for pair, _ in when.reinits], numbers[count : len(keys)], strict=True)
-            )
+            changes.restarted |= dict(zip([pair for pair, _ in when.reinits], numbers[count : len(keys)], strict=True))
             if when.loss is not None:
                 changes.loss = (changes.loss or 0.0) + numbers[-1]
         return changes

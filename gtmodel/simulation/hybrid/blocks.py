@@ -10,7 +10,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ...compiler.events import BlockSignal, FlatBlock
+from ...compiler.analysis.events import BlockSignal, FlatBlock
 from ...compiler.flat import FlatModel
 from ...lang.declare import Discrete
 from ...lang.sampled import SampledBlock

@@ -15,7 +15,7 @@ class Due(NamedTuple):
     values: Any = None
 
 
-class Clock:
+class SampleClock:
     """What is due when, in the order of time."""
 
     def __init__(self) -> None:

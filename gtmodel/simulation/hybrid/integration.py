@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...compiler.events import FlatEvents, holds
+from ...compiler.analysis.events import FlatEvents, holds
 from ...compiler.flat import FlatModel
 from ...lang.source import ModelError
 from ...results.status import SolveStatus
@@ -23,13 +23,13 @@ from ..systems import SimulatedSystem, Systems
 from .accumulation import Accumulation
 from .actions import Actions, Changes
 from .blocks import RunningBlock
-from .clock import Clock, Due, exact
+from .clock import Due, SampleClock, exact
 from .crossing import dips, first_root
 from .event import Event
 from .one_step import OneStep
 
 if TYPE_CHECKING:
-    from .modes import Modes, ReadyInMode
+    from .modes import ReadyInMode, SimulatedModes
 
 Pair = tuple[int, int]
 
@@ -49,7 +49,7 @@ class HybridIntegration(Integration):
     truth: of each comparison, constant between two events. held: of each condition of gt.when.
     """
 
-    def __init__(self, ready: ReadyInMode, modes: Modes, rows: np.ndarray, grid: np.ndarray) -> None:
+    def __init__(self, ready: ReadyInMode, modes: SimulatedModes, rows: np.ndarray, grid: np.ndarray) -> None:
         begin, end = float(rows[0]), float(rows[-1])
         self._modes, self._begin, self._end = modes, begin, end
         self._steppers: dict[int, OneStep] = {}
@@ -65,13 +65,14 @@ class HybridIntegration(Integration):
         self.truth, self.held = ready.truth.copy(), ready.held.copy()
         self._size = self._largest = np.zeros(len(self._declared.comparisons))
         self._accumulation = Accumulation(end - begin)
-        self.energy_error, self.declares_loss = 0.0, any(w.loss is not None for w in self._declared.whens)
+        self.energy_error, self.largest_energy = 0.0, 0.0
+        self.declares_loss = any(w.loss is not None for w in self._declared.whens)
         self._audited = 0.0
         self._broken: str | None = None
         self._sources: list[set[int]] = [set() for _ in self._declared.blocks]
         self._sources_of: SimulatedSystem | None = None
         self._last_recorded = self._next_row = -np.inf
-        self.clock = Clock()
+        self.clock = SampleClock()
         self.blocks = [RunningBlock(b, self._flat, self._numbers) for b in self._declared.blocks]
         for n, block in enumerate(self.blocks):
             self.clock.add(block.first(begin), Due("block", n))
@@ -212,6 +213,7 @@ class HybridIntegration(Integration):
             # the dip of the interpolation is none of the motion: go there, and look on
             return self._go(high, step(high), begin + high)
         changing = at_end[0] < (0.0 if dip else -self._zero)
+        n = -1
         while changing.any():
             n = int(np.flatnonzero(changing)[0])
             root = first_root(signed, n, 0.0, high)
@@ -378,7 +380,9 @@ class HybridIntegration(Integration):
         self._size = np.where(begun, 0.0, self._size)
         if not acted:
             return
-        change = self._stored() - stored
+        after = self._stored()
+        change = after - stored
+        self.largest_energy = max(self.largest_energy, abs(stored), abs(after))
         self._book(change, declared, impacts)
         self._record(*self._one_row())
         name = self._actions.name_of
@@ -400,9 +404,7 @@ class HybridIntegration(Integration):
         neither shows it."""
         if not self._declared.comparisons:
             return self.truth
-        values, rates = (
-            a[0] for a in self._comparisons(self._x[None, :], self._z[None, :], np.array([self._time]))
-        )
+        values, rates = (a[0] for a in self._comparisons(self._x[None, :], self._z[None, :], np.array([self._time])))
         self._largest = np.maximum(self._largest, np.abs(values))
         slow = zero / (SLOW * (self._end - self._begin))
         truth = self._modes.sides(values, rates, zero, slow, self.truth)

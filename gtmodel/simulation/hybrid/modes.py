@@ -6,21 +6,21 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
+from itertools import product
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from ...compiler.events import BlockSignal, FlatBlock, FlatEvents, holds, in_mode
+from ...compiler.analysis.events import BlockSignal, FlatBlock, FlatEvents, holds, in_mode
 from ...compiler.flat import FlatModel
 from ...compiler.other_values import with_values
-from ...lang.source import ModelError
 from ...lang.slips import floats
+from ...lang.source import ModelError
 from ..inputs import SimulationInputs
+from ..prepare import Ready, prepare_in
 from ..record import Recorded, RecordedQuantity, Recorder
-from ..result import Progress
 from ..roots import Watched
-from ..run import Ready, prepare_in
 from ..systems import IntegratorSettings, SimulatedSystem, Systems
 from .actions import read_by
 from .clock import exact
@@ -28,6 +28,8 @@ from .clock import exact
 Pair = tuple[int, int]
 # tries of modes that suit a start
 TRIES = 20
+# comparisons that are zero at the start, of which both sides are tried
+MOST_UNDECIDED = 8
 # of a comparison at the start: nearer to zero its sign is round-off
 ZERO = 1e-12
 # of the nominals: a state that a change of modes moves further has jumped
@@ -45,7 +47,7 @@ class ReadyInMode:
     held: np.ndarray
 
 
-class Modes:
+class SimulatedModes:
     """A model with events in one run. `flat` has the numbers of its start; `pairs` are what actions and blocks read,
     in `read_columns` of a row; comparisons stand from `first_comparison` on."""
 
@@ -106,17 +108,40 @@ class Modes:
 
         Raises ModelError where each try leads to other modes.
         """
-        truth = self._guess(start, start_time)
+        guess, undecided = self._guess(start, start_time)
+        refused: ModelError | None = None
+        # what is zero at the start may be on either side
+        for choice in product(*[(False, True)] * min(len(undecided), MOST_UNDECIDED)):
+            truth = guess.copy()
+            truth[undecided[: len(choice)]] ^= np.array(choice, dtype=bool)
+            try:
+                ready = self._settled(truth, start, start_time, settings, end)
+            except ModelError as error:
+                refused = refused or error
+                continue
+            if ready is not None:
+                return ready
+        if refused is not None:
+            raise refused
+        wheres = ", ".join(str(m.where) for m in self.events.modes)
+        raise ModelError(
+            f"{self.flat.title}: no side of gt.If ({wheres}) suits the start: each leads to the other; give another "
+            "start, or a switch with a state of its own (gt.discrete)"
+        )
+
+    def _settled(
+        self, truth: np.ndarray, start: Mapping[str, Any], start_time: float, settings: IntegratorSettings, end: float
+    ) -> ReadyInMode | None:
+        """A start in modes that suit it, looked for from these; None where each leads to others."""
         seen: list[tuple[bool, ...]] = []
         for _ in range(TRIES):
             values = tuple(holds(m.logic, truth) for m in self.events.modes)
             flat = self.flat_in(values)
-            recorder = Recorder(self.recorded)
             ready = prepare_in(
-                flat, self._numbered(flat), self._given, self.recorded_in(values), recorder, start, start_time,
-                self._prefer, settings,
+                flat, self._numbered(flat), self._given, self.recorded_in(values), Recorder(self.recorded), start,
+                start_time, self._prefer, settings,
             )  # fmt: skip
-            truth = self._truth(ready, start_time, end)
+            truth = self._truth(ready, start_time, end, truth)
             again = tuple(holds(m.logic, truth) for m in self.events.modes)
             if again == values:
                 held = np.array([holds(w.logic, truth) for w in self.events.whens], dtype=bool)
@@ -124,19 +149,15 @@ class Modes:
             seen.append(values)
             if again in seen:
                 break
-        wheres = ", ".join(str(m.where) for m in self.events.modes)
-        raise ModelError(
-            f"{self.flat.title}: no side of gt.If ({wheres}) suits the start: each leads to the other; give another "
-            "start, or a switch with a state of its own (gt.discrete)"
-        )
+        return None
 
-    def _guess(self, start: Mapping[str, Any], time: float) -> np.ndarray:
-        """Truth of the comparisons at the declared start values."""
+    def _guess(self, start: Mapping[str, Any], time: float) -> tuple[np.ndarray, np.ndarray]:
+        """Truth of the comparisons at the declared start values, and the numbers of those that are zero there."""
         flat = self.flat
         scope = flat.scope
         column = ca.vertcat(*[c.expression for c in self.events.comparisons])
         if not self.events.comparisons:
-            return np.zeros(0, dtype=bool)
+            return np.zeros(0, dtype=bool), np.zeros(0, dtype=int)
         pairs = list(scope.symbols_in(column))
         values = {(v.index, 0): v.start or 0.0 for v in flat.variables}
         for name, value in start.items():
@@ -149,9 +170,10 @@ class Modes:
         f = ca.Function("guess", [ca.vertcat(*[scope.symbol(*p) for p in pairs]), flat.p, scope.time, *modes], [column])
         given = np.array([values.get(p, 0.0) for p in pairs])
         values = np.asarray(f(given, flat.p0, time, *[1.0 for _ in modes])).reshape(-1)
-        return self.sides(values, np.zeros_like(values), 0.0, 0.0, values >= 0)
+        truth = self.sides(values, np.zeros_like(values), 0.0, 0.0, values >= 0)
+        return truth, np.flatnonzero(~self._discrete & (np.abs(values) <= ZERO))
 
-    def _truth(self, ready: Ready, time: float, end: float) -> np.ndarray:
+    def _truth(self, ready: Ready, time: float, end: float, before: np.ndarray) -> np.ndarray:
         """Of the comparisons at a start: by their values, at zero by their rates."""
         count = len(self.events.comparisons)
         if not count:
@@ -160,11 +182,11 @@ class Modes:
         watched = Watched(reduced, reduced.outputs[self.first_comparison : self.first_comparison + count])
         x, z = reduced.from_point(ready.initial.w)
         values, rates = watched(x[None, :], z[None, :], np.array([time]), ready.inputs.piece(time))
-        return self.sides(values[0], rates[0], ZERO, ZERO / (end - time), values[0] >= 0)
+        return self.sides(values[0], rates[0], ZERO, ZERO / (end - time), before)
 
     def sides(self, values: np.ndarray, rates: np.ndarray, zero: Any, slow: Any, before: np.ndarray) -> np.ndarray:
-        """Truth of the comparisons from now on: by their values, within `zero` by their rates, and as they were `before`
-        where these are `slow`; of discrete variables exactly."""
+        """Truth of the comparisons from now on: by their values, within `zero` by their rates, and as they were
+        `before` where these are `slow`; of discrete variables exactly."""
         truth = np.where(np.abs(values) > zero, values > 0, np.where(np.abs(rates) > slow, rates > 0, before))
         return np.where(self._discrete, np.where(self._strict, values > 0, values >= 0), truth)
 
@@ -350,6 +372,3 @@ def discrete_starts(flat: FlatModel, start: Mapping[str, Any]) -> tuple[dict[int
         numbers = np.broadcast_to(array, own[name].shape).reshape(-1).tolist()
         values |= dict(zip(own[name].places, numbers, strict=True))
     return values, rest
-
-
-__all__ = ["Modes", "Progress", "ReadyInMode", "discrete_starts"]

@@ -30,10 +30,12 @@ class OneStep:
         self._tolerance = min(tolerance, max(FINEST, RESTARTED * tolerance))
         self._stiff = reduced.z.numel() > 0
         rates = ca.vertcat(reduced.rates, reduced.powers)
-        self._rates = PointFunction(ca.Function("rates", [reduced.x, reduced.t, reduced.p], [ca.densify(rates)])) if (
-            not self._stiff
-        ) else None
-        self._last = np.inf  # the step with which it went well [s]
+        self._rates = (
+            PointFunction(ca.Function("rates", [reduced.x, reduced.t, reduced.p], [ca.densify(rates)]))
+            if (not self._stiff)
+            else None
+        )
+        self._last = np.inf  # the step that it would take next [s]
 
     @property
     def most(self) -> int:
@@ -73,8 +75,8 @@ class OneStep:
         rows = np.empty((count, n + 2))
         begin = np.concatenate([x / self.x_scale, [0.0, 0.0]])
         options: dict[str, Any] = {"rtol": self._tolerance, "atol": self._tolerance, "max_step": longest}
-        if self._last < end:
-            options["first_step"] = self._last
+        if np.isfinite(self._last):
+            options["first_step"] = min(self._last, end)
         with np.errstate(all="ignore"):
             solver = scipy.integrate.DOP853(f, 0.0, begin, end, **options)
             done, steps = 0, 0
@@ -91,8 +93,7 @@ class OneStep:
                     self._stiff = True
                     return None
             rows[-1] = solver.y
-        if steps > 1:
-            self._last = float(solver.step_size)
+        self._last = float(solver.h_abs)
         if not np.all(np.isfinite(rows)):
             return None
         return rows[:, :n] * self.x_scale, np.zeros((count, 0)), rows[:, n:]

@@ -14,13 +14,13 @@ from ...results.status import SolveStatus
 from ..advance import Ended
 from ..arguments import by_name, longest_step, names, output_step
 from ..discontinuities import refuse_discontinuous_inputs
+from ..prepare import OUTPUT_STEPS, output_rows, read_model, refuse_settings, watched_grid
 from ..resolution import resolution, unresolved
 from ..result import Progress, Simulation
-from ..run import OUTPUT_STEPS, output_rows, read_model, refuse_settings, watched_grid
 from ..systems import IntegratorSettings
 from ..turnover import balance, unbalanced
 from .integration import HybridIntegration
-from .modes import Modes, discrete_starts
+from .modes import SimulatedModes, discrete_starts
 
 # of the energy that moved: what an impact takes, by its formula and by the stored energies before and after it
 DECLARED_LOSS = 1e-9
@@ -53,7 +53,7 @@ def simulate_events(
     first = {place: float(flat.parameters[place].value) for place in flat.events.discrete}
     flat, now, given = read_model(model, inputs, parameters, first | started)
     preferred = [i for name in prefer for i in flat.lookup(name)[1]]
-    modes = Modes(flat, now, given, outputs, preferred)
+    modes = SimulatedModes(flat, now, given, outputs, preferred)
     settings = IntegratorSettings(tolerance, method, np.isfinite(max_step))
     ready = modes.start(start, start_time, settings, final_time)
     refuse_discontinuous_inputs(given, ready.ready.system.plan.inputs, start_time, final_time)
@@ -74,7 +74,8 @@ def simulate_events(
     trajectory, energy_error, moved = ready.ready.recorder.trajectory()
     checks = balance(energy_error, moved) | resolution(integration.largest, tolerance)
     if integration.declares_loss:
-        share = integration.energy_error / moved if moved > 0 else integration.energy_error
+        scale = max(moved, integration.largest_energy)
+        share = integration.energy_error / scale if scale > 0 else integration.energy_error
         checks["declared_loss"] = Check(share, DECLARED_LOSS, "mend the formula of gt.energy_loss")
     sentences = [s for s in (unbalanced(checks, moved), unresolved(checks)) if s]
     if "declared_loss" in checks and not checks["declared_loss"].passed:

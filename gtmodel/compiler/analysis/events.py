@@ -7,17 +7,19 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import casadi as ca
+import numpy as np
 
-from ..lang.bind import ParameterRecord, Tree
-from ..lang.declare import Discrete, Variable
-from ..lang.events import Condition, EnergyLoss, Reinit, When
-from ..lang.expression import Relation
-from ..lang.model import Model
-from ..lang.sampled import SampledBlock
-from ..lang.source import ModelError, SourceLocation
+from ...lang.bind import ParameterRecord, Tree
+from ...lang.condition import Condition
+from ...lang.declare import Discrete, Variable
+from ...lang.events import EnergyLoss, Reinit, When
+from ...lang.expression import Relation
+from ...lang.model import Model
+from ...lang.sampled import SampledBlock
+from ...lang.source import ModelError, SourceLocation
 
 if TYPE_CHECKING:
-    from .flat import FlatEquation, FlatModel
+    from ..flat import FlatEquation, FlatModel
 
 Pair = tuple[int, int]
 # ("atom", number), ("sample", number), ("not", logic), ("and", logic, logic), ("or", logic, logic)
@@ -26,8 +28,8 @@ Logic = tuple[Any, ...]
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """True where `expression` is not negative, or positive where it is `strict`: a relation of a condition. discrete: it
-    changes at events only."""
+    """True where `expression` is not negative, or where it is positive if it is `strict`: a relation of a condition.
+    discrete: it changes at events only."""
 
     expression: ca.SX
     strict: bool
@@ -315,7 +317,7 @@ def in_mode(flat: FlatModel, values: Sequence[bool]) -> FlatModel:
     )
 
 
-def holds(logic: Logic, atoms: Sequence[bool], samples: Sequence[bool] = ()) -> bool:
+def holds(logic: Logic, atoms: np.ndarray, samples: Sequence[bool] = ()) -> bool:
     """Whether a condition is true where its comparisons and samples are."""
     operation, *parts = logic
     if operation == "atom":
