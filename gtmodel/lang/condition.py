@@ -8,10 +8,13 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import casadi as ca
 
+from .._lazy import hint
 from .source import ModelError, SourceLocation, here
 
 if TYPE_CHECKING:
     from .expression import Relation
+else:
+    Relation = hint("gtmodel.lang.expression", "Relation")
 
 Operation = Literal["relation", "and", "or", "not", "sample"]
 

@@ -99,7 +99,7 @@ def when(condition: Any, *actions: Any) -> When:
     ...         )
     >>> run = gt.simulate(Ball(), 1.5)
     >>> [round(e.time, 6) for e in run.events]  # sqrt(2 h / g), and 2 * 0.8 times that later
-    [0.451524, 1.173962]
+    [0.451524, 1.173961]
     """
     if not actions:
         raise ModelError("an event without an action has no effect; give when() what is to happen", here())

@@ -39,7 +39,7 @@ class SampledBlock(Model):
     ...         yield self.law.error == 0.1 - self.x
     >>> run = gt.simulate(Loop(), 5.0)
     >>> float(run.trajectory["x"][-1].round(3)), len(run.samples["law"])
-    (0.1, 1251)
+    (0.101, 1251)
     """
 
     period = parameter(unit="s", positive=True, description="time between two samples")

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ..compiler.analysis.switching import with_switching_signs
 from ..compiler.causal import flat_of
 from ..compiler.consistency.initial import Initial, initial_point, start_values
 from ..compiler.flat import FlatModel
@@ -15,7 +16,6 @@ from ..compiler.other_values import values_by_place, with_values
 from ..lang.model import Model
 from ..lang.source import ModelError
 from .arguments import by_name, names, number
-from .discontinuities import refuse_discontinuities
 from .inputs import SimulationInputs, read_inputs
 from .record import Recorded, Recorder
 from .systems import IntegratorSettings, SimulatedSystem, Systems
@@ -76,10 +76,9 @@ def read_model(
 ) -> tuple[FlatModel, FlatModel, SimulationInputs]:
     """A flat model, the same with the numbers of a run, and its inputs; `further`: numbers of parameters that vary by
     their places. Raises ModelError for what is wrong in any of these."""
-    flat = flat_of(model)
+    flat = with_switching_signs(flat_of(model))
     if not flat.variables:
         raise ModelError(f"{flat.title} declares no variable; there is nothing to simulate")
-    refuse_discontinuities(flat)
     varied = values_by_place(flat, parameters) | dict(further or {})
     return flat, with_values(flat, varied), read_inputs(flat, inputs, varied)
 

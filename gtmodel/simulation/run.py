@@ -8,6 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from ..compiler.analysis.switching import with_switching_signs
 from ..compiler.causal import flat_of
 from ..lang.model import Model
 from ..lang.slips import named
@@ -103,7 +104,7 @@ def simulate(
     def prepared(tolerance: float) -> Ready:
         return prepare(model, inputs, start, start_time, outputs, prefer, tolerance, method, bounded, parameters)
 
-    if flat_of(model).events is not None:
+    if with_switching_signs(flat_of(model)).events is not None:
         given = start, start_time, step, max_step, outputs, prefer, tolerance, method
         simulation = simulate_events(model, final_time, inputs, parameters, *given, progress)
         if throw and not simulation.status.converged:

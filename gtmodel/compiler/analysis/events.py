@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import casadi as ca
@@ -19,7 +19,7 @@ from ...lang.sampled import SampledBlock
 from ...lang.source import ModelError, SourceLocation
 
 if TYPE_CHECKING:
-    from ..flat import FlatEquation, FlatModel
+    from ..flat import FlatEquation
 
 Pair = tuple[int, int]
 # ("atom", number), ("sample", number), ("not", logic), ("and", logic, logic), ("or", logic, logic)
@@ -49,11 +49,12 @@ class SampleTimes:
 
 @dataclass(frozen=True, eq=False)
 class FlatMode:
-    """A symbol that is 1 where its condition holds, else 0."""
+    """A symbol that is 1 where its condition holds, else 0; name: of what a person wrote, "If" or "sign()"."""
 
     symbol: ca.SX
     logic: Logic
     where: SourceLocation
+    name: str = "If"
 
 
 @dataclass(frozen=True, eq=False)
@@ -292,29 +293,6 @@ def _refuse_unset(records: list[ParameterRecord], whens: list[FlatWhen], blocks:
             raise ModelError(f"'{r.name}' is an output, which only a SampledBlock has; use gt.discrete", r.where)
         elif not set_by.intersection(r.indices):
             raise ModelError(f"no event sets the discrete variable '{r.name}'; declare a parameter", r.where)
-
-
-def in_mode(flat: FlatModel, values: Sequence[bool]) -> FlatModel:
-    """The model while its modes have these values: a model without events, of the same symbols."""
-    events = flat.events
-    assert events is not None
-    if not events.modes:
-        return replace(flat, events=None, cache={})
-    old = ca.vertcat(*[m.symbol for m in events.modes])
-    new = ca.DM([float(v) for v in values])
-
-    def fixed(expression: ca.SX) -> ca.SX:
-        return ca.substitute(expression, old, new)
-
-    return replace(
-        flat,
-        equations=[replace(e, residual=fixed(e.residual)) for e in flat.equations],
-        branches=[replace(b, expression=fixed(b.expression)) for b in flat.branches],
-        initial=[replace(e, residual=fixed(e.residual)) for e in flat.initial],
-        energies=[replace(e, expression=fixed(e.expression)) for e in flat.energies],
-        events=None,
-        cache={},
-    )
 
 
 def holds(logic: Logic, atoms: np.ndarray, samples: Sequence[bool] = ()) -> bool:

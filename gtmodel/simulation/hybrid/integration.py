@@ -39,6 +39,8 @@ ZERO = 1e-9
 LEAST = 1e-13
 # rates that would move a comparison by less than ZERO of its size in this part of the run do not decide on its side
 SLOW = 1e-6
+# so many of the shortest intervals are gone over by the rates where the integrator cannot go over the switch
+EDGE = 100.0
 # rounds of what follows from what at one instant
 ROUNDS = 30
 
@@ -148,6 +150,32 @@ class HybridIntegration(Integration):
             return good
         done = self._to_change(float(times[interval]), dip)
         return max(good, 1) if done else good
+
+    def _advance(self, stop: float, span: float) -> None:
+        """As in every simulation; an integrator that fails at a switch, where one side ends, is taken over it."""
+        try:
+            super()._advance(stop, span)
+        except Ended as error:
+            if error.status is not SolveStatus.FAILED or not self._over_edge():
+                raise
+
+    def _over_edge(self) -> bool:
+        """Whether a comparison changes within a few of the shortest intervals; then its event has happened."""
+        if not self._declared.comparisons or self._z.size:
+            return False
+        at = np.array([self._time])
+        values, rates = self._comparisons(self._x[None, :], self._z[None, :], at)
+        s, ds = values[0] * self._signs(), rates[0] * self._signs()
+        with np.errstate(all="ignore"):
+            left = np.where(ds < 0, s / -ds, np.inf)
+        if not np.any(left <= EDGE * self._shortest):
+            return False
+        n = int(np.nanargmin(left))
+        span = max(float(left[n]), 0.0)
+        slope = np.asarray(self.system.reduced.rate(self._x, self._z, self._time, self._p).full()).reshape(-1)
+        self._take(self._time + span, self._x + span * slope, self._z, self._work)
+        self._event([n])
+        return True
 
     def _grow(self, values: np.ndarray) -> None:
         if len(values):
@@ -358,7 +386,9 @@ class HybridIntegration(Integration):
                 acted = True
             causes |= dict.fromkeys(f"{events.whens[n].name} ({events.whens[n].where})" for n in fired)
             causes |= dict.fromkeys(
-                f"If ({m.where})" for m, old, new in zip(events.modes, self._values, values, strict=True) if old != new
+                f"{m.name} ({m.where})"
+                for m, old, new in zip(events.modes, self._values, values, strict=True)
+                if old != new
             )
             changes = self._changes(fired)
             for place, v in changes.discrete.items():
@@ -447,8 +477,9 @@ class HybridIntegration(Integration):
         shown = "; ".join(causes[-4:])
         return Ended(
             SolveStatus.FAILED,
-            f"at {self._time:.6g} s events never settle: {shown} call each other for ever; where two sides of a switch "
-            "push back to it, give it a hysteresis, or a mode of its own in between (stuck, sliding)",
+            f"at {self._time:.6g} s events never settle: {shown} call each other for ever; where both sides of a "
+            "switch push back to it, give it a hysteresis, or a mode of its own in between, as stuck is between two "
+            "directions of sliding",
         )
 
     # -- rows and energies -------------------------------------------------------------------------

@@ -12,7 +12,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ...compiler.analysis.events import BlockSignal, FlatBlock, FlatEvents, holds, in_mode
+from ...compiler.analysis.events import BlockSignal, FlatBlock, FlatEvents, holds
+from ...compiler.analysis.switching import in_mode
 from ...compiler.flat import FlatModel
 from ...compiler.other_values import with_values
 from ...lang.slips import floats
@@ -123,10 +124,10 @@ class SimulatedModes:
                 return ready
         if refused is not None:
             raise refused
-        wheres = ", ".join(str(m.where) for m in self.events.modes)
+        wheres = ", ".join(dict.fromkeys(f"{m.name} at {m.where}" for m in self.events.modes))
         raise ModelError(
-            f"{self.flat.title}: no side of gt.If ({wheres}) suits the start: each leads to the other; give another "
-            "start, or a switch with a state of its own (gt.discrete)"
+            f"{self.flat.title}: no side of {wheres} suits the start: each leads to the other, as where friction would "
+            "hold; give another start, or a mode of its own in between (gt.discrete)"
         )
 
     def _settled(

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ...compiler.analysis.switching import with_switching_signs
 from ...compiler.causal import flat_of
 from ...lang.model import Model
 from ...results.check import Check
@@ -47,7 +48,7 @@ def simulate_events(
     max_step = longest_step(max_step, final_time - start_time)
     inputs, start, parameters = by_name("inputs", inputs), by_name("start", start), by_name("parameters", parameters)
     outputs, prefer = names("outputs", outputs), names("prefer", prefer)
-    flat = flat_of(model)
+    flat = with_switching_signs(flat_of(model))
     assert flat.events is not None
     started, start = discrete_starts(flat, start)
     first = {place: float(flat.parameters[place].value) for place in flat.events.discrete}
