@@ -11,9 +11,9 @@ import numpy as np
 from ...inference import BetweenRecordings, HeldOut, Identifiability, OverNoise, noise_size, over_noise
 from ...lang import ModelError
 from ...results import ArgumentError, SolveStatus
+from ...results.alarms import Alarms
 from ..calibration import Calibration, calibrate
 from ..held_out import judge_held_out
-from ..measured.alarms import Alarms
 from ..measured.options import Refit
 from ..measured.poses import SplitPoses
 from ..measurements import Measurements
