@@ -27,6 +27,7 @@ Before anything is measured
     candidates                       a grid in what the robot reaches and the device sees
     LaserTracker, Camera, LineOfSight   where devices see, and how well
     seen_by_distance, seen_by_plane  robots that a partial device measures
+    seen_with_quaternion            robots whose rotation R is measured as a quaternion
     plan_study                       all of these, from a room to the poses to measure: a PlanStudy; what it is asked
                                      for in `plan`
 """
@@ -62,7 +63,11 @@ if TYPE_CHECKING:
         Pose as Pose,
     )
     from .options import COSTS as COSTS, Cost as Cost, Fit as Fit, Known as Known
-    from .partial_devices import seen_by_distance as seen_by_distance, seen_by_plane as seen_by_plane
+    from .partial_devices import (
+        seen_by_distance as seen_by_distance,
+        seen_by_plane as seen_by_plane,
+        seen_with_quaternion as seen_with_quaternion,
+    )
     from .plan import PlanStudy as PlanStudy, plan_study as plan_study
     from .pose_information import PoseInformation as PoseInformation, pose_information as pose_information
     from .pose_numbers import (

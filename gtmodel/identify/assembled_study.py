@@ -11,6 +11,7 @@ import tomli_w
 
 from ..results import SolveStatus, Trajectory
 from .asked import Asked
+from .between_sessions import BySession
 from .bodies import bodies_of
 from .checks import judged
 from .closed_loop import ClosedLoopRun, within_bound
@@ -31,6 +32,7 @@ def assembled_study(
     repeated: Repeated | None = None,
     loop: ClosedLoop | None = None,
     runs: Sequence[ClosedLoopRun] = (),
+    recordings: BySession | None = None,
 ) -> IdentificationStudy:
     """The study of a fit."""
     e, rows, title, parameters = identification.estimate, identification.rows, asked.title, identification.numbers
@@ -68,12 +70,15 @@ def assembled_study(
         condition=identification.identifiability.condition,
         left_out={", ".join(t.names): t.p for t in identification.left_out},
         delay=None if identification.delay is None else [identification.delay.seconds, identification.delay.std],
+        by_recording=None if recordings is None else recordings.intervals,
+        between_recordings=None if recordings is None or recordings.apart is None else recordings.apart.spread,
         truth=data.truth or None,
         coverage=coverage,
         notes=[
             rows.filter_sentence,
             *suspicions,
             *identification.notes,
+            *([recordings.apart.message] if recordings is not None and recordings.apart is not None else []),
             *bodies.notes,
             *([f"intervals take the estimated {known} as known"] if known else []),
         ],

@@ -152,6 +152,7 @@ def read_log(
     return tuple(sessions)
 
 
+LEFT_OUT = ("rows without a number", "rows that came late or twice")  # of the provenance: how many were
 _TIME, _OF = "\0time", "\0session"  # beside the names of quantities
 
 
@@ -224,12 +225,12 @@ def _chosen(time: Array, values: Mapping[str, Array], late_rows: LateRows, note:
         whole = np.isfinite(time) & np.all([np.isfinite(v).all(axis=1) for v in values.values()], axis=0)
         if not whole.all():
             taken = np.flatnonzero(whole)
-            note["rows without a number"] = len(time) - len(taken)
+            note[LEFT_OUT[0]] = len(time) - len(taken)
             time = time[taken]
     order = in_order(time, late_rows)
     if order is None:
         return taken
-    note["rows that came late or twice"] = int(np.sum(np.diff(np.maximum.accumulate(time)) <= 0))
+    note[LEFT_OUT[1]] = int(np.sum(np.diff(np.maximum.accumulate(time)) <= 0))
     return order if taken is None else taken[order]
 
 

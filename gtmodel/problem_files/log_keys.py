@@ -60,9 +60,11 @@ class MeasuredSignalSection(FileSection):
             raise InputError(str(error), key) from error
 
 
-class RecordedSignalSection(MeasuredSignalSection):
-    """A measured signal of a recording with several clocks."""
+class RecordedSignalSection(FileSection):
+    """A column of a recording whose signals may have clocks of their own."""
 
+    column: str | list[str] = Field(description='its name in the log; "q" means "q[0]", "q[1]", ... too')
+    unit: str = Field(description="its unit in the log")
     time: TimeColumn | None = Field(default=None, description="its own column of time; that of the log if left out")
     stream: str = Field(default="", description="its own stream, such as the topic of a bag")
     file: str = Field(default="", description="its own file among those of the log; the one that has the column")
@@ -109,18 +111,13 @@ class ResampleSection(FileSection):
             raise InputError(error.message, key + argument) from error
 
 
-class LogSampling(FormSection):
-    """How logs are written and sampled; a kind adds its files and signals."""
+class LogReading(FormSection):
+    """How logs are written, whether their rows are even or not."""
 
     source: Source = ""
     time: TimeColumn = TimeColumn()
-    session: str | None = Field(default=None, description="column whose number distinguishes the recordings of a file")
     sample_time_s: PositiveFloat | None = Field(
         default=None, description="expected; the log's median if left out. Of a log without time: from row to row"
-    )
-    jitter: float = Field(default=JITTER, gt=0, lt=1, description="how far a step may be off, as a share of it")
-    resample: ResampleSection | None = Field(
-        default=None, description="for logs with uneven rows or gaps; even ones are asked for if left out"
     )
     late_rows: LateRows = Field(
         default="refuse",
@@ -128,6 +125,16 @@ class LogSampling(FormSection):
     )
     empty_rows: EmptyRows = Field(
         default="refuse", description="rows that lack a number or hold nan: refuse the log, or drop them"
+    )
+
+
+class LogSampling(LogReading):
+    """How logs are written and sampled; a kind adds its files and signals."""
+
+    session: str | None = Field(default=None, description="column whose number distinguishes the recordings of a file")
+    jitter: float = Field(default=JITTER, gt=0, lt=1, description="how far a step may be off, as a share of it")
+    resample: ResampleSection | None = Field(
+        default=None, description="for logs with uneven rows or gaps; even ones are asked for if left out"
     )
 
     def read(self, names: list[str], signals: Mapping[str, Signal], context: Context, key: str) -> tuple[Session, ...]:
@@ -169,7 +176,7 @@ class LogSampling(FormSection):
         return tuple(sessions)
 
 
-class RecordingFiles(LogSampling):
+class RecordingFiles(LogReading):
     """Files that were recorded at once, whose signals may have clocks of their own; a kind adds its signals."""
 
     files: list[str] = FILES

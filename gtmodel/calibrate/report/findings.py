@@ -12,9 +12,9 @@ from ...inference import BetweenRecordings, HeldOut, Identifiability, OverNoise,
 from ...lang import ModelError
 from ...lang.units import parse_unit
 from ...results import ArgumentError, SolveStatus
+from ...results.alarms import Alarms
 from ..calibration import Calibration, calibrate
 from ..held_out import judge_held_out
-from ..measured.alarms import Alarms
 from ..measured.options import Refit
 from ..measured.poses import SplitPoses
 from ..measurements import Measurements
