@@ -11,6 +11,7 @@ import tomli_w
 
 from ..results import SolveStatus, Trajectory
 from .asked import Asked
+from .between_sessions import BySession
 from .bodies import bodies_of
 from .checks import judged
 from .closed_loop import ClosedLoopRun, within_bound
@@ -31,6 +32,7 @@ def assembled_study(
     repeated: Repeated | None = None,
     loop: ClosedLoop | None = None,
     runs: Sequence[ClosedLoopRun] = (),
+    recordings: BySession | None = None,
 ) -> IdentificationStudy:
     """The study of a fit."""
     e, rows, title, parameters = identification.estimate, identification.rows, asked.title, identification.numbers
@@ -68,12 +70,15 @@ def assembled_study(
         condition=identification.identifiability.condition,
         left_out={", ".join(t.names): t.p for t in identification.left_out},
         delay=None if identification.delay is None else [identification.delay.seconds, identification.delay.std],
+        by_recording=None if recordings is None else recordings.intervals,
+        between_recordings=None if recordings is None or recordings.apart is None else recordings.apart.spread,
         truth=data.truth or None,
         coverage=coverage,
         notes=[
             rows.filter_sentence,
             *suspicions,
             *identification.notes,
+            *([recordings.apart.message] if recordings is not None and recordings.apart is not None else []),
             *bodies.notes,
             *([f"intervals take the estimated {known} as known"] if known else []),
         ],
@@ -130,15 +135,15 @@ def _figures(
     def efforts(of: Rows, modelled: np.ndarray, title: str) -> Any:
         from ..plot.identification import efforts_figure
 
-        return efforts_figure(of.time, of.effort, modelled, rows.targets, rows.effort_unit, title)
+        return efforts_figure(of.time, of.effort, modelled, rows.targets, rows.common_unit, title)
 
     def friction() -> Any:
         from ..plot.identification import friction_figure
 
         law = rows.Y[:, :, at] @ identification.parameters[at]
-        rate = "m/s" if rows.effort_unit == "N" else "rad/s"
+        rate = {"N": "m/s", "SI": "SI"}.get(rows.common_unit, "rad/s")
         return friction_figure(
-            rows.velocity, rows.effort - fit + law, law, rows.targets, (rate, rows.effort_unit), title
+            rows.velocity, rows.effort - fit + law, law, rows.targets, (rate, rows.common_unit), title
         )
 
     def closed_loop() -> Any:

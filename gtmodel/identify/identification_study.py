@@ -14,6 +14,7 @@ from ..results.door import study_function
 from ..results.work import Progress, never, silent
 from .asked import Asked, asked_for
 from .assembled_study import assembled_study
+from .between_sessions import BySession, between_sessions
 from .closed_loop import ClosedLoopRun, follow
 from .identified import IdentificationStudy
 from .inertia import Identification, Validation, identify
@@ -85,7 +86,10 @@ def study(
     runs: list[ClosedLoopRun] = []
     if closed_loop is not None:
         runs = follow(closed_loop, identification.numbers, data.fitted + data.held_out, *asked.names, work)
-    return assembled_study(asked, data, identification, validation, loop=closed_loop, runs=runs)
+    return assembled_study(
+        asked, data, identification, validation, loop=closed_loop, runs=runs,
+        recordings=_each(asked, data, identification, validation),
+    )  # fmt: skip
 
 
 @study_function
@@ -140,6 +144,20 @@ def synthetic_study(
     return assembled_study(asked, data, identification, validation, repeated=_repeated(asked, data, synthetic))
 
 
+def _each(
+    asked: Asked, data: Recordings, identification: Identification, validation: Validation | None
+) -> BySession | None:
+    """What each recording gives by itself, those held out too."""
+    if len(data.fitted) + len(data.held_out) < 2:
+        return None
+    asked.work.progress("recordings one by one", 0.7)
+    others = () if validation is None else zip(data.held_out, map(validation.rows.part, range(len(data.held_out))),
+                                               strict=True)  # fmt: skip
+    return between_sessions(
+        identification, data.fitted, list(others), nonnegative=asked.nonnegative, confidence=asked.how.confidence
+    )
+
+
 def _stopped(title: str) -> IdentificationStudy:
     return IdentificationStudy(status=SolveStatus.INTERRUPTED, message="stopped before the fit", title=title)
 
@@ -156,7 +174,7 @@ def _fitted(asked: Asked, data: Recordings, place: str) -> tuple[Identification,
     how, used = asked.how, asked.processing
 
     def rows_from(sessions: Sequence[Session], processing: Processing, per_session: bool) -> Rows:
-        rows = rows_of(sessions, asked.regressor, processing, *asked.names)
+        rows = rows_of(sessions, asked.regressor, processing, *asked.names, accept=how.accept)
         return rows if data.offsets is None else with_offsets(rows, how.targets, per_session=per_session)
 
     with naming(place, ModelError, TrajectoryError):

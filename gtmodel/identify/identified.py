@@ -84,6 +84,14 @@ class IdentificationStudy(Study):
             written="ms",
         ),
     ] = None  # fmt: skip
+    by_recording: Annotated[
+        Mapping[str, Mapping[str, Sequence[float]]] | None,
+        "95 % intervals by name that each recording gives by itself, held-out ones too; null with one",
+    ] = None
+    between_recordings: Annotated[
+        Numbers | None,
+        "standard deviation by name between recordings beyond their own noise, in SI units; null where they agree",
+    ] = None
     truth: Annotated[Numbers | None, "of a synthetic plant; null for measured logs"] = None
     coverage: Annotated[
         Mapping[str, Any] | None,
@@ -142,12 +150,21 @@ class IdentificationStudy(Study):
         return rows + [Row(name, value) for name, value in (self.corrections or {}).items()]
 
     def _fit_rows(self, fit: Identification) -> list[Row]:
-        rows, unit = [], fit.rows.effort_unit
-        for k, target in enumerate(fit.rows.targets):
+        rows = []
+        for k, (target, unit) in enumerate(zip(fit.rows.targets, fit.rows.units_of_targets, strict=True)):
             rows.append(Row(f"noise of {target}", float(fit.noise[k]), unit))
             if self.held_out_rms is not None:
                 rows.append(Row(f"held-out error of {target}", float(self.held_out_rms[k]), unit))
-        rows.append(Row("intervals", f"for {'coloured' if fit.confidence == 'newey_west' else 'white'} residuals"))
+        residuals = f"for {'coloured' if fit.confidence == 'newey_west' else 'white'} residuals"
+        if self.synthetic is None:  # of a measured machine another day may give another number
+            count = len(fit.rows.starts)
+            residuals += ", of this recording" if count == 1 else f", of these {count} recordings"
+        rows.append(Row("intervals", residuals))
+        for name, spread in (self.between_recordings or {}).items():
+            each = "; ".join(f"{low:.5g} to {high:.5g}" for low, high in (self.by_recording or {})[name].values())
+            rows.append(
+                Row(f"{name} by recording", f"{each}; varies by {spread:.2g}", (self.units or {}).get(name, ""))
+            )
         if c := self.coverage:
             hits, band = c["hits"].values(), c["band"]
             rows.append(Row("pooled coverage", 100 * c["pooled"], "%"))

@@ -24,6 +24,10 @@ Signals
 Clocks
     resample          uneven rows on an even grid, with the error of the method
     Resampled         what it returns
+    resampling_study  signals of several clocks on one even grid
+    ResamplingStudy   its result
+    EvenGrid          the grid: sample time, method, gaps, interval of time
+    AlignBy           signals by which clocks are brought together
     align             offset and drift between two clocks, by a signal that both show
     Alignment         what it returns
     delay_study       how late one signal comes behind another
@@ -58,6 +62,9 @@ if TYPE_CHECKING:
     from .alignment.delay_study import DelayStudy as DelayStudy, delay_study as delay_study
     from .alignment.options import Search as Search, SyntheticDelay as SyntheticDelay
     from .alignment.synthetic import made_pair as made_pair
+    from .common_grid.options import AlignBy as AlignBy, EvenGrid as EvenGrid
+    from .common_grid.resampling_study import resampling_study as resampling_study
+    from .common_grid.result import ResamplingStudy as ResamplingStudy
     from .copies import Stretch as Stretch, copied_stretch as copied_stretch, copies as copies
     from .filters import (
         Moving as Moving,

@@ -108,12 +108,15 @@ def resample(
         if end - begin < FEWEST:
             raise LogError(
                 f"'{name}' has {end - begin} rows from {time[begin]:.6g} s to the next gap; expected "
-                f"at least {FEWEST}: bridge longer gaps (longest_gap), or cut the recording"
+                f"at least {FEWEST}: bridge longer gaps (longest_gap), or cut the recording",
+                "longest_gap",
             )
         first, last = np.ceil((time[begin] - origin) / step - 1e-9), np.floor((time[end - 1] - origin) / step + 1e-9)
         grid = np.clip(origin + step * np.arange(first, last + 1), time[begin], time[end - 1])
         if len(grid) < 3:
-            raise LogError(f"'{name}': a sample time of {step:g} s leaves {len(grid)} rows; expected at least 3")
+            raise LogError(
+                f"'{name}': a sample time of {step:g} s leaves {len(grid)} rows; expected at least 3", "sample_time"
+            )
         values = {}
         for signal in trajectory.names:
             y = np.asarray(trajectory[signal], float)

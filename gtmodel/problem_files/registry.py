@@ -52,6 +52,7 @@ _KINDS = {
     "calibration": "geometric parameters of a robot from measured poses, or joint stiffness from loads, with errors",
     "vibration": "step-response, subspace and impulse models of a log; M, D, K and modes",
     "milling": "where to mill: the angle about the spindle by static and dynamic deflection, chatter, compensation",
+    "resampling": "signals of several clocks on one even grid: uneven rows, gaps, offset and drift of the clocks",
     "delay": "how late signals come behind others that show the same motion, with intervals",
     "friction": "friction of the actuators and the mass they hold, from constant-velocity runs",
 }

@@ -22,7 +22,7 @@ from tests.support import recordings
 PROBLEMS = sorted((Path(__file__).parents[2] / "problems").glob("*.toml"))
 SOLVED = [path for path in PROBLEMS if tomllib.loads(path.read_text(encoding="utf-8"))["kind"] != "codegen"]
 """Those that give values; of the others tests/cgen compares the folders."""
-NO_ROBOT = ("delay", "vibration", "dynamic_stiffness", "axis_trajectory", "trajectory_table", "codegen")
+NO_ROBOT = ("delay", "resampling", "vibration", "dynamic_stiffness", "axis_trajectory", "trajectory_table", "codegen")
 """Kinds of records, of one machine axis after another, and of several robots."""
 
 

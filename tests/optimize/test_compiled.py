@@ -12,7 +12,9 @@ import numpy as np
 import pytest
 
 from gtmodel.compiler import toolchain
+from gtmodel.compiler.columns import batch
 from gtmodel.compiler.library_cache import cache_folder
+from gtmodel.compiler.tape.machine import Interpreted, interpreter
 from gtmodel.optimize import CompilerMissing, Mesh, SolverOptions, solve, solve_phases, transcribe
 from tests.optimize import features, problems
 
@@ -45,6 +47,20 @@ class TestMachineCode:
         assert first.seconds["compile"] > 0.0 and again.seconds["compile"] == 0.0 and "compile" not in plain.seconds
         # the library and its hash, nothing that was on the way to it
         assert sorted(p.suffix for p in folder.iterdir()) == [".sha256", ".so"]
+
+    def test_same_bits_by_the_interpreter(self, monkeypatch):
+        """Where a machine has no compiler the virtual machine takes the same iterates."""
+        assert interpreter(True) is not None
+        taken: list[str] = []
+        own = Interpreted.of_function
+        monkeypatch.setattr(Interpreted, "of_function", lambda library, f: taken.append(f.name()) or own(library, f))
+        monkeypatch.setattr(batch, "USED", 0.0)
+        by_interpreter = solve(features.Tank(), Mesh(20, 2))
+        assert {"point_j", "point_h"} <= set(taken)
+        monkeypatch.setattr(batch, "interpreter", lambda build: None)
+        plain = solve(features.Tank(), Mesh(20, 2))
+        assert np.array_equal(by_interpreter.x, plain.x) and by_interpreter.iterations == plain.iterations
+        assert np.array_equal(by_interpreter.multipliers, plain.multipliers)
 
     def test_one_library_for_all_meshes_of_equal_elements(self, folder):
         """Neither the mesh's size nor the points of its elements are part of what is compiled: one point is."""

@@ -1,21 +1,39 @@
-"""A function of one point as one of many points: CasADi's virtual machine takes them one after the other, NumPy an
-operation for all of them."""
+"""A function of one point as one of many points: CasADi's virtual machine takes them one after the other, the
+interpreter in C and NumPy an operation for many of them."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Protocol
 
 import casadi as ca
 import numpy as np
 
+from ..tape.machine import AT_ONCE, Interpreted, interpreter
 from .kernel import TAKEN, Workspace
-from .program import ColumnProgram, program_of
+from .program import ColumnProgram, on_columns, program_of
 
-# Points from which the columns are taken. An operation costs the virtual machine some 7 ns a point, NumPy 0.4 us for
-# all, twice that where a solver has used the cache in between, and to bind it to its columns takes 6 us, which the
-# solver's 30 calls are to pay.
+# seconds that an operation takes the virtual machine at a point; how often a solver asks for a function
+OPERATION, CALLS = 7e-9, 30
+# Seconds of the virtual machine from which the interpreter is used where it is there: to read an operation takes
+# 2.5 us, and a call some 20 us. Seconds that all functions of a process would take from which it is built, which takes
+# half of one, once on a machine.
+USED, BUILT = 0.01, 1.0
+# Points from which NumPy takes the columns where there is no interpreter: an operation costs it 0.4 us for all, twice
+# that where a solver has used the cache in between, and to bind it to its columns takes 6 us, which the solver's calls
+# are to pay.
 MANY = 256
+
+
+@dataclass
+class _Asked:
+    """Seconds of the virtual machine that all functions of this process would have taken."""
+
+    seconds: float = 0.0
+
+
+_asked = _Asked()
 
 
 def mapped(f: ca.Function, points: int) -> ca.Function:
@@ -30,8 +48,20 @@ def mapped(f: ca.Function, points: int) -> ca.Function:
     >>> product(ca.repmat(ca.DM([2.0, 3.0]), 1, 400))[-1]
     DM(6)
     """
-    program = program_of(f) if points >= MANY else None
-    return f.map(points) if program is None else Batch(f"{f.name()}_{points}", _Columns(program, points), points)
+    program = _interpreted(f, points)
+    if program is None and points >= MANY and (columns := program_of(f)) is not None:
+        program = _Columns(columns, points)
+    return f.map(points) if program is None else Batch(f"{f.name()}_{points}", program, points)
+
+
+def _interpreted(f: ca.Function, points: int) -> PointProgram | None:
+    """By the interpreter in C, where it pays and where it is there."""
+    seconds = f.n_instructions() * points * OPERATION * CALLS if on_columns(f) else 0.0
+    if seconds < USED or points < AT_ONCE:
+        return None
+    _asked.seconds += seconds
+    library = interpreter(_asked.seconds >= BUILT)
+    return None if library is None else Interpreted.of_function(library, f)
 
 
 class PointProgram(Protocol):

@@ -51,13 +51,18 @@ class ColumnProgram:
         return sum(s.op in LIBM for s in self.steps)
 
 
+def on_columns(f: ca.Function) -> bool:
+    """Whether a function has an instruction list, arguments that are dense single columns, and dense results."""
+    if not f.is_a("SXFunction") or f.n_in() == 0:
+        return False
+    dense = [f.sparsity_in(k).is_dense() and f.size2_in(k) == 1 for k in range(f.n_in())]
+    return all(dense) and all(f.sparsity_out(k).is_dense() for k in range(f.n_out()))
+
+
 def program_of(f: ca.Function) -> ColumnProgram | None:
     """Of a function with dense single columns in and dense outputs; None where one is not, or where an operation is
     unknown here."""
-    if not f.is_a("SXFunction") or f.n_in() == 0:
-        return None
-    dense = [f.sparsity_in(k).is_dense() and f.size2_in(k) == 1 for k in range(f.n_in())]
-    if not all(dense) or not all(f.sparsity_out(k).is_dense() for k in range(f.n_out())):
+    if not on_columns(f):
         return None
     inputs = _slices(0, [f.size1_in(k) for k in range(f.n_in())])
     outputs = _slices(inputs[-1].stop, [f.numel_out(k) for k in range(f.n_out())])

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..columns.batch import Batch
 from .expressions import written
-from .machine import TapeProgram, interpreter, known
+from .machine import Interpreted, interpreter, known
 from .operations import Tape
 
 # seconds that CasADi's virtual machine takes for an operation of a large function; how often a solver asks for it
@@ -54,6 +54,6 @@ class TapeFunction:
                 self._maps[points] = self.casadi.map(points)
             else:
                 sizes = [a.numel() for a in self._arguments]
-                program = TapeProgram(library, self._tape, sizes, self._outputs)
+                program = Interpreted.of_tape(library, self._tape, sizes, self._outputs)
                 self._maps[points] = Batch(f"{self.name}_{points}", program, points)
         return self._maps[points]

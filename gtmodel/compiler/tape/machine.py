@@ -1,6 +1,6 @@
-"""A tape on many points at once: an interpreter in C, compiled once for this machine, whatever the tape holds.
+"""Instructions on many points at once: an interpreter in C, compiled once for this machine, whatever they are.
 
-CasADi's virtual machine takes one point after the other; of a function with 200,000 operations it reads every
+CasADi's virtual machine takes one point after the other, and of a function with 200,000 operations it reads every
 operation from memory again for each. Here an operation is read once for some points, whose numbers lie side by side.
 The operations are those of `columns.source`, rounded alike, so that the numbers are the virtual machine's.
 """
@@ -14,13 +14,14 @@ from functools import cache
 import casadi as ca
 import numpy as np
 
-from ..columns.program import EXACT, LIBM
+from ..columns.program import EXACT, LIBM, on_columns
 from ..columns.source import FLAGS, TEXT
 from ..library_cache import CompilerMissing, kept_library
 from .operations import Tape
 
 AT_ONCE = 32  # points
 LEAF = -1  # in place of the operation: an input or a constant
+KNOWN = frozenset([*EXACT, *LIBM, ca.OP_INPUT, ca.OP_CONST, ca.OP_OUTPUT])
 
 _SOURCE = """#include <math.h>
 #include <stddef.h>
@@ -120,8 +121,7 @@ def source() -> str:
     def value(op: int) -> str:
         return TEXT[op].format("x[i]", "y[i]") if op in TEXT else f"{LIBM[op]}({_arguments(op)})"
 
-    known = sorted({*EXACT, *LIBM})
-    cases = "\n".join(f"    case {op}: EACH(({value(op)}))" for op in known)
+    cases = "\n".join(f"    case {op}: EACH(({value(op)}))" for op in sorted({*EXACT, *LIBM}))
     return _SOURCE % {"at_once": AT_ONCE, "cases": cases}
 
 
@@ -139,33 +139,77 @@ def interpreter(build: bool) -> ctypes.CDLL | None:
         return None
 
 
-class TapeProgram:
-    """Outputs, columns of numbers of a tape, at many points; by the library of `interpreter`."""
+class Interpreted:
+    """Instructions at many points, by the library of `interpreter`.
+
+    code: (steps, 4), an operation, the places of what it reads and of what it gives. Places 0, 1, ... hold the entries
+    of all inputs, then the constants; result: those of the entries of all outputs.
+    """
 
     def __init__(
-        self, library: ctypes.CDLL, tape: Tape, inputs: Sequence[int], outputs: Sequence[Sequence[int]]
-    ) -> None:
-        """inputs: how many places of the tape's inputs belong to each argument."""
+        self, library: ctypes.CDLL, code: np.ndarray, places: int, constants: Sequence[float], result: np.ndarray,
+        inputs: Sequence[int], outputs: Sequence[int],
+    ) -> None:  # fmt: skip
+        """inputs, outputs: how many entries each has."""
         self._run = library.gt_tape_run
-        self.inputs, self.outputs = list(inputs), [len(numbers) for numbers in outputs]
+        self._code, self._places, self._result = code, places, result
+        self._constants = np.array(constants, float)
+        self.inputs, self.outputs = list(inputs), list(outputs)
+        self._sizes, self._widths = np.array(self.inputs, np.int_), np.array(self.outputs, np.int_)
+
+    @classmethod
+    def of_tape(
+        cls, library: ctypes.CDLL, tape: Tape, inputs: Sequence[int], outputs: Sequence[Sequence[int]]
+    ) -> Interpreted:
+        """Outputs are columns of numbers of a tape; inputs: how many places of its inputs belong to each argument."""
         n, own = len(tape.op), sum(inputs)
-        self._constants = np.array(list(tape.constants.values()), float)
         op, first, second = (np.array(a, np.int32) for a in (tape.op, tape.first, tape.second))
         constants = list(tape.constants)
         first[constants] = own + np.arange(len(constants))
         op[(op == ca.OP_INPUT) | (op == ca.OP_CONST)] = LEAF
-        self._result = np.array([k for numbers in outputs for k in numbers], np.int32)
+        result = np.array([k for numbers in outputs for k in numbers], np.int32)
         code, room = np.empty((n, 4), np.int32), np.empty((4, n), np.int32)
         places = ctypes.c_long(own + len(constants))
         plan = library.gt_tape_plan
         plan.restype = ctypes.c_long
         steps = plan(
-            ctypes.c_long(n), _at(op), _at(first), _at(second), ctypes.c_long(len(self._result)), _at(self._result),
+            ctypes.c_long(n), _at(op), _at(first), _at(second), ctypes.c_long(len(result)), _at(result),
             _at(code), _at(room), ctypes.byref(places),
         )  # fmt: skip
-        self._code = code[:steps].copy()
-        self._places = places.value
-        self._sizes, self._widths = np.array(self.inputs, np.int_), np.array(self.outputs, np.int_)
+        widths = [len(numbers) for numbers in outputs]
+        return cls(library, code[:steps].copy(), places.value, [*tape.constants.values()], result, inputs, widths)
+
+    @classmethod
+    def of_function(cls, library: ctypes.CDLL, f: ca.Function) -> Interpreted | None:
+        """The instructions of a function with dense columns in and dense outputs, as CasADi's virtual machine has them;
+        None where one is not, or where the interpreter lacks an operation."""
+        if not on_columns(f):
+            return None
+        op = [f.instruction_id(k) for k in range(f.n_instructions())]
+        if not set(op) <= KNOWN:
+            return None
+        inputs, outputs = [f.size1_in(k) for k in range(f.n_in())], [f.numel_out(k) for k in range(f.n_out())]
+        begin = np.cumsum([0, *inputs]).tolist()
+        work = begin[-1] + op.count(ca.OP_CONST)
+        ends = np.cumsum([work + f.sz_w(), *outputs]).tolist()
+        constants: list[float] = []
+        code: list[tuple[int, int, int, int]] = []
+        for k, each in enumerate(op):
+            put, given = f.instruction_output(k), f.instruction_input(k)
+            if each == ca.OP_INPUT:
+                x = begin[given[0]] + given[1]
+                code.append((ca.OP_ASSIGN, x, x, work + put[0]))
+            elif each == ca.OP_CONST:
+                x = begin[-1] + len(constants)
+                constants.append(f.instruction_constant(k))
+                code.append((ca.OP_ASSIGN, x, x, work + put[0]))
+            elif each == ca.OP_OUTPUT:
+                x = work + given[0]
+                code.append((ca.OP_ASSIGN, x, x, ends[put[0]] + put[1]))
+            else:
+                code.append((each, work + given[0], work + given[-1], work + put[0]))
+        result = np.arange(ends[0], ends[-1], dtype=np.int32)
+        return cls(library, np.array(code, np.int32).reshape(-1, 4), ends[-1], constants, result, inputs, outputs)
 
     @property
     def steps(self) -> int:
@@ -186,7 +230,7 @@ class TapeProgram:
 
 def known(tape: Tape) -> bool:
     """Whether the interpreter has all operations of a tape."""
-    return set(tape.op) <= {*EXACT, *LIBM, ca.OP_INPUT, ca.OP_CONST}
+    return set(tape.op) <= KNOWN
 
 
 def _at(a: np.ndarray) -> ctypes.c_void_p:

@@ -7,27 +7,17 @@ from pydantic import Field
 from gtmodel.measurements.alignment import options
 from gtmodel.problem_files.base import FileSection, Problem
 from gtmodel.problem_files.from_options import Made
-from gtmodel.problem_files.log_keys import RecordingFiles, TimeColumn
+from gtmodel.problem_files.log_keys import RecordedSignalSection, RecordingFiles
 
 RESULT = "gtmodel.measurements.DelayStudy"
-
-
-class ShownSection(FileSection):
-    """A column that shows the motion."""
-
-    column: str = Field(description="its name in the log")
-    unit: str = Field(description="its unit in the log")
-    time: TimeColumn | None = Field(default=None, description="its own column of time; that of the log if left out")
-    stream: str = Field(default="", description="its own stream, such as the topic of a bag")
-    file: str = Field(default="", description="its own file among those of the log; the one that has the column")
 
 
 class PairSection(FileSection):
     """Two signals that show one motion."""
 
     name: str = Field(default="", description="of the second one, for tables; its column if left out")
-    reference: ShownSection = Field(description="the signal that counts as on time")
-    late: ShownSection = Field(description="the one whose delay is sought; negative where it comes earlier")
+    reference: RecordedSignalSection = Field(description="the signal that counts as on time")
+    late: RecordedSignalSection = Field(description="the one whose delay is sought; negative where it comes earlier")
 
 
 class Schema(Problem):

@@ -7,7 +7,7 @@ from gtmodel.problem_files.base import Context, InputError
 from gtmodel.problem_files.call import Call
 from gtmodel.results import Trajectory
 
-from .keys import Schema, ShownSection
+from .keys import Schema
 
 NAME = "delay"
 ARGUMENTS = {"recordings": "pair", "search": "search"}
@@ -43,18 +43,14 @@ def _pairs(problem: Schema, context: Context) -> dict[str, tuple[Trajectory, Tra
         raise InputError("is missing; name the signals, [pair.reference] and [pair.late]", "pair")
     columns = dict[str, Column]()
     for n, pair in enumerate(problem.pair):
-        columns[f"reference_{n}"], columns[f"late_{n}"] = _column(pair.reference), _column(pair.late)
+        columns[f"reference_{n}"], columns[f"late_{n}"] = pair.reference.recorded(), pair.late.recorded()
     recording = problem.log.recording(columns, context)
     by_name = {name: t.select([name]) for t in recording.values() for name in t.names}
     pairs = {}
     for n, pair in enumerate(problem.pair):
-        name = pair.name or pair.late.column
+        column = pair.late.column
+        name = pair.name or (column if isinstance(column, str) else ", ".join(column))
         if name in pairs:
             raise InputError(f"two pairs are called '{name}'; name them apart", f"pair[{n}].name")
         pairs[name] = by_name[f"reference_{n}"], by_name[f"late_{n}"]
     return pairs
-
-
-def _column(shown: ShownSection) -> Column:
-    time = None if shown.time is None else Column(shown.time.column, shown.time.unit)
-    return Column(shown.column, shown.unit, time, shown.stream, shown.file)
