@@ -114,9 +114,12 @@ def pattern(c: Calibration, held_out: Sequence[CalibrationProblem] = ()) -> Verd
     F = (before - after) / more / (after / rest) if after > 0 else np.inf
     p = float(stats.f.sf(F, more, rest))
     explained = 1 - after / rest / (before / spare)
-    said, seldom = "residuals show no pattern over the actuators' positions", SMALL_P if _stated(every) else FALSE_ALARM
+    said, seldom = (
+        "residuals show no pattern over the positions of the actuators",
+        SMALL_P if _stated(every) else FALSE_ALARM,
+    )
     if p < seldom:
-        said = f"residuals follow the actuators' positions, smooth functions explain {max(explained, 0.0):.0%} of them"
+        said = f"residuals follow the positions of the actuators, smooth functions explain {max(explained, 0.0):.0%} of them"
     return Verdict(float(F), p, p >= seldom, f"{said} (F = {F:.3g} for {more} and {rest}, p = {p:.2g})")
 
 
