@@ -61,11 +61,11 @@ def here() -> SourceLocation:
 
 
 def dropped() -> bool:
-    """Whether the statement that compares, in the innermost calling frame outside the language package, keeps nothing:
-    `a == b` alone on its line, for which Python compares and then pops."""
+    """Whether the statement that compares or calls, in the innermost calling frame outside the language package, keeps
+    nothing: `a == b` alone on its line, for which Python compares and then pops."""
     frame = _callers()
     code, at = frame.f_code.co_code, frame.f_lasti
-    if opname[code[at]] != "COMPARE_OP":
+    if opname[code[at]] not in ("COMPARE_OP", "CALL", "CALL_KW"):
         return False
     after = at + 2
     while opname[code[after]] == "CACHE":
