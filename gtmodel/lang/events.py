@@ -149,7 +149,7 @@ def reinit(x: Any, value: Any, *, impulse: Any = None) -> Reinit:
     ...         yield self.wall == 0.0
     ...         yield gt.when(self.x[0] <= 0.0, gt.reinit(self.v[0], -0.5 * self.v[0], impulse=self.wall))
     >>> run = gt.simulate(Pushed(), 1.2)
-    >>> run.events[0].impulses["wall"].round(6)  # N.s: 2 kg (0.5 + 1) m/s
+    >>> round(run.events[0].impulses["wall"], 6)  # N.s: 2 kg (0.5 + 1) m/s
     3.0
     """
     for given, what in ((x, "reinit()"), (impulse, "the impulse of reinit()")):

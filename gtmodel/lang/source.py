@@ -65,9 +65,11 @@ def dropped() -> bool:
     nothing: `a == b` alone on its line, for which Python compares and then pops."""
     frame = _callers()
     code, at = frame.f_code.co_code, frame.f_lasti
+    after = at + 2
+    while opname[code[at]] == "CACHE":  # of a call some versions of Python stand at the last one
+        at -= 2
     if opname[code[at]] not in ("COMPARE_OP", "CALL", "CALL_KW"):
         return False
-    after = at + 2
     while opname[code[after]] == "CACHE":
         after += 2
     return opname[code[after]] == "POP_TOP"
