@@ -114,12 +114,11 @@ def pattern(c: Calibration, held_out: Sequence[CalibrationProblem] = ()) -> Verd
     F = (before - after) / more / (after / rest) if after > 0 else np.inf
     p = float(stats.f.sf(F, more, rest))
     explained = 1 - after / rest / (before / spare)
-    said, seldom = (
-        "residuals show no pattern over the positions of the actuators",
-        SMALL_P if _stated(every) else FALSE_ALARM,
-    )
+    seldom = SMALL_P if _stated(every) else FALSE_ALARM
+    said = "residuals show no pattern over the positions of the actuators"
     if p < seldom:
-        said = f"residuals follow the positions of the actuators, smooth functions explain {max(explained, 0.0):.0%} of them"
+        part = f"{max(explained, 0.0):.0%}"
+        said = f"residuals follow the positions of the actuators, smooth functions explain {part} of them"
     return Verdict(float(F), p, p >= seldom, f"{said} (F = {F:.3g} for {more} and {rest}, p = {p:.2g})")
 
 
