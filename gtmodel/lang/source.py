@@ -61,19 +61,22 @@ def here() -> SourceLocation:
 
 
 def dropped() -> str | None:
-    """What the statement that compares, in the innermost calling frame outside the language package, loses: "" for
-    `a == b` alone on its line, for which Python compares and then pops, "e" for `e = a == b` in a function that never
-    reads its own name e. None where something may still take it."""
+    """What the statement that compares or calls, in the innermost calling frame outside the language package, loses: ""
+    for `a == b` alone on its line, for which Python compares and then pops, "e" for `e = a == b` in a function that
+    never reads its own name e. None where something may still take it."""
     frame = _callers()
     code, at = frame.f_code.co_code, frame.f_lasti
-    if opname[code[at]] != "COMPARE_OP":
-        return None
     after = at + 2
+    while opname[code[at]] == "CACHE":  # of a call some versions of Python stand at the last one
+        at -= 2
+    if opname[code[at]] not in ("COMPARE_OP", "CALL", "CALL_KW"):
+        return None
     while opname[code[after]] == "CACHE":
         after += 2
     if opname[code[after]] == "POP_TOP":
         return ""
-    if not opname[code[after]].startswith("STORE_FAST"):  # of modules and of closures others may read
+    # names of modules and of closures others may read; a call may have compared for purposes of its own
+    if opname[code[at]] != "COMPARE_OP" or not opname[code[after]].startswith("STORE_FAST"):
         return None
     name = next(_names(i)[0] for i in get_instructions(frame.f_code) if i.offset == after)
     return name if name != "_" and name not in _read(frame.f_code) else None
