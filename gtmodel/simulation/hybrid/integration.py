@@ -372,7 +372,8 @@ class HybridIntegration(Integration):
         events, causes = self._declared, dict[str, None]()
         discrete: dict[int, tuple[float, float]] = {}
         restarted: dict[Pair, tuple[float, float]] = {}
-        stored, declared = self._stored(), 0.0
+        impulses: dict[str, float] = {}
+        stored, declared = self._stored(), None
         before_it = self._one_row()
         seen: set[tuple[object, ...]] = set()
         due, zero = [n in samples for n in range(len(events.samples))], self._zero
@@ -405,13 +406,14 @@ class HybridIntegration(Integration):
             for pair, v in changes.restarted.items():
                 before = restarted.get(pair, (self._value(pair), v))[0]
                 restarted[pair] = before, v
-            declared += changes.loss or 0.0
+            declared = declared if changes.loss is None else (declared or 0.0) + changes.loss
             impacts = impacts or bool(changes.restarted)
             state = values, tuple(sorted((self._inputs.parameters | changes.discrete).items()))
             if state in seen and not changes.restarted:
                 raise self._unsettled(list(causes))
             seen.add(state)
-            self._restart(values, changes)
+            for force, impulse in self._restart(values, changes).items():
+                impulses[force] = impulses.get(force, 0.0) + impulse
         else:
             raise self._unsettled(list(causes))
         # what changed its side begins anew to grow
@@ -430,7 +432,8 @@ class HybridIntegration(Integration):
                 tuple(causes),
                 {name(k): v for k, v in discrete.items() if v[0] != v[1]},
                 {name(k): v for k, v in restarted.items()},
-                change if self._modes.has_energy else 0.0,
+                change,
+                impulses,
             )
         )
         self._last_span = max(self._accumulation.add(self._time, tuple(causes)), self._shortest)
@@ -452,23 +455,27 @@ class HybridIntegration(Integration):
 
     def _changes(self, fired: Sequence[int]) -> Changes:
         if not fired:
-            return Changes({}, {}, None)
+            return Changes()
         row = self._row()
         values = row[self._modes.read_columns]
         return self._actions(fired, values, self._numbers, self._values, self._time)
 
-    def _restart(self, values: tuple[bool, ...], changes: Changes) -> None:
-        """Go on in these modes, with discrete variables and states that start anew."""
+    def _restart(self, values: tuple[bool, ...], changes: Changes) -> dict[str, float]:
+        """Go on in these modes, with discrete variables and states that start anew; impulses that do it by force."""
         if values == self._values and not changes.restarted:
             self._set(changes.discrete)
-            return
+            return {}
         point, old = self._here(), self.system
+        struck: dict[Pair, float] = {}
+        impulses: dict[str, float] = {}
+        if changes.forces:
+            struck, impulses = self._modes.struck(self._systems, old, point, self._time, changes)
         self._inputs.parameters.update(changes.discrete)
         systems = self._systems if values == self._values else self._modes.systems(values)
         self._renumber(systems)
         self._p = self._inputs.with_parameters(self._p, changes.discrete)
         self.system, self._x, self._z = self._modes.restart(
-            self._systems, self._settings, old, point, self._time, self._p, changes.restarted
+            self._systems, self._settings, old, point, self._time, self._p, changes.restarted, struck
         )
         if values != self._values:
             self._values = values
@@ -476,6 +483,7 @@ class HybridIntegration(Integration):
                 self._paces[values] = self._systems.pace(self._inputs, self._begin, self._end)
             self._pace = self._paces[values]
         self._calls = 0
+        return impulses
 
     def _value(self, pair: Pair) -> float:
         """Of a variable's derivative that actions read, now."""
@@ -498,13 +506,14 @@ class HybridIntegration(Integration):
     def _stored(self) -> float:
         return float(self._row()[-1]) if self._modes.has_energy else 0.0
 
-    def _book(self, change: float, declared: float, impacts: bool) -> None:
-        """Energy that an event took or brought, so that the balance between events stays what it is."""
-        if not self._modes.has_energy or not change:
+    def _book(self, change: float, declared: float | None, impacts: bool) -> None:
+        """Energy that an event took or brought: what it declares, else what an impact did. What changes without either
+        is an error of the balance."""
+        if not self._modes.has_energy or (declared is None and not impacts):
             return
-        if self.declares_loss and impacts:
+        if declared is not None:
             self.energy_error = max(self.energy_error, abs(change + declared))
-        gone = declared if self.declares_loss and impacts else -change
+        gone = -change if declared is None else declared
         self._work = self._work + (np.array([0.0, gone]) if gone > 0 else np.array([-gone, 0.0]))
 
     def _one_row(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
