@@ -2,7 +2,9 @@
 
 By hand is what one would write without gtmodel's sampled blocks: SciPy's DOP853, anew from each sample, on the forward
 dynamics and the law as CasADi functions, with the forces of two samples before. Processor times of one process,
-interleaved, medians; the factor is simulated seconds by processor seconds. Run: python tests/bench/bench_sampled_loop.py
+interleaved, medians; the factor is simulated seconds by processor seconds.
+
+Run: python tests/bench/bench_sampled_loop.py
 """
 
 from __future__ import annotations
