@@ -33,6 +33,8 @@ if TYPE_CHECKING:
 
 Pair = tuple[int, int]
 
+# relative: times that differ by less are one instant, k * 0.004 s as a row, a sample and a knot of an input
+SAME = 8 * np.finfo(float).eps
 # of a comparison's largest value since it changed: nearer to zero its sign is round-off and the integrator's error
 ZERO = 1e-9
 # and of its largest value in the whole run
@@ -54,6 +56,7 @@ class HybridIntegration(Integration):
     def __init__(self, ready: ReadyInMode, modes: SimulatedModes, rows: np.ndarray, grid: np.ndarray) -> None:
         begin, end = float(rows[0]), float(rows[-1])
         self._modes, self._begin, self._end = modes, begin, end
+        self._slack = SAME * max(abs(begin), abs(end))
         self._steppers: dict[int, OneStep] = {}
         super().__init__(ready.ready, rows, grid, ready.ready.systems.pace(ready.ready.inputs, begin, end))
         self._paces = {ready.values: self._pace}
@@ -113,20 +116,25 @@ class HybridIntegration(Integration):
         self._instant()
         while self._time < self._end:
             knots = np.union1d(self._inputs.knots(self._time, self._end), self._pace.knots)
-            after = knots[knots > self._time]
-            stop = min(self._next_sample(), float(after[0]) if after.size else np.inf, self._end)
+            after = knots[knots > self._time + self._slack]
+            stop = self._row_at(min(self._next_sample(), float(after[0]) if after.size else np.inf, self._end))
             while self._time < stop:
                 self._advance(stop, self._span(stop))
-            if stop < self._end and after.size and stop == after[0]:
-                self._begin_piece()
+            if stop < self._end and after.size and after[0] <= stop + self._slack:
+                self._begin_piece(max(stop, float(after[0])))
             self._instant()
+
+    def _row_at(self, time: float) -> float:
+        """The recorded row at a time, or the time where there is none."""
+        place = int(np.searchsorted(self._grid, time - self._slack))
+        return float(self._grid[place]) if self._grid[place] <= time + self._slack else time
 
     def _next_sample(self) -> float:
         return np.inf if self.clock.next is None else float(self.clock.next)
 
     def _instant(self) -> None:
         """Do what is due at this time."""
-        while self._next_sample() <= self._time:
+        while self._next_sample() <= self._time + self._slack:
             self._sampled(*self.clock.take())
 
     def _intervals(self, stop: float, span: float, most: int) -> tuple[np.ndarray, float]:
