@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 import scipy
@@ -10,6 +11,7 @@ import scipy
 from ...inference import FALSE_ALARM, OverNoise, Verdict, chi_squared_over_noise
 from ...inference.held_out import MATTERS
 from ...inference.make_estimate import RANK
+from ...inference.nonlinear import descend
 from ...inference.normal_equations import triangle
 from ...inference.residuals import SMALL_P
 from ...inference.weighting import prior_rows
@@ -17,6 +19,7 @@ from ..block_rows import BlockRows
 from ..calibration import Calibration
 from ..problem import CalibrationProblem, noise_covariance
 
+STEPS = 40  # of the fit of all poses: from near the optimum
 WAVES, FEWEST = 6, 2  # over an actuator's range, from half a period to three, or to one: less is taken up by the fit
 SHARE = 1 / 3  # of the spare equations that a pattern may take
 MOST = 500  # poses of a file that are looked at for a pattern: its columns are many
@@ -33,9 +36,10 @@ def against_noise(
 
     The errors are orthogonal distances, the smallest changes of all that was measured that close a pose, in units of
     their covariance. Their sum of squares at the unknowns that explain all poses best is chi-squared with as many
-    degrees of freedom as errors and priors less determined unknowns; these unknowns are one Gauss-Newton step away, so
-    that the cost of the fit does not matter. An error that the fit has taken up is found in the held-out poses, and
-    few spare equations of the fit are no lack of power. None where a noise is not stated, or no pose closes by it.
+    degrees of freedom as errors and priors less determined unknowns, whatever the cost of the fit. These unknowns are
+    one Gauss-Newton step away; where errors look too large there, they are fitted to all poses, as a fit of few poses
+    may be far off along what these hardly determine. An error that the fit has taken up is found in the held-out poses,
+    and few spare equations of the fit are no lack of power. None where a noise is not stated, or no pose closes by it.
 
     >>> robot = gt.robots.gantry_tau("l1_tape")
     >>> rng = np.random.default_rng(1)
@@ -50,6 +54,28 @@ def against_noise(
     every = (*c.problem.parts, *held_out)
     if not _stated(every):
         return None
+    judged = _at(c, every, false_alarm, matters)
+    if judged is None or judged.passed:
+        return judged
+    u = c.problem.unknowns
+    P, p = prior_rows(u.priors, u.names)
+
+    def all_rows(x: np.ndarray) -> Iterator[np.ndarray]:
+        """For unknowns in units of their sizes."""
+        return (A for poses in every for A, _ in _rows(replace(c, x=x * u.sizes), poses))
+
+    here = c.x / u.sizes
+    closed = [np.isfinite(A[:, -1]) for A in all_rows(here)]  # a step that loses one of these poses is refused
+
+    def rows(x: np.ndarray) -> Iterator[np.ndarray]:
+        return (A[good] for A, good in zip(all_rows(x), closed, strict=True))
+
+    best = descend(rows, here, np.ones(len(here)), P=P * u.sizes, p=p, limit=STEPS)
+    return _at(replace(c, x=best.x * u.sizes), every, false_alarm, matters)
+
+
+def _at(c: Calibration, every: Sequence[CalibrationProblem], false_alarm: float, matters: float) -> OverNoise | None:
+    """The verdict one Gauss-Newton step away from where the calibration is."""
     R, errors = triangle(np.zeros((0, 0)), _priors(c)), 0
     for poses in every:
         for A, _ in _rows(c, poses):
