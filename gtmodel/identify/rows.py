@@ -52,7 +52,8 @@ class Rows:
     alike, of which a delay adds a share. `starts` are the rows where recordings begin. The processing had the cut-off
     `cutoff_Hz`, took `every` how many-th sample, with the `interval` [s] between rows, and left out the share `dropped`
     of the samples, those slower than `threshold` [`velocity_unit`]. `synthetic` is the log's own note; `signed` are
-    names that may be negative although masses and friction may not.
+    names that may be negative although masses and friction may not. `target_units` (m,) are those of an arm with joints
+    of both kinds, where the efforts have no common one; else empty.
     """
 
     names: tuple[str, ...]
@@ -76,6 +77,17 @@ class Rows:
     signed: tuple[str, ...] = ()
     velocity_unit: str = "m/s"
     effort_rate: Array | None = None
+    target_units: tuple[str, ...] = ()
+
+    @property
+    def units_of_targets(self) -> tuple[str, ...]:
+        """Unit of each target."""
+        return self.target_units or (self.effort_unit,) * len(self.targets)
+
+    @property
+    def common_unit(self) -> str:
+        """Of all targets in a picture; "SI" where each has its own."""
+        return "SI" if self.target_units else self.effort_unit
 
     def __len__(self) -> int:
         return len(self.time)
@@ -178,6 +190,7 @@ def rows_of(
         threshold=threshold,
         synthetic="; ".join(notes) or None,
         velocity_unit=unit,
+        target_units=regressor.column_units,
         **joined,
     )
 
@@ -235,7 +248,7 @@ def with_offsets(rows: Rows, signal: str, *, per_session: bool = True) -> Rows:
         rows,
         names=(*rows.names, *names),
         nominal=np.concatenate([rows.nominal, np.zeros(len(names))]),
-        units=(*rows.units, *[rows.effort_unit] * len(names)),
+        units=(*rows.units, *rows.units_of_targets * count),
         Y=np.concatenate([rows.Y, columns], axis=2),
         signed=(*rows.signed, *names),
     )

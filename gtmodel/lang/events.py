@@ -11,7 +11,7 @@ from .condition import Condition, condition_of
 from .expression import DimensionError, Expr, Relation, gathered, operand, relation, scope_of
 from .scope import Scope
 from .slips import named
-from .source import ModelError, SourceLocation, here
+from .source import ModelError, SourceLocation, dropped, here
 from .units import si_unit
 
 
@@ -66,10 +66,11 @@ def initial() -> Condition:
 
 @dataclass(frozen=True, eq=False)
 class Reinit:
-    """A variable that starts anew at an event, from a value. Made by `gt.reinit`."""
+    """A variable that starts anew at an event, from a value, by an impulse of `force`. Made by `gt.reinit`."""
 
     variable: ca.SX
     value: ca.SX
+    force: ca.SX | None
     where: SourceLocation
 
 
@@ -135,27 +136,52 @@ def when(condition: Any, *actions: Any) -> When:
             )
         if isinstance(action, Relation) and action.op != "==":
             raise ModelError(f"'{action.op}' is no action of when(); expected '=='", action.where)
+    if dropped() is not None:
+        raise ModelError("nothing takes what this when() says; write yield in front of it", here())
     return When(condition_of(condition), tuple(given), here())
 
 
 @named
-def reinit(x: Any, value: Any) -> Reinit:
+def reinit(x: Any, value: Any, *, impulse: Any = None) -> Reinit:
     """An action of `gt.when`: a continuous variable, or its derivative, starts anew from a value.
 
-    x: a variable that the simulation integrates, `self.v` or `gt.der(self.s)`, scalar or vector. value: an expression
-    of what was there just before the event. Other states keep their values, and what depends on them follows from the
-    equations. Raises ModelError for what is no variable, and for another shape or unit.
+    Args:
+        x: a variable that the simulation integrates, `self.v` or `gt.der(self.s)`, scalar or vector.
+        value: an expression of what was there just before the event.
+        impulse: a force of the model, as many entries as x, that is zero between impacts by an equation of its own,
+            `self.contact == 0`. An impulse of it then gives x its value, and all other velocities follow from the
+            model's masses and constraints. Left out, other states keep their values.
 
-    >>> m = gt.Builder()
-    >>> v = m.variable("v", unit="m/s")
-    >>> gt.reinit(v, -0.8 * v).variable
-    SX(v)
+    Raises ModelError for what is no variable, and for another shape or unit.
+
+    >>> class Pushed(gt.Model):  # two carts, joined by a spring, of which the first one hits a wall
+    ...     x = gt.variable(2, unit="m", start=[1.0, 2.0], fixed=True)
+    ...     v = gt.variable(2, unit="m/s", start=[-1.0, -1.0], fixed=True)
+    ...     m = gt.parameter(2.0, unit="kg")
+    ...     k = gt.parameter(50.0, unit="N/m")
+    ...     wall = gt.variable(unit="N")
+    ...     def equations(self):
+    ...         spring = self.k * (self.x[1] - self.x[0] - 1.0)
+    ...         yield gt.der(self.x) == self.v
+    ...         yield self.m * gt.der(self.v[0]) == self.wall + spring
+    ...         yield self.m * gt.der(self.v[1]) == -spring
+    ...         yield self.wall == 0.0
+    ...         yield gt.when(self.x[0] <= 0.0, gt.reinit(self.v[0], -0.5 * self.v[0], impulse=self.wall))
+    >>> run = gt.simulate(Pushed(), 1.2)
+    >>> round(run.events[0].impulses["wall"], 6)  # N.s: 2 kg (0.5 + 1) m/s
+    3.0
     """
-    if not isinstance(x, Expr) or any(x.scope.owner(s) is None for s in _entries(x.sx)):
-        shown = x.sx if isinstance(x, Expr) else repr(x)
-        raise ModelError(f"reinit() takes a variable of the model, or its derivative; found {shown}", here())
+    for given, what in ((x, "reinit()"), (impulse, "the impulse of reinit()")):
+        if given is None and given is impulse:
+            continue
+        if not isinstance(given, Expr) or any(given.scope.owner(s) is None for s in _entries(given.sx)):
+            shown = given.sx if isinstance(given, Expr) else repr(given)
+            raise ModelError(f"{what} takes a variable of the model, or its derivative; found {shown}", here())
+    if impulse is not None and impulse.shape != x.shape:
+        raise ModelError(f"reinit() of shape {x.shape} takes an impulse of that shape; found {impulse.shape}", here())
     same = relation(x, value, "==")
-    return Reinit(ca.vec(same.lhs.T), ca.vec(same.rhs.T), here())
+    force = None if impulse is None else ca.vec(impulse.sx.T)
+    return Reinit(ca.vec(same.lhs.T), ca.vec(same.rhs.T), force, here())
 
 
 @named

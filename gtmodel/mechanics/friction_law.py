@@ -6,7 +6,7 @@ velocity is nowhere negative.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Generator
 from typing import Any
 
 from .. import lang as gt
@@ -73,7 +73,7 @@ class StuckOrSliding:
         return self.slides
 
 
-def stiction(friction: Any, coordinate: Any, force: Any) -> Iterator[Any]:
+def stiction(friction: Any, coordinate: Any, force: Any) -> Generator[Any]:
     """Equations of a friction with the state `slides`, on a coordinate.
 
     Stuck: no acceleration, and the force that this takes, until it reaches the break-away force. Sliding: its law,

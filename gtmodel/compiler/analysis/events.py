@@ -59,14 +59,16 @@ class FlatMode:
 
 @dataclass(frozen=True, eq=False)
 class FlatWhen:
-    """`assigns`: places in `flat.p` with new values; `reinits`: variables' derivatives with new values; `loss`: energy
-    [J] that goes, None where nobody says. Values are expressions of flat symbols, of the discrete variables' new values
+    """`assigns`: places in `flat.p` with new values; `reinits`: variables' derivatives with new values; `forces`: those
+    of them that an impulse of another variable brings about, by that one; `loss`: energy [J] that goes, None where
+    nobody says. Values are expressions of flat symbols, of the discrete variables' new values
     under their own symbols and of their old ones under those of `FlatEvents.before`."""
 
     name: str
     logic: Logic
     assigns: list[tuple[int, ca.SX]]
     reinits: list[tuple[Pair, ca.SX]]
+    forces: dict[Pair, Pair]
     loss: ca.SX | None
     where: SourceLocation
 
@@ -181,6 +183,7 @@ class _Collector:
         path = component.__dict__["_path"]
         assigns: dict[int, ca.SX] = {}
         reinits: dict[Pair, ca.SX] = {}
+        forces: dict[Pair, Pair] = {}
         loss: ca.SX | None = None
         for action in when.actions:
             if isinstance(action, EnergyLoss):
@@ -193,6 +196,13 @@ class _Collector:
                     if pair in reinits:
                         raise ModelError(f"'{variable}' starts anew twice in one event", action.where)
                     reinits[pair] = self._value(value)
+                if action.force is not None:
+                    owner = self._scope.owner
+                    for variable, by in zip(_entries(action.variable), _entries(action.force), strict=True):
+                        pair, force = owner(variable), owner(by)
+                        assert pair is not None
+                        assert force is not None
+                        forces[pair] = force
             else:
                 for place, value in self._assigned(action):
                     if place in assigns:
@@ -201,7 +211,7 @@ class _Collector:
                     assigns[place] = value
         ordered = self._ordered(assigns, when.where)
         name = f"{path}.event {n + 1}" if path else f"event {n + 1}"
-        return FlatWhen(name, self.logic(when.condition), ordered, list(reinits.items()), loss, when.where)
+        return FlatWhen(name, self.logic(when.condition), ordered, list(reinits.items()), forces, loss, when.where)
 
     def _assigned(self, action: Relation) -> list[tuple[int, ca.SX]]:
         result = []

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -18,7 +19,7 @@ Pair = tuple[int, int]
 
 def read_by(events: FlatEvents, flat: FlatModel) -> list[Pair]:
     """What actions and sampled blocks read of the continuous variables."""
-    expressions = [v for w in events.whens for v in [*(x for _, x in w.assigns), *(x for _, x in w.reinits), *_loss(w)]]
+    expressions = [x for w in events.whens for x in _values(w)]
     pairs = set(flat.scope.symbols_in(ca.vertcat(*expressions))) if expressions else set()
     pairs |= {pair for w in events.whens for pair, _ in w.reinits}
     pairs |= {(i, 0) for b in events.blocks for s in b.inputs for i in s.places}
@@ -31,11 +32,13 @@ def _loss(when: FlatWhen) -> list[ca.SX]:
 
 @dataclass
 class Changes:
-    """What events at one instant ask for: places in `flat.p`, variables that start anew, energy [J] that goes."""
+    """What events at one instant ask for: places in `flat.p`, variables that start anew, by which forces' impulses;
+    energy [J] that goes, None where nobody says."""
 
-    discrete: dict[int, float]
-    restarted: dict[Pair, float]
-    loss: float | None
+    discrete: dict[int, float] = field(default_factory=dict)
+    restarted: dict[Pair, float] = field(default_factory=dict)
+    forces: dict[Pair, Pair] = field(default_factory=dict)
+    loss: float | None = None
 
 
 class Actions:
@@ -45,28 +48,36 @@ class Actions:
         self._flat, self._events = flat, events
         self._symbols = [flat.scope.symbol(*pair) for pair in pairs]
         self._modes = ca.vertcat(*[m.symbol for m in events.modes]) if events.modes else ca.SX(0, 1)
-        self._made: dict[int, ca.Function] = {}
+        self._made: dict[tuple[int, ...], ca.Function] = {}
 
     @cached_property
     def _arguments(self) -> list[ca.SX]:
         column = ca.vertcat(*self._symbols) if self._symbols else ca.SX(0, 1)
         return [column, self._flat.p, self._events.before, self._modes, self._flat.scope.time]
 
-    def _function(self, n: int) -> ca.Function:
-        """New values of discrete variables one after the other, then of what starts anew, then the loss."""
-        if n not in self._made:
-            when = self._events.whens[n]
-            new = [value for _, value in when.assigns]
-            # those that come later read the new values of those before
-            for k, (place, _) in enumerate(when.assigns):
-                symbol = self._flat.parameters[place].symbol
-                new[k + 1 :] = [ca.substitute(v, symbol, new[k]) for v in new[k + 1 :]]
-            after = [value for _, value in when.reinits] + _loss(when)
-            for (place, _), value in zip(when.assigns, new, strict=True):
-                after = [ca.substitute(v, self._flat.parameters[place].symbol, value) for v in after]
-            column = ca.densify(ca.vertcat(*new, *after))
-            self._made[n] = ca.Function("actions", self._arguments, [column])
-        return self._made[n]
+    def _function(self, fired: tuple[int, ...]) -> ca.Function:
+        """Of events that happen together: new values of each one's discrete variables, of what starts anew, its loss.
+        Values read the new ones of discrete variables that any of them sets."""
+        if fired not in self._made:
+            whens = [self._events.whens[n] for n in fired]
+            column = ca.vertcat(*[x for w in whens for x in _values(w)])
+            new: dict[int, ca.SX] = {}
+            for when in whens:
+                for place, value in when.assigns:
+                    new.setdefault(place, value)
+            symbols = {place: self._flat.parameters[place].symbol for place in new}
+            # each substitution settles one link of a chain
+            for _ in new:
+                column = ca.substitute(column, ca.vertcat(*symbols.values()), ca.vertcat(*new.values()))
+            if new and ca.depends_on(column, ca.vertcat(*symbols.values())):
+                names = ", ".join(str(s) for s in symbols.values())
+                raise ModelError(
+                    f"the new values of {names} depend on each other in a loop of events; write gt.pre(...) where the "
+                    "value before the event is meant",
+                    whens[-1].where,
+                )
+            self._made[fired] = ca.Function("actions", self._arguments, [ca.densify(column)])
+        return self._made[fired]
 
     def __call__(
         self, fired: Sequence[int], values: np.ndarray, p: np.ndarray, modes: Sequence[bool], time: float
@@ -75,37 +86,38 @@ class Actions:
 
         Raises ModelError where two of them give one variable different values, or a value is not finite.
         """
-        changes = Changes({}, {}, None)
         before = p[self._events.discrete]
-        owner: dict[int | Pair, FlatWhen] = {}
+        results = self._function(tuple(fired))(values, p, before, np.array(modes, float), time)
+        numbers = iter(np.asarray(results).reshape(-1).tolist())
+        changes, owner = Changes(), {}
         for n in fired:
             when = self._events.whens[n]
-            results = self._function(n)(values, p, before, np.array(modes, float), time)
-            numbers = np.asarray(results).reshape(-1).tolist()
-            count = len(when.assigns)
-            keys = [place for place, _ in when.assigns] + [pair for pair, _ in when.reinits]
-            for key, number in zip(keys, numbers[: len(keys)], strict=True):
+            for key, number in zip(_keys(when), numbers, strict=False):
+                taken: dict[Any, float] = changes.restarted if isinstance(key, tuple) else changes.discrete
                 name = self.name_of(key)
                 if not np.isfinite(number):
                     raise ModelError(f"{when.name} gives '{name}' no finite value at {time:.6g} s", when.where)
-                if key in owner and self._taken(changes, key) != number:
+                if key in owner and taken[key] != number:
                     first = owner[key]
                     raise ModelError(
                         f"at {time:.6g} s {first.name} ({first.where}) and {when.name} both set '{name}', to "
-                        f"{self._taken(changes, key):g} and {number:g}; let one of them decide",
+                        f"{taken[key]:g} and {number:g}; let one of them decide",
                         when.where,
                     )
-                owner[key] = when
-            changes.discrete |= dict(zip([place for place, _ in when.assigns], numbers[:count], strict=True))
-            changes.restarted |= dict(zip([pair for pair, _ in when.reinits], numbers[count : len(keys)], strict=True))
+                owner[key], taken[key] = when, number
+            changes.forces |= when.forces
             if when.loss is not None:
-                changes.loss = (changes.loss or 0.0) + numbers[-1]
+                changes.loss = (changes.loss or 0.0) + next(numbers)
         return changes
-
-    @staticmethod
-    def _taken(changes: Changes, key: int | Pair) -> float:
-        return changes.restarted[key] if isinstance(key, tuple) else changes.discrete[key]
 
     def name_of(self, key: int | Pair) -> str:
         """Of a place in `flat.p` or of a variable's derivative."""
         return self._flat.symbol_name(*key) if isinstance(key, tuple) else self._flat.parameters[key].name
+
+
+def _keys(when: FlatWhen) -> list[int | Pair]:
+    return [*(place for place, _ in when.assigns), *(pair for pair, _ in when.reinits)]
+
+
+def _values(when: FlatWhen) -> list[ca.SX]:
+    return [*(x for _, x in when.assigns), *(x for _, x in when.reinits), *_loss(when)]

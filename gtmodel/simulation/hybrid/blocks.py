@@ -78,6 +78,11 @@ class RunningBlock:
         return values
 
     @property
+    def count(self) -> int:
+        """Its samples so far."""
+        return len(self._times)
+
+    @property
     def trajectory(self) -> Trajectory:
         """Inputs at its samples, and the outputs computed there."""
         signals = (*self.block.inputs, *self.block.outputs)

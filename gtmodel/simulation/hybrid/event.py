@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 
 @dataclass(frozen=True)
@@ -12,7 +12,8 @@ class Event:
 
     time: [s]. causes: events by name with the lines that declare them, and `gt.If` that switched. discrete: discrete
     variables that changed, by name, with their values before and after. restarted: continuous variables that started
-    anew, with their values before and after. energy: change of the declared stored energies [J].
+    anew, with their values before and after. impulses: of the forces that brought it about, their integrals over the
+    instant [unit of the force times s]. energy: change of the declared stored energies [J].
 
     >>> class Lamp(gt.Model):
     ...     x = gt.variable(start=0.0, fixed=True)
@@ -30,3 +31,4 @@ class Event:
     discrete: Mapping[str, tuple[float, float]]
     restarted: Mapping[str, tuple[float, float]]
     energy: float = 0.0
+    impulses: Mapping[str, float] = field(default_factory=dict)

@@ -33,6 +33,8 @@ if TYPE_CHECKING:
 
 Pair = tuple[int, int]
 
+# relative: times that differ by less are one instant, k * 0.004 s as a row, a sample and a knot of an input
+SAME = 8 * np.finfo(float).eps
 # of a comparison's largest value since it changed: nearer to zero its sign is round-off and the integrator's error
 ZERO = 1e-9
 # and of its largest value in the whole run
@@ -54,6 +56,7 @@ class HybridIntegration(Integration):
     def __init__(self, ready: ReadyInMode, modes: SimulatedModes, rows: np.ndarray, grid: np.ndarray) -> None:
         begin, end = float(rows[0]), float(rows[-1])
         self._modes, self._begin, self._end = modes, begin, end
+        self._slack = SAME * max(abs(begin), abs(end))
         self._steppers: dict[int, OneStep] = {}
         super().__init__(ready.ready, rows, grid, ready.ready.systems.pace(ready.ready.inputs, begin, end))
         self._paces = {ready.values: self._pace}
@@ -114,20 +117,25 @@ class HybridIntegration(Integration):
         self._instant()
         while self._time < self._end:
             knots = np.union1d(self._inputs.knots(self._time, self._end), self._pace.knots)
-            after = knots[knots > self._time]
-            stop = min(self._next_sample(), float(after[0]) if after.size else np.inf, self._end)
+            after = knots[knots > self._time + self._slack]
+            stop = self._row_at(min(self._next_sample(), float(after[0]) if after.size else np.inf, self._end))
             while self._time < stop:
                 self._advance(stop, self._span(stop))
-            if stop < self._end and after.size and stop == after[0]:
-                self._begin_piece()
+            if stop < self._end and after.size and after[0] <= stop + self._slack:
+                self._begin_piece(max(stop, float(after[0])))
             self._instant()
+
+    def _row_at(self, time: float) -> float:
+        """The recorded row at a time, or the time where there is none."""
+        place = int(np.searchsorted(self._grid, time - self._slack))
+        return float(self._grid[place]) if self._grid[place] <= time + self._slack else time
 
     def _next_sample(self) -> float:
         return np.inf if self.clock.next is None else float(self.clock.next)
 
     def _instant(self) -> None:
         """Do what is due at this time."""
-        while self._next_sample() <= self._time:
+        while self._next_sample() <= self._time + self._slack:
             self._sampled(*self.clock.take())
 
     def _intervals(self, stop: float, span: float, most: int) -> tuple[np.ndarray, float]:
@@ -369,7 +377,8 @@ class HybridIntegration(Integration):
         events, causes = self._declared, dict[str, None]()
         discrete: dict[int, tuple[float, float]] = {}
         restarted: dict[Pair, tuple[float, float]] = {}
-        stored, declared, modes = self._stored(), 0.0, self._values
+        impulses: dict[str, float] = {}
+        stored, declared, modes = self._stored(), None, self._values
         before_it = self._one_row()
         seen: set[tuple[object, ...]] = set()
         due, zero = [n in samples for n in range(len(events.samples))], self._zero
@@ -402,13 +411,14 @@ class HybridIntegration(Integration):
             for pair, v in changes.restarted.items():
                 before = restarted.get(pair, (self._value(pair), v))[0]
                 restarted[pair] = before, v
-            declared += changes.loss or 0.0
+            declared = declared if changes.loss is None else (declared or 0.0) + changes.loss
             impacts = impacts or bool(changes.restarted)
             state = values, tuple(sorted((self._inputs.parameters | changes.discrete).items()))
             if state in seen and not changes.restarted:
                 raise self._unsettled(list(causes))
             seen.add(state)
-            self._restart(values, changes)
+            for force, impulse in self._restart(values, changes).items():
+                impulses[force] = impulses.get(force, 0.0) + impulse
         else:
             raise self._unsettled(list(causes))
         # what changed its side begins anew to grow, from what is left of the other side
@@ -429,7 +439,8 @@ class HybridIntegration(Integration):
                 tuple(causes),
                 {name(k): v for k, v in discrete.items() if v[0] != v[1]},
                 {name(k): v for k, v in restarted.items()},
-                change if self._modes.has_energy else 0.0,
+                change,
+                impulses,
             )
         )
         self._last_span = max(self._accumulation.add(self._time, tuple(causes)), self._shortest)
@@ -469,23 +480,27 @@ class HybridIntegration(Integration):
 
     def _changes(self, fired: Sequence[int]) -> Changes:
         if not fired:
-            return Changes({}, {}, None)
+            return Changes()
         row = self._row()
         values = row[self._modes.read_columns]
         return self._actions(fired, values, self._numbers, self._values, self._time)
 
-    def _restart(self, values: tuple[bool, ...], changes: Changes) -> None:
-        """Go on in these modes, with discrete variables and states that start anew."""
+    def _restart(self, values: tuple[bool, ...], changes: Changes) -> dict[str, float]:
+        """Go on in these modes, with discrete variables and states that start anew; impulses that do it by force."""
         if values == self._values and not changes.restarted:
             self._set(changes.discrete)
-            return
+            return {}
         point, old = self._here(), self.system
+        struck: dict[Pair, float] = {}
+        impulses: dict[str, float] = {}
+        if changes.forces:
+            struck, impulses = self._modes.struck(self._systems, old, point, self._time, changes)
         self._inputs.parameters.update(changes.discrete)
         systems = self._systems if values == self._values else self._modes.systems(values)
         self._renumber(systems)
         self._p = self._inputs.with_parameters(self._p, changes.discrete)
         self.system, self._x, self._z = self._modes.restart(
-            self._systems, self._settings, old, point, self._time, self._p, changes.restarted
+            self._systems, self._settings, old, point, self._time, self._p, changes.restarted, struck
         )
         if values != self._values:
             self._values = values
@@ -493,6 +508,7 @@ class HybridIntegration(Integration):
                 self._paces[values] = self._systems.pace(self._inputs, self._begin, self._end)
             self._pace = self._paces[values]
         self._calls = 0
+        return impulses
 
     def _value(self, pair: Pair) -> float:
         """Of a variable's derivative that actions read, now."""
@@ -515,13 +531,14 @@ class HybridIntegration(Integration):
     def _stored(self) -> float:
         return float(self._row()[-1]) if self._modes.has_energy else 0.0
 
-    def _book(self, change: float, declared: float, impacts: bool) -> None:
-        """Energy that an event took or brought, so that the balance between events stays what it is."""
-        if not self._modes.has_energy or not change:
+    def _book(self, change: float, declared: float | None, impacts: bool) -> None:
+        """Energy that an event took or brought: what it declares, else what an impact did. What changes without either
+        is an error of the balance."""
+        if not self._modes.has_energy or (declared is None and not impacts):
             return
-        if self.declares_loss and impacts:
+        if declared is not None:
             self.energy_error = max(self.energy_error, abs(change + declared))
-        gone = declared if self.declares_loss and impacts else -change
+        gone = -change if declared is None else declared
         self._work = self._work + (np.array([0.0, gone]) if gone > 0 else np.array([-gone, 0.0]))
 
     def _one_row(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:

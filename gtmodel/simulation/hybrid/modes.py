@@ -23,7 +23,7 @@ from ..prepare import Ready, prepare_in
 from ..record import Recorded, RecordedQuantity, Recorder
 from ..roots import Watched
 from ..systems import IntegratorSettings, SimulatedSystem, Systems
-from .actions import read_by
+from .actions import Changes, read_by
 from .clock import exact
 
 Pair = tuple[int, int]
@@ -202,12 +202,18 @@ class SimulatedModes:
         time: float,
         p: np.ndarray,
         restarted: Mapping[Pair, float],
+        struck: Mapping[Pair, float],
     ) -> tuple[SimulatedSystem, np.ndarray, np.ndarray]:
         """A system for the modes of `systems` from a point of the old one, with its states and Newton unknowns.
 
-        States go on, but for those that start anew. Raises ModelError where the new equations do not take them.
+        States go on, but for those that start anew, and those that an impulse changed: `struck` has their values by
+        symbols of the old system. Raises ModelError where the new equations do not take them.
         """
         flat, plan = systems.flat, systems.plan
+        before = point.copy()
+        own = {pair: n for n, pair in enumerate(old.plan.pairs)}
+        for pair, number in struck.items():
+            point[own[pair]] = number
         value = _Values(old, point)
         w = np.array([value(pair) for pair in plan.pairs])
         anew: dict[Pair, float] = {}
@@ -222,13 +228,13 @@ class SimulatedModes:
         system = systems.at(w, time, settings)
         if system is None:
             raise ModelError(f"at {time:.6g} s no choice of states describes the motion after the event")
-        for pair in anew:
+        for pair in [] if struck else anew:
             if pair not in system.plan.states:
                 name = flat.symbol_name(*pair)
                 states = ", ".join(system.states)
                 raise ModelError(
                     f"'{name}' cannot start anew at {time:.6g} s: it is no state there but follows from {states}; give "
-                    f"reinit() one of these, or simulate(..., prefer=['{flat.variables[pair[0]].name}'])"
+                    f"reinit() one of these, or the force whose impulse does it, reinit(..., impulse=...)"
                 )
         x, z = system.reduced.from_point(w)
         if z.size:
@@ -236,8 +242,58 @@ class SimulatedModes:
         at = system.reduced.point(x[None, :], z[None, :], np.array([[time]]), p)[0][0]
         if not np.all(np.isfinite(at)):
             raise ModelError(f"at {time:.6g} s the equations have no solution after the event")
-        self._refuse_jumps(old, point, system, at, anew, time)
+        self._refuse_jumps(old, before, system, at, {*anew, *struck}, time)
         return system, x, z
+
+    def struck(
+        self, systems: Systems, system: SimulatedSystem, point: np.ndarray, time: float, changes: Changes
+    ) -> tuple[dict[Pair, float], dict[str, float]]:
+        """Velocities after impulses that give some of them new values, by symbols of the system; and the impulses.
+
+        The equations of the highest derivatives, integrated over the instant: finite forces vanish, velocities change,
+        and the equation that keeps a force between impacts gives way to the velocity that is asked for.
+
+        Raises ModelError for a force that no equation of its own keeps, and where masses and constraints admit no such
+        change.
+        """
+        plan, flat = system.plan, self.flat
+        matrix = systems.selection.matrix(point, time).copy()
+        column = {index: n for n, index in enumerate(plan.structure.unknowns)}
+        highest = plan.structure.d
+        given = np.zeros(len(matrix))
+        value = _Values(system, point)
+        forces: dict[str, tuple[int, int]] = {}
+        for pair, force in changes.forces.items():
+            sign, kept, order = plan.alias.resolve(*pair)
+            force_sign, by, force_order = plan.alias.resolve(*force)
+            name, force_name = flat.symbol_name(*pair), flat.symbol_name(*force)
+            n, k = column.get(kept), column.get(by)
+            rows = [] if k is None else np.flatnonzero((matrix[:, k] != 0) & (np.count_nonzero(matrix, axis=1) == 1))
+            if n is None or order != highest[n] - 1:
+                raise ModelError(f"'{name}' is no velocity: an impulse changes what the model differentiates once more")
+            if k is None or force_order or highest[k] or not len(rows):
+                raise ModelError(
+                    f"'{force_name}' takes no impulse: it needs an equation of its own that holds between impacts, "
+                    f"such as {force_name} == 0"
+                )
+            matrix[rows[0]] = 0.0
+            matrix[rows[0], n] = sign
+            given[rows[0]] = changes.restarted[pair] - value(pair)
+            forces[force_name] = k, force_sign
+        try:
+            change = np.linalg.solve(matrix, given)
+        except np.linalg.LinAlgError:
+            change = np.full(len(matrix), np.nan)
+        if not np.all(np.isfinite(change)):
+            names = ", ".join(forces)
+            raise ModelError(f"at {time:.6g} s an impulse of {names} cannot give the velocities that are asked for")
+        place = {pair: n for n, pair in enumerate(plan.pairs)}
+        after = {}
+        for index, n in column.items():
+            pair = index, int(highest[n]) - 1
+            if pair in place:
+                after[pair] = float(point[place[pair]] + change[n])
+        return after, {name: sign * float(change[k]) for name, (k, sign) in forces.items()}
 
     def _unknowns(
         self, system: SimulatedSystem, x: np.ndarray, z: np.ndarray, time: float, p: np.ndarray
@@ -263,7 +319,7 @@ class SimulatedModes:
         before: np.ndarray,
         new: SimulatedSystem,
         after: np.ndarray,
-        anew: Mapping[Pair, float],
+        anew: set[Pair],
         time: float,
     ) -> None:
         """Raises ModelError for a state that the new equations move although nobody says so."""

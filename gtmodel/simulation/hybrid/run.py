@@ -96,6 +96,6 @@ def simulate_events(
         ready.ready.chosen,
         checks,
         integration.events,
-        {b.name: b.trajectory for b in integration.blocks},
+        {b.name: b.trajectory for b in integration.blocks if b.count},
         integration.accumulation,
     )

@@ -353,3 +353,79 @@ def test_a_pendulum_hits_a_wall() -> None:
         speed2 *= 0.81
     assert len(times) == 4
     assert np.max(np.abs(times - expected)) < 1e-8
+
+
+class Inclined(gt.Model):
+    """A pendulum in Cartesian coordinates that an impulse in a given direction throws back."""
+
+    L = gt.parameter(1.0, unit="m", positive=True)
+    m = gt.parameter(2.0, unit="kg")
+    g = gt.parameter(9.81, unit="m/s2")
+    x = gt.variable(unit="m", start=0.6, fixed=True)
+    y = gt.variable(unit="m", start=-0.8)
+    pull = gt.variable(unit="N/m")
+    contact = gt.variable(unit="N")
+
+    def equations(self):
+        yield self.x**2 + self.y**2 == self.L**2
+        yield self.m * gt.der(self.x, 2) == -self.pull * self.x + 0.8 * self.contact
+        yield self.m * gt.der(self.y, 2) == -self.pull * self.y - self.m * self.g + 0.6 * self.contact
+        yield self.contact == 0.0
+        kinetic = self.m / 2 * (gt.der(self.x) ** 2 + gt.der(self.y) ** 2)
+        yield gt.energy(stored=kinetic + self.m * self.g * self.y)
+        yield gt.when(
+            self.x <= 0.1,
+            gt.reinit(gt.der(self.x), -0.9 * gt.der(self.x), impulse=self.contact),
+            gt.energy_loss((1 - 0.9**2) * kinetic),
+        )
+
+
+def test_an_impulse_changes_what_the_constraints_let_it_change() -> None:
+    run = gt.simulate(Inclined(), 1.0, start={"der(x)": 0.0})
+    event = run.events[0]
+    # along the circle: m (1 + 0.9) times the speed there is the impulse's share in that direction
+    x, y = 0.1, -np.sqrt(0.99)
+    speed = np.sqrt(2 * 9.81 * (-y - 0.8))
+    along = abs(0.8 * -y + 0.6 * x)
+    assert event.impulses["contact"] == pytest.approx(2.0 * 1.9 * speed / along, rel=1e-9)
+    assert run.checks["declared_loss"].value < TOLERANCE
+    at = int(np.searchsorted(run.trajectory.time, event.time))
+    row = {n: run.trajectory[n][at + 1] for n in ("x", "y", "der(x)", "der(y)")}
+    assert abs(row["x"] * row["der(x)"] + row["y"] * row["der(y)"]) < 1e-12
+
+
+class StoppedL1(gt.Model):
+    """An L1 without forces whose first cart runs into a stop."""
+
+    robot = gt.part(gt.robots.gantry_tau("l1_tape"))
+    contact = gt.variable(unit="N")
+
+    def equations(self):
+        yield self.robot.tau == gt.vector([self.contact, 0.0 * self.contact, 0.0 * self.contact])
+        yield self.contact == 0.0
+        v = gt.der(self.robot.q[0])
+        yield gt.when(self.robot.q[0] >= STOP, gt.reinit(v, -0.5 * v, impulse=self.contact))
+
+
+STOP = -0.97  # m, of the cart that begins at -0.987 m
+
+
+def test_a_cart_of_a_closed_chain_runs_into_a_stop() -> None:
+    start = {"robot.T": [0.5, -0.9, 0.3], "der(robot.T)": [0.8, 0.1, 0.05]}
+    l1 = gt.robots.gantry_tau("l1_tape")
+    q = l1.causal(known="T", targets="q")(start["robot.T"])[0]
+    assert q[0] < STOP
+    run = gt.simulate(StoppedL1(), 0.2, start=start, outputs="der(robot.T)")
+    event = run.events[0]
+    at = int(np.searchsorted(run.trajectory.time, event.time))
+    pose, before, after = (
+        run.trajectory[n][row] for n, row in (("robot.T", at), ("der(robot.T)", at), ("der(robot.T)", at + 1))
+    )
+    # forces act on the speeds as on the accelerations: what the model's own dynamics make of a force on that cart
+    forward = l1.causal(known="tau", targets="der(T,2)", prefer="T")
+    with_force, without = (forward(pose, before, [f, 0.0, 0.0])[0] for f in (1.0, 0.0))
+    expected = before + event.impulses["contact"] * (with_force - without)
+    assert after == pytest.approx(expected, abs=1e-9)
+    velocity = l1.causal(known="T", targets="der(q)")
+    old, new = (velocity(pose, v)[0][0] for v in (before, after))
+    assert new == pytest.approx(-0.5 * old, rel=1e-9)
