@@ -73,7 +73,7 @@ class StuckOrSliding:
         return self.slides
 
 
-def stiction(friction: Any, coordinate: Any, force: Any) -> Generator[Any]:
+def stiction(friction: Any, coordinate: Any, force: Any) -> Generator[Any, None, None]:
     """Equations of a friction with the state `slides`, on a coordinate.
 
     Stuck: no acceleration, and the force that this takes, until it reaches the break-away force. Sliding: its law,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from .. import lang as gt
 from .frames import Shaft
 from .friction_law import (
@@ -39,7 +41,7 @@ class RotationalFriction(gt.Model):
         yield self.torque == self.law(gt.der(self.shaft.phi))
         yield gt.energy(dissipated=self.torque * gt.der(self.shaft.phi))
 
-    def law(self, velocity):
+    def law(self, velocity) -> Any:
         """Friction torque [N.m] as a function of angular velocity [rad/s]."""
         raise gt.ModelError("a RotationalFriction must define law(velocity); use RotationalTanhFriction, ...")
 

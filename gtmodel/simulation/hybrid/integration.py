@@ -455,10 +455,12 @@ class HybridIntegration(Integration):
         values, rates = (a[0] for a in self._comparisons(self._x[None, :], self._z[None, :], np.array([self._time])))
         self._largest = np.maximum(self._largest, np.abs(values))
         slow = zero / (SLOW * (self._end - self._begin))
-        undecided = (np.abs(values) <= zero) & (np.abs(rates) <= slow)
-        if undecided.any() and not self._z.size:
+        near = np.abs(values) <= zero
+        near[list(forced)] = False
+        if near.any() and not self._z.size:
             later = self._rates_later()
-            rates = np.where(undecided & (np.abs(later) > slow), later, rates)
+            # a rate that is zero is round-off
+            rates = np.where(near & (np.abs(later) > 2 * np.abs(rates)), later, rates)
         truth = self._modes.sides(values, rates, zero, slow, self.truth)
         for n in forced:
             truth[n] = not self.truth[n]
