@@ -162,6 +162,6 @@ def _table(samples: Trajectory) -> str:
 
 
 def _figure(motion: Trajectory, samples: Trajectory, title: str) -> Any:
-    from ..plot.sampled_loop import sampled_loop_figure
+    from ..plot.closed_loop import sampled_loop_figure
 
     return sampled_loop_figure(motion, samples, title=title)
