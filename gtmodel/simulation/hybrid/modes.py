@@ -251,7 +251,7 @@ class SimulatedModes:
         """Velocities after impulses that give some of them new values, by symbols of the system; and the impulses.
 
         The equations of the highest derivatives, integrated over the instant: finite forces vanish, velocities change,
-        and the equation that keeps a force between impacts gives way to the velocity that is asked for.
+        and the equation that keeps a force between impacts is replaced by one of the velocity that is asked for.
 
         Raises ModelError for a force that no equation of its own keeps, and where masses and constraints admit no such
         change.
