@@ -67,11 +67,11 @@ def pattern(c: Calibration, held_out: Sequence[CalibrationProblem] = ()) -> Verd
     """Test whether errors are independent of the pose: it fails where smooth functions of the actuators, beside the
     unknowns, explain more of them than chance does. What a model lacks shows so, however large the noise is.
 
-    The functions are waves over each actuator's range, cos(pi k u) with k up to 6, fewer where poses are few, for each
-    of the equations of a pose; they and the unknowns are fitted to errors of all poses at once, an F test judges. The
-    errors are those of against_noise(), or of the lengths where noise is not stated: these hang together within a pose,
-    so that p is but nearly right, and must be below 0.1 % instead of 1 %. None where they are too few, for
-    several measurements, and for a pose known in part without noise.
+    The functions are waves over each actuator's range, cos(pi k u) with k up to 6, fewer where poses are few, two at
+    least, for each of the equations of a pose. They and the unknowns are fitted to errors of all poses at once, and an
+    F test judges. The errors are those of against_noise(), or of the lengths where noise is not stated: these hang
+    together within a pose, so that p is but nearly right, and must be below 0.1 % instead of 1 %. None where they are
+    too few, for several measurements, and for a pose known in part without noise.
 
     >>> robot = gt.robots.gantry_tau("l1_tape")
     >>> rng = np.random.default_rng(1)
