@@ -59,10 +59,14 @@ class Nlp(Program):
         """Places of the free constants among the unknowns; behind them stand the tunable parameters."""
         return slice(self.constants, self.constants + len(self.problem.free_names))
 
-    def inputs(self, x: np.ndarray, element: int, local: np.ndarray) -> np.ndarray:
-        """Controls and point variables (len(local), n) at fractions of one element."""
+    def physical(self, x: np.ndarray) -> np.ndarray:
+        """The unknowns of each element in SI units (elements, n)."""
         layout = self.element.layout
-        return layout.inputs(x[element * layout.size : (element + 1) * layout.size] * layout.scale, local)
+        return x[: self.end].reshape(self.mesh.elements, layout.size) * layout.scale
+
+    def inputs(self, x: np.ndarray, local: np.ndarray) -> np.ndarray:
+        """Controls and point variables (elements, len(local), n) at fractions of each element."""
+        return self.element.layout.inputs(self.physical(x), local)
 
     def row_name(self, row: int) -> str:
         """What a constraint row says, with element and collocation point."""
