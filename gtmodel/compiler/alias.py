@@ -68,16 +68,28 @@ class AliasResult:
         return ca.substitute(expressions, [ca.vertcat(*old)], [ca.vertcat(*new)])
 
 
-def eliminate(flat: FlatModel, protected: frozenset[int]) -> AliasResult:
-    """Remove aliases until none is left; variables in `protected` are kept under their own name.
+def eliminate(flat: FlatModel, protected: frozenset[int], apart: frozenset[int] = frozenset()) -> AliasResult:
+    """Remove aliases until none is left; variables in `protected` are kept under their own name, equations that hold
+    one of `apart` are left out. Causalities that agree in both share the answer.
 
     Only a variable that stands at order 0 is removed (v == der(r) removes v); A' == B' removes nothing,
     because a constant is free. Raises ModelError when two different fixed starts meet in one class.
     """
-    result = AliasResult(list(flat.equations), {})
+    key = "aliases", protected, apart
+    if key not in flat.cache:
+        flat.cache[key] = _eliminated(flat, protected, apart)
+    return flat.cache[key]
+
+
+def _eliminated(flat: FlatModel, protected: frozenset[int], apart: frozenset[int]) -> AliasResult:
     if "sums" not in flat.cache:  # what the equations as written say is asked of every causality anew
-        flat.cache["sums"] = _sums(flat, result.equations)
-    sums = list(flat.cache["sums"])
+        flat.cache["sums"] = _sums(flat, flat.equations)
+    left = [
+        n
+        for n, e in enumerate(flat.equations)
+        if not apart or apart.isdisjoint(i for i, _ in flat.scope.symbols_in(e.residual))
+    ]
+    result, sums = AliasResult([flat.equations[n] for n in left], {}), [flat.cache["sums"][n] for n in left]
     while _sweep(flat, protected, result, sums):
         pass
     _check_starts(flat, result)

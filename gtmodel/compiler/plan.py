@@ -160,11 +160,7 @@ class _Posed:
 def _posed(
     flat: FlatModel, known: Sequence[int], targets: Sequence[Pair], prefer: Sequence[int], apart: Collection[int]
 ) -> _Posed:
-    inside = flat
-    if apart:
-        left = [e for e in flat.equations if not any(i in apart for i, _ in flat.scope.symbols_in(e.residual))]
-        inside = replace(flat, equations=left)
-    alias = eliminate(inside, frozenset([*known, *prefer]))
+    alias = eliminate(flat, frozenset([*known, *prefer]), frozenset(apart))
     given = {*known, *apart}
     unknowns = [v.index for v in flat.variables if v.index not in alias.removed and v.index not in given]
     wanted = [alias.resolve(*t)[1:] for t in targets]

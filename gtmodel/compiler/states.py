@@ -9,7 +9,7 @@ import numpy as np
 
 from ..lang.source import ModelError
 from .flat import FlatModel
-from .matching import largest_matching, neighbours_of
+from .graph import largest_matching, neighbours_of
 from .structure import EquationStructure
 
 # relative to the largest column: separates round-off of a consistent point (1e-12) from poor geometry (1e-5)

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..lang.source import ModelError, SourceLocation
 from .flat import FlatEquation, FlatModel
-from .matching import alternating, highest_transversal, largest_matching, neighbours_of, reversed_matching
+from .graph import alternating, highest_transversal, largest_matching, neighbours_of, reversed_matching
 
 MAX_SHOWN = 12  # places named in one sentence
 

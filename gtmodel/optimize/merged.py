@@ -16,9 +16,9 @@ from typing import TypeVar
 import casadi as ca
 import numpy as np
 
+from ..compiler.matrices import SparseMatrix
 from .ipopt import SolverRun
 from .nlp import Nlp, functions_of, scatter
-from .sparse import SparseMatrix
 from .watch import Iterate, Multipliers, Program
 
 Run = TypeVar("Run", SolverRun, Iterate)

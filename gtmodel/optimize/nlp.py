@@ -12,7 +12,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ..compiler.matrices import nonzeros, stacked
+from ..compiler.matrices import SparseMatrix, nonzeros, stacked
 from ..lang.source import ModelError
 from .compiled import compiled
 from .element import Element, Layout, make_element, value_at
@@ -20,7 +20,6 @@ from .formulation.delays import DelayRows, delay_rows
 from .formulation.dynamic import DynamicProblem
 from .mesh import Mesh
 from .point_kernels import Derivatives, Pattern, derivatives, linear_rows, point_kernels
-from .sparse import SparseMatrix
 from .watch import Program
 
 

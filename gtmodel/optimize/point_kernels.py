@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 
 from ..compiler.columns.batch import mapped
-from ..compiler.matrices import nonzeros, stacked
+from ..compiler.matrices import SparseMatrix, nonzeros, stacked, stacked_rows
 from ..compiler.tape.elimination import Entries, gradient, hessian, jacobian
 from ..compiler.tape.function import TapeFunction
 from ..compiler.tape.operations import Tape, read_in
@@ -22,7 +22,6 @@ from .control import control_basis
 from .element import Element, Layout, pointwise
 from .formulation.dynamic import DynamicProblem
 from .mesh import Mesh
-from .sparse import SparseMatrix, stacked_rows
 from .tables import basis
 
 # operations of a point from which CasADi's own differentiation, and its search for what occurs twice, take seconds

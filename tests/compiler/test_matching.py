@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scipy
 
-from gtmodel.compiler.matching import (
+from gtmodel.compiler.graph import (
     highest_transversal,
     largest_matching,
     neighbours_of,

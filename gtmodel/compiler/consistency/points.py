@@ -13,6 +13,7 @@ import scipy
 
 from ...lang.source import ModelError
 from ..flat import FlatModel
+from ..matrices import called
 
 MAX_TRIES = 60
 HOPELESS = 20  # tries without any point after which none is expected
@@ -53,7 +54,7 @@ class _Stage:
         self._dense = max(self._shape) <= DENSE
 
     def __call__(self, w: np.ndarray, p: np.ndarray, time: float) -> tuple[np.ndarray, Jacobian | None]:
-        r, values = (np.array(x.nonzeros()) for x in self._fun.call([ca.DM(w), ca.DM(p), ca.DM(time)]))
+        r, values = called(self._fun, w, p, time)
         if not np.all(np.isfinite(r)) or not np.all(np.isfinite(values)):
             return r, None  # outside the domain of a root, or at its edge
         if self._dense:
@@ -64,7 +65,7 @@ class _Stage:
 
     def outside(self, w: np.ndarray, p: np.ndarray, time: float) -> np.ndarray:
         """Which columns stand in a row that is not finite, or whose derivatives are not."""
-        r, values = (np.array(x.nonzeros()) for x in self._fun.call([ca.DM(w), ca.DM(p), ca.DM(time)]))
+        r, values = called(self._fun, w, p, time)
         rows = ~np.isfinite(r)
         rows[self._indices[~np.isfinite(values)]] = True
         outside = np.zeros(self._shape[1], dtype=bool)

@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 
 from ...compiler.flat import FlatModel
+from ...compiler.matrices import SparseMatrix
 from ...lang.bind import join
 from ...lang.model import Connector, Model
 from ...lang.optimization import Delayed
@@ -16,7 +17,6 @@ from ...lang.source import ModelError
 from ..control import control_basis
 from ..element import Layout
 from ..mesh import Mesh
-from ..sparse import SparseMatrix
 from .dynamic import DynamicProblem
 
 ROUND_OFF = 1e-9  # of fractions of the horizon

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scipy
 
-from gtmodel.optimize.sparse import SparseMatrix, stacked_rows
+from gtmodel.compiler.matrices import SparseMatrix, stacked_rows
 
 
 def dense(m: SparseMatrix) -> np.ndarray:
