@@ -18,7 +18,7 @@ from .consistency.points import Sampler
 from .differentiation import differentiate, folded as folded_into, pairs_of, stage_residuals, system_of
 from .flat import FlatEquation, FlatModel
 from .graph import strong_components
-from .pivots import SignAnalysis
+from .pivots import SignAnalysis, median
 from .relevance import Condition, condition_block, conditions_on, needed, set_apart
 from .solving import solve_block
 from .states import Stage, choose
@@ -248,7 +248,7 @@ def _read(
 
 def _holds_time(flat: FlatModel, expressions: list[ca.SX]) -> bool:
     clock = flat.scope.time.element_hash()
-    return any(s.element_hash() == clock for e in expressions for s in ca.symvar(e))
+    return any(s.element_hash() == clock for s in ca.symvar(ca.vertcat(*expressions))) if expressions else False
 
 
 def differentiated(plan: CausalPlan) -> list[tuple[str, ca.SX]]:
@@ -322,7 +322,7 @@ def _with_sizes(plan: CausalPlan, sampler: Sampler) -> CausalPlan:
         id(m): replace(
             m,
             expression=-m.expression if m.kind == "pivot" and row[0] < 0 else m.expression,
-            scale=float(np.median(np.abs(row))) or 1.0,
+            scale=float(median(np.abs(row))) or 1.0,
         )
         for m, row in zip(margins, values.T, strict=True)
     }

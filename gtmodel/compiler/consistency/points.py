@@ -203,11 +203,10 @@ class Sampler:
     def near(self, rng: np.random.Generator, spread: float) -> np.ndarray:
         """Start values with noise of `spread` nominals, and noise alone where there is none; the equations may not
         hold there."""
-        w = np.empty(len(self.pairs))
-        for n, pair in enumerate(self.pairs):
-            noise = self.flat.variables[pair[0]].nominal * rng.standard_normal()
-            w[n] = self.starts[pair] + spread * noise if pair in self.starts else noise
-        return w
+        nominal = [self.flat.variables[index].nominal for index, _ in self.pairs]
+        noise = np.multiply(nominal, rng.standard_normal(len(self.pairs)))
+        start = np.array([self.starts.get(pair, np.nan) for pair in self.pairs], dtype=float)
+        return np.where(np.isnan(start), noise, start + spread * noise)
 
     def _into_domain(self, w: np.ndarray, rng: np.random.Generator) -> None:
         """Draw again what stands in equations without a number: half as far from a start value, or anywhere."""
