@@ -99,28 +99,29 @@ def _eliminated(flat: FlatModel, protected: frozenset[int], apart: frozenset[int
 def _sums(flat: FlatModel, equations: list[FlatEquation]) -> list[Terms | None]:
     """The terms of each equation that is a sum of two symbols with constant coefficients, and None for any other."""
     scope = flat.scope
-    pairs = sorted({pair for e in equations for pair in scope.symbols_in(e.residual)})
-    if not pairs:
-        return [None] * len(equations)
+    sums: list[Terms | None] = [None] * len(equations)
+    of_two = [n for n, e in enumerate(equations) if len(scope.symbols_in(e.residual)) == 2]
+    if not of_two:
+        return sums
+    pairs = sorted({pair for n in of_two for pair in scope.symbols_in(equations[n].residual)})
     symbols = ca.vertcat(*[scope.symbol(*pair) for pair in pairs])
-    residuals = ca.vertcat(*[e.residual for e in equations])
+    residuals = ca.vertcat(*[equations[n].residual for n in of_two])
     remainder = ca.substitute([residuals], [symbols], [ca.DM.zeros(len(pairs), 1)])[0]
-    rows: list[list[tuple[tuple[int, int], ca.SX]]] = [[] for _ in equations]
+    rows: list[list[tuple[tuple[int, int], ca.SX]]] = [[] for _ in of_two]
     for row, col, value in triplets(ca.jacobian(residuals, symbols)):
         if not value.is_zero():
             rows[row].append((pairs[col], value))
-    sums: list[Terms | None] = [None] * len(equations)
-    for row, entries in enumerate(rows):
+    for row, (n, entries) in enumerate(zip(of_two, rows, strict=True)):
         if len(entries) == 2 and all(v.is_constant() for _, v in entries) and remainder[row].is_zero():
             (a, va), (b, vb) = entries
-            sums[row] = (a, float(va)), (b, float(vb))
-    candidates = [row for row, terms in enumerate(sums) if terms is not None]
+            sums[n] = (a, float(va)), (b, float(vb))
+    candidates = [n for n in of_two if sums[n] is not None]
     # sign() vanishes at zero and has no derivative: what holds one only looks like x == y
     if candidates and is_nonsmooth(flat):
-        inside = kinked_in([equations[row].residual for row in candidates], ca.vertsplit(symbols))
-        for row, kinked in zip(candidates, inside, strict=True):
+        inside = kinked_in([equations[n].residual for n in candidates], ca.vertsplit(symbols))
+        for n, kinked in zip(candidates, inside, strict=True):
             if kinked:
-                sums[row] = None
+                sums[n] = None
     return sums
 
 
