@@ -14,8 +14,8 @@ from ..results import ArgumentError, Status, Trajectory, Work
 from ..robots.links import link_names, links_of
 from .constraints import Carrier, MotionConstraints, guard_of
 from .guesses import bare_guess, bent_guess, line_guess, progress_of, trapezoid
-from .links import along_guideways, link_ends
-from .path_parametrization import PathParametrization, motion_function
+from .links import along_guideways, link_ends, motion_function
+from .path_parametrization import PathParametrization
 from .paths import Path, path_of
 from .problem import MotionProblem
 from .search import MotionSearch
@@ -167,7 +167,7 @@ def _check_statics(problem: MotionProblem, guard: MotionConstraints) -> None:
     """At both ends the robot can stand still, and keeps the limits that hold for positions."""
     limit = problem.limits.force
     for key, point in (("start.tcp", problem.begin), ("goal.tcp", problem.end)):
-        tau, _, _, *margins, _ = motion_function(problem.robot, guard).along(point)
+        tau, *_, last, _ = motion_function(problem.robot, guard).along(point)
         k = int(np.argmax(np.abs(tau)))
         if abs(tau[k]) > limit:
             raise ArgumentError(
@@ -175,7 +175,7 @@ def _check_statics(problem: MotionProblem, guard: MotionConstraints) -> None:
                 f"{key}",
                 "limits.force",
             )
-        if margins and (broken := guard.broken(margins[0][None])):
+        if guard.margins and (broken := guard.broken(last[None])):
             raise ArgumentError(broken[1], key)
 
 
