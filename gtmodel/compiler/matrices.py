@@ -9,7 +9,6 @@ from typing import Any, cast
 
 import casadi as ca
 import numpy as np
-import scipy
 
 
 def nonzeros(m: ca.SX) -> list[ca.SX]:
@@ -34,6 +33,8 @@ def stacked(values: list[ca.SX]) -> ca.SX:
 
 def pivoted_qr(a: np.ndarray, mode: str = "full") -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Q, R and the column order, largest remaining column first; mode "full" or "economic"."""
+    import scipy  # here: a causality without it starts sooner
+
     return cast("tuple[np.ndarray, np.ndarray, np.ndarray]", scipy.linalg.qr(a, mode=mode, pivoting=True))
 
 

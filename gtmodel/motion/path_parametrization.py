@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-import scipy
 
+from .._lazy import hint
 from ..compiler.causal import compile_causal
 from ..lang import Model
 from ..optimize.path import PathMotion, solve_path
@@ -19,8 +19,12 @@ from .followed_branch import FollowedBranch
 from .guesses import trapezoid
 from .links import along_guideways, joint_names, joints_of, link_ends, motion_function
 from .path_rows import task_along
-from .paths import Path
 from .problem import MotionProblem
+
+if TYPE_CHECKING:
+    from .paths import Path
+else:
+    Path = hint("gtmodel.motion.paths", "Path")
 
 FORCE_RESERVE = 1e-5  # of the limit: what the root's rounding at rest and the curvature between nodes may take
 TIGHTENINGS = 4  # each takes what the curvature of the path adds between nodes, some 0.1 %, off the limit
@@ -117,6 +121,8 @@ class PathParametrization:
         tau = self.sample(motion, times.reshape(-1))["tau"].reshape(len(steps), DEGREE + 1, 3)
         power = np.linalg.inv(np.vander(nodes, increasing=True))
         c = np.einsum("pn,knm->kpm", power, tau)
+        import scipy  # here: a free motion starts sooner without it
+
         forward = FollowedBranch(compile_causal(self.problem.robot, known="tau", targets="der(T,2)", prefer="T"))
         y = np.concatenate([self.path(np.zeros(1))[0][0], self.path(np.zeros(1))[1][0] * np.sqrt(motion.b[0])])
         for begin, step, polynomial in zip(motion.t, steps, c, strict=False):

@@ -5,15 +5,17 @@ from __future__ import annotations
 import warnings
 from collections.abc import Collection
 from dataclasses import dataclass, replace
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import casadi as ca
 import numpy as np
-import scipy
 
 from ...lang.source import ModelError
 from ..flat import FlatModel
 from ..matrices import called
+
+if TYPE_CHECKING:
+    import scipy
 
 MAX_TRIES = 60
 HOPELESS = 20  # tries without any point after which none is expected
@@ -61,6 +63,8 @@ class _Stage:
             jacobian = np.zeros(self._shape)
             jacobian[self._indices, self._columns] = values
             return r, jacobian
+        import scipy  # here and below: small systems need none, and start sooner
+
         return r, scipy.sparse.csc_matrix((values, self._indices, self._pointers), shape=self._shape)
 
     def outside(self, w: np.ndarray, p: np.ndarray, time: float) -> np.ndarray:
@@ -73,8 +77,14 @@ class _Stage:
         return outside
 
 
+def _in_columns(jacobian: scipy.sparse.csc_matrix, reach: np.ndarray) -> scipy.sparse.csc_matrix:
+    import scipy
+
+    return jacobian @ scipy.sparse.diags(reach)
+
+
 def _least_norm(jacobian: Jacobian, reach: np.ndarray, r: np.ndarray) -> np.ndarray:
-    scaled: Any = jacobian * reach if isinstance(jacobian, np.ndarray) else jacobian @ scipy.sparse.diags(reach)
+    scaled: Any = jacobian * reach if isinstance(jacobian, np.ndarray) else _in_columns(jacobian, reach)
     rows = np.flatnonzero(abs(scaled).sum(axis=1))
     if len(rows) < len(r):  # equations among what stays where it is
         scaled, r = (scaled if isinstance(scaled, np.ndarray) else scaled.tocsr())[rows], r[rows]
@@ -91,6 +101,8 @@ def _through_normal_equations(scaled: Any, r: np.ndarray) -> np.ndarray:
     try:
         if isinstance(scaled, np.ndarray):
             return scaled.T @ np.linalg.solve(scaled @ scaled.T, -r)
+        import scipy
+
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             return scaled.T @ scipy.sparse.linalg.splu((scaled @ scaled.T).tocsc()).solve(-r)
