@@ -211,7 +211,7 @@ def _parts(
     problem: DynamicProblem, mesh: Mesh, element: Element, p_scale: np.ndarray, machine_code: bool
 ) -> tuple[list[_Part], float | None]:
     """Derivatives of all kernels, and the seconds that compiling them took; None where nothing is compiled."""
-    each, seconds = [derivatives(k) for k in point_kernels(problem, mesh, element, p_scale)], None
+    each, seconds = [derivatives(problem, k) for k in point_kernels(problem, mesh, element, p_scale)], None
     if machine_code:
         made, seconds = compiled([f for d in each for f in d.functions])
         known = {f.name(): f for f in made}

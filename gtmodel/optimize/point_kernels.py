@@ -26,6 +26,7 @@ from .tables import basis
 
 # operations of a point from which CasADi's own differentiation, and its search for what occurs twice, take seconds
 LARGE = 3000
+POINT_FUNCTIONS = "point functions"  # under which, with more, a problem keeps them
 Pattern = tuple[np.ndarray, np.ndarray]  # rows and columns of the entries of a matrix, column by column
 
 
@@ -35,10 +36,11 @@ class PointKernel:
 
     d = [length of the element, its left end, the place in it, its weight in the cost]. take: (count nw, n) that gives
     the places' w, one below the other, of an element's scaled unknowns y; place: (count mr) where their rows stand
-    among the `height` rows of the element.
+    among the `height` rows of the element. key: what the functions depend on besides the problem, not the mesh.
     """
 
     name: str
+    key: tuple[bool, tuple[int, ...]]
     w: ca.SX
     P: ca.SX
     d: ca.SX
@@ -93,15 +95,15 @@ def point_kernels(problem: DynamicProblem, mesh: Mesh, element: Element, p_scale
     c, r = np.meshgrid(np.arange(K), np.arange(first + npath), indexing="ij")
     place = np.where(r < first, layout.nl + c * first + r, inner + own_edge + c * npath + r - first)
     kernel = PointKernel(
-        "point", ca.vertcat(x, slope, u, own), P, d, ca.vertcat(*parts), cost, mesh.table.points, mesh.table.weights,
-        _taken(layout), place.ravel(), m,
+        "point", (free, ()), ca.vertcat(x, slope, u, own), P, d, ca.vertcat(*parts), cost, mesh.table.points,
+        mesh.table.weights, _taken(layout), place.ravel(), m,
     )  # fmt: skip
     if not own_edge:
         return [kernel]
     nothing = ca.SX.zeros(nx), ca.SX.zeros(problem.u.numel())
     at_edge = point(x, *nothing, physical, t)[2][element.at_edge] / ca.DM(path_scale[element.at_edge])
     edge = PointKernel(
-        "edge", ca.vertcat(x, own), P, d, at_edge, ca.SX(1, 1), np.ones(1), np.zeros(1),
+        "edge", (free, tuple(element.at_edge)), ca.vertcat(x, own), P, d, at_edge, ca.SX(1, 1), np.ones(1), np.zeros(1),
         _taken_end(layout), inner + np.arange(own_edge), m,
     )  # fmt: skip
     return [kernel, edge]
@@ -202,15 +204,19 @@ class Derivatives:
 
 Evaluated = TapeFunction | ca.Function
 Functions = tuple[ca.Function, ca.Function | None, Evaluated | None, Evaluated, Evaluated]  # as in `Derivatives`
+Differentiated = tuple[Functions, Pattern, Pattern]  # and where the entries of first and second derivatives stand
 
 
-def derivatives(kernel: PointKernel) -> Derivatives:
-    """Differentiate a kernel: a large one on a tape."""
-    operations = ca.Function("f", [kernel.w, kernel.P, kernel.d], [kernel.value, kernel.cost]).n_instructions()
-    return _on_tape(kernel) if operations > LARGE else _by_casadi(kernel)
+def derivatives(problem: DynamicProblem, kernel: PointKernel) -> Derivatives:
+    """Differentiate a kernel, a large one on a tape: once for a problem, whatever meshes it is put on."""
+    key = f"{POINT_FUNCTIONS} {kernel.name} {kernel.key}"
+    if key not in problem.cache:
+        operations = ca.Function("f", [kernel.w, kernel.P, kernel.d], [kernel.value, kernel.cost]).n_instructions()
+        problem.cache[key] = _on_tape(kernel) if operations > LARGE else _by_casadi(kernel)
+    return _placed(kernel, *problem.cache[key])
 
 
-def _by_casadi(kernel: PointKernel) -> Derivatives:
+def _by_casadi(kernel: PointKernel) -> Differentiated:
     k, args, v = kernel, [kernel.w, kernel.P, kernel.d], ca.vertcat(kernel.w, kernel.P)
     value, cost = ca.cse([k.value, k.cost])
     J = ca.jacobian(value, v)
@@ -223,7 +229,7 @@ def _by_casadi(kernel: PointKernel) -> Derivatives:
     rows = _shared(f"{k.name}_g", args, [value])
     first = _shared(f"{k.name}_j", args, [value, stacked(nonzeros(J))])
     second = _shared(f"{k.name}_h", [*args, lam_f, lam], [stacked(nonzeros(H))])
-    return _placed(k, (rows, costs, costs, first, second), _pattern(J), _pattern(H))
+    return (rows, costs, costs, first, second), _pattern(J), _pattern(H)
 
 
 def _shared(name: str, args: list[ca.SX], out: list[ca.SX]) -> ca.Function:
@@ -235,7 +241,7 @@ def _pattern(matrix: ca.SX) -> Pattern:
     return np.array(rows, int), np.array(columns, int)
 
 
-def _on_tape(kernel: PointKernel) -> Derivatives:
+def _on_tape(kernel: PointKernel) -> Differentiated:
     k, nw, nP, mr = kernel, kernel.w.numel(), kernel.P.numel(), kernel.value.numel()
     args, multipliers = [k.w, k.P, k.d], [ca.SX.sym("lam_f"), ca.SX.sym("lam", mr)]
     tape = Tape()
@@ -255,7 +261,7 @@ def _on_tape(kernel: PointKernel) -> Derivatives:
         TapeFunction(f"{k.name}_j", tape, args, [value, first]),
         TapeFunction(f"{k.name}_h", tape, [*args, *multipliers], [second]),
     )  # fmt: skip
-    return _placed(k, functions, by_rows, by_unknowns)
+    return functions, by_rows, by_unknowns
 
 
 def _placed(kernel: PointKernel, functions: Functions, by_rows: Pattern, by_unknowns: Pattern) -> Derivatives:
