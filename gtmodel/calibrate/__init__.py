@@ -15,6 +15,7 @@ Choice                           which parameters are free, fixed, tied, unit qu
 prepare, CalibrationProblem      equations, unknowns and Jacobians; identifiability before anything is measured
 calibrate, Calibration           parameters with confidence, residuals per link and pose, errors on other poses
 judge_held_out                   held-out errors against what a sound model has of them
+against_noise                    errors of all poses, fitted and held out, against the stated noise
 leave_out, folds_of              errors of poses that are left out in turn, one by one or in folds
 closure_equations                what closes, as symbols
 
@@ -26,6 +27,7 @@ Before anything is measured
     candidates                       a grid in what the robot reaches and the device sees
     LaserTracker, Camera, LineOfSight   where devices see, and how well
     seen_by_distance, seen_by_plane  robots that a partial device measures
+    seen_with_quaternion            robots whose rotation R is measured as a quaternion
     plan_study                       all of these, from a room to the poses to measure: a PlanStudy; what it is asked
                                      for in `plan`
 """
@@ -61,7 +63,11 @@ if TYPE_CHECKING:
         Pose as Pose,
     )
     from .options import COSTS as COSTS, Cost as Cost, Fit as Fit, Known as Known
-    from .partial_devices import seen_by_distance as seen_by_distance, seen_by_plane as seen_by_plane
+    from .partial_devices import (
+        seen_by_distance as seen_by_distance,
+        seen_by_plane as seen_by_plane,
+        seen_with_quaternion as seen_with_quaternion,
+    )
     from .plan import PlanStudy as PlanStudy, plan_study as plan_study
     from .pose_information import PoseInformation as PoseInformation, pose_information as pose_information
     from .pose_numbers import (
@@ -79,6 +85,7 @@ if TYPE_CHECKING:
     )
     from .positioning import Positioning as Positioning, PredictedErrors as PredictedErrors, positioning as positioning
     from .problem import CalibrationProblem as CalibrationProblem, prepare as prepare
+    from .report.against_noise import against_noise as against_noise
     from .report.left_out import PosesLeftOut as PosesLeftOut, folds_of as folds_of, leave_out as leave_out
     from .report.result import CalibrationStudy as CalibrationStudy
     from .report.robot_file import Origin as Origin

@@ -269,7 +269,7 @@ def _together(problem: CalibrationProblem, cost: Cost, x: np.ndarray) -> list[Jo
                 require_noise_enough(b, read.data, covariance, begin, x[b.columns], labels)
             own = {part.unknowns.names[j] for j in b.columns}
             prior = any(p.name in own for p in part.unknowns.priors)
-            sigma = 1.0 if implicit or not prior else _level(part, b, x)
+            sigma = 1.0 if implicit or not prior else residual_level(part, b, x)
             rows = BlockRows(b, read.data, sigma, covariance, begin)
             columns = set(b.columns.tolist())
             apart = [g for g in groups if not g[0] & columns]
@@ -294,7 +294,7 @@ def _failed(problem: CalibrationProblem, bad: Fitted) -> str:
     return d.message
 
 
-def _level(problem: CalibrationProblem, block: Block, x: np.ndarray) -> float:
+def residual_level(problem: CalibrationProblem, block: Block, x: np.ndarray) -> float:
     """Typical size of a residual from the stated noise, against which priors are weighed."""
     m = problem.measurements
     if any(n not in m.noise for n in problem.reading.places):

@@ -10,11 +10,11 @@ import numpy as np
 
 from ..lang import Model
 from ..results import ArgumentError, SolveStatus, Work
+from ..results.alarms import Alarms
 from ..results.door import study_function
 from ..results.made_files import MadeFiles
 from ..results.options import Within
 from ..results.work import Progress, never, silent
-from .measured.alarms import Alarms
 from .measured.cart_points import on_cart_points
 from .measured.options import CartPoints, Refit
 from .measured.poses import MeasuredPoses, SplitPoses, split_all
@@ -28,7 +28,7 @@ from .report.pictures import pictures
 from .report.result import CalibrationStudy
 from .report.robot_file import Origin
 from .report.values import checks_of, values_of
-from .variants import by_dh_numbers, prepared, too_few
+from .variants import by_dh_numbers, prepared, too_few, with_measured_orientation
 
 
 @study_function
@@ -86,11 +86,12 @@ def study(
     work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
     fit, origin = fit or Fit(), origin or Origin(type(robot).__name__)
     robot, on_points = on_cart_points(by_dh_numbers(fit, robot), carts)
+    plain, robot = robot, with_measured_orientation(robot, poses)
     data = split_all(poses, robot, held_out if method == "every" else 0, refit)
     in_turn = [] if method == "every" else _in_turn(data, folds if method == "folds" else None)
     alarms = Alarms(fit.accept)
     work.progress("looking at the poses", 0.3)
-    witnesses = [witness_of(robot, d) for d in data]
+    witnesses = [witness_of(plain, d) for d in data]
     placed = [recognise_sessions(d, w, alarms) for d, w in zip(data, witnesses, strict=True)]
     data = [d.with_device(p) if p and d.pose.device_start is None else d for d, p in zip(data, placed, strict=True)]
     title = title or f"calibration of {origin.name}"
@@ -127,6 +128,7 @@ def explained(
 ) -> list[str]:  # fmt: skip
     """What is free, what stays, and what the poses can determine before anything is fitted, in lines of text."""
     robot, on_points = on_cart_points(by_dh_numbers(fit, robot), carts)
+    robot = with_measured_orientation(robot, poses)
     data = split_all(poses, robot, held_out if method == "every" else 0)
     ready = prepared(fit, robot, data, carts, on_points)
     u = ready.unknowns

@@ -11,7 +11,7 @@ from ..inference.held_out import MATTERS
 from ..inference.make_estimate import spectrum
 from ..inference.weighting import prior_rows
 from ..lang.source import ModelError
-from .calibration import Calibration
+from .calibration import Calibration, residual_level
 from .measurements import Measurements
 from .positioning import closure_jacobians
 
@@ -90,22 +90,44 @@ def pose_covariances(
         W = np.linalg.inv(BS @ B.transpose(0, 2, 1))
     u = c.problem.unknowns
     scaled = J * u.sizes
-    prior, _ = prior_rows(u.priors, u.names)
-    # priors weigh against the noise of a residual
-    level = np.sqrt(np.mean(c.residuals**2) * c.residuals.size / max(c.residuals.size - len(c.x), 1))
-    level /= np.sqrt(np.sum(errors**2) / len(errors))
+    prior, noise = _priors(c, B, S)
     roots = np.linalg.cholesky(W).transpose(0, 2, 1)
-    rows = np.vstack([(roots @ scaled).reshape(-1, len(u.names)), prior * u.sizes * level])
+    rows = np.vstack([(roots @ scaled).reshape(-1, len(u.names)), prior])
     inverse = spectrum(rows).inverse
     gain = -inverse @ (scaled.transpose(0, 2, 1) @ W @ B)
     C = np.einsum("kip,pq,kjq->ij", gain, S, gain)
+    # what was known before has errors of the sizes that were stated of it
+    by_prior = inverse @ prior.T * noise
+    C += by_prior @ by_prior.T
     first = c.problem.reading.places[signal]
     at = [pose.index(k) for k in range(first.start, first.stop)]
     moves, others = (-np.linalg.solve(b, j * u.sizes)[:, at] for b, j in ((B, J), (Bk, K)))
     P, H = moves.reshape(-1, len(u.names)), others.reshape(-1, len(u.names))
-    noise = S[np.ix_(at, at)]
+    own = S[np.ix_(at, at)]
     by_noise = np.concatenate([g @ S[:, at] for g in gain], axis=1)
     # model less measured: what the parameters move it by, less the noise
     cross = P @ by_noise
-    fit = np.kron(np.eye(len(J)), noise) - cross - cross.T + P @ C @ P.T
-    return fit, np.kron(np.eye(len(K)), noise) + H @ C @ H.T
+    fit = np.kron(np.eye(len(J)), own) - cross - cross.T + P @ C @ P.T
+    return fit, np.kron(np.eye(len(K)), own) + H @ C @ H.T
+
+
+def _priors(c: Calibration, B: np.ndarray, S: np.ndarray) -> tuple[np.ndarray, float]:
+    """Rows of the priors (k, n), as the fit weighs them beside its own, for unknowns in units of their sizes; and their
+    noise, where that of a pose has the size one and the covariance S."""
+    u, p = c.problem.unknowns, c.problem
+    prior, _ = prior_rows(u.priors, u.names)
+    if not len(prior):
+        return prior, 0.0
+    # of a residual, for pose noise of size one
+    unit = np.sqrt(np.mean(np.einsum("kip,pq,kiq->ki", B, S, B)))
+    if all(n in p.measurements.noise for n in p.reading.places):
+        level = np.ones(len(u.names))
+        for b in p.blocks_of(c.cost):
+            level[b.columns] = residual_level(p, b, c.x)
+    else:
+        r = c.residuals
+        level = np.full(len(u.names), np.sqrt(np.mean(r**2) * r.size / max(r.size - len(c.x), 1)))
+    size = float(np.sqrt(np.mean(level**2))) / unit
+    if c.cost in UNWEIGHTED:
+        return prior * u.sizes * level, unit
+    return prior * u.sizes * size, 1.0

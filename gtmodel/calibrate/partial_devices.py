@@ -1,8 +1,8 @@
-"""Devices that do not see the whole position: robots with one more measured variable.
+"""Devices that see something else than the model's own variables: robots with one more measured variable.
 
 `seen_by_distance(robot, at)` and `seen_by_plane(robot, normal, point)` add a variable and its equation to any model
 with a position T. It calibrates with that variable measured and T latent: prepare(model, {"q", "distance"},
-latent=("T",)).
+latent=("T",)). `seen_with_quaternion(robot)` adds the orientation of a model with a rotation matrix R as a quaternion.
 """
 
 from __future__ import annotations
@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..lang import Model, ModelError, dot, parameter, variable
+from ..lang import Model, ModelError, dot, parameter, part, variable
+from ..mechanics.rotation import quaternion_matrix
 
 
 class SeenByDistance(Model):
@@ -39,6 +40,47 @@ class SeenByPlane(Model):
     def equations(self) -> Iterator[Any]:
         yield from super().equations()
         yield self.height == dot(self.plane_normal, self.T - self.plane_point)  # type: ignore[attr-defined]
+
+
+class QuaternionOfMatrix(Model):
+    """The unit quaternion e (4,), scalar first, of a rotation R: what they differ by, the sine of its angle along its
+    axis, which is the shift of a point one metre off in m, is zero."""
+
+    R = variable((3, 3), unit="1")
+    e = variable(4, unit="1", start=[1.0, 0.0, 0.0, 0.0], prefer=-5)
+
+    def equations(self) -> Iterator[Any]:
+        yield dot(self.e, self.e) == 1.0
+        R, Q = self.R, quaternion_matrix(self.e)
+        for i, j in ((2, 1), (0, 2), (1, 0)):  # R'Q is symmetric where they are equal
+            yield 0.5 * sum(R[k, i] * Q[k, j] - R[k, j] * Q[k, i] for k in range(3)) == 0.0
+
+
+class SeenWithQuaternion(Model):
+    """Adds the unit quaternion `e` (4,), scalar first, of R."""
+
+    e = variable(4, unit="1", start=[1.0, 0.0, 0.0, 0.0], prefer=-5)
+    orientation_at_1_m = part(QuaternionOfMatrix)  # as its errors are called
+
+    def equations(self) -> Iterator[Any]:
+        yield from super().equations()
+        yield self.orientation_at_1_m.R == self.R  # type: ignore[attr-defined]  # of the robot
+        yield self.orientation_at_1_m.e == self.e
+
+
+def seen_with_quaternion(robot: Model) -> Model:
+    """The robot with the variable `e` (4,), the unit quaternion of its rotation R, scalar first, for measured full
+    poses. Raises ModelError without a rotation R, and where `e` is there already.
+
+    >>> arm = gt.robots.serial_arm(a=[0.1, 0.5, 0.0], alpha=[np.pi / 2, 0.0, np.pi / 2], d=[0.4, 0.0, 0.0])
+    >>> gt.calibrate.closure_equations(gt.calibrate.seen_with_quaternion(arm), known=["q", "T", "e"]).residuals.shape
+    (6, 1)
+    """
+    declared = type(robot)._declared
+    if "R" not in declared or "e" in declared:
+        there = "has an 'e' already" if "e" in declared else "declares no rotation 'R'"
+        raise ModelError(f"{type(robot).__name__} {there}")
+    return _extended(SeenWithQuaternion, robot)
 
 
 def seen_by_distance(robot: Model, at: ArrayLike) -> Model:

@@ -11,8 +11,10 @@ from ..results import ArgumentError
 from ..robots.links import family_of
 from .choice import Choice
 from .measured.options import CartPoints
-from .measured.poses import SplitPoses
+from .measured.poses import MeasuredPoses, SplitPoses
+from .measurements import Measurements
 from .options import COST_WORDS, Cost, Fit, Known
+from .partial_devices import seen_with_quaternion
 from .problem import CalibrationProblem, prepare
 from .unknowns import Unknowns
 
@@ -21,6 +23,9 @@ SERIAL = "serial"
 FAMILIES = {"ideal": "three_link", "modified": "three_link", "six_link": "six_link", "f1_unit": "f1", "f1_raw": "f1"}
 SAID = {"three_link": "three links", "six_link": "six links", "f1": "an F1"}
 NAMING = ("fixed", "tied", "unit_quaternions", "priors", "sizes", "free")  # options that hold names of parameters
+
+
+Poses = MeasuredPoses | Measurements
 
 
 def choice_of(
@@ -59,8 +64,18 @@ def by_dh_numbers(fit: Fit, model: Model) -> Model:
     return as_dh(model) if isinstance(model, SerialArm) else model
 
 
+def with_measured_orientation(model: Model, poses: Poses | Sequence[Poses]) -> Model:
+    """A model whose orientation is a matrix R with the quaternion e that was measured; any other as it is."""
+    declared = type(model)._declared
+    several = [poses] if isinstance(poses, MeasuredPoses | Measurements) else poses
+    sets = [one if isinstance(one, Measurements) else one.measurements for one in several]
+    measured = any(pose.orientation == "e" for m in sets for pose in m.poses) or any("e" in m.values for m in sets)
+    return seen_with_quaternion(model) if measured and "R" in declared and "e" not in declared else model
+
+
 def arm_choice(fit: Fit, model: Model, data: Sequence[SplitPoses]) -> tuple[list[str], list[str]]:
-    """Of an arm the numbers that positions determine, and in sentences why not the others; nothing for other variants.
+    """Of an arm the numbers that positions, or whole poses, determine, and in sentences why not the others; nothing for
+    other variants.
 
     Raises ArgumentError for another robot.
     """
@@ -72,7 +87,11 @@ def arm_choice(fit: Fit, model: Model, data: Sequence[SplitPoses]) -> tuple[list
         raise ArgumentError("'serial' is for serial arms, by Denavit-Hartenberg numbers", "fit.variant")
     try:
         base = any(d.pose.device for d in data)
-        return independent_geometry(model, base=base, tool="tool_xyz" not in fit.fixed)
+        turns = any(d.pose.orientation is not None and d.pose.orientation in d.all.values for d in data)
+        tool = [name for name in ("tool_xyz", "tool_rpy") if name not in fit.fixed]
+        return independent_geometry(
+            model, base=base, tool="tool_xyz" in tool, turns=turns, tool_turn="tool_rpy" in tool
+        )
     except ModelError as error:
         raise ArgumentError(str(error), "fit.variant") from error
 
@@ -122,10 +141,11 @@ def too_few(p: CalibrationProblem) -> list[str]:
 
 
 def cost_of(fit: Fit, p: CalibrationProblem) -> Cost:
-    """The cost that a fit asks for; where lengths are open, or several measurements are weighed, the errors of what was
-    measured in place of those of lengths."""
+    """The cost that a fit asks for; where lengths are open, several measurements are weighed, or an arm's orientation
+    and position have each a noise, the errors of what was measured in place of those of lengths."""
     cost = COST_WORDS[fit.cost]
-    if cost not in ("length", "squared") or not (p.beside or any(part.implicit for part in p.parts)):
+    turned = any(n.startswith("orientation_at_1_m") for n in p.labels) and p.weighed
+    if cost not in ("length", "squared") or not (turned or p.beside or any(part.implicit for part in p.parts)):
         return cost
     return "orthogonal" if all(part.usual_cost == "orthogonal" for part in p.parts) else "forward"
 

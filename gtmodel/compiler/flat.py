@@ -15,12 +15,14 @@ from ..lang.bind import ParameterRecord, Tree, bind, element_names
 from ..lang.builder import Builder
 from ..lang.connect import Branch, Connection, Energy, TreeEdge, flatten_items
 from ..lang.declare import Declaration
+from ..lang.events import When
 from ..lang.expression import Relation
 from ..lang.model import Model
 from ..lang.scope import Scope, derivative_name
 from ..lang.slips import each_of, line_of, persons_code
 from ..lang.source import ModelError, SourceLocation, of_frame
 from ..lang.units import rate_unit
+from .analysis.events import FlatEvents, collect_events
 from .connection_graph import check_trees
 from .connections import connection_equations
 
@@ -105,6 +107,7 @@ class FlatModel:
     initial: list[FlatEquation] = field(default_factory=list)
     positive: frozenset[str] = frozenset()
     energies: list[FlatEnergy] = field(default_factory=list)
+    events: FlatEvents | None = None
     cache: dict[Any, Any] = field(default_factory=dict, repr=False)
 
     def unit_of(self, index: int, order: int) -> str:
@@ -177,6 +180,7 @@ def flatten(model: Model | Builder) -> FlatModel:
     energies: list[FlatEnergy] = []
     connections: list[tuple[Connection, Model]] = []
     edges: list[TreeEdge] = []
+    whens: list[tuple[When, Model]] = []
     for component in tree.components:
         path = component.__dict__["_path"]
         count = 0
@@ -192,6 +196,8 @@ def flatten(model: Model | Builder) -> FlatModel:
                 branches.append(FlatBranch(name, item.expression.sx, item.where))
             elif isinstance(item, TreeEdge):
                 edges.append(item)
+            elif isinstance(item, When):
+                whens.append((item, component))
             elif isinstance(item, Energy):
                 energies.append(FlatEnergy(item.kind, path, item.expression.sx))
             else:
@@ -218,6 +224,7 @@ def flatten(model: Model | Builder) -> FlatModel:
         tree=tree,
         initial=initial,
         energies=energies,
+        events=collect_events(tree, whens, equations),
         positive=frozenset(q.name for q in parameters if q.symbol.element_hash() in positive),
     )
 
@@ -232,7 +239,7 @@ def _items(component: Model, method: str) -> Iterable[tuple[Any, SourceLocation 
     written = getattr(type(component), method)
     with persons_code(what, written):
         source = getattr(component, method)()
-    if source is None or isinstance(source, (Relation, Connection, Branch)):
+    if source is None or isinstance(source, (Relation, Connection, Branch, When)):
         what_came = "nothing" if source is None else f"one {type(source).__name__.lower()}"
         raise ModelError(f"{what} returned {what_came}; expected 'yield' in front of each equation", line_of(written))
     for item in each_of(source, what):
@@ -246,7 +253,7 @@ def _no_equation(item: Any, component: Model, method: str, where: SourceLocation
     shown = item if isinstance(item, (bool, int, float, str)) else type(item).__name__
     return ModelError(
         f"{type(component).__name__}.{method}() yielded {shown}, which is no equation; expected 'a == b' on "
-        "expressions of the model, gt.connect or gt.branch",
+        "expressions of the model, gt.connect, gt.branch or gt.when",
         where,
     )
 

@@ -19,7 +19,7 @@ from .differentiation import differentiate, folded as folded_into, pairs_of, sta
 from .flat import FlatEquation, FlatModel
 from .graph import strong_components
 from .pivots import SignAnalysis, median
-from .relevance import Condition, condition_block, conditions_on, needed, set_apart
+from .relevance import KnownCondition, condition_block, conditions_on, needed, set_apart
 from .solving import solve_block
 from .states import Stage, choose
 from .structure import EquationStructure, analyse
@@ -55,7 +55,7 @@ class CausalPlan:
     sampler: Sampler
     system: ca.SX
     conditions: list[FlatEquation] = field(default_factory=list)
-    on_known: list[Condition] = field(default_factory=list)
+    on_known: list[KnownCondition] = field(default_factory=list)
     undetermined: list[int] = field(default_factory=list)
     moved: list[Moved] = field(default_factory=list)
     sides: list[Margin] = field(default_factory=list)
@@ -104,6 +104,12 @@ def make_plan(
 
     Raises ModelError for a system that is not square, redundant, singular or without a consistent point.
     """
+    if flat.events is not None and flat.events.modes:
+        raise ModelError(
+            f"{flat.title} has equations that switch by gt.If, which only simulate() follows; for anything else write "
+            "the side that is meant, or a smooth function",
+            flat.events.modes[0].where,
+        )
     check_branches(flat, branches or {})
     posed = _posed(flat, known, targets, prefer, apart)
     sampler, samples, changed = _located(posed, at)
@@ -232,7 +238,7 @@ def _reached(roots: list[Pair], solver: dict[Pair, Pair], used: dict[Pair, list[
 
 def _read(
     posed: _Posed, order: _Order, fold: ca.SX | None, sampler: Sampler, samples: np.ndarray
-) -> tuple[set[Pair], list[Condition]]:
+) -> tuple[set[Pair], list[KnownCondition]]:
     """What the equations as written read: a parameter that happens to be zero changes no signature. And
     the conditions on it."""
     flat, solver = posed.flat, order.solver

@@ -21,7 +21,7 @@ Pair = tuple[int, int]
 
 
 @dataclass(frozen=True, eq=False)
-class Condition:
+class KnownCondition:
     """What known values must satisfy: `order` times differentiated, with `symbols` in it.
 
     `square` is the square of the size that its residual is compared with: that of the equation's own constant (1 for
@@ -34,7 +34,7 @@ class Condition:
     symbols: frozenset[Pair]
     square: ca.SX
 
-    def folded(self, p: ca.SX, values: ca.SX) -> Condition:
+    def folded(self, p: ca.SX, values: ca.SX) -> KnownCondition:
         """With values in place of the parameters."""
         residual, square = ca.substitute([self.residual, self.square], [p], [values])
         return replace(self, residual=residual, square=square)
@@ -83,13 +83,13 @@ def needed(
 
 def conditions_on(
     flat: FlatModel, equations: Sequence[FlatEquation], read: set[Pair], sampler: Sampler, samples: np.ndarray
-) -> list[Condition]:
+) -> list[KnownCondition]:
     """The conditions on what is read of known variables, each differentiated as often as these are.
 
     e'e == 1 says e'der(e) == 0 where der(e) is read: a rate that stretches a quaternion is the rate of no rotation.
     """
     read = set(read)
-    conditions: dict[tuple[int, int], Condition] = {}
+    conditions: dict[tuple[int, int], KnownCondition] = {}
     while True:
         before = len(conditions)
         for n, e in enumerate(equations):
@@ -104,7 +104,7 @@ def conditions_on(
                     products = ca.gradient(residual, ca.vertcat(*terms)) * ca.vertcat(*terms) if terms else ca.SX(0)
                     square = size**2 + ca.sumsqr(products)
                     label = f"{e.label}{chr(39) * m} ({e.where})"
-                    conditions[n, m] = Condition(label, residual, m, frozenset(symbols), square)
+                    conditions[n, m] = KnownCondition(label, residual, m, frozenset(symbols), square)
                     read |= set(symbols)
                 residual = flat.scope.derivative(residual) if m < top else residual
         if len(conditions) == before:
@@ -127,7 +127,7 @@ def _own_size(flat: FlatModel, residual: ca.SX, sampler: Sampler, samples: np.nd
     return float(f"{size:.3g}") if np.isfinite(size) and size > 0 else 1.0
 
 
-def condition_block(conditions: Sequence[Condition]) -> SolvedBlock:
+def condition_block(conditions: Sequence[KnownCondition]) -> SolvedBlock:
     """A block that computes nothing; its margins turn negative where the known values break a condition."""
     labels = [c.label for c in conditions]
     margins = [Margin("condition", CONDITION_TOLERANCE**2 * c.square - c.residual**2, c.label) for c in conditions]

@@ -4,7 +4,10 @@ Feedforward      forces that a model needs for a reference, with a PD feedback b
 ComputedTorque   inverse dynamics at the measured state for a commanded acceleration
 Feedback         the PD feedback alone
 tracking_loop    a plant under one of them, as a model to simulate
-track            such a simulation, with its tracking error
+sampled_loop     a plant under one of them at samples, with a delay, as a digital controller has it
+sampled_law      such a law as a block, for loops of your own; law_function, law_causal: as a function,
+                 the second one for gt.cgen
+track            a simulation of either, with its tracking error
 zero_vibration, zero_vibration_derivative, Shaper   motions shaped so that a flexible mode ends at rest
 residual_vibration    how far a mass on a spring swings after a motion
 """
@@ -26,6 +29,13 @@ if TYPE_CHECKING:
         zero_vibration as zero_vibration,
         zero_vibration_derivative as zero_vibration_derivative,
     )
-    from .tracking_loop import Tracked as Tracked, track as track, tracking_loop as tracking_loop
+    from .sampled_loop import (
+        law_causal as law_causal,
+        law_function as law_function,
+        sampled_law as sampled_law,
+        sampled_loop as sampled_loop,
+    )
+    from .tracked import Tracked as Tracked, track as track
+    from .tracking_loop import tracking_loop as tracking_loop
 
 public(__name__)

@@ -135,15 +135,15 @@ def _figures(
     def efforts(of: Rows, modelled: np.ndarray, title: str) -> Any:
         from ..plot.identification import efforts_figure
 
-        return efforts_figure(of.time, of.effort, modelled, rows.targets, rows.effort_unit, title)
+        return efforts_figure(of.time, of.effort, modelled, rows.targets, rows.common_unit, title)
 
     def friction() -> Any:
         from ..plot.identification import friction_figure
 
         law = rows.Y[:, :, at] @ identification.parameters[at]
-        rate = "m/s" if rows.effort_unit == "N" else "rad/s"
+        rate = {"N": "m/s", "SI": "SI"}.get(rows.common_unit, "rad/s")
         return friction_figure(
-            rows.velocity, rows.effort - fit + law, law, rows.targets, (rate, rows.effort_unit), title
+            rows.velocity, rows.effort - fit + law, law, rows.targets, (rate, rows.common_unit), title
         )
 
     def closed_loop() -> Any:

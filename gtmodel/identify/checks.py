@@ -8,14 +8,18 @@ import numpy as np
 
 from ..inference import FALSE_ALARM, binomial_band
 from ..results import Check, at_least, at_most
+from ..results.check import bound_in_words
+from ..results.unit_names import split
 from .asked import Asked
 from .exchanged import exchanged_efforts
 from .inertia import Identification, Validation
 from .recordings import Recordings
 from .repeated import Repeated
+from .rows import COPIED, copied_rows
 from .work import DEVIATIONS, work_of
 
 LOOK = "the notes say what to look at"
+READ = f"{LOOK}; what is right all the same is named in accept"
 UNEXPLAINED = 0.5  # rms of what is left over rms of the effort: beyond, the model is not that of the log
 FAR = 300.0  # times the nominal value: a factor 1000 of a unit, not a payload
 SATURATED = 0.02  # of the samples at the largest or smallest reading: noise alone does not stay there
@@ -47,7 +51,7 @@ def judged(
         bound = held_out.bound if np.isfinite(held_out.bound) else None
         checks["held_out_over_fitted_noise"] = Check(held_out.ratio, bound, LOOK, judged=held_out.passed)
     shares = np.sqrt(np.mean(identification.residuals**2, axis=0) / np.mean(rows.effort**2, axis=0))
-    checks["unexplained_share"] = at_most(float(np.max(shares)), UNEXPLAINED, LOOK)
+    checks["unexplained_share"] = at_most(float(np.max(shares)), UNEXPLAINED, READ)
     said += [
         f"{t}: {100 * share:.3g} % of its rms are left unexplained; check sign, order and units of the columns"
         for t, share in zip(rows.targets, shares, strict=True)
@@ -62,19 +66,19 @@ def judged(
             # of what the noise leaves: a drive without friction takes and gives nothing on average
             worst = int(np.argmin(work.friction / np.maximum(work.friction_noise, TINY)))
             least = -DEVIATIONS * float(work.friction_noise[worst])
-            checks["work_of_friction_J"] = at_least(float(work.friction[worst]), min(least, 0.0), LOOK)
+            checks["work_of_friction_J"] = at_least(float(work.friction[worst]), min(least, 0.0), READ)
         other = work if validation is None else work_of(identification, validation.rows) or work
         checks["energy_balance"] = Check(other.balance, other.bound, LOOK, judged=other.balanced)
         said += work.driving(rows.targets) + other.unbalanced()
     delay = identification.delay
     if delay is not None:
-        checks["delay_moves_a_parameter"] = Check(delay.moves, delay.bound, LOOK, judged=delay.passed)
+        checks["delay_moves_a_parameter"] = Check(delay.moves, delay.bound, READ, judged=delay.passed)
     if order is not None:
-        checks["exchanged_columns"] = Check(order.ratio, order.bound, LOOK, judged=order.passed)
+        checks["exchanged_columns"] = Check(order.ratio, order.bound, READ, judged=order.passed)
     far = _far_off(identification, asked.regressor.base)
-    checks["parameters_far_off"] = at_most(float(len(far)), 0.0, LOOK)
+    checks["parameters_far_off"] = at_most(float(len(far)), 0.0, READ)
     piled = _piled(data, asked.how.targets)
-    checks["saturated_share"] = at_most(max((share for share, _ in piled), default=0.0), SATURATED, LOOK)
+    checks["saturated_share"] = at_most(max((share for share, _ in piled), default=0.0), SATURATED, READ)
     said += [*far, *(sentence for share, sentence in piled if share > SATURATED)]
     if identification.left_out:
         group = min(identification.left_out, key=lambda t: t.p * t.tests)
@@ -85,7 +89,19 @@ def judged(
         low, high = binomial_band(seen.runs, seen.level, 1 - FALSE_ALARM / len(seen.names))
         outside = int(np.count_nonzero((seen.hits < low) | (seen.hits > high))) + len(seen.biased)
         checks["parameters_outside_the_binomial_band"] = at_most(float(outside), 0.0)
-    return checks, said
+    if COPIED in asked.how.accept and (copy := copied_rows(data.fitted, asked.names)):
+        said.append(f"accepted ({COPIED}): {copy}")
+    return _accepted(checks, asked.how.accept, said), said
+
+
+def _accepted(checks: dict[str, Check], names: Sequence[str], said: list[str]) -> dict[str, Check]:
+    """The checks without those that failed and are accepted, which are said instead."""
+    failed = [name for name, check in checks.items() if split(name)[0] in names and not check.passed]
+    for name in failed:
+        bare, unit = split(name)
+        check = checks[name]
+        said.append(f"accepted ({bare}): {check.value:.4g}{unit and f' {unit}'}, {bound_in_words(check)}")
+    return {name: check for name, check in checks.items() if name not in failed}
 
 
 def _far_off(identification: Identification, base: Sequence[str]) -> list[str]:

@@ -174,7 +174,7 @@ def _fitted(asked: Asked, data: Recordings, place: str) -> tuple[Identification,
     how, used = asked.how, asked.processing
 
     def rows_from(sessions: Sequence[Session], processing: Processing, per_session: bool) -> Rows:
-        rows = rows_of(sessions, asked.regressor, processing, *asked.names)
+        rows = rows_of(sessions, asked.regressor, processing, *asked.names, accept=how.accept)
         return rows if data.offsets is None else with_offsets(rows, how.targets, per_session=per_session)
 
     with naming(place, ModelError, TrajectoryError):

@@ -150,8 +150,8 @@ class IdentificationStudy(Study):
         return rows + [Row(name, value) for name, value in (self.corrections or {}).items()]
 
     def _fit_rows(self, fit: Identification) -> list[Row]:
-        rows, unit = [], fit.rows.effort_unit
-        for k, target in enumerate(fit.rows.targets):
+        rows = []
+        for k, (target, unit) in enumerate(zip(fit.rows.targets, fit.rows.units_of_targets, strict=True)):
             rows.append(Row(f"noise of {target}", float(fit.noise[k]), unit))
             if self.held_out_rms is not None:
                 rows.append(Row(f"held-out error of {target}", float(self.held_out_rms[k]), unit))

@@ -14,6 +14,16 @@ if TYPE_CHECKING:
 else:
     Model = hint("gtmodel.lang.model", "Model")
 
+# alarms about how a log was read; each can be accepted
+Suspicion = Literal[
+    "unexplained_share",
+    "work_of_friction",
+    "exchanged_columns",
+    "parameters_far_off",
+    "saturated_share",
+    "delay_moves_a_parameter",
+    "copied_rows",
+]
 MASK_STEPS = 3.0  # quantisation steps per sample: below, the sign of a velocity is not known
 
 
@@ -68,6 +78,11 @@ class Fitting(Options):
         Literal["auto", "white", "newey_west"],
         "what intervals assume of residuals; auto takes newey_west where they are coloured",
     ] = "auto"
+    accept: Annotated[
+        list[Suspicion],
+        "alarms about how the log was read that are notes and fail nothing: unexplained_share, work_of_friction, "
+        "exchanged_columns, parameters_far_off, saturated_share, delay_moves_a_parameter, copied_rows",
+    ] = field(default_factory=list)  # fmt: skip
 
 
 @dataclass(frozen=True)

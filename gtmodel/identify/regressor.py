@@ -58,7 +58,7 @@ class Regressor:
 
     Attributes: names (p,) of the parameters, nominal (p,) their values in the model [SI], units (p,), inputs and
     outputs (signals with name, shape and unit), columns: names of the scalar targets; base: those of the names that are
-    base parameters, of a `BaseRegressor` alone.
+    base parameters, of a `BaseRegressor` alone; column_units: of the targets, where each has its own, else empty.
 
     Raises ModelError for an unknown parameter, for one in which a target is not linear, for an idle one,
     and where the motion does not determine the targets.
@@ -98,9 +98,13 @@ class Regressor:
         entries = [flat.parameters[k] for k in self._chosen]
         self.names = tuple(q.name for q in entries)
         self.nominal = np.array([q.value for q in entries])
-        self.units = tuple(q.unit or "?" for q in entries)
         self.inputs, self.outputs = causal.inputs, causal.outputs
         self.columns = tuple(n for s in self.outputs for n in _elements(s.name, s.shape))
+        by_joint = getattr(model, "joint_unit", lambda _: "")  # of a serial arm
+        self.units = tuple(q.unit or by_joint(q.name) or "?" for q in entries)
+        # where the joints of an arm have units of their own
+        apart = self.outputs[0].unit == "?"
+        self.column_units = tuple(by_joint(n) or "?" for n in self.columns) if apart else ()
         self._title = flat.title
         plan = _partly_folded(causal, self._chosen)
         self._uses_time = plan.uses_time

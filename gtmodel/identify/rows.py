@@ -40,6 +40,7 @@ DISTINCT = 0.5  # of a stretch of efforts that is taken for a copy: a coarse rea
 FIRST = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12
 SECOND = np.array([-1.0, 16.0, -30.0, 16.0, -1.0]) / 12
 HALF = 2
+COPIED = "copied_rows"  # what accepts recordings that hold a stretch twice
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +52,8 @@ class Rows:
     alike, of which a delay adds a share. `starts` are the rows where recordings begin. The processing had the cut-off
     `cutoff_Hz`, took `every` how many-th sample, with the `interval` [s] between rows, and left out the share `dropped`
     of the samples, those slower than `threshold` [`velocity_unit`]. `synthetic` is the log's own note; `signed` are
-    names that may be negative although masses and friction may not.
+    names that may be negative although masses and friction may not. `target_units` (m,) are those of an arm with joints
+    of both kinds, where the efforts have no common one; else empty.
     """
 
     names: tuple[str, ...]
@@ -75,6 +77,17 @@ class Rows:
     signed: tuple[str, ...] = ()
     velocity_unit: str = "m/s"
     effort_rate: Array | None = None
+    target_units: tuple[str, ...] = ()
+
+    @property
+    def units_of_targets(self) -> tuple[str, ...]:
+        """Unit of each target."""
+        return self.target_units or (self.effort_unit,) * len(self.targets)
+
+    @property
+    def common_unit(self) -> str:
+        """Of all targets in a picture; "SI" where each has its own."""
+        return "SI" if self.target_units else self.effort_unit
 
     def __len__(self) -> int:
         return len(self.time)
@@ -107,6 +120,8 @@ def rows_of(
     processing: Processing | None = None,
     known: str = "q",
     targets: str = "tau",
+    *,
+    accept: Sequence[str] = (),
 ) -> Rows:
     """Rows of one or several recordings of one plant.
 
@@ -122,6 +137,7 @@ def rows_of(
         regressor: of the parameters to be fitted.
         processing: filter and selection of rows.
         known, targets: the measured position and efforts, by the model's names.
+        accept: "copied_rows" takes recordings that hold a stretch twice.
 
     Raises ModelError where the regressor has no value (naming the time) or all rows are too slow; TrajectoryError where
     a recording is too short for the filter, or holds a copy of what another or itself has held before.
@@ -141,7 +157,8 @@ def rows_of(
     ((58, 1, 3), (58, 1), 5.0, 28)
     """
     sessions = [sessions] if isinstance(sessions, Session) else list(sessions)
-    refuse_copies(sessions, (known, targets))
+    if COPIED not in accept and (copy := copied_rows(sessions, (known, targets))):
+        raise TrajectoryError(f'{copy}; if it is right, accept = ["{COPIED}"]')
     processing = processing or Processing()
     cutoff = processing.cutoff
     if cutoff is None:
@@ -173,21 +190,23 @@ def rows_of(
         threshold=threshold,
         synthetic="; ".join(notes) or None,
         velocity_unit=unit,
+        target_units=regressor.column_units,
         **joined,
     )
 
 
-def refuse_copies(sessions: Sequence[Session], signals: Sequence[str]) -> None:
-    """Raises TrajectoryError where a stretch of these signals repeats an earlier one in every digit; or of the last one
-    alone, the efforts: positions that were moved by a constant differ in their digits."""
+def copied_rows(sessions: Sequence[Session], signals: Sequence[str]) -> str | None:
+    """A sentence where a stretch of these signals repeats an earlier one in every digit; or of the last one alone, the
+    efforts: positions that were moved by a constant differ in their digits."""
     copy = _copied(sessions, signals, 0.0) or _copied(sessions, signals[-1:], DISTINCT)
-    if copy is not None:
-        again, first = sessions[copy.again], sessions[copy.first]
-        raise TrajectoryError(
-            f"'{again.name}' repeats from {again.trajectory.time[copy.at]:g} s on, in {copy.rows} samples and every "
-            f"digit, what '{first.name}' holds from {first.trajectory.time[copy.of]:g} s on; noise does not repeat "
-            "itself, and a copy counts twice and narrows the intervals: take it out"
-        )
+    if copy is None:
+        return None
+    again, first = sessions[copy.again], sessions[copy.first]
+    return (
+        f"'{again.name}' repeats from {again.trajectory.time[copy.at]:g} s on, in {copy.rows} samples and every "
+        f"digit, what '{first.name}' holds from {first.trajectory.time[copy.of]:g} s on; noise does not repeat "
+        "itself, and a copy counts twice and narrows the intervals: take it out"
+    )
 
 
 def _copied(sessions: Sequence[Session], signals: Sequence[str], distinct: float) -> Stretch | None:
@@ -229,7 +248,7 @@ def with_offsets(rows: Rows, signal: str, *, per_session: bool = True) -> Rows:
         rows,
         names=(*rows.names, *names),
         nominal=np.concatenate([rows.nominal, np.zeros(len(names))]),
-        units=(*rows.units, *[rows.effort_unit] * len(names)),
+        units=(*rows.units, *rows.units_of_targets * count),
         Y=np.concatenate([rows.Y, columns], axis=2),
         signed=(*rows.signed, *names),
     )

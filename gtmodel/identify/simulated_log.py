@@ -110,8 +110,9 @@ class LogSimulator:
                 f"at {time[bad[0]]:g} s of the motion {Status(int(status[bad[0]])).message}; take a smaller range"
             )
         signal = {s.name: s for s in f.inputs}[known]
-        units = {known: signal.unit, targets: f.outputs[0].unit}
-        units |= {name: rate_unit(signal.unit, k) for k, name in ((1, f"der({known})"), (2, f"der({known},2)"))}
+        unit, effort = ("1" if u == "?" else u for u in (signal.unit, f.outputs[0].unit))  # joints of both kinds
+        units = {known: unit, targets: effort}
+        units |= {name: rate_unit(unit, k) for k, name in ((1, f"der({known})"), (2, f"der({known},2)"))}
         self.known, self.targets, self.sample_time = known, targets, sample_time
         self.truth = Trajectory(time, {**given, targets: efforts}, units, synthetic="exact motion, no noise")
 

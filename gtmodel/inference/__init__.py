@@ -12,7 +12,8 @@ Worth
     newey_west, decimated, block_bootstrap   covariance under coloured residuals
     whiteness, normality, noise_size, cross_validation   what residuals say of a model
     held_out_ratio, freedom_of  how much larger than fitted errors held-out ones are by chance; FALSE_ALARM of verdicts
-    over_noise                  are residuals as large as the stated noise, by more than chance and than matters
+    over_noise, chi_squared_over_noise   are residuals larger than the stated noise, by more than chance and than
+                                matters
     between_recordings          have recordings of one machine disjoint intervals, and by how much
     chance_ratio                of two rms errors of one size
 Proof
@@ -42,6 +43,7 @@ if TYPE_CHECKING:
         HeldOut as HeldOut,
         OverNoise as OverNoise,
         chance_ratio as chance_ratio,
+        chi_squared_over_noise as chi_squared_over_noise,
         freedom_of as freedom_of,
         held_out_ratio as held_out_ratio,
         over_noise as over_noise,

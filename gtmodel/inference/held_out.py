@@ -9,13 +9,13 @@ import numpy as np
 
 from ..results.estimate import Estimate
 from ..results.refusal import ArgumentError
+from .residuals import SMALL_P
 
 # probability that a sound model fails one verdict: seldom enough for an exit code that scripts rely on
 FALSE_ALARM = 1e-3
-# a ratio that matters: two halves of one recording or grid differ by some tenths where the model lacks a little
+# a ratio that matters: two halves of one recording or grid differ by some tenths where the model lacks a little, and
+# the noise of a device is seldom known to better than 30 %; beyond 1.41 more than half of the mean square is no noise
 MATTERS = 1.5
-# residuals over a stated noise that matter: noise is seldom known much better
-NOISE_MATTERS = 1.6
 
 
 class _Bounded:
@@ -54,42 +54,84 @@ class HeldOut(_Bounded):
 
 @dataclass(frozen=True)
 class OverNoise(_Bounded):
-    """Rms residuals of a fit over the stated noise: `ratio`, and the `bound` of a sound model, see over_noise()."""
+    """Rms residuals over the stated noise: `ratio`, and the `bound` of a sound model, see over_noise().
+
+    `p`: how often noise as it was stated leaves residuals as large as these or larger.
+    """
 
     ratio: float
     bound: float
+    degrees_of_freedom: float
+    p: float
+
+    @property
+    def as_stated(self) -> bool:
+        """Whether noise as it was stated explains the residuals, neither more nor less; p is 1 % or more."""
+        return SMALL_P / 2 <= self.p <= 1 - SMALL_P / 2
+
+    @property
+    def extent(self) -> str:
+        """The ratio in words, without what it may come from."""
+        if not np.isfinite(self.bound):
+            return "as many parameters as equations were fitted: residuals say nothing of the noise"
+        of = f"{self.degrees_of_freedom:.4g} degrees of freedom, p = {self.p:.2g}"
+        if self.as_stated:
+            return f"residuals are as large as the stated noise ({self.ratio:.3g} times, {of})"
+        size = f"residuals are {self.ratio:.3g} times the stated noise"
+        if self.ratio < 1:
+            return f"{size}: it was stated too large ({of})"
+        if self.passed:
+            return f"{size} ({of}): more than chance, but less than the {self.bound:.3g} times that matter"
+        return f"{size}, of a sound model {self.bound:.3g} times at most ({of})"
 
     @property
     def message(self) -> str:
-        if not np.isfinite(self.bound):
-            return "as many parameters as equations were fitted: residuals say nothing of the noise"
-        return (
-            f"residuals are {self.ratio:.3g} times the stated noise, of a sound model {self.bound:.3g} times at most"
-            + ("" if self.passed else ": the model lacks an effect, or the noise was stated too small")
-        )
+        if self.as_stated or not self.ratio > 1 or not np.isfinite(self.bound):
+            return self.extent
+        return f"{self.extent}: the model lacks an effect, or the noise was stated too small"
 
 
-def over_noise(estimate: Estimate, *, false_alarm: float = FALSE_ALARM, matters: float = NOISE_MATTERS) -> OverNoise:
-    """Judge the residuals of a fit whose noise was stated: is something in them that the model lacks?
-
-    The bound is the larger of `matters` and of the ratio that noise alone exceeds with probability `false_alarm`: a
-    noise that was stated as it is leaves a chi-squared sum of squares. Raises ArgumentError where it was not stated.
+def over_noise(estimate: Estimate, *, false_alarm: float = FALSE_ALARM, matters: float = MATTERS) -> OverNoise:
+    """Judge the residuals of a fit whose noise was stated, see chi_squared_over_noise(). Raises ArgumentError where it
+    was not stated.
 
     >>> values = 3.0 + 0.4 * np.random.default_rng(1).normal(size=50)
     >>> e = gt.inference.linear_fit(np.ones((50, 1)), values, ["mean"], sigma=0.1)
     >>> judged = gt.inference.over_noise(e)
     >>> judged.passed, round(judged.ratio, 1), judged.bound
-    (False, 3.6, 1.6)
+    (False, 3.6, 1.5)
     """
     if not estimate.known_noise:
         raise ArgumentError("the noise was not given, so that the residuals cannot be compared with it; give sigma")
-    left = estimate.degrees_of_freedom
-    if not left > 0:
-        return OverNoise(estimate.noise, np.inf)
+    squares = float(np.sum(np.square(estimate.residuals)))
+    return chi_squared_over_noise(squares, estimate.degrees_of_freedom, false_alarm=false_alarm, matters=matters)
+
+
+def chi_squared_over_noise(
+    chi_squared: float, degrees_of_freedom: float, *, false_alarm: float = FALSE_ALARM, matters: float = MATTERS
+) -> OverNoise:
+    """Judge a sum of squared residuals in units of a stated noise: is something in them that the model lacks?
+
+    The bound on their rms is the larger of `matters` and of the ratio that noise alone exceeds with probability
+    `false_alarm`: a noise that was stated as it is leaves a chi-squared sum of squares. The power: an error of three
+    times the noise, of which the fit takes up no more than of the noise, leaves a noncentral sum, and passes so seldom:
+
+    >>> from scipy import stats
+    >>> for n in (3, 5, 10, 100):
+    ...     bound = gt.inference.chi_squared_over_noise(n, n).bound
+    ...     print(n, round(bound, 2), f"{stats.ncx2.cdf(n * bound**2, n, 9 * n):.0e}")
+    3 2.33 8e-02
+    5 2.03 6e-03
+    10 1.72 2e-06
+    100 1.5 3e-67
+    """
+    if not degrees_of_freedom > 0:
+        return OverNoise(np.nan, np.inf, degrees_of_freedom, np.nan)
     from scipy import special  # here: keys of kinds import this module
 
-    chance = float(np.sqrt(special.chdtri(left, false_alarm) / left))
-    return OverNoise(float(np.sqrt(np.sum(np.square(estimate.residuals)) / left)), max(matters, chance))
+    chance = float(np.sqrt(special.chdtri(degrees_of_freedom, false_alarm) / degrees_of_freedom))
+    ratio, p = np.sqrt(chi_squared / degrees_of_freedom), special.chdtrc(degrees_of_freedom, chi_squared)
+    return OverNoise(float(ratio), max(matters, chance), degrees_of_freedom, float(p))
 
 
 def chance_ratio(

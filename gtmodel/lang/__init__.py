@@ -6,6 +6,7 @@ from .._lazy import public
 
 if TYPE_CHECKING:
     from .builder import Builder as Builder
+    from .condition import Condition as Condition
     from .connect import (
         Branch as Branch,
         Connection as Connection,
@@ -19,11 +20,13 @@ if TYPE_CHECKING:
         tree_root as tree_root,
     )
     from .declare import (
+        discrete as discrete,
         each as each,
         flow as flow,
         free as free,
         input as input,
         outer as outer,
+        output as output,
         parameter as parameter,
         part as part,
         parts as parts,
@@ -31,6 +34,17 @@ if TYPE_CHECKING:
         ports as ports,
         potential as potential,
         variable as variable,
+    )
+    from .events import (
+        EnergyLoss as EnergyLoss,
+        If as If,
+        Reinit as Reinit,
+        When as When,
+        energy_loss as energy_loss,
+        pre as pre,
+        reinit as reinit,
+        sample as sample,
+        when as when,
     )
     from .expression import Expr as Expr, Relation as Relation, vector as vector
     from .functions import (
@@ -59,6 +73,7 @@ if TYPE_CHECKING:
     from .model import Connector as Connector, Model as Model
     from .optimization import Optimization as Optimization, delayed as delayed, integral as integral, misfit as misfit
     from .piecewise import piecewise as piecewise
+    from .sampled import SampledBlock as SampledBlock
     from .source import ModelError as ModelError, SourceLocation as SourceLocation
     from .units import UnitError as UnitError
 

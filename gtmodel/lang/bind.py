@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from .bound import check_bound
-from .declare import Declaration, Each, Free, Outer, Parameter, Part, Port, Variable
+from .declare import Declaration, Discrete, Each, Free, Outer, Parameter, Part, Port, Variable
 from .expression import Expr, gathered, operand
 from .model import Connector, Model, check_modifiers, walk_declarations
 from .scope import Scope
@@ -36,7 +36,7 @@ class ParameterRecord:
     """A declared parameter after binding: own symbols with numeric values, or an expression of others."""
 
     name: str
-    item: Parameter | Free
+    item: Parameter | Free | Discrete
     component: str
     expression: ca.SX
     indices: list[int]
@@ -89,6 +89,11 @@ def bind_parameter(item: Parameter, tree: Tree) -> Expr:
     return _parameter(item, None, item.name, "", False, tree, item.where)
 
 
+def bind_discrete(item: Discrete, tree: Tree) -> Expr:
+    """Bind one more discrete variable of the root."""
+    return _discrete(item, item.name, "", tree)
+
+
 def bind_part(item: Part, config: Model, tree: Tree) -> Model:
     """Bind one more component of the root."""
     return _bind(config, {}, item.name, tree.root, tree)
@@ -130,6 +135,8 @@ def _bind(
             values[name] = _parameter(item, given, full, path, name in modifiers, tree, places.get(name, item.where))
         elif isinstance(item, Free):
             values[name] = _free(item, full, path, tree)
+        elif isinstance(item, Discrete):
+            values[name] = _discrete(item, full, path, tree)
         elif isinstance(item, Variable):
             values[name] = _variable(item, given or {}, full, path, bound, tree)
         elif isinstance(item, Port):
@@ -210,6 +217,18 @@ def _free(item: Free, full: str, path: str, tree: Tree) -> Expr:
     tree.parameters.append(record)
     dimension = item.dimension if item.unit is not None else (SECOND if full.endswith("_time") else None)
     return Expr(_assemble(symbols, item.shape), item.shape, dimension, tree.scope)
+
+
+def _discrete(item: Discrete, full: str, path: str, tree: Tree) -> Expr:
+    """Like a parameter, whose derivative is zero; events give it other values."""
+    names = element_names(full, item.shape)
+    first = len(tree.scope.parameters)
+    symbols = [tree.scope.new_parameter(n) for n in names]
+    values = np.broadcast_to(item.start, item.shape).reshape(-1).copy()
+    indices = list(range(first, first + len(names)))
+    record = ParameterRecord(full, item, path, ca.vertcat(*symbols), indices, values, item.shape, item.where)
+    tree.parameters.append(record)
+    return Expr(_assemble(symbols, item.shape), item.shape, item.dimension, tree.scope)
 
 
 def _variable(item: Variable, given: dict[str, Any], full: str, path: str, bound: Model, tree: Tree) -> Expr:

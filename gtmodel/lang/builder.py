@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 from . import declare
-from .bind import Tree, bind_parameter, bind_part, bind_variable, empty_tree
+from .bind import Tree, bind_discrete, bind_parameter, bind_part, bind_variable, empty_tree
 from .connect import flatten_items
 from .engine_method import EngineMethod
 from .expression import Expr
@@ -47,6 +47,10 @@ class Builder:
     def input(self, name: str, shape: Any = None, **attributes: Any) -> Expr:
         """Declare an input; attributes as for gt.input."""
         return self._declare(name, declare.input(shape, **attributes), bind_variable)
+
+    def discrete(self, name: str, start: Any = 0.0, **attributes: Any) -> Expr:
+        """Declare a discrete variable with its start; attributes as for gt.discrete."""
+        return self._declare(name, declare.discrete(start, **attributes), bind_discrete)
 
     def parameter(self, name: str, value: Any, **attributes: Any) -> Expr:
         """Declare a parameter with its value; attributes as for gt.parameter."""

@@ -116,6 +116,28 @@ class Free(_Quantity):
         self.high = high
 
 
+class Discrete(_Quantity):
+    """Record of a discrete variable: start value, unit, and whether it is an output of a sampled block."""
+
+    low = high = None
+    positive = nonzero = False
+
+    def __init__(self, start: Any, shape: Any, unit: str | None, description: str, output: bool = False) -> None:
+        try:
+            self.start = floats(start)
+        except (TypeError, ValueError):
+            raise ModelError(f"the start of a discrete variable takes numbers; found {start!r}", here()) from None
+        if not np.all(np.isfinite(self.start)):
+            raise ModelError(f"the start of a discrete variable must be finite; found {start!r}", here())
+        super().__init__(self.start.shape if shape is None else shape, unit, description)
+        if self.start.shape not in ((), self.shape):
+            raise ModelError(
+                f"a discrete variable of shape {self.shape} takes a start of that shape; found {self.start.shape}",
+                self.where,
+            )
+        self.output = output
+
+
 class Part(Declaration):
     """A component, or an array of `count` of them, with modifiers for each."""
 
@@ -333,6 +355,57 @@ def parameter(
     gtmodel.lang.source.ModelError: Rod has no declaration 'length'; it has L (...)
     """
     return Parameter(default, shape, unit, description, positive, nonzero, min, max, increasing, kind)
+
+
+@named
+def discrete(
+    start: Any = 0.0, *, shape: int | Shape | None = None, unit: str | None = None, description: str = ""
+) -> Any:
+    """A variable that keeps its value between events, a line of a class body: `mode = gt.discrete(0.0)`.
+
+    Args:
+        start: its value at the start of a simulation, a number or an array; `simulate(..., start={"mode": 1})` gives
+            another one.
+        shape: None for the start's.
+        unit: SI unit; None switches the dimension check off for it.
+        description: a few words, shown in errors and listings.
+
+    It is a number for the equations, with the derivative 0. A `gt.when` gives it new values, or in a `gt.SampledBlock`,
+    where it is part of the state, `step`. A switch is a discrete variable of 0 and 1. Raises ModelError for a start
+    that is no finite number.
+
+    >>> class Thermostat(gt.Model):
+    ...     T = gt.variable(unit="K", start=290.0, fixed=True)
+    ...     heats = gt.discrete(1.0)
+    ...     def equations(self):
+    ...         yield gt.der(self.T) == 0.1 * self.heats - 0.05
+    ...         yield gt.when(self.T >= 293.0, self.heats == 0.0)
+    ...         yield gt.when(self.T <= 291.0, self.heats == 1.0)
+    >>> run = gt.simulate(Thermostat(), 150.0)
+    >>> [round(e.time, 6) for e in run.events]
+    [60.0, 100.0, 140.0]
+    """
+    return Discrete(start, shape, unit, description)
+
+
+@named
+def output(
+    start: Any = 0.0, *, shape: int | Shape | None = None, unit: str | None = None, description: str = ""
+) -> Any:
+    """An output of a `gt.SampledBlock`, held between two samples; arguments and errors as for `discrete`.
+
+    start: what it gives until the first step has one.
+
+    >>> class Gain(gt.SampledBlock):
+    ...     k = gt.parameter(2.0)
+    ...     x = gt.input()
+    ...     y = gt.output()
+    ...     def step(self, inputs, state):
+    ...         return {"y": self.k * inputs.x}
+    >>> Gain(period=0.1).k
+    2.0
+    """
+    return Discrete(start, shape, unit, description, output=True)
 
 
 @named

@@ -10,6 +10,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from .condition import Condition, joined
 from .scope import Scope
 from .slips import floats
 from .source import ModelError, SourceLocation, dropped, here
@@ -174,8 +175,12 @@ class Expr:
     def __ge__(self, other: object) -> Relation:
         return relation(self, other, ">=")
 
-    __lt__ = __le__
-    __gt__ = __ge__
+    def __lt__(self, other: object) -> Relation:
+        return relation(self, other, "<=", strict=True)
+
+    def __gt__(self, other: object) -> Relation:
+        return relation(self, other, ">=", strict=True)
+
     __hash__ = object.__hash__
 
     def at(self, instant: Any) -> Expr:
@@ -193,7 +198,8 @@ class Expr:
 class Relation:
     """An equation or a constraint: `lhs == rhs`, `lhs <= rhs` or `lhs >= rhs`, with the line where it was written.
 
-    Comparing expressions makes it. It has no truth value: yield it.
+    Comparing expressions makes it. It has no truth value: yield it. In `gt.when` and `gt.If` it is a condition, and
+    `&`, `|` and `~` join several. strict: written with < or >, which differ from <= and >= for discrete variables only.
     """
 
     lhs: ca.SX
@@ -201,6 +207,32 @@ class Relation:
     op: str
     dimension: Dimension | None
     where: SourceLocation
+    scope: Scope
+    strict: bool = False
+
+    def __and__(self, other: Any) -> Condition:
+        return joined("and", self, other)
+
+    def __or__(self, other: Any) -> Condition:
+        return joined("or", self, other)
+
+    def __invert__(self) -> Condition:
+        return joined("not", self)
+
+    def condition(self) -> Condition:
+        """This relation as a condition. Raises ModelError for `==` and for more than one entry."""
+        if self.op == "==":
+            raise ModelError(
+                "'==' of two real quantities holds at no instant that a simulation could meet; compare by <= or >=",
+                self.where,
+            )
+        if self.residual.numel() != 1:
+            raise ModelError(
+                f"a condition compares scalars; found {self.residual.numel()} entries: name the one that is meant, or "
+                "join several by & and |",
+                self.where,
+            )
+        return Condition("relation", (), self, self.where)
 
     @property
     def residual(self) -> ca.SX:
@@ -210,8 +242,8 @@ class Relation:
     def __bool__(self) -> bool:
         raise ModelError(
             f"an equation or inequality ('{self.op}') has no truth value while a model is being built; "
-            "expected it to be yielded; for a <= x <= b use gt.between(a, x, b), in place of if, and, or gt.branch or "
-            "gt.maximum",
+            "expected it to be yielded; for a <= x <= b use gt.between(a, x, b), in place of if gt.If, gt.branch or "
+            "gt.maximum, in place of and, or, not the signs &, |, ~ inside gt.when and gt.If",
             self.where,
         )
 
@@ -352,7 +384,7 @@ def aligned(a: Expr, b: Any, op: str) -> tuple[ca.SX, ca.SX, Dimension | None, S
     return a.sx, sb, dim, a.shape if a.shape else shape_b, a.scope
 
 
-def relation(a: Expr, b: Any, op: str) -> Relation:
+def relation(a: Expr, b: Any, op: str, strict: bool = False) -> Relation:
     sa, sb, dimension, shape, _ = aligned(a, b, op)
     rows, cols = _columns(shape)
     if sa.shape != (rows, cols):
@@ -363,7 +395,7 @@ def relation(a: Expr, b: Any, op: str) -> Relation:
         raise ModelError(
             f"nothing takes what this '{op}' says; write yield in front of it, or hand it to add() of a Builder", here()
         )
-    return Relation(sa, sb, op, dimension, here())
+    return Relation(sa, sb, op, dimension, here(), a.scope, strict)
 
 
 def matmul(a: Any, b: Any) -> Expr:

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from . import functions as _functions  # noqa: F401  # fills UFUNCS: NumPy on the left of an expression
-from .declare import ATTRIBUTES, Declaration, Each, Free, Outer, Parameter, Part, Port, Variable
+from .declare import ATTRIBUTES, Declaration, Discrete, Each, Free, Outer, Parameter, Part, Port, Variable
 from .engine_method import EngineMethod
 from .expression import Expr
 from .slips import near
@@ -196,7 +196,7 @@ class Connector(Model):
 def walk_declarations(cls: type[Model]) -> Iterator[tuple[str, Declaration]]:
     """Declarations in the order in which they can be bound: parameters, free constants, variables and
     ports, then outer references and parts."""
-    order = (Parameter, Free, Variable, Port, Outer, Part)
+    order = (Parameter, Free, Discrete, Variable, Port, Outer, Part)
     yield from sorted(cls._declared.items(), key=lambda kv: [isinstance(kv[1], kind) for kind in order].index(True))
 
 
@@ -244,6 +244,12 @@ def check_modifiers(
             raise ModelError(
                 f"'{name}' of {cls.__name__}{what} is free, for the optimisation to choose, and takes no modifier; "
                 "declare a parameter, or another guess in a subclass",
+                where,
+            )
+        if isinstance(item, Discrete):
+            raise ModelError(
+                f"'{name}' of {cls.__name__}{what} is a discrete variable and takes no modifier; give its value at the "
+                f"start to simulate(): start={{'{name}': ...}}",
                 where,
             )
         if isinstance(item, Parameter) and not _symbolic(value):

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import casadi as ca
 
 from .source import ModelError, here
+
+if TYPE_CHECKING:
+    from .condition import Condition
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +48,10 @@ class Scope:
         self._time_key = self.time.element_hash()
         self.instants: list[Instant] = []
         self.misfits: list[Misfit] = []
+        # 1 where the condition holds, 0 where it does not; constant between two events
+        self.modes: list[tuple[ca.SX, Condition]] = []
+        # symbols for values just before an event, with what they are values of
+        self.earlier: list[tuple[ca.SX, ca.SX]] = []
 
     def new_chain(self, name: str) -> ca.SX:
         """A new scalar variable; returns its symbol of order 0."""
@@ -67,6 +75,18 @@ class Scope:
         self.parameters.append(s)
         self.parameter_names.append(name)
         return s
+
+    def mode(self, condition: Condition) -> ca.SX:
+        """A symbol that is 1 while a condition holds, else 0: its time derivative is zero."""
+        symbol = ca.SX.sym(f"mode{len(self.modes)}")
+        self.modes.append((symbol, condition))
+        return symbol
+
+    def before(self, expression: ca.SX) -> ca.SX:
+        """Symbols for the entries of an expression just before an event."""
+        entries = [ca.SX.sym(f"pre({x})") for x in ca.vertsplit(ca.vec(ca.densify(expression)))]
+        self.earlier += zip(entries, ca.vertsplit(ca.vec(ca.densify(expression))), strict=True)
+        return ca.reshape(ca.vertcat(*entries), *expression.shape)
 
     def owner(self, symbol: ca.SX) -> tuple[int, int] | None:
         """(variable index, derivative order) of a chain symbol; None for parameters and time."""

@@ -61,13 +61,15 @@ def here() -> SourceLocation:
 
 
 def dropped() -> bool:
-    """Whether the statement that compares, in the innermost calling frame outside the language package, keeps nothing:
-    `a == b` alone on its line, for which Python compares and then pops."""
+    """Whether the statement that compares or calls, in the innermost calling frame outside the language package, keeps
+    nothing: `a == b` alone on its line, for which Python compares and then pops."""
     frame = _callers()
     code, at = frame.f_code.co_code, frame.f_lasti
-    if opname[code[at]] != "COMPARE_OP":
-        return False
     after = at + 2
+    while opname[code[at]] == "CACHE":  # of a call some versions of Python stand at the last one
+        at -= 2
+    if opname[code[at]] not in ("COMPARE_OP", "CALL", "CALL_KW"):
+        return False
     while opname[code[after]] == "CACHE":
         after += 2
     return opname[code[after]] == "POP_TOP"

@@ -26,13 +26,14 @@ class Column(NamedTuple):
     """Where a quantity stands in a log: the column's name, and its unit there.
 
     "q" means also the columns "q[0]", "q[1]" and so on, where there is no "q"; several names make a vector too:
-    `Column(("x", "y", "z"), "mm")`. A member of a MATLAB struct is "rec.q", a field of a message "pose.position.x".
+    `Column(("x", "y", "z"), "mm")`. Components of different units have one each: `Column("q", ("deg", "mm"))`. A member
+    of a MATLAB struct is "rec.q", a field of a message "pose.position.x".
 
     time, stream, file: of its own, for `read_recording`; `read_log` has one of each for all columns.
     """
 
     name: str | Sequence[str]
-    unit: str
+    unit: str | Sequence[str]
     time: Column | None = None
     stream: str = ""
     file: str = ""
@@ -143,7 +144,7 @@ def read_log(
         else:
             step = _sample_time(grid, f"{stream.source} {stream.row}", numbers, begin, sample_time, jitter)
         values = {name: _signal(rows.values[name][part], taken, vector) for name, vector in shape.items()}
-        units = {name: parse_unit(column.unit).si_text for name, column in columns.items()}
+        units = {name: si_unit_of(column.unit) for name, column in columns.items()}
         trajectory = Trajectory(
             grid, values, units, title=" ".join(stream.comments.get("title", [])), provenance=note,
             synthetic="; ".join(stream.comments.get("synthetic", [])) or None,
@@ -156,15 +157,22 @@ LEFT_OUT = ("rows without a number", "rows that came late or twice")  # of the p
 _TIME, _OF = "\0time", "\0session"  # beside the names of quantities
 
 
+def si_unit_of(unit: str | Sequence[str]) -> str:
+    """The SI unit of a quantity in this unit; "1" of one whose components have different ones."""
+    texts = {parse_unit(u).si_text for u in ([unit] if isinstance(unit, str) else unit)}
+    return texts.pop() if len(texts) == 1 else "1"
+
+
 def check_units(columns: Mapping[str, Column], time: Column | None) -> None:
     """Raises LogError for a declared unit that is none, and for a time that is not in one of time."""
     for name, column in {**columns, **({} if time is None else {"time": time})}.items():
-        try:
-            unit = parse_unit(column.unit)
-        except UnitError as error:
-            raise LogError(f"the unit declared for '{name}': {error}") from error
-        if name == "time" and unit.dimension != parse_unit("s").dimension:
-            raise LogError(f"the time is declared in {column.unit}; expected a unit of time such as s or ms")
+        for text in [column.unit] if isinstance(column.unit, str) else column.unit:
+            try:
+                unit = parse_unit(text)
+            except UnitError as error:
+                raise LogError(f"the unit declared for '{name}': {error}") from error
+            if name == "time" and unit.dimension != parse_unit("s").dimension:
+                raise LogError(f"the time is declared in {text}; expected a unit of time such as s or ms")
 
 
 def _one_name(time: Column) -> str:
@@ -182,21 +190,34 @@ def _in_si(
     """The declared columns of a stream, and whether each quantity is a vector."""
     declared = {} if time is None else {_TIME: time}
     declared |= dict(columns) | ({} if session is None else {_OF: Column(session, "1")})
-    groups, changed = dict[str, list[str]](), dict[str, tuple[str, str]]()
+    groups, changed = dict[str, list[str]](), dict[str, list[str]]()
     for name, column in declared.items():
         groups[name] = stream.heads.members(column.name)
-        for member in groups[name]:
-            stream.heads.refuse_other_unit(member, column.unit)
-        changed[name] = column.unit, parse_unit(column.unit).si_text
+        changed[name] = _each(column.unit, groups[name], name)
+        for member, unit in zip(groups[name], changed[name], strict=True):
+            stream.heads.refuse_other_unit(member, unit)
 
     def si(name: str, values: Array) -> Array:
-        unit, si_unit = changed[name]
+        if len(set(changed[name])) > 1:
+            return np.column_stack([in_si(part, u) for part, u in zip(values.T, changed[name], strict=True)])
+        return in_si(values, changed[name][0])
+
+    def in_si(values: Array, unit: str) -> Array:
+        si_unit = parse_unit(unit).si_text
         return values if unit == si_unit else convert(values, unit, si_unit)
 
     rows = stream.read(groups, si, gaps=gaps, progress=progress)
     for values in rows.values.values():
         values.setflags(write=False)  # a trajectory takes them without a copy
     return rows, {name: len(groups[name]) > 1 for name in columns}
+
+
+def _each(unit: str | Sequence[str], members: Sequence[str], name: str) -> list[str]:
+    """The unit of each column. Raises LogError."""
+    units = [unit] * len(members) if isinstance(unit, str) else list(unit)
+    if len(units) != len(members):
+        raise LogError(f"'{name}' has {len(units)} units for {len(members)} columns; give one for all, or one each")
+    return units
 
 
 def _begins(rows: TableRows, session: str | None, stream: Stream) -> list[int]:
@@ -249,7 +270,7 @@ def _refuse_backward(time: Array, begin: int, lines: Lines, stream: Stream, colu
     """Raises LogError with the lines where the time [s] does not increase."""
     if column is None or not (bad := np.flatnonzero(np.diff(time) <= 0)).size:
         return
-    i, unit = int(bad[0]) + 1, column.unit
+    i, unit = int(bad[0]) + 1, column.unit if isinstance(column.unit, str) else column.unit[0]
     here, before = (float(f"{convert(float(t), 's', unit):.12g}") for t in (time[i], time[i - 1]))
     raise LogError(
         f"{stream.source} {stream.row} {lines[begin + i]}, {stream.cell} '{_one_name(column)}': {here!r} {unit} does "

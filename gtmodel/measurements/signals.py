@@ -12,7 +12,7 @@ from ..lang.units import convert, parse_unit
 from ..results.trajectory import Trajectory
 from ..results.trajectory_errors import Array
 from ..results.trajectory_files import PathLike
-from .log import JITTER, TIME, Column, LogError, Session, read_log
+from .log import JITTER, TIME, Column, LogError, Session, read_log, si_unit_of
 
 Estimate = Literal["estimate"]
 ESTIMATE: Estimate = "estimate"
@@ -25,7 +25,7 @@ class Signal:
     """A column of a log, and how the quantity follows from it: quantity(t) = scale column(t + delay) - offset.
 
     Args:
-        column, unit: where it stands, see `Column`.
+        column, unit: where it stands, see `Column`; components of different units have one each.
         scale: quantity per column [quantity_unit / unit].
         offset: what the reading shows, times scale, when the quantity is zero [quantity_unit].
         delay: how late the column is [s].
@@ -42,7 +42,7 @@ class Signal:
     """
 
     column: str | tuple[str, ...]
-    unit: str
+    unit: str | tuple[str, ...]
     scale: float | Estimate = 1.0
     offset: float | Estimate = 0.0
     delay: float | Estimate = 0.0
@@ -50,12 +50,20 @@ class Signal:
     per_session: tuple[What, ...] = ("offset",)
 
     def __post_init__(self) -> None:
-        other = parse_unit(self.quantity_unit or self.unit).dimension != parse_unit(self.unit).dimension
-        if other and self.scale == 1.0:
-            raise LogError(
-                f"the column '{self.column}' is in {self.unit} and the quantity in {self.quantity_unit}; "
-                f'give the scale in {self.quantity_unit} per {self.unit}, or scale = "estimate"'
-            )
+        if not self.units:
+            raise LogError(f"the column '{self.column}' has no unit; give one, or one for each of its columns")
+        for unit in self.units:
+            other = parse_unit(self.quantity_unit or unit).dimension != parse_unit(unit).dimension
+            if other and self.scale == 1.0:
+                raise LogError(
+                    f"the column '{self.column}' is in {unit} and the quantity in {self.quantity_unit}; "
+                    f'give the scale in {self.quantity_unit} per {unit}, or scale = "estimate"'
+                )
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Of its columns, one each or one for all."""
+        return (self.unit,) if isinstance(self.unit, str) else self.unit
 
 
 class FreeCorrection(NamedTuple):
@@ -181,7 +189,7 @@ class Corrections:
             late = np.column_stack([_at(raw.time, rows[:, j], time, cut, float(delay[j])) for j in range(width)])
             corrected = late * (scale * _per_si(signal)) - offset
             quantities[name] = corrected[:, 0] if raw[name].ndim == 1 else corrected
-            units[name] = parse_unit(signal.quantity_unit or signal.unit).si_text
+            units[name] = si_unit_of(signal.quantity_unit or signal.unit)
         derived = Trajectory(
             time, quantities, units, title=raw.title, provenance=raw.provenance, synthetic=raw.synthetic
         )
@@ -270,9 +278,11 @@ def _at(time: Array, rows: Array, wanted: Array, cut: int, delay: float) -> Arra
     return scipy.interpolate.CubicSpline(time, rows)(wanted + delay)
 
 
-def _per_si(signal: Signal) -> float:
-    """Factor of a column that arrived in SI units: the scale is per the declared unit, the column is not any more."""
-    quantity, unit = parse_unit(signal.quantity_unit or signal.unit), parse_unit(signal.unit)
-    if quantity.dimension == unit.dimension:
-        return 1.0
-    return 1.0 / float(convert(1.0, unit.text, unit.si_text))
+def _per_si(signal: Signal) -> Array:
+    """Factors of columns that arrived in SI units: the scale is per the declared unit, the column is not any more."""
+    factors = []
+    for text in signal.units:
+        quantity, unit = parse_unit(signal.quantity_unit or text), parse_unit(text)
+        alike = quantity.dimension == unit.dimension
+        factors.append(1.0 if alike else 1.0 / float(convert(1.0, unit.text, unit.si_text)))
+    return np.array(factors)

@@ -8,9 +8,9 @@ from typing import Literal
 from pydantic import Field, PositiveFloat
 
 from gtmodel.lang.units import UnitError
-from gtmodel.measurements import Column, LogForm, Session, Signal, read_recording
+from gtmodel.measurements import Column, EvenGrid, LogForm, Session, Signal, read_recording
 from gtmodel.measurements.log import JITTER
-from gtmodel.measurements.resampling import Method, resample
+from gtmodel.measurements.resampling import resample
 from gtmodel.measurements.sampling import EmptyRows, LateRows
 from gtmodel.measurements.signals import read_signals
 from gtmodel.results import ArgumentError, Trajectory, TrajectoryError
@@ -33,11 +33,21 @@ class TimeColumn(FileSection):
     unit: str = Field(default="s", description="its unit there")
 
 
-class MeasuredSignalSection(FileSection):
-    """A measured signal: quantity(t) = scale column(t + delay) - offset. A number fixes, "estimate" frees."""
+class ColumnSection(FileSection):
+    """Columns of a log that show one quantity."""
 
     column: str | list[str] = Field(description='its name in the log; "q" means "q[0]", "q[1]", ... too')
-    unit: str = Field(description="its unit in the log")
+    unit: str | list[str] = Field(description="its unit in the log, or one for each of its columns")
+
+    def shown(self) -> tuple[str | tuple[str, ...], str | tuple[str, ...]]:
+        """Names and units, as the measurements take them."""
+        column, unit = (x if isinstance(x, str) else tuple(x) for x in (self.column, self.unit))
+        return column, unit
+
+
+class MeasuredSignalSection(ColumnSection):
+    """A measured signal: quantity(t) = scale column(t + delay) - offset. A number fixes, "estimate" frees."""
+
     scale: float | Free = Field(default=1.0, description="quantity per column, in SI unit of the key per column's unit")
     offset: float | Free = Field(default=0.0, description="what is read when the quantity is zero, in its SI unit")
     delay_s: float | Free = Field(default=0.0, description="how late the column is")
@@ -46,34 +56,27 @@ class MeasuredSignalSection(FileSection):
     )
 
     def signal(self, key: str, unit: str | None = None) -> Signal:
-        """As the measurements take it; the key, such as force_N, says the quantity's SI unit, or `unit` does.
-
-        Raises InputError.
-        """
-        column = self.column if isinstance(self.column, str) else tuple(self.column)
-        unit = unit_of(key.rpartition(".")[2]) if unit is None else unit
+        """As the measurements take it; the key, such as force_N, says the quantity's SI unit, or `unit` does; "?" says
+        that components have their own. Raises InputError."""
+        unit = unit_of(key.rpartition(".")[2]) if unit is None else unit.removeprefix("?")
+        free = tuple(dict.fromkeys(self.per_session))
         try:
-            return Signal(
-                column, self.unit, self.scale, self.offset, self.delay_s, unit, tuple(dict.fromkeys(self.per_session))
-            )
+            return Signal(*self.shown(), self.scale, self.offset, self.delay_s, unit, free)
         except (TrajectoryError, UnitError) as error:
             raise InputError(str(error), key) from error
 
 
-class RecordedSignalSection(FileSection):
+class RecordedSignalSection(ColumnSection):
     """A column of a recording whose signals may have clocks of their own."""
 
-    column: str | list[str] = Field(description='its name in the log; "q" means "q[0]", "q[1]", ... too')
-    unit: str = Field(description="its unit in the log")
     time: TimeColumn | None = Field(default=None, description="its own column of time; that of the log if left out")
     stream: str = Field(default="", description="its own stream, such as the topic of a bag")
     file: str = Field(default="", description="its own file among those of the log; the one that has the column")
 
     def recorded(self) -> Column:
         """Where it stands."""
-        column = self.column if isinstance(self.column, str) else tuple(self.column)
         time = None if self.time is None else Column(self.time.column, self.time.unit)
-        return Column(column, self.unit, time, self.stream, self.file)
+        return Column(*self.shown(), time, self.stream, self.file)
 
 
 @made_from(LogForm)
@@ -85,27 +88,14 @@ class FormSection(Made):
         return LogForm(**{field: getattr(self, key) for key, field in FormSection.attributes.items()})
 
 
-class ResampleSection(FileSection):
+@made_from(EvenGrid, "start", "end")
+class ResampleSection(Made):
     """Uneven rows on an even grid, before anything else is done with them."""
-
-    sample_time_s: PositiveFloat | None = Field(default=None, description="of the grid; the log's median if left out")
-    method: Method = Field(
-        default="cubic", description="between the rows: cubic spline, linear, or monotone (cubic without overshoot)"
-    )
-    longest_gap_s: PositiveFloat | None = Field(
-        default=None, description="that is bridged; a longer one parts the recording. Five median steps if left out"
-    )
 
     def even(self, sessions: Sequence[Session], key: str) -> list[Session]:
         """The sessions resampled. Raises InputError."""
         try:
-            return [
-                even
-                for s in sessions
-                for even in resample(
-                    s.trajectory, self.sample_time_s, method=self.method, longest_gap=self.longest_gap_s, name=s.name
-                ).sessions
-            ]
+            return [even for s in sessions for even in resample(s.trajectory, name=s.name, **self.given()).sessions]
         except ArgumentError as error:
             argument = {"sample_time": ".sample_time_s", "longest_gap": ".longest_gap_s"}.get(error.argument, "")
             raise InputError(error.message, key + argument) from error

@@ -88,10 +88,12 @@ def _sentence(
     if kind == "extra_forbidden":
         return _unknown(place, schema)
     known = _known(place, schema)
+    about = f" ({known.description})" if known and known.description else ""
     if kind == "missing":
         wanted = _of(known, [a(known.type)]) if known else "a value"
-        about = f" ({known.description})" if known and known.description else ""
         return f"is missing; expected {wanted}{about}", ""
+    if kind == "too_short" and isinstance(_value_at(place, data), dict):
+        return f"is empty; expected an entry or more{about}", ""
     value = f"found {shown(_value_at(place, data))}"
     expected = [_EXPECTED[f["type"]] for f in faults if f["type"] in _EXPECTED]
     entry = _entry(known.type, place) if known and kind in _LISTS else ""

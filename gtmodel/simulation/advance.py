@@ -17,7 +17,9 @@ from .small import History
 from .systems import SimulatedSystem
 
 if TYPE_CHECKING:
-    from .run import Ready
+    from .hybrid.one_step import OneStep
+    from .prepare import Ready
+    from .step import Stepper
 
 # an interval this much shorter than the whole run means that the motion leads nowhere
 SHORTEST = 1e-8
@@ -128,17 +130,22 @@ class Integration:
     def _here(self) -> np.ndarray:
         return self._points(self._x[None, :], self._z[None, :], np.array([self._time]))[0]
 
+    @property
+    def _stepper(self) -> Stepper | OneStep:
+        """What integrates the system."""
+        return self.system.stepper
+
     # -- integration -------------------------------------------------------------------------------
 
     def _advance(self, stop: float, span: float) -> None:
         """One call of the integrator over at most `span` seconds: as many rows at once as go well."""
-        most, whole = self.system.stepper.most, True
+        most, whole = self._stepper.most, True
         while True:
             if self._creeps():
                 raise self._wall(self._time - self._since)
             times, length = self._intervals(stop, span, most)
             begin = self._time
-            result = self.system.stepper(
+            result = self._stepper(
                 self._x, self._z, begin, length, self._p, len(times), self._pace.at(begin), self._likely
             )
             if result is not None and (good := self._accept(times, *result)):
@@ -262,12 +269,16 @@ class Integration:
         rows = self.system.reduced.row(xs, zs, times[:, None], self._p)[0]
         finite = np.all(np.isfinite(rows), axis=1)
         count = len(times) if finite.all() else int(np.argmin(finite))
-        self._recorder.add(times[:count], rows[:count], works[:count])
+        self._recorder.add(self._shown(times[:count]), rows[:count], works[:count])
         self.history.add(tuple(self.system.plan.states), times[:count], xs[:count] / self.system.stepper.x_scale)
         self.audit(points[:count], times[:count])
         if count < len(times):
             self._take(times[count], xs[count], zs[count], works[count])
             raise self._wall(0.0)
+
+    def _shown(self, times: np.ndarray) -> np.ndarray:
+        """Times of rows as they are recorded."""
+        return times
 
     def _wall(self, failed: float | None = None) -> Ended:
         """Why it does not go on from here, over `failed` [s] at once, the shortest interval if left out."""

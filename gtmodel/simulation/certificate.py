@@ -7,7 +7,7 @@ from typing import Any
 
 from ..compiler.causal import compile_causal
 from ..lang.model import Model
-from .run import prepare
+from .prepare import prepare
 
 
 def explain_simulation(

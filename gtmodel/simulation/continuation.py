@@ -59,6 +59,14 @@ class NewtonContinuation:
             last = size
         return z if last <= ROUND_OFF else None
 
+    def step(self, z: np.ndarray, a: np.ndarray) -> np.ndarray | None:
+        """The step of Newton's method from z, at most REACH of each unknown; None where the equations are singular."""
+        r, jacobian = (np.asarray(v.full()) for v in self._newton(z, a))
+        step = solve_rows(jacobian[None], -r.T)[0]
+        if not np.all(np.isfinite(step)):
+            return None
+        return step * min(1.0, float(np.min(self._size(z) / np.maximum(np.abs(step), 1e-300))))
+
     def follow(self, z: np.ndarray, begin: np.ndarray, end: np.ndarray) -> np.ndarray | None:
         """The solution at `end` that continues z, which solves at `begin`; None where it leads nowhere."""
         done, step = 0.0, 1.0

@@ -74,6 +74,16 @@ class SimulationInputs:
         numbers = [given[key] for given in (self.constants, self.parameters) for key in sorted(given)]
         return np.concatenate([[start], *pieces, numbers])
 
+    def with_parameters(self, p: np.ndarray, numbers: Mapping[int, float]) -> np.ndarray:
+        """Values of `p` with other numbers of parameters, by their places in the model's."""
+        p = p.copy()
+        p[[self._parameter[place] for place in numbers]] = list(numbers.values())
+        return p
+
+    def symbol_of(self, place: int) -> ca.SX:
+        """What stands in `p` for a parameter that varies."""
+        return self.p[self._parameter[place]]
+
     @property
     def varied(self) -> tuple[ca.SX, ca.SX]:
         """Symbols of the model's parameters that vary, and what stands for them in `p`."""

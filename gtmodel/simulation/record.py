@@ -14,6 +14,8 @@ from ..results.trajectory import Trajectory
 from .turnover import stored_terms
 
 Pair = tuple[int, int]
+# of the stored energies
+ROUND_OFF = 1e-9
 Shape = tuple[int, ...]
 
 
@@ -59,13 +61,15 @@ def entries_of(flat: FlatModel, outputs: Sequence[str]) -> list[RecordedQuantity
 
 @dataclass(frozen=True, eq=False)
 class Recorded:
-    """What rows consist of: `entries`, and after them `terms` terms of the stored energy; by the names asked for."""
+    """What rows consist of: `entries`, after them `terms` terms of the stored energy and `extra` numbers that are not
+    recorded; by the names asked for."""
 
     names: tuple[str, ...]
     entries: list[RecordedQuantity]
     expressions: list[ca.SX]
     terms: int
     has_energy: bool
+    extra: int = 0
 
     @staticmethod
     def of(flat: FlatModel, outputs: Sequence[str]) -> Recorded:
@@ -86,8 +90,8 @@ class Recorder:
         self._blocks: list[np.ndarray] = []
 
     def add(self, times: np.ndarray, values: np.ndarray, works: np.ndarray) -> None:
-        """Rows: values of the entries, of the stored energy's terms, and of this itself; energies supplied and
-        dissipated so far [J]."""
+        """Rows: values of the entries, of the stored energy's terms, of what is not recorded, and of the stored energy;
+        energies supplied and dissipated so far [J]."""
         self._blocks.append(np.column_stack([times, values, works]))
 
     def trajectory(self) -> tuple[Trajectory, float | None, float]:
@@ -105,11 +109,14 @@ class Recorder:
                 units[e.name] = e.unit
         error, moved = None, 0.0
         terms, column = rows[:, column : column + self._recorded.terms], column + self._recorded.terms
+        column += self._recorded.extra
         if self._recorded.has_energy:
             stored, supplied, dissipated = rows[:, column:].T
             for name, data in (("stored", stored), ("supplied", supplied), ("dissipated", dissipated)):
                 values[f"energy.{name}"], units[f"energy.{name}"] = data, "J"
             flows = np.column_stack([terms, stored, supplied, dissipated])
             moved = float(np.max(np.ptp(flows, axis=0)))
+            # less than this of what is stored is round-off: nothing moves
+            moved = max(moved, ROUND_OFF * float(np.max(np.abs(flows))))
             error = float(np.max(np.abs(stored - stored[0] - supplied + dissipated)))
         return Trajectory(times, values, units), error, moved

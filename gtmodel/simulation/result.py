@@ -10,6 +10,7 @@ from .._lazy import hint
 from ..results.check import Check
 from ..results.status import SolveStatus
 from ..results.trajectory import Trajectory
+from .hybrid.event import Event
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -43,6 +44,10 @@ class Simulation:
     residual: largest |left - right| of any equation as written, at any row, in SI units.
     states: names of the states at the end. switches: their changes on the way.
     chosen: start values that nobody prescribed, by state; the initialisation chose them.
+    events: what happened at instants, in their order. At each the trajectory has two rows, the second one, with what
+        came after it, at the next larger time that a float can hold.
+    samples: inputs and outputs of each sampled block at its samples, by the block's name.
+    accumulation: the time [s] at which events come infinitely close, where that ended the run.
 
     >>> class Ball(gt.Model):
     ...     height = gt.variable(unit="m", start=2.0, fixed=True)
@@ -65,6 +70,9 @@ class Simulation:
     switches: list[Switch] = field(default_factory=list)
     chosen: dict[str, float] = field(default_factory=dict)
     checks: dict[str, Check] = field(default_factory=dict)
+    events: list[Event] = field(default_factory=list)
+    samples: dict[str, Trajectory] = field(default_factory=dict)
+    accumulation: float | None = None
 
     def plot(self, *names: str) -> Figure:
         """The named signals over time, all if none is named, with a mark at each change of states; see

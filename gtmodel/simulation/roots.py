@@ -19,33 +19,27 @@ KEPT = 0.25
 EXPLAINED = 0.3
 
 
-class Roots:
-    """Watches every discriminant, in units of its typical size, with its rate."""
+class Watched:
+    """Expressions of a reduced system with their rates along the motion."""
 
-    def __init__(self, reduced: Reduced, tolerance: float) -> None:
-        margins = [(m, e) for m, e in reduced.margin_expressions if m.kind == "discriminant"]
-        self.labels = [m.label for m, _ in margins]
-        self._touch = max(TOUCH, TOUCH_TOLERANCES * tolerance)
-        d = ca.vertcat(*[e / m.scale for m, e in margins]) if margins else ca.SX(0, 1)
+    def __init__(self, reduced: Reduced, watched: ca.SX) -> None:
+        d = watched
         x, z, t, f = reduced.x, reduced.z, reduced.t, reduced.rates
-        self._count, self._unknowns = d.numel(), z.numel()
+        self.count = d.numel()
         rate = ca.densify(ca.jacobian(d, t) + ca.mtimes(ca.jacobian(d, x), f))
         arguments = [x, z, t, reduced.p]
-        self._values = OverRows(ca.Function("roots", arguments, [d, rate]))
+        self._values = OverRows(ca.Function("watched", arguments, [d, rate]))
         # Newton unknowns move too: rz z' = -(rx x' + rt)
         r = reduced.residuals
         moved = ca.densify(ca.jacobian(r, t) + ca.mtimes(ca.jacobian(r, x), f))
         by_z, rz = ca.densify(ca.jacobian(d, z)), ca.densify(ca.jacobian(r, z))
-        self._uses_z = bool(ca.jacobian(d, z).nnz())
-        self._through_z = ca.Function("through", arguments, [by_z, rz, moved]) if self._uses_z else None
-
-    def __bool__(self) -> bool:
-        return self._count > 0
+        uses_z = bool(ca.jacobian(d, z).nnz())
+        self._through_z = ca.Function("through", arguments, [by_z, rz, moved]) if uses_z else None
 
     def __call__(
         self, xs: np.ndarray, zs: np.ndarray, times: np.ndarray, p: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Discriminants and their rates [1/s], one row for each time."""
+        """Values and their rates [1/s], one row for each time."""
         values, rates = self._values(xs, zs, times[:, None], p)
         if self._through_z is not None:
             rates = rates.copy()
@@ -58,8 +52,21 @@ class Roots:
         return values, rates
 
     def values(self, x: np.ndarray, z: np.ndarray, time: float, p: np.ndarray) -> np.ndarray:
-        """Discriminants at one point for columns of table pieces, one row for each column."""
+        """Values at one point for columns of table pieces, one row for each column."""
         return self._values(x, z, np.array([time]), p.T)[0]
+
+
+class Roots(Watched):
+    """Watches every discriminant, in units of its typical size, with its rate."""
+
+    def __init__(self, reduced: Reduced, tolerance: float) -> None:
+        margins = [(m, e) for m, e in reduced.margin_expressions if m.kind == "discriminant"]
+        self.labels = [m.label for m, _ in margins]
+        self._touch = max(TOUCH, TOUCH_TOLERANCES * tolerance)
+        super().__init__(reduced, ca.vertcat(*[e / m.scale for m, e in margins]) if margins else ca.SX(0, 1))
+
+    def __bool__(self) -> bool:
+        return self.count > 0
 
     def judge(self, times: np.ndarray, values: np.ndarray, rates: np.ndarray) -> tuple[np.ndarray, list[str], float]:
         """For each interval between neighbouring rows whether it is resolved, and the labels of what touches zero in

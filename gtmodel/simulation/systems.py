@@ -145,9 +145,9 @@ class Systems:
         signs, samples = systems._starts(now)
         if signs != systems._signs:
             systems = of_kind((other, signs))
-        return systems._with_numbers(now, samples)
+        return systems.with_numbers(now, samples)
 
-    def _with_numbers(self, now: FlatModel, samples: np.ndarray | None) -> Systems:
+    def with_numbers(self, now: FlatModel, samples: np.ndarray | None) -> Systems:
         """The same with the numbers of a run in place of the parameters that vary; all that is made is kept for all."""
         assert self.original_equations is not None  # made before the copy, so that it is made once
         run = copy(self)

@@ -21,9 +21,11 @@ from gtmodel.results import ArgumentError
 from tests.calibrate.hexapod import PROBLEMS, hexapod, synthetic
 from tests.calibrate.runs import DEPENDENT
 from tests.calibrate.synthetic import _turned, disturbed, true_robot
+from tests.support import arm_poses
 
 Values = dict[str, np.ndarray]
-PERIODS = 3.0  # of an unmodelled error over the range of a coordinate
+# of an unmodelled error over the range of a coordinate: half a period, a bow, is mostly what parameters do
+PERIODS = (1.0, 2.0, 3.0)
 HIDDEN = (
     0.02  # of the robot's size: a fault that moves the drawing's poses by less is hidden, by symmetry or small range
 )
@@ -49,7 +51,7 @@ TURNING = GANTRY | {"e": 1e-4}
 KINDS = {
     "three_link": Kind(("A", "v", "L"), Fit(variant="modified", sensitivity_step=0.0), GANTRY, ("mm",) * 3, 11),
     "three_link_device": Kind(
-        ("A", "L"), Fit(free=["A", "L"], fixed=["A[2]", "A[1,0]", "A[1,2]"], sensitivity_step=0.0), GANTRY,
+        ("A", "L"), Fit(free=["A", "L"], fixed=["A[2]", "A[1,2]"], sensitivity_step=0.0), GANTRY,
         ("mm",) * 3, 9, device=True,
     ),
     "six_link": Kind(
@@ -65,11 +67,17 @@ KINDS = {
     "delta": Kind(
         ("radius", "arm", "end"), Fit(fixed=["angle[2]"], sensitivity_step=0.0), {"q": 2e-5, "T": 3e-5}, ("mm",) * 3, 7
     ),
+    "tracked_arm": Kind(
+        ("theta", "d", "a", "alpha"), Fit(variant="serial", sensitivity_step=0.0), {"q": 2e-5, "T": 3e-5},
+        ("deg",) * 6, 13, device=True,
+    ),
 }  # fmt: skip
 
 
 @cache
 def measured_robot(kind: str) -> Any:
+    if kind == "tracked_arm":
+        return arm_poses.true_arm()
     if kind == "delta":
         return disturbed(
             resolve("models/delta.py:Delta", Context(folder=PROBLEMS), "robot"), KINDS[kind].names, 1e-3, 1
@@ -94,6 +102,10 @@ def true_poses(kind: str, poses: int, rng: np.random.Generator) -> Values:
     if kind == "delta":
         T = np.column_stack([rng.uniform(-0.1, 0.1, (poses, 2)), rng.uniform(0.005, 0.1, poses)])
         return {"q": _causal(kind)(T)[0], "T": T}
+    if kind == "tracked_arm":
+        low, high = np.radians([[-100, -50, -60, -150, -100, -170], [100, 60, 45, 150, 100, 170]])
+        q = rng.uniform(low, high, (poses, 6))
+        return {"q": q, "T": _causal(kind)(q)[0]}
     more = 2 * poses + 10
     if kind == "f1":
         q = np.array([0.72, 0.26, 0.21, 0, 0, 0]) + rng.uniform(-1, 1, (more, 6)) * np.repeat([0.3, 0.5], 3)
@@ -106,14 +118,19 @@ def true_poses(kind: str, poses: int, rng: np.random.Generator) -> Values:
 
 
 def drawn(kind: str, seed: int, poses: int, unmodelled: float = 0.0) -> Values:
-    """What was measured, with noise and an error that is a wave over each coordinate, of so many times the noise."""
+    """What was measured, with noise and an error that is a wave over each coordinate, its rms so many times the noise.
+
+    That is before the fit, which takes up a part of it: what is left for the verdict is less, not more.
+    """
     rng = np.random.default_rng([seed, sorted(KINDS).index(kind)])
     values, noise = true_poses(kind, poses, rng), KINDS[kind].noise
     for name, sigma in noise.items():
         along = values["T" if name == "e" else name]
-        phase, order = rng.uniform(0, 2 * np.pi, along.shape[1]), rng.permutation(along.shape[1])
-        wave = np.sqrt(2) * np.sin(2 * np.pi * PERIODS * (along - along.min(axis=0)) / np.ptp(along, axis=0) + phase)
-        off = sigma * (rng.standard_normal(along.shape) + unmodelled * wave[:, order])
+        k = along.shape[1]
+        phase, order = rng.uniform(0, 2 * np.pi, k), rng.permutation(k)
+        turns = PERIODS[seed % len(PERIODS)] * (along - along.min(axis=0)) / np.ptp(along, axis=0)
+        wave = np.sin(2 * np.pi * turns + phase)
+        off = sigma * (rng.standard_normal(along.shape) + unmodelled * wave[:, order] / np.sqrt(np.mean(wave**2)))
         values[name] = _turned(values[name], off) if name == "e" else values[name] + off
     return values
 

@@ -83,12 +83,18 @@ def test_six_links_of_a_plate_that_hardly_turns_need_priors_and_the_verdict_says
     d1 = gt.robots.make("d1_six_link")
     s = Synthetic(seed=1, low=[-1.5, -4.7, -0.4], high=[-0.5, -3.9, 0.5], counts=[8, 4, 5], load=20e-6,
                   point_error=2e-4, scale_error=1e-4, state_noise=True)  # fmt: skip
-    poses, six = made_poses(d1, s), Fit(variant="six_link", sensitivity_step=0.0)
-    free, known = (study(d1, poses, f) for f in (six, replace(six, priors={"B": Known(std=5e-4)})))
+    poses, unstated = (made_poses(d1, replace(s, state_noise=stated)) for stated in (True, False))
+    six = Fit(variant="six_link", sensitivity_step=0.0)
+    held, known = (study(d1, poses, f) for f in (six, replace(six, priors={"B": Known(std=5e-4)})))
+    free = study(d1, unstated, six)
     assert len(free.values["unknowns"]) == 60 and free.values["prediction_proven"] is False
     assert "two links may have come to coincide: give priors" in free.values["verdict"][-1]
     assert not free.checks["held_out_poses_lost"].passed
     assert known.values["prediction_proven"] and known.values["held_out_mm"]["mean"] < 0.15
+    # priors can be weighed against a stated noise: without any of one's own they are taken from the expected sizes
+    assert held.values["prediction_proven"] and held.values["held_out_mm"]["mean"] < 0.15
+    assert any("60 unknowns are held near their start" in sentence for sentence in held.verdict)
+    assert "held near" not in " ".join(known.verdict)
 
 
 def test_what_cannot_be_made_is_said() -> None:

@@ -1,5 +1,5 @@
 """What is said of many synthetic calibrations of all robots that shipped problems calibrate, of fixed seeds: correct
-data raise no alarm, one fault is named, a perfect model is proven, and one that lacks an effect is not.
+data raise no alarm, and one fault is named.
 
 A fault is left out of the count where nobody can see it: where the drawing's poses (or the actuators for its poses)
 miss the wrong reading by no more than the right one and 2 % of the robot's size, as for an axis about which the poses
@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import pytest
 
-from gtmodel.inference import binomial_band
 from tests.calibrate.drawn import KINDS, Seen, judged, look
 
 DRAWN = 4  # of each kind: 24 correct data sets and 24 with a fault, by turns an exchange, a unit, a sign
@@ -41,23 +40,3 @@ def test_stated_noise_says_what_is_determined_after_the_fit_too() -> None:
     """Noise in metres was taken for residuals in units of it: "0 of 9 parameters or combinations are determined"."""
     after = judged("delta", 0).identifiability_after
     assert after is not None and after["notes"][0].startswith("9 of 9 parameters or combinations are determined")
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_a_perfect_model_is_proven_and_one_that_lacks_an_effect_is_not(kind: str) -> None:
-    """Rank = parameters and 12 equations or more are spare; the effect is of three times the noise."""
-    runs = 5
-    sound, wrong = ([judged(kind, seed, effect) for seed in range(runs)] for effect in (0.0, 3.0))
-    for s in sound:
-        assert s.identifiability_after is not None and s.identifiability_after["redundant"] == 0
-    assert sum(bool(s.prediction_proven) for s in sound) >= binomial_band(runs, SOUND)[0]
-    assert sum(bool(s.prediction_proven) for s in wrong) <= binomial_band(runs, 1 - SOUND)[1]
-
-
-@pytest.mark.proof
-@pytest.mark.parametrize("kind", KINDS)
-def test_verdicts_of_many_seeds(kind: str) -> None:
-    runs = 200
-    sound, wrong = (sum(bool(judged(kind, s, e).prediction_proven) for s in range(runs)) for e in (0.0, 3.0))
-    assert sound >= binomial_band(runs, SOUND)[0]
-    assert wrong <= binomial_band(runs, 1 - SOUND)[1]

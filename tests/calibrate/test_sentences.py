@@ -32,8 +32,10 @@ def test_a_prior_far_from_the_poses_is_named() -> None:
 def test_a_note_is_shown_once() -> None:
     stated = measured("l1", signals={"q": {"noise": 1e-6}, "T": {"noise": 1e-6}})
     outcome = solved("l1", how=stated)
-    (note,) = [s for s in outcome.notes if "times the stated noise" in s]
-    assert note in outcome.verdict and str(outcome).count(note) == outcome._repr_html_().count(note) == 1
+    (note,) = [s for s in outcome.notes if "residuals of the fitted poses are 57.1 times the stated noise" in s]
+    (of_all,) = [s for s in outcome.verdict if s.startswith("residuals are ")]
+    for sentence in (note, of_all):
+        assert str(outcome).count(sentence) == outcome._repr_html_().count(sentence) == 1
 
 
 def test_two_directions_in_one_sentence_are_one_note() -> None:

@@ -8,6 +8,7 @@ import pytest
 import gtmodel as gt
 from gtmodel.identify import Fitting, IdentificationStudy, LogSimulator, Sensors, multisine, study
 from gtmodel.measurements import ESTIMATE, Session, Signal
+from gtmodel.results import ArgumentError
 
 TIME = 0.004 * np.arange(3000)
 
@@ -78,3 +79,12 @@ def test_what_a_recording_alone_does_not_determine_is_not_compared() -> None:
     still = Session("still", quiet.trajectory.with_values({"q": 1e-7 * quiet.trajectory["q"]}), 0.004)
     s = solve(recorded(95.0, 1), recorded(96.0, 3), still, fitting=Fitting(nonnegative=["m"]))
     assert set(s.by_recording["m"]) >= {"day 1", "day 3"} and disagreement(s)
+
+
+def test_a_recording_that_is_given_twice_is_refused_unless_that_is_accepted() -> None:
+    day = recorded(95.0, 1)
+    again = Session("again", day.trajectory, 0.004)
+    with pytest.raises(ArgumentError, match=r'\'again\' repeats .* if it is right, accept = \["copied_rows"\]'):
+        solve(day, again)
+    s = solve(day, again, fitting=Fitting(accept=["copied_rows"]))
+    assert any(n.startswith("accepted (copied_rows): 'again' repeats") for n in s.notes)

@@ -127,6 +127,24 @@ def test_signs_that_no_drive_can_have_are_refused(seed: int, gravity: Any, symme
         identify_friction(both, PATTERN, **how)
 
 
+def test_each_alarm_has_a_key_that_makes_it_a_note() -> None:
+    data = runs(3.0, 1)
+    copied = Runs(*(np.concatenate([part] * 2) for part in data))
+    both = data._replace(force=-data.force, velocity=-data.velocity)
+    exchanged = data._replace(force=data.force[:, [1, 0, 2]])
+    one = data._replace(force=data.force * [1, 1, -1])
+    for wrong, names in (
+        (copied, ["copied_runs"]),
+        (both, ["negative_mass"]),
+        (exchanged, ["exchanged_columns"]),
+        (one, ["driving_friction", "exchanged_columns"]),
+    ):
+        with pytest.raises(ArgumentError, match=rf'if it is right, accept = \["{names[0]}"\]'):
+            identify_friction(wrong, PATTERN, gravity="poses")
+        fit = identify_friction(wrong, PATTERN, gravity="poses", accept=names)
+        assert all(any(note.startswith(f"accepted ({name}): ") for note in fit.notes) for name in names)
+
+
 def test_friction_and_masses_about_zero_are_not_refused() -> None:
     v = runs().velocity
     held = 0

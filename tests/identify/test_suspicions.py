@@ -16,13 +16,15 @@ from tests.identify.plants import NOISE, plant, simulator, truth
 LINKS = gt.robots.inertia_variant("links")
 
 
-def solve(q: np.ndarray | None = None, tau: Any = None, seconds: float = 1.0) -> IdentificationStudy:
+def solve(
+    q: np.ndarray | None = None, tau: Any = None, seconds: float = 1.0, accept: tuple[str, ...] = ()
+) -> IdentificationStudy:
     """A log of the plant, seed 3, with one thing changed; times `seconds` where the clock's unit is wrong."""
     t = simulator(16.0).truth
     clean = t["tau"] + NOISE * np.random.default_rng(3).normal(size=t["tau"].shape)
     signals = {"q": np.round(t["q"], 6) if q is None else q, "tau": clean if tau is None else tau(clean)}
     log = gt.Trajectory(seconds * t.time, signals, {"q": "m", "tau": "N"}, synthetic="seed 3")
-    return study(LINKS.robot, log, LINKS.free)
+    return study(LINKS.robot, log, LINKS.free, fitting=gt.identify.Fitting(accept=list(accept)))
 
 
 def failed(outcome: IdentificationStudy) -> set[str]:
@@ -64,8 +66,14 @@ def test_a_sound_log_raises_no_suspicion():
 )
 def test_wrong_efforts(tau: Any, fails: set[str], said: str):
     outcome = solve(tau=tau)
-    assert fails <= failed(outcome)
+    assert fails <= failed(outcome) and "is named in accept" in outcome.message
     assert any(re.search(said, s) for s in outcome.notes), outcome.notes
+    # each has a key that overrides it; it is said all the same
+    names = tuple(name.removesuffix("_J") for name in fails)
+    again = solve(tau=tau, accept=names)
+    assert not fails & failed(again) and any(re.search(said, s) for s in again.notes)
+    assert all(any(s.startswith(f"accepted ({name}): ") for s in again.notes) for name in names)
+    assert again.parameters == outcome.parameters
 
 
 @pytest.mark.parametrize(

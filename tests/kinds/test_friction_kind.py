@@ -80,6 +80,12 @@ def test_measured_logs_with_a_drive_gain(tmp_path: Path) -> None:
         with pytest.raises(InputError) as caught:
             solved(Context(folder=tmp_path), log={**keys, **change}, **given)
         assert caught.value.key == key and caught.value.message
+    # an alarm about the columns is refused with the key that accepts it
+    reverse = {**keys, "force_N": {**keys["force_N"], "scale": -40.0}}
+    with pytest.raises(InputError, match=r'accept = \["driving_friction"\]'):
+        solved(Context(folder=tmp_path), log=reverse, **given)
+    accepted = ["exchanged_columns", "driving_friction", "negative_mass"]
+    assert any(n.startswith("accepted") for n in solved(context, log=reverse, accept=accepted, **given).notes)
 
 
 @pytest.mark.parametrize(

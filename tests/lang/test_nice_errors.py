@@ -125,7 +125,7 @@ WITH_K = {"k": gt.parameter(2.0, unit="1"), **ONE}
 # (declarations, equations, sentence): the sentence is a regular expression for everything before the location
 SENTENCES = [
     (ONE, yields_true, r"Wrong\.equations\(\) yielded True, which is no equation; expected 'a == b' on expressions of "
-     r"the model, gt\.connect or gt\.branch"),
+     r"the model, gt\.connect, gt\.branch or gt\.when"),
     (ONE, forgets_to_yield, r"nothing takes what this '==' says; write yield in front of it, or hand it to add\(\) of "
      r"a Builder"),
     (ONE, returns_nothing, r"equations\(\) of Wrong returned nothing; expected 'yield' in front of each equation"),
@@ -142,7 +142,7 @@ SENTENCES = [
     (LENGTH_AND_FORCE, has_a_bare_number_with_a_unit, r"units do not fit in '==': left is N, right is m; a bare "
      r"number in a product has no unit: declare it as a parameter with its unit"),
     (ONE, has_a_chain, r"an equation or inequality \('>='\) has no truth value while a model is being built; expected "
-     r"it to be yielded; for a <= x <= b use gt\.between\(a, x, b\), in place of if, and, or gt\.branch or .*"),
+     r"it to be yielded; for a <= x <= b use gt\.between\(a, x, b\), in place of if gt\.If, gt\.branch or .*"),
     (ONE, asks_for_truth, r"an equation or inequality \('=='\) has no truth value while a model is being built; .*"),
     (ONE, assigns, r"models are immutable: 'x' cannot be assigned; .*"),
     (TWO, connects_a_variable, r"connect\(\) takes ports; found Expr"),

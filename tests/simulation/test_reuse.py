@@ -14,7 +14,7 @@ from gtmodel.compiler.consistency.initial import _Equations, initial_point, star
 from gtmodel.compiler.point_function import PointFunction
 from gtmodel.compiler.states import choose
 from gtmodel.simulation.choice import LARGEST_CHANGE, STRIDE, SWITCH_BELOW, StateSelection, choice_of
-from gtmodel.simulation.run import prepare
+from gtmodel.simulation.prepare import prepare
 from tests.simulation.models import SwingingPendulum, TwoMasses
 from tests.simulation.robot import T0, l1
 

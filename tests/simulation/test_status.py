@@ -165,11 +165,12 @@ class Turned(Dry):
         yield der(self.v) == self.one * self.v * gt.sign(self.a)
 
 
-def test_sign_is_refused_with_its_line():
-    with pytest.raises(ModelError) as error:
+def test_sign_is_an_event_and_where_both_its_sides_push_back_the_run_ends_with_its_line():
+    with pytest.raises(NotSimulated) as error:
         simulate(Dry(), 1.0)
     line = Dry.equations.__code__.co_firstlineno + 1
-    assert error.match(rf"'Dry equation 1' holds sign\(\), .* smoothed friction .*test_status\.py:{line}\)$")
+    assert error.match(rf"^at 0.5 s events never settle: sign\(\) \(.*test_status\.py:{line}\) .*a mode of its own")
+    assert error.value.simulation.trajectory["v"][-1] == pytest.approx(0.0, abs=1e-12)
 
 
 def test_the_sign_of_what_does_not_move_is_no_discontinuity():

@@ -1,32 +1,10 @@
-"""Alarms about how measurements were read: by name, so that each can be accepted, and heard all the same."""
+"""Alarms about how poses were read; each can be accepted."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
 from typing import Literal
-
-from ...results import ArgumentError
 
 Alarm = Literal[
     "unit", "scale", "exchanged_signals", "stuck_columns", "exchanged_columns", "swapped_axes", "scalar_last",
     "out_of_reach", "moved_too_far",
 ]  # fmt: skip
-
-
-@dataclass(frozen=True, eq=False)
-class Alarms:
-    """Which alarms are `accepted`, and in `notes` what those said."""
-
-    accepted: Sequence[str] = ()
-    notes: list[str] = field(default_factory=list)
-
-    def raised(self, name: Alarm, sentence: str | None, argument: str) -> None:
-        """Raises ArgumentError with the sentence and what accepts it; an accepted one is noted. Nothing for None."""
-        if sentence is None:
-            return
-        if name not in self.accepted:
-            raise ArgumentError(f'{sentence}; if it is right, accept = ["{name}"]', argument)
-        note = f"accepted ({name}): {sentence}"
-        if note not in self.notes:
-            self.notes.append(note)

@@ -14,11 +14,12 @@ from ...lang import Model, ModelError
 from ...lang.units import parse_unit
 from ...measurements.orders import orders
 from ...results import ArgumentError
+from ...results.alarms import Alarms
 from ..calibration import Calibration, calibrate
 from ..choice import Choice
 from ..prediction import Prediction
 from ..problem import CalibrationProblem, prepare
-from .alarms import Alarm, Alarms
+from .alarms import Alarm
 from .column_checks import (
     CLOSE,
     NEARER,
@@ -38,6 +39,7 @@ from .column_checks import (
 )
 from .misread_columns import misread_columns
 from .poses import SplitPoses
+from .representations import MATRIX, quaternions
 
 MOST = 150  # poses that are looked at: enough to distinguish a metre from a millimetre
 REACHED = 0.5  # share of the poses that the model must reach to be a witness
@@ -59,7 +61,10 @@ class Witness:
         assert self.forward is not None
         T, *e, status = self.forward(q)
         good = np.flatnonzero(np.asarray(status) == 0)
-        return T[good], e[0][good] if e else np.zeros((len(good), 0)), good
+        if not e:
+            return T[good], np.zeros((len(good), 0)), good
+        turned = e[0][good]
+        return T[good], quaternions(turned.reshape(-1, 9), MATRIX) if turned.ndim == 3 else turned, good
 
 
 def witness_of(model: Model, data: SplitPoses) -> Witness:
@@ -70,7 +75,9 @@ def witness_of(model: Model, data: SplitPoses) -> Witness:
     size = max(lengths, default=1.0)
     if not data.whole:
         return Witness(None, size)
-    targets = [n for n in (pose.position, pose.orientation) if n is not None and n in data.all.values]
+    turn = pose.orientation if pose.orientation in flat.groups else "R"
+    measured = ((pose.position, pose.position), (pose.orientation, turn))
+    targets = [by for n, by in measured if n is not None and by is not None and n in data.all.values]
     try:
         forward = compile_causal(model, known=[data.actuators], targets=targets)
     except ModelError:

@@ -9,6 +9,7 @@ import numpy as np
 from ...inference import noise_size
 from ...lang import ModelError
 from ..calibration import Calibration, calibrate
+from .intervals import WEAK
 
 FAR = 5.0  # standard deviations of prior and fit together
 MOST = 3  # are named
@@ -17,7 +18,7 @@ STEPS = 40  # of the fit without priors, from the one with them: what needs more
 
 def contradicted_priors(c: Calibration) -> list[str]:
     """Sentences on priors far from what the poses say without any, the farthest first; none where residuals are as
-    large as the noise, or the poses alone do not determine them."""
+    large as the noise, or the poses alone do not determine them, or so weakly that no interval would be given."""
     u = c.problem.unknowns
     if not u.priors or (c.estimate is not None and (c.estimate.noise <= 1 or noise_size(c.estimate).passed)):
         return []
@@ -33,7 +34,7 @@ def contradicted_priors(c: Calibration) -> list[str]:
         k = u.names.index(prior.name)
         std = float(alone.std[k])
         off = abs(float(alone.values[k]) - prior.value) / float(np.hypot(prior.std, std))
-        if np.isfinite(std) and off > FAR:
+        if std <= WEAK * u.sizes[k] and off > FAR:
             unit = u.units[k] or "1"
             poses = f"which give {alone.values[k]:.6g} +- {std:.2g} without priors; correct or widen it"
             known = f"the prior {prior.name} = {prior.value:g} {unit} +- {prior.std:g}"

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
-from ...inference import BetweenRecordings, HeldOut, Identifiability, OverNoise, noise_size, over_noise
+from ...inference import BetweenRecordings, HeldOut, Identifiability, OverNoise, over_noise
 from ...lang import ModelError
+from ...lang.units import parse_unit
 from ...results import ArgumentError, SolveStatus
+from ...results.alarms import Alarms
 from ..calibration import Calibration, calibrate
 from ..held_out import judge_held_out
-from ..measured.alarms import Alarms
 from ..measured.options import Refit
 from ..measured.poses import SplitPoses
 from ..measurements import Measurements
@@ -22,10 +23,12 @@ from ..prediction import MAD, Outlier, Prediction, outliers
 from ..problem import CalibrationProblem
 from ..sensitivity import Sensitivity, sensitivity
 from ..variants import cost_of, too_few
+from .against_noise import against_noise
 from .contradictions import contradicted_priors
 from .intervals import Confidence
 from .left_out import PosesLeftOut, leave_out
 from .movement import moved_too_far, undetermined
+from .near_start import WIDTH, near_start
 from .recordings import between_sessions
 from .refitted import of_its_own, refitted
 from .shifts import Shift, shift_of
@@ -41,7 +44,8 @@ class CalibrationFindings:
     any, the former; empty where a pose cannot be closed. `repeatability`: rms distance [m] of poses at the same
     actuators from their mean, None without any. `beside`: those of other measurements that were fitted with these, with
     the same parameters. `refitted`: with what the recording of the held-out poses has of its own; `kept`: these poses,
-    read so. `left_out`: where poses were left out in turn, which `held_out` are then the errors of, all poses.
+    read so. `left_out`: where poses were left out in turn, which `held_out` are then the errors of, all poses. `near`:
+    unknowns that were held near their start, for without poses did not close.
     """
 
     problem: CalibrationProblem
@@ -60,6 +64,7 @@ class CalibrationFindings:
     refitted: Calibration | None = None
     kept: Measurements | None = None
     left_out: PosesLeftOut | None = None
+    near: tuple[str, ...] = ()
 
     @property
     def parts(self) -> tuple[CalibrationFindings, ...]:
@@ -73,7 +78,14 @@ class CalibrationFindings:
     @cached_property
     def priors(self) -> list[str]:
         """What contradicts the poses of what was thought to be known, in sentences."""
-        return contradicted_priors(self.calibration)
+        return contradicted_priors(self._as_known)
+
+    @property
+    def _as_known(self) -> Calibration:
+        """The calibration with no other priors than those that were stated."""
+        c, u = self.calibration, self.calibration.problem.unknowns
+        stated = tuple(p for p in u.priors if p.name not in self.near)
+        return replace(c, problem=replace(c.problem, unknowns=replace(u, priors=stated))) if self.near else c
 
     @cached_property
     def confidence(self) -> Confidence:
@@ -91,9 +103,19 @@ class CalibrationFindings:
 
     @cached_property
     def over_noise(self) -> OverNoise | None:
-        """Residuals against the stated noise; None where it was not stated or no residual is left."""
-        e = self.calibration.estimate
-        return None if e is None or not e.known_noise or e.degrees_of_freedom <= 0 else over_noise(e)
+        """Errors of the poses, fitted and held out, against the stated noise; None where it was not stated or no error
+        is left. With what the held-out recording has of its own, of the fitted ones alone."""
+        c = self.calibration
+        if c.estimate is None or not c.estimate.known_noise:
+            return None
+        own = () if self.refitted is not None else self.parts
+        try:
+            held_out = [p.calibration.problem.on(p.kept) for p in own if p.kept is not None]
+            judged = against_noise(self._as_known, held_out)
+        except (ModelError, np.linalg.LinAlgError):
+            judged = None
+        judged = judged or over_noise(c.estimate)
+        return judged if judged.degrees_of_freedom > 0 else None
 
     @property
     def position(self) -> str:
@@ -185,10 +207,14 @@ def findings_of(
     except (ModelError, ValueError) as error:
         option = next((f"fit.{word}" for word in ("loss", "cost") if word in str(error)), "poses")
         raise ArgumentError(str(error), option) from error
+    near: tuple[str, ...] = ()
+    if fit.loss == "linear" and len(data) == 1:
+        c, near = near_start(c, data[0].kept, partial(calibrate, cost=cost, limit=ITERATIONS, stop=stop))
     first, *others = (
         _of_part(fit, c if k == 0 else part, own, before, prior, alarms, refit)
         for k, (part, own, prior) in enumerate(zip(c.parts, data, a_priori, strict=True))
     )
+    first = replace(first, near=near)
     if not folds or not c.status.ok:
         return replace(first, beside=tuple(others))
     return _without(first, folds, width or (HUBER * _scale(c) if fit.loss != "linear" else 1.0), stop)
@@ -255,9 +281,19 @@ def verdict(findings: CalibrationFindings, accuracy: float | None) -> tuple[bool
     sentences += too_few(c.problem)
     if findings.after.redundant:
         sentences.append(undetermined(c, findings.after))
-    if c.estimate is not None and c.estimate.known_noise:
-        size = noise_size(c.estimate)
-        sentences.append(size.message)
+    if findings.near:
+        sentences.append(
+            f"{len(findings.near)} unknowns are held near their start, with {WIDTH:g} times their expected size as the "
+            "standard deviation: the poses hardly determine some, and not all closed where the fit had gone without; "
+            "give priors, fix parameters or turn the plate farther"
+        )
+    if findings.over_noise is not None:
+        sentences.append(of_noise(findings))
+    elif c.estimate is not None and not c.estimate.known_noise and any(f.held_out for f in findings.parts):
+        sentences.append(
+            "noise was not stated: an error of the model that fitted and held-out poses share is not distinguished "
+            "from noise" + (", but residuals are coloured, which noise is not" if findings.confidence.coloured else "")
+        )
     if c.estimate is not None and c.estimate.degrees_of_freedom > 0:
         sentences.append(findings.confidence.scope)
     lost, kept_in_all = (sum(n) for n in zip(*((f.lost, len(f.lines_held_out)) for f in findings.parts), strict=True))
@@ -311,13 +347,44 @@ def _of_held_out(findings: CalibrationFindings, accuracy: float | None) -> tuple
     shifted = "" if findings.shift is None else findings.shift.message
     if judged.passed and over is not None:
         return False, (
-            f"prediction not proven on {kept} ({sizes}): {over.message}; "
+            f"prediction not proven on {kept} ({sizes}): residuals are {over.ratio:.3g} times the stated noise, of a "
+            f"sound model {over.bound:.3g} times at most; "
             + (shifted or "what is lacking may be larger elsewhere: held-out poses were measured as the fitted ones")
         )
     return False, (
         f"prediction not proven on {kept} ({sizes}): {judged.message}; "
         + (shifted or "measure more poses or free fewer parameters")
     )
+
+
+def of_noise(findings: CalibrationFindings) -> str:
+    """How large errors are beside the stated noise, what they look like, and which noise would explain them."""
+    over = findings.over_noise
+    assert over is not None
+    if over.as_stated or over.ratio < 1:
+        return over.message
+    m = findings.problem.measurements
+    needed = []
+    for name, place in findings.problem.reading.places.items():
+        sigma = np.sqrt(np.mean(np.diagonal(m.covariance(name, place.stop - place.start), axis1=1, axis2=2)))
+        factor, unit = written(findings, name)
+        needed.append(f"{name} {over.ratio * factor * sigma:.2g} {'' if unit == '1' else unit}".rstrip())
+    if not findings.confidence.tested:
+        looks = "the model lacks an effect, or the noise was stated too small: too few poses to see which"
+    elif findings.confidence.coloured:
+        looks = "they are coloured, as noise is not: the model lacks an effect"
+    else:
+        looks = "no colour is seen in them: the noise was stated too small, or the model lacks an effect"
+    return f"{over.extent}; {looks}. A noise of {', '.join(needed)} would explain their size"
+
+
+def written(part: CalibrationFindings, name: str) -> tuple[float, str]:
+    """Factor from SI, and unit, in which errors of a signal are written."""
+    turns = name.partition("@")[0] == part.data.pose.orientation
+    units = {parse_unit(u).si_text for u in part.data.columns[name].units} if name in part.data.columns else {"m"}
+    if turns or units == {"rad"}:
+        return float(np.degrees(1.0)), "deg"
+    return (1e3, "mm") if units == {"m"} else (1.0, min(units))
 
 
 def _as_it_is(findings: CalibrationFindings, accuracy: float | None) -> tuple[bool, bool | None, list[str]]:

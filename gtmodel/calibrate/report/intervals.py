@@ -105,6 +105,11 @@ class Confidence:
         return not self._few
 
     @property
+    def coloured(self) -> bool:
+        """Whether residuals were tested and are no independent noise."""
+        return bool(self._coloured)
+
+    @property
     def scope(self) -> str:
         """What the intervals cover, for the verdict."""
         if not self.holds:
@@ -161,7 +166,7 @@ class Confidence:
         if c.estimate.known_noise and c.estimate.degrees_of_freedom > 0:
             size = noise_size(c.estimate)
             if not size.passed and c.estimate.noise > 1:
-                sentences.append(size.message)
+                sentences.append(f"residuals of the fitted poses are {c.estimate.noise:.3g} times the stated noise")
         return sentences
 
     @cached_property

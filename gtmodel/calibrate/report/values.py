@@ -8,10 +8,9 @@ import numpy as np
 
 from ...compiler.causal import flat_of
 from ...inference import Identifiability
-from ...lang.units import parse_unit
 from ...results import Check, at_most
 from ..prediction import Prediction
-from .findings import CalibrationFindings, verdict
+from .findings import CalibrationFindings, verdict, written
 from .movement import drifted
 
 LOOK = "the verdict in the table says what to look at"
@@ -180,7 +179,7 @@ def _recordings(findings: CalibrationFindings) -> list[dict[str, Any]] | None:
     for part in findings.parts:
         errors = {}
         for name in part.problem.judged:
-            factor, unit = _written(part, name)
+            factor, unit = written(part, name)
             sizes = {}
             for key, said in (("a_priori", part.a_priori), ("fitted", part.fitted), ("held_out", part.held_out)):
                 p = said.get(name)
@@ -195,15 +194,6 @@ def _recordings(findings: CalibrationFindings) -> list[dict[str, Any]] | None:
             }
         )  # fmt: skip
     return listed
-
-
-def _written(part: CalibrationFindings, name: str) -> tuple[float, str]:
-    """Factor from SI, and unit, in which errors of a signal are written."""
-    turns = name.partition("@")[0] == part.data.pose.orientation
-    units = {parse_unit(u).si_text for u in part.data.columns[name].units} if name in part.data.columns else {"m"}
-    if turns or units == {"rad"}:
-        return float(np.degrees(1.0)), "deg"
-    return (1e3, "mm") if units == {"m"} else (1.0, min(units))
 
 
 def _sizes(p: Prediction | None) -> dict[str, float] | None:

@@ -11,7 +11,6 @@ if TYPE_CHECKING:
         CRITERIA as CRITERIA,
         Criterion as Criterion,
         condition as condition,
-        cost as cost,
         predicted_deviations as predicted_deviations,
         singular_values as singular_values,
     )

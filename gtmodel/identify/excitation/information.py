@@ -6,16 +6,18 @@ are then relative ones, and kilograms beside newtons compare. The information ma
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
-import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
 Array = np.ndarray
 Criterion = Literal["condition", "determinant", "variance"]
 CRITERIA: tuple[Criterion, ...] = ("condition", "determinant", "variance")
-DOUBLINGS = 2  # the surrogate takes the 4-norm of the eigenvalues: within p^(1/4) of their largest
+# of the eigenvalues: their 4-norm is within p^(1/4) of the largest
+POWERS = {"condition": (4, -4), "variance": (-1,)}
 
 
 def condition(W: Array, nominal: npt.ArrayLike) -> float:
@@ -65,28 +67,66 @@ def predicted_deviations(W: Array, noise: float) -> Array:
     return noise * np.linalg.norm(Vt.T / s, axis=1) / size
 
 
-def cost(criterion: Criterion, size: int) -> ca.Function:
-    """M (size, size) -> what to minimise, smooth.
+@dataclass(frozen=True, eq=False)
+class CriterionAt:
+    """What is minimised, at an information matrix M (p, p) of eigenvalues l: a smooth function of these.
 
     condition: log of the ratio of 4-norms of the eigenvalues of M and of its inverse, an upper bound of 2 log of the
-    condition number that is at most log(size)/2 above it; the condition number itself is not smooth. determinant: -log
-    det M / size, log of the mean relative variance in the geometric sense. variance: log of the trace of the inverse.
+    condition number that is at most log(p)/2 above it; the condition number itself is not smooth. determinant: -log
+    det M / p, log of the mean relative variance in the geometric sense. variance: log of the trace of the inverse.
     """
-    M = ca.SX.sym("M", size, size)
-    R = ca.chol(M)
-    inverse = ca.solve(R, ca.SX.eye(size))  # of the triangle: M^-1 = inverse inverse'
-    if criterion == "determinant":
-        value = -2 * ca.sum1(ca.log(ca.diag(R))) / size
-    elif criterion == "variance":
-        value = ca.log(ca.sumsqr(inverse))
-    else:
-        value = _log_norm(M) + _log_norm(ca.mtimes(inverse, inverse.T))
-    return ca.Function("cost", [M], [value])
+
+    criterion: Criterion
+    M: Array
+
+    @cached_property
+    def _eigen(self) -> tuple[Array, Array]:
+        return np.linalg.eigh(self.M)
+
+    @cached_property
+    def value(self) -> float:
+        """Infinite where M is not positive definite, and where it holds no numbers."""
+        if not np.all(np.isfinite(self.M)) or self._eigen[0][0] <= 0:
+            return np.inf
+        l = self._eigen[0]
+        if self.criterion == "determinant":
+            return -float(np.mean(np.log(l)))
+        return sum(float(np.log(np.sum(l**q))) / abs(q) for q in POWERS[self.criterion])
+
+    @cached_property
+    def gradient(self) -> Array:
+        """(p, p) by M."""
+        U = self._eigen[1]
+        return (U * self._by_eigenvalues[0]) @ U.T
+
+    def second(self, D: Array) -> Array:
+        """(n, n) second derivatives along directions D (n, p, p), each symmetric."""
+        U, (_, rise, both) = self._eigen[1], self._by_eigenvalues
+        turned = U.T @ D @ U
+        diagonal = np.diagonal(turned, axis1=1, axis2=2)
+        return np.tensordot(turned * rise, turned, ((1, 2), (1, 2))) + diagonal @ both @ diagonal.T
+
+    @cached_property
+    def _by_eigenvalues(self) -> tuple[Array, Array, Array]:
+        """The first derivative g (p,) by eigenvalues; (g_i - g_j) / (l_i - l_j), which M's turning eigenvectors add
+        (Lewis and Sendov 2001, Twice differentiable spectral functions); and what is left of the second derivative."""
+        l = self._eigen[0]
+        p = len(l)
+        if self.criterion == "determinant":
+            return -1 / (p * l), _divided_difference(l, -1) / -p, np.zeros((p, p))
+        g, rise, both = np.zeros(p), np.zeros((p, p)), np.zeros((p, p))
+        for q in POWERS[self.criterion]:
+            share = np.sign(q) / np.sum(l**q)
+            one = share * l ** (q - 1.0)
+            g += one
+            rise += share * _divided_difference(l, q - 1)
+            both -= abs(q) * np.outer(one, one)
+        return g, rise, both
 
 
-def _log_norm(M: ca.SX) -> ca.SX:
-    """log of the 2^DOUBLINGS-norm of the eigenvalues of a symmetric matrix: from the trace of its power."""
-    power = M
-    for _ in range(DOUBLINGS - 1):
-        power = ca.mtimes(power, power)
-    return ca.log(ca.sumsqr(power)) / 2**DOUBLINGS
+def _divided_difference(l: Array, q: int) -> Array:
+    """(l_i^q - l_j^q) / (l_i - l_j) as a sum of terms of one sign, which holds for equal ones too."""
+    a, b = l[:, None], l
+    if q > 0:
+        return sum((a**k * b ** (q - 1 - k) for k in range(q)), np.zeros((len(l), len(l))))
+    return -sum((a ** (-1.0 - k) * b ** (q + k) for k in range(-q)), np.zeros((len(l), len(l))))

@@ -65,7 +65,7 @@ class ExcitationSearch(Options):
         "least condition number (a smooth bound of it); largest determinant of the information; least sum "
         "of the relative variances",
     ] = "condition"
-    starts: Annotated[int, Within(least=1), "how many of the best random motions it starts from"] = 1
+    starts: Annotated[int, Within(least=1), "how many of the best random motions it starts from"] = 3
     max_iterations: Annotated[int, Within(least=1), "limit of iterations for each start"] = 400
 
 

@@ -12,7 +12,8 @@ import numpy as np
 from ...compiler.rows import map_columns
 from ...results import ArgumentError
 from .basis import Array, Basis
-from .information import Criterion, cost
+from .information import Criterion, CriterionAt
+from .interior_point import Derivatives
 
 PER_SWING = 16  # samples of the shortest swing in the optimisation: limits overshoot by some 2 % between them
 KEPT_GRIDS = 8
@@ -97,6 +98,11 @@ class ExcitationTask:
         return {}
 
     @cached_property
+    def sampled(self) -> SampledCost:
+        """Cost and rows at `times()`, for a search."""
+        return SampledCost(self)
+
+    @cached_property
     def size(self) -> Array:
         """(m,) typical size of each row: its larger finite bound, or one."""
         largest = np.maximum(*(np.where(np.isfinite(b), np.abs(b), 0.0) for b in (self.low, self.high)))
@@ -121,7 +127,8 @@ class SampledCost:
     """Cost of the criterion, and rows (R,) in their size, of unknowns x (size d,) column by column of c.
 
     The rows are those of every sample, first beyond their upper bounds, then beyond their lower ones; rows without a
-    bound there are left out. Kept where they are at most zero.
+    bound there are left out. Kept where they are at most zero. Derivatives are those of functions of one sample, which
+    CasADi makes, times those of the motion by the unknowns, which are constant.
     """
 
     def __init__(self, task: ExcitationTask) -> None:
@@ -129,19 +136,20 @@ class SampledCost:
         self.reserve = np.zeros(len(task.low))
         d, orders, times = task.dimension, task.rows.n_in(), task.times()
         self._basis = [task.basis.rows(times, order) for order in range(orders)]
+        # (n, orders d, size d): of x, x', ... by the unknowns
+        self._by_unknowns = np.concatenate([np.kron(np.eye(d), B[:, None]) for B in self._basis], axis=1)
         x = [ca.SX.sym(name, d) for name in ("x", "v", "a", "j")[:orders]]
-        rows, every = ca.densify(task.rows(*x)) / ca.DM(task.size), ca.vertcat(*x)
-        self._rows = _Mapped(ca.Function("rows", x, [rows], {"cse": True}))
-        self._jacobian = _Mapped(ca.Function("jacobian", x, [ca.densify(ca.jacobian(rows, every))], {"cse": True}))
-        Y = ca.mtimes(task.regressor(*x[:3]), ca.diag(ca.DM(task.nominal)))
-        information, p = ca.densify(ca.mtimes(Y.T, Y)) / (task.points * Y.shape[0]), Y.shape[1]
-        self._information = _Mapped(ca.Function("information", x[:3], [information], {"cse": True}))
-        W, M = ca.SX.sym("W", p, p), ca.SX.sym("M", p, p)
-        weighed = ca.gradient(ca.sum1(ca.sum2(W * information)), ca.vertcat(*x[:3]))
-        self._gradient = _Mapped(ca.Function("gradient", [ca.vec(W), *x[:3]], [ca.densify(weighed)], {"cse": True}))
-        value = cost(task.criterion, p)(M)
-        self._cost = ca.Function("cost", [M], [value])
-        self._weights = ca.Function("weights", [M], [ca.densify(ca.gradient(value, M))], {"cse": True})
+        motion, m = ca.vertcat(*x), len(task.low)
+        rows = task.rows(*x) / ca.DM(task.size)
+        Y = task.regressor(*x[:3])
+        Yt = (ca.mtimes(Y, ca.diag(ca.DM(task.nominal))) / np.sqrt(task.points * Y.shape[0])).T
+        u, z = ca.SX.sym("u", m), ca.SX.sym("z", Yt.numel())
+        second = ca.hessian(ca.dot(u, rows) + ca.dot(z, ca.vec(Yt)), motion)[0]
+        self._rows = _Mapped("rows", x, rows)
+        self._rows_by_motion = _Mapped("rows_by_motion", x, ca.jacobian(rows, motion).T)
+        self._regressor = _Mapped("regressor", x[:3], Yt)
+        self._regressor_by_motion = _Mapped("by_motion", x[:3], ca.jacobian(ca.vec(Yt), ca.vertcat(*x[:3])).T)
+        self._second = _Mapped("second", [u, z, *x], second)
         high, low = np.isfinite(task.high), np.isfinite(task.low)
         self._bounded = np.concatenate([np.flatnonzero(high), np.flatnonzero(low)])
         self._sign = np.concatenate([np.ones(high.sum()), -np.ones(low.sum())])
@@ -155,41 +163,56 @@ class SampledCost:
         return other
 
     def cost(self, x: Array) -> float:
-        return float(self._cost(self._moments(self._motion(x))))
+        return self._criterion(self._stacked(self._motion(x))).value
 
     def value(self, x: Array) -> tuple[float, Array]:
         motion = self._motion(x)
-        rows = self._rows(*motion)[self._bounded] * self._sign[:, None]
+        rows = self._rows(*motion).T[self._bounded] * self._sign[:, None]
         over = rows - (self._bound - self.reserve[self._bounded])[:, None]
-        return float(self._cost(self._moments(motion))), over.reshape(-1)
+        return self._criterion(self._stacked(motion)).value, over.reshape(-1)
 
-    def derivatives(self, x: Array) -> tuple[Array, Array]:
-        motion, d, n = self._motion(x), self.task.dimension, self.task.points
-        W = np.asarray(self._weights(self._moments(motion))).reshape(-1, 1)
-        by_motion = self._gradient(np.repeat(W, n, axis=1), *motion[:3]).reshape(3, d, n)
-        gradient = np.concatenate([sum(B.T @ by_motion[k, j] for k, B in enumerate(self._basis[:3])) for j in range(d)])
-        m, orders = len(self.task.low), len(self._basis)
-        by_rows = self._jacobian(*motion).reshape(m, n, orders, d)[self._bounded] * self._sign[:, None, None, None]
-        by_unknown = [sum(by_rows[:, :, k, j, None] * B for k, B in enumerate(self._basis)) for j in range(d)]
-        A = np.stack(by_unknown, axis=2)  # (rows, samples, d, size)
-        return gradient, A.reshape(len(self._bounded) * n, -1)
+    def derivatives(self, x: Array) -> Derivatives:
+        motion, n, unknowns = self._motion(x), self.task.points, len(x)
+        G = self._by_unknowns
+        stacked = self._stacked(motion)
+        p, k = stacked.shape[1], 3 * self.task.dimension
+        by = (self._regressor_by_motion(*motion[:3]).reshape(n, -1, k) @ G[:, :k]).reshape(-1, p, unknowns)
+        half = np.tensordot(stacked, by, (0, 0))
+        along = (half + half.swapaxes(0, 1)).transpose(2, 0, 1)  # (size d, p, p) of the information matrix
+        criterion = self._criterion(stacked)
+        W = criterion.gradient
+        A = (self._rows_by_motion(*motion).reshape(n, -1, G.shape[1]) @ G)[:, self._bounded] * self._sign[:, None]
+
+        def hessian(y: Array) -> Array:
+            u = np.zeros((len(self.task.low), n))
+            np.add.at(u, self._bounded, y.reshape(-1, n) * self._sign[:, None])
+            z = (2 * stacked @ W).reshape(n, -1).T
+            second = self._second(u, z, *motion).reshape(n, G.shape[1], -1) @ G
+            H = np.tensordot(G, second, ((0, 1), (0, 1))) + criterion.second(along)
+            return H + 2 * np.tensordot(by, W @ by, ((0, 1), (0, 1)))
+
+        gradient = np.tensordot(along, W, 2)
+        return gradient, A.swapaxes(0, 1).reshape(-1, unknowns), hessian
+
+    def _criterion(self, stacked: Array) -> CriterionAt:
+        return CriterionAt(self.task.criterion, stacked.T @ stacked)
+
+    def _stacked(self, motion: list[Array]) -> Array:
+        """(n r, p) rows of the scaled regressor over the root of their number."""
+        return self._regressor(*motion[:3]).reshape(-1, len(self.task.nominal))
 
     def _motion(self, x: Array) -> list[Array]:
         """x, x', ... (d, n) at the samples."""
         c = x.reshape(-1, self.task.dimension, order="F")
         return [(B @ c).T for B in self._basis]
 
-    def _moments(self, motion: list[Array]) -> Array:
-        """The information matrix (p, p)."""
-        p = len(self.task.nominal)
-        return self._information(*motion[:3]).reshape(p, -1, p).sum(axis=1)
-
 
 class _Mapped:
-    """A function on columns side by side, see `map_columns`."""
+    """An expression on columns (size, n) side by side: (n, entries), each matrix column by column."""
 
-    def __init__(self, f: ca.Function) -> None:
-        self.f, self.made = f, dict[int, ca.Function]()
+    def __init__(self, name: str, inputs: list[ca.SX], value: ca.SX) -> None:
+        self.f = ca.Function(name, inputs, [ca.densify(ca.vec(value))], {"cse": True})
+        self.made = dict[int, ca.Function]()
 
     def __call__(self, *columns: Array) -> Array:
-        return map_columns(self.f, columns, self.made)[0]
+        return map_columns(self.f, columns, self.made)[0].T

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from ...inference import linear_fit
 from ...results import ArgumentError, Estimate
+from ...results.alarms import Alarms
 from ...results.trajectory_errors import Array
 from .constant_velocity import Runs
 from .gravity import PARALLEL, Gravity, MassByNorm, mass_by_norm
+from .options import Suspicion
 from .refused import check, refuse_driving, refuse_exchanged, refuse_no_mass
 
 COLUMNS = (
@@ -69,7 +72,12 @@ class FrictionFit:
 
 
 def identify_friction(
-    runs: Runs, pattern: Array, *, symmetric: bool = False, gravity: Gravity = "most_symmetric"
+    runs: Runs,
+    pattern: Array,
+    *,
+    symmetric: bool = False,
+    gravity: Gravity = "most_symmetric",
+    accept: Sequence[Suspicion] = (),
 ) -> FrictionFit:
     """Friction of each actuator and the mass they hold, from runs at constant velocity (Dressler 2012, eq. (6.9)).
 
@@ -80,6 +88,7 @@ def identify_friction(
         gravity: how the mass is found while friction may differ by direction. "most_symmetric": the least sum of
             squares of what is left of the middle levels, as the thesis did by eye. "poses": from the change of the
             levels between poses, friction being the same in all; it needs poses of different patterns.
+        accept: what is suspected of runs and columns, and becomes a note where it is named here.
 
     Every actuator's line is a least-squares fit of its own, its noise its own; the rest is a linear function of the
     lines. Raises ArgumentError where a direction has too few velocities, where poses do not determine the mass, where
@@ -95,7 +104,8 @@ def identify_friction(
     """
     pattern = np.atleast_2d(np.asarray(pattern, dtype=float))
     poses, carts = pattern.shape
-    check(runs, pattern)
+    alarms = Alarms(accept)
+    check(runs, pattern, alarms)
     lines = tuple(_line(runs, cart, poses, symmetric) for cart in range(carts))
     names = lines[0].names
     # all lines as one vector, actuator after actuator
@@ -134,9 +144,9 @@ def identify_friction(
         residuals, (), units=tuple({"m": "kg", "c": "N", "v": "kg/s"}[name[0]] for name in rows),
     )  # fmt: skip
 
-    refuse_driving(runs, estimate, carts, symmetric)
-    columns_certain = refuse_exchanged(runs, pattern, symmetric)
-    refuse_no_mass(estimate, carts, symmetric, gravity)
+    refuse_driving(runs, estimate, carts, symmetric, alarms)
+    columns_certain = refuse_exchanged(runs, pattern, symmetric, alarms)
+    refuse_no_mass(estimate, carts, symmetric, gravity, alarms)
 
     def each(name: str) -> Array:
         return np.array([coefficients[f"{name}[{i}]"] for i in range(carts)])
@@ -153,7 +163,7 @@ def identify_friction(
         levels,
         pattern,
         mass_by_norm(levels, pattern),
-        (*_in_words(pattern, symmetric, gravity), *([] if columns_certain or symmetric else [COLUMNS])),
+        (*_in_words(pattern, symmetric, gravity), *([] if columns_certain or symmetric else [COLUMNS]), *alarms.notes),
         np.array([np.sqrt(np.mean(line.residuals**2)) for line in lines]),
     )
 

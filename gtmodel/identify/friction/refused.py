@@ -7,6 +7,7 @@ import numpy as np
 from ...inference import FALSE_ALARM
 from ...measurements.copies import SAME, copies
 from ...results import ArgumentError, Estimate
+from ...results.alarms import Alarms
 from ...results.trajectory_errors import Array
 from ..exchanged import exchanged
 from .constant_velocity import Runs
@@ -15,7 +16,8 @@ from .gravity import PARALLEL, Gravity
 DIGITS, FEW = 6, 1e-12  # of a force that was written down, not a mean; how far the rounding of that is off
 
 
-def check(runs: Runs, pattern: Array) -> None:
+def check(runs: Runs, pattern: Array, alarms: Alarms) -> None:
+    """Raises ArgumentError for runs of other shapes and without numbers, and for copies that are not accepted."""
     poses, carts = pattern.shape
     for name, part in (("velocities", runs.velocity), ("forces", runs.force)):
         if part.ndim != 2 or part.shape[1] != carts or len(part) != len(runs.pose):
@@ -38,7 +40,8 @@ def check(runs: Runs, pattern: Array) -> None:
     pairs = _copies(runs)
     if len(pairs):
         again, first = pairs[0] + 1
-        raise ArgumentError(
+        alarms.raised(
+            "copied_runs",
             f"{len(pairs)} of {len(runs.pose)} runs are copies of others, run {again} of run {first} to begin with; "
             "noise does not repeat itself, and a copy counts twice and narrows the intervals: take copies out",
             "runs",
@@ -62,9 +65,9 @@ def _rounded(values: Array) -> Array:
     return np.round(values / size) * size
 
 
-def refuse_exchanged(runs: Runs, pattern: Array, symmetric: bool) -> bool:
-    """Raises ArgumentError where the forces in another order of columns, or one of them reversed, follow motion and
-    gravity far better; False where nothing decides."""
+def refuse_exchanged(runs: Runs, pattern: Array, symmetric: bool, alarms: Alarms) -> bool:
+    """Raises ArgumentError, unless that is accepted, where the forces in another order of columns, or one of them
+    reversed, follow motion and gravity far better; False where nothing decides."""
     count, carts = runs.force.shape
     bases = []
     for v in runs.velocity.T:
@@ -86,12 +89,13 @@ def refuse_exchanged(runs: Runs, pattern: Array, symmetric: bool) -> bool:
     comparison = exchanged(left, carts, degrees_of_freedom, float(np.sqrt(np.mean(runs.force**2))))
     if comparison is not None and not comparison.passed:
         names = [f"force {k + 1}" for k in range(carts)]
-        raise ArgumentError(f"{comparison.message(names, 'N')}; check order and signs of the columns", "runs")
+        sentence = f"{comparison.message(names, 'N')}; check order and signs of the columns"
+        alarms.raised("exchanged_columns", sentence, "runs")
     return comparison is None or comparison.decisive
 
 
-def refuse_driving(runs: Runs, estimate: Estimate, carts: int, symmetric: bool) -> None:
-    """Raises ArgumentError for friction that drives beyond noise."""
+def refuse_driving(runs: Runs, estimate: Estimate, carts: int, symmetric: bool, alarms: Alarms) -> None:
+    """Raises ArgumentError, unless that is accepted, for friction that drives beyond noise."""
     level = 1 - 2 * FALSE_ALARM / (2 * carts + 1)
     for cart in range(carts):
         speeds = np.abs(runs.velocity[:, cart])
@@ -103,15 +107,16 @@ def refuse_driving(runs: Runs, estimate: Estimate, carts: int, symmetric: bool) 
                 weights = {f"coulomb_plus[{cart}]": 2.0, f"viscous_plus[{cart}]": 2 * v}
             value, _, high = estimate.combination(weights, level)
             if high < 0:
-                raise ArgumentError(
+                alarms.raised(
+                    "driving_friction",
                     f"cart {cart + 1}: friction would drive it instead of braking it, by {-value / 2:.3g} N at "
                     f"{v:.3g} m/s; check the sign of this force or of its position, and the order of the columns",
                     "runs",
                 )
 
 
-def refuse_no_mass(estimate: Estimate, carts: int, symmetric: bool, gravity: Gravity) -> None:
-    """Raises ArgumentError for a mass that is negative beyond noise."""
+def refuse_no_mass(estimate: Estimate, carts: int, symmetric: bool, gravity: Gravity, alarms: Alarms) -> None:
+    """Raises ArgumentError, unless that is accepted, for a mass that is negative beyond noise."""
     level = 1 - 2 * FALSE_ALARM / (2 * carts + 1)
     mass, high = estimate.value("m"), estimate.interval("m", level)[1]
     if high < 0:
@@ -120,4 +125,4 @@ def refuse_no_mass(estimate: Estimate, carts: int, symmetric: bool, gravity: Gra
             why += (
                 '; or friction differs by direction more than gravity does, then let poses determine the mass ("poses")'
             )
-        raise ArgumentError(f"the mass would be {mass:.4g} kg, which none can be; {why}", "pattern")
+        alarms.raised("negative_mass", f"the mass would be {mass:.4g} kg, which none can be; {why}", "pattern")

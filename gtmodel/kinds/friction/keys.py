@@ -39,6 +39,11 @@ class Schema(RobotProblem):
         default="most_symmetric",
         description="how the mass is found beside friction by direction: least asymmetry, or the change between poses",
     )
+    accept: list[options.Suspicion] = Field(
+        default=[],
+        description="alarms about runs and columns that are notes and refuse nothing: copied_runs, exchanged_columns, "
+        "driving_friction, negative_mass",
+    )
     pose: list[HeldPoseSection] = Field(min_length=1, description="one table for each; the first is the picture's")
     log: FrictionLogSection | None = Field(default=None, description="measured logs")
     synthetic: Made[options.SyntheticRuns] | None = Field(default=None, description="synthetic logs")

@@ -40,7 +40,7 @@ def call(problem: Schema, context: Context) -> Call:
     limits = None if problem.log is None else problem.log.options()
     return Call(
         friction_study, model, logs, poses, constant_velocity=limits, directions=problem.directions,
-        gravity=problem.gravity, title=problem.title,
+        gravity=problem.gravity, accept=problem.accept, title=problem.title,
     )  # fmt: skip
 
 

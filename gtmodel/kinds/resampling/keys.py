@@ -22,6 +22,6 @@ class Schema(Problem):
     """Signals of a recording on one even grid: uneven rows and gaps resampled, clocks brought together."""
 
     log: RecordingFiles = Field(description="the files that were recorded at once")
-    signals: dict[str, SignalSection] = Field(description="by the names that they get on the grid")
+    signals: dict[str, SignalSection] = Field(description="by the names that they get on the grid", min_length=1)
     grid: Made[options.EvenGrid] = Made[options.EvenGrid].left_out()
     align: list[Made[options.AlignBy]] = Field(default=[], description="one table for each clock that is moved")

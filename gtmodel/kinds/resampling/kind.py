@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from gtmodel.measurements import resampling_study, sampling_of
-from gtmodel.problem_files.base import Context, InputError
+from gtmodel.problem_files.base import Context
 from gtmodel.problem_files.call import Call
 from gtmodel.problem_files.from_options import options_of
 from gtmodel.results import Trajectory
@@ -40,6 +40,4 @@ def explain(problem: Schema, context: Context) -> str:
 
 
 def _recording(problem: Schema, context: Context) -> dict[str, Trajectory]:
-    if not problem.signals:
-        raise InputError("is empty; name a signal, [signals.force] with its column and unit", "signals")
     return problem.log.recording({name: signal.recorded() for name, signal in problem.signals.items()}, context)

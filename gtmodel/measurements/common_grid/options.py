@@ -21,12 +21,12 @@ class EvenGrid(Options):
         float | None,
         Unit("s"),
         Within(above=0),
-        "from row to row; the median step of the reference's clock if left out",
+        "from row to row; the median step, of the reference's clock, if left out",
     ] = None
     method: Annotated[Method, "between the rows: cubic spline, linear, or monotone (cubic without overshoot)"] = "cubic"
     longest_gap: Annotated[
         float | None, Unit("s"), Within(above=0),
-        "that is bridged; at a longer one of any signal rows are left out. Five median steps of each clock if left out",
+        "that is bridged; a longer one parts the recording. Five median steps if left out",
     ] = None  # fmt: skip
     start: Annotated[
         float | None, Unit("s"), "first row, on the reference's clock; the first instant of all signals if left out"

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
+from ...compiler.analysis.switching import refuse_events
 from ...compiler.causal import flat_of
 from ...compiler.flat import FlatModel
 from ...compiler.plan import CausalPlan, make_plan
@@ -56,6 +57,7 @@ def build(
     if formulation not in FORMULATIONS:
         raise ValueError(f"formulation is one of {', '.join(FORMULATIONS)}; found '{formulation}'")
     flat, wanted = flat_of(model), tuple(sorted(dict(branches or {}).items()))
+    refuse_events(flat)
     asked = _Asked(formulation, tuple(prefer), wanted, tuple(tunable), sizes, linked)
     if asked not in flat.cache:
         flat.cache[asked] = _build(flat, asked)

@@ -79,6 +79,15 @@ class SerialArm(gt.Model):
         limits = self.structure.limits()
         return limits if np.any(np.isfinite(limits)) else None
 
+    def joint_unit(self, entry: str) -> str:
+        """Unit of an entry such as "q[2]", "tau[2]" or "viscous[2]", which the array does not say where joints of both
+        kinds share it; "" of another one."""
+        name, _, index = entry.removesuffix("]").partition("[")
+        if name not in JOINT_UNITS["revolute"] or not index.isdecimal():
+            return ""
+        at = self.structure.leaders[int(index)] if name in ("q", "tau") else int(index)
+        return JOINT_UNITS[self.structure.joints[at].kind][name]
+
     @property
     def links(self) -> list[Any]:
         """The parts that hold joint, body and friction of each link, inside equations()."""
@@ -176,13 +185,17 @@ def _link_class(style: Style, kind: JointKind, smoothing: str) -> type[_Link]:
     return type("DHLink", (_Link,), {**body, **own})
 
 
+# of q and of what goes with it
+JOINT_UNITS: dict[str, dict[str, str]] = {
+    "revolute": {"q": "rad", "tau": "N.m", "coulomb": "N.m", "viscous": "N.m.s/rad", "velocity_scale": "rad/s"},
+    "prismatic": {"q": "m", "tau": "N", "coulomb": "N", "viscous": "kg/s", "velocity_scale": "m/s"},
+}
+
+
 def _units(structure: ArmStructure) -> dict[str, str | None]:
     """Units of q and of what goes with it; none where joints of both kinds share an array."""
-    revolute = {"q": "rad", "tau": "N.m", "coulomb": "N.m", "viscous": "N.m.s/rad", "velocity_scale": "rad/s"}
-    prismatic = {"q": "m", "tau": "N", "coulomb": "N", "viscous": "kg/s", "velocity_scale": "m/s"}
-    if len(structure.kinds) > 1:
-        return dict.fromkeys(revolute)
-    return dict(revolute if structure.kinds == {"revolute"} else prismatic)
+    kinds = structure.kinds
+    return dict(JOINT_UNITS[kinds.pop()]) if len(kinds) == 1 else dict.fromkeys(JOINT_UNITS["revolute"])
 
 
 def _row(name: str, k: int) -> Any:

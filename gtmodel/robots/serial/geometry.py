@@ -1,4 +1,4 @@
-"""Which Denavit-Hartenberg numbers measured positions determine: the choice of a gauge, made and said."""
+"""Which Denavit-Hartenberg numbers measured poses determine: the choice of a gauge, made and said."""
 
 from __future__ import annotations
 
@@ -19,17 +19,21 @@ RANK = 1e-6  # of the longest column; central differences are good to 1e-9
 WIDE = 1.5  # rad or m, of a joint with wider limits or none
 FRAME = [*(f"the frame's shift along {x}" for x in "xyz"), *(f"the frame's turn about {x}" for x in "xyz")]
 TOOL = [f"tool_xyz[{k}]" for k in range(3)]
+TURN = [f"tool_rpy[{k}]" for k in range(3)]
 
 
-def independent_geometry(arm: SerialArm, base: bool = True, tool: bool = True) -> tuple[list[str], list[str]]:
+def independent_geometry(
+    arm: SerialArm, base: bool = True, tool: bool = True, *, turns: bool = False, tool_turn: bool = True
+) -> tuple[list[str], list[str]]:
     """Which Denavit-Hartenberg numbers a calibration by positions can determine, and why not the others.
 
     base: whether the frame in which the tool is measured is unknown too. tool: whether the place of the target on the
-    last link is, as tool_xyz. Of the tool's turn positions see nothing.
+    last link is, as tool_xyz. Of the tool's turn positions see nothing. turns: whether orientations are measured, too.
+    tool_turn: whether the turn of the target on the last link is then unknown, as tool_rpy.
 
     The names are for `free` of a calibration, the reasons are sentences. Where an axis is within 5 degrees of parallel
     to the next, d stays as it is and Hayati's beta is free; elsewhere beta stays. Of what moves together, by a QR of
-    the positions' derivatives at random configurations, the unknown frames come first, then a, alpha, theta and d.
+    the poses' derivatives at random configurations, the unknown frames come first, then a, alpha, theta and d.
     Raises ModelError for an arm placed by xyz and rpy, which has two numbers a joint too many: take `as_dh` of it.
 
     >>> arm = gt.robots.serial_arm(a=[0.1, 0.5, 0.0], alpha=[np.pi / 2, 0.0, np.pi / 2], d=[0.4, 0.0, 0.0],
@@ -44,8 +48,8 @@ def independent_geometry(arm: SerialArm, base: bool = True, tool: bool = True) -
     if s.style == "rpy":
         raise ModelError("an arm placed by xyz and rpy has six numbers a joint, two more than can be determined; "
                          "take as_dh(arm) to calibrate it")  # fmt: skip
-    place = _places(arm)
-    names = [f"{name}[{k}]" for k in range(n) for name in DH_NAMES] + TOOL + FRAME
+    place = _places(arm, turns)
+    names = [f"{name}[{k}]" for k in range(n) for name in DH_NAMES] + TOOL + TURN + FRAME
     J = np.array([(place(h) - place(-h)) / (2 * STEP) for h in STEP * np.eye(len(names))]).T
     # theta and d of a joint, and a, alpha and beta that lead from its axis to the next: of one link, or of two
     parallel = {}
@@ -55,7 +59,7 @@ def independent_geometry(arm: SerialArm, base: bool = True, tool: bool = True) -
         if twist[link] < np.sin(NEARLY_PARALLEL):
             parallel[f"d[{i}]"] = f"beta[{link}]"
     beta = set(parallel.values())
-    frames = [*(FRAME if base else []), *(TOOL if tool else [])]
+    frames = [*(FRAME if base else []), *(TOOL if tool else []), *(TURN if turns and tool_turn else [])]
     groups = [[f"{name}[{k}]" for k in range(n)] for name in ("a", "alpha", "theta", "d")]
     wanted = [*frames, *groups[0], *groups[1], *groups[2], *sorted(beta), *(x for x in groups[3] if x not in parallel)]
     at = [names.index(name) for name in wanted]
@@ -73,8 +77,9 @@ def independent_geometry(arm: SerialArm, base: bool = True, tool: bool = True) -
     return free, notes
 
 
-def _places(arm: SerialArm) -> Callable[[Array], Array]:
-    """Positions (m,) of the tool at random configurations as a function of changes of the numbers, tool and frame."""
+def _places(arm: SerialArm, turns: bool) -> Callable[[Array], Array]:
+    """Positions (m,) of the tool at random configurations as a function of changes of the numbers, tool and frame; with
+    `turns` also of points a metre along its axes, which its orientation moves."""
     s, n = arm.structure, len(arm.structure.joints)
     limits = s.limits()
     low, high = np.clip(limits, -WIDE, WIDE).T
@@ -82,19 +87,21 @@ def _places(arm: SerialArm) -> Callable[[Array], Array]:
     places = [s.coordinate(k) for k in range(n)]
     q = np.column_stack([multiplier * free[:, at] + offset for at, multiplier, offset in places])
     numbers = np.array([np.asarray(getattr(arm, name), float) for name in DH_NAMES]).T
-    point = np.asarray(arm.tool_xyz, float)
+    point, rpy = np.asarray(arm.tool_xyz, float), np.asarray(arm.tool_rpy, float)
+    points = np.vstack([np.zeros(3), *([np.eye(3)] if turns else [])])  # in the frame of the tool
+    q = np.tile(q, (len(points), 1))
 
     def place(change: Array) -> Array:
         now = numbers + change[: 5 * n].reshape(n, 5)
-        p = np.broadcast_to(point + change[5 * n : 5 * n + 3], (POINTS, 3))
+        shift, turn, frame = np.split(change[5 * n :], [3, 6])
+        p = np.repeat(point + shift + points @ rotation_of_rpy(rpy + turn).T, POINTS, axis=0)
         for k in reversed(range(n)):
             R, r = dh_step(s.style, *now[k])
             if s.style == "standard":
                 p = _joint(s.joints[k].kind, q[:, k], p @ R.T + r)
             else:
                 p = _joint(s.joints[k].kind, q[:, k], p) @ R.T + r
-        t, turn = change[5 * n + 3 : 5 * n + 6], change[5 * n + 6 :]
-        return (p @ rotation_of_rpy(turn).T + t).ravel()
+        return (p @ rotation_of_rpy(frame[3:]).T + frame[:3]).ravel()
 
     return place
 

@@ -1,0 +1,318 @@
+"""Events of a flat model: what is compared, which modes there are, and what happens when."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import casadi as ca
+import numpy as np
+
+from ...lang.bind import ParameterRecord, Tree
+from ...lang.condition import Condition
+from ...lang.declare import Discrete, Variable
+from ...lang.events import EnergyLoss, Reinit, When
+from ...lang.expression import Relation
+from ...lang.model import Model
+from ...lang.sampled import SampledBlock
+from ...lang.source import ModelError, SourceLocation
+
+if TYPE_CHECKING:
+    from ..flat import FlatEquation
+
+Pair = tuple[int, int]
+# ("atom", number), ("sample", number), ("not", logic), ("and", logic, logic), ("or", logic, logic)
+Logic = tuple[Any, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """True where `expression` is not negative, or where it is positive if it is `strict`: a relation of a condition.
+    discrete: it changes at events only."""
+
+    expression: ca.SX
+    strict: bool
+    discrete: bool
+    text: str
+    where: SourceLocation
+
+
+@dataclass(frozen=True, eq=False)
+class SampleTimes:
+    """Instants offset, offset + period, ... [s], as expressions of parameters."""
+
+    period: ca.SX
+    offset: ca.SX
+    where: SourceLocation
+
+
+@dataclass(frozen=True, eq=False)
+class FlatMode:
+    """A symbol that is 1 where its condition holds, else 0; name: of what a person wrote, "If" or "sign()"."""
+
+    symbol: ca.SX
+    logic: Logic
+    where: SourceLocation
+    name: str = "If"
+
+
+@dataclass(frozen=True, eq=False)
+class FlatWhen:
+    """`assigns`: places in `flat.p` with new values; `reinits`: variables' derivatives with new values; `forces`: those
+    of them that an impulse of another variable brings about, by that one; `loss`: energy [J] that goes, None where
+    nobody says. Values are expressions of flat symbols, of the discrete variables' new values
+    under their own symbols and of their old ones under those of `FlatEvents.before`."""
+
+    name: str
+    logic: Logic
+    assigns: list[tuple[int, ca.SX]]
+    reinits: list[tuple[Pair, ca.SX]]
+    forces: dict[Pair, Pair]
+    loss: ca.SX | None
+    where: SourceLocation
+
+
+@dataclass(frozen=True, eq=False)
+class BlockSignal:
+    """An input (indices of variables), an output or a state (places in `flat.p`) of a sampled block."""
+
+    name: str
+    shape: tuple[int, ...]
+    places: list[int]
+    unit: str | None
+
+
+@dataclass(frozen=True, eq=False)
+class FlatBlock:
+    """A sampled block: its bound model, its times as expressions of parameters, its signals."""
+
+    name: str
+    model: SampledBlock
+    period: ca.SX
+    delay: ca.SX
+    offset: ca.SX
+    inputs: list[BlockSignal]
+    outputs: list[BlockSignal]
+    state: list[BlockSignal]
+
+
+@dataclass(frozen=True, eq=False)
+class FlatEvents:
+    """All of a model. `discrete` are places in `flat.p` of what changes at events, `before` symbols for their values
+    just before; `shown` are the declared discrete variables by name."""
+
+    comparisons: list[Comparison]
+    samples: list[SampleTimes]
+    modes: list[FlatMode]
+    whens: list[FlatWhen]
+    blocks: list[FlatBlock]
+    discrete: list[int]
+    before: ca.SX
+    shown: list[BlockSignal]
+
+
+def collect_events(tree: Tree, whens: Sequence[tuple[When, Model]], equations: list[FlatEquation]) -> FlatEvents | None:
+    """The events of a bound model; None where it has none.
+
+    Raises ModelError for a discrete variable that nothing sets, for one set twice by one event, and for pre() outside
+    the actions of gt.when.
+    """
+    records = [r for r in tree.parameters if isinstance(r.item, Discrete)]
+    blocks = [c for c in tree.components if isinstance(c, SampledBlock)]
+    if not (whens or records or blocks or tree.scope.modes):
+        return None
+    collector = _Collector(tree, records)
+    for e in equations:
+        collector.refuse_earlier(e.residual, e.where)
+    modes = [FlatMode(symbol, collector.logic(c), c.where) for symbol, c in tree.scope.modes]
+    made = [collector.when(w, c, n) for n, (w, c) in enumerate(whens)]
+    flat_blocks = [_block(tree, b) for b in blocks]
+    _refuse_unset(records, made, flat_blocks)
+    shown = [BlockSignal(r.name, r.shape, r.indices, r.item.unit) for r in records]
+    return FlatEvents(
+        collector.comparisons, collector.samples, modes, made, flat_blocks, collector.places, collector.before, shown
+    )
+
+
+class _Collector:
+    """Conditions as logic over numbered comparisons; actions in symbols."""
+
+    def __init__(self, tree: Tree, records: list[ParameterRecord]) -> None:
+        self._scope = tree.scope
+        self.places = [i for r in records for i in r.indices]
+        self._owner = {tree.scope.parameters[i].element_hash(): (i, r) for r in records for i in r.indices}
+        symbols = [tree.scope.parameters[i] for i in self.places]
+        self.before = ca.vertcat(*[ca.SX.sym(f"pre({s})") for s in symbols]) if symbols else ca.SX(0, 1)
+        self._discrete = ca.vertcat(*symbols) if symbols else ca.SX(0, 1)
+        self._earlier = [s for s, _ in tree.scope.earlier]
+        self.comparisons: list[Comparison] = []
+        self.samples: list[SampleTimes] = []
+        self._known: dict[int, Logic] = {}
+
+    def refuse_earlier(self, expression: ca.SX, where: SourceLocation) -> None:
+        """Raises ModelError where pre() stands in what holds at every time."""
+        if self._earlier and ca.depends_on(expression, ca.vertcat(*self._earlier)):
+            raise ModelError(
+                "pre() belongs to the actions of gt.when, which happen at one instant; here write the variable itself",
+                where,
+            )
+
+    def logic(self, condition: Condition) -> Logic:
+        """The same condition gives the same comparison."""
+        if condition.operation == "sample":
+            assert condition.every is not None
+            assert condition.offset is not None
+            self.samples.append(SampleTimes(condition.every, condition.offset, condition.where))
+            return "sample", len(self.samples) - 1
+        if condition.relation is None:
+            return (condition.operation, *map(self.logic, condition.parts))
+        relation = condition.relation
+        if id(relation) not in self._known:
+            self.refuse_earlier(relation.residual, relation.where)
+            sign = 1 if relation.op == ">=" else -1
+            expression = ca.SX(sign * relation.residual)
+            if not ca.symvar(expression):
+                raise ModelError("a condition compares numbers only, it never changes; remove it", relation.where)
+            text = f"{relation.lhs} {relation.op} {relation.rhs}"
+            time = ca.depends_on(expression, self._scope.time)
+            discrete = not time and not self._scope.symbols_in(expression)
+            self.comparisons.append(Comparison(expression, relation.strict, discrete, text, relation.where))
+            self._known[id(relation)] = "atom", len(self.comparisons) - 1
+        return self._known[id(relation)]
+
+    def when(self, when: When, component: Model, n: int) -> FlatWhen:
+        path = component.__dict__["_path"]
+        assigns: dict[int, ca.SX] = {}
+        reinits: dict[Pair, ca.SX] = {}
+        forces: dict[Pair, Pair] = {}
+        loss: ca.SX | None = None
+        for action in when.actions:
+            if isinstance(action, EnergyLoss):
+                value = self._value(action.expression)
+                loss = value if loss is None else loss + value
+            elif isinstance(action, Reinit):
+                for variable, value in zip(_entries(action.variable), _entries(action.value), strict=True):
+                    pair = self._scope.owner(variable)
+                    assert pair is not None
+                    if pair in reinits:
+                        raise ModelError(f"'{variable}' starts anew twice in one event", action.where)
+                    reinits[pair] = self._value(value)
+                if action.force is not None:
+                    owner = self._scope.owner
+                    for variable, by in zip(_entries(action.variable), _entries(action.force), strict=True):
+                        pair, force = owner(variable), owner(by)
+                        assert pair is not None
+                        assert force is not None
+                        forces[pair] = force
+            else:
+                for place, value in self._assigned(action):
+                    if place in assigns:
+                        name = self._scope.parameter_names[place]
+                        raise ModelError(f"'{name}' gets two values in one event", action.where)
+                    assigns[place] = value
+        ordered = self._ordered(assigns, when.where)
+        name = f"{path}.event {n + 1}" if path else f"event {n + 1}"
+        return FlatWhen(name, self.logic(when.condition), ordered, list(reinits.items()), forces, loss, when.where)
+
+    def _assigned(self, action: Relation) -> list[tuple[int, ca.SX]]:
+        result = []
+        for left, right in zip(_entries(action.lhs), _entries(action.rhs), strict=True):
+            owner = self._owner.get(left.element_hash()) if left.is_symbolic() else None
+            if owner is None:
+                more = "; a continuous variable starts anew by gt.reinit" if self._scope.symbols_in(left) else ""
+                raise ModelError(
+                    f"an action n == expression has a discrete variable on its left; found {left}{more}", action.where
+                )
+            result.append((owner[0], self._value(right)))
+        return result
+
+    def _value(self, expression: ca.SX) -> ca.SX:
+        """With pre(...) in symbols of what was before; inner ones first."""
+        for symbol, earlier in reversed(self._scope.earlier):
+            if ca.depends_on(expression, symbol):
+                before = ca.substitute(earlier, self._discrete, self.before) if self.places else earlier
+                expression = ca.substitute(expression, symbol, before)
+        return ca.SX(expression)
+
+    def _ordered(self, assigns: dict[int, ca.SX], where: SourceLocation) -> list[tuple[int, ca.SX]]:
+        """New values that others read come first. Raises ModelError for a loop."""
+        left = dict(assigns)
+        ordered: list[tuple[int, ca.SX]] = []
+        while left:
+            ready = [
+                place
+                for place, value in left.items()
+                if not any(ca.depends_on(value, self._scope.parameters[other]) for other in left)
+            ]
+            if not ready:
+                names = ", ".join(self._scope.parameter_names[place] for place in left)
+                raise ModelError(
+                    f"the new values of {names} depend on each other in a loop; write gt.pre(...) where the value "
+                    "before the event is meant",
+                    where,
+                )
+            ordered += [(place, left.pop(place)) for place in ready]
+        return ordered
+
+
+def _entries(sx: ca.SX) -> list[ca.SX]:
+    """Row by row, as names count."""
+    return ca.vertsplit(ca.vec(ca.densify(sx).T)) if sx.numel() else []
+
+
+def _block(tree: Tree, block: SampledBlock) -> FlatBlock:
+    path = block.__dict__["_path"]
+    cls = type(block)
+    if cls.step is SampledBlock.step:
+        raise ModelError(f"{cls.__name__} has no step(self, inputs, state); write one", block.__dict__.get("where"))
+    inside = f"{path}." if path else ""
+    inputs = [
+        BlockSignal(r.name.removeprefix(inside), r.item.shape, r.indices, r.item.unit)
+        for r in tree.variables
+        if r.component == path
+    ]
+    for r in tree.variables:
+        if r.component == path and isinstance(r.item, Variable) and r.item.role != "input":
+            raise ModelError(
+                f"'{r.name}' of a sampled block is a continuous variable; a block has inputs, outputs and discrete "
+                "variables",
+                r.item.where,
+            )
+    own = [r for r in tree.parameters if r.component == path and isinstance(r.item, Discrete)]
+    outputs, state = (
+        [BlockSignal(r.name.removeprefix(inside), r.shape, r.indices, r.item.unit) for r in own if r.item.output is out]
+        for out in (True, False)
+    )
+    if not outputs:
+        raise ModelError(f"sampled block '{path or cls.__name__}' has no output", None)
+    values = block.__dict__["_values"]
+    period, delay, offset = (ca.SX(values[name].sx) for name in ("period", "delay", "offset"))
+    return FlatBlock(path or cls.__name__, block, period, delay, offset, inputs, outputs, state)
+
+
+def _refuse_unset(records: list[ParameterRecord], whens: list[FlatWhen], blocks: list[FlatBlock]) -> None:
+    of_blocks = {place for b in blocks for s in (*b.outputs, *b.state) for place in s.places}
+    set_by = {place for w in whens for place, _ in w.assigns}
+    for r in records:
+        if of_blocks.issuperset(r.indices):
+            if taken := set_by.intersection(r.indices):
+                when = next(w for w in whens if any(place in taken for place, _ in w.assigns))
+                raise ModelError(f"'{r.name}' is set by its sampled block; no event may set it too", when.where)
+        elif isinstance(r.item, Discrete) and r.item.output:
+            raise ModelError(f"'{r.name}' is an output, which only a SampledBlock has; use gt.discrete", r.where)
+        elif not set_by.intersection(r.indices):
+            raise ModelError(f"no event sets the discrete variable '{r.name}'; declare a parameter", r.where)
+
+
+def holds(logic: Logic, atoms: np.ndarray, samples: Sequence[bool] = ()) -> bool:
+    """Whether a condition is true where its comparisons and samples are."""
+    operation, *parts = logic
+    if operation == "atom":
+        return bool(atoms[parts[0]])
+    if operation == "sample":
+        return bool(samples[parts[0]]) if len(samples) else False
+    if operation == "not":
+        return not holds(parts[0], atoms, samples)
+    joined = (holds(part, atoms, samples) for part in parts)
+    return all(joined) if operation == "and" else any(joined)

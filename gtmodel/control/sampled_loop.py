@@ -1,0 +1,213 @@
+"""A continuous plant under a law that computes at samples, as a digital controller does, as a model to simulate."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+import casadi as ca
+import numpy as np
+
+from gtmodel import lang as gt
+from gtmodel.compiler.causal import CausalFunction, compile_causal
+from gtmodel.compiler.point_function import PointFunction
+from gtmodel.compiler.toolchain import find
+from gtmodel.lang.expression import Expr, operand
+from gtmodel.lang.units import rate_unit
+
+from .feedforward import Law
+from .tracking_loop import actuators
+
+# what the law is given for the velocity: the plant's own, or the difference of two measured positions by the period
+Velocity = Literal["measured", "difference"]
+# what a law computes its forces from
+INPUTS = ("reference", "reference_rate", "reference_acceleration", "position", "velocity")
+
+
+def sampled_loop(
+    plant: gt.Model,
+    law: Law,
+    period: float = 0.004,
+    delay: float = 0.008,
+    *,
+    known: str = "q",
+    targets: str = "tau",
+    first: Any = 0.0,
+    resolution: float = 0.0,
+    velocity: Velocity = "measured",
+    compiled: bool = False,
+) -> gt.Model:
+    """The plant under a law at samples, as a model to simulate: parts `plant` and `law`, and an input `reference`.
+
+    Args:
+        plant: a model whose `known` and `targets` are vectors of equal length.
+        law: `Feedforward`, `ComputedTorque`, `Feedback`, or a `Law` of your own.
+        period: time between two samples [s].
+        delay: between a sample and the instant at which its forces act [s], any part of a period or several periods.
+        known, targets: the actuators' positions and forces, by name.
+        first: forces until the first ones of the law act, one number or one for each.
+        resolution: of the encoders, in the unit of the positions; 0: exact. The law is given the nearest multiple.
+        velocity: "measured", the plant's own; "difference", of the measured positions at this sample and the one
+            before, by the period (0 at the first sample).
+        compiled: evaluate the law by its generated C, compiled once by the C compiler of this machine, in place of
+            CasADi's virtual machine. The numbers are the same, bit for bit.
+
+    At each sample the law reads the position, the velocity and the reference with two derivatives; its forces are held
+    from `delay` later until the next ones. `gt.simulate(loop, ...).samples["law"]` holds what was read and computed.
+    The reference must be twice differentiable, "cubic" where it is a table. In continuous time: `tracking_loop`.
+    Raises ModelError where the plant has no such vectors, for numbers that are out of range, and without a compiler
+    where C is asked for.
+
+    >>> robot = gt.robots.gantry_tau("l1_tape")
+    >>> law = gt.control.ComputedTorque(robot, stiffness=400.0, damping=40.0)
+    >>> loop = gt.control.sampled_loop(robot, law, period=0.004, delay=0.008)
+    >>> at = {"plant.T": [0.5, -0.9, 0.3], "der(plant.T)": 0.0}
+    >>> q, status = robot.causal(known="T", targets="q")(at["plant.T"])
+    >>> run = gt.simulate(loop, 0.02, inputs={"reference": q + 0.001}, start=at)
+    >>> samples = run.samples["law"]
+    >>> len(samples), bool(np.all(samples["reference"] - samples["position"] > 0))
+    (6, True)
+    """
+    shape, unit, force = actuators(plant, known, targets)
+    block = sampled_law(law, shape[0], unit, force, first, resolution, velocity, compiled)
+
+    class SampledLoop(gt.Model):
+        plant: Any
+        law: Any
+        reference: Any
+
+        def equations(self) -> Any:
+            position, reference = getattr(self.plant, known), self.reference
+            yield self.law.position == position
+            yield self.law.velocity == gt.der(position)
+            yield self.law.reference == reference
+            yield self.law.reference_rate == gt.der(reference)
+            yield self.law.reference_acceleration == gt.der(reference, 2)
+            yield getattr(self.plant, targets) == self.law.forces
+
+    members = {
+        "plant": gt.part(plant),
+        "law": gt.part(block, period=period, delay=delay),
+        "reference": gt.input(shape[0], unit=unit),
+    }
+    return type("SampledLoop", (SampledLoop,), members)()
+
+
+def sampled_law(
+    law: Law,
+    count: int,
+    unit: str | None = None,
+    force: str | None = None,
+    first: Any = 0.0,
+    resolution: float = 0.0,
+    velocity: Velocity = "measured",
+    compiled: bool = False,
+) -> type[gt.SampledBlock]:
+    """A law as a sampled block for `count` actuators, for loops of your own: `gt.part(block, period=0.004)`.
+
+    Args:
+        unit, force: SI units of the positions and of the forces.
+        first, resolution, velocity, compiled: as of `sampled_loop`.
+
+    Its inputs are `position`, `velocity`, `reference`, `reference_rate` and `reference_acceleration`, its output is
+    `forces`; for the difference it remembers the `measured` position. Raises ModelError as `sampled_loop`.
+
+    >>> block = gt.control.sampled_law(gt.control.Feedback(4e4, 2e3), 3, unit="m", force="N")
+    >>> block(period=0.004).delay
+    0.0
+    """
+    if not (np.isfinite(resolution) and resolution >= 0):
+        raise gt.ModelError(f"the resolution of an encoder is a number that is not negative; found {resolution!r}")
+    if velocity not in ("measured", "difference"):
+        raise gt.ModelError(f"velocity is 'measured' or 'difference'; found {velocity!r}")
+    held = np.asarray(first, float)
+    if held.shape not in ((), (count,)) or not np.all(np.isfinite(held)):
+        raise gt.ModelError(f"the first forces are one number, or {count} of them; found {first!r}")
+    evaluate = PointFunction(_machine_code(law_function(law, count)) if compiled else law_function(law, count))
+
+    class SampledLaw(gt.SampledBlock):
+        def step(self, inputs: Any, state: Any) -> dict[str, Any]:
+            position, rate, remembered = inputs.position, inputs.velocity, {}
+            if resolution:
+                position = resolution * np.round(position / resolution)
+            if velocity == "difference":
+                rate = (position - state.measured) / self.period if state.begun else np.zeros(count)
+                remembered = {"measured": position, "begun": 1.0}
+            wanted = inputs.reference, inputs.reference_rate, inputs.reference_acceleration
+            (forces,) = evaluate(*wanted, position, rate)
+            return {"forces": forces[:, 0], **remembered}
+
+    rate, acceleration = (None if unit is None else rate_unit(unit, order) for order in (1, 2))
+    members = {
+        "position": gt.input(count, unit=unit, description="of the actuators"),
+        "velocity": gt.input(count, unit=rate, description="of the actuators"),
+        "reference": gt.input(count, unit=unit, description="what they are to follow"),
+        "reference_rate": gt.input(count, unit=rate, description="its derivative"),
+        "reference_acceleration": gt.input(count, unit=acceleration, description="and the next one"),
+        "forces": gt.output(np.broadcast_to(held, (count,)).copy(), unit=force, description="held"),
+    }
+    if velocity == "difference":
+        members["measured"] = gt.discrete(np.zeros(count), unit=unit, description="position at the sample before")
+        members["begun"] = gt.discrete(0.0, description="1 from the first sample on")
+    return type("SampledLaw", (SampledLaw,), members)
+
+
+def law_function(law: Law, count: int) -> ca.Function:
+    """A law as a CasADi function `law`: reference, its two derivatives, position and velocity, (count,) each -> forces.
+
+    Raises ModelError for a law that gives another number of forces.
+
+    >>> f = gt.control.law_function(gt.control.Feedback(100.0, 10.0), 1)
+    >>> float(f(0.02, 0.0, 0.0, 0.01, 0.05))
+    0.5
+    """
+    symbols = [ca.SX.sym(name, count) for name in INPUTS]
+    forces = ca.densify(law.forces(symbols[:3], *symbols[3:]))
+    if forces.numel() != count:
+        raise gt.ModelError(f"the law gives {forces.numel()} forces; expected {count}")
+    return ca.Function("law", symbols, [forces], list(INPUTS), ["forces"])
+
+
+def law_causal(law: Law, count: int, unit: str = "m", force: str = "N") -> CausalFunction:
+    """A law as a causal function, from which `gt.cgen` writes the C of a real controller.
+
+    Args:
+        law: as of `sampled_loop`, for `count` actuators.
+        unit, force: SI units of the positions and of the forces.
+
+    Inputs, those that the law uses, and output have the names of `sampled_law`. Raises ModelError as `law_function`.
+
+    >>> function = gt.control.law_causal(gt.control.Feedback(100.0, 10.0), 1)
+    >>> [s.name for s in function.inputs]
+    ['reference', 'reference_rate', 'position', 'velocity']
+    >>> forces, status = function([0.02], [0.0], [0.01], [0.05])
+    >>> forces.tolist()
+    [0.5]
+    """
+    f = law_function(law, count)
+    used = [name for n, name in enumerate(INPUTS) if f.jac_sparsity(0, n).nnz()]
+
+    class SampledForces(gt.Model):
+        def equations(self) -> Any:
+            scope = self.forces.scope
+            given = [operand(getattr(self, n), scope)[0] if n in used else ca.SX(count, 1) for n in INPUTS]
+            # the law's numbers carry no units
+            yield self.forces == Expr(ca.SX(f.call(given)[0]), (count,), None, scope)
+
+    units = dict(zip(INPUTS, (unit, rate_unit(unit), rate_unit(unit, 2), unit, rate_unit(unit)), strict=True))
+    members: dict[str, Any] = {name: gt.input(count, unit=units[name]) for name in used}
+    model = type("SampledForces", (SampledForces,), members | {"forces": gt.variable(count, unit=force)})()
+    return compile_causal(model, used, "forces")
+
+
+def _machine_code(function: ca.Function) -> ca.Function:
+    """The same function from its C. Raises ModelError without a compiler."""
+    from gtmodel.compiler.library_cache import CompilerMissing
+    from gtmodel.optimize.compiled import compiled
+
+    chain = find()
+    if isinstance(chain, str):
+        raise gt.ModelError(f"compiled=True needs a compiler, and {chain}; compiled=False gives the same forces")
+    try:
+        return compiled([function])[0][0]
+    except CompilerMissing as error:
+        raise gt.ModelError(f"compiled=True: {error}") from None

@@ -1,0 +1,1 @@
+"""Simulation of models with events and sampled blocks: pieces of ordinary simulation between the instants."""

@@ -1,0 +1,534 @@
+"""A simulation with events under way: ordinary pieces, the instants between them, and what happens there."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from fractions import Fraction
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...compiler.analysis.events import FlatEvents, holds
+from ...compiler.flat import FlatModel
+from ...lang.source import ModelError
+from ...results.status import SolveStatus
+from ..advance import Integration
+from ..audit import Audit
+from ..discontinuities import after_discontinuity
+from ..ending import Ended
+from ..result import Progress
+from ..roots import Watched
+from ..systems import SimulatedSystem, Systems
+from .accumulation import Accumulation
+from .actions import Actions, Changes
+from .blocks import RunningBlock
+from .clock import Due, SampleClock, exact
+from .crossing import dips, first_root
+from .event import Event
+from .one_step import OneStep
+
+if TYPE_CHECKING:
+    from .modes import ReadyInMode, SimulatedModes
+
+Pair = tuple[int, int]
+
+# of a comparison's largest value since it changed: nearer to zero its sign is round-off and the integrator's error
+ZERO = 1e-9
+# and of its largest value in the whole run
+LEAST = 1e-13
+# rates that would move a comparison by less than ZERO of its size in this part of the run do not decide on its side
+SLOW = 1e-6
+# so many of the shortest intervals are gone over by the rates where the integrator cannot go over the switch
+EDGE = 100.0
+# rounds of what follows from what at one instant
+ROUNDS = 30
+
+
+class HybridIntegration(Integration):
+    """Where a simulation with events is. `events` are those so far; `blocks` the sampled blocks with their samples.
+
+    truth: of each comparison, constant between two events. held: of each condition of gt.when.
+    """
+
+    def __init__(self, ready: ReadyInMode, modes: SimulatedModes, rows: np.ndarray, grid: np.ndarray) -> None:
+        begin, end = float(rows[0]), float(rows[-1])
+        self._modes, self._begin, self._end = modes, begin, end
+        self._steppers: dict[int, OneStep] = {}
+        super().__init__(ready.ready, rows, grid, ready.ready.systems.pace(ready.ready.inputs, begin, end))
+        self._paces = {ready.values: self._pace}
+        self._flat: FlatModel = modes.flat
+        self._declared: FlatEvents = modes.events
+        self._actions = Actions(modes.flat, modes.events, modes.pairs)
+        self.events: list[Event] = []
+        self._values = ready.values
+        self._kept: list[SimulatedSystem] = []  # so that their ids stay theirs
+        self._watched: dict[int, tuple[SimulatedSystem, Watched]] = {}
+        self.truth, self.held = ready.truth.copy(), ready.held.copy()
+        self._size = self._largest = np.zeros(len(self._declared.comparisons))
+        self._accumulation = Accumulation(end - begin)
+        self.energy_error, self.largest_energy = 0.0, 0.0
+        self.declares_loss = any(w.loss is not None for w in self._declared.whens)
+        self._audited = 0.0
+        self._broken: str | None = None
+        self._sources: list[set[int]] = [set() for _ in self._declared.blocks]
+        self._sources_of: SimulatedSystem | None = None
+        self._last_recorded = self._next_row = -np.inf
+        self.clock = SampleClock()
+        self.blocks = [RunningBlock(b, self._flat, self._numbers) for b in self._declared.blocks]
+        for n, block in enumerate(self.blocks):
+            self.clock.add(block.first(begin), Due("block", n))
+        self._times = modes.sample_times(self._numbers)
+        for n, (period, offset) in enumerate(self._times):
+            steps = max(0, -(-(exact(begin) - offset) // period))
+            self.clock.add(offset + steps * period, Due("sample", n))
+
+    @property
+    def accumulation(self) -> float | None:
+        """Where events come infinitely close [s]."""
+        return self._accumulation.point
+
+    @property
+    def _numbers(self) -> np.ndarray:
+        """Values of all parameters, discrete variables among them."""
+        return self._systems.parameters
+
+    @property
+    def _stepper(self) -> OneStep:
+        known = self._steppers.get(id(self.system))
+        if known is None:
+            s = self._settings
+            known = OneStep(self.system.reduced, self.system.stepper, s.tolerance, s.bounded)
+            self._steppers[id(self.system)] = known
+            self._kept.append(self.system)
+        return known
+
+    # -- between events ----------------------------------------------------------------------------
+
+    def run(self, progress: Progress | None) -> None:
+        """Go to the last row. Raises Ended where that is not reached."""
+        self._progress = progress
+        self._record(*self._one_row())
+        self._grow(self._comparisons(self._x[None, :], self._z[None, :], np.array([self._time]))[0])
+        self._instant()
+        while self._time < self._end:
+            knots = np.union1d(self._inputs.knots(self._time, self._end), self._pace.knots)
+            after = knots[knots > self._time]
+            stop = min(self._next_sample(), float(after[0]) if after.size else np.inf, self._end)
+            while self._time < stop:
+                self._advance(stop, self._span(stop))
+            if stop < self._end and after.size and stop == after[0]:
+                self._begin_piece()
+            self._instant()
+
+    def _next_sample(self) -> float:
+        return np.inf if self.clock.next is None else float(self.clock.next)
+
+    def _instant(self) -> None:
+        """Do what is due at this time."""
+        while self._next_sample() <= self._time:
+            self._sampled(*self.clock.take())
+
+    def _intervals(self, stop: float, span: float, most: int) -> tuple[np.ndarray, float]:
+        times, length = super()._intervals(stop, span, most)
+        # few different numbers of intervals: an integrator is made for each
+        count = 1 << (len(times).bit_length() - 1)
+        return times[:count], length
+
+    def _accept(self, times: np.ndarray, xs: np.ndarray, zs: np.ndarray, works: np.ndarray) -> int:
+        """As in every simulation, up to the first interval in which a comparison changes; its event included."""
+        if not self._declared.comparisons:
+            return super()._accept(times, xs, zs, works)
+        at = np.concatenate([[self._time], times])
+        values, rates = self._comparisons(np.vstack([self._x, xs]), np.vstack([self._z, zs]), at)
+        interval, dip = self._first_change(at, values, rates)
+        good = interval
+        if interval:
+            good = super()._accept(times[:interval], xs[:interval], zs[:interval], works[:interval])
+            self._grow(values[1 : good + 1])
+        if good < interval or interval == len(times):
+            return good
+        done = self._to_change(float(times[interval]), dip)
+        return max(good, 1) if done else good
+
+    def _advance(self, stop: float, span: float) -> None:
+        """As in every simulation; an integrator that fails at a switch, where one side ends, is taken over it."""
+        try:
+            super()._advance(stop, span)
+        except Ended as error:
+            if error.status is not SolveStatus.FAILED or not self._over_edge():
+                raise
+
+    def _over_edge(self) -> bool:
+        """Whether a comparison changes within a few of the shortest intervals; then its event has happened."""
+        if not self._declared.comparisons or self._z.size:
+            return False
+        at = np.array([self._time])
+        values, rates = self._comparisons(self._x[None, :], self._z[None, :], at)
+        s, ds = values[0] * self._signs(), rates[0] * self._signs()
+        with np.errstate(all="ignore"):
+            left = np.where(ds < 0, s / -ds, np.inf)
+        if not np.any(left <= EDGE * self._shortest):
+            return False
+        n = int(np.nanargmin(left))
+        span = max(float(left[n]), 0.0)
+        slope = np.asarray(self.system.reduced.rate(self._x, self._z, self._time, self._p).full()).reshape(-1)
+        self._take(self._time + span, self._x + span * slope, self._z, self._work)
+        self._event([n])
+        return True
+
+    def _grow(self, values: np.ndarray) -> None:
+        if len(values):
+            largest = np.max(np.abs(values), axis=0)
+            self._size, self._largest = np.maximum(self._size, largest), np.maximum(self._largest, largest)
+
+    @property
+    def _zero(self) -> np.ndarray:
+        """So near to zero no comparison shows a side."""
+        return np.maximum(ZERO * self._size, LEAST * self._largest)
+
+    def _signs(self) -> np.ndarray:
+        return np.where(self.truth, 1.0, -1.0)
+
+    def _comparisons(self, xs: np.ndarray, zs: np.ndarray, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Values and rates, one row for each time."""
+        key = id(self.system)
+        if key not in self._watched:
+            begin = self._modes.first_comparison
+            expressions = self.system.reduced.outputs[begin : begin + len(self._declared.comparisons)]
+            self._watched[key] = self.system, Watched(self.system.reduced, expressions)
+        return self._watched[key][1](xs, zs, times, self._p)
+
+    def _first_change(self, at: np.ndarray, values: np.ndarray, rates: np.ndarray) -> tuple[int, float]:
+        """The first interval in which a comparison changes, their number where none does; and where inside of it one
+        changes and changes back, else 0."""
+        s, ds = values * self._signs(), rates * self._signs()
+        over = s[1:] < -self._zero
+        share = dips(np.diff(at), s, ds)
+        candidates = over.any(axis=1) | np.isfinite(share).any(axis=1)
+        for interval in np.flatnonzero(candidates).tolist():
+            if over[interval].any():
+                return interval, 0.0
+            for u in share[interval][np.isfinite(share[interval])]:
+                return interval, float(u)
+        return len(at) - 1, 0.0
+
+    def _to_change(self, end: float, dip: float) -> bool:
+        """Go to the first change before `end` and do what it leads to; False where the integrator does not get there.
+
+        dip: a share of the interval at which a comparison seems to have changed, and changed back at its end.
+        """
+        begin, x, z, p = self._time, self._x, self._z, self._p
+        steps: dict[float, tuple[np.ndarray, ...] | None] = {}
+
+        def step(span: float) -> tuple[np.ndarray, ...] | None:
+            if span not in steps:
+                steps[span] = self._stepper(x, z, begin, span, p, 1, self._pace.at(begin), 1)
+            return steps[span]
+
+        def signed(span: float) -> tuple[np.ndarray, np.ndarray] | None:
+            made = (x[None, :], z[None, :]) if span == 0.0 else step(span)
+            if made is None:
+                return None
+            values, rates = self._comparisons(made[0], made[1], np.array([begin + span]))
+            return values[0] * self._signs(), rates[0] * self._signs()
+
+        high = dip * (end - begin) if dip else end - begin
+        at_end = signed(high)
+        if at_end is None:
+            return False
+        if not np.any(at_end[0] < (0.0 if dip else -self._zero)):
+            # the dip of the interpolation is none of the motion: go there, and look on
+            return self._go(high, step(high), begin + high)
+        changing = at_end[0] < (0.0 if dip else -self._zero)
+        n = -1
+        while changing.any():
+            n = int(np.flatnonzero(changing)[0])
+            root = first_root(signed, n, 0.0, high)
+            if root is None:
+                return False
+            high = root
+            at_end = signed(root)
+            assert at_end is not None
+            changing = at_end[0] < -self._zero
+            changing[n] = False
+        near = np.abs(at_end[0]) <= self._zero
+        flips = [k for k in np.flatnonzero(near).tolist() if at_end[1][k] < 0.0 or k == n]
+        if high > 0.0 and not self._go(high, step(high), begin + high):
+            return False
+        self._event(flips)
+        return True
+
+    def _go(self, span: float, made: tuple[np.ndarray, ...] | None, time: float) -> bool:
+        """Go on by one interval."""
+        if made is None:
+            return False
+        if time <= self._time:
+            return True
+        return super()._accept(np.array([time]), *made) == 1
+
+    # -- at an instant -----------------------------------------------------------------------------
+
+    def _sampled(self, now: Fraction, due: Sequence[Due]) -> None:
+        """Samples that are due now: inputs are read as they were before, outputs without delay are there at once."""
+        new: dict[int, float] = {}
+        blocks = [d.number for d in due if d.kind == "block"]
+        inputs = self._block_inputs({}) if blocks else {}
+        for n in self._order(blocks) if blocks else ():
+            block = self.blocks[n]
+            numbers = self._numbers.copy()
+            numbers[list(new)] = list(new.values())
+            given = {place: v for m in self._sources[n] for place, v in self._outputs_in(new, m)}
+            read = self._block_inputs(given) if given else inputs
+            made = block.step(self._time, read[n], numbers)
+            outputs = {place for s in block.block.outputs for place in s.places}
+            new |= {place: v for place, v in made.items() if place not in outputs or not block.delay}
+            if block.delay:
+                late = {place: v for place, v in made.items() if place in outputs}
+                self.clock.add(now + block.delay, Due("outputs", n, late))
+            self.clock.add(now + block.period, Due("block", n))
+        for d in due:
+            if d.kind == "outputs":
+                new |= d.values
+            elif d.kind == "sample":
+                self.clock.add(now + self._times[d.number][0], Due("sample", d.number))
+        samples = [n for n in range(len(self._times)) if Due("sample", n) in due]
+        if new:
+            self._set(new)
+        if samples or (new and (self._declared.comparisons)):
+            self._event([], samples)
+
+    def _outputs_in(self, new: Mapping[int, float], block: int) -> list[tuple[int, float]]:
+        """New outputs of a block."""
+        places = [place for s in self.blocks[block].block.outputs for place in s.places]
+        return [(place, new[place]) for place in places if place in new]
+
+    def _order(self, blocks: Sequence[int]) -> list[int]:
+        """Blocks that sample together, those whose outputs others read first.
+
+        Raises ModelError for a loop of blocks without delay.
+        """
+        if len(self.blocks) > 1 and self._sources_of is not self.system:
+            self._sources = self._modes.sources(self.system, [not b.delay for b in self.blocks])
+            self._sources_of = self.system
+        left, ordered = list(blocks), []
+        while left:
+            ready = [n for n in left if not self._sources[n].intersection(left)]
+            if not ready:
+                names = ", ".join(self.blocks[n].name for n in left)
+                raise ModelError(
+                    f"the sampled blocks {names} read each other's outputs at the same instant, in a loop; give one of "
+                    "them a delay"
+                )
+            ordered += ready
+            left = [n for n in left if n not in ready]
+        return ordered
+
+    def _block_inputs(self, new: Mapping[int, float]) -> dict[int, np.ndarray]:
+        """Inputs of each block at this point; `new`: numbers in place of those of discrete variables."""
+        p = self._inputs.with_parameters(self._p, new) if new else self._p
+        row = self.system.reduced.row(self._x[None, :], self._z[None, :], np.array([[self._time]]), p)[0][0]
+        return {n: row[self._modes.columns_of(b.block)] for n, b in enumerate(self.blocks)}
+
+    def _set(self, new: Mapping[int, float]) -> None:
+        """Give discrete variables new values; continuous ones go on."""
+        changed = {place: v for place, v in new.items() if self._inputs.parameters[place] != v}
+        if not changed:
+            return
+        before = self._p
+        self._inputs.parameters.update(changed)
+        after = self._inputs.with_parameters(before, changed)
+        self._renumber(self._systems)
+        self._z = after_discontinuity(self.system, self._x, self._z, self._time, before, after)
+        self._p = after
+        self._calls = 0
+
+    def _renumber(self, systems: Systems) -> None:
+        """Systems with the numbers of now."""
+        flat = renumbered(systems.flat, self._inputs.parameters)
+        self._close_audit()
+        self._systems = systems.with_numbers(flat, None)
+        self.audit = Audit(self._systems.original_equations, self._systems.parameters)
+
+    def _close_audit(self) -> None:
+        self._audited = max(self._audited, self.audit.residual)
+        self._broken = self._broken or self.audit.verdict()
+
+    def finish(self) -> tuple[float, str | None]:
+        """The largest residual of an equation at any row, and a sentence where one does not hold."""
+        self._close_audit()
+        return self._audited, self._broken
+
+    def _event(self, forced: Sequence[int], samples: Sequence[int] = ()) -> None:
+        """What happens now: comparisons `forced` change, samples are due; until nothing changes any more."""
+        events, causes = self._declared, dict[str, None]()
+        discrete: dict[int, tuple[float, float]] = {}
+        restarted: dict[Pair, tuple[float, float]] = {}
+        impulses: dict[str, float] = {}
+        stored, declared = self._stored(), None
+        before_it = self._one_row()
+        seen: set[tuple[object, ...]] = set()
+        due, zero = [n in samples for n in range(len(events.samples))], self._zero
+        begun = np.zeros(len(events.comparisons), dtype=bool)
+        acted, impacts = False, False
+        for turn in range(ROUNDS):
+            truth = self._sides(forced if turn == 0 else (), zero)
+            values = tuple(holds(m.logic, truth) for m in events.modes)
+            conditions = np.array([holds(w.logic, truth, due if turn == 0 else ()) for w in events.whens], dtype=bool)
+            fired = np.flatnonzero(conditions & ~self.held).tolist()
+            begun |= truth != self.truth
+            self.truth, self.held = truth, conditions
+            switched = values != self._values
+            if not fired and not switched:
+                break
+            if not acted:
+                if self._last_recorded < self._time:
+                    self._record(*before_it)
+                acted = True
+            causes |= dict.fromkeys(f"{events.whens[n].name} ({events.whens[n].where})" for n in fired)
+            causes |= dict.fromkeys(
+                f"{m.name} ({m.where})"
+                for m, old, new in zip(events.modes, self._values, values, strict=True)
+                if old != new
+            )
+            changes = self._changes(fired)
+            for place, v in changes.discrete.items():
+                first = discrete.get(place, (float(self._numbers[place]), v))[0]
+                discrete[place] = first, v
+            for pair, v in changes.restarted.items():
+                before = restarted.get(pair, (self._value(pair), v))[0]
+                restarted[pair] = before, v
+            declared = declared if changes.loss is None else (declared or 0.0) + changes.loss
+            impacts = impacts or bool(changes.restarted)
+            state = values, tuple(sorted((self._inputs.parameters | changes.discrete).items()))
+            if state in seen and not changes.restarted:
+                raise self._unsettled(list(causes))
+            seen.add(state)
+            for force, impulse in self._restart(values, changes).items():
+                impulses[force] = impulses.get(force, 0.0) + impulse
+        else:
+            raise self._unsettled(list(causes))
+        # what changed its side begins anew to grow
+        self._size = np.where(begun, 0.0, self._size)
+        if not acted:
+            return
+        after = self._stored()
+        change = after - stored
+        self.largest_energy = max(self.largest_energy, abs(stored), abs(after))
+        self._book(change, declared, impacts)
+        self._record(*self._one_row())
+        name = self._actions.name_of
+        self.events.append(
+            Event(
+                self._time,
+                tuple(causes),
+                {name(k): v for k, v in discrete.items() if v[0] != v[1]},
+                {name(k): v for k, v in restarted.items()},
+                change,
+                impulses,
+            )
+        )
+        self._last_span = max(self._accumulation.add(self._time, tuple(causes)), self._shortest)
+        if (sentence := self._accumulation.sentence()) is not None:
+            raise Ended(SolveStatus.FAILED, sentence)
+
+    def _sides(self, forced: Sequence[int], zero: np.ndarray) -> np.ndarray:
+        """Truth of the comparisons from now on: by their values, at zero by their rates, and as they were where
+        neither shows it."""
+        if not self._declared.comparisons:
+            return self.truth
+        values, rates = (a[0] for a in self._comparisons(self._x[None, :], self._z[None, :], np.array([self._time])))
+        self._largest = np.maximum(self._largest, np.abs(values))
+        slow = zero / (SLOW * (self._end - self._begin))
+        truth = self._modes.sides(values, rates, zero, slow, self.truth)
+        for n in forced:
+            truth[n] = not self.truth[n]
+        return truth
+
+    def _changes(self, fired: Sequence[int]) -> Changes:
+        if not fired:
+            return Changes()
+        row = self._row()
+        values = row[self._modes.read_columns]
+        return self._actions(fired, values, self._numbers, self._values, self._time)
+
+    def _restart(self, values: tuple[bool, ...], changes: Changes) -> dict[str, float]:
+        """Go on in these modes, with discrete variables and states that start anew; impulses that do it by force."""
+        if values == self._values and not changes.restarted:
+            self._set(changes.discrete)
+            return {}
+        point, old = self._here(), self.system
+        struck: dict[Pair, float] = {}
+        impulses: dict[str, float] = {}
+        if changes.forces:
+            struck, impulses = self._modes.struck(self._systems, old, point, self._time, changes)
+        self._inputs.parameters.update(changes.discrete)
+        systems = self._systems if values == self._values else self._modes.systems(values)
+        self._renumber(systems)
+        self._p = self._inputs.with_parameters(self._p, changes.discrete)
+        self.system, self._x, self._z = self._modes.restart(
+            self._systems, self._settings, old, point, self._time, self._p, changes.restarted, struck
+        )
+        if values != self._values:
+            self._values = values
+            if values not in self._paces:
+                self._paces[values] = self._systems.pace(self._inputs, self._begin, self._end)
+            self._pace = self._paces[values]
+        self._calls = 0
+        return impulses
+
+    def _value(self, pair: Pair) -> float:
+        """Of a variable's derivative that actions read, now."""
+        return float(self._row()[self._modes.read_columns][self._modes.pairs.index(pair)])
+
+    def _unsettled(self, causes: list[str]) -> Ended:
+        shown = "; ".join(causes[-4:])
+        return Ended(
+            SolveStatus.FAILED,
+            f"at {self._time:.6g} s events never settle: {shown} call each other for ever; where both sides of a "
+            "switch push back to it, give it a hysteresis, or a mode of its own in between, as stuck is between two "
+            "directions of sliding",
+        )
+
+    # -- rows and energies -------------------------------------------------------------------------
+
+    def _row(self) -> np.ndarray:
+        return self.system.reduced.row(self._x[None, :], self._z[None, :], np.array([[self._time]]), self._p)[0][0]
+
+    def _stored(self) -> float:
+        return float(self._row()[-1]) if self._modes.has_energy else 0.0
+
+    def _book(self, change: float, declared: float | None, impacts: bool) -> None:
+        """Energy that an event took or brought: what it declares, else what an impact did. What changes without either
+        is an error of the balance."""
+        if not self._modes.has_energy or (declared is None and not impacts):
+            return
+        if declared is not None:
+            self.energy_error = max(self.energy_error, abs(change + declared))
+        gone = -change if declared is None else declared
+        self._work = self._work + (np.array([0.0, gone]) if gone > 0 else np.array([-gone, 0.0]))
+
+    def _one_row(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        at = np.array([self._time])
+        return at, self._x[None, :], self._z[None, :], self._work[None, :], self._here()[None, :]
+
+    def _record(self, times: np.ndarray, xs: np.ndarray, zs: np.ndarray, works: np.ndarray, points: np.ndarray) -> None:
+        """As in every simulation; the second row of one instant stands at the next larger time."""
+        self._next_row = times[0]
+        if times[0] <= self._last_recorded:
+            last = self._last_recorded
+            self._next_row = max(float(np.nextafter(last, np.inf)), last + float(np.spacing(self._end - self._begin)))
+        super()._record(times, xs, zs, works, points)
+        self._last_recorded = max(self._next_row, float(times[-1]))
+
+    def _shown(self, times: np.ndarray) -> np.ndarray:
+        return np.append(self._next_row, times[1:])
+
+
+def renumbered(flat: FlatModel, numbers: Mapping[int, float]) -> FlatModel:
+    """The model with other values at some places of `flat.p`, of what nothing else follows from."""
+    parameters = list(flat.parameters)
+    for place, value in numbers.items():
+        if parameters[place].value != value:
+            parameters[place] = replace(parameters[place], value=value)
+    return replace(flat, parameters=parameters)

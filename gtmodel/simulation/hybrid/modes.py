@@ -1,0 +1,431 @@
+"""The modes of a model with events: an ordinary simulation for each, made when it is met first."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from functools import cached_property
+from itertools import product
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from ...compiler.analysis.events import BlockSignal, FlatBlock, FlatEvents, holds
+from ...compiler.analysis.switching import in_mode
+from ...compiler.flat import FlatModel
+from ...compiler.other_values import with_values
+from ...lang.slips import floats
+from ...lang.source import ModelError
+from ..inputs import SimulationInputs
+from ..prepare import Ready, prepare_in
+from ..record import Recorded, RecordedQuantity, Recorder
+from ..roots import Watched
+from ..systems import IntegratorSettings, SimulatedSystem, Systems
+from .actions import Changes, read_by
+from .clock import exact
+
+Pair = tuple[int, int]
+# tries of modes that suit a start
+TRIES = 20
+# comparisons that are zero at the start, of which both sides are tried
+MOST_UNDECIDED = 8
+# of a comparison at the start: nearer to zero its sign is round-off
+ZERO = 1e-12
+# of the nominals: a state that a change of modes moves further has jumped
+JUMPED = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class ReadyInMode:
+    """A simulation with events before its first step: the values of the modes, the truth of each comparison, and of
+    each condition of gt.when."""
+
+    ready: Ready
+    values: tuple[bool, ...]
+    truth: np.ndarray
+    held: np.ndarray
+
+
+class SimulatedModes:
+    """A model with events in one run. `flat` has the numbers of its start; `pairs` are what actions and blocks read,
+    in `read_columns` of a row; comparisons stand from `first_comparison` on."""
+
+    def __init__(
+        self, flat: FlatModel, now: FlatModel, given: SimulationInputs, outputs: Sequence[str], prefer: Sequence[int]
+    ) -> None:
+        assert flat.events is not None
+        self._compiled, self.flat, self.events = flat, now, flat.events
+        self._given, self._outputs, self._prefer = given, tuple(outputs), prefer
+        self.pairs = read_by(self.events, flat)
+        self.recorded = _recorded(flat, self.events, self._outputs, self.pairs)
+        self.has_energy = bool(flat.energies)
+        self.first_comparison = len(self.recorded.expressions) - self.recorded.extra
+        first = self.first_comparison + len(self.events.comparisons)
+        self.read_columns = slice(first, first + len(self.pairs))
+        self._place = {pair: first + n for n, pair in enumerate(self.pairs)}
+        self._discrete = np.array([c.discrete for c in self.events.comparisons], dtype=bool)
+        self._strict = np.array([c.strict for c in self.events.comparisons], dtype=bool)
+        self._flats: dict[tuple[bool, ...], FlatModel] = flat.cache.setdefault("modes", {})
+
+    def columns_of(self, block: FlatBlock) -> list[int]:
+        """Of a block's inputs in a row, in order."""
+        return [self._place[i, 0] for s in block.inputs for i in s.places]
+
+    def flat_in(self, values: tuple[bool, ...]) -> FlatModel:
+        """The model in these modes, always the same one."""
+        if values not in self._flats:
+            self._flats[values] = in_mode(self._compiled, values)
+        return self._flats[values]
+
+    def systems(self, values: tuple[bool, ...]) -> Systems:
+        """In these modes, with the numbers of now."""
+        flat = self.flat_in(values)
+        return Systems.kept(flat, self._given, self.recorded_in(values), self._prefer, self._numbered(flat))
+
+    def _numbered(self, flat: FlatModel) -> FlatModel:
+        return with_values(flat, self._given.parameters)
+
+    def recorded_in(self, values: tuple[bool, ...]) -> Recorded:
+        """What rows consist of in these modes."""
+        cache = self.flat_in(values).cache
+        key = "recorded with events", self._outputs
+        if key not in cache:
+            expressions = self.recorded.expressions
+            if self.events.modes:
+                old = ca.vertcat(*[m.symbol for m in self.events.modes])
+                numbers = ca.DM([float(v) for v in values])
+                expressions = ca.vertsplit(ca.substitute(ca.vertcat(*expressions), old, numbers))
+            cache[key] = replace(self.recorded, expressions=expressions)
+        return cache[key]
+
+    # -- start -------------------------------------------------------------------------------------
+
+    def start(
+        self, start: Mapping[str, Any], start_time: float, settings: IntegratorSettings, end: float
+    ) -> ReadyInMode:
+        """A consistent start in modes that suit it.
+
+        Raises ModelError where each try leads to other modes.
+        """
+        guess, undecided = self._guess(start, start_time)
+        refused: ModelError | None = None
+        # what is zero at the start may be on either side
+        for choice in product(*[(False, True)] * min(len(undecided), MOST_UNDECIDED)):
+            truth = guess.copy()
+            truth[undecided[: len(choice)]] ^= np.array(choice, dtype=bool)
+            try:
+                ready = self._settled(truth, start, start_time, settings, end)
+            except ModelError as error:
+                refused = refused or error
+                continue
+            if ready is not None:
+                return ready
+        if refused is not None:
+            raise refused
+        wheres = ", ".join(dict.fromkeys(f"{m.name} at {m.where}" for m in self.events.modes))
+        raise ModelError(
+            f"{self.flat.title}: no side of {wheres} suits the start: each leads to the other, as where friction would "
+            "hold; give another start, or a mode of its own in between (gt.discrete)"
+        )
+
+    def _settled(
+        self, truth: np.ndarray, start: Mapping[str, Any], start_time: float, settings: IntegratorSettings, end: float
+    ) -> ReadyInMode | None:
+        """A start in modes that suit it, looked for from these; None where each leads to others."""
+        seen: list[tuple[bool, ...]] = []
+        for _ in range(TRIES):
+            values = tuple(holds(m.logic, truth) for m in self.events.modes)
+            flat = self.flat_in(values)
+            ready = prepare_in(
+                flat, self._numbered(flat), self._given, self.recorded_in(values), Recorder(self.recorded), start,
+                start_time, self._prefer, settings,
+            )  # fmt: skip
+            truth = self._truth(ready, start_time, end, truth)
+            again = tuple(holds(m.logic, truth) for m in self.events.modes)
+            if again == values:
+                held = np.array([holds(w.logic, truth) for w in self.events.whens], dtype=bool)
+                return ReadyInMode(ready, values, truth, held)
+            seen.append(values)
+            if again in seen:
+                break
+        return None
+
+    def _guess(self, start: Mapping[str, Any], time: float) -> tuple[np.ndarray, np.ndarray]:
+        """Truth of the comparisons at the declared start values, and the numbers of those that are zero there."""
+        flat = self.flat
+        scope = flat.scope
+        column = ca.vertcat(*[c.expression for c in self.events.comparisons])
+        if not self.events.comparisons:
+            return np.zeros(0, dtype=bool), np.zeros(0, dtype=int)
+        pairs = list(scope.symbols_in(column))
+        values = {(v.index, 0): v.start or 0.0 for v in flat.variables}
+        for name, value in start.items():
+            _, indices, order = flat.lookup(name)
+            array = np.broadcast_to(floats(value).reshape(-1), (len(indices),))
+            values |= {(i, order): float(x) for i, x in zip(indices, array, strict=True)}
+        known = [p for p in pairs if p[0] in set(self._given.known)]
+        values |= dict(zip(known, self._given.values(known, time), strict=True)) if known else {}
+        modes = [m.symbol for m in self.events.modes]
+        f = ca.Function("guess", [ca.vertcat(*[scope.symbol(*p) for p in pairs]), flat.p, scope.time, *modes], [column])
+        given = np.array([values.get(p, 0.0) for p in pairs])
+        values = np.asarray(f(given, flat.p0, time, *[1.0 for _ in modes])).reshape(-1)
+        truth = self.sides(values, np.zeros_like(values), 0.0, 0.0, values >= 0)
+        return truth, np.flatnonzero(~self._discrete & (np.abs(values) <= ZERO))
+
+    def _truth(self, ready: Ready, time: float, end: float, before: np.ndarray) -> np.ndarray:
+        """Of the comparisons at a start: by their values, at zero by their rates."""
+        count = len(self.events.comparisons)
+        if not count:
+            return np.zeros(0, dtype=bool)
+        reduced = ready.system.reduced
+        watched = Watched(reduced, reduced.outputs[self.first_comparison : self.first_comparison + count])
+        x, z = reduced.from_point(ready.initial.w)
+        values, rates = watched(x[None, :], z[None, :], np.array([time]), ready.inputs.piece(time))
+        return self.sides(values[0], rates[0], ZERO, ZERO / (end - time), before)
+
+    def sides(self, values: np.ndarray, rates: np.ndarray, zero: Any, slow: Any, before: np.ndarray) -> np.ndarray:
+        """Truth of the comparisons from now on: by their values, within `zero` by their rates, and as they were
+        `before` where these are `slow`; of discrete variables exactly."""
+        truth = np.where(np.abs(values) > zero, values > 0, np.where(np.abs(rates) > slow, rates > 0, before))
+        return np.where(self._discrete, np.where(self._strict, values > 0, values >= 0), truth)
+
+    # -- on the way --------------------------------------------------------------------------------
+
+    def restart(
+        self,
+        systems: Systems,
+        settings: IntegratorSettings,
+        old: SimulatedSystem,
+        point: np.ndarray,
+        time: float,
+        p: np.ndarray,
+        restarted: Mapping[Pair, float],
+        struck: Mapping[Pair, float],
+    ) -> tuple[SimulatedSystem, np.ndarray, np.ndarray]:
+        """A system for the modes of `systems` from a point of the old one, with its states and Newton unknowns.
+
+        States go on, but for those that start anew, and those that an impulse changed: `struck` has their values by
+        symbols of the old system. Raises ModelError where the new equations do not take them.
+        """
+        flat, plan = systems.flat, systems.plan
+        before = point.copy()
+        own = {pair: n for n, pair in enumerate(old.plan.pairs)}
+        for pair, number in struck.items():
+            point[own[pair]] = number
+        value = _Values(old, point)
+        w = np.array([value(pair) for pair in plan.pairs])
+        anew: dict[Pair, float] = {}
+        for pair, number in restarted.items():
+            sign, kept, order = plan.alias.resolve(*pair)
+            anew[kept, order] = sign * number
+        place = {pair: n for n, pair in enumerate(plan.pairs)}
+        for pair, number in anew.items():
+            if pair in place:
+                w[place[pair]] = number
+        w = np.where(np.isfinite(w), w, 0.0)
+        system = systems.at(w, time, settings)
+        if system is None:
+            raise ModelError(f"at {time:.6g} s no choice of states describes the motion after the event")
+        for pair in [] if struck else anew:
+            if pair not in system.plan.states:
+                name = flat.symbol_name(*pair)
+                states = ", ".join(system.states)
+                raise ModelError(
+                    f"'{name}' cannot start anew at {time:.6g} s: it is no state there but follows from {states}; give "
+                    f"reinit() one of these, or the force whose impulse does it, reinit(..., impulse=...)"
+                )
+        x, z = system.reduced.from_point(w)
+        if z.size:
+            z = self._unknowns(system, x, z, time, p)
+        at = system.reduced.point(x[None, :], z[None, :], np.array([[time]]), p)[0][0]
+        if not np.all(np.isfinite(at)):
+            raise ModelError(f"at {time:.6g} s the equations have no solution after the event")
+        self._refuse_jumps(old, before, system, at, {*anew, *struck}, time)
+        return system, x, z
+
+    def struck(
+        self, systems: Systems, system: SimulatedSystem, point: np.ndarray, time: float, changes: Changes
+    ) -> tuple[dict[Pair, float], dict[str, float]]:
+        """Velocities after impulses that give some of them new values, by symbols of the system; and the impulses.
+
+        The equations of the highest derivatives, integrated over the instant: finite forces vanish, velocities change,
+        and the equation that keeps a force between impacts gives way to the velocity that is asked for.
+
+        Raises ModelError for a force that no equation of its own keeps, and where masses and constraints admit no such
+        change.
+        """
+        plan, flat = system.plan, self.flat
+        matrix = systems.selection.matrix(point, time).copy()
+        column = {index: n for n, index in enumerate(plan.structure.unknowns)}
+        highest = plan.structure.d
+        given = np.zeros(len(matrix))
+        value = _Values(system, point)
+        forces: dict[str, tuple[int, int]] = {}
+        for pair, force in changes.forces.items():
+            sign, kept, order = plan.alias.resolve(*pair)
+            force_sign, by, force_order = plan.alias.resolve(*force)
+            name, force_name = flat.symbol_name(*pair), flat.symbol_name(*force)
+            n, k = column.get(kept), column.get(by)
+            rows = [] if k is None else np.flatnonzero((matrix[:, k] != 0) & (np.count_nonzero(matrix, axis=1) == 1))
+            if n is None or order != highest[n] - 1:
+                raise ModelError(f"'{name}' is no velocity: an impulse changes what the model differentiates once more")
+            if k is None or force_order or highest[k] or not len(rows):
+                raise ModelError(
+                    f"'{force_name}' takes no impulse: it needs an equation of its own that holds between impacts, "
+                    f"such as {force_name} == 0"
+                )
+            matrix[rows[0]] = 0.0
+            matrix[rows[0], n] = sign
+            given[rows[0]] = changes.restarted[pair] - value(pair)
+            forces[force_name] = k, force_sign
+        try:
+            change = np.linalg.solve(matrix, given)
+        except np.linalg.LinAlgError:
+            change = np.full(len(matrix), np.nan)
+        if not np.all(np.isfinite(change)):
+            names = ", ".join(forces)
+            raise ModelError(f"at {time:.6g} s an impulse of {names} cannot give the velocities that are asked for")
+        place = {pair: n for n, pair in enumerate(plan.pairs)}
+        after = {}
+        for index, n in column.items():
+            pair = index, int(highest[n]) - 1
+            if pair in place:
+                after[pair] = float(point[place[pair]] + change[n])
+        return after, {name: sign * float(change[k]) for name, (k, sign) in forces.items()}
+
+    def _unknowns(
+        self, system: SimulatedSystem, x: np.ndarray, z: np.ndarray, time: float, p: np.ndarray
+    ) -> np.ndarray:
+        """Newton unknowns after an event: what lies beside the old ones, else by Newton with ever shorter steps."""
+        continuation = system.continuation
+        assert continuation is not None
+        place = continuation.place(x, time, p)
+        better = continuation.correct(z, place)
+        for _ in range(TRIES):
+            if better is not None:
+                return better
+            step = continuation.step(z, place)
+            if step is None or not np.all(np.isfinite(step)):
+                break
+            z = z + step
+            better = continuation.correct(z, place)
+        raise ModelError(f"at {time:.6g} s Newton finds no solution for {system.reduced.unknowns} after the event")
+
+    def _refuse_jumps(
+        self,
+        old: SimulatedSystem,
+        before: np.ndarray,
+        new: SimulatedSystem,
+        after: np.ndarray,
+        anew: set[Pair],
+        time: float,
+    ) -> None:
+        """Raises ModelError for a state that the new equations move although nobody says so."""
+        value = _Values(new, after)
+        own = {pair: n for n, pair in enumerate(old.plan.pairs)}
+        moved = {old.plan.alias.resolve(*pair)[1:] for pair in anew}
+        for pair in old.plan.states:
+            now, was = value(pair), float(before[own[pair]])
+            nominal = self.flat.variables[pair[0]].nominal
+            if pair in moved or not np.isfinite(now) or abs(now - was) <= JUMPED * max(nominal, abs(was)):
+                continue
+            if anew and any(order > 0 or k > 0 for _, order in anew for _, k in [pair]):
+                continue  # what follows from a speed that starts anew
+            name = old.name_of(pair)
+            raise ModelError(
+                f"at {time:.6g} s the equations after the event want {name} = {now:.6g}, and it is {was:.6g}: a state "
+                f"does not jump by itself; say by gt.reinit what it starts anew from, or switch where both agree"
+            )
+
+    def sample_times(self, numbers: np.ndarray) -> list[tuple[Fraction, Fraction]]:
+        """Period and offset of each gt.sample [s]."""
+        result = []
+        for s in self.events.samples:
+            column = ca.vertcat(s.period, s.offset)
+            period, offset = np.asarray(ca.Function("times", [self.flat.p], [column])(numbers)).reshape(-1).tolist()
+            if not (period > 0 and np.isfinite(period) and np.isfinite(offset)):
+                raise ModelError(f"sample() has a period of {period:g} s and an offset of {offset:g} s", s.where)
+            result.append((exact(period), exact(offset)))
+        return result
+
+    @cached_property
+    def _outputs_of_blocks(self) -> list[list[int]]:
+        return [[place for s in b.outputs for place in s.places] for b in self.events.blocks]
+
+    def sources(self, system: SimulatedSystem, immediate: Sequence[bool]) -> list[set[int]]:
+        """Of each block the other blocks whose outputs its inputs depend on at the same instant; `immediate`: whose
+        outputs have no delay."""
+        reduced, given = system.reduced, self._given
+        result: list[set[int]] = []
+        for n, block in enumerate(self.events.blocks):
+            inputs = ca.vertcat(*[reduced.outputs[k] for k in self.columns_of(block)])
+            own: set[int] = set()
+            for m, places in enumerate(self._outputs_of_blocks):
+                symbols = ca.vertcat(*[given.symbol_of(place) for place in places])
+                if m != n and immediate[m] and inputs.numel() and ca.depends_on(inputs, symbols):
+                    own.add(m)
+            result.append(own)
+        return result
+
+
+class _Values:
+    """Values of any variable's derivative at a point of a system; NaN where the system does not compute it."""
+
+    def __init__(self, system: SimulatedSystem, point: np.ndarray) -> None:
+        self._alias, self._point = system.plan.alias, point
+        self._place = {pair: n for n, pair in enumerate(system.plan.pairs)}
+
+    def __call__(self, pair: Pair) -> float:
+        sign, kept, order = self._alias.resolve(*pair)
+        place = self._place.get((kept, order))
+        return np.nan if place is None else sign * float(self._point[place])
+
+
+def _recorded(flat: FlatModel, events: FlatEvents, outputs: tuple[str, ...], pairs: Sequence[Pair]) -> Recorded:
+    """Rows of a model with events: discrete variables too, and after the energies' terms what events look at."""
+    base = Recorded.of(flat, outputs)
+    shown = [s for s in events.shown if s.name.count(".") <= 1]
+    entries, symbols = list(base.entries), list(base.expressions[: len(base.expressions) - base.terms])
+    for s in shown:
+        entries += _quantities(s)
+        symbols += [flat.parameters[place].symbol for place in s.places]
+    watched = [c.expression for c in events.comparisons]
+    read = [flat.scope.symbol(*pair) for pair in pairs]
+    expressions = [*symbols, *base.expressions[len(base.expressions) - base.terms :], *watched, *read]
+    names = ("with events", *outputs)
+    return Recorded(names, entries, expressions, base.terms, base.has_energy, len(watched) + len(read))
+
+
+def _quantities(signal: BlockSignal) -> list[RecordedQuantity]:
+    unit = signal.unit or "?"
+    if len(signal.shape) > 1:
+        names = [f"{signal.name}[{','.join(map(str, k))}]" for k in np.ndindex(*signal.shape)]
+        return [RecordedQuantity(n, (), ((place, -1),), unit) for n, place in zip(names, signal.places, strict=True)]
+    return [RecordedQuantity(signal.name, signal.shape, tuple((place, -1) for place in signal.places), unit)]
+
+
+def discrete_starts(flat: FlatModel, start: Mapping[str, Any]) -> tuple[dict[int, float], dict[str, Any]]:
+    """Start values of discrete variables by places in `flat.p`, and the other start values.
+
+    Raises ModelError for a value of another shape.
+    """
+    events = flat.events
+    assert events is not None
+    own = {s.name: s for s in events.shown}
+    values: dict[int, float] = {}
+    rest: dict[str, Any] = {}
+    for name, value in start.items():
+        if name not in own:
+            rest[name] = value
+            continue
+        try:
+            array = floats(value)
+        except (TypeError, ValueError):
+            raise ModelError(f"the start of '{name}' takes numbers; found {value!r}") from None
+        if array.shape not in ((), own[name].shape) or not np.all(np.isfinite(array)):
+            raise ModelError(f"the start of '{name}' has shape {own[name].shape} and is finite; found {value!r}")
+        numbers = np.broadcast_to(array, own[name].shape).reshape(-1).tolist()
+        values |= dict(zip(own[name].places, numbers, strict=True))
+    return values, rest

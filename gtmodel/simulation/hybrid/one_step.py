@@ -1,0 +1,99 @@
+"""Integration by a one-step method: after an event it has its full order at once, a multistep method begins at one."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import scipy
+
+from ...compiler.point_function import PointFunction
+from ..reduced import Reduced
+from ..step import FINEST, MOST_ROWS, RESTARTED, Stepper
+
+# steps in one call; a system that takes more is stiff, and CVODES goes on with it
+MOST_STEPS = 2000
+# and steps in one interval, on average over a call
+MOST_AN_INTERVAL = 60
+
+
+class OneStep:
+    """As a `Stepper`, by Dormand and Prince's method of order 8 (DOP853); by CVODES where the system is stiff, and by
+    IDAS where Newton unknowns ride along."""
+
+    def __init__(self, reduced: Reduced, stepper: Stepper, tolerance: float, bounded: bool) -> None:
+        self._stepper = stepper
+        self.x_scale, self.z_scale = stepper.x_scale, stepper.z_scale
+        self._bounded = bounded
+        # as a call of CVODES over few intervals, for the same reason: errors of many short pieces add up
+        self._tolerance = min(tolerance, max(FINEST, RESTARTED * tolerance))
+        self._stiff = reduced.z.numel() > 0
+        rates = ca.vertcat(reduced.rates, reduced.powers)
+        self._rates = (
+            PointFunction(ca.Function("rates", [reduced.x, reduced.t, reduced.p], [ca.densify(rates)]))
+            if (not self._stiff)
+            else None
+        )
+        self._last = np.inf  # the step that it would take next [s]
+
+    @property
+    def most(self) -> int:
+        """Intervals in one call."""
+        return self._stepper.most if self._stiff else MOST_ROWS
+
+    def __call__(
+        self,
+        x: np.ndarray,
+        z: np.ndarray,
+        time: float,
+        length: float,
+        p: np.ndarray,
+        count: int = 1,
+        longest: float = np.inf,
+        likely: int = 1,
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+        """As a `Stepper`'s."""
+        if not self._stiff:
+            made = self._steps(x, time, length, p, count, min(longest, length if self._bounded else np.inf))
+            if made is not None or not self._stiff:
+                return made
+        return self._stepper(x, z, time, length, p, count, longest, 1)
+
+    def _steps(
+        self, x: np.ndarray, time: float, length: float, p: np.ndarray, count: int, longest: float
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+        """None where it fails; then `_stiff` says whether that is why."""
+        rates, scale, n = self._rates, np.append(self.x_scale, [1.0, 1.0]), x.size
+        assert rates is not None
+
+        def f(t: float, y: np.ndarray) -> np.ndarray:
+            return rates(y[:n] * self.x_scale, time + t, p)[0].reshape(-1) / scale
+
+        end = count * length
+        at = length * np.arange(1, count + 1)
+        rows = np.empty((count, n + 2))
+        begin = np.concatenate([x / self.x_scale, [0.0, 0.0]])
+        options: dict[str, Any] = {"rtol": self._tolerance, "atol": self._tolerance, "max_step": longest}
+        if np.isfinite(self._last):
+            options["first_step"] = min(self._last, end)
+        with np.errstate(all="ignore"):
+            solver = scipy.integrate.DOP853(f, 0.0, begin, end, **options)
+            done, steps = 0, 0
+            while solver.status == "running":
+                solver.step()
+                steps += 1
+                if solver.status == "failed" or not np.all(np.isfinite(solver.y)):
+                    return None
+                last = int(np.searchsorted(at, solver.t, side="right")) if solver.status == "running" else count
+                if last > done:
+                    rows[done:last] = solver.dense_output()(at[done:last]).T
+                    done = last
+                if steps > MOST_STEPS or steps > MOST_AN_INTERVAL * max(done, 1) + MOST_AN_INTERVAL:
+                    self._stiff = True
+                    return None
+            rows[-1] = solver.y
+        self._last = float(solver.h_abs)
+        if not np.all(np.isfinite(rows)):
+            return None
+        return rows[:, :n] * self.x_scale, np.zeros((count, 0)), rows[:, n:]

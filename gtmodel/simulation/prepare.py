@@ -1,0 +1,138 @@
+"""What happens before the first step of a simulation: a consistent start, and the system chosen there."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ..compiler.analysis.switching import with_switching_signs
+from ..compiler.causal import flat_of
+from ..compiler.consistency.initial import Initial, initial_point, start_values
+from ..compiler.flat import FlatModel
+from ..compiler.other_values import values_by_place, with_values
+from ..lang.model import Model
+from ..lang.source import ModelError
+from .arguments import by_name, names, number
+from .inputs import SimulationInputs, read_inputs
+from .record import Recorded, Recorder
+from .systems import IntegratorSettings, SimulatedSystem, Systems
+
+OUTPUT_STEPS = 500
+ROUND_OFF = 1e-9  # a chosen start value below so many nominals is reported as zero
+
+
+@dataclass(frozen=True, eq=False)
+class Ready:
+    """A simulation before its first step: a consistent point and the system chosen there."""
+
+    systems: Systems
+    settings: IntegratorSettings
+    inputs: SimulationInputs
+    recorder: Recorder
+    initial: Initial
+    system: SimulatedSystem
+    chosen: dict[str, float]
+
+    def name_of(self, pair: tuple[int, int]) -> str:
+        """Of a state."""
+        return self.system.name_of(pair)
+
+
+def prepare(
+    model: Model,
+    inputs: Mapping[str, Any] | None,
+    start: Mapping[str, Any] | None,
+    start_time: float,
+    outputs: Sequence[str] | str,
+    prefer: Sequence[str] | str,
+    tolerance: float,
+    method: str,
+    bounded: bool = False,
+    parameters: Mapping[str, Any] | None = None,
+) -> Ready:
+    """Everything that happens before the first step; arguments and errors as for `simulate`."""
+    refuse_settings(tolerance, method)
+    inputs, start, parameters = by_name("inputs", inputs), by_name("start", start), by_name("parameters", parameters)
+    outputs, prefer = names("outputs", outputs), names("prefer", prefer)
+    flat, now, given = read_model(model, inputs, parameters)
+    recorded, settings = Recorded.of(flat, outputs), IntegratorSettings(tolerance, method, bounded)
+    preferred = [i for name in prefer for i in flat.lookup(name)[1]]
+    return prepare_in(flat, now, given, recorded, Recorder(recorded), start, start_time, preferred, settings)
+
+
+def refuse_settings(tolerance: Any, method: Any) -> None:
+    """Raises ModelError for a tolerance or a method that is none."""
+    if not 1e-14 <= number("tolerance", tolerance) <= 0.1:
+        raise ModelError(f"the tolerance must lie between 1e-14 and 0.1; found {tolerance:g}")
+    if method not in ("bdf", "adams"):
+        raise ModelError(f"there is no integration method '{method}'; it is 'bdf' or 'adams'")
+
+
+def read_model(
+    model: Model, inputs: Mapping[str, Any], parameters: Mapping[str, Any], further: Mapping[int, float] | None = None
+) -> tuple[FlatModel, FlatModel, SimulationInputs]:
+    """A flat model, the same with the numbers of a run, and its inputs; `further`: numbers of parameters that vary by
+    their places. Raises ModelError for what is wrong in any of these."""
+    flat = with_switching_signs(flat_of(model))
+    if not flat.variables:
+        raise ModelError(f"{flat.title} declares no variable; there is nothing to simulate")
+    varied = values_by_place(flat, parameters) | dict(further or {})
+    return flat, with_values(flat, varied), read_inputs(flat, inputs, varied)
+
+
+def prepare_in(
+    flat: FlatModel,
+    now: FlatModel,
+    given: SimulationInputs,
+    recorded: Recorded,
+    recorder: Recorder,
+    start: Mapping[str, Any],
+    start_time: float,
+    preferred: Sequence[int],
+    settings: IntegratorSettings,
+) -> Ready:
+    """A simulation of a flat model before its first step; `now`: with the numbers of this run."""
+    systems = Systems.kept(flat, given, recorded, preferred, now)
+    held, guess = start_values(replace(systems.plan, flat=now), start, given.known)
+    prescribed = set(held)
+    known = set(given.known)
+    pairs = [p for p in systems.plan.pairs if p[0] in known]
+    values = dict(zip(pairs, given.values(pairs, start_time), strict=True))
+    for pair, value in values.items():
+        if not np.isfinite(value):
+            raise ModelError(
+                f"input '{flat.symbol_name(*pair)}' has no finite value at the start, {start_time:g} s; mend the "
+                "input, or start where it is defined"
+            )
+    held |= values
+    initial = initial_point(systems.plan, held, guess, start_time, systems.parameters, systems.samples)
+    system = systems.at(initial.w, start_time, settings)
+    if system is None:
+        raise ModelError(f"{flat.title}: the start is a singular pose, where no choice of states describes the motion")
+    x = system.reduced.from_point(initial.w)[0]
+    x = np.where(np.abs(x) > ROUND_OFF * system.stepper.x_scale, x, 0.0)
+    states = zip(system.plan.states, system.states, x.tolist(), strict=True)
+    chosen = {name: value for pair, name, value in states if pair in initial.free - prescribed}
+    return Ready(systems, settings, given, recorder, initial, system, chosen)
+
+
+def output_rows(start: float, end: float, step: float | None) -> np.ndarray:
+    """Times to record; the end is one of them."""
+    step = (end - start) / OUTPUT_STEPS if step is None else step
+    count = max(1, round((end - start) / step))
+    if abs(count * step - (end - start)) <= 1e-9 * (end - start):
+        return np.linspace(start, end, count + 1)
+    count = int((end - start) / step)
+    return np.append(start + step * np.arange(count + 1), end)
+
+
+def watched_grid(rows: np.ndarray, max_step: float) -> np.ndarray:
+    """Rows, and times between them that are nowhere further apart than max_step."""
+    parts = int(np.ceil(np.max(np.diff(rows)) / max_step - 1e-9))
+    if parts <= 1:
+        return rows
+    shares = np.arange(parts) / parts
+    return np.append((rows[:-1, None] + shares * np.diff(rows)[:, None]).reshape(-1), rows[-1])
