@@ -15,7 +15,7 @@ Choice                           which parameters are free, fixed, tied, unit qu
 prepare, CalibrationProblem      equations, unknowns and Jacobians; identifiability before anything is measured
 calibrate, Calibration           parameters with confidence, residuals per link and pose, errors on other poses
 judge_held_out                   held-out errors against what a sound model has of them
-against_noise                    errors of all poses, fitted and held out, against the stated noise
+against_noise, pattern           errors of all poses, fitted and held out, against the stated noise, and over the pose
 leave_out, folds_of              errors of poses that are left out in turn, one by one or in folds
 closure_equations                what closes, as symbols
 
@@ -85,7 +85,7 @@ if TYPE_CHECKING:
     )
     from .positioning import Positioning as Positioning, PredictedErrors as PredictedErrors, positioning as positioning
     from .problem import CalibrationProblem as CalibrationProblem, prepare as prepare
-    from .report.against_noise import against_noise as against_noise
+    from .report.against_noise import against_noise as against_noise, pattern as pattern
     from .report.left_out import PosesLeftOut as PosesLeftOut, folds_of as folds_of, leave_out as leave_out
     from .report.result import CalibrationStudy as CalibrationStudy
     from .report.robot_file import Origin as Origin

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import partial
 from typing import Annotated, Literal
 
@@ -18,9 +19,17 @@ from ..results.work import Progress, never, silent
 from .measured.cart_points import on_cart_points
 from .measured.options import CartPoints, Refit
 from .measured.poses import MeasuredPoses, SplitPoses, split_all
-from .measured.witness import a_priori, misread_after, recognise_sessions, witness_of
+from .measured.witness import (
+    Witness,
+    a_priori,
+    misread_after,
+    misread_by_lengths,
+    recognise_sessions,
+    witness_of,
+)
 from .measurements import Measurements
 from .options import Fit
+from .problem import CalibrationProblem
 from .report import poses_table, robot_file, sensitivity_table
 from .report.findings import CalibrationFindings, findings_of, length_noise
 from .report.left_out import folds_of
@@ -92,7 +101,10 @@ def study(
     alarms = Alarms(fit.accept)
     work.progress("looking at the poses", 0.3)
     witnesses = [witness_of(plain, d) for d in data]
-    placed = [recognise_sessions(d, w, alarms) for d, w in zip(data, witnesses, strict=True)]
+    placed = []
+    for k, (d, w) in enumerate(zip(data, witnesses, strict=True)):
+        with _among(data, k):
+            placed.append(recognise_sessions(d, w, alarms))
     data = [d.with_device(p) if p and d.pose.device_start is None else d for d, p in zip(data, placed, strict=True)]
     title = title or f"calibration of {origin.name}"
     if any(d.synthetic for d in data) and "synthetic" not in title.lower():
@@ -101,6 +113,8 @@ def study(
         return CalibrationStudy(status=SolveStatus.INTERRUPTED, message="stopped before the fit", title=title)
     work.progress("fitting", 0.5)
     ready = prepared(fit, robot, data, carts, on_points)
+    if len(data) > 1:
+        _look_at_each(data, ready, witnesses, alarms)
     before = [a_priori(d, w, p) for d, w, p in zip(data, witnesses, placed, strict=True)]
     findings = findings_of(fit, data, ready, before, work.interrupted, alarms, refit, in_turn)
     c = findings.calibration
@@ -111,6 +125,30 @@ def study(
         alarms.raised(*misread, f"poses.values.{data[0].actuators}")
     work.progress("telling", 0.9)
     return _study_of(findings, robot, fit, origin, title)
+
+
+def _look_at_each(
+    data: Sequence[SplitPoses], ready: CalibrationProblem, witnesses: Sequence[Witness], alarms: Alarms
+) -> None:
+    """Raises ArgumentError where columns of one of several measurements were read wrong: by the robot as it was, before
+    the fit of all, which bends to each and does not say which one is wrong."""
+    for k, (own, part, witness) in enumerate(zip(data, ready.parts, witnesses, strict=True)):
+        misread = misread_by_lengths(own, part, witness)
+        if misread is not None:
+            with _among(data, k):
+                alarms.raised(*misread, f"poses.values.{own.actuators}")
+
+
+@contextmanager
+def _among(data: Sequence[SplitPoses], k: int) -> Iterator[None]:
+    """What is refused of one of several measurements is said with its name and place."""
+    try:
+        yield
+    except ArgumentError as error:
+        if len(data) < 2 or not error.argument.startswith("poses"):
+            raise
+        place = f"poses[{k}]{error.argument.removeprefix('poses')}"
+        raise ArgumentError(f"{data[k].name}: {error.message}", place) from error
 
 
 def _in_turn(data: Sequence[SplitPoses], folds: int | None) -> list[np.ndarray]:

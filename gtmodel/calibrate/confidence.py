@@ -10,7 +10,7 @@ import numpy as np
 
 from ..inference import Identifiability, identifiability
 from ..inference.losses import Loss
-from ..inference.make_estimate import effective_parameters, moved_together, spectrum
+from ..inference.make_estimate import carried, effective_parameters, moved_together, spectrum
 from ..inference.nonlinear import Descent
 from ..inference.normal_equations import triangle
 from ..results.estimate import Estimate
@@ -79,12 +79,11 @@ def estimated(
         C = _by_residuals(fits, shares, scaled[0])
     columns = [f.rows.columns for f in fits]
     T = _placed([s.T for s in shares], columns, n)
-    cov = T @ C @ T.T
     residuals = np.concatenate([r.reshape(-1) for r in scaled])
     noise = float(np.sqrt(np.sum(residuals**2) / degrees_of_freedom)) if degrees_of_freedom > 0 else 1.0
     null = _placed([s.null for s in shares], columns, n)
     estimate = Estimate(
-        u.names, np.concatenate([f.descent.x for f in fits])[np.argsort(np.concatenate(columns))], (cov + cov.T) / 2,
+        u.names, np.concatenate([f.descent.x for f in fits])[np.argsort(np.concatenate(columns))], carried(T, C),
         degrees_of_freedom if known else least, noise, known, residuals, (), units=u.units,
         notes=(*notes, *u.notes), null_space=null if null.shape[1] else np.zeros((0, 0)),
     )  # fmt: skip

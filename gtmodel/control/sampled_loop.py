@@ -184,7 +184,7 @@ def law_causal(law: Law, count: int, unit: str = "m", force: str = "N") -> Causa
     [0.5]
     """
     f = law_function(law, count)
-    used = [name for n, name in enumerate(INPUTS) if f.jac_sparsity(0, n).nnz()]
+    used: list[str] = [name for n, name in enumerate(INPUTS) if f.jac_sparsity(0, n).nnz()]
 
     class SampledForces(gt.Model):
         def equations(self) -> Any:
@@ -193,7 +193,8 @@ def law_causal(law: Law, count: int, unit: str = "m", force: str = "N") -> Causa
             # the law's numbers carry no units
             yield self.forces == Expr(ca.SX(f.call(given)[0]), (count,), None, scope)
 
-    units = dict(zip(INPUTS, (unit, rate_unit(unit), rate_unit(unit, 2), unit, rate_unit(unit)), strict=True))
+    rate, acceleration = rate_unit(unit), rate_unit(unit, 2)
+    units: dict[str, str] = dict(zip(INPUTS, (unit, rate, acceleration, unit, rate), strict=True))
     members: dict[str, Any] = {name: gt.input(count, unit=units[name]) for name in used}
     model = type("SampledForces", (SampledForces,), members | {"forces": gt.variable(count, unit=force)})()
     return compile_causal(model, used, "forces")

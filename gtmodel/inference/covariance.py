@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..results.refusal import ArgumentError
+from .make_estimate import carried
 from .residuals import autocorrelation, insignificant
 
 # a correlation counted with both signs of the lag needs this many multiples of itself in the log to be averaged
@@ -86,7 +87,7 @@ def newey_west(
     bread = white(J.reshape(-1, n), 1.0, scale=_column_scale(J.reshape(-1, n)))
     total = r.size
     wider = fixed_b((L + 1) / T) if L else 1.0
-    return bread @ meat @ bread * total / (total - n) * wider**2
+    return carried(bread, meat) * total / (total - n) * wider**2
 
 
 def fixed_b(b: float) -> float:

@@ -52,6 +52,19 @@ def scales(values: np.ndarray | None, n: int, J: np.ndarray) -> np.ndarray:
     return np.where(given > 0, given, 1 / np.where(norms > 0, norms, 1.0))
 
 
+def carried(T: np.ndarray, C: np.ndarray) -> np.ndarray:
+    """Covariance (k, k) of T x, for x of covariance C (n, n).
+
+    From a square root of C: variances are sums of squares then. T @ C @ T.T may leave a small negative number of one
+    that is zero, as that of a parameter on which the data say nothing.
+    """
+    size = np.sqrt(np.maximum(np.diag(C), 0.0))
+    size = np.where(size > 0, size, 1.0)
+    values, vectors = np.linalg.eigh((C + C.T) / (2 * np.outer(size, size)))
+    root = T @ (size[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))
+    return root @ root.T
+
+
 def effective_parameters(scaled_data: np.ndarray, inverse: np.ndarray) -> float:
     """Trace of the hat matrix: how many parameters the data, not the priors, have fixed."""
     return float(np.sum((scaled_data @ inverse) * scaled_data))

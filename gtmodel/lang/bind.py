@@ -376,7 +376,12 @@ def _element(value: Any, i: int, count: int, name: str, where: SourceLocation) -
         return value.value
     if isinstance(value, (type, Model, dict, Redeclared)):
         return value
-    n = len(value) if hasattr(value, "__len__") else None
+    if isinstance(value, Expr) and not value.shape:  # of the enclosing model; it could not be meant as rows
+        return value
+    try:
+        n = len(value)
+    except TypeError:  # a number, also as an array without dimensions
+        n = None
     if n != count:
         raise ModelError(
             f"modifier '{name}' of an array of {count} parts needs {count} rows; found "

@@ -464,6 +464,8 @@ def part(model: type[Model] | Model, **modifiers: Any) -> Any:
 def parts(count: int, cls: type[Model], **modifiers: Any) -> Any:
     """An array of `count` components of one class; element i gets row i of each modifier, `gt.each(x)` gives x to all.
 
+    A scalar of the enclosing model, such as a declared parameter, goes to all too.
+
     In equations they are a list, `self.arms[0]`; outside their names are "arms[0]", "arms[1]". Raises ModelError for
     what is no Model class, and for a modifier that has not one row for each.
 

@@ -391,10 +391,10 @@ def relation(a: Expr, b: Any, op: str, strict: bool = False) -> Relation:
         sa = ca.repmat(sa, rows, cols)
     if sb.shape != (rows, cols):
         sb = ca.repmat(sb, rows, cols)
-    if dropped():
-        raise ModelError(
-            f"nothing takes what this '{op}' says; write yield in front of it, or hand it to add() of a Builder", here()
-        )
+    name = dropped()
+    if name is not None:
+        lost = f"reads '{name}', which this '{op}' is given to" if name else f"takes what this '{op}' says"
+        raise ModelError(f"nothing {lost}; write yield in front of it, or hand it to add() of a Builder", here())
     return Relation(sa, sb, op, dimension, here(), a.scope, strict)
 
 

@@ -8,10 +8,10 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from dis import opname
+from dis import Instruction, get_instructions, opname
 from functools import cache
 from pathlib import Path
-from types import FrameType
+from types import CodeType, FrameType
 
 LANG = str(Path(__file__).resolve().parent)
 _OURS = str(Path(LANG).parent) + os.sep
@@ -60,19 +60,45 @@ def here() -> SourceLocation:
     return of_frame(frame.f_code.co_filename, frame.f_lineno)
 
 
-def dropped() -> bool:
-    """Whether the statement that compares or calls, in the innermost calling frame outside the language package, keeps
-    nothing: `a == b` alone on its line, for which Python compares and then pops."""
+def dropped() -> str | None:
+    """What the statement that compares or calls, in the innermost calling frame outside the language package, loses: ""
+    for `a == b` alone on its line, for which Python compares and then pops, "e" for `e = a == b` in a function that
+    never reads its own name e. None where something may still take it."""
     frame = _callers()
     code, at = frame.f_code.co_code, frame.f_lasti
     after = at + 2
     while opname[code[at]] == "CACHE":  # of a call some versions of Python stand at the last one
         at -= 2
     if opname[code[at]] not in ("COMPARE_OP", "CALL", "CALL_KW"):
-        return False
+        return None
     while opname[code[after]] == "CACHE":
         after += 2
-    return opname[code[after]] == "POP_TOP"
+    if opname[code[after]] == "POP_TOP":
+        return ""
+    # names of modules and of closures others may read; a call may have compared for purposes of its own
+    if opname[code[at]] != "COMPARE_OP" or not opname[code[after]].startswith("STORE_FAST"):
+        return None
+    name = next(_names(i)[0] for i in get_instructions(frame.f_code) if i.offset == after)
+    return name if name != "_" and name not in _read(frame.f_code) else None
+
+
+@cache
+def _read(code: CodeType) -> frozenset[str]:
+    """Names of its own that a function reads somewhere; all of them where it may do so by name."""
+    if {"locals", "vars", "eval", "exec"} & set(code.co_names):
+        return frozenset(code.co_varnames)
+    read: set[str] = set()
+    for i in get_instructions(code):
+        if i.opname.startswith("LOAD_FAST"):
+            read.update(_names(i))
+        elif i.opname.startswith("STORE_FAST_LOAD_FAST"):  # one instruction of newer Pythons
+            read.add(_names(i)[1])
+    return frozenset(read)
+
+
+def _names(i: Instruction) -> tuple[str, ...]:
+    """Of the local variables of an instruction: one, or two in newer Pythons."""
+    return i.argval if isinstance(i.argval, tuple) else (i.argval,)
 
 
 def of_frame(filename: str, line: int) -> SourceLocation:

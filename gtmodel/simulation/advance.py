@@ -77,10 +77,10 @@ class Integration:
             while self._time < stop:
                 self._advance(stop, self._span(stop))
             if stop < end:
-                self._begin_piece()
+                self._begin_piece(stop)
 
-    def _begin_piece(self) -> None:
-        before, after = (self._inputs.piece(self._time, before) for before in (True, False))
+    def _begin_piece(self, knot: float) -> None:
+        before, after = (self._inputs.piece(knot, before) for before in (True, False))
         self._z = after_discontinuity(self.system, self._x, self._z, self._time, before, after)
         self._p = after
         self._calls = 0

@@ -91,7 +91,7 @@ def _roots_go_on(
     system: SimulatedSystem, x: np.ndarray, z: np.ndarray, time: float, before: np.ndarray, after: np.ndarray
 ) -> bool:
     """Whether discriminants stay positive on the way; those that follow Newton unknowns are not asked."""
-    if z.size:
+    if z.size or not system.roots.moved_by_inputs:
         return True
     shares = np.linspace(0.0, 1.0, STEPS + 1)
     p = before[:, None] + shares * (after - before)[:, None]

@@ -10,6 +10,9 @@ import numpy as np
 from ..compiler.point_function import PointFunction, densified
 from ..compiler.rows import map_columns
 
+# rows that are evaluated one by one: a call over several costs more than that
+FEW = 6
+
 
 class OverRows:
     """Called with arrays (n, size), one for each input, or (size,) where a row is the same for all; gives arrays
@@ -25,7 +28,8 @@ class OverRows:
 
     def __call__(self, *arguments: np.ndarray) -> list[np.ndarray]:
         rows = next((len(a) for a in arguments if a.ndim == 2), 1)
-        if rows == 1:
-            return [r.T.reshape(1, -1) for r in self._at_one(*[a[0] if a.ndim == 2 else a for a in arguments])]
+        if rows <= FEW:
+            each = [self._at_one(*[a[n] if a.ndim == 2 else a for a in arguments]) for n in range(rows)]
+            return [np.concatenate([r.T.reshape(1, -1) for r in one]) for one in zip(*each, strict=True)]
         columns = [a.T if a.ndim == 2 else np.broadcast_to(a[:, None], (a.size, rows)) for a in arguments]
         return [r.T for r in map_columns(self.function, columns, self._made)]

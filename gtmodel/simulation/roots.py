@@ -33,6 +33,7 @@ class Watched:
         r = reduced.residuals
         moved = ca.densify(ca.jacobian(r, t) + ca.mtimes(ca.jacobian(r, x), f))
         by_z, rz = ca.densify(ca.jacobian(d, z)), ca.densify(ca.jacobian(r, z))
+        self.moved_by_inputs = bool(ca.jacobian(d, reduced.p).nnz())
         uses_z = bool(ca.jacobian(d, z).nnz())
         self._through_z = ca.Function("through", arguments, [by_z, rz, moved]) if uses_z else None
 

@@ -9,7 +9,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from gtmodel.inference import nonlinear_fit, whiteness
-from gtmodel.inference.make_estimate import moved_together
+from gtmodel.inference.make_estimate import carried, moved_together
 from gtmodel.results import Estimate
 
 from ..results import ArgumentError
@@ -126,7 +126,7 @@ def output_error(
     null = jacobian @ e.null_space / sizes[:, None] if e.null_space.size else np.zeros((len(names), 0))
     null = np.where(np.abs(null) > PART * np.abs(null).max(axis=0), null, 0.0)
     estimate = Estimate(
-        tuple(names), flat(fit.x), jacobian @ e.covariance @ jacobian.T, e.degrees_of_freedom, e.noise, e.known_noise,
+        tuple(names), flat(fit.x), carried(jacobian, e.covariance), e.degrees_of_freedom, e.noise, e.known_noise,
         e.residuals, (), units=tuple({"M": "kg", "D": "N.s/m", "K": "N/m"}[X] for X, _, _ in packing.entries),
         notes=tuple(moved_together(null, tuple(names))), null_space=null * sizes[:, None],
     )  # fmt: skip

@@ -12,8 +12,8 @@ import pytest
 
 from tests.calibrate.drawn import KINDS, Seen, judged, look
 
-DRAWN = 4  # of each kind: 24 correct data sets and 24 with a fault, by turns an exchange, a unit, a sign
-MANY = 84  # of each of six kinds: 504 correct ones and 1512 wrong ones
+DRAWN = 4  # of each kind: 28 correct data sets and 28 with a fault, by turns an exchange, a unit, a sign
+MANY = 80  # of each of seven kinds: 560 correct ones and 560 wrong ones
 POSES = 40
 SOUND = 0.95
 
@@ -21,7 +21,7 @@ SOUND = 0.95
 @pytest.mark.parametrize("kind", KINDS)
 def test_correct_data_raise_no_alarm_and_a_fault_is_named(kind: str) -> None:
     seen = Seen()
-    alarms = [said for seed in range(DRAWN) if (said := look(kind, seed, POSES, seen, every_fault=False))]
+    alarms = [said for seed in range(DRAWN) if (said := look(kind, seed, POSES, seen))]
     assert not alarms
     assert seen.counted >= DRAWN - 1 and not seen.missed
 
@@ -31,8 +31,9 @@ def test_correct_data_raise_no_alarm_and_a_fault_is_named(kind: str) -> None:
 def test_of_many_data_sets(kind: str) -> None:
     seen = Seen()
     alarms = [said for seed in range(1000, 1000 + MANY) if (said := look(kind, seed, POSES, seen))]
+    print(f"{kind}: {len(alarms)} alarms of {MANY} right, {seen.named} of {seen.counted} named, {seen.hidden} hidden")
     assert not alarms
-    assert seen.counted > 2 * MANY
+    assert seen.counted > 0.8 * MANY
     assert seen.named >= SOUND * seen.counted, seen.missed
 
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from gtmodel.calibrate import Known, made_poses, study
-from gtmodel.calibrate.measured.alarms import Alarms
 from gtmodel.calibrate.report import movement
 from gtmodel.calibrate.report.values import _notes
 from gtmodel.inference import identifiability
 from gtmodel.results import ArgumentError, SolveStatus
+from gtmodel.results.alarms import Alarms
 from tests.calibrate.shipped import L1, fit, measured, robot, shipped, solved, written
 
 

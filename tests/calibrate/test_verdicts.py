@@ -17,14 +17,14 @@ import numpy as np
 import pytest
 
 import gtmodel as gt
-from gtmodel.calibrate import CalibrationStudy, Cost, Measurements, against_noise, calibrate, prepare, study
+from gtmodel.calibrate import CalibrationStudy, Cost, Measurements, against_noise, calibrate, pattern, prepare, study
 from gtmodel.inference import OverNoise, binomial_band, chi_squared_over_noise
 from tests.calibrate.drawn import KINDS, drawing, drawn, judged, poses_of
 from tests.calibrate.shipped import PROBLEMS
 from tests.calibrate.synthetic import measured, true_robot
 
 SOUND = 0.95
-FEW, MANY = 3, 100
+FEW, MANY = 3, 60  # of each of seven kinds: 420 perfect ones and 420 that lack an effect
 FRESH = range(2000, 2000 + MANY)  # fixed before they were run
 
 
@@ -56,7 +56,7 @@ def test_a_perfect_model_is_proven_and_one_that_lacks_an_effect_is_not(kind: str
 @pytest.mark.proof
 @pytest.mark.parametrize("kind", KINDS)
 def test_of_fresh_seeds(kind: str) -> None:
-    """At least 95 of 100, and at most 5 of 100, of each kind; 99.9 % bands of such rates are 86 to 100, and 0 to 14."""
+    """At least 57 of 60, and at most 3 of 60, of each kind."""
     sound = sum(bool(judged(kind, seed).prediction_proven) for seed in FRESH)
     wrong = sum(bool(judged(kind, seed, 3.0).prediction_proven) for seed in FRESH)
     print(f"{kind}: {sound} of {MANY} perfect models are proven, {wrong} of {MANY} that lack an effect")
@@ -101,15 +101,40 @@ def test_noise_that_was_stated_too_small_is_said_with_the_noise_that_would_do() 
     assert right.prediction_proven and of_noise(right).startswith("residuals are as large as the stated noise")
     assert little.prediction_proven and "but less than the 1.5 times that matter" in of_noise(little)
     assert not much.prediction_proven and not much.checks["residuals_over_noise"].passed
-    assert "no colour is seen in them: the noise was stated too small, or the model lacks" in of_noise(much)
+    assert "residuals show no pattern over the positions of the actuators" in of_noise(much)
+    assert "the noise was stated too small, or the model lacks an effect of another shape" in of_noise(much)
     assert "A noise of q 0.013 mm, T 0.051 mm would explain their size" in of_noise(much)
     assert stated(2.0, by=2.0).prediction_proven  # what the sentence says, done
     assert "it was stated too large" in of_noise(stated(0.5)) and stated(0.5).prediction_proven
 
 
 def test_few_poses_do_not_say_whether_an_effect_is_lacking_or_noise_was_stated_too_small() -> None:
-    s = judged("three_link", 4, 3.0)
+    s = judged("delta", 4, 3.0)
     assert not s.prediction_proven and "too few poses to see which" in of_noise(s)
+
+
+def test_an_effect_that_the_model_lacks_shows_its_pattern() -> None:
+    values = drawn("six_link", 4, 80, 3.0)
+    s = study(drawing("six_link", 4), poses_of("six_link", values), KINDS["six_link"].fit)
+    assert not s.prediction_proven and "residuals follow the positions of the actuators" in of_noise(s)
+    assert of_noise(s).partition(". A noise")[0].endswith("the model lacks an effect")
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_noise_shows_no_pattern(known: bool) -> None:
+    """120 draws of noise, by the 99.9 % band of a fifth; where it is not stated the test is but nearly right."""
+    runs, seldom, ready, seen = 120, 0.2, None, []
+    for seed in range(runs):
+        m = measured("three_link", 80, {"q": 13e-6, "T": 50e-6}, seed, known)
+        a, b = m.part(np.arange(50)), m.part(np.arange(50, 80))
+        ready = ready or prepare(true_robot("three_link"), a)
+        p = ready.on(a)
+        one = pattern(calibrate(p, confidence=False), [p.on(b)])
+        assert one is not None
+        seen.append(one)
+    low, high = binomial_band(runs, seldom)
+    assert low <= sum(v.p < seldom for v in seen) <= high
+    assert sum(not v.passed for v in seen) <= binomial_band(runs, 0.01)[1]
 
 
 def test_without_a_stated_noise_the_verdict_says_what_it_cannot_see() -> None:
@@ -117,7 +142,10 @@ def test_without_a_stated_noise_the_verdict_says_what_it_cannot_see() -> None:
     unknown = Measurements(poses.measurements.values, {}, poses=poses.measurements.poses)
     s = study(drawing("three_link", 3), replace(poses, measurements=unknown), KINDS["three_link"].fit)
     assert s.prediction_proven and "residuals_over_noise" not in s.checks
-    assert "noise was not stated: an error of the model that fitted and held-out poses share is not" in str(s.verdict)
+    assert (
+        "noise was not stated: an error of the model that fitted and held-out poses share is not distinguished from it"
+        in str(s.verdict)
+    )
 
 
 def test_the_bound_is_what_matters_or_what_chance_does() -> None:
@@ -148,4 +176,6 @@ def test_poses_that_hardly_determine_a_parameter_do_not_contradict_what_was_know
     s = gt.load(PROBLEMS / "calibrate_d1_model_3.toml", "sensitivity_step=0")()
     assert s.prediction_proven and not any("contradicts" in sentence for sentence in (*s.verdict, *s.notes))
     # its guideways are not straight, by less than the noise that was stated for the carts
-    assert "residuals are 1.19 times" in of_noise(s) and "they are coloured, as noise is not" in of_noise(s)
+    assert "residuals are 1.19 times" in of_noise(s) and "residuals follow the positions of the actuators" in of_noise(
+        s
+    )

@@ -12,6 +12,7 @@ from gtmodel.inference import (
     newey_west,
     white,
 )  # fmt: skip
+from gtmodel.inference.make_estimate import carried
 from gtmodel.results import ArgumentError
 
 
@@ -140,3 +141,25 @@ def test_columns_that_depend_on_others_have_no_covariance(column) -> None:
     ):  # fmt: skip
         with pytest.raises(ArgumentError, match="rank is 2 for 3 parameters"):
             call()
+
+
+class TestCarried:
+    def test_no_variance_is_negative_where_the_product_leaves_one(self) -> None:
+        """Directions on which the data say nothing: variances of zero, which products miss by rounding either way."""
+        rng = np.random.default_rng(1)
+        negative = 0
+        for _ in range(20):
+            F = rng.normal(size=(8, 3)) * 10 ** rng.uniform(-4, 4, size=(8, 1))  # units that lie far apart
+            null = np.linalg.svd(F.T)[2][3:]
+            C, T = F @ F.T, np.vstack([null, rng.normal(size=(2, 8))])
+            product, own = T @ C @ T.T, carried(T, C)
+            negative += np.sum(np.diag(product) < 0)
+            assert np.all(np.diag(own) >= 0) and np.array_equal(own, own.T)
+            assert np.linalg.eigvalsh(own)[0] > -1e-15 * np.linalg.norm(own)
+            np.testing.assert_allclose(own, product, atol=1e-13 * np.linalg.norm(T, 2) ** 2 * np.linalg.norm(C))
+        assert negative > 0  # the draws show the fault
+
+    def test_unknowns_that_have_no_variance(self) -> None:
+        C = np.diag([4.0, 0.0])
+        np.testing.assert_allclose(carried(np.eye(2), C), C)
+        np.testing.assert_allclose(carried(np.array([[1.0, 7.0]]), C), [[4.0]])

@@ -1,18 +1,22 @@
 """Kind "calibration" on what was really measured: several tables, poses known in part, nothing free, refits."""
 
+import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
+import tomli_w
 
 import gtmodel as gt
-from gtmodel.calibrate import Fit, Measured, MeasuredSignal, read_poses, study
+from gtmodel.calibrate import Fit, Measured, MeasuredSignal, calibration_study, read_poses, study
+from gtmodel.calibrate.measured.poses import split_all
+from gtmodel.calibrate.measured.witness import Witness
 from gtmodel.kinds.calibration.keys import Schema
 from gtmodel.kinds.calibration.kind import ARGUMENTS
 from gtmodel.problem_files import Context, InputError
 from gtmodel.problem_files.arguments import key_of
 from gtmodel.problem_files.load import load
-from gtmodel.problem_files.run import explain
+from gtmodel.problem_files.run import answer, explain
 from gtmodel.results import ArgumentError
 from tests.calibrate.shipped import PROBLEMS
 
@@ -164,4 +168,76 @@ def test_a_refit_that_cannot_be_is_said():
     l1 = PROBLEMS / "calibrate_l1.toml"
     assert "the measurements have no device of their own to refit" in refused(l1, ['held_out.refit=["device"]'])
     assert "no held-out poses to refit on" in refused(l1, ['held_out.refit=["offset"]', "held_out.every=0"])
-    assert "is for one set of measurements" in refused(PROBLEMS / "calibrate_delta.toml", ['held_out.refit=["offset"]'])
+    delta = PROBLEMS / "calibrate_delta.toml"
+    assert "no held-out poses to refit on" in refused(delta, ['held_out.refit=["offset"]', "held_out.every=0"])
+
+
+def two_hexapods(folder, *, exchanged=False, **of_second):
+    """The first recording's odd and even poses as two tables, each with frames and homing of its own; of the second
+    the other recording is held out."""
+    text = (HEXAPOD / "108_calibration_poses.csv").read_text().splitlines()
+    for name, rows in (("a", text[1::2]), ("b", text[2::2])):
+        (folder / f"{name}.csv").write_text("\n".join([text[0], *rows]) + "\n")
+    problem = tomllib.loads((PROBLEMS / "calibrate_hexapod.toml").read_text())
+    problem |= {"robot": str(PROBLEMS / "models" / "hexapod.py:Hexapod"), "sensitivity_step": 0.0}
+    first = problem["measurements"] | {"file": "a.csv"}
+    second = first | {"file": "b.csv"} | of_second
+    if exchanged:
+        columns = list(second["signals"]["n"]["column"])
+        columns[:2] = reversed(columns[:2])
+        second["signals"] = second["signals"] | {"n": second["signals"]["n"] | {"column": columns}}
+    problem["measurements"] = [first, second]
+    problem["held_out"] = {"every": 0, "refit": ["offset", "device", "target"]}
+    (folder / "p.toml").write_text(tomli_w.dumps(problem))
+    return folder / "p.toml"
+
+
+OTHER_DAY = {"held_out_file": str(HEXAPOD / "rosbag_108_offset_origins.csv")}
+
+
+def test_one_of_several_tables_has_a_held_out_recording_with_homing_and_frames_of_its_own(tmp_path):
+    s = gt.load(two_hexapods(tmp_path, **OTHER_DAY))()
+    assert s.status.ok and s.prediction_proven
+    by_name = {r["name"]: r["errors"]["T"] for r in s.recordings}
+    assert by_name["b"]["held_out"]["mean"] < 0.8e0 and "held_out" not in {k for k, v in by_name["a"].items() if v}
+    assert any(n.startswith("18 values of the held-out recording of b are its own, refitted on 54") for n in s.notes)
+    offsets = [s.measurement[f"n.offset[{k}] of the held-out recording of b"] for k in range(6)]
+    assert max(abs(x) for x in offsets) > 1e-3
+
+
+def test_an_array_of_one_table_holds_out_as_one_table_does():
+    path = PROBLEMS / "calibrate_hexapod.toml"
+    kept = ["sensitivity_step=0.0", 'held_out.refit=["offset","device","target"]']
+    by_table = gt.load(path, f'measurements.held_out_file="{OTHER_DAY["held_out_file"]}"', *kept)()
+    assert by_table.held_out == hexapod('held_out.refit=["offset","device","target"]').held_out
+    file = OTHER_DAY["held_out_file"]
+    both = [f'held_out.file="{file}"', f'measurements.held_out_file="{file}"']
+    assert "measurements.held_out_file: is there beside held_out.file" in refused(path, both)
+
+
+def test_a_held_out_file_that_is_wrong_is_named_at_its_table(tmp_path):
+    problem = two_hexapods(tmp_path, held_out_file="none.csv")
+    assert refused(problem, []).startswith("measurements[1].held_out_file: there is no file")
+    (tmp_path / "none.csv").write_text("")
+    assert refused(problem, []).startswith("measurements[1].held_out_file: none.csv")
+
+
+def test_exchanged_columns_of_one_of_several_tables_are_named_there(tmp_path, monkeypatch):
+    problem = two_hexapods(tmp_path, exchanged=True, **OTHER_DAY)
+    with pytest.raises(InputError, match="b: the columns leg_length_2, leg_length_1 look exchanged") as caught:
+        run(problem)
+    assert caught.value.key == "measurements[1].signals.n"
+    # and by the lengths after the fit, where a robot has no forward kinematics
+    size = calibration_study.witness_of(*_of_first(problem)).size
+    monkeypatch.setattr(calibration_study, "witness_of", lambda *_: Witness(None, size))
+    with pytest.raises(InputError, match=r"^measurements\[1\].signals.n: b: the columns .* look exchanged"):
+        run(problem)
+
+
+def run(problem):
+    return answer(load(problem), Context(folder=problem.parent))
+
+
+def _of_first(problem):
+    call = gt.load(problem)
+    return call.arguments[0], split_all(call.arguments[1], call.arguments[0], 0)[0]

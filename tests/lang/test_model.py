@@ -157,9 +157,20 @@ class TestArrays:
 
         assert value(Top(), "part[0].y", "part[1].y") == [321.0, 654.0]
 
-    def test_a_single_value_for_all_needs_each(self):
+    def test_a_scalar_of_the_model_goes_to_each_part(self):
         class Top(gt.Model):
-            gain = gt.parts(3, Gain, k=2.0)
+            s = gt.parameter(5.0, unit="1")
+            declared = gt.parts(2, Gain, k=s)
+            computed = gt.parts(2, Gain, k=lambda self: 2 * self.s)
+
+        names = [f"{n}[{i}].y" for n in ("declared", "computed") for i in range(2)]
+        assert value(Top(), *names) == [5.0, 5.0, 10.0, 10.0]
+        assert value(Top(s=3.0), *names) == [3.0, 3.0, 6.0, 6.0]
+
+    @pytest.mark.parametrize("single", [2.0, np.array(2.0)])
+    def test_a_single_value_for_all_needs_each(self, single):
+        class Top(gt.Model):
+            gain = gt.parts(3, Gain, k=single)
 
         with pytest.raises(gt.ModelError, match=r"needs 3 rows; found a single value; use gt\.each"):
             value(Top(), "gain[0].y")

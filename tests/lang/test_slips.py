@@ -267,6 +267,54 @@ class TestAnEquationWithoutItsYield:
         with pytest.raises(gt.ModelError, match=r"add\(\) of a Builder"):
             x == 1.0  # noqa: B015
 
+    def test_that_has_a_name_which_nothing_reads_is_named_too(self) -> None:
+        class Named(Pendulum):
+            speed = gt.variable()
+
+            def equations(self) -> Any:
+                yield from super().equations()
+                yield self.speed == gt.der(self.q)
+                damping = self.tau == -2.0 * self.speed  # noqa: F841
+
+        with pytest.raises(gt.ModelError, match=r"nothing reads 'damping', which this '==' is given to") as caught:
+            Named().causal(known=["q"], targets=["tau"])
+        assert caught.value.where is not None
+        assert caught.value.where.line == Named.equations.__code__.co_firstlineno + 3
+
+    def test_a_name_that_is_read_may_be_left_out(self) -> None:
+        class Read(Pendulum):
+            def equations(self) -> Any:
+                yield from super().equations()
+                first, second = self.tau == 0.0, self.tau == 1.0
+                held, later, seen = self.tau == 2.0, [], self.tau == 3.0
+                if later:
+                    yield from (first, second)
+                by_closure = self.tau == 4.0
+                later.append(lambda: by_closure)
+                repeated = None
+                for k in range(3):
+                    if repeated is not None:
+                        later.append(repeated)
+                    repeated = self.tau == float(k)
+                _ = self.tau == 5.0
+                repr((held, seen))
+
+        assert Read().causal(known=["q"], targets=["tau"]) is not None
+
+    def test_a_name_that_locals_may_read_may_be_left_out(self) -> None:
+        class Seen(Pendulum):
+            def equations(self) -> Any:
+                yield from super().equations()
+                stop = self.tau == 0.0
+                assert "stop" in locals()
+
+        assert Seen().causal(known=["q"], targets=["tau"]) is not None
+
+    def test_a_name_of_a_module_may_be_left_out(self) -> None:
+        names: dict[str, Any] = {"x": gt.Builder().variable("x")}
+        exec("e = x == 1.0", names)
+        assert names["e"].op == "=="
+
     def test_what_is_kept_may_be_left_out(self) -> None:
         class Chosen(Pendulum):
             def equations(self) -> Any:

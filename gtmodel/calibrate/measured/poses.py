@@ -140,8 +140,7 @@ def split_all(
     several = [poses] if isinstance(poses, MeasuredPoses | Measurements) else list(poses)
     if not several:
         raise ArgumentError("there is nothing measured; give poses", "poses")
-    if refit is not None and len(several) > 1:
-        raise ArgumentError("is for one set of measurements with a held-out recording", "refit")
+    recorded = [isinstance(one, MeasuredPoses) and one.held_out is not None for one in several]
     data = []
     for k, one in enumerate(several, 1):
         whole = MeasuredPoses(one) if isinstance(one, Measurements) else one
@@ -149,7 +148,8 @@ def split_all(
             name = f"measurements {k}" if len(several) > 1 else "measurements"
             whole = replace(whole, measurements=replace(whole.measurements, name=name))
         try:
-            data.append(split(whole, model, every, refit))
+            # of several, those whose held-out poses are a recording of their own, if any are
+            data.append(split(whole, model, every, refit if recorded[k - 1] or not any(recorded) else None))
         except ArgumentError as error:
             at = error.argument
             if len(several) > 1 and at.startswith("poses"):

@@ -176,6 +176,18 @@ def a_priori(
     return Prediction(errors) if len(good) else None
 
 
+def misread_by_lengths(data: SplitPoses, prepared: CalibrationProblem, witness: Witness) -> tuple[Alarm, str] | None:
+    """The alarm, and in a sentence how columns are read otherwise, by the lengths of the robot as it was, which no fit
+    has bent to the readings; for robots without forward kinematics."""
+    if witness.forward is not None or prepared.implicit:
+        return None
+    alone = _alone(prepared)
+    if _rms(alone.residuals()) <= CLOSE * witness.size and not data.pose.device:
+        return None
+    axes_of = "" if data.pose.device or data.pose.target else data.position
+    return misread_columns(alone, [data.position], _columns(data)[0], axes_of)
+
+
 def misread_after(
     data: SplitPoses, prepared: CalibrationProblem, c: Calibration, witness: Witness
 ) -> tuple[Alarm, str] | None:
@@ -187,13 +199,9 @@ def misread_after(
     and where chance may explain what another order leaves: few residuals are beyond the unknowns.
     """
     names, groups = _columns(data)
-    if witness.forward is None and not prepared.implicit:
-        alone = _alone(prepared)
-        if _rms(alone.residuals()) > CLOSE * witness.size or data.pose.device:
-            axes_of = "" if data.pose.device or data.pose.target else data.position
-            misread = misread_columns(alone, [data.position], names, axes_of)
-            if misread is not None:
-                return misread
+    misread = misread_by_lengths(data, prepared, witness)
+    if misread is not None:
+        return misread
     given = _rms(c.residuals)
     if given <= MISFIT * witness.size:
         return None

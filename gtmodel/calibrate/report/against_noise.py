@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
+import scipy
 
-from ...inference import FALSE_ALARM, OverNoise, chi_squared_over_noise
+from ...inference import FALSE_ALARM, OverNoise, Verdict, chi_squared_over_noise
 from ...inference.held_out import MATTERS
 from ...inference.make_estimate import RANK
 from ...inference.normal_equations import triangle
+from ...inference.residuals import SMALL_P
 from ...inference.weighting import prior_rows
 from ..block_rows import BlockRows
 from ..calibration import Calibration
 from ..problem import CalibrationProblem, noise_covariance
+
+WAVES, FEWEST = 6, 2  # over an actuator's range, from half a period to three, or to one: less is taken up by the fit
+SHARE = 1 / 3  # of the spare equations that a pattern may take
+MOST = 500  # poses of a file that are looked at for a pattern: its columns are many
 
 
 def against_noise(
@@ -41,28 +47,114 @@ def against_noise(
     >>> judged.passed, judged.degrees_of_freedom  # 90 errors, 21 unknowns
     (True, 69)
     """
-    if not all(n in p.measurements.noise for p in (*c.problem.parts, *held_out) for n in p.reading.places):
+    every = (*c.problem.parts, *held_out)
+    if not _stated(every):
         return None
-    u = c.problem.unknowns
-    n = len(u.names)
-    size = np.append(u.sizes, 1.0)
-    P, p = prior_rows(u.priors, u.names)
-    R, errors = triangle(np.zeros((0, 0)), np.column_stack([P, P @ c.x - p]) * size), 0
-    for poses in (*c.problem.parts, *held_out):
-        S = noise_covariance(poses, "orthogonal")
-        for block in poses.blocks_of("orthogonal"):
-            rows = BlockRows(block, poses.reading.data, 1.0, S, poses.begin(block, S))
-            for A in rows(c.x[block.columns]):
-                closed = A[np.isfinite(A[:, -1])]
-                full = np.zeros((len(closed), n + 1))
-                full[:, [*block.columns.tolist(), n]] = closed
-                R = triangle(R, full * size)
-                errors += len(closed)
+    R, errors = triangle(np.zeros((0, 0)), _priors(c)), 0
+    for poses in every:
+        for A, _ in _rows(c, poses):
+            closed = A[np.isfinite(A[:, -1])]
+            R = triangle(R, closed)
+            errors += len(closed)
     if not errors:
         return None
-    U, s, _ = np.linalg.svd(R[:, :-1], full_matrices=False)
+    left, rank = _left(R[:, :-1], R[:, -1])
+    spare = errors + len(c.problem.unknowns.priors) - rank
+    return chi_squared_over_noise(left, spare, false_alarm=false_alarm, matters=matters)
+
+
+def pattern(c: Calibration, held_out: Sequence[CalibrationProblem] = ()) -> Verdict | None:
+    """Test whether errors are independent of the pose: it fails where smooth functions of the actuators, beside the
+    unknowns, explain more of them than chance does. What a model lacks shows so, however large the noise is.
+
+    The functions are waves over each actuator's range, cos(pi k u) with k up to 6, fewer where poses are few, two at
+    least, for each of the equations of a pose. They and the unknowns are fitted to errors of all poses at once, and an
+    F test judges. The errors are those of against_noise(), or of the lengths where noise is not stated: these hang
+    together within a pose, so that p is but nearly right, and must be below 0.1 % instead of 1 %. None where they are
+    too few, for several measurements, and for a pose known in part without noise.
+
+    >>> robot = gt.robots.gantry_tau("l1_tape")
+    >>> rng = np.random.default_rng(1)
+    >>> T = rng.uniform([0.0, -1.0, 0.2], [1.0, 0.0, 0.8], (60, 3))
+    >>> q, _ = robot.causal(known="T", targets="q")(T)
+    >>> for guideway in (0.0, 2e-4):  # a wave of the first cart's guideway [m]
+    ...     wave = np.outer(guideway * np.sin(6.0 * q[:, 0]), [1.0, 0.0, 0.0])
+    ...     poses = gt.calibrate.Measurements({"q": q + wave, "T": T + 1e-4 * rng.normal(size=T.shape)})
+    ...     gt.calibrate.pattern(gt.calibrate.calibrate(robot, poses)).passed
+    True
+    False
+    """
+    every = (c.problem, *held_out)
+    if c.problem.beside or (c.problem.implicit and not _stated(every)):
+        return None
+    chosen = [p.on(p.measurements.part(_evenly(len(p.measurements)))) for p in every]
+    q = [np.asarray(p.measurements.values[p.actuators], float) for p in chosen]
+    low = np.min(np.vstack(q), axis=0)
+    span = np.ptp(np.vstack(q), axis=0)
+    places = [np.pi * (rows - low) / np.where(span > 0, span, 1.0) for rows in q]
+    errors = [list(_rows(c, p, _stated(every))) for p in chosen]  # by block, few enough poses for one piece
+    A = np.vstack([_priors(c), *(rows for each in errors for rows, _ in each)])
+    closed = np.isfinite(A[:, -1])
+    before, rank = _left(A[closed, :-1], A[closed, -1])
+    equations = [k for _, k in errors[0]]
+    spare = np.count_nonzero(closed) - rank
+    number = min(WAVES, int(SHARE * spare / (sum(equations) * len(low))))
+    if number < FEWEST or not before > 0:
+        return None
+    waves = [np.cos(u[:, :, None] * np.arange(1, number + 1)).reshape(len(u), -1) for u in places]
+    columns = np.zeros((len(c.problem.unknowns.priors), sum(equations) * waves[0].shape[1]))
+    by_block = [scipy.linalg.block_diag(*(np.kron(w, np.eye(k)) for k in equations)) for w in waves]
+    columns = np.vstack([columns, *by_block])
+    after, both = _left(np.hstack([A[:, :-1], columns])[closed], A[closed, -1])
+    more, rest = both - rank, np.count_nonzero(closed) - both
+    if more < 1 or rest < 1:
+        return None
+    from scipy import stats  # here: it alone takes as long to import as all of gtmodel
+
+    F = (before - after) / more / (after / rest) if after > 0 else np.inf
+    p = float(stats.f.sf(F, more, rest))
+    explained = 1 - after / rest / (before / spare)
+    seldom = SMALL_P if _stated(every) else FALSE_ALARM
+    said = "residuals show no pattern over the positions of the actuators"
+    if p < seldom:
+        part = f"{max(explained, 0.0):.0%}"
+        said = f"residuals follow the positions of the actuators, smooth functions explain {part} of them"
+    return Verdict(float(F), p, p >= seldom, f"{said} (F = {F:.3g} for {more} and {rest}, p = {p:.2g})")
+
+
+def _stated(problems: Sequence[CalibrationProblem]) -> bool:
+    """Whether the noise of all signals is."""
+    return all(n in p.measurements.noise for p in problems for n in p.reading.places)
+
+
+def _evenly(poses: int) -> np.ndarray:
+    """Indices of some poses, all where they are few."""
+    return np.unique(np.linspace(0, poses - 1, min(MOST, poses)).round().astype(int))
+
+
+def _rows(c: Calibration, poses: CalibrationProblem, stated: bool = True) -> Iterator[tuple[np.ndarray, int]]:
+    """Of each block, in pieces: rows [J r] of so many errors a pose, for unknowns in units of their sizes; r is no
+    number where a pose does not close. In units of the stated noise, or lengths."""
+    u, S = c.problem.unknowns, noise_covariance(poses, "orthogonal") if stated else None
+    n = len(u.names)
+    for block in poses.blocks_of("orthogonal" if stated else "length"):
+        begin = (None, None) if S is None else poses.begin(block, S)
+        for A in BlockRows(block, poses.reading.data, 1.0, S, begin)(c.x[block.columns]):
+            full = np.zeros((len(A), n + 1))
+            full[:, [*block.columns.tolist(), n]] = A
+            yield full * np.append(u.sizes, 1.0), len(block.rows) - len(block.hidden)
+
+
+def _priors(c: Calibration) -> np.ndarray:
+    """Rows [J r] of the priors."""
+    u = c.problem.unknowns
+    P, p = prior_rows(u.priors, u.names)
+    return np.column_stack([P * u.sizes, P @ c.x - p])
+
+
+def _left(J: np.ndarray, r: np.ndarray) -> tuple[float, int]:
+    """Squares of r that the columns of J leave, and their rank."""
+    U, s, _ = np.linalg.svd(J, full_matrices=False)
     inside = U[:, s > RANK * s.max(initial=0.0)]
-    r = R[:, -1]
     left = r - inside @ (inside.T @ r)
-    spare = errors + len(P) - inside.shape[1]
-    return chi_squared_over_noise(float(left @ left), spare, false_alarm=false_alarm, matters=matters)
+    return float(left @ left), inside.shape[1]

@@ -8,7 +8,7 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from ...inference import BetweenRecordings, HeldOut, Identifiability, OverNoise, over_noise
+from ...inference import BetweenRecordings, HeldOut, Identifiability, OverNoise, Verdict, over_noise
 from ...lang import ModelError
 from ...lang.units import parse_unit
 from ...results import ArgumentError, SolveStatus
@@ -23,7 +23,7 @@ from ..prediction import MAD, Outlier, Prediction, outliers
 from ..problem import CalibrationProblem
 from ..sensitivity import Sensitivity, sensitivity
 from ..variants import cost_of, too_few
-from .against_noise import against_noise
+from .against_noise import against_noise, pattern
 from .contradictions import contradicted_priors
 from .intervals import Confidence
 from .left_out import PosesLeftOut, leave_out
@@ -108,14 +108,26 @@ class CalibrationFindings:
         c = self.calibration
         if c.estimate is None or not c.estimate.known_noise:
             return None
-        own = () if self.refitted is not None else self.parts
         try:
-            held_out = [p.calibration.problem.on(p.kept) for p in own if p.kept is not None]
-            judged = against_noise(self._as_known, held_out)
+            judged = against_noise(self._as_known, self._unseen)
         except (ModelError, np.linalg.LinAlgError):
             judged = None
         judged = judged or over_noise(c.estimate)
         return judged if judged.degrees_of_freedom > 0 else None
+
+    @cached_property
+    def pattern(self) -> Verdict | None:
+        """Whether the same errors show no pattern over the poses; None where they are too few."""
+        try:
+            return pattern(self._as_known, self._unseen)
+        except (ModelError, np.linalg.LinAlgError):
+            return None
+
+    @property
+    def _unseen(self) -> list[CalibrationProblem]:
+        """The problems of the held-out poses; none where these have values of their own."""
+        own = () if self.refitted is not None else self.parts
+        return [p.calibration.problem.on(p.kept) for p in own if p.kept is not None]
 
     @property
     def position(self) -> str:
@@ -290,10 +302,7 @@ def verdict(findings: CalibrationFindings, accuracy: float | None) -> tuple[bool
     if findings.over_noise is not None:
         sentences.append(of_noise(findings))
     elif c.estimate is not None and not c.estimate.known_noise and any(f.held_out for f in findings.parts):
-        sentences.append(
-            "noise was not stated: an error of the model that fitted and held-out poses share is not distinguished "
-            "from noise" + (", but residuals are coloured, which noise is not" if findings.confidence.coloured else "")
-        )
+        sentences.append(_of_unstated_noise(findings))
     if c.estimate is not None and c.estimate.degrees_of_freedom > 0:
         sentences.append(findings.confidence.scope)
     lost, kept_in_all = (sum(n) for n in zip(*((f.lost, len(f.lines_held_out)) for f in findings.parts), strict=True))
@@ -369,13 +378,28 @@ def of_noise(findings: CalibrationFindings) -> str:
         sigma = np.sqrt(np.mean(np.diagonal(m.covariance(name, place.stop - place.start), axis1=1, axis2=2)))
         factor, unit = written(findings, name)
         needed.append(f"{name} {over.ratio * factor * sigma:.2g} {'' if unit == '1' else unit}".rstrip())
-    if not findings.confidence.tested:
-        looks = "the model lacks an effect, or the noise was stated too small: too few poses to see which"
-    elif findings.confidence.coloured:
-        looks = "they are coloured, as noise is not: the model lacks an effect"
-    else:
-        looks = "no colour is seen in them: the noise was stated too small, or the model lacks an effect"
-    return f"{over.extent}; {looks}. A noise of {', '.join(needed)} would explain their size"
+    return f"{over.extent}; {_looks(findings)}. A noise of {', '.join(needed)} would explain their size"
+
+
+def _of_unstated_noise(findings: CalibrationFindings) -> str:
+    said = (
+        "noise was not stated: an error of the model that fitted and held-out poses share is not distinguished from it"
+    )
+    if findings.pattern is not None and not findings.pattern.passed:
+        return f"{said} by its size, but {findings.pattern.message}"
+    return f"{said}, but residuals are coloured, which noise is not" if findings.confidence.coloured else said
+
+
+def _looks(findings: CalibrationFindings) -> str:
+    """What errors that are larger than the stated noise come from, by the pattern that they show."""
+    pattern, coloured = findings.pattern, findings.confidence.coloured
+    if pattern is not None and not pattern.passed:
+        return f"{pattern.message}: the model lacks an effect"
+    if coloured:
+        return "they are coloured, as noise is not: the model lacks an effect, or something drifts"
+    if pattern is None:
+        return "the model lacks an effect, or the noise was stated too small: too few poses to see which"
+    return f"{pattern.message}: the noise was stated too small, or the model lacks an effect of another shape"
 
 
 def written(part: CalibrationFindings, name: str) -> tuple[float, str]:

@@ -31,15 +31,17 @@ def refitted(c: Calibration, m: Measurements, refit: Refit) -> Calibration:
 
     Raises ArgumentError where they have nothing of that kind, and where these poses do not determine it."""
     own = of_its_own(m, refit, c.problem.actuators)
+    ending = c.problem.reading.ending  # of the names of what these measurements have, among several
+    values = c.values | {name.replace(ending, ""): v for name, v in c.values.items() if ending and ending in name}
     try:
-        free = prepare(c.flat, own, Choice(free=[]), actuators=c.problem.actuators, values=c.values)
+        free = prepare(c.flat, own, Choice(free=[]), actuators=c.problem.actuators, values=values)
         kinds = {name: next((k for k, p in PLACES.items() if p in name), "") for name in free.reading.parameters.names}
         lacking = [k for k in refit.what if k not in kinds.values()]
         if lacking:
             raise ArgumentError(f"the measurements have no {lacking[0]} of their own to refit", "refit.what")
         still = [name.partition(TURN)[0] for name, kind in kinds.items() if kind not in refit.what]
         problem = prepare(
-            c.flat, own, Choice(free=[], fixed=still), actuators=c.problem.actuators, values=c.values,
+            c.flat, own, Choice(free=[], fixed=still), actuators=c.problem.actuators, values=values,
         )  # fmt: skip
         own_fit = calibrate(problem, cost=c.cost)
     except ModelError as error:

@@ -112,8 +112,7 @@ def _notes(findings: CalibrationFindings) -> list[str]:
     if not c.status.ok:
         return [*findings.alarms.notes]
     absent = [_absent(part) for part in findings.parts if part.problem.implicit]
-    if findings.refitted is not None:
-        absent.append(_refit_said(findings))
+    absent += [_refit_said(part) for part in findings.parts if part.refitted is not None]
     if c.estimate is None:
         return [*findings.alarms.notes, *absent]
     intervals = [*findings.confidence.reasons, *findings.confidence.notes]
@@ -125,12 +124,19 @@ def _notes(findings: CalibrationFindings) -> list[str]:
 
 
 def _refitted(findings: CalibrationFindings) -> dict[str, float]:
-    """What the recording of the held-out poses has of its own, by name."""
-    own = findings.refitted
-    if own is None:
-        return {}
-    names = own.problem.reading.parameters.names
-    return {f"{n} of the held-out recording": v for n, v in own.values.items() if n in names}
+    """What the recordings of the held-out poses have of their own, by name."""
+    values: dict[str, float] = {}
+    for part in findings.parts:
+        own = part.refitted
+        if own is not None:
+            names = own.problem.reading.parameters.names
+            values |= {f"{n} of the held-out recording{_of(part)}": v for n, v in own.values.items() if n in names}
+    return values
+
+
+def _of(findings: CalibrationFindings) -> str:
+    """Of which of several measurements."""
+    return f" of {findings.data.name}" if findings.calibration.problem.reading.ending else ""
 
 
 def _refit_said(findings: CalibrationFindings) -> str:
@@ -138,8 +144,8 @@ def _refit_said(findings: CalibrationFindings) -> str:
     assert own is not None
     names, poses = own.problem.unknowns.names, len(own.problem.measurements)
     return (
-        f"{len(names)} values of the held-out recording are its own, refitted on {poses} of its poses ({names[0]} to "
-        f"{names[-1]}); the others judge"
+        f"{len(names)} values of the held-out recording{_of(findings)} are its own, refitted on {poses} of its poses "
+        f"({names[0]} to {names[-1]}); the others judge"
     )
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...inference import linear_fit
+from ...inference.make_estimate import carried
 from ...results import ArgumentError, Estimate
 from ...results.alarms import Alarms
 from ...results.trajectory_errors import Array
@@ -140,8 +141,8 @@ def identify_friction(
     residuals = np.concatenate([line.residuals for line in lines])
     degrees_of_freedom = min(line.degrees_of_freedom for line in lines)
     estimate = Estimate(
-        tuple(rows), T @ values, T @ covariance @ T.T, degrees_of_freedom, float(np.sqrt(np.mean(residuals**2))), False,
-        residuals, (), units=tuple({"m": "kg", "c": "N", "v": "kg/s"}[name[0]] for name in rows),
+        tuple(rows), T @ values, carried(T, covariance), degrees_of_freedom, float(np.sqrt(np.mean(residuals**2))),
+        False, residuals, (), units=tuple({"m": "kg", "c": "N", "v": "kg/s"}[name[0]] for name in rows),
     )  # fmt: skip
 
     refuse_driving(runs, estimate, carts, symmetric, alarms)

@@ -24,6 +24,9 @@ class MeasuredSection(FormSection):
     """Measured poses in a CSV, MATLAB or Parquet file."""
 
     file: str = Field(description="path from the problem's folder")
+    held_out_file: str | None = Field(
+        default=None, description="another file of the same columns, which no fit sees; of each of several tables"
+    )
     source: Source = ""
 
 
@@ -80,7 +83,7 @@ class LoadTestsSection(Made):
 
 
 class _Hung(Made):
-    poses_deg: list[list[float]] | None = Field(
+    poses_deg: list[Annotated[list[float], Field(min_length=6, max_length=6)]] | None = Field(
         default=None, description="joint angles of each pose, all loads in each; of synthetic tests"
     )
     load: list[Made[Load]] | None = Field(default=None, description="one table for each load; of synthetic tests")

@@ -76,20 +76,25 @@ def _poses(problem: Schema, robot: Model, context: Context) -> MeasuredPoses | l
     held_out = None if other is None else context.file(other, "held_out.file", source=problem.held_out.source)
     if problem.synthetic is not None:
         return calibrate.made_poses(robot, problem.synthetic.options(), held_out)
-    assert problem.measurements is not None
     if isinstance(problem.measurements, MeasuredSection):
         return _read(problem.measurements, "measurements", held_out, context)
     if held_out is not None:
-        raise InputError("is for one table [measurements]; of several, each holds out some of its own", "held_out.file")
-    return [_read(one, f"measurements[{k}]", None, context) for k, one in enumerate(problem.measurements)]
+        raise InputError("is for one table [measurements]; of several, each has its held_out_file", "held_out.file")
+    return [_read(one, f"measurements[{k}]", None, context) for k, one in enumerate(problem.measurements or [])]
 
 
 def _read(keys: MeasuredSection, key: str, held_out: Path | None, context: Context) -> MeasuredPoses:
+    if keys.held_out_file is not None:
+        if held_out is not None:
+            raise InputError("is there beside held_out.file; leave one of the two out", f"{key}.held_out_file")
+        held_out = context.file(keys.held_out_file, f"{key}.held_out_file", source=keys.source)
     path = context.file(keys.file, f"{key}.file", source=keys.source)
     try:
         return calibrate.read_poses(path, keys.options(), held_out, keys.form())
     except ArgumentError as error:
-        raise InputError(error.message, error.argument.replace("measured", key, 1)) from error
+        at = error.argument.replace("measured", key, 1)
+        own = f"{key}.held_out_file" if keys.held_out_file else "held_out.file"
+        raise InputError(error.message, at.replace("held_out.file", own)) from error
 
 
 def _carts(problem: Schema, context: Context) -> CartPoints | None:
@@ -123,10 +128,6 @@ def _tests(keys: JointStiffness, robot: Model, context: Context) -> MeasuredTest
     assert keys.synthetic is not None
     if not keys.poses_deg or not keys.load:
         raise InputError("synthetic tests need poses_deg and at least one load", STIFFNESS)
-    for n, angles in enumerate(keys.poses_deg):
-        if len(angles) != 6:
-            sentence = f"has {len(angles)} numbers; expected 6 joint angles in degrees"
-            raise InputError(sentence, f"{STIFFNESS}.poses_deg[{n}]")
     poses, loads = np.deg2rad(keys.poses_deg), [load.options() for load in keys.load]
     return made_load_tests(robot, keys.synthetic.options(), poses.tolist(), loads, keys.options())
 

@@ -33,6 +33,8 @@ if TYPE_CHECKING:
 
 Pair = tuple[int, int]
 
+# relative: times that differ by less are one instant, k * 0.004 s as a row, a sample and a knot of an input
+SAME = 8 * np.finfo(float).eps
 # of a comparison's largest value since it changed: nearer to zero its sign is round-off and the integrator's error
 ZERO = 1e-9
 # and of its largest value in the whole run
@@ -54,6 +56,7 @@ class HybridIntegration(Integration):
     def __init__(self, ready: ReadyInMode, modes: SimulatedModes, rows: np.ndarray, grid: np.ndarray) -> None:
         begin, end = float(rows[0]), float(rows[-1])
         self._modes, self._begin, self._end = modes, begin, end
+        self._slack = SAME * max(abs(begin), abs(end))
         self._steppers: dict[int, OneStep] = {}
         super().__init__(ready.ready, rows, grid, ready.ready.systems.pace(ready.ready.inputs, begin, end))
         self._paces = {ready.values: self._pace}
@@ -79,7 +82,8 @@ class HybridIntegration(Integration):
         for n, block in enumerate(self.blocks):
             self.clock.add(block.first(begin), Due("block", n))
         self._times = modes.sample_times(self._numbers)
-        for n, (period, offset) in enumerate(self._times):
+        for n, times in enumerate(self._times):
+            period, offset = times or (Fraction(1), exact(begin))
             steps = max(0, -(-(exact(begin) - offset) // period))
             self.clock.add(offset + steps * period, Due("sample", n))
 
@@ -113,20 +117,25 @@ class HybridIntegration(Integration):
         self._instant()
         while self._time < self._end:
             knots = np.union1d(self._inputs.knots(self._time, self._end), self._pace.knots)
-            after = knots[knots > self._time]
-            stop = min(self._next_sample(), float(after[0]) if after.size else np.inf, self._end)
+            after = knots[knots > self._time + self._slack]
+            stop = self._row_at(min(self._next_sample(), float(after[0]) if after.size else np.inf, self._end))
             while self._time < stop:
                 self._advance(stop, self._span(stop))
-            if stop < self._end and after.size and stop == after[0]:
-                self._begin_piece()
+            if stop < self._end and after.size and after[0] <= stop + self._slack:
+                self._begin_piece(max(stop, float(after[0])))
             self._instant()
+
+    def _row_at(self, time: float) -> float:
+        """The recorded row at a time, or the time where there is none."""
+        place = int(np.searchsorted(self._grid, time - self._slack))
+        return float(self._grid[place]) if self._grid[place] <= time + self._slack else time
 
     def _next_sample(self) -> float:
         return np.inf if self.clock.next is None else float(self.clock.next)
 
     def _instant(self) -> None:
         """Do what is due at this time."""
-        while self._next_sample() <= self._time:
+        while self._next_sample() <= self._time + self._slack:
             self._sampled(*self.clock.take())
 
     def _intervals(self, stop: float, span: float, most: int) -> tuple[np.ndarray, float]:
@@ -172,10 +181,14 @@ class HybridIntegration(Integration):
             return False
         n = int(np.nanargmin(left))
         span = max(float(left[n]), 0.0)
-        slope = np.asarray(self.system.reduced.rate(self._x, self._z, self._time, self._p).full()).reshape(-1)
-        self._take(self._time + span, self._x + span * slope, self._z, self._work)
+        self._take(self._time + span, self._straight_on(span), self._z, self._work)
         self._event([n])
         return True
+
+    def _straight_on(self, span: float) -> np.ndarray:
+        """The states after so short a span [s]."""
+        rate = self.system.reduced.rate(self._x, self._z, self._time, self._p)
+        return self._x + span * np.asarray(rate.full()).reshape(-1)
 
     def _grow(self, values: np.ndarray) -> None:
         if len(values):
@@ -290,8 +303,8 @@ class HybridIntegration(Integration):
         for d in due:
             if d.kind == "outputs":
                 new |= d.values
-            elif d.kind == "sample":
-                self.clock.add(now + self._times[d.number][0], Due("sample", d.number))
+            elif d.kind == "sample" and (times := self._times[d.number]) is not None:
+                self.clock.add(now + times[0], Due("sample", d.number))
         samples = [n for n in range(len(self._times)) if Due("sample", n) in due]
         if new:
             self._set(new)
@@ -365,7 +378,7 @@ class HybridIntegration(Integration):
         discrete: dict[int, tuple[float, float]] = {}
         restarted: dict[Pair, tuple[float, float]] = {}
         impulses: dict[str, float] = {}
-        stored, declared = self._stored(), None
+        stored, declared, modes = self._stored(), None, self._values
         before_it = self._one_row()
         seen: set[tuple[object, ...]] = set()
         due, zero = [n in samples for n in range(len(events.samples))], self._zero
@@ -408,9 +421,11 @@ class HybridIntegration(Integration):
                 impulses[force] = impulses.get(force, 0.0) + impulse
         else:
             raise self._unsettled(list(causes))
-        # what changed its side begins anew to grow
-        self._size = np.where(begun, 0.0, self._size)
-        if not acted:
+        # what changed its side begins anew to grow, from what is left of the other side
+        self._size = np.where(begun, self._left_over() / ZERO, self._size)
+        at_start = bool(samples) and all(self._times[n] is None for n in samples)
+        unchanged = not restarted and values == modes and all(old == new for old, new in discrete.values())
+        if not acted or (at_start and unchanged):
             return
         after = self._stored()
         change = after - stored
@@ -433,17 +448,37 @@ class HybridIntegration(Integration):
             raise Ended(SolveStatus.FAILED, sentence)
 
     def _sides(self, forced: Sequence[int], zero: np.ndarray) -> np.ndarray:
-        """Truth of the comparisons from now on: by their values, at zero by their rates, and as they were where
-        neither shows it."""
+        """Truth of the comparisons from now on: by their values, at zero by their rates, where these are zero too by
+        those a moment later, and as they were where nothing shows it."""
         if not self._declared.comparisons:
             return self.truth
         values, rates = (a[0] for a in self._comparisons(self._x[None, :], self._z[None, :], np.array([self._time])))
         self._largest = np.maximum(self._largest, np.abs(values))
         slow = zero / (SLOW * (self._end - self._begin))
+        near = np.abs(values) <= zero
+        near[list(forced)] = False
+        if near.any() and not self._z.size:
+            later = self._rates_later()
+            # a rate that is zero is round-off
+            rates = np.where(near & (np.abs(later) > 2 * np.abs(rates)), later, rates)
         truth = self._modes.sides(values, rates, zero, slow, self.truth)
         for n in forced:
             truth[n] = not self.truth[n]
         return truth
+
+    def _rates_later(self) -> np.ndarray:
+        """Rates of the comparisons a moment later: a force that grows through what friction holds accelerates by
+        nothing at the instant itself."""
+        moment = min(SLOW * (self._end - self._begin), self._stepper.likely / 100)
+        x = self._straight_on(moment)
+        return self._comparisons(x[None, :], self._z[None, :], np.array([self._time + moment]))[1][0]
+
+    def _left_over(self) -> np.ndarray:
+        """Of each comparison twice by how much its value is still on the side that it leaves; else 0."""
+        if not self._declared.comparisons:
+            return np.zeros(0)
+        values = self._comparisons(self._x[None, :], self._z[None, :], np.array([self._time]))[0][0]
+        return 2 * np.maximum(-values * self._signs(), 0.0)
 
     def _changes(self, fired: Sequence[int]) -> Changes:
         if not fired:

@@ -38,6 +38,11 @@ class OneStep:
         self._last = np.inf  # the step that it would take next [s]
 
     @property
+    def likely(self) -> float:
+        """The step that it would take next [s], infinite before the first one."""
+        return self._last
+
+    @property
     def most(self) -> int:
         """Intervals in one call."""
         return self._stepper.most if self._stiff else MOST_ROWS
@@ -75,7 +80,8 @@ class OneStep:
         rows = np.empty((count, n + 2))
         begin = np.concatenate([x / self.x_scale, [0.0, 0.0]])
         options: dict[str, Any] = {"rtol": self._tolerance, "atol": self._tolerance, "max_step": longest}
-        if np.isfinite(self._last):
+        wanted = self._last
+        if np.isfinite(wanted):
             options["first_step"] = min(self._last, end)
         with np.errstate(all="ignore"):
             solver = scipy.integrate.DOP853(f, 0.0, begin, end, **options)
@@ -93,7 +99,8 @@ class OneStep:
                     self._stiff = True
                     return None
             rows[-1] = solver.y
-        self._last = float(solver.h_abs)
+        # a step that the end cut short says nothing about the next one
+        self._last = max(float(solver.h_abs), wanted if steps == 1 and np.isfinite(wanted) else 0.0)
         if not np.all(np.isfinite(rows)):
             return None
         return rows[:, :n] * self.x_scale, np.zeros((count, 0)), rows[:, n:]
