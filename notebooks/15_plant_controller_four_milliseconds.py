@@ -100,7 +100,9 @@ assert max(studies[0.0].rms_error) < max(studies[0.008].rms_error) < max(studies
 studies[0.008].figure("loop")
 
 # %% [markdown]
-# **Answer.** The loop holds still until the forces come some 45 ms late, eleven cycles, where the poles say so within a
+# ## Answer
+#
+# The loop holds still until the forces come some 45 ms late, eleven cycles, where the poles say so within a
 # tenth. That is with the smooth friction of the model, which damps small motions strongly; the errors of a motion
 # grow much sooner. The same law as C has the same bits: `compiled=True`, or the folder that `gt.cgen` writes of
 # `gt.control.law_causal(law, 3)`.

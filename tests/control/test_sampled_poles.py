@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import control
 import numpy as np
 import pytest
@@ -30,7 +32,7 @@ def test_without_delay_the_poles_are_those_of_c2d_and_feedback() -> None:
 def test_samples_of_a_linear_plant_follow_it(share: float, velocity: str) -> None:
     """The simulation's samples, forces that still have to act among them, from one sample to the next."""
     period, law = 0.02, Feedback(200.0, 30.0)
-    options = {"velocity": velocity}
+    options: dict[str, Any] = {"velocity": velocity}
     loop = linearize_sampled(Cart(), law, period, share * period, start=AT, **options)
     model = sampled_loop(Cart(), law, period, share * period, **options)
     run = gt.simulate(model, 0.4, inputs={"reference": [0.0]}, start={"plant.q": 0.01, "der(plant.q)": 0.0})
@@ -83,8 +85,9 @@ def test_a_late_loop_is_unstable_where_the_poles_say_so() -> None:
     [({"period": 0.0}, "a period is positive"), ({"delay": -1.0}, "a delay not negative"), ({"known": "x"}, "'x'")],
 )
 def test_what_it_does_not_take(change: dict, said: str) -> None:
+    args: dict[str, Any] = {"start": AT} | change
     with pytest.raises(gt.ModelError, match=said):
-        linearize_sampled(Cart(), Feedback(1.0, 1.0), **({"start": AT} | change))
+        linearize_sampled(Cart(), Feedback(1.0, 1.0), **args)
 
 
 def test_the_point_is_at_rest() -> None:
