@@ -124,6 +124,16 @@ class HybridIntegration(Integration):
             if stop < self._end and after.size and after[0] <= stop + self._slack:
                 self._begin_piece(max(stop, float(after[0])))
             self._instant()
+        self._at_the_end()
+
+    def _at_the_end(self) -> None:
+        """The event whose instant the last row is, but for round-off."""
+        if self._declared.comparisons:
+            at = np.array([self._time])
+            values, rates = self._comparisons(self._x[None, :], self._z[None, :], at)
+            s, ds = values[0] * self._signs(), rates[0] * self._signs()
+            if (flips := np.flatnonzero((np.abs(s) <= self._zero) & (ds < 0))).size:
+                self._event(flips.tolist())
 
     def _row_at(self, time: float) -> float:
         """The recorded row at a time, or the time where there is none."""
