@@ -15,15 +15,14 @@ class EndStop(gt.Model):
     A mass that hits an end leaves it with `restitution` times its velocity (Newton's law of impact). What hits it
     slower than `rest_speed` stays there until it is pulled away, so that a mass comes to rest after finitely many
     impacts. `force` [N] is what the mass exerts on the end that it rests at, `rests` -1 at the low end, 1 at the high
-    one and 0 elsewhere. The energy lost at each impact is that of the mass m [kg], which is all that the flange moves:
-    where more is coupled rigidly to it, as the other carts of a parallel robot, the velocities after an impact are
-    other ones, and the check `declared_loss` fails.
+    one and 0 elsewhere. An impact is an impulse of that force: what is coupled rigidly to the flange, as the other
+    carts of a parallel robot, changes its velocity too, by the model's masses and constraints.
 
     A carriage between two ends 0.5 m apart loses half of its speed at each:
 
     >>> bench = gt.Builder("bench")
     >>> carriage = bench.part("carriage", gt.mechanics.Mass(m=2.0))
-    >>> ends = bench.part("ends", gt.mechanics.EndStop(low=0.0, high=0.5, m=2.0, restitution=0.5))
+    >>> ends = bench.part("ends", gt.mechanics.EndStop(low=0.0, high=0.5, restitution=0.5))
     >>> bench.add(gt.connect(carriage.flange, ends.flange))
     >>> run = bench.simulate(2.0, start={"carriage.flange.s": 0.0, "der(carriage.flange.s)": 1.0})
     >>> [round(e.time, 9) for e in run.events], [round(e.energy, 9) for e in run.events]
@@ -32,7 +31,6 @@ class EndStop(gt.Model):
 
     low = gt.parameter(unit="m", description="coordinate of the low end")
     high = gt.parameter(unit="m", min=low, description="coordinate of the high end")
-    m = gt.parameter(unit="kg", min=0.0, description="all mass that hits it")
     restitution = gt.parameter(0.0, unit="1", min=0.0, max=1.0, description="speed after an impact over that before")
     rest_speed = gt.parameter(1e-3, unit="m/s", min=0.0, description="what hits an end slower stays there")
     flange = gt.port(Flange)
@@ -46,13 +44,9 @@ class EndStop(gt.Model):
         yield gt.If(free, self.force == 0.0, gt.der(s, 2) == 0.0)
         for side, inside in ((-1.0, s - self.low), (1.0, self.high - s)):
             bounces = side * v >= self.rest_speed
-            lost = self.m / 2 * v**2
-            yield gt.when(
-                (inside <= 0.0) & bounces,
-                gt.reinit(v, -self.restitution * v),
-                gt.energy_loss((1 - self.restitution**2) * lost),
-            )
-            stays = [gt.reinit(v, 0.0 * v), self.rests == side, gt.energy_loss(lost)]
+            thrown = gt.reinit(v, -self.restitution * v, impulse=self.force)
+            yield gt.when((inside <= 0.0) & bounces, thrown)
+            stays = [gt.reinit(v, 0.0 * v, impulse=self.force), self.rests == side]
             yield gt.when((inside <= 0.0) & ~bounces, *stays)
             # what was let go and is pressed against it again at once has not left it
             yield gt.when(inside <= -DEPTH * (self.high - self.low), *stays)
