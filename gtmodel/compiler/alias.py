@@ -68,16 +68,28 @@ class AliasResult:
         return ca.substitute(expressions, [ca.vertcat(*old)], [ca.vertcat(*new)])
 
 
-def eliminate(flat: FlatModel, protected: frozenset[int]) -> AliasResult:
-    """Remove aliases until none is left; variables in `protected` are kept under their own name.
+def eliminate(flat: FlatModel, protected: frozenset[int], apart: frozenset[int] = frozenset()) -> AliasResult:
+    """Remove aliases until none is left; variables in `protected` are kept under their own name, equations that hold
+    one of `apart` are left out. Causalities that agree in both share the answer.
 
     Only a variable that stands at order 0 is removed (v == der(r) removes v); A' == B' removes nothing,
     because a constant is free. Raises ModelError when two different fixed starts meet in one class.
     """
-    result = AliasResult(list(flat.equations), {})
+    key = "aliases", protected, apart
+    if key not in flat.cache:
+        flat.cache[key] = _eliminated(flat, protected, apart)
+    return flat.cache[key]
+
+
+def _eliminated(flat: FlatModel, protected: frozenset[int], apart: frozenset[int]) -> AliasResult:
     if "sums" not in flat.cache:  # what the equations as written say is asked of every causality anew
-        flat.cache["sums"] = _sums(flat, result.equations)
-    sums = list(flat.cache["sums"])
+        flat.cache["sums"] = _sums(flat, flat.equations)
+    left = [
+        n
+        for n, e in enumerate(flat.equations)
+        if not apart or apart.isdisjoint(i for i, _ in flat.scope.symbols_in(e.residual))
+    ]
+    result, sums = AliasResult([flat.equations[n] for n in left], {}), [flat.cache["sums"][n] for n in left]
     while _sweep(flat, protected, result, sums):
         pass
     _check_starts(flat, result)
@@ -87,28 +99,29 @@ def eliminate(flat: FlatModel, protected: frozenset[int]) -> AliasResult:
 def _sums(flat: FlatModel, equations: list[FlatEquation]) -> list[Terms | None]:
     """The terms of each equation that is a sum of two symbols with constant coefficients, and None for any other."""
     scope = flat.scope
-    pairs = sorted({pair for e in equations for pair in scope.symbols_in(e.residual)})
-    if not pairs:
-        return [None] * len(equations)
+    sums: list[Terms | None] = [None] * len(equations)
+    of_two = [n for n, e in enumerate(equations) if len(scope.symbols_in(e.residual)) == 2]
+    if not of_two:
+        return sums
+    pairs = sorted({pair for n in of_two for pair in scope.symbols_in(equations[n].residual)})
     symbols = ca.vertcat(*[scope.symbol(*pair) for pair in pairs])
-    residuals = ca.vertcat(*[e.residual for e in equations])
+    residuals = ca.vertcat(*[equations[n].residual for n in of_two])
     remainder = ca.substitute([residuals], [symbols], [ca.DM.zeros(len(pairs), 1)])[0]
-    rows: list[list[tuple[tuple[int, int], ca.SX]]] = [[] for _ in equations]
+    rows: list[list[tuple[tuple[int, int], ca.SX]]] = [[] for _ in of_two]
     for row, col, value in triplets(ca.jacobian(residuals, symbols)):
         if not value.is_zero():
             rows[row].append((pairs[col], value))
-    sums: list[Terms | None] = [None] * len(equations)
-    for row, entries in enumerate(rows):
+    for row, (n, entries) in enumerate(zip(of_two, rows, strict=True)):
         if len(entries) == 2 and all(v.is_constant() for _, v in entries) and remainder[row].is_zero():
             (a, va), (b, vb) = entries
-            sums[row] = (a, float(va)), (b, float(vb))
-    candidates = [row for row, terms in enumerate(sums) if terms is not None]
+            sums[n] = (a, float(va)), (b, float(vb))
+    candidates = [n for n in of_two if sums[n] is not None]
     # sign() vanishes at zero and has no derivative: what holds one only looks like x == y
     if candidates and is_nonsmooth(flat):
-        inside = kinked_in([equations[row].residual for row in candidates], ca.vertsplit(symbols))
-        for row, kinked in zip(candidates, inside, strict=True):
+        inside = kinked_in([equations[n].residual for n in candidates], ca.vertsplit(symbols))
+        for n, kinked in zip(candidates, inside, strict=True):
             if kinked:
-                sums[row] = None
+                sums[n] = None
     return sums
 
 

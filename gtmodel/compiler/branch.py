@@ -13,6 +13,7 @@ from ..lang.source import ModelError
 from .blocks import Margin, Root
 from .consistency.points import RESIDUAL_TOLERANCE, Sampler
 from .flat import FlatModel
+from .pivots import median
 
 if TYPE_CHECKING:
     from .plan import CausalPlan
@@ -219,7 +220,7 @@ def sides(plan: CausalPlan, sampler: Sampler) -> list[Margin]:
             sign = 1 if values[0] > 0 else -1
             if np.all(sign * values > 0):
                 margin = sign * expression
-                margins.append(Margin("branch", margin, f"{name} = {sign:+d}", float(np.median(sign * values))))
+                margins.append(Margin("branch", margin, f"{name} = {sign:+d}", float(median(sign * values))))
     return margins
 
 

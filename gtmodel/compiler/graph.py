@@ -1,11 +1,15 @@
-"""Strong components of the dependency graph in the order of computation."""
+"""Graphs of equations and unknowns: strong components in the order of computation, and matchings.
+
+SciPy has both; to import it takes longer than what a mechanism of some hundred equations asks of them here.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
 from typing import TypeVar
 
 Node = TypeVar("Node", bound=Hashable)
+Matching = list[int]  # the column of each row, -1 without one
 
 
 def strong_components(roots: Sequence[Node], uses: Callable[[Node], Sequence[Node]]) -> list[list[Node]]:
@@ -52,3 +56,124 @@ def strong_components(roots: Sequence[Node], uses: Callable[[Node], Sequence[Nod
                 parent = work[-1][0]
                 low[parent] = min(low[parent], low[node])
     return result
+
+
+def neighbours_of(rows: int, entries: Collection[tuple[int, int]]) -> list[list[int]]:
+    """The columns in which each row has an entry, in order."""
+    columns: list[list[int]] = [[] for _ in range(rows)]
+    for i, j in sorted(entries):
+        columns[i].append(j)
+    return columns
+
+
+def largest_matching(neighbours: Sequence[Sequence[int]], columns: int) -> Matching:
+    """As many rows as can be, by shortest alternating paths (Hopcroft and Karp 1973).
+
+    neighbours: the columns that each row may be matched to. Of equally large ones it is the one that SciPy's
+    `maximum_bipartite_matching` gives.
+
+    >>> from gtmodel.compiler.graph import largest_matching
+    >>> largest_matching([[0, 1], [0], [0]], 2)
+    [1, 0, -1]
+    """
+    match, row_of = [-1] * len(neighbours), [-1] * columns
+    while True:
+        level, free = _levels(neighbours, match, row_of)
+        if free < 0:
+            return match
+        for row, column in enumerate(match):
+            if column < 0:
+                _augment(row, neighbours, match, row_of, level, free)
+
+
+def _levels(neighbours: Sequence[Sequence[int]], match: Matching, row_of: list[int]) -> tuple[list[int], int]:
+    """How many columns an alternating path from an unmatched row takes to each row, -1 where none is needed; and to the
+    nearest free column, -1 where none is reached."""
+    level = [0 if column < 0 else -1 for column in match]
+    queue = [row for row, column in enumerate(match) if column < 0]
+    free = -1
+    for row in queue:  # grows on the way
+        if 0 <= free <= level[row]:
+            break
+        for column in neighbours[row]:
+            other = row_of[column]
+            if other < 0:
+                free = level[row] + 1 if free < 0 else free
+            elif level[other] < 0:
+                level[other] = level[row] + 1
+                queue.append(other)
+    return level, free
+
+
+def _augment(
+    root: int, neighbours: Sequence[Sequence[int]], match: Matching, row_of: list[int], level: list[int], free: int
+) -> None:
+    """Match one row more, along a path of rising levels from it, if there is one."""
+    before: dict[int, int] = {}
+    stack = [root]
+    while stack:
+        row = stack.pop()
+        deeper = level[row] + 1
+        for column in neighbours[row]:
+            other = row_of[column]
+            if other >= 0:
+                if level[other] == deeper:
+                    stack.append(other)
+                    before[other] = row
+            elif free == deeper:
+                while True:
+                    level[row] = -2  # on no other path
+                    row_of[column], match[row], column = row, column, match[row]
+                    if row == root:
+                        return
+                    row = before[row]
+
+
+def alternating(match: Sequence[int], neighbours: Sequence[Sequence[int]], back: Sequence[int]) -> list[int]:
+    """What alternating paths reach from the unmatched; `back` leads from the other side over to this one."""
+    reached = {k for k, other in enumerate(match) if other < 0}
+    stack = sorted(reached)
+    while stack:
+        fresh = {back[j] for j in neighbours[stack.pop()] if back[j] >= 0} - reached
+        reached |= fresh
+        stack += fresh
+    return sorted(reached)
+
+
+def reversed_matching(match: Matching, columns: int) -> Matching:
+    """The row of each column, -1 without one."""
+    row_of = [-1] * columns
+    for row, column in enumerate(match):
+        if column >= 0:
+            row_of[column] = row
+    return row_of
+
+
+def highest_transversal(size: int, values: Mapping[tuple[int, int], int]) -> Matching | None:
+    """A column for each row of a square pattern, with the highest sum of the values there; None where there is none.
+
+    By potentials d_j - c_i >= value_ij: entries at which both are equal are matched, and where that leaves out rows
+    their c grows with the d of the columns that they can have, until there is a further one (Kuhn 1955).
+
+    >>> from gtmodel.compiler.graph import highest_transversal
+    >>> highest_transversal(2, {(0, 0): 1, (0, 1): 0, (1, 0): 2, (1, 1): 0})
+    [1, 0]
+    """
+    neighbours = neighbours_of(size, values)
+    c, d = [0] * size, [0] * size
+    for (_, j), value in values.items():
+        d[j] = max(d[j], value)
+    while True:
+        tight = [[j for j in own if d[j] - c[i] == values[i, j]] for i, own in enumerate(neighbours)]
+        match = largest_matching(tight, size)
+        rows = alternating(match, tight, reversed_matching(match, size))
+        if not rows:
+            return match
+        met = {j for i in rows for j in tight[i]}
+        gaps = [d[j] - c[i] - values[i, j] for i in rows for j in neighbours[i] if j not in met]
+        if not gaps:
+            return None
+        for i in rows:
+            c[i] += min(gaps)
+        for j in met:
+            d[j] += min(gaps)

@@ -19,9 +19,9 @@ Assignments = list[tuple[ca.SX, ca.SX]]
 
 
 def solve_linear(
-    residuals: list[ca.SX], unknowns: list[ca.SX], signs: SignAnalysis, label: str
+    residuals: list[ca.SX], unknowns: list[ca.SX], jacobian: ca.SX, signs: SignAnalysis, label: str
 ) -> tuple[Assignments, list[Margin], str, DenseCore | None]:
-    """Solve residuals == 0, linear in the unknowns.
+    """Solve residuals == 0, linear in the unknowns, with the Jacobian of the residuals by them.
 
     Returns assignments in order of computation, pivot margins of the dense core, a sentence on how, and the core where
     it is solved by QR.
@@ -30,7 +30,6 @@ def solve_linear(
     """
     u = ca.vertcat(*unknowns)
     r = ca.vertcat(*residuals)
-    jacobian = ca.jacobian(r, u)
     at_zero = ca.substitute([r], [u], [ca.SX.zeros(len(unknowns), 1)])[0]
     rhs = [-at_zero[i] for i in range(len(residuals))]
     rows: dict[int, dict[int, ca.SX]] = {i: {} for i in range(len(residuals))}

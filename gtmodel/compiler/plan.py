@@ -18,7 +18,7 @@ from .consistency.points import Sampler
 from .differentiation import differentiate, folded as folded_into, pairs_of, stage_residuals, system_of
 from .flat import FlatEquation, FlatModel
 from .graph import strong_components
-from .pivots import SignAnalysis
+from .pivots import SignAnalysis, median
 from .relevance import KnownCondition, condition_block, conditions_on, needed, set_apart
 from .solving import solve_block
 from .states import Stage, choose
@@ -166,11 +166,7 @@ class _Posed:
 def _posed(
     flat: FlatModel, known: Sequence[int], targets: Sequence[Pair], prefer: Sequence[int], apart: Collection[int]
 ) -> _Posed:
-    inside = flat
-    if apart:
-        left = [e for e in flat.equations if not any(i in apart for i, _ in flat.scope.symbols_in(e.residual))]
-        inside = replace(flat, equations=left)
-    alias = eliminate(inside, frozenset([*known, *prefer]))
+    alias = eliminate(flat, frozenset([*known, *prefer]), frozenset(apart))
     given = {*known, *apart}
     unknowns = [v.index for v in flat.variables if v.index not in alias.removed and v.index not in given]
     wanted = [alias.resolve(*t)[1:] for t in targets]
@@ -258,7 +254,7 @@ def _read(
 
 def _holds_time(flat: FlatModel, expressions: list[ca.SX]) -> bool:
     clock = flat.scope.time.element_hash()
-    return any(s.element_hash() == clock for e in expressions for s in ca.symvar(e))
+    return any(s.element_hash() == clock for s in ca.symvar(ca.vertcat(*expressions))) if expressions else False
 
 
 def differentiated(plan: CausalPlan) -> list[tuple[str, ca.SX]]:
@@ -332,7 +328,7 @@ def _with_sizes(plan: CausalPlan, sampler: Sampler) -> CausalPlan:
         id(m): replace(
             m,
             expression=-m.expression if m.kind == "pivot" and row[0] < 0 else m.expression,
-            scale=float(np.median(np.abs(row))) or 1.0,
+            scale=float(median(np.abs(row))) or 1.0,
         )
         for m, row in zip(margins, values.T, strict=True)
     }

@@ -11,6 +11,7 @@ import numpy as np
 from .blocks import Margin, SolvedBlock
 from .consistency.points import Sampler
 from .flat import FlatEquation, FlatModel
+from .pivots import median
 from .structure import overdetermined_and_underdetermined
 
 # a unit quaternion printed with six digits is one, anything coarser is refused; of rates the same
@@ -122,7 +123,7 @@ def _own_size(flat: FlatModel, residual: ca.SX, sampler: Sampler, samples: np.nd
     nominal = max(flat.variables[i].nominal for i, _ in flat.scope.symbols_in(residual))
     jacobian = [np.linalg.norm(f(w[at], p, time)[1]) for w in samples]
     values = [max(float(np.linalg.norm(w[at])), nominal) for w in samples]
-    size = 0.5 * float(np.median(np.multiply(jacobian, values)))
+    size = 0.5 * float(median(np.multiply(jacobian, values)))
     return float(f"{size:.3g}") if np.isfinite(size) and size > 0 else 1.0
 
 

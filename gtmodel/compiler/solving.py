@@ -37,7 +37,7 @@ def solve_block(
     kinked = is_nonsmooth(flat) and any(kinked_in(residuals, unknowns))
     keys = {s.element_hash() for s in unknowns}
     if not kinked and not any(s.element_hash() in keys for s in ca.symvar(jacobian)):
-        assignments, margins, how, core = solve_linear(residuals, unknowns, signs, label)
+        assignments, margins, how, core = solve_linear(residuals, unknowns, jacobian, signs, label)
         kind = "explicit" if len(nodes) == 1 and not margins else "linear"
         return SolvedBlock(kind, names, equations, assignments, margins, [], how, None, uses, (), core)
     try:

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
-import scipy
 
 from ..lang.source import ModelError
 from .flat import FlatModel
+from .graph import largest_matching, neighbours_of
 from .structure import EquationStructure
 
 # relative to the largest column: separates round-off of a consistent point (1e-12) from poor geometry (1e-5)
@@ -227,9 +227,6 @@ def _match(
         for b, j in enumerate(chosen)
         if (i, j) in pattern and structure.d[j] - structure.c[i] == structure.sigma[(i, j)]
     ]
-    matrix = scipy.sparse.csr_matrix(
-        (np.ones(len(entries)), ([e[0] for e in entries], [e[1] for e in entries])), shape=(len(rows), len(chosen))
-    )
-    match = scipy.sparse.csgraph.maximum_bipartite_matching(matrix, perm_type="column")
-    assert np.all(match >= 0), "a nonsingular matrix has a transversal"
-    return {i: chosen[int(match[a])] for a, i in enumerate(rows)}
+    match = largest_matching(neighbours_of(len(rows), entries), len(chosen))
+    assert min(match) >= 0, "a nonsingular matrix has a transversal"
+    return {i: chosen[match[a]] for a, i in enumerate(rows)}

@@ -7,10 +7,10 @@ from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
 
 from ..lang.source import ModelError, SourceLocation
 from .flat import FlatEquation, FlatModel
+from .graph import alternating, highest_transversal, largest_matching, neighbours_of, reversed_matching
 
 MAX_SHOWN = 12  # places named in one sentence
 
@@ -73,20 +73,10 @@ def _transversal(
     sigma: dict[tuple[int, int], int],
 ) -> np.ndarray:  # fmt: skip
     """Column matched to each row by a highest-value transversal."""
-    n = len(equations)
-    if n == 0:
-        return np.zeros(0, dtype=int)
-    top = max(sigma.values(), default=0) + 1
-    keys = sorted(sigma)
-    weights = [float(top - sigma[k]) for k in keys]
-    matrix = scipy.sparse.csr_matrix((weights, ([k[0] for k in keys], [k[1] for k in keys])), shape=(n, n))
-    try:
-        rows, cols = scipy.sparse.csgraph.min_weight_full_bipartite_matching(matrix)
-    except ValueError:
-        raise ModelError(_unbalanced(flat, equations, unknowns, targets, sigma)) from None
-    match = np.empty(n, dtype=int)
-    match[rows] = cols
-    return match
+    match = highest_transversal(len(equations), sigma)
+    if match is None:
+        raise ModelError(_unbalanced(flat, equations, unknowns, targets, sigma))
+    return np.array(match, dtype=int)
 
 
 def _offsets(n: int, sigma: dict[tuple[int, int], int], match: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -170,29 +160,8 @@ def overdetermined_and_underdetermined(
     rows: int, cols: int, sigma: dict[tuple[int, int], int]
 ) -> tuple[list[int], list[int]]:
     """Dulmage-Mendelsohn: rows of the overdetermined part, columns of the underdetermined part."""
-    keys = sorted(sigma)
-    matrix = scipy.sparse.csr_matrix(
-        (np.ones(len(keys)), ([k[0] for k in keys], [k[1] for k in keys])), shape=(rows, cols)
-    )
-    col_of_row = scipy.sparse.csgraph.maximum_bipartite_matching(matrix, perm_type="column")
-    row_of_col = np.full(cols, -1)
-    for i, j in enumerate(col_of_row):
-        if j >= 0:
-            row_of_col[j] = i
-    by_row: dict[int, list[int]] = {}
-    by_col: dict[int, list[int]] = {}
-    for i, j in keys:
-        by_row.setdefault(i, []).append(j)
-        by_col.setdefault(j, []).append(i)
-    return _alternating(col_of_row, by_row, row_of_col), _alternating(row_of_col, by_col, col_of_row)
-
-
-def _alternating(match: np.ndarray, neighbours: dict[int, list[int]], back: np.ndarray) -> list[int]:
-    """What alternating paths reach from the unmatched; `back` leads from the other side over to this one."""
-    reached = set(np.flatnonzero(match < 0).tolist())
-    stack = sorted(reached)
-    while stack:
-        fresh = {int(back[j]) for j in neighbours.get(stack.pop(), []) if back[j] >= 0} - reached
-        reached |= fresh
-        stack += fresh
-    return sorted(reached)
+    by_row = neighbours_of(rows, sigma)
+    by_col = neighbours_of(cols, [(j, i) for i, j in sigma])
+    col_of_row = largest_matching(by_row, cols)
+    row_of_col = reversed_matching(col_of_row, cols)
+    return alternating(col_of_row, by_row, row_of_col), alternating(row_of_col, by_col, col_of_row)

@@ -7,7 +7,9 @@ tracking_loop    a plant under one of them, as a model to simulate
 sampled_loop     a plant under one of them at samples, with a delay, as a digital controller has it
 sampled_law      such a law as a block, for loops of your own; law_function, law_causal: as a function,
                  the second one for gt.cgen
+linearize_sampled    the same as a linear system in discrete time, from a point at rest: poles, margins
 track            a simulation of either, with its tracking error
+loop_simulation  a robot under a law at samples as a study; Move, LoopSampling, TrackingLimits -> LoopSimulationStudy
 zero_vibration, zero_vibration_derivative, Shaper   motions shaped so that a flexible mode ends at rest
 residual_vibration    how far a mass on a spring swings after a motion
 """
@@ -29,12 +31,16 @@ if TYPE_CHECKING:
         zero_vibration as zero_vibration,
         zero_vibration_derivative as zero_vibration_derivative,
     )
+    from .loop_options import LoopSampling as LoopSampling, Move as Move, TrackingLimits as TrackingLimits
+    from .loop_result import LoopSimulationStudy as LoopSimulationStudy
+    from .loop_study import loop_simulation as loop_simulation
     from .sampled_loop import (
         law_causal as law_causal,
         law_function as law_function,
         sampled_law as sampled_law,
         sampled_loop as sampled_loop,
     )
+    from .sampled_poles import linearize_sampled as linearize_sampled
     from .tracked import Tracked as Tracked, track as track
     from .tracking_loop import tracking_loop as tracking_loop
 

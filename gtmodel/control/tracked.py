@@ -10,7 +10,9 @@ import numpy as np
 
 from gtmodel import lang as gt
 from gtmodel.results import Trajectory
+from gtmodel.results.trajectory import TIME_SLACK
 from gtmodel.simulation import Simulation, simulate
+from gtmodel.simulation.result import Progress
 
 from .feedforward import Law
 from .sampled_loop import sampled_loop
@@ -56,6 +58,8 @@ def track(
     targets: str = "tau",
     tolerance: float = 1e-7,
     period: float | None = None,
+    progress: Progress | None = None,
+    throw: bool = True,
     **sampled: Any,
 ) -> Tracked:
     """Simulate the plant along a reference under a law; returns a `Tracked`, with the tracking error.
@@ -68,6 +72,7 @@ def track(
         known, targets: the actuators' positions and forces, by name.
         tolerance: of the integrator, see `simulate`.
         period: between two samples of the law [s]; None: it acts in continuous time.
+        progress, throw: as of `simulate`; what ended early has fewer rows.
         sampled: further arguments of `sampled_loop` where a period is given: `delay`, 0.008 s if left out, `first`,
             `resolution`, `velocity`, `compiled`.
 
@@ -112,15 +117,19 @@ def track(
         step=float(reference.time[1] - reference.time[0]),
         outputs=[f"plant.{known}", f"plant.{targets}"],
         tolerance=tolerance,
+        progress=progress,
+        throw=throw,
     )
     simulated = run.trajectory
-    q, tau = (np.column_stack([simulated(reference.time, f"plant.{n}[{k}]") for k in range(rows.shape[1])])
+    time = reference.time[reference.time <= simulated.time[-1] * (1 + TIME_SLACK)]
+    rows = rows[: len(time)]
+    q, tau = (np.column_stack([simulated(time, f"plant.{n}[{k}]") for k in range(rows.shape[1])])
               for n in (known, targets))  # fmt: skip
     names = {"reference": (rows, reference.unit(known)), "position": (q, reference.unit(known)),
              "forces": (tau, simulated.unit(f"plant.{targets}"))}  # fmt: skip
     note = "; ".join(n for n in (reference.synthetic, "simulated closed loop, no noise") if n)
     trajectory = Trajectory(
-        reference.time, {n: v for n, (v, _) in names.items()}, {n: u for n, (_, u) in names.items()}, synthetic=note
+        time, {n: v for n, (v, _) in names.items()}, {n: u for n, (_, u) in names.items()}, synthetic=note
     )
     return Tracked(trajectory, run, run.samples.get("law"))
 

@@ -28,6 +28,7 @@ Excitation
     condition, singular_values, predicted_deviations   what a stacked regressor determines, and how well
 Synthetic
     LogSimulator, Sensors  logs of a motion, by seed; multisine and Tracking make the motion
+    leave_out_in_turn      each stretch of rows predicted by a fit without it; LeftOutInTurn
     repeat_identification  many of them: unbiased, and do intervals hold?
 """
 
@@ -63,6 +64,7 @@ if TYPE_CHECKING:
         random_excitations as random_excitations,
         singular_values as singular_values,
     )
+    from .folds import LeftOutInTurn as LeftOutInTurn, leave_out_in_turn as leave_out_in_turn
     from .friction import (
         ConstantVelocity as ConstantVelocity,
         FrictionCoefficients as FrictionCoefficients,

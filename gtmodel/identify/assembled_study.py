@@ -15,6 +15,7 @@ from .between_sessions import BySession
 from .bodies import bodies_of
 from .checks import judged
 from .closed_loop import ClosedLoopRun, within_bound
+from .folds import LeftOutInTurn
 from .identified import IdentificationStudy
 from .inertia import Identification, Validation
 from .options import ClosedLoop
@@ -33,6 +34,7 @@ def assembled_study(
     loop: ClosedLoop | None = None,
     runs: Sequence[ClosedLoopRun] = (),
     recordings: BySession | None = None,
+    left_out: LeftOutInTurn | None = None,
 ) -> IdentificationStudy:
     """The study of a fit."""
     e, rows, title, parameters = identification.estimate, identification.rows, asked.title, identification.numbers
@@ -64,6 +66,7 @@ def assembled_study(
         residual_share=np.sqrt(np.mean(identification.residuals**2, axis=0)) / np.sqrt(np.mean(rows.effort**2, axis=0)),
         held_out_rms=None if validation is None else validation.rms,
         held_out_share=None if validation is None else validation.relative,
+        left_out_in_turn=None if left_out is None else left_out.rms,
         row_count=len(rows),
         dropped_share=rows.dropped,
         cutoff=rows.cutoff_Hz,

@@ -16,6 +16,7 @@ from .asked import Asked, asked_for
 from .assembled_study import assembled_study
 from .between_sessions import BySession, between_sessions
 from .closed_loop import ClosedLoopRun, follow
+from .folds import LeftOutInTurn, leave_out_in_turn
 from .identified import IdentificationStudy
 from .inertia import Identification, Validation, identify
 from .options import ClosedLoop, Fitting, Processing, SyntheticLog
@@ -88,7 +89,7 @@ def study(
         runs = follow(closed_loop, identification.numbers, data.fitted + data.held_out, *asked.names, work)
     return assembled_study(
         asked, data, identification, validation, loop=closed_loop, runs=runs,
-        recordings=_each(asked, data, identification, validation),
+        recordings=_each(asked, data, identification, validation), left_out=_in_turn(asked, identification),
     )  # fmt: skip
 
 
@@ -141,7 +142,10 @@ def synthetic_study(
     if work.interrupted():
         return _stopped(title)
     identification, validation = _fitted(asked, data, "synthetic")
-    return assembled_study(asked, data, identification, validation, repeated=_repeated(asked, data, synthetic))
+    return assembled_study(
+        asked, data, identification, validation, repeated=_repeated(asked, data, synthetic),
+        left_out=_in_turn(asked, identification),
+    )  # fmt: skip
 
 
 def _each(
@@ -156,6 +160,17 @@ def _each(
     return between_sessions(
         identification, data.fitted, list(others), nonnegative=asked.nonnegative, confidence=asked.how.confidence
     )
+
+
+def _in_turn(asked: Asked, identification: Identification) -> LeftOutInTurn | None:
+    how = asked.how
+    if how.folds is None:
+        return None
+    asked.work.progress("rows left out in turn", 0.8)
+    with naming("fitting.folds", ModelError):
+        return leave_out_in_turn(
+            identification, how.folds, nonnegative=asked.nonnegative, confidence=how.confidence
+        )  # fmt: skip
 
 
 def _stopped(title: str) -> IdentificationStudy:

@@ -55,6 +55,9 @@ class IdentificationStudy(Study):
         "rms error on the motion held out, by target, in SI units; null without one",
     ] = None
     held_out_share: Annotated[Array | None, "the same over the rms of its effort"] = None
+    left_out_in_turn: Annotated[
+        Array | None, "rms error of rows by fits without their stretch, by target, in SI units; null without `folds`"
+    ] = None
     row_count: Annotated[int | None, Quantity("", "rows that were fitted", key="rows")] = None
     dropped_share: Annotated[float | None, "share of the samples left out as too slow"] = None
     cutoff: Annotated[float | None, Quantity("Hz", "of the zero-phase low pass")] = None
@@ -155,6 +158,8 @@ class IdentificationStudy(Study):
             rows.append(Row(f"noise of {target}", float(fit.noise[k]), unit))
             if self.held_out_rms is not None:
                 rows.append(Row(f"held-out error of {target}", float(self.held_out_rms[k]), unit))
+            if self.left_out_in_turn is not None:
+                rows.append(Row(f"left out in turn, {target}", float(self.left_out_in_turn[k]), unit))
         residuals = f"for {'coloured' if fit.confidence == 'newey_west' else 'white'} residuals"
         if self.synthetic is None:  # of a measured machine another day may give another number
             count = len(fit.rows.starts)

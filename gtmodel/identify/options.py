@@ -78,6 +78,10 @@ class Fitting(Options):
         Literal["auto", "white", "newey_west"],
         "what intervals assume of residuals; auto takes newey_west where they are coloured",
     ] = "auto"
+    folds: Annotated[
+        int | None, Within(least=2),
+        "stretches of rows left out in turn, each predicted by a fit without it; as many as rows leave one out",
+    ] = None  # fmt: skip
     accept: Annotated[
         list[Suspicion],
         "alarms about how the log was read that are notes and fail nothing: unexplained_share, work_of_friction, "

@@ -99,10 +99,14 @@ class Rows:
     def part(self, k: int) -> Rows:
         """The rows of recording k, from 0, alone."""
         ends = [*self.starts, len(self)]
-        rows = slice(ends[k], ends[k + 1])
-        of_rows = {n: v[rows] for n in ("Y", "y0", "effort", "time", "position", "velocity", "effort_rate")
-                   if (v := getattr(self, n)) is not None}  # fmt: skip
-        return replace(self, starts=(0,), **of_rows)
+        return self.chosen(np.arange(ends[k], ends[k + 1]))
+
+    def chosen(self, kept: Array) -> Rows:
+        """Some of the rows by their places, in order; recordings begin where they did, as far as they are there."""
+        starts = np.unique(np.searchsorted(kept, self.starts))
+        arrays = ("Y", "y0", "effort", "time", "position", "velocity", "effort_rate")
+        of_rows = {n: v[kept] for n in arrays if (v := getattr(self, n)) is not None}
+        return replace(self, starts=tuple(int(k) for k in starts if k < len(kept)), **of_rows)
 
     @property
     def filter_sentence(self) -> str:

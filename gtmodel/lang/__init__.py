@@ -41,6 +41,7 @@ if TYPE_CHECKING:
         Reinit as Reinit,
         When as When,
         energy_loss as energy_loss,
+        initial as initial,
         pre as pre,
         reinit as reinit,
         sample as sample,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import partial
+from itertools import product
 from typing import Any
 
 import casadi as ca
@@ -166,7 +167,7 @@ def element_names(name: str, shape: tuple[int, ...]) -> list[str]:
     """Scalar names of a vector or matrix: x[0], x[1], or A[0,0], A[0,1], ... (row by row)."""
     if not shape:
         return [name]
-    return [f"{name}[{','.join(map(str, index))}]" for index in np.ndindex(*shape)]
+    return [f"{name}[{','.join(map(str, index))}]" for index in product(*map(range, shape))]
 
 
 def _assemble(symbols: list[ca.SX], shape: tuple[int, ...]) -> ca.SX:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 else:
     Relation = hint("gtmodel.lang.expression", "Relation")
 
-Operation = Literal["relation", "and", "or", "not", "sample"]
+Operation = Literal["relation", "and", "or", "not", "sample", "initial"]
 
 
 @dataclass(frozen=True, eq=False)

@@ -45,6 +45,25 @@ def sample(period: Any, offset: Any = 0.0) -> Condition:
     return Condition("sample", (), None, here(), *places)
 
 
+@named
+def initial() -> Condition:
+    """The condition that is true at the start of a simulation and never again, for `gt.when`.
+
+    For what is to be decided there, as the direction in which a friction begins to slide; joined by `&` with what
+    decides it. Where nothing changes by it the simulation has no event.
+
+    >>> class Drawer(gt.Model):
+    ...     x = gt.variable(start=0.0, fixed=True)
+    ...     side = gt.discrete(0.0)
+    ...     def equations(self):
+    ...         yield gt.der(self.x) == 1.0
+    ...         yield gt.when(gt.initial() & (self.x >= 1.0), self.side == 1.0)
+    >>> [float(gt.simulate(Drawer(), 2.0, start={"x": x}).trajectory["side"][-1]) for x in (0.0, 1.5)]
+    [0.0, 1.0]
+    """
+    return Condition("initial", (), None, here())
+
+
 @dataclass(frozen=True, eq=False)
 class Reinit:
     """A variable that starts anew at an event, from a value, by an impulse of `force`. Made by `gt.reinit`."""
@@ -226,8 +245,8 @@ def If(condition: Any, then: Any, otherwise: Any) -> Any:  # as Modelica's, and 
     ([0.6], 4.2)
     """
     chosen = condition_of(condition)
-    if any(c.operation == "sample" for c in chosen.walk()):
-        raise ModelError("sample() is true at single instants only: it belongs into gt.when", here())
+    if instant := next((c.operation for c in chosen.walk() if c.operation in ("sample", "initial")), None):
+        raise ModelError(f"{instant}() is true at single instants only: it belongs into gt.when", here())
     equations = [isinstance(x, Relation) for x in (then, otherwise)]
     if any(equations):
         if not all(equations) or then.op != "==" or otherwise.op != "==":

@@ -387,7 +387,9 @@ def si_unit(text: str) -> ParsedUnit:
 
 
 def rate_unit(unit: str, order: int = 1) -> str:
-    """Unit of a quantity's time derivative: "m" -> "m/s2" at order 2."""
+    """Unit of a quantity's time derivative: "m" -> "m/s2" at order 2, "m/s" -> "m/s2" at order 1."""
+    if (rate := re.fullmatch(r"([^/]+)/s(\d*)", unit)) is not None:
+        unit, order = rate[1], order + int(rate[2] or 1)
     per = "s" if order == 1 else f"s{order}"
     return f"1/{per}" if unit in ("1", "") else f"{unit}/{per}"
 

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from .ball_screw import BallScrew as BallScrew
     from .bodies import FreeBody as FreeBody, LinkBody as LinkBody, PointMass as PointMass, RigidBody as RigidBody
     from .drive import Gear as Gear, Inertia as Inertia, Mass as Mass, RackAndPinion as RackAndPinion
+    from .end_stop import EndStop as EndStop
     from .fixed import Fixed as Fixed, FixedTranslation as FixedTranslation, PointOnFrame as PointOnFrame
     from .frames import Flange as Flange, Frame as Frame, PointFrame as PointFrame, Shaft as Shaft, World as World
     from .friction import (
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
         Frictionless as Frictionless,
         PiecewiseLinearFriction as PiecewiseLinearFriction,
         SignFriction as SignFriction,
+        StictionFriction as StictionFriction,
         StribeckFriction as StribeckFriction,
         TanhFriction as TanhFriction,
     )
@@ -37,6 +39,7 @@ if TYPE_CHECKING:
         RotationalFriction as RotationalFriction,
         RotationalPiecewiseLinearFriction as RotationalPiecewiseLinearFriction,
         RotationalSignFriction as RotationalSignFriction,
+        RotationalStictionFriction as RotationalStictionFriction,
         RotationalStribeckFriction as RotationalStribeckFriction,
         RotationalTanhFriction as RotationalTanhFriction,
     )

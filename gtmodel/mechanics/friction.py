@@ -1,4 +1,4 @@
-"""Friction on a translational flange, regularised so that simulation and optimisation can use it."""
+"""Friction on a translational flange: regularised laws for simulation and optimisation, and true stiction."""
 
 from __future__ import annotations
 
@@ -6,7 +6,16 @@ from typing import Any
 
 from .. import lang as gt
 from .frames import Flange
-from .friction_law import CoulombViscousLaw, DirectionalLaw, ExactSign, PiecewiseLinearSign, StribeckLaw, TanhSign
+from .friction_law import (
+    CoulombViscousLaw,
+    DirectionalLaw,
+    ExactSign,
+    PiecewiseLinearSign,
+    StribeckLaw,
+    StuckOrSliding,
+    TanhSign,
+    stiction,
+)
 
 
 class Friction(gt.Model):
@@ -103,7 +112,8 @@ class PiecewiseLinearFriction(PiecewiseLinearSign, CoulombViscousLaw, _CoulombVi
 class SignFriction(ExactSign, CoulombViscousLaw, _CoulombViscous):
     """Coulomb and viscous friction exactly as in Dressler 2012, eq. (6.8): for identification away from zero velocity.
 
-    Simulation and optimisation refuse it, because the force jumps at standstill.
+    Optimisation refuses it, because the force jumps at standstill. A simulation switches there, and ends where the
+    motion would stay at zero velocity: `StictionFriction` sticks.
 
     The jump at standstill; the law itself takes numbers:
 
@@ -111,6 +121,43 @@ class SignFriction(ExactSign, CoulombViscousLaw, _CoulombViscous):
     >>> print(friction.law(-0.2), friction.law(0.0), friction.law(0.2))
     -110.0 0.0 110.0
     """
+
+
+class StictionFriction(StuckOrSliding, CoulombViscousLaw, _CoulombViscous):
+    """Coulomb and viscous friction that sticks: the states stuck, forward and backward, for simulation.
+
+    Stuck it holds against up to breakaway_ratio times the Coulomb friction, without creeping; sliding its force is
+    that of `SignFriction`. `slides` is 1 forward, -1 backward and 0 stuck. At the start it follows from the velocity,
+    and at rest from the force. It takes the place of any law with the same parameters; optimisations take a smooth
+    one. Not for a flange whose motion is prescribed, nor twice on rigidly coupled flanges: the forces of two that
+    stick have no unique values there.
+
+    A motor pushes a carriage of 2 kg ever harder, by 10 N/s. It breaks away at 1.2 times 5 N, after 0.6 s:
+
+    >>> bench = gt.Builder("bench")
+    >>> motor = bench.part("motor", gt.mechanics.ForceMotor())
+    >>> carriage = bench.part("carriage", gt.mechanics.Mass(m=2.0))
+    >>> slide = bench.part("slide", gt.mechanics.StictionFriction(coulomb=5.0, breakaway_ratio=1.2))
+    >>> bench.add(gt.connect([motor.flange, slide.flange], [carriage.flange, carriage.flange]))
+    >>> start = {"carriage.flange.s": 0.0, "der(carriage.flange.s)": 0.0}
+    >>> run = bench.simulate(1.0, start=start, inputs={"motor.force": lambda t: 10.0 * t})
+    >>> [round(e.time, 9) for e in run.events], run.trajectory["slide.slides"][[0, -1]].tolist()
+    ([0.6], [0.0, 1.0])
+    """
+
+    coulomb = gt.parameter(unit="N", positive=True, description="Coulomb friction force while it slides")
+    velocity_scale = gt.parameter(
+        0.1, unit="m/s", positive=True, description="what starts slower than 1e-8 of it starts at rest"
+    )
+    breakaway_ratio = gt.parameter(
+        1.0, unit="1", min=1.0, description="break-away force in parts of the Coulomb friction"
+    )
+    slides = gt.discrete(0.0, description="1 forward, -1 backward, 0 stuck")
+
+    def equations(self):
+        yield self.flange.f == self.force
+        yield from stiction(self, self.flange.s, self.force)
+        yield gt.energy(dissipated=self.force * gt.der(self.flange.s))
 
 
 class _Directional(_CoulombViscous):
@@ -151,7 +198,7 @@ class DirectionalPiecewiseLinearFriction(PiecewiseLinearSign, DirectionalLaw, _D
 class DirectionalSignFriction(ExactSign, DirectionalLaw, _Directional):
     """Coulomb and viscous friction by direction (Dressler 2012, Table 6.1), with the exact sign.
 
-    For identification away from zero velocity only: simulation and optimisation refuse it.
+    For identification away from zero velocity: optimisation refuses it, and a simulation ends where it would stick.
 
     Positive numbers for both directions; the force has the sign of the velocity:
 

@@ -187,7 +187,7 @@ def _resimulated(plan: MotionPlan, exported: Solution, run: Resimulation) -> Exp
         peak = max(peak, _peak(run))
     return Exported(
         trajectory=trajectory,
-        moving=between_rows(plan.robot, plan.guard, plan.problem.order, trajectory),
+        moving=between_rows(plan.robot, plan.guard, plan.problem.order, trajectory, exported),
         final_time=exported.final_time,
         energy=energy_of(exported, plan.problem.cost.force_unit),
         end_error=_distance(trajectory["T"][-1], plan.goal),

@@ -4,24 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-import scipy
 
-from ..compiler.causal import CausalFunction, compile_causal
+from .._lazy import hint
+from ..compiler.causal import compile_causal
 from ..lang import Model
 from ..optimize.path import PathMotion, solve_path
 from ..optimize.watch import Progress
 from ..results import Status, Trajectory
-from ..robots.links import link_names
 from .constraints import MotionConstraints
 from .followed_branch import FollowedBranch
 from .guesses import trapezoid
-from .links import along_guideways, link_ends
+from .links import along_guideways, joint_names, joints_of, link_ends, motion_function
 from .path_rows import task_along
-from .paths import Path
 from .problem import MotionProblem
+
+if TYPE_CHECKING:
+    from .paths import Path
+else:
+    Path = hint("gtmodel.motion.paths", "Path")
 
 FORCE_RESERVE = 1e-5  # of the limit: what the root's rounding at rest and the curvature between nodes may take
 TIGHTENINGS = 4  # each takes what the curvature of the path adds between nodes, some 0.1 %, off the limit
@@ -52,8 +55,8 @@ class PathParametrization:
                 return f"the path leaves the workspace at {shown}"
             if least_along[k] < least:
                 return f"the path comes to the edge of reach at {shown}: a link stands {least_along[k]:.3g} m along"
-        margins = motion_function(self.problem.robot, self.guard).along(T)[3:-1]
-        broken = self.guard.broken(margins[0]) if margins else None
+        margins = motion_function(self.problem.robot, self.guard).along(T)[-2] if self.guard.margins else None
+        broken = None if margins is None else self.guard.broken(margins)
         return f"the path {broken[1]}, {100 * s[broken[0]]:.0f} % of the way" if broken else ""
 
     def guess(self) -> Trajectory:
@@ -71,8 +74,9 @@ class PathParametrization:
     ) -> PathMotion:
         """The optimal motion; its limits hold on both sides of every node, and so in between, or in the middles."""
         problem, cost = self.problem, self.problem.cost
+        f = motion_function(problem.robot, self.guard)
         task = task_along(
-            motion_function(problem.robot, self.guard), self.path, 3,
+            f, self.path, len(f.outputs) - bool(self.guard.margins),
             np.full(3, problem.limits.force * (1 - reserve)), np.full(3, cost.force_unit**-2),
             time=cost.time, energy=cost.energy,
             rest=("velocity" in problem.start.rest, "velocity" in problem.goal.rest),
@@ -117,6 +121,8 @@ class PathParametrization:
         tau = self.sample(motion, times.reshape(-1))["tau"].reshape(len(steps), DEGREE + 1, 3)
         power = np.linalg.inv(np.vander(nodes, increasing=True))
         c = np.einsum("pn,knm->kpm", power, tau)
+        import scipy  # here: a free motion starts sooner without it
+
         forward = FollowedBranch(compile_causal(self.problem.robot, known="tau", targets="der(T,2)", prefer="T"))
         y = np.concatenate([self.path(np.zeros(1))[0][0], self.path(np.zeros(1))[1][0] * np.sqrt(motion.b[0])])
         for begin, step, polynomial in zip(motion.t, steps, c, strict=False):
@@ -146,13 +152,6 @@ def _base(name: str) -> str:
     return name.removeprefix("der(").partition(",")[0].rstrip(")")
 
 
-def motion_function(robot: Model, guard: MotionConstraints) -> CausalFunction:
-    """(T, T', T'') -> forces, carts, their speeds and the guard's margins; one function for all questions."""
-    p = guard.prefix
-    names = [f"{p}tau", f"{p}q", f"der({p}q)", *(["margin"] if guard.margins else [])]
-    return compile_causal(guard.model(robot), known=f"{p}T", targets=names)
-
-
 class NotReached(Exception):
     """A motion goes where the robot cannot be: at `samples` instants."""
 
@@ -176,8 +175,8 @@ def sampled(
     result = {"T": T, "der(T)": dT, "der(T,2)": ddT, "tau": values[f"{p}tau"], "q": values[f"{p}q"],
               "der(q)": values[f"der({p}q)"]}  # fmt: skip
     units = {"T": "m", "der(T)": "m/s", "der(T,2)": "m/s2", "tau": "N", "q": "m", "der(q)": "m/s"}
-    if link_names(robot):
-        joints, tips, _ = link_ends(robot, T)
+    if names := joint_names(robot):
+        joints, tips = joints_of(names, [values[f"{p}{name}"] for name in names], len(T))
         result["along_guideway"] = along_guideways(robot, tips, joints)
         units["along_guideway"] = "m"
     if "margin" in values:

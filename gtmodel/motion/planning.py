@@ -4,21 +4,27 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .. import lang as gt
+from .._lazy import hint
 from ..compiler.causal import compile_causal, flat_of
 from ..optimize.path import PathMotion
 from ..results import ArgumentError, Status, Trajectory, Work
 from ..robots.links import link_names, links_of
 from .constraints import Carrier, MotionConstraints, guard_of
 from .guesses import bare_guess, bent_guess, line_guess, progress_of, trapezoid
-from .links import along_guideways, link_ends
-from .path_parametrization import PathParametrization, motion_function
-from .paths import Path, path_of
+from .links import along_guideways, link_ends, motion_function
+from .path_parametrization import PathParametrization
 from .problem import MotionProblem
 from .search import MotionSearch
+
+if TYPE_CHECKING:
+    from .paths import Path
+else:
+    Path = hint("gtmodel.motion.paths", "Path")
 
 SLOW_M_S = 0.1  # of a motion that only friction and weight resist
 
@@ -120,7 +126,11 @@ def plan_of(problem: MotionProblem, earlier: Trajectory | None = None) -> Motion
     _check_reach(problem)
     guard = guard_of(problem.limits, links_of(robot), lambda arm, end: _carrier(robot, end, start))
     _check_statics(problem, guard)
-    path = None if problem.path is None else path_of(problem.path, start, goal)
+    path = None
+    if problem.path is not None:
+        from .paths import path_of  # here: a free motion needs no splines
+
+        path = path_of(problem.path, start, goal)
     plan = MotionPlan(problem, guard, path, None if earlier is None else _renamed(earlier, path))
     if path is not None and (trouble := plan.follower.trouble()):
         raise ArgumentError(trouble, "path")
@@ -167,7 +177,7 @@ def _check_statics(problem: MotionProblem, guard: MotionConstraints) -> None:
     """At both ends the robot can stand still, and keeps the limits that hold for positions."""
     limit = problem.limits.force
     for key, point in (("start.tcp", problem.begin), ("goal.tcp", problem.end)):
-        tau, _, _, *margins, _ = motion_function(problem.robot, guard).along(point)
+        tau, *_, last, _ = motion_function(problem.robot, guard).along(point)
         k = int(np.argmax(np.abs(tau)))
         if abs(tau[k]) > limit:
             raise ArgumentError(
@@ -175,7 +185,7 @@ def _check_statics(problem: MotionProblem, guard: MotionConstraints) -> None:
                 f"{key}",
                 "limits.force",
             )
-        if margins and (broken := guard.broken(margins[0][None])):
+        if guard.margins and (broken := guard.broken(last[None])):
             raise ArgumentError(broken[1], key)
 
 

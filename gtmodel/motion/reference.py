@@ -8,6 +8,9 @@ import numpy as np
 
 from ..compiler.causal import compile_causal
 from ..lang import Model
+from ..optimize import Solution
+from ..optimize.formulation.system import RateSystem
+from ..optimize.solution import constants
 from ..results import Trajectory
 from ..results.interpolation import CubicHermite
 from ..results.table import csv_text
@@ -38,32 +41,65 @@ def at_rest(
     return Trajectory(times, values, dict(COLUMNS))
 
 
+Accelerations = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]  # of rows of T, T' and tau
+
+
 def between_rows(
-    robot: Model, guard: MotionConstraints, order: int | None, run: Trajectory
+    robot: Model, guard: MotionConstraints, order: int | None, run: Trajectory, solution: Solution
 ) -> Callable[[np.ndarray], Trajectory]:
     """A re-simulated motion at any instant: cubic between its rows; the force is that of the row after the instant
     where forces are the control, constant per element, and the acceleration follows from it.
 
-    order: of the derivative of the motion that is the control, None where forces are.
+    order: of the derivative of the motion that is the control, None where forces are. solution: what was re-simulated.
     """
     T, dT = run["T"], run["der(T)"]
     curve = CubicHermite(run.time, T, dT)
-    forward = compile_causal(robot, known="tau", targets="der(T,2)", prefer="T")
+    by_force = accelerations_of(robot, solution) if order is None else None
 
     def moving(times: np.ndarray) -> Trajectory:
         x, v = curve(times), curve(times, 1)
         row = np.maximum(np.searchsorted(run.time, times, side="left"), 1)
         row = np.minimum(row, len(run) - 1)
-        if order == 3:
+        if by_force is not None:
+            a = by_force(x, v, run["tau"][row])
+        elif order == 3:
             a = np.stack([np.interp(times, run.time, c) for c in run["der(T,2)"].T], axis=1)
-        elif order == 2:
-            a = run["der(T,2)"][row]
         else:
-            given = {("T", 0): x, ("T", 1): v, ("tau", 0): run["tau"][row]}
-            a, _ = forward(*(given["T" if "T" in s.name else "tau", s.pairs[0][1]] for s in forward.inputs))
+            a = run["der(T,2)"][row]
         return sampled(robot, times, x, v, a, guard)
 
     return moving
+
+
+def accelerations_of(robot: Model, solution: Solution) -> Accelerations:
+    """By the equations that the solution is re-simulated with, where T and T' are their states and all has a closed
+    form; else by forward dynamics of the robot."""
+    problem, system = solution.problem, RateSystem.of(solution.problem)
+    T, tau = (problem.flat.groups[f"robot.{name}"][1] for name in ("T", "tau"))
+    pairs = [(i, order) for order in (0, 1) for i in T]
+    if (
+        sorted(pairs) == sorted(problem.state_pairs)
+        and sorted(tau) == sorted(problem.control_indices)
+        and not system.count
+    ):
+        states = [pairs.index(pair) for pair in problem.state_pairs]
+        forces = [tau.index(i) for i in problem.control_indices]
+        back = [problem.state_pairs.index((i, 1)) for i in T]
+        P = constants(solution.nlp, solution.x)
+
+        def by_system(x: np.ndarray, v: np.ndarray, force: np.ndarray) -> np.ndarray:
+            n = len(x)
+            rows, given = np.hstack([x, v])[:, states], force[:, forces]
+            return system.at(rows, given, np.zeros((n, 0)), P, np.zeros(n))[0][:, back]
+
+        return by_system
+    forward = compile_causal(robot, known="tau", targets="der(T,2)", prefer="T")
+
+    def by_robot(x: np.ndarray, v: np.ndarray, force: np.ndarray) -> np.ndarray:
+        given = {("T", 0): x, ("T", 1): v, ("tau", 0): force}
+        return forward(*(given["T" if "T" in s.name else "tau", s.pairs[0][1]] for s in forward.inputs))[0]
+
+    return by_robot
 
 
 def reference_text(reference: Trajectory, title: str) -> str:

@@ -4,18 +4,23 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Literal, cast
+from typing import TYPE_CHECKING, Any, Literal, cast
 
 import numpy as np
 
+from .._lazy import hint
 from ..lang import Optimization
 from ..optimize import Mesh, Solution, SolverOptions, solve as collocate
 from ..optimize.judgement.resimulate import Resimulation, resimulate
 from ..results import SolveStatus, Trajectory, Work
 from .constraints import NO_GUARD, MotionConstraints
-from .paths import Path
 from .problem import MotionProblem
 from .task import motion
+
+if TYPE_CHECKING:
+    from .paths import Path
+else:
+    Path = hint("gtmodel.motion.paths", "Path")
 
 # iterations without progress after which an attempt has lost its way, and another one is the better bet: of 200 drawn
 # attempts that ended in an optimum one waited longer, those that ended in none mostly never came back

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from .. import lang as gt
+from .._lazy import hint
 from ..robots.links import links_of
 from .constraints import NO_GUARD, MotionConstraints
 from .guesses import GUESS_TIME_S
-from .paths import Path
 from .problem import MotionProblem
+
+if TYPE_CHECKING:
+    from .paths import Path
+else:
+    Path = hint("gtmodel.motion.paths", "Path")
 
 SHORTEST_TIME_S = 0.05  # a free final time needs a lower bound; no motion of these robots is shorter
 

@@ -20,7 +20,7 @@ def check_equalities(problem: DynamicProblem, element: Element) -> None:
     """
     layout = element.layout
     equal = np.flatnonzero(element.low == element.high)
-    own = np.setdiff1d(np.arange(layout.size), layout.left)
+    own = np.arange(layout.nl, layout.size)
     column = {int(j): n for n, j in enumerate(own)}
     row = {int(i): n for n, i in enumerate(equal)}
     entries = {

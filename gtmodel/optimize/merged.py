@@ -15,11 +15,10 @@ from typing import TypeVar
 
 import casadi as ca
 import numpy as np
-import scipy
 
+from ..compiler.matrices import SparseMatrix
 from .ipopt import SolverRun
 from .nlp import Nlp, functions_of, scatter
-from .point_kernels import constant
 from .watch import Iterate, Multipliers, Program
 
 Run = TypeVar("Run", SolverRun, Iterate)
@@ -59,10 +58,14 @@ class Pairs:
         return cls(rows, kept, gone, np.setdiff1d(np.arange(len(nlp.lbg)), rows), place, weight)
 
     @property
-    def spread(self) -> scipy.sparse.csr_matrix:
+    def spread(self) -> SparseMatrix:
         """E."""
         n = len(self.place)
-        return scipy.sparse.csr_matrix((self.weight[self.place], (np.arange(n), self.place)))
+        return SparseMatrix.of(np.arange(n), self.place, self.weight[self.place], (n, len(self.weight)))
+
+    def taken(self, x: np.ndarray) -> np.ndarray:
+        """E'x."""
+        return np.bincount(self.place, self.weight[self.place] * x, len(self.weight))
 
 
 class Merged(Program):
@@ -81,8 +84,7 @@ class Merged(Program):
     def start(self, x: np.ndarray, warm: Multipliers | None) -> tuple[np.ndarray, Multipliers | None]:
         """A guess of the NLP, and multipliers for a warm start, in z and the rows that stay."""
         p = self.pairs
-        z = p.spread.T @ x
-        return z, None if warm is None else Multipliers(warm.rows[p.others], p.spread.T @ warm.bounds)
+        return p.taken(x), None if warm is None else Multipliers(warm.rows[p.others], p.taken(warm.bounds))
 
     def turned(self, run: SolverRun) -> SolverRun:
         """The run in the unknowns and rows of the NLP itself."""
@@ -90,7 +92,7 @@ class Merged(Program):
 
     def _lifted(self, run: Run) -> Run:
         full, p = self.full, self.pairs
-        x = np.clip(p.spread @ run.x, full.lbx, full.ubx)  # by a rounding
+        x = np.clip((p.weight * run.x)[p.place], full.lbx, full.ubx)  # by a rounding
         g, rows = np.zeros(len(full.lbg)), np.zeros(len(full.lbg))
         g[p.others], rows[p.others] = run.g, run.multipliers.rows
         bounds = (run.multipliers.bounds / p.weight)[p.place]
@@ -122,7 +124,7 @@ def _functions(full: Nlp, pairs: Pairs) -> tuple[ca.Function, dict[str, ca.Funct
     size, others, weight, place = len(pairs.weight), pairs.others, pairs.weight, pairs.place
     z, p, sigma, lam = ca.MX.sym("z", size), ca.MX.sym("p", 0), ca.MX.sym("lam_f"), ca.MX.sym("lam_g", len(others))
     E = pairs.spread
-    X = constant(E) @ z
+    X = E.dm @ z
     row = np.full(len(full.lbg), -1)
     row[others] = np.arange(len(others))
     f, g = full.nlp.call([X, p], True, False)
@@ -139,7 +141,7 @@ def _functions(full: Nlp, pairs: Pairs) -> tuple[ca.Function, dict[str, ca.Funct
     twice = np.where((i != j) & (r == c), 2.0, 1.0)  # two unknowns that become one: their entry stood in both triangles
     hess = _gathered(np.minimum(r, c), np.maximum(r, c), hessian.nz[:], twice * weight[r] * weight[c], (size, size))
     nlp = ca.Function("nlp", [z, p], [f, g[others.tolist()]], ["x", "p"], ["f", "g"])
-    return nlp, functions_of(z, p, sigma, lam, f, g_first[others.tolist()], constant(E.T) @ gradient, jac, hess)
+    return nlp, functions_of(z, p, sigma, lam, f, g_first[others.tolist()], E.T.dm @ gradient, jac, hess)
 
 
 def _gathered(r: np.ndarray, c: np.ndarray, values: ca.MX, weights: np.ndarray, shape: tuple[int, int]) -> ca.MX:
@@ -147,5 +149,5 @@ def _gathered(r: np.ndarray, c: np.ndarray, values: ca.MX, weights: np.ndarray, 
     if not len(r):
         return ca.MX(*shape)
     entries, where = np.unique(r + shape[0] * c, return_inverse=True)
-    summed = constant(scipy.sparse.csr_matrix((weights, (where, np.arange(len(r))))))
+    summed = SparseMatrix.of(where, np.arange(len(r)), weights, (len(entries), len(r))).dm
     return scatter(entries % shape[0], entries // shape[0], summed @ values, shape)

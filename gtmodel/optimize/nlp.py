@@ -12,14 +12,14 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ..compiler.matrices import nonzeros, stacked
+from ..compiler.matrices import SparseMatrix, nonzeros, stacked
 from ..lang.source import ModelError
 from .compiled import compiled
 from .element import Element, Layout, make_element, value_at
 from .formulation.delays import DelayRows, delay_rows
 from .formulation.dynamic import DynamicProblem
 from .mesh import Mesh
-from .point_kernels import Derivatives, Pattern, constant, derivatives, linear_rows, point_kernels
+from .point_kernels import Derivatives, Pattern, derivatives, linear_rows, point_kernels
 from .watch import Program
 
 
@@ -58,10 +58,14 @@ class Nlp(Program):
         """Places of the free constants among the unknowns; behind them stand the tunable parameters."""
         return slice(self.constants, self.constants + len(self.problem.free_names))
 
-    def inputs(self, x: np.ndarray, element: int, local: np.ndarray) -> np.ndarray:
-        """Controls and point variables (len(local), n) at fractions of one element."""
+    def physical(self, x: np.ndarray) -> np.ndarray:
+        """The unknowns of each element in SI units (elements, n)."""
         layout = self.element.layout
-        return layout.inputs(x[element * layout.size : (element + 1) * layout.size] * layout.scale, local)
+        return x[: self.end].reshape(self.mesh.elements, layout.size) * layout.scale
+
+    def inputs(self, x: np.ndarray, local: np.ndarray) -> np.ndarray:
+        """Controls and point variables (elements, len(local), n) at fractions of each element."""
+        return self.element.layout.inputs(self.physical(x), local)
 
     def row_name(self, row: int) -> str:
         """What a constraint row says, with element and collocation point."""
@@ -116,10 +120,10 @@ def make_nlp(problem: DynamicProblem, mesh: Mesh, machine_code: bool = False) ->
     Y, P = ca.reshape(X[: N * n], n, N), X[N * n + nx :]
     at = [part.arguments(Y, P) for part in parts]
     continued = linear_rows(element.layout, m)
-    through = constant(continued) @ Y
+    through = continued.dm @ Y
     link = _link(X, n, m, nx, N)
     mayer, rows_p = point.value(z)
-    held = ca.DM(delays.matrix) @ X[: N * n] if md else ca.MX(0, 1)
+    held = delays.matrix.dm @ X[: N * n] if md else ca.MX(0, 1)
 
     def all_rows(values: list[ca.MX]) -> ca.MX:
         rows = sum((part.rows(v) for part, v in zip(parts, values, strict=True)), through)
@@ -138,7 +142,7 @@ def make_nlp(problem: DynamicProblem, mesh: Mesh, machine_code: bool = False) ->
     for part, a in with_cost:
         each, by_w, by_P = part.mapped("cost")(*a)
         f_first = f_first + ca.sum2(each)
-        by_y = constant(part.each.kernel.take.T) @ part.beside(by_w)
+        by_y = part.each.kernel.take.T.dm @ part.beside(by_w)
         grad_f = grad_f + ca.vertcat(ca.vec(by_y), ca.MX.zeros(nx, 1), ca.sum2(by_P) if nP else ca.MX(0, 1))
     mayer_z = point.gradient(z)
     if point.index.size:
@@ -177,7 +181,7 @@ class _Part:
     def arguments(self, Y: ca.MX, P: ca.MX) -> tuple[ca.MX, ca.MX, ca.DM]:
         """w, P and d of all places, of the unknowns (n, N) of all elements and the constants."""
         kernel = self.each.kernel
-        w = ca.reshape(constant(kernel.take) @ Y, kernel.w.numel(), self.places)
+        w = ca.reshape(kernel.take.dm @ Y, kernel.w.numel(), self.places)
         return w, ca.repmat(P, 1, self.places), ca.DM(kernel.data(self.mesh))
 
     def mapped(self, name: str) -> ca.Function:
@@ -188,17 +192,17 @@ class _Part:
         return ca.reshape(values, values.numel() // self.mesh.elements, self.mesh.elements)
 
     def rows(self, values: ca.MX) -> ca.MX:
-        return constant(self.each.kernel.rows) @ self.beside(values)
+        return self.each.kernel.rows.dm @ self.beside(values)
 
-    def entries(self, to: tuple[Pattern, Any], values: ca.MX, height: int) -> tuple[Pattern, ca.MX]:
+    def entries(self, to: tuple[Pattern, SparseMatrix], values: ca.MX, height: int) -> tuple[Pattern, ca.MX]:
         """Where in the matrix of an element they stand, and the entries of all elements (., N)."""
         pattern, matrix = to
-        return pattern, constant(matrix) @ self.beside(values)
+        return pattern, matrix.dm @ self.beside(values)
 
     def second(self, w: ca.MX, P: ca.MX, d: ca.DM, sigma: ca.MX, lam: ca.MX) -> tuple[Pattern, ca.MX]:
         """The upper triangle of the Hessian by [y, P]: where, and the entries of all elements."""
         kernel = self.each.kernel
-        own = ca.reshape(constant(kernel.rows.T) @ lam, kernel.value.numel(), self.places)
+        own = ca.reshape(kernel.rows.T.dm @ lam, kernel.value.numel(), self.places)
         values = self.mapped("second")(w, P, d, ca.repmat(sigma, 1, self.places), own)
         return self.entries(self.each.by_unknowns, values, 0)
 
@@ -207,7 +211,7 @@ def _parts(
     problem: DynamicProblem, mesh: Mesh, element: Element, p_scale: np.ndarray, machine_code: bool
 ) -> tuple[list[_Part], float | None]:
     """Derivatives of all kernels, and the seconds that compiling them took; None where nothing is compiled."""
-    each, seconds = [derivatives(k) for k in point_kernels(problem, mesh, element, p_scale)], None
+    each, seconds = [derivatives(problem, k) for k in point_kernels(problem, mesh, element, p_scale)], None
     if machine_code:
         made, seconds = compiled([f for d in each for f in d.functions])
         known = {f.name(): f for f in made}
@@ -369,12 +373,11 @@ def _tile(rows: np.ndarray, cols: np.ndarray, N: int, dr: int, dc: int) -> tuple
 
 
 def _jacobian(
-    continued: Any, entries: list[tuple[Pattern, ca.MX]], point: _Point, z: ca.MX,
+    continued: SparseMatrix, entries: list[tuple[Pattern, ca.MX]], point: _Point, z: ca.MX,
     n: int, m: int, nx: int, nP: int, N: int, total: int, mc: int, delays: DelayRows,
 ) -> ca.MX:  # fmt: skip
-    through = continued.tocoo()
-    r, c = _tile(through.row, through.col, N, m, n)
-    rows, cols, values = [r], [c], [ca.MX(ca.DM(np.tile(through.data, N)))]
+    r, c = _tile(continued.rows, continued.columns, N, m, n)
+    rows, cols, values = [r], [c], [ca.MX(ca.DM(np.tile(continued.values, N)))]
     for (r, c), v in entries:
         by_P = np.tile(c >= n, N)
         r, own = _tile(r, c, N, m, n)
@@ -387,10 +390,9 @@ def _jacobian(
     rp, cp = (np.array(a, int) for a in point.jac_sparsity.get_triplet())
     rows.append(rp + N * m)
     cols.append(point.index[cp] if cp.size else cp)
-    held = delays.matrix.tocoo()
-    rows.append(held.row.astype(int) + N * m + mc)
-    cols.append(held.col.astype(int))
-    values += [point.jacobian(z), ca.MX(ca.DM(held.data))]
+    rows.append(delays.matrix.rows + N * m + mc)
+    cols.append(delays.matrix.columns)
+    values += [point.jacobian(z), ca.MX(ca.DM(delays.matrix.values))]
     shape = (N * m + mc + len(delays.value), total)
     return scatter(np.concatenate(rows), np.concatenate(cols), ca.vertcat(*values), shape)
 

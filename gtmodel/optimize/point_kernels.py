@@ -12,10 +12,9 @@ from dataclasses import dataclass, field
 
 import casadi as ca
 import numpy as np
-import scipy
 
 from ..compiler.columns.batch import mapped
-from ..compiler.matrices import nonzeros, stacked
+from ..compiler.matrices import SparseMatrix, nonzeros, stacked, stacked_rows
 from ..compiler.tape.elimination import Entries, gradient, hessian, jacobian
 from ..compiler.tape.function import TapeFunction
 from ..compiler.tape.operations import Tape, read_in
@@ -27,6 +26,7 @@ from .tables import basis
 
 # operations of a point from which CasADi's own differentiation, and its search for what occurs twice, take seconds
 LARGE = 3000
+POINT_FUNCTIONS = "point functions"  # under which, with more, a problem keeps them
 Pattern = tuple[np.ndarray, np.ndarray]  # rows and columns of the entries of a matrix, column by column
 
 
@@ -35,11 +35,12 @@ class PointKernel:
     """Scaled rows and cost at `count` places of each element, as functions of (w, P, d).
 
     d = [length of the element, its left end, the place in it, its weight in the cost]. take: (count nw, n) that gives
-    the places' w, one below the other, of an element's scaled unknowns y; rows: (m, count mr) that puts their rows
-    among those of the element.
+    the places' w, one below the other, of an element's scaled unknowns y; place: (count mr) where their rows stand
+    among the `height` rows of the element. key: what the functions depend on besides the problem, not the mesh.
     """
 
     name: str
+    key: tuple[bool, tuple[int, ...]]
     w: ca.SX
     P: ca.SX
     d: ca.SX
@@ -47,8 +48,14 @@ class PointKernel:
     cost: ca.SX
     places: np.ndarray
     weights: np.ndarray
-    take: scipy.sparse.csr_matrix
-    rows: scipy.sparse.csr_matrix
+    take: SparseMatrix
+    place: np.ndarray
+    height: int
+
+    @property
+    def rows(self) -> SparseMatrix:
+        """(height, count mr), which puts the rows of the places among those of the element."""
+        return SparseMatrix.picked(self.place, self.height)
 
     @property
     def count(self) -> int:
@@ -88,40 +95,34 @@ def point_kernels(problem: DynamicProblem, mesh: Mesh, element: Element, p_scale
     c, r = np.meshgrid(np.arange(K), np.arange(first + npath), indexing="ij")
     place = np.where(r < first, layout.nl + c * first + r, inner + own_edge + c * npath + r - first)
     kernel = PointKernel(
-        "point", ca.vertcat(x, slope, u, own), P, d, ca.vertcat(*parts), cost, mesh.table.points, mesh.table.weights,
-        _taken(layout), _picked(place.ravel(), m),
+        "point", (free, ()), ca.vertcat(x, slope, u, own), P, d, ca.vertcat(*parts), cost, mesh.table.points,
+        mesh.table.weights, _taken(layout), place.ravel(), m,
     )  # fmt: skip
     if not own_edge:
         return [kernel]
     nothing = ca.SX.zeros(nx), ca.SX.zeros(problem.u.numel())
     at_edge = point(x, *nothing, physical, t)[2][element.at_edge] / ca.DM(path_scale[element.at_edge])
     edge = PointKernel(
-        "edge", ca.vertcat(x, own), P, d, at_edge, ca.SX(1, 1), np.ones(1), np.zeros(1),
-        _taken_end(layout), _picked(inner + np.arange(own_edge), m),
+        "edge", (free, tuple(element.at_edge)), ca.vertcat(x, own), P, d, at_edge, ca.SX(1, 1), np.ones(1), np.zeros(1),
+        _taken_end(layout), inner + np.arange(own_edge), m,
     )  # fmt: skip
     return [kernel, edge]
 
 
-def linear_rows(layout: Layout, m: int) -> scipy.sparse.csr_matrix:
+def linear_rows(layout: Layout, m: int) -> SparseMatrix:
     """(m, n): what continues, at an element's right end; the other rows are the kernels'."""
-    mesh, nx = layout.mesh, layout.nx
-    matrix = scipy.sparse.lil_matrix((m, layout.size))
-    for j, columns in enumerate([layout.left[:nx], *layout.x]):
-        if mesh.table.end[j]:
-            matrix[np.arange(nx), columns] = mesh.table.end[j]
+    nx, end = layout.nx, layout.mesh.table.end
+    entries = [(np.arange(nx), layout.nodes[j], np.full(nx, end[j])) for j in np.flatnonzero(end)]
     if layout.carried.size:
-        matrix[layout.carried, layout.u[-1]] = 1.0
+        entries.append((layout.carried, layout.u[-1], np.ones(len(layout.carried))))
     if layout.h >= 0:
-        matrix[layout.edge, layout.edge], matrix[layout.edge, layout.h] = 1.0, layout.scale[layout.h]
-    return matrix.tocsr()
+        edge = np.full(2, layout.edge)
+        entries.append((edge, np.array([layout.edge, layout.h]), np.array([1.0, layout.scale[layout.h]])))
+    rows, columns, values = (np.concatenate(each) for each in zip(*entries, strict=True))
+    return SparseMatrix.of(rows, columns, values, (m, layout.size))
 
 
-def _picked(place: np.ndarray, m: int) -> scipy.sparse.csr_matrix:
-    shape = (m, len(place))
-    return scipy.sparse.csr_matrix((np.ones(len(place)), (place, np.arange(len(place)))), shape)
-
-
-def _taken(layout: Layout) -> scipy.sparse.csr_matrix:
+def _taken(layout: Layout) -> SparseMatrix:
     """Each collocation point's states, slopes per element length, inputs and, where it is free, length and left end."""
     mesh, nx = layout.mesh, layout.nx
     table, nodes = mesh.table, [layout.left[:nx], *layout.x]
@@ -136,30 +137,27 @@ def _taken(layout: Layout) -> scipy.sparse.csr_matrix:
             _combined(list(zip(by_z[c], layout.z, strict=True)), layout.nz, layout),
             _own(layout),
         ]
-    return scipy.sparse.vstack(blocks, "csr")
+    return stacked_rows(blocks)
 
 
-def _taken_end(layout: Layout) -> scipy.sparse.csr_matrix:
+def _taken_end(layout: Layout) -> SparseMatrix:
     nodes = [layout.left[: layout.nx], *layout.x]
     state = _combined(list(zip(layout.mesh.table.end, nodes, strict=True)), layout.nx, layout)
-    return scipy.sparse.vstack([state, _own(layout)], "csr")
+    return stacked_rows([state, _own(layout)])
 
 
-def _combined(terms: Sequence[tuple[float, np.ndarray]], size: int, layout: Layout) -> scipy.sparse.csr_matrix:
+def _combined(terms: Sequence[tuple[float, np.ndarray]], size: int, layout: Layout) -> SparseMatrix:
     """(size, n): the sum of weights times the columns of y, in SI units."""
     kept = [(weight, columns) for weight, columns in terms if size and abs(weight) > 0.0]
     columns = np.concatenate([c for _, c in kept]) if kept else np.zeros(0, int)
     values = np.repeat([weight for weight, _ in kept], size) * layout.scale[columns]
     rows = np.tile(np.arange(size), len(kept))
-    return scipy.sparse.csr_matrix((values, (rows, columns)), (size, layout.size))
+    return SparseMatrix.of(rows, columns, values, (size, layout.size))
 
 
-def _own(layout: Layout) -> scipy.sparse.csr_matrix:
+def _own(layout: Layout) -> SparseMatrix:
     columns = [layout.h, layout.edge] if layout.h >= 0 else []
-    matrix = scipy.sparse.lil_matrix((len(columns), layout.size))
-    for row, column in enumerate(columns):
-        matrix[row, column] = layout.scale[column]
-    return matrix.tocsr()
+    return SparseMatrix.of(np.arange(len(columns)), columns, layout.scale[columns], (len(columns), layout.size))
 
 
 @dataclass(eq=False)
@@ -179,8 +177,8 @@ class Derivatives:
     cost: TapeFunction | ca.Function | None
     first: TapeFunction | ca.Function
     second: TapeFunction | ca.Function
-    by_rows: tuple[Pattern, scipy.sparse.csr_matrix]
-    by_unknowns: tuple[Pattern, scipy.sparse.csr_matrix]
+    by_rows: tuple[Pattern, SparseMatrix]
+    by_unknowns: tuple[Pattern, SparseMatrix]
     maps: list[ca.Function] = field(default_factory=list)  # held: a Batch lives no longer than somebody holds it
 
     def map(self, name: str, points: int) -> ca.Function:
@@ -206,15 +204,19 @@ class Derivatives:
 
 Evaluated = TapeFunction | ca.Function
 Functions = tuple[ca.Function, ca.Function | None, Evaluated | None, Evaluated, Evaluated]  # as in `Derivatives`
+Differentiated = tuple[Functions, Pattern, Pattern]  # and where the entries of first and second derivatives stand
 
 
-def derivatives(kernel: PointKernel) -> Derivatives:
-    """Differentiate a kernel: a large one on a tape."""
-    operations = ca.Function("f", [kernel.w, kernel.P, kernel.d], [kernel.value, kernel.cost]).n_instructions()
-    return _on_tape(kernel) if operations > LARGE else _by_casadi(kernel)
+def derivatives(problem: DynamicProblem, kernel: PointKernel) -> Derivatives:
+    """Differentiate a kernel, a large one on a tape: once for a problem, whatever meshes it is put on."""
+    key = f"{POINT_FUNCTIONS} {kernel.name} {kernel.key}"
+    if key not in problem.cache:
+        operations = ca.Function("f", [kernel.w, kernel.P, kernel.d], [kernel.value, kernel.cost]).n_instructions()
+        problem.cache[key] = _on_tape(kernel) if operations > LARGE else _by_casadi(kernel)
+    return _placed(kernel, *problem.cache[key])
 
 
-def _by_casadi(kernel: PointKernel) -> Derivatives:
+def _by_casadi(kernel: PointKernel) -> Differentiated:
     k, args, v = kernel, [kernel.w, kernel.P, kernel.d], ca.vertcat(kernel.w, kernel.P)
     value, cost = ca.cse([k.value, k.cost])
     J = ca.jacobian(value, v)
@@ -227,7 +229,7 @@ def _by_casadi(kernel: PointKernel) -> Derivatives:
     rows = _shared(f"{k.name}_g", args, [value])
     first = _shared(f"{k.name}_j", args, [value, stacked(nonzeros(J))])
     second = _shared(f"{k.name}_h", [*args, lam_f, lam], [stacked(nonzeros(H))])
-    return _placed(k, (rows, costs, costs, first, second), _pattern(J), _pattern(H))
+    return (rows, costs, costs, first, second), _pattern(J), _pattern(H)
 
 
 def _shared(name: str, args: list[ca.SX], out: list[ca.SX]) -> ca.Function:
@@ -239,7 +241,7 @@ def _pattern(matrix: ca.SX) -> Pattern:
     return np.array(rows, int), np.array(columns, int)
 
 
-def _on_tape(kernel: PointKernel) -> Derivatives:
+def _on_tape(kernel: PointKernel) -> Differentiated:
     k, nw, nP, mr = kernel, kernel.w.numel(), kernel.P.numel(), kernel.value.numel()
     args, multipliers = [k.w, k.P, k.d], [ca.SX.sym("lam_f"), ca.SX.sym("lam", mr)]
     tape = Tape()
@@ -259,25 +261,24 @@ def _on_tape(kernel: PointKernel) -> Derivatives:
         TapeFunction(f"{k.name}_j", tape, args, [value, first]),
         TapeFunction(f"{k.name}_h", tape, [*args, *multipliers], [second]),
     )  # fmt: skip
-    return _placed(k, functions, by_rows, by_unknowns)
+    return functions, by_rows, by_unknowns
 
 
 def _placed(kernel: PointKernel, functions: Functions, by_rows: Pattern, by_unknowns: Pattern) -> Derivatives:
     """With where what the functions give belongs, from where it stands in the matrices of one place."""
     k, nw, nP, mr, n = kernel, kernel.w.numel(), kernel.P.numel(), kernel.value.numel(), kernel.take.shape[1]
     # y and behind it P, of one place and of the element
-    take = [_with_identity(k.take[c * nw : (c + 1) * nw], nP) for c in range(k.count)]
-    rows = [k.rows[:, c * mr : (c + 1) * mr] for c in range(k.count)]
-    scattered = _scattered(by_rows, rows, take, (k.rows.shape[0], n + nP))
+    take = [_with_identity(k.take.among(c * nw, (c + 1) * nw), nP) for c in range(k.count)]
+    scattered = _scattered(by_rows, k.place.reshape(k.count, mr), take, k.height)
     return Derivatives(k, *functions, scattered, _squared(by_unknowns, take, n + nP))
 
 
-def _with_identity(matrix: scipy.sparse.csr_matrix, size: int) -> scipy.sparse.csr_matrix:
+def _with_identity(matrix: SparseMatrix, size: int) -> SparseMatrix:
     """The matrix, and below and beside it the identity."""
-    m, n, own = *matrix.shape, np.arange(size)
-    pointers = np.append(matrix.indptr, matrix.indptr[-1] + 1 + own)
-    entries = np.append(matrix.data, np.ones(size)), np.append(matrix.indices, n + own), pointers
-    return scipy.sparse.csr_matrix(entries, (m + size, n + size))
+    (m, n), own = matrix.shape, np.arange(size)
+    pairs = (matrix.rows, m + own), (matrix.columns, n + own), (matrix.values, np.ones(size))
+    rows, columns, values = (np.concatenate(pair) for pair in pairs)
+    return SparseMatrix(rows, columns, values, (m + size, n + size))
 
 
 def _by_columns(entries: Entries) -> tuple[Pattern, list[int]]:
@@ -287,39 +288,28 @@ def _by_columns(entries: Entries) -> tuple[Pattern, list[int]]:
     return (rows, columns), [entries[place] for place in places]
 
 
-def _entries(matrix: scipy.sparse.csr_matrix, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The entries of these rows one after the other: number of the row among these, column, value."""
-    count = np.diff(matrix.indptr)[rows]
-    number = np.repeat(np.arange(len(rows)), count)
-    at = np.arange(len(number)) + np.repeat(matrix.indptr[rows] - np.cumsum(count) + count, count)
-    return number, matrix.indices[at], matrix.data[at]
-
-
 def _scattered(
-    own: Pattern,
-    rows: Sequence[scipy.sparse.csr_matrix],
-    take: Sequence[scipy.sparse.csr_matrix],
-    shape: tuple[int, int],
-) -> tuple[Pattern, scipy.sparse.csr_matrix]:
-    """R J A for each place: the element's entries, and the matrix that gives them of the places'."""
+    own: Pattern, rows: np.ndarray, take: Sequence[SparseMatrix], height: int
+) -> tuple[Pattern, SparseMatrix]:
+    """R J A for each place: the element's entries, and the matrix that gives them of the places'. rows: (places, rows
+    of each) where they stand in the element."""
     to, at, values = [], [], []
     i, j = own
-    for c, (R, A) in enumerate(zip(rows, take, strict=True)):
-        place = R.tocsc().indices  # one row of the element for each
-        number, columns, weights = _entries(A, j)
-        to.append(place[i[number]] + columns * shape[0])
+    for c, (place, A) in enumerate(zip(rows, take, strict=True)):
+        number, columns, weights = A.of_rows(j)
+        to.append(place[i[number]] + columns * height)
         at.append(c * len(i) + number)
         values.append(weights)
-    return _gathered(to, at, values, shape[0], len(i) * len(take))
+    return _gathered(to, at, values, height, len(i) * len(take))
 
 
-def _squared(own: Pattern, take: Sequence[scipy.sparse.csr_matrix], n: int) -> tuple[Pattern, scipy.sparse.csr_matrix]:
+def _squared(own: Pattern, take: Sequence[SparseMatrix], n: int) -> tuple[Pattern, SparseMatrix]:
     """The upper triangle of A'HA for each place, of H's upper triangle."""
     to, at, values = [], [], []
     i, j = own
     for c, A in enumerate(take):
-        number, a, wa = _entries(A, i)
-        pair, b, wb = _entries(A, j[number])
+        number, a, wa = A.of_rows(i)
+        pair, b, wb = A.of_rows(j[number])
         number, r, s, v = number[pair], a[pair], b, wa[pair] * wb
         both = i[number] != j[number]
         r, s = np.concatenate([r, s[both]]), np.concatenate([s, r[both]])
@@ -333,19 +323,10 @@ def _squared(own: Pattern, take: Sequence[scipy.sparse.csr_matrix], n: int) -> t
 
 def _gathered(
     to: list[np.ndarray], at: list[np.ndarray], values: list[np.ndarray], height: int, width: int
-) -> tuple[Pattern, scipy.sparse.csr_matrix]:
+) -> tuple[Pattern, SparseMatrix]:
     """Entries (row + height column) that several places give are summed."""
     if not to:
-        return (np.zeros(0, int), np.zeros(0, int)), scipy.sparse.csr_matrix((0, width))
+        return (np.zeros(0, int), np.zeros(0, int)), SparseMatrix.of([], [], [], (0, width))
     entries, where = np.unique(np.concatenate(to), return_inverse=True)
-    shape = (len(entries), width)
-    matrix = scipy.sparse.csr_matrix((np.concatenate(values), (where, np.concatenate(at))), shape)
+    matrix = SparseMatrix.of(where, np.concatenate(at), np.concatenate(values), (len(entries), width))
     return (entries % height, entries // height), matrix
-
-
-def constant(matrix: scipy.sparse.spmatrix) -> ca.DM:
-    """For CasADi, by its own constructor of sparsities, which is five times faster than the one of matrices."""
-    m = scipy.sparse.csc_matrix(matrix)
-    m.sort_indices()
-    rows, columns = m.shape
-    return ca.DM(ca.Sparsity(rows, columns, m.indptr.tolist(), m.indices.tolist()), m.data)

@@ -234,7 +234,7 @@ def states_and_controls(
     # a little to the left: time / duration may round past the edge it came from
     k = np.clip(np.searchsorted(edges, s - 1e-12, side="left") - 1, 0, mesh.elements - 1)
     length, local = mesh.h[k], np.clip((s - edges[k]) / mesh.h[k], 0.0, 1.0)
-    y = (x[: nlp.end].reshape(mesh.elements, layout.size) * layout.scale)[k]
+    y = nlp.physical(x)[k]
 
     def combined(weights: np.ndarray, places: np.ndarray) -> np.ndarray:
         """Of each row its own weights times its own unknowns."""

@@ -9,13 +9,18 @@ from typing import Any
 import numpy as np
 
 from ..lang import Model, ModelError
-from ..mechanics import PiecewiseLinearFriction, SignFriction, TanhFriction
+from ..mechanics import PiecewiseLinearFriction, SignFriction, StictionFriction, TanhFriction
 from . import clusters
 from .entries import entries, family_in, geometries
 from .tables import printed
 from .three_link import GantryTau
 
-SMOOTHINGS = {"tanh": TanhFriction, "piecewise_linear": PiecewiseLinearFriction, "sign": SignFriction}
+SMOOTHINGS = {
+    "tanh": TanhFriction,
+    "piecewise_linear": PiecewiseLinearFriction,
+    "sign": SignFriction,
+    "stiction": StictionFriction,
+}
 VELOCITY_SCALE = 0.1  # of friction [m/s]
 
 
@@ -142,7 +147,8 @@ def gantry_tau(
         name: geometry, e.g. "l1_tape" (Dressler 2012, Table 5.7).
         inertia: masses [kg] and symmetric friction (Table 6.3): "model_1" or "model_2", the default of the L1 sets;
             links are massless.
-        smoothing: "tanh" or "piecewise_linear" friction; "sign" for identification only.
+        smoothing: "tanh" or "piecewise_linear" friction; "sign" for identification only; "stiction", which sticks, for
+            simulation only.
         velocity_scale: velocity of the smoothing [m/s].
         payload: mass added to the plate [kg], to an m_p among the modifiers too.
         rod: a Rod class in place of MidpointRod.

@@ -58,7 +58,7 @@ def linearize(
 
     Returns a `control.StateSpace` of python-control, in SI units. State, input and output names are the model's scalar
     names, with ":" for "." ("capacitor:v"), which control keeps for itself. The point need not be an equilibrium; its
-    rates are in `.params["rates"]`, by the model's names.
+    rates and the outputs are in `.params["rates"]` and `.params["outputs"]`, by the model's names.
 
     Raises ModelError for a wrong name, an input whose derivative is needed, sign() of a variable, or a singular point.
 
@@ -102,9 +102,9 @@ def linearize(
     column = ca.vertcat(*u.values()) if u else ca.SX(0, 1)
     y = r.outputs[: len(asked)]
     blocks = [ca.densify(ca.jacobian(e, v)) for e in (r.rates, r.residuals, y) for v in (r.x, r.z, column)]
-    f = ca.Function("linear", [r.x, r.z, column, r.t, r.p], [*blocks, r.rates])
+    f = ca.Function("linear", [r.x, r.z, column, r.t, r.p], [*blocks, r.rates, ca.densify(y)])
     point = [*r.from_point(w), [values[i] for i in known], 0.0, np.zeros(r.p.numel())]
-    fx, fz, fu, rx, rz, ru, gx, gz, gu, rates = (np.asarray(m.full()) for m in f.call(point))
+    fx, fz, fu, rx, rz, ru, gx, gz, gu, rates, at = (np.asarray(m.full()) for m in f.call(point))
     if rz.size:  # Newton unknowns follow the states: dz = -rz^-1 (rx dx + ru du)
         zx, zu = -np.linalg.solve(rz, rx), -np.linalg.solve(rz, ru)
         fx, fu, gx, gu = fx + fz @ zx, fu + fz @ zu, gx + gz @ zx, gu + gz @ zu
@@ -120,7 +120,10 @@ def linearize(
         states=_labels(system.states),
         inputs=_labels(flat.variables[i].name for i in known),
         outputs=_labels(flat.symbol_name(*p) for p in asked),
-        params={"rates": dict(zip(system.states, rates.reshape(-1).tolist(), strict=True))},
+        params={
+            "rates": dict(zip(system.states, rates.reshape(-1).tolist(), strict=True)),
+            "outputs": dict(zip((flat.symbol_name(*p) for p in asked), at.reshape(-1).tolist(), strict=True)),
+        },
     )  # fmt: skip
     assert isinstance(linear, control.StateSpace)
     return linear

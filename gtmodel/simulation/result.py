@@ -75,9 +75,9 @@ class Simulation:
     accumulation: float | None = None
 
     def plot(self, *names: str) -> Figure:
-        """The named signals over time, all if none is named, with a mark at each change of states; see
+        """The named signals over time, all if none is named, with a mark at each change of states and each event; see
         `Trajectory.plot`."""
-        return self.trajectory.plot(*names, marks=[s.time for s in self.switches])
+        return self.trajectory.plot(*names, marks=[at.time for at in (*self.switches, *self.events)])
 
 
 class NotSimulated(RuntimeError):

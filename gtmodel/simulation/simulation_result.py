@@ -10,6 +10,14 @@ from ..results import Quantity, Row, Study
 from .result import Simulation
 
 ENERGIES = ("stored", "supplied", "dissipated")
+# events in the table
+SHOWN = 5
+
+
+def described(event: Mapping[str, Any]) -> str:
+    """What changed at an event, or what caused it where nothing did."""
+    changes = [f"{name} {a:.6g} -> {b:.6g}" for name, (a, b) in event["changes"].items()]
+    return "; ".join(changes or event["causes"])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -27,6 +35,15 @@ class SimulationStudy(Study):
         Mapping[str, float],
         Quantity("", "start values that the problem leaves open, by state; the initialisation chose them"),
     ] = field(default_factory=dict)
+    events: Annotated[
+        Sequence[Mapping[str, Any]],
+        Quantity(
+            "", "what happened at instants: time_s, causes, changes by name from and to, energy_J that it brought"
+        ),
+    ] = ()
+    accumulation: Annotated[
+        float | None, Quantity("s", "time at which events come infinitely close; null where they do not")
+    ] = None
     energy_error: Annotated[
         float | None,
         Quantity("J", "largest error of the energy balance; null for a model that declares no energies"),
@@ -47,6 +64,11 @@ class SimulationStudy(Study):
         rows += [Row(f"chosen start of {name}", x) for name, x in self.chosen.items()]
         if self.switches:
             rows.append(Row("changes of states", self.switches))
+        if self.events:
+            rows.append(Row("events", len(self.events)))
+            rows += [Row(f"at {e['time_s']:.9g} s", described(e)) for e in self.events[:SHOWN]]
+        if self.accumulation is not None:
+            rows.append(Row("events accumulate at", self.accumulation, "s"))
         if self.energy_error is not None:
             rows += [Row(f"energy {k}", getattr(self, f"energy_{k}"), "J") for k in ENERGIES]
             rows.append(Row("error of the energy balance", self.energy_error, "J"))

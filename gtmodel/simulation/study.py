@@ -12,11 +12,14 @@ from ..lang.source import ModelError
 from ..results import ArgumentError, SolveStatus, Trajectory, Work, at_most
 from ..results.door import study_function
 from ..results.options import Within
+from ..results.table import csv_text
+from ..results.trajectory_files import csv_bytes
 from ..results.work import Progress, never, silent
 from .arguments import LARGEST_TIME, MOST_ROWS, MOST_STEPS
+from .hybrid.event import Event
 from .result import Simulation
 from .run import simulate
-from .simulation_result import ENERGIES, SimulationStudy
+from .simulation_result import ENERGIES, SimulationStudy, described
 
 TIGHTER = "use a smaller tolerance"
 # in SI units: closed forms and polished Newton unknowns leave round-off, 1e-12 of forces up to 1e4 N
@@ -81,8 +84,11 @@ def simulation_study(
 def refuse_unknown(model: Model, **lists: Mapping[str, Any] | Sequence[str]) -> None:
     """Raises ArgumentError for a name that the model lacks."""
     flat = flat_of(model)
+    discrete = {s.name for s in flat.events.shown} if flat.events else set()
     for argument, names in lists.items():
         for n, name in enumerate(names):
+            if name in discrete and argument in ("start", "outputs"):
+                continue
             try:
                 flat.lookup(name)
             except ModelError as error:
@@ -110,7 +116,9 @@ def _study_of(simulation: Simulation, title: str) -> SimulationStudy:
     checks |= {
         name: at_most(check.value, check.bound or 0.0, check.advice) for name, check in simulation.checks.items()
     }
-    figures = {"signals": partial(_signals, trajectory, [s.time for s in simulation.switches])}
+    marks = [at.time for at in (*simulation.switches, *simulation.events)]
+    figures = {"signals": partial(_signals, trajectory, marks)}
+    events = [_row_of(e) for e in simulation.events]
     energies: dict[str, Any] = {}
     if simulation.energy_error is not None:
         figures["energy"] = partial(_energy, trajectory)
@@ -127,10 +135,35 @@ def _study_of(simulation: Simulation, title: str) -> SimulationStudy:
         end={name: trajectory[name][-1] for name in trajectory.names if not name.startswith("energy.")},
         states=list(simulation.states),
         switches=len(simulation.switches),
+        events=events,
+        accumulation=simulation.accumulation,
+        files=_files(simulation, events),
         chosen=simulation.chosen,
         energy_error=simulation.energy_error,
         **energies,
     )
+
+
+def _row_of(event: Event) -> dict[str, Any]:
+    """An event as result.json has it."""
+    changes = {name: list(pair) for name, pair in {**event.discrete, **event.restarted}.items()}
+    return {"time_s": event.time, "causes": list(event.causes), "changes": changes, "energy_J": event.energy}
+
+
+def _files(simulation: Simulation, events: list[dict[str, Any]]) -> dict[str, str]:
+    """Events, and inputs and outputs of each sampled block at its samples, as CSV."""
+    files = {}
+    if events:
+        columns = {
+            "time [s]": [e["time_s"] for e in events],
+            "causes": [" and ".join(e["causes"]) for e in events],
+            "changes": [described(e) if e["changes"] else "" for e in events],
+            "energy [J]": [e["energy_J"] for e in events],
+        }
+        files["events.csv"] = csv_text(columns, digits=15)
+    for name, samples in simulation.samples.items():
+        files[f"samples_{name}.csv"] = csv_bytes(samples).decode()
+    return files
 
 
 def _signals(trajectory: Trajectory, marks: list[float]) -> Any:

@@ -71,6 +71,7 @@ def test_any_table_that_names_a_recording_takes_a_source() -> None:
 
 def test_recordings_of_others_carry_their_licence_and_source() -> None:
     folder = PROBLEMS / "data" / "hexapod"
+    assert "CC0 1.0 Universal" in (PROBLEMS / "data" / "klipper_v400" / "LICENSE").read_text()
     assert "MIT License" in (folder / "LICENSE").read_text() and "Jugleer" in (folder / "LICENSE").read_text()
     assert "https://github.com/Project-DeepBlue-Juggling/Jugglebot" in (folder / "README.md").read_text()
 

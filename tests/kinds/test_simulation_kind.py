@@ -188,3 +188,60 @@ class TestCommand:
     def test_a_start_that_contradicts_itself(self, here: Path, gtmodel: Commands) -> None:
         done = gtmodel("solve", "problems/l1_drop.toml", "--set", "start.q=[0.0, 0.0, 0.0]")
         assert done.code == 2 and "no consistent start was found with the prescribed q[0] = 0" in done.err
+
+
+class TestEvents:
+    """The shipped mass on a belt, whose pieces are harmonic or straight."""
+
+    @pytest.fixture
+    def gtmodel(self, capsys: pytest.CaptureFixture[str]) -> Commands:
+        return Commands(capsys)
+
+    def test_the_shipped_problem_is_exact(self, here: Path, gtmodel: Commands) -> None:
+        done = gtmodel("solve", "problems/stick_slip.toml", "--plot", "--out", "belt")
+        assert done.code == 0 and "at 0.5 s" in done.out and "slides 0 -> -1" in done.out
+        result = json.loads((here / "belt" / "result.json").read_text())["values"]
+        # it slips at 5 N / 100 N/m; slipping it is a harmonic of 10 rad/s about 3 N / 100 N/m, until it has the belt's
+        # speed again
+        slip = 2 * (math.pi - math.atan(10 * (0.05 - 0.03) / 0.1)) / 10
+        end = 0.03 + 0.02 * math.cos(10 * slip) + 0.01 * math.sin(10 * slip)
+        stick = (0.05 - end) / 0.1
+        times = [0.5 + k * (slip + stick) + half for k in range(6) for half in (0.0, slip)]
+        assert [e["time_s"] for e in result["events"]] == pytest.approx(times, abs=1e-9)
+        assert [e["changes"]["slides"] for e in result["events"]] == [[0.0, -1.0], [-1.0, 0.0]] * 6
+        assert "models/stick_slip.py:" in result["events"][0]["causes"][0]
+        assert result["accumulation_s"] is None
+        rows = (here / "belt" / "events.csv").read_text().splitlines()
+        assert rows[0] == "time [s],causes,changes,energy [J]" and len(rows) == 13
+        assert rows[1].endswith("slides 0 -> -1,0")
+
+    def test_a_discrete_variable_is_given_in_start(self, here: Path, gtmodel: Commands) -> None:
+        done = gtmodel(
+            "solve", "problems/stick_slip.toml", "--set", "start.slides=-1", "--set", "start.x=0.05", "--json"
+        )
+        assert done.code == 0
+        slip = 2 * (math.pi - math.atan(10 * (0.05 - 0.03) / 0.1)) / 10
+        assert done.json["values"]["events"][0]["time_s"] == pytest.approx(slip, abs=1e-9)
+        done = gtmodel("solve", "problems/stick_slip.toml", "--set", "start.slides=[0.0,1.0]")
+        assert done.code == 2 and "'slides' has shape" in done.err
+
+    def test_samples_are_a_file_and_an_accumulation_is_one_sentence(self, here: Path, gtmodel: Commands) -> None:
+        (here / "ball.py").write_text(
+            "import gtmodel as gt\n\n\nclass Look(gt.SampledBlock):\n"
+            "    height = gt.input(unit='m')\n    seen = gt.output(0.0, unit='m')\n\n"
+            "    def step(self, inputs, state):\n        return {'seen': inputs.height}\n\n\n"
+            "class Ball(gt.Model):\n    phi = gt.variable(unit='m', start=1.0)\n    v = gt.variable(unit='m/s')\n"
+            "    tau = gt.input(unit='m/s2')\n    look = gt.part(Look, period=0.1)\n\n"
+            "    def equations(self):\n        yield gt.der(self.phi) == self.v\n"
+            "        yield gt.der(self.v) == -9.81 + self.tau\n        yield self.look.height == self.phi\n"
+            "        yield gt.when(self.phi <= 0, gt.reinit(self.v, -0.8 * self.v))\n"
+        )
+        changes = ["robot=ball.py:Ball", "start={phi=1.0,v=0.0}", "final_time_s=5"]
+        given = [word for change in changes for word in ("--set", change)]
+        done = gtmodel("solve", TestCommand().toml(here), *given, "--out", "fallen")
+        assert done.code == 1 and "events come closer and closer and accumulate at 4.0637" in done.out + done.err
+        result = json.loads((here / "fallen" / "result.json").read_text())["values"]
+        assert result["accumulation_s"] == pytest.approx(4.06371, abs=1e-5)
+        samples = Trajectory.from_csv(here / "fallen" / "samples_look.csv")
+        assert samples.time[:3] == pytest.approx([0.0, 0.1, 0.2], abs=1e-15)
+        assert samples["height"][1] == pytest.approx(1 - 9.81 * 0.01 / 2, abs=1e-9)

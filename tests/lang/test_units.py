@@ -367,7 +367,16 @@ def test_irrational_power_and_wrong_length() -> None:
 
 
 @pytest.mark.parametrize(
-    ("unit", "order", "rate"), [("m", 1, "m/s"), ("m", 2, "m/s2"), ("1", 1, "1/s"), ("m/s", 1, "m/s/s")]
+    ("unit", "order", "rate"),
+    [
+        ("m", 1, "m/s"),
+        ("m", 2, "m/s2"),
+        ("1", 1, "1/s"),
+        ("m/s", 1, "m/s2"),
+        ("rad/s2", 2, "rad/s4"),
+        ("1/s", 1, "1/s2"),
+        ("m3/s/m", 1, "m3/s/m/s"),
+    ],
 )
 def test_rates_have_the_dimension_of_a_derivative(unit: str, order: int, rate: str) -> None:
     assert rate_unit(unit, order) == rate

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import random
+import struct
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy
 from scipy.io import savemat
 
-from gtmodel.measurements import Column, inspect, read_log
+from gtmodel.measurements import Column, LogError, inspect, read_log
+from gtmodel.measurements.streams.mat_elements import refuse_damaged
 from gtmodel.results import ArgumentError
 
 T = 0.004 * np.arange(40)
@@ -107,9 +110,46 @@ def test_damaged(tmp_path: Path, kind: str) -> None:
     assert_damage_is_read_or_refused(kind, tmp_path, 40, 1)
 
 
-# scipy's reader of MATLAB files trusts the type of an element: about one damaged file in a thousand ends the process
 @pytest.mark.proof
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
-@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "MATLAB"])
+@pytest.mark.parametrize("kind", KINDS)
 def test_much_damaged(tmp_path: Path, kind: str) -> None:
     assert_damage_is_read_or_refused(kind, tmp_path, 3000, 2)
+
+
+def changed(good: bytes, old: bytes, new: bytes) -> bytes:
+    assert len(old) == len(new) and old in good
+    return good.replace(old, new, 1)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "part"),
+    [
+        ((9, 320), (99, 320), "type 99"),  # SciPy would look up a type behind its table of types
+        ((9, 320), (14, 320), "type 14"),  # numbers that would be a matrix
+        ((9, 320), (9, 3200), "stands where"),
+        ((6, 8, 6, 0), (6, 8, 60, 0), "class that there is not"),
+        ((6, 8, 6, 0), (6, 8, 0x806, 0), "lacks some of its elements"),  # imaginary parts that are not there
+        ((5, 8, 1, 40), (5, 7, 1, 40), "how large an array is"),
+        ((5, 8, 1, 2), (5, 8, 1, 2**30), "rows or columns"),  # members of a cell
+    ],
+)
+def test_an_element_that_would_end_the_process_is_refused(tmp_path: Path, old, new, part: str) -> None:
+    content = {"t": T, "x": X, "c": np.array([1.0, "a"], dtype=object)}
+    savemat(tmp_path / "good.mat", content)
+    good = (tmp_path / "good.mat").read_bytes()
+    wrong = changed(good, *(struct.pack(f"<{len(words)}I", *words) for words in (old, new)))
+    (tmp_path / "log.mat").write_bytes(wrong)
+    with pytest.raises(LogError) as caught:
+        read_log(tmp_path / "log.mat", {"x": Column("x", "m")}, time=Column("t", "s"))
+    assert part in str(caught.value) and len(str(caught.value)) <= LONGEST
+
+
+@pytest.mark.parametrize("compressed", [False, True])
+def test_what_matlab_files_may_hold_is_looked_through(tmp_path: Path, compressed: bool) -> None:
+    rec = {"q": np.ones((3, 40)), "none": np.zeros((0, 0)), "words": np.array(["a", "bc"], dtype=object)}
+    content = {"t": T, "x": X, "z": 1j * T, "rec": rec, "list": [rec, rec], "s": scipy.sparse.eye(4), "on": T > 0.1}
+    savemat(tmp_path / "log.mat", content, do_compression=compressed)
+    refuse_damaged(tmp_path / "log.mat")
+    (session,) = read_log(tmp_path / "log.mat", {"x": Column("x", "m")}, time=Column("t", "s"))
+    assert np.array_equal(session.trajectory["x"], X)

@@ -151,6 +151,31 @@ def test_a_cost_that_equals_another_variable():
     assert s.trajectory["cost"][-1] == pytest.approx(s.objective) and "power" in s.trajectory
 
 
+def test_one_model_with_it_as_a_state_and_without():
+    """Causalities without the equation of the cost leave those with it alone."""
+
+    class Move(gt.Optimization):
+        final_time = gt.parameter(1.0)
+        cost = gt.variable(start=0.0, fixed=True)
+        x = gt.variable(start=1.0, fixed=True)
+        y = gt.variable()
+        u = gt.input()
+
+        def equations(self):
+            yield der(self.cost) == self.x**2 + self.u**2
+            yield der(self.x) == self.u
+            yield self.y == self.x
+
+        def objective(self):
+            return self.cost.at(self.final_time)
+
+    model = Move()
+    assert build(model).quadrature_names == ["cost"]
+    for formulation in ("dae", "explicit"):
+        assert len(build(model, formulation, linked=True).state_names) == 2
+    assert build(model, "explicit").quadrature_names == ["cost"]
+
+
 def test_in_phases_it_continues():
     assert solve_phases(problems.two_phases(), Mesh(10)).status.ok
 

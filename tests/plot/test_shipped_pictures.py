@@ -19,8 +19,8 @@ from tests.support.picture_faults import faults
 
 PROBLEMS = Path(__file__).resolve().parents[2] / "problems"
 QUICK = (
-    "calibrate_l1", "compliance_kr500", "f1_modes", "friction_l1", "inertia_l1", "l1_drop", "stiffness_kr500",
-    "table_6_1", "van_der_pol", "vibration_hammer", "vibration_step", "vibration_table_6_15",
+    "calibrate_l1", "compliance_kr500", "f1_modes", "friction_l1", "inertia_l1", "l1_drop", "stick_slip",
+    "stiffness_kr500", "table_6_1", "van_der_pol", "vibration_hammer", "vibration_step", "vibration_table_6_15",
 )  # fmt: skip
 NO_PICTURE = ("d1_controller", "f1_controller", "l1_controller", "l1_controller_float")  # they write code
 ELSEWHERE = ("emps",)  # its recording is not shipped

@@ -102,8 +102,9 @@ def test_signs_by_direction():
     assert relative_error(tau, expected) < ROUND_OFF
 
 
-def test_simulation_refuses_exact_signs():
-    with pytest.raises(gt.ModelError, match=r"holds sign\(\)"):
+def test_simulation_says_where_exact_signs_would_hold_the_carts():
+    # at rest without forces the dry friction holds: neither direction of sliding goes on
+    with pytest.raises(gt.ModelError, match=r"no side of sign\(\) at .* suits the start.* friction would hold"):
         with_parts(friction=m.SignFriction).simulate(0.1, inputs={"tau": np.zeros(3)})
 
 

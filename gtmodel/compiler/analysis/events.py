@@ -40,10 +40,10 @@ class Comparison:
 
 @dataclass(frozen=True, eq=False)
 class SampleTimes:
-    """Instants offset, offset + period, ... [s], as expressions of parameters."""
+    """Instants offset, offset + period, ... [s], as expressions of parameters; without them the start."""
 
-    period: ca.SX
-    offset: ca.SX
+    period: ca.SX | None
+    offset: ca.SX | None
     where: SourceLocation
 
 
@@ -160,9 +160,7 @@ class _Collector:
 
     def logic(self, condition: Condition) -> Logic:
         """The same condition gives the same comparison."""
-        if condition.operation == "sample":
-            assert condition.every is not None
-            assert condition.offset is not None
+        if condition.operation in ("sample", "initial"):
             self.samples.append(SampleTimes(condition.every, condition.offset, condition.where))
             return "sample", len(self.samples) - 1
         if condition.relation is None:

@@ -5,14 +5,17 @@ from __future__ import annotations
 import warnings
 from collections.abc import Collection
 from dataclasses import dataclass, replace
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import casadi as ca
 import numpy as np
-import scipy
 
 from ...lang.source import ModelError
 from ..flat import FlatModel
+from ..matrices import called
+
+if TYPE_CHECKING:
+    import scipy
 
 MAX_TRIES = 60
 HOPELESS = 20  # tries without any point after which none is expected
@@ -53,18 +56,20 @@ class _Stage:
         self._dense = max(self._shape) <= DENSE
 
     def __call__(self, w: np.ndarray, p: np.ndarray, time: float) -> tuple[np.ndarray, Jacobian | None]:
-        r, values = (np.array(x.nonzeros()) for x in self._fun.call([ca.DM(w), ca.DM(p), ca.DM(time)]))
+        r, values = called(self._fun, w, p, time)
         if not np.all(np.isfinite(r)) or not np.all(np.isfinite(values)):
             return r, None  # outside the domain of a root, or at its edge
         if self._dense:
             jacobian = np.zeros(self._shape)
             jacobian[self._indices, self._columns] = values
             return r, jacobian
+        import scipy  # here and below: small systems need none, and start sooner
+
         return r, scipy.sparse.csc_matrix((values, self._indices, self._pointers), shape=self._shape)
 
     def outside(self, w: np.ndarray, p: np.ndarray, time: float) -> np.ndarray:
         """Which columns stand in a row that is not finite, or whose derivatives are not."""
-        r, values = (np.array(x.nonzeros()) for x in self._fun.call([ca.DM(w), ca.DM(p), ca.DM(time)]))
+        r, values = called(self._fun, w, p, time)
         rows = ~np.isfinite(r)
         rows[self._indices[~np.isfinite(values)]] = True
         outside = np.zeros(self._shape[1], dtype=bool)
@@ -72,8 +77,14 @@ class _Stage:
         return outside
 
 
+def _in_columns(jacobian: scipy.sparse.csc_matrix, reach: np.ndarray) -> scipy.sparse.csc_matrix:
+    import scipy
+
+    return jacobian @ scipy.sparse.diags(reach)
+
+
 def _least_norm(jacobian: Jacobian, reach: np.ndarray, r: np.ndarray) -> np.ndarray:
-    scaled: Any = jacobian * reach if isinstance(jacobian, np.ndarray) else jacobian @ scipy.sparse.diags(reach)
+    scaled: Any = jacobian * reach if isinstance(jacobian, np.ndarray) else _in_columns(jacobian, reach)
     rows = np.flatnonzero(abs(scaled).sum(axis=1))
     if len(rows) < len(r):  # equations among what stays where it is
         scaled, r = (scaled if isinstance(scaled, np.ndarray) else scaled.tocsr())[rows], r[rows]
@@ -90,6 +101,8 @@ def _through_normal_equations(scaled: Any, r: np.ndarray) -> np.ndarray:
     try:
         if isinstance(scaled, np.ndarray):
             return scaled.T @ np.linalg.solve(scaled @ scaled.T, -r)
+        import scipy
+
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             return scaled.T @ scipy.sparse.linalg.splu((scaled @ scaled.T).tocsc()).solve(-r)
@@ -202,11 +215,10 @@ class Sampler:
     def near(self, rng: np.random.Generator, spread: float) -> np.ndarray:
         """Start values with noise of `spread` nominals, and noise alone where there is none; the equations may not
         hold there."""
-        w = np.empty(len(self.pairs))
-        for n, pair in enumerate(self.pairs):
-            noise = self.flat.variables[pair[0]].nominal * rng.standard_normal()
-            w[n] = self.starts[pair] + spread * noise if pair in self.starts else noise
-        return w
+        nominal = [self.flat.variables[index].nominal for index, _ in self.pairs]
+        noise = np.multiply(nominal, rng.standard_normal(len(self.pairs)))
+        start = np.array([self.starts.get(pair, np.nan) for pair in self.pairs], dtype=float)
+        return np.where(np.isnan(start), noise, start + spread * noise)
 
     def _into_domain(self, w: np.ndarray, rng: np.random.Generator) -> None:
         """Draw again what stands in equations without a number: half as far from a start value, or anywhere."""

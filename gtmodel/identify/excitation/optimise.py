@@ -54,7 +54,7 @@ def optimise_excitation(
     start: Array,
     *,
     max_iterations: int = 400,
-    tolerance: float = 1e-3,
+    tolerance: float = 1e-4,
     max_seconds: float | None = None,
     progress: Progress | None = None,
 ) -> Excitation:

@@ -11,8 +11,8 @@ import numpy as np
 from ... import lang as gt
 from ...compiler.causal import CausalFunction, flat_of
 from ...motion.constraints import Constraint, MotionConstraints, guard_of
+from ...motion.links import motion_function
 from ...motion.options import Limits
-from ...motion.path_parametrization import motion_function
 from ...results import ArgumentError, naming
 from ...robots.links import links_of
 from ..regressor import Regressor
@@ -101,7 +101,8 @@ def _rows(inverse: CausalFunction, force: float) -> tuple[ca.Function, np.ndarra
     orders = [signal.pairs[0][1] for signal in inverse.inputs]
     x = [ca.SX.sym(n, 3) for n in ("x", "v", "a", "j")[: max(3, 1 + max(orders))]]
     outputs = inverse.casadi.call([x[k] for k in orders])
-    rows = ca.vertcat(outputs[0], *outputs[3 : len(inverse.outputs)])
+    names = [signal.name for signal in inverse.outputs]
+    rows = ca.vertcat(outputs[0], *[outputs[k] for k, name in enumerate(names) if name == "margin"])
     extra = rows.numel() - 3
     return (
         ca.Function("rows", x, [rows], {"cse": True}),

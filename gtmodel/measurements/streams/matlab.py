@@ -12,6 +12,7 @@ import numpy as np
 from .extra import needed
 from .form import LogError, LogForm, shown
 from .heads import Heads
+from .mat_elements import refuse_damaged
 from .stream import ArrayStream
 
 MOST_COMPONENTS = 64  # of a signal; a matrix with more both ways is a picture or a map
@@ -157,6 +158,7 @@ def is_hdf5(path: Path) -> bool:
 def _of_old(path: Path) -> Iterator[tuple[str, MatVariable | None]]:
     from scipy.io import loadmat
 
+    refuse_damaged(path)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of objects without a name, which are no numbers

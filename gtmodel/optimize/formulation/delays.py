@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
-import scipy
 
 from ...compiler.flat import FlatModel
+from ...compiler.matrices import SparseMatrix
 from ...lang.bind import join
 from ...lang.model import Connector, Model
 from ...lang.optimization import Delayed
@@ -26,7 +26,7 @@ ROUND_OFF = 1e-9  # of fractions of the horizon
 class DelayRows:
     """Rows matrix @ [y_0, ..., y_(N-1)] == value."""
 
-    matrix: scipy.sparse.coo_matrix
+    matrix: SparseMatrix
     value: np.ndarray
     names: list[str]
 
@@ -64,7 +64,7 @@ def delay_rows(problem: DynamicProblem, mesh: Mesh, layout: Layout) -> DelayRows
     """Rows for every delayed input at every point. Raises ModelError for a horizon or mesh that delays do not fit."""
     N, n, K = mesh.elements, layout.size, mesh.points
     if not problem.delayed:
-        return DelayRows(scipy.sparse.coo_matrix((0, N * n)), np.zeros(0), [])
+        return DelayRows(SparseMatrix.of([], [], [], (0, N * n)), np.zeros(0), [])
     title, horizon = problem.flat.title, ca.Function("ends", [problem.P], [problem.t0, problem.tf])
     if not (problem.t0.is_constant() and problem.tf.is_constant()) or mesh.length_ratio is not None:
         raise ModelError(f"{title}: a delayed input needs a horizon and element lengths that are given, not chosen")
@@ -111,6 +111,4 @@ def delay_rows(problem: DynamicProblem, mesh: Mesh, layout: Layout) -> DelayRows
                     rows.append(row)
                     cols.append(e * n + int(i))
                     weights.append(-float(weight) * other / own)
-    return DelayRows(
-        scipy.sparse.coo_matrix((weights, (rows, cols)), shape=(len(value), N * n)), np.array(value), names
-    )
+    return DelayRows(SparseMatrix.of(rows, cols, weights, (len(value), N * n)), np.array(value), names)

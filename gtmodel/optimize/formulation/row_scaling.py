@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from ...compiler.pivots import median
 from ...compiler.plan import CausalPlan
 from ...lang.source import ModelError
 from ...results.trajectory import Trajectory
@@ -86,7 +87,7 @@ class Jacobians:
         """Median over the points of each row's largest derivative; 1 where that is none."""
         if not rows:
             return np.ones(0)
-        size = np.median(self.largest(ca.vertcat(*rows)), axis=0)
+        size = median(self.largest(ca.vertcat(*rows)))
         return np.where(size > 0, size, 1.0)
 
     def at_one(self, rows: ca.SX) -> np.ndarray:

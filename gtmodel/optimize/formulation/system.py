@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from ...compiler.matrices import called
 from .dynamic import DynamicProblem
 
 STEPS = 20
@@ -123,5 +124,9 @@ def on_rows(
 ) -> list[np.ndarray]:
     """Results (r, n) of f for n instants side by side; `rows` and `more` (n, ...) stand before and behind P and t."""
     n = len(times)
-    before, behind = ([ca.DM(a.T) for a in arguments] for arguments in (rows, more))
-    return [v.full() for v in f.map(n).call([*before, ca.repmat(ca.DM(P), 1, n), ca.DM(times).T, *behind])]
+    whole = f.map(n)
+    values = called(whole, *rows, np.tile(P, (n, 1)), times, *more)
+    shapes = [(f.size2_out(k) * n, f.size1_out(k)) for k in range(f.n_out())]
+    if all(f.sparsity_out(k).is_dense() for k in range(f.n_out())):
+        return [v.reshape(shape).T for v, shape in zip(values, shapes, strict=True)]
+    return [ca.DM(whole.sparsity_out(k), v).full() for k, v in enumerate(values)]

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.polynomial import Polynomial
+from numpy.polynomial import polynomial
 
-from ..control import coefficients
+from ..control import coefficients, control_basis
 from ..nlp import Nlp, placed
 from ..solution import horizon
 
@@ -15,21 +15,27 @@ def control_range(nlp: Nlp, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
     A polynomial of K points bounded at its points only overshoots between them, most at an element's ends.
     """
-    layout, mesh = nlp.element.layout, nlp.mesh
-    low, high = np.full(layout.nu, np.inf), np.full(layout.nu, -np.inf)
+    mesh, u = nlp.mesh, nlp.physical(x)[:, nlp.element.layout.u]  # (elements, coefficients, controls)
+
+    def basis_at(s: np.ndarray) -> np.ndarray:
+        return control_basis(mesh.control, mesh.table, s)
+
+    values = basis_at(np.concatenate([[0.0, 1.0], mesh.table.points])) @ u
+    low, high = values.min((0, 1), initial=np.inf), values.max((0, 1), initial=-np.inf)
     degree = coefficients(mesh.control, mesh.table) - 1
-    fitted = np.linspace(0.0, 1.0, degree + 1) if mesh.control != "polynomial" else mesh.table.points
-    for k in range(mesh.elements):
-        at_fitted = controls_of(nlp, x, k, fitted)
-        for j in range(layout.nu):
-            turns = np.zeros(0)
-            if degree > 1:
-                polynomial = Polynomial.fit(fitted, at_fitted[:, j], degree, domain=[0, 1], window=[0, 1])
-                turns = polynomial.deriv().roots()
-            turns = turns[np.isreal(turns)].real
-            at = np.concatenate([[0.0, 1.0], mesh.table.points, turns[(turns > 0) & (turns < 1)]])
-            values = controls_of(nlp, x, k, at)[:, j]
-            low[j], high[j] = min(low[j], values.min()), max(high[j], values.max())
+    if degree > 1 and u.size:
+        fitted = np.linspace(0.0, 1.0, degree + 1) if mesh.control != "polynomial" else mesh.table.points
+        columns = (basis_at(fitted) @ u).transpose(1, 0, 2).reshape(degree + 1, -1)
+        slopes = polynomial.polyder(polynomial.polyfit(fitted, columns, degree))
+        turns = [polynomial.polyroots(slope) for slope in slopes.T]
+        which = np.repeat(np.arange(len(turns)), [len(own) for own in turns])
+        roots = np.concatenate(turns)
+        s = np.real(roots)
+        inside = np.isreal(roots) & (s > 0) & (s < 1)
+        element, control = np.divmod(which[inside], u.shape[2])
+        turned = np.sum(basis_at(s[inside]) * u[element, :, control], axis=1)
+        np.minimum.at(low, control, turned)
+        np.maximum.at(high, control, turned)
     return low, high
 
 
@@ -41,10 +47,5 @@ def control_curves(nlp: Nlp, x: np.ndarray, per_element: int = 15) -> tuple[np.n
     t0, tf = horizon(nlp, x)
     local = np.linspace(0.0, 1.0, per_element)
     mesh = placed(nlp, x)
-    s = np.concatenate([mesh.edges[k] + mesh.h[k] * local for k in range(mesh.elements)])
-    return t0 + s * (tf - t0), np.vstack([controls_of(nlp, x, k, local) for k in range(mesh.elements)])
-
-
-def controls_of(nlp: Nlp, x: np.ndarray, element: int, local: np.ndarray) -> np.ndarray:
-    """Controls (len(local), nu) of one element at fractions of it."""
-    return nlp.inputs(x, element, local)[:, : nlp.element.layout.nu]
+    s = (mesh.edges[:-1, None] + mesh.h[:, None] * local).ravel()
+    return t0 + s * (tf - t0), np.concatenate(nlp.inputs(x, local)[..., : nlp.element.layout.nu])

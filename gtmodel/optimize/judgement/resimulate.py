@@ -84,7 +84,7 @@ def resimulate(solution: Solution, tolerance: float = INTEGRATOR_TOLERANCE) -> R
     # both ends of every element: a control may jump at an edge
     s = (edges[:-1, None] + h[:, None] * fine).reshape(-1)
     s[-1] = 1.0
-    xs, us = np.vstack(states), np.vstack([_given(nlp, solution.x, k, fine) for k in range(mesh.elements)])
+    xs, us = np.vstack(states), np.concatenate(_given(nlp, solution.x, fine))
     times = t0 + s * (tf - t0)
     system, zs = RateSystem.of(problem), np.vstack(unknowns)
     rates, us = system.at(xs, us, zs, P, times)
@@ -99,7 +99,7 @@ def resimulate(solution: Solution, tolerance: float = INTEGRATOR_TOLERANCE) -> R
         k, t = mesh.element_at(s), t0 + s * (tf - t0)
         x, local = path(k)(np.array([t]))[0], (s - edges[k]) / h[k]
         z = np.array([np.interp(local, fine, column) for column in unknowns[k].T])
-        xd, u = system.at(x[None], _given(nlp, solution.x, k, np.array([local])), z[None], P, np.array([t]))
+        xd, u = system.at(x[None], _given(nlp, solution.x, np.array([local]))[k], z[None], P, np.array([t]))
         return x, xd[0], u[0], np.array(t)
 
     violation, name = _violation(problem, xs, rates, us, times, P, low, high)
@@ -122,9 +122,9 @@ def resimulate(solution: Solution, tolerance: float = INTEGRATOR_TOLERANCE) -> R
     )
 
 
-def _given(nlp: Nlp, x: np.ndarray, element: int, local: np.ndarray) -> np.ndarray:
-    """Controls and delayed inputs (len(local), n) of one element."""
-    return nlp.inputs(x, element, local)[:, : nlp.element.layout.nu + len(nlp.problem.delayed)]
+def _given(nlp: Nlp, x: np.ndarray, local: np.ndarray) -> np.ndarray:
+    """Controls and delayed inputs (elements, len(local), n) at fractions of each element."""
+    return nlp.inputs(x, local)[..., : nlp.element.layout.nu + len(nlp.problem.delayed)]
 
 
 def _integrate(
@@ -171,7 +171,7 @@ def _first_unknowns(solution: Solution, x: np.ndarray, t0: float, P: np.ndarray)
     first = placed(nlp, solution.x).h[0] * nlp.mesh.table.points[0]
     _, slope, inputs, _ = states_and_controls(nlp, solution.x, np.array([first]))
     z = system.near(problem, inputs, slope)
-    return system.solved(x[None], _given(nlp, solution.x, 0, np.zeros(1)), z, P, np.array([t0]))[0]
+    return system.solved(x[None], _given(nlp, solution.x, np.zeros(1))[0], z, P, np.array([t0]))[0]
 
 
 def _mayer(solution: Solution, integrated: Callable[[float], tuple[np.ndarray, ...]], P: np.ndarray) -> float:
@@ -190,7 +190,7 @@ def _steps(nlp: Nlp, x: np.ndarray) -> float:
     blocks = nlp.mesh.blocks
     if blocks is None:
         return 0.0
-    held = np.vstack([_given(nlp, x, k, np.zeros(1)) for k in range(nlp.mesh.elements)])
+    held = _given(nlp, x, np.zeros(1))[:, 0]
     each = {name: np.sum(np.diff(held[:, j]) ** 2) for j, name in enumerate(nlp.problem.control_names)}
     return float(sum(weight * each[name] for name, weight in blocks.step_penalty.items()))
 

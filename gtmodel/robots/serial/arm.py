@@ -21,8 +21,10 @@ from ...mechanics import (
     Revolute,
     RotationalPiecewiseLinearFriction,
     RotationalSignFriction,
+    RotationalStictionFriction,
     RotationalTanhFriction,
     SignFriction,
+    StictionFriction,
     TanhFriction,
     TorqueMotor,
 )
@@ -34,6 +36,7 @@ FRICTION: dict[str, tuple[type[gt.Model], type[gt.Model]]] = {
     "tanh": (RotationalTanhFriction, TanhFriction),
     "piecewise_linear": (RotationalPiecewiseLinearFriction, PiecewiseLinearFriction),
     "sign": (RotationalSignFriction, SignFriction),
+    "stiction": (RotationalStictionFriction, StictionFriction),
 }
 VELOCITY_SCALE = 0.1  # of friction [rad/s or m/s]
 DH_NAMES = ("theta", "d", "a", "alpha", "beta")

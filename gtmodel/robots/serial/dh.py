@@ -51,7 +51,7 @@ def serial_arm(
         c, I: centres of mass (n, 3) [m] and inertias about them (n, 3, 3) [kg m2] in the link frames, in place of the
             mc and J of the model.
         title: name of the arm.
-        smoothing: of friction, "tanh", "piecewise_linear" or "sign".
+        smoothing: of friction, "tanh", "piecewise_linear", "sign" or "stiction".
         payload: point mass at the tool's origin [kg].
         modifiers: any other parameter of `SerialArm`: m, tool_xyz, viscous, ...
 

@@ -29,7 +29,7 @@ def from_urdf(
     Args:
         path: of the file, or its text.
         tip: link at the end of the chain, whose frame is the tool; the end of the only chain that moves if left out.
-        smoothing: of friction, "tanh", "piecewise_linear" or "sign".
+        smoothing: of friction, "tanh", "piecewise_linear", "sign" or "stiction".
         payload: point mass at the tip's origin [kg].
         modifiers: parameters of `SerialArm` in place of those of the file.
 

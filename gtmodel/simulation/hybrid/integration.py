@@ -82,7 +82,8 @@ class HybridIntegration(Integration):
         for n, block in enumerate(self.blocks):
             self.clock.add(block.first(begin), Due("block", n))
         self._times = modes.sample_times(self._numbers)
-        for n, (period, offset) in enumerate(self._times):
+        for n, times in enumerate(self._times):
+            period, offset = times or (Fraction(1), exact(begin))
             steps = max(0, -(-(exact(begin) - offset) // period))
             self.clock.add(offset + steps * period, Due("sample", n))
 
@@ -123,6 +124,16 @@ class HybridIntegration(Integration):
             if stop < self._end and after.size and after[0] <= stop + self._slack:
                 self._begin_piece(max(stop, float(after[0])))
             self._instant()
+        self._at_the_end()
+
+    def _at_the_end(self) -> None:
+        """The event whose instant the last row is, but for round-off."""
+        if self._declared.comparisons:
+            at = np.array([self._time])
+            values, rates = self._comparisons(self._x[None, :], self._z[None, :], at)
+            s, ds = values[0] * self._signs(), rates[0] * self._signs()
+            if (flips := np.flatnonzero((np.abs(s) <= self._zero) & (ds < 0))).size:
+                self._event(flips.tolist())
 
     def _row_at(self, time: float) -> float:
         """The recorded row at a time, or the time where there is none."""
@@ -180,10 +191,14 @@ class HybridIntegration(Integration):
             return False
         n = int(np.nanargmin(left))
         span = max(float(left[n]), 0.0)
-        slope = np.asarray(self.system.reduced.rate(self._x, self._z, self._time, self._p).full()).reshape(-1)
-        self._take(self._time + span, self._x + span * slope, self._z, self._work)
+        self._take(self._time + span, self._straight_on(span), self._z, self._work)
         self._event([n])
         return True
+
+    def _straight_on(self, span: float) -> np.ndarray:
+        """The states after so short a span [s]."""
+        rate = self.system.reduced.rate(self._x, self._z, self._time, self._p)
+        return self._x + span * np.asarray(rate.full()).reshape(-1)
 
     def _grow(self, values: np.ndarray) -> None:
         if len(values):
@@ -298,8 +313,8 @@ class HybridIntegration(Integration):
         for d in due:
             if d.kind == "outputs":
                 new |= d.values
-            elif d.kind == "sample":
-                self.clock.add(now + self._times[d.number][0], Due("sample", d.number))
+            elif d.kind == "sample" and (times := self._times[d.number]) is not None:
+                self.clock.add(now + times[0], Due("sample", d.number))
         samples = [n for n in range(len(self._times)) if Due("sample", n) in due]
         if new:
             self._set(new)
@@ -373,7 +388,7 @@ class HybridIntegration(Integration):
         discrete: dict[int, tuple[float, float]] = {}
         restarted: dict[Pair, tuple[float, float]] = {}
         impulses: dict[str, float] = {}
-        stored, declared = self._stored(), None
+        stored, declared, modes = self._stored(), None, self._values
         before_it = self._one_row()
         seen: set[tuple[object, ...]] = set()
         due, zero = [n in samples for n in range(len(events.samples))], self._zero
@@ -416,9 +431,11 @@ class HybridIntegration(Integration):
                 impulses[force] = impulses.get(force, 0.0) + impulse
         else:
             raise self._unsettled(list(causes))
-        # what changed its side begins anew to grow
-        self._size = np.where(begun, 0.0, self._size)
-        if not acted:
+        # what changed its side begins anew to grow, from what is left of the other side
+        self._size = np.where(begun, self._left_over() / ZERO, self._size)
+        at_start = bool(samples) and all(self._times[n] is None for n in samples)
+        unchanged = not restarted and values == modes and all(old == new for old, new in discrete.values())
+        if not acted or (at_start and unchanged):
             return
         after = self._stored()
         change = after - stored
@@ -441,17 +458,37 @@ class HybridIntegration(Integration):
             raise Ended(SolveStatus.FAILED, sentence)
 
     def _sides(self, forced: Sequence[int], zero: np.ndarray) -> np.ndarray:
-        """Truth of the comparisons from now on: by their values, at zero by their rates, and as they were where
-        neither shows it."""
+        """Truth of the comparisons from now on: by their values, at zero by their rates, where these are zero too by
+        those a moment later, and as they were where nothing shows it."""
         if not self._declared.comparisons:
             return self.truth
         values, rates = (a[0] for a in self._comparisons(self._x[None, :], self._z[None, :], np.array([self._time])))
         self._largest = np.maximum(self._largest, np.abs(values))
         slow = zero / (SLOW * (self._end - self._begin))
+        near = np.abs(values) <= zero
+        near[list(forced)] = False
+        if near.any() and not self._z.size:
+            later = self._rates_later()
+            # a rate that is zero is round-off
+            rates = np.where(near & (np.abs(later) > 2 * np.abs(rates)), later, rates)
         truth = self._modes.sides(values, rates, zero, slow, self.truth)
         for n in forced:
             truth[n] = not self.truth[n]
         return truth
+
+    def _rates_later(self) -> np.ndarray:
+        """Rates of the comparisons a moment later: a force that grows through what friction holds accelerates by
+        nothing at the instant itself."""
+        moment = min(SLOW * (self._end - self._begin), self._stepper.likely / 100)
+        x = self._straight_on(moment)
+        return self._comparisons(x[None, :], self._z[None, :], np.array([self._time + moment]))[1][0]
+
+    def _left_over(self) -> np.ndarray:
+        """Of each comparison twice by how much its value is still on the side that it leaves; else 0."""
+        if not self._declared.comparisons:
+            return np.zeros(0)
+        values = self._comparisons(self._x[None, :], self._z[None, :], np.array([self._time]))[0][0]
+        return 2 * np.maximum(-values * self._signs(), 0.0)
 
     def _changes(self, fired: Sequence[int]) -> Changes:
         if not fired:

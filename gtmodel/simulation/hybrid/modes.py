@@ -251,7 +251,7 @@ class SimulatedModes:
         """Velocities after impulses that give some of them new values, by symbols of the system; and the impulses.
 
         The equations of the highest derivatives, integrated over the instant: finite forces vanish, velocities change,
-        and the equation that keeps a force between impacts gives way to the velocity that is asked for.
+        and the equation that keeps a force between impacts is replaced by one of the velocity that is asked for.
 
         Raises ModelError for a force that no equation of its own keeps, and where masses and constraints admit no such
         change.
@@ -339,10 +339,13 @@ class SimulatedModes:
                 f"does not jump by itself; say by gt.reinit what it starts anew from, or switch where both agree"
             )
 
-    def sample_times(self, numbers: np.ndarray) -> list[tuple[Fraction, Fraction]]:
-        """Period and offset of each gt.sample [s]."""
-        result = []
+    def sample_times(self, numbers: np.ndarray) -> list[tuple[Fraction, Fraction] | None]:
+        """Period and offset of each gt.sample [s]; None for gt.initial."""
+        result: list[tuple[Fraction, Fraction] | None] = []
         for s in self.events.samples:
+            if s.period is None or s.offset is None:
+                result.append(None)
+                continue
             column = ca.vertcat(s.period, s.offset)
             period, offset = np.asarray(ca.Function("times", [self.flat.p], [column])(numbers)).reshape(-1).tolist()
             if not (period > 0 and np.isfinite(period) and np.isfinite(offset)):
@@ -385,8 +388,9 @@ class _Values:
 
 def _recorded(flat: FlatModel, events: FlatEvents, outputs: tuple[str, ...], pairs: Sequence[Pair]) -> Recorded:
     """Rows of a model with events: discrete variables too, and after the energies' terms what events look at."""
-    base = Recorded.of(flat, outputs)
-    shown = [s for s in events.shown if s.name.count(".") <= 1]
+    discrete = {s.name for s in events.shown}
+    base = Recorded.of(flat, tuple(name for name in outputs if name not in discrete))
+    shown = [s for s in events.shown if s.name.count(".") <= 1 or s.name in outputs]
     entries, symbols = list(base.entries), list(base.expressions[: len(base.expressions) - base.terms])
     for s in shown:
         entries += _quantities(s)

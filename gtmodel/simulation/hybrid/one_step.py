@@ -38,6 +38,11 @@ class OneStep:
         self._last = np.inf  # the step that it would take next [s]
 
     @property
+    def likely(self) -> float:
+        """The step that it would take next [s], infinite before the first one."""
+        return self._last
+
+    @property
     def most(self) -> int:
         """Intervals in one call."""
         return self._stepper.most if self._stiff else MOST_ROWS

@@ -184,3 +184,34 @@ def test_a_stiff_system_between_events() -> None:
         x = u + (x - u) * np.exp(-(1.0 if k < 3 else 0.5))
     assert run.trajectory["x[0]"][-1] == pytest.approx(x, abs=1e-8)
     assert run.trajectory["x[1]"][-1] == pytest.approx(x, abs=1e-4)
+
+
+def test_what_is_decided_at_the_start_is_an_event_where_it_changes_something() -> None:
+    class Inner(gt.Model):
+        x = gt.input()
+        side = gt.discrete(0.0)
+
+        def equations(self):
+            yield gt.when(gt.initial() & (self.x >= 1.0), self.side == 1.0)
+
+    class Middle(gt.Model):
+        inner = gt.part(Inner)
+
+    class Outer(gt.Model):
+        x = gt.variable(start=0.0, fixed=True)
+        middle = gt.part(Middle)
+
+        def equations(self):
+            yield gt.der(self.x) == 1.0
+            yield self.middle.inner.x == self.x
+
+    for begin in (0.0, 3.0):
+        # a discrete variable of a part of a part is recorded where outputs name it
+        runs = [
+            gt.simulate(Outer(), begin + 2.0, start_time=begin, start={"x": x}, outputs=["middle.inner.side"])
+            for x in (0.0, 1.5)
+        ]
+        assert [[e.time for e in run.events] for run in runs] == [[], [begin]]
+        assert [run.trajectory["middle.inner.side"][-1] for run in runs] == [0.0, 1.0]
+    with pytest.raises(gt.ModelError, match=r"initial\(\) is true at single instants only"):
+        gt.If(gt.initial(), 1.0, 2.0)

@@ -1,0 +1,57 @@
+"""What a simulated loop is asked for: how the controller samples, and a move from a point to another."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from ..results.options import Long, Options, Unit, Within
+
+
+@dataclass(frozen=True)
+class LoopSampling(Options):
+    """How a digital controller measures and computes.
+
+    >>> gt.control.LoopSampling(period=0.002).delay
+    0.008
+    """
+
+    period: Annotated[float, Unit("s", written="ms"), Within(above=0.0), "between two samples"] = 0.004
+    delay: Annotated[
+        float, Unit("s", written="ms"), Within(least=0.0),
+        "between a sample and the instant at which its forces act; any part of a period or several periods",
+    ] = 0.008  # fmt: skip
+    resolution: Annotated[float, Unit("m", written="um"), Within(least=0.0), "of the encoders; 0: exact"] = 0.0
+    velocity: Annotated[
+        Literal["measured", "difference"],
+        "what the law is given: the plant's velocity, or the difference of two measured positions by the period",
+    ] = "measured"
+    compiled: Annotated[bool, "the law by its generated C, the same numbers bit for bit"] = False
+
+
+@dataclass(frozen=True)
+class Move(Options):
+    """A motion of the tool along a straight line from rest to rest, by a polynomial of fifth degree, and a rest.
+
+    >>> gt.control.Move(start=[0.5, -0.9, 0.3], goal=[0.8, -0.9, 0.3], duration=0.6).rest
+    0.2
+    """
+
+    start: Annotated[list[float], Unit("m"), Long(3), "tool centre point at the beginning, in the robot's frame"]
+    goal: Annotated[list[float], Unit("m"), Long(3), "tool centre point at the end"]
+    duration: Annotated[float, Unit("s"), Within(above=0.0), "of the motion"]
+    rest: Annotated[float, Unit("s"), Within(least=0.0), "after it, still under control"] = 0.2
+
+
+@dataclass(frozen=True)
+class TrackingLimits(Options):
+    """What the loop must keep; no check where a number is left out.
+
+    >>> gt.control.TrackingLimits(force=700.0).error is None
+    True
+    """
+
+    error: Annotated[
+        float | None, Unit("m", written="mm"), Within(above=0.0), "largest error of an actuator"
+    ] = None  # fmt: skip
+    force: Annotated[float | None, Unit("N"), Within(above=0.0), "largest force of an actuator"] = None

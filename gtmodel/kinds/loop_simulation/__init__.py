@@ -1,0 +1,1 @@
+"""Kind "loop_simulation"."""
