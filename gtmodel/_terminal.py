@@ -124,7 +124,11 @@ def watching(
         context.request_stop()
         with suppress(OSError):  # the terminal may be gone
             again = "Ctrl-C" if number == signal.SIGINT else signal.Signals(number).name
-            print(f"{stopping}; {again} again breaks off", file=sys.stderr)
+            sentence = f"{stopping}; {again} again breaks off"
+            try:
+                print(sentence, file=sys.stderr)
+            except RuntimeError:  # the signal came while the stream itself was being written to
+                os.write(2, f"{sentence}\n".encode())
 
     def notice(sentence: str) -> None:
         print(sentence, file=sys.stderr)

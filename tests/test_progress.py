@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import signal
 import sys
 import time
 from pathlib import Path
@@ -132,3 +133,22 @@ def test_the_command_writes_progress_to_stderr_only(
     assert loud.code == 0 and "0:00:00 " in loud.err and json.loads(loud.out) == loud.json
     quiet = gtmodel("solve", "swing.toml", "--json", "--quiet")
     assert quiet.code == 0 and "0:00:0" not in quiet.err and quiet.json["values"] == loud.json["values"]
+
+
+def test_a_signal_amid_a_line_of_progress_asks_for_a_stop_all_the_same(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    class Busy:
+        """As Python's own stream, which is written to when the signal comes."""
+
+        def write(self, text: str) -> None:
+            raise RuntimeError("reentrant call inside <_io.BufferedWriter name='<stderr>'>")
+
+        def flush(self) -> None: ...
+
+    context = Context()
+    with _terminal.watching(context, quiet=True):
+        monkeypatch.setattr(sys, "stderr", Busy())
+        signal.raise_signal(signal.SIGTERM)
+    assert context.stop_requested
+    assert "SIGTERM again breaks off" in capfd.readouterr().err
