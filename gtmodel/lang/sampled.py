@@ -6,6 +6,7 @@ from typing import Any
 
 from .declare import parameter
 from .model import Model
+from .source import ModelError
 
 
 class SampledBlock(Model):
@@ -49,6 +50,9 @@ class SampledBlock(Model):
     def step(self, inputs: Any, state: Any) -> dict[str, Any]:
         """New outputs and state from the inputs at a sample and the state before it; a subclass writes it.
 
-        inputs, state: have the declared names as attributes, numbers or arrays of NumPy.
+        inputs, state: have the declared names as attributes, numbers or arrays of NumPy. Raises ModelError in a class
+        that has none.
         """
-        raise NotImplementedError(f"{type(self).__name__} has no step(self, inputs, state)")
+        cls = type(self)
+        own = [item.where for item in cls._declared.values() if item is not SampledBlock._declared.get(item.name)]
+        raise ModelError(f"{cls.__name__} has no step(self, inputs, state); write one", own[0] if own else None)

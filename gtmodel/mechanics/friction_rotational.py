@@ -82,7 +82,9 @@ class RotationalPiecewiseLinearFriction(PiecewiseLinearSign, CoulombViscousLaw, 
 
 
 class RotationalSignFriction(ExactSign, CoulombViscousLaw, _CoulombViscous):
-    """Coulomb and viscous friction with the exact sign, 0 at standstill: for identification, not for simulation.
+    """Coulomb and viscous friction with the exact sign, 0 at standstill: for identification.
+
+    A simulation ends where the motion would stay at standstill: `RotationalStictionFriction` sticks.
 
     >>> bench = gt.Builder("bench")
     >>> motor = bench.part("motor", gt.mechanics.TorqueMotor())

@@ -263,7 +263,7 @@ def _block(tree: Tree, block: SampledBlock) -> FlatBlock:
     path = block.__dict__["_path"]
     cls = type(block)
     if cls.step is SampledBlock.step:
-        raise ModelError(f"{cls.__name__} has no step(self, inputs, state); write one", block.__dict__.get("where"))
+        block.step(None, None)  # which says so
     inside = f"{path}." if path else ""
     inputs = [
         BlockSignal(r.name.removeprefix(inside), r.item.shape, r.indices, r.item.unit)

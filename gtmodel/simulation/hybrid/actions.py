@@ -13,6 +13,8 @@ import numpy as np
 from ...compiler.analysis.events import FlatEvents, FlatWhen
 from ...compiler.flat import FlatModel
 from ...lang.source import ModelError
+from ...results.status import SolveStatus
+from ..ending import Ended
 
 Pair = tuple[int, int]
 
@@ -84,7 +86,7 @@ class Actions:
     ) -> Changes:
         """What the events of these numbers do together at a point.
 
-        Raises ModelError where two of them give one variable different values, or a value is not finite.
+        Raises ModelError where two of them give one variable different values, and Ended where one is not finite.
         """
         before = p[self._events.discrete]
         results = self._function(tuple(fired))(values, p, before, np.array(modes, float), time)
@@ -96,7 +98,8 @@ class Actions:
                 taken: dict[Any, float] = changes.restarted if isinstance(key, tuple) else changes.discrete
                 name = self.name_of(key)
                 if not np.isfinite(number):
-                    raise ModelError(f"{when.name} gives '{name}' no finite value at {time:.6g} s", when.where)
+                    sentence = f"{when.name} gives '{name}' no finite value at {time:.6g} s ({when.where})"
+                    raise Ended(SolveStatus.FAILED, sentence)
                 if key in owner and taken[key] != number:
                     first = owner[key]
                     raise ModelError(

@@ -16,7 +16,9 @@ from ...lang.declare import Discrete
 from ...lang.sampled import SampledBlock
 from ...lang.slips import floats, persons_code
 from ...lang.source import ModelError
+from ...results.status import SolveStatus
 from ...results.trajectory import Trajectory
+from ..ending import Ended
 from .clock import exact
 
 
@@ -45,7 +47,8 @@ class RunningBlock:
     def step(self, time: float, inputs: np.ndarray, p: np.ndarray) -> dict[int, float]:
         """New values by places in `flat.p`, from the inputs' entries in order and the state in `p`.
 
-        Raises ModelError for what its step gives that is not declared, of another shape or not finite.
+        Raises ModelError for what its step gives that is not declared or of another shape, and Ended for what is not
+        finite, as of a loop that diverges.
         """
         given, column = {}, 0
         for s in self.block.inputs:
@@ -70,7 +73,8 @@ class RunningBlock:
             if array.size != len(signal.places):
                 raise ModelError(f"step() of {cls.__name__} gives '{name}' {array.shape}; expected {signal.shape}")
             if not np.all(np.isfinite(array)):
-                raise ModelError(f"step() of {cls.__name__} gives '{name}' = {value} at {time:.6g} s: not finite")
+                sentence = f"step() of {cls.__name__} gives '{name}' = {value} at {time:.6g} s: not finite"
+                raise Ended(SolveStatus.FAILED, sentence)
             values |= dict(zip(signal.places, array.reshape(-1).tolist(), strict=True))
         outputs = [values.get(place, float(p[place])) for s in self.block.outputs for place in s.places]
         self._times.append(time)

@@ -57,7 +57,7 @@ class HybridIntegration(Integration):
         begin, end = float(rows[0]), float(rows[-1])
         self._modes, self._begin, self._end = modes, begin, end
         self._slack = SAME * max(abs(begin), abs(end))
-        self._steppers: dict[int, OneStep] = {}
+        self._steppers: dict[SimulatedSystem, OneStep] = {}
         super().__init__(ready.ready, rows, grid, ready.ready.systems.pace(ready.ready.inputs, begin, end))
         self._paces = {ready.values: self._pace}
         self._flat: FlatModel = modes.flat
@@ -65,8 +65,7 @@ class HybridIntegration(Integration):
         self._actions = Actions(modes.flat, modes.events, modes.pairs)
         self.events: list[Event] = []
         self._values = ready.values
-        self._kept: list[SimulatedSystem] = []  # so that their ids stay theirs
-        self._watched: dict[int, tuple[SimulatedSystem, Watched]] = {}
+        self._watched: dict[SimulatedSystem, Watched] = {}
         self.truth, self.held = ready.truth.copy(), ready.held.copy()
         self._size = self._largest = np.zeros(len(self._declared.comparisons))
         self._accumulation = Accumulation(end - begin)
@@ -99,13 +98,10 @@ class HybridIntegration(Integration):
 
     @property
     def _stepper(self) -> OneStep:
-        known = self._steppers.get(id(self.system))
-        if known is None:
-            s = self._settings
-            known = OneStep(self.system.reduced, self.system.stepper, s.tolerance, s.bounded)
-            self._steppers[id(self.system)] = known
-            self._kept.append(self.system)
-        return known
+        system, s = self.system, self._settings
+        if system not in self._steppers:
+            self._steppers[system] = OneStep(system.reduced, system.stepper, s.tolerance, s.bounded)
+        return self._steppers[system]
 
     # -- between events ----------------------------------------------------------------------------
 
@@ -215,12 +211,9 @@ class HybridIntegration(Integration):
 
     def _comparisons(self, xs: np.ndarray, zs: np.ndarray, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Values and rates, one row for each time."""
-        key = id(self.system)
-        if key not in self._watched:
-            begin = self._modes.first_comparison
-            expressions = self.system.reduced.outputs[begin : begin + len(self._declared.comparisons)]
-            self._watched[key] = self.system, Watched(self.system.reduced, expressions)
-        return self._watched[key][1](xs, zs, times, self._p)
+        if self.system not in self._watched:
+            self._watched[self.system] = self._modes.watched(self.system)
+        return self._watched[self.system](xs, zs, times, self._p)
 
     def _first_change(self, at: np.ndarray, values: np.ndarray, rates: np.ndarray) -> tuple[int, float]:
         """The first interval in which a comparison changes, their number where none does; and where inside of it one

@@ -18,6 +18,8 @@ from ...compiler.flat import FlatModel
 from ...compiler.other_values import with_values
 from ...lang.slips import floats
 from ...lang.source import ModelError
+from ...results.status import SolveStatus
+from ..ending import Ended
 from ..inputs import SimulationInputs
 from ..prepare import Ready, prepare_in
 from ..record import Recorded, RecordedQuantity, Recorder
@@ -176,14 +178,17 @@ class SimulatedModes:
 
     def _truth(self, ready: Ready, time: float, end: float, before: np.ndarray) -> np.ndarray:
         """Of the comparisons at a start: by their values, at zero by their rates."""
-        count = len(self.events.comparisons)
-        if not count:
+        if not self.events.comparisons:
             return np.zeros(0, dtype=bool)
-        reduced = ready.system.reduced
-        watched = Watched(reduced, reduced.outputs[self.first_comparison : self.first_comparison + count])
-        x, z = reduced.from_point(ready.initial.w)
+        watched = self.watched(ready.system)
+        x, z = ready.system.reduced.from_point(ready.initial.w)
         values, rates = watched(x[None, :], z[None, :], np.array([time]), ready.inputs.piece(time))
         return self.sides(values[0], rates[0], ZERO, ZERO / (end - time), before)
+
+    def watched(self, system: SimulatedSystem) -> Watched:
+        """The comparisons in a system."""
+        last = self.first_comparison + len(self.events.comparisons)
+        return Watched(system.reduced, system.reduced.outputs[self.first_comparison : last])
 
     def sides(self, values: np.ndarray, rates: np.ndarray, zero: Any, slow: Any, before: np.ndarray) -> np.ndarray:
         """Truth of the comparisons from now on: by their values, within `zero` by their rates, and as they were
@@ -207,7 +212,8 @@ class SimulatedModes:
         """A system for the modes of `systems` from a point of the old one, with its states and Newton unknowns.
 
         States go on, but for those that start anew, and those that an impulse changed: `struck` has their values by
-        symbols of the old system. Raises ModelError where the new equations do not take them.
+        symbols of the old system. Raises ModelError where a state would jump although nobody says so, and Ended where
+        the new equations have no solution there.
         """
         flat, plan = systems.flat, systems.plan
         before = point.copy()
@@ -227,7 +233,7 @@ class SimulatedModes:
         w = np.where(np.isfinite(w), w, 0.0)
         system = systems.at(w, time, settings)
         if system is None:
-            raise ModelError(f"at {time:.6g} s no choice of states describes the motion after the event")
+            raise _ended(f"at {time:.6g} s no choice of states describes the motion after the event")
         for pair in [] if struck else anew:
             if pair not in system.plan.states:
                 name = flat.symbol_name(*pair)
@@ -241,7 +247,7 @@ class SimulatedModes:
             z = self._unknowns(system, x, z, time, p)
         at = system.reduced.point(x[None, :], z[None, :], np.array([[time]]), p)[0][0]
         if not np.all(np.isfinite(at)):
-            raise ModelError(f"at {time:.6g} s the equations have no solution after the event")
+            raise _ended(f"at {time:.6g} s the equations have no solution after the event")
         self._refuse_jumps(old, before, system, at, {*anew, *struck}, time)
         return system, x, z
 
@@ -253,8 +259,8 @@ class SimulatedModes:
         The equations of the highest derivatives, integrated over the instant: finite forces vanish, velocities change,
         and the equation that keeps a force between impacts is replaced by one of the velocity that is asked for.
 
-        Raises ModelError for a force that no equation of its own keeps, and where masses and constraints admit no such
-        change.
+        Raises ModelError for a force that no equation of its own keeps, and Ended where masses and constraints admit no
+        such change.
         """
         plan, flat = system.plan, self.flat
         matrix = systems.selection.matrix(point, time).copy()
@@ -286,7 +292,7 @@ class SimulatedModes:
             change = np.full(len(matrix), np.nan)
         if not np.all(np.isfinite(change)):
             names = ", ".join(forces)
-            raise ModelError(f"at {time:.6g} s an impulse of {names} cannot give the velocities that are asked for")
+            raise _ended(f"at {time:.6g} s an impulse of {names} cannot give the velocities that are asked for")
         place = {pair: n for n, pair in enumerate(plan.pairs)}
         after = {}
         for index, n in column.items():
@@ -311,7 +317,7 @@ class SimulatedModes:
                 break
             z = z + step
             better = continuation.correct(z, place)
-        raise ModelError(f"at {time:.6g} s Newton finds no solution for {system.reduced.unknowns} after the event")
+        raise _ended(f"at {time:.6g} s Newton finds no solution for {system.reduced.unknowns} after the event")
 
     def _refuse_jumps(
         self,
@@ -326,13 +332,16 @@ class SimulatedModes:
         value = _Values(new, after)
         own = {pair: n for n, pair in enumerate(old.plan.pairs)}
         moved = {old.plan.alias.resolve(*pair)[1:] for pair in anew}
+        highest = dict(zip(old.plan.structure.unknowns, old.plan.structure.d.tolist(), strict=True))
         for pair in old.plan.states:
             now, was = value(pair), float(before[own[pair]])
             nominal = self.flat.variables[pair[0]].nominal
             if pair in moved or not np.isfinite(now) or abs(now - was) <= JUMPED * max(nominal, abs(was)):
                 continue
-            if anew and any(order > 0 or k > 0 for _, order in anew for _, k in [pair]):
-                continue  # what follows from a speed that starts anew
+            # a speed follows from one that starts anew; a place does not
+            below = pair[1] < highest.get(pair[0], 0) - 1
+            if anew and not (below and all(order > 0 for _, order in anew)):
+                continue
             name = old.name_of(pair)
             raise ModelError(
                 f"at {time:.6g} s the equations after the event want {name} = {now:.6g}, and it is {was:.6g}: a state "
@@ -371,6 +380,10 @@ class SimulatedModes:
                     own.add(m)
             result.append(own)
         return result
+
+
+def _ended(sentence: str) -> Ended:
+    return Ended(SolveStatus.FAILED, sentence)
 
 
 class _Values:

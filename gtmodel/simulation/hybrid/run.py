@@ -69,9 +69,10 @@ def simulate_events(
     residual, broken = integration.finish()
     if broken is not None and status is SolveStatus.SOLVED:
         status, message = SolveStatus.FAILED, broken
-    for count, what in ((len(integration.events), "event"), (len(integration.switches), "change of states")):
-        if count and status.ok:
-            message += f"; {count} {what if count == 1 else {'event': 'events'}.get(what, 'changes of states')}"
+    if (n := len(integration.events)) and status.ok:
+        message += f"; {n} event{'s' * (n > 1)}"
+    if n := len(integration.switches):
+        message += f"; states switched {n} time{'s' * (n > 1)}"
     trajectory, energy_error, moved = ready.ready.recorder.trajectory()
     checks = balance(energy_error, moved) | resolution(integration.largest, tolerance)
     if integration.declares_loss:

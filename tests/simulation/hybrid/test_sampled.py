@@ -158,3 +158,30 @@ def test_a_sampled_block_on_its_own_clock_begins_at_its_offset() -> None:
     assert run.samples["law"].time == pytest.approx([0.1, 0.4, 0.7, 1.0])
     begun = gt.simulate(Late(), 1.0, start_time=0.5)
     assert begun.samples["law"].time == pytest.approx([0.7, 1.0])
+
+
+class Runaway(gt.SampledBlock):
+    x = gt.input()
+    u = gt.output()
+
+    def step(self, inputs, state):
+        return {"u": np.log(0.9 - inputs.x)}  # not defined from x = 0.9 on
+
+
+def test_a_law_that_gives_no_number_ends_the_run_and_keeps_what_there_is() -> None:
+    class Loop(gt.Model):
+        x = gt.variable(start=0.0, fixed=True)
+        law = gt.part(Runaway, period=0.25)
+        late = gt.variable()
+
+        def equations(self):
+            yield gt.der(self.x) == 2.0
+            yield self.law.x == self.x
+            yield self.late == self.law.u
+
+    with np.errstate(all="ignore"):
+        run = gt.simulate(Loop(), 2.0, throw=False)
+    assert run.status is gt.SolveStatus.FAILED
+    assert "step() of Runaway gives 'u' = nan at 0.5 s: not finite" in run.message
+    assert run.trajectory.time[-1] == pytest.approx(0.5)
+    assert len(run.samples["law"]) == 2
