@@ -5,7 +5,6 @@ Exit code 0: solved and every check passed; 1: not; 2: bad input, one plain sent
 
 from __future__ import annotations
 
-import json
 import os
 import sys
 from collections.abc import Sequence
@@ -14,6 +13,8 @@ from typing import Annotated, Any
 
 # nobody looks at a window; set before anything imports matplotlib
 os.environ.setdefault("MPLBACKEND", "Agg")
+# pydantic asks every installed package for plugins of its own, of which our schemas need none
+os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
 
 import typer
 from typer.exceptions import TyperException
@@ -174,11 +175,10 @@ def doctor(context: typer.Context, as_json: Json = False) -> None:
     """
     from gtmodel._doctor.report import HEAD, examined
 
-    with answering(context, as_json, "doctor"):
+    with answering(context, as_json, "doctor") as answer:
         report = examined()
-    if as_json:
-        print(json.dumps(report.document()))  # here, because the usual way needs NumPy
-    else:
+        answer.data = report.document()
+    if not as_json:
         terminal.table(HEAD, report.cells())
         if report.ok:
             print(f"\n{report.message}")

@@ -19,7 +19,7 @@ from gtmodel.cgen import CodeStudy
 from gtmodel.cgen.verification import against_python
 from gtmodel.kinds.codegen import kind as codegen_kind
 from gtmodel.problem_files import fields
-from gtmodel.problem_files.registry import result_of
+from gtmodel.problem_files.registry import results_of
 from gtmodel.results.quantity import described
 from gtmodel.results.unit_names import unit_of
 from tests.support.commands import CLONE, Commands, command, environment, process
@@ -131,7 +131,7 @@ def test_own_optimization_is_solved(gtmodel: Commands, problem: str, time_s: flo
     assert done.json["problem"] == problem and done.json["status"] == "solved"
     assert done.json["values"]["final_time_s"] == pytest.approx(time_s, rel=TIME_TOLERANCE)
     assert all(check["passed"] and set(check) == {"value", "bound", "passed"} for check in done.json["checks"].values())
-    assert list(done.json["values"]) == list(described(result_of("optimization")))
+    assert list(done.json["values"]) == list(described(*results_of("optimization")))
 
 
 def test_people_read_one_table(gtmodel: Commands) -> None:
@@ -184,7 +184,7 @@ def test_shipped_problem_is_found_outside_the_clone(prototype: Path) -> None:
 def test_trajectory_announces_its_values(prototype: Path) -> None:
     printed = json.loads((prototype / "stdout.json").read_text())
     assert list(printed) == JSON_KEYS
-    assert list(printed["values"]) == list(described(result_of("trajectory")))
+    assert list(printed["values"]) == list(described(*results_of("trajectory")))
     assert printed["values"]["final_time_s"] > 0
 
 

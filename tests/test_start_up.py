@@ -31,7 +31,10 @@ def imported(program: str) -> set[str]:
     return set(json.loads(done.stdout))
 
 
-@pytest.mark.parametrize("words", [["--help"], ["--version"], ["solve", "--help"], ["list"], ["list", "robots"]])
+WITHOUT_RESULT = [["--help"], ["--version"], ["solve", "--help"], ["list"], ["list", "robots", "--json"]]
+
+
+@pytest.mark.parametrize("words", WITHOUT_RESULT)
 def test_a_command_that_computes_nothing_imports_nothing_heavy(words: list[str]) -> None:
     modules = imported(RUN.format(words=words))
     assert "gtmodel.cli" in modules and not modules & HEAVY
@@ -69,6 +72,19 @@ def test_a_solve_without_pictures_imports_no_matplotlib_and_no_other_family_of_r
     assert not modules & {"matplotlib", "rich", "gtmodel.robots.f1", "gtmodel.robots.six_link", "gtmodel.robots.kr500"}
     assert not modules & {"scipy", "numpy.ma"}  # would take as long as all other packages
     assert not {m for m in modules if m.startswith(("gtmodel.plot", "gtmodel.problem_files.robot_file"))}
+
+
+def test_a_solve_asks_no_installed_package_for_plugins() -> None:
+    """pydantic would ask all of them, through a function that fails here."""
+    words = ["solve", "l1_min_time", "--quiet", "--max-seconds", "0.01"]
+    program = "import importlib.metadata; importlib.metadata.entry_points = None\n" + RUN.format(words=words)
+    assert "gtmodel.robots.three_link" in imported(program)
+
+
+def test_versions_of_packages_are_known_without_reading_what_they_say_of_themselves() -> None:
+    program = "import json, sys; from gtmodel.results.written import versions; versions(); "
+    modules = imported(program + "print(json.dumps(list(sys.modules)))")
+    assert "gtmodel.results.written" in modules and not modules & {"importlib.metadata", "subprocess", "scipy"}
 
 
 SEARCHES = """

@@ -3,6 +3,9 @@
 study         all of it in one call: generated, compared with Python, costs counted, written -> CodeStudy
 Verification  how it is compared
 
+StepFunction  what is computed once in a cycle from inputs and from what it remembers
+BlockFunction a sampled block of a model as such a function
+
 Its steps. Produce: generate -> Generated. Verify: check -> CheckReport. Measure: costs -> Costs, write_costs.
 All raise GenerationError, one plain sentence, for what cannot be generated, written or compared.
 """
@@ -17,6 +20,8 @@ if TYPE_CHECKING:
     from .costs_file import write_costs as write_costs
     from .generation import Generated as Generated, generate as generate
     from .measurement import Costs as Costs, costs as costs
+    from .steps.block import BlockFunction as BlockFunction
+    from .steps.function import StepFunction as StepFunction
     from .text import GenerationError as GenerationError
     from .verification.against_python import check as check
     from .verification.report import CheckReport as CheckReport

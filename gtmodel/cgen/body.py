@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import tempfile
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from pathlib import Path
 
 import casadi as ca
@@ -73,13 +73,15 @@ def casadi_functions(face: Interface) -> list[ca.Function]:
     return built
 
 
-def body(name: str, faces: list[Interface]) -> tuple[str, str]:
-    """Texts of the C file and its header."""
+def body(name: str, faces: list[Interface], kernels: Sequence[ca.Function] = ()) -> tuple[str, str]:
+    """Texts of the C file and its header; `kernels`: further bodies under their C names."""
     prefix = f"gt_{name}_body"
     generator = ca.CodeGenerator(f"{prefix}.c", {"with_header": True, "prefix": prefix})
     for face in faces:
         for function in casadi_functions(face):
             generator.add(function)
+    for kernel in kernels:
+        generator.add(kernel)
     with tempfile.TemporaryDirectory() as folder:
         source = Path(generator.generate(f"{folder}/"))
         text, declarations = source.read_text(), source.with_suffix(".h").read_text()
@@ -90,10 +92,11 @@ def body(name: str, faces: list[Interface]) -> tuple[str, str]:
         raise GenerationError("CasADi cannot write C for one of the functions: its text holds an #error line")
     rolled = [(face.body, face.loops) for face in faces if face.loops is not None]
     wanted = {symbol for face in faces for symbol in face.bodies} - {symbol for symbol, _ in rolled}
+    wanted |= {kernel.name() for kernel in kernels}
     text = trimmed(text, prefix, wanted, [stage.kernel.name() for face in faces for stage in face.newton])
     if rolled:
         text += "\n" + SOLVER + "\n".join(loop_text(symbol, loops) for symbol, loops in rolled)
-    return text, _header(declarations, name, faces)
+    return text, _header(declarations, name, faces, kernels)
 
 
 def trimmed(text: str, prefix: str, wanted: set[str], kernels: Collection[str] = ()) -> str:
@@ -145,14 +148,14 @@ def _with_unused(function: re.Match[str]) -> str:
     return function[1] + "".join(f"  (void){name};\n" for name in unused) + function[2]
 
 
-def _header(declarations: str, name: str, faces: list[Interface]) -> str:
+def _header(declarations: str, name: str, faces: list[Interface], kernels: Sequence[ca.Function]) -> str:
     guard = f"GT_{name.upper()}_BODY_H"
     parts = [
         comment([_ABOUT_HEADER.format(name=name)]),
         f'#ifndef {guard}\n#define {guard}\n\n#ifdef __cplusplus\nextern "C" {{\n#endif\n\n',
     ]
     rolled = {face.body: face.loops.body for face in faces if face.loops is not None}
-    for symbol in [symbol for face in faces for symbol in face.bodies]:
+    for symbol in [*[symbol for face in faces for symbol in face.bodies], *[kernel.name() for kernel in kernels]]:
         if symbol in rolled:
             numbers = [rolled[symbol].given, len(rolled[symbol].outputs), 0, 0]
         else:

@@ -21,16 +21,18 @@ from .costs_file import write_costs
 from .folder import held
 from .generation import Generated, generate
 from .measurement import Costs
+from .steps.function import StepFunction
 from .text import GenerationError
 from .verification import against_python
 
 _PREFIX = "gtmodel-codegen-"
 COMPARED = Verification()
+Functions = Mapping[str, CausalFunction | StepFunction]
 
 
 @study_function
 def study(
-    functions: Mapping[str, CausalFunction],
+    functions: Mapping[str, CausalFunction | StepFunction],
     folder: str | Path | Held,
     *,
     name: str,
@@ -51,7 +53,7 @@ def study(
     """C code of causal functions: generated, compiled and compared with Python, its costs counted, then written.
 
     Args:
-        functions: by the name they get in C, `gt_<name>_<function>`; parameters are folded in.
+        functions: by the name they get in C, `gt_<name>_<function>`; parameters are folded in. Step functions too.
         folder: a new or empty one, or one that gtmodel generated; or such a folder already held, see `folder.held`.
         name, real, box, along, provenance, problem: see `generate`.
         check: how it is compared; None: it is written as generated, nothing compiled.
@@ -104,7 +106,9 @@ def study(
         return made.judged(checks) if check is None else outcome
 
 
-def _study_of(made: Generated, functions: Mapping[str, CausalFunction], real: str, title: str) -> CodeStudy:
+def _study_of(
+    made: Generated, functions: Mapping[str, CausalFunction | StepFunction], real: str, title: str
+) -> CodeStudy:
     files = sorted(str(f) for f in made.files)
     return CodeStudy(
         status=SolveStatus.SOLVED, message=f"generated {len(files)} files", title=title, real=real,
@@ -114,7 +118,11 @@ def _study_of(made: Generated, functions: Mapping[str, CausalFunction], real: st
 
 
 def _compared(
-    made: CodeStudy, scratch: Path, functions: Mapping[str, CausalFunction], check: Verification, work: Work
+    made: CodeStudy,
+    scratch: Path,
+    functions: Mapping[str, CausalFunction | StepFunction],
+    check: Verification,
+    work: Work,
 ) -> tuple[CodeStudy, Costs | None]:
     """The code in a folder of its own compared with Python; what it costs where that was counted."""
     if work.interrupted():
@@ -150,7 +158,12 @@ def _marked(message: str, by: str, file: str, text: str) -> str:
     return marked(file, text.encode(), message, f", written by {by}").decode()
 
 
-def _signature(function: CausalFunction) -> dict[str, list[str]]:
+def _signature(function: CausalFunction | StepFunction) -> dict[str, list[str]]:
+    if isinstance(function, StepFunction):
+        return {
+            side: [f"{m.name} [{m.unit}]" for m in members if not m.integer]
+            for side, members in (("inputs", function.inputs), ("outputs", function.outputs))
+        }
     return {
         "inputs": [f"{s.name} [{s.unit}]" for s in function.inputs],
         "outputs": [f"{s.name} [{s.unit}]" for s in function.outputs],

@@ -16,11 +16,13 @@ from ..results.folder import Held
 from .body import body
 from .folder import write
 from .header import header
-from .interface import Interface, interfaces
+from .interface import Interface
 from .manifest import FILE, manifest, parameters_hash, sha256
 from .readme import makefile, readme
 from .real import FLOAT, real_of
-from .single import file_name, single
+from .single import FILTER, file_name, single
+from .steps.faces import faces_of
+from .steps.function import StepFace, StepFunction
 from .text import GenerationError
 from .vectors import selftest
 from .wrapper import wrapper
@@ -54,7 +56,7 @@ class Generated:
 
 
 def generate(
-    functions: Mapping[str, CausalFunction],
+    functions: Mapping[str, CausalFunction | StepFunction],
     out: Path | Held,
     *,
     name: str,
@@ -70,7 +72,8 @@ def generate(
     Python.
 
     Args:
-        functions: causal functions by the name they get in C, `gt_<name>_<function>`. Parameters are folded in.
+        functions: causal functions by the name they get in C, `gt_<name>_<function>`. Parameters are folded in. Step
+            functions too, which become `gt_<name>_<function>_init` and `_step`.
         out: a new or empty folder, or one that gtmodel generated; or such a folder already held, see `held`.
         name: of the whole, part of every file name and symbol: several folders link into one program.
         overwrite: replace also files of ours that were changed by hand.
@@ -92,52 +95,56 @@ def generate(
     >>> made.functions
     {'fk': 'gt_l1_fk'}
     """
-    faces = interfaces(functions, name, along, real_of(real), box)
-    texts = contents(faces, name, dict(provenance or {}))
-    hashes = _hashes(faces, texts[f"gt_{name}_body.c"])
+    faces, steps = faces_of(functions, name, along, real_of(real), box)
+    texts = contents(faces, name, dict(provenance or {}), steps)
+    hashes = _hashes(faces, texts[f"gt_{name}_body.c"], steps)
     if mark is not None:
         texts = {file: mark(file, text) for file, text in texts.items()}
-    content = manifest(name, faces, provenance or {}, texts, hashes, problem or {})
+    content = manifest(name, faces, provenance or {}, texts, hashes, problem or {}, steps)
     place = out.path if isinstance(out, Held) else Path(out)
     write(out if isinstance(out, Held) else place, texts, content, overwrite)
-    operations = {entry["symbol"]: entry["operations"] for entry in content["functions"]}
-    return Generated(place, name, (*texts, FILE), {f.key: f.symbol for f in faces}, operations)
+    operations = {e["symbol"]: e["operations"] for e in [*content["functions"], *content.get("steps", [])]}
+    return Generated(place, name, (*texts, FILE), {f.key: f.symbol for f in [*faces, *steps]}, operations)
 
 
-def contents(faces: list[Interface], name: str, provenance: Mapping[str, str]) -> dict[str, str]:
+def contents(
+    faces: list[Interface], name: str, provenance: Mapping[str, str], steps: Sequence[StepFace] = ()
+) -> dict[str, str]:
     """Text of every file but the manifest, by file name."""
     own = f"gt_{name}"
-    shared = (*RUNTIME, NEWTON, TRAJECTORY, STATUS)
+    shared = (*RUNTIME, NEWTON, TRAJECTORY, *FILTER, STATUS)
     if f"{own}.h".lower() in (*shared, *map(file_name, shared)):
         raise GenerationError(f"'{name}' cannot name the generated code: {own}.h belongs to the runtime", "name")
-    source, declarations = body(name, faces)
+    source, declarations = body(name, faces, [k for s in steps for k in s.function.kernels(s.symbol)])
     about = [f"gtmodel {__version__}, CasADi {ca.CasadiMeta.version()}."]
     about += [f"{key}: {value}" for key, value in provenance.items()]
     runtime = codegen_dir() / "runtime"
     newton = (NEWTON,) if any(face.newton for face in faces) else ()
     shared = (*RUNTIME, *newton, *((TRAJECTORY,) if any(face.along for face in faces) else ()))
+    shared += tuple(dict.fromkeys(header for s in steps for header in s.function.runtime))
+    in_float = [*faces, *steps][0].real is FLOAT
     main = (runtime / _MAIN).read_text(encoding="utf-8").replace("gt_model", own)
-    if faces[0].real is FLOAT:
+    if in_float:
         about.append(_IN_FLOAT)
         main = main.replace("About 1e-15", "About 1e-7")
     made = {
-        f"{own}.h": header(name, faces, about, _hashes(faces, source)),
-        f"{own}.c": wrapper(name, faces),
+        f"{own}.h": header(name, faces, about, _hashes(faces, source, steps), steps),
+        f"{own}.c": wrapper(name, faces, steps),
         f"{own}_body.h": declarations,
         f"{own}_body.c": source,
-        f"{own}_selftest.c": selftest(name, faces),
+        f"{own}_selftest.c": selftest(name, faces, steps),
         f"{own}_main.c": main,
         **{file: (runtime / file).read_text(encoding="utf-8") for file in shared},
     }
-    if faces[0].real is FLOAT:  # gt_float.h says what both kinds of numbers must be
+    if in_float:  # gt_float.h says what both kinds of numbers must be
         made = {file_name(file): text if file == FLOATING else single(text) for file, text in made.items()}
     return {
         **made,
         STATUS: (runtime / STATUS).read_text(encoding="utf-8"),
         "Makefile": makefile(name),
-        "README.md": readme(name, faces),
+        "README.md": readme(name, faces, steps),
     }
 
 
-def _hashes(faces: list[Interface], source: str) -> dict[str, str]:
-    return {"parameters_sha256": parameters_hash(faces), "body_sha256": sha256(source)}
+def _hashes(faces: list[Interface], source: str, steps: Sequence[StepFace]) -> dict[str, str]:
+    return {"parameters_sha256": parameters_hash(faces, steps), "body_sha256": sha256(source)}

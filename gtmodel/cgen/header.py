@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from ..compiler.blocks import Root
 from ..compiler.causal import CausalFunction
 from .interface import Interface, Member
+from .steps.function import StepFace
+from .steps.source import declarations
 from .text import comment
 from .wrapper import prototype, prototype_along
 
@@ -20,7 +24,9 @@ _ALONG = (
 )
 
 
-def header(name: str, faces: list[Interface], about: list[str], hashes: dict[str, str]) -> str:
+def header(
+    name: str, faces: list[Interface], about: list[str], hashes: dict[str, str], steps: Sequence[StepFace] = ()
+) -> str:
     """Text of the public header; `about` opens it, `hashes` become string macros."""
     guard = f"GT_{name.upper()}_H"
     newton = '#include "gt_newton.h"\n' if any(face.newton for face in faces) else ""
@@ -35,6 +41,7 @@ def header(name: str, faces: list[Interface], about: list[str], hashes: dict[str
         *[f'#define GT_{name.upper()}_{key.upper()} "{value}"\n' for key, value in hashes.items()],
         "\n",
         *[_declarations(face) for face in faces],
+        *[declarations(face) for face in steps],
         comment(["Compares every function with stored results of Python by ==; returns how many vectors differ."]),
         f"int gt_{name}_selftest(void);\n\n",
         comment(["The largest difference that the self-test sees, relative where the number is above one."]),

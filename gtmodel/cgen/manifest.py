@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ from ..results.folder import unfinished
 from ..results.status import Status
 from .body import casadi_functions
 from .interface import Interface, Member
+from .steps.function import StepFace
 
 FORMAT = "gtmodel-c-2"
 FILE = "manifest.json"
@@ -23,6 +24,7 @@ _NAMES = """
     functions models files
 """
 _KEYS = set(_NAMES.split())
+_ALSO = {"steps"}  # of folders that have some
 
 
 def sha256(text: str) -> str:
@@ -40,13 +42,15 @@ def changed_files(folder: Path, content: dict[str, Any]) -> list[str]:
     return changed
 
 
-def changed_entries(content: dict[str, Any], faces: list[Interface], same: bool = True) -> list[str]:
+def changed_entries(
+    content: dict[str, Any], faces: list[Interface], same: bool = True, steps: Sequence[StepFace] = ()
+) -> list[str]:
     """Entries of a manifest that this gtmodel would write otherwise, as paths such as `functions[0].limits.T`.
 
     Not of provenance and problem, which functions do not tell, and not of hashes. Unless a folder is of the `same`
     version of gtmodel and CasADi only the models are compared: parameters are as the functions' whatever the version.
     """
-    here = manifest(content["name"], faces, content["provenance"], {}, {}, {})
+    here = manifest(content["name"], faces, content["provenance"], {}, {}, {}, steps)
     compared = [key for key in here if key not in ("provenance", "problem", "files")] if same else ["models"]
     # as JSON gives them back: lists for tuples, keys as text
     here = json.loads(json.dumps({key: here[key] for key in compared}))
@@ -69,10 +73,11 @@ def _number(value: Any) -> bool:
     return isinstance(value, (int, float)) and not isinstance(value, bool)
 
 
-def parameters_hash(faces: list[Interface]) -> str:
+def parameters_hash(faces: list[Interface], steps: Sequence[StepFace] = ()) -> str:
     """Hash of all parameter names and values, exact to the last bit."""
     named = {f.key: [[q.name, float(q.value).hex()] for q in f.function.flat.parameters] for f in faces}
-    return sha256(json.dumps(named, sort_keys=True))
+    facts = {s.key: s.function.facts() for s in steps}
+    return sha256(json.dumps({**named, **facts}, sort_keys=True))
 
 
 def interface_entry(face: Interface) -> dict[str, Any]:
@@ -93,8 +98,10 @@ def manifest(
     files: Mapping[str, str],
     hashes: dict[str, str],
     problem: Mapping[str, Any],
+    steps: Sequence[StepFace] = (),
 ) -> dict[str, Any]:
     """The manifest as a dictionary; `files` are the texts of the other files, `problem` the problem as JSON data."""
+    real = [*faces, *steps][0].real
     models: list[dict[str, Any]] = []
     of_flat: dict[int, int] = {}
     functions = []
@@ -112,19 +119,21 @@ def manifest(
         if face.loops is not None:
             offered["operations"] += operations(face.loops.body.function)
         functions.append({**interface_entry(face), **offered, "model": of_flat[id(flat)], "margins": margins})
+    stepping = {"steps": [step_entry(s) for s in steps]} if steps else {}
     return {
         "format": FORMAT,
         "name": name,
-        "real": faces[0].real.name,
+        "real": real.name,
         "gtmodel": __version__,
         "casadi": ca.CasadiMeta.version(),
         **hashes,
         "provenance": dict(provenance),
         "problem": dict(problem),
         "compile": {"bit_equal_with": ["-ffp-contract=off"], "never": ["-ffast-math", "-Ofast"], "link": ["-lm"]},
-        "pivot_tolerance": faces[0].real.pivot,
+        "pivot_tolerance": real.pivot,
         "statuses": [{"code": int(s), "name": s.c_name, "sentence": s.message} for s in Status],
         "functions": functions,
+        **stepping,
         "models": models,
         "files": {file: sha256(text) for file, text in sorted(files.items())},
     }
@@ -147,7 +156,7 @@ def _box(face: Interface) -> dict[str, list[list[float]]] | None:
 def read(folder: Path) -> dict[str, Any] | None:
     """The manifest of a folder; None if it has none, or one that this form of gtmodel did not write."""
     content = _content(folder)
-    if content is None or content.get("format") != FORMAT or set(content) != _KEYS or not _readable(content):
+    if content is None or content.get("format") != FORMAT or set(content) - _ALSO != _KEYS or not _readable(content):
         return None
     # a manifest speaks of files of its own folder only, whatever somebody wrote into it
     return content if all(Path(file).name == file for file in content["files"]) else None
@@ -191,9 +200,28 @@ def lacks(folder: Path) -> str:
     content = _content(folder)
     if content is None or not str(content.get("format")).startswith(FORMAT.rstrip("0123456789")):
         return f"was not written by gtmodel, its {FILE} is of another origin"
-    if not isinstance(content.get("gtmodel"), str) or (content["format"] == FORMAT and set(content) == _KEYS):
+    if not isinstance(content.get("gtmodel"), str) or (content["format"] == FORMAT and set(content) - _ALSO == _KEYS):
         return f"was not written by gtmodel, somebody changed its {FILE}"
     return f"was generated by gtmodel {content['gtmodel']} in a form that this one, {__version__}, does not read"
+
+
+def step_entry(face: StepFace) -> dict[str, Any]:
+    """What a caller of a step function must know."""
+    f = face.function
+    kernels = f.kernels(face.symbol)
+    return {
+        "name": face.key,
+        "symbol": face.symbol,
+        "title": f.title,
+        "period": f.period,
+        **{
+            what: [{"member": m.identifier, "signal": m.name, "count": m.count, "unit": m.unit, "integer": m.integer}
+                   for m in getattr(f, what)]
+            for what in ("start", "inputs", "outputs", "state")
+        },
+        "operations": sum(operations(k) for k in kernels),
+        "facts": f.facts(),
+    }  # fmt: skip
 
 
 def _members(members: Iterable[Member]) -> list[dict[str, Any]]:

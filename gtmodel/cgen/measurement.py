@@ -14,11 +14,13 @@ import numpy as np
 from ..compiler.causal import CausalFunction
 from ..compiler.toolchain import LINK, STANDARD, Toolchain, find
 from ..results.status import Status
-from .interface import Interface, interfaces
+from .interface import Interface
 from .manifest import read
 from .points import draw, evaluate
 from .real import DOUBLE, real_of
 from .single import single
+from .steps.faces import faces_of
+from .steps.function import StepFace, StepFunction
 from .text import hexadecimal
 from .wrapper import elements
 
@@ -50,7 +52,7 @@ class Costs:
     missing: str = ""
 
 
-def costs(folder: Path, functions: Mapping[str, CausalFunction]) -> Costs:
+def costs(folder: Path, functions: Mapping[str, CausalFunction | StepFunction]) -> Costs:
     """Compile a generated folder at -O2 and measure it; instructions by valgrind, where there is one.
 
     Args:
@@ -78,7 +80,7 @@ def costs(folder: Path, functions: Mapping[str, CausalFunction]) -> Costs:
     if content is None or isinstance(tools, str):
         return Costs(missing="" if content is None else str(tools))
     name = content["name"]
-    faces = interfaces(functions, name, real=real_of(content["real"]))
+    faces, steps = faces_of(functions, name, (), real_of(content["real"]), None)
     with tempfile.TemporaryDirectory() as scratch:
         place = Path(scratch)
         sizes, frames, symbols = _compiled(tools, folder, name, place)
@@ -95,11 +97,19 @@ def costs(folder: Path, functions: Mapping[str, CausalFunction]) -> Costs:
             + max(frames.get(p, 0) for p in f.bodies)
             for f in faces
         }
+        for step in steps:
+            own = {s for s in sizes if s == step.symbol or s.startswith(f"{step.symbol}_")}
+            shared = {s for s in sizes if s.startswith("gt_filter")} if step is steps[0] else set[str]()
+            text[step.symbol] = sum(sizes[s] for s in own | shared)
+            stack[step.symbol] = frames.get(f"{step.symbol}_step", 0) + sum(
+                frames.get(s, 0) for s in frames if s.startswith("gt_filter")
+            )
         valgrind = shutil.which("valgrind")
         if valgrind is None:
             why = "no instruction was counted: there is no valgrind on this machine"
             return Costs(text, newton, stack, {}, symbols, why)
         counts = {f.symbol: _instructions(tools, valgrind, f, place, folder) for f in faces}
+        counts |= {s.symbol: _step_instructions(tools, valgrind, s, place, folder) for s in steps}
     return Costs(text, newton, stack, {key: n for key, n in counts.items() if n is not None}, symbols)
 
 
@@ -139,10 +149,20 @@ def _instructions(tools: Toolchain, valgrind: str, face: Interface, place: Path,
     """Of one call with GT_OK, the mean of CALLS; None where no point has a solution or nothing runs."""
     rows = draw(face, DRAWS, seed=2)
     good = np.flatnonzero(evaluate(face, rows)[1] == Status.OK)
-    if not len(good):
-        return None
+    return _counted(tools, valgrind, face, _program(face, rows[good[0]]), place, folder) if len(good) else None
+
+
+def _step_instructions(tools: Toolchain, valgrind: str, face: StepFace, place: Path, folder: Path) -> int | None:
+    """Of one step with GT_OK where every sensor has a reading, the mean of CALLS."""
+    inputs = face.function.complete(face.real)
+    return _counted(tools, valgrind, face, _step_program(face, inputs), place, folder)
+
+
+def _counted(
+    tools: Toolchain, valgrind: str, face: Interface | StepFace, text: str, place: Path, folder: Path
+) -> int | None:
+    """Instructions of one of the calls that a program makes, as often as it has arguments."""
     main, program = place / f"{face.key}_main.c", place / f"{face.key}_main"
-    text = _program(face, rows[good[0]])
     main.write_text(text if face.real is DOUBLE else single(text))
     own = face.symbol.removesuffix(f"_{face.key}")
     objects = [place / f"{own}.o", place / f"{own}_body.o"]
@@ -158,6 +178,23 @@ def _instructions(tools: Toolchain, valgrind: str, face: Interface, place: Path,
             return None
         totals.append(int(counted[1]))
     return round((totals[1] - totals[0]) / CALLS)
+
+
+def _step_program(face: StepFace, inputs: np.ndarray) -> str:
+    """Steps with the same inputs, from the declared start."""
+    s, f = face.symbol, face.function
+    fill = []
+    for m in f.inputs:
+        for target, value in zip(m.elements("in."), inputs[m.identifier].reshape(-1).tolist(), strict=True):
+            fill.append(f"    {target} = {int(value) if m.integer else hexadecimal(value)};\n")
+    return (
+        f'#include "{s.removesuffix(f"_{face.key}")}.h"\n\nint main(int calls, char **none)\n{{\n'
+        f"    {s}_start start;\n    {s}_state state;\n    {s}_in in = {{0}};\n    {s}_out out;\n    int k;\n\n"
+        f"    (void)none;\n    {s}_defaults(&start);\n    if ({s}_init(&state, &start) != GT_OK) {{\n"
+        f"        return 1;\n    }}\n{''.join(fill)}    for (k = 1; k < calls; k++) {{\n"
+        f"        if ({s}_step(&state, &in, &out) != GT_OK) {{\n            return 1;\n        }}\n    }}\n"
+        "    return 0;\n}\n"
+    )
 
 
 def _program(face: Interface, row: np.ndarray) -> str:

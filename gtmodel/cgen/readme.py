@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -12,6 +13,8 @@ from .interface import Interface
 from .points import draw, evaluate
 from .real import DOUBLE
 from .single import single
+from .steps.function import StepFace
+from .text import decimal
 from .wrapper import elements
 
 _README = """\
@@ -36,29 +39,8 @@ In a project, compile every `.c` file of this folder with your own and include `
 
 ## Call
 
-```c
-#include <stdio.h>
-
-#include "gt_{name}.h"
-
-int main(void)
-{{
-    {symbol}_in in{initial};
-    {symbol}_out out;
-{state}    gt_status status;
-
-{start}{fill}
-    status = {symbol}({given}&in, &out);
-    if (status != GT_OK) {{
-        (void)printf("%s\\n", gt_status_sentence(status));
-        return 1;
-    }}
-    (void)printf("{output} = %.17g\\n", out.{output});
-    return 0;
-}}
-```
-
-Members are in SI units and end in their unit; `gt_{name}.h` describes each. Outputs are written only with `GT_OK`;
+{call}Members are in SI units and end in their unit; `gt_{name}.h` describes each. \
+Outputs are written only with `GT_OK`;
 with every other status they keep what they held.
 
 | status | code | meaning |
@@ -81,6 +63,63 @@ and instructions on the machine where `--check` last ran.
 
 Do not edit: change the model and generate again. `gtmodel codegen PROBLEM.toml -o DIR --check`
 compares with Python.
+"""
+
+_CALL = """\
+```c
+#include <stdio.h>
+
+#include "gt_{name}.h"
+
+int main(void)
+{{
+    {symbol}_in in{initial};
+    {symbol}_out out;
+{state}    gt_status status;
+
+{start}{fill}
+    status = {symbol}({given}&in, &out);
+    if (status != GT_OK) {{
+        (void)printf("%s\\n", gt_status_sentence(status));
+        return 1;
+    }}
+    (void)printf("{output} = %.17g\\n", out.{output});
+    return 0;
+}}
+```
+
+"""
+
+_STEP = """\
+A step function computes once in a cycle, here every {period} s, from inputs and from what it remembers.
+
+```c
+#include <stdio.h>
+
+#include "gt_{name}.h"
+
+int main(void)
+{{
+    {symbol}_start start;
+    {symbol}_state state;
+    {symbol}_in in = {{0}};
+    {symbol}_out out;
+    gt_status status;
+
+    {symbol}_defaults(&start);
+    status = {symbol}_init(&state, &start);
+    if (status == GT_OK) {{
+        status = {symbol}_step(&state, &in, &out); /* once in each cycle */
+    }}
+    if (status != GT_OK) {{
+        (void)printf("%s\\n", gt_status_sentence(status));
+        return 1;
+    }}
+    (void)printf("{output} = %.17g\\n", out.{output});
+    return 0;
+}}
+```
+
 """
 
 _NEWTON = """
@@ -135,26 +174,45 @@ def makefile(name: str) -> str:
     return _MAKEFILE.format(name=name)
 
 
-def readme(name: str, faces: list[Interface]) -> str:
+def readme(name: str, faces: list[Interface], steps: Sequence[StepFace] = ()) -> str:
     """Text of the README: how to compile, how to call, what the statuses mean."""
-    face = faces[0]
-    first = face.outputs[0]
+    real = [*faces, *steps][0].real
     text = _README.format(
         name=name,
-        functions="\n".join(_line(f) for f in faces),
+        functions="\n".join([*map(_line, faces), *map(_step_line, steps)]),
+        call="\n".join([*[_called(name, face) for face in faces[:1]], *[_stepped(name, s) for s in steps[:1]]]),
+        newton=_NEWTON if any(f.newton for f in faces) else "",
+        statuses="\n".join(f"| `{s.c_name}` | {int(s)} | {s.message} |" for s in Status),
+        contract=(codegen_dir() / "contract.md").read_text(encoding="utf-8"),
+        numbers=_NUMBERS[real.name].format(pivot=real.pivot, residual=real.residual),
+    )
+    return text if real is DOUBLE else _EXAMPLE.sub(lambda m: single(m[0]).replace("%.17g", "%.9g"), text)
+
+
+def _called(name: str, face: Interface) -> str:
+    """An example that calls a function."""
+    first = face.outputs[0]
+    return _CALL.format(
+        name=name,
         symbol=face.symbol,
         initial="" if face.inputs else " = {0.0}",
         fill="\n".join(_fill(face)),
         state=f"    {face.symbol}_state state;\n" if face.newton else "",
         start=f"    {face.symbol}_start(&state);\n" if face.newton else "",
         given="&state, " if face.newton else "",
-        newton=_NEWTON if any(f.newton for f in faces) else "",
         output=f"{first.identifier}[0]" if first.is_array else first.identifier,
-        statuses="\n".join(f"| `{s.c_name}` | {int(s)} | {s.message} |" for s in Status),
-        contract=(codegen_dir() / "contract.md").read_text(encoding="utf-8"),
-        numbers=_NUMBERS[face.real.name].format(pivot=face.real.pivot, residual=face.real.residual),
     )
-    return text if face.real is DOUBLE else _EXAMPLE.sub(lambda m: single(m[0]).replace("%.17g", "%.9g"), text)
+
+
+def _stepped(name: str, face: StepFace) -> str:
+    """An example that runs a step function."""
+    first = next(m for m in face.function.outputs if not m.integer)
+    output = first.elements("")[0]
+    return _STEP.format(name=name, symbol=face.symbol, period=decimal(face.function.period), output=output)
+
+
+def _step_line(face: StepFace) -> str:
+    return f"- `{face.symbol}_init`, `{face.symbol}_step`: {face.function.title}"
 
 
 def _line(face: Interface) -> str:

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ..results.status import Status
 from .interface import Interface, Member, places
 from .part_vectors import ROWS, part_comparisons, table
 from .points import awkward, draw, evaluate
+from .steps.function import StepFace
+from .steps.selftest import step_test
 from .text import comment, hexadecimal
 from .wrapper import elements
 
@@ -31,16 +35,17 @@ def vectors(face: Interface) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return inputs, outputs, status
 
 
-def selftest(name: str, faces: list[Interface]) -> str:
+def selftest(name: str, faces: list[Interface], steps: Sequence[StepFace] = ()) -> str:
     """Text of the self-test; a vector whose status is not ok proves that the outputs are held."""
     tests = [_tests(face) for face in faces]
+    tests += [(text, [test]) for text, test in map(step_test, steps)]
     calls = "".join(f"    failures += {test}(worst);\n" for _, names in tests for test in names)
     parts = [
         comment([f"gt_{name}: results of Python with all their bits, and the comparison with them."]),
         f'#include "gt_{name}.h"\n\n#include "gt_{name}_body.h"\n',
         '#include "gt_compare.h"\n#include "gt_guard.h"\n\n#include <math.h>\n\n',
         comment(["What stands in the outputs before a call, and after one that fails."]),
-        f"#define GT_HELD ({faces[0].real.held!r})\n\n",
+        f"#define GT_HELD ({[*faces, *steps][0].real.held!r})\n\n",
         *[text for text, _ in tests],
         f"static int total(double *worst)\n{{\n    int failures = 0;\n\n{calls}    return failures;\n}}\n\n",
         f"int gt_{name}_selftest(void)\n{{\n    double worst = 0.0;\n\n    return total(&worst);\n}}\n\n",

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from ..compiler.blocks import Margin
 from ..compiler.emit import express
 from ..results.status import Status
 from .interface import Interface, Member, macro, places
 from .newton_stages import NewtonStage
+from .steps.function import StepFace
+from .steps.source import definitions
 from .text import GenerationError, comment, decimal
 
 _EACH_FINITE = """\
@@ -37,7 +41,7 @@ static GT_SHARED gt_status solve(gt_newton_kernel kernel, const double **arg, do
 """
 
 
-def wrapper(name: str, faces: list[Interface]) -> str:
+def wrapper(name: str, faces: list[Interface], steps: Sequence[StepFace] = ()) -> str:
     """Text of the guarded functions.
 
     The order of the decisions is that of CausalFunction.status: inputs finite, not too large, margins in their order,
@@ -45,15 +49,19 @@ def wrapper(name: str, faces: list[Interface]) -> str:
     is computed first and its margins judged then; one sum asks for all outputs.
     """
     newton = '#include "gt_newton.h"\n' if any(face.newton for face in faces) else ""
+    newton += "".join(
+        f'#include "{file}"\n' for file in dict.fromkeys(s.function.runtime[0] for s in steps if s.function.runtime)
+    )
     parts = [
         comment([f"gt_{name}: guards round the bodies in gt_{name}_body.c; see gt_{name}.h."]),
         f'#include "gt_{name}.h"\n\n#include "gt_{name}_body.h"\n#include "gt_guard.h"\n{newton}\n',
         "#include <math.h>\n\n",
         comment(["Below this fraction of its typical size a pivot means singular, and a branch is left."]),
-        f"#define GT_PIVOT_TOLERANCE ({decimal(faces[0].real.pivot)})\n\n",
-        _EACH_FINITE,
-        _NEWTON if newton else "",
+        f"#define GT_PIVOT_TOLERANCE ({decimal([*faces, *steps][0].real.pivot)})\n\n",
+        _EACH_FINITE if faces else "",
+        _NEWTON if any(face.newton for face in faces) else "",
         *[_start(face) + _function(face) + _along(face) for face in faces],
+        *[definitions(face) for face in steps],
     ]
     return "".join(parts).rstrip("\n") + "\n"
 

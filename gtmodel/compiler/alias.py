@@ -58,11 +58,12 @@ class AliasResult:
     def rewrite_all(self, flat: FlatModel, expressions: list[ca.SX]) -> list[ca.SX]:
         """`rewrite` of several expressions at once: one substitution."""
         old, new = [], []
-        for index, order in flat.scope.symbols_in(ca.vertcat(*[ca.vec(e) for e in expressions])) if expressions else ():
+        for index, order in flat.scope.symbols_in(ca.veccat(*expressions)) if expressions else ():
             if index in self.removed:
                 sign, kept, k = self.resolve(index, order)
+                symbol = flat.scope.symbol(kept, k)
                 old.append(flat.scope.symbol(index, order))
-                new.append(sign * flat.scope.symbol(kept, k))
+                new.append(symbol if sign > 0 else -symbol)
         if not old:
             return expressions
         return ca.substitute(expressions, [ca.vertcat(*old)], [ca.vertcat(*new)])
@@ -100,10 +101,11 @@ def _sums(flat: FlatModel, equations: list[FlatEquation]) -> list[Terms | None]:
     """The terms of each equation that is a sum of two symbols with constant coefficients, and None for any other."""
     scope = flat.scope
     sums: list[Terms | None] = [None] * len(equations)
-    of_two = [n for n, e in enumerate(equations) if len(scope.symbols_in(e.residual)) == 2]
+    inside = scope.symbols_in_each([e.residual for e in equations])
+    of_two = [n for n, pairs in enumerate(inside) if len(pairs) == 2]
     if not of_two:
         return sums
-    pairs = sorted({pair for n in of_two for pair in scope.symbols_in(equations[n].residual)})
+    pairs = sorted({pair for n in of_two for pair in inside[n]})
     symbols = ca.vertcat(*[scope.symbol(*pair) for pair in pairs])
     residuals = ca.vertcat(*[equations[n].residual for n in of_two])
     remainder = ca.substitute([residuals], [symbols], [ca.DM.zeros(len(pairs), 1)])[0]
@@ -118,9 +120,9 @@ def _sums(flat: FlatModel, equations: list[FlatEquation]) -> list[Terms | None]:
     candidates = [n for n in of_two if sums[n] is not None]
     # sign() vanishes at zero and has no derivative: what holds one only looks like x == y
     if candidates and is_nonsmooth(flat):
-        inside = kinked_in([equations[n].residual for n in candidates], ca.vertsplit(symbols))
-        for n, kinked in zip(candidates, inside, strict=True):
-            if kinked:
+        kinked = kinked_in([equations[n].residual for n in candidates], ca.vertsplit(symbols))
+        for n, places in zip(candidates, kinked, strict=True):
+            if places:
                 sums[n] = None
     return sums
 
@@ -153,9 +155,9 @@ def _sweep(flat: FlatModel, protected: frozenset[int], result: AliasResult, sums
     sums[:] = [sums[i] for i in rows_left]
     touched = [n for n, e in enumerate(equations) if any(j in removed for j, _ in flat.scope.symbols_in(e.residual))]
     residuals = result.rewrite_all(flat, [equations[n].residual for n in touched])
-    for n, residual in zip(touched, residuals, strict=True):
+    for n, residual, inside in zip(touched, residuals, flat.scope.symbols_in_each(residuals), strict=True):
         equations[n] = replace(equations[n], residual=residual)
-        if not flat.scope.symbols_in(residual):
+        if not inside:
             raise ModelError(_said_already(flat, equations[n]), equations[n].where)
     for n, terms in zip(touched, _sums(flat, [equations[n] for n in touched]), strict=True):
         sums[n] = terms

@@ -464,7 +464,8 @@ def _compile(
     indices = [i for _, _, g in groups for i in g]
     if len(set(indices)) != len(indices):
         raise ModelError(f"{flat.title}: a known variable is named twice in {', '.join(known)}")
-    used = {i for e in flat.equations for i, _ in flat.scope.symbols_in(e.residual)}
+    inside = flat.scope.symbols_in_each([e.residual for e in flat.equations])
+    used = {i for pairs in inside for i, _ in pairs}
     for i in indices:
         if i not in used:
             raise ModelError(f"'{flat.variables[i].name}' is given as known, but no equation uses it")
@@ -485,7 +486,7 @@ def input_signals(plan: CausalPlan, groups: list[Group]) -> list[CausalSignal]:
     """States first, then the known variables with their derivatives as far as anything reads them."""
     flat = plan.flat
     known = {i for _, _, g in groups for i in g}
-    states = _state_groups(plan, [p for p in plan.inputs if p[0] not in known])
+    states = state_groups(plan, [p for p in plan.inputs if p[0] not in known])
     signals = [_signal(flat, name, shape, indices, order) for order, name, shape, indices in states]
     for name, shape, indices in groups:
         top = max([order for i, order in plan.inputs if i in indices], default=-1)
@@ -499,7 +500,7 @@ def _signal(flat: FlatModel, name: str, shape: tuple[int, ...], indices: list[in
     return CausalSignal(derivative_name(name, order), shape, unit, tuple((i, order) for i in indices))
 
 
-def _state_groups(plan: CausalPlan, states: list[Pair]) -> list[tuple[int, str, tuple[int, ...], list[int]]]:
+def state_groups(plan: CausalPlan, states: list[Pair]) -> list[tuple[int, str, tuple[int, ...], list[int]]]:
     """State symbols gathered into declared vectors where they are complete."""
     flat = plan.flat
     left = set(states)

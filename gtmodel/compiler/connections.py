@@ -9,8 +9,10 @@ import casadi as ca
 from ..lang.bind import Tree, element_names
 from ..lang.connect import Connection
 from ..lang.declare import Variable
+from ..lang.expression import row_by_row
 from ..lang.model import Connector, Model
 from ..lang.source import ModelError, SourceLocation
+from .matrices import difference, total
 
 Face = tuple[int, bool]  # port number, seen from inside its owner
 
@@ -77,14 +79,14 @@ def _set_equations(
             continue
         line = origin or item.where
         component = first.__dict__["_path"].rpartition(".")[0]
-        columns = [ca.vec(getattr(p, name).sx.T) for p in ports]
+        columns = [row_by_row(getattr(p, name).sx) for p in ports]
         for k, element in enumerate(element_names(name, item.shape)):
             if item.role == "flow":
-                total = ca.SX(0)
+                flow = ca.SX(0)
                 for column, (_, own) in zip(columns, faces, strict=True):
-                    total = total - column[k] if own else total + column[k]
-                yield total, f"flow {element} of {names}", component, line
+                    flow = (difference if own else total)(flow, column[k])
+                yield flow, f"flow {element} of {names}", component, line
             elif item.role == "potential":
                 for column, port in zip(columns[1:], ports[1:], strict=True):
                     label = f"connection {first.__dict__['_path']}.{element} ~ {port.__dict__['_path']}.{element}"
-                    yield columns[0][k] - column[k], label, component, line
+                    yield difference(columns[0][k], column[k]), label, component, line

@@ -110,7 +110,8 @@ def pairs_of(
     conditions: list[FlatEquation],
     wanted: Sequence[Pair],
 ) -> list[Pair]:
-    pairs = {p for chain in derivatives for e in chain for p in flat.scope.symbols_in(e)}
+    inside = flat.scope.symbols_in_each([e for chain in derivatives for e in chain])
+    pairs = {p for each in inside for p in each}
     pairs |= {(j, m) for n, j in enumerate(structure.unknowns) for m in range(int(structure.d[n]) + 1)}
     pairs |= {p for e in conditions for p in flat.scope.symbols_in(e.residual)}
     return sorted(pairs | set(wanted))

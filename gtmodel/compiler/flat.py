@@ -6,6 +6,7 @@ import difflib
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import casadi as ca
@@ -25,6 +26,7 @@ from ..lang.units import rate_unit
 from .analysis.events import FlatEvents, collect_events
 from .connection_graph import check_trees
 from .connections import connection_equations
+from .matrices import stacked
 
 _DER = re.compile(r"^der\((?P<inner>.+?)(?:,\s*(?P<order>\d+))?\)$")
 
@@ -122,10 +124,10 @@ class FlatModel:
         """The whole model, bound."""
         return self.tree.root
 
-    @property
+    @cached_property
     def p(self) -> ca.SX:
         """All parameter symbols as one column."""
-        return ca.vertcat(*[q.symbol for q in self.parameters]) if self.parameters else ca.SX(0, 1)
+        return stacked([q.symbol for q in self.parameters])
 
     @property
     def p0(self) -> np.ndarray:
@@ -136,7 +138,9 @@ class FlatModel:
         """Parameter values; ModelError naming the first parameter without one."""
         for q in self.parameters:
             if not np.isfinite(q.value):
-                raise ModelError(f"parameter '{q.name}' of {self.title} has no value; give it one", q.where)
+                # of a part that gtmodel declares, as a sampled block's period, the caller's line is the one to mend
+                where = None if q.where is None or q.where.file.startswith("<") else q.where
+                raise ModelError(f"parameter '{q.name}' of {self.title} has no value; give it one", where)
         return self.p0
 
     def lookup(self, name: str) -> tuple[tuple[int, ...], list[int], int]:
@@ -278,15 +282,12 @@ def _scalars(item: Relation, path: str, scope: Scope) -> Iterable[ca.SX]:
         yield r
 
 
-def _numbers(tree: Tree, sx: ca.SX | None, n: int, default: float) -> np.ndarray:
+def _numbers(sx: ca.SX | None, n: int, default: float, symbols: ca.SX, values: np.ndarray) -> np.ndarray:
     """Numeric attribute values from parameter values."""
     if sx is None:
         return np.full(n, default)
-    symbols = ca.vertcat(*tree.scope.parameters) if tree.scope.parameters else ca.SX(0, 1)
-    values = np.full(len(tree.scope.parameters), np.nan)
-    for r in tree.parameters:
-        if r.values is not None:
-            values[r.indices] = r.values
+    if sx.is_constant():
+        return np.asarray(ca.evalf(sx)).reshape(-1)
     f = ca.Function("attribute", [symbols], [sx])
     return np.asarray(f(values)).reshape(-1)
 
@@ -294,14 +295,19 @@ def _numbers(tree: Tree, sx: ca.SX | None, n: int, default: float) -> np.ndarray
 def variables_of(tree: Tree) -> list[FlatVariable]:
     """All scalar variables of a tree with the numbers of their attributes."""
     result: list[FlatVariable] = []
+    values = np.full(len(tree.scope.parameters), np.nan)
+    for r in tree.parameters:
+        if r.values is not None:
+            values[r.indices] = r.values
+    given = stacked(tree.scope.parameters), values
     for r in tree.variables:
         a = r.attributes
         n = len(r.indices)
-        nominal = _numbers(tree, a["nominal"], n, 1.0)
-        low = _numbers(tree, a["min"], n, -np.inf)
-        high = _numbers(tree, a["max"], n, np.inf)
+        nominal = _numbers(a["nominal"], n, 1.0, *given)
+        low = _numbers(a["min"], n, -np.inf, *given)
+        high = _numbers(a["max"], n, np.inf, *given)
         # what is fixed and given no value stands at 0, as in Modelica
-        start = None if a["start"] is None and not a["fixed"] else _numbers(tree, a["start"], n, 0.0)
+        start = None if a["start"] is None and not a["fixed"] else _numbers(a["start"], n, 0.0, *given)
         for k, (index, name) in enumerate(zip(r.indices, element_names(r.name, r.item.shape), strict=True)):
             if low[k] > high[k]:
                 raise ModelError(f"'{name}' has min {low[k]:g} above max {high[k]:g}", r.item.where)

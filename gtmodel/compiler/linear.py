@@ -5,7 +5,7 @@ from __future__ import annotations
 import casadi as ca
 
 from .blocks import DenseCore, Margin
-from .matrices import triplets
+from .matrices import difference, product, quotient, stacked, triplets
 from .pivots import SignAnalysis, pivot_cost
 
 # a difference of constants this small beside them is round-off of zero: entries are short decimals, seldom 1e-12
@@ -28,9 +28,7 @@ def solve_linear(
     Constant pivots, then parameters declared nonzero; never a state-dependent one: what has no allowed pivot
     is the core.
     """
-    u = ca.vertcat(*unknowns)
-    r = ca.vertcat(*residuals)
-    at_zero = ca.substitute([r], [u], [ca.SX.zeros(len(unknowns), 1)])[0]
+    at_zero = ca.substitute(stacked(residuals), stacked(unknowns), ca.SX.zeros(len(unknowns), 1))
     rhs = [-at_zero[i] for i in range(len(residuals))]
     rows: dict[int, dict[int, ca.SX]] = {i: {} for i in range(len(residuals))}
     for i, j, value in triplets(jacobian):
@@ -57,10 +55,10 @@ def solve_linear(
             factor = entries.pop(j, None)
             if factor is None:
                 continue
-            factor = factor / pivot
-            rhs[other] = rhs[other] - factor * rhs[i]
+            factor = quotient(factor, pivot)
+            rhs[other] = difference(rhs[other], product(factor, rhs[i]))
             for k, value in row.items():
-                new = _difference(entries[k], factor * value) if k in entries else -factor * value
+                new = _difference(entries[k], product(factor, value)) if k in entries else product(-factor, value)
                 if new.is_zero():
                     if k in entries:
                         del entries[k]
@@ -83,8 +81,8 @@ def solve_linear(
     for j, row, pivot, b in reversed(eliminated):
         value = b
         for k in sorted(row):
-            value = value - row[k] * unknowns[k]
-        assignments.append((unknowns[j], value / pivot))
+            value = difference(value, product(row[k], unknowns[k]))
+        assignments.append((unknowns[j], quotient(value, pivot)))
     how = f"{len(eliminated)} pivots eliminated" + (f", dense core of {size}" if size else "")
     return assignments, margins, how, core
 
@@ -108,7 +106,7 @@ class _Entries:
 
 def _difference(a: ca.SX, b: ca.SX) -> ca.SX:
     """a - b; exactly zero where two constants cancel but for round-off."""
-    new = a - b
+    new = difference(a, b)
     if new.is_constant() and abs(float(new)) <= CANCELLED * abs(float(a)):
         return ca.SX(0)
     return new

@@ -1,5 +1,5 @@
-"""Matrices: entries of symbolic ones as scalars, constant sparse ones, functions on NumPy's own memory, and QR with
-column pivoting, under types that checkers understand."""
+"""Matrices: entries of symbolic ones as scalars and what is computed of these, constant sparse ones, functions on
+NumPy's own memory, and QR with column pivoting, under types that checkers understand."""
 
 from __future__ import annotations
 
@@ -27,8 +27,31 @@ def elements(m: ca.SX) -> list[ca.SX]:
 
 
 def stacked(values: list[ca.SX]) -> ca.SX:
-    """A column of scalars; an empty one where there is none."""
+    """A column of scalars; an empty one where there is none. One alone is a column already."""
+    if len(values) == 1:
+        return values[0]
     return ca.vertcat(*values) if values else ca.SX(0, 1)
+
+
+def total(a: ca.SX, b: ca.SX) -> ca.SX:
+    """a + b of two scalars. CasADi's operators, which give the same, first try whether these are numbers: ten times as
+    long as the operation."""
+    return ca.SX.binary(ca.OP_ADD, a, b)
+
+
+def difference(a: ca.SX, b: ca.SX) -> ca.SX:
+    """a - b, as `total`."""
+    return ca.SX.binary(ca.OP_SUB, a, b)
+
+
+def product(a: ca.SX, b: ca.SX) -> ca.SX:
+    """a * b, as `total`."""
+    return ca.SX.binary(ca.OP_MUL, a, b)
+
+
+def quotient(a: ca.SX, b: ca.SX) -> ca.SX:
+    """a / b, as `total`."""
+    return ca.SX.binary(ca.OP_DIV, a, b)
 
 
 def pivoted_qr(a: np.ndarray, mode: str = "full") -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -5,13 +5,14 @@ from __future__ import annotations
 import difflib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from threading import get_ident
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from ..lang.bind import ParameterRecord, VariableRecord
-from ..lang.bound import check_bound
+from ..lang.bound import BoundParameters
 from ..lang.declare import Declaration, Parameter
 from ..lang.source import ModelError, about
 from ..lang.values import check_parameter
@@ -62,32 +63,30 @@ def with_values(flat: FlatModel, values: Mapping[int, float]) -> FlatModel:
     if not values:
         return flat
     dependent = _dependent(flat, tuple(sorted(values)))
-    tree = replace(
-        flat.tree, parameters=[_with(r, values) for r in dependent.parameters], variables=dependent.variables
-    )
-    if dependent.checked:
-        check_bound(tree)
-    others = {v.index: v for v in variables_of(tree)}
-    return replace(
-        flat,
-        parameters=[replace(q, value=values.get(n, q.value)) for n, q in enumerate(flat.parameters)],
-        variables=[others.get(v.index, v) for v in flat.variables] if others else flat.variables,
-        cache={},
-    )
+    parameters = [_with(r, values) for r in dependent.parameters]
+    if dependent.bounds is not None:
+        dependent.bounds.check(parameters)
+    variables = flat.variables
+    if dependent.variables:
+        tree = replace(flat.tree, parameters=parameters, variables=dependent.variables)
+        others = {v.index: v for v in variables_of(tree)}
+        variables = [others.get(v.index, v) for v in variables]
+    given = [replace(q, value=values[n]) if n in values else q for n, q in enumerate(flat.parameters)]
+    return replace(flat, parameters=given, variables=variables, cache={})
 
 
 @dataclass(frozen=True, eq=False)
 class _Dependent:
     """What follows from some parameters: `variables` with such attributes, `parameters` with all that have values of
-    their own; `checked`: one of these is bounded."""
+    their own; `bounds`: what these must keep, None where that is nothing."""
 
     parameters: list[ParameterRecord]
     variables: list[VariableRecord]
-    checked: bool
+    bounds: BoundParameters | None
 
 
 def _dependent(flat: FlatModel, places: tuple[int, ...]) -> _Dependent:
-    key = "dependent", places
+    key = "dependent", get_ident(), places
     if key not in flat.cache:
         column = ca.vertcat(*[flat.parameters[n].symbol for n in places])
         own = [r for r in flat.tree.parameters if r.indices]
@@ -95,7 +94,9 @@ def _dependent(flat: FlatModel, places: tuple[int, ...]) -> _Dependent:
         named = any(isinstance(b, Declaration) for r in own for b in (r.item.low, r.item.high))
         attributes = [(r, [a for a in r.attributes.values() if isinstance(a, ca.SX)]) for r in flat.tree.variables]
         variables = [r for r, given in attributes if given and ca.depends_on(ca.vertcat(*map(ca.vec, given)), column)]
-        flat.cache[key] = _Dependent([*own, *bound], variables, bool(bound) or named)
+        parameters = [*own, *bound]
+        bounds = BoundParameters(replace(flat.tree, parameters=parameters)) if bound or named else None
+        flat.cache[key] = _Dependent(parameters, variables, bounds)
     return flat.cache[key]
 
 

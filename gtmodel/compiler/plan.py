@@ -302,10 +302,8 @@ def _users(
     flat: FlatModel, derivatives: list[list[ca.SX]], unknown_of: dict[Pair, Pair], solver: dict[Pair, Pair]
 ) -> dict[Pair, list[Pair]]:
     """Symbols that each node's equation uses, besides the one it is solved for."""
-    return {
-        node: [p for p in flat.scope.symbols_in(derivatives[node[0]][node[1]]) if solver.get(p) != node]
-        for node in unknown_of
-    }
+    inside = flat.scope.symbols_in_each([derivatives[i][m] for i, m in unknown_of])
+    return {node: [p for p in pairs if solver.get(p) != node] for node, pairs in zip(unknown_of, inside, strict=True)}
 
 
 def _jacobians(posed: _Posed, sampler: Sampler, samples: np.ndarray) -> list[np.ndarray]:

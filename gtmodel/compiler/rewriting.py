@@ -7,6 +7,8 @@ from typing import Any, NamedTuple, Protocol, TypeVar
 
 import casadi as ca
 
+from .matrices import stacked
+
 LARGEST = 50_000  # operations; beyond, the time of a pass would be noticed
 
 
@@ -95,5 +97,5 @@ def rewritten(expressions: Sequence[ca.SX], rewrite: Rewrite) -> list[ca.SX]:
         return list(expressions)
     results = iter(made)
     return [
-        ca.SX(e.sparsity(), ca.vertcat(*[next(results) for _ in range(e.nnz())])) if e.nnz() else e for e in expressions
+        ca.SX(e.sparsity(), stacked([next(results) for _ in range(e.nnz())])) if e.nnz() else e for e in expressions
     ]

@@ -9,6 +9,7 @@ from .analysis.nonsmooth import is_nonsmooth, kinked_in
 from .blocks import NewtonBlock, SolvedBlock
 from .flat import FlatModel
 from .linear import solve_linear
+from .matrices import stacked
 from .pivots import SignAnalysis
 from .quadric import NoClosedForm, eliminate_explicit, solve_nonlinear
 from .structure import EquationStructure
@@ -33,10 +34,11 @@ def solve_block(
     names = [flat.symbol_name(*unknown_of[n]) for n in order]
     equations = [f"{structure.equations[i].label}{chr(39) * m} ({structure.equations[i].where})" for i, m in rows]
     label = names[0] if len(names) == 1 else f"{names[0]}..{names[-1]}"
-    jacobian = ca.jacobian(ca.vertcat(*residuals), ca.vertcat(*unknowns))
+    jacobian = ca.jacobian(stacked(residuals), stacked(unknowns))
     kinked = is_nonsmooth(flat) and any(kinked_in(residuals, unknowns))
     keys = {s.element_hash() for s in unknowns}
-    if not kinked and not any(s.element_hash() in keys for s in ca.symvar(jacobian)):
+    linear = jacobian.is_constant() or not any(s.element_hash() in keys for s in ca.symvar(jacobian))
+    if not kinked and linear:
         assignments, margins, how, core = solve_linear(residuals, unknowns, jacobian, signs, label)
         kind = "explicit" if len(nodes) == 1 and not margins else "linear"
         return SolvedBlock(kind, names, equations, assignments, margins, [], how, None, uses, (), core)

@@ -157,13 +157,14 @@ def _greedy(m: np.ndarray, groups: list[list[int]], count: int) -> list[int]:
         left = np.array(group, dtype=int)
         todo = np.array([j for g in groups[n:] for j in g], dtype=int)
         while left.size and len(chosen) < count:
-            norms = np.sqrt(np.einsum("ij,ij->i", rest[left], rest[left]))
+            columns = rest[left]
+            norms = np.sqrt(np.einsum("ij,ij->i", columns, columns))
             top = float(norms.max())
             if top <= limit:
                 break
             pick = int(np.argmax(norms >= top * (1 - 1e-9)))
             j = int(left[pick])
-            left = np.delete(left, pick)
+            left = left[left != j]
             todo = todo[todo != j]
             q = rest[j] / norms[pick]
             others = rest[todo]

@@ -8,6 +8,8 @@ from typing import Annotated, Any
 
 import numpy as np
 
+from ..compiler.analysis.switching import in_mode
+from ..compiler.causal import compile_causal, flat_of
 from ..lang import Model, ModelError
 from ..results import ArgumentError, SolveStatus, Status, Trajectory, Work, at_most
 from ..results.door import study_function
@@ -112,8 +114,7 @@ def _reference(
         rates = reference[f"der({known})"][0] if f"der({known})" in reference.names else np.zeros(3)
         return reference, {known: reference[known][0], f"der({known})": rates}
     with naming("robot", ModelError):
-        function = robot.causal(known="T", targets=known)
-    q, status = function(reference["T"])
+        q, status = _positions(robot, reference["T"], known)
     bad = np.flatnonzero(status != Status.OK)
     if bad.size:
         why = Status(int(status[bad[0]])).message
@@ -121,6 +122,27 @@ def _reference(
     rates = reference["der(T)"][0] if "der(T)" in reference.names else np.zeros(3)
     rows = Trajectory(reference.time, {known: q}, {known: "m"}, synthetic=reference.synthetic)
     return rows, {"T": reference["T"][0], "der(T)": rates}
+
+
+def _positions(robot: Model, places: np.ndarray, known: str) -> tuple[np.ndarray, np.ndarray]:
+    """Positions of the actuators and statuses at places (n, 3) of the tool; of a robot with switches, such as friction
+    that sticks, on a side of them that has these. Raises ModelError where the sides differ in them."""
+    flat = flat_of(robot)
+    if flat.events is None or not flat.events.modes:
+        return compile_causal(flat, known="T", targets=known)(places)
+    sides, refused = [], None
+    for side in (False, True):
+        try:
+            q, status = compile_causal(in_mode(flat, [side] * len(flat.events.modes)), known="T", targets=known)(places)
+            sides.append((q, status))
+        except ModelError as error:
+            refused = error
+    if not sides:
+        assert refused is not None
+        raise refused
+    if len(sides) > 1 and not np.allclose(sides[0][0], sides[1][0], rtol=0, atol=1e-9, equal_nan=True):
+        raise ModelError(f"'{known}' at 'T' depends on the side of a gt.If; give the reference in '{known}'")
+    return sides[0]
 
 
 def _study_of(tracked: Tracked, sampling: LoopSampling, limits: TrackingLimits, title: str) -> LoopSimulationStudy:

@@ -141,8 +141,11 @@ class Identification:
     @property
     def notes(self) -> list[str]:
         """What limits the numbers, in words."""
-        lines = [f"{n} is at its bound, 0; it has no interval, and the others are as if it were known" for n in
-                 self.estimate.held]  # fmt: skip
+        lines = [
+            f"{n} is at its bound, 0, and would be {self.unbounded.value(n):.3g} without it; it has no interval, and "
+            "the others are as if it were known; if it may be negative, leave it out of nonnegative"
+            for n in self.estimate.held
+        ]
         lines += list(self.estimate.notes)
         lines += [f"{t}: {v.message}" for t, v in zip(self.rows.targets, self.whiteness, strict=True) if not v.passed]
         lines += [t.message for t in self.left_out if not t.passed]

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..results.estimate import Estimate
 from ..results.refusal import ArgumentError
-from .residuals import SMALL_P
+from .residuals import SMALL_P, shown_p
 
 # probability that a sound model fails one verdict: seldom enough for an exit code that scripts rely on
 FALSE_ALARM = 1e-3
@@ -74,7 +74,7 @@ class OverNoise(_Bounded):
         """The ratio in words, without what it may come from."""
         if not np.isfinite(self.bound):
             return "as many parameters as equations were fitted: residuals say nothing of the noise"
-        of = f"{self.degrees_of_freedom:.4g} degrees of freedom, p = {self.p:.2g}"
+        of = f"{self.degrees_of_freedom:.4g} degrees of freedom, {shown_p(self.p)}"
         if self.as_stated:
             return f"residuals are as large as the stated noise ({self.ratio:.3g} times, {of})"
         size = f"residuals are {self.ratio:.3g} times the stated noise"

@@ -11,6 +11,17 @@ from ..results.estimate import Estimate
 from ..results.refusal import ArgumentError
 
 SMALL_P = 0.01  # a test with a smaller p-value speaks against its hypothesis
+TINY_P = 1e-99  # below, a number says no more
+
+
+def shown_p(p: float) -> str:
+    """A p-value in a sentence: never zero, which nothing is.
+
+    >>> from gtmodel.inference.residuals import shown_p
+    >>> shown_p(0.021), shown_p(0.0)
+    ('p = 0.021', 'p below 1e-99')
+    """
+    return f"p below {TINY_P:g}" if p < TINY_P else f"p = {p:.2g}"
 
 
 @dataclass(frozen=True)
@@ -91,7 +102,7 @@ def whiteness(r: np.ndarray, *, lags: int | None = None, parameters: int = 0) ->
         if p >= SMALL_P
         else f"residuals are coloured (correlation {c[k]:.2f} at lag {k + 1}): intervals for white noise are too narrow"
     )
-    return Verdict(Q, p, p >= SMALL_P, f"{said} (Ljung-Box p = {p:.2g}, {K} lags)")
+    return Verdict(Q, p, p >= SMALL_P, f"{said} (Ljung-Box {shown_p(p)}, {K} lags)")
 
 
 def normality(r: np.ndarray) -> Verdict:
@@ -122,7 +133,7 @@ def normality(r: np.ndarray) -> Verdict:
         else f"residuals are not normal (skewness {skew:.2g}, excess kurtosis {tail:.2g}): look for outliers, or take "
         "a loss that bears them"
     )
-    return Verdict(J, p, p >= SMALL_P, f"{said} (Jarque-Bera p = {p:.2g})")
+    return Verdict(J, p, p >= SMALL_P, f"{said} (Jarque-Bera {shown_p(p)})")
 
 
 def noise_size(estimate: Estimate) -> Verdict:
@@ -156,7 +167,7 @@ def noise_size(estimate: Estimate) -> Verdict:
             else f"residuals are {ratio:.2f} times the stated noise: it was stated too large"
         )
     return Verdict(
-        chi2, p, p >= SMALL_P, f"{said} (chi-squared {chi2:.4g} for {estimate.degrees_of_freedom:.4g}, p = {p:.2g})"
+        chi2, p, p >= SMALL_P, f"{said} (chi-squared {chi2:.4g} for {estimate.degrees_of_freedom:.4g}, {shown_p(p)})"
     )
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from .bound import check_bound
 from .declare import Declaration, Discrete, Each, Free, Outer, Parameter, Part, Port, Variable
-from .expression import Expr, gathered, operand
+from .expression import Expr, gathered, operand, row_by_row
 from .model import Connector, Model, check_modifiers, walk_declarations
 from .scope import Scope
 from .source import ModelError, SourceLocation
@@ -172,7 +172,9 @@ def element_names(name: str, shape: tuple[int, ...]) -> list[str]:
 
 def _assemble(symbols: list[ca.SX], shape: tuple[int, ...]) -> ca.SX:
     """Scalars given row by row as a column vector or matrix."""
-    if len(shape) < 2:
+    if not shape:
+        return symbols[0]
+    if len(shape) == 1:
         return ca.vertcat(*symbols)
     return ca.reshape(ca.vertcat(*symbols), shape[1], shape[0]).T
 
@@ -189,7 +191,7 @@ def _parameter(
             raise ModelError(
                 f"units do not fit: parameter '{full}' is in {item.unit}, bound to {given.dimension}", where
             )
-        record = ParameterRecord(full, item, path, ca.vec(given.sx.T), [], None, given.shape, where)
+        record = ParameterRecord(full, item, path, row_by_row(given.sx), [], None, given.shape, where)
         tree.parameters.append(record)
         return given
     value = given if is_given else item.default
@@ -250,7 +252,7 @@ def _variable(item: Variable, given: dict[str, Any], full: str, path: str, bound
         sx, shape = operand(value, scope)
         if shape != item.shape and shape != ():
             raise ModelError(f"attribute {key} of '{full}' has shape {shape}; expected {item.shape}", item.where)
-        column = ca.repmat(sx, len(names), 1) if shape == () and len(names) > 1 else ca.vec(sx.T)
+        column = ca.repmat(sx, len(names), 1) if shape == () and len(names) > 1 else row_by_row(sx)
         attributes[key] = column
     indices = list(range(first, first + len(names)))
     tree.variables.append(VariableRecord(full, item, path, indices, attributes))

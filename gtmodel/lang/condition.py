@@ -25,6 +25,7 @@ class Condition:
 
     Comparing expressions makes a `Relation`, which is one; parentheses are needed, `(a <= b) & (c >= d)`. Of continuous
     quantities a strict `<` is the same as `<=`: at the instant itself the side counts on which the motion goes on.
+    Where a quantity jumps to equality, or an input comes to it, and rests there, `<=` is true and `<` is not.
     """
 
     operation: Operation

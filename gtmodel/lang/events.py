@@ -8,7 +8,7 @@ from typing import Any
 import casadi as ca
 
 from .condition import Condition, condition_of
-from .expression import DimensionError, Expr, Relation, gathered, operand, relation, scope_of
+from .expression import DimensionError, Expr, Relation, gathered, operand, relation, row_by_row, scope_of
 from .scope import Scope
 from .slips import named
 from .source import ModelError, SourceLocation, dropped, here
@@ -180,8 +180,8 @@ def reinit(x: Any, value: Any, *, impulse: Any = None) -> Reinit:
     if impulse is not None and impulse.shape != x.shape:
         raise ModelError(f"reinit() of shape {x.shape} takes an impulse of that shape; found {impulse.shape}", here())
     same = relation(x, value, "==")
-    force = None if impulse is None else ca.vec(impulse.sx.T)
-    return Reinit(ca.vec(same.lhs.T), ca.vec(same.rhs.T), force, here())
+    force = None if impulse is None else row_by_row(impulse.sx)
+    return Reinit(row_by_row(same.lhs), row_by_row(same.rhs), force, here())
 
 
 @named

@@ -237,7 +237,7 @@ class Relation:
     @property
     def residual(self) -> ca.SX:
         """lhs - rhs, a column, row by row."""
-        return ca.vec((self.lhs - self.rhs).T)
+        return row_by_row(self.lhs - self.rhs)
 
     def __bool__(self) -> bool:
         raise ModelError(
@@ -246,6 +246,11 @@ class Relation:
             "gt.maximum, in place of and, or, not the signs &, |, ~ inside gt.when and gt.If",
             self.where,
         )
+
+
+def row_by_row(sx: ca.SX) -> ca.SX:
+    """The entries of a matrix as a column, row by row; a column as it is."""
+    return sx if sx.size2() == 1 else ca.vec(sx.T)
 
 
 def _places(index: Any, n: int, shape: Shape) -> int | list[int]:

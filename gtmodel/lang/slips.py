@@ -23,7 +23,8 @@ P = ParamSpec("P")
 T = TypeVar("T")
 # with the separator: a person's folder may be called gtmodel_robots
 _PACKAGE = str(Path(LANG).parent) + os.sep
-_FOLDERS = (LANG, _PACKAGE + "compiler", _PACKAGE + "optimize", *map(sysconfig.get_path, ("stdlib", "purelib")))
+_OWN = (LANG, *(_PACKAGE + name for name in ("compiler", "optimize", "simulation")))
+_FOLDERS = (*_OWN, *map(sysconfig.get_path, ("stdlib", "purelib")))
 _NOBODYS = (*(folder + os.sep for folder in _FOLDERS), _PACKAGE + "_lazy.py", "<frozen")
 
 

@@ -15,7 +15,7 @@ from ..results.trajectory_errors import Array
 from ..results.trajectory_files import PathLike
 from ..results.work import Progress, silent
 from .sampling import MISSING, EmptyRows, LateRows, in_order
-from .streams.form import LogError as LogError, LogForm, shown
+from .streams.form import LogError as LogError, LogForm, NoNumberError, shown
 from .streams.opening import stream_of
 from .streams.stream import Lines, Stream, TableRows
 
@@ -123,7 +123,10 @@ def read_log(
     if time is None and sample_time is None:
         raise LogError(f"{shown(path)}: without a column of time the sample time has to be given")
     gaps = empty_rows == "drop"
-    rows, shape = _in_si(stream, columns, time, session, gaps, progress)
+    try:
+        rows, shape = _in_si(stream, columns, time, session, gaps, progress)
+    except NoNumberError as error:
+        raise LogError(f'{error}; empty_rows = "drop" leaves such rows out') from error
     sessions = []
     for begin, end in pairwise([*_begins(rows, session, stream), len(rows.lines)]):
         part, numbers, note = slice(begin, end), rows.lines, dict[str, Any]()

@@ -14,6 +14,7 @@ LateRows = Literal["refuse", "drop", "sort"]
 EmptyRows = Literal["refuse", "drop"]
 MISSING = 0.5  # of a sample time beyond the next row: a sample is missing, not late
 FENCE = 1.5  # interquartile ranges above the upper quartile: a step beyond is no jitter
+MOST_LOST = 1e15  # samples in a gap: more are a time that is no time
 LONGEST_LIST = 1000  # gaps that are kept one by one
 
 
@@ -76,7 +77,7 @@ def sampling_of(time: Array | Sequence[float]) -> SamplingReport:
     low, step, high = (float(x) for x in np.percentile(forward, [25.0, 50.0, 75.0]))
     longest = max((1 + MISSING) * step, high + FENCE * (high - low))
     wide = np.flatnonzero(steps > longest)
-    lost = np.maximum(np.round(steps[wide] / step).astype(int) - 1, 1)
+    lost = np.maximum(np.round(np.minimum(steps[wide] / step, MOST_LOST)).astype(int) - 1, 1)
     gaps = tuple(
         Gap(int(k), float(time[k]), float(steps[k]), int(n))
         for k, n in zip(wide[:LONGEST_LIST], lost[:LONGEST_LIST], strict=True)
@@ -84,7 +85,9 @@ def sampling_of(time: Array | Sequence[float]) -> SamplingReport:
     slowest = float(np.max(forward, where=forward <= longest, initial=step))
     most = max(slowest / step - 1.0, 1.0 - float(forward.min()) / step)
     missing = float(lost.sum() / (lost.sum() + rows))
-    return SamplingReport(rows, step, 1 / step, span, (high - low) / 1.349 / step, most, gaps, missing, late, repeated)
+    # two times are each off by half a unit in the last place
+    spread = high - low if high - low > 4 * np.spacing(max(abs(float(time.min())), abs(float(time.max())))) else 0.0
+    return SamplingReport(rows, step, 1 / step, span, spread / 1.349 / step, most, gaps, missing, late, repeated)
 
 
 def in_order(time: Array, late_rows: LateRows) -> np.ndarray | None:

@@ -50,4 +50,5 @@ class EndStop(gt.Model):
             yield gt.when((inside <= 0.0) & ~bounces, *stays)
             # what was let go and is pressed against it again at once has not left it
             yield gt.when(inside <= -DEPTH * (self.high - self.low), *stays)
-        yield gt.when(self.rests * self.force <= 0.0, self.rests == 0.0)
+        # without a force it stays
+        yield gt.when(self.rests * self.force < 0.0, self.rests == 0.0)

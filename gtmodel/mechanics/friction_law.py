@@ -82,8 +82,9 @@ def stiction(friction: Any, coordinate: Any, force: Any) -> Generator[Any, None,
     breakaway = friction.breakaway_ratio * friction.coulomb
     velocity, stuck = gt.der(coordinate), (friction.slides > -0.5) & (friction.slides < 0.5)
     yield gt.If(stuck, gt.der(coordinate, 2) == 0.0, force == friction.law(velocity))
-    yield gt.when(stuck & (force >= breakaway), friction.slides == 1.0)
-    yield gt.when(stuck & (force <= -breakaway), friction.slides == -1.0)
+    # at the break-away force itself it holds
+    yield gt.when(stuck & (force > breakaway), friction.slides == 1.0)
+    yield gt.when(stuck & (force < -breakaway), friction.slides == -1.0)
     yield gt.when(friction.slides * velocity <= 0.0, friction.slides == 0.0)
     # what moves at the start slides, and so does what is pushed hard enough
     moves, pushed = velocity / friction.velocity_scale, force / breakaway

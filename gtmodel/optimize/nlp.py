@@ -223,6 +223,7 @@ def functions_of(
     X: ca.MX, p: ca.MX, sigma: ca.MX, lam: ca.MX, f: ca.MX, g: ca.MX, gradient: ca.MX, jacobian: ca.MX, hessian: ca.MX
 ) -> dict[str, ca.Function]:
     """Derivatives by the names of nlpsol's options; the Hessian of sigma f + lam g is its upper triangle."""
+    gradient = ca.densify(gradient)  # IPOPT reads every entry, also of a phase whose objective is constant
     return {
         "jac_g": ca.Function("nlp_jac_g", [X, p], [g, jacobian], ["x", "p"], ["g", "jac_g_x"]),
         "grad_f": ca.Function("nlp_grad_f", [X, p], [f, gradient], ["x", "p"], ["f", "grad_f_x"]),

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from .style import BLUE, LIMIT, colour, styled, with_panels
@@ -13,6 +14,7 @@ from .style import BLUE, LIMIT, colour, styled, with_panels
 MOST_PANELS = 12
 HEIGHT = 1.25  # inches of a panel
 MOST_POINTS = 4_000  # of the steps
+FINEST = 0.01  # of the median step, either way of it: what the axis shows at least
 
 
 @styled
@@ -40,13 +42,21 @@ def log_figure(title: str, streams: Sequence[Mapping[str, Any]]) -> Figure:
         axes.margins(x=0.0)
     for axes, stream in zip(stack[len(panels) :], timed, strict=False):
         time = stream["clock"][np.isfinite(stream["clock"])]
-        steps = np.diff(time)
-        # the widest of each stretch: a gap is not to be missed
-        begins = np.unique(np.linspace(0, len(steps) - 1, min(len(steps), MOST_POINTS)).astype(int))
-        axes.plot(time[begins], np.maximum.reduceat(steps, begins), ".", color=BLUE, markersize=2)
-        axes.axhline(float(np.median(steps)), **LIMIT)
+        draw_steps(axes, time, np.diff(time))
         axes.set_title(f"steps of {stream['label']}", fontsize="small", loc="left")
         axes.set_ylabel(f"step [{stream['label'].rpartition('[')[2]}")
         axes.set_xlabel(stream["label"], fontsize="small")
         axes.margins(x=0.0)
     return figure
+
+
+def draw_steps(axes: Axes, time: np.ndarray, steps: np.ndarray) -> None:
+    """Steps (n - 1,) from row to row at their times (n,), the widest of each stretch where there are too many to draw:
+    a gap is not to be missed. The dotted line is the median. Less than a hundredth of it is not stretched to the axis:
+    there is round-off."""
+    begins = np.unique(np.linspace(0, len(steps) - 1, min(len(steps), MOST_POINTS)).astype(int))
+    axes.plot(time[begins], np.maximum.reduceat(steps, begins), ".", color=BLUE, markersize=2)
+    middle = float(np.median(steps))
+    axes.axhline(middle, **LIMIT)
+    low, high = axes.get_ylim()
+    axes.set_ylim(min(low, middle - FINEST * abs(middle)), max(high, middle + FINEST * abs(middle)))

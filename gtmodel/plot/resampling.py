@@ -1,19 +1,19 @@
-"""A recording and the even grid that it was put on; the steps from row to row of its clocks."""
+"""A recording and the even grid that it was put on; the steps from row to row of its clocks; what a delay leaves."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from ..results.trajectory import Trajectory
-from .style import BLUE, LIMIT, MEASURED, curve, key_beside, styled, with_panels
+from .log import draw_steps
+from .style import BLUE, LIMIT, MEASURED, colour, curve, key_beside, styled, with_panels
 
 MOST_PANELS = 8
 HEIGHT = 1.9  # inches of a panel
 SHOWN = 40  # rows of the detail
-MOST_POINTS = 4_000  # of the steps
 
 
 @styled
@@ -68,10 +68,7 @@ def steps_figure(times: Mapping[str, np.ndarray], *, title: str = "") -> Figure:
     """
     figure, stack = with_panels(8.5, 1.0 + HEIGHT * len(times), len(times), title=title)
     for axes, (clock, time) in zip(stack, times.items(), strict=True):
-        steps = 1e3 * np.diff(time)
-        begins = np.unique(np.linspace(0, len(steps) - 1, min(len(steps), MOST_POINTS)).astype(int))
-        axes.plot(time[begins], np.maximum.reduceat(steps, begins), ".", color=BLUE, markersize=2.5)
-        axes.axhline(float(np.median(steps)), **LIMIT)
+        draw_steps(axes, time, 1e3 * np.diff(time))
         axes.set_title(f"steps of {clock}")
         axes.set(ylabel="step [ms]", xlabel="time [s]")
         axes.margins(x=0.0)
@@ -86,3 +83,19 @@ def _detail(time: np.ndarray, grid: np.ndarray) -> tuple[float, float]:
     k = inside[int(np.argmax(np.diff(time[inside])))]
     low, high = max(int(k) - SHOWN // 2, 0), min(int(k) + SHOWN // 2, len(time) - 1)
     return float(time[low]), float(time[high])
+
+
+@styled
+def delay_figure(pairs: Sequence[tuple[str, np.ndarray, np.ndarray, str, float]], *, title: str = "") -> Figure:
+    """One panel per pair: residuals over time.
+
+    pairs: name, times (n,) [s], residuals (n,) in the unit that follows, and the delay [s] that was taken off.
+    """
+    figure, panels = with_panels(7.0, 1.2 + 1.9 * len(pairs), len(pairs), 1, title=title, sharex=True)
+    panels = np.atleast_1d(panels).ravel()
+    for k, (axes, (name, time, left, unit, delay)) in enumerate(zip(panels, pairs, strict=True)):
+        axes.plot(time, left, color=colour(k), linestyle="none", marker=".", markersize=2)
+        axes.axhline(0.0, **LIMIT)
+        axes.set(title=f"{name}: {1e3 * delay:.4g} ms taken off", ylabel=f"residual [{unit}]")
+    panels[-1].set_xlabel("time of the reference [s]")
+    return figure

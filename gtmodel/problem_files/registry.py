@@ -4,7 +4,7 @@ keys.py (keys of the file -> options of the study) and kind.py (keys -> call of 
 keys.py holds
 
     Schema    a `Problem` subclass: every key of the file, described, its unit in its name
-    RESULT    the class of its study by name, whose quantities ``values`` will hold
+    RESULT    the class of its study by name, whose quantities ``values`` will hold; several where tables choose
 
 kind.py holds
 
@@ -15,7 +15,7 @@ kind.py holds
     call      (problem, context) -> Call
     explain   optional: (problem, context) -> str
 
-`names` lists the kinds with one line each, `get` imports one, `schema_of` and `result_of` what it takes and gives
+`names` lists the kinds with one line each, `get` imports one, `schema_of` and `results_of` what it takes and gives
 without what it computes with; nothing else is imported before it is needed.
 """
 
@@ -55,6 +55,7 @@ _KINDS = {
     "milling": "where to mill: the angle about the spindle by static and dynamic deflection, chatter, compensation",
     "resampling": "signals of several clocks on one even grid: uneven rows, gaps, offset and drift of the clocks",
     "delay": "how late signals come behind others that show the same motion, with intervals",
+    "sensor_fusion": "laser tracker and inertial unit filtered into one motion, and whether to believe the filter",
     "friction": "friction of the actuators and the mass they hold, from constant-velocity runs",
 }
 
@@ -75,10 +76,11 @@ def schema_of(name: str) -> type[Problem]:
     return _module(name, "keys").Schema
 
 
-def result_of(name: str) -> type[Study]:
-    """The class of what it answers. Raises InputError with close matches."""
-    library, _, study = _module(name, "keys").RESULT.rpartition(".")
-    return getattr(import_module(library), study)
+def results_of(name: str) -> list[type[Study]]:
+    """The classes of what it may answer. Raises InputError with close matches."""
+    named = _module(name, "keys").RESULT
+    places = [place.rpartition(".") for place in ([named] if isinstance(named, str) else named)]
+    return [getattr(import_module(library), study) for library, _, study in places]
 
 
 def _module(name: str, file: str) -> Any:

@@ -9,7 +9,7 @@ from gtmodel.results.quantity import Quantity, described
 
 from .fields import json_schema, keys_of
 from .noted import DESCRIPTION, NOTES
-from .registry import names, result_of, schema_of
+from .registry import names, results_of, schema_of
 
 
 def document(kind: str) -> dict[str, Any]:
@@ -26,6 +26,6 @@ def document(kind: str) -> dict[str, Any]:
 
 def values(kind: str) -> dict[str, dict[str, str]]:
     """Name -> unit and description of what `values` will hold."""
-    held = {**described(result_of(kind))}
+    held = {name: quantity for study in results_of(kind) for name, quantity in described(study).items()}
     held.setdefault(NOTES, Quantity(description=DESCRIPTION))
     return {name: {"unit": q.file_unit, "description": inspect.cleandoc(q.description)} for name, q in held.items()}

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import json
 import math
+import sys
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from .trajectory import Trajectory
-
 if TYPE_CHECKING:
     from .study import Study
+    from .trajectory import Trajectory
 
 
 def summary(problem: str, kind: str | None, study: Study, wall_s: float) -> dict[str, Any]:
@@ -64,12 +62,13 @@ def plain(value: Any) -> Any:
     """A value as JSON data: arrays become lists, a number that is not finite becomes null."""
     if isinstance(value, Mapping):
         return {str(k): plain(v) for k, v in value.items()}
-    if isinstance(value, np.ndarray):
-        clean = value.dtype.kind == "f" and bool(np.isfinite(value).all())
-        return value.tolist() if clean else plain(value.tolist())
     if isinstance(value, (list, tuple)):
         return [plain(v) for v in value]
-    if isinstance(value, np.generic):
+    np = sys.modules.get("numpy")  # where it was never imported there is no value of it
+    if np is not None and isinstance(value, np.ndarray):
+        clean = value.dtype.kind == "f" and bool(np.isfinite(value).all())
+        return value.tolist() if clean else plain(value.tolist())
+    if np is not None and isinstance(value, np.generic):
         return plain(value.item())
     if isinstance(value, float):
         return value if math.isfinite(value) else None

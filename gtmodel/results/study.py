@@ -16,7 +16,7 @@ from .refusal import ArgumentError
 from .status import SolveStatus
 from .trajectory import Trajectory
 
-S = TypeVar("S", bound="Study")
+S = TypeVar("S")
 _OWN = frozenset(s.message for s in SolveStatus)
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ def to_inherit(cls: type[S]) -> type[S]:
     """A dataclass with types in place of the texts of its annotations: the __init__ of a subclass repeats them, in a
     module that need not know their names."""
     hints = get_type_hints(cls, include_extras=True)
-    for own in fields(cls):
+    for own in fields(cls):  # type: ignore[arg-type]  # of any dataclass
         own.type = hints[own.name]
     return cls
 

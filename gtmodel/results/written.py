@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import hashlib
 import io
+import os
 import platform
+import sys
 import textwrap
 import tomllib
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from importlib import import_module
-from importlib.metadata import PackageNotFoundError, version
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -197,13 +199,33 @@ def record(
 
 def versions() -> dict[str, str]:
     """Versions of gtmodel, of Python and of the packages that numbers depend on."""
-    versions_by_name = {_OURS: __version__, "python": platform.python_version(), "platform": platform.platform()}
-    for name in _PACKAGES:
-        try:
-            versions_by_name[name] = version(name)
-        except PackageNotFoundError:
-            versions_by_name[name] = "not found"
-    return versions_by_name
+    versions_by_name = {_OURS: __version__, "python": platform.python_version(), "platform": _system()}
+    return versions_by_name | {name: _installed(name) for name in _PACKAGES}
+
+
+def _system() -> str:
+    """What `platform.platform` says, which on Linux starts a process to learn the name of the processor."""
+    if sys.platform != "linux":
+        return platform.platform()
+    parts = [platform.system(), platform.release(), platform.machine(), "with", "".join(platform.libc_ver())]
+    return "-".join(part for part in parts if part)
+
+
+def _installed(package: str) -> str:
+    """The version of a package: the folder PACKAGE-VERSION.dist-info beside it says it; to ask importlib.metadata takes
+    longer than to write the whole result."""
+    spec = find_spec(package)
+    if spec is not None and spec.origin is not None:
+        beside = os.listdir(Path(spec.origin).parents[1])
+        stated = [n for n in beside if n.startswith(f"{package}-") and n.endswith(".dist-info")]
+        if len(stated) == 1:
+            return stated[0].removeprefix(f"{package}-").removesuffix(".dist-info")
+    from importlib.metadata import PackageNotFoundError, version  # none or several: an unusual installation
+
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "not found"
 
 
 def sha256(content: bytes) -> str:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..compiler.analysis.pace import Pace
+from ..results.check import Check
 from ..results.status import SolveStatus
 from .audit import Audit
 from .choice import SWITCH_BELOW
@@ -40,7 +41,8 @@ class Integration:
     holds them and further times that intervals end at; `pace` bounds the integrator's own steps."""
 
     def __init__(self, ready: Ready, rows: np.ndarray, grid: np.ndarray, pace: Pace) -> None:
-        self._systems, self._inputs, self._recorder = ready.systems, ready.inputs, ready.recorder
+        self.ready, self.recorder, self.end = ready, ready.recorder, float(rows[-1])
+        self._systems, self._inputs = ready.systems, ready.inputs
         self._settings = ready.settings
         self._rows, self._grid, self._pace = rows, grid, pace
         system = ready.system
@@ -78,6 +80,25 @@ class Integration:
                 self._advance(stop, self._span(stop))
             if stop < end:
                 self._begin_piece(stop)
+
+    # -- what comes of it --------------------------------------------------------------------------
+
+    def finish(self) -> tuple[float, str | None]:
+        """The largest residual of an equation at any row, and a sentence where one does not hold."""
+        return self.audit.residual, self.audit.verdict()
+
+    def happened(self, status: SolveStatus) -> list[str]:
+        """What there was on the way, for the message of a run with this status."""
+        n = len(self.switches)
+        return [f"states switched {n} time{'s' * (n > 1)}"] if n else []
+
+    def own_checks(self, moved: float) -> tuple[dict[str, Check], list[str]]:
+        """Further checks, and sentences of those that failed; `moved`: energy [J]."""
+        return {}, []
+
+    def of_events(self) -> dict[str, Any]:
+        """What a `Simulation` holds of events."""
+        return {}
 
     def _begin_piece(self, knot: float) -> None:
         before, after = (self._inputs.piece(knot, before) for before in (True, False))
@@ -269,7 +290,7 @@ class Integration:
         rows = self.system.reduced.row(xs, zs, times[:, None], self._p)[0]
         finite = np.all(np.isfinite(rows), axis=1)
         count = len(times) if finite.all() else int(np.argmin(finite))
-        self._recorder.add(self._shown(times[:count]), rows[:count], works[:count])
+        self.recorder.add(self._shown(times[:count]), rows[:count], works[:count])
         self.history.add(tuple(self.system.plan.states), times[:count], xs[:count] / self.system.stepper.x_scale)
         self.audit(points[:count], times[:count])
         if count < len(times):

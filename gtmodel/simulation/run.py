@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from typing import Any, Literal
 
 import numpy as np
@@ -12,16 +11,13 @@ from ..compiler.analysis.switching import with_switching_signs
 from ..compiler.causal import flat_of
 from ..lang.model import Model
 from ..lang.slips import named
-from ..results.status import SolveStatus
-from .advance import Ended, Integration
+from .advance import Integration
 from .arguments import longest_step, output_step, span
 from .discontinuities import refuse_discontinuous_inputs
-from .hybrid.run import simulate_events
-from .prepare import OUTPUT_STEPS, Ready, output_rows, prepare, watched_grid
-from .resolution import resolution, unresolved
+from .hybrid.run import with_events
+from .outcome import outcome
+from .prepare import OUTPUT_STEPS, output_rows, prepare, watched_grid
 from .result import NotSimulated, Progress, Simulation
-from .small import FINER, FINEST, small, small_states
-from .turnover import balance, unbalanced
 
 
 @named
@@ -99,60 +95,26 @@ def simulate(
     start_time, final_time = span(final_time, start_time)
     step = output_step(step, final_time - start_time)
     max_step = longest_step(max_step, final_time - start_time)
-    bounded = np.isfinite(max_step)
-
-    def prepared(tolerance: float) -> Ready:
-        return prepare(model, inputs, start, start_time, outputs, prefer, tolerance, method, bounded, parameters)
-
     if with_switching_signs(flat_of(model)).events is not None:
-        given = start, start_time, step, max_step, outputs, prefer, tolerance, method
-        simulation = simulate_events(model, final_time, inputs, parameters, *given, progress)
-        if throw and not simulation.status.converged:
-            raise NotSimulated(simulation)
-        return simulation
-    ready = prepared(tolerance)
-    refuse_discontinuous_inputs(ready.inputs, ready.system.plan.inputs, start_time, final_time)
-    rows = output_rows(start_time, final_time, step)
-    # roots and states are watched from one time to the next: as often as rows are recorded by default
-    watching = bool(ready.system.roots) or ready.systems.selection.has_choice
-    watched = (final_time - start_time) / OUTPUT_STEPS if watching else np.inf
-    grid = watched_grid(rows, min(max_step, watched))
-    pace = ready.systems.pace(ready.inputs, start_time, final_time)
-    integration = Integration(ready, rows, grid, pace)
-    status, message = SolveStatus.SOLVED, "simulated"
-    try:
-        integration.run(progress)
-    except Ended as error:
-        status, message = error.status, str(error)
-    broken = integration.audit.verdict()
-    if broken is not None and status is SolveStatus.SOLVED:
-        status, message = SolveStatus.FAILED, broken
-    if integration.switches:
-        n = len(integration.switches)
-        message += f"; states switched {n} time{'s' * (n > 1)}"
-    trajectory, energy_error, moved = ready.recorder.trajectory()
-    checks = balance(energy_error, moved) | resolution(integration.largest, tolerance)
-    said = ""
-    if status.ok and FINER * tolerance >= FINEST and (pairs := small(integration.history, tolerance)):
-        finer = Integration(prepared(FINER * tolerance), rows, grid, pace)
-        # a run that ends early shows nothing
-        with suppress(Ended):
-            finer.run(None if progress is None else lambda _: progress(final_time))
-            of_small, said = small_states(pairs, integration.history, finer.history, ready.name_of)
-            checks |= of_small
-    if status.ok and (sentences := [s for s in (unbalanced(checks, moved), unresolved(checks), said) if s]):
-        status, message = SolveStatus.CHECK_FAILED, "; ".join([message, *sentences])
-    simulation = Simulation(
-        status,
-        message,
-        trajectory,
-        energy_error,
-        integration.audit.residual,
-        integration.system.states,
-        integration.switches,
-        ready.chosen,
-        checks,
-    )
-    if throw and not status.converged:
+
+        def at_tolerance(tolerance: float) -> Integration:
+            given = start, start_time, step, max_step, outputs, prefer, tolerance, method
+            return with_events(model, final_time, inputs, parameters, *given)
+
+    else:
+
+        def at_tolerance(tolerance: float) -> Integration:
+            bounded = bool(np.isfinite(max_step))
+            ready = prepare(model, inputs, start, start_time, outputs, prefer, tolerance, method, bounded, parameters)
+            refuse_discontinuous_inputs(ready.inputs, ready.system.plan.inputs, start_time, final_time)
+            rows = output_rows(start_time, final_time, step)
+            # roots and states are watched from one time to the next: as often as rows are recorded by default
+            watching = bool(ready.system.roots) or ready.systems.selection.has_choice
+            watched = (final_time - start_time) / OUTPUT_STEPS if watching else np.inf
+            pace = ready.systems.pace(ready.inputs, start_time, final_time)
+            return Integration(ready, rows, watched_grid(rows, min(max_step, watched)), pace)
+
+    simulation = outcome(at_tolerance, tolerance, progress)
+    if throw and not simulation.status.converged:
         raise NotSimulated(simulation)
     return simulation

@@ -149,7 +149,7 @@ class Systems:
 
     def with_numbers(self, now: FlatModel, samples: np.ndarray | None) -> Systems:
         """The same with the numbers of a run in place of the parameters that vary; all that is made is kept for all."""
-        assert self.original_equations is not None  # made before the copy, so that it is made once
+        _ = self.original_equations, self._reads_time  # made before the copy, so that they are made once
         run = copy(self)
         run.flat, run._numbers = now, now.p0[sorted(self.inputs.parameters)]
         run.selection = self.selection.with_numbers(run._numbers)
@@ -217,11 +217,28 @@ class Systems:
         stepper = Stepper(reduced, settings.tolerance, settings.method, settings.bounded)
         return SimulatedSystem(choice_of(branch.plan.stages), branch.plan, reduced, stepper, settings.tolerance)
 
-    def pace(self, inputs: SimulationInputs, start: float, end: float) -> Pace:
-        """How fast functions of time change between two times: inputs that have the numbers of a simulation."""
+    def pace(
+        self,
+        inputs: SimulationInputs,
+        start: float,
+        end: float,
+        watched: ca.SX | None = None,
+        varies: Sequence[int] = (),
+    ) -> Pace:
+        """How fast functions of time change between two times: inputs that have the numbers of a simulation.
+
+        watched: what else the model looks at on its way. varies: places of parameters that change on the way, which no
+        function of time alone holds.
+        """
+        uses_time = bool(self.inputs.functions) or self._reads_time
+        uses_time = uses_time or (watched is not None and bool(ca.depends_on(watched, self.flat.scope.time)))
         numbers = (*sorted(inputs.constants.items()), *sorted(inputs.parameters.items()))
-        key = numbers if self._uses_time else (), start, end
-        pace = self._paces.pop(key, None) or pace_of(self._driven(inputs), self.inputs.t, start, end)
+        key = numbers if uses_time else (), start, end, watched is None
+        pace = self._paces.pop(key, None)
+        if pace is None:
+            written = self._written if watched is None else ca.vertcat(self._written, watched)
+            driven = self._driven(inputs, written, varies) if uses_time else ca.SX(0, 1)
+            pace = pace_of(driven, self.inputs.t, start, end)
         return put_last(self._paces, key, pace)
 
     @cached_property
@@ -231,21 +248,23 @@ class Systems:
         return ca.vertcat(*[e.residual for e in flat.equations], *[e.expression for e in flat.energies])
 
     @cached_property
-    def _uses_time(self) -> bool:
-        return bool(self.inputs.functions) or bool(ca.depends_on(self._written, self.flat.scope.time))
+    def _reads_time(self) -> bool:
+        """Whether the time itself stands in what is written."""
+        return bool(ca.depends_on(self._written, self.flat.scope.time))
 
-    def _driven(self, inputs: SimulationInputs) -> ca.SX:
-        """What functions of time act on: the inputs themselves, and the model's equations."""
+    def _driven(self, inputs: SimulationInputs, written: ca.SX, varies: Sequence[int]) -> ca.SX:
+        """What functions of time act on: the inputs themselves, and what is written."""
         flat, symbols = self.flat, self.inputs
-        if not self._uses_time:
-            return ca.SX(0, 1)
-        pairs = flat.scope.symbols_in(self._written)
+        pairs = flat.scope.symbols_in(written)
         given = [pair for pair in pairs if pair[0] in symbols.functions]
         constant = [pair for pair in pairs if pair[0] in symbols.constants]
+        parameters = ca.SX(ca.DM(self.parameters))
+        for place in varies:
+            parameters[place] = flat.parameters[place].symbol
         old = [flat.scope.time, flat.p, *(flat.scope.symbol(*pair) for pair in [*given, *constant])]
-        new = [symbols.t, ca.SX(ca.DM(self.parameters)), *(symbols.expression(*pair) for pair in given)]
+        new = [symbols.t, parameters, *(symbols.expression(*pair) for pair in given)]
         new += [ca.SX(inputs.constants[i] if order == 0 else 0.0) for i, order in constant]
-        written = ca.substitute(self._written, ca.vertcat(*old), ca.vertcat(*new))
+        written = ca.substitute(written, ca.vertcat(*old), ca.vertcat(*new))
         return ca.vertcat(*symbols.functions.values(), written)
 
     def _branch(self, states: list[int], w: np.ndarray, time: float) -> BranchPlan:

@@ -17,10 +17,10 @@ CLONE = Path(__file__).resolve().parents[2]
 PROBLEMS = CLONE / "problems"
 sys.path.insert(0, str(CLONE))
 
-from tests.support.recordings import EMPS  # noqa: E402
+from tests.support.recordings import NOT_SHIPPED  # noqa: E402
 
 # a recording that is not shipped, from where the tests have it
-SETTINGS = {"emps": ["--set", f"log.files=['{EMPS}']"]}
+SETTINGS = {name: ["--set", f"log.files=['{file}']"] for name, (file, _) in NOT_SHIPPED.items()}
 
 
 def solve(out: Path, names: list[str]) -> None:

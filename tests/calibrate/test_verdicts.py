@@ -147,6 +147,9 @@ def test_without_a_stated_noise_the_verdict_says_what_it_cannot_see() -> None:
         "noise was not stated: an error of the model that fitted and held-out poses share is not distinguished from it"
         in str(s.verdict)
     )
+    half = Measurements(poses.measurements.values, {"T": 5e-5}, poses=poses.measurements.poses)
+    said = str(study(drawing("three_link", 3), replace(poses, measurements=half), KINDS["three_link"].fit).verdict)
+    assert "noise of q was not stated: an error" in said
 
 
 def test_the_bound_is_what_matters_or_what_chance_does() -> None:

@@ -8,7 +8,7 @@ from gtmodel.motion.axes import AxisProblem, plan_of
 from gtmodel.problem_files import Context, InputError
 from gtmodel.problem_files.call import Call
 from gtmodel.problem_files.load import load
-from gtmodel.problem_files.registry import result_of
+from gtmodel.problem_files.registry import results_of
 from gtmodel.problem_files.run import answer, context_of, explain, solve
 from gtmodel.results import SolveStatus
 from gtmodel.results.quantity import described
@@ -39,7 +39,7 @@ def test_the_shipped_problems_are_solved(problem) -> None:
     loaded = load(problem)
     o = solve(loaded, context_of(loaded)).outcome
     assert o.status is SolveStatus.SOLVED and o.values["elements"] == 20, o.message
-    assert list(o.values) == list(described(result_of("axis_trajectory")))  # type: ignore[attr-defined]
+    assert list(o.values) == list(described(*results_of("axis_trajectory")))  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from gtmodel.cli import main
 from gtmodel.compiler.flat_cache import shared
 from gtmodel.problem_files import Context, InputError, robots
 from gtmodel.problem_files.load import load
-from gtmodel.problem_files.registry import result_of
+from gtmodel.problem_files.registry import results_of
 from gtmodel.problem_files.run import answer, explain
 from gtmodel.results import SolveStatus
 from gtmodel.results.quantity import described
@@ -39,7 +39,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 class TestShippedProblems:
     def test_l1_by_the_command_line(self, folder: Path) -> None:
         found = json.loads((folder / "result.json").read_text())
-        assert found["status"] == "solved" and list(found["values"]) == [*described(result_of("calibration")), "notes"]
+        assert found["status"] == "solved" and list(found["values"]) == [
+            *described(*results_of("calibration")),
+            "notes",
+        ]
         assert all(check["passed"] for check in found["checks"].values())
         v = found["values"]
         assert len(v["unknowns"]) == 21 and v["poses"] == {"fitted": 100, "held_out": 100, "repeated": 0}
@@ -183,7 +186,7 @@ class TestJointStiffness:
         s = shipped_arm
         assert (
             s.status is SolveStatus.SOLVED
-            and list(s.values) == [*described(result_of("calibration")), "notes"]
+            and list(s.values) == [*described(*results_of("calibration")), "notes"]
             and s.rows
         )
         assert list(s.values["joint_stiffness"])[:3] == ["method", "stiffness_MNm_rad", "interval_MNm_rad"]

@@ -1,6 +1,7 @@
 """Kind "calibration" on what was really measured: several tables, poses known in part, nothing free, refits."""
 
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -51,6 +52,23 @@ def test_the_printer_by_toml_alone(delta):
     assert 0.5e-3 < (high - low) / 4 < 0.8e-3  # Klipper's arms are determined to half a millimetre only
     said = [r.value for r in delta.rows if r.label == "identifiability"]
     assert any("arm[0]" in s and "no better than they were known" in s for s in said[1:])
+
+
+@pytest.mark.parametrize(("recording", "signal", "columns"), [(0, "q", [1, 0, 2]), (1, "q@2", [1, 0, 2])])
+def test_errors_far_beyond_the_stated_noise_of_several_measurements_fail(delta, recording, signal, columns):
+    """Towers exchanged in one table left up to 600 times the noise, all checks passed, and "intervals hold"."""
+    assert delta.checks["residuals_over_noise"].passed
+    robot, measured, *more = gt.load(PROBLEMS / "calibrate_delta.toml").arguments
+    m = measured[recording].measurements
+    values = {**m.values, signal: np.asarray(m.values[signal])[:, columns]}
+    wrong = list(measured)
+    wrong[recording] = replace(measured[recording], measurements=replace(m, values=values))
+    s = study(robot, wrong, *more, held_out=0)
+    assert s.status is gt.SolveStatus.CHECK_FAILED and not s.intervals_hold
+    assert not s.checks["residuals_over_noise"].passed
+    (said,) = [v for v in s.verdict if v.startswith("residuals are ")]
+    assert "T[2] of heights" in said and "distance of dist" in said
+    assert ("columns, signs and units" in said) == (recording == 1)
 
 
 def test_files_and_pictures_of_several_measurements(delta, tmp_path):

@@ -22,7 +22,10 @@ from tests.support import recordings
 PROBLEMS = sorted((Path(__file__).parents[2] / "problems").glob("*.toml"))
 SOLVED = [path for path in PROBLEMS if tomllib.loads(path.read_text(encoding="utf-8"))["kind"] != "codegen"]
 """Those that give values; of the others tests/cgen compares the folders."""
-NO_ROBOT = ("delay", "resampling", "vibration", "dynamic_stiffness", "axis_trajectory", "trajectory_table", "codegen")
+NO_ROBOT = (
+    "delay", "resampling", "sensor_fusion", "vibration", "dynamic_stiffness", "axis_trajectory", "trajectory_table",
+    "codegen",
+)  # fmt: skip
 """Kinds of records, of one machine axis after another, and of several robots."""
 
 
@@ -45,19 +48,9 @@ def _parts(value: Any, path: str = "", seen: set[int] | None = None) -> Iterator
         yield from _parts(one, path + name, seen)
 
 
-def elsewhere(path: Path, folder: Path) -> tuple[str, ...]:
-    """Settings for a recording that is not shipped: from where it is, else a synthetic one in the folder."""
-    if path.stem != "emps":
-        return ()
-    file = recordings.EMPS if recordings.EMPS.is_file() else folder / "synthetic.mat"
-    if file != recordings.EMPS:
-        recordings.write_synthetic_emps(file)
-    return (f"log.files=['{file}']",)
-
-
 @pytest.mark.parametrize("path", PROBLEMS, ids=lambda p: p.stem)
 def test_a_problem_file_means_a_call_on_objects(path: Path, tmp_path: Path) -> None:
-    settings = elsewhere(path, tmp_path)
+    settings = recordings.elsewhere(path.stem, tmp_path)
     call = gt.load(path, *settings)
     library = call.study.__module__.split(".")[1]
     assert library not in ("kinds", "problem_files") and hasattr(gt, library)
@@ -73,7 +66,7 @@ def test_a_problem_file_means_a_call_on_objects(path: Path, tmp_path: Path) -> N
 @pytest.mark.parametrize("path", SOLVED, ids=lambda p: p.stem)
 def test_file_and_call_give_the_same_values(path: Path, tmp_path: Path) -> None:
     """A sample of this stands in the libraries' own tests, with calls written by hand."""
-    settings = elsewhere(path, tmp_path)
+    settings = recordings.elsewhere(path.stem, tmp_path)
     loaded = load(path, settings)
     by_file = answer(loaded, context_of(loaded))
     by_call = gt.load(path, *settings)()

@@ -70,6 +70,13 @@ def test_wrong_files(folder: Path, old: str, new: str, key: str, gtmodel: Comman
     assert done.code == 2 and f": {key}" in done.sentence
 
 
+def test_a_message_calls_a_signal_by_its_column(folder: Path, gtmodel: Commands) -> None:
+    """It was "'reference_0' does not vary", a name that stands in no file."""
+    (folder / "p.toml").write_text(PROBLEM.replace("rec.motor[1]", "rec.motor[0]"))
+    done = gtmodel("solve", folder / "p.toml")
+    assert done.code == 2 and "'rec.motor[0]' does not vary" in done.err
+
+
 @pytest.mark.skipif(not KR300.is_file(), reason="the KR300 recording is not shipped")
 def test_the_measured_arm(tmp_path: Path, gtmodel: Commands) -> None:
     problem = (CLONE / "tests" / "kinds" / "delay_kr300.toml").read_text().replace("data/kr300/data_A.mat", str(KR300))

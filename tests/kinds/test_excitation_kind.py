@@ -10,7 +10,7 @@ import pytest
 
 from gtmodel.problem_files import Context, InputError
 from gtmodel.problem_files.load import load
-from gtmodel.problem_files.registry import result_of
+from gtmodel.problem_files.registry import results_of
 from gtmodel.problem_files.run import answer
 from gtmodel.results import Trajectory
 from gtmodel.results.quantity import described
@@ -30,7 +30,7 @@ class TestCommandLine:
         )
         commands = Commands(capsys)
         done = commands("solve", tmp_path / "e.toml", "--json", "--plot", "--out", tmp_path / "one")
-        assert done.code == 0 and list(done.json["values"]) == list(described(result_of("excitation")))
+        assert done.code == 0 and list(done.json["values"]) == list(described(*results_of("excitation")))
         names = {"result.json", "trajectory.csv", "run.toml", "motion.png", "information.png", "workspace.png"}
         assert {p.name for p in (tmp_path / "one").iterdir()} == names
         assert commands("solve", tmp_path / "e.toml", "--out", tmp_path / "two").code == 0

@@ -56,6 +56,24 @@ def test_the_file_is_the_call_of_the_library() -> None:
     assert max(exact.rms_error) < 0.9 * max(study.rms_error)
 
 
+def test_a_plant_whose_friction_sticks() -> None:
+    """The law knows smooth friction; the plant does not move until its motors exceed what holds it."""
+    free = ["limits.error_mm=20", "limits.force_N=2000"]
+    study = answer(load(PROBLEM, [*SHORT, *free, "plant.friction.smoothing=stiction"]), Context())
+    assert study.status is SolveStatus.SOLVED and "events" in study.message, study.message
+    plant = gt.robots.gantry_tau("l1_tape", "model_2", smoothing="stiction", payload=3.0)
+    law = gt.control.ComputedTorque(gt.robots.gantry_tau("l1_tape", "model_2"), 900.0, 60.0)
+    move = gt.control.Move(start=[0.5, -0.9, 0.3], goal=[0.55, -0.9, 0.3], duration=0.3, rest=0.1)
+    sampling = gt.control.LoopSampling(period=0.004, delay=0.008, resolution=1e-6)
+    same = gt.control.loop_simulation(plant, law, move, sampling=sampling)
+    np.testing.assert_array_equal(same.rms_error, study.rms_error)
+    positions = study.trajectory["position"]
+    assert np.ptp(positions[:3], axis=0).max() == 0.0
+    assert np.ptp(positions, axis=0).max() > 0.02
+    with pytest.raises(InputError, match=r"friction\.smoothing: expected 'tanh' or 'piecewise_linear'"):
+        load(PROBLEM, ["friction.smoothing=stiction"])
+
+
 def test_a_motion_from_a_file(tmp_path: Path) -> None:
     t = 0.004 * np.arange(51)
     rows = np.array([0.5, -0.9, 0.3]) + 0.01 * (1 - np.cos(np.pi * t / t[-1]))[:, None]

@@ -204,8 +204,9 @@ class TestMaps:
             tracemalloc.stop()
             assert found.codes.nbytes == count
             beyond.append(peak - count)
-        # the list of chunks is what grows: some 200 bytes for every 2000 points
-        assert beyond[1] < 1.1 * beyond[0]
+        # a chunk's codes kept once more would add 280 kB; Python's own lists of freed tuples, which fill up to 2000
+        # of a size, some 500 bytes a chunk until they are full
+        assert beyond[1] < beyond[0] + 140_000
         assert beyond[0] > 2000 * 3 * 8  # it did measure the chunks
 
 

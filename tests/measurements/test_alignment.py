@@ -50,6 +50,56 @@ def coloured(seed: int) -> tuple[gt.Trajectory, gt.Trajectory, SyntheticDelay]:
     return first, gt.Trajectory(late.time, {"q": late["q"] + slow}, {"q": "rad"}), made
 
 
+def quick_pair(seed: int, duration: float = 40.0, noise: float = 0.01) -> tuple[gt.Trajectory, gt.Trajectory, float]:
+    """Some hundred swings at rates of their own, and what the second recording wants added in its middle [s]."""
+    rng = np.random.default_rng([40, seed])
+    frequency, amplitude, phase = rng.uniform(0.1, 2.5, 9), rng.normal(size=9), rng.uniform(0, 2 * np.pi, 9)
+    offset, drift, seen = -7.3, -8e-5, []
+    for rate in (50.0, 43.0):
+        t = (np.arange(int(duration * rate)) + rng.uniform(-0.3, 0.3, int(duration * rate))) / rate
+        seen.append(
+            (t, np.sin(2 * np.pi * np.outer(t, frequency) + phase) @ amplitude + noise * rng.normal(size=t.size))
+        )
+    (t, first), (at, second) = seen
+    clock = (at - offset) / (1 + drift)
+    late = gt.Trajectory(clock, {"q": 1.7 * second + 0.3}, {"q": "rad"})
+    return gt.Trajectory(t, {"q": first}, {"q": "rad"}), late, offset + drift * 0.5 * (clock[0] + clock[-1])
+
+
+def test_a_motion_that_sixteen_knots_do_not_show_is_aligned():
+    """The fit began with a curve of 16 knots, ran away to 0.6 s and 12 % of drift and stayed there, or was refused."""
+    hits = 0
+    for seed in range(10):
+        first, late, true = quick_pair(seed)
+        fit = align(first, late)
+        assert fit.offset == pytest.approx(true, abs=1e-3) and fit.drift == pytest.approx(-8e-5, abs=2e-5)
+        hits += fit.interval("offset")[0] <= true <= fit.interval("offset")[1]
+    assert hits >= 7  # 95 % of 10: fewer with a probability of 1e-3
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_signals_of_two_motions_are_refused(seed: int):
+    """Half of them were "explained to 99.997 %", with an interval: by a curve that followed the other one alone."""
+    rng, seen = np.random.default_rng([5, seed + 3]), []
+    for rate in (50.0, 43.0):
+        frequency, amplitude, phase = rng.uniform(0.1, 1.0, 5), rng.normal(size=5), rng.uniform(0, 6, 5)
+        t = np.arange(int(12 * rate)) / rate
+        motion = np.sin(2 * np.pi * np.outer(t, frequency) + phase) @ amplitude
+        seen.append(gt.Trajectory(t, {"q": motion + 0.01 * rng.normal(size=t.size)}, {"q": "rad"}))
+    with pytest.raises(LogError, match=r"same motion|repeats itself"):
+        align(*seen)
+
+
+def test_a_noisy_reference_is_no_other_motion():
+    first, late, true = quick_pair(1, 12.0)
+    rough = gt.Trajectory(
+        first.time, {"q": first["q"] + 3.0 * np.random.default_rng(0).normal(size=len(first))}, {"q": "rad"}
+    )
+    fit = align(rough, late, drift=False)
+    low, high = fit.interval("offset")
+    assert low < true < high and high - low < 0.1 and fit.explained > 0.99
+
+
 def test_coloured_residuals_are_seen_and_widen_the_interval():
     first, late, made = coloured(0)
     fit = align(first, late, drift=False, within=(-0.05, 0.05))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gtmodel.cli import main
-from gtmodel.measurements import InspectionStudy, inspect
+from gtmodel.measurements import InspectionStudy, LogError, LogForm, inspect
 from gtmodel.measurements.inspection.columns import ColumnScan, quantum
 from gtmodel.results import SolveStatus
 from tests.support.picture_faults import faults
@@ -176,11 +176,73 @@ def test_words_and_dates_in_columns(tmp_path: Path) -> None:
     assert stream.clock.sampling.rate == pytest.approx(1.0) and "no numbers in state" in study.notes
 
 
+ROWS = [f"{0.01 * k:.2f},{k % 9},{k % 7 - 3}" for k in range(60)]
+
+
+def said_of(folder: Path, header: str, rows: list[str]) -> str:
+    (folder / "log.csv").write_text("\n".join([header, *rows]) + "\n")
+    return "\n".join(inspect(folder / "log.csv").notes)
+
+
+def test_columns_that_are_not_looked_at_are_named(tmp_path: Path) -> None:
+    assert "columns 2, 3 are all called 'x'" in said_of(tmp_path, "t_s,x,x", ROWS)
+    assert "column 2 has no name" in said_of(tmp_path, "t_s,,x", ROWS)
+    assert "not looked at" not in said_of(tmp_path, "t_s,x,y", ROWS)
+
+
+def test_a_word_among_numbers_is_shown_with_its_line(tmp_path: Path) -> None:
+    said = said_of(tmp_path, "t_s,x,y", [*ROWS[:30], "0.30,error 7,1", "0.31,,nan", *ROWS[32:]])
+    assert "line 32, column 'x': 'error 7' is no number and counts as empty" in said and "column 'y'" not in said
+    several = [row.replace(",", ";").replace(".", ",") for row in ROWS]
+    assert 'decimal = "comma"' in said_of(tmp_path, "t_s;x;y", several)
+
+
+def test_a_typeset_minus_is_a_minus(tmp_path: Path) -> None:
+    """Rows with U+2212 were taken for empty ones, and the negative half of a signal was lost."""
+    said = said_of(tmp_path, "t_s,x,y", [row.replace("-", "\N{MINUS SIGN}") for row in ROWS])
+    study = inspect(tmp_path / "log.csv")
+    facts = study.inspected[0].columns[2]
+    assert "number" not in said and (facts.least, facts.empty) == (-3.0, 0)
+
+
+def test_a_unit_that_the_name_contradicts_is_pointed_out(tmp_path: Path) -> None:
+    said = said_of(tmp_path, "t_s [ms],x_deg [deg],y_mm [m]", ROWS)
+    assert "says ms of 't_s', whose name ends in s" in said and "'y_mm'" in said and "'x_deg'" not in said
+
+
+def test_a_file_without_rows_is_refused(tmp_path: Path) -> None:
+    """It was "solved" with no streams."""
+    with pytest.raises(LogError, match="no rows"):
+        said_of(tmp_path, "t_s,x,y", [])
+    (tmp_path / "log.csv").write_text("t_s,x\n0,1\n1,2\n")
+    with pytest.raises(LogError, match="no stream 'imu'"):
+        inspect(tmp_path / "log.csv", LogForm(stream="imu"))
+
+
+def test_round_off_of_times_is_no_jitter(tmp_path: Path) -> None:
+    """It was 1.6e-12 %."""
+    study = inspect(log(tmp_path, t=(4.0 * np.arange(N) + 0.1) * 1e-3 + 100.0, x=WAVE))
+    assert study.inspected[0].clock is not None and study.inspected[0].clock.sampling.jitter == 0.0
+
+
+def test_a_time_that_is_no_time_leaves_shares_of_one(tmp_path: Path) -> None:
+    t = T.copy()
+    t[700] = 1e300
+    study = inspect(log(tmp_path, t=t, x=WAVE))
+    assert study.inspected[0].clock is not None and 0.0 < study.inspected[0].clock.sampling.missing <= 1.0
+
+
 def test_the_picture(tmp_path: Path) -> None:
     columns = {f"q_{k}": WAVE + k for k in range(3)}
     study = inspect(log(tmp_path, t=np.cumsum(0.004 + 0.0002 * NOISE[:, 0]), **columns, u=300 * WAVE))
     figure = study.figure("log")
     assert len(figure.axes) == 3 and not faults(figure)
+
+
+def test_round_off_of_the_steps_is_not_drawn_as_jitter(tmp_path: Path) -> None:
+    figure = inspect(log(tmp_path, t=T + 100.0, x=WAVE)).figure("log")
+    low, high = figure.axes[-1].get_ylim()
+    assert (low, high) == pytest.approx((0.99 * 0.004, 1.01 * 0.004))
 
 
 def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,4 +1,4 @@
-"""The resampling study on objects: clocks, delays, gaps, intervals that are withheld."""
+"""The resampling study on objects: clocks, delays, gaps, intervals that heed coloured residuals."""
 
 from __future__ import annotations
 
@@ -52,21 +52,19 @@ def test_a_gap_of_one_signal_parts_all_and_the_stretches_are_numbered() -> None:
     assert resampling_study({"a": first, "b": second}, EvenGrid(sample_time=0.01, longest_gap=1.5)).stretches == 1
 
 
-def test_an_interval_holds_the_truth_and_is_withheld_where_residuals_are_coloured() -> None:
+def test_an_interval_holds_the_truth_and_is_wider_where_residuals_are_coloured() -> None:
     grid, by = EvenGrid(sample_time=0.02), [AlignBy("q", "other", drift=False)]
     white = {"a": sampled(0.02, 5, noise=0.01), "b": sampled(0.02, 6, late=0.7, noise=0.01, name="other")}
     study = resampling_study(white, grid, by)
     low, high = study.interval("offset of b")
-    assert low < -0.7 < high and study.offset_interval["b"] == [low, high] and not study.withheld
+    assert low < -0.7 < high and study.offset_interval["b"] == [low, high] and not study.coloured["b"]
     assert study.trajectory["other"] == pytest.approx(study.trajectory["q"], abs=0.08)
     t = white["b"].time
     hum = white["b"].with_values({"other": white["b"]["other"] + 0.05 * np.sin(2 * np.pi * 3.1 * t)})
     coloured = resampling_study({"a": white["a"], "b": hum}, grid, by)
-    assert coloured.offset_interval["b"] is None and coloured.estimate is None
-    assert any("no interval" in note and "coloured" in note for note in coloured.notes)
-    with pytest.raises(ArgumentError, match="coloured"):
-        coloured.interval("offset of b")
-    assert "interval withheld" in str(coloured)
+    first, last = coloured.interval("offset of b")
+    assert first < -0.7 < last and last - first > 2 * (high - low) and coloured.coloured["b"]
+    assert any("b: " in note and "coloured" in note and "Newey" in note for note in coloured.notes)
 
 
 def test_it_says_what_a_coarse_grid_folds_down_and_stops_when_asked() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gzip
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -11,6 +13,7 @@ import pytest
 from scipy.io import savemat
 
 from gtmodel.measurements import Column, LogForm, read_log
+from gtmodel.measurements.streams.text_lines import BLOCK, LONGEST_LINE
 from gtmodel.results import ArgumentError, TrajectoryError
 
 LONGEST = 300
@@ -36,8 +39,8 @@ TEXTS: dict[str, tuple[str | bytes, list[str], dict[str, Any]]] = {
     "another unit": (GOOD.replace("[mm]", "[m]"), ["log.csv line 1", "'x'", "in m here"], {}),
     "a unit that is none": (GOOD.replace("[mm]", "[furlong]"), ["log.csv line 1", "'x'", "furlong"], {}),
     "a word for a number": (changed("0.3,3", "0.3,off"), ["log.csv line 5", "'x'", "'off'"], {}),
-    "an empty cell": (changed("0.3,3", "0.3,"), ["log.csv line 5", "'x'", "nothing"], {}),
-    "nan": (changed("0.3,3", "0.3,nan"), ["log.csv line 5", "'x'", "'nan'"], {}),
+    "an empty cell": (changed("0.3,3", "0.3,"), ["log.csv line 5", "'x'", "nothing", 'empty_rows = "drop"'], {}),
+    "nan": (changed("0.3,3", "0.3,nan"), ["log.csv line 5", "'x'", "'nan'", 'empty_rows = "drop"'], {}),
     "infinity": (changed("0.3,3", "0.3,-inf"), ["log.csv line 5", "'x'", "'-inf'"], {}),
     "an overflow": (changed("0.3,3", "0.3,1e999"), ["log.csv line 5", "'x'", "'1e999'"], {}),
     "thousands with an underscore": (changed("0.3,3", "0.3,1_000"), ["log.csv line 5", "'x'", "'1_000'"], {}),
@@ -57,6 +60,7 @@ TEXTS: dict[str, tuple[str | bytes, list[str], dict[str, Any]]] = {
     "another delimiter than said": (GOOD, ["log.csv line 1", "'t'"], {"form": LogForm(delimiter="semicolon")}),
     "an encoding that is none": (GOOD, ["'klingon'"], {"form": LogForm(encoding="klingon")}),
     "a cell too few": (changed("0.3,3,9", "0.3,3"), ["log.csv line 5", "2 cells", "expected 3"], {}),
+    "one cell": (changed("0.3,3,9", "end"), ["log.csv line 5", "one cell;", "expected 3"], {}),
     "a cell too many": (changed("0.3,3,9", "0.3,3,9,7"), ["log.csv line 5", "4 cells", "expected 3"], {}),
     "cut off in a row": (GOOD.rstrip()[: -len(",49")], ["log.csv line 9", "ends within"], {}),
     "a quote that is not closed": (changed("0.3,3", '0.3,"3'), ["log.csv line 5", "quote"], {}),
@@ -71,6 +75,12 @@ TEXTS: dict[str, tuple[str | bytes, list[str], dict[str, Any]]] = {
     "a zero byte": (changed("0.3", "0.\0"), ["log.csv line 5", "zero byte"], {}),
     "a carriage return within": (changed("0.3,3", "0.3\r,3"), ["log.csv line 5", "carriage return"], {}),
     "a spreadsheet": (b"PK\x03\x04" + b"\0" * 40, ["log.csv", "save the table as CSV"], {}),
+    "an old spreadsheet": (b"\xd0\xcf\x11\xe0" + b"\0" * 40, ["log.csv", "Excel"], {}),
+    "compressed": (gzip.compress(GOOD.encode()), ["log.csv", "gzip", "unpack"], {}),
+    "a pointer of Git LFS": (
+        "version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 12345\n", ["log.csv", "git lfs pull"], {}
+    ),
+    "lines that do not end": (GOOD + "1," * (LONGEST_LINE // 2 + BLOCK), ["log.csv line 10", "no table"], {}),
     "the time goes back": (changed("0.3,", "0.1,"), ["log.csv line 5", "'t'", "line 4"], {}),
     "a time twice": (changed("0.3,", "0.2,"), ["log.csv line 5", "'t'", "line 4"], {}),
     "a sample missing": (changed("0.3,3,9\n", ""), ["log.csv line 5", "1 sample is missing"], {}),
@@ -117,6 +127,12 @@ def test_a_wrong_text_file_is_refused_in_one_sentence(tmp_path: Path, case: str)
     path = tmp_path / "log.csv"
     path.write_bytes(content.encode("utf-8") if isinstance(content, str) else content)
     assert_one_sentence(refused(path, options), names)
+
+
+def test_a_pipe_is_refused_before_it_is_opened(tmp_path: Path) -> None:
+    """Opening it waited for ever, and reading some bytes of it takes them away."""
+    os.mkfifo(tmp_path / "log.csv")
+    assert_one_sentence(refused(tmp_path / "log.csv", {}), ["log.csv", "pipe"])
 
 
 def test_there_are_forty() -> None:

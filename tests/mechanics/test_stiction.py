@@ -270,3 +270,26 @@ def test_all_that_is_coupled_takes_part_in_an_impact() -> None:
     (event,) = run.events
     assert event.energy == pytest.approx(-0.5 * 3.0 * (1 - 0.36), rel=1e-9)
     assert abs(event.impulses["ends.force"]) == pytest.approx(3.0 * 1.6, rel=1e-9)
+
+
+def test_at_the_break_away_force_itself_it_sticks() -> None:
+    """Levels are equal: what slides there would not move, and be pushed backwards when the force falls again."""
+    bench = Pushed(slide={"breakaway_ratio": 1.0})
+    for rows in ([0.0, 5.0, 5.0, 0.0, 0.0], [0.0, -5.0, -5.0, -1.0, 0.0]):
+        for kind in ("linear", "previous"):
+            run = pushed(((np.arange(5.0), np.array(rows)), kind), 4.0, model=bench)
+            assert not run.events
+            assert np.ptp(run.trajectory["x"]) == 0.0
+
+
+def test_what_came_to_rest_at_an_end_without_a_force_is_pulled_away() -> None:
+    bench = gt.Builder("bench")
+    carriage = bench.part("carriage", m.Mass(m=2.0))
+    motor = bench.part("motor", m.ForceMotor())
+    ends = bench.part("ends", m.EndStop(low=0.0, high=1.0, rest_speed=0.1))
+    bench.add(gt.connect(carriage.flange, ends.flange), gt.connect(carriage.flange, motor.flange))
+    push = (np.array([0.0, 7.0, 9.0]), np.array([0.0, 4.0, 4.0])), "previous"
+    start = {"carriage.flange.s": 0.5, "der(carriage.flange.s)": -0.09}
+    run = bench.simulate(7.9, inputs={"motor.force": push}, start=start, outputs="carriage.flange.s")
+    assert [e.time for e in run.events] == pytest.approx([0.5 / 0.09, 7.0], abs=1e-9)
+    assert run.trajectory["carriage.flange.s"][-1] == pytest.approx(2.0 * 0.9**2 / 2, abs=1e-9)

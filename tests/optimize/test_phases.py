@@ -293,3 +293,17 @@ def test_what_is_no_phase_and_no_list():
         Phases({"first": Named(), "second": Named()}, free={"second": "values"})
     with pytest.raises(ModelError, match="shared takes a list of names; found 'final_time'"):
         Phases({"first": Named(), "second": Named()}, shared="final_time")
+
+
+class Free(Rise):
+    """Whose rise costs nothing."""
+
+    def objective(self):
+        return 0.0 * self.g
+
+
+def test_a_phase_of_constant_cost_has_a_gradient_in_full():
+    """IPOPT read what was in memory where the gradient had no entry."""
+    phases = Phases({"fall": Fall(), "rise": Free()}, free={"rise": ["v"]}, links={"rise": lambda b, a: [a.v == -b.v]})
+    joined = solve_phases(phases, Mesh(4), throw=False).joined
+    assert joined.functions["grad_f"].sparsity_out(1).is_dense()

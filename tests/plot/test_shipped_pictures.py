@@ -16,6 +16,7 @@ from gtmodel.problem_files.base import Context
 from gtmodel.problem_files.load import load
 from gtmodel.results.written import png
 from tests.support.picture_faults import faults
+from tests.support.recordings import NOT_SHIPPED
 
 PROBLEMS = Path(__file__).resolve().parents[2] / "problems"
 QUICK = (
@@ -23,7 +24,7 @@ QUICK = (
     "stiffness_kr500", "table_6_1", "van_der_pol", "vibration_hammer", "vibration_step", "vibration_table_6_15",
 )  # fmt: skip
 NO_PICTURE = ("d1_controller", "f1_controller", "l1_controller", "l1_controller_float")  # they write code
-ELSEWHERE = ("emps",)  # its recording is not shipped
+ELSEWHERE = tuple(NOT_SHIPPED)  # their recordings are not shipped
 OTHERS = sorted({p.stem for p in PROBLEMS.glob("*.toml")} - {*QUICK, *NO_PICTURE, *ELSEWHERE})
 
 

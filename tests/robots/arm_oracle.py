@@ -7,13 +7,14 @@ from pathlib import Path
 import numpy as np
 
 URDF = Path(__file__).parent / "urdf"
-FILES = ("serial", "telescope", "parallel")
-TIPS = {"serial": None, "telescope": "tool_point", "parallel": None}
+FILES = ("serial", "telescope", "parallel", "spindle")
+TIPS = {"serial": None, "telescope": "tool_point", "parallel": None, "spindle": None}
 
 
 # joints that follow others or stand still, as the files have them: leader ("" for none), multiplier, offset
 COUPLED = {
     "telescope": {"extend_2": ("extend_1", 0.8, 0.05), "grip": ("", 0.0, 0.01), "grip_other": ("", 0.0, 0.01)},
+    "spindle": {"follow": ("turn", -0.05, 0.02), "open": ("reach", 4.0, 0.0)},
 }  # fmt: skip
 
 

@@ -168,6 +168,33 @@ def test_a_small_state_beside_a_large_one(size):
     assert simulate(Beside(**nominal), 5.0, inputs=given).status is SolveStatus.SOLVED
 
 
+class BesideAnOscillator(gt.Model):
+    """A small fast oscillation beside a large slow one whose zeros are counted."""
+
+    x = gt.variable(start=1.0, fixed=True)
+    w = gt.variable(start=0.0, fixed=True)
+    y = gt.variable(fixed=True, start=0.0)
+    v = gt.variable(start=0.0, fixed=True)
+    n = gt.discrete(0.0)
+
+    def equations(self):
+        yield der(self.x) == self.w
+        yield der(self.w) == -self.x
+        yield der(self.y) == self.v
+        yield der(self.v) == -400.0 * self.y
+        yield gt.when(self.x <= 0.0, self.n == gt.pre(self.n) + 1.0)
+
+
+@pytest.mark.parametrize(("size", "status"), [(1e-5, "solved"), (1e-6, "check_failed"), (1e-7, "check_failed")])
+def test_a_small_state_beside_a_large_one_with_events(size, status):
+    run = simulate(BesideAnOscillator(), 50.0, start={"y": size}, tolerance=1e-7)
+    error = np.max(np.abs(run.trajectory["y"] - size * np.cos(20 * run.trajectory.time))) / size
+    assert len(run.events) == 8
+    assert run.status.value == status
+    assert (error < 0.01) == run.checks["small_states"].passed
+    assert ("stays so small" in run.message) != run.checks["small_states"].passed
+
+
 def test_a_state_that_rests_but_for_the_integrator_is_no_motion():
     class Difference(gt.Model):
         """Of one pendulum, written in two ways: what differs is the integrator's error."""

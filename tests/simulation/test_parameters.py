@@ -188,10 +188,14 @@ class TestShared:
             mock.patch("gtmodel.simulation.systems.make_plan") as planned,
             mock.patch("gtmodel.simulation.systems.OriginalEquations") as written,
             mock.patch("gtmodel.simulation.systems.StateSelection") as chosen,
+            mock.patch("gtmodel.compiler.other_values.BoundParameters") as bounds,
+            mock.patch.object(ca, "vertcat") as stacked,
+            mock.patch.object(ca, "depends_on") as asked,
         ):
             for mass in (10.5, 12.0):
                 drop(used, parameters={"m_p": mass})
-        assert not any(m.called for m in (integrator, made, planned, written, chosen))
+        symbolic = stacked, asked
+        assert not any(m.called for m in (integrator, made, planned, written, chosen, bounds, *symbolic))
 
     def test_what_came_before_makes_no_difference(self):
         def fresh():
@@ -256,6 +260,15 @@ class TestRefused:
             gt.simulate(Pair(), 1.0, parameters={"a": 0.5})
         with pytest.raises(gt.ModelError, match="'more' must be at least 'least', 4"):
             gt.simulate(Pair(), 1.0, parameters={"least": 4.0})
+        # a run that kept the bounds says nothing of the next one
+        model = Pair()
+        for least in (4.0, 5.0):
+            assert gt.simulate(model, 0.1, parameters={"a": 3.0, "least": 2.0}).status.ok
+            with pytest.raises(gt.ModelError, match=f"'more' must be at least 'least', {least:g}"):
+                gt.simulate(model, 0.1, parameters={"a": 3.0, "least": least})
+        for a in (0.5, 0.25):
+            with pytest.raises(gt.ModelError, match=f"found {a - 1:g}, which follows from a = {a:g}"):
+                gt.simulate(model, 0.1, parameters={"a": a, "least": 2.0})
 
     def test_the_study_says_which(self):
         from gtmodel.simulation import simulation_study

@@ -34,3 +34,43 @@ def write_synthetic_emps(file: Path) -> None:
     noise = 2.0 * np.random.default_rng(1).standard_normal(len(t))
     force = 95.1089 * a + 203.5034 * v + 20.3935 * np.sign(v) - 3.1648 + noise
     scipy.io.savemat(file, {"t": t, "qm": q, "qg": q, "vir": force / 35.15065188248547})
+
+
+ABB_IMU = recording("abb_imu/V1000_path3_MPU9150.mat")
+NO_ABB_IMU = "the recording abb_imu is not there; problems/fusion_abb.toml says where to get it"
+ABB_ROWS, ABB_LOST = 2139, 368  # rows of the file, on which the problem relies, and the one that was lost
+
+
+def write_synthetic_abb(file: Path) -> None:
+    """A synthetic log like V1000_path3_MPU9150.mat, seed 3: rows stamped on arrival, references in the robot's time,
+    quaternions in every row of which only those of TokenPosition are true."""
+    from gtmodel.filtering import SyntheticAttitude, synthetic_attitude
+
+    made = synthetic_attitude(SyntheticAttitude(seed=3, lost=0)).recording
+    gyro, reference = made.gyro, made.reference
+    time = gyro.time[:ABB_ROWS].copy()
+    rate, force = gyro["rate"][:ABB_ROWS].T.copy(), gyro["acceleration"][:ABB_ROWS].T.copy()
+    row = np.searchsorted(time, reference.time)  # where the answer came, behind the last row at the end
+    kept = np.concatenate([np.diff(row) > 0, [True]])
+    row, at, quaternion = row[kept], reference.time[kept], reference["quaternion"][kept]
+    every = np.array([np.interp(np.arange(len(time)), row, quaternion[:, k]) for k in range(4)])
+    time[ABB_LOST], rate[:, ABB_LOST], force[:, ABB_LOST] = 0.0, np.nan, np.nan
+    scipy.io.savemat(file, {
+        "MATLABtime": time[None], "SENSgyro": rate, "SENSacc": force, "ABBquaternion": every, "ABBtime": at[None],
+        "TokenPosition": (row + 1)[None].astype(np.uint16), "po": "q",
+    })  # fmt: skip
+
+
+# problems whose recording is not shipped: where it is, and what writes a synthetic one like it
+NOT_SHIPPED = {"emps": (EMPS, write_synthetic_emps), "fusion_abb": (ABB_IMU, write_synthetic_abb)}
+
+
+def elsewhere(problem: str, folder: Path) -> tuple[str, ...]:
+    """Settings for a problem whose recording is not shipped: from where it is, else a synthetic one in the folder."""
+    if problem not in NOT_SHIPPED:
+        return ()
+    file, write = NOT_SHIPPED[problem]
+    if not file.is_file():
+        file = folder / "synthetic.mat"
+        write(file)
+    return (f"log.files=['{file}']",)

@@ -25,7 +25,7 @@ from ..sensitivity import Sensitivity, sensitivity
 from ..variants import cost_of, too_few
 from .against_noise import against_noise, pattern
 from .contradictions import contradicted_priors
-from .intervals import Confidence
+from .intervals import Confidence, weighed_over_noise
 from .left_out import PosesLeftOut, leave_out
 from .movement import moved_too_far, undetermined
 from .near_start import WIDTH, near_start
@@ -33,6 +33,7 @@ from .recordings import between_sessions
 from .refitted import of_its_own, refitted
 from .shifts import Shift, shift_of
 
+FAR = 30.0  # times the stated noise: what was measured is read wrong
 ITERATIONS = 400  # of a fit: few poses leave valleys along which it is slow
 HUBER = 1.345  # standard deviations: 95 % as sharp as least squares where there are no outliers
 
@@ -104,9 +105,12 @@ class CalibrationFindings:
     @cached_property
     def over_noise(self) -> OverNoise | None:
         """Errors of the poses, fitted and held out, against the stated noise; None where it was not stated or no error
-        is left. With what the held-out recording has of its own, of the fitted ones alone."""
+        is left. With what the held-out recording has of its own, of the fitted ones alone; of several measurements, of
+        which the signals that are weighed have a noise, that of the actuators left out."""
         c = self.calibration
-        if c.estimate is None or not c.estimate.known_noise:
+        if c.estimate is not None and not c.estimate.known_noise:
+            return weighed_over_noise(c)
+        if c.estimate is None:
             return None
         try:
             judged = against_noise(self._as_known, self._unseen)
@@ -372,19 +376,25 @@ def of_noise(findings: CalibrationFindings) -> str:
     assert over is not None
     if over.as_stated or over.ratio < 1:
         return over.message
-    m = findings.problem.measurements
     needed = []
-    for name, place in findings.problem.reading.places.items():
-        sigma = np.sqrt(np.mean(np.diagonal(m.covariance(name, place.stop - place.start), axis1=1, axis2=2)))
-        factor, unit = written(findings, name)
-        needed.append(f"{name} {over.ratio * factor * sigma:.2g} {'' if unit == '1' else unit}".rstrip())
-    return f"{over.extent}; {_looks(findings)}. A noise of {', '.join(needed)} would explain their size"
+    for part in findings.parts:
+        m, of = part.problem.measurements, f" of {part.data.name}" if findings.beside else ""
+        for name, place in part.problem.reading.places.items():
+            if name not in m.noise:  # of actuators, where several measurements are weighed by the others
+                continue
+            sigma = np.sqrt(np.mean(np.diagonal(m.covariance(name, place.stop - place.start), axis1=1, axis2=2)))
+            factor, unit = written(part, name)
+            needed.append(f"{name}{of} {over.ratio * factor * sigma:.2g} {'' if unit == '1' else unit}".rstrip())
+    first = " Errors this large come from columns, signs and units more often." if over.ratio > FAR else ""
+    return f"{over.extent}; {_looks(findings)}.{first} A noise of {', '.join(needed)} would explain their size"
 
 
 def _of_unstated_noise(findings: CalibrationFindings) -> str:
-    said = (
-        "noise was not stated: an error of the model that fitted and held-out poses share is not distinguished from it"
-    )
+    places = [(part.problem.measurements.noise, part.problem.reading.places) for part in findings.parts]
+    lacking = list(dict.fromkeys(name for noise, names in places for name in names if name not in noise))
+    of = f" of {', '.join(lacking)}" if any(name in noise for noise, names in places for name in names) else ""
+    both = "an error of the model that fitted and held-out poses share is not distinguished from it"
+    said = f"noise{of} was not stated: {both}"
     if findings.pattern is not None and not findings.pattern.passed:
         return f"{said} by its size, but {findings.pattern.message}"
     return f"{said}, but residuals are coloured, which noise is not" if findings.confidence.coloured else said

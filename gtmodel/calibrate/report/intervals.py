@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ...inference import correlation_time, noise_size, whiteness
+from ...inference import OverNoise, chi_squared_over_noise, correlation_time, noise_size, whiteness
 from ...inference.residuals import SMALL_P
 from ...results import Estimate
 from ..calibration import Calibration
@@ -18,6 +18,16 @@ MEASURED = "as measured"
 # noise in it is no small part of what determines it. Synthetic D1 with plate joints free, 500 seeds: arm 1, at 10,
 # holds; arms 2 and 3, at 50, have 57 to 477 hits.
 WEAK = 15.0
+
+
+def weighed_over_noise(c: Calibration) -> OverNoise | None:
+    """Residuals of several measurements in units of the noise by which they are weighed, where that of the actuators is
+    not stated, so that these count as exact; None for a single one, whose residuals say themselves how large they are.
+    """
+    e = c.estimate
+    if e is None or e.known_noise or not c.problem.beside or not e.degrees_of_freedom > 0:
+        return None
+    return chi_squared_over_noise(float(e.residuals @ e.residuals), e.degrees_of_freedom)
 
 
 class Confidence:
@@ -167,6 +177,8 @@ class Confidence:
             size = noise_size(c.estimate)
             if not size.passed and c.estimate.noise > 1:
                 sentences.append(f"residuals of the fitted poses are {c.estimate.noise:.3g} times the stated noise")
+        elif (weighed := weighed_over_noise(c)) is not None and not weighed.passed:
+            sentences.append(f"residuals of the fitted poses are {weighed.ratio:.3g} times the stated noise")
         return sentences
 
     @cached_property
@@ -196,9 +208,19 @@ class Confidence:
                 "the order of a grid even a covariance for coloured residuals (Newey-West) covers too little"
             ]
         if orders:
+            c = self.calibration
+            hindered = {
+                "has a robust loss": self.loss != "linear",
+                "has another cost than linear": c.cost != "length",
+                "has priors": bool(c.problem.unknowns.priors),
+                "has latent variables": c.problem.implicit,
+            }
+            why = next((what for what, so in hindered.items() if so), "")
+            if why:
+                return [f"whether smooth errors of the links' ends explain them was not tried, as the fit {why}"]
             return [
-                "smooth errors of the links' ends do not explain them, or were not tried: that takes the cost linear "
-                "without robust loss and priors, and one link per arm with its guideway free"
+                "smooth errors of the links' ends do not explain them, or several links share an unknown, or one of "
+                "them moves by several actuators, where this is not tried"
             ]
         return []
 

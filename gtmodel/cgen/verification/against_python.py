@@ -14,15 +14,20 @@ from ...compiler.causal import CausalFunction
 from ...compiler.toolchain import Toolchain, find
 from ...results import Check, at_least, at_most
 from ..generation import contents
-from ..interface import Interface, interfaces
+from ..interface import Interface
 from ..manifest import changed_entries, changed_files, interface_entry, lacks, parameters_hash, read, sha256
 from ..real import real_of
+from ..steps.comparison import compare_steps
+from ..steps.faces import faces_of
+from ..steps.function import StepFace, StepFunction
 from ..text import GenerationError
 from .comparison import compare
 from .report import CheckReport, check_report
 
 
-def check(folder: Path, functions: Mapping[str, CausalFunction], *, points: int = 1000, seed: int = 0) -> CheckReport:
+def check(
+    folder: Path, functions: Mapping[str, CausalFunction | StepFunction], *, points: int = 1000, seed: int = 0
+) -> CheckReport:
     """Compile a generated folder strictly and compare each function with Python at random points.
 
     Texts and manifest must be what this gtmodel writes: a guard's constant shows at no random point. Values must be
@@ -58,20 +63,20 @@ def check(folder: Path, functions: Mapping[str, CausalFunction], *, points: int 
         raise GenerationError(f"'{folder}' {lacks(folder)}; generate it first")
     box = {signal: rows for entry in content["functions"] for signal, rows in (entry["box"] or {}).items()}
     along = [entry["name"] for entry in content["functions"] if "along" in entry]
-    faces = interfaces(functions, content["name"], along, real_of(content["real"]), box)
-    _check_same(folder, content, faces)
+    faces, steps = faces_of(functions, content["name"], along, real_of(content["real"]), box)
+    _check_same(folder, content, faces, steps)
     changed = changed_files(folder, content)
-    parameters_different = int(content["parameters_sha256"] != parameters_hash(faces))
+    parameters_different = int(content["parameters_sha256"] != parameters_hash(faces, steps))
     checks = {
         "files_changed": at_most(len(changed), 0, ", ".join(changed)),
         "parameters_different": at_most(parameters_different, 0, "hash of all names and values"),
     }
     # of another version of gtmodel or of CasADi nothing is known but the parameters
     same = (content["gtmodel"], content["casadi"]) == (__version__, ca.CasadiMeta.version())
-    texts = contents(faces, content["name"], content["provenance"]) if same else {}
+    texts = contents(faces, content["name"], content["provenance"], steps) if same else {}
     otherwise = sorted(file for file, text in texts.items() if content["files"].get(file) != sha256(text))
     checks["files_not_as_generated"] = at_most(len(otherwise), 0, ", ".join(otherwise))
-    entries = changed_entries(content, faces, same)
+    entries = changed_entries(content, faces, same, steps)
     source = texts.get(f"gt_{content['name']}_body.c")
     entries += ["body_sha256"] * (source is not None and content["body_sha256"] != sha256(source))
     checks["manifest_not_as_generated"] = at_most(len(entries), 0, ", ".join(entries))
@@ -91,11 +96,17 @@ def check(folder: Path, functions: Mapping[str, CausalFunction], *, points: int 
             for face in faces:
                 compared, rows[face.key], rows_ok[face.key] = compare(library, face, points, seed)
                 checks |= compared
+            for step in steps:
+                compared, rows[step.key], rows_ok[step.key] = compare_steps(library, step, points, seed)
+                checks |= compared
     return check_report(checks, rows, rows_ok)
 
 
-def _check_same(folder: Path, content: dict, faces: list[Interface]) -> None:
+def _check_same(folder: Path, content: dict, faces: list[Interface], steps: list[StepFace]) -> None:
     known = {entry["name"]: entry for entry in content["functions"]}
+    stepping = {entry["name"] for entry in content.get("steps", [])}
+    for name in stepping ^ {step.key for step in steps}:
+        raise GenerationError(f"'{folder}' was generated from other step functions than '{name}'; generate it again")
     for face in faces:
         here = interface_entry(face)
         there = known.pop(face.key, None)

@@ -19,7 +19,7 @@ from ...lang.sampled import SampledBlock
 from ...lang.source import ModelError, SourceLocation
 
 if TYPE_CHECKING:
-    from ..flat import FlatEquation
+    from ..flat import FlatEquation, FlatModel
 
 Pair = tuple[int, int]
 # ("atom", number), ("sample", number), ("not", logic), ("and", logic, logic), ("or", logic, logic)
@@ -314,3 +314,17 @@ def holds(logic: Logic, atoms: np.ndarray, samples: Sequence[bool] = ()) -> bool
         return not holds(parts[0], atoms, samples)
     joined = (holds(part, atoms, samples) for part in parts)
     return all(joined) if operation == "and" else any(joined)
+
+
+def block_numbers(block: SampledBlock, flat: FlatModel, p: np.ndarray) -> Any:
+    """The block with numbers for its parameters, to call `step` on."""
+    known: dict[str, Any] = {}
+    for name, value in block.__dict__["_values"].items():
+        item = type(block)._declared.get(name)
+        if isinstance(item, Discrete) or not hasattr(value, "sx") or flat.scope.symbols_in(value.sx):
+            continue
+        number = np.asarray(ca.Function("value", [flat.p], [ca.densify(value.sx)])(p).full())
+        known[name] = float(number[0, 0]) if value.shape == () else number.reshape(value.shape)
+    view = object.__new__(type(block))
+    view.__dict__.update(_path=block.__dict__["_path"], _values=known)
+    return view

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 
 import casadi as ca
 
+from ..matrices import difference, product, quotient, total
 from ..rewriting import applied, rewritten, walked
 
 Factored = tuple[float, ca.SX]  # +-2^k and what it multiplies
@@ -47,25 +48,25 @@ def _operation(op: int, given: list[Factored]) -> Factored:
     if op == ca.OP_TWICE:
         return 2.0 * c, x
     if op == ca.OP_SQ:
-        return c * c, x * x
+        return c * c, product(x, x)
     if op == ca.OP_FABS:
         return abs(c), ca.fabs(x)
     if op == ca.OP_SQRT and c > 0 and math.frexp(c)[1] % 2 == 1:  # 4^k
         return math.sqrt(c), ca.sqrt(x)
     if op == ca.OP_MUL:
         (c, x), (d, y) = _constant(c, x), _constant(d, y)
-        return c * d, x * y
+        return c * d, product(x, y)
     if op == ca.OP_DIV:
         (c, x), (d, y) = _constant(c, x), _constant(d, y)
-        return c / d, x / y
+        return c / d, quotient(x, y)
     if op in (ca.OP_ADD, ca.OP_SUB):
         d = d if op == ca.OP_ADD else -d
         if c == d:
-            return c, x + y
+            return c, total(x, y)
         if c == -d:
-            return (c, x - y) if c > 0 or d != 1.0 else (d, y - x)
+            return (c, difference(x, y)) if c > 0 or d != 1.0 else (d, difference(y, x))
         if c < 0 and d < 0:
-            return -1.0, _whole((-c, x)) + _whole((-d, y))
+            return -1.0, total(_whole((-c, x)), _whole((-d, y)))
         return 1.0, _sum(c, x, d, y)
     if op == ca.OP_ASSIGN:
         return c, x
@@ -84,7 +85,7 @@ def _constant(c: float, x: ca.SX) -> Factored:
 def _sum(c: float, x: ca.SX, d: float, y: ca.SX) -> ca.SX:
     """c x + d y with a difference where one is negative."""
     if d < 0:
-        return _whole((c, x)) - _whole((-d, y))
+        return difference(_whole((c, x)), _whole((-d, y)))
     if c < 0:
-        return _whole((d, y)) - _whole((-c, x))
-    return _whole((c, x)) + _whole((d, y))
+        return difference(_whole((d, y)), _whole((-c, x)))
+    return total(_whole((c, x)), _whole((d, y)))

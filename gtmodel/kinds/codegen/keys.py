@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from pydantic import Field
+from pydantic import Field, PositiveFloat
 
 from gtmodel.cgen import Verification
 from gtmodel.problem_files.base import FileSection
@@ -25,12 +25,58 @@ class Function(FileSection):
     trajectory: bool = Field(default=False, description="offer it along a sampled reference too, as NAME_at")
 
 
+class FilterSensorSection(FileSection):
+    """One sensor of a filter: a variable of the model, how uncertain a reading is, and when it is not believed."""
+
+    name: str = Field(min_length=1, description="of the sensor; its reading and its flag NAME_valid are inputs in C")
+    signal: str = Field(default="", description="variable that it measures; the sensor's name when empty")
+    deviation: float | list[float] | None = Field(
+        default=None, description="standard deviation of one reading, in the unit of the signal; of angles in rad"
+    )
+    density: float | list[float] | None = Field(
+        default=None, description="in place of it, deviation times the root of the period [unit / sqrt(Hz)]"
+    )
+    period_s: PositiveFloat | None = Field(default=None, description="between two readings, where a density is given")
+    kind: Literal["vector", "quaternion", "direction"] = Field(default="vector", description="of the reading")
+    delay_s: float = Field(default=0.0, ge=0, description="how late a reading comes: a multiple of the filter's period")
+    gate: float | None = Field(
+        default=None, gt=0, lt=1, description="readings beyond this quantile of chi-squared are left out, as 0.999"
+    )
+    stale_cycles: int | None = Field(default=None, ge=1, description="more cycles without a reading: GT_STALE_INPUT")
+    closed_cycles: int | None = Field(
+        default=None, ge=1, description="more readings in a row beyond the gate: GT_OUT_OF_RANGE"
+    )
+
+
+class FilterStartSection(FileSection):
+    """The declared start of a filter, which NAME_defaults writes."""
+
+    mean: dict[str, float | list[float]] = Field(default={}, description="state = value; others are zero, or no turn")
+    deviation: dict[str, float | list[float]] = Field(description="state = standard deviation; every state has one")
+
+
+class FilterSection(FileSection):
+    """A step function: the error-state Kalman filter of the model, driven by noise."""
+
+    name: str = Field(min_length=1, description="C name: gt_<name>_<this>_init and _step")
+    period_s: PositiveFloat = Field(description="of the loop that calls it")
+    noise: dict[str, float | list[float]] = Field(
+        description="input = density of its white noise, in its unit squared times seconds"
+    )
+    states: list[str] = Field(default=[], description="the model's own choice when empty")
+    inputs: list[str] = Field(default=[], description="inputs of the model that are known")
+    quaternions: list[str] = Field(default=[], description="states that are unit quaternions, scalar first")
+    sensors: list[FilterSensorSection] = Field(min_length=1, description="what is measured")
+    start: FilterStartSection = Field(description="where it begins")
+
+
 class Schema(RobotProblem):
-    """C code of functions of one robot."""
+    """C code of functions of one robot, and of filters on its model."""
 
     real: Literal["double", "float"] = Field(default="double", description="the numbers that C computes with")
     name: str = Field(default="", description="prefix of the C names; the name of the problem file when empty")
-    functions: list[Function] = Field(min_length=1, description="what to generate")
+    functions: list[Function] = Field(default=[], description="what to generate")
+    filters: list[FilterSection] = Field(default=[], description="filters to generate, as step functions")
     box: dict[str, list[list[float]]] = Field(
         default={}, description='intervals by input, such as "der(T)" = [[-1.5, 1.5]]: inside every function answers'
     )

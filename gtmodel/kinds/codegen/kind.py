@@ -5,14 +5,17 @@ from __future__ import annotations
 from hashlib import sha256
 from pathlib import Path
 
-from gtmodel.cgen import CodeStudy, study
+from gtmodel.cgen import CodeStudy, StepFunction, study
 from gtmodel.cgen.folder import held
 from gtmodel.compiler.causal import CausalFunction, c_name, compile_causal
+from gtmodel.filtering import ControllerFilter, InitialState, ProcessModel, Sensor, System
+from gtmodel.lang import Model
 from gtmodel.problem_files.base import Context, InputError
 from gtmodel.problem_files.call import Call
 from gtmodel.problem_files.noted import doubts, refuse_distrusted
+from gtmodel.results import ArgumentError
 
-from .keys import Schema
+from .keys import FilterSection, Schema
 
 NAME = "codegen"
 
@@ -55,11 +58,13 @@ def explain(problem: Schema, context: Context) -> str:
     return "\n\n".join(f"{name}\n{f.explain()}" for name, f in functions_of(problem, context).items())
 
 
-def functions_of(problem: Schema, context: Context) -> dict[str, CausalFunction]:
-    """The functions by name; when a stop is asked for, those done. Raises InputError for a name given twice, ModelError
-    for a wrong causality."""
+def functions_of(problem: Schema, context: Context) -> dict[str, CausalFunction | StepFunction]:
+    """Functions and filters by name; when a stop is asked for, those done. Raises InputError for a name given twice,
+    ModelError for a wrong causality."""
+    if not problem.functions and not problem.filters:
+        raise InputError("there is nothing to generate; give [[functions]] or [[filters]]", "functions")
     model = problem.model(context)
-    functions: dict[str, CausalFunction] = {}
+    functions: dict[str, CausalFunction | StepFunction] = {}
     for n, f in enumerate(problem.functions):
         if f.name in functions:
             raise InputError(f"'{f.name}' names two functions", f"functions[{n}].name")
@@ -67,4 +72,33 @@ def functions_of(problem: Schema, context: Context) -> dict[str, CausalFunction]
             break
         context.progress(f"deriving {f.name}", n / len(problem.functions))
         functions[f.name] = compile_causal(model, f.known, f.targets, f.prefer, f.branches, f.name)
+    for n, section in enumerate(problem.filters):
+        if section.name in functions:
+            raise InputError(f"'{section.name}' names two functions", f"filters[{n}].name")
+        if context.interrupted():
+            break
+        context.progress(f"deriving {section.name}", n / len(problem.filters))
+        try:
+            functions[section.name] = _filter(section, model)
+        except ArgumentError as error:
+            key = {"period": "period_s"}.get(error.argument, error.argument)
+            raise InputError(error.message, f"filters[{n}].{key}" if key else f"filters[{n}]") from error
     return functions
+
+
+def _filter(section: FilterSection, model: Model) -> ControllerFilter:
+    """The filter of one table."""
+    process = ProcessModel(
+        model, section.noise, inputs=section.inputs, states=section.states, quaternions=section.quaternions
+    )
+    sensors = [
+        Sensor(
+            s.name, s.signal, deviation=s.deviation, density=s.density, period=s.period_s, kind=s.kind,
+            delay=s.delay_s, gate=s.gate,
+        )
+        for s in section.sensors
+    ]  # fmt: skip
+    stale = {s.name: s.stale_cycles for s in section.sensors if s.stale_cycles is not None}
+    closed = {s.name: s.closed_cycles for s in section.sensors if s.closed_cycles is not None}
+    start = InitialState(section.start.mean, section.start.deviation)
+    return ControllerFilter(System(process, sensors), section.period_s, start, stale=stale, closed=closed)

@@ -45,7 +45,7 @@ def _pairs(problem: Schema, context: Context) -> dict[str, tuple[Trajectory, Tra
     for n, pair in enumerate(problem.pair):
         columns[f"reference_{n}"], columns[f"late_{n}"] = pair.reference.recorded(), pair.late.recorded()
     recording = problem.log.recording(columns, context)
-    by_name = {name: t.select([name]) for t in recording.values() for name in t.names}
+    by_name = {name: _called(t, name, columns[name]) for t in recording.values() for name in t.names}
     pairs = {}
     for n, pair in enumerate(problem.pair):
         column = pair.late.column
@@ -54,3 +54,11 @@ def _pairs(problem: Schema, context: Context) -> dict[str, tuple[Trajectory, Tra
             raise InputError(f"two pairs are called '{name}'; name them apart", f"pair[{n}].name")
         pairs[name] = by_name[f"reference_{n}"], by_name[f"late_{n}"]
     return pairs
+
+
+def _called(trajectory: Trajectory, name: str, column: Column) -> Trajectory:
+    """A signal with the name of its column, by which messages call it."""
+    called = column.name if isinstance(column.name, str) else ", ".join(column.name)
+    return Trajectory(
+        trajectory.time, {called: trajectory[name]}, {called: trajectory.unit(name)}, synthetic=trajectory.synthetic
+    )

@@ -37,13 +37,23 @@ class ReferenceSection(FileSection):
     )
 
 
+class PlantFrictionSection(FrictionSection):
+    """Friction of the robot that is controlled, which may stick."""
+
+    smoothing: Literal["tanh", "piecewise_linear", "stiction"] | None = Field(
+        default=None,
+        description="how the sign of the velocity is smoothed; stiction: not at all, it sticks, with events; left out: "
+        "as [friction] has it",
+    )
+
+
 class PlantSection(FileSection):
     """How the robot that is controlled differs from the one that the law knows."""
 
     parameters: dict[str, Any] = Field(default={}, description="modifiers beside those of the problem, in SI")
     inertia: str | None = Field(default=None, description="other masses and friction of a catalogue robot")
     payload_kg: float | None = Field(default=None, ge=0, description="another mass on the plate")
-    friction: FrictionSection = FrictionSection.left_out()
+    friction: PlantFrictionSection = PlantFrictionSection.left_out()
 
 
 class Schema(RobotProblem):

@@ -144,11 +144,11 @@ def map_grid(
     {'reachable': 46, 'outside the actuator limits': 6}
     """
     codes = np.full(grid.size, NOT_LOOKED_AT, dtype=np.uint8)
-    spans = [(begin, min(begin + chunk, grid.size)) for begin in range(0, grid.size, chunk)]
     work = partial(_codes, reach, grid)
     batch = 1 if client is None else WINDOW
-    for k in range(0, len(spans), batch):
-        chosen = spans[k : k + batch]
+    for first in range(0, grid.size, batch * chunk):
+        begins = range(first, min(first + batch * chunk, grid.size), chunk)
+        chosen = [(begin, min(begin + chunk, grid.size)) for begin in begins]
         parts = [work(span) for span in chosen] if client is None else client.gather(client.map(work, chosen))
         for (begin, end), part in zip(chosen, parts, strict=True):
             codes[begin:end] = part

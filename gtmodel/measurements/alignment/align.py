@@ -15,14 +15,17 @@ from ...results.trajectory import Trajectory
 from ...results.trajectory_errors import Array
 from ...results.work import Progress, silent
 from ..log import LogError
-from .coarse import Series, coarse_offset
-from .common_curve import PROBES, CurveFit, Freed, Warp, fit_curve
+from .coarse import OVERLAP, Series, coarse_offset
+from .common_curve import PROBES, CurveFit, Freed, Warp, fit_curve, shown
 
 FEWEST = 20  # rows of each recording
 COARSEST = 16  # knots of the first curve
 ROWS_A_KNOT = 2.5  # of both recordings together: fewer, and nothing is left to judge the fit by
 LAGS = 20
-RELATED = 0.5  # of the other's variance that the common curve must explain: else they are no two views of one signal
+NEARLY_ALL = 0.9  # of what the closest knots show: with these the fit begins
+TINY_P = 1e-6  # what a fit to so few simulations can say
+MOST_DRIFT = 0.05  # of rate: the worst clocks of loggers, resonators without a crystal, are off by 1 or 2 %
+RELATED = 0.5  # of the variance that the common curve must explain: else they are no two views of one signal
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +34,8 @@ class Alignment:
 
     `warp(t)` gives the reference's times of times t on the other's clock; `bring(trajectory)` does so for a whole
     recording. `estimate`: "offset" [s], what the other's times want added in the middle of its recording, "drift" [1]
-    where it is free, and "scale" and "shift" of each signal. `explained`: the share of the other's variance. `noise`
+    where it is free, and "scale" and "shift" of each signal. `explained`: the share of the variance that the curve
+    explains where both have rows, of the other signal, or of the reference where that is less and not white. `noise`
     (signals, 2): standard deviations of reference and other, in their units. `tests`: whether the residuals of each
     recording are white, by name; `coloured` where one is not, the intervals are then those of Newey and West.
     `resolved`: whether a finer curve would fit no better than chance. `residuals`: name -> times on the reference's
@@ -131,6 +135,11 @@ def align(
         raise LogError(f"the estimated offset, {fit.warp.offset:.6g} s, has left the range {low:g} to {high:g} s")
     units = {reference.unit(n) for n in dict(_pairs(reference, other, signals))}
     unit = units.pop() if len(units) == 1 else ""
+    if abs(fit.warp.drift) > MOST_DRIFT:
+        raise LogError(
+            f"the clocks would differ in rate by {100 * abs(fit.warp.drift):.2g} %, which clocks do not; expected at "
+            f"most {100 * MOST_DRIFT:g} %, so take signals that show the same motion, and check the units of both times"
+        )
     return _judged(series, fit, resolved, unit, drift, scale, shift)
 
 
@@ -214,6 +223,10 @@ def _fine_enough(series: Sequence[Series], warp: Warp, freed: Freed, progress: P
         spacings.append(spacings[-1] / 2)
     fits = list[CurveFit]()
     noise = None
+    # a curve too coarse to show the motion says nothing of the clocks: the fit would run away from the coarse offset
+    shares = [min(shown(series, warp, spacing)) for spacing in spacings]
+    if max(shares) > RELATED:
+        spacings = spacings[next(k for k, share in enumerate(shares) if share >= NEARLY_ALL * max(shares)) :]
     for k, spacing in enumerate(spacings):
         progress("fitting a common curve", 0.2 + 0.7 * k / len(spacings))
         fits.append(fit_curve(series, warp, spacing, freed, noise))
@@ -244,18 +257,21 @@ def _judged(
 ) -> Alignment:
     tests, residuals, explained = dict[str, Verdict](), dict[str, tuple[Array, Array]](), list[float]()
     for k, (s, pair) in enumerate(zip(series, fit.parts, strict=True)):
+        of = "" if len(series) == 1 else f" of {s.name}"
         for which, part in zip(("reference", "other"), pair, strict=True):
-            of = "" if len(series) == 1 else f" of {s.name}"
             tests[f"{which} signal{of}"] = _whiteness(fit.residuals[part], fit.simulated[part])
         left = fit.noise[k, 1] * fit.residuals[pair[1]]
         residuals[s.name] = fit.times[pair[1]], left
-        explained.append(1.0 - float(np.var(left) / np.var(s.other)))
-    if min(explained) < RELATED:
-        worst = series[int(np.argmin(explained))].name
-        raise LogError(
-            f"the common curve explains {100 * min(explained):.0f} % of '{worst}' at the best offset, "
-            f"{fit.warp.offset:.6g} s; expected more than half, so take signals that show the same motion"
-        )
+        shares = _explained(s, fit, k)
+        if tests[f"reference signal{of}"].passed:
+            shares.pop(" of the reference", None)  # white: the reference is noisy, and the other one is not
+        explained += shares.values()
+        for whose, share in shares.items():
+            if share < RELATED:
+                raise LogError(
+                    f"the common curve explains {100 * max(share, 0.0):.0f} % of '{s.name}'{whose} at the best offset, "
+                    f"{fit.warp.offset:.6g} s; expected more than half, so take signals that show the same motion"
+                )
     coloured = not all(v.passed for v in tests.values())
     n, k = fit.border.shape
     if coloured:
@@ -301,6 +317,25 @@ def _judged(
     )
 
 
+def _explained(s: Series, fit: CurveFit, k: int) -> dict[str, float]:
+    """Shares of the variance of the other recording and of the reference that series k's curve explains, by whose they
+    are. Only where both have rows: elsewhere the curve follows the one that has. Raises LogError for a short overlap.
+    """
+    u = fit.warp(s.other_time)
+    low, high = max(s.reference_time[0], u[0]), min(s.reference_time[-1], u[-1])
+    if high - low < OVERLAP * min(np.ptp(s.reference_time), np.ptp(u)) * 0.9:
+        raise LogError(
+            f"the recordings of '{s.name}' overlap for {high - low:.3g} s at the best offset, {fit.warp.offset:.6g} s, "
+            "which is less than half of the shorter one; take signals that show the same motion"
+        )
+    shares = {}
+    for whose, which, time, values in (("", 1, u, s.other), (" of the reference", 0, s.reference_time, s.reference)):
+        there = (time >= low) & (time <= high)
+        left = fit.noise[k, which] * fit.residuals[fit.parts[k][which]]
+        shares[whose] = 1.0 - float(np.var(left[there]) / max(np.var(values[there]), np.finfo(float).tiny))
+    return shares
+
+
 def _norms(J: Array) -> Array:
     return 1.0 / np.linalg.norm(J, axis=0)
 
@@ -328,4 +363,5 @@ def _whiteness(r: Array, simulated: Array) -> Verdict:
     p = float(stats.chi2.sf(Q * 2 * mean / variance, 2 * mean**2 / variance))
     k = int(np.argmax(np.abs(c)))
     said = "residuals look white" if p >= SMALL_P else f"residuals are coloured (correlation {c[k]:.2f} at lag {k + 1})"
-    return Verdict(Q, p, p >= SMALL_P, f"{said}, p = {p:.2g} by {PROBES} simulations of white noise")
+    shown = f"= {p:.2g}" if p >= TINY_P else f"below {TINY_P:g}"
+    return Verdict(Q, p, p >= SMALL_P, f"{said}, p {shown} by {PROBES} simulations of white noise")

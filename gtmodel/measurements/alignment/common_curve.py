@@ -94,13 +94,20 @@ def fit_curve(series: Sequence[Series], warp: Warp, spacing: float, freed: Freed
     return replace(fit, residuals=fit.residuals / unit, border=fit.border / unit[:, None], noise=level)
 
 
+def shown(series: Sequence[Series], warp: Warp, spacing: float) -> list[float]:
+    """The shares of the variance of each recording that a curve with knots `spacing` [s] apart shows at this warp."""
+    level = np.array([[np.std(s.reference), np.std(s.other)] for s in series], dtype=float)
+    fit = _evaluated(series, warp, spacing, Freed(drift=False, scale=False, shift=False), level, None)
+    return [1.0 - float(np.var(fit.residuals[part])) for pair in fit.parts for part in pair]
+
+
 def _descended(
     series: Sequence[Series], warp: Warp, spacing: float, freed: Freed, level: Array, probes: Array
 ) -> tuple[Warp, CurveFit]:
     fit = _evaluated(series, warp, spacing, freed, level, None)
     for _ in range(ITERATIONS):
         step: Array = np.asarray(np.linalg.lstsq(fit.border, fit.residuals, rcond=None)[0], dtype=float)
-        std = np.sqrt(np.diag(np.linalg.pinv(fit.border.T @ fit.border)))
+        std = np.sqrt(np.maximum(np.diag(np.linalg.pinv(fit.border.T @ fit.border)), 0.0))
         for halving in range(12):
             trial = _moved(warp, 0.5**halving * step, freed)
             new = _evaluated(series, trial, spacing, freed, level, None)

@@ -37,7 +37,9 @@ class DelayStudy(Study):
     ] = None
     drift_interval: Annotated[Sequence[Sequence[float]] | None, Quantity("1", "95 % intervals")] = None
     scale: Annotated[Sequence[float], "of the second signal over the first"] = ()
-    explained: Annotated[Sequence[float], "share of the second signal's variance"] = ()
+    explained: Annotated[
+        Sequence[float], "share of the variance, of the signal that the common curve explains less of, noise left out"
+    ] = ()
     coloured: Annotated[Sequence[bool], "whether residuals are coloured, which the intervals then heed"] = ()
     synthetic: Annotated[str | None, "seed and noise of a synthetic recording; null for measured ones"] = None
 
@@ -150,7 +152,7 @@ def _table(fits: Mapping[str, Alignment], intervals: Sequence[Sequence[float]], 
 
 
 def _figure(fits: Mapping[str, Alignment], title: str, note: str | None) -> Any:
-    from ...plot.delay import delay_figure
+    from ...plot.resampling import delay_figure
 
     return delay_figure(
         [(name, *next(iter(f.residuals.values())), f.unit, -f.offset) for name, f in fits.items()],

@@ -52,9 +52,9 @@ def resampling_study(
         progress, max_seconds, stop: see `gtmodel.results.Work`.
 
     Returns a study whose `trajectory` holds the grid in SI units, written as trajectory.csv, which every reader of logs
-    takes. Where gaps part it, the signal "session" numbers the stretches. An interval of offset and drift is given
-    where the residuals of the alignment are white, and withheld where not. Raises ArgumentError for names, for signals
-    that do not agree, and where no instants are common to all signals.
+    takes. Where gaps part it, the signal "session" numbers the stretches. Intervals of offset and drift are those of
+    white noise where the residuals of the alignment pass a test for it, and Newey and West's where they do not. Raises
+    ArgumentError for names, for signals that do not agree, and where no instants are common to all signals.
 
     >>> first, late = gt.measurements.made_pair(gt.measurements.SyntheticDelay(delay=0.5, jitter=0.3))
     >>> late = gt.Trajectory(late.time, {"tracker": late["q"]}, {"tracker": "rad"}, synthetic=late.synthetic)
@@ -252,9 +252,6 @@ def _study(
     sampling = {clock: sampling_of(clocks[clock].time) for clock in order}
     rows = made.rows
     error = {name: one.error[name] for one in even for name in one.error}
-    white = {clock: not fit.coloured for clock, fit in fits.items()}
-    withheld = {clock: f"no interval of offset and drift of '{clock}': {_reason(fit)}"
-                for clock, fit in fits.items() if fit.coloured}  # fmt: skip
     checks = {}
     if fits:
         checks["explained"] = at_least(
@@ -274,8 +271,8 @@ def _study(
         status=SolveStatus.SOLVED,
         message=f"{len(rows)} rows of {len(names)} signal{'s' if len(names) > 1 else ''} every {1e3 * step:.6g} ms by "
         f"{grid.method} interpolation",
-        title=text, checks=checks, notes=_notes(clocks, reference, fits, withheld, sampling, even, step),
-        estimate=_estimate(fits, white), trajectory=rows, figures=figures,
+        title=text, checks=checks, notes=_notes(clocks, reference, fits, sampling, even, step),
+        estimate=_estimate(fits), trajectory=rows, figures=figures,
         clocks=order, rows_read=[len(clocks[c]) for c in order],
         rows_left_out=[sum(clocks[c].provenance.get(why, 0) for why in LEFT_OUT) for c in order],
         rate=[sampling[c].rate for c in order], jitter=[sampling[c].jitter for c in order],
@@ -286,48 +283,40 @@ def _study(
         units={n: rows.unit(n) for n in names}, error={n: error[n].tolist() for n in names},
         length={n: float(np.median(np.linalg.norm(rows[n], axis=1))) for n in names if rows[n].ndim > 1},
         offset={c: fit.offset for c, fit in fits.items()},
-        offset_interval={c: list(fit.interval("offset")) if white[c] else None for c, fit in fits.items()},
+        offset_interval={c: list(fit.interval("offset")) for c, fit in fits.items()},
         drift={c: fit.drift for c, fit in drifting.items()},
-        drift_interval={c: list(fit.interval("drift")) if white[c] else None for c, fit in drifting.items()},
-        explained={c: fit.explained for c, fit in fits.items()}, withheld=withheld, synthetic=rows.synthetic,
+        drift_interval={c: list(fit.interval("drift")) for c, fit in drifting.items()},
+        explained={c: fit.explained for c, fit in fits.items()},
+        coloured={c: fit.coloured for c, fit in fits.items()}, synthetic=rows.synthetic,
     )  # fmt: skip
 
 
-def _reason(fit: Alignment) -> str:
-    worst = min(fit.tests, key=lambda name: fit.tests[name].p)
-    return f"{worst}: {fit.tests[worst].message}"
+def _estimate(fits: Mapping[str, Alignment]) -> Estimate | None:
+    """Offsets and drifts of all clocks that were brought to the reference."""
+    if not fits:
+        return None
+    import scipy
 
-
-def _estimate(fits: Mapping[str, Alignment], white: Mapping[str, bool]) -> Estimate | None:
-    """Offsets and drifts of the clocks whose residuals are white."""
-    names, values, units, blocks, left = list[str](), list[float](), list[str](), list[Array](), np.inf
+    names, values, units, blocks = list[str](), list[float](), list[str](), list[Array]()
     for clock, fit in fits.items():
-        if not white[clock]:
-            continue
         own = [n for n in ("offset", "drift") if n in fit.estimate.names]
         places = [fit.estimate.names.index(n) for n in own]
         names += [f"{n} of {clock}" for n in own]
         values += fit.estimate.values[places].tolist()
         units += [fit.estimate.units[p] for p in places]
         blocks.append(fit.estimate.covariance[np.ix_(places, places)])
-        left = min(left, fit.estimate.degrees_of_freedom)
-    if not names:
-        return None
-    import scipy
-
-    residuals = np.concatenate([fit.estimate.residuals for clock, fit in fits.items() if white[clock]])
     return Estimate(
-        tuple(names), np.array(values), scipy.linalg.block_diag(*blocks), left, 1.0, False, residuals, (),
-        units=tuple(units),
+        tuple(names), np.array(values), scipy.linalg.block_diag(*blocks),
+        min(fit.estimate.degrees_of_freedom for fit in fits.values()), 1.0, False,
+        np.concatenate([fit.estimate.residuals for fit in fits.values()]), (), units=tuple(units),
     )  # fmt: skip
 
 
 def _notes(
-    clocks: Mapping[str, Trajectory], reference: str, fits: Mapping[str, Alignment], withheld: Mapping[str, str],
+    clocks: Mapping[str, Trajectory], reference: str, fits: Mapping[str, Alignment],
     sampling: Mapping[str, SamplingReport], even: Sequence[Resampled], step: float,
 ) -> list[str]:  # fmt: skip
-    notes = [f"{reason}; the kind delay gives that of Newey and West" for reason in withheld.values()]
-    notes += [f"{clock}: {note}" for clock, fit in fits.items() if not fit.coloured for note in fit.notes]
+    notes = [f"{clock}: {note}" for clock, fit in fits.items() for note in fit.notes]
     loose = [clock for clock in clocks if clock != reference and clock not in fits]
     if loose:
         names = " and ".join(f"'{clock}'" for clock in loose)
@@ -365,7 +354,7 @@ def _steps(title: str, times: Mapping[str, Array], synthetic: str | None) -> Any
 
 
 def _residuals(title: str, fits: Mapping[str, Alignment], synthetic: str | None) -> Any:
-    from ...plot.delay import delay_figure
+    from ...plot.resampling import delay_figure
 
     return delay_figure(
         [(clock, *next(iter(f.residuals.values())), f.unit, -f.offset) for clock, f in fits.items()],

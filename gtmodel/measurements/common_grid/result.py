@@ -8,7 +8,7 @@ from typing import Annotated
 
 import numpy as np
 
-from ...results import ArgumentError, Quantity, Row, Study
+from ...results import Quantity, Row, Study
 from ...results.quantity import listed
 from ...results.study import to_inherit
 
@@ -47,28 +47,18 @@ class ResamplingStudy(Study):
     offset: Annotated[
         Mapping[str, float], Quantity("s", "by clock: what its times want added in the middle of its recording")
     ] = field(default_factory=dict)
-    offset_interval: Annotated[
-        Mapping[str, Sequence[float] | None], Quantity("s", "95 %; null where the residuals are not white")
-    ] = field(default_factory=dict)
+    offset_interval: Annotated[Mapping[str, Sequence[float]], Quantity("s", "95 %")] = field(default_factory=dict)
     drift: Annotated[
         Mapping[str, float], Quantity("1", "by clock that may differ in rate: how much slower it runs")
     ] = field(default_factory=dict)
-    drift_interval: Annotated[
-        Mapping[str, Sequence[float] | None], Quantity("1", "95 %; null where the residuals are not white")
-    ] = field(default_factory=dict)
+    drift_interval: Annotated[Mapping[str, Sequence[float]], Quantity("1", "95 %")] = field(default_factory=dict)
     explained: Annotated[Mapping[str, float], "by clock: share of its signal that the common curve explains"] = field(
         default_factory=dict
     )
-    withheld: Annotated[Mapping[str, str], "by clock without an interval: why"] = field(default_factory=dict)
+    coloured: Annotated[
+        Mapping[str, bool], "by clock: whether residuals are coloured, which the intervals then heed"
+    ] = field(default_factory=dict)
     synthetic: Annotated[str | None, "seed and noise of a synthetic recording; null for measured ones"] = None
-
-    def interval(self, name: str, level: float = 0.95) -> tuple[float, float]:
-        """Confidence interval of "offset of CLOCK" [s] or "drift of CLOCK" [1]. Raises ArgumentError where it is
-        withheld, with the reason, and for another name."""
-        for clock, reason in self.withheld.items():
-            if name in (f"offset of {clock}", f"drift of {clock}"):
-                raise ArgumentError(reason, "name")
-        return super().interval(name, level)
 
     @property
     def rows(self) -> list[Row]:
@@ -102,12 +92,10 @@ class ResamplingStudy(Study):
         ):
             if clock not in values:
                 continue
-            interval = intervals[clock]
-            text = "interval withheld"
-            if interval is not None:
-                low, high = factor * np.asarray(interval)
-                text = f"{low:.{_digits(low, high)}g} .. {high:.{_digits(low, high)}g}, 95 %"
-            rows.append(Row(label, f"{factor * values[clock]:.7g}  ({text})", unit))
+            low, high = factor * np.asarray(intervals[clock])
+            digits = _digits(low, high)
+            text = f"{low:.{digits}g} .. {high:.{digits}g}, 95 %"
+            rows.append(Row(label, f"{factor * values[clock]:.{digits}g}  ({text})", unit))
         return rows
 
 

@@ -46,7 +46,7 @@ def unit_guess(facts: ColumnFacts, stated: str, head: Array, group: Array | None
     if stated:
         return UnitGuess(stated, "stands in the header", stated=True)
     name = re.sub(r"\[\d+\]$", "", facts.name)
-    if unit := _of_name(name):
+    if unit := unit_of_name(name):
         return UnitGuess(unit, f"the name ends in it: {name}")
     if facts.constant or not facts.rows:
         return UnitGuess("", "")
@@ -76,7 +76,7 @@ def unit_guess(facts: ColumnFacts, stated: str, head: Array, group: Array | None
     return UnitGuess("", "")
 
 
-def _of_name(name: str) -> str:
+def unit_of_name(name: str) -> str:
     """The unit in which a name ends: force_N, act_vel_deg_per_s, torque_nm."""
     plain = re.sub(r"_per_", "_", name)
     last = re.split(r"[_.\s/]", plain)[-1]

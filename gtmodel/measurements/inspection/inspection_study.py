@@ -19,18 +19,19 @@ from ...results.trajectory_errors import Array
 from ...results.trajectory_files import PathLike
 from ...results.work import Progress, Work, never, silent
 from ..sampling import SamplingReport
-from ..streams.form import LogForm, shown
+from ..streams.form import LogError, LogForm, shown
 from ..streams.matlab import MatFile
 from ..streams.opening import content_of
-from ..streams.stream import Stream
+from ..streams.stream import MOST_SHOWN, Stream
 from .clocks import Clock, ClockPair, clock_of, pairs
 from .columns import ColumnFacts, ColumnScan, Envelope
-from .guesses import UnitGuess, is_time, unit_guess
+from .guesses import UnitGuess, is_time, unit_guess, unit_of_name
 
 SHORTEST = 16  # rows of a stream, where another one is longer: what is shorter are parameters
 MOST_CLOCKS = 4
 MOST_GAPS = 20  # that are listed
 MOST_NAMES = 12
+MOST_WORDS = 4  # columns with words among their numbers that are shown
 _COMPONENT = re.compile(r"(?P<base>.+?)(?:\[\d+\]|[_.](?:[xyzw]|\d+)|(?<=[^\d\W])\d+)")
 
 
@@ -107,14 +108,23 @@ def inspect(
     notes: list[str] = []
     all_streams = [content] if isinstance(content, Stream) else list(content.streams())
     streams = [s for s in all_streams if not form.stream or s.name == form.stream]
+    if not streams:
+        names = _listed([s.name for s in all_streams if s.name])
+        if not all_streams:
+            raise LogError(f"{shown(path)} holds no table of numbers")
+        has = f"it has {names}" if names else "it is one table, so name none"
+        raise LogError(f"{shown(path)}: there is no stream '{form.stream[:40]}'; {has}")
     made, ended = list[InspectedStream](), False
     for stream in streams:
         notes += [_on(stream, remark) for remark in stream.remarks]
         inspected, ended = _inspected(stream, work, others=len(streams) > 1)
         made += [] if inspected is None else [inspected]
+        notes += [_on(stream, sentence) for sentence in _left_out(stream)]
         if ended:
             notes.append(f"stopped after row {made[-1].rows if made else 0}; what follows it is not in these numbers")
             break
+    if not made and not ended:
+        raise LogError(f"{streams[0].heads.where} has a header but no rows; expected a row of numbers for each time")
     notes += [sentence for stream in made for sentence in _remarkable(stream, len(made) > 1)]
     if isinstance(content, MatFile):
         notes += _parameters(content)
@@ -168,6 +178,23 @@ def _once(stream: Stream, name: str) -> bool:
     return stream.heads.names.count(name) == 1
 
 
+def _left_out(stream: Stream) -> list[str]:
+    """Columns that are not in the table, and words among numbers, which count as empty."""
+    names = stream.heads.names
+    said = [f"{stream.cell}s {_places(names, n)} are all called '{n}' and not looked at; give each a name of its own"
+            for n in dict.fromkeys(names) if n and not _once(stream, n)]  # fmt: skip
+    if "" in names:
+        said.append(f"{stream.cell} {_places(names, '')} has no name and is not looked at")
+    for name, (line, word, advice) in list(stream.words.items())[:MOST_WORDS]:
+        said.append(f"{stream.row} {line}, {stream.cell} '{name}': '{word[:MOST_SHOWN]}' is no number and counts as "
+                    f"empty{advice}")  # fmt: skip
+    return said
+
+
+def _places(names: Sequence[str], name: str) -> str:
+    return _listed([str(k + 1) for k, n in enumerate(names) if n == name])
+
+
 def _clock_names(stream: Stream, names: list[str], values: Array) -> list[str]:
     """Columns of time by their names; without any, those that increase with each row."""
     named = [name for name in names if name == stream.clock or is_time(name)]
@@ -211,6 +238,10 @@ def _remarkable(stream: InspectedStream, several: bool) -> list[str]:
     said: list[str] = []
     for group in stream.groups:
         guess, name = stream.guesses[group[0]], _group_name([stream.columns[j] for j in group])
+        if guess.stated and (other := unit_of_name(name)) not in ("", guess.unit):
+            said.append(
+                f"{lead}the header says {guess.unit} of '{name}', whose name ends in {other}; {guess.unit} counts"
+            )
         if guess.why and not guess.stated and not guess.why.startswith("the name") and len(said) < MOST_NAMES:
             said.append(f"{lead}{name}: {f'{guess.unit}? ' if guess.unit else ''}{guess.why}")
     for clock in stream.clocks:
@@ -288,10 +319,11 @@ def _rows(stream: InspectedStream, several: bool) -> list[Row]:
     for clock in stream.clocks:
         s = clock.sampling
         if clock.unit and s.rate:
-            text = (
-                f"{s.rate:.6g} Hz, jitter {100 * s.jitter:.2g} %, {_gaps(s)}, from {np.nanmin(clock.time):.6g} "
-                f"to {np.nanmax(clock.time):.6g}"
-            )
+            low, high = float(np.nanmin(clock.time)), float(np.nanmax(clock.time))
+            span = f"from {low:.6g} to {high:.6g}"
+            if high - low < 1e-4 * abs(high):  # seconds since 1970
+                span = f"{high - low:.6g} from {low:.10g} on"
+            text = f"{s.rate:.6g} Hz, jitter {100 * s.jitter:.2g} %, {_gaps(s)}, {span}"
             rows.append(Row(f"time {clock.name}", text, "s"))
     times = {clock.name for clock in stream.clocks if clock.unit}
     for group in stream.groups:

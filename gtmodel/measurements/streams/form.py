@@ -27,6 +27,10 @@ class LogError(TrajectoryError):
     """
 
 
+class NoNumberError(LogError):
+    """A cell in which nothing was measured: it is empty, or holds nan."""
+
+
 @dataclass(frozen=True)
 class LogForm(Options):
     """How a log file is written, where that is not to be recognised from the file.

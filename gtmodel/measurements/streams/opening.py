@@ -15,6 +15,12 @@ if TYPE_CHECKING:
     from .bags import Bag
 
 _TABLES = (".xlsx", ".xls", ".ods", ".mdf", ".mf4", ".dat.gz", ".zip")
+_PACKED = {
+    b"PK": "an Excel workbook or a zip archive; save the table as CSV, or unpack it",
+    b"\xd0\xcf\x11\xe0": "an old Excel workbook; save the table as CSV",
+    b"\x1f\x8b": "compressed (gzip); unpack it",
+}
+_POINTER = b"version https://git-lfs"
 _BAGS = (b"#ROSBAG", b"\x89MCAP", b"SQLite format 3")
 MOST_STREAMS = 6  # of a message that lists them
 
@@ -76,8 +82,10 @@ def content_of(path: PathLike, form: LogForm) -> Stream | MatFile | Bag:
         if not path.is_dir() or (path / "metadata.yaml").is_file():
             return _bag(path)
         raise LogError(f"{shown(path)} is a folder without a metadata.yaml, so it is no ROS 2 bag; name a file")
+    if path.exists() and not path.is_file():
+        raise LogError(f"{shown(path)} is a pipe or a device, which can be read only once; write it to a file first")
     with open(path, "rb") as file:
-        head = file.read(16)
+        head = file.read(len(_POINTER))
     suffix = path.suffix.lower()
     if head.startswith(_BAGS):
         return _bag(path)
@@ -87,7 +95,12 @@ def content_of(path: PathLike, form: LogForm) -> Stream | MatFile | Bag:
         return ParquetStream(path, form)
     if head.startswith((b"MATLAB", b"\x89HDF")) or suffix == ".mat":
         return MatFile(path, form)
-    if head.startswith((b"PK", b"\xd0\xcf\x11\xe0", b"\x1f\x8b", b"MDF ")) or suffix in _TABLES:
+    if head == _POINTER:
+        raise LogError(f"{shown(path)} is a pointer of Git LFS in place of the file; fetch the file by git lfs pull")
+    packed = next((what for mark, what in _PACKED.items() if head.startswith(mark)), "")
+    if packed:
+        raise LogError(f"{shown(path)} is {packed}")
+    if head.startswith(b"MDF ") or suffix in _TABLES:
         raise LogError(f"{shown(path)} is no text, MATLAB, Parquet or bag file; save the table as CSV")
     if suffix in (".parquet", ".bag", ".mcap", ".db3"):
         raise LogError(f"{shown(path)} does not begin as a {suffix} file does; it is damaged or something else")

@@ -11,7 +11,7 @@ import numpy as np
 
 from ...results.trajectory_errors import Array
 from ...results.work import Progress, silent
-from .form import LogError
+from .form import LogError, NoNumberError
 from .heads import Heads
 
 MOST_SHOWN = 40  # letters of a cell in a message
@@ -73,7 +73,8 @@ class Stream(ABC):
 
     name: "" where the file has only one. heads: its columns. clock: the column that the file itself has for time [s],
     "" for none. stamps: columns that count from an instant, and that instant [ns since 1970]. remarks: what was
-    recognised, in sentences. comments: of a text file, what its lines "# title:", "# synthetic:" say.
+    recognised, in sentences. comments: of a text file, what its lines "# title:", "# synthetic:" say. words: of columns
+    that were read with `gaps`, where a word stands among numbers: the line of the first, the word, and what to do.
     """
 
     source: str
@@ -83,6 +84,7 @@ class Stream(ABC):
     stamps: dict[str, int] = field(default_factory=dict)
     remarks: list[str] = field(default_factory=list)
     comments: dict[str, list[str]] = field(default_factory=dict)
+    words: dict[str, tuple[int, str, str]] = field(default_factory=dict)
 
     row: ClassVar[str] = "sample"
     """what a row is called"""
@@ -140,8 +142,9 @@ class Stream(ABC):
     def no_number(self, line: int, column: str, cell: object, advice: str = "") -> LogError:
         """What is said of a cell that is no finite number."""
         text = str(cell).strip()
+        kind = NoNumberError if text.lower() in ("", "nan", "nothing") else LogError
         text = repr(text if len(text) <= MOST_SHOWN else f"{text[:MOST_SHOWN]}...") if text else "nothing"
-        return LogError(
+        return kind(
             f"{self.source} {self.row} {line}, {self.cell} '{column}': found {text}; "
             f"expected a finite number such as 1.5e-3{advice}"
         )

@@ -14,12 +14,15 @@ from typing import ClassVar
 import numpy as np
 
 from .form import SIGNS, Delimiter, LogError, LogForm, shown
-from .heads import Heads, is_unit, spelled
+from .heads import MOST_NAMES, Heads, is_unit, spelled
 from .stream import RowBlock, Stream
 from .text_lines import Chunk, chunks, encoding_of, is_row
 
 LOOKED_AT = 50  # rows from which the delimiter and the header are recognised
 LIKE = 3  # rows of equal length below another line: that line is no header of theirs
+MINUS = "\N{MINUS SIGN}"  # as programs that set type write it
+# what stands where nothing was measured; any other word in a column of numbers is shown
+_ABSENT = {"", "nan", "na", "n/a", "#n/a", "null", "none", "nil", "-", "--", "?", "inf", "-inf", "+inf", "infinity"}
 _NOTES = ("title", "synthetic", "provenance", "scalar")
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
 _STAMP = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d(:\d\d(\.\d{1,9})?)?Z?")
@@ -138,6 +141,9 @@ class TextStream(Stream):
                     values[k, j] = math.nan
                 if not math.isfinite(values[k, j]):
                     values[k, j] = math.nan
+                    word = cells[place].strip()
+                    if gaps and place not in self.layout.words and word.lower() not in _ABSENT:
+                        self.words.setdefault(columns[j], (n, word, self._advice(word)))
                     if not gaps:
                         raise self.no_number(n, columns[j], cells[place], self._advice(cells[place]))
         return values
@@ -155,7 +161,8 @@ class TextStream(Stream):
                 raise LogError(
                     f"{where}: the file ends within this row, with {len(cells)} of {width} cells; delete the line"
                 )
-            raise LogError(f"{where}: found {len(cells)} cells; expected {width}, one for each column of the header")
+            count = "one cell" if len(cells) == 1 else f"{len(cells)} cells"
+            raise LogError(f"{where}: found {count}; expected {width}, one for each column of the header")
         return cells
 
     def _advice(self, cell: str) -> str:
@@ -190,7 +197,7 @@ def number(cell: str, decimal_comma: bool = False) -> float:
     """A cell as a number, nan and inf among them. Raises ValueError for anything else, 1_000 of Python's too."""
     if "_" in cell or (decimal_comma and "." in cell):
         raise ValueError(f"'{cell}' is no number")
-    return float(cell.replace(",", ".") if decimal_comma else cell)
+    return float((cell.replace(",", ".") if decimal_comma else cell).replace(MINUS, "-"))
 
 
 def split(line: str, sign: str, where: str) -> list[str]:
@@ -247,6 +254,7 @@ def _layout(path: Path, form: LogForm) -> _Layout:
 
 def _recognise_cells(rows: Sequence[list[str]], layout: _Layout) -> None:
     """Columns that hold dates, which count as seconds after the first, and those that hold words."""
+    commas = list[str]()
     for place, name in enumerate(layout.heads.names):
         cells = [row[place] for row in rows if len(row) > place and row[place]]
         dated = [_STAMP.fullmatch(cell) is not None for cell in cells]
@@ -256,6 +264,13 @@ def _recognise_cells(rows: Sequence[list[str]], layout: _Layout) -> None:
             layout.remarks.append(f"the dates in '{name}' are taken in seconds after the first one")
         elif cells and not any(_numeric([cell], layout.decimal_comma) for cell in cells):
             layout.words.add(place)
+            if not layout.decimal_comma and all(_DECIMAL_COMMA.fullmatch(cell) for cell in cells):
+                commas.append(name)
+    if commas:
+        names = ", ".join(f"'{name}'" for name in commas[:MOST_NAMES]) + (", ..." if len(commas) > MOST_NAMES else "")
+        layout.remarks.append(
+            f'numbers with decimal commas seem to stand in {names}; if they do, say decimal = "comma"'
+        )
 
 
 def _nanoseconds(cell: str, zero: int = 0) -> int:

@@ -10,6 +10,7 @@ from typing import NamedTuple
 from .form import LogError, LogForm, shown
 
 BLOCK = 1 << 18  # bytes
+LONGEST_LINE = 1 << 25  # letters; a million columns take less
 _MARKS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))
 COMMENTS = ("#", "%", "//")
 
@@ -73,6 +74,11 @@ def chunks(path: Path, encoding: str, size: int = BLOCK) -> Iterator[Chunk]:
                 held = False
             lines = text.split("\n")
             left = lines.pop() if data else ""
+            if len(left) > LONGEST_LINE:
+                raise LogError(
+                    f"{shown(path)} line {number + len(lines)} is longer than {LONGEST_LINE >> 20} million letters: "
+                    "it is no table, or its lines do not end"
+                )
             if data and left:
                 text = text[: -len(left)]
             if held:

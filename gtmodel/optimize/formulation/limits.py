@@ -59,8 +59,11 @@ def limits_of(
         if not bounded((kept, order), *((v.min, v.max) if sign > 0 else (-v.max, -v.min))):
             symbol, nominal = flat.scope.symbol(v.index, 0), b.nominal((v.index, 0))
             bounds.path.append(ConstraintRow(symbol, v.min, v.max, f"bounds of {v.name}", v.where, nominal))
+    constant = {q.symbol.element_hash() for q in flat.parameters}
+    of_instants = {s.element_hash() for i in flat.scope.instants for s in ca.vertsplit(ca.vec(i.symbol))}
     for row in constraints:
-        if _is_point(b, row.expression):
+        inside = {s.element_hash() for s in ca.symvar(row.expression)}
+        if inside & of_instants or inside <= constant:
             if not _end_bound(b, row, instants, position, bounds.start, bounds.end):
                 bounds.points.append(row)
             continue
@@ -69,13 +72,6 @@ def limits_of(
             bounds.path.append(row)
     _initial(b, position, bounds.start, apart)
     return bounds
-
-
-def _is_point(b: ProblemBuilder, e: ca.SX) -> bool:
-    keys = {s.element_hash() for i in b.flat.scope.instants for s in ca.vertsplit(ca.vec(i.symbol))}
-    constant = {q.symbol.element_hash() for q in b.flat.parameters}
-    symbols = [s.element_hash() for s in ca.symvar(e)]
-    return any(k in keys for k in symbols) or all(k in constant for k in symbols)
 
 
 def _end_bound(
@@ -87,8 +83,8 @@ def _end_bound(
     end: Bounds,
 ) -> bool:
     """A point constraint on one state at one end is a bound on a variable."""
-    symbols = ca.symvar(row.expression)
-    own = [s for s in symbols if s.element_hash() not in {q.symbol.element_hash() for q in b.flat.parameters}]
+    constant = {q.symbol.element_hash() for q in b.flat.parameters}
+    own = [s for s in ca.symvar(row.expression) if s.element_hash() not in constant]
     if len(own) != 1:
         return False
     value = next((i for i in instants if i.symbol.element_hash() == own[0].element_hash()), None)

@@ -195,7 +195,7 @@ def _fold(flat: FlatModel, tunable: Sequence[str]) -> ca.SX:
 def _all_pairs(flat: FlatModel, constraints: list[ConstraintRow], apart: Collection[int]) -> list[Pair]:
     """Every chain symbol that the model, its cost or its constraints mention, but for the variables `apart`."""
     expressions = [i.expression for i in flat.scope.instants] + [r.expression for r in constraints]
-    named = [p for e in expressions for p in flat.scope.symbols_in(e)]
+    named = [p for pairs in flat.scope.symbols_in_each(expressions) for p in pairs]
     return sorted({(v.index, 0) for v in flat.variables if v.index not in apart} | set(named))
 
 

@@ -106,7 +106,11 @@ class SerialArm(gt.Model):
                 yield self.q[at] == link.coordinate()
             else:
                 yield link.coordinate() == multiplier * self.q[at] + offset
-            efforts[at].append(multiplier * link.effort())
+            effort = link.effort()
+            if self.structure.geared(k):  # a force at a motor that turns, or a torque at one that slides
+                effort = getattr(self, f"effort_{k + 1}")
+                yield effort == link.effort()
+            efforts[at].append(multiplier * effort)
             before = link.after
         for at, parts in enumerate(efforts):
             yield self.tau[at] == sum(parts[1:], parts[0])
@@ -246,5 +250,7 @@ def arm_class(structure: ArmStructure) -> type[SerialArm]:
     rows = [*geometry, "m", "mc", "J", "coulomb", "viscous"]
     for k, joint in enumerate(joints):
         own = {name: _row(name, k) for name in rows} | {"velocity_scale": lambda arm: arm.velocity_scale}
+        if structure.geared(k):
+            body[f"effort_{k + 1}"] = gt.variable(description=f"effort that {joint.name} takes of its leader")
         body[f"link_{k + 1}"] = gt.part(_link_class(structure.style, joint.kind, structure.smoothing), **own)
     return type("SerialArm", (SerialArm,), body)

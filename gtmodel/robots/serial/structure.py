@@ -59,6 +59,11 @@ class ArmStructure:
             return self.leaders.index(k), 1.0, 0.0
         return self.leaders.index(joint.leader), joint.multiplier, joint.offset
 
+    def geared(self, k: int) -> bool:
+        """Whether joint k turns and follows one that slides, or the reverse: as nut and spindle."""
+        leader = self.joints[k].leader
+        return leader is not None and self.joints[leader].kind != self.joints[k].kind
+
     @property
     def kinds(self) -> set[str]:
         """Kinds of joints that there are."""

@@ -6,6 +6,8 @@ import numpy as np
 
 # so many intervals in a row that shrink by nearly one ratio, down to this part of the run, accumulate
 SHRINKING, SAME_RATIO, SHORT = 10, 0.05, 1e-6
+# so many different events may take turns in it
+LARGEST_GROUP = 4
 # so many events within this part of the run lead nowhere
 CHATTERING, INSTANT = 100, 1e-12
 
@@ -27,16 +29,17 @@ class Accumulation:
 
     @property
     def point(self) -> float | None:
-        """The time at which the events accumulate [s], as a geometric series of their last intervals; None where they
-        do not."""
-        d = np.diff(self._times[-SHRINKING - 2 :])
-        if len(d) <= SHRINKING or not 0 < d[-1] <= SHORT * self._length:
-            return None
-        ratios = d[1:] / d[:-1]
-        ratio = float(ratios[-1])
-        if not np.all(ratios < 1) or np.ptp(ratios) > SAME_RATIO * ratio:
-            return None
-        return self._times[-1] + float(d[-1]) * ratio / (1 - ratio)
+        """The time at which the events accumulate [s], as a geometric series of their last intervals, or of groups of
+        them where different events take turns; None where they do not."""
+        for group in range(1, LARGEST_GROUP + 1):
+            d = np.diff(self._times[-SHRINKING - group - 1 :])
+            if len(d) < SHRINKING + group or not 0 < d[-1] <= SHORT * self._length or not np.all(d > 0):
+                continue
+            ratios = d[group:] / d[:-group]
+            ratio = float(ratios[-1])
+            if np.all(ratios < 1) and np.ptp(ratios) <= SAME_RATIO * ratio:
+                return self._times[-1] + float(np.sum(d[-group:])) * ratio / (1 - ratio)
+        return None
 
     def sentence(self) -> str | None:
         """Why the events lead nowhere; None where they lead on."""

@@ -10,11 +10,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ...compiler.analysis.events import BlockSignal, FlatBlock
+from ...compiler.analysis.events import BlockSignal, FlatBlock, block_numbers
 from ...compiler.flat import FlatModel
-from ...lang.declare import Discrete
-from ...lang.sampled import SampledBlock
-from ...lang.slips import floats, persons_code
+from ...lang.slips import floats, line_of, persons_code
 from ...lang.source import ModelError
 from ...results.status import SolveStatus
 from ...results.trajectory import Trajectory
@@ -33,7 +31,7 @@ class RunningBlock:
             if not (np.isfinite(value) and (value > 0 if what == "period" else value >= 0)):
                 raise ModelError(f"the {what} of sampled block '{self.name}' is {value:g} s; give a positive number")
         self.period, self.offset, self.delay = map(exact, times)
-        self._view = _numeric(block.model, flat, p)
+        self._view = block_numbers(block.model, flat, p)
         self._own = {s.name: s for s in (*block.outputs, *block.state)}
         self._times: list[float] = []
         self._rows: list[np.ndarray] = []
@@ -58,20 +56,29 @@ class RunningBlock:
         cls = type(self.block.model)
         with persons_code(f"step() of {cls.__name__} at {time:.6g} s", cls.step):
             made = self._view.step(SimpleNamespace(**given), SimpleNamespace(**state))
+        where = line_of(cls.step)
         if not isinstance(made, Mapping):
-            raise ModelError(f"step() of {cls.__name__} returns a dictionary by name; found {type(made).__name__}")
+            raise ModelError(
+                f"step() of {cls.__name__} returns a dictionary by name; found {type(made).__name__}", where
+            )
         values: dict[int, float] = {}
         for name, value in made.items():
             signal = self._own.get(name)
             if signal is None:
                 own = ", ".join(self._own)
-                raise ModelError(f"step() of {cls.__name__} returns '{name}', which it does not declare; it has {own}")
+                raise ModelError(
+                    f"step() of {cls.__name__} returns '{name}', which it does not declare; it has {own}", where
+                )
             try:
                 array = floats(value)
             except (TypeError, ValueError):
-                raise ModelError(f"step() of {cls.__name__} gives '{name}' = {value!r}, which is no number") from None
+                raise ModelError(
+                    f"step() of {cls.__name__} gives '{name}' = {value!r}, which is no number", where
+                ) from None
             if array.size != len(signal.places):
-                raise ModelError(f"step() of {cls.__name__} gives '{name}' {array.shape}; expected {signal.shape}")
+                raise ModelError(
+                    f"step() of {cls.__name__} gives '{name}' {array.shape}; expected {signal.shape}", where
+                )
             if not np.all(np.isfinite(array)):
                 sentence = f"step() of {cls.__name__} gives '{name}' = {value} at {time:.6g} s: not finite"
                 raise Ended(SolveStatus.FAILED, sentence)
@@ -106,17 +113,3 @@ class RunningBlock:
 
 def _shaped(signal: BlockSignal, values: np.ndarray) -> Any:
     return float(values[0]) if not signal.shape else values.reshape(signal.shape).copy()
-
-
-def _numeric(block: SampledBlock, flat: FlatModel, p: np.ndarray) -> Any:
-    """The block with numbers for its parameters, to call `step` on."""
-    known: dict[str, Any] = {}
-    for name, value in block.__dict__["_values"].items():
-        item = type(block)._declared.get(name)
-        if isinstance(item, Discrete) or not hasattr(value, "sx") or flat.scope.symbols_in(value.sx):
-            continue
-        number = np.asarray(ca.Function("value", [flat.p], [ca.densify(value.sx)])(p).full())
-        known[name] = float(number[0, 0]) if value.shape == () else number.reshape(value.shape)
-    view = object.__new__(type(block))
-    view.__dict__.update(_path=block.__dict__["_path"], _values=known)
-    return view

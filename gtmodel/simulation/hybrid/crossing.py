@@ -9,8 +9,12 @@ import numpy as np
 # a correction of so many parts of the interval, or of the time, no longer moves the instant
 CLOSE = 1e-13
 MOST = 60
+# from a root of values that are nearly right
+CORRECTIONS = 4
 # halvings of an interval until it is seen on which side it begins
 HALVINGS = 40
+# of a comparison's distance from zero: what its rates at two ends leave of its change between them
+EXPLAINED = 0.3
 
 # values and rates of the comparisons, signed so that they are positive on the side where they were, at a time after the
 # interval's beginning; None where the integrator gives up
@@ -31,11 +35,22 @@ def dips(h: np.ndarray, s: np.ndarray, ds: np.ndarray) -> np.ndarray:
     return np.where(inside, u, np.nan)
 
 
+def unexplained(h: np.ndarray, s: np.ndarray, ds: np.ndarray, zero: np.ndarray) -> np.ndarray:
+    """Whether values s (n + 1, m) with rates ds at the ends of intervals of length h (n,) leave open what a comparison
+    does inside: its rates do not give its change, to a part of its distance from zero. For each interval."""
+    change = s[1:] - s[:-1]
+    larger = np.maximum(np.maximum(np.abs(s[:-1]), np.abs(s[1:])), zero)
+    with np.errstate(all="ignore"):
+        return np.any(np.abs(change - h[:, None] * (ds[:-1] + ds[1:]) / 2) > EXPLAINED * larger, axis=1)
+
+
 def first_root(signed: Signed, n: int, low: float, high: float) -> float | None:
     """Where comparison n, negative at `high`, becomes negative first after `low`; None where numbers do not come out.
 
     At `low` it is positive, or zero and about to become positive.
     """
+    if high <= low:
+        return low
     ends = {end: signed(end) for end in (low, high)}
     if any(end is None for end in ends.values()):
         return None
@@ -69,6 +84,26 @@ def first_root(signed: Signed, n: int, low: float, high: float) -> float | None:
         if rate < 0 and abs(value / rate) <= CLOSE * max(abs(high), span):
             return guess
     return high
+
+
+def corrected_root(signed: Signed, near: Signed | None, n: int, low: float, high: float) -> float | None:
+    """As `first_root`, begun where values `near` the true ones have theirs."""
+    guess = None if near is None else first_root(near, n, low, high)
+    for _ in range(CORRECTIONS if guess is not None else 0):
+        assert guess is not None
+        at = signed(guess)
+        if at is None or not at[1][n] < 0:
+            break
+        correction = -float(at[0][n] / at[1][n])
+        if abs(correction) <= CLOSE * max(abs(high), high - low):
+            return guess
+        guess += correction
+        if not low <= guess <= high:
+            break
+        # Newton's next correction is of its square
+        if abs(correction) <= CLOSE**0.5 * (high - low):
+            return guess
+    return first_root(signed, n, low, high)
 
 
 def _cubic_root(low: float, a: float, da: float, high: float, b: float, db: float) -> float:

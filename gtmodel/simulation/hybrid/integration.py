@@ -5,72 +5,62 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
-from typing import TYPE_CHECKING
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...compiler.analysis.events import FlatEvents, holds
+from ...compiler.analysis.events import holds
 from ...compiler.flat import FlatModel
 from ...lang.source import ModelError
+from ...results.check import Check
 from ...results.status import SolveStatus
-from ..advance import Integration
 from ..audit import Audit
 from ..discontinuities import after_discontinuity
 from ..ending import Ended
 from ..result import Progress
-from ..roots import Watched
 from ..systems import SimulatedSystem, Systems
 from .accumulation import Accumulation
 from .actions import Actions, Changes
 from .blocks import RunningBlock
 from .clock import Due, SampleClock, exact
-from .crossing import dips, first_root
+from .crossing import Signed, corrected_root
 from .event import Event
-from .one_step import OneStep
+from .watched import ZERO, WatchedIntegration
 
 if TYPE_CHECKING:
     from .modes import ReadyInMode, SimulatedModes
 
 Pair = tuple[int, int]
 
-# relative: times that differ by less are one instant, k * 0.004 s as a row, a sample and a knot of an input
-SAME = 8 * np.finfo(float).eps
-# of a comparison's largest value since it changed: nearer to zero its sign is round-off and the integrator's error
-ZERO = 1e-9
-# and of its largest value in the whole run
-LEAST = 1e-13
 # rates that would move a comparison by less than ZERO of its size in this part of the run do not decide on its side
 SLOW = 1e-6
 # so many of the shortest intervals are gone over by the rates where the integrator cannot go over the switch
 EDGE = 100.0
-# rounds of what follows from what at one instant
+# of the energy that moved: what an impact takes, by its formula and by the stored energies before and after it
+DECLARED_LOSS = 1e-9
+# rounds of what follows from what at one instant, beside one for each event and switch
 ROUNDS = 30
 
 
-class HybridIntegration(Integration):
+class HybridIntegration(WatchedIntegration):
     """Where a simulation with events is. `events` are those so far; `blocks` the sampled blocks with their samples.
 
-    truth: of each comparison, constant between two events. held: of each condition of gt.when.
+    held: of each condition of gt.when.
     """
 
     def __init__(self, ready: ReadyInMode, modes: SimulatedModes, rows: np.ndarray, grid: np.ndarray) -> None:
-        begin, end = float(rows[0]), float(rows[-1])
-        self._modes, self._begin, self._end = modes, begin, end
-        self._slack = SAME * max(abs(begin), abs(end))
-        self._steppers: dict[SimulatedSystem, OneStep] = {}
-        super().__init__(ready.ready, rows, grid, ready.ready.systems.pace(ready.ready.inputs, begin, end))
+        super().__init__(ready, modes, rows, grid)
+        begin, end = self._begin, self._end
         self._paces = {ready.values: self._pace}
         self._flat: FlatModel = modes.flat
-        self._declared: FlatEvents = modes.events
         self._actions = Actions(modes.flat, modes.events, modes.pairs)
         self.events: list[Event] = []
         self._values = ready.values
-        self._watched: dict[SimulatedSystem, Watched] = {}
-        self.truth, self.held = ready.truth.copy(), ready.held.copy()
-        self._size = self._largest = np.zeros(len(self._declared.comparisons))
+        self.held = ready.held.copy()
         self._accumulation = Accumulation(end - begin)
-        self.energy_error, self.largest_energy = 0.0, 0.0
-        self.declares_loss = any(w.loss is not None for w in self._declared.whens)
+        self._energy_error, self._largest_energy = 0.0, 0.0
+        self._declares_loss = any(w.loss is not None for w in self._declared.whens)
         self._audited = 0.0
         self._broken: str | None = None
         self._sources: list[set[int]] = [set() for _ in self._declared.blocks]
@@ -87,21 +77,9 @@ class HybridIntegration(Integration):
             self.clock.add(offset + steps * period, Due("sample", n))
 
     @property
-    def accumulation(self) -> float | None:
-        """Where events come infinitely close [s]."""
-        return self._accumulation.point
-
-    @property
     def _numbers(self) -> np.ndarray:
         """Values of all parameters, discrete variables among them."""
         return self._systems.parameters
-
-    @property
-    def _stepper(self) -> OneStep:
-        system, s = self.system, self._settings
-        if system not in self._steppers:
-            self._steppers[system] = OneStep(system.reduced, system.stepper, s.tolerance, s.bounded)
-        return self._steppers[system]
 
     # -- between events ----------------------------------------------------------------------------
 
@@ -118,9 +96,19 @@ class HybridIntegration(Integration):
             while self._time < stop:
                 self._advance(stop, self._span(stop))
             if stop < self._end and after.size and after[0] <= stop + self._slack:
-                self._begin_piece(max(stop, float(after[0])))
+                self._knot(max(stop, float(after[0])))
             self._instant()
         self._at_the_end()
+
+    def _knot(self, time: float) -> None:
+        """Go over a knot; inputs that jump there, or come to rest at a threshold, lead to their events at once."""
+        was = self._compared()
+        self._begin_piece(time)
+        now, zero = self._compared(), self._zero
+        arrived = (np.abs(now) <= zero) & (self.truth != self._modes.at_equality)
+        was = np.where(arrived, np.inf, was)
+        if np.any(np.abs(now - was) > zero):
+            self._event([], was=was)
 
     def _at_the_end(self) -> None:
         """The event whose instant the last row is, but for round-off."""
@@ -152,18 +140,24 @@ class HybridIntegration(Integration):
 
     def _accept(self, times: np.ndarray, xs: np.ndarray, zs: np.ndarray, works: np.ndarray) -> int:
         """As in every simulation, up to the first interval in which a comparison changes; its event included."""
+        times = times[: len(xs)]
         if not self._declared.comparisons:
             return super()._accept(times, xs, zs, works)
-        at = np.concatenate([[self._time], times])
-        values, rates = self._comparisons(np.vstack([self._x, xs]), np.vstack([self._z, zs]), at)
-        interval, dip = self._first_change(at, values, rates)
+        way, origin = self._stepper.way, self._time
+        at, values, rates = self._looked_at(times, xs, zs)
+        place, dip = self._first_change(at, values, rates)
+        changes = place < len(at) - 1
+        after, side = (at[place + 1], "left") if changes else (at[-1], "right")
+        interval = int(np.searchsorted(times, after, side=side))
         good = interval
         if interval:
             good = super()._accept(times[:interval], xs[:interval], zs[:interval], works[:interval])
-            self._grow(values[1 : good + 1])
-        if good < interval or interval == len(times):
+            self._grow(values[1 : int(np.searchsorted(at, self._time, side="right"))])
+        if good < interval or not changes:
             return good
-        done = self._to_change(float(times[interval]), dip)
+        self._grow(values[1 : place + 1])
+        near = None if way is None else partial(self._near, way, self._time - origin)
+        done = self._to_change(float(at[place]), float(at[place + 1]), dip, near)
         return max(good, 1) if done else good
 
     def _advance(self, stop: float, span: float) -> None:
@@ -196,43 +190,12 @@ class HybridIntegration(Integration):
         rate = self.system.reduced.rate(self._x, self._z, self._time, self._p)
         return self._x + span * np.asarray(rate.full()).reshape(-1)
 
-    def _grow(self, values: np.ndarray) -> None:
-        if len(values):
-            largest = np.max(np.abs(values), axis=0)
-            self._size, self._largest = np.maximum(self._size, largest), np.maximum(self._largest, largest)
+    def _to_change(self, start: float, end: float, dip: float, near: Signed | None = None) -> bool:
+        """Go to the first change between two times and do what it leads to; False where the integrator does not get
+        there.
 
-    @property
-    def _zero(self) -> np.ndarray:
-        """So near to zero no comparison shows a side."""
-        return np.maximum(ZERO * self._size, LEAST * self._largest)
-
-    def _signs(self) -> np.ndarray:
-        return np.where(self.truth, 1.0, -1.0)
-
-    def _comparisons(self, xs: np.ndarray, zs: np.ndarray, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Values and rates, one row for each time."""
-        if self.system not in self._watched:
-            self._watched[self.system] = self._modes.watched(self.system)
-        return self._watched[self.system](xs, zs, times, self._p)
-
-    def _first_change(self, at: np.ndarray, values: np.ndarray, rates: np.ndarray) -> tuple[int, float]:
-        """The first interval in which a comparison changes, their number where none does; and where inside of it one
-        changes and changes back, else 0."""
-        s, ds = values * self._signs(), rates * self._signs()
-        over = s[1:] < -self._zero
-        share = dips(np.diff(at), s, ds)
-        candidates = over.any(axis=1) | np.isfinite(share).any(axis=1)
-        for interval in np.flatnonzero(candidates).tolist():
-            if over[interval].any():
-                return interval, 0.0
-            for u in share[interval][np.isfinite(share[interval])]:
-                return interval, float(u)
-        return len(at) - 1, 0.0
-
-    def _to_change(self, end: float, dip: float) -> bool:
-        """Go to the first change before `end` and do what it leads to; False where the integrator does not get there.
-
-        dip: a share of the interval at which a comparison seems to have changed, and changed back at its end.
+        dip: a share of the interval at which a comparison seems to have changed, and changed back at its end. near:
+        values close to those that a step to there gives.
         """
         begin, x, z, p = self._time, self._x, self._z, self._p
         steps: dict[float, tuple[np.ndarray, ...] | None] = {}
@@ -249,7 +212,9 @@ class HybridIntegration(Integration):
             values, rates = self._comparisons(made[0], made[1], np.array([begin + span]))
             return values[0] * self._signs(), rates[0] * self._signs()
 
-        high = dip * (end - begin) if dip else end - begin
+        low, high = max(start - begin, 0.0), end - begin
+        if dip:
+            high = low + dip * (high - low)
         at_end = signed(high)
         if at_end is None:
             return False
@@ -260,7 +225,7 @@ class HybridIntegration(Integration):
         n = -1
         while changing.any():
             n = int(np.flatnonzero(changing)[0])
-            root = first_root(signed, n, 0.0, high)
+            root = corrected_root(signed, near, n, low, high)
             if root is None:
                 return False
             high = root
@@ -268,8 +233,11 @@ class HybridIntegration(Integration):
             assert at_end is not None
             changing = at_end[0] < -self._zero
             changing[n] = False
-        near = np.abs(at_end[0]) <= self._zero
-        flips = [k for k in np.flatnonzero(near).tolist() if at_end[1][k] < 0.0 or k == n]
+        falls = -np.minimum(at_end[1], 0.0)
+        at_zero = (np.abs(at_end[0]) <= np.maximum(self._zero, falls * self._slack)) & (falls > 0.0)
+        # times are floats: at the last one before the root its comparison may be farther from zero than others are
+        at_zero[n] = True
+        flips = np.flatnonzero(at_zero).tolist()
         if high > 0.0 and not self._go(high, step(high), begin + high):
             return False
         self._event(flips)
@@ -309,10 +277,11 @@ class HybridIntegration(Integration):
             elif d.kind == "sample" and (times := self._times[d.number]) is not None:
                 self.clock.add(now + times[0], Due("sample", d.number))
         samples = [n for n in range(len(self._times)) if Due("sample", n) in due]
+        was = self._compared() if new else None
         if new:
             self._set(new)
         if samples or (new and (self._declared.comparisons)):
-            self._event([], samples)
+            self._event([], samples, was)
 
     def _outputs_in(self, new: Mapping[int, float], block: int) -> list[tuple[int, float]]:
         """New outputs of a block."""
@@ -371,12 +340,33 @@ class HybridIntegration(Integration):
         self._broken = self._broken or self.audit.verdict()
 
     def finish(self) -> tuple[float, str | None]:
-        """The largest residual of an equation at any row, and a sentence where one does not hold."""
+        """As in every simulation, of all numbers that parameters had."""
         self._close_audit()
         return self._audited, self._broken
 
-    def _event(self, forced: Sequence[int], samples: Sequence[int] = ()) -> None:
-        """What happens now: comparisons `forced` change, samples are due; until nothing changes any more."""
+    def happened(self, status: SolveStatus) -> list[str]:
+        """As in every simulation, and the number of events."""
+        n = len(self.events)
+        return [*([f"{n} event{'s' * (n > 1)}"] if n and status.ok else []), *super().happened(status)]
+
+    def own_checks(self, moved: float) -> tuple[dict[str, Check], list[str]]:
+        """Whether events take the energy that they declare."""
+        if not self._declares_loss:
+            return {}, []
+        scale = max(moved, self._largest_energy)
+        share = self._energy_error / scale if scale > 0 else self._energy_error
+        check = Check(share, DECLARED_LOSS, "mend the formula of gt.energy_loss")
+        said = f"an event takes another energy than its gt.energy_loss says, by {self._energy_error:.3g} J"
+        return {"declared_loss": check}, [] if check.passed else [said]
+
+    def of_events(self) -> dict[str, Any]:
+        """Events, samples of the blocks, and where events come infinitely close [s]."""
+        samples = {b.name: b.trajectory for b in self.blocks if b.count}
+        return {"events": self.events, "samples": samples, "accumulation": self._accumulation.point}
+
+    def _event(self, forced: Sequence[int], samples: Sequence[int] = (), was: np.ndarray | None = None) -> None:
+        """What happens now: comparisons `forced` change, samples are due; until nothing changes any more. was: values
+        of the comparisons just before, where something has jumped already."""
         events, causes = self._declared, dict[str, None]()
         discrete: dict[int, tuple[float, float]] = {}
         restarted: dict[Pair, tuple[float, float]] = {}
@@ -385,10 +375,13 @@ class HybridIntegration(Integration):
         before_it = self._one_row()
         seen: set[tuple[object, ...]] = set()
         due, zero = [n in samples for n in range(len(events.samples))], self._zero
+        was = self._compared() if was is None else was
+        # the last float before the root may leave more
+        zero[forced] = np.maximum(zero[forced], 2 * np.abs(was[forced]))
         begun = np.zeros(len(events.comparisons), dtype=bool)
         acted, impacts = False, False
-        for turn in range(ROUNDS):
-            truth = self._sides(forced if turn == 0 else (), zero)
+        for turn in range(ROUNDS + len(events.whens) + len(events.modes)):
+            truth, was = self._sides(forced if turn == 0 else (), zero, was)
             values = tuple(holds(m.logic, truth) for m in events.modes)
             conditions = np.array([holds(w.logic, truth, due if turn == 0 else ()) for w in events.whens], dtype=bool)
             fired = np.flatnonzero(conditions & ~self.held).tolist()
@@ -432,7 +425,7 @@ class HybridIntegration(Integration):
             return
         after = self._stored()
         change = after - stored
-        self.largest_energy = max(self.largest_energy, abs(stored), abs(after))
+        self._largest_energy = max(self._largest_energy, abs(stored), abs(after))
         self._book(change, declared, impacts)
         self._record(*self._one_row())
         name = self._actions.name_of
@@ -450,38 +443,38 @@ class HybridIntegration(Integration):
         if (sentence := self._accumulation.sentence()) is not None:
             raise Ended(SolveStatus.FAILED, sentence)
 
-    def _sides(self, forced: Sequence[int], zero: np.ndarray) -> np.ndarray:
-        """Truth of the comparisons from now on: by their values, at zero by their rates, where these are zero too by
-        those a moment later, and as they were where nothing shows it."""
+    def _sides(self, forced: Sequence[int], zero: np.ndarray, was: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Truth of the comparisons from now on, and their values: by these, at zero by their rates, where these are
+        zero too by those a moment later. Where nothing shows it, what jumped to zero from the values that there `was`
+        is equal there, and what did not is as it was."""
         if not self._declared.comparisons:
-            return self.truth
+            return self.truth, was
         values, rates = (a[0] for a in self._comparisons(self._x[None, :], self._z[None, :], np.array([self._time])))
         self._largest = np.maximum(self._largest, np.abs(values))
         slow = zero / (SLOW * (self._end - self._begin))
         near = np.abs(values) <= zero
         near[list(forced)] = False
         if near.any() and not self._z.size:
-            later = self._rates_later()
-            # a rate that is zero is round-off
-            rates = np.where(near & (np.abs(later) > 2 * np.abs(rates)), later, rates)
-        truth = self._modes.sides(values, rates, zero, slow, self.truth)
+            moment, later = self._rates_later()
+            # a rate that moves nothing beyond round-off is round-off
+            still = np.abs(rates) * moment <= zero
+            rates = np.where(near & still & (np.abs(later) > 2 * np.abs(rates)), later, rates)
+        before = np.where(near & (np.abs(values - was) > zero), self._modes.at_equality, self.truth)
+        truth = self._modes.sides(values, rates, zero, slow, before)
         for n in forced:
             truth[n] = not self.truth[n]
-        return truth
+        return truth, values
 
-    def _rates_later(self) -> np.ndarray:
-        """Rates of the comparisons a moment later: a force that grows through what friction holds accelerates by
-        nothing at the instant itself."""
+    def _rates_later(self) -> tuple[float, np.ndarray]:
+        """A moment [s], and rates of the comparisons then: a force that grows through what friction holds accelerates
+        by nothing at the instant itself."""
         moment = min(SLOW * (self._end - self._begin), self._stepper.likely / 100)
         x = self._straight_on(moment)
-        return self._comparisons(x[None, :], self._z[None, :], np.array([self._time + moment]))[1][0]
+        return moment, self._comparisons(x[None, :], self._z[None, :], np.array([self._time + moment]))[1][0]
 
     def _left_over(self) -> np.ndarray:
         """Of each comparison twice by how much its value is still on the side that it leaves; else 0."""
-        if not self._declared.comparisons:
-            return np.zeros(0)
-        values = self._comparisons(self._x[None, :], self._z[None, :], np.array([self._time]))[0][0]
-        return 2 * np.maximum(-values * self._signs(), 0.0)
+        return 2 * np.maximum(-self._compared() * self._signs(), 0.0)
 
     def _changes(self, fired: Sequence[int]) -> Changes:
         if not fired:
@@ -510,7 +503,7 @@ class HybridIntegration(Integration):
         if values != self._values:
             self._values = values
             if values not in self._paces:
-                self._paces[values] = self._systems.pace(self._inputs, self._begin, self._end)
+                self._paces[values] = self._modes.pace(self._systems, values, self._inputs, self._begin, self._end)
             self._pace = self._paces[values]
         self._calls = 0
         return impulses
@@ -542,7 +535,7 @@ class HybridIntegration(Integration):
         if not self._modes.has_energy or (declared is None and not impacts):
             return
         if declared is not None:
-            self.energy_error = max(self.energy_error, abs(change + declared))
+            self._energy_error = max(self._energy_error, abs(change + declared))
         gone = -change if declared is None else declared
         self._work = self._work + (np.array([0.0, gone]) if gone > 0 else np.array([-gone, 0.0]))
 

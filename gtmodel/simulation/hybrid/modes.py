@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
@@ -13,6 +13,7 @@ import casadi as ca
 import numpy as np
 
 from ...compiler.analysis.events import BlockSignal, FlatBlock, FlatEvents, holds
+from ...compiler.analysis.pace import Pace
 from ...compiler.analysis.switching import in_mode
 from ...compiler.flat import FlatModel
 from ...compiler.other_values import with_values
@@ -33,8 +34,9 @@ Pair = tuple[int, int]
 TRIES = 20
 # comparisons that are zero at the start, of which both sides are tried
 MOST_UNDECIDED = 8
-# of a comparison at the start: nearer to zero its sign is round-off
+# of what a comparison at the start compares: nearer to zero its sign is round-off; and of the nominals of states
 ZERO = 1e-12
+ROUND_OFF = 8 * np.finfo(float).eps
 # of the nominals: a state that a change of modes moves further has jumped
 JUMPED = 1e-6
 
@@ -69,6 +71,7 @@ class SimulatedModes:
         self._place = {pair: first + n for n, pair in enumerate(self.pairs)}
         self._discrete = np.array([c.discrete for c in self.events.comparisons], dtype=bool)
         self._strict = np.array([c.strict for c in self.events.comparisons], dtype=bool)
+        self.at_equality = ~self._strict  # truth of each comparison where both of its sides are equal
         self._flats: dict[tuple[bool, ...], FlatModel] = flat.cache.setdefault("modes", {})
 
     def columns_of(self, block: FlatBlock) -> list[int]:
@@ -101,6 +104,14 @@ class SimulatedModes:
                 expressions = ca.vertsplit(ca.substitute(ca.vertcat(*expressions), old, numbers))
             cache[key] = replace(self.recorded, expressions=expressions)
         return cache[key]
+
+    def pace(
+        self, systems: Systems, values: tuple[bool, ...], inputs: SimulationInputs, start: float, end: float
+    ) -> Pace:
+        """How fast functions of time change in these modes, those among them that events look at."""
+        last = self.first_comparison + len(self.events.comparisons)
+        watched = ca.SX(ca.vertcat(*self.recorded_in(values).expressions[self.first_comparison : last]))
+        return systems.pace(inputs, start, end, watched, self.events.discrete)
 
     # -- start -------------------------------------------------------------------------------------
 
@@ -169,21 +180,55 @@ class SimulatedModes:
             values |= {(i, order): float(x) for i, x in zip(indices, array, strict=True)}
         known = [p for p in pairs if p[0] in set(self._given.known)]
         values |= dict(zip(known, self._given.values(known, time), strict=True)) if known else {}
-        modes = [m.symbol for m in self.events.modes]
-        f = ca.Function("guess", [ca.vertcat(*[scope.symbol(*p) for p in pairs]), flat.p, scope.time, *modes], [column])
-        given = np.array([values.get(p, 0.0) for p in pairs])
-        values = np.asarray(f(given, flat.p0, time, *[1.0 for _ in modes])).reshape(-1)
-        truth = self.sides(values, np.zeros_like(values), 0.0, 0.0, values >= 0)
-        return truth, np.flatnonzero(~self._discrete & (np.abs(values) <= ZERO))
+        given = {pair: values.get(pair, 0.0) for pair in pairs}
+        prescribed = {(i, order) for name in start for _, indices, order in [flat.lookup(name)] for i in indices}
+        exact = prescribed | {(v.index, 0) for v in flat.variables if v.fixed} | set(known)
+        compared, zero = self._compared(given, exact, time)
+        at_zero = np.where(self._strict, compared > 0, compared >= 0)
+        truth = self.sides(compared, np.zeros_like(compared), 0.0, 0.0, at_zero)
+        return truth, np.flatnonzero(~self._discrete & (np.abs(compared) <= zero))
+
+    def _compared(
+        self, given: Mapping[Pair, float], exact: Container[Pair], time: float
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Values of the comparisons, and so near to zero that round-off decides on their signs: of what is compared,
+        and of the nominals of what follows from it but for those that are `exact`."""
+        numbers = np.array(list(given.values()))
+        nominals = np.array([self.flat.variables[i].nominal for i, _ in given])
+        stated = np.array([pair in exact for pair in given], dtype=bool)
+        errors = np.maximum(ZERO * np.abs(numbers), np.where(stated, ROUND_OFF, ZERO) * nominals)
+        modes = np.ones(len(self.events.modes))
+        made = self._with_derivatives(tuple(given))(numbers, self.flat.p0, time, modes)
+        values, by_given, by_p, by_time = (np.abs(np.asarray(m.full())) if n else m.full() for n, m in enumerate(made))
+        zero = by_given @ errors + ZERO * (by_p @ np.abs(self.flat.p0) + by_time[:, 0] * abs(time))
+        return values.reshape(-1), np.nan_to_num(zero)
+
+    def _with_derivatives(self, pairs: tuple[Pair, ...]) -> ca.Function:
+        """Of the comparisons, by the variables' derivatives that they read, by parameters and by time."""
+        scope, cache = self.flat.scope, self._compiled.cache
+        if "comparisons" not in cache:
+            column = ca.vertcat(*[c.expression for c in self.events.comparisons])
+            symbols = [scope.symbol(*pair) for pair in pairs]
+            read = ca.SX(ca.vertcat(*symbols)) if symbols else ca.SX(0, 1)
+            modes = ca.SX(ca.vertcat(*[m.symbol for m in self.events.modes])) if self.events.modes else ca.SX(0, 1)
+            outputs = [column, *(ca.jacobian(column, x) for x in (read, self._compiled.p, scope.time))]
+            arguments = [read, self._compiled.p, scope.time, modes]
+            cache["comparisons"] = ca.Function("comparisons", arguments, [ca.densify(x) for x in outputs])
+        return cache["comparisons"]
 
     def _truth(self, ready: Ready, time: float, end: float, before: np.ndarray) -> np.ndarray:
         """Of the comparisons at a start: by their values, at zero by their rates."""
         if not self.events.comparisons:
             return np.zeros(0, dtype=bool)
-        watched = self.watched(ready.system)
+        watched, plan = self.watched(ready.system), ready.system.plan
         x, z = ready.system.reduced.from_point(ready.initial.w)
         values, rates = watched(x[None, :], z[None, :], np.array([time]), ready.inputs.piece(time))
-        return self.sides(values[0], rates[0], ZERO, ZERO / (end - time), before)
+        column = ca.vertcat(*[c.expression for c in self.events.comparisons])
+        value = _Values(ready.system, ready.initial.w)
+        given = {pair: value(pair) for pair in self.flat.scope.symbols_in(column)}
+        states = {pair for pair in given if plan.alias.resolve(*pair)[1:] in plan.states}
+        _, zero = self._compared(given, states, time)
+        return self.sides(values[0], rates[0], zero, zero / (end - time), before)
 
     def watched(self, system: SimulatedSystem) -> Watched:
         """The comparisons in a system."""

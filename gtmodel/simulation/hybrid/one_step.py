@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
@@ -12,18 +13,27 @@ from ...compiler.point_function import PointFunction
 from ..reduced import Reduced
 from ..step import FINEST, MOST_ROWS, RESTARTED, Stepper
 
-# steps in one call; a system that takes more is stiff, and CVODES goes on with it
+# steps in one call
 MOST_STEPS = 2000
-# and steps in one interval, on average over a call
+# and where somebody looks for events in them: what comes after one is thrown away
+WATCHED_STEPS = 24
+# so many steps in one interval, on average over a call, are too many for a stiff system, and CVODES goes on with it
 MOST_AN_INTERVAL = 60
+# step times the largest eigenvalue, as Hairer's DOP853 estimates it: above it stability and not accuracy decides on the
+# step, most of the time
+STIFF = 3.0
 
 
 class OneStep:
     """As a `Stepper`, by Dormand and Prince's method of order 8 (DOP853); by CVODES where the system is stiff, and by
     IDAS where Newton unknowns ride along."""
 
-    def __init__(self, reduced: Reduced, stepper: Stepper, tolerance: float, bounded: bool) -> None:
-        self._stepper = stepper
+    def __init__(
+        self, reduced: Reduced, stepper: Stepper, tolerance: float, bounded: bool, remembers: bool = False
+    ) -> None:
+        """remembers: `way` is kept."""
+        self._stepper, self._remembers = stepper, remembers
+        self.way: Way | None = None  # of the last call; None where it was one of CVODES or IDAS
         self.x_scale, self.z_scale = stepper.x_scale, stepper.z_scale
         self._bounded = bounded
         # as a call of CVODES over few intervals, for the same reason: errors of many short pieces add up
@@ -58,7 +68,8 @@ class OneStep:
         longest: float = np.inf,
         likely: int = 1,
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-        """As a `Stepper`'s."""
+        """As a `Stepper`'s, or fewer of the intervals."""
+        self.way = None
         if not self._stiff:
             made = self._steps(x, time, length, p, count, min(longest, length if self._bounded else np.inf))
             if made is not None or not self._stiff:
@@ -68,7 +79,7 @@ class OneStep:
     def _steps(
         self, x: np.ndarray, time: float, length: float, p: np.ndarray, count: int, longest: float
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-        """None where it fails; then `_stiff` says whether that is why."""
+        """Fewer intervals where they take many steps. None where it fails; then `_stiff` says whether that is why."""
         rates, scale, n = self._rates, np.append(self.x_scale, [1.0, 1.0]), x.size
         assert rates is not None
 
@@ -85,22 +96,57 @@ class OneStep:
             options["first_step"] = min(self._last, end)
         with np.errstate(all="ignore"):
             solver = scipy.integrate.DOP853(f, 0.0, begin, end, **options)
-            done, steps = 0, 0
+            done, steps, stiff = 0, 0, 0
+            ends, between = [0.0], []
             while solver.status == "running":
                 solver.step()
                 steps += 1
                 if solver.status == "failed" or not np.all(np.isfinite(solver.y)):
                     return None
                 last = int(np.searchsorted(at, solver.t, side="right")) if solver.status == "running" else count
-                if last > done:
-                    rows[done:last] = solver.dense_output()(at[done:last]).T
+                if last > done or self._remembers:
+                    dense = solver.dense_output()
+                    rows[done:last] = dense(at[done:last]).T
                     done = last
-                if steps > MOST_STEPS or steps > MOST_AN_INTERVAL * max(done, 1) + MOST_AN_INTERVAL:
+                    ends.append(float(solver.t))
+                    between.append(dense)
+                if steps > MOST_AN_INTERVAL:
+                    stiff += _stiffness(solver) > STIFF
+                if steps > MOST_AN_INTERVAL * max(done, 1) + MOST_AN_INTERVAL and 2 * stiff > steps - MOST_AN_INTERVAL:
                     self._stiff = True
                     return None
-            rows[-1] = solver.y
+                if steps > MOST_STEPS or (self._remembers and done and steps >= WATCHED_STEPS):
+                    break
+            if not done:
+                return None
+            if solver.status == "finished":
+                rows[-1] = solver.y
+            rows = rows[:done]
         # a step that the end cut short says nothing about the next one
         self._last = max(float(solver.h_abs), wanted if steps == 1 and np.isfinite(wanted) else 0.0)
         if not np.all(np.isfinite(rows)):
             return None
-        return rows[:, :n] * self.x_scale, np.zeros((count, 0)), rows[:, n:]
+        if self._remembers:
+            self.way = Way(np.array(ends), scipy.integrate.OdeSolution(ends, between), self.x_scale)
+        return rows[:, :n] * self.x_scale, np.zeros((done, 0)), rows[:, n:]
+
+
+def _stiffness(solver: scipy.integrate.DOP853) -> float:
+    """The last step times the largest eigenvalue, by the two evaluations at its end."""
+    h, slopes = solver.h_previous, solver.K
+    change = slopes[-1] - slopes[-2]
+    apart = h * (slopes[:-1].T @ solver.B - slopes[: solver.n_stages - 1].T @ solver.A[-1, : solver.n_stages - 1])
+    return abs(h) * float(np.linalg.norm(change)) / max(float(np.linalg.norm(apart)), 1e-300)
+
+
+@dataclass(frozen=True, eq=False)
+class Way:
+    """The steps of one call: their ends [s], the first one 0, and the states anywhere between them."""
+
+    ends: np.ndarray
+    solution: Any
+    scale: np.ndarray
+
+    def __call__(self, times: np.ndarray) -> np.ndarray:
+        """States (n, states) at times (n,) after the call's begin [s]."""
+        return self.solution(times)[: len(self.scale)].T * self.scale

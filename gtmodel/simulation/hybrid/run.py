@@ -1,4 +1,4 @@
-"""simulate() of a model with events or sampled blocks."""
+"""Simulations of models with events or sampled blocks, before their first step."""
 
 from __future__ import annotations
 
@@ -10,24 +10,15 @@ import numpy as np
 from ...compiler.analysis.switching import with_switching_signs
 from ...compiler.causal import flat_of
 from ...lang.model import Model
-from ...results.check import Check
-from ...results.status import SolveStatus
-from ..advance import Ended
 from ..arguments import by_name, longest_step, names, output_step
 from ..discontinuities import refuse_discontinuous_inputs
 from ..prepare import OUTPUT_STEPS, output_rows, read_model, refuse_settings, watched_grid
-from ..resolution import resolution, unresolved
-from ..result import Progress, Simulation
 from ..systems import IntegratorSettings
-from ..turnover import balance, unbalanced
 from .integration import HybridIntegration
 from .modes import SimulatedModes, discrete_starts
 
-# of the energy that moved: what an impact takes, by its formula and by the stored energies before and after it
-DECLARED_LOSS = 1e-9
 
-
-def simulate_events(
+def with_events(
     model: Model,
     final_time: float,
     inputs: Mapping[str, Any] | None,
@@ -40,9 +31,8 @@ def simulate_events(
     prefer: Sequence[str] | str,
     tolerance: float,
     method: str,
-    progress: Progress | None,
-) -> Simulation:
-    """As `simulate`, of a model that has events; never raises NotSimulated."""
+) -> HybridIntegration:
+    """A simulation of a model that has events, before its first step; arguments and errors as for `simulate`."""
     refuse_settings(tolerance, method)
     step = output_step(step, final_time - start_time)
     max_step = longest_step(max_step, final_time - start_time)
@@ -60,43 +50,4 @@ def simulate_events(
     refuse_discontinuous_inputs(given, ready.ready.system.plan.inputs, start_time, final_time)
     rows = output_rows(start_time, final_time, step)
     grid = watched_grid(rows, min(max_step, (final_time - start_time) / OUTPUT_STEPS))
-    integration = HybridIntegration(ready, modes, rows, grid)
-    status, message = SolveStatus.SOLVED, "simulated"
-    try:
-        integration.run(progress)
-    except Ended as error:
-        status, message = error.status, str(error)
-    residual, broken = integration.finish()
-    if broken is not None and status is SolveStatus.SOLVED:
-        status, message = SolveStatus.FAILED, broken
-    if (n := len(integration.events)) and status.ok:
-        message += f"; {n} event{'s' * (n > 1)}"
-    if n := len(integration.switches):
-        message += f"; states switched {n} time{'s' * (n > 1)}"
-    trajectory, energy_error, moved = ready.ready.recorder.trajectory()
-    checks = balance(energy_error, moved) | resolution(integration.largest, tolerance)
-    if integration.declares_loss:
-        scale = max(moved, integration.largest_energy)
-        share = integration.energy_error / scale if scale > 0 else integration.energy_error
-        checks["declared_loss"] = Check(share, DECLARED_LOSS, "mend the formula of gt.energy_loss")
-    sentences = [s for s in (unbalanced(checks, moved), unresolved(checks)) if s]
-    if "declared_loss" in checks and not checks["declared_loss"].passed:
-        sentences.append(
-            f"an event takes another energy than its gt.energy_loss says, by {integration.energy_error:.3g} J"
-        )
-    if status.ok and sentences:
-        status, message = SolveStatus.CHECK_FAILED, "; ".join([message, *sentences])
-    return Simulation(
-        status,
-        message,
-        trajectory,
-        energy_error,
-        residual,
-        integration.system.states,
-        integration.switches,
-        ready.ready.chosen,
-        checks,
-        integration.events,
-        {b.name: b.trajectory for b in integration.blocks if b.count},
-        integration.accumulation,
-    )
+    return HybridIntegration(ready, modes, rows, grid)

@@ -68,6 +68,26 @@ def test_the_instant_at_which_bounces_accumulate_is_found_and_said() -> None:
         gt.simulate(Ball(), 5.0)
 
 
+class Twisting(gt.Model):
+    """Switched by the signs of place and speed: turns around zero infinitely often in finite time."""
+
+    x = gt.variable(start=1.0, fixed=True)
+    v = gt.variable(start=0.0, fixed=True)
+
+    def equations(self):
+        yield gt.der(self.x) == self.v
+        yield gt.der(self.v) == -gt.sign(self.x) - 0.5 * gt.sign(self.v)
+
+
+def test_events_that_take_turns_accumulate_too() -> None:
+    run = gt.simulate(Twisting(), 20.0, throw=False)
+    # 2 s at 0.5 m/s2 to zero, 2/3 s at 1.5 m/s2 to rest, at a third of the distance: the same at sqrt(1/3) of the times
+    end = (2 + 2 / 3) / (1 - np.sqrt(1 / 3))
+    assert run.status is gt.SolveStatus.FAILED
+    assert "accumulate at 6.309" in run.message
+    assert run.accumulation == pytest.approx(end, abs=1e-8)
+
+
 def test_a_thousand_events_do_not_drift() -> None:
     period = 2 * np.sqrt(2 / 9.81)
     run = gt.simulate(Ball(e=1.0), 1000.2 * period, step=period)

@@ -155,7 +155,7 @@ class Late(gt.Model):
         yield gt.when((self.b[1] >= 1.0) & (self.x[1] >= 1.0), gt.reinit(self.x[1], -1.0), self.a == 0.0)
 
 
-@pytest.mark.parametrize("eps", [1e-11, 1e-9, 1e-6])
+@pytest.mark.parametrize("eps", [1e-14, 1e-13, 1e-11, 1e-9, 1e-6])
 def test_right_after_the_start(eps: float) -> None:
     run = gt.simulate(Late(), 2.5, parameters={"eps": eps}, start={"x": [0.0, 0.0]})
     assert [e.time for e in run.events] == pytest.approx([eps, 1.0], abs=INSTANT)

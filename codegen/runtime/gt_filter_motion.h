@@ -1,0 +1,228 @@
+/* From one instant to the next, for gt_filter.h: the mean, F, Q and the covariance. */
+#ifndef GT_FILTER_MOTION_H
+#define GT_FILTER_MOTION_H
+
+#include "gt_filter_matrix.h"
+
+/* How the responses to noise make Q, from the changing entries of A and G. */
+static GT_FILTER_ONCE void gt_filter_noise(const gt_filter *f, const double *drift, const double *drive,
+                                      const gt_filter_work *work)
+{
+    const gt_filter_motion *motion = f->motion;
+    const int moving = motion->response.entries;
+    const int fixed = motion->fixed_responses;
+    const int every = moving + fixed;
+    const int changing = f->noise.changing;
+    double *value = work->other;
+    double *total = &value[motion->drift.entries + motion->drive.entries];
+    double *term = &total[every];
+    double *sum = gt_filter_target(&f->noise, &term[changing], work->noise);
+    double *power = work->square;
+    int node;
+    int k;
+    int n;
+
+    gt_filter_fill(&motion->drift, drift, value);
+    gt_filter_fill(&motion->drive, drive, &value[motion->drift.entries]);
+    for (n = 0; n < moving; n++) {
+        power[n] = 0.0;
+    }
+    for (n = 0; n < motion->drive.entries; n++) {
+        power[motion->drive.column[n]] = value[motion->drift.entries + n];
+    }
+    for (k = 0; k < GT_FILTER_TERMS; k++) {
+        double *own = &power[k * every];
+
+        for (n = 0; n < fixed; n++) {
+            own[moving + n] = motion->fixed_response[(k * fixed) + n];
+        }
+        gt_filter_multiply(&motion->response, value, own, &own[every]);
+    }
+    for (n = 0; n < changing; n++) {
+        sum[n] = 0.0;
+    }
+    for (node = 0; node < GT_FILTER_NODES; node++) {
+        for (n = 0; n < moving; n++) {
+            double x = power[n];
+
+            for (k = 1; k <= GT_FILTER_TERMS; k++) {
+                x += motion->powers[(node * GT_FILTER_TERMS) + k - 1] * power[(k * every) + n];
+            }
+            total[n] = x;
+        }
+        for (n = 0; n < fixed; n++) {
+            total[moving + n] = motion->fixed_total[(node * fixed) + n];
+        }
+        gt_filter_multiply(&motion->spread, total, total, term);
+        for (n = 0; n < changing; n++) {
+            sum[n] += motion->weights[node] * term[n];
+        }
+    }
+    gt_filter_fill(&f->noise, sum, work->noise);
+}
+
+/* One step of Runge and Kutta from `mean`, F and Q on the way. */
+static GT_FILTER_ONCE void gt_filter_move(const gt_filter *f, double time, double *mean, const double *u0, const double *u1,
+                                     const gt_filter_work *work)
+{
+    static const double share[4] = {0.0, 0.5, 0.5, 1.0};
+    static const double weight[4] = {1.0, 2.0, 2.0, 1.0};
+    const gt_filter_motion *motion = f->motion;
+    const int entries = motion->jacobian.rows * motion->width;
+    const double step = f->step;
+    double *rates = work->values;
+    double *x = &rates[f->size];
+    double *total = &x[f->size];
+    double *u = &total[f->size];
+    double *changing = &u[f->inputs];
+    double *value = &changing[motion->jacobian.changing + motion->arrival.changing + motion->frames.changing +
+                              motion->drift.changing + motion->drive.changing + f->transition.changing];
+    double *begin = &value[motion->jacobian.entries + motion->arrival.entries + motion->frames.entries];
+    double *change = &begin[entries];
+    double *sum = &change[entries];
+    double *path = &sum[entries];
+    double *made = &path[entries + motion->fixed_paths];
+    const double *fixed = motion->fixed_path;
+    const double *arg[3];
+    double *res[2];
+    double now;
+    int stage;
+    int n;
+
+    arg[0] = &time;
+    arg[1] = mean;
+    arg[2] = u0;
+    if (motion->noise != 0) {
+        res[0] = gt_filter_target(&motion->drift, changing, work->other);
+        res[1] = gt_filter_target(&motion->drive, &changing[motion->drift.changing],
+                                  &work->other[motion->drift.entries]);
+        (void)motion->noise(arg, res, 0, 0, 0);
+    }
+    gt_filter_noise(f, changing, &changing[motion->drift.changing], work);
+
+    for (n = 0; n < entries; n++) {
+        begin[n] = 0.0;
+        change[n] = 0.0;
+        sum[n] = 0.0;
+    }
+    for (n = 0; n < f->size; n++) {
+        rates[n] = 0.0;
+        total[n] = 0.0;
+    }
+    if (motion->frame != 0) {
+        arg[0] = mean;
+        res[0] = gt_filter_target(&motion->frames, changing, value);
+        (void)motion->frame(arg, res, 0, 0, 0);
+    }
+    gt_filter_fill(&motion->frames, changing, value);
+    for (n = 0; n < motion->frames.entries; n++) {
+        begin[motion->frames.column[n]] = value[n];
+    }
+    for (stage = 0; stage < 4; stage++) {
+        const double part = share[stage] * step;
+
+        now = time + part;
+        for (n = 0; n < f->size; n++) {
+            x[n] = mean[n] + (part * rates[n]);
+        }
+        for (n = 0; n < f->inputs; n++) {
+            u[n] = u0[n] + (share[stage] * (u1[n] - u0[n]));
+        }
+        arg[0] = &now;
+        arg[1] = x;
+        arg[2] = u;
+        res[0] = rates;
+        res[1] = gt_filter_target(&motion->jacobian, changing, value);
+        (void)motion->rates(arg, res, 0, 0, 0);
+        gt_filter_fill(&motion->jacobian, changing, value);
+        for (n = 0; n < entries; n++) {
+            path[n] = begin[n] + (part * change[n]);
+        }
+        for (n = 0; n < motion->fixed_paths; n++) {
+            path[entries + n] = *fixed;
+            fixed++;
+        }
+        gt_filter_rows(&motion->jacobian, motion->width, value, path, change, 0);
+        for (n = 0; n < f->size; n++) {
+            total[n] += weight[stage] * rates[n];
+        }
+        for (n = 0; n < entries; n++) {
+            sum[n] += weight[stage] * change[n];
+        }
+    }
+    for (n = 0; n < f->size; n++) {
+        mean[n] += (step / 6.0) * total[n];
+    }
+    for (n = 0; n < entries; n++) {
+        path[n] = begin[n] + ((step / 6.0) * sum[n]);
+    }
+    for (n = 0; n < motion->fixed_paths; n++) {
+        path[entries + n] = fixed[n];
+    }
+    for (n = 0; n < f->quaternions; n++) {
+        double *own = &mean[f->turned[2 * n]];
+
+        gt_copy(x, own, 4);
+        arg[0] = x;
+        res[0] = own;
+        res[1] = &changing[12 * n];
+        (void)f->unit(arg, res, 0, 0, 0);
+    }
+    gt_filter_fill(&motion->arrival, changing, value);
+    if (motion->arrival.changing == motion->arrival.entries) {
+        gt_copy(value, changing, motion->arrival.entries);
+    }
+    gt_filter_rows(&motion->arrival, motion->width, value, path, made, 0);
+    for (n = 0; n < f->transition.entries; n++) {
+        work->transition[n] = f->transition.value[n];
+    }
+    for (n = 0; n < f->transition.changing; n++) {
+        work->transition[f->transition.place[n]] = made[motion->picked[n]];
+    }
+}
+
+/* The belief one cycle later, the known inputs straight from u0 to u1; of the covariance both triangles. */
+static GT_FILTER_ONCE void gt_filter_advance(const gt_filter *f, const gt_filter_belief *belief, const double *u0,
+                                        const double *u1, const gt_filter_work *work)
+{
+    double *after = work->values;
+    double *begin = &after[f->size];
+    double *end = &begin[f->inputs];
+    gt_filter_work inner = *work;
+    const double *arg[4];
+    double *res[2];
+    int part;
+    int n;
+
+    inner.values = &end[f->inputs];
+    for (part = 0; part < f->parts; part++) {
+        const double from = (double)part / (double)f->parts;
+        const double to = (double)(part + 1) / (double)f->parts;
+
+        for (n = 0; n < f->inputs; n++) {
+            begin[n] = u0[n] + (from * (u1[n] - u0[n]));
+            end[n] = u0[n] + (to * (u1[n] - u0[n]));
+        }
+        if (f->motion != 0) {
+            gt_filter_move(f, *belief->time, belief->mean, begin, end, &inner);
+        } else {
+            arg[0] = belief->time;
+            arg[1] = belief->mean;
+            arg[2] = begin;
+            arg[3] = end;
+            res[0] = after;
+            res[1] = gt_filter_target(&f->transition, inner.values, work->transition);
+            (void)f->given(arg, res, 0, 0, 0);
+            gt_copy(belief->mean, after, f->size);
+            gt_filter_fill(&f->transition, inner.values, work->transition);
+            gt_filter_fill(&f->noise, after, work->noise);
+        }
+        gt_filter_spread(f, belief->covariance, work);
+        if (part < (f->parts - 1)) {
+            gt_filter_mirror(f, belief->covariance);
+        }
+        *belief->time += f->step;
+    }
+}
+
+#endif

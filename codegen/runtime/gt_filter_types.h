@@ -1,0 +1,155 @@
+/* What a filter of gt_filter.h is made of: tables that do not change, memory of the caller. */
+#ifndef GT_FILTER_TYPES_H
+#define GT_FILTER_TYPES_H
+
+#include "gt_float.h"
+#include "gt_guard.h"
+#include "gt_status.h"
+
+#include <math.h>
+#include <stddef.h>
+
+/* Terms of the series of exp(A s) in the covariance of the noise, and nodes of Gauss on a step. */
+#define GT_FILTER_TERMS 6
+#define GT_FILTER_NODES 3
+/* A measured or given quaternion is of unit length where its square is this near to one. */
+#define GT_FILTER_UNIT 2e-6
+/* Where counters end. */
+#define GT_FILTER_MOST 1000000000
+
+/* What runs once in a cycle is compiled for size, the loops in it for speed. */
+#if defined(__GNUC__)
+#define GT_FILTER_ONCE __attribute__((noinline, cold))
+#define GT_FILTER_OFTEN __attribute__((noinline, hot))
+#else
+#define GT_FILTER_ONCE
+#define GT_FILTER_OFTEN
+#endif
+
+/* A generated kernel. It needs no scratch. */
+typedef int (*gt_filter_kernel)(const double **arg, double **res, long long int *iw, double *w, int mem);
+
+/* A matrix by the entries that are not zero, row after row. */
+typedef struct gt_filter_matrix {
+    int rows;
+    int entries;
+    const int *start; /* rows + 1 numbers: the first entry of each row */
+    const int *column;
+    const double *value; /* of the entries that are constant */
+    int changing;
+    const int *place; /* the entries that a kernel gives, in its order */
+} gt_filter_matrix;
+
+/* C = A B: each entry of C is a sum over terms, an entry of A times one of B. */
+typedef struct gt_filter_product {
+    int entries;
+    const int *start; /* entries + 1 numbers: the first term of each entry */
+    const int *left;
+    const int *right;
+} gt_filter_product;
+
+/* A process in continuous time: Runge and Kutta's fourth order, and the derivative of that very step. A path is how x
+ * follows the error at the begin, a response how the error follows noise: what moves, then what is fixed. */
+typedef struct gt_filter_motion {
+    gt_filter_kernel rates; /* (t, x, u) -> rates of x, changing entries of their Jacobian J */
+    gt_filter_kernel frame; /* (x) -> changing entries of S, how x follows its error; 0 where none change */
+    gt_filter_kernel noise; /* (t, x, u) -> changing entries of A, the rates of errors, and of G; 0 where none change */
+    gt_filter_matrix jacobian; /* of the rows that move; the columns are rows of a path */
+    gt_filter_matrix frames; /* S; the columns tell where an entry stands in a path */
+    gt_filter_matrix arrival; /* E, how the error at the end follows x; the columns are rows of a path */
+    gt_filter_matrix drift;
+    gt_filter_matrix drive; /* G; the columns tell where an entry stands in a response */
+    gt_filter_product response; /* A times a response to noise */
+    gt_filter_product spread; /* a response times its transpose: Q */
+    int width; /* of the rows of a path, even */
+    int fixed_paths; /* numbers of the rows that do not move, behind those that do */
+    const double *fixed_path; /* at four stages and at the end */
+    const int *picked; /* where the changing entries of F stand in E times a path */
+    int fixed_responses;
+    const double *fixed_response; /* of each power of A */
+    const double *fixed_total; /* of each node */
+    const double *weights; /* of the nodes, times the length of a step */
+    const double *powers; /* s^k / k! of each node for k from 1 */
+} gt_filter_motion;
+
+/* What is measured. */
+typedef struct gt_filter_sensor {
+    int numbers; /* of a reading */
+    int first; /* where its numbers begin among those of all sensors */
+    int delay; /* cycles by which a reading is late */
+    int quaternion; /* 1 where it is of unit length */
+    int stale; /* cycles without a reading that are too many, 0 for none */
+    int closed; /* readings in a row that its gate left out and that are too many, 0 for none */
+    double gate; /* largest normalised innovation squared, 0 without a gate */
+    gt_filter_kernel kernel; /* (t, x, u, z) -> residual, changing entries of H */
+    gt_filter_matrix jacobian;
+    const double *variance;
+    const double *limit; /* how large a number may be: there round-off reaches its deviation */
+} gt_filter_sensor;
+
+/* All that does not change. */
+typedef struct gt_filter {
+    int size; /* numbers of x */
+    int errors; /* degrees of freedom n */
+    int stride; /* n, or n + 1 where n is odd: of the rows of the covariance, which are taken in pairs */
+    int inputs; /* numbers of u */
+    int numbers; /* of the readings of all sensors */
+    int sensors;
+    int depth; /* the longest delay */
+    int parts; /* equal steps of the process in a cycle */
+    double step; /* their length */
+    gt_filter_kernel given; /* (t, x, u0, u1) -> x, changing entries of F; 0 where there is a motion */
+    const gt_filter_motion *motion;
+    gt_filter_kernel turn; /* (quaternion, error) -> quaternion */
+    gt_filter_kernel unit; /* (quaternion) -> one of unit length, how its error follows the given one */
+    int quaternions;
+    const int *turned; /* of each its place in x and in an error */
+    const int *error_of; /* of each number of x its place in an error, -1 in quaternions */
+    gt_filter_matrix transition; /* F */
+    gt_filter_matrix noise; /* Q; the columns tell where an entry stands in the covariance, lower triangle */
+    const gt_filter_sensor *sensor;
+    double pivot; /* share of each variance that round-off can take in a factorisation */
+} gt_filter;
+
+/* What is known at an instant, in the caller's memory. */
+typedef struct gt_filter_belief {
+    double *time;
+    double *mean;
+    double *covariance; /* stride * n, both triangles */
+    int *closed; /* of each sensor, readings in a row that its gate left out */
+} gt_filter_belief;
+
+/* What is remembered beside the belief: the readings of the last instants, in a ring of depth + 1. The belief is that of
+ * the oldest one that is complete. */
+typedef struct gt_filter_memory {
+    gt_filter_belief belief;
+    double *before; /* known inputs at the belief's time */
+    double *inputs; /* of each instant of the ring */
+    double *readings;
+    int *present;
+    int *place; /* of the newest instant */
+    int *begun; /* cycles since the start, at most depth + 1 */
+    int *age; /* of each sensor, cycles since its last reading came */
+} gt_filter_memory;
+
+/* What the readings of an instant came to. */
+typedef struct gt_filter_outcome {
+    double *nis;
+    int *count;
+    int *gated; /* of each sensor */
+} gt_filter_outcome;
+
+/* Memory of a call. */
+typedef struct gt_filter_work {
+    double *square; /* stride * n */
+    double *other; /* stride * n */
+    double *columns; /* stride times the most entries in a row of an H */
+    double *vectors; /* 4 stride */
+    double *residual; /* numbers */
+    double *lever; /* entries of all H */
+    double *transition; /* entries of F */
+    double *noise; /* entries of Q */
+    double *values; /* of the motion */
+} gt_filter_work;
+
+#endif

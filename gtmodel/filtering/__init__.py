@@ -1,0 +1,89 @@
+"""Filters on any compiled model: what a process with noise and some sensors say of its state, and when to believe it.
+
+ProcessModel, DiscreteProcess    a model whose noise is declared as inputs; a process written as its step
+Sensor           what is measured: noise, period, delay, scale, offset, gate
+System           both, compiled: steps, readings, Jacobians
+Manifold, StatePart   vectors, unit quaternions, directions: plus and minus
+make             a filter by its name: "kf", "ekf", "iekf", "ukf", "imm", "particle", "steady", "additive"
+ErrorState, kalman    the Kalman filter, extended and iterated, of the error of the state
+Unscented, Interacting, ParticleFilter, SteadyState    points, several models, particles, constant gain
+complementary    slow motion from one signal, fast motion from an accelerometer, no model of noise
+AdditiveQuaternion    a quaternion as four plain numbers, for comparison
+TranslatingBody, TurningBody    bodies with an inertial unit, driven by white jerk
+TrackedPath, BodyMotion    paths at constant speed, known in closed form
+synthetic_readings, draw, Drawn    what sensors read of a known motion, or of motions drawn from the process
+consistency, Consistency, chi_squared_band    innovations against exact bands, with a verdict in words
+judged, JudgedErrors    errors of many runs against the filter's own covariance
+find_faults, FaultSearch    which offset, scale, delay, parameter or noise explains a log best
+tune, Tuned      densities and deviations by the likelihood of the innovations
+fusion_study     what an inertial unit adds to a laser tracker along a known path
+InitialState, Readings, Filtered    where it begins, what was read, what came of it
+Buffer           a filter on a live stream: late readings, in any order
+smooth, fixed_lag    what later readings say of earlier instants
+ScheduledNoise, likely_modes    noise that changes with time, to smooth what interacting models have filtered
+allan_fit, from_rest    noise of a sensor, attitude and biases from a log at rest
+ControllerFilter    the filter as a step function, for C in a loop
+MovingHorizon    least squares over a window, with bounds on states and noise
+attitude_study   a gyro calibrated against references of orientation, and the attitude between them, from a recording
+AttitudeRecording, AttitudeJudging, SyntheticAttitude    what it takes
+calibrate_gyro, sampled_instants, attitude_filter, GyroCarriedBody    its parts
+"""
+
+from typing import TYPE_CHECKING
+
+from .._lazy import public
+
+if TYPE_CHECKING:
+    from .allan import AllanFit as AllanFit, allan_deviation as allan_deviation, allan_fit as allan_fit
+    from .at_rest import AtRest as AtRest, from_rest as from_rest
+    from .attitude.arrival import sampled_instants as sampled_instants
+    from .attitude.attitude_result import AttitudeStudy as AttitudeStudy
+    from .attitude.attitude_study import attitude_study as attitude_study
+    from .attitude.carried_body import GyroCarriedBody as GyroCarriedBody, attitude_filter as attitude_filter
+    from .attitude.gyro_calibration import GyroCalibration as GyroCalibration, calibrate_gyro as calibrate_gyro
+    from .attitude.gyro_path import RateCorrection as RateCorrection
+    from .attitude.options import AttitudeJudging as AttitudeJudging, SyntheticAttitude as SyntheticAttitude
+    from .attitude.recording import AttitudeRecording as AttitudeRecording, synthetic_attitude as synthetic_attitude
+    from .attitude.reference_noise import ReferenceNoise as ReferenceNoise
+    from .belief import Belief as Belief, InitialState as InitialState, Innovation as Innovation
+    from .bodies import TranslatingBody as TranslatingBody, TurningBody as TurningBody
+    from .buffer import Buffer as Buffer
+    from .consistency import (
+        Consistency as Consistency,
+        JudgedErrors as JudgedErrors,
+        chi_squared_band as chi_squared_band,
+        consistency as consistency,
+        judged as judged,
+    )
+    from .controller.controller_filter import ControllerFilter as ControllerFilter
+    from .error_state import ErrorState as ErrorState, kalman as kalman
+    from .family.additive import AdditiveQuaternion as AdditiveQuaternion
+    from .family.by_name import make as make
+    from .family.complementary import complementary as complementary
+    from .family.interacting import Interacting as Interacting
+    from .family.particle import ParticleFilter as ParticleFilter
+    from .family.steady_state import SteadyState as SteadyState
+    from .family.unscented import Unscented as Unscented
+    from .faults import FaultSearch as FaultSearch, Suspect as Suspect, find_faults as find_faults
+    from .filter import Filter as Filter
+    from .filtered import Filtered as Filtered
+    from .fusion.options import (
+        FusionFilter as FusionFilter,
+        FusionSensors as FusionSensors,
+        FusionSweep as FusionSweep,
+    )
+    from .fusion.result import FusionStudy as FusionStudy
+    from .fusion.study import fusion_study as fusion_study
+    from .manifold import Manifold as Manifold, StatePart as StatePart
+    from .moving_horizon import HorizonEstimate as HorizonEstimate, MovingHorizon as MovingHorizon
+    from .paths import BodyMotion as BodyMotion, TrackedPath as TrackedPath
+    from .process import DiscreteProcess as DiscreteProcess, ProcessModel as ProcessModel
+    from .readings import Readings as Readings
+    from .scheduled import ScheduledNoise as ScheduledNoise, likely_modes as likely_modes
+    from .sensors import Sensor as Sensor
+    from .smoother import Smoothed as Smoothed, fixed_lag as fixed_lag, smooth as smooth
+    from .synthetic import Drawn as Drawn, draw as draw, synthetic_readings as synthetic_readings
+    from .system import System as System
+    from .tuning import Tuned as Tuned, tune as tune
+
+public(__name__)

@@ -1,0 +1,203 @@
+"""Where a filter begins, from a log at rest: attitude by gravity, biases of the gyro, and the noise of both sensors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..results.refusal import ArgumentError
+from .allan import LEAST, AllanFit, allan_fit
+
+GRAVITY = 9.80665  # m/s2, standard; it differs by 0.3 % over the Earth
+EARTH = 7.292e-5  # rad/s
+BLOCKS = 16  # parts of the log whose means are compared
+ROUNDS = 4.5  # deviations of a block's mean: one of 96 honest ones lies beyond once in 1,500 logs
+RATE = 0.005  # rad/s, 0.3 deg/s: what turns more than that from block to block is not at rest
+FORCE = 0.05  # m/s2, 0.3 deg of gravity
+LARGEST_BIAS = 0.1  # rad/s, 6 deg/s: beyond what gyros of robots have
+LENGTH = 0.5  # m/s2 by which the mean may differ from gravity: bias and scale of an accelerometer
+AXES = "xyz"
+
+
+@dataclass(frozen=True, eq=False)
+class AtRest:
+    """What a log at rest says of the start.
+
+    attitude: unit quaternion, scalar first, body to a world whose z axis points up. attitude_covariance: of its error,
+        a rotation vector in the axes of the body [rad] (3, 3). gyro_bias: [rad/s] (3,), and its deviations.
+    gyro, accelerometer: noise of each axis, as `allan_fit` finds it. duration: of the log [s].
+    notes: sentences on what a log at rest cannot say.
+
+    `InitialState({"Q": r.attitude, "bias": r.gyro_bias}, {"Q": r.attitude_covariance, "bias": r.gyro_bias_deviation})`.
+    """
+
+    attitude: np.ndarray
+    attitude_covariance: np.ndarray
+    gyro_bias: np.ndarray
+    gyro_bias_deviation: np.ndarray
+    gyro: tuple[AllanFit, ...]
+    accelerometer: tuple[AllanFit, ...]
+    duration: float
+    notes: tuple[str, ...]
+
+    @property
+    def tilt_deviation(self) -> float:
+        """Standard deviation of the direction of gravity about its worse horizontal axis [rad]."""
+        up = _up(self.attitude)
+        level = np.eye(3) - np.outer(up, up)
+        return float(np.sqrt(np.linalg.eigvalsh(level @ self.attitude_covariance @ level)[-1]))
+
+    def interval(self, name: str, level: float = 0.95) -> tuple[float, float]:
+        """Confidence limits of "gyro_bias[0]" to "gyro_bias[2]" [rad/s], normal. Raises ArgumentError for another
+        name."""
+        from scipy.stats import norm
+
+        names = [f"gyro_bias[{k}]" for k in range(3)]
+        if name not in names:
+            raise ArgumentError(f"there is no '{name}'; there are {', '.join(names)}", "name")
+        k, reach = names.index(name), float(norm.ppf((1 + level) / 2))
+        value, deviation = float(self.gyro_bias[k]), float(self.gyro_bias_deviation[k])
+        return value - reach * deviation, value + reach * deviation
+
+
+def from_rest(
+    gyro: Any,
+    accelerometer: Any,
+    period: float,
+    *,
+    gravity: float = GRAVITY,
+    accelerometer_bias: float = 0.0,
+    heading: float = 0.0,
+    heading_deviation: float = np.pi,
+    still_rate: float = RATE,
+    still_force: float = FORCE,
+    largest_bias: float = LARGEST_BIAS,
+) -> AtRest:
+    """Attitude, gyro bias and noise from a log of an inertial unit at rest.
+
+    Args:
+        gyro: rates [rad/s] (n, 3). accelerometer: specific force [m/s2] (n, 3); at rest it points up.
+        period: of the samples [s].
+        gravity: [m/s2]. accelerometer_bias: its standard deviation in each axis [m/s2], which tilts the attitude by its
+            share of gravity and which no log at rest shows.
+        heading, heading_deviation: of the body's x axis about the vertical [rad], from elsewhere.
+        still_rate, still_force: by how much the mean of a sixteenth of the log may differ from the whole one's, beyond
+            its noise [rad/s, m/s2].
+        largest_bias: of the gyro [rad/s]; a larger mean is a turn.
+
+    Raises ArgumentError for a log that is not at rest, with where and by how much, and for shapes that do not fit.
+
+    >>> rng = np.random.default_rng(0)  # synthetic: seed 0, 10 s at 100 Hz, tilted by 0.1 rad about x
+    >>> gyro = [0.01, -0.02, 0.0] + 2e-3 * rng.standard_normal((1000, 3))
+    >>> force = 9.80665 * np.array([0.0, np.sin(0.1), np.cos(0.1)]) + 0.02 * rng.standard_normal((1000, 3))
+    >>> rest = gt.filtering.from_rest(gyro, force, 0.01)
+    >>> (2 * rest.attitude[1]).round(3), rest.gyro_bias[:2].round(3).tolist()
+    (np.float64(0.1), [0.01, -0.02])
+    >>> rest.notes[0]
+    'gravity does not show the heading: it is 0 rad as given, with a deviation of 3.14 rad'
+    """
+    w, f = (_rows(v, name) for v, name in ((gyro, "gyro"), (accelerometer, "accelerometer")))
+    if len(w) != len(f):
+        raise ArgumentError(f"expected as many rows of both sensors; found {len(w)} and {len(f)}", "accelerometer")
+    if not period > 0:
+        raise ArgumentError(f"expected more than 0 s; found {period}", "period")
+    _require_still(w, period, still_rate, "gyro", "rad/s")
+    _require_still(f, period, still_force, "accelerometer", "m/s2")
+    force, bias = f.mean(axis=0), w.mean(axis=0)
+    length = float(np.linalg.norm(force))
+    if abs(length - gravity) > LENGTH:
+        hint = "its unit looks like g, not m/s2" if abs(length - 1) < 0.1 else "it accelerates, or its scale is wrong"
+        raise ArgumentError(
+            f"at rest the accelerometer reads gravity, {gravity:.6g} m/s2; the mean of this log is {length:.4g}: "
+            f"{hint}",
+            "accelerometer",
+        )
+    k = int(np.argmax(np.abs(bias)))
+    if abs(bias[k]) > largest_bias:
+        raise ArgumentError(
+            f"the log is not at rest: the gyro reads {bias[k]:.3g} rad/s about {AXES[k]} in the mean, which is a turn "
+            f"and no bias of at most {largest_bias:g} rad/s; is it in deg/s?",
+            "gyro",
+        )
+    duration = len(w) * period
+    noise_w, noise_f = (tuple(allan_fit(v[:, k], period) for k in range(3)) for v in (w, f))
+    up = force / length
+    spread = np.array([n.mean_deviation(duration) ** 2 for n in noise_f]) + accelerometer_bias**2
+    across = np.array([[0.0, -up[2], up[1]], [up[2], 0.0, -up[0]], [-up[1], up[0], 0.0]])
+    tilt = across @ np.diag(spread) @ across.T / length**2
+    deviation = np.array([n.mean_deviation(duration) for n in noise_w])
+    return AtRest(
+        _attitude(up, heading), tilt + heading_deviation**2 * np.outer(up, up), bias, deviation, noise_w, noise_f,
+        duration, _notes(noise_w, noise_f, deviation, accelerometer_bias, gravity, heading, heading_deviation),
+    )  # fmt: skip
+
+
+def _notes(
+    gyro: tuple[AllanFit, ...],
+    accelerometer: tuple[AllanFit, ...],
+    deviation: np.ndarray,
+    accelerometer_bias: float,
+    gravity: float,
+    heading: float,
+    heading_deviation: float,
+) -> tuple[str, ...]:
+    notes = [
+        f"gravity does not show the heading: it is {heading:.3g} rad as given, with a deviation of "
+        f"{heading_deviation:.3g} rad"
+    ]
+    if accelerometer_bias == 0.0:
+        notes.append(
+            "the bias of the accelerometer is taken as none; each 0.01 m/s2 of it across gravity tilts the attitude by "
+            f"{np.degrees(0.01 / gravity):.2g} deg, and rest in one attitude does not show it"
+        )
+    notes.append("a steady turn about the vertical cannot be distinguished from a bias of the gyro")
+    if deviation.min() < EARTH:
+        notes.append(
+            f"the gyro's bias is known better than the turning of the Earth, {EARTH:.3g} rad/s, which is part of it"
+        )
+    for name, fits in (("gyro", gyro), ("accelerometer", accelerometer)):
+        notes += [f"{name} {axis}: {note}" for axis, fit in zip(AXES, fits, strict=True) for note in fit.notes]
+    return tuple(notes)
+
+
+def _rows(values: Any, name: str) -> np.ndarray:
+    rows = np.asarray(values, float)
+    if rows.ndim != 2 or rows.shape[1] != 3 or len(rows) < LEAST:
+        raise ArgumentError(f"expected (n, 3) samples, at least {LEAST}; found shape {rows.shape}", name)
+    if not np.all(np.isfinite(rows)):
+        raise ArgumentError(f"{int(np.sum(~np.isfinite(rows)))} numbers are not finite; cut the log", name)
+    return rows
+
+
+def _require_still(rows: np.ndarray, period: float, still: float, name: str, unit: str) -> None:
+    """Raises ArgumentError where the mean of a block differs from that of the log by more than its noise and a bit."""
+    noise = np.sqrt(np.mean(np.diff(rows, axis=0) ** 2, axis=0) / 2)  # of a sample, whatever moves slowly
+    blocks = np.array_split(rows, BLOCKS)
+    apart = np.array([b.mean(axis=0) for b in blocks]) - rows.mean(axis=0)
+    excess = np.abs(apart) - ROUNDS * noise / np.sqrt(len(blocks[-1]))
+    n, k = np.unravel_index(int(np.argmax(excess)), excess.shape)
+    if excess[n, k] > still:
+        begin = period * sum(len(b) for b in blocks[:n])
+        raise ArgumentError(
+            f"the log is not at rest: from {begin:.3g} to {begin + period * len(blocks[n]):.3g} s the {name} reads "
+            f"{apart[n, k]:+.3g} {unit} off its mean along {AXES[k]}, more than {still:g} {unit} beyond its noise; "
+            "cut the log",
+            name,
+        )
+
+
+def _attitude(up: np.ndarray, heading: float) -> np.ndarray:
+    """The unit quaternion, body to world, with this direction up in the body's axes and this heading of its x axis."""
+    roll, pitch = np.arctan2(up[1], up[2]), -np.arcsin(np.clip(up[0], -1.0, 1.0))
+    (a, b), (c, d), (e, g) = ((np.cos(v / 2), np.sin(v / 2)) for v in (roll, pitch, heading))
+    return np.array(
+        [a * c * e + b * d * g, b * c * e - a * d * g, a * d * e + b * c * g, a * c * g - b * d * e]
+    )  # about z, y, x in turn
+
+
+def _up(q: np.ndarray) -> np.ndarray:
+    """The vertical in the axes of the body."""
+    s, x, y, z = q
+    return np.array([2 * (x * z - s * y), 2 * (y * z + s * x), s * s - x * x - y * y + z * z])

@@ -1,0 +1,399 @@
+"""The attitude study: a gyro calibrated against few references, and the attitude between them by it and without it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from ...measurements.inspection.columns import ColumnScan
+from ...results import ArgumentError, Check, SolveStatus, Work, at_least, at_most
+from ...results.door import study_function
+from ...results.estimate import Estimate
+from ...results.made_files import MadeFiles
+from ...results.work import Progress, never, silent
+from ..smoother import smooth
+from . import gyro_parts
+from .arrival import sampled_instants
+from .attitude_result import METHODS, AttitudeStudy
+from .between_references import GapErrors, gap_errors, gaps_of
+from .carried_body import attitude_filter
+from .conventions import (
+    ACCELERATION_UNITS,
+    ORDERS,
+    RATE_UNITS,
+    RESTING,
+    Convention,
+    Resting,
+    conventions,
+    resting,
+    rotations,
+    started,
+)  # fmt: skip
+from .gyro_calibration import FEWEST, GyroCalibration, calibrate_gyro
+from .gyro_path import gyro_path, picked
+from .options import AttitudeJudging, SyntheticAttitude
+from .recording import AttitudeRecording, synthetic_attitude
+
+SURE = 10.0  # by how much the log-likelihood of the convention must exceed that of others that mean something else
+SAME = 1.0  # conventions closer than that fit alike
+UNIT_LENGTH = 1e-3  # a quaternion further from it is no orientation
+SPIKE = 10.0  # median residuals: a reference that is off by more from both neighbours, which agree, is left out
+TRUTH = 20.0  # deviations, Student's t of three degrees: chance goes beyond in a hundredth, over 13 numbers
+COVERED = 0.95
+
+
+@study_function
+def attitude_study(
+    recording: AttitudeRecording | SyntheticAttitude,
+    judging: AttitudeJudging | None = None,
+    *,
+    title: str = "",
+    progress: Progress = silent,
+    max_seconds: float | None = None,
+    stop: Callable[[], bool] = never,
+) -> AttitudeStudy:
+    """How well a gyro bridges the time between references of orientation, calibrated on one part, judged on the rest.
+
+    Args:
+        recording: of the gyro and the references; or what a synthetic one is made of.
+        judging: where to calibrate, and over which gaps to judge; gaps of 0.5 and 1 s if left out.
+        progress, max_seconds, stop: see `gtmodel.results.Work`.
+
+    Unit of the gyro, order and direction of the quaternion are found by their likelihood, and checked by gravity where
+    there is an accelerometer. Each reference of the second part begins a gap; those inside it are hidden, and the mean
+    error there is given by method. Raises ArgumentError for signals that are missing and parts that are too short.
+
+    >>> made = gt.filtering.SyntheticAttitude(duration=7.0, seed=1)
+    >>> judging = gt.filtering.AttitudeJudging(gaps=(0.3,), sample_period=made.sample_period)
+    >>> s = gt.filtering.attitude_study(made, judging)
+    >>> s.convention
+    'gyro in deg/s, quaternion w x y z, world to body'
+    >>> carried, corrected = s.below_slerp[0]
+    >>> bool(carried > 3), bool(corrected > 6)
+    (True, True)
+    """
+    work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
+    o = judging or AttitudeJudging()
+    truth = None
+    if isinstance(recording, SyntheticAttitude):
+        made = synthetic_attitude(recording)
+        recording, truth = made.recording, made.correction
+    gyro, references = recording.gyro, recording.reference
+    synthetic = gyro.synthetic or references.synthetic
+    work.step("units and directions", 0.05)
+    whole, dropped = _sound(references.time, references["quaternion"])
+    at, quaternion = references.time[whole], references["quaternion"][whole]
+    units = list(RATE_UNITS) if gyro.unit("rate") == "1" else ["rad/s"]
+    tried, time, clock = _clock(gyro.time, gyro["rate"], at, quaternion, units, o)
+    least = tried[0].log_likelihood - SAME
+    alike = [c for c in tried if c.log_likelihood >= least]
+    others = [c for c in tried if c.log_likelihood < least]
+    rest = None
+    if "acceleration" in gyro.names:
+        forces = list(ACCELERATION_UNITS) if gyro.unit("acceleration") == "1" else ["m/s2"]
+        opposite = [c for c in others if c.rate_unit == alike[0].rate_unit]
+        rest = resting(time, gyro["acceleration"], at - alike[0].offset, quaternion, [*alike, *opposite], units=forces)
+    chosen = _upright(alike, rest)
+    reading = gyro["rate"] * RATE_UNITS[chosen.rate_unit]
+    turned = rotations(quaternion, chosen.order, chosen.direction)
+    spikes = _spikes(time, reading, at, turned, chosen)
+    dropped = [*dropped, *at[spikes]]
+    at, turned = at[~spikes], picked(turned, ~spikes)
+    until = o.calibrate_until if o.calibrate_until is not None else float(np.median(at))
+    parts = [at <= until, at > until]
+    _fitting(at, parts, o.gaps)
+    calibrations = list[GyroCalibration]()
+    for n, part in enumerate(parts):
+        work.step(f"calibration on the {('first', 'second')[n]} part", 0.15 + 0.3 * n)
+        begin = started(time, reading, at[part], picked(turned, part), chosen.offset)
+        calibrations.append(calibrate_gyro(time, reading, at[part], picked(turned, part), begin))
+    for calibration in calibrations:
+        if calibration.likeliest is None:
+            return AttitudeStudy(status=calibration.status, message=calibration.message, title=title or "attitude")
+    work.step("gaps", 0.75)
+    judged = [
+        _judged(time, reading, at[part], picked(turned, part), calibration, o.gaps)
+        for part, calibration in zip(parts[::-1], calibrations, strict=True)
+    ]
+    work.step("filter and smoother", 0.9)
+    last = picked(turned, parts[1])
+    bridged = [_bridged(time, reading, at[parts[1]], last, calibrations[0], gap) for gap in o.gaps]
+    estimates = [c.by(gyro_parts.NAMES, gyro_parts.UNITS, gyro_parts.parts) for c in calibrations]
+    intervals = [[e.interval(name) for name in gyro_parts.NAMES] for e in estimates]
+    return _study(
+        title or "attitude", o, judged, bridged, calibrations, estimates, intervals, truth,
+        checks={"likelihood_margin": _margin(alike, others)},
+        notes=_notes(chosen, alike, rest, gyro, at, calibrations, dropped, o),
+        convention=chosen.words, conventions=[c.words for c in tried], log_likelihood=[c.log_likelihood for c in tried],
+        clock=clock, gravity=_gravity(rest), left_out=[float(t) for t in dropped], synthetic=synthetic,
+    )  # fmt: skip
+
+
+# -- what the numbers mean --------------------------------------------------------------------------------
+
+
+def _sound(time: np.ndarray, quaternion: np.ndarray) -> tuple[np.ndarray, list[float]]:
+    """Which references are orientations, and the stamps of the others. Raises ArgumentError where hardly any is."""
+    whole = np.abs(np.linalg.norm(quaternion, axis=1) - 1) < UNIT_LENGTH
+    if whole.mean() < 0.5:
+        raise ArgumentError(f"{np.sum(~whole)} of {len(whole)} quaternions are not of unit length", "recording")
+    return whole, [float(t) for t in time[~whole]]
+
+
+def _clock(
+    stamps: np.ndarray,
+    rate: np.ndarray,
+    at: np.ndarray,
+    quaternion: np.ndarray,
+    units: Sequence[str],
+    o: AttitudeJudging,
+) -> tuple[list[Convention], np.ndarray, str]:
+    """Conventions under the more likely instants of the gyro; these instants, and a sentence."""
+    tried = conventions(stamps, rate, at, quaternion, rate_units=units, longest_offset=o.longest_offset)
+    if o.sample_period is None:
+        return tried, stamps, "as stamped"
+    even = sampled_instants(stamps, o.sample_period)
+    others = conventions(even, rate, at, quaternion, rate_units=units, longest_offset=o.longest_offset)
+    gain = others[0].log_likelihood - tried[0].log_likelihood
+    late = 1e3 * (stamps - even)
+    if gain > 0:
+        how = f"sampled evenly, stamped on arrival up to {late.max():.0f} ms late"
+        return others, even, f"{how}: log-likelihood {gain:.0f} above the stamps"
+    return tried, stamps, f"as stamped: log-likelihood {-gain:.0f} above even samples"
+
+
+def _upright(alike: Sequence[Convention], rest: Resting | None) -> Convention:
+    """Of conventions that fit alike the one in which the world's z axis points up; without an accelerometer the one
+    with the scalar first."""
+    if rest is None:
+        return min(alike, key=lambda c: ORDERS.index(c.order))
+    tilts = {c: g.tilt for c, g in zip(alike, rest.gravity, strict=False)}
+    return min(tilts, key=lambda c: tilts[c])
+
+
+def _margin(alike: Sequence[Convention], others: Sequence[Convention]) -> Check:
+    margin = alike[0].log_likelihood - others[0].log_likelihood if others else np.inf
+    return at_least(
+        float(min(margin, 1e6)), SURE, "the motion does not show units and directions; turn about several axes, faster"
+    )
+
+
+def _spikes(time: np.ndarray, reading: np.ndarray, at: np.ndarray, turned: Rotation, chosen: Convention) -> np.ndarray:
+    """References that are far from both neighbours while these agree with each other."""
+    begin = started(time, reading, at, turned, chosen.offset)
+    path = gyro_path(time, reading, at, begin)
+    error = [
+        (path.turn[:-n].inv() * path.turn[n:]).inv() * (turned[:-n].inv() * turned[n:]) for n in (1, 2)
+    ]  # fmt: skip
+    one, two = (e.magnitude() for e in error)
+    moving = (turned[:-1].inv() * turned[1:]).magnitude() > RESTING
+    limit = SPIKE * float(np.median(one[moving])) if moving.any() else np.inf
+    spike = np.zeros(len(at), bool)
+    spike[1:-1] = (np.minimum(one[:-1], one[1:]) > limit) & (two < limit)
+    return spike
+
+
+def _fitting(at: np.ndarray, parts: Sequence[np.ndarray], gaps: Sequence[float]) -> None:
+    """Raises ArgumentError where a part has too few references, or no gap of some length that hides one."""
+    for name, part in zip(("first", "second"), parts, strict=True):
+        if part.sum() < FEWEST:
+            sentence = f"the {name} part has {part.sum()} references; expected at least {FEWEST}"
+            raise ArgumentError(sentence, "judging.calibrate_until")
+        for gap in gaps:
+            if next(gaps_of(at[part], gap), None) is None:
+                span = f"{at[part][0]:.2f} .. {at[part][-1]:.2f} s"
+                raise ArgumentError(f"no gap of {gap:g} s hides a reference among those {span}", "judging.gaps")
+
+
+# -- calibrated, judged -------------------------------------------------------------------------------------
+
+
+def _judged(
+    time: np.ndarray, reading: np.ndarray, at: np.ndarray, turned: Rotation, c: GyroCalibration, gaps: Sequence[float]
+) -> list[GapErrors]:
+    path = gyro_path(time, reading, at, c.correction, derivative=True)
+    judged = []
+    for gap in gaps:
+        errors = gap_errors(at, turned, path, c.noise, c.estimate.covariance, gap)
+        assert errors is not None, "gaps that are too long were refused"
+        judged.append(errors)
+    return judged
+
+
+def _bridged(
+    time: np.ndarray, reading: np.ndarray, at: np.ndarray, turned: Rotation, c: GyroCalibration, gap: float
+) -> tuple[float, float, float]:
+    """Mean errors at hidden references of the causal filter and its smoother, and the mean of NIS per number."""
+    used, last = np.zeros(len(at), bool), -np.inf
+    for k, t in enumerate(at):
+        if t >= last + gap - 1e-9:
+            used[k], last = True, t
+    run = attitude_filter(time + c.correction.offset, c.correction(reading), at, turned, c.noise, used)
+    rows = np.searchsorted(run.time, at[~used])
+    truth = picked(turned, ~used)
+    means = []
+    for estimates in (run, smooth(run)):
+        q = Rotation.from_quat(estimates["Q"][rows], scalar_first=True)
+        means.append(float(np.mean((q.inv() * truth).magnitude())))
+    return means[0], means[1], float(run.nis.sum() / max(run.count.sum(), 1))
+
+
+def _study(
+    title: str,
+    o: AttitudeJudging,
+    judged: Sequence[Sequence[GapErrors]],
+    bridged: Sequence[tuple[float, float, float]],
+    calibrations: Sequence[GyroCalibration],
+    estimates: Sequence[Estimate],
+    intervals: Sequence[Sequence[tuple[float, float]]],
+    truth: Any,
+    *,
+    checks: Mapping[str, Check],
+    notes: Sequence[str],
+    **quantities: Any,
+) -> AttitudeStudy:
+    from scipy.stats import chi2
+
+    limit = float(chi2.ppf(COVERED, 3))
+    rows, exchanged = judged
+    apart = [
+        name for name, a, b in zip(gyro_parts.NAMES, *intervals, strict=True) if a[0] > b[1] or b[0] > a[1]
+    ]  # fmt: skip
+    means = [e.mean for e in rows]
+    splines = [min(m["spline"], m["slow_spline"]) for m in means]
+    checks = dict(checks)
+    checks["intervals_apart"] = at_most(
+        len(apart), 0, f"{', '.join(apart)} differ between the parts: the gyro has more faults" if apart else ""
+    )
+    checks["corrected_over_spline"] = at_most(
+        max(m["corrected"] / s for m, s in zip(means, splines, strict=True)), 1.0,
+        "the gyro does not help here: the references are closer than the motion needs",
+    )  # fmt: skip
+    if truth is not None:
+        off = np.abs(gyro_parts.parts(truth.numbers) - estimates[0].values) / estimates[0].std
+        checks["true_numbers"] = Check(float(off.max()), TRUTH, "the intervals are too narrow")
+    return AttitudeStudy(
+        status=SolveStatus.SOLVED, title=title, checks=checks, notes=tuple(notes), estimate=estimates[0],
+        message="; ".join(
+            f"gaps of {gap:g} s: {np.degrees(m['carried']):.2f} deg carried, {np.degrees(m['corrected']):.2f} deg "
+            f"corrected, {np.degrees(m['slerp']):.1f} deg by slerp"
+            for gap, m in zip(o.gaps, means, strict=True)
+        ),
+        names=gyro_parts.NAMES, numbers=estimates[0].values.tolist(), first_interval=intervals[0],
+        second_interval=intervals[1],
+        timing=[c.noise.timing for c in calibrations], relative=[c.noise.relative for c in calibrations],
+        persistence=[c.noise.persistence for c in calibrations], gaps=o.gaps, starts=[e.gaps for e in rows],
+        methods=tuple(METHODS), error=[list(m.values()) for m in means],
+        exchanged=[list(e.mean.values()) for e in exchanged],
+        below_slerp=[[m["slerp"] / m["carried"], m["slerp"] / m["corrected"]] for m in means],
+        below_spline=[s / m["corrected"] for m, s in zip(means, splines, strict=True)],
+        covered=[[float(np.mean(squares < limit)) for squares in e.expected.values()] for e in rows],
+        filtered=[b[0] for b in bridged], smoothed=[b[1] for b in bridged], nis=[b[2] for b in bridged],
+        figures={
+            "errors": partial(_figure, o.gaps, rows, title, quantities["synthetic"]),
+            "residuals": partial(_residuals, calibrations, title, quantities["synthetic"]),
+        },
+        files=MadeFiles({"errors.csv": partial(_table, o.gaps, rows, quantities["synthetic"])}), **quantities,
+    )  # fmt: skip
+
+
+# -- in words -------------------------------------------------------------------------------------------------
+
+
+def _gravity(rest: Resting | None) -> str:
+    if rest is None:
+        return "none, or never at rest"
+    return f"{rest.length:.3f} m/s2 at rest in {rest.places} places, read in {rest.unit}"
+
+
+def _notes(
+    chosen: Convention, alike: Sequence[Convention], rest: Resting | None, gyro: Any, at: np.ndarray,
+    calibrations: Sequence[GyroCalibration], dropped: Sequence[float], o: AttitudeJudging,
+) -> list[str]:  # fmt: skip
+    notes = [
+        f"{chosen.words}: with the scale held at one, turns between references are met to "
+        f"{np.degrees(chosen.residual):.2f} deg; other units and directions are less likely"
+    ]
+    if len(alike) > 1:
+        fitting = " and ".join(f"{c.order}, {c.direction}" for c in alike)
+        notes.append(f"turns alone cannot distinguish {fitting}: they differ by the axes of world and body only")
+    if rest is not None:
+        of = dict(zip([*(c.words for c in alike)], rest.gravity, strict=False))
+        other = rest.gravity[len(alike) :]
+        there = of[chosen.words]
+        worse = f", {np.degrees(other[0].scatter):.0f} deg in the other direction" if other else ""
+        notes.append(
+            f"gravity scatters by {np.degrees(there.scatter):.1f} deg in the world over {rest.places} places of rest"
+            f"{worse}; its mean is {np.degrees(there.tilt):.1f} deg from the world's z axis"
+        )
+    resolution = _resolution(at)
+    if resolution:
+        timing = 1e3 * np.mean([c.noise.timing for c in calibrations])
+        notes.append(
+            f"references are stamped in steps of {1e3 * resolution:g} ms, which alone is "
+            f"{1e3 * resolution / np.sqrt(12):.2g} ms of deviation; the residuals show {timing:.2g} ms"
+        )
+    for part, c in zip(("first", "second"), calibrations, strict=True):
+        if c.white is not None and not c.white.passed:
+            notes.append(f"{part} part: {c.white.message}")
+        if c.estimate.notes:
+            notes.append(
+                f"{part} part: without single blocks of time numbers move by more than the likeliest noise lets them; "
+                "their intervals are those of this jackknife where it is wider"
+            )
+    if dropped:
+        notes.append(f"left out as no orientation or a spike: references at {', '.join(f'{t:.2f}' for t in dropped)} s")
+    clipped = _clipped(gyro)
+    if clipped:
+        notes.append(f"clipped: {clipped}")
+    if o.sample_period is None:
+        notes.append("if rows are stamped on arrival, give sample_period, the gyro's own, to compare both clocks")
+    return notes
+
+
+def _clipped(gyro: Any) -> str:
+    """Columns that look clipped, with the rows where they are."""
+    texts = []
+    for name in gyro.names:
+        scan = ColumnScan([f"{name}[{k}]" for k in range(3)], [])
+        scan.add(gyro[name])
+        texts += [f"{f.name} in {f.clipped} rows" for f in scan.facts() if f.clipped]
+    return ", ".join(texts)
+
+
+def _resolution(stamps: np.ndarray) -> float:
+    """The largest step [s] of which all stamps are multiples; zero for none of a tenth of a millisecond or more."""
+    for step in (0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001, 0.0005, 0.0002, 0.0001):
+        if np.all(np.abs(stamps / step - np.round(stamps / step)) < 1e-4):
+            return step
+    return 0.0
+
+
+def _table(gaps: Sequence[float], judged: Sequence[GapErrors], note: str | None) -> str:
+    lines = [f"# {note}"] if note else []
+    lines.append("gap [s],time [s],since the left end [s]," + ",".join(f"{name} [deg]" for name in METHODS))
+    for gap, e in zip(gaps, judged, strict=True):
+        columns = np.column_stack([e.time, e.since, *(np.degrees(e.error[name]) for name in METHODS)])
+        lines += [f"{gap:g}," + ",".join(f"{v:.6g}" for v in row) for row in columns]
+    return "\n".join(lines) + "\n"
+
+
+def _titled(title: str, note: str | None) -> str:
+    return f"{title} (synthetic)" if note and "synthetic" not in title.lower() else title
+
+
+def _figure(gaps: Sequence[float], judged: Sequence[GapErrors], title: str, note: str | None) -> Any:
+    from ...plot.filters.attitude import gap_figure
+
+    panels = [(gap, e.since, e.error) for gap, e in zip(gaps, judged, strict=True)]
+    return gap_figure(panels, METHODS, title=_titled(title, note))
+
+
+def _residuals(calibrations: Sequence[GyroCalibration], title: str, note: str | None) -> Any:
+    from ...plot.filters.attitude import turn_residual_figure
+
+    return turn_residual_figure([(c.time, c.residual) for c in calibrations], title=_titled(title, note))

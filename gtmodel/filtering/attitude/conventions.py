@@ -1,0 +1,219 @@
+"""In which unit a gyro reads and in which direction a quaternion turns: candidates, tried on the same motion."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from .gyro_path import RateCorrection, gyro_path
+
+DEGREE = np.pi / 180
+G = 9.80665  # m/s2
+COUNTS = 2.0**15  # of a signed reading of 16 bits, over the range of the sensor
+# factors to rad/s: the ranges are those of data sheets of inertial sensors
+RATE_UNITS: Mapping[str, float] = {
+    "rad/s": 1.0,
+    "deg/s": DEGREE,
+    "mrad/s": 1e-3,
+    "mdeg/s": 1e-3 * DEGREE,
+    **{f"counts of +-{r} deg/s": r / COUNTS * DEGREE for r in (125, 250, 500, 1000, 2000, 4000)},
+}
+ACCELERATION_UNITS: Mapping[str, float] = {
+    "m/s2": 1.0,
+    "g": G,
+    "mg": 1e-3 * G,
+    **{f"counts of +-{r} g": r / COUNTS * G for r in (2, 4, 8, 16)},
+}
+ORDERS = ("w x y z", "x y z w")
+DIRECTIONS = ("body to world", "world to body")
+SCALE_OFF = 0.1  # a gyro's scale is within some per cent; an accelerometer's too
+OFFSETS = 201  # clock offsets that are tried over the range; the best is refined between its neighbours
+RESTING = 2e-3  # rad between two references: at rest
+SETTLE = 0.15  # s of a rest that are left out: the arm swings out
+REFINED = 2  # of the most likely conventions: their clock offset is refined; two differ by axes only
+
+
+@dataclass(frozen=True)
+class Convention:
+    """One reading of the numbers: unit of the gyro, order and direction of the quaternion, and how well it fits.
+
+    log_likelihood: of the turns between references under the best rotation between the two and the best clock offset,
+    scale held at one; residuals are normal, of a size that they determine. residual: their size [rad]. offset: [s].
+    mount: that rotation, sensor to body, as a rotation vector [rad].
+    """
+
+    rate_unit: str
+    order: str
+    direction: str
+    log_likelihood: float
+    residual: float
+    offset: float
+    mount: tuple[float, float, float]
+
+    @property
+    def words(self) -> str:
+        """In words."""
+        return f"gyro in {self.rate_unit}, quaternion {self.order}, {self.direction}"
+
+
+def rotations(quaternion: np.ndarray, order: str, direction: str) -> Rotation:
+    """Orientations, body to world, from quaternions (n, 4) written in this order and direction."""
+    scalar_last = quaternion if order == ORDERS[1] else np.roll(quaternion, -1, axis=1)
+    turned = Rotation.from_quat(scalar_last)
+    return turned if direction == DIRECTIONS[0] else turned.inv()
+
+
+def conventions(
+    time: np.ndarray,
+    reading: np.ndarray,
+    reference_time: np.ndarray,
+    quaternion: np.ndarray,
+    *,
+    rate_units: Sequence[str],
+    orders: Sequence[str] = ORDERS,
+    directions: Sequence[str] = DIRECTIONS,
+    longest_offset: float = 0.5,
+) -> list[Convention]:
+    """All readings of the numbers, the most likely one first.
+
+    time (n,), reading (n, 3): of the gyro as written. reference_time (k,), quaternion (k, 4): as written. The clock
+    offset is that at which angles turned between references and the gyro's correlate best, then refined by the fit.
+    """
+    step = 2 * longest_offset / (OFFSETS - 1)
+    tried = []
+    for order in orders:
+        angle = _between(rotations(quaternion, order, DIRECTIONS[0])).magnitude()
+        offset = _coarse_offset(time, reading, reference_time, angle, longest_offset)
+        for direction in directions:
+            measured = _between(rotations(quaternion, order, direction)).as_rotvec()
+            for unit in rate_units:
+                near = _Near(time, reading * RATE_UNITS[unit], reference_time, measured)
+                tried.append((near, near.at_offset(Convention(unit, order, direction, 0.0, 0.0, offset, (0, 0, 0)))))
+    tried.sort(key=lambda pair: -pair[1].log_likelihood)
+    best = [near.refined(convention, step) for near, convention in tried[:REFINED]]
+    return sorted([*best, *(convention for _, convention in tried[REFINED:])], key=lambda c: -c.log_likelihood)
+
+
+def started(
+    time: np.ndarray, reading: np.ndarray, at: np.ndarray, reference: Rotation, offset: float
+) -> RateCorrection:
+    """Where a calibration begins: the matrix that brings integrated readings nearest to the turns of the reference."""
+    path = gyro_path(time, reading, at, RateCorrection(np.eye(3), np.zeros(3), offset))
+    matrix = np.linalg.lstsq(path.between.as_rotvec(), _between(reference).as_rotvec(), rcond=None)[0].T
+    return RateCorrection(matrix, np.zeros(3), offset)
+
+
+def _between(rotation: Rotation) -> Rotation:
+    return rotation[:-1].inv() * rotation[1:]
+
+
+def _coarse_offset(time: np.ndarray, reading: np.ndarray, at: np.ndarray, angle: np.ndarray, longest: float) -> float:
+    """The clock offset [s] at which turned angles and the integral of the gyro's absolute rate correlate best."""
+    speed = np.linalg.norm(reading, axis=1)
+    turned = np.concatenate([[0.0], np.cumsum((speed[1:] + speed[:-1]) / 2 * np.diff(time))])
+    offsets = np.linspace(-longest, longest, OFFSETS)
+    score = [np.corrcoef(np.diff(np.interp(at - o, time, turned)), angle)[0, 1] for o in offsets]
+    return float(offsets[int(np.nanargmax(score))])
+
+
+@dataclass(frozen=True, eq=False)
+class _Near:
+    """How near a gyro comes to measured turns (k, 3) under the best rotation between the two."""
+
+    time: np.ndarray
+    rate: np.ndarray
+    at: np.ndarray
+    measured: np.ndarray
+
+    def at_offset(self, convention: Convention) -> Convention:
+        """A convention with its likelihood at its own clock offset."""
+        path = gyro_path(self.time, self.rate, self.at, RateCorrection(np.eye(3), np.zeros(3), convention.offset))
+        turned = path.between.as_rotvec()
+        mount = Rotation.align_vectors(self.measured, turned)[0]
+        size = float(np.sqrt(np.mean((self.measured - mount.apply(turned)) ** 2)))
+        logs = -0.5 * self.measured.size * (np.log(2 * np.pi * max(size, 1e-12) ** 2) + 1)
+        x, y, z = (float(v) for v in mount.as_rotvec())
+        return replace(convention, log_likelihood=float(logs), residual=size, mount=(x, y, z))
+
+    def refined(self, convention: Convention, reach: float) -> Convention:
+        """The same at the best offset within `reach` [s] of its own."""
+        from scipy.optimize import minimize_scalar
+
+        bounds = (convention.offset - reach, convention.offset + reach)
+        there = minimize_scalar(
+            lambda o: -self.at_offset(replace(convention, offset=float(o))).log_likelihood,
+            bounds=bounds, method="bounded", options={"xatol": 2e-4},
+        )  # fmt: skip
+        return self.at_offset(replace(convention, offset=float(there.x)))
+
+
+# -- the accelerometer at rest ----------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Gravity:
+    """What an accelerometer says of one reading of the numbers.
+
+    scatter: of the direction of gravity in the world over the places of rest [rad]: small for the right direction.
+    tilt: of its mean against the world's z axis [rad]: small for the right order where that axis points up.
+    """
+
+    scatter: float
+    tilt: float
+
+
+@dataclass(frozen=True)
+class Resting:
+    """What an accelerometer reads at rest: the unit in which that is 1 g, its median length [m/s2], at how many places,
+    and what it says of each convention, in their order."""
+
+    unit: str
+    length: float
+    places: int
+    gravity: tuple[Gravity, ...]
+
+
+def resting(
+    time: np.ndarray,
+    acceleration: np.ndarray,
+    reference_time: np.ndarray,
+    quaternion: np.ndarray,
+    tried: Sequence[Convention],
+    *,
+    units: Sequence[str],
+) -> Resting | None:
+    """Unit of an accelerometer (n, 3) by its length at rest, and what gravity says of these conventions.
+
+    It rests where neighbouring references agree, but for the first moments of it. None where it never does, or where no
+    unit gives 1 g within a tenth.
+    """
+    still = _between(rotations(quaternion, tried[0].order, tried[0].direction)).magnitude() < RESTING
+    means, where, k = [], [], 0
+    while k < len(still):
+        last = k
+        while last < len(still) and still[last]:
+            last += 1
+        rows = (time > reference_time[k] + SETTLE) & (time < reference_time[last] - SETTLE / 3)
+        if last > k and rows.sum() >= 5:
+            means.append(acceleration[rows].mean(axis=0))
+            where.append(k)
+        k = last + 1
+    read = float(np.median(np.linalg.norm(means, axis=1))) if means else 0.0
+    if not read > 0:
+        return None
+    unit = min(units, key=lambda u: abs(np.log(read * ACCELERATION_UNITS[u] / G)))
+    length = read * ACCELERATION_UNITS[unit]
+    if abs(length / G - 1) > SCALE_OFF:
+        return None
+    gravity = []
+    for one in tried:
+        mount = Rotation.from_rotvec(one.mount)
+        up = (rotations(quaternion[where], one.order, one.direction) * mount).apply(means)
+        up /= np.linalg.norm(up, axis=1, keepdims=True)
+        mean = up.mean(axis=0) / max(float(np.linalg.norm(up.mean(axis=0))), 1e-12)
+        scatter = np.sqrt(np.mean(np.arccos(np.clip(up @ mean, -1, 1)) ** 2))
+        gravity.append(Gravity(float(scatter), float(np.arccos(np.clip(mean[2], -1, 1)))))
+    return Resting(unit, length, len(means), tuple(gravity))

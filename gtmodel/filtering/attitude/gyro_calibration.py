@@ -1,0 +1,183 @@
+"""A gyro calibrated against references of orientation that are few and badly timed: matrix, bias and clock offset."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import scipy
+from scipy.spatial.transform import Rotation
+
+from ...inference.make_estimate import carried
+from ...inference.nonlinear import nonlinear_fit
+from ...inference.residuals import Verdict, whiteness
+from ...results.estimate import Estimate
+from ...results.refusal import ArgumentError
+from ...results.status import SolveStatus
+from .gyro_path import GyroPath, RateCorrection, crossing, gyro_path
+from .reference_noise import START, ReferenceNoise, likeliest_noise
+
+NAMES = (*(f"matrix[{i}][{j}]" for i in range(3) for j in range(3)), *(f"bias[{i}]" for i in range(3)), "offset")
+UNITS = ("1",) * 9 + ("rad/s",) * 3 + ("s",)
+SIZES = (1.0,) * 9 + (1e-2,) * 3 + (1e-2,)
+DIFFERENCE = 1e-6  # of the numbers, for functions of them that are all but straight over it
+ROUNDS = 4  # of noise and fit in turn: the fourth changes no printed digit
+FEWEST = 20  # references: sixty numbers for thirteen unknowns and four sizes of noise
+BLOCKS = 4  # of equal turned angle, left out one by one: longer than the error of a cheap gyro persists, 2 to 3 s
+
+
+@dataclass(frozen=True, eq=False)
+class GyroCalibration:
+    """What a stretch of references says of a gyro.
+
+    correction: the estimate as an object. likeliest: the same with the covariance of the likeliest noise, by the names
+        "matrix[0][0]", "bias[0]", "offset"; None where the fit failed. left_out: how the numbers move without each of
+        four blocks (4, 13). noise: what references and gyro disagree by. log_likelihood: of the references.
+    white: test of the whitened residuals along time. residual: between neighbouring references (k, 3) [rad], in the
+    axes of the body. time: where each ends (k,) [s].
+    """
+
+    status: SolveStatus
+    message: str
+    correction: RateCorrection
+    likeliest: Estimate | None
+    left_out: np.ndarray
+    noise: ReferenceNoise
+    log_likelihood: float
+    white: Verdict | None
+    residual: np.ndarray
+    time: np.ndarray
+
+    @cached_property
+    def estimate(self) -> Estimate:
+        """The thirteen numbers with intervals that heed both covariances. Raises ArgumentError where the fit failed."""
+        return self.by(NAMES, UNITS, lambda x: x)
+
+    def interval(self, name: str, level: float = 0.95) -> tuple[float, float]:
+        """Interval of one of its numbers [SI]. Raises ArgumentError for another name, and where the fit failed."""
+        return self.estimate.interval(name, level)
+
+    def by(
+        self, names: tuple[str, ...], units: tuple[str, ...], function: Callable[[np.ndarray], np.ndarray]
+    ) -> Estimate:
+        """The estimate of functions of the thirteen numbers, to first order.
+
+        Standard deviations are the larger ones of the likeliest noise and of a jackknife over the blocks; Student's t
+        has three degrees of freedom. Raises ArgumentError where the fit failed.
+        """
+        if self.likeliest is None:
+            raise ArgumentError(f"the fit has no intervals: {self.message}", "name")
+        x = self.likeliest.values
+        moved = [(function(x + d) - function(x - d)) / (2 * DIFFERENCE) for d in DIFFERENCE * np.eye(len(x))]
+        J = np.column_stack(moved)
+        covariance = carried(J, self.likeliest.covariance)
+        steps = (self.left_out - self.left_out.mean(axis=0)) @ J.T
+        jackknife = np.sqrt((BLOCKS - 1) / BLOCKS * np.sum(steps**2, axis=0))
+        ratio = np.maximum(1.0, jackknife / np.sqrt(np.diag(covariance)))
+        wider = [name for name, wide in zip(names, ratio, strict=True) if wide > 1.0]
+        return replace(
+            self.likeliest, names=names, units=units, values=function(x),
+            covariance=covariance * np.outer(ratio, ratio),
+            known_noise=False, degrees_of_freedom=float(BLOCKS - 1),
+            notes=(f"wider by the jackknife: {', '.join(wider)}",) if wider else (),
+        )  # fmt: skip
+
+
+def calibrate_gyro(
+    time: np.ndarray, reading: np.ndarray, reference_time: np.ndarray, reference: Rotation, start: RateCorrection
+) -> GyroCalibration:
+    """Matrix, bias and clock offset that bring integrated rates nearest to the turns between neighbouring references.
+
+    Args:
+        time, reading: of the gyro, (n,) and (n, 3) [rad/s].
+        reference_time, reference: (k,) by the reference's clock, and body to world.
+        start: where the fit begins; its offset within about one sample of the gyro.
+
+    Nonlinear least squares; the covariance of its residuals, see `ReferenceNoise`, is the most likely one, found in
+    turn with the fit. The standard deviations are the larger ones of that covariance and of a jackknife over four
+    blocks of time, with Student's t of three degrees of freedom: few independent errors of a gyro that persist for
+    seconds lie in a recording of ten, and intervals of the likeliest noise alone cover too little.
+    Raises ArgumentError for fewer than twenty references.
+
+    >>> made = gt.filtering.synthetic_attitude(gt.filtering.SyntheticAttitude(duration=6.0, relative=0.0))
+    >>> gyro, references = made.recording.gyro, made.recording.reference
+    >>> time = gt.filtering.sampled_instants(gyro.time, 0.009963)
+    >>> from scipy.spatial.transform import Rotation
+    >>> body = Rotation.from_quat(references["quaternion"], scalar_first=True).inv()  # written world to body
+    >>> start = gt.filtering.RateCorrection(np.eye(3), np.zeros(3))
+    >>> fit = gt.filtering.calibrate_gyro(time, np.radians(gyro["rate"]), references.time, body, start)
+    >>> low, high = fit.interval("offset")
+    >>> low < made.correction.offset < high
+    True
+    """
+    if len(reference_time) < FEWEST:
+        raise ArgumentError(f"{len(reference_time)} references are too few to calibrate on; expected {FEWEST}", "until")
+    problem = _Turns(time, reading, reference_time, reference)
+    x, fit = start.numbers, None
+    noise, logs, C = ReferenceNoise(*START), -np.inf, np.zeros((0, 0))
+    for _ in range(ROUNDS):
+        path = problem.path(x)
+        noise, logs = likeliest_noise(*problem(x), problem.turn, path.rate, reference_time, noise)
+        C = noise.covariance(problem.turn, path.rate, reference_time)
+        fit = nonlinear_fit(problem, x, NAMES, scale=SIZES, covariance=C, units=UNITS)
+        if not fit.status.ok or fit.estimate is None:
+            break
+        done = float(np.max(np.abs(fit.x - x) / fit.estimate.std)) < 1e-2
+        x = fit.x
+        if done:
+            break
+    assert fit is not None
+    white, left_out = None, np.zeros((BLOCKS, len(x)))
+    if fit.estimate is not None:
+        left_out = _left_out(problem, x, C)
+        white = whiteness(_along(fit.r))
+    correction, r = RateCorrection.of(x), problem.residual(x)[0]
+    return GyroCalibration(
+        fit.status, fit.message, correction, fit.estimate, left_out, noise, logs, white, r, reference_time[1:]
+    )
+
+
+class _Turns:
+    """Residuals of the turns between neighbouring references, and their derivatives."""
+
+    def __init__(self, time: np.ndarray, reading: np.ndarray, at: np.ndarray, reference: Rotation) -> None:
+        self.time, self.reading, self.at = time, reading, at
+        self.turn = reference[:-1].inv() * reference[1:]
+
+    def path(self, x: np.ndarray, derivative: bool = False) -> GyroPath:
+        return gyro_path(self.time, self.reading, self.at, RateCorrection.of(x), derivative=derivative)
+
+    def residual(self, x: np.ndarray, path: GyroPath | None = None) -> tuple[np.ndarray, GyroPath]:
+        """(k, 3), in the axes of the body at the end of each interval: zero where the gyro agrees."""
+        path = path or self.path(x)
+        return (path.between.inv() * self.turn).as_rotvec(), path
+
+    def __call__(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        r, path = self.residual(x, self.path(x, derivative=True))
+        assert path.derivative is not None
+        moved = np.swapaxes(path.turn[1:].as_matrix(), 1, 2) @ np.diff(path.derivative, axis=0)
+        K = crossing(r)  # inverse left Jacobian of r, to what residuals of a tenth of a radian need
+        J = -(np.eye(3) - K / 2 + K @ K / 12) @ moved
+        return r.ravel(), J.reshape(-1, len(x))
+
+
+def _along(white: np.ndarray) -> np.ndarray:
+    """Whitened residuals (3 k,) one axis after the other, so that neighbours in the row are neighbours in time."""
+    return white.reshape(-1, 3).T.ravel()
+
+
+def _left_out(problem: _Turns, x: np.ndarray, C: np.ndarray) -> np.ndarray:
+    """How the numbers move without each block of equal turned angle (blocks, n): one step of the fit."""
+    r, J = problem(x)
+    angle = np.cumsum(problem.turn.magnitude())
+    block = np.minimum((BLOCKS * angle / angle[-1]).astype(int), BLOCKS - 1)
+    moved = []
+    for k in range(BLOCKS):
+        kept = np.repeat(block != k, 3)
+        L = np.linalg.cholesky(C[np.ix_(kept, kept)])
+        A, b = (scipy.linalg.solve_triangular(L, v, lower=True) for v in (J[kept], r[kept]))
+        size = 1 / np.linalg.norm(A, axis=0)
+        moved.append(-size * np.linalg.lstsq(A * size, b, rcond=None)[0])
+    return np.array(moved)

@@ -1,0 +1,443 @@
+"""What a filter computes in a cycle, as kernels and tables: C and its twin in Python are both made from it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from ...cgen.text import GenerationError
+from ..manifold import Manifold, StatePart
+from ..system import System
+from ..transition import GAUSS, TAYLOR, CurvedTransition, LinearTransition
+from .sparse import EntryMatrix, EntryProduct, Place, closed, constant, pattern, picked, product, sparse_of
+
+SAME = 1e-12  # of the largest: entries that differ by less at random points are equal
+POINTS = 20
+
+
+@dataclass(frozen=True, eq=False)
+class Kernel:
+    """A generated body: columns in, columns out."""
+
+    name: str
+    symbols: list[Any]
+    results: list[Any]
+
+    def called(self, name: str) -> ca.Function:
+        """The function under a name; under any name the same instructions."""
+        return ca.Function(name, self.symbols, self.results)
+
+
+@dataclass(frozen=True, eq=False)
+class TransitionPlan:
+    """One step of Runge and Kutta with its derivative, and the covariance of its noise; see gt_filter.h.
+
+    A path is how x follows the error at the begin of the step: rows that move, `moving` of them, then fixed ones,
+    at the columns where these have entries; `fixed_path` holds the latter at each stage and at the end. A response
+    is how the error follows noise: entries that move, then those that are the same in every step, `fixed_response`
+    for each power of A and `fixed_total` at each node.
+    """
+
+    rates: Kernel
+    frame: Kernel | None
+    noise: Kernel | None
+    jacobian: EntryMatrix
+    frames: EntryMatrix
+    arrival: EntryMatrix
+    drift: EntryMatrix
+    drive: EntryMatrix
+    moving: int
+    width: int
+    frame_places: list[int]
+    picked: list[int]
+    fixed_path: np.ndarray
+    responses: list[Place]
+    fixed_response: np.ndarray
+    fixed_total: np.ndarray
+    response: EntryProduct
+    spread: EntryProduct
+    weights: np.ndarray
+    powers: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class SensorPlan:
+    """What is measured, and what is not to be believed."""
+
+    name: str
+    size: int
+    first: int
+    delay: int
+    quaternion: bool
+    stale: int
+    closed: int
+    gate: float
+    kernel: Kernel
+    jacobian: EntryMatrix
+    variance: np.ndarray
+    deviation: float
+
+
+@dataclass(frozen=True, eq=False)
+class FilterPlan:
+    """All of a filter that does not change."""
+
+    size: int
+    errors: int
+    inputs: int
+    parts: int
+    step: float
+    given: Kernel | None
+    motion: TransitionPlan | None
+    turn: Kernel | None
+    unit: Kernel | None
+    turned: list[tuple[int, int]]
+    error_of: list[int]
+    transition: EntryMatrix
+    noise: EntryMatrix
+    sensors: tuple[SensorPlan, ...]
+    depth: int = field(default=0)
+
+    @property
+    def stride(self) -> int:
+        """Of a row of the covariance: rows are taken in pairs of numbers."""
+        return self.errors + self.errors % 2
+
+    @property
+    def numbers(self) -> int:
+        """Of the readings of all sensors."""
+        return sum(s.size for s in self.sensors)
+
+    @property
+    def kernels(self) -> list[Kernel]:
+        """All generated bodies."""
+        m = self.motion
+        moving = [self.given] if m is None else [m.rates, m.frame, m.noise, self.unit]
+        return [k for k in [*moving, self.turn, *[s.kernel for s in self.sensors]] if k is not None]
+
+
+def plan_of(
+    system: System,
+    period: float,
+    stale: Mapping[str, int],
+    closed_gates: Mapping[str, int],
+) -> FilterPlan:
+    """The plan of a system with cycles of `period` [s]. Raises GenerationError for what C does not know."""
+    space, maker = system.space, _Maker(system)
+    if system.curved_errors:
+        raise GenerationError("a direction among the states is not written in C; describe it by a unit quaternion")
+    sensors, first = [], 0
+    for name, sensor in system.sensors.items():
+        delay = _cycles(sensor.lag, period, f"the delay of '{name}'")
+        if delay < 0:
+            raise GenerationError(f"the delay of '{name}' is below zero; a loop knows no reading of the future")
+        size = system.readings[name].size
+        residual = maker.kernel(
+            f"sensor_{name}", {"t": 1, "x": space.size, "u": maker.inputs, "z": size},
+            lambda t, x, u, z, name=name: system.residual((name,), t, x, u, z), upright=(1,),
+        )  # fmt: skip
+        H = sparse_of(residual[1])
+        made = _made(f"sensor_{name}", residual, [residual[0], H.expressions])
+        gate = float(system.gate_limits(name)[-1]) if sensor.gate else 0.0
+        deviations = system.deviations[name]
+        own = SensorPlan(
+            name, size, first, delay, sensor.kind != "vector", stale.get(name, 0), closed_gates.get(name, 0), gate,
+            made, H, deviations**2, float(deviations.min()),
+        )  # fmt: skip
+        sensors.append(own)
+        first += size
+    depth = max(s.delay for s in sensors)
+    turned = [(at.start, along.start) for part, at, along in space.places() if part.kind == "quaternion"]
+    error_of = [-1] * space.size
+    for part, at, along in space.places():
+        if part.kind == "vector":
+            error_of[at] = _range(along)
+    common = {"turned": turned, "error_of": error_of, "sensors": tuple(sensors), "depth": depth}
+    common |= _of_quaternions(maker) if turned else {"turn": None, "unit": None}
+    moved = _moved(system, maker, period)
+    return FilterPlan(size=space.size, errors=space.dimension, inputs=maker.inputs, **moved, **common)
+
+
+def _moved(system: System, maker: _Maker, period: float) -> dict[str, Any]:
+    """What of the plan tells how the state goes on."""
+    space, transition = system.space, system.transition
+    n = space.dimension
+    if isinstance(transition, CurvedTransition):
+        parts = max(1, int(np.ceil(period / transition.longest - 1e-9)))
+        step = period / parts
+        motion, F, Q = _motion(system, maker, step)
+        return {"parts": parts, "step": step, "given": None, "motion": motion, "transition": F, "noise": Q}
+    sizes = {"t": 1, "x": space.size, "u": maker.inputs, "v": maker.inputs}
+    if isinstance(transition, LinearTransition):
+        F, first, last, rest, Q = transition.matrices(period)
+        parts, step = 1, period
+        made = maker.kernel("given", sizes, lambda t, x, u, v: [F @ x + first @ u + last @ v + rest, ca.DM(F)])
+    else:
+        parts, step, Q = _cycles(period, transition.period, "the period"), transition.period, transition.Q
+
+        def after(t: Any, x: Any, u: Any, v: Any) -> list[Any]:
+            there = space.to_unit(system.rates(t, x, u, ca.DM.zeros(0)))
+            return [there, ca.mtimes([space.to_error(there), ca.jacobian(there, x), space.from_error(x)])]
+
+        made = maker.kernel("given", sizes, after)
+    matrix = sparse_of(made[1])
+    if matrix.shape != (n, n):
+        raise GenerationError("the process gives a transition of another size; this is a gtmodel error")
+    return {
+        "parts": parts, "step": step, "given": _made("given", made, [made[0], matrix.expressions]), "motion": None,
+        "transition": matrix, "noise": constant(np.tril(Q)),
+    }  # fmt: skip
+
+
+def _of_quaternions(maker: _Maker) -> dict[str, Kernel]:
+    """A quaternion and the error that turns it; one of unit length, and how its error follows the given one."""
+    space = Manifold([StatePart("q", "quaternion", 4)])
+    turn = maker.kernel("turn", {"x": 4, "d": 3}, lambda x, d: [space.plus_symbols(x, d)])
+
+    def units(x: Any) -> list[Any]:
+        there = space.to_unit(x)
+        return [there, space.to_error(there) / ca.sqrt(ca.dot(x, x))]
+
+    unit = maker.kernel("unit", {"x": 4}, units)
+    rows = [unit[1][i, j] for i in range(3) for j in range(4)]
+    return {"turn": _made("turn", turn, [turn[0]]), "unit": _made("unit", unit, [unit[0], ca.vertcat(*rows)])}
+
+
+def _motion(system: System, maker: _Maker, step: float) -> tuple[TransitionPlan, EntryMatrix, EntryMatrix]:
+    """The plan of one step, F and Q."""
+    space, d = system.space, system.dynamics
+    n, none = space.dimension, ca.DM.zeros(sum(d.noise.values()))
+    at = {"t": 1, "x": space.size, "u": maker.inputs}
+
+    def rates(t: Any, x: Any, u: Any) -> list[Any]:
+        rate = system.rates(t, x, u, none)
+        return [rate, ca.jacobian(rate, x)]
+
+    def drifts(t: Any, x: Any, u: Any) -> list[Any]:
+        """Rates of errors, and directions of noise; as `CurvedTransition`."""
+        w, dt = d.symbol("w", none.numel()), d.symbol("h")
+        rate = system.rates(t, x, u, w)
+        G = ca.substitute(ca.jacobian(rate, w), w, none) if none.numel() else ca.jacobian(rate, w)
+        there = space.to_unit(x + dt * system.rates(t, x, u, none))
+        euler = ca.mtimes([space.to_error(there), ca.jacobian(there, x), space.from_error(x)])
+        A = ca.substitute(ca.reshape(ca.jacobian(ca.vec(euler), dt), n, n), dt, 0)
+        return [A, ca.mtimes([space.to_error(x), G, np.sqrt(d.intensity)])]
+
+    rate, drift = maker.kernel("rates", at, rates), maker.kernel("noise", at, drifts, upright=(0, 1))
+    frame = maker.kernel("frame", {"x": space.size}, lambda x: [space.from_error(x)])
+    J, S, A, G = (sparse_of(m) for m in (rate[1], frame[0], drift[0], drift[1]))
+    E = _arrival(space)
+    path, stages, F_values = _path(J, S, E, step)
+    weights = np.array([weight * step for _, weight in GAUSS])
+    powers = np.array([[_power(node * step, k) for k in range(1, TAYLOR + 1)] for node, _ in GAUSS])
+    responses, fixed_response, fixed_total, Q_values = _responses(A, G, weights, powers)
+    F, Q = _changing((n, n), F_values), _changing((n, n), Q_values)
+    turning = len(responses) - fixed_response.shape[1]
+    A, G = picked(A, {i for i, _ in responses[:turning]}), picked(G, {i for i, _ in responses[:turning]})
+    # rows of a path that move, those that these and F need beside them, and the columns of both
+    changing = [F.places[k] for k in F.changing]
+    rows = sorted({i for (i, _), own in zip(path, stages.T, strict=True) if np.isnan(own).any()})
+    J, S, E = picked(J, set(rows)), picked(S, set(rows)), picked(E, {i for i, _ in changing})
+    beside = sorted({j for _, j in (*J.places, *E.places)} - set(rows))
+    columns = sorted({j for i, j in path if i in rows} | {j for _, j in changing})
+    width = len(columns) + len(columns) % 2
+    row_of = {i: n for n, i in enumerate([*rows, *beside])}
+    column_of = {j: n for n, j in enumerate(columns)}
+    fixed_path = np.zeros((len(stages), len(beside), width))
+    for (i, j), own in zip(path, stages.T, strict=True):
+        if i in beside and j in column_of:
+            fixed_path[:, row_of[i] - len(rows), column_of[j]] = own
+    frame_places = [row_of[i] * width + column_of[j] for i, j in S.places]
+    of_F = sorted({i for i, _ in changing})
+    taken = [of_F.index(i) * width + column_of[j] for i, j in changing]
+    J, E = J.placed(rows, row_of), E.placed(of_F, row_of)
+    turned = [(j, i) for i, j in responses]
+    own = sorted(range(len(turned)), key=turned.__getitem__)
+    spread = product(responses, [turned[k] for k in own], [Q.places[k] for k in Q.changing])
+    plan = TransitionPlan(
+        _made("rates", rate, [rate[0], J.expressions]),
+        _made("frame", frame, [S.expressions]) if len(S.changing) else None,
+        _made("noise", drift, [A.expressions, G.expressions]) if len(A.changing) + len(G.changing) else None,
+        J, S, E, A, G, len(rows), width, frame_places, taken, fixed_path, responses, fixed_response, fixed_total,
+        product(A.places, responses, responses[:turning]),
+        # the transpose holds the same numbers as the responses, in another order
+        EntryProduct(spread.start, spread.left, np.array(own, int)[spread.right]),
+        weights, powers,
+    )  # fmt: skip
+    return plan, F, Q
+
+
+def _arrival(space: Manifold) -> EntryMatrix:
+    """How the error at the end follows x: one for vectors, twelve changing entries for each quaternion."""
+    entries = []
+    for part, at, along in space.places():
+        if part.kind == "vector":
+            entries += [((i, j), 1.0) for i, j in zip(_range(along), _range(at), strict=True)]
+        else:
+            entries += [((i, j), np.nan) for i in _range(along) for j in _range(at)]
+    return _changing((space.dimension, space.size), dict(entries))
+
+
+def _range(along: slice) -> range:
+    return range(along.start, along.stop)
+
+
+def _changing(shape: tuple[int, int], values: Mapping[Place, float]) -> EntryMatrix:
+    """A matrix whose entries change where they are no numbers."""
+    places = tuple(sorted(values))
+    value = np.array([values[place] for place in places])
+    changing = np.flatnonzero(np.isnan(value))
+    return EntryMatrix(shape, places, np.where(np.isnan(value), 0.0, value), changing, None)
+
+
+def _unknown(matrix: EntryMatrix) -> np.ndarray:
+    """Its values, no numbers where they change: what is computed of them is none either."""
+    value = matrix.value.copy()
+    value[matrix.changing] = np.nan
+    return value
+
+
+def _path(
+    J: EntryMatrix, S: EntryMatrix, E: EntryMatrix, step: float
+) -> tuple[list[Place], np.ndarray, dict[Place, float]]:
+    """Where a path has entries, their values at four stages and at the end, and those of F; no numbers where they
+    change."""
+    path = closed(J.places, S.places)
+    along = product(J.places, path, path)
+    begin = np.zeros(len(path))
+    begin[[path.index(place) for place in S.places]] = _unknown(S)
+    change, total, stages = np.zeros(len(path)), np.zeros(len(path)), []
+    for share, weight in ((0.0, 1.0), (0.5, 2.0), (0.5, 2.0), (1.0, 1.0)):
+        stages.append(begin + share * step * change)
+        change = along.applied(_unknown(J), stages[-1])
+        total = total + weight * change
+    stages.append(begin + step / 6 * total)
+    places = pattern(E.places, path)
+    F = product(E.places, path, places).applied(_unknown(E), stages[-1])
+    return path, np.array(stages), dict(zip(places, F.tolist(), strict=True))
+
+
+def _responses(
+    A: EntryMatrix, G: EntryMatrix, weights: np.ndarray, powers: np.ndarray
+) -> tuple[list[Place], np.ndarray, np.ndarray, dict[Place, float]]:
+    """Where a response has entries, those that move first; the others for each power of A and at each node; Q."""
+    places = closed(A.places, G.places)
+    again = product(A.places, places, places)
+    terms = [np.zeros(len(places))]
+    terms[0][[places.index(place) for place in G.places]] = _unknown(G)
+    for _ in range(TAYLOR):
+        terms.append(again.applied(_unknown(A), terms[-1]))
+    totals = [terms[0] + sum(p * term for p, term in zip(row, terms[1:], strict=True)) for row in powers]
+    turned = [(j, i) for i, j in places]
+    own = sorted(range(len(turned)), key=turned.__getitem__)
+    of_noise = [(i, j) for i, j in pattern(places, turned) if j <= i]
+    spread = product(places, [turned[k] for k in own], of_noise)
+    Q = sum(w * spread.applied(total, total[own]) for w, total in zip(weights, totals, strict=True))
+    order, fixed = _sorted(np.array([*terms, *totals]))
+    return (
+        [places[k] for k in order], fixed[: len(terms)], fixed[len(terms) :],
+        dict(zip(of_noise, np.asarray(Q).tolist(), strict=True)),
+    )  # fmt: skip
+
+
+def _sorted(rows: np.ndarray) -> tuple[list[int], np.ndarray]:
+    """The columns that are no numbers in some row first, and the others."""
+    moving = np.isnan(rows).any(axis=0)
+    fixed = np.flatnonzero(~moving)
+    return [*np.flatnonzero(moving).tolist(), *fixed.tolist()], rows[:, fixed]
+
+
+def _power(s: float, k: int) -> float:
+    """s^k / k!"""
+    made = 1.0
+    for n in range(1, k + 1):
+        made *= s / n
+    return made
+
+
+def _cycles(time: float, period: float, what: str) -> int:
+    """How many periods a time is. Raises GenerationError where it is no whole number of them."""
+    count = round(time / period)
+    if abs(count * period - time) > 1e-6 * period:
+        raise GenerationError(f"{what}, {time:g} s, is no multiple of {period:g} s; give one that is", "period")
+    return count
+
+
+@dataclass(frozen=True, eq=False)
+class KernelExpressions:
+    """Expressions of symbols."""
+
+    symbols: list[Any]
+    results: list[Any]
+
+    def __getitem__(self, k: int) -> Any:
+        return self.results[k]
+
+
+def _made(name: str, made: KernelExpressions, results: Sequence[Any]) -> Kernel:
+    dense: Any = ca.cse([ca.densify(ca.vec(r)) for r in results])
+    return Kernel(name, made.symbols, dense)
+
+
+class _Maker:
+    """Makes expressions of scalars from those of the system, which may hold functions."""
+
+    def __init__(self, system: System) -> None:
+        self.system = system
+        self.inputs = sum(system.dynamics.inputs.values())
+        rng = np.random.default_rng(0)
+        points = rng.normal(size=(POINTS, system.space.size))
+        for part, at, _ in system.space.places():
+            if part.kind != "vector":
+                points[:, at] /= np.linalg.norm(points[:, at], axis=1)[:, None]
+        self.points, self.rng = points, rng
+
+    def kernel(
+        self, name: str, sizes: Mapping[str, int], results: Callable[..., Any], upright: Sequence[int] = ()
+    ) -> KernelExpressions:
+        """Results of columns of these sizes; of those in `upright` entries that are the same in every attitude are
+        taken where nothing is turned, which leaves less to compute."""
+        own = [self.system.dynamics.symbol(key, size) for key, size in sizes.items()]
+        try:
+            function = ca.Function(name, own, list(results(*own))).expand()
+        except RuntimeError as error:
+            raise GenerationError(
+                f"the model solves equations by iteration in '{name}', which C of a filter does not know"
+            ) from error
+        symbols = [ca.SX.sym(key, size) for key, size in sizes.items()]
+        made: list[Any] = [ca.sparsify(r) for r in function.call(symbols)]
+        for k in upright:
+            made[k] = self._upright(made[k], symbols, [*sizes].index("x"))
+        return KernelExpressions(symbols, made)
+
+    def _upright(self, matrix: Any, symbols: list[Any], at_x: int) -> Any:
+        x = symbols[at_x]
+        still = ca.SX(x)
+        for part, at, _ in self.system.space.places():
+            if part.kind == "quaternion":
+                still[at] = ca.SX([1.0, 0.0, 0.0, 0.0])
+        other = ca.substitute(matrix, x, still)
+        both = ca.Function("both", symbols, [ca.vec(ca.densify(matrix)), ca.vec(ca.densify(other))])
+        rows = []
+        for point in self.points:
+            given = [point if k == at_x else self.rng.normal(size=s.numel()) for k, s in enumerate(symbols)]
+            rows.append([np.asarray(r).ravel() for r in both.call([ca.DM(g) for g in given])])
+        first, second = (np.array([row[k] for row in rows]) for k in (0, 1))
+        scale = np.max(np.abs(first), initial=0.0) or 1.0
+        same = np.max(np.abs(first - second), axis=0) <= SAME * scale
+        steady = np.ptp(second, axis=0) <= SAME * scale
+        entries = []
+        flat, simple = ca.vec(ca.densify(matrix)), ca.vec(ca.densify(other))
+        for k in range(flat.numel()):
+            if not same[k]:
+                entries.append(flat[k])
+            elif steady[k]:
+                value = float(second[0, k])
+                entries.append(ca.SX(0.0 if abs(value) <= SAME * scale else value))
+            else:
+                entries.append(ca.simplify(simple[k]))
+        return ca.sparsify(ca.reshape(ca.vertcat(*entries), *matrix.shape))

@@ -1,0 +1,149 @@
+"""Matrices by their entries that are not zero, and products of them as sums over terms."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import accumulate
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+Place = tuple[int, int]
+
+
+@dataclass(frozen=True, eq=False)
+class EntryMatrix:
+    """places: of the entries, row after row. value: of each, 0 where it changes. changing: which do. expressions: of
+    these."""
+
+    shape: tuple[int, int]
+    places: tuple[Place, ...]
+    value: np.ndarray
+    changing: np.ndarray
+    expressions: Any
+
+    @property
+    def start(self) -> list[int]:
+        """The first entry of each row, and the number of all."""
+        count = np.bincount([i for i, _ in self.places], minlength=self.shape[0])
+        return [0, *accumulate(count.tolist())]
+
+    @property
+    def columns(self) -> list[int]:
+        """The column of each entry."""
+        return [j for _, j in self.places]
+
+    @cached_property
+    def slots(self) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+        """The first entries of all rows, the second ones, ...: (rows, entries, columns)."""
+        start, columns = np.array(self.start), np.array(self.columns, int)
+        sizes, made = np.diff(start), []
+        for k in range(int(sizes.max(initial=0))):
+            rows = np.flatnonzero(sizes > k)
+            made.append((rows, start[rows] + k, columns[start[rows] + k]))
+        return made
+
+    def times(self, value: np.ndarray, matrix: np.ndarray) -> np.ndarray:
+        """The product with a dense matrix, of each entry the terms in the order of the row."""
+        made = np.zeros((self.shape[0], matrix.shape[1]), matrix.dtype)
+        for k, (rows, entries, columns) in enumerate(self.slots):
+            term = value[entries, None] * matrix[columns]
+            made[rows] = made[rows] + term if k else term
+        return made
+
+    def placed(self, rows: Sequence[int], columns: Mapping[int, int]) -> EntryMatrix:
+        """The same entries with these rows counted from 0, and the columns by other numbers."""
+        row_of = {i: n for n, i in enumerate(rows)}
+        places = tuple((row_of[i], columns[j]) for i, j in self.places)
+        return EntryMatrix((len(rows), len(columns)), places, self.value, self.changing, self.expressions)
+
+
+def sparse_of(matrix: Any) -> EntryMatrix:
+    """An SX matrix by its entries."""
+    matrix = ca.sparsify(matrix)
+    rows, columns = matrix.sparsity().get_triplet()
+    order = sorted(range(len(rows)), key=lambda k: (rows[k], columns[k]))
+    entries = matrix.nonzeros()
+    value = np.array([float(entries[k]) if entries[k].is_constant() else 0.0 for k in order])
+    changing = np.array([n for n, k in enumerate(order) if not entries[k].is_constant()], int)
+    moved = [entries[order[n]] for n in changing]
+    places = tuple((rows[k], columns[k]) for k in order)
+    return EntryMatrix(tuple(matrix.shape), places, value, changing, ca.vertcat(*moved) if moved else ca.SX(0, 1))
+
+
+def constant(matrix: np.ndarray) -> EntryMatrix:
+    """A matrix of numbers."""
+    return sparse_of(ca.SX(ca.DM(matrix)))
+
+
+@dataclass(frozen=True, eq=False)
+class EntryProduct:
+    """Entries of C = A B: of entry n the terms start[n] to start[n + 1], left[t] of A times right[t] of B."""
+
+    start: tuple[int, ...]
+    left: np.ndarray
+    right: np.ndarray
+
+    def applied(self, left: np.ndarray, right: np.ndarray) -> np.ndarray:
+        """The entries of C from those of A and B."""
+        made = np.zeros(len(self.start) - 1, left.dtype)
+        for rows, a, b in self.slots:
+            made[rows] += left[a] * right[b]
+        return made
+
+    @cached_property
+    def slots(self) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+        """The first terms of all entries, the second ones, ...: (entries, left, right)."""
+        sizes = np.diff(self.start)
+        made = []
+        for k in range(int(sizes.max(initial=0))):
+            rows = np.flatnonzero(sizes > k)
+            terms = np.array(self.start)[rows] + k
+            made.append((rows, self.left[terms], self.right[terms]))
+        return made
+
+
+def product(left: Sequence[Place], right: Sequence[Place], out: Sequence[Place]) -> EntryProduct:
+    """How the entries `out` of a product come of entries of both matrices, the inner index ascending."""
+    of_row: dict[int, list[tuple[int, int]]] = defaultdict(list)
+    for n, (i, k) in enumerate(left):
+        of_row[i].append((k, n))
+    by_place = {place: n for n, place in enumerate(right)}
+    terms = [[(n, by_place[k, j]) for k, n in sorted(of_row[i]) if (k, j) in by_place] for i, j in out]
+    flat = [t for row in terms for t in row]
+    start = tuple(accumulate([0, *map(len, terms)]))
+    return EntryProduct(start, np.array([a for a, _ in flat], int), np.array([b for _, b in flat], int))
+
+
+def picked(matrix: EntryMatrix, rows: set[int]) -> EntryMatrix:
+    """The entries of some rows alone."""
+    kept = [n for n, (i, _) in enumerate(matrix.places) if i in rows]
+    new = {n: k for k, n in enumerate(kept)}
+    own = [k for k, n in enumerate(matrix.changing) if n in new]
+    changing = np.array([new[n] for n in matrix.changing[own]], int)
+    places = tuple(matrix.places[n] for n in kept)
+    given = matrix.expressions
+    moved = None if given is None else ca.vertcat(*[given[k] for k in own]) if own else ca.SX(0, 1)
+    return EntryMatrix(matrix.shape, places, matrix.value[kept], changing, moved)
+
+
+def pattern(left: Sequence[Place], right: Sequence[Place]) -> list[Place]:
+    """Where a product is not zero."""
+    of_row: dict[int, list[int]] = defaultdict(list)
+    for k, j in right:
+        of_row[k].append(j)
+    return sorted({(i, j) for i, k in left for j in of_row[k]})
+
+
+def closed(left: Sequence[Place], begin: Sequence[Place]) -> list[Place]:
+    """Where begin, left begin, left left begin, ... are not zero."""
+    every = set(begin)
+    while True:
+        more = every | set(pattern(left, sorted(every)))
+        if more == every:
+            return sorted(every)
+        every = more

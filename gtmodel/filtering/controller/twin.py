@@ -1,0 +1,356 @@
+"""A filter's cycle in Python, the same operations in the same order as gt_filter.h, on NumPy's columns."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ...cgen.real import DOUBLE, Real
+from ...cgen.virtual_machine import run
+from ...results.status import Status
+from ..transition import TAYLOR
+from .plan import FilterPlan, Kernel, SensorPlan, TransitionPlan
+from .sparse import EntryMatrix
+
+# as in gt_filter.h
+UNIT = 2e-6
+MOST = 1_000_000_000
+
+
+class Pair:
+    """Mean, covariance, time and counters of an instant."""
+
+    def __init__(self, time: np.ndarray, x: np.ndarray, P: np.ndarray, closed: np.ndarray) -> None:
+        self.time, self.x, self.P, self.closed = time, x, P, closed
+
+    def copy(self) -> Pair:
+        """One of its own."""
+        return Pair(self.time.copy(), self.x.copy(), self.P.copy(), self.closed.copy())
+
+
+class Outcome:
+    """What the readings of an instant came to."""
+
+    def __init__(self, sensors: int, zero: Any) -> None:
+        self.nis, self.count, self.gated = zero, 0, [False] * sensors
+
+
+class _Called:
+    """A kernel on columns of numbers of one kind."""
+
+    def __init__(self, kernel: Kernel, real: Real) -> None:
+        self.f, self.real = kernel.called(kernel.name), real
+        self.shapes = [self.f.numel_out(k) for k in range(self.f.n_out())]
+        if real is DOUBLE:
+            self.given = [np.zeros(self.f.numel_in(k)) for k in range(self.f.n_in())]
+            self.results = [np.zeros(n) for n in self.shapes]
+            self.buffer, self.run = self.f.buffer()
+            places: list[tuple[Any, list[Any]]] = [
+                (self.buffer.set_arg, self.given), (self.buffer.set_res, self.results)
+            ]  # fmt: skip
+            for setter, arrays in places:
+                for k, a in enumerate(arrays):
+                    if a.size:
+                        setter(k, memoryview(a))
+
+    def __call__(self, *columns: Any) -> list[np.ndarray]:
+        if self.real is not DOUBLE:
+            return [r[:, 0] for r in run(self.f, [np.asarray(c, self.real.dtype).reshape(-1, 1) for c in columns])]
+        for memory, value in zip(self.given, columns, strict=True):
+            memory[...] = value
+        self.run()
+        return [r.copy() for r in self.results]
+
+
+class FilterTwin:
+    """The filter of a plan in numbers of one kind."""
+
+    def __init__(self, plan: FilterPlan, real: Real, pivot: float) -> None:
+        self.plan, self.real, self.pivot = plan, real, real.dtype(pivot)
+        self.called = {k.name: _Called(k, real) for k in plan.kernels}
+        if plan.motion is not None:
+            m = plan.motion
+            self.weights, self.powers = real.array(m.weights), real.array(m.powers)
+            self.fixed = [real.array(f) for f in (m.fixed_path, m.fixed_response, m.fixed_total)]
+        self.variance = [real.array(s.variance) for s in plan.sensors]
+        self.values = {id(m): real.array(m.value) for m in self._matrices()}
+        self.noise_at = tuple(np.array(plan.noise.places, int).reshape(-1, 2).T)
+
+    def _matrices(self) -> Sequence[EntryMatrix]:
+        m = self.plan.motion
+        own = [] if m is None else [m.jacobian, m.frames, m.arrival, m.drift, m.drive]
+        return [self.plan.transition, self.plan.noise, *own, *[s.jacobian for s in self.plan.sensors]]
+
+    def filled(self, matrix: EntryMatrix, changing: np.ndarray) -> np.ndarray:
+        """Values of all entries."""
+        value = self.values[id(matrix)].copy()
+        value[matrix.changing] = changing
+        return value
+
+    # -- from instant to instant -----------------------------------------------------------------------
+
+    def _spread(self, F: np.ndarray, P: np.ndarray, noise: np.ndarray) -> np.ndarray:
+        """F P F' + Q, the lower triangle."""
+        times = self.plan.transition.times
+        P = times(F, np.ascontiguousarray(times(F, P).T))
+        P[self.noise_at] += noise
+        return P
+
+    def _move(self, time: Any, x: np.ndarray, u0: np.ndarray, u1: np.ndarray) -> tuple[np.ndarray, ...]:
+        """The mean after one step, F, and the entries of Q."""
+        plan, real, step = self.plan, self.real, self.real.dtype(self.plan.step)
+        m: Any = plan.motion
+        fixed = self.fixed[0]
+        noise = self._noise(m, time, x, u0)
+        begin = np.zeros(m.moving * m.width, real.dtype)
+        frame = self.called["frame"](x)[0] if m.frame is not None else np.zeros(0, real.dtype)
+        begin[m.frame_places] = self.filled(m.frames, frame)
+        begin = begin.reshape(m.moving, m.width)
+        rates, change = np.zeros_like(x), np.zeros_like(begin)
+        total, whole = np.zeros_like(x), np.zeros_like(begin)
+        for stage, (share, weight) in enumerate(((0.0, 1.0), (0.5, 2.0), (0.5, 2.0), (1.0, 1.0))):
+            part = real.dtype(share) * step
+            u = u0 + real.dtype(share) * (u1 - u0)
+            at = x + part * rates
+            rates, changing = self.called["rates"](time + part, at, u)
+            path = np.concatenate([begin + part * change, fixed[stage]])
+            change = m.jacobian.times(self.filled(m.jacobian, changing), path)
+            total = total + real.dtype(weight) * rates
+            whole = whole + real.dtype(weight) * change
+        sixth = step / real.dtype(6.0)
+        mean, changing = x + sixth * total, [np.zeros(0, real.dtype)]
+        for place, _ in plan.turned:
+            mean[place : place + 4], own = self.called["unit"](mean[place : place + 4])
+            changing.append(own)
+        path = np.concatenate([begin + sixth * whole, fixed[4]])
+        after = m.arrival.times(self.filled(m.arrival, np.concatenate(changing)), path)
+        return mean, self.filled(plan.transition, after.ravel()[m.picked]), noise
+
+    def _noise(self, m: TransitionPlan, time: Any, x: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """The entries of Q."""
+        real, (_, fixed, totals) = self.real, self.fixed
+        if m.noise is None:
+            drift, drive = np.zeros(0, real.dtype), np.zeros(0, real.dtype)
+        else:
+            drift, drive = self.called["noise"](time, x, u)
+        A = self.filled(m.drift, drift)
+        first = np.zeros(len(m.responses) - fixed.shape[1], real.dtype)
+        first[[m.responses.index(place) for place in m.drive.places]] = self.filled(m.drive, drive)
+        powers = [first]
+        for k in range(TAYLOR):
+            powers.append(m.response.applied(A, np.concatenate([powers[-1], fixed[k]])))
+        noise = np.zeros(len(m.spread.start) - 1, real.dtype)
+        for node, weight in enumerate(self.weights):
+            total = powers[0].copy()
+            for k in range(1, TAYLOR + 1):
+                total = total + self.powers[node, k - 1] * powers[k]
+            total = np.concatenate([total, totals[node]])
+            noise = noise + weight * m.spread.applied(total, total)
+        return self.filled(self.plan.noise, noise)
+
+    def advance(self, belief: Pair, u0: np.ndarray, u1: np.ndarray) -> None:
+        """One cycle on; of the covariance the lower triangle."""
+        plan, real = self.plan, self.real
+        for part in range(plan.parts):
+            begin, end = (u0 + (real.dtype(k) / real.dtype(plan.parts)) * (u1 - u0) for k in (part, part + 1))
+            if plan.motion is not None:
+                belief.x, F, noise = self._move(belief.time, belief.x, begin, end)
+            else:
+                belief.x, changing = self.called["given"](belief.time, belief.x, begin, end)
+                F = self.filled(plan.transition, changing)
+                noise = self.values[id(plan.noise)]
+            belief.P = self._spread(F, belief.P, noise)
+            if part < plan.parts - 1:
+                belief.P = mirrored(belief.P)
+            belief.time = belief.time + real.dtype(plan.step)
+
+    # -- readings --------------------------------------------------------------------------------------
+
+    def _reach(self, P: np.ndarray, matrix: EntryMatrix, lever: np.ndarray, row: int) -> tuple[Any, ...]:
+        """Columns of P, their factors, and b = P h'."""
+        along = slice(matrix.start[row], matrix.start[row + 1])
+        columns, values = matrix.columns[along], lever[along]
+        own = [np.concatenate([P[c, :c], P[c:, c]]) for c in columns]
+        b = values[0] * own[0]
+        for v, column in zip(values[1:], own[1:], strict=True):
+            b = b + v * column
+        return columns, values, own, b
+
+    def _gated(self, sensor: SensorPlan, variance: np.ndarray, P: np.ndarray, lever: Any, residual: Any) -> bool:
+        m, H = sensor.jacobian.shape[0], sensor.jacobian
+        zero = self.real.dtype(0.0)
+        L, white, nis = np.zeros((m, m), P.dtype), np.zeros(m, P.dtype), zero
+        for i in range(m):
+            b = self._reach(P, H, lever, i)[3]
+            for j in range(i + 1):
+                total = variance[i] if j == i else zero
+                for k in range(H.start[j], H.start[j + 1]):
+                    total = total + lever[k] * b[H.columns[k]]
+                L[i, j] = total
+        for i in range(m):
+            for j in range(i):
+                total = L[i, j]
+                for k in range(j):
+                    total = total - L[i, k] * L[j, k]
+                L[i, j] = total / L[j, j]
+            total = L[i, i]
+            for k in range(i):
+                total = total - L[i, k] * L[i, k]
+            L[i, i] = np.sqrt(abs(total))
+            total = residual[i]
+            for k in range(i):
+                total = total - L[i, k] * white[k]
+            white[i] = total / L[i, i]
+            nis = nis + white[i] * white[i]
+        return not nis <= self.real.dtype(sensor.gate)
+
+    def correct(
+        self, belief: Pair, u: np.ndarray, readings: np.ndarray, present: np.ndarray, outcome: Outcome
+    ) -> Status:
+        """The belief after the readings of an instant."""
+        plan, real = self.plan, self.real
+        at, residuals, levers = belief.P, {}, {}
+        for s, sensor in enumerate(plan.sensors):
+            outcome.gated[s] = False
+            if present[s]:
+                z = readings[sensor.first : sensor.first + sensor.size]
+                residuals[s], changing = self.called[sensor.kernel.name](belief.time, belief.x, u, z)
+                levers[s] = self.filled(sensor.jacobian, changing)
+                if sensor.gate > 0:
+                    outcome.gated[s] = self._gated(sensor, self.variance[s], at, levers[s], residuals[s])
+        error, nis, count = np.zeros(plan.errors, real.dtype), real.dtype(0.0), 0
+        for s, sensor in enumerate(plan.sensors):
+            if present[s] and not outcome.gated[s]:
+                for row in range(sensor.jacobian.shape[0]):
+                    lever = self._reach(belief.P, sensor.jacobian, levers[s], row)
+                    belief.P, error, share = self._used(
+                        belief.P, error, lever, self.variance[s][row], residuals[s][row]
+                    )
+                    nis, count = nis + share, count + 1
+                belief.closed[s] = 0
+            if outcome.gated[s] and belief.closed[s] < MOST:
+                belief.closed[s] += 1
+        belief.x = self._plus(belief.x, error)
+        outcome.nis, outcome.count = nis, count
+        if not (np.all(np.isfinite(belief.x)) and np.isfinite(nis)):
+            status = Status.NOT_FINITE
+        else:
+            status = self._positive(belief.P)
+        belief.P = mirrored(belief.P)
+        for s, sensor in enumerate(plan.sensors):
+            if status == Status.OK and 0 < sensor.closed < belief.closed[s]:
+                status = Status.OUT_OF_RANGE
+        return status
+
+    def _plus(self, x: np.ndarray, error: np.ndarray) -> np.ndarray:
+        of = np.array(self.plan.error_of)
+        made = np.where(of >= 0, x + error[np.maximum(of, 0)], x)
+        for place, at in self.plan.turned:
+            made[place : place + 4] = self.called["turn"](x[place : place + 4], error[at : at + 3])[0]
+        return made
+
+    def _used(self, P: np.ndarray, error: np.ndarray, lever: Any, variance: Any, residual: Any) -> tuple[Any, ...]:
+        """One number of a reading."""
+        columns, values, own, b = lever
+        s = variance
+        for c, v in zip(columns, values, strict=True):
+            s = s + v * b[c]
+            residual = residual - v * error[c]
+        inverse = self.real.dtype(1.0) / s
+        gain = b * inverse
+        rest = variance * gain
+        for c, v, column in zip(columns, values, own, strict=True):
+            rest = rest - v * (column - gain * b[c])
+        P = (P - gain[:, None] * b) + rest[:, None] * gain
+        return P, error + gain * residual, (residual * residual) * inverse
+
+    def _positive(self, P: np.ndarray) -> Status:
+        """Cholesky's factor of the lower triangle, column by column: of each entry the same terms in the same order."""
+        left = P.copy()
+        for k in range(len(P)):
+            pivot = left[k, k] - self.pivot * P[k, k]
+            if not np.isfinite(pivot):
+                return Status.NOT_FINITE
+            if not pivot > 0:
+                return Status.SINGULAR
+            column = left[k + 1 :, k] * (self.real.dtype(1.0) / np.sqrt(pivot))
+            left[k + 1 :, k + 1 :] -= column[:, None] * column
+        return Status.OK
+
+    # -- cycles ----------------------------------------------------------------------------------------
+
+    def cycle(self, state: Any, u: np.ndarray, z: np.ndarray, flags: np.ndarray) -> tuple[Status, Pair | None, Outcome]:
+        """One cycle on a state of arrays, see `ControllerFilter`."""
+        plan, ring = self.plan, self.plan.depth + 1
+        outcome = Outcome(len(plan.sensors), self.real.dtype(0.0))
+        if not np.all(np.isfinite(u)):
+            return Status.NOT_FINITE, None, outcome
+        for s, sensor in enumerate(plan.sensors):
+            if flags[s]:
+                status = self._judged(sensor, z[sensor.first : sensor.first + sensor.size])
+                if status != Status.OK:
+                    return status, None, outcome
+        slot = (int(state["place"]) + 1) % ring
+        state["place"] = slot
+        state["begun"] = min(int(state["begun"]) + 1, ring)
+        state["inputs"][slot] = u
+        state["present"][slot] = 0
+        for s, sensor in enumerate(plan.sensors):
+            if not flags[s]:
+                state["age"][s] += state["age"][s] < MOST
+                if 0 < sensor.stale < state["age"][s]:
+                    return Status.STALE_INPUT, None, outcome
+                continue
+            state["age"][s] = 0
+            if sensor.delay < state["begun"]:
+                there = (slot + ring - sensor.delay) % ring
+                along = slice(sensor.first, sensor.first + sensor.size)
+                state["readings"][there, along] = z[along]
+                state["present"][there, s] = 1
+        belief, left, before = state["belief"], int(state["begun"]), state["before"]
+        if left > plan.depth:
+            slot, left = (slot + 1) % ring, plan.depth
+            status = self._instant(state, belief, before, slot, outcome)
+            before = state["before"] = state["inputs"][slot].copy()
+            if status != Status.OK:
+                return status, None, outcome
+        now = belief
+        if plan.depth:
+            now, ahead = belief.copy(), Outcome(len(plan.sensors), self.real.dtype(0.0))
+            slot = (int(state["place"]) + ring + 1 - left) % ring
+            for _ in range(left):
+                status = self._instant(state, now, before, slot, ahead)
+                if status != Status.OK:
+                    return status, None, outcome
+                before, slot = state["inputs"][slot], (slot + 1) % ring
+        return Status.OK, now, outcome
+
+    def _instant(self, state: Any, belief: Pair, before: np.ndarray, slot: int, outcome: Outcome) -> Status:
+        u = state["inputs"][slot]
+        with np.errstate(all="ignore"):
+            self.advance(belief, before, u)
+            return self.correct(belief, u, state["readings"][slot], state["present"][slot], outcome)
+
+    def _judged(self, sensor: SensorPlan, z: np.ndarray) -> Status:
+        if not np.all(np.isfinite(z)):
+            return Status.NOT_FINITE
+        with np.errstate(over="ignore"):
+            square = self.real.dtype(0.0)
+            for x in z:
+                square = square + x * x
+        far = not np.all(np.abs(z) <= self.real.array(limits(sensor, self.real)))
+        turned = sensor.quaternion and not abs(square - self.real.dtype(1.0)) <= self.real.dtype(UNIT)
+        return Status.OUT_OF_RANGE if far or turned else Status.OK
+
+
+def mirrored(P: np.ndarray) -> np.ndarray:
+    """The lower triangle in both."""
+    return np.tril(P) + np.tril(P, -1).T
+
+
+def limits(sensor: SensorPlan, real: Real) -> np.ndarray:
+    """How large the numbers of a reading may be: there their round-off reaches the smallest deviation."""
+    most = 2.0 if sensor.quaternion else sensor.deviation / real.precision.round_off
+    return np.full(sensor.size, most)

@@ -1,0 +1,182 @@
+"""Interacting models: several systems that differ in noise or parameters, and how likely each is the right one now."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ...results.refusal import ArgumentError
+from ..belief import Belief, InitialState, Innovation
+from ..error_state import ErrorState
+from ..filter import Filter
+from ..spread import moments, spread_of
+from ..system import System, agree_in_shape
+from ..transition import Advance
+
+NEVER = -1e300  # logarithm of a probability of zero that stays finite in sums
+
+
+class Mixture(NamedTuple):
+    """One belief for each mode, and the logarithm of the modes' probabilities (m, modes)."""
+
+    modes: tuple[Belief, ...]
+    logs: np.ndarray
+
+    @property
+    def time(self) -> float:
+        """[s]"""
+        return self.modes[0].time
+
+    @property
+    def probabilities(self) -> np.ndarray:
+        """Of the modes (m, modes)."""
+        return np.exp(self.logs)
+
+
+class Interacting(Filter):
+    """Interacting multiple models: an error-state filter for each system, mixed before each step.
+
+    From one instant to the next the right system may change, as a Markov chain. Means are mixed as intrinsic means, by
+    minus and plus. The log-likelihood of the run is that of the mixture, and so are its residuals and their spread.
+    A gate judges the mixture, so that all modes use the same readings.
+
+    Args:
+        systems: two or more with the same states and sensors, such as `system.with_(noise={"jerk": 1e6})`.
+        stay: the chance to stay in a mode from one instant to the next, the others being equally likely; or the whole
+            matrix of chances, from row to column.
+        probabilities: of the modes at the start; equal if left out.
+        iterations: of each correction, as of `ErrorState`.
+
+    Source: Blom, Bar-Shalom 1988, IEEE Trans. Autom. Control 33, 780-783.
+
+    >>> parts = [gt.filtering.StatePart("x", unit="m")]
+    >>> tape = gt.filtering.Sensor("tape", "x", deviation=0.01)
+    >>> def walk(variance):
+    ...     process = gt.filtering.DiscreteProcess(parts, 0.1, lambda s: {"x": s.x}, [variance])
+    ...     return gt.filtering.System(process, [tape])
+    >>> t = 0.1 * np.arange(40)
+    >>> log = {"tape": gt.filtering.Readings(t, np.where(t < 2, 0.0, t - 2))}
+    >>> filter = gt.filtering.Interacting([walk(1e-6), walk(1e-2)], stay=0.95)
+    >>> run = filter.run(log, gt.filtering.InitialState({}, {"x": 0.1}))
+    >>> run.mode_probabilities[[15, 30], 0, 1].round(1).tolist()
+    [0.0, 1.0]
+    """
+
+    def __init__(
+        self, systems: Sequence[System], *, stay: Any = 0.99, probabilities: Any = None, iterations: int = 1
+    ) -> None:
+        systems = [*systems]
+        if len(systems) < 2:
+            raise ArgumentError(f"expected two or more systems; found {len(systems)}", "systems")
+        first = systems[0]
+        super().__init__(first)
+        agree_in_shape(systems)
+        self.filters = [ErrorState(system, iterations=iterations) for system in systems]
+        self.chances = _chances(stay, len(systems))
+        p = np.full(len(systems), 1 / len(systems)) if probabilities is None else np.asarray(probabilities, float)
+        if p.shape != (len(systems),) or not np.all(p >= 0) or abs(p.sum() - 1) > 1e-9:
+            raise ArgumentError(
+                f"expected {len(systems)} chances that sum to 1; found {probabilities!r}", "probabilities"
+            )
+        self.first = _logs(p)
+
+    def begin(self, start: InitialState, time: float, runs: int = 1) -> Mixture:
+        """All modes at the same start."""
+        beliefs = tuple(start.belief(filter.system, time, runs) for filter in self.filters)
+        return Mixture(beliefs, np.tile(self.first, (runs, 1)))
+
+    def advance(
+        self, belief: Mixture, time: float, u0: np.ndarray, u1: np.ndarray
+    ) -> tuple[Mixture, tuple[Advance, ...]]:
+        """Mixed, then each mode at a later time, and their steps; without time passing nothing is mixed."""
+        if time > belief.time:
+            belief = self._mixed(belief)
+        made = [filter.advance(one, time, u0, u1) for filter, one in zip(self.filters, belief.modes, strict=True)]
+        return Mixture(tuple(one for one, _ in made), belief.logs), tuple(step for _, step in made)
+
+    def _mixed(self, belief: Mixture) -> Mixture:
+        """Each mode starts from what the others know of the chance that it follows on them."""
+        joint = belief.probabilities[:, :, None] * self.chances
+        after = joint.sum(axis=1)
+        modes = []
+        for n, own in enumerate(belief.modes):
+            # a mode that nothing leads to keeps its own belief: its probability is zero
+            weights = np.where(after[:, n, None] > 0, joint[:, :, n], np.eye(len(self.filters))[n])
+            modes.append(_combined(self.system, belief.modes, weights / weights.sum(axis=1, keepdims=True), own.x))
+        return Mixture(tuple(modes), _logs(after))
+
+    def correct(
+        self, belief: Mixture, names: tuple[str, ...], z: np.ndarray, u: np.ndarray
+    ) -> tuple[Mixture, Innovation]:
+        """All modes after the readings, and how likely each of them has become."""
+        pairs = [*zip(self.filters, belief.modes, strict=True)]
+        seen = [filter.seen(one, names, z, u) for filter, one in pairs]
+        chances = belief.probabilities
+        residuals = np.stack([residual for residual, _, _, _ in seen], axis=1)
+        residual = np.sum(chances[..., None] * residuals, axis=1)
+        apart = np.where(np.isfinite(residuals), residuals - residual[:, None], 0.0)
+        S = moments(apart, chances)
+        own = self.system.variances(names)
+        for n, (filter, (_, _, S_mode, _)) in enumerate(zip(self.filters, seen, strict=True)):
+            S += chances[:, n, None, None] * (S_mode + np.diag(filter.system.variances(names) - own))
+        mixed = spread_of(self.system, names, residual, S, np.empty((len(S), 0, S.shape[-1])))
+        beliefs, logs = [], belief.logs.copy()
+        for n, ((filter, one), (residual, H, S, PH)) in enumerate(zip(pairs, seen, strict=True)):
+            spread = spread_of(filter.system, names, residual, S, PH, mixed.used)
+            solved = spread.solved()
+            logs[:, n] += spread.innovation(names, solved).log_likelihood
+            beliefs.append(filter.corrected(one, names, z, u, spread, solved.K, H))
+        total = log_sum(logs)
+        innovation = mixed.innovation(names, mixed.solved())._replace(log_likelihood=total)
+        return Mixture(tuple(beliefs), np.maximum(logs - total[:, None], NEVER)), innovation
+
+    def details(self, belief: Mixture) -> Mapping[str, np.ndarray]:
+        """Probabilities of the modes."""
+        return {"mode_probabilities": belief.probabilities}
+
+    def summary(self, belief: Mixture) -> Belief:
+        """Mean and covariance of the mixture."""
+        likeliest = np.argmax(belief.logs, axis=1)
+        guess = np.stack([one.x for one in belief.modes])[likeliest, np.arange(len(likeliest))]
+        return _combined(self.system, belief.modes, belief.probabilities, guess)
+
+
+def _combined(system: System, modes: Sequence[Belief], weights: np.ndarray, guess: np.ndarray) -> Belief:
+    """Mean and covariance of several beliefs with weights (m, modes)."""
+    space = system.space
+    x, P = np.stack([one.x for one in modes], axis=1), np.stack([one.P for one in modes], axis=1)
+    mean = space.mean(x, weights, guess)
+    d = space.minus(x, mean[:, None])
+    if system.curved_errors:
+        m, k, n = d.shape
+        J = space.carried(x.reshape(m * k, -1), -d.reshape(m * k, n)).reshape(P.shape)
+        P = J @ P @ J.mT
+    return Belief(modes[0].time, mean, np.einsum("mk,mkij->mij", weights, P) + moments(d, weights))
+
+
+def log_sum(logs: np.ndarray) -> np.ndarray:
+    """Logarithm of the sum over the last axis of numbers given by their logarithms."""
+    most = logs.max(axis=-1)
+    return most + np.log(np.sum(np.exp(logs - most[..., None]), axis=-1))
+
+
+def _logs(p: np.ndarray) -> np.ndarray:
+    return np.log(p, out=np.full_like(p, NEVER), where=p > 0)
+
+
+def _chances(stay: Any, modes: int) -> np.ndarray:
+    """The matrix of chances from mode to mode."""
+    try:
+        given = np.asarray(stay, float)
+    except (TypeError, ValueError):
+        given = np.full(3, np.nan)
+    if given.ndim == 0 and 0 < given <= 1:
+        return np.where(np.eye(modes, dtype=bool), given, (1 - given) / (modes - 1))
+    if given.shape != (modes, modes) or not np.all(given >= 0) or np.any(np.abs(given.sum(axis=1) - 1) > 1e-9):
+        raise ArgumentError(
+            f"expected a chance between 0 and 1, or ({modes}, {modes}) of them whose rows sum to 1; found {stay!r}",
+            "stay",
+        )
+    return given

@@ -1,0 +1,222 @@
+"""The particle filter with the linearised optimal proposal: each particle looks at the reading before it moves."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from ...results.refusal import ArgumentError
+from ..belief import Belief, InitialState, Innovation
+from ..error_state import joseph
+from ..filter import Filter
+from ..spread import moments, roots, spread_of
+from ..system import System
+from .interacting import log_sum
+
+Proposal = Literal["optimal", "bootstrap"]
+LEAST_SHARE = 0.05  # of the particles: a bootstrap that leaves fewer with weight is refused
+
+
+class Looked(NamedTuple):
+    """How the particles looked at a reading: noise of the process before it (n, n) or (m, N, n, n), gains
+    (m, N, n, k), Jacobians (m, N, k, n), variances of the readings (m, N, k)."""
+
+    Q: np.ndarray
+    K: np.ndarray
+    H: np.ndarray
+    R: np.ndarray
+
+
+class Cloud(NamedTuple):
+    """Particles of m runs, each the centre of a Gaussian that it is drawn from when it moves on.
+
+    x: (m, N, size). logs: logarithms of their weights (m, N). pending: covariance around each, (n, n) or (m, N, n, n):
+    noise of the process since the last reading, less what the reading says of it; at the start the whole uncertainty.
+    looked: at the last reading. effective: 1 / sum of squared weights (m,). instants: how many readings there were.
+    """
+
+    time: float
+    x: np.ndarray
+    logs: np.ndarray
+    pending: np.ndarray
+    looked: Looked | None
+    effective: np.ndarray
+    instants: int
+
+
+class ParticleFilter(Filter):
+    """Particle filter with the proposal p(x_k | x_(k-1), z_k), linearised at each particle.
+
+    A particle is weighted by how likely the reading was before it moved, and drawn from what process and reading
+    together say of it: exact where the readings are linear. It is drawn when it moves on, so mean and covariance are
+    those of the mixture of Gaussians, which vary less than those of the draws. The proposal "bootstrap" moves particles
+    by the process alone; where the readings are far more exact than the process, one particle is left with all the
+    weight, so it is refused with the effective size that is to be expected. Weights are logarithms; below half the
+    effective size the particles are drawn anew, systematically. The effective size of each instant stands in
+    `Filtered.effective`, and in its notes.
+
+    Args:
+        system: process and sensors.
+        particles: how many.
+        seed: of all draws; the same seed gives the same numbers.
+        proposal: "optimal" or "bootstrap".
+
+    Source: Doucet, Godsill, Andrieu 2000, Statistics and Computing 10, 197-208.
+
+    >>> parts = [gt.filtering.StatePart("x", unit="m")]
+    >>> process = gt.filtering.DiscreteProcess(parts, 0.1, lambda s: {"x": s.x}, [1e-2])
+    >>> system = gt.filtering.System(process, [gt.filtering.Sensor("tape", "x", deviation=0.01)])
+    >>> log = {"tape": gt.filtering.Readings(0.1 * np.arange(20), np.linspace(0, 1, 20))}
+    >>> filter = gt.filtering.ParticleFilter(system, particles=500, seed=1)
+    >>> run = filter.run(log, gt.filtering.InitialState({}, {"x": 0.1}))
+    >>> run["x"][-1].round(2), int(run.effective.min()) > 250
+    (np.float64(1.0), True)
+    """
+
+    def __init__(self, system: System, *, particles: int = 1000, seed: int = 0, proposal: Proposal = "optimal") -> None:
+        super().__init__(system)
+        if particles < 2:
+            raise ArgumentError(f"expected at least 2; found {particles}", "particles")
+        if proposal not in ("optimal", "bootstrap"):
+            raise ArgumentError(f"expected 'optimal' or 'bootstrap'; found {proposal!r}", "proposal")
+        self.particles, self.seed, self.proposal = particles, seed, proposal
+
+    def begin(self, start: InitialState, time: float, runs: int = 1) -> Cloud:
+        """All particles at the mean, not yet drawn: until the first reading the cloud is the Gaussian of the start."""
+        belief, N = start.belief(self.system, time, runs), self.particles
+        x = np.repeat(belief.x[:, None], N, axis=1)
+        return Cloud(belief.time, x, np.full((runs, N), -np.log(N)), belief.P[0], None, np.full(runs, float(N)), 0)
+
+    def advance(self, belief: Cloud, time: float, u0: np.ndarray, u1: np.ndarray) -> tuple[Cloud, None]:
+        """Each particle drawn and at a later time, its noise still to come; nothing happens without time passing."""
+        if time == belief.time:
+            return belief, None
+        if belief.looked is not None:
+            belief = self._drawn(belief, belief.looked)
+        m, N, size = belief.x.shape
+        step = self.system.transition(belief.time, time - belief.time, belief.x.reshape(m * N, size), u0, u1)
+        F, Q = (a if a.ndim == 2 else a.reshape(m, N, *a.shape[1:]) for a in (step.F, step.Q))
+        pending = F @ belief.pending @ F.mT + Q if belief.pending.any() else Q
+        return belief._replace(time=time, x=step.x.reshape(m, N, size), pending=pending), None
+
+    def _drawn(self, belief: Cloud, looked: Looked) -> Cloud:
+        """Particles drawn anew where few carry the weight, then each from its Gaussian."""
+        m, N, n = *belief.logs.shape, self.system.space.dimension
+        rng = np.random.default_rng([self.seed, belief.instants])
+        which, logs = np.tile(np.arange(N), (m, 1)), belief.logs
+        for run in np.flatnonzero(belief.effective < N / 2):
+            logs = logs.copy() if logs is belief.logs else logs
+            which[run], logs[run] = _systematic(np.exp(logs[run]), rng.random()), -np.log(N)
+        runs = np.arange(m)[:, None]
+        Q, K, H, R = (a if a.ndim == 2 else a[runs, which] for a in looked)
+        # a draw from the process, corrected by the reading with noise of its own drawn into it (Matheron's rule)
+        noise = _draws(Q, rng, (m, N, n))[..., None]
+        own = (rng.standard_normal(R.shape) * np.sqrt(R))[..., None]
+        d = (noise - K @ (H @ noise + own))[..., 0]
+        return belief._replace(
+            x=self.system.space.plus(belief.x[runs, which], d), logs=logs, pending=np.zeros((n, n)), looked=None
+        )
+
+    def correct(self, belief: Cloud, names: tuple[str, ...], z: np.ndarray, u: np.ndarray) -> tuple[Cloud, Innovation]:
+        """The cloud after the readings z (m, numbers) of these sensors, side by side."""
+        system, space = self.system, self.system.space
+        m, N, size = belief.x.shape
+        n, reading, weights = space.dimension, system.reading(names), np.exp(belief.logs)
+        x, zs, pending = belief.x.reshape(m * N, size), np.repeat(z, N, axis=0), belief.pending
+        residual, H = reading(belief.time, x, u, zs)
+        k = residual.shape[1]
+        Q = np.broadcast_to(pending, (m, N, n, n)).reshape(m * N, n, n)
+        innovation, used = self._said(names, residual.reshape(m, N, k), H.reshape(m, N, k, n), Q, weights)
+        if self.proposal == "bootstrap":
+            self._check(belief, H.reshape(m, N, k, n), used, weights, system.variances(names))
+            rng = np.random.default_rng([self.seed, belief.instants, 1])
+            x = space.plus(x, _draws(pending, rng, (m, N, n)).reshape(m * N, n))
+            residual, H = reading(belief.time, x, u, zs)
+            pending, Q = np.zeros((n, n)), np.zeros_like(Q)
+        PH = Q @ H.mT
+        spread = spread_of(system, names, residual, H @ PH, PH, np.repeat(used, N, axis=0))
+        solved = spread.solved()
+        logs = belief.logs + spread.innovation(names, solved).log_likelihood.reshape(m, N)
+        total = log_sum(logs)
+        logs = logs - total[:, None]
+        x = space.plus(x, (solved.K @ spread.residual[..., None])[..., 0])
+        H = H if used.all() else np.where(spread.used[..., None], H, 0.0)
+        R = np.broadcast_to(spread.R, residual.shape)
+        looked = Looked(pending, *(a.reshape(m, N, *a.shape[1:]) for a in (solved.K, H, R)))
+        made = Cloud(
+            belief.time, x.reshape(m, N, size), logs, joseph(Q, solved.K, H, R).reshape(m, N, n, n), looked,
+            1 / np.sum(np.exp(2 * logs), axis=1), belief.instants + 1,
+        )  # fmt: skip
+        return made, innovation._replace(log_likelihood=total)
+
+    def _said(
+        self, names: tuple[str, ...], residual: np.ndarray, H: np.ndarray, Q: np.ndarray, weights: np.ndarray
+    ) -> tuple[Innovation, np.ndarray]:
+        """Residuals of the whole cloud and which readings are used: the gates judge the cloud, not a particle."""
+        m, N, k, n = H.shape
+        mean = np.sum(weights[..., None] * residual, axis=1)
+        apart = np.where(np.isfinite(residual), residual - mean[:, None], 0.0)
+        S = np.einsum("mp,mpij->mij", weights, H @ Q.reshape(m, N, n, n) @ H.mT) + moments(apart, weights)
+        spread = spread_of(self.system, names, mean, S, np.empty((m, 0, k)))
+        return spread.innovation(names, spread.solved()), spread.used
+
+    def _check(self, belief: Cloud, H: np.ndarray, used: np.ndarray, weights: np.ndarray, R: np.ndarray) -> None:
+        """Raises ArgumentError where the bootstrap would leave too few particles with weight."""
+        P = self.summary(belief).P
+        mean = np.einsum("mp,mpij->mij", weights, H) / np.sqrt(R)[:, None] * used[..., None]
+        ratios = np.linalg.eigvalsh(mean @ P @ mean.mT)
+        share = float(expected_share(ratios).min())
+        if share < LEAST_SHARE:
+            raise ArgumentError(
+                f"the bootstrap proposal collapses at {belief.time:g} s: of {self.particles} particles about "
+                f"{max(1.0, share * self.particles):.3g} would keep weight, since the readings are up to "
+                f"{np.sqrt(ratios.max()):.3g} times more exact than what they are to correct; take proposal='optimal'",
+                "proposal",
+            )
+
+    def summary(self, belief: Cloud) -> Belief:
+        """Mean and covariance of the cloud."""
+        space, weights = self.system.space, np.exp(belief.logs)
+        likeliest = belief.x[np.arange(len(weights)), np.argmax(weights, axis=1)]
+        x = space.mean(belief.x, weights, likeliest)
+        P = moments(space.minus(belief.x, x[:, None]), weights)
+        pending = belief.pending
+        return Belief(
+            belief.time, x, P + (pending if pending.ndim == 2 else np.einsum("mp,mpij->mij", weights, pending))
+        )
+
+    def details(self, belief: Cloud) -> Mapping[str, np.ndarray]:
+        """Effective size."""
+        return {"effective": belief.effective}
+
+
+def expected_share(ratios: Any) -> np.ndarray:
+    """The share of particles that keep weight when they are weighted by a reading, in the geometric mean over readings.
+
+    ratios: eigenvalues (..., k) of R^-1 H P H', the variance of what is read over that of the reading's noise.
+
+    >>> from gtmodel.filtering.family.particle import expected_share
+    >>> expected_share([[0.0], [1.0], [1e6]]).round(4).tolist()  # a ratio of deviations of 1, and of a thousand
+    [1.0, 0.6205, 0.0009]
+    """
+    r = np.maximum(np.asarray(ratios, float), 0.0)
+    return np.exp(np.sum(0.5 * np.log1p(2 * r) - np.log1p(r) - r / (1 + 2 * r), axis=-1))
+
+
+def _draws(covariance: np.ndarray, rng: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:
+    """Draws (m, N, n) of zero mean."""
+    free = rng.standard_normal(shape)
+    if not covariance.any():
+        return np.zeros(shape)
+    n = shape[-1]
+    L = roots(covariance.reshape(-1, n, n))
+    return free @ L[0].T if len(L) == 1 else (L @ free.reshape(-1, n, 1)).reshape(shape)
+
+
+def _systematic(weights: np.ndarray, offset: float) -> np.ndarray:
+    """Which particles are drawn: evenly spaced on the sum of the weights."""
+    ends = np.cumsum(weights)
+    at = (np.arange(len(weights)) + offset) / len(weights) * ends[-1]
+    return np.minimum(np.searchsorted(ends, at), len(weights) - 1)

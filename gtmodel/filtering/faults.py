@@ -1,0 +1,241 @@
+"""What is wrong with a filter whose innovations disagree: each suspect by itself, by what the log says of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ..results.refusal import ArgumentError
+from ..results.trajectory import Trajectory
+from .belief import InitialState
+from .error_state import ErrorState
+from .filter import values_of
+from .process import AnyProcess, ProcessModel
+from .readings import Readings, instants, readings_of
+from .sensors import ESTIMATE, Sensor
+from .system import System
+
+P_LIMIT = 1e-6  # a suspect less likely than that by chance is evidence; of a dozen suspects one in 1e5 logs is
+SEEN = 0.5  # the share of its first deviation below which a constant counts as determined by the log
+ALIKE = 20.0  # suspects whose improvement is within this of the best, a ratio of likelihoods of e^10, are alike
+LOG_RANGE = 4.0  # a density or deviation is sought within e^-4 to e^4 of the declared one
+NOISE = ("deviation", "density")
+
+
+@dataclass(frozen=True)
+class Suspect:
+    """One possible fault, and what the log says of it.
+
+    name: as in "acc.offset", "tracker.delay", "arm", "acc.deviation" (its noise), "jerk.density".
+    value, deviation: estimated change (k,) from what was declared, of noise the factor on the deviation or density.
+    improvement: twice the gain of log-likelihood, chi-squared with k degrees of freedom where there is no fault; p: how
+    likely so much is by chance. seen: whether the log determines it at all; where not, the motion does not show it.
+    """
+
+    name: str
+    value: np.ndarray
+    deviation: np.ndarray
+    improvement: float
+    p: float
+    seen: bool
+
+
+@dataclass(frozen=True)
+class FaultSearch:
+    """Suspects, the likeliest first; `named`: those that explain the log best, more than one where they cannot be
+    distinguished; `unseen`: what this motion does not show. message: both in a sentence."""
+
+    suspects: tuple[Suspect, ...]
+    named: tuple[str, ...]
+    unseen: tuple[str, ...]
+    message: str
+
+
+def find_faults(
+    process: AnyProcess,
+    sensors: Sequence[Sensor],
+    log: Mapping[str, Any],
+    initial: InitialState,
+    suspects: Mapping[str, Any],
+    *,
+    inputs: Trajectory | None = None,
+    progress: Callable[[float], bool] | None = None,
+) -> FaultSearch:
+    """Which of some suspects explains a log best, each taken alone.
+
+    suspects: name -> largest plausible size, a number or one per component: "SENSOR.offset", "SENSOR.scale" (of 1),
+        "SENSOR.delay" [s], names of parameters of the process; and "SENSOR.deviation", "NOISE.density", of which the
+        size does not matter. Offsets, scales, delays and parameters by how the innovations depend on them, to first
+        order; of noise the likelihood of the innovations is made largest over one factor.
+
+    Several runs in the log are taken to have one and the same fault. Raises ArgumentError for a name that is not there.
+
+    >>> parts = [gt.filtering.StatePart("x", unit="m")]
+    >>> process = gt.filtering.DiscreteProcess(parts, 0.1, lambda s: {"x": s.x}, [1e-6])
+    >>> sensors = [gt.filtering.Sensor("tape", "x", deviation=0.01), gt.filtering.Sensor("laser", "x", deviation=0.01)]
+    >>> initial = gt.filtering.InitialState({}, {"x": 1.0})
+    >>> drawn = gt.filtering.draw(gt.filtering.System(process, sensors), initial, 0.1 * np.arange(200), seed=1)
+    >>> drawn.log["laser"] = gt.filtering.Readings(drawn.time, drawn.log["laser"].values + 0.02)
+    >>> suspects = {"laser.offset": 0.1, "laser.deviation": 1.0}
+    >>> faults = gt.filtering.find_faults(process, sensors, drawn.log, initial, suspects)
+    >>> faults.named, faults.suspects[0].value.round(2).tolist()
+    (('laser.offset',), [0.02])
+    """
+    system = System(process, sensors)
+    constants = [name for name in suspects if name.rpartition(".")[2] not in NOISE]
+    rows = _constants(process, sensors, {n: suspects[n] for n in constants}, log, initial, inputs) if constants else []
+    for k, name in enumerate(n for n in suspects if n not in constants):
+        if progress is not None and progress(k / len(suspects)):
+            break
+        rows.append(_noise(system, name, log, initial, inputs))
+    rows.sort(key=lambda s: -s.improvement)
+    unseen = tuple(s.name for s in rows if not s.seen)
+    strong = [s for s in rows if s.seen and s.p < P_LIMIT]
+    named = tuple(s.name for s in strong if s.improvement >= strong[0].improvement - ALIKE)
+    return FaultSearch(tuple(rows), named, unseen, _message(rows, named, unseen))
+
+
+def _constants(
+    process: AnyProcess,
+    sensors: Sequence[Sensor],
+    sizes: Mapping[str, Any],
+    log: Mapping[str, Any],
+    initial: InitialState,
+    inputs: Trajectory | None,
+) -> list[Suspect]:
+    """Constants by how the innovations depend on them, all at one run: linearised about what was declared, so that a
+    filter without faults is not biased by looking for them (Friedland 1969, IEEE Trans. Autom. Control 14, 359-367)."""
+    own, estimate, declared, shifted = {s.name: s for s in sensors}, [], {}, dict(log)
+    for name in sizes:
+        owner, _, what = name.rpartition(".")
+        if owner not in own:
+            estimate.append(name)
+            continue
+        if what not in ("offset", "scale", "delay"):
+            raise ArgumentError(f"expected an offset, scale, delay or deviation of {owner}; found '{what}'", "suspects")
+        declared[name] = getattr(own[owner], what)
+        if what == "delay" and owner in log:  # the known part stays in the stamps
+            shifted[owner], declared[name] = _earlier(log[owner], own[owner].lag), 0.0
+        own[owner] = replace(own[owner], **{what: ESTIMATE})
+    system = System(process, [own[s.name] for s in sensors], estimate=estimate)
+    space, n = system.space, system.own.dimension
+    mean = {name: np.broadcast_to(np.asarray(v, float), (space.part(name)[0].size,)) for name, v in declared.items()}
+    start = InitialState({**initial.mean, **mean}, {**initial.deviation, **dict.fromkeys(sizes, 0.0)}, initial.time)
+    A, b = _score(system, n, shifted, start, inputs)
+    rows = []
+    for name, size in sizes.items():
+        part, _, along = space.part(name)
+        at = slice(along.start - n, along.stop - n)
+        try:
+            prior = np.broadcast_to(np.asarray(size, float), (part.size,)) ** -2.0
+        except ValueError:
+            raise ArgumentError(f"expected a number, or {part.size}; found {size!r}", "suspects") from None
+        said, information = A[at, at], A[at, at] + np.diag(prior)
+        spread = np.linalg.inv(information)
+        value = spread @ b[at]
+        improvement = float(b[at] @ value)
+        relative = np.linalg.eigvalsh(spread * np.sqrt(np.outer(prior, prior)))
+        seen = bool(np.all(np.isfinite(said)) and np.sqrt(relative[0]) < SEEN)
+        rows.append(Suspect(name, value, np.sqrt(np.diag(spread)), improvement, _chance(improvement, part.size), seen))
+    return rows
+
+
+def _score(
+    system: System, n: int, log: Mapping[str, Any], start: InitialState, inputs: Trajectory | None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Information matrix and score of the constants behind the first n errors, summed over instants and runs."""
+    flt = ErrorState(system)
+    run = flt.run(log, start, inputs=inputs, keep=True)
+    if run.kept is None or not run.status.ok:
+        raise ArgumentError(f"the log cannot be filtered: {run.message}", "log")
+    readings = readings_of(system, log)
+    q = system.space.dimension - n
+    A, b = np.zeros((q, q)), np.zeros(q)
+    X = np.zeros((run.runs, n, q))  # how the error of the estimate depends on the constants
+    for kept, moment in zip(run.kept, instants(system, readings), strict=False):
+        F = np.broadcast_to(kept.step.F, (run.runs, n + q, n + q))
+        X = F[:, :n, :n] @ X + F[:, :n, n:]
+        names, z = values_of(readings, moment, run.runs)
+        u = system.inputs_at(inputs, moment.time)
+        residual, H = system.reading(names)(moment.time, kept.before.x, u, z)
+        used = np.isfinite(residual)
+        residual, H = np.where(used, residual, 0.0), np.where(used[..., None], H, 0.0)
+        R = np.where(used, system.variances(names), 1.0)
+        PH = kept.before.P[:, :n, :n] @ np.swapaxes(H[:, :, :n], 1, 2)
+        S = H[:, :, :n] @ PH
+        np.einsum("mkk->mk", S)[...] += R
+        D = H[:, :, :n] @ X + H[:, :, n:]
+        scale = 1 / np.sqrt(np.einsum("mkk->mk", S))
+        right = np.concatenate([D, residual[..., None]], axis=2) * scale[..., None]
+        weighted = np.linalg.solve(S * scale[:, :, None] * scale[:, None, :], right) * scale[..., None]
+        A += np.einsum("mki,mkj->ij", D, weighted[:, :, :q])
+        b += np.einsum("mki,mk->i", D, weighted[:, :, q])
+        X = X - PH @ weighted[:, :, :q]
+    return (A + A.T) / 2, b
+
+
+def _noise(
+    system: System,
+    name: str,
+    log: Mapping[str, Any],
+    initial: InitialState,
+    inputs: Trajectory | None,
+) -> Suspect:
+    """A factor on the deviation of a sensor, or on a density of the process, by the likelihood of the innovations."""
+    owner, _, what = name.rpartition(".")
+    if what == "density" and (not isinstance(system.process, ProcessModel) or owner not in system.process.noise):
+        raise ArgumentError(f"the process has no noise '{owner}'", "suspects")
+    if what == "deviation" and owner not in system.sensors:
+        raise ArgumentError(f"there is no sensor '{owner}'", "suspects")
+
+    def loss(exponent: float) -> float:
+        factor = float(np.exp(exponent))
+        if what == "deviation":
+            other = system.with_(deviations={owner: system.deviations[owner] * factor})
+        else:
+            assert isinstance(system.process, ProcessModel)
+            other = system.with_(noise={owner: np.asarray(system.process.noise[owner]) * factor})
+        run = ErrorState(other).run(log, initial, inputs=inputs, keep=False)
+        return -float(run.log_likelihood.sum()) if run.status.ok else np.inf
+
+    from scipy.optimize import minimize_scalar
+
+    best = minimize_scalar(loss, bounds=(-LOG_RANGE, LOG_RANGE), method="bounded", options={"xatol": 0.05})
+    improvement = max(0.0, 2 * (loss(0.0) - float(best.fun)))
+    h = 0.1
+    curvature = (loss(best.x + h) - 2 * float(best.fun) + loss(best.x - h)) / h**2
+    factor = float(np.exp(best.x))
+    deviation = factor / np.sqrt(curvature) if curvature > 0 else np.inf
+    return Suspect(
+        name, np.array([factor]), np.array([deviation]), improvement, _chance(improvement, 1), curvature > 1.0
+    )
+
+
+def _chance(improvement: float, numbers: int) -> float:
+    from scipy.stats import chi2
+
+    return float(chi2.sf(improvement, numbers))
+
+
+def _earlier(given: Any, lag: float) -> Any:
+    if isinstance(given, Trajectory):
+        given = Readings(given.time, given[given.names[0]])
+    return Readings(given.time - lag, given.values)
+
+
+def _message(rows: Sequence[Suspect], named: tuple[str, ...], unseen: tuple[str, ...]) -> str:
+    by_name = {s.name: s for s in rows}
+    if named:
+        s = by_name[named[0]]
+        value = ", ".join(f"{v:.3g}" for v in s.value)
+        said = (
+            f"{named[0]} explains the log best: {'factor ' if s.name.endswith(('deviation', 'density')) else ''}{value}"
+        )
+        if len(named) > 1:
+            said += f"; {', '.join(named[1:])} cannot be distinguished from it on this log"
+    else:
+        said = "none of the suspects explains the log better than chance"
+    return said + (f"; this motion does not show {', '.join(unseen)}" if unseen else "")

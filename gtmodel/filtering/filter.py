@@ -1,0 +1,108 @@
+"""What all filters have in common: they start, advance, are corrected, and run over a log."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from ..results.refusal import ArgumentError
+from ..results.trajectory import Trajectory
+from .belief import Belief, InitialState, Innovation
+from .filtered import Filtered, RunRecord
+from .readings import Moment, Readings, instants, readings_of, size_of_runs
+from .system import System
+
+BETWEEN = 256  # instants between two reports of progress
+
+
+class Filter(ABC):
+    """Base of the filters: `advance` and `correct` move a `Belief`, `run` goes over a log.
+
+    A belief may hold several runs at once, as rows: Monte Carlo goes through the same code as a single run.
+    """
+
+    def __init__(self, system: System) -> None:
+        self.system = system
+
+    @abstractmethod
+    def advance(self, belief: Any, time: float, u0: np.ndarray, u1: np.ndarray) -> tuple[Any, Any]:
+        """The belief at a later time, the known inputs running straight from u0 to u1, and the step that led there."""
+
+    @abstractmethod
+    def correct(self, belief: Any, names: tuple[str, ...], z: np.ndarray, u: np.ndarray) -> tuple[Any, Innovation]:
+        """The belief after readings z (m, numbers) of these sensors at its time."""
+
+    def begin(self, start: InitialState, time: float, runs: int = 1) -> Any:
+        """The belief at the start."""
+        return start.belief(self.system, time, runs)
+
+    def summary(self, belief: Any) -> Belief:
+        """Mean and covariance of what the filter holds."""
+        return belief
+
+    def details(self, belief: Any) -> Mapping[str, np.ndarray]:
+        """What a filter says of a belief beside mean and covariance: fields of `Filtered`, each of m rows."""
+        return {}
+
+    def run(
+        self,
+        log: Mapping[str, Any],
+        start: InitialState,
+        *,
+        inputs: Trajectory | None = None,
+        truth: Mapping[str, Any] | None = None,
+        keep: bool | None = None,
+        progress: Callable[[float], bool] | None = None,
+    ) -> Filtered:
+        """Filter a log from its first reading to its last.
+
+        Args:
+            log: sensor -> `Readings`, or a trajectory with a signal of that name. Stamps may be uneven, sensors of
+                different rates; each reading is used at the time that it tells of, its stamp less the sensor's delay.
+            start: mean and deviation at the first instant.
+            inputs: the known inputs of the process over the whole time.
+            truth: state -> true values at the instants, (K, size) or (m, K, size), where they are known: for `nees`.
+            keep: whether covariances of all instants are kept, which smoothing needs; only of a single run if left out.
+            progress: called with the fraction done now and then; returning True ends the run with what there is.
+
+        Returns a `Filtered`. Numbers that stop being finite end the run, with the status that says so.
+        """
+        system = self.system
+        readings = readings_of(system, log)
+        plan = instants(system, readings)
+        runs = size_of_runs([*readings.values()])
+        if system.dynamics.inputs and inputs is None:
+            names = ", ".join(system.dynamics.inputs)
+            raise ArgumentError(f"the process has known inputs; give a trajectory of {names}", "inputs")
+        belief = self.begin(start, plan[0].time, runs)
+        first = self.summary(belief).time
+        if first > plan[0].time:
+            sentence = f"the filter starts at {first:g} s, after the first reading of {plan[0].time:g} s"
+            raise ArgumentError(sentence, "start.time")
+        record = RunRecord(system, len(plan), runs, runs == 1 if keep is None else keep, truth)
+        u = system.inputs_at(inputs, first)
+        for k, instant in enumerate(plan):
+            if progress is not None and k % BETWEEN == 0 and progress(k / len(plan)):
+                return record.ended("stopped")
+            u_next = system.inputs_at(inputs, instant.time)
+            belief, step = self.advance(belief, instant.time, u, u_next)
+            before, u = self.summary(belief), u_next
+            names, z = values_of(readings, instant, runs)
+            belief, innovation = self.correct(belief, names, z, u)
+            after = self.summary(belief)
+            if not np.isfinite(after.x).all():
+                return record.ended("not finite")
+            record.add(instant.time, step, before, after, innovation, self.details(belief))
+        return record.ended()
+
+
+def values_of(readings: Mapping[str, Readings], instant: Moment, runs: int) -> tuple[tuple[str, ...], np.ndarray]:
+    """The sensors of an instant, in the order of the log, and what they read, side by side (m, numbers)."""
+    names = tuple(name for name in readings if name in instant.rows)
+    rows = [readings[name].values[..., instant.rows[name], :] for name in names]
+    if runs == 1 and all(r.ndim == 1 for r in rows):
+        return names, np.concatenate(rows)[None]
+    return names, np.concatenate([np.broadcast_to(r, (runs, r.shape[-1])) for r in rows], axis=1)

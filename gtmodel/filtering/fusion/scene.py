@@ -1,0 +1,127 @@
+"""The scene: what tracker and inertial unit read along a path, and the filters for it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ..belief import InitialState
+from ..bodies import TranslatingBody, TurningBody
+from ..manifold import StatePart
+from ..paths import BodyMotion, TrackedPath
+from ..process import AnyProcess, DiscreteProcess, ProcessModel
+from ..readings import Readings
+from ..sensors import Sensor
+from ..synthetic import synthetic_readings
+from ..system import System
+from .options import FusionFilter, FusionSensors
+
+MOUNT = (0.0, 0.0, 1.0, 0.0)  # of the unit: half a turn about y, Cvitanic 2021, 4.2.2
+STATES = ("p", "v", "a", "Q", "w", "alpha")
+PRINTED_Q = np.repeat([2.54e-4, 21.2e-4, 98.1e-4], 3)  # Cvitanic 2021, appendix B, per step
+# how well the start is known, on the path at full speed: as well as readings of some milliseconds determine it
+START = {"p": 1e-5, "v": 1e-3, "a": 0.1, "Q": 1e-3, "w": 1e-3, "alpha": 1.0}
+FREE_FALL = (0.0, 0.0, -9.81)  # m/s2
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """A motion, what was read of it, and the truth by state."""
+
+    path: TrackedPath
+    sensors: FusionSensors
+    motion: BodyMotion
+    log: dict[str, Readings]
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Names of the states of the process."""
+        return STATES if self.path.axes == 5 else STATES[:3]
+
+    @property
+    def truth(self) -> dict[str, np.ndarray]:
+        """True states at the instants."""
+        return {name: getattr(self.motion, name) for name in self.states}
+
+    @property
+    def peak(self) -> np.ndarray:
+        """Where the path bends: |angular velocity of the tangent| above a fifth of its largest."""
+        turning = np.linalg.norm(self.motion.a, axis=1)
+        return turning > 0.2 * turning.max() if turning.max() > 0 else np.zeros(len(turning), bool)
+
+    @property
+    def initial(self) -> InitialState:
+        """The true state of the start, as well as it is known."""
+        truth = self.truth
+        return InitialState({n: truth[n][0] for n in self.states}, {n: START[n] for n in self.states})
+
+
+def process_of(path: TrackedPath, sensors: FusionSensors, design: FusionFilter, *, true: bool = False) -> AnyProcess:
+    """The process of the filter; `true`: with what the filter does not know of the unit."""
+    gravity = FREE_FALL if sensors.gravity else (0.0, 0.0, 0.0)
+    turned = (0.0, 0.0, sensors.misalignment if true else 0.0)
+    noise: dict[str, Any] = {"jerk": design.jerk_density}
+    if path.axes == 3:
+        if design.printed and not true:
+            return printed_process(sensors, design)
+        body = TranslatingBody(gravity=gravity, mount=MOUNT, misalignment=turned)
+        return ProcessModel(body, noise, states=STATES[:3])
+    arm = np.add(sensors.arm, (0.0, 0.0, sensors.arm_error if true else 0.0))
+    body = TurningBody(gravity=gravity, mount=MOUNT, misalignment=turned, arm=arm)
+    noise["angular_jerk"] = design.angular_jerk_density
+    return ProcessModel(body, noise, states=STATES, quaternions=["Q"])
+
+
+def printed_process(sensors: FusionSensors, design: FusionFilter) -> DiscreteProcess:
+    """(21) to (23) with the covariance of appendix B; the unit's axes by its mount."""
+    dt = sensors.sample_time
+    share = 0.5 if design.exact_step else 1.0
+    g = np.array(FREE_FALL if sensors.gravity else (0.0, 0.0, 0.0))
+
+    def step(x: Any) -> dict[str, Any]:
+        return {"p": x.p + dt * x.v + share * dt * dt * x.a, "v": x.v + dt * x.a, "a": x.a}
+
+    parts = [StatePart(n, size=3, unit=u) for n, u in zip(STATES[:3], ("m", "m/s", "m/s2"), strict=True)]
+    outputs = {"specific_force": lambda x: np.array([-1.0, 1.0, -1.0]) * (x.a - g)}  # half a turn about y
+    return DiscreteProcess(parts, dt, step, PRINTED_Q, outputs)
+
+
+def sensors_of(path: TrackedPath, s: FusionSensors) -> list[Sensor]:
+    """As the filter knows them."""
+    tracker = Sensor("tracker", "p", deviation=s.position_noise)
+    accelerometer = Sensor("accelerometer", "specific_force", density=s.acceleration_noise, period=s.sample_time)
+    if path.axes == 3:
+        return [tracker, accelerometer]
+    orientation = Sensor("orientation", "Q", kind="quaternion", deviation=s.orientation_noise)
+    return [tracker, orientation, accelerometer, Sensor("gyro", "rate", density=s.rate_noise, period=s.sample_time)]
+
+
+def scene_of(path: TrackedPath, sensors: FusionSensors, seed: int) -> Scene:
+    """What is read along a path, with the biases and errors that the filter does not know."""
+    steps = int(np.floor(path.duration / sensors.sample_time + 1e-9))
+    motion = path.motion(sensors.sample_time * np.arange(steps + 1))
+    true = System(process_of(path, sensors, FusionFilter(), true=True), sensors_of(path, sensors))
+    names = STATES if path.axes == 5 else STATES[:3]
+    states = np.concatenate([getattr(motion, name) for name in names], axis=1)
+    faults = {"accelerometer": sensors.acceleration_bias} | ({"gyro": sensors.rate_bias} if path.axes == 5 else {})
+    return Scene(path, sensors, motion, synthetic_readings(true, motion.time, states, seed=seed, faults=faults))
+
+
+def slope_velocity(log: Readings, samples: int = 4) -> np.ndarray:
+    """The first baseline: slope of the line through the last positions (K, 3), NaN before there are enough."""
+    t = np.arange(samples) - (samples - 1) / 2
+    dt = float(np.median(np.diff(log.time)))
+    weights = t / (t @ t) / dt
+    slopes = np.full(log.values.shape, np.nan)
+    K = len(log.values)
+    slopes[samples - 1 :] = sum(weights[k] * log.values[k : K - samples + 1 + k] for k in range(samples))
+    return slopes
+
+
+def tracker_system(path: TrackedPath, sensors: FusionSensors, design: FusionFilter) -> System:
+    """The second baseline: a Kalman filter on the tracker alone, with white jerk."""
+    alone = replace(design, printed=False, jerk_density=(design.tracker_jerk_density,) * 3)
+    straight = replace(path, axes=3)
+    return System(process_of(straight, sensors, alone), sensors_of(straight, sensors)[:1])

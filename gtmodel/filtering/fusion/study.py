@@ -1,0 +1,436 @@
+"""The fusion study: tracker and inertial unit along a known path, filtered, against both baselines."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from ...results import ArgumentError, SolveStatus, Work
+from ...results.door import study_function
+from ...results.trajectory import Trajectory
+from ...results.work import Progress, never, silent
+from ..consistency import Consistency, consistency
+from ..error_state import ErrorState
+from ..filter import Filter
+from ..filtered import Filtered
+from ..manifold import Manifold
+from ..paths import TrackedPath
+from ..scheduled import ScheduledNoise, likely_modes
+from ..smoother import Smoothed, smooth
+from ..system import System
+from .options import FusionFilter, FusionSensors, FusionSweep
+from .result import FusionStudy
+from .scene import Scene, process_of, scene_of, sensors_of, slope_velocity, tracker_system
+from .thesis import TABLE_10, printed_errors
+
+AROUND = 0.2  # s about the bend, of the picture of the angular acceleration
+SETTLED = 0.02  # s; what the filters forget of their start, left out of all errors and of the innovations
+ITERATIONS = 3  # of the iterated filter
+PARTICLE_SEED = 1
+DECADES = (1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0)  # m2/s5
+
+
+@study_function
+def fusion_study(
+    path: TrackedPath | None = None,
+    sensors: FusionSensors | None = None,
+    filter: FusionFilter | None = None,
+    sweep: FusionSweep | None = None,
+    *,
+    seed: int = 1,
+    title: str = "",
+    progress: Progress = silent,
+    max_seconds: float | None = None,
+    stop: Callable[[], bool] = never,
+) -> FusionStudy:
+    """What an inertial unit adds to a laser tracker, along a path whose motion is known: Cvitanic 2021, chapter 4.
+
+    Readings are synthetic: the true motion with the noise, biases and errors of `sensors`, of which the filter knows
+    the noise alone. The error of the velocity stands beside those of two baselines, the slope of the last four
+    positions and a Kalman filter on the tracker alone; innovations say whether the filter may be believed.
+
+    Args:
+        path: sine, line or semicircle at constant speed, in 3 or 5 axes; the sine of the thesis if left out.
+        sensors: those of Table 7 if left out.
+        filter: its noise, and whether two filters interact.
+        sweep: one number of the sensors over several values.
+        seed: of the noise.
+        progress, max_seconds, stop: see `gtmodel.results.Work`.
+
+    Raises ArgumentError for a filter that does not fit the path.
+
+    >>> path = gt.filtering.TrackedPath(duration=0.2)
+    >>> study = gt.filtering.fusion_study(path, seed=2)
+    >>> study.status.value, study.axes, len(study.trajectory)
+    ('solved', 3, 201)
+    """
+    work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
+    path, sensors = path or TrackedPath(), sensors or FusionSensors()
+    design = filter or FusionFilter()
+    _agree(path, sensors, design)
+    work.step("readings", 0.02)
+    scene = scene_of(path, sensors, seed)
+    work.step("filters", 0.1)
+    one = _filtered(scene, design, work)
+    swept = {} if sweep is None else _swept(path, sensors, design, sweep, seed, work)
+    status = SolveStatus.INTERRUPTED if one.stopped or swept.pop("stopped", False) else SolveStatus.SOLVED
+    if not one.run.status.ok and not one.stopped:
+        return FusionStudy(status=one.run.status, message=one.run.message, title=title, axes=path.axes)
+    said = (
+        f"SYNTHETIC: seed {seed}, tracker {1e3 * sensors.position_noise:.3g} mm, accelerometer "
+        f"{sensors.acceleration_noise:.3g} m/s2/rtHz"
+    )
+    c = one.consistency
+    table, printed = printed_errors(path, sensors)
+    preferred = None
+    if c is not None and c.nis not in c.band and path.axes == 3:
+        work.progress("likelihood of other densities", 0.9)
+        preferred = _preferred(scene, design)
+    return FusionStudy(
+        status=status, title=title, axes=path.axes, synthetic=said.removeprefix("SYNTHETIC: "),
+        nis=None if c is None else c.nis, nis_band=() if c is None else tuple(c.band),
+        nis_numbers=None if c is None else c.numbers, verdict="" if c is None else c.message,
+        trajectory=_trajectory(scene, one, said), figures=_figures(scene, one, swept, sweep, title),
+        printed=printed, printed_in=table, notes=[*one.run.notes, *_notes(scene, preferred)],
+        preferred_jerk_density=preferred, **one.errors, **swept,
+    )  # fmt: skip
+
+
+def _agree(path: TrackedPath, sensors: FusionSensors, design: FusionFilter) -> None:
+    if design.printed and path.axes == 5:
+        raise ArgumentError("the printed covariance is that of 3 axes; leave it out in 5", "filter.printed")
+    fast = [design.fast_jerk_density is not None, design.fast_angular_jerk_density is not None]
+    if any(fast) and design.printed:
+        raise ArgumentError("with the printed covariance there is no second filter", "filter.fast_jerk_density")
+    if fast[1] and not fast[0]:
+        raise ArgumentError("give fast_jerk_density too; the second filter has both", "filter.fast_jerk_density")
+    if any(fast) and design.kind != "extended":
+        raise ArgumentError(f"two interacting filters are extended ones; found {design.kind!r}", "filter.kind")
+    if design.smooth and design.kind == "particle":
+        raise ArgumentError("particles cannot be smoothed; leave it out, or take another kind", "filter.smooth")
+    if path.duration < 3 * SETTLED:
+        raise ArgumentError(f"expected at least {3 * SETTLED:g} s; found {path.duration:g}", "path.duration")
+    if path.duration < 10 * sensors.sample_time:
+        raise ArgumentError("expected at least 10 samples along the path", "sensors.sample_time")
+
+
+@dataclass(frozen=True, eq=False)
+class _One:
+    """A filtered scene."""
+
+    run: Filtered
+    judged: Filtered  # whose innovations are judged: of interacting filters one with the likelier noise
+    smoothed: Smoothed | None
+    tracker: Filtered
+    slope: np.ndarray
+    errors: dict[str, Any]
+    consistency: Consistency | None
+    stopped: bool
+
+
+def _filtered(scene: Scene, design: FusionFilter, work: Work) -> _One:
+    systems = systems_of(scene, design)
+    judge = work.fractions("filter")
+    run = filter_of(systems, design).run(scene.log, scene.initial, truth=scene.truth, progress=judge)
+    alone = tracker_system(scene.path, scene.sensors, design)
+    log = {"tracker": scene.log["tracker"]}
+    initial = replace(scene.initial, mean=_three(scene.initial.mean), deviation=_three(scene.initial.deviation))
+    tracker = ErrorState(alone).run(log, initial, truth=_three(scene.truth), progress=judge)
+    slope = slope_velocity(scene.log["tracker"])
+    stopped = SolveStatus.INTERRUPTED in (run.status, tracker.status)
+    judged, smoothed = run, None
+    if len(systems) > 1 and run.status.ok:
+        judged = _scheduled(systems, run, scene, design.stay)
+    if design.smooth and judged.status.ok:
+        work.progress("smoothing", 0.6)
+        smoothed = smooth(judged)
+    whole = run.status.ok and judged.status.ok and tracker.status.ok
+    errors = _errors(scene, run, smoothed, tracker, slope) if whole else {}
+    said = consistency(judged, skip=settled(scene)) if whole else None
+    return _One(run, judged, smoothed, tracker, slope, errors, said, stopped)
+
+
+def _three(values: Any) -> dict[str, Any]:
+    return {name: values[name] for name in ("p", "v", "a")}
+
+
+def settled(scene: Scene) -> float:
+    """From when on errors count [s]: the slope of four needs four positions."""
+    return max(SETTLED, 4 * scene.sensors.sample_time)
+
+
+def systems_of(scene: Scene, design: FusionFilter) -> list[System]:
+    """The system of the filter, and of the faster one where there is one."""
+    slow = System(process_of(scene.path, scene.sensors, design), sensors_of(scene.path, scene.sensors))
+    if design.fast_jerk_density is None:
+        return [slow]
+    noise: dict[str, Any] = {"jerk": design.fast_jerk_density}
+    if scene.path.axes == 5:
+        noise["angular_jerk"] = design.fast_angular_jerk_density or design.angular_jerk_density
+    return [slow, slow.with_(noise=noise)]
+
+
+def filter_of(systems: Sequence[System], design: FusionFilter) -> Filter:
+    """The filter that was asked for."""
+    if len(systems) > 1:
+        from ..family.interacting import Interacting
+
+        return Interacting(systems, stay=design.stay)
+    if design.kind == "unscented":
+        from ..family.unscented import Unscented
+
+        return Unscented(systems[0])
+    if design.kind == "particle":
+        from ..family.particle import ParticleFilter
+
+        return ParticleFilter(systems[0], particles=design.particles, seed=PARTICLE_SEED)
+    return ErrorState(systems[0], iterations=ITERATIONS if design.kind == "iterated" else 1)
+
+
+def _scheduled(systems: Sequence[System], run: Filtered, scene: Scene, stay: float) -> Filtered:
+    """One filter with the noise that was likeliest in the light of the whole log: it can be smoothed, and its
+    innovations have an exact band, which those of a mixture have not."""
+    assert run.mode_probabilities is not None
+    modes = likely_modes(run.mode_probabilities[:, 0], [[stay, 1 - stay], [1 - stay, stay]])
+    one = ScheduledNoise(systems, run.time, modes)
+    return one.run(scene.log, scene.initial, truth=scene.truth)
+
+
+def _probabilities(run: Filtered) -> np.ndarray | None:
+    """Of the faster of two interacting filters (K,), None where there is one filter."""
+    return None if run.mode_probabilities is None else run.mode_probabilities[:, 0, -1]
+
+
+def _errors(
+    scene: Scene, run: Filtered, smoothed: Smoothed | None, tracker: Filtered, slope: np.ndarray
+) -> dict[str, Any]:
+    motion, kept = scene.motion, scene.motion.time >= settled(scene)
+    peak = scene.peak
+
+    def split(error: np.ndarray) -> tuple[float, float]:
+        size = np.abs(error)[:, [0, 2]].mean(axis=1)
+        return tuple(float(size[kept & at].mean()) if np.any(kept & at) else 0.0 for at in (~peak, peak))  # type: ignore[return-value]
+
+    def whole(error: np.ndarray) -> float:
+        return float(np.abs(error[kept])[:, [0, 2]].mean())
+
+    fused, alone, slopes = run.error["v"], tracker.error["v"], slope - motion.v
+    lines = {"velocity_slope": split(slopes), "velocity_tracker": split(alone), "velocity_fused": split(fused)}
+    if smoothed is not None:
+        lines["velocity_smoothed"] = split(smoothed["v"] - motion.v)
+    below = {
+        name: tuple(1 - a / b if b > 0 else 0.0 for a, b in zip(mine, theirs, strict=True))
+        for name, mine, theirs in (
+            ("below_slope", (*lines["velocity_fused"], whole(fused)), (*lines["velocity_slope"], whole(slopes))),
+            ("below_tracker", (*lines["velocity_fused"], whole(fused)), (*lines["velocity_tracker"], whole(alone))),
+        )
+    }
+    states = {
+        "position": "p",
+        "orientation": "Q",
+        "acceleration": "a",
+        "angular_velocity": "w",
+        "angular_acceleration": "alpha",
+    }
+    mine = {name: _metrics(run.error[state][kept]) for name, state in states.items() if state in scene.states}
+    made: dict[str, Any] = {**lines, **below, "fused": mine, "alone": _alone(scene, kept)}
+    fast = _probabilities(run)
+    if fast is not None:
+        made["fast_share"] = tuple(float(fast[kept & at].mean()) if np.any(kept & at) else 0.0 for at in (~peak, peak))
+    return made
+
+
+def _metrics(error: np.ndarray) -> tuple[float, float, float]:
+    """Mean over the axes of |error|, mean of its length, mean of |sum of its components|."""
+    sizes = np.abs(error), np.linalg.norm(error, axis=1), np.abs(error.sum(axis=1))
+    return float(sizes[0].mean()), float(sizes[1].mean()), float(sizes[2].mean())
+
+
+def _alone(scene: Scene, kept: np.ndarray) -> dict[str, tuple[float, float, float]]:
+    """Errors of the sensors themselves: what they read less what they would read without noise and bias."""
+    truth = System(process_of(scene.path, scene.sensors, FusionFilter()), sensors_of(scene.path, scene.sensors))
+    states = np.concatenate([getattr(scene.motion, name) for name in scene.states], axis=1)
+    made = {}
+    for name, quantity in _MEASURED.items():
+        if name not in truth.sensors:
+            continue
+        right = truth.read((name,), 0.0, states, np.zeros(0))
+        error = Manifold([truth.readings[name]]).minus(scene.log[name].values, right)
+        made[quantity] = _metrics(error[kept])
+    return made
+
+
+_MEASURED = {
+    "tracker": "position", "orientation": "orientation", "accelerometer": "acceleration", "gyro": "angular_velocity"
+}  # fmt: skip
+
+
+def _swept(
+    path: TrackedPath, sensors: FusionSensors, design: FusionFilter, sweep: FusionSweep, seed: int, work: Work
+) -> dict[str, Any]:
+    plain = replace(design, smooth=False)
+    fused, tracker, slope, right, stopped = [], [], [], [], False
+    for k, value in enumerate(sweep.values):
+        work.progress(f"{sweep.parameter} {value:.4g}", 0.3 + 0.7 * k / len(sweep.values))
+        if work.interrupted():
+            stopped = True
+            break
+        changed = replace(sensors, **{sweep.parameter: value})
+        _agree(path, changed, plain)
+        one = _filtered(scene_of(path, changed, seed), plain, Work(stop=work.interrupted))
+        if one.stopped:
+            stopped = True
+            break
+        if not one.errors:  # the filter lost the body
+            for column in (fused, tracker, slope):
+                column.append(float("inf"))
+            right.append(False)
+            continue
+        kept = one.run.time >= max(SETTLED, 4 * changed.sample_time)
+        motion = path.motion(one.run.time)
+        for column, v in ((fused, one.run["v"]), (tracker, one.tracker["v"]), (slope, one.slope)):
+            column.append(float(np.abs(v - motion.v)[kept][:, [0, 2]].mean()))
+        right.append(one.consistency is not None and one.consistency.nis in one.consistency.band)
+    limits, unit = TABLE_10[sweep.parameter]
+    printed = limits[0 if path.axes == 3 else 1]
+    values = list(sweep.values[: len(fused)])
+    return {
+        "sweep_parameter": sweep.parameter, "sweep_values": values, "sweep_fused": fused, "sweep_tracker": tracker,
+        "sweep_slope": slope, "sweep_consistent": right, "limit_tracker": _crossing(values, fused, tracker),
+        "limit_slope": _crossing(values, fused, slope),
+        "limit_printed": None if printed is None else printed * (np.pi / 180 if unit.startswith("deg") else 1.0),
+        "stopped": stopped,
+    }  # fmt: skip
+
+
+def _crossing(values: Sequence[float], ours: Sequence[float], theirs: Sequence[float]) -> float | None:
+    """The first value at which ours is no smaller, between two values on straight lines of the logarithms."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        excess = np.log(np.asarray(ours) / np.asarray(theirs))
+    for k in range(len(values)):
+        if excess[k] >= 0:
+            if k == 0 or not np.isfinite(excess[k]) or min(values[k - 1 : k + 1]) <= 0:
+                return float(values[k])
+            share = -excess[k - 1] / (excess[k] - excess[k - 1])
+            return float(values[k - 1] * (values[k] / values[k - 1]) ** share)
+    return None
+
+
+def _preferred(scene: Scene, design: FusionFilter) -> float:
+    """Of the decades, the density of white jerk in the plane that the likelihood of the log prefers."""
+    plain = replace(design, printed=False)
+    system = System(process_of(scene.path, scene.sensors, plain), sensors_of(scene.path, scene.sensors))
+
+    def likelihood(density: float) -> float:
+        other = system.with_(noise={"jerk": (density, plain.jerk_density[1], density)})
+        run = ErrorState(other).run(scene.log, scene.initial, keep=False)
+        return float(run.log_likelihood[0]) if run.status.ok else -np.inf
+
+    return max(DECADES, key=likelihood)
+
+
+def _notes(scene: Scene, preferred: float | None) -> list[str]:
+    if scene.path.axes == 3:
+        said = f"of decades the likelihood of the log prefers white jerk of density {preferred} m2/s5 along x and z"
+        return [said] if preferred else []
+    arm = np.linalg.norm(scene.sensors.arm)
+    rate = np.linalg.norm(scene.motion.w, axis=1).max()
+    feels = np.linalg.norm(scene.motion.alpha, axis=1).max() * arm + rate**2 * arm
+    if feels < 100:
+        return []
+    return [
+        f"at the bends the accelerometer would feel some {feels:.3g} m/s2 on its arm, beyond what such units measure: "
+        "all of this is for an ideal one; take a slower feed"
+    ]
+
+
+def _trajectory(scene: Scene, one: _One, said: str) -> Trajectory:
+    n = len(one.run.time)
+    motion = scene.motion
+    columns: dict[str, Any] = {"velocity": motion.v[:n], "velocity_fused": one.run["v"]}
+    columns["velocity_deviation"] = one.run.deviation["v"]
+    units = dict.fromkeys(columns, "m/s")
+    columns |= {"position_fused": one.run["p"], "nis": one.judged.nis[:n, 0], "at_bend": scene.peak[:n].astype(float)}
+    units["position_fused"] = "m"
+    if one.smoothed is not None:
+        columns["velocity_smoothed"], units["velocity_smoothed"] = one.smoothed["v"], "m/s"
+    fast = _probabilities(one.run)
+    if fast is not None:
+        columns["fast_probability"] = fast
+    return Trajectory(one.run.time, columns, units, title="fused", synthetic=said)
+
+
+def _figures(
+    scene: Scene, one: _One, swept: dict[str, Any], sweep: FusionSweep | None, title: str
+) -> dict[str, Callable[[], Any]]:
+    figures: dict[str, Callable[[], Any]] = {
+        "baselines": partial(_baselines_figure, scene, one, title),
+        "velocity": partial(_velocity_figure, scene, one, title),
+        "innovations": partial(_innovations_figure, one, title),
+    }
+    if scene.path.axes == 5:
+        figures["angular_acceleration"] = partial(_alpha_figure, scene, one, title)
+    if sweep is not None and swept.get("sweep_values"):
+        figures["sweep"] = partial(_sweep_figure, swept, title)
+    return figures
+
+
+def _velocity_figure(scene: Scene, one: _One, title: str) -> Any:
+    from ...plot.filters.fusion import error_figure
+
+    lines = {name: e for name, e in _velocity_errors(scene, one).items() if name in ("fused", "smoothed")}
+    return error_figure(one.run.time, lines, one.run.deviation["v"], axes=("x", "z"), pick=(0, 2), title=title)
+
+
+def _baselines_figure(scene: Scene, one: _One, title: str) -> Any:
+    from ...plot.filters.fusion import baselines_figure
+
+    n = len(one.run.time)
+    return baselines_figure(one.run.time, _velocity_errors(scene, one), scene.peak[:n], pick=(0, 2), title=title)
+
+
+def _velocity_errors(scene: Scene, one: _One) -> dict[str, np.ndarray]:
+    """By method (n, 3) [m/s]."""
+    n = len(one.run.time)
+    estimates = {"slope of four": one.slope, "tracker alone": one.tracker["v"], "fused": one.run["v"]}
+    if one.smoothed is not None:
+        estimates["smoothed"] = one.smoothed["v"]
+    return {name: v[:n] - scene.motion.v[:n] for name, v in estimates.items()}
+
+
+def _innovations_figure(one: _One, title: str) -> Any:
+    from ...plot.filters.fusion import innovations_figure
+
+    run = one.judged
+    white = {name: values[:, 0] for name, values in run.innovations.items()}
+    return innovations_figure(run.time, white, run.nis[:, 0], run.count[:, 0], title=title)
+
+
+def _alpha_figure(scene: Scene, one: _One, title: str) -> Any:
+    from ...plot.filters.fusion import state_figure
+
+    t = one.run.time
+    middle = t[np.argmax(np.abs(scene.motion.w[: len(t), 1]))]
+    near = np.abs(t - middle) < AROUND
+    return state_figure(
+        t[near], scene.motion.alpha[: len(t), 1][near], one.run["alpha"][near, 1],
+        one.run.deviation["alpha"][near, 1], "about y [rad/s²]", title=title,
+    )  # fmt: skip
+
+
+def _sweep_figure(swept: dict[str, Any], title: str) -> Any:
+    from ...plot.filters.fusion import sweep_figure
+
+    lines = {
+        "slope of four": swept["sweep_slope"],
+        "tracker alone": swept["sweep_tracker"],
+        "fused": swept["sweep_fused"],
+    }
+    label = swept["sweep_parameter"].replace("_", " ")
+    return sweep_figure(
+        swept["sweep_values"], lines, swept["sweep_consistent"], label, swept["limit_printed"], title=title
+    )

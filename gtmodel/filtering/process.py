@@ -1,0 +1,331 @@
+"""What moves, and how uncertain that is: any compiled model with its noise declared as inputs, or a step by hand."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
+
+import casadi as ca
+import numpy as np
+
+from .._lazy import hint
+from ..compiler.causal import CausalFunction, compile_causal, state_groups
+from ..compiler.flat_cache import flat_of
+from ..lang.scope import derivative_name
+from ..results.refusal import ArgumentError
+from .manifold import Manifold, PartKind, StatePart
+
+if TYPE_CHECKING:
+    from ..lang.model import Model
+else:
+    Model = hint("gtmodel.lang.model", "Model")
+
+
+@dataclass(frozen=True)
+class ProcessEquations:
+    """Equations of a process and of what is measured, as CasADi functions; `symbol` makes columns for them.
+
+    space: of the states. inputs, noise: names and numbers of known inputs and of noise. rates: (t, x, u, w, p) -> x' in
+    continuous time, or the next state where `step` is true. outputs: name -> (t, x, u, p) -> value.
+    intensity: covariance of the noise, per second or per step (nw, nw). parameters: names and values of p.
+    """
+
+    space: Manifold
+    inputs: dict[str, int]
+    noise: dict[str, int]
+    rates: Callable[..., Any]
+    outputs: dict[str, Callable[..., Any]]
+    intensity: np.ndarray
+    parameters: dict[str, np.ndarray]
+    symbol: Callable[..., Any] = ca.SX.sym
+    period: float | None = None
+
+    @property
+    def step(self) -> bool:
+        """Whether it is in discrete time, with steps of `period`."""
+        return self.period is not None
+
+    def columns(self) -> dict[str, Any]:
+        """Columns of symbols for all arguments."""
+        sizes = {"x": self.space.size, "u": sum(self.inputs.values()), "w": sum(self.noise.values())}
+        sizes |= {"t": 1, "p": sum(v.size for v in self.parameters.values())}
+        return {name: self.symbol(name, size) for name, size in sizes.items()}
+
+
+class ProcessModel:
+    """A compiled model as the process of a filter.
+
+    Args:
+        model: any `gt.Model`; what drives it at random is declared as inputs, such as the jerk of a body.
+        noise: input -> density of white noise, a number or one per component, in (unit of the input)^2 s: the integral
+            of the input over a time T has variance density T. Jerk in m/s3 has its density in m2/s5.
+        inputs: names of inputs that are known, such as motor forces; `run` takes them as a trajectory.
+        states: names such as "T", "der(T)"; the model's own choice if left out.
+        quaternions, directions: those of the states that are unit quaternions (scalar first) and unit vectors.
+        parameters: names of parameters of the model that `estimate`, or a fault that is looked for, may change.
+
+    In a known input that changes between two instants the filter takes the straight line between them.
+
+    Raises ArgumentError for a wrong name, ModelError where noise and inputs do not determine the rates.
+
+    >>> class Cart(gt.Model):
+    ...     x = gt.variable(unit="m")
+    ...     v = gt.variable(unit="m/s")
+    ...     a = gt.input(unit="m/s2")
+    ...     def equations(self):
+    ...         yield gt.der(self.x) == self.v
+    ...         yield gt.der(self.v) == self.a
+    >>> process = gt.filtering.ProcessModel(Cart(), noise={"a": 0.1})  # m2/s3
+    >>> process.noise
+    {'a': 0.1}
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        noise: Mapping[str, Any],
+        *,
+        inputs: Sequence[str] = (),
+        states: Sequence[str] = (),
+        quaternions: Sequence[str] = (),
+        directions: Sequence[str] = (),
+        parameters: Sequence[str] = (),
+    ) -> None:
+        self.model, self.noise, self.inputs, self.states = model, dict(noise), tuple(inputs), tuple(states)
+        self.kinds: dict[str, PartKind] = dict.fromkeys(quaternions, "quaternion")
+        self.kinds |= dict.fromkeys(directions, "direction")
+        self.parameters = tuple(parameters)
+        both = [name for name in self.noise if name in self.inputs]
+        if both:
+            raise ArgumentError(f"'{both[0]}' is named as noise and as a known input; name it once", "noise")
+
+    def with_noise(self, **noise: Any) -> ProcessModel:
+        """The same process with other densities of these noises. Raises ArgumentError for a name that is not there."""
+        _known(noise, self.noise, "noise")
+        made = ProcessModel.__new__(ProcessModel)
+        made.__dict__.update(self.__dict__, noise={**self.noise, **noise})
+        return made
+
+    def dynamics(self, signals: Sequence[str]) -> ProcessEquations:
+        """The equations of the states and of these variables of the model."""
+        flat = flat_of(self.model)
+        known = [*self.inputs, *self.noise]
+        first = compile_causal(flat, known, list(signals), list(self.states))
+        order = {pair: n for n, pair in enumerate(first.plan.states)}
+        states = list(self.states) or _state_names(first)
+        pairs = []
+        for name in states:
+            shape, indices, k = flat.lookup(name)
+            missing = [i for i in indices if (i, k) not in order]
+            if missing:
+                names = ", ".join(f"'{s}'" for s in _state_names(first))
+                raise ArgumentError(f"'{name}' is no state of the model with these inputs; they are {names}", "states")
+            pairs.append((name, shape, [(i, k) for i in indices]))
+        if len([p for _, _, group in pairs for p in group]) != len(order):
+            names = ", ".join(f"'{s}'" for s in _state_names(first))
+            raise ArgumentError(f"the states of the model are {names}; name all of them, or none", "states")
+        _known(self.kinds, [name for name, _, _ in pairs], "quaternions")
+        parts = [
+            StatePart(name, self.kinds.get(name, "vector"), len(group), flat.unit_of(*group[0]))
+            for name, _, group in pairs
+        ]
+        column = {pair: n for n, pair in enumerate(p for _, _, group in pairs for p in group)}
+        wanted = [_rate(flat, name) for name, _, group in pairs if not all((i, k + 1) in column for i, k in group)]
+        f = compile_causal(flat, known, [*dict.fromkeys([*wanted, *signals])], list(self.states))
+        given = _parameters(f, self.parameters)
+        function, p_of = (f.casadi_parametric, _chosen(f, given)) if given else (f.casadi, None)
+        u_sizes = {name: len(flat.lookup(name)[1]) for name in self.inputs}
+        w_sizes = {name: len(flat.lookup(name)[1]) for name in self.noise}
+        source = dict(column)
+        place, offset = {}, len(column)
+        for name in known:
+            for i in flat.lookup(name)[1]:
+                place[(i, 0)] = offset
+                offset += 1
+
+        def values(t: Any, x: Any, u: Any, w: Any, p: Any) -> dict[Any, Any]:
+            every = ca.vertcat(x, u, w)
+            arguments = []
+            for signal in f.inputs:
+                unknown = [pair for pair in signal.pairs if pair not in source and pair not in place]
+                if unknown:
+                    raise ArgumentError(
+                        f"the model needs {signal.name}, the derivative of an input; make the input smoother, as the "
+                        "integral of a noise",
+                        "noise",
+                    )
+                arguments.append(ca.vertcat(*[every[source.get(pair, place.get(pair, 0))] for pair in signal.pairs]))
+            arguments += [t] if f.plan.uses_time else []
+            arguments += [p_of(p)] if p_of else []
+            results = function.call(arguments)
+            answers = {pair: r for s, group in zip(f.outputs, results, strict=False) for pair, r in _entries(s, group)}
+            if f.margins:  # no answer is no number, which the filter says
+                status = results[len(f.outputs)]
+                answers = {pair: ca.if_else(status == 0, r, np.nan) for pair, r in answers.items()}
+            return answers | {pair: every[n] for pair, n in source.items()}
+
+        def rates(t: Any, x: Any, u: Any, w: Any, p: Any) -> Any:
+            answers = values(t, x, u, w, p)
+            return ca.vertcat(*[answers[i, k + 1] for _, _, group in pairs for i, k in group])
+
+        def output(name: str) -> Callable[..., Any]:
+            _, indices, k = flat.lookup(name)
+
+            def value(t: Any, x: Any, u: Any, p: Any) -> Any:
+                answers = values(t, x, u, np.zeros(sum(w_sizes.values())), p)
+                return ca.vertcat(*[answers[i, k] for i in indices])
+
+            return value
+
+        return ProcessEquations(
+            Manifold(parts), u_sizes, w_sizes, rates, {name: output(name) for name in signals},
+            np.diag(densities(self.noise, w_sizes)), {name: np.atleast_1d(v) for name, v in given.items()},
+            ca.SX.sym if function.is_a("SXFunction") else ca.MX.sym,
+        )  # fmt: skip
+
+
+class DiscreteProcess:
+    """A process written as its step from one instant to the next, with a covariance per step.
+
+    Args:
+        states: its states as `StatePart`s.
+        period: of the steps [s]; measurements come at multiples of it.
+        step: (x) -> mapping name -> next value; x has the states as attributes, CasADi columns.
+        covariance: of the noise that each step adds, (n,) for a diagonal or (n, n), in errors of the states.
+        outputs: name -> function of x that gives what a sensor may measure; the states themselves are there by name.
+
+    >>> P = gt.filtering.StatePart
+    >>> step = lambda x: {"x": x.x + 0.1 * x.v, "v": x.v}
+    >>> process = gt.filtering.DiscreteProcess([P("x", unit="m"), P("v", unit="m/s")], 0.1, step, [0.0, 1e-4])
+    >>> process.period
+    0.1
+    """
+
+    def __init__(
+        self,
+        states: Sequence[StatePart],
+        period: float,
+        step: Callable[[Any], Mapping[str, Any]],
+        covariance: Any,
+        outputs: Mapping[str, Callable[[Any], Any]] | None = None,
+    ) -> None:
+        self.space, self.period, self._step = Manifold(states), float(period), step
+        self._outputs = dict(outputs or {})
+        Q = np.asarray(covariance, float)
+        n = self.space.dimension
+        Q = np.diag(Q) if Q.ndim == 1 else Q
+        if Q.shape != (n, n) or not np.allclose(Q, Q.T) or np.linalg.eigvalsh(Q)[0] < -1e-12 * np.trace(Q):
+            raise ArgumentError(
+                f"expected {n} variances or a symmetric ({n}, {n}) matrix that is not negative; found shape {Q.shape}",
+                "covariance",
+            )
+        if not self.period > 0:
+            raise ArgumentError(f"expected more than 0 s; found {period}", "period")
+        self.covariance = Q
+
+    def dynamics(self, signals: Sequence[str]) -> ProcessEquations:
+        """Its step and these outputs as functions of columns."""
+        space = self.space
+        names = [part.name for part in space.parts]
+        outputs = {}
+        for name in signals:
+            if name not in names and name not in self._outputs:
+                there = ", ".join(f"'{n}'" for n in [*names, *self._outputs])
+                raise ArgumentError(f"there is no '{name}' to measure; there are {there}", "sensors")
+
+            def value(t: Any, x: Any, u: Any, p: Any, name: str = name) -> Any:
+                state = self._state(x)
+                return self._outputs[name](state) if name in self._outputs else getattr(state, name)
+
+            outputs[name] = value
+
+        def rates(t: Any, x: Any, u: Any, w: Any, p: Any) -> Any:
+            after = self._step(self._state(x))
+            _known(after, names, "step")
+            missing = [n for n in names if n not in after]
+            if missing:
+                raise ArgumentError(f"it gives no next value of '{missing[0]}'; give one for each state", "step")
+            return ca.vertcat(*[after[name] for name in names])
+
+        return ProcessEquations(space, {}, {}, rates, outputs, self.covariance, {}, period=self.period)
+
+    def _state(self, x: Any) -> SimpleNamespace:
+        return SimpleNamespace(**{part.name: x[at] for part, at, _ in self.space.places()})
+
+
+AnyProcess = ProcessModel | DiscreteProcess
+
+
+def unit_of(process: AnyProcess, name: str) -> str:
+    """Unit of what may be measured, "?" where none was declared."""
+    if isinstance(process, DiscreteProcess):
+        return next((part.unit for part in process.space.parts if part.name == name), "?")
+    flat = flat_of(process.model)
+    _, indices, order = flat.lookup(name)
+    return flat.unit_of(indices[0], order)
+
+
+def densities(noise: Mapping[str, Any], sizes: Mapping[str, int]) -> np.ndarray:
+    """Densities of all components of the noise (nw,). Raises ArgumentError for one that is negative or of another
+    length."""
+    every = []
+    for name, size in sizes.items():
+        try:
+            value = np.broadcast_to(np.asarray(noise[name], float), (size,))
+        except (TypeError, ValueError):
+            raise ArgumentError(f"expected a density, or {size}; found {noise[name]!r}", f"noise.{name}") from None
+        if not np.all(np.isfinite(value)) or np.any(value < 0):
+            raise ArgumentError(f"expected a density of at least 0; found {noise[name]!r}", f"noise.{name}")
+        every.append(value)
+    return np.concatenate(every) if every else np.zeros(0)
+
+
+def _known(given: Any, names: Any, argument: str) -> None:
+    for name in given:
+        if name not in names:
+            there = ", ".join(f"'{n}'" for n in names) or "none"
+            raise ArgumentError(f"there is no '{name}'; there are {there}", argument)
+
+
+def _state_names(f: CausalFunction) -> list[str]:
+    return [derivative_name(name, order) for order, name, _, _ in state_groups(f.plan, f.plan.states)]
+
+
+def _rate(flat: Any, name: str) -> str:
+    k = flat.lookup(name)[2]
+    base = name if k == 0 else name[4:-1].split(",")[0]
+    return f"der({base})" if k == 0 else f"der({base},{k + 1})"
+
+
+def _entries(signal: Any, column: Any) -> list[tuple[Any, Any]]:
+    return [(pair, column[n]) for n, pair in enumerate(signal.pairs)]
+
+
+def _parameters(f: CausalFunction, names: Sequence[str]) -> dict[str, Any]:
+    """Values of parameters by the names of the declarations."""
+    values, there = dict(zip(f.parameter_names, f.flat.p0, strict=True)), f.parameter_names
+    given = {}
+    for name in names:
+        own = [n for n in there if n == name or n.startswith(f"{name}[")]
+        if not own:
+            listed = ", ".join(f"'{n}'" for n in dict.fromkeys(n.split("[")[0] for n in there)) or "none"
+            raise ArgumentError(f"the model has no parameter '{name}'; it has {listed}", "parameters")
+        given[name] = np.array([values[n] for n in own])
+    return given
+
+
+def _chosen(f: CausalFunction, given: Mapping[str, Any]) -> Callable[[Any], Any]:
+    """The whole vector of parameters from those that may change."""
+    there = f.parameter_names
+    place = {}
+    for name in given:
+        for n in there:
+            if n == name or n.startswith(f"{name}["):
+                place[n] = len(place)
+
+    def whole(p: Any) -> Any:
+        return ca.vertcat(*[p[place[n]] if n in place else v for n, v in zip(there, f.flat.p0, strict=True)])
+
+    return whole

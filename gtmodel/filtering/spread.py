@@ -1,0 +1,144 @@
+"""How residuals spread, which of them are used, and what they are worth: gain, normalised square, likelihood."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import scipy
+
+from .belief import Innovation
+from .system import System
+
+LOG_TWO_PI = float(np.log(2 * np.pi))
+
+
+class Solved(NamedTuple):
+    """Of residuals that spread as S: gain (m, n, k), normalised square (m,), log of the determinant of S (m,), and the
+    variance of each (m, k)."""
+
+    K: np.ndarray
+    nis: np.ndarray
+    log_determinant: np.ndarray
+    variance: np.ndarray
+
+
+class Spread(NamedTuple):
+    """Residuals of m rows of readings, and how they spread.
+
+    residual: (m, k), zero where not used. S: their covariance (m, k, k). PH: covariance of the state's error with them
+    (m, n, k). R: variance of their noise, (1, k) or (m, k). used: (m, k). gated: (m, sensors).
+    """
+
+    residual: np.ndarray
+    S: np.ndarray
+    PH: np.ndarray
+    R: np.ndarray
+    used: np.ndarray
+    gated: np.ndarray
+
+    def solved(self) -> Solved:
+        """Gain and likelihood by one factorisation of S, scaled to a diagonal of ones: its entries may differ by 1e8.
+
+        Where S is not positive definite they are no numbers.
+        """
+        variance = self.S.diagonal(0, 1, 2)
+        scale = 1.0 / np.sqrt(variance)
+        unit = self.S * scale[:, :, None] * scale[:, None, :]
+        m, n, k = self.PH.shape
+        right = np.empty((m, n + 1, k))
+        np.multiply(self.PH, scale[:, None, :], out=right[:, :n])
+        white = right[:, n] = self.residual * scale
+        if m == 1:  # LAPACK itself, in a quarter of the time that NumPy's functions for stacks of matrices take
+            L, answer, fault = scipy.linalg.lapack.dposv(unit[0], right[0].T, lower=1)
+            solution, diagonal = answer.T[None], L.diagonal()[None]
+            if fault:
+                solution, diagonal = np.full_like(right, np.nan), np.full((1, k), np.nan)
+        else:
+            diagonal = factors(unit).diagonal(0, 1, 2)
+            lost = np.isnan(diagonal).any(axis=1)
+            if lost.any():
+                unit[lost], right[lost] = np.eye(k), np.nan
+            solution = np.linalg.solve(unit, right.mT).mT
+        logs = 2 * np.log(diagonal / scale).sum(axis=1)
+        return Solved(solution[:, :n] * scale[:, None, :], (white * solution[:, n]).sum(axis=1), logs, variance)
+
+    def innovation(self, names: tuple[str, ...], solved: Solved) -> Innovation:
+        """What these readings said."""
+        count = self.used.sum(axis=1)
+        likelihood = -0.5 * (solved.nis + solved.log_determinant + count * LOG_TWO_PI)
+        return Innovation(names, self.residual, solved.variance, self.used, solved.nis, count, likelihood, self.gated)
+
+
+def spread_of(
+    system: System,
+    names: tuple[str, ...],
+    residual: np.ndarray,
+    S: np.ndarray,
+    PH: np.ndarray,
+    chosen: np.ndarray | None = None,
+) -> Spread:
+    """Of readings that are there, or of the chosen ones; sensors with a gate leave out what lies beyond it.
+
+    S is the covariance of the readings without their noise, which is added in place.
+    """
+    group = system.group(names)
+    used = np.isfinite(residual) if chosen is None else chosen
+    R = group.variances[None]
+    np.einsum("mkk->mk", S)[...] += R
+    gated = np.zeros((len(residual), len(names)), bool)
+    whole = Spread(residual, S, PH, R, used, gated)
+    s = whole if used.all() else without(whole, used)
+    if chosen is not None or not group.gates:
+        return s
+    for n, name in group.gates:
+        at = group.rows[n]
+        own = np.linalg.solve(s.S[:, at, at], s.residual[:, at, None])[..., 0]
+        nis = np.sum(own * s.residual[:, at], axis=1)
+        gated[:, n] = nis > system.gate_limits(name)[used[:, at].sum(axis=1)]
+        used = used.copy()
+        used[:, at] &= ~gated[:, n, None]
+    return s if not gated.any() else without(s, used)
+
+
+def without(s: Spread, used: np.ndarray) -> Spread:
+    """A reading that is not used becomes one of variance 1 that depends on nothing: it changes no number."""
+    S = np.where(used[:, :, None] & used[:, None, :], s.S, 0.0)
+    np.einsum("mkk->mk", S)[...] += ~used
+    return Spread(
+        np.where(used, s.residual, 0.0),
+        S,
+        np.where(used[:, None, :], s.PH, 0.0),
+        np.where(used, s.R, 1.0),
+        used,
+        s.gated,
+    )
+
+
+def factors(matrices: np.ndarray) -> np.ndarray:
+    """Cholesky factors (m, n, n); no numbers for a matrix that is not positive definite."""
+    try:
+        return np.linalg.cholesky(matrices)
+    except np.linalg.LinAlgError:
+        if len(matrices) == 1:
+            return np.full_like(matrices, np.nan)
+        return np.concatenate([factors(matrix[None]) for matrix in matrices])
+
+
+def roots(P: np.ndarray) -> np.ndarray:
+    """L (m, n, n) with L L' = P of covariances, scaled to a diagonal of ones first; those that are singular too."""
+    scale = np.sqrt(P.diagonal(0, 1, 2))
+    safe = np.where(scale > 0, scale, 1.0)
+    unit = P / safe[:, :, None] / safe[:, None, :]
+    np.einsum("mii->mi", unit)[...] += scale == 0
+    L = factors(unit)
+    lost = np.isnan(L).any(axis=(1, 2)) & np.isfinite(unit).all(axis=(1, 2))
+    if lost.any():
+        values, vectors = np.linalg.eigh(unit[lost])
+        L[lost] = vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]
+    return L * scale[:, :, None]
+
+
+def moments(d: np.ndarray, weights: np.ndarray, e: np.ndarray | None = None) -> np.ndarray:
+    """Sum over k of weights (m, k) times d e' (m, n, n), of errors d and e (m, k, .); of d alone if e is left out."""
+    return (d * weights[..., None]).mT @ (d if e is None else e)

@@ -1,0 +1,123 @@
+"""Synthetic readings: of a known motion, or of motions that a process draws by itself."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..results.refusal import ArgumentError
+from ..results.trajectory import Trajectory
+from .belief import InitialState
+from .manifold import Manifold
+from .readings import Readings
+from .system import System
+
+
+class Drawn(NamedTuple):
+    """Synthetic runs: the instants (K,) [s], the true states (m, K, size) by name, and the log for a filter."""
+
+    time: np.ndarray
+    truth: dict[str, np.ndarray]
+    log: dict[str, Readings]
+
+
+def synthetic_readings(
+    system: System,
+    time: np.ndarray,
+    states: np.ndarray,
+    *,
+    seed: int,
+    runs: int = 1,
+    faults: Mapping[str, Any] | None = None,
+    inputs: Trajectory | None = None,
+) -> dict[str, Readings]:
+    """What the sensors of a system read of true states (K, size) or (m, K, size) at times (K,) [s].
+
+    Each sensor reads at multiples of its period, at each time if it has none, late by its delay, with the noise that it
+    is declared to have; the generator of sensor k starts from (seed, k). faults: sensor -> a number or (size,) that is
+    added to each of its readings, in the unit of the reading.
+
+    >>> path, body = gt.filtering.TrackedPath(), gt.filtering.TranslatingBody()
+    >>> process = gt.filtering.ProcessModel(body, noise={"jerk": 0.1}, states=["p", "v", "a"])
+    >>> system = gt.filtering.System(process, [gt.filtering.Sensor("tracker", "p", deviation=6.4e-6)])
+    >>> motion = path.motion(0.001 * np.arange(100))
+    >>> states = np.concatenate([motion.p, motion.v, motion.a], axis=1)
+    >>> log = gt.filtering.synthetic_readings(system, motion.time, states, seed=1)
+    >>> float(np.abs(log["tracker"].values - motion.p).max().round(6))
+    2e-05
+    """
+    states = np.asarray(states, float)
+    states = states[None] if states.ndim == 2 else states
+    runs = max(runs, len(states))
+    u = np.array([system.inputs_at(inputs, t) for t in time])
+    log = {}
+    for k, (name, sensor) in enumerate(system.sensors.items()):
+        rng = np.random.default_rng([seed, k])
+        rows = _rows(np.asarray(time, float), sensor.period)
+        part = system.readings[name]
+        values = np.array([system.read((name,), float(time[row]), states[:, row], u[row]) for row in rows])
+        values = np.broadcast_to(np.swapaxes(values, 0, 1), (runs, len(rows), part.size))
+        noise = rng.normal(size=(runs, len(rows), part.dimension)) * system.deviations[name]
+        read = Manifold([part]).plus(values, noise) + np.asarray((faults or {}).get(name, 0.0))
+        log[name] = Readings(np.asarray(time)[rows] + sensor.lag, read if runs > 1 else read[0])
+    return log
+
+
+def draw(
+    system: System,
+    initial: InitialState,
+    time: Sequence[float] | np.ndarray,
+    *,
+    seed: int,
+    runs: int = 1,
+    inputs: Trajectory | None = None,
+) -> Drawn:
+    """Motions that a system draws from its own noise, and what its sensors read of them.
+
+    The true state starts at `initial`, off by its deviation, and follows the process with its noise: of such runs a
+    filter that is right is consistent. time: the instants (K,) [s], in order. Estimated constants are drawn too.
+    Raises ArgumentError for instants out of order.
+
+    >>> parts = [gt.filtering.StatePart("x", unit="m")]
+    >>> process = gt.filtering.DiscreteProcess(parts, 0.1, lambda s: {"x": s.x}, [1e-4])
+    >>> system = gt.filtering.System(process, [gt.filtering.Sensor("tape", "x", deviation=0.01)])
+    >>> runs = gt.filtering.draw(system, gt.filtering.InitialState({}, {"x": 1.0}), 0.1 * np.arange(20), seed=1, runs=5)
+    >>> runs.truth["x"].shape, runs.log["tape"].values.shape
+    ((5, 20), (5, 20, 1))
+    """
+    times = np.asarray(time, float)
+    if times.ndim != 1 or not len(times) or np.any(np.diff(times) <= 0):
+        raise ArgumentError("expected instants (K,) in order", "time")
+    rng = np.random.default_rng([seed, len(system.sensors)])
+    belief = initial.belief(system, times[0], runs)
+    n = system.space.dimension
+    x = system.space.plus(belief.x, rng.normal(size=(runs, n)) * np.sqrt(np.einsum("mii->mi", belief.P)))
+    states = np.empty((runs, len(times), system.space.size))
+    u = system.inputs_at(inputs, times[0])
+    for k, t in enumerate(times):
+        if k:
+            u_next = system.inputs_at(inputs, t)
+            step = system.transition(times[k - 1], t - times[k - 1], x, u, u_next)
+            d = (root_of(np.broadcast_to(step.Q, (runs, n, n))) @ rng.normal(size=(runs, n))[..., None])[..., 0]
+            x, u = system.space.plus(step.x, d), u_next
+        states[:, k] = x
+    log = synthetic_readings(system, times, states, seed=seed, runs=runs, inputs=inputs)
+    return Drawn(times, system.space.values(states), log)
+
+
+def root_of(Q: np.ndarray) -> np.ndarray:
+    """A root L of covariances (m, n, n), L L' = Q, also where they are singular or of entries that differ by 1e18."""
+    scale = np.sqrt(np.einsum("mii->mi", Q))
+    safe = np.where(scale > 0, scale, 1.0)
+    values, vectors = np.linalg.eigh(Q / safe[:, :, None] / safe[:, None, :])
+    return scale[:, :, None] * vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]
+
+
+def _rows(time: np.ndarray, period: float | None) -> np.ndarray:
+    if period is None:
+        return np.arange(len(time))
+    due = np.round((time - time[0]) / period)
+    near = np.abs(time - time[0] - due * period) < 1e-6 * period
+    return np.flatnonzero(near)

@@ -1,0 +1,267 @@
+"""A process with its sensors, compiled: steps from instant to instant, and readings with their Jacobians."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from ..results.refusal import ArgumentError
+from .manifold import Manifold, StatePart
+from .process import AnyProcess, ProcessModel, densities, unit_of
+from .rowwise import RowsFunction
+from .sensors import ESTIMATE, Sensor
+from .transition import CurvedTransition, GivenTransition, LinearTransition, runge_kutta
+
+LONGEST_STEP = 0.01  # s; steps of a process that is not linear are cut into parts of at most this
+
+
+class SensorGroup(NamedTuple):
+    """Sensors that are read at one instant. space: of what they read, side by side; rows: where the residual of each
+    stands; variances: of all numbers; gates: place and name of those that have a gate."""
+
+    space: Manifold
+    rows: tuple[slice, ...]
+    variances: np.ndarray
+    gates: tuple[tuple[int, str], ...]
+
+
+class System:
+    """A process and its sensors as numeric functions on rows of states.
+
+    Args:
+        process: what moves.
+        sensors: what is measured.
+        estimate: names of parameters of the model that become constant states, beside the `"estimate"`s of sensors.
+        longest_step: of a process that is not linear [s].
+
+    space: of all states, constants last. transition: from instant to instant. `linear` says whether process and sensors
+    are linear with constant coefficients. Raises ArgumentError for wrong names.
+    """
+
+    def __init__(
+        self,
+        process: AnyProcess,
+        sensors: Sequence[Sensor],
+        *,
+        estimate: Sequence[str] = (),
+        longest_step: float = LONGEST_STEP,
+    ) -> None:
+        self.process = process
+        names = [sensor.name for sensor in sensors]
+        if not names or len(set(names)) != len(names):
+            raise ArgumentError(f"expected sensors with a name of their own each; found {names}", "sensors")
+        self.sensors = {sensor.name: sensor for sensor in sensors}
+        d = self.dynamics = process.dynamics([*dict.fromkeys(sensor.quantity for sensor in sensors)])
+        for name in estimate:
+            if name not in d.parameters:
+                there = ", ".join(f"'{n}'" for n in d.parameters) or "none; name them as parameters of the process"
+                raise ArgumentError(f"'{name}' is no parameter that may change; there are {there}", "estimate")
+        self._columns = d.columns()
+        self.readings = {name: self._part(sensor) for name, sensor in self.sensors.items()}
+        constants = [StatePart(name, size=d.parameters[name].size, unit="?") for name in estimate]
+        for name, sensor in self.sensors.items():
+            for what, unit in (("delay", "s"), ("scale", "1"), ("offset", self.readings[name].unit)):
+                if getattr(sensor, what) == ESTIMATE:
+                    size = 1 if what == "delay" else self.readings[name].size
+                    constants.append(StatePart(f"{name}.{what}", size=size, unit=unit))
+        self.own = d.space
+        self.constants = tuple(part.name for part in constants)
+        self.space = Manifold([*d.space.parts, *constants])
+        self.deviations = {
+            name: sensor.deviations(self.readings[name].dimension) for name, sensor in self.sensors.items()
+        }
+        self.transition, straight = self._transition(longest_step)
+        self.linear = straight and self._straight_readings()
+        self._made: dict[tuple[str, ...], Any] = {}
+        self._groups: dict[tuple[str, ...], SensorGroup] = {}
+        self._limits: dict[str, np.ndarray] = {}
+
+    def with_(self, noise: Mapping[str, Any] | None = None, deviations: Mapping[str, Any] | None = None) -> System:
+        """The same system with other densities of noise and other deviations of sensors; nothing is compiled anew.
+
+        Raises ArgumentError for a name that is not there, and for a noise of a process in discrete time.
+        """
+        other = copy.copy(self)
+        other._groups = {}
+        if noise:
+            if not isinstance(self.process, ProcessModel):
+                raise ArgumentError("a process in discrete time has no named noise; make it anew", "noise")
+            other.process = self.process.with_noise(**noise)
+            intensity = np.diag(densities(other.process.noise, self.dynamics.noise))
+            other.dynamics = replace(self.dynamics, intensity=intensity)
+            other.transition = self.transition.with_intensity(intensity)
+        other.deviations = dict(self.deviations)
+        for name, value in (deviations or {}).items():
+            if name not in self.sensors:
+                there = ", ".join(f"'{n}'" for n in self.sensors)
+                raise ArgumentError(f"there is no sensor '{name}'; there are {there}", "deviations")
+            sensor = replace(self.sensors[name], deviation=value, density=None)
+            other.sensors = {**other.sensors, name: sensor}
+            other.deviations[name] = sensor.deviations(self.readings[name].dimension)
+        return other
+
+    @property
+    def curved_errors(self) -> bool:
+        """Whether the axes of an error turn with the point it belongs to, as of directions."""
+        return any(part.kind == "direction" for part in self.space.parts)
+
+    def gate_limits(self, name: str) -> np.ndarray:
+        """Normalised innovations squared beyond which the gate of a sensor is closed, by how many numbers are used."""
+        if name not in self._limits:
+            from scipy.stats import chi2
+
+            sizes = np.arange(1, self.readings[name].dimension + 1)
+            self._limits[name] = np.concatenate([[np.inf], chi2.ppf(self.sensors[name].gate, sizes)])
+        return self._limits[name]
+
+    def start_constants(self) -> dict[str, Any]:
+        """Where the constants begin, by name."""
+        given = dict(self.dynamics.parameters)
+        return {
+            name: given.get(name, np.ones(part.size) if name.endswith(".scale") else np.zeros(part.size))
+            for name in self.constants
+            for part in [self.space.part(name)[0]]
+        }
+
+    # -- expressions -----------------------------------------------------------------------------------
+
+    def _constant(self, x: Any, name: str) -> Any:
+        return x[self.space.part(name)[1]]
+
+    def _parameters(self, x: Any) -> Any:
+        values = [self._constant(x, n) if n in self.constants else v for n, v in self.dynamics.parameters.items()]
+        return ca.vertcat(*values) if values else ca.DM.zeros(0)
+
+    def rates(self, t: Any, x: Any, u: Any, w: Any) -> Any:
+        """Rates of all states as a CasADi column, or the next states of a process in discrete time; constants stay."""
+        own = self.dynamics.rates(t, x[: self.own.size], u, w, self._parameters(x))
+        if not self.constants:  # none of a single number would be a row in CasADi
+            return own
+        kept = x[self.own.size :]
+        return ca.vertcat(own, kept if self.dynamics.step else 0 * kept)
+
+    def _part(self, sensor: Sensor) -> StatePart:
+        """The manifold of one reading."""
+        c = self._columns
+        value = self.dynamics.outputs[sensor.quantity](c["t"], c["x"], c["u"], c["p"])
+        return StatePart(sensor.name, sensor.kind, value.numel(), unit_of(self.process, sensor.quantity))
+
+    def expected(self, sensor: Sensor, t: Any, x: Any, u: Any) -> Any:
+        """What a sensor reads at states x, as a CasADi column."""
+        if sensor.delay == ESTIMATE:
+            if self.dynamics.step:
+                raise ArgumentError("the delay of a process in discrete time cannot be estimated; give it", "delay")
+            lag = self._constant(x, f"{sensor.name}.delay")
+            none = ca.DM.zeros(sum(self.dynamics.noise.values()))
+            x = runge_kutta(self.space, self.rates, t, -lag, x, u, u, none)
+        value = self.dynamics.outputs[sensor.quantity](t, x[: self.own.size], u, self._parameters(x))
+        if sensor.kind != "vector":
+            return value
+        scale = self._constant(x, f"{sensor.name}.scale") if sensor.scale == ESTIMATE else np.asarray(sensor.scale)
+        offset = self._constant(x, f"{sensor.name}.offset") if sensor.offset == ESTIMATE else np.asarray(sensor.offset)
+        return (value + offset) / scale
+
+    def _symbols(self) -> tuple[Any, Any, Any]:
+        symbol = self.dynamics.symbol
+        return symbol("t"), symbol("x", self.space.size), symbol("u", sum(self.dynamics.inputs.values()))
+
+    # -- compiled --------------------------------------------------------------------------------------
+
+    def _transition(self, longest: float) -> tuple[Any, bool]:
+        """The steps, and whether they are linear with constant coefficients."""
+        d, (t, x, u), w = self.dynamics, self._symbols(), self._columns["w"]
+        rate = self.rates(t, x, u, w)
+        blocks = [ca.jacobian(rate, v) for v in (x, u, w)]
+        every = ca.vertcat(t, x, u, w)
+        straight = self.space.flat and not (_varies(blocks, every) or ca.jacobian(rate, t).nnz())
+        if d.step:
+            return GivenTransition(d, self.space, self.rates), straight
+        if not straight:
+            return CurvedTransition(d, self.space, self.rates, longest), False
+        rest = ca.substitute(rate, every, ca.DM.zeros(every.numel()))
+        A, B, G, c = (np.asarray(m.full()) for m in ca.Function("linear", [], [*blocks, rest])().values())
+        return LinearTransition(A, B, c[:, 0], G, d.intensity), True
+
+    def _straight_readings(self) -> bool:
+        t, x, u = self._symbols()
+        values = [self.expected(sensor, t, x, u) for sensor in self.sensors.values()]
+        vectors = all(sensor.kind == "vector" for sensor in self.sensors.values())
+        return vectors and not _varies([ca.jacobian(ca.vertcat(*values), x)], ca.vertcat(t, x, u))
+
+    def residual(self, names: Sequence[str], t: Any, x: Any, u: Any, z: Any) -> tuple[Any, Any]:
+        """What these sensors read, z side by side, over what they should read, and the Jacobian H of the latter in the
+        error of x, on CasADi columns."""
+        residuals, rows, first = [], [], 0
+        for name in names:
+            space = Manifold([self.readings[name]])
+            value = self.expected(self.sensors[name], t, x, u)
+            residuals.append(space.minus_symbols(z[first : first + space.size], value))
+            rows.append(ca.mtimes(space.to_error(value), ca.jacobian(value, x)))
+            first += space.size
+        return ca.vertcat(*residuals), ca.mtimes(ca.vertcat(*rows), self.space.from_error(x))
+
+    def reading(self, names: tuple[str, ...]) -> Any:
+        """The function (t, x, u, z) -> residuals (m, k) of what these sensors read, side by side, and their Jacobian H
+        (m, k, n); made when it is first needed."""
+        if names not in self._made:
+            t, x, u = self._symbols()
+            z = self.dynamics.symbol("z", sum(self.readings[name].size for name in names))
+            residual, H = self.residual(names, t, x, u, z)
+            self._made[names] = RowsFunction("reading", [t, x, u, z], [residual, H], (1,))
+        return self._made[names]
+
+    def read(self, names: tuple[str, ...], t: float, x: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """What these sensors read at rows of states without noise, (m, numbers)."""
+        key = ("values", *names)
+        if key not in self._made:
+            t_, x_, u_ = self._symbols()
+            values = [self.expected(self.sensors[name], t_, x_, u_) for name in names]
+            self._made[key] = RowsFunction("expected", [t_, x_, u_], [ca.vertcat(*values)])
+        return self._made[key](t, x, u)[0]
+
+    def group(self, names: Sequence[str]) -> SensorGroup:
+        """What does not change of the readings of these sensors, side by side."""
+        key = tuple(names)
+        if key not in self._groups:
+            space = Manifold([self.readings[name] for name in key])
+            rows = tuple(along for _, _, along in space.places())
+            variances = np.concatenate([self.deviations[name] ** 2 for name in key])
+            gates = tuple((n, name) for n, name in enumerate(key) if self.sensors[name].gate)
+            self._groups[key] = SensorGroup(space, rows, variances, gates)
+        return self._groups[key]
+
+    def rows_of(self, names: Sequence[str]) -> tuple[slice, ...]:
+        """Where the residual of each of these sensors stands among them."""
+        return self.group(names).rows
+
+    def variances(self, names: Sequence[str]) -> np.ndarray:
+        """Variances of the noise of these sensors, one for each number of the residual."""
+        return self.group(names).variances
+
+    def inputs_at(self, inputs: Any, t: float) -> np.ndarray:
+        """The known inputs (nu,) at an instant from a trajectory of them."""
+        names: Mapping[str, int] = self.dynamics.inputs
+        if not names:
+            return _NONE
+        return np.concatenate([np.atleast_1d(inputs(t, name)) for name in names])
+
+
+_NONE = np.zeros(0)
+
+
+def _varies(blocks: Sequence[Any], arguments: Any) -> bool:
+    """Whether an entry of some matrices depends on an argument."""
+    return any(any(ca.which_depends(ca.vec(b), arguments, 1, True)) for b in blocks if b.numel())
+
+
+def agree_in_shape(systems: Sequence[System]) -> None:
+    """Raises ArgumentError unless all systems have the same states and sensors."""
+    first = systems[0]
+    for n, other in enumerate(systems):
+        if other.space.parts != first.space.parts or other.readings != first.readings:
+            raise ArgumentError(f"system {n} has other states or sensors than system 0; give all the same", "systems")

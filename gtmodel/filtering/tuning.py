@@ -1,0 +1,133 @@
+"""Noise by the likelihood of the innovations: which densities and deviations make a log likeliest."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..results.refusal import ArgumentError
+from ..results.trajectory import Trajectory
+from .belief import InitialState
+from .error_state import ErrorState
+from .process import ProcessModel
+from .system import System
+
+TOLERANCE = 0.02  # of the logarithm of a density; its interval is wider on any log
+STEP = 0.1  # of the logarithm, for the curvature of the likelihood
+
+
+@dataclass(frozen=True, eq=False)
+class Tuned:
+    """Noise that makes a log likeliest.
+
+    system: with it. values: name -> density or deviation, as declared times its factor. factors, intervals: name ->
+    factor, and its 95 % interval by the curvature of the likelihood, infinite where the log does not determine it.
+    log_likelihood: of the log; improvement: by how much it grew over the declared noise.
+    """
+
+    system: System
+    values: dict[str, Any]
+    factors: dict[str, float]
+    intervals: dict[str, tuple[float, float]]
+    log_likelihood: float
+    improvement: float
+
+
+def tune(
+    system: System,
+    log: Mapping[str, Any],
+    initial: InitialState,
+    names: Sequence[str],
+    *,
+    inputs: Trajectory | None = None,
+    progress: Callable[[float], bool] | None = None,
+) -> Tuned:
+    """Densities of the process and deviations of the sensors by the likelihood of the innovations.
+
+    names: "NOISE.density" and "SENSOR.deviation"; each is multiplied by one factor, whatever its components. Nelder and
+    Mead on the logarithms of the factors. Whether the filter is consistent then is another question: ask `consistency`.
+
+    Raises ArgumentError for a wrong name, and for a log whose likelihood is not finite to begin with.
+
+    >>> parts = [gt.filtering.StatePart("x", unit="m")]
+    >>> process = gt.filtering.DiscreteProcess(parts, 0.1, lambda s: {"x": s.x}, [1e-4])
+    >>> system = gt.filtering.System(process, [gt.filtering.Sensor("tape", "x", deviation=0.01)])
+    >>> initial = gt.filtering.InitialState({}, {"x": 1.0})
+    >>> drawn = gt.filtering.draw(system, initial, 0.1 * np.arange(200), seed=1)
+    >>> doubtful = system.with_(deviations={"tape": 0.05})
+    >>> tuned = gt.filtering.tune(doubtful, drawn.log, initial, ["tape.deviation"])
+    >>> low, high = tuned.intervals["tape.deviation"]
+    >>> low < 0.01 / 0.05 < high
+    True
+    """
+    from scipy.optimize import minimize
+
+    for name in names:
+        noises = system.process.noise if isinstance(system.process, ProcessModel) else {}
+        there = [*(f"{n}.density" for n in noises), *(f"{n}.deviation" for n in system.sensors)]
+        if name not in there:
+            raise ArgumentError(f"there is no '{name}' to tune; there are {', '.join(there)}", "names")
+    if not names:
+        raise ArgumentError("name at least one noise to tune", "names")
+
+    def with_factors(exponents: np.ndarray) -> System:
+        factors = dict(zip(names, np.exp(exponents), strict=True))
+        noise = {
+            n[:-8]: np.asarray(_noise_of(system)[n[:-8]]) * f for n, f in factors.items() if n.endswith(".density")
+        }
+        deviations = {n[:-10]: system.deviations[n[:-10]] * f for n, f in factors.items() if n.endswith(".deviation")}
+        return system.with_(noise, deviations)
+
+    calls = 0
+
+    def loss(exponents: np.ndarray) -> float:
+        nonlocal calls
+        calls += 1
+        if progress is not None and progress(min(0.99, calls / (60 * len(names)))):
+            raise StopIteration
+        run = ErrorState(with_factors(np.asarray(exponents))).run(log, initial, inputs=inputs, keep=False)
+        total = -float(run.log_likelihood.sum())
+        return total if run.status.ok and np.isfinite(total) else 1e300
+
+    zero = np.zeros(len(names))
+    declared = loss(zero)
+    if declared >= 1e300:
+        raise ArgumentError("the likelihood of the log is not finite with the declared noise", "system")
+    simplex = np.vstack([zero, np.eye(len(names))])
+    options = {"xatol": TOLERANCE, "fatol": 1e-3, "initial_simplex": simplex}
+    best = minimize(loss, zero, method="Nelder-Mead", options=options)
+    curvature = _curvature(loss, best.x, float(best.fun))
+    try:
+        variance = np.diag(np.linalg.inv(curvature)).copy()
+    except np.linalg.LinAlgError:
+        variance = np.full(len(names), np.nan)
+    variance[~(variance > 0)] = np.inf
+    half = 1.959963984540054 * np.sqrt(variance)
+    tuned = with_factors(best.x)
+    values = {n: _noise_of(tuned)[n[:-8]] if n.endswith(".density") else tuned.deviations[n[:-10]] for n in names}
+    factors = {n: float(np.exp(x)) for n, x in zip(names, best.x, strict=True)}
+    with np.errstate(over="ignore"):
+        intervals = {
+            n: (float(np.exp(x - h)), float(np.exp(x + h))) for n, x, h in zip(names, best.x, half, strict=True)
+        }
+    return Tuned(tuned, values, factors, intervals, -float(best.fun), declared - float(best.fun))
+
+
+def _noise_of(system: System) -> dict[str, Any]:
+    return system.process.noise if isinstance(system.process, ProcessModel) else {}
+
+
+def _curvature(loss: Callable[[np.ndarray], float], x: np.ndarray, least: float) -> np.ndarray:
+    """Second differences of the loss (n, n)."""
+    n, H = len(x), np.zeros((len(x), len(x)))
+    steps = STEP * np.eye(n)
+    for i in range(n):
+        H[i, i] = (loss(x + steps[i]) - 2 * least + loss(x - steps[i])) / STEP**2
+        for j in range(i):
+            corner = loss(x + steps[i] + steps[j]) - loss(x + steps[i] - steps[j])
+            other = loss(x - steps[i] + steps[j]) - loss(x - steps[i] - steps[j])
+            H[i, j] = H[j, i] = (corner - other) / (4 * STEP**2)
+    return H

@@ -1,0 +1,127 @@
+"""Kind "sensor_fusion": tracker and inertial unit on one body, filtered; or a recorded gyro between references."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gtmodel.filtering import AttitudeRecording, attitude_study, fusion_study
+from gtmodel.measurements import Column, sampling_of
+from gtmodel.problem_files.base import Context, InputError
+from gtmodel.problem_files.call import Call
+from gtmodel.problem_files.from_options import options_of
+from gtmodel.results import ArgumentError, Trajectory
+
+from .keys import AttitudeLogSection, Schema
+
+NAME = "sensor_fusion"
+ARGUMENTS = {"recording": "log"}
+OF_A_PATH = ("path", "sensors", "filter", "sweep", "seed")
+
+
+def call(problem: Schema, context: Context) -> Call:
+    """The study of the path that the file declares."""
+    if context.start is not None:
+        raise InputError("--start: a filter starts at the path's begin; leave it out")
+    if _logged(problem):
+        judging = problem.judging.options()
+        if problem.log is None:
+            assert problem.synthetic_log is not None
+            return Call(attitude_study, problem.synthetic_log.options(), judging, title=problem.title)
+        return Call(attitude_study, _recording(problem.log, context), judging, title=problem.title)
+    path, sensors, design, sweep = options_of(problem, "path", "sensors", "filter", "sweep").values()
+    return Call(fusion_study, path, sensors, design, sweep, seed=problem.seed, title=problem.title)
+
+
+def explain(problem: Schema, context: Context) -> str:
+    """What is read, and what the filter knows."""
+    if _logged(problem):
+        return _explained_log(problem, context)
+    path, sensors, design = options_of(problem, "path", "sensors", "filter").values()
+    rate = 1 / sensors.sample_time
+    lines = [
+        f"{problem.title or NAME}: {path.kind} in {path.axes} axes at {1e3 * path.feed:g} mm/s, {path.duration:g} s"
+    ]
+    lines.append(f"  synthetic readings at {rate:g} Hz, seed {problem.seed}")
+    if design.printed:
+        lines.append("  filter: the covariance of appendix B of Cvitanic 2021")
+    else:
+        densities = ", ".join(f"{q:g}" for q in design.jerk_density)
+        lines.append(f"  filter: white jerk of density {densities} m2/s5 along x, y, z")
+    if design.fast_jerk_density is not None:
+        lines.append(f"  beside a faster one of density {design.fast_jerk_density:g} m2/s5, interacting")
+    unknown = {"bias of the accelerometer": sensors.acceleration_bias, "error of the arm": sensors.arm_error,
+               "misalignment": sensors.misalignment}  # fmt: skip
+    lines.append(f"  the filter does not know: {', '.join(n for n, v in unknown.items() if v) or 'nothing is hidden'}")
+    return "\n".join(lines)
+
+
+def _logged(problem: Schema) -> bool:
+    """Whether the file holds a recording in place of a path. Raises InputError where it holds both."""
+    given = [name for name in ("log", "synthetic_log") if getattr(problem, name) is not None]
+    if len(given) == 2:
+        raise InputError("expected one of [log] and [synthetic_log]; found both", "log")
+    if not given and "judging" in problem.model_fields_set:
+        raise InputError("belongs to [log] and [synthetic_log]; there is none", "judging")
+    for name in OF_A_PATH:
+        if given and name in problem.model_fields_set:
+            raise InputError(f"belongs to a path; with [{given[0]}] leave it out", name)
+    return bool(given)
+
+
+def _recording(log: AttitudeLogSection, context: Context) -> AttitudeRecording:
+    """Gyro and references, each by its own clock; of references that stand in the rows of the gyro the true ones."""
+    columns = {"rate": log.rate.recorded()}
+    if log.acceleration is not None:
+        columns["acceleration"] = log.acceleration.recorded()
+    rows = log.reference.row
+    if rows is None:
+        columns["quaternion"] = log.reference.quaternion.recorded()
+    else:
+        columns["row"] = rows.recorded()
+    recording = log.recording(columns, context)
+    by_name = {name: t for t in recording.values() for name in t.names}
+    gyro = by_name["rate"]
+    moving = [name for name in ("rate", "acceleration") if name in columns]
+    if any(by_name[name] is not gyro for name in moving):
+        raise InputError("has another clock than the rate", "log.acceleration")
+    if rows is None:
+        return _checked(gyro.select(moving), by_name["quaternion"].select(["quaternion"]))
+    wanted, every = by_name["row"], _every_row(log, context)
+    place = np.rint(wanted["row"]).astype(int) - log.reference.first_row
+    at = {int(n): k for k, n in enumerate(np.rint(every.time).astype(int))}
+    there = np.array([int(n) in at for n in place])  # the last reference may lie behind the last row
+    if not there.any():
+        raise InputError("names no row of the log", "log.reference.row")
+    quaternion = every["quaternion"][[at[int(n)] for n in place[there]]]
+    return _checked(gyro.select(moving), Trajectory(wanted.time[there], {"quaternion": quaternion}))
+
+
+def _every_row(log: AttitudeLogSection, context: Context) -> Trajectory:
+    """The quaternions of all rows of the log; the time counts the rows."""
+    written = log.reference.quaternion
+    every = Column(*written.shown(), None, written.stream, written.file)
+    rows = log.model_copy(update={"time": log.time.model_copy(update={"column": ""}), "sample_time_s": 1.0})
+    (read,) = rows.recording({"quaternion": every}, context).values()
+    return read
+
+
+def _checked(gyro: Trajectory, reference: Trajectory) -> AttitudeRecording:
+    try:
+        return AttitudeRecording(gyro, reference)
+    except ArgumentError as error:
+        key = "log.rate" if error.argument == "gyro" else "log.reference.quaternion"
+        raise InputError(error.message, key) from error
+
+
+def _explained_log(problem: Schema, context: Context) -> str:
+    judging = problem.judging.options()
+    lines = [f"{problem.title or NAME}: a gyro calibrated against references of orientation"]
+    if problem.log is not None:
+        recording = _recording(problem.log, context)
+        for name, one in (("gyro", recording.gyro), ("references", recording.reference)):
+            lines.append(f"  {name}: {len(one)} rows at {sampling_of(one.time).rate:.4g} Hz")
+    elif problem.synthetic_log is not None:
+        lines.append(f"  synthetic recording of {problem.synthetic_log.options().duration:g} s")
+    until = "half of the references" if judging.calibrate_until is None else f"{judging.calibrate_until:g} s"
+    lines.append(f"  calibrated up to {until}; judged on the rest, over gaps of {', '.join(map(str, judging.gaps))} s")
+    return "\n".join(lines)

@@ -1,0 +1,1 @@
+"""Pictures of filters: errors, innovations, what they bridge."""
