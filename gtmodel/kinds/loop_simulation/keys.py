@@ -9,7 +9,7 @@ from pydantic import Field
 from gtmodel.control import loop_options
 from gtmodel.problem_files.base import FileSection
 from gtmodel.problem_files.from_options import Made
-from gtmodel.problem_files.robot_keys import FrictionSection, RobotProblem
+from gtmodel.problem_files.robot_keys import RobotProblem, SmoothingWidth
 
 RESULT = "gtmodel.control.LoopSimulationStudy"
 
@@ -37,7 +37,7 @@ class ReferenceSection(FileSection):
     )
 
 
-class PlantFrictionSection(FrictionSection):
+class PlantFrictionSection(SmoothingWidth):
     """Friction of the robot that is controlled, which may stick."""
 
     smoothing: Literal["tanh", "piecewise_linear", "stiction"] | None = Field(
