@@ -21,21 +21,24 @@ from gtmodel.filtering import (
 from gtmodel.filtering.family.particle import _systematic, expected_share
 from gtmodel.results.refusal import ArgumentError
 from tests.support import turning_body as body
-from tests.support.carts import START, cart_log, cart_system
+from tests.support.carts import JERK, START, STATES, Cart, cart_log, cart_system
 
 MOST = 3.0  # standard deviations of the estimate, times 1 / sqrt(N)
 SLOPE, SLOPE_OFF = -0.5, 0.1
+EXACT = 1e-9  # of a deviation: round-off of covariances whose entries differ by 1e4
 SEEDS = [101, 102, 103, 104, 105, 106, 107, 108]  # fixed before any was looked at
 
 
-def distances(system: System, log: Any, start: InitialState, numbers: list[int], seeds: list[int]) -> np.ndarray:
+def distances(
+    system: System, log: Any, start: InitialState, numbers: list[int], seeds: list[int], **options: Any
+) -> np.ndarray:
     """Root mean square over instants, states and seeds of (particles - Kalman) in deviations, for each number."""
     exact = make("kf", system).run(log, start)
     made = []
     for number in numbers:
         squares = []
         for seed in seeds:
-            run = make("particle", system, particles=number, seed=seed).run(log, start, keep=False)
+            run = make("particle", system, particles=number, seed=seed, **options).run(log, start, keep=False)
             squares.append(np.mean(((run.x - exact.x) / exact.deviations) ** 2))
         made.append(np.sqrt(np.mean(squares)))
     return np.array(made)
@@ -61,6 +64,20 @@ def tracked_log(count: int) -> dict[str, Readings]:
     return {"p": Readings(t, p), "specific_force": Readings(t, force)}
 
 
+def three_axes(count: int) -> tuple[System, dict[str, Readings]]:
+    """The same system; motion and readings drawn from the process (synthetic)."""
+    system, rng, u, t = tracked(), np.random.default_rng(41), np.zeros(0), 0.001 * np.arange(count)
+    states = [rng.normal(size=(1, 9)) * np.repeat([1e-5, 3e-4, 0.1], 3)]
+    for now in t[1:]:
+        step = system.transition(now, 0.001, states[-1], u, u)
+        states.append(step.x + rng.normal(size=(1, 9)) @ np.linalg.cholesky(step.Q).T)
+    x = np.concatenate(states)
+    p = x[:, :3] + 6.4e-6 * rng.normal(size=(count, 3))
+    force = np.array([0.0, 0.0, 9.81]) + x[:, 6:] + 0.0124 * rng.normal(size=(count, 3))
+    return system, {"p": Readings(t, p), "specific_force": Readings(t, force)}
+
+
+START_THREE = InitialState({}, {"p": 1e-5, "v": 3e-4, "a": 0.1})
 START_P = InitialState({}, {"p": 1e-5, "v": 1e-3, "a": 0.1})
 
 
@@ -105,6 +122,46 @@ def test_distance_to_the_kalman_filter():
 def test_distance_to_the_kalman_filter_at_length():
     numbers = [1000, 2000, 4000, 8000, 16000, 32000]
     check_slope(numbers, distances(*axis(60), START_AXIS, numbers, [*SEEDS, *range(109, 113)]))
+
+
+def test_distance_in_three_axes_with_the_position_marginalised():
+    # all drawn it is 6 to 11 / sqrt(N): readings of one axis weigh the particles of the others
+    numbers = [1000, 4000]
+    distance = distances(*three_axes(25), START_THREE, numbers, SEEDS[:4], marginalised=["p"])
+    assert np.all(distance < MOST / np.sqrt(numbers))
+
+
+@pytest.mark.proof
+def test_distance_in_three_axes_at_length():
+    numbers = [1000, 2000, 4000, 8000, 16000]
+    check_slope(numbers, distances(*three_axes(60), START_THREE, numbers, SEEDS, marginalised=["p"]))
+
+
+def test_marginalised_states_are_those_of_kalman_filters():
+    system = cart_system()
+    _, _, log = cart_log(34, 20)
+    exact = make("kf", system).run(log, START)
+    run = make("particle", system, particles=3000, seed=2, marginalised=["x", "v", "a"]).run(log, START)
+    assert np.sqrt(np.mean(((run.x - exact.x) / exact.deviations) ** 2)) < MOST / np.sqrt(3000)
+    # a bias that no noise moves and that is known at the start: every particle is the Kalman filter
+    process = ProcessModel(Cart(), {"jerk": JERK, "drift": 0.0}, states=STATES)
+    still = System(process, [Sensor("tape", "x", deviation=0.01), Sensor("unit", "felt", deviation=0.05)])
+    known = InitialState({"b": 0.1}, {"x": 0.1, "v": 0.5, "a": 1.0, "b": 0.0})
+    exact = make("kf", still).run(log, known)
+    run = make("particle", still, particles=5, marginalised=["x", "v", "a"]).run(log, known)
+    moving = exact.deviations[..., :3]
+    assert np.max(np.abs(run.x[..., :3] - exact.x[..., :3]) / moving) < EXACT
+    assert np.max(np.abs(run.deviations[..., :3] / moving - 1)) < EXACT
+    assert np.max(np.abs(run.x[..., 3] - 0.1)) < 1e-15
+
+
+@pytest.mark.parametrize("options", [{"proposal": "bootstrap"}, {"more": "va"}, {"more": "y"}])
+def test_what_cannot_be_marginalised(options: Any):
+    options = dict(options)
+    names = ["p", *options.pop("more", "")]
+    with pytest.raises(ArgumentError) as fault:
+        ParticleFilter(tracked(), marginalised=names, **options)
+    assert fault.value.argument == "marginalised"
 
 
 def test_its_effective_size_is_kept_and_said():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -16,6 +16,7 @@ from ..system import System
 from .interacting import log_sum
 
 Proposal = Literal["optimal", "bootstrap"]
+SINGULAR = 1e-7  # of a factor of correlations: states that are tied to each other within round-off of their squares
 LEAST_SHARE = 0.05  # of the particles: a bootstrap that leaves fewer with weight is refused
 
 
@@ -57,13 +58,20 @@ class ParticleFilter(Filter):
     effective size the particles are drawn anew, systematically. The effective size of each instant stands in
     `Filtered.effective`, and in its notes.
 
+    States that are marginalised (Rao-Blackwell) are not drawn: each particle keeps a Gaussian of them, given what was
+    drawn, as a Kalman filter of its own. Leave to the draws what the process or the readings bend, and marginalise the
+    rest: the fewer states are drawn, the fewer particles are needed. All readings weigh all particles, so of three axes
+    that have nothing to do with each other each drawn state of one costs the others particles too.
+
     Args:
         system: process and sensors.
         particles: how many.
         seed: of all draws; the same seed gives the same numbers.
         proposal: "optimal" or "bootstrap".
+        marginalised: names of the states that are not drawn.
 
-    Source: Doucet, Godsill, Andrieu 2000, Statistics and Computing 10, 197-208.
+    Source: Doucet, Godsill, Andrieu 2000, Statistics and Computing 10, 197-208; of marginalised states Schön,
+    Gustafsson, Nordlund 2005, IEEE Transactions on Signal Processing 53, 2279-2289.
 
     >>> parts = [gt.filtering.StatePart("x", unit="m")]
     >>> process = gt.filtering.DiscreteProcess(parts, 0.1, lambda s: {"x": s.x}, [1e-2])
@@ -75,13 +83,27 @@ class ParticleFilter(Filter):
     (np.float64(1.0), True)
     """
 
-    def __init__(self, system: System, *, particles: int = 1000, seed: int = 0, proposal: Proposal = "optimal") -> None:
+    def __init__(
+        self,
+        system: System,
+        *,
+        particles: int = 1000,
+        seed: int = 0,
+        proposal: Proposal = "optimal",
+        marginalised: Sequence[str] = (),
+    ) -> None:
         super().__init__(system)
         if particles < 2:
             raise ArgumentError(f"expected at least 2; found {particles}", "particles")
         if proposal not in ("optimal", "bootstrap"):
             raise ArgumentError(f"expected 'optimal' or 'bootstrap'; found {proposal!r}", "proposal")
+        kept = {i for name in marginalised for i in _along(system, name)}
+        if kept and proposal == "bootstrap":
+            raise ArgumentError("the bootstrap proposal draws every state; take proposal='optimal'", "marginalised")
+        if len(kept) == system.space.dimension:
+            raise ArgumentError("no state is left to draw; take 'kf' or 'ekf', or leave a state out", "marginalised")
         self.particles, self.seed, self.proposal = particles, seed, proposal
+        self.drawn = [i for i in range(system.space.dimension) if i not in kept]
 
     def begin(self, start: InitialState, time: float, runs: int = 1) -> Cloud:
         """All particles at the mean, not yet drawn: until the first reading the cloud is the Gaussian of the start."""
@@ -110,14 +132,34 @@ class ParticleFilter(Filter):
             logs = logs.copy() if logs is belief.logs else logs
             which[run], logs[run] = _systematic(np.exp(logs[run]), rng.random()), -np.log(N)
         runs = np.arange(m)[:, None]
-        Q, K, H, R = (a if a.ndim == 2 else a[runs, which] for a in looked)
-        # a draw from the process, corrected by the reading with noise of its own drawn into it (Matheron's rule)
-        noise = _draws(Q, rng, (m, N, n))[..., None]
-        own = (rng.standard_normal(R.shape) * np.sqrt(R))[..., None]
-        d = (noise - K @ (H @ noise + own))[..., 0]
+        if len(self.drawn) < n:
+            d, pending = self._partly_drawn(belief.pending[runs, which], rng)
+        else:
+            Q, K, H, R = (a if a.ndim == 2 else a[runs, which] for a in looked)
+            # a draw from the process, corrected by the reading with noise of its own drawn into it (Matheron's rule)
+            noise = _draws(Q, rng, (m, N, n))[..., None]
+            own = (rng.standard_normal(R.shape) * np.sqrt(R))[..., None]
+            d, pending = (noise - K @ (H @ noise + own))[..., 0], np.zeros((n, n))
         return belief._replace(
-            x=self.system.space.plus(belief.x[runs, which], d), logs=logs, pending=np.zeros((n, n)), looked=None
+            x=self.system.space.plus(belief.x[runs, which], d), logs=logs, pending=pending, looked=None
         )
+
+    def _partly_drawn(self, P: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+        """Errors (m, N, n) with the drawn states drawn and the others where they are then expected, and the covariances
+        that are left to these; of Gaussians of covariances P (m, N, n, n)."""
+        m, N, k = *P.shape[:2], len(self.drawn)
+        # scaled to a diagonal of ones; a drawn state that no noise moves has zeros, and is not moved
+        scale = np.sqrt(P.diagonal(0, 2, 3)[..., self.drawn])
+        unit = P[..., self.drawn] / np.where(scale > 0, scale, np.inf)[..., None, :]
+        square = unit[..., self.drawn, :] / np.where(scale > 0, scale, np.inf)[..., None]
+        L = roots(square.reshape(-1, k, k)).reshape(m, N, k, k)
+        regular = np.abs(np.linalg.det(L)).min() > SINGULAR
+        G = np.linalg.solve(L, unit.mT).mT if regular else unit @ np.linalg.pinv(L, rcond=SINGULAR).mT
+        d = (G @ rng.standard_normal((m, N, k, 1)))[..., 0]
+        left = P - G @ G.mT
+        left[..., self.drawn, :] = 0.0
+        left[..., self.drawn] = 0.0
+        return d, left
 
     def correct(self, belief: Cloud, names: tuple[str, ...], z: np.ndarray, u: np.ndarray) -> tuple[Cloud, Innovation]:
         """The cloud after the readings z (m, numbers) of these sensors, side by side."""
@@ -190,6 +232,15 @@ class ParticleFilter(Filter):
     def details(self, belief: Cloud) -> Mapping[str, np.ndarray]:
         """Effective size."""
         return {"effective": belief.effective}
+
+
+def _along(system: System, name: str) -> range:
+    """Which components of an error are those of a state."""
+    try:
+        along = system.space.part(name)[2]
+    except ArgumentError as fault:
+        raise ArgumentError(fault.message, "marginalised") from None
+    return range(along.start, along.stop)
 
 
 def expected_share(ratios: Any) -> np.ndarray:

@@ -61,7 +61,7 @@ class FusionFilter(Options):
     """
 
     kind: Annotated[FilterKind, "extended, iterated, unscented or particle"] = "extended"
-    particles: Annotated[int, Within(least=2), "of the particle filter"] = 1000
+    particles: Annotated[int, Within(least=2), "of the particle filter, which keeps a Gaussian of the position"] = 1000
     printed: Annotated[bool, "covariance of Appendix B, equations (21) and (24) as printed"] = False
     exact_step: Annotated[bool, "with `printed`: the factor 1/2 that (21) lacks is put in"] = False
     jerk_density: Annotated[

@@ -187,7 +187,7 @@ def filter_of(systems: Sequence[System], design: FusionFilter) -> Filter:
     if design.kind == "particle":
         from ..family.particle import ParticleFilter
 
-        return ParticleFilter(systems[0], particles=design.particles, seed=PARTICLE_SEED)
+        return ParticleFilter(systems[0], particles=design.particles, seed=PARTICLE_SEED, marginalised=["p"])
     return ErrorState(systems[0], iterations=ITERATIONS if design.kind == "iterated" else 1)
 
 
