@@ -64,12 +64,14 @@ static GT_FILTER_ONCE gt_status gt_filter_judge(const gt_filter *f, const gt_fil
     for (j = 0; j < f->errors; j++) {
         const double share = belief->diagonal[j];
 
-        for (i = 0U; i <= (size_t)j; i += 2U) {
-            const double first = variance[i] + ((share * own[i]) * own[i]);
-            const double second = variance[i + 1U] + ((share * own[i + 1U]) * own[i + 1U]);
+        for (i = 0U; i < (((size_t)j / 2U) + 1U); i++) {
+            const double first = own[2U * i];
+            const double second = own[(2U * i) + 1U];
+            const double left = variance[2U * i] + ((share * first) * first);
+            const double right = variance[(2U * i) + 1U] + ((share * second) * second);
 
-            variance[i] = first;
-            variance[i + 1U] = second;
+            variance[2U * i] = left;
+            variance[(2U * i) + 1U] = right;
         }
         own = &own[f->stride];
     }

@@ -20,28 +20,26 @@ static GT_SHARED void gt_filter_fill(const gt_filter_matrix *matrix, const doubl
 static GT_FILTER_OFTEN void gt_filter_multiply(const gt_filter_product *product, const double *left, const double *right,
                                          double *result)
 {
-    const int *a = product->left;
-    const int *b = product->right;
     int n;
+    int k = 0;
 
     for (n = 0; n < product->entries; n++) {
-        const int *end = &product->left[product->start[n + 1]];
+        const int end = product->start[n + 1];
         double sum = 0.0;
 
-        while (a < end) {
-            sum += left[*a] * right[*b];
-            a++;
-            b++;
+        for (; k < end; k++) {
+            sum += left[product->left[k]] * right[product->right[k]];
         }
         result[n] = sum;
     }
 }
 
-/* to + the sum of `terms` vectors of `from`, each times a factor and a scale; of `width` numbers, an even one. They begin
- * at these offsets, the factors lie `apart`. Three terms are added in one pass, one after the other. */
-static GT_FILTER_OFTEN void gt_filter_sum(double *to, size_t width, const double *from, const int *offset,
-                                          const double *factor, int apart, const double *scale, int terms)
+/* to + the sum of `terms` vectors of `from`, each times a factor and a scale; of so many pairs of numbers. They begin at
+ * these offsets, the factors lie `apart`. Three terms are added in one pass, one after the other. */
+static GT_FILTER_OFTEN void gt_filter_sum(double *to, size_t pairs, const double *from, const int *offset,
+                                          const double *factor, ptrdiff_t apart, const double *scale, int terms)
 {
+    const double *own = factor;
     size_t j;
     int k = 0;
 
@@ -49,59 +47,62 @@ static GT_FILTER_OFTEN void gt_filter_sum(double *to, size_t width, const double
         const double *first = &from[offset[k]];
         const double *second = &from[offset[k + 1]];
         const double *third = &from[offset[k + 2]];
-        const double a = factor[k * apart] * scale[k];
-        const double b = factor[(k + 1) * apart] * scale[k + 1];
-        const double c = factor[(k + 2) * apart] * scale[k + 2];
+        const double a = own[0] * scale[k];
+        const double b = own[apart] * scale[k + 1];
+        const double c = own[2 * apart] * scale[k + 2];
 
-        for (j = 0U; j < width; j += 2U) {
-            const double left = ((to[j] + (a * first[j])) + (b * second[j])) + (c * third[j]);
-            const double right = ((to[j + 1U] + (a * first[j + 1U])) + (b * second[j + 1U])) + (c * third[j + 1U]);
+        for (j = 0U; j < pairs; j++) {
+            const size_t n = 2U * j;
+            const double left = ((to[n] + (a * first[n])) + (b * second[n])) + (c * third[n]);
+            const double right = ((to[n + 1U] + (a * first[n + 1U])) + (b * second[n + 1U])) + (c * third[n + 1U]);
 
-            to[j] = left;
-            to[j + 1U] = right;
+            to[n] = left;
+            to[n + 1U] = right;
         }
+        own = &own[3 * apart];
     }
     for (; k < terms; k++) {
         const double *only = &from[offset[k]];
-        const double a = factor[k * apart] * scale[k];
+        const double a = own[0] * scale[k];
 
-        for (j = 0U; j < width; j += 2U) {
-            const double left = to[j] + (a * only[j]);
-            const double right = to[j + 1U] + (a * only[j + 1U]);
+        for (j = 0U; j < pairs; j++) {
+            const double left = to[2U * j] + (a * only[2U * j]);
+            const double right = to[(2U * j) + 1U] + (a * only[(2U * j) + 1U]);
 
-            to[j] = left;
-            to[j + 1U] = right;
+            to[2U * j] = left;
+            to[(2U * j) + 1U] = right;
         }
+        own = &own[apart];
     }
 }
 
-/* to = matrix from, row by row of `width` numbers, an even one; the columns of the matrix tell where a row begins. */
-static GT_FILTER_ONCE void gt_filter_rows(const gt_filter_matrix *matrix, int width, const double *value,
+/* to = matrix from, row by row of so many pairs of numbers; the columns of the matrix tell where a row begins. */
+static GT_FILTER_ONCE void gt_filter_rows(const gt_filter_matrix *matrix, size_t pairs, const double *value,
                                           const double *from, double *to)
 {
     static const double one = 1.0;
     double *row = to;
+    size_t n;
     int i;
-    int j;
 
     for (i = 0; i < matrix->rows; i++) {
         const int first = matrix->start[i];
 
-        for (j = 0; j < width; j++) {
-            row[j] = 0.0;
+        for (n = 0U; n < pairs; n++) {
+            row[2U * n] = 0.0;
+            row[(2U * n) + 1U] = 0.0;
         }
-        gt_filter_sum(row, (size_t)width, from, &matrix->column[first], &one, 0, &value[first],
-                      matrix->start[i + 1] - first);
-        row = &row[width];
+        gt_filter_sum(row, pairs, from, &matrix->column[first], &one, 0, &value[first], matrix->start[i + 1] - first);
+        row = &row[2U * pairs];
     }
 }
 
 /* U D U' = F U D U' F' + Q, from the last column to the first. GT_NOT_FINITE or GT_SINGULAR where the sum is not
  * positive: a number of D is no more than round-off can make of the variance that it belongs to. */
-static GT_FILTER_ONCE gt_status gt_filter_spread(const gt_filter *f, const gt_filter_belief *belief,
+static GT_FILTER_OFTEN gt_status gt_filter_spread(const gt_filter *f, const gt_filter_belief *belief,
                                                  const gt_filter_work *work)
 {
-    const gt_filter_matrix *matrix = &f->transition; /* column after column */
+    const gt_filter_matrix *matrix = &f->transition; /* column after column, without ones on the diagonal */
     const int last = f->errors - 1;
     const int stride = f->stride;
     double *moved = work->square; /* F U */
@@ -110,13 +111,18 @@ static GT_FILTER_ONCE gt_status gt_filter_spread(const gt_filter *f, const gt_fi
     double *to = moved;
     const double *from = belief->factor;
     gt_status status = GT_OK;
+    size_t n;
     int i;
     int j;
     int k;
 
     for (j = 0; j <= last; j++) {
-        for (i = 0; i < stride; i++) {
-            to[i] = 0.0;
+        for (n = 0U; n < ((size_t)stride / 2U); n++) {
+            const double left = f->same[2U * n] * from[2U * n];
+            const double right = f->same[(2U * n) + 1U] * from[(2U * n) + 1U];
+
+            to[2U * n] = left;
+            to[(2U * n) + 1U] = right;
         }
         i = 0;
         for (k = 0; k <= j; k++) {
@@ -132,21 +138,21 @@ static GT_FILTER_ONCE gt_status gt_filter_spread(const gt_filter *f, const gt_fi
     }
     moved = &moved[last * stride];
     for (j = last; (j >= 0) && (status == GT_OK); j--) {
-        const size_t width = (size_t)j + 2U - ((size_t)j % 2U);
+        const size_t pairs = ((size_t)j / 2U) + 1U;
         double variance;
         double inverse;
-        size_t n;
 
         to = &belief->factor[j * stride];
-        for (n = 0U; n < width; n++) {
-            to[n] = 0.0;
+        for (n = 0U; n < pairs; n++) {
+            to[2U * n] = 0.0;
+            to[(2U * n) + 1U] = 0.0;
         }
         for (i = f->noise.start[j]; i < f->noise.start[j + 1]; i++) {
             to[f->noise.column[i]] = work->noise[i];
         }
-        gt_filter_sum(to, width, moved, f->back, &moved[j], -stride, before, f->reached[j]);
+        gt_filter_sum(to, pairs, moved, f->back, &moved[j], -stride, before, f->reached[j]);
         variance = to[j];
-        gt_filter_sum(to, width, &belief->factor[last * stride], f->back, &belief->factor[(last * stride) + j], -stride,
+        gt_filter_sum(to, pairs, &belief->factor[last * stride], f->back, &belief->factor[(last * stride) + j], -stride,
                       after, last - j);
         belief->diagonal[j] = to[j];
         after[last - j] = -to[j];
@@ -156,14 +162,14 @@ static GT_FILTER_ONCE gt_status gt_filter_spread(const gt_filter *f, const gt_fi
         } else if (!(to[j] > (f->pivot * variance))) {
             status = GT_SINGULAR;
         } else {
-            for (n = 0U; n < width; n += 2U) {
-                const double left = to[n] * inverse;
-                const double right = to[n + 1U] * inverse;
+            for (n = 0U; n < pairs; n++) {
+                const double left = to[2U * n] * inverse;
+                const double right = to[(2U * n) + 1U] * inverse;
 
-                to[n] = left;
-                to[n + 1U] = right;
+                to[2U * n] = left;
+                to[(2U * n) + 1U] = right;
             }
-            to[width - 1U] = 0.0;
+            to[(2U * pairs) - 1U] = 0.0;
             to[j] = 1.0;
         }
     }

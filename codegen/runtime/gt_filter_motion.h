@@ -4,17 +4,33 @@
 
 #include "gt_filter_matrix.h"
 
+/* to = from + factor along, so many numbers; where these are odd, one more. */
+static GT_FILTER_OFTEN void gt_filter_along(size_t count, const double *from, double factor, const double *along,
+                                            double *to)
+{
+    size_t n;
+
+    for (n = 0U; n < ((count + 1U) / 2U); n++) {
+        const double first = from[2U * n] + (factor * along[2U * n]);
+        const double second = from[(2U * n) + 1U] + (factor * along[(2U * n) + 1U]);
+
+        to[2U * n] = first;
+        to[(2U * n) + 1U] = second;
+    }
+}
+
 /* How the responses to noise make Q, from the entries of A and, behind them, of G. */
 static GT_FILTER_ONCE void gt_filter_noise(const gt_filter *f, const double *value, const gt_filter_work *work)
 {
+    static const double one = 1.0;
     const gt_filter_motion *motion = f->motion;
     const int moving = motion->response.entries;
     const int fixed = motion->fixed_responses;
     const int every = moving + fixed;
     const int changing = f->noise.changing;
     double *total = work->other;
-    double *term = &total[every];
-    double *sum = &term[changing];
+    double *term = &total[every + 1];
+    double *sum = &term[changing + 1];
     double *power = work->square;
     int node;
     int k;
@@ -38,37 +54,16 @@ static GT_FILTER_ONCE void gt_filter_noise(const gt_filter *f, const double *val
         sum[n] = 0.0;
     }
     for (node = 0; node < GT_FILTER_NODES; node++) {
-        for (n = 0; n < moving; n++) {
-            double x = power[n];
-
-            for (k = 1; k <= GT_FILTER_TERMS; k++) {
-                x += motion->powers[(node * GT_FILTER_TERMS) + k - 1] * power[(k * every) + n];
-            }
-            total[n] = x;
-        }
+        gt_copy(total, power, moving);
+        gt_filter_sum(total, ((size_t)moving + 1U) / 2U, power, motion->power, &one, 0,
+                      &motion->powers[node * GT_FILTER_TERMS], GT_FILTER_TERMS);
         for (n = 0; n < fixed; n++) {
             total[moving + n] = motion->fixed_total[(node * fixed) + n];
         }
         gt_filter_multiply(&motion->spread, total, total, term);
-        for (n = 0; n < changing; n++) {
-            sum[n] += motion->weights[node] * term[n];
-        }
+        gt_filter_along((size_t)changing, sum, motion->weights[node], term, sum);
     }
     gt_filter_fill(&f->noise, sum, work->noise);
-}
-
-/* to = from + factor along, so many numbers, an even one. */
-static GT_FILTER_OFTEN void gt_filter_along(int count, const double *from, double factor, const double *along, double *to)
-{
-    int n;
-
-    for (n = 0; n < count; n += 2) {
-        const double first = from[n] + (factor * along[n]);
-        const double second = from[n + 1] + (factor * along[n + 1]);
-
-        to[n] = first;
-        to[n + 1] = second;
-    }
 }
 
 /* One step of Runge and Kutta from `mean`, F and Q on the way. */
@@ -141,21 +136,21 @@ static GT_FILTER_ONCE void gt_filter_move(const gt_filter *f, double time, doubl
         res[0] = rates;
         res[1] = value;
         (void)motion->rates(arg, res, 0, 0, 0);
-        gt_filter_along(entries, begin, part, change, path);
+        gt_filter_along((size_t)entries, begin, part, change, path);
         for (n = 0; n < motion->fixed_paths; n++) {
             path[entries + n] = *fixed;
             fixed++;
         }
-        gt_filter_rows(&motion->jacobian, motion->width, value, path, change);
+        gt_filter_rows(&motion->jacobian, (size_t)motion->width / 2U, value, path, change);
         for (n = 0; n < f->size; n++) {
             total[n] += weight[stage] * rates[n];
         }
-        gt_filter_along(entries, sum, weight[stage], change, sum);
+        gt_filter_along((size_t)entries, sum, weight[stage], change, sum);
     }
     for (n = 0; n < f->size; n++) {
         mean[n] += (step / 6.0) * total[n];
     }
-    gt_filter_along(entries, begin, step / 6.0, sum, path);
+    gt_filter_along((size_t)entries, begin, step / 6.0, sum, path);
     for (n = 0; n < motion->fixed_paths; n++) {
         path[entries + n] = fixed[n];
     }
@@ -169,7 +164,7 @@ static GT_FILTER_ONCE void gt_filter_move(const gt_filter *f, double time, doubl
         (void)f->unit(arg, res, 0, 0, 0);
     }
     gt_filter_fill(&motion->arrival, changing, value);
-    gt_filter_rows(&motion->arrival, motion->width, value, path, made);
+    gt_filter_rows(&motion->arrival, (size_t)motion->width / 2U, value, path, made);
     for (n = 0; n < f->transition.changing; n++) {
         changing[n] = made[motion->picked[n]];
     }

@@ -41,26 +41,26 @@ static GT_FILTER_OFTEN double gt_filter_use(const gt_filter *f, const gt_filter_
         sum += lever * share;
         inverse = 1.0 / sum;
         belief->diagonal[j] *= before * inverse;
-        for (i = 0U; i <= (size_t)j; i += 2U) {
-            const double first = own[i];
-            const double second = own[i + 1U];
-            const double one = gain[i];
-            const double two = gain[i + 1U];
+        for (i = 0U; i < (((size_t)j / 2U) + 1U); i++) {
+            const double first = own[2U * i];
+            const double second = own[(2U * i) + 1U];
+            const double one = gain[2U * i];
+            const double two = gain[(2U * i) + 1U];
 
-            own[i] = first - (factor * one);
-            own[i + 1U] = second - (factor * two);
-            gain[i] = one + (share * first);
-            gain[i + 1U] = two + (share * second);
+            own[2U * i] = first - (factor * one);
+            own[(2U * i) + 1U] = second - (factor * two);
+            gain[2U * i] = one + (share * first);
+            gain[(2U * i) + 1U] = two + (share * second);
         }
         own = &own[f->stride];
     }
     inverse *= left;
-    for (i = 0U; i < (size_t)f->stride; i += 2U) {
-        const double first = error[i] + (gain[i] * inverse);
-        const double second = error[i + 1U] + (gain[i + 1U] * inverse);
+    for (i = 0U; i < ((size_t)f->stride / 2U); i++) {
+        const double first = error[2U * i] + (gain[2U * i] * inverse);
+        const double second = error[(2U * i) + 1U] + (gain[(2U * i) + 1U] * inverse);
 
-        error[i] = first;
-        error[i + 1U] = second;
+        error[2U * i] = first;
+        error[(2U * i) + 1U] = second;
     }
     return left * inverse;
 }

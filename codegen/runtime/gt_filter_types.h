@@ -72,6 +72,7 @@ typedef struct gt_filter_motion {
     const double *fixed_total; /* of each node */
     const double *weights; /* of the nodes, times the length of a step */
     const double *powers; /* s^k / k! of each node for k from 1 */
+    const int *power; /* where a response times A^k begins, for k from 1 */
 } gt_filter_motion;
 
 /* What is measured. */
@@ -106,8 +107,9 @@ typedef struct gt_filter {
     int quaternions;
     const int *turned; /* of each its place in x and in an error */
     const int *error_of; /* of each number of x its place in an error, -1 in quaternions */
-    gt_filter_matrix transition; /* F', so column after column */
+    gt_filter_matrix transition; /* F', so column after column, without what `same` holds */
     gt_filter_matrix noise; /* Q, lower triangle */
+    const double *same; /* stride: 1 where a constant 1 stands on the diagonal of F, else 0 */
     const int *reached; /* of each row of F, from the last column back to its first entry */
     const int *back; /* where columns of the factor begin from the last one, which is 0 */
     const gt_filter_sensor *sensor;

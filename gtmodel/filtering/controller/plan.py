@@ -14,7 +14,7 @@ from ..manifold import Manifold, StatePart
 from ..system import System
 from ..transition import GAUSS, TAYLOR, CurvedTransition, LinearTransition
 from .expressions import ExpressionMaker, KernelExpressions
-from .sparse import EntryMatrix, EntryProduct, Place, closed, constant, pattern, picked, product, sparse_of
+from .sparse import EntryMatrix, EntryProduct, Place, closed, constant, pattern, picked, product, sparse_of, without_ones
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +82,8 @@ class SensorPlan:
 
 @dataclass(frozen=True, eq=False)
 class FilterPlan:
-    """All of a filter that does not change. The transition is F', so column after column of F."""
+    """All of a filter that does not change. The transition is F', so column after column of F; `same` is 1 where the
+    diagonal of F holds a constant 1, which is left out there."""
 
     size: int
     errors: int
@@ -95,6 +96,7 @@ class FilterPlan:
     unit: Kernel | None
     turned: list[tuple[int, int]]
     error_of: list[int]
+    same: list[float]
     transition: EntryMatrix
     noise: EntryMatrix
     sensors: tuple[SensorPlan, ...]
@@ -108,7 +110,7 @@ class FilterPlan:
     @property
     def reached(self) -> list[int]:
         """Of each row of F, how many columns there are from the last one back to its first entry."""
-        first = [self.errors] * self.errors
+        first = [k if same else self.errors for k, same in enumerate(self.same)]
         for column, row in self.transition.places:
             first[row] = min(first[row], column)
         return [self.errors - k for k in first]
@@ -165,6 +167,7 @@ def plan_of(
     common = {"turned": turned, "error_of": error_of, "sensors": tuple(sensors), "depth": depth}
     common |= _of_quaternions(maker) if turned else {"turn": None, "unit": None}
     moved = _moved(system, maker, period)
+    moved["transition"], moved["same"] = without_ones(moved["transition"])
     return FilterPlan(size=space.size, errors=space.dimension, inputs=maker.inputs, **moved, **common)
 
 

@@ -147,6 +147,19 @@ def picked(matrix: EntryMatrix, rows: set[int]) -> EntryMatrix:
     return EntryMatrix(matrix.shape, places, matrix.value[kept], changing, moved)
 
 
+def without_ones(matrix: EntryMatrix) -> tuple[EntryMatrix, list[float]]:
+    """A square matrix without the constant ones on its diagonal, and 1 for each row that has had one, else 0."""
+    moving = set(matrix.changing.tolist())
+    one = {i for n, (i, j) in enumerate(matrix.places) if i == j and n not in moving and matrix.value[n] == 1.0}
+    kept = [n for n, (i, j) in enumerate(matrix.places) if i != j or i not in one]
+    new = {n: k for k, n in enumerate(kept)}
+    left = EntryMatrix(
+        matrix.shape, tuple(matrix.places[n] for n in kept), matrix.value[kept],
+        np.array([new[n] for n in matrix.changing.tolist()], int), matrix.expressions,
+    )  # fmt: skip
+    return left, [1.0 if i in one else 0.0 for i in range(matrix.shape[0])]
+
+
 def pattern(left: Sequence[Place], right: Sequence[Place]) -> list[Place]:
     """Where a product is not zero."""
     of_row: dict[int, list[int]] = defaultdict(list)

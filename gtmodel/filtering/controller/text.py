@@ -9,6 +9,7 @@ from ...cgen.interface import macro
 from ...cgen.real import Real
 from ...cgen.steps.source import step_prototype
 from ...cgen.text import comment, decimal
+from ..transition import TAYLOR
 from .plan import FilterPlan, Kernel, SensorPlan, TransitionPlan
 from .sparse import EntryMatrix, EntryProduct
 from .twin import limits
@@ -88,9 +89,10 @@ def _motion(plan: FilterPlan, m: TransitionPlan, symbol: str) -> str:
     tables = "".join(table for table, _ in [*matrices, *products])
     tables += "".join(_reals(f"{symbol}_{name}", getattr(m, name).ravel().tolist()) for name in names)
     tables += _ints(f"{symbol}_picked", m.picked)
+    tables += _ints(f"{symbol}_power", [k * len(m.responses) for k in range(1, TAYLOR + 1)])
     paths = f"{m.width}, {_given(m)}, {_turning(plan)}, {m.fixed_path[0].size}, {symbol}_fixed_path, {symbol}_picked"
     fixed = [paths, f"{m.fixed_response.shape[1]}, {symbol}_fixed_response"]
-    rest = [*fixed, *[f"{symbol}_{name}" for name in names[2:]]]
+    rest = [*fixed, *[f"{symbol}_{name}" for name in (*names[2:], "power")]]
     inner = ",\n    ".join([*kernels, *[own for _, own in [*matrices, *products]], *rest])
     return f"{tables}static const gt_filter_motion {symbol}_motion = {{\n    {inner}\n}};\n"
 
@@ -119,6 +121,7 @@ def _filter(plan: FilterPlan, symbol: str, real: Real, pivot: float) -> str:
     text += f"static const gt_filter_sensor {symbol}_sensors[{len(rows)}] = {{\n{inner}\n}};\n"
     tables, transition = _matrix(f"{symbol}_transition", plan.transition)
     more, noise = _matrix(f"{symbol}_noises", plan.noise)
+    more += _reals(f"{symbol}_same", [*plan.same, 0.0][: plan.stride])
     more += _ints(f"{symbol}_reached", plan.reached)
     more += _ints(f"{symbol}_back", [-k * plan.stride for k in range(plan.errors)])
     text += tables + more + _ints(f"{symbol}_turned", [n for pair in plan.turned for n in pair])
@@ -130,7 +133,7 @@ def _filter(plan: FilterPlan, symbol: str, real: Real, pivot: float) -> str:
     return (
         f"{text}static const gt_filter {symbol}_filter = {{\n    {', '.join(map(str, sizes))}, {decimal(plan.step)},\n"
         f"    {', '.join(kernels)}, {len(plan.turned)}, {symbol}_turned, {symbol}_error_of,\n    {transition},\n"
-        f"    {noise},\n    {symbol}_reached, {symbol}_back, {symbol}_sensors, {decimal(pivot)}\n}};\n\n"
+        f"    {noise},\n    {symbol}_same, {symbol}_reached, {symbol}_back, {symbol}_sensors, {decimal(pivot)}\n}};\n\n"
     )
 
 
@@ -221,7 +224,7 @@ def _step(made: ControllerFilter, symbol: str) -> str:
     work = "".join(f"    work.{name} = {name};\n" for name in sizes)
     return (
         comment(["The memory of a call is on its stack; the state is a copy until the end."])
-        + f"GT_FILTER_ONCE {step_prototype(symbol)}\n{{\n"
+        + f"GT_FILTER_OFTEN {step_prototype(symbol)}\n{{\n"
         f"    {symbol}_state next = *state;\n    gt_filter_memory memory;\n    gt_filter_belief now;\n"
         f"    gt_filter_outcome outcome;\n    gt_filter_work work;\n{''.join(memory)}{arrays}"
         f"    double u[{max(1, plan.inputs)}];\n    double z[{plan.numbers}];\n    double nis;\n"
@@ -240,7 +243,7 @@ def _step(made: ControllerFilter, symbol: str) -> str:
 
 def _responses(plan: FilterPlan) -> int:
     """How many numbers the responses to noise, and what is made of them, take at most."""
-    return 0 if plan.motion is None else 7 * len(plan.motion.responses) + 2 * len(plan.noise.places)
+    return 0 if plan.motion is None else (TAYLOR + 1) * len(plan.motion.responses) + 2 * len(plan.noise.places) + 4
 
 
 def _given(m: TransitionPlan) -> int:

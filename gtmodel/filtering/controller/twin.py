@@ -84,6 +84,7 @@ class FilterTwin:
             self.fixed = [real.array(f) for f in (m.fixed_path, m.fixed_response, m.fixed_total)]
         self.variance = [real.array(s.variance) for s in plan.sensors]
         self.values = {id(m): real.array(m.value) for m in self._matrices()}
+        self.same = real.array(np.array(plan.same))
         self.noise_at = tuple(np.array(plan.noise.places, int).reshape(-1, 2).T)
 
     def _matrices(self) -> Sequence[EntryMatrix]:
@@ -103,7 +104,7 @@ class FilterTwin:
         """The factors of F U D U' F' + Q, from the last column to the first."""
         plan, n, one = self.plan, self.plan.errors, self.real.dtype(1.0)
         start, columns = plan.transition.start, np.array(plan.transition.columns, int)
-        moved, P = np.zeros((n, n), F.dtype), np.zeros((n, n), F.dtype)
+        moved, P = belief.factor * self.same, np.zeros((n, n), F.dtype)
         P[self.noise_at] = noise
         for k in range(n):
             own = slice(start[k], start[k + 1])
