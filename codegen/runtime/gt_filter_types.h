@@ -113,7 +113,7 @@ typedef struct gt_filter {
     const int *reached; /* of each row of F, from the last column back to its first entry */
     const int *back; /* where columns of the factor begin from the last one, which is 0 */
     const gt_filter_sensor *sensor;
-    double pivot; /* share of each variance that round-off can take in a factorisation */
+    double pivot; /* share of each variance that its number of D must exceed */
 } gt_filter;
 
 /* What is known at an instant, in the caller's memory. The covariance is U D U'. */

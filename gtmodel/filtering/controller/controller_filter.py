@@ -20,9 +20,10 @@ from .plan import plan_of
 from .text import text
 from .twin import UNIT, FilterTwin, Pair
 
-# times n (n + 1) round-offs: with each variance smaller by that share, a factor that exists proves that the covariance
-# is positive; one would do, Rump 2006, BIT 46, 433-452, and the other is for whoever factors it again. In
-# float that is more than good filters leave: there it is 2 n round-offs, as they come rather than at their worst
+# times n (n + 1) round-offs: the share of each variance that its number of D must exceed. U D U' is positive wherever D
+# is above zero; the share leaves room for whoever multiplies it in double and factors it again (n + 1 round-offs of each
+# variance would be Rump's, 2006, BIT 46, 433-452). In float that is more than good filters leave: there it is 2 n
+# round-offs, as they come rather than at their worst
 ROUND_OFFS = 2.0
 MISSING = 0.2  # share of readings that are not there in a run of examples
 WRONG = 9  # one step in so many has a reading that is refused
@@ -150,7 +151,7 @@ class ControllerFilter(StepFunction):
         ]
 
     def pivot_of(self, real: Real) -> float:
-        """Share of each variance that round-off can take in a factorisation of the covariance."""
+        """Share of each variance that its number of D must exceed: what round-off can take in a factorisation."""
         n = self.plan.errors
         return ROUND_OFFS * (n * (n + 1) if real is DOUBLE else n) * real.precision.round_off
 
