@@ -79,7 +79,7 @@ def run_along(
     if noise == 0 and path.amplitude == 0:
         raise ArgumentError("there is neither noise nor steering: nothing would move", "noise")
     measured = noise * np.random.default_rng(seed).standard_normal(len(steering))
-    matrix, entry, heard = loop.matrix(gain), loop.steering_entry, loop.noise_entry(gain)
+    matrix, entry, from_noise = loop.matrix(gain), loop.steering_entry, loop.noise_entry(gain)
     largest = BLOWN_UP * (noise + np.abs(steering).max())
     x, deviation, correction = np.zeros(len(matrix)), np.zeros(len(steering)), np.zeros(len(steering))
     for k in range(len(steering)):
@@ -88,7 +88,7 @@ def run_along(
         if abs(deviation[k]) > largest:
             kept = slice(0, k + 1)
             return DelayedRun(loop.cycle * np.arange(k + 1), deviation[kept], correction[kept], False)
-        x = matrix @ x + heard * measured[k] + entry * steering[k]
+        x = matrix @ x + from_noise * measured[k] + entry * steering[k]
     parts = np.array_split(deviation, WINDOWS)
     sizes = [float(np.sqrt(np.mean(p**2))) for p in parts]
     return DelayedRun(

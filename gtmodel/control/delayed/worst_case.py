@@ -47,7 +47,7 @@ def worst_case(
         box: from and to of each, by name.
         draws: random points, uniform in the box; seed: of their draw.
 
-    It is what these roads have seen, not a proof. Raises ArgumentError for an empty box, one of more than twelve sides,
+    It is what this has seen, not a proof. Raises ArgumentError for an empty box, one of more than twelve sides,
     and limits that are not finite or in the wrong order.
 
     >>> def loop_of(p):

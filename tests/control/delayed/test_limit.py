@@ -146,7 +146,7 @@ def test_an_integral_part_is_in_the_limit() -> None:
     assert loop.radius(0.999 * more.gain) < 1 < loop.radius(1.001 * more.gain)
 
 
-def test_a_run_is_the_plant_between_samples_by_another_road() -> None:
+def test_a_run_is_the_plant_between_samples_with_pieces_of_the_delay() -> None:
     """Its samples against a matrix exponential of plant and held corrections in pieces of the delay."""
     loop, gain, path = D.DelayedLoop(arm(), CYCLE, 0.0093), 0.3, D.SinePath(duration=0.5)
     run, steering = D.run_along(loop, gain, path, noise=15e-6, seed=3), path.steering(CYCLE)
