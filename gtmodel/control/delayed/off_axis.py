@@ -21,16 +21,21 @@ def off_axis_plant(x: CorrectedPlant, y: CorrectedPlant, angle: float) -> Correc
     """The plant along y turned by `angle` [rad] towards x: sin^2 G_x + cos^2 G_y, no coupling between the axes.
 
     >>> stiff, soft = (gt.control.delayed.equivalent_plant(m, 40.0 * m, 1.2e4 * m, 0.004) for m in (4.0, 0.3))
-    >>> limits = gt.control.delayed.off_axis_limits(stiff, soft, np.deg2rad([0.0, 45.0, 90.0]), 0.004, 0.052)
-    >>> (limits / limits[0]).round(2)  # the soft axis governs: 1 / cos^2 and a little less
-    array([ 1.  ,  1.86, 13.33])
+    >>> len(gt.control.delayed.off_axis_plant(stiff, soft, np.pi / 4))  # states
+    4
     """
     s, c = float(np.sin(angle)), float(np.cos(angle))
     return side_by_side([x, y], [s, c], [s, c])
 
 
 def off_axis_limits(x: CorrectedPlant, y: CorrectedPlant, angles: ArrayLike, cycle: float, delay: float) -> np.ndarray:
-    """Gain limits (n,) at `angles` (n,) [rad] from y towards x; see `off_axis_plant` and `DelayedLoop`."""
+    """Gain limits (n,) at `angles` (n,) [rad] from y towards x; see `off_axis_plant` and `DelayedLoop`.
+
+    >>> stiff, soft = (gt.control.delayed.equivalent_plant(m, 40.0 * m, 1.2e4 * m, 0.004) for m in (4.0, 0.3))
+    >>> limits = gt.control.delayed.off_axis_limits(stiff, soft, np.deg2rad([0.0, 45.0, 90.0]), 0.004, 0.052)
+    >>> (limits / limits[0]).round(2)  # the soft axis governs: 1 / cos^2 and a little less
+    array([ 1.  ,  1.86, 13.33])
+    """
     turned = np.asarray(angles, float).reshape(-1).tolist()
     return np.array([gain_limit(DelayedLoop(off_axis_plant(x, y, a), cycle, delay)).gain for a in turned])
 
