@@ -17,6 +17,7 @@ from .rowwise import RowsFunction
 from .sensors import ESTIMATE, Sensor
 from .transition import CurvedTransition, GivenTransition, LinearTransition, runge_kutta
 
+SAME_INSTANT = 1e-9  # s; times closer than that are one instant: round-off of clocks, far below any motion
 LONGEST_STEP = 0.01  # s; steps of a process that is not linear are cut into parts of at most this
 
 
@@ -268,6 +269,14 @@ class System:
     def variances(self, names: Sequence[str]) -> np.ndarray:
         """Variances of the noise of these sensors, one for each number of the residual."""
         return self.group(names).variances
+
+    def bends(self, inputs: Any, first: float, last: float) -> list[tuple[float, np.ndarray]]:
+        """Instants between two times at which known inputs may bend, rows of a trajectory, and their values there."""
+        times = getattr(inputs, "time", None) if self.dynamics.inputs else None
+        if times is None:
+            return []
+        rows = slice(*np.searchsorted(times, [first + SAME_INSTANT, last - SAME_INSTANT]))
+        return [(float(t), self.inputs_at(inputs, float(t))) for t in times[rows]]
 
     def inputs_at(self, inputs: Any, t: float) -> np.ndarray:
         """The known inputs (nu,) at an instant from a trajectory of them."""
