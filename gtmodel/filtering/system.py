@@ -221,7 +221,20 @@ class System:
 
     def residual(self, names: Sequence[str], t: Any, x: Any, u: Any, z: Any) -> tuple[Any, Any]:
         """What these sensors read, z side by side, over what they should read, and the Jacobian H of the latter in the
-        error of x, on CasADi columns."""
+        error of x, on CasADi columns: for a filter that is written out, such as in C.
+
+        Raises ArgumentError for a sensor that weighs outliers: a residual by itself says nothing of its weight.
+        """
+        for name in names:
+            if self.sensors[name].outliers:
+                raise ArgumentError(
+                    f"'{name}' weighs outliers, which a filter that is written out, such as in C, does not; give it a "
+                    "gate in its place",
+                    "outliers",
+                )
+        return self._residual(names, t, x, u, z)
+
+    def _residual(self, names: Sequence[str], t: Any, x: Any, u: Any, z: Any) -> tuple[Any, Any]:
         residuals, rows, first = [], [], 0
         for name in names:
             space = Manifold([self.readings[name]])
@@ -237,7 +250,7 @@ class System:
         if names not in self._made:
             t, x, u = self._symbols()
             z = self.dynamics.symbol("z", sum(self.readings[name].size for name in names))
-            residual, H = self.residual(names, t, x, u, z)
+            residual, H = self._residual(names, t, x, u, z)
             self._made[names] = RowsFunction("reading", [t, x, u, z], [residual, H], (1,))
         return self._made[names]
 
