@@ -1,7 +1,7 @@
 """Iterative learning control: what a robot repeats it learns, how fast and how far is known before (Dressler 2012, 7).
 
 Lifted           a linear map of whole signals with its adjoint; lifted, toeplitz, shifted, filtered, zero_phase,
-                 symmetric, weighted, identity, zero, product: such maps
+                 symmetric, weighted, identity: such maps
 LearningLaw      u(k+1) = Q (u(k) + L e(k)); simple_law: that of case 1; ramp_weights, input_window: of (7.12), (7.14)
 largest_gain, spectral_radius, frequency_bound    how fast it converges: (7.16), (7.15), and in the frequency domain
 delayed_lag, ACTUATORS, pulse_response, frequency_response    plants, (6.11) among them
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     )
     from .law import (
         LearningLaw as LearningLaw,
-        butterworth as butterworth,
         input_window as input_window,
         ramp_weights as ramp_weights,
         simple_law as simple_law,
@@ -31,19 +30,16 @@ if TYPE_CHECKING:
         filtered as filtered,
         identity as identity,
         lifted as lifted,
-        product as product,
         shifted as shifted,
         symmetric as symmetric,
         toeplitz as toeplitz,
         weighted as weighted,
-        zero as zero,
         zero_phase as zero_phase,
     )
     from .plants import (
         ACTUATOR_DELAY as ACTUATOR_DELAY,
         ACTUATORS as ACTUATORS,
         delayed_lag as delayed_lag,
-        discrete as discrete,
         frequency_response as frequency_response,
         pulse_response as pulse_response,
         stable as stable,

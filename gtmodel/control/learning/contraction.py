@@ -43,6 +43,10 @@ def spectral_radius(step: Lifted, *, dense: bool | None = None) -> float:
     """rho, the largest modulus of an eigenvalue: the law is stable if and only if it is below 1, Dressler 2012, (7.15).
 
     dense: as of `largest_gain`; by Arnoldi's method for long runs.
+
+    >>> learning = gt.control.learning
+    >>> learning.spectral_radius(learning.weighted([0.2, -0.7]))
+    0.7
     """
     if (step.size <= DENSE) if dense is None else dense:
         return float(np.abs(np.linalg.eigvals(step.dense())).max())
@@ -64,6 +68,10 @@ def frequency_bound(Q: Any, rest: Any, frequency: Any) -> Peak:
     """sup |Q| |1 - L T| over the frequencies (k,) [Hz] at which both are given (k,), refined by a parabola.
 
     Long runs have their sigma at this bound, short ones below.
+
+    >>> learning = gt.control.learning
+    >>> learning.frequency_bound([1.0, 1.0, 0.5], [0.1, 0.8, 0.2], [0.0, 10.0, 20.0]).frequency > 9
+    True
     """
     values, f = np.abs(np.asarray(Q)) * np.abs(np.asarray(rest)), np.asarray(frequency, float)
     k = int(np.argmax(values))
@@ -76,5 +84,9 @@ def frequency_bound(Q: Any, rest: Any, frequency: Any) -> Peak:
 
 
 def frequencies(sample_time: float, count: int = 20001) -> np.ndarray:
-    """Frequencies (count,) from 0 to half the sampling rate [Hz]."""
+    """Frequencies (count,) from 0 to half the sampling rate [Hz].
+
+    >>> gt.control.learning.frequencies(0.004, count=3).tolist()
+    [0.0, 62.5, 125.0]
+    """
     return np.linspace(0.0, 0.5 / sample_time, count)

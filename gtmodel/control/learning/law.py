@@ -61,12 +61,17 @@ class LearningLaw:
 
 
 def ramp_weights(ramp: int = RAMP, tukey: float = 0.95) -> Array:
-    """w of Dressler 2012, (7.12): the first half of a Tukey window of 2 ramp points, alpha = 0.95 (section 7.3)."""
+    """w (ramp,) of Dressler 2012, (7.12): the first half of a Tukey window, alpha = 0.95 (section 7.3).
+
+    >>> w = gt.control.learning.ramp_weights()
+    >>> len(w), float(w[0]), float(w[-1])
+    (100, 0.0, 1.0)
+    """
     return np.asarray(scipy.signal.windows.tukey(2 * ramp, tukey))[:ramp]
 
 
 def input_window(size: int, ramp: int = RAMP, tukey: float = 0.95) -> Array:
-    """The diagonal of Q_w, Dressler 2012, (7.14): rising over the lead-in, 1, falling over the lead-out.
+    """The diagonal (size,) of Q_w, Dressler 2012, (7.14): rising over the lead-in, 1, falling over the lead-out.
 
     Raises ArgumentError where the run is no longer than both.
 
@@ -84,7 +89,7 @@ def input_window(size: int, ramp: int = RAMP, tukey: float = 0.95) -> Array:
 
 
 def butterworth(cutoff: float, sample_time: float, order: int = 2) -> Array:
-    """Second-order sections of a low-pass filter. cutoff: [Hz]. Raises ArgumentError above half the sampling rate."""
+    """Sections (n, 6) of a low-pass filter. cutoff: [Hz]. Raises ArgumentError above half the sampling rate."""
     if not 0 < cutoff < 0.5 / sample_time:
         raise ArgumentError(f"expected a cutoff above 0 and below {0.5 / sample_time:g} Hz; found {cutoff:g}", "cutoff")
     return np.asarray(scipy.signal.butter(order, cutoff, fs=1 / sample_time, output="sos"))
@@ -96,6 +101,11 @@ def simple_law(
     """The law of case 1, Dressler 2012, section 7.4: L = gain q^shift, Q = Q_w Qb' Qb with a Butterworth low pass.
 
     cutoff: [Hz]. ramp: samples of lead-in and lead-out; 0: without Q_w. Raises ArgumentError for numbers out of range.
+
+    >>> learning = gt.control.learning
+    >>> law = learning.simple_law(825, gain=0.9, shift=5, cutoff=10.0)
+    >>> law.Q.size
+    825
     """
     Q = zero_phase(butterworth(cutoff, sample_time, order), size)
     window = weighted(input_window(size, ramp)) if ramp else identity(size)

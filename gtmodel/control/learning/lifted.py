@@ -7,7 +7,7 @@ state. So a long run needs neither N x N numbers nor their product.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -87,17 +87,20 @@ class Lifted:
 
 
 def identity(size: int) -> Lifted:
-    """The map that leaves signals as they are."""
+    """The map that leaves signals as they are.
+
+    >>> gt.control.learning.identity(2)([3.0, 4.0]).tolist()
+    [3.0, 4.0]
+    """
     return Lifted(size, lambda x: x, lambda y: y)
 
 
-def zero(size: int) -> Lifted:
-    """The map to zero."""
-    return Lifted(size, np.zeros_like, np.zeros_like)
-
-
 def weighted(weights: Any) -> Lifted:
-    """The diagonal map of weights (size,), such as Q_w of Dressler 2012, (7.14)."""
+    """The diagonal map of weights (size,), such as Q_w of Dressler 2012, (7.14).
+
+    >>> gt.control.learning.weighted([0.0, 0.5, 1.0])([2.0, 2.0, 2.0]).tolist()
+    [0.0, 1.0, 2.0]
+    """
     w = np.asarray(weights, float)[:, None]
     return Lifted(len(w), lambda x: w * x, lambda y: w * y)
 
@@ -125,6 +128,10 @@ def lifted(plant: Plant, size: int) -> Lifted:
     """A plant of one input and one output from rest, as a map of signals: Dressler 2012, (7.5) and (7.9).
 
     plant: `control.StateSpace` or `TransferFunction` in discrete time. Raises ArgumentError as `pulse_response`.
+
+    >>> learning = gt.control.learning
+    >>> learning.lifted(learning.delayed_lag(0.5, 0.5, delay=1), 3).dense().tolist()
+    [[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.25, 0.5, 0.0]]
     """
     return toeplitz(pulse_response(discrete(plant), size))
 
@@ -133,6 +140,9 @@ def shifted(size: int, gain: float, shift: int) -> Lifted:
     """L = gain q^shift of Dressler 2012, (7.10): what comes `shift` samples later, the last sample repeated.
 
     Raises ArgumentError for a shift that is negative or longer than the signal.
+
+    >>> gt.control.learning.shifted(3, gain=0.9, shift=1).dense().tolist()
+    [[0.0, 0.9, 0.0], [0.0, 0.0, 0.9], [0.0, 0.0, 0.9]]
     """
     if not 0 <= shift < size:
         raise ArgumentError(f"a shift of a signal of {size} samples is 0 to {size - 1}; found {shift}", "shift")
@@ -148,7 +158,12 @@ def shifted(size: int, gain: float, shift: int) -> Lifted:
 
 
 def filtered(sections: Any, size: int) -> Lifted:
-    """A causal filter of second-order sections (scipy's `sos`) from zero state; its adjoint runs backward in time."""
+    """A causal filter of second-order sections (scipy's `sos`) from zero state; its adjoint runs backward in time.
+
+    >>> learning = gt.control.learning
+    >>> learning.filtered([[0.5, 0.5, 0.0, 1.0, 0.0, 0.0]], 3)([1.0, 1.0, 0.0]).tolist()  # the mean of two samples
+    [0.5, 1.0, 0.5]
+    """
 
     def forward(x: Array) -> Array:
         return np.asarray(scipy.signal.sosfilt(sections, x, axis=0))
@@ -160,6 +175,10 @@ def zero_phase(sections: Any, size: int) -> Lifted:
     """Qbar = Qb' Qb of Dressler 2012, (7.11): a filter forward from zero state, then its adjoint.
 
     Not `filtfilt`, which pads the ends and is another map there.
+
+    >>> Q = gt.control.learning.zero_phase([[0.5, 0.5, 0.0, 1.0, 0.0, 0.0]], 3)  # the mean of two samples
+    >>> Q.dense().tolist()
+    [[0.5, 0.25, 0.0], [0.25, 0.5, 0.25], [0.0, 0.25, 0.25]]
     """
     causal = filtered(sections, size)
     return causal.adjoint @ causal
@@ -169,6 +188,9 @@ def symmetric(taps: Any, size: int) -> Lifted:
     """A zero-phase filter of finite length: taps (m + 1,) at the lags 0 to m, the same at negative ones.
 
     Signals are zero outside their samples. The map is its own adjoint.
+
+    >>> gt.control.learning.symmetric([0.5, 0.25], 3).dense().round(12).tolist()
+    [[0.5, 0.25, 0.0], [0.25, 0.5, 0.25], [0.0, 0.25, 0.5]]
     """
     half = np.asarray(taps, float)
     both = np.concatenate([half[:0:-1], half])[:, None]
@@ -178,11 +200,3 @@ def symmetric(taps: Any, size: int) -> Lifted:
         return scipy.signal.fftconvolve(both, x, axes=0)[m : m + size]
 
     return Lifted(size, forward, forward)
-
-
-def product(maps: Sequence[Lifted]) -> Lifted:
-    """The maps one after the other, the last first, as matrices are multiplied."""
-    made = maps[0]
-    for other in maps[1:]:
-        made = made @ other
-    return made

@@ -66,7 +66,15 @@ def discrete(plant: Plant) -> StateSpace:
 
 def stable(plant: Plant) -> StateSpace:
     """The plant as a state space. Raises ArgumentError for a pole on or outside the unit circle: its lifted map grows
-    with the length of the run, and learning is for loops that a controller has made stable (Dressler 2012, (7.1))."""
+    with the length of the run, and learning is for loops that a controller has made stable (Dressler 2012, (7.1)).
+
+    >>> learning = gt.control.learning
+    >>> try:
+    ...     learning.stable(learning.delayed_lag(1.0, 1.02, delay=1))
+    ... except gt.results.ArgumentError as error:
+    ...     print(error.argument)
+    plant
+    """
     made = discrete(plant)
     radius = float(np.max(np.abs(made.poles()), initial=0.0))
     if radius >= 1:
@@ -79,7 +87,12 @@ def stable(plant: Plant) -> StateSpace:
 
 
 def pulse_response(plant: Plant, size: int) -> np.ndarray:
-    """The first `size` samples of the answer to 1, 0, 0, ... from rest (size,). Raises ArgumentError as `discrete`."""
+    """The first `size` samples of the answer to 1, 0, 0, ... from rest (size,). Raises ArgumentError as `discrete`.
+
+    >>> learning = gt.control.learning
+    >>> learning.pulse_response(learning.delayed_lag(0.5, 0.5, delay=1), 4).tolist()
+    [0.0, 0.5, 0.25, 0.125]
+    """
     p = discrete(plant)
     A, B, C, D = (np.asarray(m, float) for m in (p.A, p.B, p.C, p.D))
     made = np.zeros(size)
@@ -99,7 +112,13 @@ def pulse_response(plant: Plant, size: int) -> np.ndarray:
 
 
 def frequency_response(plant: Plant, frequency: np.ndarray) -> np.ndarray:
-    """G(e^jw) (k,) at frequencies (k,) in Hz. Raises ArgumentError as `discrete`."""
+    """G(e^jw) (k,) at frequencies (k,) in Hz. Raises ArgumentError as `discrete`.
+
+    >>> learning = gt.control.learning
+    >>> loop = learning.delayed_lag(0.5, 0.5, delay=1)
+    >>> float(abs(learning.frequency_response(loop, np.array([0.0]))[0]))  # at rest the gain is b / (1 - a)
+    1.0
+    """
     p = discrete(plant)
     A, B, C, D = (np.asarray(m, float) for m in (p.A, p.B, p.C, p.D))
     z = np.exp(2j * np.pi * np.asarray(frequency, float) * float(p.dt or 1.0))

@@ -8,6 +8,7 @@ import pytest
 import scipy
 
 from gtmodel.control import learning
+from gtmodel.control.learning.law import butterworth
 from gtmodel.control.learning.lifted import SHORT
 from gtmodel.results.refusal import ArgumentError
 from tests.control.learning import by_hand
@@ -38,10 +39,8 @@ def maps(size: int) -> dict[str, tuple[learning.Lifted, np.ndarray]]:
         "window": (learning.weighted(w), np.diag(w)),
         "sum": (2.0 * learning.identity(size) - learning.shifted(size, 0.9, 5),
                 2.0 * np.eye(size) - by_hand.shift(0.9, 5, size)),
-        "product": (learning.product([learning.weighted(w), learning.zero_phase(SOS, size),
-                                      learning.shifted(size, 0.9, 5)]),
+        "product": (learning.weighted(w) @ learning.zero_phase(SOS, size) @ learning.shifted(size, 0.9, 5),
                     np.diag(w) @ causal.T @ causal @ by_hand.shift(0.9, 5, size)),
-        "zero": (learning.zero(size), np.zeros((size, size))),
     }  # fmt: skip
 
 
@@ -113,4 +112,4 @@ def test_refusals() -> None:
     with pytest.raises(ArgumentError, match="longer run"):
         learning.input_window(200)
     with pytest.raises(ArgumentError, match="below 125 Hz"):
-        learning.butterworth(130.0, 0.004)
+        butterworth(130.0, 0.004)
