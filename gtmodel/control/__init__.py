@@ -21,8 +21,7 @@ from typing import TYPE_CHECKING
 from .._lazy import public
 
 if TYPE_CHECKING:
-    from . import delayed as delayed
-    from . import learning as learning
+    from . import delayed as delayed, learning as learning
     from .feedforward import (
         ComputedTorque as ComputedTorque,
         Feedback as Feedback,
