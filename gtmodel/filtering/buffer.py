@@ -9,7 +9,7 @@ import numpy as np
 
 from ..results.refusal import ArgumentError
 from .belief import Belief, InitialState, Innovation
-from .filter import Filter
+from .filter import Filter, without_value
 from .filtered import Filtered, RunRecord
 from .readings import SAME_INSTANT
 
@@ -151,9 +151,14 @@ class Buffer:
             n -= 1
             used -= self._passed[n].readings
         kept, self._passed = self._passed, self._passed[:n]
-        if not self._forward(used):
-            self._passed = kept
-            del self._arrived[at]
+        finite = False
+        try:
+            finite = self._forward(used)
+        finally:  # known inputs that end raise: what was there stays whole
+            if not finite:
+                self._passed = kept
+                del self._arrived[at]
+        if not finite:
             self.refused[sensor] += 1
             return "not finite"
         self.late[sensor] += late
@@ -197,7 +202,8 @@ class Buffer:
             names = tuple(name for n, name in enumerate(self._names) if n in rows)
             z = np.concatenate([rows[n] for n in sorted(rows)])[None]
             after, innovation = self.filter.correct(before, names, z, u1)
-            if not np.all(np.isfinite(self.filter.summary(after).x)):
+            finite = np.all(np.isfinite(self.filter.summary(after).x))
+            if not finite or without_value(self.system, z, innovation) is not None:
                 return False
             self._passed.append(_Passed(first.time, len(rows), step, before, after, u1, innovation))
         return True

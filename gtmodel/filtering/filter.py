@@ -95,8 +95,24 @@ class Filter(ABC):
             after = self.summary(belief)
             if not np.isfinite(after.x).all():
                 return record.ended("not finite")
+            if (silent := without_value(system, z, innovation)) is not None:
+                return record.ended("not finite", silent)
             record.add(instant.time, step, before, after, innovation, self.details(belief))
         return record.ended()
+
+
+def without_value(system: System, z: np.ndarray, innovation: Innovation) -> str | None:
+    """A sensor that has read something of which the model has no value there, so that it could not be used."""
+    if innovation.used.all():
+        return None
+    group = system.group(innovation.names)
+    for n, (name, (part, at, along)) in enumerate(zip(innovation.names, group.space.places(), strict=True)):
+        there = np.isfinite(z[:, at])
+        if part.kind != "vector":
+            there = np.all(there, axis=1, keepdims=True) & np.any(z[:, at] != 0, axis=1, keepdims=True)
+        if np.any(there & ~innovation.used[:, along] & ~innovation.gated[:, n, None]):
+            return name
+    return None
 
 
 def values_of(readings: Mapping[str, Readings], instant: Moment, runs: int) -> tuple[tuple[str, ...], np.ndarray]:

@@ -107,6 +107,10 @@ class MovingHorizon:
             raise ArgumentError(
                 "the rates of this process need an iteration; a moving horizon takes rates in closed form", "system"
             )
+        for name, sensor in system.sensors.items():
+            if sensor.outliers:
+                sentence = f"'{name}' weighs outliers; a moving horizon takes squares: leave that out, or take a filter"
+                raise ArgumentError(sentence, "system")
         for name, number in (("points", points), ("elements", elements)):
             if number < 1:
                 raise ArgumentError(f"expected at least 1; found {number}", name)
@@ -329,7 +333,7 @@ def _reading_costs(
     """The cost of what one sensor read, missing numbers left out."""
     if part.kind != "vector":
         one = Manifold([part])
-        finite = [(time, z) for time, z in rows if np.all(np.isfinite(z))]
+        finite = [(time, z) for time, z in rows if np.all(np.isfinite(z)) and np.any(z != 0)]
         return [
             misfit(of(one.minus_symbols(ca.DM(z), value)), [time], np.zeros((1, part.dimension)), sigma=deviation)
             for time, z in finite

@@ -17,8 +17,9 @@ SAME_INSTANT = 1e-9  # s; readings closer than that are of one instant: round-of
 class Readings:
     """What one sensor read.
 
-    time: stamps (k,) [s], in any order. values: (k,) or (k, size), or (m, k, size) for m runs at once; NaN is a missing
-    number. Raises ArgumentError for shapes that do not fit each other, and for times that are not finite.
+    time: stamps (k,) [s], in any order. values: (k,) or (k, size), or (m, k, size) for m runs at once; what is not
+    finite is a missing number. Raises ArgumentError for shapes that do not fit each other, and for times that are not
+    finite.
 
     >>> tracker = gt.filtering.Readings([0.0, 0.1, 0.2], [[1.0, 2.0], [1.1, np.nan], [1.2, 2.1]])
     >>> len(tracker)
