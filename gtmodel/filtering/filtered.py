@@ -15,7 +15,7 @@ from ..results.trajectory import Trajectory
 from .belief import Belief, Innovation
 from .system import System
 
-MOST_WEIGHED = 0.25  # of the readings of a sensor: 18 % of right ones lie beyond Huber's k
+MOST_WEIGHED = 1 / 3  # of the readings of a sensor: 18 % of right ones lie beyond Huber's k, and all outliers
 MOST_GATED = 0.02  # of the readings of a sensor: a gate that leaves out more hides a wrong model
 
 

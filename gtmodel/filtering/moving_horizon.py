@@ -129,7 +129,7 @@ class MovingHorizon:
         Args:
             log: sensor -> `Readings`, as of `Filter.run`; a single run, two instants at least.
             start: the arrival cost: what was known at the start, before the readings.
-            inputs: the known inputs of the process.
+            inputs: the known inputs of the process; where they bend between readings elements end too.
 
         A problem that the solver does not solve has its status; nothing is raised. Raises ArgumentError for a log that
         does not fit.
@@ -199,8 +199,9 @@ class MovingHorizon:
     ) -> HorizonEstimate:
         system = self.system
         times = [belief.time, *[m.time for m in plan]]
+        bends = [t for t, _ in system.bends(inputs, times[0], times[-1])]
         edges = [times[0]]  # of elements: readings of one sensor with one stamp share theirs
-        for t in times[1:]:
+        for t in sorted([*times[1:], *bends]):
             if t - edges[-1] > SAME_INSTANT:
                 edges.append(t)
         if len(edges) < 2:

@@ -9,9 +9,7 @@ import numpy as np
 
 from ..results.refusal import ArgumentError
 from ..results.trajectory import Trajectory
-from .system import System
-
-SAME_INSTANT = 1e-9  # s; readings closer than that are of one instant: round-off of clocks, far below any motion
+from .system import SAME_INSTANT as SAME_INSTANT, System
 
 
 class Readings:

@@ -105,10 +105,13 @@ def draw(
     before, u = belief.time, system.inputs_at(inputs, belief.time)
     for k, t in enumerate(times):
         if t > before:
-            u_next = system.inputs_at(inputs, t)
-            step = system.transition(before, t - before, x, u, u_next)
+            u_next, step = system.inputs_at(inputs, t), None
+            for end, u_end in [*system.bends(inputs, before, t), (float(t), u_next)]:
+                own = system.transition(before, end - before, x if step is None else step.x, u, u_end)
+                step, before, u = own if step is None else step.then(own), end, u_end
+            assert step is not None
             d = (root_of(np.broadcast_to(step.Q, (runs, n, n))) @ rng.normal(size=(runs, n))[..., None])[..., 0]
-            x, u, before = system.space.plus(step.x, d), u_next, float(t)
+            x = system.space.plus(step.x, d)
         states[:, k] = x
     log = synthetic_readings(system, times, states, seed=seed, runs=runs, inputs=inputs)
     return Drawn(times, system.space.values(states), log)

@@ -17,6 +17,7 @@ from .rowwise import RowsFunction
 from .sensors import ESTIMATE, Sensor
 from .transition import CurvedTransition, GivenTransition, LinearTransition, runge_kutta
 
+SAME_INSTANT = 1e-9  # s; times closer than that are one instant: round-off of clocks, far below any motion
 LONGEST_STEP = 0.01  # s; steps of a process that is not linear are cut into parts of at most this
 
 
@@ -220,7 +221,20 @@ class System:
 
     def residual(self, names: Sequence[str], t: Any, x: Any, u: Any, z: Any) -> tuple[Any, Any]:
         """What these sensors read, z side by side, over what they should read, and the Jacobian H of the latter in the
-        error of x, on CasADi columns."""
+        error of x, on CasADi columns: for a filter that is written out, such as in C.
+
+        Raises ArgumentError for a sensor that weighs outliers: a residual by itself says nothing of its weight.
+        """
+        for name in names:
+            if self.sensors[name].outliers:
+                raise ArgumentError(
+                    f"'{name}' weighs outliers, which a filter that is written out, such as in C, does not; give it a "
+                    "gate in its place",
+                    "outliers",
+                )
+        return self._residual(names, t, x, u, z)
+
+    def _residual(self, names: Sequence[str], t: Any, x: Any, u: Any, z: Any) -> tuple[Any, Any]:
         residuals, rows, first = [], [], 0
         for name in names:
             space = Manifold([self.readings[name]])
@@ -236,7 +250,7 @@ class System:
         if names not in self._made:
             t, x, u = self._symbols()
             z = self.dynamics.symbol("z", sum(self.readings[name].size for name in names))
-            residual, H = self.residual(names, t, x, u, z)
+            residual, H = self._residual(names, t, x, u, z)
             self._made[names] = RowsFunction("reading", [t, x, u, z], [residual, H], (1,))
         return self._made[names]
 
@@ -268,6 +282,14 @@ class System:
     def variances(self, names: Sequence[str]) -> np.ndarray:
         """Variances of the noise of these sensors, one for each number of the residual."""
         return self.group(names).variances
+
+    def bends(self, inputs: Any, first: float, last: float) -> list[tuple[float, np.ndarray]]:
+        """Instants between two times at which known inputs may bend, rows of a trajectory, and their values there."""
+        times = getattr(inputs, "time", None) if self.dynamics.inputs else None
+        if times is None:
+            return []
+        rows = slice(*np.searchsorted(times, [first + SAME_INSTANT, last - SAME_INSTANT]))
+        return [(float(t), self.inputs_at(inputs, float(t))) for t in times[rows]]
 
     def inputs_at(self, inputs: Any, t: float) -> np.ndarray:
         """The known inputs (nu,) at an instant from a trajectory of them."""

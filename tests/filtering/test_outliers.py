@@ -138,7 +138,7 @@ def test_where_it_is_not_known_it_is_refused():
     assert caught.value.argument == "sensors"
 
 
-def test_a_moving_horizon_refuses_weights():
+def test_a_moving_horizon_and_c_refuse_weights():
     class Walk(gt.Model):
         x = gt.variable(unit="m")
         drift = gt.input(unit="m/s")
@@ -147,6 +147,10 @@ def test_a_moving_horizon_refuses_weights():
             yield gt.der(self.x) == self.drift
 
     process = gt.filtering.ProcessModel(Walk(), {"drift": 1e-4})
+    system = System(process, [Sensor("x", deviation=0.01, outliers="huber")])
     with pytest.raises(ArgumentError) as caught:
-        gt.filtering.MovingHorizon(System(process, [Sensor("x", deviation=0.01, outliers="huber")]))
+        gt.filtering.MovingHorizon(system)
     assert caught.value.argument == "system"
+    with pytest.raises(ArgumentError, match="'x' weighs outliers") as caught:
+        gt.filtering.ControllerFilter(system, 0.01, START)
+    assert caught.value.argument == "outliers"

@@ -91,9 +91,16 @@ class Interacting(Filter):
         self, belief: Mixture, time: float, u0: np.ndarray, u1: np.ndarray
     ) -> tuple[Mixture, tuple[Advance, ...]]:
         """Mixed, then each mode at a later time, and their steps; without time passing nothing is mixed."""
+        return self.advanced(belief, time, u0, u1, ())
+
+    def advanced(
+        self, belief: Mixture, time: float, u0: np.ndarray, u1: np.ndarray, bends: Sequence[tuple[float, np.ndarray]]
+    ) -> tuple[Mixture, tuple[Advance, ...]]:
+        """The same with known inputs that bend between: mixed once."""
         if time > belief.time:
             belief = self._mixed(belief)
-        made = [filter.advance(one, time, u0, u1) for filter, one in zip(self.filters, belief.modes, strict=True)]
+        pairs = zip(self.filters, belief.modes, strict=True)
+        made = [filter.advanced(one, time, u0, u1, bends) for filter, one in pairs]
         return Mixture(tuple(one for one, _ in made), belief.logs), tuple(step for _, step in made)
 
     def _mixed(self, belief: Mixture) -> Mixture:

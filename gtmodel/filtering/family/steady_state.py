@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -71,6 +72,16 @@ class SteadyState(Filter):
         """The mean of the start, with the covariance that stays."""
         belief = start.belief(self.system, time, runs)
         return belief._replace(P=np.tile(self.posterior, (runs, 1, 1)))
+
+    def advanced(
+        self, belief: Belief, time: float, u0: np.ndarray, u1: np.ndarray, bends: Sequence[tuple[float, np.ndarray]]
+    ) -> tuple[Belief, Advance]:
+        """As `advance`, with known inputs that bend between."""
+        after, step = self.advance(belief, time, u0, u1)
+        x, t = belief.x, belief.time
+        for end, u in [*bends, (time, u1)] if bends else []:
+            x, t, u0 = self.system.transition(t, end - t, x, u0, u).x, end, u
+        return (after._replace(x=x), step._replace(x=x)) if bends else (after, step)
 
     def advance(self, belief: Belief, time: float, u0: np.ndarray, u1: np.ndarray) -> tuple[Belief, Advance]:
         """The belief one period later. Raises ArgumentError for another span of time."""
