@@ -7,6 +7,9 @@ Loop
     run_along -> DelayedRun          in time along a path that steers, SinePath, with noise
     loop_margins -> LoopMargins      in gain, phase, delay and as a disk; delay_margin, disk_margin alone
 
+Plants from measurements
+    fit_command_step -> Estimate     m, c, k from the vibration after one command; command_response
+    fit_gain_field -> GainField      m, c, k over two joints; limits_over, recommended_over
 What is uncertain
     worst_case -> WorstCase          the least limit over a box of parameters; recommended_gain of many limits
     off_axis_plant, off_axis_limits  along a direction between two axes; plant_of_limit, limits_that_meet
@@ -17,6 +20,13 @@ from typing import TYPE_CHECKING
 from ..._lazy import public
 
 if TYPE_CHECKING:
+    from .command_step import command_response as command_response, fit_command_step as fit_command_step
+    from .field import (
+        GainField as GainField,
+        fit_gain_field as fit_gain_field,
+        limits_over as limits_over,
+        recommended_over as recommended_over,
+    )
     from .limit import GainLimit as GainLimit, gain_limit as gain_limit
     from .loop import DelayedLoop as DelayedLoop
     from .margins import (
