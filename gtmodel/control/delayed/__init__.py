@@ -13,6 +13,8 @@ Plants from measurements
 What is uncertain
     worst_case -> WorstCase          the least limit over a box of parameters; recommended_gain of many limits
     off_axis_plant, off_axis_limits  along a direction between two axes; plant_of_limit, limits_that_meet
+Machining
+    CorrectedTool, chatter_radius -> ChatterRadius, corrected_depth   regeneration and feedback in one map
 """
 
 from typing import TYPE_CHECKING
@@ -20,6 +22,12 @@ from typing import TYPE_CHECKING
 from ..._lazy import public
 
 if TYPE_CHECKING:
+    from .chatter import (
+        ChatterRadius as ChatterRadius,
+        CorrectedTool as CorrectedTool,
+        chatter_radius as chatter_radius,
+        corrected_depth as corrected_depth,
+    )
     from .command_step import command_response as command_response, fit_command_step as fit_command_step
     from .field import (
         GainField as GainField,
