@@ -123,7 +123,7 @@ def corrected_depth(
     >>> depths = [gt.control.delayed.corrected_depth(
     ...     tool, cutter, cut, 25.0, [1.0, 0.0, 0.0], gain, deepest=5e-3) for gain in (0.0, 0.1)]
     >>> [round(1e3 * depth, 2) for depth in depths]  # [mm]; the second gain is beyond its limit
-    [0.78, 0.0]
+    [0.77, 0.0]
     """
 
     def growth(depth: float) -> float:

@@ -48,7 +48,7 @@ def fit_command_step(
     >>> y = gt.control.delayed.command_response(3.0, 57.7, 34200.0, t, size=1e-3, cycle=0.004)
     >>> y = y + 15e-6 * np.random.default_rng(1).standard_normal(len(t))  # synthetic
     >>> fit = gt.control.delayed.fit_command_step(t, y, size=1e-3, cycle=0.004, sigma=15e-6)
-    >>> [low < truth < high for truth, low, high in zip([3.0, 57.7, 34200.0], *fit.intervals())]
+    >>> [bool(low < truth < high) for truth, low, high in zip([3.0, 57.7, 34200.0], *fit.intervals())]
     [True, True, True]
     """
     t, y = _checked(time, size, cycle), np.asarray(displacement, float).reshape(-1)

@@ -41,7 +41,9 @@ def test_without_gain_it_is_the_semi_discretised_cut(speed: float, depth: float)
     cut = replace(CUT, axial_depth=depth)
     r = D.chatter_radius(tool(), CUTTER, cut, speed, X, 0.0)
     assert r.speed_error == pytest.approx(0, abs=1e-12)
-    alone = spectral_radius(ROBOT, CUTTER, cut, speed, X, intervals=int(20 * r.cycles_per_tooth))  # in the period of a tooth
+    alone = spectral_radius(
+        ROBOT, CUTTER, cut, speed, X, intervals=int(20 * r.cycles_per_tooth)
+    )  # in the period of a tooth
     assert r.radius == pytest.approx(alone ** float(1 / r.cycles_per_tooth), rel=SAME)
 
 
