@@ -22,8 +22,8 @@
 
 # %%
 # %matplotlib inline
-import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.figure import Figure
 
 import gtmodel as gt
 
@@ -46,12 +46,13 @@ print(fit)
 
 # %%
 m, c, k = fit.values
-figure, axes = plt.subplots(figsize=(7.5, 3.2), layout="constrained")
+figure = Figure(figsize=(7.5, 3.2), layout="constrained")
+axes = figure.subplots()
 axes.plot(time, 1e6 * measured, "k.", markersize=3, label="measured, synthetic")
 axes.plot(time, 1e6 * delayed.command_response(m, c, k, time, size=1e-3, cycle=CYCLE), label="fitted")
 axes.set(xlabel="time after the command [s]", ylabel="vibration [µm]")
 axes.legend()
-plt.show()
+figure
 
 # %% [markdown]
 # ## 2 The limit
@@ -65,9 +66,8 @@ limit = delayed.gain_limit(loop)
 print(f"limit {limit.gain:.4f}, it swings at {limit.frequency:.1f} Hz; matrix {loop.matrix(0.1).shape}")
 for share in (0.95, 1.05):
     run = delayed.run_along(loop, share * limit.gain, seed=2)
-    print(
-        f"{100 * share:.0f} % of it: bounded {run.bounded}, largest deviation {1e6 * np.abs(run.deviation).max():.0f} µm"
-    )
+    largest = 1e6 * np.abs(run.deviation).max()
+    print(f"{100 * share:.0f} % of it: bounded {run.bounded}, largest deviation {largest:.0f} µm")
 assert delayed.run_along(loop, 0.95 * limit.gain, seed=2).bounded
 assert not delayed.run_along(loop, 1.05 * limit.gain, seed=2).bounded
 
@@ -94,14 +94,15 @@ print(f"below 95 % of the box: {gain}")
 assert worst.gain <= worst.limits.min() and gain < worst.nominal
 
 # %%
-figure, axes = plt.subplots(figsize=(7.5, 3.0), layout="constrained")
+figure = Figure(figsize=(7.5, 3.0), layout="constrained")
+axes = figure.subplots()
 axes.hist(worst.limits, 30)
 axes.axvline(worst.nominal, color="black", label="as fitted")
 axes.axvline(worst.gain, color="tab:orange", label="worst seen")
 axes.axvline(gain, color="tab:green", linestyle="--", label="recommended")
 axes.set(xlabel="gain limit", ylabel="points of the box")
 axes.legend()
-plt.show()
+figure
 
 # %% [markdown]
 # ## 4 Margins that mean something
@@ -135,12 +136,13 @@ assert 0.01 < low < high < 0.02
 # %%
 angles = np.deg2rad(np.linspace(0, 90, 46))
 y = delayed.plant_of_limit(12.0, 0.06, (low + high) / 2, CYCLE, DELAY)
-figure, axes = plt.subplots(figsize=(7.5, 3.4), layout="constrained")
+figure = Figure(figsize=(7.5, 3.4), layout="constrained")
+axes = figure.subplots()
 axes.semilogy(np.rad2deg(angles), delayed.off_axis_limits(x, y, angles, CYCLE, DELAY))
 for angle, (stable, unstable) in seen.items():
     axes.plot([np.rad2deg(angle)] * 2, [stable, unstable], "k_-", markersize=12)
 axes.set(xlabel="direction from y towards x [deg]", ylabel="gain limit")
-plt.show()
+figure
 
 # %% [markdown]
 # ## Answer

@@ -14,6 +14,7 @@ zero_vibration, zero_vibration_derivative, Shaper   motions shaped so that a fle
 residual_vibration    how far a mass on a spring swings after a motion
 delayed_feedback   how far late corrections from an external sensor may be turned up: `DelayedFeedbackStudy`; its
                  options, limits, margins and plants stand in `gtmodel.control.delayed`
+learning         iterative learning control: laws, their convergence, what they leave
 """
 
 from typing import TYPE_CHECKING
@@ -21,7 +22,7 @@ from typing import TYPE_CHECKING
 from .._lazy import public
 
 if TYPE_CHECKING:
-    from . import delayed as delayed
+    from . import delayed as delayed, learning as learning
     from .delayed import DelayedFeedbackStudy as DelayedFeedbackStudy, delayed_feedback as delayed_feedback
     from .feedforward import (
         ComputedTorque as ComputedTorque,
