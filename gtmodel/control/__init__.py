@@ -12,6 +12,8 @@ track            a simulation of either, with its tracking error
 loop_simulation  a robot under a law at samples as a study; Move, LoopSampling, TrackingLimits -> LoopSimulationStudy
 zero_vibration, zero_vibration_derivative, Shaper   motions shaped so that a flexible mode ends at rest
 residual_vibration    how far a mass on a spring swings after a motion
+delayed          corrections from an external sensor, late: gain limits, margins, worst cases
+learning         iterative learning control: laws, their convergence, what they leave
 """
 
 from typing import TYPE_CHECKING
@@ -19,6 +21,7 @@ from typing import TYPE_CHECKING
 from .._lazy import public
 
 if TYPE_CHECKING:
+    from . import delayed as delayed, learning as learning
     from .feedforward import (
         ComputedTorque as ComputedTorque,
         Feedback as Feedback,

@@ -76,7 +76,7 @@ def linearize_sampled(
 
     a, b, c = (np.asarray(m) for m in (linear.A, linear.B, linear.C))
     whole, part = divmod(exact(delay), exact(period))
-    first, last = _held(a, b, float(part)), _held(a, b, float(exact(period) - part))
+    first, last = held_input(a, b, float(part)), held_input(a, b, float(exact(period) - part))
     late = int(whole) + (part > 0)  # forces of earlier samples that still have to act
     n, m = len(a), late * count
     difference = velocity == "difference"
@@ -122,8 +122,8 @@ def _measured(linear: StateSpace, count: int) -> np.ndarray:
     return values
 
 
-def _held(a: np.ndarray, b: np.ndarray, span: float) -> tuple[np.ndarray, np.ndarray]:
-    """exp(a t), and what inputs held for t add."""
+def held_input(a: np.ndarray, b: np.ndarray, span: float) -> tuple[np.ndarray, np.ndarray]:
+    """exp(a t), and what inputs (n, k) held for t [s] add (n, k): the exact transition of x' = a x + b u."""
     n, k = b.shape
     m = scipy.linalg.expm(np.block([[a, b], [np.zeros((k, n + k))]]) * span)
     return m[:n, :n], m[:n, n:]

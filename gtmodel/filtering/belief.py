@@ -25,7 +25,8 @@ class Innovation(NamedTuple):
 
     names: of the sensors. residual: (m, k), zero where nothing was used. variance: of each (m, k). used: (m, k).
     nis: normalised innovations squared (m,), chi-squared with `numbers` (m,) degrees of freedom. log_likelihood: (m,).
-    gated: of each sensor, whether its gate left the reading out (m, sensors).
+    gated: of each sensor, whether its gate left the reading out (m, sensors). weighed: whether it counted less than
+        others (m, sensors); None where no sensor weighs its readings. Residual and nis are then cut at Huber's k.
     """
 
     names: tuple[str, ...]
@@ -36,6 +37,7 @@ class Innovation(NamedTuple):
     numbers: np.ndarray
     log_likelihood: np.ndarray
     gated: np.ndarray
+    weighed: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
