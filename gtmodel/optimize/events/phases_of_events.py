@@ -219,7 +219,7 @@ def phases_of_events(
     """
     if not isinstance(model, Optimization):
         raise ModelError(f"gt.phases_of_events takes a configured Optimization; found {model!r}")
-    names = list(order) if isinstance(order, Iterable) and not isinstance(order, str) else [order]
+    names: list[Any] = list(order) if isinstance(order, Iterable) and not isinstance(order, str) else [order]
     groups = [list(item) if isinstance(item, (list, tuple)) else [item] for item in names]
     flat = flatten(model)
     if any("sign()" in str(name) for group in groups for name in group):
