@@ -54,6 +54,8 @@ class System:
         longest_step: float = LONGEST_STEP,
     ) -> None:
         self.process = process
+        if not longest_step > 0:
+            raise ArgumentError(f"expected more than 0 s; found {longest_step}", "longest_step")
         names = [sensor.name for sensor in sensors]
         if not names or len(set(names)) != len(names):
             raise ArgumentError(f"expected sensors with a name of their own each; found {names}", "sensors")

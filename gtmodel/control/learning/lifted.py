@@ -200,3 +200,13 @@ def symmetric(taps: Any, size: int) -> Lifted:
         return scipy.signal.fftconvolve(both, x, axes=0)[m : m + size]
 
     return Lifted(size, forward, forward)
+
+
+def matrix(values: Any) -> Lifted:
+    """The map of a square matrix (size, size).
+
+    >>> gt.control.learning.matrix([[1.0, 2.0], [0.0, 1.0]])([1.0, 1.0]).tolist()
+    [3.0, 1.0]
+    """
+    M = np.asarray(values, float)
+    return Lifted(len(M), lambda x: M @ x, lambda y: M.T @ y)
