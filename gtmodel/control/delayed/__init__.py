@@ -67,6 +67,7 @@ if TYPE_CHECKING:
         FeedbackTiming as FeedbackTiming,
         GainMap as GainMap,
         OffAxisRun as OffAxisRun,
+        SinePath as SinePath,
         SyntheticCommands as SyntheticCommands,
     )
     from .plants import (
@@ -77,7 +78,7 @@ if TYPE_CHECKING:
         side_by_side as side_by_side,
     )
     from .result import DelayedFeedbackStudy as DelayedFeedbackStudy, FeedbackMapStudy as FeedbackMapStudy
-    from .run import DelayedRun as DelayedRun, SinePath as SinePath, run_along as run_along
+    from .run import DelayedRun as DelayedRun, run_along as run_along
     from .servo import servo_plant as servo_plant
     from .study import delayed_feedback as delayed_feedback
     from .worst_case import WorstCase as WorstCase, recommended_gain as recommended_gain, worst_case as worst_case

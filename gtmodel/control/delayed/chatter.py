@@ -5,16 +5,20 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from math import lcm
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from ...milling import Cut, Cutter, Oscillators, tooth_frequency
-from ...milling.directional import plane
-from ...milling.semi_discretisation import mean_matrices
+from ..._lazy import hint
 from ...results import ArgumentError
 from ...simulation.hybrid.clock import exact
+
+if TYPE_CHECKING:
+    from ...milling import Cut, Cutter, Oscillators
+else:
+    Cut, Cutter, Oscillators = (hint("gtmodel.milling", name) for name in ("Cut", "Cutter", "Oscillators"))
 
 STEPS = 20  # of a cycle
 MOST_STEPS = 40_000  # until tooth and cycle meet again
@@ -86,6 +90,10 @@ def chatter_radius(
     5 True
     5 False
     """
+    from ...milling import tooth_frequency
+    from ...milling.directional import plane
+    from ...milling.semi_discretisation import mean_matrices
+
     if np.ptp(cutter.pitch) > UNEVEN:
         raise ArgumentError("the pitch of the teeth is uneven; this map takes even pitch only", "cutter")
     if steps < 4:
@@ -114,6 +122,9 @@ def corrected_depth(
 ) -> float:  # fmt: skip
     """The axial depth [m] at which a cut first chatters while corrections act, by steps of a fifth and bisection;
     `deepest` where it does not, 0 where the loop is unstable without a cut. cut: its own axial depth does not count.
+
+    Raises ArgumentError as `chatter_radius`, and for a deepest cut of nothing.
+
 
     >>> from gtmodel.milling import CuttingCoefficients, Cut, Cutter
     >>> cutter = Cutter(0.02, 2, CuttingCoefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))

@@ -4,17 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
+from ..._lazy import hint
 from ...results import ArgumentError
-from ...vibration import GaussianProcess, KernelInputs, fit_gaussian_processes
 from .limit import gain_limit
 from .loop import DelayedLoop
 from .plants import equivalent_plant
 from .worst_case import recommended_gain
+
+if TYPE_CHECKING:
+    from ...vibration import GaussianProcess
+else:
+    GaussianProcess = hint("gtmodel.vibration", "GaussianProcess")
 
 SCALES = (0.35, 0.6)  # rad, of joints 2 and 3: over which the printed poses spread
 DRAWS = 400
@@ -61,6 +67,8 @@ def fit_gain_field(
     >>> limits.shape, bool(0.1 < np.median(limits) < 0.4)  # draws of the processes at each pose
     ((1, 400), True)
     """
+    from ...vibration import KernelInputs, fit_gaussian_processes
+
     poses = np.atleast_2d(np.asarray(joints, float))
     values = [np.asarray(v, float) for v in (m, c, k)]
     if poses.ndim != 2 or poses.shape[1] != 2:
@@ -93,6 +101,14 @@ def limits_over(
     is proportional to the mass: limits come from a table over these two, linear between its points: where
     two modes of the loop take turns it is up to a per cent off. Raises ArgumentError
     for a direction that is not there.
+
+    >>> rng = np.random.default_rng(1)
+    >>> joints = np.deg2rad(rng.uniform([-65.0, 60.0], [-20.0, 115.0], (12, 2)))
+    >>> m, c, k = gt.control.delayed.true_plants(joints, gt.control.delayed.SyntheticCommands())
+    >>> field = gt.control.delayed.fit_gain_field(joints, m, c, k)
+    >>> limits = gt.control.delayed.limits_over(field, joints[:2], "y", cycle=0.004, delay=0.052, draws=100)
+    >>> limits.shape
+    (2, 100)
     """
     mean, std = field.at(joints, direction)
     free = np.random.default_rng(seed).standard_normal((3, 1, draws))

@@ -59,8 +59,14 @@ class MeasuredPlants:
 def synthetic_plants(
     joints: ArrayLike, options: SyntheticCommands, directions: Sequence[str], cycle: float
 ) -> tuple[MeasuredPlants, float]:
-    """Plants fitted to synthetic vibrations in each pose, and the share of their 95 % intervals that hold the m, c, k
-    of the experiment. Raises ArgumentError where directions and options do not fit."""
+    """Plants fitted to synthetic vibrations at joints (n, 2) [rad], and the share of their 95 % intervals that hold the
+    m, c, k of the experiment. cycle [s]. Raises ArgumentError where directions and options do not fit.
+
+    >>> options = gt.control.delayed.SyntheticCommands(seed=1)
+    >>> plants, inside = gt.control.delayed.synthetic_plants([[-0.7, 1.6]], options, ["x", "y"], cycle=0.004)
+    >>> plants.m.shape, plants.synthetic
+    ((1, 2), 'seed 1, noise 15 um, repeatability 5 %')
+    """
     poses = np.atleast_2d(np.asarray(joints, float))
     if len(options.frequency) != len(directions):
         raise ArgumentError(
@@ -83,7 +89,12 @@ def synthetic_plants(
 
 
 def true_plants(joints: np.ndarray, options: SyntheticCommands) -> np.ndarray:
-    """m, c, k (3, n, d) of the synthetic arm in poses (n, 2) [rad]."""
+    """m, c, k (3, n, d) of the synthetic arm at joints (n, 2) [rad].
+
+    >>> m, c, k = gt.control.delayed.true_plants(np.array([[-0.7, 1.6]]), gt.control.delayed.SyntheticCommands())
+    >>> (np.sqrt(k / m) / (2 * np.pi)).round(2)  # [Hz], along x and y
+    array([[13.81,  9.75]])
+    """
     reach = (np.cos(joints[:, 0]) + np.cos(joints.sum(axis=1)))[:, None]
     w = 2 * np.pi * np.array(options.frequency) * np.exp(options.frequency_slope * reach)
     m = np.array(options.mass) * np.exp(options.mass_slope * reach)

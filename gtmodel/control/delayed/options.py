@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
+from ..._lazy import hint
 from ...results import ArgumentError
 from ...results.options import Long, Options, Unit, Within
-from .off_axis import plant_of_limit
-from .plants import CorrectedPlant, equivalent_plant
+
+if TYPE_CHECKING:
+    from .plants import CorrectedPlant
+else:
+    CorrectedPlant = hint("gtmodel.control.delayed", "CorrectedPlant")
 
 
 @dataclass(frozen=True)
@@ -60,13 +64,44 @@ class FeedbackAxis(Options):
         assert self.limit is not None
         if timing.accumulate:
             raise ArgumentError("a limit says no mass where corrections add up; give the mass", "limit")
+        from .off_axis import plant_of_limit
+
         plant = plant_of_limit(self.frequency, self.damping_ratio, self.limit, timing.cycle, timing.delay)
         return float(1 / (plant.B[1] * timing.cycle**2))
 
     def plant(self, timing: FeedbackTiming, *, mass: float | None = None) -> CorrectedPlant:
         """What a correction acts on; with another equivalent mass where one is given."""
+        from .plants import equivalent_plant
+
         m, w = self.equivalent_mass(timing) if mass is None else mass, 2 * np.pi * self.frequency
         return equivalent_plant(m, 2 * self.damping_ratio * w * m, w**2 * m, timing.cycle, accumulate=timing.accumulate)
+
+
+@dataclass(frozen=True)
+class SinePath(Options):
+    """y = amplitude sin(2 pi wave_number x) at constant feed; Cvitanic 2021, eq. (33), by default.
+
+    >>> gt.control.delayed.SinePath().steering(0.004).max().round(8)  # largest steering in a cycle [m]
+    np.float64(5.52e-06)
+    """
+
+    amplitude: Annotated[float, Unit("m", written="mm"), Within(least=0.0), "of the sine"] = 50.8e-3
+    wave_number: Annotated[float, Unit("1/m", key="wave_number_1_m"), Within(above=0.0), "waves in a metre"] = 9.8
+    feed: Annotated[float, Unit("m/s", written="mm/s"), Within(above=0.0), "along the path"] = 42.33e-3
+    duration: Annotated[float, Unit("s"), Within(above=0.0), "of the run"] = 15.0
+
+    def steering(self, cycle: float) -> np.ndarray:
+        """What each command adds to the motion that the one before would continue, (n,) [m] along y.
+
+        The command less the feed (Cvitanic 2021, eq. (31), (32)): at constant speed it is the change of direction.
+        """
+        count = round(self.duration / cycle)
+        w = 2 * np.pi * self.wave_number
+        x = np.zeros(count + 2)
+        for k in range(count + 1):  # equal steps along the path
+            middle = x[k] + self.feed * cycle / 2 / np.hypot(1, self.amplitude * w * np.cos(w * x[k]))
+            x[k + 1] = x[k] + self.feed * cycle / np.hypot(1, self.amplitude * w * np.cos(w * middle))
+        return np.diff(self.amplitude * np.sin(w * x), 2)
 
 
 @dataclass(frozen=True)

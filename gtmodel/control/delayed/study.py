@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 
-from ...milling import Cut, Cutter, Oscillators
+from ..._lazy import hint
 from ...results import ArgumentError, SolveStatus, Work
 from ...results.door import study_function
 from ...results.options import Within
@@ -19,11 +19,16 @@ from .limit import GainLimit, gain_limit
 from .loop import DelayedLoop
 from .margins import loop_margins
 from .off_axis import limits_that_meet, off_axis_limits, plant_of_limit
-from .options import FeedbackAxis, FeedbackBox, FeedbackCut, FeedbackTiming, OffAxisRun
+from .options import FeedbackAxis, FeedbackBox, FeedbackCut, FeedbackTiming, OffAxisRun, SinePath
 from .plants import CorrectedPlant, equivalent_plant
 from .result import DelayedFeedbackStudy
-from .run import DelayedRun, SinePath, run_along
+from .run import DelayedRun, run_along
 from .worst_case import WorstCase, recommended_gain, worst_case
+
+if TYPE_CHECKING:
+    from ...milling import Cut, Cutter
+else:
+    Cut, Cutter = hint("gtmodel.milling", "Cut"), hint("gtmodel.milling", "Cutter")
 
 TIMING, THESIS_PATH = FeedbackTiming(), SinePath()
 READINGS = ((0.004, False), (0.004, True), (0.012, False), (0.012, True))  # cycles of 5.3.5 and 5.3.3
@@ -225,21 +230,21 @@ def _off_axis(
 ) -> dict[str, Any]:  # fmt: skip
     x, y, times = made["x"], plants["y"], (timing.cycle, timing.delay)
     limits = off_axis_limits(x, made["y"], [o.angle for o in wanted], *times)
-    found: dict[str, Any] = {"off_axis_limit": {_degrees(o): float(p) for o, p in zip(wanted, limits, strict=True)}}
+    answers: dict[str, Any] = {"off_axis_limit": {_degrees(o): float(p) for o, p in zip(wanted, limits, strict=True)}}
     seen = {o.angle: (o.stable, o.unstable) for o in wanted if o.stable is not None and o.unstable is not None}
     if not seen or not isinstance(y, FeedbackAxis):
-        return found
+        return answers
     if timing.accumulate:
         notes.append("experiments along directions are not compared where corrections add up")
-        return found
+        return answers
     own = gain_limit(DelayedLoop(made["y"], *times)).gain
     plant_of = partial(plant_of_limit, y.frequency, y.damping_ratio, cycle=timing.cycle, delay=timing.delay)
     between = (RANGE[0] * own, RANGE[1] * own)
     met = limits_that_meet(plant_of, seen, x, *times, between=between)
-    found["meeting_limits"] = met
+    answers["meeting_limits"] = met
     if not met:
         notes.append("no limit along y puts all directions where the experiments saw them")
-        return found
+        return answers
     said = " or ".join(f"{a:.4g} to {b:.4g}" for a, b in met)
     notes.append(f"limits along y of {said} put all {len(seen)} directions where the experiments saw them")
     predicted = {}
@@ -250,7 +255,7 @@ def _off_axis(
             notes.append(
                 f"they predict {min(ends):.3g} to {max(ends):.3g} at {_degrees(o)} deg, where nothing was measured"
             )
-    return found | {"meeting_predictions": predicted}
+    return answers | {"meeting_predictions": predicted}
 
 
 def _degrees(run: OffAxisRun) -> str:
@@ -259,6 +264,8 @@ def _degrees(run: OffAxisRun) -> str:
 
 def _tool(plants: Mapping[str, Given], timing: FeedbackTiming, of: FeedbackCut) -> CorrectedTool:
     """What cuts and is corrected. Raises ArgumentError for what does not fit."""
+    from ...milling import Oscillators
+
     axes = {n: p for n, p in plants.items() if isinstance(p, FeedbackAxis)}
     if not {"x", "y"} <= set(axes) or of.axis not in ("x", "y"):
         raise ArgumentError(

@@ -7,7 +7,6 @@ from typing import Annotated, Any
 from pydantic import Field, PositiveFloat
 
 from gtmodel.control.delayed import options
-from gtmodel.control.delayed.run import SinePath
 from gtmodel.kinds.loop_simulation.keys import LawSection
 from gtmodel.milling import Cut, Cutter, CuttingCoefficients
 from gtmodel.problem_files.base import FileSection
@@ -20,8 +19,8 @@ Three = Annotated[list[float], Field(min_length=3, max_length=3)]
 Pose = Annotated[list[float], Field(min_length=2, max_length=2)]
 
 
-@made_from(SinePath)
-class PathSection(Made):
+@made_from(options.SinePath)
+class SteeredPathKeys(Made):
     """The path of the synthetic runs that show the limit in time."""
 
     noise_um: float = Field(default=15.0, ge=0, description="of the measurement, standard deviation")
@@ -90,5 +89,5 @@ class Schema(RobotProblem):
     map: JointMapKeys | None = Field(default=None, description="limits over two joints")
     box: Made[options.FeedbackBox] | None = Field(default=None, description="how far plant and delay may be off")
     off_axis: list[Made[options.OffAxisRun]] = Field(default=[], description="directions between the axes x and y")
-    path: PathSection | None = Field(default=None, description="synthetic runs along a path")
+    path: SteeredPathKeys | None = Field(default=None, description="synthetic runs along a path")
     cut: FeedbackCutKeys | None = Field(default=None, description="chatter while it corrects")
