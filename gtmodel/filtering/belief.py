@@ -25,7 +25,8 @@ class Innovation(NamedTuple):
 
     names: of the sensors. residual: (m, k), zero where nothing was used. variance: of each (m, k). used: (m, k).
     nis: normalised innovations squared (m,), chi-squared with `numbers` (m,) degrees of freedom. log_likelihood: (m,).
-    gated: of each sensor, whether its gate left the reading out (m, sensors).
+    gated: of each sensor, whether its gate left the reading out (m, sensors). weighed: whether it counted less than
+        others (m, sensors); None where no sensor weighs its readings. Residual and nis are then cut at Huber's k.
     """
 
     names: tuple[str, ...]
@@ -36,6 +37,7 @@ class Innovation(NamedTuple):
     numbers: np.ndarray
     log_likelihood: np.ndarray
     gated: np.ndarray
+    weighed: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -56,6 +58,10 @@ class InitialState:
     mean: Mapping[str, Any]
     deviation: Mapping[str, Any]
     time: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.time is not None and not (isinstance(self.time, (int, float, np.number)) and np.isfinite(self.time)):
+            raise ArgumentError(f"expected a time [s]; found {self.time!r}", "start.time")
 
     def belief(self, system: System, time: float, runs: int = 1) -> Belief:
         """The belief of a system at the start. Raises ArgumentError for a state without a deviation."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..results.refusal import ArgumentError
 from .belief import Belief, InitialState, Innovation
-from .filter import Filter
+from .filter import Filter, without_value
 from .filtered import Filtered, RunRecord
 from .readings import SAME_INSTANT
 
@@ -49,7 +49,8 @@ class Buffer:
         filter: any filter; of one run.
         start: mean, deviation, and the time at which it begins, which a stream needs.
         horizon: [s] how far a reading may lie before the newest one; what is older is refused, and counted.
-        inputs: the known inputs of the process: a trajectory, or (time, name) -> value.
+        inputs: the known inputs of the process: a trajectory, straight between its rows; or (time, name) -> value, then
+            straight between readings.
         record: whether every instant is kept for `filtered()`; off, memory stays bounded by the horizon.
 
     refused, late: sensor -> how many readings were too old, or not finite in their stamp or effect; how many made it go
@@ -119,7 +120,8 @@ class Buffer:
         if time < self.time:
             raise ArgumentError(f"the newest belief is of {self.time:g} s; found {time:g} s", "time")
         u0, u1 = self._inputs_of(self._passed), self.system.inputs_at(self.inputs, time)
-        return self.filter.summary(self.filter.advance(self.belief, time, u0, u1)[0])
+        bends = self.system.bends(self.inputs, self.time, time)
+        return self.filter.summary(self.filter.advanced(self.belief, time, u0, u1, bends)[0])
 
     def push(self, sensor: str, stamp: float, value: Any) -> Pushed:
         """Take one reading of a sensor: "applied" to the newest belief, or the filter "went back" for it. What is "too
@@ -151,9 +153,14 @@ class Buffer:
             n -= 1
             used -= self._passed[n].readings
         kept, self._passed = self._passed, self._passed[:n]
-        if not self._forward(used):
-            self._passed = kept
-            del self._arrived[at]
+        finite = False
+        try:
+            finite = self._forward(used)
+        finally:  # known inputs that end raise: what was there stays whole
+            if not finite:
+                self._passed = kept
+                del self._arrived[at]
+        if not finite:
             self.refused[sensor] += 1
             return "not finite"
         self.late[sensor] += late
@@ -193,11 +200,13 @@ class Buffer:
                 rows[a.sensor] = a.value
                 k += 1
             u0, u1 = self._inputs_of(self._passed), self.system.inputs_at(self.inputs, first.time)
-            before, step = self.filter.advance(self.belief, first.time, u0, u1)
+            bends = self.system.bends(self.inputs, self.time, first.time)
+            before, step = self.filter.advanced(self.belief, first.time, u0, u1, bends)
             names = tuple(name for n, name in enumerate(self._names) if n in rows)
             z = np.concatenate([rows[n] for n in sorted(rows)])[None]
             after, innovation = self.filter.correct(before, names, z, u1)
-            if not np.all(np.isfinite(self.filter.summary(after).x)):
+            finite = np.all(np.isfinite(self.filter.summary(after).x))
+            if not finite or without_value(self.system, z, innovation) is not None:
                 return False
             self._passed.append(_Passed(first.time, len(rows), step, before, after, u1, innovation))
         return True

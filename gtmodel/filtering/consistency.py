@@ -10,6 +10,7 @@ import numpy as np
 from ..inference.residuals import autocorrelation, portmanteau
 from ..results.refusal import ArgumentError
 from .filtered import Filtered
+from .system import System
 
 LEVEL = 0.999  # of all bands, two-sided: one alarm of a thousand right filters
 LAGS = 20
@@ -30,7 +31,7 @@ class Band(NamedTuple):
 def chi_squared_band(count: int, numbers: float, level: float = LEVEL) -> Band:
     """The exact two-sided band of a mean of `count` independent chi-squared numbers with `numbers` degrees of freedom.
 
-    Raises ArgumentError for less than one of either.
+    Raises ArgumentError for less than one of either, and for a level that is no probability.
 
     >>> low, high = gt.filtering.chi_squared_band(100, 18)  # errors of 18 states over 100 runs
     >>> round(low, 2), round(high, 2)
@@ -38,6 +39,8 @@ def chi_squared_band(count: int, numbers: float, level: float = LEVEL) -> Band:
     """
     if count < 1 or numbers <= 0:
         raise ArgumentError(f"expected at least one number; found {count} of {numbers:g} degrees of freedom", "count")
+    if not 0 < level < 1:
+        raise ArgumentError(f"expected a probability between 0 and 1; found {level}", "level")
     from scipy.stats import chi2
 
     ends = chi2.ppf([(1 - level) / 2, (1 + level) / 2], count * numbers) / count
@@ -64,7 +67,8 @@ class Consistency:
     """What the innovations of a log say of its filter.
 
     nis: mean normalised innovation squared of an instant; numbers: how many numbers of the readings it is made of on
-    the average; band: of nis, exact for a linear filter with true noise. sensors: each by itself. message: the verdict
+    the average; expected: its mean, that number but for gates and weights of outliers, which make it smaller; band: of
+    nis, exact for a linear filter with true noise. sensors: each by itself. message: the verdict
     in a sentence, with what to do.
     """
 
@@ -73,6 +77,7 @@ class Consistency:
     band: Band
     sensors: dict[str, SensorConsistency]
     message: str
+    expected: float
 
     @property
     def consistent(self) -> bool:
@@ -86,7 +91,8 @@ def consistency(run: Filtered, *, skip: float = 0.0, level: float = LEVEL) -> Co
     The sum of the normalised innovations squared of all instants and runs is chi-squared with as many degrees of
     freedom as numbers were read, for a linear filter whose noise is true; so its mean has an exact band. Each component
     must be white besides, by Ljung and Box's test over 20 lags, and have a mean of zero; both at the same level over
-    all components of a sensor.
+    all components of a sensor. What a gate leaves out and what weights of outliers cut is missing from the squares: the
+    band is then that of a scaled chi-squared number with the mean and the variance that are left.
 
     skip: instants within this time of the first are left out [s]. Raises ArgumentError where nothing is left.
 
@@ -110,24 +116,73 @@ def consistency(run: Filtered, *, skip: float = 0.0, level: float = LEVEL) -> Co
     numbers = total / instants
     band = chi_squared_band(instants, numbers, level)
     nis = float(run.nis[kept].sum()) / instants
-    sensors = {
-        name: one for name, values in run.innovations.items() if (one := _of_sensor(values[kept], level)) is not None
-    }
-    return Consistency(nis, numbers, band, sensors, _verdict(nis, numbers, band, sensors))
+    white = {name: values[kept] for name, values in run.innovations.items() if np.isfinite(values[kept]).any()}
+    left = {name: _left(run.system, name, values) for name, values in white.items()}
+    mean = total - sum(n * (k - one.mean) for n, k, one in left.values())
+    expected = mean / instants
+    if mean < total:
+        spread = 2 * total - sum(n * (2 * k - one.variance) for n, k, one in left.values())
+        band = _scaled_band(mean, spread, instants, level)
+    sensors = {name: _of_sensor(values, left[name][1:], level) for name, values in white.items()}
+    return Consistency(nis, numbers, band, sensors, _verdict(nis, expected, band, sensors), expected)
 
 
-def _of_sensor(white: np.ndarray, level: float) -> SensorConsistency | None:
-    """Of normalised innovations (K, m, size), NaN where nothing was used."""
+class _Squares(NamedTuple):
+    """Mean and variance of a normalised innovation squared, and of the square of one of its components."""
+
+    mean: float
+    variance: float
+    own_mean: float
+    own_variance: float
+
+
+def _squares(size: int, gate: float | None, cut: float) -> _Squares:
+    """Of right readings of this many numbers: none beyond the gate's quantile, those beyond the square `cut` there."""
+    from scipy.stats import chi2
+
+    within = 1.0 if gate is None else gate
+    most = np.inf if gate is None else float(chi2.ppf(gate, size))
+    edge = min(cut, most)
+    beyond = max(0.0, within - float(chi2.cdf(edge, size))) if cut < most else 0.0
+    k = size
+    first = (k * chi2.cdf(edge, k + 2) + (edge * beyond if beyond else 0.0)) / within
+    second = (k * (k + 2) * chi2.cdf(edge, k + 4) + (edge**2 * beyond if beyond else 0.0)) / within
+    own = float(first) / k
+    return _Squares(float(first), float(second - first**2), own, float(3 * second / (k * (k + 2)) - own**2))
+
+
+def _left(system: System, name: str, white: np.ndarray) -> tuple[int, int, _Squares]:
+    """How many readings a sensor gave, of how many numbers, and what gates and weights leave of their squares."""
     used = np.isfinite(white)
-    if not used.any():
-        return None
+    readings = int(used.any(axis=2).sum())
+    size = max(1, round(used.sum() / readings))
+    sensor = system.sensors[name]
+    cut = float(system.huber_limits(name)[0][size]) ** 2 if sensor.outliers else np.inf
+    return readings, size, _squares(size, sensor.gate, cut)
+
+
+def _scaled_band(mean: float, variance: float, count: int, level: float) -> Band:
+    """Of the mean of `count` numbers whose sum has this mean and variance, as a chi-squared number that is scaled."""
+    from scipy.stats import chi2
+
+    ends = chi2.ppf([(1 - level) / 2, (1 + level) / 2], 2 * mean**2 / variance) * variance / (2 * mean) / count
+    return Band(float(ends[0]), float(ends[1]))
+
+
+def _of_sensor(white: np.ndarray, left: tuple[int, _Squares], level: float) -> SensorConsistency:
+    """Of normalised innovations (K, m, size), NaN where nothing was used, and what is left of their squares."""
+    used = np.isfinite(white)
     from scipy.stats import chi2, norm
 
     per_component = used.sum(axis=(0, 1))
     ratio = float(np.nansum(white**2) / used.sum())
     # components of one instant are correlated: the band is that of the one with most to say, widened to all of them
     size = white.shape[2]
-    band = chi_squared_band(int(per_component.max()), 1.0, 1 - (1 - level) / size)
+    numbers, each = int(per_component.max()), 1 - (1 - level) / size
+    band = chi_squared_band(numbers, 1.0, each)
+    if left[1].mean < left[0]:
+        band = _scaled_band(numbers * left[1].own_mean, numbers * left[1].own_variance, numbers, each)
+        ratio, band = ratio / left[1].own_mean, Band(*(end / left[1].own_mean for end in band))
     worst, most, at = 1.0, 0.0, 1
     for c in range(size):
         statistic, summed = 0.0, 0
@@ -149,7 +204,7 @@ def _of_sensor(white: np.ndarray, level: float) -> SensorConsistency | None:
     return SensorConsistency(ratio, band, mean, limit, most, at, worst >= (1 - level) / size)
 
 
-def _verdict(nis: float, numbers: float, band: Band, sensors: dict[str, SensorConsistency]) -> str:
+def _verdict(nis: float, expected: float, band: Band, sensors: dict[str, SensorConsistency]) -> str:
     low = [name for name, s in sensors.items() if s.ratio < s.band.low]
     high = [name for name, s in sensors.items() if s.ratio > s.band.high]
     coloured = {name: s for name, s in sensors.items() if not s.white}
@@ -158,14 +213,18 @@ def _verdict(nis: float, numbers: float, band: Band, sensors: dict[str, SensorCo
         within = f"{nis:.4g} within {band.low:.4g} to {band.high:.4g}"
         return f"innovations agree with the filter: {within}, white and without a mean"
     said = []
-    if nis < band.low:
+    if nis == 0.0:
         said.append(
-            f"innovations are {_times(numbers / nis)} too small for {_listed(low or list(sensors))}: "
+            "innovations are all zero, which no noise is: the readings do not change, or were made from the model"
+        )
+    elif nis < band.low:
+        said.append(
+            f"innovations are {_times(expected / nis)} too small for {_listed(low or list(sensors))}: "
             "deviations are too large; see `tune`, which asks the likelihood"
         )
     elif nis > band.high:
         said.append(
-            f"innovations are {_times(nis / numbers)} too large for {_listed(high or list(sensors))}: "
+            f"innovations are {_times(nis / expected)} too large for {_listed(high or list(sensors))}: "
             "noise is set too small, or the model is wrong; see `tune` and `find_faults`"
         )
     if shifted:

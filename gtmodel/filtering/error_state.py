@@ -44,8 +44,8 @@ class ErrorState(Filter):
 
     def __init__(self, system: System, *, iterations: int = 1) -> None:
         super().__init__(system)
-        if iterations < 1:
-            raise ArgumentError(f"expected at least 1; found {iterations}", "iterations")
+        if not isinstance(iterations, int) or iterations < 1:
+            raise ArgumentError(f"expected a whole number, at least 1; found {iterations!r}", "iterations")
         self.iterations = iterations
 
     def advance(self, belief: Belief, time: float, u0: np.ndarray, u1: np.ndarray) -> tuple[Belief, Advance]:
@@ -87,7 +87,7 @@ class ErrorState(Filter):
             x = space.plus(belief.x, d)
             residual, H, S, PH = self.seen(Belief(belief.time, x, belief.P), names, z, u)
             residual = residual - (H @ space.minus(belief.x, x)[..., None])[..., 0]
-            there = spread_of(system, names, residual, S, PH, spread.used)
+            there = spread_of(system, names, residual, S, PH, spread.choice)
             K = there.solved().K
             d = (K @ there.residual[..., None])[..., 0]
         P = joseph(belief.P, K, H if spread.used.all() else np.where(spread.used[..., None], H, 0.0), spread.R)

@@ -71,7 +71,8 @@ def find_faults(
         size does not matter. Offsets, scales, delays and parameters by how the innovations depend on them, to first
         order; of noise the likelihood of the innovations is made largest over one factor.
 
-    Several runs in the log are taken to have one and the same fault. Raises ArgumentError for a name that is not there.
+    Several runs in the log are taken to have one and the same fault. progress: called with the fraction done; returning
+    True ends the search, and the message says what was not tried. Raises ArgumentError for a name that is not there.
 
     >>> parts = [gt.filtering.StatePart("x", unit="m")]
     >>> process = gt.filtering.DiscreteProcess(parts, 0.1, lambda s: {"x": s.x}, [1e-6])
@@ -85,17 +86,25 @@ def find_faults(
     (('laser.offset',), [0.02])
     """
     system = System(process, sensors)
+    for name, sensor in system.sensors.items():
+        if sensor.outliers:
+            raise ArgumentError(f"'{name}' weighs outliers, which hides faults; give it a gate in its place", "sensors")
     constants = [name for name in suspects if name.rpartition(".")[2] not in NOISE]
     rows = _constants(process, sensors, {n: suspects[n] for n in constants}, log, initial, inputs) if constants else []
-    for k, name in enumerate(n for n in suspects if n not in constants):
+    noises, untried = [n for n in suspects if n not in constants], []
+    for k, name in enumerate(noises):
         if progress is not None and progress(k / len(suspects)):
+            untried = noises[k:]
             break
         rows.append(_noise(system, name, log, initial, inputs))
     rows.sort(key=lambda s: -s.improvement)
     unseen = tuple(s.name for s in rows if not s.seen)
     strong = [s for s in rows if s.seen and s.p < P_LIMIT]
     named = tuple(s.name for s in strong if s.improvement >= strong[0].improvement - ALIKE)
-    return FaultSearch(tuple(rows), named, unseen, _message(rows, named, unseen))
+    said = _message(rows, named, unseen)
+    if untried:
+        said += f"; stopped before {', '.join(untried)}"
+    return FaultSearch(tuple(rows), named, unseen, said)
 
 
 def _constants(
@@ -118,7 +127,7 @@ def _constants(
             raise ArgumentError(f"expected an offset, scale, delay or deviation of {owner}; found '{what}'", "suspects")
         declared[name] = getattr(own[owner], what)
         if what == "delay" and owner in log:  # the known part stays in the stamps
-            shifted[owner], declared[name] = _earlier(log[owner], own[owner].lag), 0.0
+            shifted[owner], declared[name] = _earlier(owner, log[owner], own[owner].lag), 0.0
         own[owner] = replace(own[owner], **{what: ESTIMATE})
     system = System(process, [own[s.name] for s in sensors], estimate=estimate)
     space, n = system.space, system.own.dimension
@@ -130,9 +139,12 @@ def _constants(
         part, _, along = space.part(name)
         at = slice(along.start - n, along.stop - n)
         try:
-            prior = np.broadcast_to(np.asarray(size, float), (part.size,)) ** -2.0
-        except ValueError:
+            plausible = np.broadcast_to(np.asarray(size, float), (part.size,))
+        except (TypeError, ValueError):
             raise ArgumentError(f"expected a number, or {part.size}; found {size!r}", "suspects") from None
+        if not np.all(plausible > 0):
+            raise ArgumentError(f"expected a largest plausible size above 0 of '{name}'; found {size!r}", "suspects")
+        prior = plausible**-2.0
         said, information = A[at, at], A[at, at] + np.diag(prior)
         spread = np.linalg.inv(information)
         value = spread @ b[at]
@@ -155,13 +167,14 @@ def _score(
     q = system.space.dimension - n
     A, b = np.zeros((q, q)), np.zeros(q)
     X = np.zeros((run.runs, n, q))  # how the error of the estimate depends on the constants
-    for kept, moment in zip(run.kept, instants(system, readings), strict=False):
+    for k, (kept, moment) in enumerate(zip(run.kept, instants(system, readings), strict=False)):
         F = np.broadcast_to(kept.step.F, (run.runs, n + q, n + q))
         X = F[:, :n, :n] @ X + F[:, :n, n:]
         names, z = values_of(readings, moment, run.runs)
+        white = np.concatenate([run.innovations[name][k] for name in names], axis=1)
         u = system.inputs_at(inputs, moment.time)
         residual, H = system.reading(names)(moment.time, kept.before.x, u, z)
-        used = np.isfinite(residual)
+        used = np.isfinite(white)  # neither missing nor beyond a gate
         residual, H = np.where(used, residual, 0.0), np.where(used[..., None], H, 0.0)
         R = np.where(used, system.variances(names), 1.0)
         PH = kept.before.P[:, :n, :n] @ np.swapaxes(H[:, :, :n], 1, 2)
@@ -220,9 +233,9 @@ def _chance(improvement: float, numbers: int) -> float:
     return float(chi2.sf(improvement, numbers))
 
 
-def _earlier(given: Any, lag: float) -> Any:
+def _earlier(name: str, given: Any, lag: float) -> Any:
     if isinstance(given, Trajectory):
-        given = Readings(given.time, given[given.names[0]])
+        given = Readings(given.time, given[name if name in given.names else given.names[0]])
     return Readings(given.time - lag, given.values)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -30,6 +30,16 @@ class Filter(ABC):
     @abstractmethod
     def advance(self, belief: Any, time: float, u0: np.ndarray, u1: np.ndarray) -> tuple[Any, Any]:
         """The belief at a later time, the known inputs running straight from u0 to u1, and the step that led there."""
+
+    def advanced(
+        self, belief: Any, time: float, u0: np.ndarray, u1: np.ndarray, bends: Sequence[tuple[float, np.ndarray]]
+    ) -> tuple[Any, Any]:
+        """As `advance`, with known inputs that bend at these times between; the step is one from begin to end."""
+        step: Any = None
+        for k, (t, u) in enumerate([*bends, (time, u1)]):
+            belief, own = self.advance(belief, t, u0, u)
+            step, u0 = own if k == 0 or own is None else step.then(own), u
+        return belief, step
 
     @abstractmethod
     def correct(self, belief: Any, names: tuple[str, ...], z: np.ndarray, u: np.ndarray) -> tuple[Any, Innovation]:
@@ -63,7 +73,7 @@ class Filter(ABC):
             log: sensor -> `Readings`, or a trajectory with a signal of that name. Stamps may be uneven, sensors of
                 different rates; each reading is used at the time that it tells of, its stamp less the sensor's delay.
             start: mean and deviation at the first instant.
-            inputs: the known inputs of the process over the whole time.
+            inputs: the known inputs of the process over the whole time, straight between the rows of the trajectory.
             truth: state -> true values at the instants, (K, size) or (m, K, size), where they are known: for `nees`.
             keep: whether covariances of all instants are kept, which smoothing needs; only of a single run if left out.
             progress: called with the fraction done now and then; returning True ends the run with what there is.
@@ -77,26 +87,45 @@ class Filter(ABC):
         if system.dynamics.inputs and inputs is None:
             names = ", ".join(system.dynamics.inputs)
             raise ArgumentError(f"the process has known inputs; give a trajectory of {names}", "inputs")
+        if not isinstance(start, InitialState):
+            raise ArgumentError(f"expected an InitialState; found {type(start).__name__}", "start")
         belief = self.begin(start, plan[0].time, runs)
         first = self.summary(belief).time
         if first > plan[0].time:
             sentence = f"the filter starts at {first:g} s, after the first reading of {plan[0].time:g} s"
             raise ArgumentError(sentence, "start.time")
         record = RunRecord(system, len(plan), runs, runs == 1 if keep is None else keep, truth)
-        u = system.inputs_at(inputs, first)
+        u, last = system.inputs_at(inputs, first), first
         for k, instant in enumerate(plan):
             if progress is not None and k % BETWEEN == 0 and progress(k / len(plan)):
                 return record.ended("stopped")
             u_next = system.inputs_at(inputs, instant.time)
-            belief, step = self.advance(belief, instant.time, u, u_next)
-            before, u = self.summary(belief), u_next
+            bends = system.bends(inputs, last, instant.time)
+            belief, step = self.advanced(belief, instant.time, u, u_next, bends)
+            before, u, last = self.summary(belief), u_next, instant.time
             names, z = values_of(readings, instant, runs)
             belief, innovation = self.correct(belief, names, z, u)
             after = self.summary(belief)
             if not np.isfinite(after.x).all():
                 return record.ended("not finite")
+            if (silent := without_value(system, z, innovation)) is not None:
+                return record.ended("not finite", silent)
             record.add(instant.time, step, before, after, innovation, self.details(belief))
         return record.ended()
+
+
+def without_value(system: System, z: np.ndarray, innovation: Innovation) -> str | None:
+    """A sensor that has read something of which the model has no value there, so that it could not be used."""
+    if innovation.used.all():
+        return None
+    group = system.group(innovation.names)
+    for n, (name, (part, at, along)) in enumerate(zip(innovation.names, group.space.places(), strict=True)):
+        there = np.isfinite(z[:, at])
+        if part.kind != "vector":
+            there = np.all(there, axis=1, keepdims=True) & np.any(z[:, at] != 0, axis=1, keepdims=True)
+        if np.any(there & ~innovation.used[:, along] & ~innovation.gated[:, n, None]):
+            return name
+    return None
 
 
 def values_of(readings: Mapping[str, Readings], instant: Moment, runs: int) -> tuple[tuple[str, ...], np.ndarray]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from ..results.trajectory import Trajectory
 from .belief import Belief, Innovation
 from .system import System
 
+MOST_WEIGHED = 1 / 3  # of the readings of a sensor: 18 % of right ones lie beyond Huber's k, and all outliers
 MOST_GATED = 0.02  # of the readings of a sensor: a gate that leaves out more hides a wrong model
 
 
@@ -94,7 +95,10 @@ class Filtered(Estimates):
     time: of the instants [s]. status, message: SOLVED, or why it ended early; what was reached is kept.
     innovations: sensor -> (K, m, size) over their deviations: of a filter that is right white noise of variance 1; NaN
         where nothing was read or used. nis, count: normalised innovation squared of each instant and how many numbers
-        it is made of, (K, m). log_likelihood: of the log (m,). gated: sensor -> readings that its gate left out (m,).
+        it is made of, (K, m). log_likelihood: of the log (m,); a reading beyond its gate counts as one at its edge, one
+        that counts less by Huber's loss, of interacting models and particles by the larger noise.
+    gated: sensor -> readings that its gate left out (m,). weighed: sensor that weighs outliers -> readings that counted
+        less (m,); their innovations are cut at Huber's k, which `consistency` knows.
     nees: normalised estimation error squared (K, m), where the truth was given; chi-squared with `dimension` degrees of
         freedom over independent runs, not over instants of one run.
     notes: sentences on what limits the numbers, such as a gate that left out more than one reading in fifty.
@@ -117,6 +121,7 @@ class Filtered(Estimates):
     notes: tuple[str, ...] = ()
     mode_probabilities: np.ndarray | None = None
     effective: np.ndarray | None = None
+    weighed: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     @property
     def covariances(self) -> np.ndarray:
@@ -147,6 +152,7 @@ class RunRecord:
         self.nis, self.count = np.zeros((instants, runs)), np.zeros((instants, runs), int)
         self.log_likelihood = np.zeros(runs)
         self.gated = {name: np.zeros(runs, int) for name in system.sensors}
+        self.weighed = {name: np.zeros(runs, int) for name, s in system.sensors.items() if s.outliers}
         self.details: dict[str, list[np.ndarray]] = {}
         self.kept: list[Kept] | None = [] if keep else None
         self.truth = None if truth is None else true_points(system, truth, instants, runs)
@@ -175,6 +181,10 @@ class RunRecord:
         if not whole:
             for n, name in enumerate(innovation.names):
                 self.gated[name] += innovation.gated[:, n]
+        if innovation.weighed is not None:
+            for n, name in enumerate(innovation.names):
+                if name in self.weighed:
+                    self.weighed[name] += innovation.weighed[:, n]
         self.nis[k], self.count[k] = innovation.nis, innovation.numbers
         self.log_likelihood += innovation.log_likelihood
         if self.kept is not None:
@@ -186,14 +196,17 @@ class RunRecord:
             self.details.setdefault(name, []).append(value)
         self.n = k + 1
 
-    def ended(self, why: str = "") -> Filtered:
-        """What was gathered."""
+    def ended(self, why: str = "", sensor: str | None = None) -> Filtered:
+        """What was gathered. sensor: of which there is no value where the run ended."""
         n = self.n
         status = {"": SolveStatus.SOLVED, "stopped": SolveStatus.INTERRUPTED}.get(why, SolveStatus.NOT_FINITE)
         message = status.message
         if why == "not finite":
             at = f"after {self.time[n - 1]:g} s" if n else "at the start"
             message = f"the estimate is not finite {at}: the model has no answer there, or a covariance grew too large"
+            if sensor is not None:
+                at = f"at the reading after {self.time[n - 1]:g} s" if n else "at the first reading"
+                message = f"the model has no finite value of what '{sensor}' measures {at}: the estimate lies beyond it"
         white = self.residuals[:n] / np.sqrt(self.expected[:n])
         cut = {name: white[:, :, at] for name, at in self.columns.items()}
         kept = None if self.kept is None else tuple(self.kept)
@@ -201,11 +214,11 @@ class RunRecord:
         return Filtered(
             self.system, self.time[:n], self.x[:n], np.sqrt(self.variances[:n]), errors, status, message, cut,
             self.nis[:n], self.count[:n], self.log_likelihood, self.gated, nees, kept, self._notes(),
-            **{name: np.array(values) for name, values in self.details.items()},
+            weighed=self.weighed, **{name: np.array(values) for name, values in self.details.items()},
         )  # fmt: skip
 
     def _notes(self) -> tuple[str, ...]:
-        """Of each sensor whose gate leaves out more than outliers: its model is wrong."""
+        """Of each sensor whose gate leaves out, or whose weights lessen, more than outliers: its model is wrong."""
         notes = []
         for name, sensor in self.system.sensors.items():
             out = int(self.gated[name].sum())
@@ -215,6 +228,13 @@ class RunRecord:
                     f"the gate of '{name}' at {sensor.gate} left out {out} of {given} readings, "
                     f"{100 * out / given:.3g} %, more than the {100 * MOST_GATED:g} % that outliers explain: the model "
                     "or its noise is wrong there; run without the gate and look at the innovations"
+                )
+        for name, few in self.weighed.items():
+            less, of = int(few.sum()), int(np.isfinite(self.residuals[: self.n, :, self.columns[name]]).any(2).sum())
+            if less > MOST_WEIGHED * of:
+                notes.append(
+                    f"{less} of {of} readings of '{name}' counted less as outliers, {100 * less / of:.3g} %, where of "
+                    f"right ones 18 % do: its noise is set too small, or the model is wrong there; see `consistency`"
                 )
         if "effective" in self.details:
             sizes = np.array(self.details["effective"])

@@ -324,6 +324,7 @@ def _plus_direction(n: Any, d: Any) -> Any:
 
 
 def _minus_direction(n: Any, n0: Any) -> Any:
+    n = _unit(n)  # a reading of another length; of none it is no direction, and no number
     v = ca.mtimes(_axes(n0).T, n)
     scalar = ca.dot(n, n0)
     square = _square(v)

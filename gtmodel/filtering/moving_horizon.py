@@ -107,6 +107,10 @@ class MovingHorizon:
             raise ArgumentError(
                 "the rates of this process need an iteration; a moving horizon takes rates in closed form", "system"
             )
+        for name, sensor in system.sensors.items():
+            if sensor.outliers:
+                sentence = f"'{name}' weighs outliers; a moving horizon takes squares: leave that out, or take a filter"
+                raise ArgumentError(sentence, "system")
         for name, number in (("points", points), ("elements", elements)):
             if number < 1:
                 raise ArgumentError(f"expected at least 1; found {number}", name)
@@ -125,7 +129,7 @@ class MovingHorizon:
         Args:
             log: sensor -> `Readings`, as of `Filter.run`; a single run, two instants at least.
             start: the arrival cost: what was known at the start, before the readings.
-            inputs: the known inputs of the process.
+            inputs: the known inputs of the process; where they bend between readings elements end too.
 
         A problem that the solver does not solve has its status; nothing is raised. Raises ArgumentError for a log that
         does not fit.
@@ -195,8 +199,9 @@ class MovingHorizon:
     ) -> HorizonEstimate:
         system = self.system
         times = [belief.time, *[m.time for m in plan]]
+        bends = [t for t, _ in system.bends(inputs, times[0], times[-1])]
         edges = [times[0]]  # of elements: readings of one sensor with one stamp share theirs
-        for t in times[1:]:
+        for t in sorted([*times[1:], *bends]):
             if t - edges[-1] > SAME_INSTANT:
                 edges.append(t)
         if len(edges) < 2:
@@ -329,7 +334,7 @@ def _reading_costs(
     """The cost of what one sensor read, missing numbers left out."""
     if part.kind != "vector":
         one = Manifold([part])
-        finite = [(time, z) for time, z in rows if np.all(np.isfinite(z))]
+        finite = [(time, z) for time, z in rows if np.all(np.isfinite(z)) and np.any(z != 0)]
         return [
             misfit(of(one.minus_symbols(ca.DM(z), value)), [time], np.zeros((1, part.dimension)), sigma=deviation)
             for time, z in finite

@@ -66,7 +66,7 @@ class ProcessModel:
         quaternions, directions: those of the states that are unit quaternions (scalar first) and unit vectors.
         parameters: names of parameters of the model that `estimate`, or a fault that is looked for, may change.
 
-    In a known input that changes between two instants the filter takes the straight line between them.
+    Between the rows of a trajectory of known inputs, and between instants, the filter takes the straight line.
 
     Raises ArgumentError for a wrong name, ModelError where noise and inputs do not determine the rates.
 

@@ -9,16 +9,15 @@ import numpy as np
 
 from ..results.refusal import ArgumentError
 from ..results.trajectory import Trajectory
-from .system import System
-
-SAME_INSTANT = 1e-9  # s; readings closer than that are of one instant: round-off of clocks, far below any motion
+from .system import SAME_INSTANT as SAME_INSTANT, System
 
 
 class Readings:
     """What one sensor read.
 
-    time: stamps (k,) [s], in any order. values: (k,) or (k, size), or (m, k, size) for m runs at once; NaN is a missing
-    number. Raises ArgumentError for shapes that do not fit each other, and for times that are not finite.
+    time: stamps (k,) [s], in any order. values: (k,) or (k, size), or (m, k, size) for m runs at once; what is not
+    finite is a missing number. Raises ArgumentError for shapes that do not fit each other, and for times that are not
+    finite.
 
     >>> tracker = gt.filtering.Readings([0.0, 0.1, 0.2], [[1.0, 2.0], [1.1, np.nan], [1.2, 2.1]])
     >>> len(tracker)

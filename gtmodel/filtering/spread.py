@@ -8,7 +8,7 @@ import numpy as np
 import scipy
 
 from .belief import Innovation
-from .system import System
+from .system import SensorGroup, System
 
 LOG_TWO_PI = float(np.log(2 * np.pi))
 
@@ -23,11 +23,22 @@ class Solved(NamedTuple):
     variance: np.ndarray
 
 
+class UsedNumbers(NamedTuple):
+    """Which numbers are used (m, k), and by which factors the variances of their noise are larger, 1 or (m, k)."""
+
+    used: np.ndarray
+    larger: np.ndarray | float = 1.0
+
+
 class Spread(NamedTuple):
     """Residuals of m rows of readings, and how they spread.
 
     residual: (m, k), zero where not used. S: their covariance (m, k, k). PH: covariance of the state's error with them
-    (m, n, k). R: variance of their noise, (1, k) or (m, k). used: (m, k). gated: (m, sensors).
+    (m, n, k). R: variance of their noise, (1, k) or (m, k). used: (m, k). gated: (m, sensors). edge: log-likelihood of
+    the readings that a gate leaves out, as if they lay at its edge (m,): else closed gates would make a log likelier.
+    loss: what Huber's loss adds to the log-likelihood of squares (m,). weighed: of each sensor, whether it counts less
+    (m, sensors), by a noise whose variance is `larger` by a factor, 1 or (m, k).
+    cut: where a reading counts less than its noise says, the spread that it is judged by, its residual cut.
     """
 
     residual: np.ndarray
@@ -36,6 +47,16 @@ class Spread(NamedTuple):
     R: np.ndarray
     used: np.ndarray
     gated: np.ndarray
+    edge: np.ndarray | float = 0.0
+    loss: np.ndarray | float = 0.0
+    weighed: np.ndarray | None = None
+    larger: np.ndarray | float = 1.0
+    cut: Spread | None = None
+
+    @property
+    def choice(self) -> UsedNumbers:
+        """What it uses, for others to use the same."""
+        return UsedNumbers(self.used, self.larger)
 
     def solved(self) -> Solved:
         """Gain and likelihood by one factorisation of S, scaled to a diagonal of ones: its entries may differ by 1e8.
@@ -65,9 +86,13 @@ class Spread(NamedTuple):
 
     def innovation(self, names: tuple[str, ...], solved: Solved) -> Innovation:
         """What these readings said."""
+        if self.cut is not None:
+            return self.cut.innovation(names, self.cut.solved())
         count = self.used.sum(axis=1)
-        likelihood = -0.5 * (solved.nis + solved.log_determinant + count * LOG_TWO_PI)
-        return Innovation(names, self.residual, solved.variance, self.used, solved.nis, count, likelihood, self.gated)
+        likelihood = self.edge + self.loss - 0.5 * (solved.nis + solved.log_determinant + count * LOG_TWO_PI)
+        return Innovation(
+            names, self.residual, solved.variance, self.used, solved.nis, count, likelihood, self.gated, self.weighed
+        )
 
 
 def spread_of(
@@ -76,29 +101,79 @@ def spread_of(
     residual: np.ndarray,
     S: np.ndarray,
     PH: np.ndarray,
-    chosen: np.ndarray | None = None,
+    chosen: UsedNumbers | None = None,
 ) -> Spread:
-    """Of readings that are there, or of the chosen ones; sensors with a gate leave out what lies beyond it.
+    """Of readings that are there, or of the chosen ones; sensors with a gate leave out what lies beyond it, and those
+    that weigh outliers count less what lies far off.
 
     S is the covariance of the readings without their noise, which is added in place.
     """
     group = system.group(names)
-    used = np.isfinite(residual) if chosen is None else chosen
+    used = np.isfinite(residual) if chosen is None else chosen.used
     R = group.variances[None]
+    if chosen is not None:
+        R = R * chosen.larger
     np.einsum("mkk->mk", S)[...] += R
     gated = np.zeros((len(residual), len(names)), bool)
     whole = Spread(residual, S, PH, R, used, gated)
     s = whole if used.all() else without(whole, used)
-    if chosen is not None or not group.gates:
+    if chosen is not None or not (group.gates or group.robust):
         return s
+    if group.gates:
+        s = _gated(system, group, s)
+    return _weighed(system, group, s) if group.robust else s
+
+
+def _gated(system: System, group: SensorGroup, s: Spread) -> Spread:
+    """Without the readings that lie beyond their gates."""
+    used, gated, edge = s.used, s.gated, np.zeros(len(s.residual))
     for n, name in group.gates:
         at = group.rows[n]
-        own = np.linalg.solve(s.S[:, at, at], s.residual[:, at, None])[..., 0]
-        nis = np.sum(own * s.residual[:, at], axis=1)
-        gated[:, n] = nis > system.gate_limits(name)[used[:, at].sum(axis=1)]
+        square, count = _own_square(s, at), used[:, at].sum(axis=1)
+        limit = system.gate_limits(name)[count]
+        out = gated[:, n] = square > limit
+        if out.any():
+            logs = np.linalg.slogdet(s.S[out, at, at])[1]
+            edge[out] -= 0.5 * (limit[out] + logs + count[out] * LOG_TWO_PI)
         used = used.copy()
         used[:, at] &= ~gated[:, n, None]
-    return s if not gated.any() else without(s, used)
+    return without(s, used)._replace(edge=edge) if gated.any() else s
+
+
+def _weighed(system: System, group: SensorGroup, s: Spread) -> Spread:
+    """With larger noise of the readings that lie beyond Huber's k.
+
+    They are judged by what they were expected to be: residuals cut at k, whose squares have a mean that is known, and a
+    likelihood of Huber's loss, over the factor by which it is smaller than a square where the noise is true.
+    """
+    weighed = np.zeros(s.gated.shape, bool)
+    larger, loss = np.ones(s.residual.shape), np.zeros(len(s.residual))
+    for n, name in group.robust:
+        at = group.rows[n]
+        square, count = _own_square(s, at), s.used[:, at].sum(axis=1)
+        limits, factors_ = system.huber_limits(name)
+        k, factor = limits[count], factors_[count]
+        distance = np.sqrt(square)
+        far = weighed[:, n] = distance > k
+        larger[:, at] = np.where(far, distance / k, 1.0)[:, None]
+        cut = np.where(far, k, distance)
+        # half of it is Huber's loss; the square of what is cut is in the likelihood already
+        loss -= 0.5 * ((cut**2 + np.where(far, 2 * cut * (distance - cut), 0.0)) / factor - cut**2)
+    judged = s._replace(loss=loss, weighed=weighed)
+    if not weighed.any():
+        return judged
+    larger = np.where(s.used, larger, 1.0)
+    S = s.S.copy()
+    np.einsum("mkk->mk", S)[...] += s.R * (larger - 1.0)
+    return s._replace(
+        S=S, R=s.R * larger, larger=larger, weighed=weighed, cut=judged._replace(residual=s.residual / larger)
+    )
+
+
+def _own_square(s: Spread, at: slice) -> np.ndarray:
+    """Normalised innovation squared of one sensor (m,)."""
+    own = np.linalg.solve(s.S[:, at, at], s.residual[:, at, None])[..., 0]
+    return np.sum(own * s.residual[:, at], axis=1)
 
 
 def without(s: Spread, used: np.ndarray) -> Spread:
@@ -112,6 +187,7 @@ def without(s: Spread, used: np.ndarray) -> Spread:
         np.where(used, s.R, 1.0),
         used,
         s.gated,
+        larger=s.larger,
     )
 
 

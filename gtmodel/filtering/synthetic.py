@@ -55,7 +55,7 @@ def synthetic_readings(
     log = {}
     for k, (name, sensor) in enumerate(system.sensors.items()):
         rng = np.random.default_rng([seed, k])
-        rows = _rows(np.asarray(time, float), sensor.period)
+        rows = _rows(np.asarray(time, float), sensor.period, name)
         part = system.readings[name]
         values = np.array([system.read((name,), float(time[row]), states[:, row], u[row]) for row in rows])
         values = np.broadcast_to(np.swapaxes(values, 0, 1), (runs, len(rows), part.size))
@@ -77,8 +77,8 @@ def draw(
     """Motions that a system draws from its own noise, and what its sensors read of them.
 
     The true state starts at `initial`, off by its deviation, and follows the process with its noise: of such runs a
-    filter that is right is consistent. time: the instants (K,) [s], in order. Estimated constants are drawn too.
-    Raises ArgumentError for instants out of order.
+    filter that is right is consistent. time: the instants (K,) [s], in order; a start that is earlier than the first
+    one has its own time. Estimated constants are drawn too. Raises ArgumentError for instants out of order.
 
     >>> parts = [gt.filtering.StatePart("x", unit="m")]
     >>> process = gt.filtering.DiscreteProcess(parts, 0.1, lambda s: {"x": s.x}, [1e-4])
@@ -92,16 +92,26 @@ def draw(
         raise ArgumentError("expected instants (K,) in order", "time")
     rng = np.random.default_rng([seed, len(system.sensors)])
     belief = initial.belief(system, times[0], runs)
+    if belief.time > times[0]:
+        raise ArgumentError(f"the start of {belief.time:g} s lies after the first instant, {times[0]:g} s", "time")
     n = system.space.dimension
-    x = system.space.plus(belief.x, rng.normal(size=(runs, n)) * np.sqrt(np.einsum("mii->mi", belief.P)))
+    off = rng.normal(size=(runs, n))
+    if np.any(belief.P[0] != np.diag(np.diag(belief.P[0]))):
+        off = off @ root_of(belief.P[:1])[0].T
+    else:
+        off = off * np.sqrt(np.einsum("mii->mi", belief.P))
+    x = system.space.plus(belief.x, off)
     states = np.empty((runs, len(times), system.space.size))
-    u = system.inputs_at(inputs, times[0])
+    before, u = belief.time, system.inputs_at(inputs, belief.time)
     for k, t in enumerate(times):
-        if k:
-            u_next = system.inputs_at(inputs, t)
-            step = system.transition(times[k - 1], t - times[k - 1], x, u, u_next)
+        if t > before:
+            u_next, step = system.inputs_at(inputs, t), None
+            for end, u_end in [*system.bends(inputs, before, t), (float(t), u_next)]:
+                own = system.transition(before, end - before, x if step is None else step.x, u, u_end)
+                step, before, u = own if step is None else step.then(own), end, u_end
+            assert step is not None
             d = (root_of(np.broadcast_to(step.Q, (runs, n, n))) @ rng.normal(size=(runs, n))[..., None])[..., 0]
-            x, u = system.space.plus(step.x, d), u_next
+            x = system.space.plus(step.x, d)
         states[:, k] = x
     log = synthetic_readings(system, times, states, seed=seed, runs=runs, inputs=inputs)
     return Drawn(times, system.space.values(states), log)
@@ -115,9 +125,20 @@ def root_of(Q: np.ndarray) -> np.ndarray:
     return scale[:, :, None] * vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]
 
 
-def _rows(time: np.ndarray, period: float | None) -> np.ndarray:
+def _rows(time: np.ndarray, period: float | None, name: str) -> np.ndarray:
+    """Where a sensor reads. Raises ArgumentError where the times run past an instant at which it is due."""
     if period is None:
         return np.arange(len(time))
     due = np.round((time - time[0]) / period)
     near = np.abs(time - time[0] - due * period) < 1e-6 * period
-    return np.flatnonzero(near)
+    rows = np.flatnonzero(near)
+    steps = np.diff(time)
+    for k in np.flatnonzero(np.diff(due[rows]) > 1):
+        first, last = rows[k], rows[k + 1]
+        if steps[first:last].max() < period * (1 - 1e-6):
+            raise ArgumentError(
+                f"'{name}' is due every {period:g} s, but from {time[first]:g} s on the times hold no such instant "
+                f"before {time[last]:g} s; give times that its period is a multiple of",
+                "time",
+            )
+    return rows

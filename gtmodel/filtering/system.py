@@ -17,17 +17,19 @@ from .rowwise import RowsFunction
 from .sensors import ESTIMATE, Sensor
 from .transition import CurvedTransition, GivenTransition, LinearTransition, runge_kutta
 
+SAME_INSTANT = 1e-9  # s; times closer than that are one instant: round-off of clocks, far below any motion
 LONGEST_STEP = 0.01  # s; steps of a process that is not linear are cut into parts of at most this
 
 
 class SensorGroup(NamedTuple):
     """Sensors that are read at one instant. space: of what they read, side by side; rows: where the residual of each
-    stands; variances: of all numbers; gates: place and name of those that have a gate."""
+    stands; variances: of all numbers; gates, robust: place and name of those that have a gate, or weigh outliers."""
 
     space: Manifold
     rows: tuple[slice, ...]
     variances: np.ndarray
     gates: tuple[tuple[int, str], ...]
+    robust: tuple[tuple[int, str], ...]
 
 
 class System:
@@ -52,6 +54,8 @@ class System:
         longest_step: float = LONGEST_STEP,
     ) -> None:
         self.process = process
+        if not longest_step > 0:
+            raise ArgumentError(f"expected more than 0 s; found {longest_step}", "longest_step")
         names = [sensor.name for sensor in sensors]
         if not names or len(set(names)) != len(names):
             raise ArgumentError(f"expected sensors with a name of their own each; found {names}", "sensors")
@@ -119,6 +123,22 @@ class System:
             self._limits[name] = np.concatenate([[np.inf], chi2.ppf(self.sensors[name].gate, sizes)])
         return self._limits[name]
 
+    def huber_limits(self, name: str) -> tuple[np.ndarray, np.ndarray]:
+        """How far off, in its own deviations, a reading of a sensor begins to count less, by how many numbers are used;
+        and the mean of that distance times Huber's influence there over those numbers, 1 without a limit."""
+        key = f"{name} huber"
+        if key not in self._limits:
+            from scipy.stats import chi2
+
+            sizes = np.arange(1, self.readings[name].dimension + 1)
+            square = chi2.ppf(chi2.cdf(HUBER**2, 1), sizes)
+            # E[min(d^2, k d)] of d^2 chi-squared: the part below k, and k times the mean of d beyond it
+            mean = np.sqrt(2) * np.exp(_log_gamma((sizes + 1) / 2) - _log_gamma(sizes / 2))
+            part = sizes * chi2.cdf(square, sizes + 2) + np.sqrt(square) * mean * chi2.sf(square, sizes + 1)
+            self._limits[key] = np.array([[np.inf, *np.sqrt(square)], [1.0, *(part / sizes)]])
+        limits, factors = self._limits[key]
+        return limits, factors
+
     def start_constants(self) -> dict[str, Any]:
         """Where the constants begin, by name."""
         given = dict(self.dynamics.parameters)
@@ -149,7 +169,21 @@ class System:
         """The manifold of one reading."""
         c = self._columns
         value = self.dynamics.outputs[sensor.quantity](c["t"], c["x"], c["u"], c["p"])
+        self._corrections(sensor, value.numel())
+        own = next((part.kind for part in self.dynamics.space.parts if part.name == sensor.quantity), sensor.kind)
+        if own != sensor.kind and own != "vector":
+            raise ArgumentError(
+                f"'{sensor.name}' measures the {own} '{sensor.quantity}' as a {sensor.kind}; say kind='{own}'",
+                f"{sensor.name}.kind",
+            )
         return StatePart(sensor.name, sensor.kind, value.numel(), unit_of(self.process, sensor.quantity))
+
+    def _corrections(self, sensor: Sensor, size: int) -> None:
+        """Raises ArgumentError where scale or offset of a sensor are of another size than its quantity."""
+        for what in ("scale", "offset"):
+            given = getattr(sensor, what)
+            if given != ESTIMATE if isinstance(given, str) else np.shape(given) not in ((), (1,), (size,)):
+                raise ArgumentError(f"expected a number, or {size}; found {given!r}", f"{sensor.name}.{what}")
 
     def expected(self, sensor: Sensor, t: Any, x: Any, u: Any) -> Any:
         """What a sensor reads at states x, as a CasADi column."""
@@ -195,7 +229,20 @@ class System:
 
     def residual(self, names: Sequence[str], t: Any, x: Any, u: Any, z: Any) -> tuple[Any, Any]:
         """What these sensors read, z side by side, over what they should read, and the Jacobian H of the latter in the
-        error of x, on CasADi columns."""
+        error of x, on CasADi columns: for a filter that is written out, such as in C.
+
+        Raises ArgumentError for a sensor that weighs outliers: a residual by itself says nothing of its weight.
+        """
+        for name in names:
+            if self.sensors[name].outliers:
+                raise ArgumentError(
+                    f"'{name}' weighs outliers, which a filter that is written out, such as in C, does not; give it a "
+                    "gate in its place",
+                    "outliers",
+                )
+        return self._residual(names, t, x, u, z)
+
+    def _residual(self, names: Sequence[str], t: Any, x: Any, u: Any, z: Any) -> tuple[Any, Any]:
         residuals, rows, first = [], [], 0
         for name in names:
             space = Manifold([self.readings[name]])
@@ -211,7 +258,7 @@ class System:
         if names not in self._made:
             t, x, u = self._symbols()
             z = self.dynamics.symbol("z", sum(self.readings[name].size for name in names))
-            residual, H = self.residual(names, t, x, u, z)
+            residual, H = self._residual(names, t, x, u, z)
             self._made[names] = RowsFunction("reading", [t, x, u, z], [residual, H], (1,))
         return self._made[names]
 
@@ -232,7 +279,8 @@ class System:
             rows = tuple(along for _, _, along in space.places())
             variances = np.concatenate([self.deviations[name] ** 2 for name in key])
             gates = tuple((n, name) for n, name in enumerate(key) if self.sensors[name].gate)
-            self._groups[key] = SensorGroup(space, rows, variances, gates)
+            robust = tuple((n, name) for n, name in enumerate(key) if self.sensors[name].outliers)
+            self._groups[key] = SensorGroup(space, rows, variances, gates, robust)
         return self._groups[key]
 
     def rows_of(self, names: Sequence[str]) -> tuple[slice, ...]:
@@ -243,6 +291,14 @@ class System:
         """Variances of the noise of these sensors, one for each number of the residual."""
         return self.group(names).variances
 
+    def bends(self, inputs: Any, first: float, last: float) -> list[tuple[float, np.ndarray]]:
+        """Instants between two times at which known inputs may bend, rows of a trajectory, and their values there."""
+        times = getattr(inputs, "time", None) if self.dynamics.inputs else None
+        if times is None:
+            return []
+        rows = slice(*np.searchsorted(times, [first + SAME_INSTANT, last - SAME_INSTANT]))
+        return [(float(t), self.inputs_at(inputs, float(t))) for t in times[rows]]
+
     def inputs_at(self, inputs: Any, t: float) -> np.ndarray:
         """The known inputs (nu,) at an instant from a trajectory of them."""
         names: Mapping[str, int] = self.dynamics.inputs
@@ -252,6 +308,13 @@ class System:
 
 
 _NONE = np.zeros(0)
+HUBER = 1.345  # deviations of a single number: 95 % efficient where the noise is normal
+
+
+def _log_gamma(x: np.ndarray) -> np.ndarray:
+    from scipy.special import gammaln
+
+    return gammaln(x)
 
 
 def _varies(blocks: Sequence[Any], arguments: Any) -> bool:
@@ -265,3 +328,11 @@ def agree_in_shape(systems: Sequence[System]) -> None:
     for n, other in enumerate(systems):
         if other.space.parts != first.space.parts or other.readings != first.readings:
             raise ArgumentError(f"system {n} has other states or sensors than system 0; give all the same", "systems")
+        for name, sensor in other.sensors.items():
+            for what in ("lag", "gate"):
+                if getattr(sensor, what) != getattr(first.sensors[name], what):
+                    raise ArgumentError(
+                        f"system {n} has another {'delay' if what == 'lag' else what} of '{name}' than system 0; all "
+                        "are to use the same readings at the same instants",
+                        "systems",
+                    )

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
+from ..results.refusal import ArgumentError
 from .manifold import Manifold
 from .process import ProcessEquations
 from .rowwise import RowsFunction
@@ -16,6 +17,9 @@ TAYLOR = 6  # terms of exp(A s) in the covariance of noise; (0.3)^6 / 6! is 1e-6
 # nodes and weights of Gauss on [0, 1]: exact for the integrals of s^5, so for three integrators behind white noise
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(3)
 GAUSS = tuple(zip((_NODES + 1) / 2, _WEIGHTS / 2, strict=True))
+DECAYED = 4.0  # time constants in one of Van Loan's exponentials, which loses exp(2 * 4) = 3e3 round-offs there
+STIFF = 1.0  # the fastest rate of the errors times a step of Runge and Kutta, which is off by 1/120 of it then
+ON_GRID = 1e-6  # of a period; stamps are rounded
 
 
 class Advance(NamedTuple):
@@ -39,6 +43,7 @@ class LinearTransition:
 
     def __init__(self, A: np.ndarray, B: np.ndarray, c: np.ndarray, G: np.ndarray, intensity: np.ndarray) -> None:
         self.A, self.B, self.c, self.G, self.noise = A, B, c, G, G @ intensity @ G.T
+        self.decay = max(0.0, float(-np.linalg.eigvals(A).real.min())) if len(A) else 0.0  # the fastest [1/s]
         self._made: dict[float, tuple[np.ndarray, ...]] = {}
 
     def with_intensity(self, intensity: np.ndarray) -> LinearTransition:
@@ -56,19 +61,32 @@ class LinearTransition:
             driven[n : n + m, n + m : n + 2 * m] = np.eye(m) / dt if dt else 0.0  # no time passes: nothing moves
             E = expm(driven * dt)
             held, ramp = E[:n, n : n + m], E[:n, n + m : n + 2 * m]
-            loan = expm(np.block([[-self.A, self.noise], [np.zeros((n, n)), self.A.T]]) * dt)
-            F = E[:n, :n]
-            Q = loan[n:, n:].T @ loan[:n, n:]
+            F, Q = E[:n, :n], self._covariance(dt)
             if len(self._made) > MOST_STEPS:
                 self._made.pop(next(iter(self._made)))
             self._made[dt] = F, held - ramp, ramp, E[:n, -1], (Q + Q.T) / 2
         return self._made[dt]
+
+    def _covariance(self, dt: float) -> np.ndarray:
+        """Of the noise of a step (n, n). What decays within it grows in exp(-A dt), so a step of many time constants is
+        doubled from a short one: a sum of covariances, which stays one."""
+        from scipy.linalg import expm
+
+        n = len(self.A)
+        doublings = max(0, int(np.ceil(np.log2(max(self.decay * abs(dt) / DECAYED, 1e-300)))))
+        loan = expm(np.block([[-self.A, self.noise], [np.zeros((n, n)), self.A.T]]) * (dt / 2**doublings))
+        F = loan[n:, n:].T
+        Q = F @ loan[:n, n:]
+        for _ in range(doublings):
+            F, Q = F @ F, F @ Q @ F.T + Q
+        return Q
 
     def __call__(self, t: float, dt: float, x: np.ndarray, u0: np.ndarray, u1: np.ndarray) -> Advance:
         F, first, last, constant, Q = self.matrices(dt)
         return Advance(x @ F.T + u0 @ first.T + u1 @ last.T + constant, F, Q)
 
 
+MOST_PARTS = 10_000  # of one step: a hundred thousand steps a second are more than a filter is for
 MOST_STEPS = 1000  # lengths of step whose exponentials are kept: uneven logs have many
 
 
@@ -76,7 +94,8 @@ class CurvedTransition:
     """Of any process: Runge and Kutta's fourth order, with the Jacobian of that very step on the manifold.
 
     The covariance of the noise is the integral of exp(A s) G q G' exp(A's) at the begin of the step, by Gauss.
-    longest: steps are cut into equal parts of at most this [s].
+    longest: steps are cut into equal parts of at most this [s], and into shorter ones where the errors have rates that
+    are too fast for it.
     """
 
     def __init__(self, dynamics: ProcessEquations, space: Manifold, rates: Any, longest: float) -> None:
@@ -103,7 +122,9 @@ class CurvedTransition:
                 term = ca.mtimes(A, term) * (node * dt / k)
                 total = total + term
             Q = Q + weight * dt * ca.mtimes(total, total.T)
-        self.function = RowsFunction("transition", [t, dt, x, u0, u1, root], [after, F, Q], (1, 2))
+        # no slower than the fastest eigenvalue but where several cancel: of any units, since traces have none
+        fastest = ca.fmax(ca.fabs(ca.trace(A)), ca.sqrt(ca.fabs(ca.trace(ca.mtimes(A, A)))))
+        self.function = RowsFunction("transition", [t, dt, x, u0, u1, root], [after, F, Q, fastest], (1, 2))
         self.root = np.sqrt(np.diag(dynamics.intensity))
 
     def with_intensity(self, intensity: np.ndarray) -> CurvedTransition:
@@ -115,12 +136,28 @@ class CurvedTransition:
     def __call__(self, t: float, dt: float, x: np.ndarray, u0: np.ndarray, u1: np.ndarray) -> Advance:
         parts = max(1, int(np.ceil(abs(dt) / self.longest - 1e-9)))
         if parts == 1:
-            return Advance(*self.function(t, dt, x, u0, u1, self.root))
+            return self._part(t, dt, x, u0, u1)
         h, u = dt / parts, [u0 + (u1 - u0) * (k / parts) for k in range(parts + 1)]
-        made = Advance(*self.function(t, h, x, u[0], u[1], self.root))
+        made = self._part(t, h, x, u[0], u[1])
         for k in range(1, parts):
-            made = made.then(Advance(*self.function(t + k * h, h, made.x, u[k], u[k + 1], self.root)))
+            made = made.then(self._part(t + k * h, h, made.x, u[k], u[k + 1]))
         return made
+
+    def _part(self, t: float, h: float, x: np.ndarray, u0: np.ndarray, u1: np.ndarray) -> Advance:
+        """One step, halved as often as the fastest rate there asks for."""
+        after, F, Q, fastest = self.function(t, h, x, u0, u1, self.root)
+        rate = float(fastest.max())
+        if abs(h) * rate <= STIFF or not rate < np.inf:  # what is not finite stays so in shorter steps
+            return Advance(after, F, Q)
+        if abs(h) * rate > STIFF * MOST_PARTS:
+            raise ArgumentError(
+                f"the process has a time constant of {1 / rate:.3g} s at {t:g} s, far shorter than a step of {h:g} s; "
+                "take what settles so fast as settled, in the model",
+                "process",
+            )
+        middle = (u0 + u1) / 2
+        first = self._part(t, h / 2, x, u0, middle)
+        return first.then(self._part(t + h / 2, h / 2, first.x, middle, u1))
 
 
 class GivenTransition:
@@ -145,7 +182,15 @@ class GivenTransition:
 
     def __call__(self, t: float, dt: float, x: np.ndarray, u0: np.ndarray, u1: np.ndarray) -> Advance:
         made = Advance(x, np.eye(len(self.Q)), np.zeros_like(self.Q))
-        for k in range(round(dt / self.period)):
+        steps = round(dt / self.period)
+        resolution = 4 * np.spacing(abs(t) + abs(dt))  # of stamps, such as those of a clock that counts from 1970
+        if abs(dt - steps * self.period) > ON_GRID * self.period * max(1, steps) + resolution:
+            raise ArgumentError(
+                f"from {t:g} s to the next reading it is {dt:g} s, no multiple of the process's period of "
+                f"{self.period:g} s; bring readings and delays to its instants, or take a ProcessModel",
+                "log",
+            )
+        for k in range(steps):
             after, F = self.function(made.x)
             one = Advance(after, F, self.Q)
             made = one if k == 0 else made.then(one)

@@ -50,6 +50,10 @@ def tune(
     names: "NOISE.density" and "SENSOR.deviation"; each is multiplied by one factor, whatever its components. Nelder and
     Mead on the logarithms of the factors. Whether the filter is consistent then is another question: ask `consistency`.
 
+    A reading that a gate leaves out counts as one at the edge of its gate, so that a filter cannot become likelier by
+    closing its gates. progress: called with the fraction done; returning True ends it with the best noise so far and
+    intervals that are infinite.
+
     Raises ArgumentError for a wrong name, and for a log whose likelihood is not finite to begin with.
 
     >>> parts = [gt.filtering.StatePart("x", unit="m")]
@@ -81,16 +85,21 @@ def tune(
         deviations = {n[:-10]: system.deviations[n[:-10]] * f for n, f in factors.items() if n.endswith(".deviation")}
         return system.with_(noise, deviations)
 
-    calls = 0
+    calls, stopped = 0, False
 
     def loss(exponents: np.ndarray) -> float:
-        nonlocal calls
+        nonlocal calls, stopped
         calls += 1
-        if progress is not None and progress(min(0.99, calls / (60 * len(names)))):
-            raise StopIteration
+        stopped = stopped or (progress is not None and progress(min(0.99, calls / (60 * len(names)))))
+        if stopped and calls > 1:
+            return 1e300
         run = ErrorState(with_factors(np.asarray(exponents))).run(log, initial, inputs=inputs, keep=False)
         total = -float(run.log_likelihood.sum())
         return total if run.status.ok and np.isfinite(total) else 1e300
+
+    def ends(_: np.ndarray) -> None:
+        if stopped:
+            raise StopIteration  # what SciPy takes as the wish to end
 
     zero = np.zeros(len(names))
     declared = loss(zero)
@@ -98,12 +107,16 @@ def tune(
         raise ArgumentError("the likelihood of the log is not finite with the declared noise", "system")
     simplex = np.vstack([zero, np.eye(len(names))])
     options = {"xatol": TOLERANCE, "fatol": 1e-3, "initial_simplex": simplex}
-    best = minimize(loss, zero, method="Nelder-Mead", options=options)
-    curvature = _curvature(loss, best.x, float(best.fun))
+    best = minimize(loss, zero, method="Nelder-Mead", options=options, callback=ends)
+    if best.fun >= declared:  # stopped before anything else was tried
+        best.x, best.fun = zero, declared
+    variance = np.full(len(names), np.nan)
     try:
-        variance = np.diag(np.linalg.inv(curvature)).copy()
+        curvature = _curvature(loss, best.x, float(best.fun))
+        if not stopped:
+            variance = np.diag(np.linalg.inv(curvature)).copy()
     except np.linalg.LinAlgError:
-        variance = np.full(len(names), np.nan)
+        pass
     variance[~(variance > 0)] = np.inf
     half = 1.959963984540054 * np.sqrt(variance)
     tuned = with_factors(best.x)

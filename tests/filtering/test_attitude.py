@@ -17,6 +17,7 @@ from gtmodel.filtering.attitude.arrival import sampled_instants
 from gtmodel.filtering.attitude.between_references import Bridge, HiddenStretch, gaps_of
 from gtmodel.filtering.attitude.gyro_path import RateCorrection, gyro_path
 from gtmodel.filtering.attitude.recording import synthetic_attitude
+from gtmodel.results.refusal import ArgumentError
 from tests.support.recordings import recording
 
 FILE = recording("abb_imu/V1000_path3_MPU9150.mat")
@@ -288,3 +289,38 @@ def test_intervals_hold_the_truth() -> None:
             low, high = fit.estimate.intervals()
             held.append((low < made.correction.numbers) & (made.correction.numbers < high))
     assert np.mean(held) >= 0.93 and np.mean(held, axis=0).min() >= 0.8
+
+
+def bare_recording(**changed: Any) -> AttitudeRecording:
+    """Without an accelerometer, some of its arrays replaced."""
+    made = synthetic_attitude(SyntheticAttitude(duration=8.0, seed=3)).recording
+    gyro, references = made.gyro, made.reference
+    part = changed.pop("rows", slice(None))
+    rate = gt.Trajectory(
+        changed.get("time", gyro.time)[part], {"rate": changed.get("rate", gyro["rate"])[part]}, synthetic="synthetic"
+    )
+    quaternion = changed.get("quaternion", references["quaternion"])
+    return AttitudeRecording(
+        rate, gt.Trajectory(changed.get("at", references.time), {"quaternion": quaternion}, synthetic="synthetic")
+    )
+
+
+@pytest.mark.parametrize("what", ["rest", "another clock", "still references", "one row"])
+def test_recordings_that_share_no_turn_are_refused(what: str) -> None:
+    made = bare_recording()
+    changed = {
+        "rest": {"rate": 0 * made.gyro["rate"]},
+        "another clock": {"at": made.reference.time + 100.0},
+        "still references": {"quaternion": 0 * made.reference["quaternion"] + [1.0, 0.0, 0.0, 0.0]},
+        "one row": {"rows": slice(0, 1)},
+    }[what]
+    with pytest.raises(ArgumentError, match="turn at no common time") as caught:
+        gt.filtering.attitude_study(bare_recording(**changed))
+    assert caught.value.argument == "recording"
+
+
+def test_stamps_of_arrival_that_do_not_belong_to_the_references_are_refused() -> None:
+    made = synthetic_attitude(SyntheticAttitude(seed=3)).recording  # seconds of rows wait when the reading begins
+    with pytest.raises(ArgumentError, match=r"judging\.sample_period") as caught:
+        gt.filtering.attitude_study(AttitudeRecording(made.gyro.select(["rate"]), made.reference), AttitudeJudging(9.0))
+    assert caught.value.argument == "recording"

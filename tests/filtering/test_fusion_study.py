@@ -11,6 +11,7 @@ import gtmodel as gt
 from gtmodel.filtering.fusion.scene import scene_of, slope_velocity
 from gtmodel.filtering.fusion.study import _crossing
 from gtmodel.filtering.fusion.thesis import printed_errors
+from gtmodel.results.refusal import ArgumentError
 
 F = gt.filtering
 TWO_FILTERS = F.FusionFilter(
@@ -159,3 +160,42 @@ def test_the_effective_size_of_particles_is_said():
 def test_a_study_can_be_stopped():
     study = F.fusion_study(F.TrackedPath(duration=1.0), max_seconds=1e-6)
     assert study.status.value == "interrupted" and str(study)
+
+
+def test_outliers_of_the_tracker_are_weighed():
+    """One position of ten off by twenty deviations: next to no loss with weights, three times the error without."""
+    path, sensors = F.TrackedPath(duration=2.0), F.FusionSensors(outlier_share=0.1)
+    clean, plain, robust = (
+        F.fusion_study(path, s, F.FusionFilter(outliers=weights), seed=1)
+        for s, weights in ((None, None), (sensors, None), (sensors, "huber"))
+    )
+    assert plain.velocity_fused[0] > 2 * clean.velocity_fused[0]
+    assert robust.velocity_fused[0] < 1.2 * clean.velocity_fused[0]
+    assert robust.counted_less.keys() == {"tracker"} and 0.22 < robust.counted_less["tracker"] < 0.30
+    assert "off by 20 times" in robust.synthetic and "counted less as outliers" in str(robust)
+    assert robust.nis_numbers < 6 == plain.nis_numbers
+
+
+@pytest.mark.parametrize(
+    ("options", "argument"),
+    [
+        ({"filter": F.FusionFilter(particles=50)}, "filter.particles"),
+        ({"filter": F.FusionFilter(exact_step=True)}, "filter.exact_step"),
+        ({"filter": F.FusionFilter(stay=0.9)}, "filter.stay"),
+        ({"filter": F.FusionFilter(angular_jerk_density=1.0)}, "filter.angular_jerk_density"),
+        ({"filter": F.FusionFilter(printed=True, jerk_density=(1.0, 1.0, 1.0))}, "filter.jerk_density"),
+        ({"sensors": F.FusionSensors(rate_bias=0.1)}, "sensors.rate_bias"),
+        ({"sensors": F.FusionSensors(arm=(0.0, 0.0, 0.1))}, "sensors.arm"),
+        ({"path": F.TrackedPath(turn=0.1)}, "path.turn"),
+        ({"path": F.TrackedPath(kind="line", amplitude=0.1)}, "path.amplitude"),
+        ({"path": F.TrackedPath(duration=1e7)}, "path.duration"),
+        ({"sweep": F.FusionSweep("rate_noise", (1e-3,))}, "sweep.parameter"),
+        ({"sweep": F.FusionSweep("sample_time", ())}, "sweep.values"),
+        ({"sweep": F.FusionSweep("sample_time", (0.001, -1.0))}, "sweep.values"),
+        ({"sweep": F.FusionSweep("sample_time", (0.001, 3.0))}, "sweep.values"),
+    ],
+)
+def test_what_changes_nothing_or_does_not_fit_is_refused(options, argument):
+    with pytest.raises(ArgumentError) as caught:
+        F.fusion_study(**options)
+    assert caught.value.argument == argument

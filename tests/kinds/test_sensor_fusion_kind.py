@@ -60,6 +60,11 @@ def test_explain_says_what_the_filter_does_not_know() -> None:
         (["filter.printed=true", "filter.fast_jerk_density_m2_s5=1.0"], "filter.fast_jerk_density_m2_s5"),
         (["sensors.sample_time_ms=0"], "sensors.sample_time_ms"),
         (["sensors.arm_mm=[1, 2]"], "sensors.arm_mm"),
+        (["sensors.rate_bias_deg_s=1.0"], "sensors.rate_bias_deg_s"),  # of 5 axes
+        (["filter.particles=50"], "filter.particles"),  # of another kind
+        (['sweep.parameter="sample_time"', "sweep.values=[1e-3, 0.0]"], "sweep.values"),
+        (['filter.outliers="tukey"'], "filter.outliers"),
+        (["sensors.outlier_share=0.9"], "sensors.outlier_share"),
     ],
 )
 def test_refusals_name_the_key(settings: list[str], key: str) -> None:
@@ -123,6 +128,8 @@ def test_the_synthetic_recording_is_the_call_of_the_library() -> None:
         (ABB, ["LOG", "log.rate.column=ABBquaternion"], "log.rate"),
         (ABB, ["LOG", "log.acceleration.time={column='ABBtime',unit='s'}"], "log"),
         (ABB, ["LOG", "log.reference.first_row=3000"], "log.reference.row"),
+        (ABB, ["LOG", "log.sample_time_s=0.01"], "log.sample_time_s"),  # it has a column of time
+        (SYNTHETIC, ["judging.gaps_s=[]"], "judging.gaps_s"),
     ],
 )
 def test_recordings_are_refused_by_key(problem: str, settings: list[str], key: str, log: str) -> None:

@@ -33,7 +33,7 @@ from .conventions import (
     rotations,
     started,
 )  # fmt: skip
-from .gyro_calibration import FEWEST, GyroCalibration, calibrate_gyro
+from .gyro_calibration import FEWEST, GyroCalibration, calibrated_on
 from .gyro_path import gyro_path, picked
 from .options import AttitudeJudging, SyntheticAttitude
 from .recording import AttitudeRecording, synthetic_attitude
@@ -108,9 +108,10 @@ def attitude_study(
     _fitting(at, parts, o.gaps)
     calibrations = list[GyroCalibration]()
     for n, part in enumerate(parts):
-        work.step(f"calibration on the {('first', 'second')[n]} part", 0.15 + 0.3 * n)
+        name = f"the {('first', 'second')[n]} part"
+        work.step(f"calibration on {name}", 0.15 + 0.3 * n)
         begin = started(time, reading, at[part], picked(turned, part), chosen.offset)
-        calibrations.append(calibrate_gyro(time, reading, at[part], picked(turned, part), begin))
+        calibrations.append(calibrated_on(name, time, reading, at[part], picked(turned, part), begin))
     for calibration in calibrations:
         if calibration.likeliest is None:
             return AttitudeStudy(status=calibration.status, message=calibration.message, title=title or "attitude")
@@ -199,6 +200,8 @@ def _spikes(time: np.ndarray, reading: np.ndarray, at: np.ndarray, turned: Rotat
 
 def _fitting(at: np.ndarray, parts: Sequence[np.ndarray], gaps: Sequence[float]) -> None:
     """Raises ArgumentError where a part has too few references, or no gap of some length that hides one."""
+    if not gaps:
+        raise ArgumentError("expected at least one length of time; found none", "judging.gaps")
     for name, part in zip(("first", "second"), parts, strict=True):
         if part.sum() < FEWEST:
             sentence = f"the {name} part has {part.sum()} references; expected at least {FEWEST}"

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from ...results.refusal import ArgumentError
 from .gyro_path import RateCorrection, gyro_path
 
 DEGREE = np.pi / 180
@@ -115,7 +116,15 @@ def _coarse_offset(time: np.ndarray, reading: np.ndarray, at: np.ndarray, angle:
     speed = np.linalg.norm(reading, axis=1)
     turned = np.concatenate([[0.0], np.cumsum((speed[1:] + speed[:-1]) / 2 * np.diff(time))])
     offsets = np.linspace(-longest, longest, OFFSETS)
-    score = [np.corrcoef(np.diff(np.interp(at - o, time, turned)), angle)[0, 1] for o in offsets]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        score = [np.corrcoef(np.diff(np.interp(at - o, time, turned)), angle)[0, 1] for o in offsets]
+    if not np.isfinite(score).any():
+        raise ArgumentError(
+            f"gyro ({time[0]:.4g} .. {time[-1]:.4g} s) and references ({at[0]:.4g} .. {at[-1]:.4g} s) turn at no "
+            f"common time within {longest:g} s: a log of a body that rests, of one row, or of another clock; give "
+            "recordings that overlap, or a longer longest_offset",
+            "recording",
+        )
     return float(offsets[int(np.nanargmax(score))])
 
 

@@ -25,6 +25,7 @@ SIZES = (1.0,) * 9 + (1e-2,) * 3 + (1e-2,)
 DIFFERENCE = 1e-6  # of the numbers, for functions of them that are all but straight over it
 ROUNDS = 4  # of noise and fit in turn: the fourth changes no printed digit
 FEWEST = 20  # references: sixty numbers for thirteen unknowns and four sizes of noise
+STRETCHED = 2.0  # scales of a gyro beyond this, or below its inverse, are no scales
 BLOCKS = 4  # of equal turned angle, left out one by one: longer than the error of a cheap gyro persists, 2 to 3 s
 
 
@@ -137,6 +138,26 @@ def calibrate_gyro(
     return GyroCalibration(
         fit.status, fit.message, correction, fit.estimate, left_out, noise, logs, white, r, reference_time[1:]
     )
+
+
+def calibrated_on(
+    part: str, time: np.ndarray, reading: np.ndarray, at: np.ndarray, reference: Rotation, start: RateCorrection
+) -> GyroCalibration:
+    """As `calibrate_gyro`, on a part of a recording. Raises ArgumentError for one that does not determine a gyro."""
+    try:
+        made = calibrate_gyro(time, reading, at, reference, start)
+    except ArgumentError as fault:
+        raise ArgumentError(f"on {part}: {fault.message}", fault.argument or "recording") from None
+    matrix = made.correction.matrix
+    stretch = np.linalg.svd(matrix, compute_uv=False)
+    if np.linalg.det(matrix) <= 0 or not (1 / STRETCHED < stretch[-1] and stretch[0] < STRETCHED):
+        raise ArgumentError(
+            f"on {part} the gyro would have scales of {stretch[-1]:.2g} to {stretch[0]:.2g}, so its stamps do not "
+            "belong to those of the references: where rows are stamped when they arrive, give judging.sample_period, "
+            "the sensor's own",
+            "recording",
+        )
+    return made
 
 
 class _Turns:

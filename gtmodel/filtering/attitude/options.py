@@ -19,7 +19,7 @@ class AttitudeJudging(Options):
     calibrate_until: Annotated[
         float | None, Unit("s"), "by the reference's clock; half of the references if left out"
     ] = None  # fmt: skip
-    gaps: Annotated[tuple[float, ...], Unit("s"), "lengths of time without a reference"] = (0.5, 1.0)
+    gaps: Annotated[tuple[float, ...], Unit("s"), Within(above=0), "lengths of time without a reference"] = (0.5, 1.0)
     sample_period: Annotated[
         float | None, Unit("s"), Within(above=0),
         "of the gyro by its own clock, where its rows are stamped when they arrive; compared with the stamps",

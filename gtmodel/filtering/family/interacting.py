@@ -40,7 +40,7 @@ class Interacting(Filter):
 
     From one instant to the next the right system may change, as a Markov chain. Means are mixed as intrinsic means, by
     minus and plus. The log-likelihood of the run is that of the mixture, and so are its residuals and their spread.
-    A gate judges the mixture, so that all modes use the same readings.
+    A gate judges the mixture, so that all modes use the same readings, and so do the weights of outliers.
 
     Args:
         systems: two or more with the same states and sensors, such as `system.with_(noise={"jerk": 1e6})`.
@@ -91,9 +91,16 @@ class Interacting(Filter):
         self, belief: Mixture, time: float, u0: np.ndarray, u1: np.ndarray
     ) -> tuple[Mixture, tuple[Advance, ...]]:
         """Mixed, then each mode at a later time, and their steps; without time passing nothing is mixed."""
+        return self.advanced(belief, time, u0, u1, ())
+
+    def advanced(
+        self, belief: Mixture, time: float, u0: np.ndarray, u1: np.ndarray, bends: Sequence[tuple[float, np.ndarray]]
+    ) -> tuple[Mixture, tuple[Advance, ...]]:
+        """The same with known inputs that bend between: mixed once."""
         if time > belief.time:
             belief = self._mixed(belief)
-        made = [filter.advance(one, time, u0, u1) for filter, one in zip(self.filters, belief.modes, strict=True)]
+        pairs = zip(self.filters, belief.modes, strict=True)
+        made = [filter.advanced(one, time, u0, u1, bends) for filter, one in pairs]
         return Mixture(tuple(one for one, _ in made), belief.logs), tuple(step for _, step in made)
 
     def _mixed(self, belief: Mixture) -> Mixture:
@@ -124,12 +131,12 @@ class Interacting(Filter):
         mixed = spread_of(self.system, names, residual, S, np.empty((len(S), 0, S.shape[-1])))
         beliefs, logs = [], belief.logs.copy()
         for n, ((filter, one), (residual, H, S, PH)) in enumerate(zip(pairs, seen, strict=True)):
-            spread = spread_of(filter.system, names, residual, S, PH, mixed.used)
+            spread = spread_of(filter.system, names, residual, S, PH, mixed.choice)
             solved = spread.solved()
             logs[:, n] += spread.innovation(names, solved).log_likelihood
             beliefs.append(filter.corrected(one, names, z, u, spread, solved.K, H))
         total = log_sum(logs)
-        innovation = mixed.innovation(names, mixed.solved())._replace(log_likelihood=total)
+        innovation = mixed.innovation(names, mixed.solved())._replace(log_likelihood=total + mixed.edge)
         return Mixture(tuple(beliefs), np.maximum(logs - total[:, None], NEVER)), innovation
 
     def details(self, belief: Mixture) -> Mapping[str, np.ndarray]:

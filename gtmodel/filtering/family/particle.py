@@ -11,7 +11,7 @@ from ...results.refusal import ArgumentError
 from ..belief import Belief, InitialState, Innovation
 from ..error_state import joseph
 from ..filter import Filter
-from ..spread import moments, roots, spread_of
+from ..spread import UsedNumbers, moments, roots, spread_of
 from ..system import System
 from .interacting import log_sum
 
@@ -170,21 +170,23 @@ class ParticleFilter(Filter):
         residual, H = reading(belief.time, x, u, zs)
         k = residual.shape[1]
         Q = np.broadcast_to(pending, (m, N, n, n)).reshape(m * N, n, n)
-        innovation, used = self._said(names, residual.reshape(m, N, k), H.reshape(m, N, k, n), Q, weights)
+        innovation, choice = self._said(names, residual.reshape(m, N, k), H.reshape(m, N, k, n), Q, weights)
         if self.proposal == "bootstrap":
-            self._check(belief, H.reshape(m, N, k, n), used, weights, system.variances(names))
+            self._check(belief, H.reshape(m, N, k, n), choice.used, weights, system.variances(names))
             rng = np.random.default_rng([self.seed, belief.instants, 1])
             x = space.plus(x, _draws(pending, rng, (m, N, n)).reshape(m * N, n))
             residual, H = reading(belief.time, x, u, zs)
             pending, Q = np.zeros((n, n)), np.zeros_like(Q)
         PH = Q @ H.mT
-        spread = spread_of(system, names, residual, H @ PH, PH, np.repeat(used, N, axis=0))
+        larger = choice.larger if np.ndim(choice.larger) == 0 else np.repeat(choice.larger, N, axis=0)
+        each = UsedNumbers(np.repeat(choice.used, N, axis=0), larger)
+        spread = spread_of(system, names, residual, H @ PH, PH, each)
         solved = spread.solved()
         logs = belief.logs + spread.innovation(names, solved).log_likelihood.reshape(m, N)
         total = log_sum(logs)
         logs = logs - total[:, None]
         x = space.plus(x, (solved.K @ spread.residual[..., None])[..., 0])
-        H = H if used.all() else np.where(spread.used[..., None], H, 0.0)
+        H = H if choice.used.all() else np.where(spread.used[..., None], H, 0.0)
         R = np.broadcast_to(spread.R, residual.shape)
         looked = Looked(pending, *(a.reshape(m, N, *a.shape[1:]) for a in (solved.K, H, R)))
         made = Cloud(
@@ -195,14 +197,14 @@ class ParticleFilter(Filter):
 
     def _said(
         self, names: tuple[str, ...], residual: np.ndarray, H: np.ndarray, Q: np.ndarray, weights: np.ndarray
-    ) -> tuple[Innovation, np.ndarray]:
+    ) -> tuple[Innovation, UsedNumbers]:
         """Residuals of the whole cloud and which readings are used: the gates judge the cloud, not a particle."""
         m, N, k, n = H.shape
         mean = np.sum(weights[..., None] * residual, axis=1)
         apart = np.where(np.isfinite(residual), residual - mean[:, None], 0.0)
         S = np.einsum("mp,mpij->mij", weights, H @ Q.reshape(m, N, n, n) @ H.mT) + moments(apart, weights)
         spread = spread_of(self.system, names, mean, S, np.empty((m, 0, k)))
-        return spread.innovation(names, spread.solved()), spread.used
+        return spread.innovation(names, spread.solved()), spread.choice
 
     def _check(self, belief: Cloud, H: np.ndarray, used: np.ndarray, weights: np.ndarray, R: np.ndarray) -> None:
         """Raises ArgumentError where the bootstrap would leave too few particles with weight."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from ..system import System
 from ..transition import Advance
 
 SAME_PERIOD = 1e-6  # of a period; stamps are rounded
+SETTLES = 1e-9  # per step: a filter that forgets its start more slowly, in a thousand million steps, does not
 
 
 class SteadyState(Filter):
@@ -44,6 +46,10 @@ class SteadyState(Filter):
         super().__init__(system)
         if not system.linear:
             raise ArgumentError("a constant gain needs a linear process and linear sensors; take 'ekf'", "system")
+        for name, sensor in system.sensors.items():
+            if sensor.outliers:
+                sentence = f"'{name}' weighs outliers, which changes the gain from reading to reading; take 'kf'"
+                raise ArgumentError(sentence, "system")
         periods = {s.period for s in system.sensors.values()} - {None}
         period = period or system.dynamics.period or (periods.pop() if len(periods) == 1 else None)
         if not period or not period > 0:
@@ -67,10 +73,20 @@ class SteadyState(Filter):
         belief = start.belief(self.system, time, runs)
         return belief._replace(P=np.tile(self.posterior, (runs, 1, 1)))
 
+    def advanced(
+        self, belief: Belief, time: float, u0: np.ndarray, u1: np.ndarray, bends: Sequence[tuple[float, np.ndarray]]
+    ) -> tuple[Belief, Advance]:
+        """As `advance`, with known inputs that bend between."""
+        after, step = self.advance(belief, time, u0, u1)
+        x, t = belief.x, belief.time
+        for end, u in [*bends, (time, u1)] if bends else []:
+            x, t, u0 = self.system.transition(t, end - t, x, u0, u).x, end, u
+        return (after._replace(x=x), step._replace(x=x)) if bends else (after, step)
+
     def advance(self, belief: Belief, time: float, u0: np.ndarray, u1: np.ndarray) -> tuple[Belief, Advance]:
         """The belief one period later. Raises ArgumentError for another span of time."""
         dt = time - belief.time
-        if dt and abs(dt - self.period) > SAME_PERIOD * self.period:
+        if dt and abs(dt - self.period) > SAME_PERIOD * self.period + 4 * np.spacing(abs(time)):
             raise ArgumentError(
                 f"the gain is for a period of {self.period:g} s; from {belief.time:g} s to the next reading it "
                 f"is {dt:g} s; take 'kf' for uneven ones",
@@ -117,9 +133,20 @@ def riccati(F: np.ndarray, H: np.ndarray, Q: np.ndarray, R: np.ndarray) -> np.nd
             np.eye(len(R)),
         )
     except LinAlgError:
+        P = np.full_like(Q, np.nan)
+    P = P * np.outer(scale, scale)
+    if not np.all(np.isfinite(P)) or np.any(np.diag(P) < 0) or _slowest(F, H, P, R) > 1 - SETTLES:
         raise ArgumentError(
             "there is no constant gain: a state is not determined by the sensors, or is constant and without noise, so "
             "that its gain goes to zero; give it a sensor or some noise, or take 'kf'",
             "system",
-        ) from None
-    return P * np.outer(scale, scale)
+        )
+    return P
+
+
+def _slowest(F: np.ndarray, H: np.ndarray, P: np.ndarray, R: np.ndarray) -> float:
+    """By how much the error of a filter with this covariance P before a reading shrinks from step to step, at worst."""
+    own = H / np.sqrt(R)[:, None]
+    S = own @ P @ own.T + np.eye(len(R))
+    left = F - F @ P @ own.T @ np.linalg.solve(S, own)
+    return float(np.abs(np.linalg.eigvals(left)).max())

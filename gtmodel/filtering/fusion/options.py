@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Literal
 
 import numpy as np
@@ -46,6 +46,13 @@ class FusionSensors(Options):
     arm_error: Annotated[float, Unit("m", written="mm"), "of the arm along z, unknown to the filter"] = 0.0
     misalignment: Annotated[float, Unit("rad", written="deg"), "of the unit about z, unknown to the filter"] = 0.0
     gravity: Annotated[bool, "the accelerometer feels gravity; the thesis leaves it out"] = False
+    outlier_share: Annotated[
+        float, Within(least=0.0, most=0.5), "of the tracker's positions, off by twenty times its noise"
+    ] = 0.0
+
+    def with_value(self, name: str, value: float) -> FusionSensors:
+        """The same with one other number."""
+        return replace(self, **{name: value})
 
 
 @dataclass(frozen=True)
@@ -75,6 +82,10 @@ class FusionFilter(Options):
         float | None, Unit("rad2/s5"), Within(above=0.0), "of a second, faster filter; none if left out"
     ] = None
     stay: Annotated[float, Within(above=0.0, below=1.0), "chance that a filter stays the right one for a step"] = 0.999
+    outliers: Annotated[
+        Literal["huber"] | None,
+        "the tracker's readings count less the further off, by Huber's weights; none if left out",
+    ] = None
     smooth: Annotated[bool, "fixed-interval smoothing besides"] = False
     tracker_jerk_density: Annotated[
         float, Unit("m2/s5"), Within(above=0.0), "of the filter on the tracker alone, the second baseline"

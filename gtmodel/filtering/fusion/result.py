@@ -48,7 +48,12 @@ class FusionStudy(Study):
     printed_in: Annotated[str, "the table they stand in"] = ""
     nis: Annotated[float | None, "mean normalised innovation squared of an instant"] = None
     nis_band: Annotated[Sequence[float], "99.9 % band of it, exact for a right filter"] = ()
-    nis_numbers: Annotated[float | None, "numbers read at an instant: what nis is where the filter is right"] = None
+    nis_numbers: Annotated[
+        float | None, "what nis is where the filter is right: the numbers read at an instant, less what weights cut"
+    ] = None
+    counted_less: Annotated[
+        Mapping[str, float], "share of the readings of each sensor that counted less as outliers; of right ones 0.18"
+    ] = field(default_factory=dict)
     verdict: Annotated[str, "what the innovations say of the filter"] = ""
     preferred_jerk_density: Annotated[
         float | None, Quantity("m2/s5", "among decades, by the likelihood; where nis lies outside its band")
@@ -90,6 +95,9 @@ class FusionStudy(Study):
         said = f"{self.nis:.4g} of {self.nis_numbers:.3g}, right within {low:.4g} to {high:.4g}"
         rows.append(Row("innovations squared (NIS)", said))
         rows.append(Row("  verdict", self.verdict))
+        if self.counted_less:
+            said = ", ".join(f"{name} {100 * share:.3g}" for name, share in self.counted_less.items())
+            rows.append(Row("  counted less as outliers", f"{said}  (of right readings 18)", "%"))
         if self.fast_share:
             off, at = self.fast_share
             rows.append(Row("faster filter's probability", f"{off:.2g} off the bends, {at:.2g} at them"))

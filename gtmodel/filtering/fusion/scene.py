@@ -23,6 +23,7 @@ STATES = ("p", "v", "a", "Q", "w", "alpha")
 PRINTED_Q = np.repeat([2.54e-4, 21.2e-4, 98.1e-4], 3)  # Cvitanic 2021, appendix B, per step
 # how well the start is known, on the path at full speed: as well as readings of some milliseconds determine it
 START = {"p": 1e-5, "v": 1e-3, "a": 0.1, "Q": 1e-3, "w": 1e-3, "alpha": 1.0}
+OUTLYING = 20.0  # deviations of an outlier, in those of the tracker's noise
 FREE_FALL = (0.0, 0.0, -9.81)  # m/s2
 
 
@@ -88,14 +89,17 @@ def printed_process(sensors: FusionSensors, design: FusionFilter) -> DiscretePro
     return DiscreteProcess(parts, dt, step, PRINTED_Q, outputs)
 
 
-def sensors_of(path: TrackedPath, s: FusionSensors) -> list[Sensor]:
+def sensors_of(path: TrackedPath, s: FusionSensors, design: FusionFilter | None = None) -> list[Sensor]:
     """As the filter knows them."""
     tracker = Sensor("tracker", "p", deviation=s.position_noise)
-    accelerometer = Sensor("accelerometer", "specific_force", density=s.acceleration_noise, period=s.sample_time)
-    if path.axes == 3:
-        return [tracker, accelerometer]
-    orientation = Sensor("orientation", "Q", kind="quaternion", deviation=s.orientation_noise)
-    return [tracker, orientation, accelerometer, Sensor("gyro", "rate", density=s.rate_noise, period=s.sample_time)]
+    unit = Sensor("accelerometer", "specific_force", density=s.acceleration_noise, period=s.sample_time)
+    sensors = [tracker, unit]
+    if path.axes == 5:
+        orientation = Sensor("orientation", "Q", kind="quaternion", deviation=s.orientation_noise)
+        gyro = Sensor("gyro", "rate", density=s.rate_noise, period=s.sample_time)
+        sensors = [tracker, orientation, unit, gyro]
+    weighed = None if design is None else design.outliers  # of the unit they would be its view of the bends
+    return [replace(s, outliers=weighed) if s.name in ("tracker", "orientation") else s for s in sensors]
 
 
 def scene_of(path: TrackedPath, sensors: FusionSensors, seed: int) -> Scene:
@@ -106,7 +110,13 @@ def scene_of(path: TrackedPath, sensors: FusionSensors, seed: int) -> Scene:
     names = STATES if path.axes == 5 else STATES[:3]
     states = np.concatenate([getattr(motion, name) for name in names], axis=1)
     faults = {"accelerometer": sensors.acceleration_bias} | ({"gyro": sensors.rate_bias} if path.axes == 5 else {})
-    return Scene(path, sensors, motion, synthetic_readings(true, motion.time, states, seed=seed, faults=faults))
+    log = synthetic_readings(true, motion.time, states, seed=seed, faults=faults)
+    if sensors.outlier_share:
+        rng = np.random.default_rng([seed, len(true.sensors)])
+        hit = rng.random(len(motion.time)) < sensors.outlier_share
+        far = OUTLYING * sensors.position_noise * rng.standard_normal((len(motion.time), 3))
+        log["tracker"] = Readings(log["tracker"].time, log["tracker"].values + hit[:, None] * far)
+    return Scene(path, sensors, motion, log)
 
 
 def slope_velocity(log: Readings, samples: int = 4) -> np.ndarray:
@@ -124,4 +134,4 @@ def tracker_system(path: TrackedPath, sensors: FusionSensors, design: FusionFilt
     """The second baseline: a Kalman filter on the tracker alone, with white jerk."""
     alone = replace(design, printed=False, jerk_density=(design.tracker_jerk_density,) * 3)
     straight = replace(path, axes=3)
-    return System(process_of(straight, sensors, alone), sensors_of(straight, sensors)[:1])
+    return System(process_of(straight, sensors, alone), sensors_of(straight, sensors, design)[:1])

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ...results import ArgumentError, SolveStatus, Work
+from ...results import SolveStatus, Work
 from ...results.door import study_function
 from ...results.trajectory import Trajectory
 from ...results.work import Progress, never, silent
@@ -22,13 +22,13 @@ from ..paths import TrackedPath
 from ..scheduled import ScheduledNoise, likely_modes
 from ..smoother import Smoothed, smooth
 from ..system import System
+from .agreement import SETTLED, agree_on_sweep, agree_together
 from .options import FusionFilter, FusionSensors, FusionSweep
 from .result import FusionStudy
-from .scene import Scene, process_of, scene_of, sensors_of, slope_velocity, tracker_system
+from .scene import OUTLYING, Scene, process_of, scene_of, sensors_of, slope_velocity, tracker_system
 from .thesis import TABLE_10, printed_errors
 
 AROUND = 0.2  # s about the bend, of the picture of the angular acceleration
-SETTLED = 0.02  # s; what the filters forget of their start, left out of all errors and of the innovations
 ITERATIONS = 3  # of the iterated filter
 PARTICLE_SEED = 1
 DECADES = (1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0)  # m2/s5
@@ -71,7 +71,9 @@ def fusion_study(
     work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
     path, sensors = path or TrackedPath(), sensors or FusionSensors()
     design = filter or FusionFilter()
-    _agree(path, sensors, design)
+    agree_together(path, sensors, design)
+    if sweep is not None:
+        agree_on_sweep(path, sensors, design, sweep)
     work.step("readings", 0.02)
     scene = scene_of(path, sensors, seed)
     work.step("filters", 0.1)
@@ -84,6 +86,8 @@ def fusion_study(
         f"SYNTHETIC: seed {seed}, tracker {1e3 * sensors.position_noise:.3g} mm, accelerometer "
         f"{sensors.acceleration_noise:.3g} m/s2/rtHz"
     )
+    if sensors.outlier_share:
+        said += f", {100 * sensors.outlier_share:g} % of the positions off by {OUTLYING:g} times its noise"
     c = one.consistency
     table, printed = printed_errors(path, sensors)
     preferred = None
@@ -93,29 +97,12 @@ def fusion_study(
     return FusionStudy(
         status=status, title=title, axes=path.axes, synthetic=said.removeprefix("SYNTHETIC: "),
         nis=None if c is None else c.nis, nis_band=() if c is None else tuple(c.band),
-        nis_numbers=None if c is None else c.numbers, verdict="" if c is None else c.message,
+        nis_numbers=None if c is None else c.expected, verdict="" if c is None else c.message,
         trajectory=_trajectory(scene, one, said), figures=_figures(scene, one, swept, sweep, title),
+        counted_less={name: float(n.sum()) / len(one.run.time) for name, n in one.run.weighed.items()},
         printed=printed, printed_in=table, notes=[*one.run.notes, *_notes(scene, preferred)],
         preferred_jerk_density=preferred, **one.errors, **swept,
     )  # fmt: skip
-
-
-def _agree(path: TrackedPath, sensors: FusionSensors, design: FusionFilter) -> None:
-    if design.printed and path.axes == 5:
-        raise ArgumentError("the printed covariance is that of 3 axes; leave it out in 5", "filter.printed")
-    fast = [design.fast_jerk_density is not None, design.fast_angular_jerk_density is not None]
-    if any(fast) and design.printed:
-        raise ArgumentError("with the printed covariance there is no second filter", "filter.fast_jerk_density")
-    if fast[1] and not fast[0]:
-        raise ArgumentError("give fast_jerk_density too; the second filter has both", "filter.fast_jerk_density")
-    if any(fast) and design.kind != "extended":
-        raise ArgumentError(f"two interacting filters are extended ones; found {design.kind!r}", "filter.kind")
-    if design.smooth and design.kind == "particle":
-        raise ArgumentError("particles cannot be smoothed; leave it out, or take another kind", "filter.smooth")
-    if path.duration < 3 * SETTLED:
-        raise ArgumentError(f"expected at least {3 * SETTLED:g} s; found {path.duration:g}", "path.duration")
-    if path.duration < 10 * sensors.sample_time:
-        raise ArgumentError("expected at least 10 samples along the path", "sensors.sample_time")
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,16 +122,17 @@ class _One:
 def _filtered(scene: Scene, design: FusionFilter, work: Work) -> _One:
     systems = systems_of(scene, design)
     judge = work.fractions("filter")
-    run = filter_of(systems, design).run(scene.log, scene.initial, truth=scene.truth, progress=judge)
+    keep = design.smooth
+    run = filter_of(systems, design).run(scene.log, scene.initial, truth=scene.truth, keep=keep, progress=judge)
     alone = tracker_system(scene.path, scene.sensors, design)
     log = {"tracker": scene.log["tracker"]}
     initial = replace(scene.initial, mean=_three(scene.initial.mean), deviation=_three(scene.initial.deviation))
-    tracker = ErrorState(alone).run(log, initial, truth=_three(scene.truth), progress=judge)
+    tracker = ErrorState(alone).run(log, initial, truth=_three(scene.truth), keep=False, progress=judge)
     slope = slope_velocity(scene.log["tracker"])
     stopped = SolveStatus.INTERRUPTED in (run.status, tracker.status)
     judged, smoothed = run, None
     if len(systems) > 1 and run.status.ok:
-        judged = _scheduled(systems, run, scene, design.stay)
+        judged = _scheduled(systems, run, scene, design)
     if design.smooth and judged.status.ok:
         work.progress("smoothing", 0.6)
         smoothed = smooth(judged)
@@ -165,7 +153,7 @@ def settled(scene: Scene) -> float:
 
 def systems_of(scene: Scene, design: FusionFilter) -> list[System]:
     """The system of the filter, and of the faster one where there is one."""
-    slow = System(process_of(scene.path, scene.sensors, design), sensors_of(scene.path, scene.sensors))
+    slow = System(process_of(scene.path, scene.sensors, design), sensors_of(scene.path, scene.sensors, design))
     if design.fast_jerk_density is None:
         return [slow]
     noise: dict[str, Any] = {"jerk": design.fast_jerk_density}
@@ -191,13 +179,14 @@ def filter_of(systems: Sequence[System], design: FusionFilter) -> Filter:
     return ErrorState(systems[0], iterations=ITERATIONS if design.kind == "iterated" else 1)
 
 
-def _scheduled(systems: Sequence[System], run: Filtered, scene: Scene, stay: float) -> Filtered:
+def _scheduled(systems: Sequence[System], run: Filtered, scene: Scene, design: FusionFilter) -> Filtered:
     """One filter with the noise that was likeliest in the light of the whole log: it can be smoothed, and its
     innovations have an exact band, which those of a mixture have not."""
     assert run.mode_probabilities is not None
+    stay = design.stay
     modes = likely_modes(run.mode_probabilities[:, 0], [[stay, 1 - stay], [1 - stay, stay]])
     one = ScheduledNoise(systems, run.time, modes)
-    return one.run(scene.log, scene.initial, truth=scene.truth)
+    return one.run(scene.log, scene.initial, truth=scene.truth, keep=design.smooth)
 
 
 def _probabilities(run: Filtered) -> np.ndarray | None:
@@ -279,8 +268,7 @@ def _swept(
         if work.interrupted():
             stopped = True
             break
-        changed = replace(sensors, **{sweep.parameter: value})
-        _agree(path, changed, plain)
+        changed = sensors.with_value(sweep.parameter, value)
         one = _filtered(scene_of(path, changed, seed), plain, Work(stop=work.interrupted))
         if one.stopped:
             stopped = True
@@ -323,7 +311,7 @@ def _crossing(values: Sequence[float], ours: Sequence[float], theirs: Sequence[f
 def _preferred(scene: Scene, design: FusionFilter) -> float:
     """Of the decades, the density of white jerk in the plane that the likelihood of the log prefers."""
     plain = replace(design, printed=False)
-    system = System(process_of(scene.path, scene.sensors, plain), sensors_of(scene.path, scene.sensors))
+    system = System(process_of(scene.path, scene.sensors, plain), sensors_of(scene.path, scene.sensors, plain))
 
     def likelihood(density: float) -> float:
         other = system.with_(noise={"jerk": (density, plain.jerk_density[1], density)})

@@ -74,6 +74,10 @@ def _recording(log: AttitudeLogSection, context: Context) -> AttitudeRecording:
     if log.acceleration is not None:
         columns["acceleration"] = log.acceleration.recorded()
     rows = log.reference.row
+    if log.time.column and log.sample_time_s is not None:
+        raise InputError("belongs to a log without a column of time; leave it out", "log.sample_time_s")
+    if rows is None and "first_row" in log.reference.model_fields_set:
+        raise InputError("belongs to `row`, which is not given; leave it out", "log.reference.first_row")
     if rows is None:
         columns["quaternion"] = log.reference.quaternion.recorded()
     else:

@@ -1,0 +1,156 @@
+"""A loop that corrects at samples and late, from sample to sample: its companion matrix and its frequency response."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gtmodel.simulation.hybrid.clock import exact
+
+from ..._lazy import hint
+from ...results import ArgumentError
+from ..sampled_poles import held_input
+from .plants import CorrectedPlant
+
+if TYPE_CHECKING:
+    from control import StateSpace
+else:
+    StateSpace = hint("control", "StateSpace")
+
+MOST_CYCLES = 2000  # of delay: the companion matrix has a state for each
+
+
+@dataclass(frozen=True, eq=False)
+class DelayedLoop:
+    """A plant whose deviation y is measured every `cycle` [s]; the correction of gain P acts `delay` [s] later.
+
+    u(k) = -P (law of y)(k), held over one cycle from t_k + delay on. The delay may be any number of cycles: inside a
+    cycle the hold is split exactly. `law`: one input, one output, at samples of the cycle, for instance with an
+    integral part; proportional if left out. Raises ArgumentError for times and laws that do not fit.
+
+    >>> plant = gt.control.delayed.equivalent_plant(3.0, 57.7, 34200.0, cycle=0.004)
+    >>> loop = gt.control.delayed.DelayedLoop(plant, cycle=0.004, delay=0.052)
+    >>> loop.matrix(0.2).shape, bool(loop.radius(0.2) < 1 < loop.radius(0.3))  # 2 states, 13 corrections
+    ((15, 15), True)
+    """
+
+    plant: CorrectedPlant
+    cycle: float
+    delay: float
+    law: StateSpace | None = None
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.cycle) and self.cycle > 0):
+            raise ArgumentError(f"must be a number above 0; found {self.cycle!r}", "cycle")
+        if not (np.isfinite(self.delay) and self.delay >= 0):
+            raise ArgumentError(f"must be a number, at least 0; found {self.delay!r}", "delay")
+        if self.delay > MOST_CYCLES * self.cycle:
+            raise ArgumentError(f"is {self.delay / self.cycle:.4g} cycles; at most {MOST_CYCLES} are taken", "delay")
+        if self.law is not None and (self.law.ninputs != 1 or self.law.noutputs != 1 or self.law.dt != self.cycle):
+            raise ArgumentError(
+                f"has {self.law.ninputs} inputs, {self.law.noutputs} outputs and the sample time {self.law.dt}; "
+                f"expected one, one and the cycle, {self.cycle:g} s",
+                "law",
+            )
+
+    def late_by(self, seconds: float) -> DelayedLoop:
+        """The same loop with another delay [s]."""
+        return DelayedLoop(self.plant, self.cycle, seconds, self.law)
+
+    @cached_property
+    def split(self) -> tuple[int, float]:
+        """Whole cycles of the delay, and the rest of it [s], as the decimals say."""
+        whole, rest = divmod(exact(self.delay), exact(self.cycle))
+        return int(whole), float(rest)
+
+    @cached_property
+    def transition(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """x(k+1) = A x(k) + early u(k - whole - 1) + late u(k - whole), exact: A (n, n), early (n,), late (n,)."""
+        _, rest = self.split
+        b = self.plant.B[:, None]
+        first = held_input(self.plant.A, b, rest)
+        last = held_input(self.plant.A, b, float(exact(self.cycle) - exact(rest)))
+        return last[0] @ first[0], (last[0] @ first[1])[:, 0], last[1][:, 0]
+
+    @cached_property
+    def law_matrices(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+        """The law's A (q, q), B (q,), C (q,) and D; without states for a proportional one."""
+        if self.law is None:
+            return np.zeros((0, 0)), np.zeros(0), np.zeros(0), 1.0
+        a, b, c, d = (np.asarray(x, float) for x in (self.law.A, self.law.B, self.law.C, self.law.D))
+        return a, b[:, 0], c[0], float(d[0, 0])
+
+    @cached_property
+    def _affine(self) -> tuple[np.ndarray, np.ndarray]:
+        """The companion matrix without correction, and what a gain of one adds; in a last column what is added to the
+        measurement."""
+        (whole, rest), (a, early, late), (la, lb, lc, ld) = self.split, self.transition, self.law_matrices
+        n, q, m = len(a), len(la), whole + (rest > 0)
+        size = n + q + m
+        rows = np.zeros((2, size, size + 1))
+        correction = np.zeros(size + 1)
+        correction[:n], correction[n : n + q], correction[size] = -ld * self.plant.C, -lc, -ld
+        rows[0, :n, :n] = a
+        rows[0, n : n + q, :n], rows[0, n : n + q, n : n + q] = np.outer(lb, self.plant.C), la
+        rows[0, n : n + q, size] = lb
+        for age, effect in ((whole, late), (whole + 1, early)):  # samples ago
+            if age == 0:
+                rows[1, :n] += np.outer(effect, correction)
+            elif age <= m:
+                rows[0, :n, n + q + age - 1] += effect
+        if m:
+            rows[1, n + q] = correction
+            rows[0, n + q + 1 :, n + q : size - 1] = np.eye(m - 1)
+        return rows[0], rows[1]
+
+    def matrix(self, gain: float) -> np.ndarray:
+        """Companion matrix: plant's states, states of the law, then the corrections on their way, youngest first."""
+        free, added = self._affine
+        return free[:, :-1] + gain * added[:, :-1]
+
+    def noise_entry(self, gain: float) -> np.ndarray:
+        """What noise of one in a measurement adds to the states of `matrix` at the next sample, (n,)."""
+        free, added = self._affine
+        return free[:, -1] + gain * added[:, -1]
+
+    @cached_property
+    def steering_entry(self) -> np.ndarray:
+        """What a command of one, acting at once over a cycle, adds to the states of `matrix`, (n,)."""
+        entry = np.zeros(len(self._affine[0]))
+        entry[: len(self.plant)] = held_input(self.plant.A, self.plant.B[:, None], self.cycle)[1][:, 0]
+        return entry
+
+    def correction(self, gain: float, state: np.ndarray, noise: float = 0.0) -> float:
+        """u of a sample, from the states of `matrix` and the noise of its measurement."""
+        la, _, lc, ld = self.law_matrices
+        n, q = len(self.plant), len(la)
+        return -gain * float(ld * (self.plant.C @ state[:n] + noise) + lc @ state[n : n + q])
+
+    def radius(self, gain: float) -> float:
+        """Largest modulus of the eigenvalues: below 1 deviations die out."""
+        return float(np.abs(np.linalg.eigvals(self.matrix(gain))).max())
+
+    def stable(self, gain: float) -> bool:
+        """Whether deviations die out with this gain."""
+        return self.radius(gain) < 1
+
+    def response(self, omega: np.ndarray) -> np.ndarray:
+        """L (w,) at a gain of one and angular frequencies (w,) [rad/s] up to pi / cycle, y = -P L y around the loop.
+
+        The exact response from sample to sample, hold and split delay included.
+        """
+        z = np.exp(1j * np.asarray(omega, float).reshape(-1) * self.cycle)
+        whole, _ = self.split
+        a, early, late = self.transition
+        size = z[:, None, None] * np.eye(len(a)) - a
+        moved = np.linalg.solve(size, np.stack([early, late], axis=1).astype(complex)[None])
+        g = np.einsum("i,wij->wj", self.plant.C, moved)
+        g = g[:, 0] / z ** (whole + 1) + g[:, 1] / z**whole
+        la, lb, lc, ld = self.law_matrices
+        if not len(la):
+            return ld * g
+        inside = np.linalg.solve(z[:, None, None] * np.eye(len(la)) - la, lb.astype(complex)[:, None])
+        return g * (ld + inside[..., 0] @ lc)

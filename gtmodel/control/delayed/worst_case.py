@@ -1,0 +1,107 @@
+"""The least gain limit of a loop whose plant and delay are known within limits only, and a gain safe for many."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from decimal import Decimal
+from itertools import product
+
+import numpy as np
+import scipy
+from numpy.typing import ArrayLike
+
+from ...results import ArgumentError
+from .limit import gain_limit
+from .loop import DelayedLoop
+
+DRAWS = 1000
+MOST_SIDES = 12  # of a box: it has 2 to their power vertices
+SEARCHES = 3  # from the worst points
+NEAR = 1e-9  # relative, of a search
+ON_GRID = 1e-9  # of a step: a quantile within rounding of a multiple of the step is that multiple
+
+
+@dataclass(frozen=True, eq=False)
+class WorstCase:
+    """gain: least limit in the box; point: where. nominal: limit at its middle. limits (n,): of the random points of
+    the box, from which no guarantee follows; the worst of all found may lie between vertices."""
+
+    gain: float
+    point: dict[str, float]
+    nominal: float
+    limits: np.ndarray
+
+
+def worst_case(
+    loop_of: Callable[[Mapping[str, float]], DelayedLoop],
+    box: Mapping[str, tuple[float, float]],
+    *,
+    draws: int = DRAWS,
+    seed: int = 0,
+) -> WorstCase:
+    """The least gain limit over a box of parameters: all vertices, random points, and local searches from the worst.
+
+    Args:
+        loop_of: the loop with these parameters.
+        box: from and to of each, by name.
+        draws: random points, uniform in the box; seed: of their draw.
+
+    It is what this has seen, not a proof. Raises ArgumentError for an empty box, one of more than twelve sides,
+    and limits that are not finite or in the wrong order.
+
+    >>> def loop_of(p):
+    ...     plant = gt.control.delayed.equivalent_plant(p["m"], 57.7, 34200.0, cycle=0.004)
+    ...     return gt.control.delayed.DelayedLoop(plant, cycle=0.004, delay=p["delay"])
+    >>> worst = gt.control.delayed.worst_case(loop_of, {"m": (2.7, 3.3), "delay": (0.05, 0.054)}, draws=50)
+    >>> round(worst.nominal, 3), round(worst.gain, 3), {name: round(x, 3) for name, x in worst.point.items()}
+    (0.243, 0.176, {'m': 2.7, 'delay': 0.054})
+    """
+    if not box or len(box) > MOST_SIDES:
+        raise ArgumentError(f"expected 1 to {MOST_SIDES} parameters; found {len(box)}", "box")
+    for name, (low, high) in box.items():
+        if not (np.isfinite(low) and np.isfinite(high) and low <= high):
+            raise ArgumentError(f"'{name}' goes from {low:g} to {high:g}; expected finite numbers, rising", "box")
+    if draws < 1:
+        raise ArgumentError(f"expected at least 1; found {draws}", "draws")
+    names, low, high = list(box), np.array([b[0] for b in box.values()]), np.array([b[1] for b in box.values()])
+
+    def limit(share: np.ndarray) -> float:
+        values = low + np.clip(share, 0.0, 1.0) * (high - low)
+        return gain_limit(loop_of(dict(zip(names, values.tolist(), strict=True)))).gain
+
+    shares = np.random.default_rng(seed).random((draws, len(names)))
+    drawn = np.array([limit(s) for s in shares])
+    corners = np.array(list(product((0.0, 1.0), repeat=len(names))))
+    tried = np.concatenate([corners, shares])
+    limits = np.concatenate([[limit(s) for s in corners], drawn])
+    order = np.argsort(limits, kind="stable")
+    best, at = float(limits[order[0]]), tried[order[0]]
+    for begin in tried[order[:SEARCHES]]:
+        ended = scipy.optimize.minimize(
+            limit, begin, method="Nelder-Mead", bounds=[(0.0, 1.0)] * len(names),
+            options={"fatol": NEAR * best, "xatol": 1e-6},
+        )  # fmt: skip
+        if float(ended.fun) < best:
+            best, at = float(ended.fun), np.clip(ended.x, 0.0, 1.0)
+    point = dict(zip(names, (low + at * (high - low)).tolist(), strict=True))
+    return WorstCase(best, point, limit(np.full(len(names), 0.5)), drawn)
+
+
+def recommended_gain(limits: ArrayLike, step: float, quantile: float = 0.05) -> float:
+    """The greatest multiple of `step` that is not above the `quantile` of gain limits (n,).
+
+    Raises ArgumentError for no limits, limits that are not above 0, and a step or quantile that is none.
+
+    >>> gt.control.delayed.recommended_gain([0.021, 0.026, 0.024, 0.029], step=0.01)
+    0.02
+    """
+    values = np.asarray(limits, float).reshape(-1)
+    if not len(values) or not np.all(values > 0):
+        raise ArgumentError("expected one or more numbers above 0", "limits")
+    if not (np.isfinite(step) and step > 0):
+        raise ArgumentError(f"must be a number above 0; found {step!r}", "step")
+    if not 0 < quantile < 1:
+        raise ArgumentError(f"must lie between 0 and 1; found {quantile!r}", "quantile")
+    least = float(np.quantile(values, quantile))
+    return float(Decimal(int(np.floor(least / step + ON_GRID))) * Decimal(repr(step))) if np.isfinite(least) else np.inf

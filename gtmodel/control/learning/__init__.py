@@ -1,0 +1,87 @@
+"""Iterative learning control: what a robot repeats it learns, how fast and how far is known before (Dressler 2012, 7).
+
+Lifted           a linear map of whole signals with its adjoint; lifted, toeplitz, shifted, filtered, zero_phase,
+                 symmetric, weighted, matrix, identity: such maps
+LearningLaw      u(k+1) = Q (u(k) + L e(k)); simple_law: that of case 1; ramp_weights, input_window: of (7.12), (7.14)
+largest_gain, spectral_radius, frequency_bound    how fast it converges: (7.16), (7.15), and in the frequency domain
+rate, floor, learn    the rate in words, what learning will leave, and runs; above_cutoff: a share that is not learned
+delayed_lag, ACTUATORS, pulse_response, frequency_response    plants, (6.11) among them
+AxisPlant        motor, tool and acceleration of an axis; flexible_axis: a synthetic one; tool_model
+SquarePath       the reference of the experiments
+kinematic, measured, complementary_estimate, kalman_estimate    where the tool is: cases 1, 3, 2A, 2B
+ExtendedKalman, most_likely_filter    the filter of (7.21), and its noise by the likelihood of its innovations
+robust_filter, rests_of, best_shift    Q for a set of models, and the shift
+norm_optimal_law, model_inverse_law, inverse, bounded_update    laws of least norm, with bounds
+"""
+
+from typing import TYPE_CHECKING
+
+from ..._lazy import public
+
+if TYPE_CHECKING:
+    from .axis import AxisPlant as AxisPlant, flexible_axis as flexible_axis, tool_model as tool_model
+    from .contraction import (
+        Peak as Peak,
+        frequencies as frequencies,
+        frequency_bound as frequency_bound,
+        largest_gain as largest_gain,
+        spectral_radius as spectral_radius,
+    )
+    from .course import (
+        Course as Course,
+        Floor as Floor,
+        Rate as Rate,
+        above_cutoff as above_cutoff,
+        floor as floor,
+        learn as learn,
+        rate as rate,
+    )
+    from .design import (
+        RobustFilter as RobustFilter,
+        best_shift as best_shift,
+        rests_of as rests_of,
+        robust_filter as robust_filter,
+    )
+    from .estimators import (
+        ToolEstimate as ToolEstimate,
+        complementary_estimate as complementary_estimate,
+        kalman_estimate as kalman_estimate,
+        kinematic as kinematic,
+        measured as measured,
+    )
+    from .kalman import ExtendedKalman as ExtendedKalman, most_likely_filter as most_likely_filter
+    from .law import (
+        LearningLaw as LearningLaw,
+        input_window as input_window,
+        ramp_weights as ramp_weights,
+        simple_law as simple_law,
+    )
+    from .lifted import (
+        Lifted as Lifted,
+        filtered as filtered,
+        identity as identity,
+        lifted as lifted,
+        matrix as matrix,
+        shifted as shifted,
+        symmetric as symmetric,
+        toeplitz as toeplitz,
+        weighted as weighted,
+        zero_phase as zero_phase,
+    )
+    from .norm_optimal import (
+        bounded_update as bounded_update,
+        inverse as inverse,
+        model_inverse_law as model_inverse_law,
+        norm_optimal_law as norm_optimal_law,
+    )
+    from .plants import (
+        ACTUATOR_DELAY as ACTUATOR_DELAY,
+        ACTUATORS as ACTUATORS,
+        delayed_lag as delayed_lag,
+        frequency_response as frequency_response,
+        pulse_response as pulse_response,
+        stable as stable,
+    )
+    from .references import SquarePath as SquarePath
+
+public(__name__)

@@ -1,0 +1,121 @@
+"""One axis of a robot with a flexible tool: from its reference to motor, tool and acceleration (Dressler 2012, 7.1)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from ..._lazy import hint
+from ...results import ArgumentError
+from .lifted import Lifted, lifted
+from .plants import SAMPLE_TIME, Plant, frequency_response
+
+if TYPE_CHECKING:
+    from control import StateSpace
+else:
+    StateSpace = hint("control", "StateSpace")
+
+Signal = Literal["motor", "tool", "acceleration"]
+
+
+@dataclass(frozen=True, eq=False)
+class AxisPlant:
+    """From the reference of an axis, to which the learned input is added, to what is measured of it, from rest.
+
+    signals: by name "motor" (z_c, the tool by forward kinematics [m]), "tool" (z [m]) and "acceleration" (of the tool
+    [m/s2]) a plant each; those that are not measured may be missing. sample_time: [s].
+
+    >>> axis = gt.control.learning.flexible_axis(frequency=11.5, damping=0.05)
+    >>> sorted(axis.signals)
+    ['acceleration', 'motor', 'tool']
+    """
+
+    signals: Mapping[str, Plant]
+    sample_time: float = SAMPLE_TIME
+
+    def maps(self, size: int) -> dict[str, Lifted]:
+        """Each signal as a map of runs of `size` samples."""
+        return {name: lifted(plant, size) for name, plant in self.signals.items()}
+
+    def responses(self, frequency: np.ndarray) -> dict[str, np.ndarray]:
+        """Each signal's response (k,) at frequencies (k,) in Hz."""
+        return {name: frequency_response(plant, frequency) for name, plant in self.signals.items()}
+
+
+def flexible_axis(
+    frequency: float, damping: float, *, lag: float = 0.02, delay: int = 5, sample_time: float = SAMPLE_TIME
+) -> AxisPlant:
+    """A motor loop, a lag of first order behind a delay, with a tool on a spring and a damper behind it.
+
+    z'' = w2 (z_c - z) + 2 zeta w (z_c' - z') with the motor side z_c; the tool does not push it back. A model of ours:
+    those of the thesis are not published.
+
+    Args:
+        frequency, damping: of the tool [Hz] and [1]. lag: of the loop [s]. delay: of the loop, in samples.
+
+    Raises ArgumentError for numbers out of range.
+
+    >>> learning = gt.control.learning
+    >>> axis = learning.flexible_axis(11.5, 0.05)
+    >>> bool(abs(learning.pulse_response(axis.signals["tool"], 800).sum() - 1) < 1e-3)  # the tool arrives
+    True
+    """
+    import control
+
+    for name, value in (("frequency", frequency), ("damping", damping), ("lag", lag), ("sample_time", sample_time)):
+        if not value > 0:
+            raise ArgumentError(f"expected a number above 0; found {value:g}", name)
+    if delay < 0:
+        raise ArgumentError(f"a delay is not negative; found {delay} samples", "delay")
+    w = 2 * np.pi * frequency
+    A = np.array([[-1 / lag, 0, 0], [0, 0, 1], [w**2 - 2 * damping * w / lag, -(w**2), -2 * damping * w]])
+    B = np.array([[1 / lag], [0], [2 * damping * w / lag]])
+    sampled = control.c2d(control.ss(A, B, np.vstack([np.eye(3)[:2], A[2]]), [[0], [0], [B[2, 0]]]), sample_time)
+    a, b, C, D = (np.asarray(m, float) for m in (sampled.A, sampled.B, sampled.C, sampled.D))
+    made = {}
+    for row, name in enumerate(("motor", "tool", "acceleration")):
+        made[name] = delayed(control.StateSpace(a, b, C[row : row + 1], D[row : row + 1], sample_time), delay)
+    return AxisPlant(made, sample_time)
+
+
+def delayed(plant: StateSpace, delay: int) -> StateSpace:
+    """A plant of one input whose input comes `delay` samples late."""
+    import control
+
+    if not delay:
+        return plant
+    A, B, C, D = (np.asarray(m, float) for m in (plant.A, plant.B, plant.C, plant.D))
+    n, p = len(A), len(C)
+    big = np.zeros((n + delay, n + delay))
+    big[:n, :n] = A
+    big[:n, n : n + 1] = B
+    big[n:-1, n + 1 :] = np.eye(delay - 1)
+    first = np.zeros((n + delay, 1))
+    first[-1] = 1.0
+    return control.StateSpace(big, first, np.hstack([C, D, np.zeros((p, delay - 1))]), np.zeros((p, 1)), plant.dt)
+
+
+def tool_model(frequency: float, damping: float, sample_time: float = SAMPLE_TIME) -> StateSpace:
+    """The tool alone, from the motor side at this sample and at the next one, straight in between, to the tool.
+
+    frequency: [Hz]. What `kalman_estimate` takes, as does a model of one input that was identified.
+
+    >>> model = gt.control.learning.tool_model(11.5, 0.05)
+    >>> model.ninputs, model.noutputs, model.nstates
+    (2, 1, 2)
+    """
+    import control
+    import scipy
+
+    w = 2 * np.pi * frequency
+    # z'' = w2 (z_c - z) + 2 zeta w (z_c' - z'), with v = z' - 2 zeta w z_c in place of z'
+    A = np.array([[0.0, 1.0], [-(w**2), -2 * damping * w]])
+    B = np.array([[2 * damping * w], [w**2 - (2 * damping * w) ** 2]])
+    big = np.zeros((4, 4))
+    big[:2, :2], big[:2, 2:3], big[2, 3] = A, B, 1 / sample_time
+    step = scipy.linalg.expm(big * sample_time)
+    both = np.column_stack([step[:2, 2] - step[:2, 3], step[:2, 3]])
+    return control.StateSpace(step[:2, :2], both, [[1.0, 0.0]], np.zeros((1, 2)), sample_time)

@@ -1,0 +1,138 @@
+"""Where the tool is, from what is measured: Dressler 2012, (7.7), (7.17) and (7.21), as maps of whole runs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy
+
+from ...results import ArgumentError, Trajectory
+from .axis import AxisPlant
+from .kalman import ExtendedKalman
+from .lifted import Array, Lifted, identity, matrix
+from .plants import SAMPLE_TIME
+
+LARGEST = 4000  # samples of a run whose complementary filter is kept as a matrix: 128 MB
+
+
+@dataclass(frozen=True, eq=False)
+class ToolEstimate:
+    """zhat = sum of F_s y_s over the measured signals s: Dressler 2012, (7.7).
+
+    maps: F_s by the name of the signal. responses: the same over frequency, functions of frequencies (k,) in Hz.
+
+    >>> learning = gt.control.learning
+    >>> estimate = learning.measured(300)
+    >>> seen = estimate.seen(learning.flexible_axis(11.5, 0.05).maps(300))
+    >>> seen.size
+    300
+    """
+
+    maps: Mapping[str, Lifted]
+    responses: Mapping[str, Callable[[np.ndarray], np.ndarray]]
+
+    def __call__(self, signals: Mapping[str, Any]) -> Array:
+        """zhat (N,) of a run, from its signals (N,) by name. Raises ArgumentError where one is missing."""
+        missing = [name for name in self.maps if name not in signals]
+        if missing:
+            raise ArgumentError(f"the estimate wants the signals {', '.join(missing)} as well", "signals")
+        return sum((F(signals[name]) for name, F in self.maps.items()), np.zeros(1))
+
+    def seen(self, plant: Mapping[str, Lifted]) -> Lifted:
+        """F_u + F_y T_uy of (7.15): from the input to the estimate."""
+        made = [F @ plant[name] for name, F in self.maps.items()]
+        total = made[0]
+        for other in made[1:]:
+            total = total + other
+        return total
+
+    def response(self, plant: AxisPlant, frequency: np.ndarray) -> np.ndarray:
+        """The same (k,) at frequencies (k,) in Hz."""
+        T = plant.responses(frequency)
+        return np.sum([F(frequency) * T[name] for name, F in self.responses.items()], axis=0)
+
+
+def kinematic(size: int) -> ToolEstimate:
+    """zhat = z_c, the motors through the forward kinematics: case 1.
+
+    >>> gt.control.learning.kinematic(3)({"motor": [1.0, 2.0, 3.0]}).tolist()
+    [1.0, 2.0, 3.0]
+    """
+    return ToolEstimate({"motor": identity(size)}, {"motor": np.ones_like})
+
+
+def measured(size: int) -> ToolEstimate:
+    """zhat = z, the tool measured: case 3.
+
+    >>> gt.control.learning.measured(2)({"tool": [1.0, 2.0]}).tolist()
+    [1.0, 2.0]
+    """
+    return ToolEstimate({"tool": identity(size)}, {"tool": np.ones_like})
+
+
+def complementary_estimate(size: int, cutoff: float, sample_time: float = SAMPLE_TIME, order: int = 2) -> ToolEstimate:
+    """(7.17), motors below the cutoff [Hz] and the integrated acceleration above: case 2A, of whole runs only.
+
+    The map of `gtmodel.filtering.complementary`, which is linear. Raises ArgumentError for runs of more than 4000
+    samples, and as that.
+
+    >>> gt.control.learning.complementary_estimate(50, cutoff=4.5).maps["motor"].size
+    50
+    """
+    from ...filtering import complementary
+
+    if size > LARGEST:
+        raise ArgumentError(f"the complementary filter is kept as a matrix, up to {LARGEST} samples", "size")
+    t, zero, one = sample_time * np.arange(size), np.zeros((size, size)), np.eye(size)
+
+    def applied(slow: Array, felt: Array) -> Lifted:
+        z, a = Trajectory(t, {"z": slow}, {"z": "m"}), Trajectory(t, {"a": felt}, {"a": "m/s2"})
+        return matrix(complementary(z, a, cutoff, order=order)["z"])
+
+    def low(f: np.ndarray) -> np.ndarray:
+        sections = scipy.signal.butter(order, cutoff, fs=1 / sample_time, output="sos")
+        return np.abs(scipy.signal.sosfreqz(sections, f, fs=1 / sample_time)[1]) ** 2
+
+    def high(f: np.ndarray) -> np.ndarray:
+        # the integral of straight lines twice, (Ts2 / 6) (z + 4 + 1/z) / (z - 2 + 1/z); 1 - G vanishes faster at rest
+        c = np.cos(2 * np.pi * f * sample_time)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            twice = sample_time**2 / 6 * (2 * c + 4) / (2 * c - 2)
+            return np.where(c < 1, (1 - low(f)) * twice, 0.0)
+
+    return ToolEstimate(
+        {"motor": applied(one, zero), "acceleration": applied(zero, one)}, {"motor": low, "acceleration": high}
+    )
+
+
+def kalman_estimate(size: int, filter: ExtendedKalman) -> ToolEstimate:
+    """(7.21) and (7.22), a model from the motor side to the tool corrected by the acceleration: case 2B.
+
+    >>> learning = gt.control.learning
+    >>> filter = learning.ExtendedKalman(learning.tool_model(11.5, 0.05), process=1e-12, noise=0.07)
+    >>> learning.kalman_estimate(100, filter).maps["acceleration"].size
+    100
+    """
+    from .lifted import shifted, toeplitz
+
+    system = filter.system
+    columns = filter.pulses(size)
+    motor = toeplitz(columns[0])
+    for k in range(1, len(columns) - 1):
+        motor = motor + toeplitz(columns[k]) @ shifted(size, 1.0, k)
+
+    def of_motor(f: np.ndarray) -> np.ndarray:
+        z = np.exp(2j * np.pi * f * filter.sample_time)
+        return np.sum([z**k * filter.response(f, k) for k in range(len(columns) - 1)], axis=0)
+
+    def of_acceleration(f: np.ndarray) -> np.ndarray:
+        return filter.response(f, len(columns) - 1)
+
+    assert system.nstates
+    return ToolEstimate(
+        {"motor": motor, "acceleration": toeplitz(columns[-1])},
+        {"motor": of_motor, "acceleration": of_acceleration},
+    )

@@ -1,0 +1,112 @@
+"""The learning law u(k+1) = Q (u(k) + L e(k)) of Dressler 2012, (7.2) and (7.6), its map and its fixed point."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy
+
+from ...results import ArgumentError
+from .lifted import Array, Lifted, identity, shifted, weighted, zero_phase
+
+DENSE = 1000  # samples up to which an N x N matrix is cheaper than many runs of filters
+RAMP = 100  # samples of lead-in and of lead-out, Dressler 2012, section 7.3
+SOLVED = 1e-13  # relative residual of the fixed point, where it is found by iteration
+
+
+@dataclass(frozen=True, eq=False)
+class LearningLaw:
+    """u(k+1) = Q (u(k) + L e(k)) with the error e = r - zhat, for one axis. Q, L: maps of signals of a run.
+
+    >>> learning = gt.control.learning
+    >>> law = learning.simple_law(825, gain=0.9, shift=5, cutoff=10.0)
+    >>> u = law.update(np.zeros(825), np.ones(825))
+    >>> u.shape, float(u[0])  # the window of the lead-in begins with zero
+    ((825,), 0.0)
+    """
+
+    Q: Lifted
+    L: Lifted
+
+    def update(self, u: Any, error: Any) -> Array:
+        """The next input (N,) from the last one and the error of its run."""
+        return self.Q(np.asarray(u, float) + self.L(error))
+
+    def map(self, seen: Lifted) -> Lifted:
+        """Q (I - L seen), by which the input moves on from run to run; seen: from u to the estimate, F_u + F_y T_uy.
+
+        Dressler 2012, (7.15) and (7.16); the text at Fig. 7.14 prints F_r where F_u belongs.
+        """
+        return self.Q @ (identity(self.Q.size) - self.L @ seen)
+
+    def fixed_point(self, seen: Lifted, first_error: Any) -> Array:
+        """u (N,) with u = Q (u + L e), e = first_error - seen u: where a law that converges ends.
+
+        first_error: r - zhat of the run with u = 0. Raises ArgumentError where no such input exists.
+        """
+        step, right = self.map(seen), self.Q(self.L(first_error))
+        n = self.Q.size
+        if n <= DENSE:
+            try:
+                return np.linalg.solve(np.eye(n) - step.dense(), right)
+            except np.linalg.LinAlgError:
+                raise ArgumentError("Q (I - L T) has the eigenvalue 1: no input is its own successor", "seen") from None
+        rest = identity(n) - step
+        u, info = scipy.sparse.linalg.gmres(rest.operator(), right, rtol=SOLVED, atol=0.0, restart=200, maxiter=20)
+        if info != 0:
+            raise ArgumentError("the fixed point was not reached by GMRES; the law hardly contracts", "seen")
+        return u
+
+
+def ramp_weights(ramp: int = RAMP, tukey: float = 0.95) -> Array:
+    """w (ramp,) of Dressler 2012, (7.12): the first half of a Tukey window, alpha = 0.95 (section 7.3).
+
+    >>> w = gt.control.learning.ramp_weights()
+    >>> len(w), float(w[0]), float(w[-1])
+    (100, 0.0, 1.0)
+    """
+    return np.asarray(scipy.signal.windows.tukey(2 * ramp, tukey))[:ramp]
+
+
+def input_window(size: int, ramp: int = RAMP, tukey: float = 0.95) -> Array:
+    """The diagonal (size,) of Q_w, Dressler 2012, (7.14): rising over the lead-in, 1, falling over the lead-out.
+
+    Raises ArgumentError where the run is no longer than both.
+
+    >>> learning = gt.control.learning
+    >>> w = learning.input_window(825)
+    >>> int(np.sum(w == 1.0)) >= 625, float(w[0]), bool(np.all(w == w[::-1]))
+    (True, 0.0, True)
+    """
+    if size <= 2 * ramp:
+        raise ArgumentError(
+            f"the run has {size} samples; lead-in and lead-out take {2 * ramp} of them: take a longer run", "size"
+        )
+    w = ramp_weights(ramp, tukey)
+    return np.concatenate([w, np.ones(size - 2 * ramp), w[::-1]])
+
+
+def butterworth(cutoff: float, sample_time: float, order: int = 2) -> Array:
+    """Sections (n, 6) of a low-pass filter. cutoff: [Hz]. Raises ArgumentError above half the sampling rate."""
+    if not 0 < cutoff < 0.5 / sample_time:
+        raise ArgumentError(f"expected a cutoff above 0 and below {0.5 / sample_time:g} Hz; found {cutoff:g}", "cutoff")
+    return np.asarray(scipy.signal.butter(order, cutoff, fs=1 / sample_time, output="sos"))
+
+
+def simple_law(
+    size: int, gain: float, shift: int, cutoff: float, *, sample_time: float = 0.004, ramp: int = RAMP, order: int = 2
+) -> LearningLaw:
+    """The law of case 1, Dressler 2012, section 7.4: L = gain q^shift, Q = Q_w Qb' Qb with a Butterworth low pass.
+
+    cutoff: [Hz]. ramp: samples of lead-in and lead-out; 0: without Q_w. Raises ArgumentError for numbers out of range.
+
+    >>> learning = gt.control.learning
+    >>> law = learning.simple_law(825, gain=0.9, shift=5, cutoff=10.0)
+    >>> law.Q.size
+    825
+    """
+    Q = zero_phase(butterworth(cutoff, sample_time, order), size)
+    window = weighted(input_window(size, ramp)) if ramp else identity(size)
+    return LearningLaw(window @ Q, shifted(size, gain, shift))

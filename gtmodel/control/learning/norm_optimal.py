@@ -1,0 +1,152 @@
+"""Laws that minimise a norm: u(k+1) of least e'We + u'Su + du'R du, with bounds as a quadratic program."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import scipy
+
+from ...results import ArgumentError
+from .law import DENSE, SOLVED, LearningLaw
+from .lifted import Array, Lifted, identity, lifted
+from .plants import Plant, stable
+
+SOLVERS = ("daqp", "osqp")  # an active-set method, exact; where it does not end, one of first order with polishing
+OSQP = {"eps_abs": 1e-10, "eps_rel": 1e-10, "max_iter": 50_000, "polish": True, "verbose": False}
+
+
+def norm_optimal_law(plant: Plant | Lifted, size: int, change: float, effort: float = 0.0) -> LearningLaw:
+    """The law of least |e|^2 + effort |u|^2 + change |u(k+1) - u(k)|^2.
+
+    With scalar weights R = change and S = effort: Q = (T'T + S + R)^-1 (T'T + R), L = (T'T + R)^-1 T', so the input
+    contracts by sigma = R / (R + S + s_min(T)^2), which is 1 for S = 0: the last inputs never reach the output through
+    the delay.
+
+    Args:
+        plant: of one input and output, or its lifted map. size: samples of a run.
+
+    Raises ArgumentError for weights that are not positive (effort may be 0), and for a plant with a pole on or outside
+    the unit circle, whose lifted map is as good as singular.
+
+    >>> learning = gt.control.learning
+    >>> loop = learning.delayed_lag(*learning.ACTUATORS[0], 5)
+    >>> law = learning.norm_optimal_law(loop, 200, change=0.1, effort=0.01)
+    >>> round(learning.largest_gain(law.map(learning.lifted(loop, 200))), 9)  # 0.1 / 0.11
+    0.909090909
+    """
+    T = _lifted(plant, size)
+    _weights(change, effort)
+    square, one = T.adjoint @ T, identity(T.size)
+    before = square + change * one
+    Q = inverse(square + (change + effort) * one) @ before if effort else one
+    return LearningLaw(Q, inverse(before) @ T.adjoint)
+
+
+def model_inverse_law(plant: Plant | Lifted, size: int, regularisation: float, Q: Lifted | None = None) -> LearningLaw:
+    """L = (T'T + regularisation)^-1 T', the inverse of the model where that has a gain, behind a Q of your own.
+
+    regularisation: of the squared gain; 0.01 leaves out what the plant passes by less than a tenth. Q: a map of runs of
+    `size` samples; the identity if left out. Raises ArgumentError as `norm_optimal_law`.
+
+    >>> learning = gt.control.learning
+    >>> axis = learning.flexible_axis(11.5, 0.05)
+    >>> law = learning.model_inverse_law(axis.signals["tool"], 300, 0.01)
+    >>> law.L.size
+    300
+    """
+    T = _lifted(plant, size)
+    _weights(regularisation, 0.0)
+    law = norm_optimal_law(T, size, regularisation)
+    return LearningLaw(Q or identity(size), law.L)
+
+
+def inverse(map: Lifted) -> Lifted:
+    """The inverse of a symmetric positive definite map: by Cholesky's factor, for long runs by conjugate gradients.
+
+    Raises ArgumentError where it is not positive definite, or hardly.
+
+    >>> learning = gt.control.learning
+    >>> learning.inverse(learning.weighted([2.0, 4.0]))([1.0, 1.0]).round(12).tolist()
+    [0.5, 0.25]
+    """
+    if map.size <= DENSE:
+        M = map.dense()
+        try:
+            factor = scipy.linalg.cho_factor((M + M.T) / 2)
+        except np.linalg.LinAlgError:
+            raise ArgumentError("the map is not positive definite; raise the weights", "map") from None
+        return Lifted(map.size, *2 * (lambda x: scipy.linalg.cho_solve(factor, x),))
+    operator = map.operator()
+
+    def solve(x: Array) -> Array:
+        made = np.empty_like(x)
+        for k in range(x.shape[1]):
+            made[:, k], info = scipy.sparse.linalg.cg(operator, x[:, k], rtol=SOLVED, atol=0.0, maxiter=20 * map.size)
+            if info:
+                raise ArgumentError("conjugate gradients did not end: raise the weights, or take a shorter run", "map")
+        return made
+
+    return Lifted(map.size, solve, solve)
+
+
+def bounded_update(
+    plant: Plant | Lifted, u: Any, error: Any, change: float, effort: float = 0.0, *, largest: float | None = None,
+    largest_step: float | None = None,
+) -> Array:  # fmt: skip
+    """The next input (N,) of a norm-optimal law within bounds, as a quadratic program by CasADi.
+
+    Args:
+        plant: as of `norm_optimal_law`. u, error: (N,) of the last run. change, effort: the weights.
+        largest: modulus of the input. largest_step: from a sample to the next, from zero at the first one.
+
+    Without bounds it is the law's own update. Raises ArgumentError as `norm_optimal_law`, for bounds that are not
+    positive, and where no solver ends.
+
+    >>> learning = gt.control.learning
+    >>> loop = learning.delayed_lag(0.5, 0.5, delay=1)
+    >>> u = learning.bounded_update(loop, np.zeros(20), np.ones(20), change=0.1, largest=0.8, largest_step=0.3)
+    >>> bool(np.abs(u).max() < 0.8 + 1e-9), bool(np.abs(np.diff(u)).max() < 0.3 + 1e-9)
+    (True, True)
+    """
+    import casadi as ca
+
+    u, e = np.asarray(u, float), np.asarray(error, float)
+    n = len(u)
+    T = _lifted(plant, n)
+    _weights(change, effort)
+    for name, bound in (("largest", largest), ("largest_step", largest_step)):
+        if bound is not None and not bound > 0:
+            raise ArgumentError(f"a bound is above 0; found {bound:g}", name)
+    M = T.dense()
+    wanted = e + M @ u
+    square = M.T @ M + (change + effort) * np.eye(n)
+    linear = -(M.T @ wanted + change * u)
+    scale = max(float(np.abs(wanted).max()), float(np.abs(u).max()), 1e-300)  # the solvers know no units
+    most = np.inf if largest is None else largest / scale
+    step = np.inf if largest_step is None else largest_step / scale
+    rows = ca.sparsify(ca.DM(np.eye(n) - np.eye(n, k=-1)))
+    for name in SOLVERS:
+        solver = ca.conic(
+            "update", name, {"h": ca.Sparsity.dense(n, n), "a": rows.sparsity()},
+            {"error_on_fail": False, **({"osqp": OSQP} if name == "osqp" else {})},
+        )  # fmt: skip
+        made = solver(h=ca.DM(square), g=linear / scale, a=rows, lbx=-most, ubx=most, lba=-step, uba=step)
+        if solver.stats()["success"]:
+            return np.clip(made["x"].full()[:, 0] * scale, -most * scale, most * scale)
+    raise ArgumentError(f"no solver ended ({', '.join(SOLVERS)}); raise the weights or widen the bounds", "largest")
+
+
+def _lifted(plant: Plant | Lifted, size: int) -> Lifted:
+    if not isinstance(plant, Lifted):
+        return lifted(stable(plant), size)
+    if plant.size != size:
+        raise ArgumentError(f"the map is of {plant.size} samples; expected {size}", "plant")
+    return plant
+
+
+def _weights(change: float, effort: float) -> None:
+    if not change > 0:
+        raise ArgumentError(f"the weight of the change is above 0; found {change:g}", "change")
+    if not effort >= 0:
+        raise ArgumentError(f"the weight of the effort is not negative; found {effort:g}", "effort")

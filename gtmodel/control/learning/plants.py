@@ -1,0 +1,133 @@
+"""Plants of learning control: linear loops in discrete time of one input and one output, stable, and known."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy
+
+from ..._lazy import hint
+from ...results import ArgumentError
+
+if TYPE_CHECKING:
+    from control import StateSpace, TransferFunction
+else:
+    StateSpace, TransferFunction = hint("control", "StateSpace"), hint("control", "TransferFunction")
+
+Plant = StateSpace | TransferFunction
+# Dressler 2012, (6.11): b and a of the three controlled actuators of the L1 prototype, b q^-5 / (1 - a q^-1) at 4 ms
+ACTUATORS = ((0.03527, 0.9647), (0.03425, 0.9656), (0.02748, 0.9728))
+ACTUATOR_DELAY = 5
+SAMPLE_TIME = 0.004
+
+
+def delayed_lag(b: float, a: float, delay: int, sample_time: float = SAMPLE_TIME) -> StateSpace:
+    """b q^-delay / (1 - a q^-1): a controlled actuator, Dressler 2012, (6.10) and (6.11).
+
+    delay: in samples; raises ArgumentError where it is negative. sample_time: [s].
+
+    >>> learning = gt.control.learning
+    >>> loop = learning.delayed_lag(*learning.ACTUATORS[0], learning.ACTUATOR_DELAY)
+    >>> learning.pulse_response(loop, 7).round(5).tolist()
+    [0.0, 0.0, 0.0, 0.0, 0.0, 0.03527, 0.03402]
+    """
+    import control
+
+    if delay < 0:
+        raise ArgumentError(f"a delay is not negative; found {delay} samples", "delay")
+    if delay == 0:
+        return control.StateSpace([[a]], [[1.0]], [[b * a]], [[b]], sample_time)
+    A = np.diag(np.ones(delay - 1), -1) if delay > 1 else np.zeros((1, 1))
+    A[0, 0] = a
+    B, C = np.zeros((delay, 1)), np.zeros((1, delay))
+    B[0, 0], C[0, -1] = 1.0, b
+    return control.StateSpace(A, B, C, [[0.0]], sample_time)
+
+
+def discrete(plant: Plant) -> StateSpace:
+    """The plant as a state space. Raises ArgumentError for several inputs or outputs, and for continuous time."""
+    import control
+
+    if not isinstance(plant, (control.StateSpace, control.TransferFunction)):
+        raise ArgumentError(
+            f"a plant is a control.StateSpace or a control.TransferFunction; found {type(plant).__name__}", "plant"
+        )
+    if (plant.ninputs, plant.noutputs) != (1, 1):
+        raise ArgumentError(
+            f"a plant has one input and one output, per axis; found {plant.ninputs} and {plant.noutputs}", "plant"
+        )
+    if not plant.isdtime(strict=True):
+        raise ArgumentError("the plant is in continuous time; sample it by control.c2d(plant, period)", "plant")
+    made = plant if isinstance(plant, control.StateSpace) else control.ss(plant)
+    assert isinstance(made, control.StateSpace)
+    return made
+
+
+def stable(plant: Plant) -> StateSpace:
+    """The plant as a state space. Raises ArgumentError for a pole on or outside the unit circle: its lifted map grows
+    with the length of the run, and learning is for loops that a controller has made stable (Dressler 2012, (7.1)).
+
+    >>> learning = gt.control.learning
+    >>> try:
+    ...     learning.stable(learning.delayed_lag(1.0, 1.02, delay=1))
+    ... except gt.results.ArgumentError as error:
+    ...     print(error.argument)
+    plant
+    """
+    made = discrete(plant)
+    radius = float(np.max(np.abs(made.poles()), initial=0.0))
+    if radius >= 1:
+        raise ArgumentError(
+            f"the plant has a pole of modulus {radius:.6g}, so its lifted map grows with the length of the run; close "
+            "a stabilising loop around it first",
+            "plant",
+        )
+    return made
+
+
+def pulse_response(plant: Plant, size: int) -> np.ndarray:
+    """The first `size` samples of the answer to 1, 0, 0, ... from rest (size,). Raises ArgumentError as `discrete`.
+
+    >>> learning = gt.control.learning
+    >>> learning.pulse_response(learning.delayed_lag(0.5, 0.5, delay=1), 4).tolist()
+    [0.0, 0.5, 0.25, 0.125]
+    """
+    p = discrete(plant)
+    A, B, C, D = (np.asarray(m, float) for m in (p.A, p.B, p.C, p.D))
+    made = np.zeros(size)
+    made[:1] = D[0, 0]
+    # C A^k B in blocks: the powers A^0 to A^(m-1) once, then jumps of m
+    if len(A) and size > 1:
+        block = max(1, int(np.sqrt(size)))
+        rows = [C[0]]
+        for _ in range(block - 1):
+            rows.append(rows[-1] @ A)
+        observed, jump, x = np.array(rows), np.linalg.matrix_power(A, block), B[:, 0]
+        for k in range(1, size, block):
+            part = observed @ x
+            made[k : k + block] = part[: size - k]
+            x = jump @ x
+    return made
+
+
+def frequency_response(plant: Plant, frequency: np.ndarray) -> np.ndarray:
+    """G(e^jw) (k,) at frequencies (k,) in Hz. Raises ArgumentError as `discrete`.
+
+    >>> learning = gt.control.learning
+    >>> loop = learning.delayed_lag(0.5, 0.5, delay=1)
+    >>> float(abs(learning.frequency_response(loop, np.array([0.0]))[0]))  # at rest the gain is b / (1 - a)
+    1.0
+    """
+    p = discrete(plant)
+    A, B, C, D = (np.asarray(m, float) for m in (p.A, p.B, p.C, p.D))
+    z = np.exp(2j * np.pi * np.asarray(frequency, float) * float(p.dt or 1.0))
+    if not len(A):
+        return np.full(z.shape, D[0, 0], complex)
+    # along a Schur form: a triangular solve for each frequency, safe for defective matrices
+    T, U = scipy.linalg.schur(A, "complex")
+    b, c = U.conj().T @ B[:, 0], C[0] @ U
+    x = np.zeros((len(A), len(z)), complex)
+    for i in range(len(A) - 1, -1, -1):
+        x[i] = (b[i] + T[i, i + 1 :] @ x[i + 1 :]) / (z - T[i, i])
+    return c @ x + D[0, 0]

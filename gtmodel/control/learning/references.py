@@ -1,0 +1,59 @@
+"""The reference of the experiments: a square, twice around, at rest in its corners (Dressler 2012, section 7.3)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+import numpy as np
+
+from ...results import ArgumentError
+from ...results.options import Options, Unit, Within
+from .law import RAMP
+
+ACCELERATING = 0.25  # of a side's time, of the trapezoidal profile
+
+
+@dataclass(frozen=True)
+class SquarePath(Options):
+    """A square of the tool, begun in negative y-direction, at rest in its corners, twice around.
+
+    The printed profile is not published; `smooth` has continuous acceleration and little above 10 Hz.
+
+    >>> x, y = gt.control.learning.SquarePath().samples(0.004).T
+    >>> len(x), round(1e3 * float(x.max() - x.min()), 6)  # mm
+    (825, 10.0)
+    """
+
+    side: Annotated[float, Unit("m", written="mm"), Within(above=0.0), "of the square"] = 0.01
+    side_time: Annotated[float, Unit("s"), Within(above=0.0), "for one side"] = 0.25
+    profile: Annotated[
+        Literal["smooth", "trapezoidal"], "of the speed along a side: continuous acceleration, or its steps"
+    ] = "smooth"
+    ramp: Annotated[int, Within(least=1), "samples of lead-in, and of lead-out"] = RAMP
+    corrected: Annotated[int, Within(least=10), "samples between them, which are fully corrected"] = 625
+
+    @property
+    def size(self) -> int:
+        """Samples of the run."""
+        return self.corrected + 2 * self.ramp
+
+    def samples(self, sample_time: float) -> np.ndarray:
+        """x and y (N, 2) [m], from rest at zero. Raises ArgumentError where a side is shorter than four samples."""
+        n = round(self.side_time / sample_time)
+        if n < 4:
+            raise ArgumentError(f"a side lasts {n} samples; expected four or more", "side_time")
+        t = np.arange(1, n + 1) / n
+        if self.profile == "smooth":
+            s = t**3 * (10 - 15 * t + 6 * t**2)
+        else:
+            p = ACCELERATING
+            rise, fall = t**2 / (2 * p), 1 - p - (1 - t) ** 2 / (2 * p)
+            s = np.where(t < p, rise, np.where(t > 1 - p, fall, t - p / 2)) / (1 - p)
+        made, at, k = np.zeros((self.size, 2)), np.zeros(2), self.ramp
+        for corner in (np.array(c) for c in 2 * [(0, -1), (1, 0), (0, 1), (-1, 0)]):
+            there = made[k : k + n]
+            there[:] = (at + self.side * s[:, None] * corner)[: len(there)]
+            at, k = at + self.side * corner, k + n
+            made[k:] = at
+        return made

@@ -1,0 +1,158 @@
+"""Estimators as maps: against the recursion of (7.22) step by step, python-control's gain, the filter of (7.17)."""
+
+from __future__ import annotations
+
+import control
+import numpy as np
+import pytest
+import scipy
+
+import gtmodel as gt
+from gtmodel.control import learning
+from gtmodel.results.refusal import ArgumentError
+
+TS, N, NOISE = 0.004, 825, 0.07
+FULL = slice(100, 725)
+SAME = 1e-9
+
+
+def signals(seed: int, *, frequency: float = 11.5, damping: float = 0.05, size: int = N) -> dict[str, np.ndarray]:
+    """A run along y, synthetic, with 0.07 m/s2 of noise of the accelerometer and 1 um of the motors."""
+    rng = np.random.default_rng(seed)
+    path = learning.SquarePath(corrected=size - 200)
+    r = path.samples(TS)[:, 1]
+    made = {name: T(r) for name, T in learning.flexible_axis(frequency, damping).maps(size).items()}
+    made["acceleration"] = made["acceleration"] + NOISE * rng.normal(size=size)
+    made["motor"] = made["motor"] + 1e-6 * rng.normal(size=size)
+    return made
+
+
+def filter_of(off: float = 0.0) -> learning.ExtendedKalman:
+    return learning.ExtendedKalman(learning.tool_model(11.5 * (1 + off), 0.05), 1e-12, NOISE)
+
+
+def test_the_gain_is_that_of_python_control() -> None:
+    f = filter_of()
+    A, _, H = f.extended
+    expected, P, _ = control.dlqe(A, np.eye(4), H, f.process * np.eye(4), [[NOISE**2]])
+    assert np.abs(f.gain - np.asarray(expected)[:, 0]).max() < 1e-6 * np.abs(expected).max()
+    assert np.abs(f.covariance - P).max() < 1e-6 * np.abs(P).max()
+    # (7.21) entry by entry: the acceleration is the second difference backward
+    C, x, u = np.array([1.0, 0.0]), np.random.default_rng(1).normal(size=4), np.array([0.3, -0.2])
+    z = [C @ x[:2], *(C @ (np.asarray(f.model.A) @ x[:2] + np.asarray(f.model.B) @ u) for _ in range(1))]
+    after = f.extended[0] @ x + f.extended[1] @ u
+    assert after[2] == pytest.approx((z[1] - z[0]) / TS)
+    assert after[3] == pytest.approx(((z[1] - z[0]) / TS - x[2]) / TS)
+
+
+def test_the_map_is_the_recursion_of_7_22() -> None:
+    f, run = filter_of(), signals(1)
+    A, B, _ = f.extended
+    x, made, innovations = np.zeros(4), np.zeros(N), np.zeros(N)
+    zc = np.append(run["motor"], run["motor"][-1])
+    reading = np.append(0.0, run["acceleration"][:-1])  # x_a is one sample late
+    for k in range(N):
+        made[k] = x[0]
+        innovations[k] = reading[k] - x[3]
+        x = A @ x + B @ zc[k : k + 2] + f.gain * innovations[k]
+    estimate = learning.kalman_estimate(N, f)
+    assert np.abs(estimate(run) - made).max() < SAME
+    assert (
+        np.abs(f.innovations(run["motor"], run["acceleration"]) * np.sqrt(f.innovation_variance) - innovations).max()
+        < 1e-8
+    )
+
+
+@pytest.mark.parametrize("name", ["kinematic", "measured", "complementary", "kalman"])
+def test_responses_are_those_of_the_maps(name: str) -> None:
+    estimate = {
+        "kinematic": lambda: learning.kinematic(N), "measured": lambda: learning.measured(N),
+        "complementary": lambda: learning.complementary_estimate(N, 4.5),
+        "kalman": lambda: learning.kalman_estimate(N, filter_of()),
+    }[name]()  # fmt: skip
+    t = TS * np.arange(N)
+    for f in (6.0, 11.0, 25.0):
+        for signal, F in estimate.maps.items():
+            x = np.cos(2 * np.pi * f * t)
+            middle = slice(350, 500)
+            waves = np.column_stack([np.cos(2 * np.pi * f * t), -np.sin(2 * np.pi * f * t), np.ones(N), t])
+            seen = np.linalg.lstsq(waves[middle], F(x)[middle], rcond=None)[0]
+            expected = estimate.responses[signal](np.array([f]))[0]
+            scale = max(abs(expected), (2 * np.pi * f) ** -2 if signal == "acceleration" else 1e-2)
+            assert abs(seen[0] + 1j * seen[1] - expected) < 0.02 * scale, (signal, f)
+
+
+def test_the_complementary_map_is_the_filter_of_7_17() -> None:
+    run = signals(2)
+    t = TS * np.arange(N)
+    z = gt.filtering.complementary(
+        gt.Trajectory(t, {"z": run["motor"]}, {"z": "m"}),
+        gt.Trajectory(t, {"a": run["acceleration"]}, {"a": "m/s2"}), 2.63,
+    )["z"]  # fmt: skip
+    assert np.abs(learning.complementary_estimate(N, 2.63)(run) - z).max() < 1e-11
+
+
+def test_the_innovations_of_the_right_model_lie_in_their_band_and_those_of_a_wrong_one_do_not() -> None:
+    outside = 0
+    for seed in range(10):
+        run = signals(seed)
+        f = learning.most_likely_filter(learning.tool_model(11.5, 0.05), run["motor"], run["acceleration"], NOISE)
+        nis = float(np.mean(f.innovations(run["motor"], run["acceleration"]) ** 2))
+        band = gt.filtering.chi_squared_band(N, 1)
+        outside += nis not in band
+        wrong = learning.ExtendedKalman(learning.tool_model(11.5 * 1.2, 0.05), f.process, NOISE)
+        assert float(np.mean(wrong.innovations(run["motor"], run["acceleration"]) ** 2)) > 2 * band.high
+    assert outside <= 1
+
+
+def test_the_error_grows_with_the_mismatch_of_the_model_and_the_order_is_that_of_figure_7_1() -> None:
+    run = signals(4)
+
+    def error(estimate: learning.ToolEstimate) -> float:
+        return float(np.sqrt(np.mean((estimate(run) - run["tool"])[FULL] ** 2)))
+
+    kalman = []
+    for off in (0.0, 0.03, 0.1, 0.2):
+        f = learning.most_likely_filter(
+            learning.tool_model(11.5 * (1 + off), 0.05), run["motor"], run["acceleration"], NOISE
+        )
+        kalman.append(error(learning.kalman_estimate(N, f)))
+    assert np.all(np.diff(kalman) > 0), kalman
+    assert kalman[-1] < error(learning.complementary_estimate(N, 2.63)) < error(learning.kinematic(N))
+
+
+def test_refusals() -> None:
+    with pytest.raises(ArgumentError) as error:
+        learning.kinematic(5)({"tool": np.zeros(5)})
+    assert error.value.argument == "signals"
+    with pytest.raises(ArgumentError) as error:
+        learning.ExtendedKalman(control.StateSpace([[0.5]], [[1.0]], [[1.0]], [[1.0]], TS), 1e-9, NOISE)
+    assert error.value.argument == "model" and "feedthrough" in error.value.message
+    with pytest.raises(ArgumentError) as error:
+        learning.ExtendedKalman(learning.tool_model(11.5, 0.05), 0.0, NOISE)
+    assert error.value.argument == "process"
+    with pytest.raises(ArgumentError) as error:
+        learning.complementary_estimate(5000, 3.0)
+    assert error.value.argument == "size"
+    with pytest.raises(ArgumentError) as error:
+        learning.flexible_axis(11.5, -0.1)
+    assert error.value.argument == "damping"
+
+
+def test_the_synthetic_tool_is_that_of_its_differential_equation() -> None:
+    # scipy integrates z'' = w2 (z_c - z) + 2 zeta w (z_c' - z') behind a lag of 20 ms and five samples
+    w, zeta, lag = 2 * np.pi * 11.5, 0.05, 0.02
+    r = learning.SquarePath().samples(TS)[:300, 1]
+
+    def slope(t: float, x: np.ndarray) -> list[float]:
+        k = int(t / TS + 1e-9) - 5
+        rate = ((r[k] if k >= 0 else 0.0) - x[0]) / lag
+        return [rate, x[2], w**2 * (x[0] - x[1]) + 2 * zeta * w * (rate - x[2])]
+
+    x, rows = np.zeros(3), []
+    for k in range(300):
+        rows.append(x)
+        x = scipy.integrate.solve_ivp(slope, (TS * k, TS * (k + 1) - 1e-12), x, rtol=1e-10, atol=1e-14).y[:, -1]
+    maps = learning.flexible_axis(11.5, 0.05).maps(300)
+    assert np.abs(maps["motor"](r) - np.array(rows)[:, 0]).max() < 1e-10
+    assert np.abs(maps["tool"](r) - np.array(rows)[:, 1]).max() < 1e-9
