@@ -3,8 +3,8 @@
  * Means lie on a product of vectors and unit quaternions, errors in its tangent space. Readings of one instant are all
  * linearised at the predicted mean and then used one number after the other, so that nothing is inverted; together they
  * are what the joint update is. The covariance is kept as U D U', which is positive where D is.
- * gtmodel/filtering/controller/twin.py does the same in the same order; the two agree bit for bit. Nothing is allocated;
- * all memory is the caller's.
+ * gtmodel/filtering/controller/twin.py does the same in the same order; the two agree bit for bit. Nothing is
+ * allocated; all memory is the caller's.
  */
 #ifndef GT_FILTER_H
 #define GT_FILTER_H
@@ -88,8 +88,8 @@ static GT_FILTER_ONCE gt_status gt_filter_instant(const gt_filter *f, const gt_f
 }
 
 /* One cycle: known inputs u, readings z and whether each sensor has one. `now` is what is known at this instant, in
- * memory of its own where there are delays; outcome tells of the newest instant whose readings are all there. The memory
- * is to be used further with GT_OK only. */
+ * memory of its own where there are delays; outcome tells of the newest instant whose readings are all there. The
+ * memory is to be used further with GT_OK only. */
 static GT_FILTER_ONCE gt_status gt_filter_cycle(const gt_filter *f, const gt_filter_memory *memory, const double *u,
                                         const double *z, const int *flags, const gt_filter_belief *now,
                                         const gt_filter_outcome *outcome, const gt_filter_work *work)

@@ -50,7 +50,7 @@ static inline void gt_filter_plus(const gt_filter *f, double *mean, const double
 }
 
 /* The variances of the errors. GT_OK where all are finite and each number of D is more than round-off could make of its
- * variance. With D above zero U D U' is positive; with this share it is so too in the numbers of whoever multiplies it. */
+ * variance. With D above zero U D U' is positive; with this share it is so too for whoever multiplies it. */
 static GT_FILTER_ONCE gt_status gt_filter_judge(const gt_filter *f, const gt_filter_belief *belief, double *variance)
 {
     const double *own = belief->factor;

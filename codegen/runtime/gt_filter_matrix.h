@@ -17,8 +17,8 @@ static GT_SHARED void gt_filter_fill(const gt_filter_matrix *matrix, const doubl
     }
 }
 
-static GT_FILTER_OFTEN void gt_filter_multiply(const gt_filter_product *product, const double *left, const double *right,
-                                         double *result)
+static GT_FILTER_OFTEN void gt_filter_multiply(const gt_filter_product *product, const double *left,
+                                               const double *right, double *result)
 {
     int n;
     int k = 0;
@@ -34,8 +34,8 @@ static GT_FILTER_OFTEN void gt_filter_multiply(const gt_filter_product *product,
     }
 }
 
-/* to + the sum of `terms` vectors of `from`, each times a factor and a scale; of so many pairs of numbers. They begin at
- * these offsets, the factors lie `apart`. Three terms are added in one pass, one after the other. */
+/* to + the sum of `terms` vectors of `from`, each times a factor and a scale; of so many pairs of numbers. They begin
+ * at these offsets, the factors lie `apart`. Three terms are added in one pass, one after the other. */
 static GT_FILTER_OFTEN void gt_filter_sum(double *to, size_t pairs, const double *from, const int *offset,
                                           const double *factor, ptrdiff_t apart, const double *scale, int terms)
 {

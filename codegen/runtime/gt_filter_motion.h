@@ -67,8 +67,8 @@ static GT_FILTER_ONCE void gt_filter_noise(const gt_filter *f, const double *val
 }
 
 /* One step of Runge and Kutta from `mean`, F and Q on the way. */
-static GT_FILTER_ONCE void gt_filter_move(const gt_filter *f, double time, double *mean, const double *u0, const double *u1,
-                                     const gt_filter_work *work)
+static GT_FILTER_ONCE void gt_filter_move(const gt_filter *f, double time, double *mean, const double *u0,
+                                          const double *u1, const gt_filter_work *work)
 {
     static const double share[4] = {0.0, 0.5, 0.5, 1.0};
     static const double weight[4] = {1.0, 2.0, 2.0, 1.0};

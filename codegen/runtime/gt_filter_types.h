@@ -125,8 +125,8 @@ typedef struct gt_filter_belief {
     int *closed; /* of each sensor, readings in a row that its gate left out */
 } gt_filter_belief;
 
-/* What is remembered beside the belief: the readings of the last instants, in a ring of depth + 1. The belief is that of
- * the oldest one that is complete. */
+/* What is remembered beside the belief: the readings of the last instants, in a ring of depth + 1. The belief is that
+ * of the oldest one that is complete. */
 typedef struct gt_filter_memory {
     gt_filter_belief belief;
     double *before; /* known inputs at the belief's time */

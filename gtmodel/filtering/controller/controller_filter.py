@@ -20,10 +20,9 @@ from .plan import plan_of
 from .text import text
 from .twin import UNIT, FilterTwin, Pair
 
-# times n (n + 1) round-offs: the share of each variance that its number of D must exceed. U D U' is positive wherever D
-# is above zero; the share leaves room for whoever multiplies it in double and factors it again (n + 1 round-offs of each
-# variance would be Rump's, 2006, BIT 46, 433-452). In float that is more than good filters leave: there it is 2 n
-# round-offs, as they come rather than at their worst
+# times n (n + 1) round-offs: the share of each variance that its number of D must exceed. U D U' is positive wherever
+# D is above zero; the share leaves room for whoever multiplies it and factors it again in double. In float that is more
+# than good filters leave: there it is 2 n round-offs, as they come rather than at their worst
 ROUND_OFFS = 2.0
 MISSING = 0.2  # share of readings that are not there in a run of examples
 WRONG = 9  # one step in so many has a reading that is refused

@@ -88,8 +88,9 @@ class ExpressionMaker:
         return ca.sparsify(ca.reshape(ca.vertcat(*entries), *matrix.shape))
 
     def shared(self, made: KernelExpressions, H: EntryMatrix) -> EntryMatrix:
-        """H, of (t, x, u, z), with entries that are, but for the sign, a part of the residual wherever quaternions are of unit length:
-        how what is measured follows a turn is often a cross product with what is computed anyway."""
+        """H, of (t, x, u, z). Entries that are, but for the sign, a part of the residual wherever quaternions are of
+        unit length are taken from there: how what is measured follows a turn is often a cross product with what is
+        computed anyway."""
         parts = _parts(made[0])
         both = ca.Function("both", made.symbols, [ca.vertcat(*parts), H.expressions])
         rows = []
@@ -101,9 +102,9 @@ class ExpressionMaker:
         for entry, own in zip(H.expressions.nonzeros(), second.T, strict=True):
             near = SAME * (np.max(np.abs(own)) or 1.0)
             signs = [(sign, np.max(np.abs(first - sign * own[:, None]), axis=0) <= near) for sign in (1, -1)]
-            found = [(int(np.argmax(at)), sign) for sign, at in signs if np.any(at)]
-            changes = not entry.is_constant() and len(found) > 0
-            entries.append(found[0][1] * parts[found[0][0]] if changes else entry)
+            same_as = [(int(np.argmax(at)), sign) for sign, at in signs if np.any(at)]
+            changes = not entry.is_constant() and len(same_as) > 0
+            entries.append(same_as[0][1] * parts[same_as[0][0]] if changes else entry)
         return replace(H, expressions=ca.vertcat(*entries))
 
 

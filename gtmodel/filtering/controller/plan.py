@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -14,7 +14,18 @@ from ..manifold import Manifold, StatePart
 from ..system import System
 from ..transition import GAUSS, TAYLOR, CurvedTransition, LinearTransition
 from .expressions import ExpressionMaker, KernelExpressions
-from .sparse import EntryMatrix, EntryProduct, Place, closed, constant, pattern, picked, product, sparse_of, without_ones
+from .sparse import (
+    EntryMatrix,
+    EntryProduct,
+    Place,
+    closed,
+    constant,
+    pattern,
+    picked,
+    product,
+    sparse_of,
+    without_ones,
+)
 
 
 @dataclass(frozen=True, eq=False)

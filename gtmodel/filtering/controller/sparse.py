@@ -75,7 +75,9 @@ class EntryMatrix:
         order = sorted(range(len(self.places)), key=lambda k: self.places[k][::-1])
         new = np.argsort(np.array(order, int))
         places = tuple((self.places[k][1], self.places[k][0]) for k in order)
-        return EntryMatrix(self.shape[::-1], places, self.value[order], new[self.changing], self.expressions)
+        return EntryMatrix(
+            (self.shape[1], self.shape[0]), places, self.value[order], new[self.changing], self.expressions
+        )
 
 
 def sparse_of(matrix: Any) -> EntryMatrix:

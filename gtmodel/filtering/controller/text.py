@@ -191,10 +191,7 @@ def _step(made: ControllerFilter, symbol: str) -> str:
     out = []
     for m, (_, at, _) in zip(made.mean_members, space.places(), strict=True):
         out.append(f"    gt_copy({m.address('out->')}, &now.mean[{at.start}], {m.count});\n")
-    out.append(
-        f"    for (k = 0; k < {n}; k++) {{\n"
-        "        deviation[k] = sqrt(variance[k]);\n    }\n"
-    )
+    out.append(f"    for (k = 0; k < {n}; k++) {{\n        deviation[k] = sqrt(variance[k]);\n    }}\n")
     for m, (_, _, along) in zip(made.deviation_members, space.places(), strict=True):
         out.append(f"    gt_copy({m.address('out->')}, &deviation[{along.start}], {m.count});\n")
     for k, (_, _, gated, age) in enumerate(own):
@@ -248,7 +245,8 @@ def _responses(plan: FilterPlan) -> int:
 
 def _given(m: TransitionPlan) -> int:
     """The most numbers of matrices that are needed at one time."""
-    return max(len(m.jacobian.places), len(m.frames.places), len(m.drift.places) + len(m.drive.places), len(m.arrival.places))
+    first = max(len(m.jacobian.places), len(m.frames.places), len(m.arrival.places))
+    return max(first, len(m.drift.places) + len(m.drive.places))
 
 
 def _turning(plan: FilterPlan) -> int:

@@ -20,7 +20,7 @@ MOST = 1_000_000_000
 
 
 class Pair:
-    """Mean, factors of the covariance U D U', time and counters of an instant. The rows of `factor` are columns of U."""
+    """Mean, factors of the covariance U D U', time and counters of an instant. Rows of `factor` are columns of U."""
 
     def __init__(
         self, time: np.ndarray, x: np.ndarray, factor: np.ndarray, diagonal: np.ndarray, closed: np.ndarray
