@@ -105,7 +105,7 @@ class ExpressionMaker:
             same_as = [(int(np.argmax(at)), sign) for sign, at in signs if np.any(at)]
             changes = not entry.is_constant() and len(same_as) > 0
             entries.append(same_as[0][1] * parts[same_as[0][0]] if changes else entry)
-        return replace(H, expressions=ca.vertcat(*entries))
+        return replace(H, expressions=ca.vertcat(*entries)) if entries else H
 
 
 def _parts(column: Any) -> list[Any]:
