@@ -53,7 +53,7 @@ if TYPE_CHECKING:
         kinematic as kinematic,
         measured as measured,
     )
-    from .experiment import Experiment as Experiment, SyntheticExperiment as SyntheticExperiment
+    from .experiment import RepeatedMotion as RepeatedMotion, SyntheticExperiment as SyntheticExperiment
     from .identified import identified_tool as identified_tool
     from .kalman import ExtendedKalman as ExtendedKalman, most_likely_filter as most_likely_filter
     from .law import (

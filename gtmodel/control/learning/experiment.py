@@ -14,7 +14,7 @@ from .references import SquarePath
 SLOW = 25  # samples over which the unrepeatable motion is averaged: below 10 Hz at 4 ms
 
 
-class Experiment(Protocol):
+class RepeatedMotion(Protocol):
     """A robot that repeats a motion with another input. names: of its axes; sample_time: [s]; reference: (N, axes) [m];
     corrected: the samples that count; synthetic: what made its runs."""
 

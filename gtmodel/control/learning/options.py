@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 
+from ..._lazy import hint
 from ...results import ArgumentError
 from ...results.options import Options, Unit, Within
-from .axis import AxisPlant, flexible_axis
-from .design import CONTRACTION, LENGTH
-from .plants import ACTUATOR_DELAY, ACTUATORS, SAMPLE_TIME, delayed_lag
+from .given import ACTUATOR_DELAY, ACTUATORS, CONTRACTION, LENGTH, SAMPLE_TIME
+
+if TYPE_CHECKING:
+    from .axis import AxisPlant
+else:
+    AxisPlant = hint("gtmodel.control.learning.axis", "AxisPlant")
 
 Case = Literal["1", "2A", "2B", "3"]
 SET = 5  # models on either side of the set: 5 frequencies by 5 dampings
@@ -52,6 +56,9 @@ class LearningRobot(Options):
 
     def plant(self, axis: int, frequency: float = 1.0, damping: float = 1.0) -> AxisPlant:
         """The axis with its tool's frequency and damping times these numbers."""
+        from .axis import AxisPlant, flexible_axis  # here: keys of files need no engine
+        from .plants import delayed_lag
+
         if self.loop == "printed":
             b, a = ACTUATORS[axis]
             return AxisPlant({"motor": delayed_lag(b, a, ACTUATOR_DELAY, self.sample_time)}, self.sample_time)

@@ -15,7 +15,7 @@ from ...results.refusal import naming
 from ...results.work import Progress, never, silent
 from .course import Floor, above_cutoff, floor
 from .designed import AxisLearning, design_axis
-from .experiment import Experiment, SyntheticExperiment
+from .experiment import RepeatedMotion, SyntheticExperiment
 from .lifted import Array
 from .options import LearningDesign, LearningNoise, LearningRobot
 from .references import SquarePath
@@ -34,7 +34,7 @@ def study(
     design: LearningDesign = CASE_1,
     noise: LearningNoise | None = None,
     *,
-    experiment: Experiment | None = None,
+    experiment: RepeatedMotion | None = None,
     title: str = "",
     progress: Progress = silent,
     max_seconds: float | None = None,
@@ -93,7 +93,7 @@ def study(
 
 
 def _answer(
-    runs: Experiment, design: LearningDesign, axes: Sequence[AxisLearning], floors: Sequence[Floor],
+    runs: RepeatedMotion, design: LearningDesign, axes: Sequence[AxisLearning], floors: Sequence[Floor],
     firsts: Sequence[Array], inputs: Sequence[Array], errors: Array, tools: Array, run: dict[str, Array], hats: Array,
     title: str,
 ) -> LearningStudy:  # fmt: skip
