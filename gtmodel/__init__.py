@@ -57,6 +57,7 @@ if TYPE_CHECKING:
         SolverOptions as SolverOptions,
         estimate as estimate,
         multi_start as multi_start,
+        phases_of_events as phases_of_events,
         refine as refine,
         resimulate as resimulate,
         solve as solve,

@@ -12,7 +12,8 @@ track            a simulation of either, with its tracking error
 loop_simulation  a robot under a law at samples as a study; Move, LoopSampling, TrackingLimits -> LoopSimulationStudy
 zero_vibration, zero_vibration_derivative, Shaper   motions shaped so that a flexible mode ends at rest
 residual_vibration    how far a mass on a spring swings after a motion
-delayed          corrections from an external sensor, late: gain limits, margins, worst cases
+delayed_feedback   how far late corrections from an external sensor may be turned up: `DelayedFeedbackStudy`; its
+                 options, limits, margins and plants stand in `gtmodel.control.delayed`
 learning         iterative learning control: laws, their convergence, what they leave
 """
 
@@ -22,6 +23,7 @@ from .._lazy import public
 
 if TYPE_CHECKING:
     from . import delayed as delayed, learning as learning
+    from .delayed import DelayedFeedbackStudy as DelayedFeedbackStudy, delayed_feedback as delayed_feedback
     from .feedforward import (
         ComputedTorque as ComputedTorque,
         Feedback as Feedback,

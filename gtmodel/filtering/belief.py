@@ -59,6 +59,10 @@ class InitialState:
     deviation: Mapping[str, Any]
     time: float | None = None
 
+    def __post_init__(self) -> None:
+        if self.time is not None and not (isinstance(self.time, (int, float, np.number)) and np.isfinite(self.time)):
+            raise ArgumentError(f"expected a time [s]; found {self.time!r}", "start.time")
+
     def belief(self, system: System, time: float, runs: int = 1) -> Belief:
         """The belief of a system at the start. Raises ArgumentError for a state without a deviation."""
         space = system.space

@@ -31,7 +31,7 @@ class Band(NamedTuple):
 def chi_squared_band(count: int, numbers: float, level: float = LEVEL) -> Band:
     """The exact two-sided band of a mean of `count` independent chi-squared numbers with `numbers` degrees of freedom.
 
-    Raises ArgumentError for less than one of either.
+    Raises ArgumentError for less than one of either, and for a level that is no probability.
 
     >>> low, high = gt.filtering.chi_squared_band(100, 18)  # errors of 18 states over 100 runs
     >>> round(low, 2), round(high, 2)
@@ -39,6 +39,8 @@ def chi_squared_band(count: int, numbers: float, level: float = LEVEL) -> Band:
     """
     if count < 1 or numbers <= 0:
         raise ArgumentError(f"expected at least one number; found {count} of {numbers:g} degrees of freedom", "count")
+    if not 0 < level < 1:
+        raise ArgumentError(f"expected a probability between 0 and 1; found {level}", "level")
     from scipy.stats import chi2
 
     ends = chi2.ppf([(1 - level) / 2, (1 + level) / 2], count * numbers) / count
@@ -211,7 +213,11 @@ def _verdict(nis: float, expected: float, band: Band, sensors: dict[str, SensorC
         within = f"{nis:.4g} within {band.low:.4g} to {band.high:.4g}"
         return f"innovations agree with the filter: {within}, white and without a mean"
     said = []
-    if nis < band.low:
+    if nis == 0.0:
+        said.append(
+            "innovations are all zero, which no noise is: the readings do not change, or were made from the model"
+        )
+    elif nis < band.low:
         said.append(
             f"innovations are {_times(expected / nis)} too small for {_listed(low or list(sensors))}: "
             "deviations are too large; see `tune`, which asks the likelihood"

@@ -44,8 +44,8 @@ class ErrorState(Filter):
 
     def __init__(self, system: System, *, iterations: int = 1) -> None:
         super().__init__(system)
-        if iterations < 1:
-            raise ArgumentError(f"expected at least 1; found {iterations}", "iterations")
+        if not isinstance(iterations, int) or iterations < 1:
+            raise ArgumentError(f"expected a whole number, at least 1; found {iterations!r}", "iterations")
         self.iterations = iterations
 
     def advance(self, belief: Belief, time: float, u0: np.ndarray, u1: np.ndarray) -> tuple[Belief, Advance]:

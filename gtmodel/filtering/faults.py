@@ -139,9 +139,12 @@ def _constants(
         part, _, along = space.part(name)
         at = slice(along.start - n, along.stop - n)
         try:
-            prior = np.broadcast_to(np.asarray(size, float), (part.size,)) ** -2.0
-        except ValueError:
+            plausible = np.broadcast_to(np.asarray(size, float), (part.size,))
+        except (TypeError, ValueError):
             raise ArgumentError(f"expected a number, or {part.size}; found {size!r}", "suspects") from None
+        if not np.all(plausible > 0):
+            raise ArgumentError(f"expected a largest plausible size above 0 of '{name}'; found {size!r}", "suspects")
+        prior = plausible**-2.0
         said, information = A[at, at], A[at, at] + np.diag(prior)
         spread = np.linalg.inv(information)
         value = spread @ b[at]

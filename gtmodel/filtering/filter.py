@@ -87,6 +87,8 @@ class Filter(ABC):
         if system.dynamics.inputs and inputs is None:
             names = ", ".join(system.dynamics.inputs)
             raise ArgumentError(f"the process has known inputs; give a trajectory of {names}", "inputs")
+        if not isinstance(start, InitialState):
+            raise ArgumentError(f"expected an InitialState; found {type(start).__name__}", "start")
         belief = self.begin(start, plan[0].time, runs)
         first = self.summary(belief).time
         if first > plan[0].time:

@@ -183,7 +183,8 @@ class GivenTransition:
     def __call__(self, t: float, dt: float, x: np.ndarray, u0: np.ndarray, u1: np.ndarray) -> Advance:
         made = Advance(x, np.eye(len(self.Q)), np.zeros_like(self.Q))
         steps = round(dt / self.period)
-        if abs(dt - steps * self.period) > ON_GRID * self.period * max(1, steps):
+        resolution = 4 * np.spacing(abs(t) + abs(dt))  # of stamps, such as those of a clock that counts from 1970
+        if abs(dt - steps * self.period) > ON_GRID * self.period * max(1, steps) + resolution:
             raise ArgumentError(
                 f"from {t:g} s to the next reading it is {dt:g} s, no multiple of the process's period of "
                 f"{self.period:g} s; bring readings and delays to its instants, or take a ProcessModel",

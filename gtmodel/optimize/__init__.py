@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from ..compiler.library_cache import CompilerMissing as CompilerMissing
     from .control import Blocks as Blocks
     from .estimate import Estimate as Estimate, estimate as estimate
+    from .events.phases_of_events import EventPhases as EventPhases, phases_of_events as phases_of_events
     from .judgement.refine import Refinement as Refinement, refine as refine
     from .judgement.resimulate import Resimulation as Resimulation, resimulate as resimulate
     from .mesh import Mesh as Mesh

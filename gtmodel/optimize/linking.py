@@ -36,8 +36,8 @@ class PhaseEnd:
     It has no names of its own: those of a model may be any.
     """
 
-    def __init__(self, take: Callable[[str], Expr]) -> None:
-        self.__dict__["_take"] = take
+    def __init__(self, take: Callable[[str], Expr], value: Callable[[ca.SX], ca.SX]) -> None:
+        self.__dict__.update(_take=take, _value=value)
 
     def __getitem__(self, name: str) -> Expr:
         return self.__dict__["_take"](name)
@@ -48,6 +48,11 @@ class PhaseEnd:
         return self[name]
 
 
+def value_at_end(end: PhaseEnd, expression: ca.SX) -> ca.SX:
+    """Where phases meet, the value of a scalar of the phase's own flat model: variables, parameters, time."""
+    return end.__dict__["_value"](expression)
+
+
 Link = Callable[[PhaseEnd, PhaseEnd], Iterable[Any]]
 
 
@@ -56,7 +61,7 @@ class Border:
 
     def __init__(self, nlp: Nlp, scope: Scope, place: float) -> None:
         self._nlp, self._scope, self._place = nlp, scope, place
-        self._taken: list[tuple[ca.SX, list[tuple[int, int]]]] = []
+        self._taken: list[tuple[ca.SX, list[ca.SX]]] = []
         layout = nlp.element.layout
         self.y, self.last = ca.SX.sym("y", layout.size), ca.SX.sym("last", layout.nl)
         self.P = ca.SX.sym("P", len(nlp.p_scale))
@@ -65,12 +70,20 @@ class Border:
         """The value of a name here, as an expression. Raises ModelError for a name that the phase does not know."""
         flat = self._nlp.problem.flat
         shape, indices, order = flat.lookup(name)
-        column = ca.vertcat(*[ca.SX.sym(f"end{len(self._taken)}_{k}") for k in range(len(indices))])
-        self._taken.append((column, [(i, order) for i in indices]))
+        column = self._symbols([flat.scope.symbol(i, order) for i in indices])
         unit = flat.unit_of(indices[0], order)
         dimension = None if unit == "?" else parse_unit(unit).dimension
         matrix = ca.reshape(column, shape[1], shape[0]).T if len(shape) > 1 else column
         return Expr(matrix, shape, dimension, self._scope)
+
+    def value(self, expression: ca.SX) -> ca.SX:
+        """The value here of a scalar of the phase's variables, parameters and time."""
+        return self._symbols([expression])
+
+    def _symbols(self, expressions: list[ca.SX]) -> ca.SX:
+        column = ca.vertcat(*[ca.SX.sym(f"end{len(self._taken)}_{k}") for k in range(len(expressions))])
+        self._taken.append((column, expressions))
+        return column
 
     def values(self) -> tuple[ca.SX, ca.SX]:
         """Symbols that were taken and what they are, in the unknowns that stand at this end: (symbols, values)."""
@@ -78,7 +91,7 @@ class Border:
             return ca.SX(0, 1), ca.SX(0, 1)
         problem = self._nlp.problem
         symbols = ca.vertcat(*[c for c, _ in self._taken])
-        asked = [problem.flat.scope.symbol(*p) for _, pairs in self._taken for p in pairs]
+        asked = [e for _, expressions in self._taken for e in expressions]
         expressions = problem.builder.express(asked)
         if not self._nlp.mesh.is_point(self._place):
             off = problem.builder.off_points(asked, expressions)
@@ -177,7 +190,7 @@ def _links(model: PhaseLinks, nlps: dict[str, Nlp], at: np.ndarray) -> tuple[ca.
         before, after = Border(nlps[first], scope, 1.0), Border(nlps[second], scope, 0.0)
         ends[first].append(before)
         ends[second].append(after)
-        ends_here = PhaseEnd(before.take), PhaseEnd(after.take)
+        ends_here = PhaseEnd(before.take, before.value), PhaseEnd(after.take, after.value)
         relations = _written(model.links[second], second, *ends_here) if second in model.links else []
         written = relation_rows(relations, f"the link to '{second}'", f"link to '{second}'")
         written += _continuity(model, nlps[first], nlps[second], second, before, after)

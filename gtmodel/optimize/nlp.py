@@ -161,10 +161,23 @@ def make_nlp(problem: DynamicProblem, mesh: Mesh, machine_code: bool = False) ->
     lbg = np.concatenate([np.tile(element.low, N), [r.low / r.scale for r in problem.points], delays.value])
     ubg = np.concatenate([np.tile(element.high, N), [r.high / r.scale for r in problem.points], delays.value])
     _step_bounds(problem, mesh, element.layout, m, lbg, ubg)
+    _open_end(problem, mesh, element, lbg, ubg)
     return Nlp(
         functions, nlp, lbx, ubx, lbg, ubg, problem, mesh, element, p_scale, delays.names, compile_seconds,
         derivatives=[part.each for part in parts],
     )  # fmt: skip
+
+
+def _open_end(
+    problem: DynamicProblem, mesh: Mesh, element: Element, lbg: np.ndarray, ubg: np.ndarray
+) -> None:  # fmt: skip
+    """Rows along the path that do not hold at the end of the horizon."""
+    labels = {r.label for r in problem.path if not r.ends[1]}
+    last = mesh.points - 1 if mesh.table.points[-1] == 1.0 else -1
+    names = {(f"{place}{label}", last) for label in labels for place in ("", "at the edge: ")}
+    m = element.rows.numel()
+    rows = (mesh.elements - 1) * m + np.flatnonzero([name in names for name in element.row_names])
+    lbg[rows], ubg[rows] = -np.inf, np.inf
 
 
 @dataclass(eq=False)

@@ -16,6 +16,7 @@ from .assembly import astray
 from .equalities import check_equalities
 from .finite import not_finite
 from .formulation.problem import build
+from .formulation.relations import ConstraintRow
 from .guess import initial_guess
 from .ipopt import SolverRun, run_ipopt
 from .judgement.diagnosis import failure, named_row, solved_word, violated
@@ -63,6 +64,8 @@ class Phases:
         self.free = {k: tuple(v) for k, v in (free or {}).items()}
         self.links = dict(links or {})
         self.shared = tuple(shared)
+        # what a phase must keep inside, beside its own constraints
+        self.sides: dict[str, tuple[ConstraintRow, ...]] = {}
         if len(self.phases) < 2:
             raise ModelError(f"phases are linked from two on; found {len(self.phases)}")
         later = list(self.phases)[1:]
@@ -70,6 +73,14 @@ class Phases:
             for name in what:
                 if name not in later:
                     raise ModelError(f"no phase '{name}' begins after another one; these do: {', '.join(later)}")
+
+    def guesses(self) -> Mapping[str, Trajectory | Solution]:
+        """Of phases by name, for a solve that is given none."""
+        return {}
+
+    def doubts(self, joined: Joined, x: np.ndarray) -> list[str]:
+        """Sentences on what speaks against a solution x that the solver has found; none where nothing does."""
+        return []
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,20 +175,23 @@ def solve_phases(
                 raise ModelError(f"there is no phase '{name}' for a {what}; phases are {', '.join(model.phases)}")
     for name, phase in model.phases.items():
         own = given_mesh(mesh.get(name) if isinstance(mesh, Mapping) else mesh)
-        problem = build(phase, options.formulation, options.prefer, branches, linked=True)
+        sides = model.sides.get(name, ())
+        problem = build(phase, options.formulation, options.prefer, branches, linked=True, sides=sides)
         nlps[name] = make_nlp(problem, own, options.compile)
         check_equalities(problem, nlps[name].element)
     joined = join(model, nlps)
-    earlier = guess.phases if isinstance(guess, PhasesSolution) else guess or {}
+    earlier = guess.phases if isinstance(guess, PhasesSolution) else guess or model.guesses()
     if not isinstance(earlier, Mapping):
         raise ModelError(f"a guess is a trajectory for each phase by its name, or an earlier solution; found {guess!r}")
     x0 = np.concatenate([initial_guess(nlp, earlier.get(name)) for name, nlp in nlps.items()])
     scale = objective_scale(joined, x0, [m for n in nlps.values() for m in n.problem.misfits])
     run = run_ipopt(joined, x0, options, progress, scale=scale)
-    return _read(joined, run, options, throw, scale)
+    return _read(model, joined, run, options, throw, scale)
 
 
-def _read(joined: Joined, run: SolverRun, options: SolverOptions, throw: bool, scale: float) -> PhasesSolution:
+def _read(
+    model: Phases, joined: Joined, run: SolverRun, options: SolverOptions, throw: bool, scale: float
+) -> PhasesSolution:
     status = run.status
     message = solved_word(run) if status.ok else failure(run, [*_infinite(joined, run), _worst(joined, run)])
     if status.ok:
@@ -198,6 +212,10 @@ def _read(joined: Joined, run: SolverRun, options: SolverOptions, throw: bool, s
     failed = [f"phase '{n}': {s.message}" for n, s in solutions.items() if s.status is not status]
     if failed:
         status, message = SolveStatus.CHECK_FAILED, "; ".join(failed)
+    if status.converged and (doubts := model.doubts(joined, run.x)):
+        joint = ", but" if status.ok else ";"
+        status, message = SolveStatus.CHECK_FAILED, f"{message}{joint} {'; '.join(doubts)}"
+    if any(s.status is not status for s in solutions.values()):
         solutions = {n: replace(s, status=status, message=message) for n, s in solutions.items()}
     values = run.multipliers.rows[joined.rows[-1] :] / np.array([r.scale for r in joined.links])
     links = dict(zip((r.label for r in joined.links), values.tolist(), strict=True))

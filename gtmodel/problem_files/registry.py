@@ -40,6 +40,7 @@ _KINDS = {
     "optimization": "a dynamic optimisation problem written in Python",
     "simulation": "motion of a robot under given inputs, from a given start",
     "loop_simulation": "motion of a robot under a control law that computes at samples, with delay",
+    "delayed_feedback": "how far late corrections from an external sensor may be turned up, and its margins",
     "modes": "all poses in which six links of given lengths can be assembled, with a certificate",
     "kinematics": "any causality of a robot on many points, and the orientation of its plate",
     "workspace": "which tool centre points a robot reaches: cross-section, boundary, volume, reasons",

@@ -201,3 +201,41 @@ def test_known_inputs_that_end_leave_the_buffer_whole():
     with pytest.raises(ArgumentError):
         buffer.push("tape", 2.0, 2.0)
     assert buffer.push("tape", 0.4, 0.4) == "went back" and buffer.time == 0.5
+
+
+def test_stamps_of_a_clock_that_counts_from_1970_are_on_the_grid():
+    time = 1.7e9 + 0.1 * np.arange(50)  # to a quarter of a microsecond
+    log = {"tape": Readings(time, np.zeros(50))}
+    kalman, steady = (make(n, walk(period=0.1)).run(log, InitialState({}, {"x": 0.01})) for n in ("kf", "steady"))
+    assert kalman.deviation["x"][-1] == pytest.approx(steady.deviation["x"][-1], rel=1e-9)
+
+
+def test_readings_that_do_not_change_are_judged():
+    run = ErrorState(walk()).run({"tape": Readings(0.1 * np.arange(50), np.zeros(50))}, InitialState({}, {"x": 1.0}))
+    said = gt.filtering.consistency(run)
+    assert not said.consistent and "all zero" in said.message
+
+
+def test_what_makes_no_sense_is_refused_by_name():
+    log = {"tape": Readings([0.0], [0.0])}
+    sensors = [*walk().sensors.values()]
+    start: Any = InitialState({}, {"x": 1.0})
+    tried: list[tuple[str, Any]] = [
+        ("start", lambda: ErrorState(walk()).run(log, {"x": 1.0})),  # type: ignore[arg-type]
+        ("start.time", lambda: InitialState({}, {"x": 1.0}, time=np.nan)),
+        ("iterations", lambda: ErrorState(walk(), iterations=1.5)),  # type: ignore[arg-type]
+        ("level", lambda: gt.filtering.chi_squared_band(10, 1, 1.5)),
+        ("longest_step", lambda: System(walk().process, sensors, longest_step=0.0)),
+        ("suspects", lambda: gt.filtering.find_faults(walk().process, sensors, log, start, {"tape.offset": 0.0})),
+    ]
+    for argument, call in tried:
+        with pytest.raises(ArgumentError) as caught:
+            call()
+        assert caught.value.argument == argument
+
+
+def test_a_quaternion_is_not_measured_as_four_numbers():
+    process = DiscreteProcess([StatePart("Q", "quaternion", 4)], 0.1, lambda s: {"Q": s.Q}, [1e-4] * 3)
+    with pytest.raises(ArgumentError, match="kind='quaternion'") as caught:  # a change of its sign would count as noise
+        System(process, [Sensor("tracker", "Q", deviation=0.01)])
+    assert caught.value.argument == "tracker.kind"

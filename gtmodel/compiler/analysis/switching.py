@@ -10,6 +10,7 @@ import casadi as ca
 from ...lang.source import ModelError, SourceLocation
 from ..flat import FlatModel
 from ..rewriting import applied, of_expression, walked
+from .event_names import listing, named_events
 from .events import Comparison, FlatEvents, FlatMode
 from .nonsmooth import is_nonsmooth
 
@@ -42,15 +43,17 @@ def refuse_events(flat: FlatModel) -> None:
     events = flat.events
     if events is None:
         return
-    what, where = "a sampled block", None
-    if events.whens:
-        what, where = "gt.when", events.whens[0].where
-    elif events.modes:
-        what, where = "gt.If", events.modes[0].where
+    if events.blocks:
+        raise ModelError(
+            f"{flat.title} has the sampled block '{events.blocks[0].name}', whose steps are no equations; optimise the "
+            "continuous model, and try the result in gt.simulate",
+            events.blocks[0].model.__dict__.get("where"),
+        )
+    first = next(iter(named_events(events).values()), None)
     raise ModelError(
-        f"{flat.title} has {what}, and an optimisation does not choose the instants of events: where their order is "
-        "known, write a phase for each piece between them, else a smooth function",
-        where,
+        f"{flat.title} has events, and an optimisation does not choose their order: give it by gt.solve_phases("
+        f"gt.phases_of_events(model, [names in order])), or write a smooth function; events are {listing(events)}",
+        first.where if first else None,
     )
 
 

@@ -86,7 +86,7 @@ class SteadyState(Filter):
     def advance(self, belief: Belief, time: float, u0: np.ndarray, u1: np.ndarray) -> tuple[Belief, Advance]:
         """The belief one period later. Raises ArgumentError for another span of time."""
         dt = time - belief.time
-        if dt and abs(dt - self.period) > SAME_PERIOD * self.period:
+        if dt and abs(dt - self.period) > SAME_PERIOD * self.period + 4 * np.spacing(abs(time)):
             raise ArgumentError(
                 f"the gain is for a period of {self.period:g} s; from {belief.time:g} s to the next reading it "
                 f"is {dt:g} s; take 'kf' for uneven ones",

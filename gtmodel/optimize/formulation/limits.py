@@ -67,7 +67,9 @@ def limits_of(
             if not _end_bound(b, row, instants, position, bounds.start, bounds.end):
                 bounds.points.append(row)
             continue
-        bound = as_bound(b.plan.alias.rewrite(flat, row.expression), row, flat, b.parameters)
+        # a bound of a variable holds at both ends
+        rewritten = b.plan.alias.rewrite(flat, row.expression)
+        bound = as_bound(rewritten, row, flat, b.parameters) if all(row.ends) else None
         if bound is None or not bounded(*bound):
             bounds.path.append(row)
     _initial(b, position, bounds.start, apart)
@@ -175,7 +177,7 @@ def rows_at_start(
     result = []
     for row in rows:
         keys = {s.element_hash() for s in ca.symvar(row.expression)}
-        if not keys & set(states) or not keys <= {*states, *constants, time}:
+        if not row.ends[0] or not keys & set(states) or not keys <= {*states, *constants, time}:
             continue
         held = all(low[states[k]] == high[states[k]] for k in keys if k in states)
         bounds, label = (row.low, row.high), f"at the start: {row.label}"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 
@@ -35,6 +35,7 @@ def build(
     tunable: Sequence[str] = (),
     sizes: tuple[tuple[str, float], ...] = (),
     linked: bool = False,
+    sides: tuple[ConstraintRow, ...] = (),
 ) -> DynamicProblem:
     """Flatten, choose states, and express cost and constraints in them; made once per configuration object.
 
@@ -51,6 +52,7 @@ def build(
     tunable: names of parameters that stay symbols, to be changed between solves.
     sizes: of variables and free constants by name, in place of their nominals: see sizes.of_trajectory.
     linked: it is one of several phases, whose states continue: none of them is a mere integral.
+    sides: constraints along the path beside the model's own.
 
     Raises ModelError with file and line.
     """
@@ -58,7 +60,7 @@ def build(
         raise ValueError(f"formulation is one of {', '.join(FORMULATIONS)}; found '{formulation}'")
     flat, wanted = flat_of(model), tuple(sorted(dict(branches or {}).items()))
     refuse_events(flat)
-    asked = _Asked(formulation, tuple(prefer), wanted, tuple(tunable), sizes, linked)
+    asked = _Asked(formulation, tuple(prefer), wanted, tuple(tunable), sizes, linked, sides)
     if asked not in flat.cache:
         flat.cache[asked] = _build(flat, asked)
     return flat.cache[asked]
@@ -74,10 +76,12 @@ class _Asked:
     tunable: tuple[str, ...]
     sizes: tuple[tuple[str, float], ...]
     linked: bool
+    sides: tuple[ConstraintRow, ...]
 
 
 def _build(flat: FlatModel, asked: _Asked) -> DynamicProblem:
     objective, constraints = _stated(flat)
+    constraints = [*constraints, *(replace(row) for row in asked.sides)]
     inputs = [v.index for v in flat.variables if v.role == "input"]
     delays, branches = delays_of(flat), dict(asked.branches)
     controls = [i for i in inputs if i not in delays]

@@ -18,7 +18,10 @@ from ...lang.source import ModelError, SourceLocation
 
 @dataclass(eq=False)
 class ConstraintRow:
-    """One scalar constraint with its name and the line that wrote it; the solver sees it divided by `scale`."""
+    """One scalar constraint with its name and the line that wrote it; the solver sees it divided by `scale`.
+
+    ends: whether it holds at the start and at the end of the horizon too, of one that holds along the path.
+    """
 
     expression: ca.SX
     low: float
@@ -26,6 +29,7 @@ class ConstraintRow:
     label: str
     where: SourceLocation | None
     scale: float = 1.0
+    ends: tuple[bool, bool] = (True, True)
 
 
 def relations(source: Iterable[Any] | None, flat: FlatModel) -> list[ConstraintRow]:

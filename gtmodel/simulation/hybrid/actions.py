@@ -10,7 +10,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ...compiler.analysis.events import FlatEvents, FlatWhen
+from ...compiler.analysis.event_actions import acting_together, keys_of, values_of
+from ...compiler.analysis.events import FlatEvents
 from ...compiler.flat import FlatModel
 from ...lang.source import ModelError
 from ...results.status import SolveStatus
@@ -21,15 +22,11 @@ Pair = tuple[int, int]
 
 def read_by(events: FlatEvents, flat: FlatModel) -> list[Pair]:
     """What actions and sampled blocks read of the continuous variables."""
-    expressions = [x for w in events.whens for x in _values(w)]
+    expressions = [x for w in events.whens for x in values_of(w)]
     pairs = set(flat.scope.symbols_in(ca.vertcat(*expressions))) if expressions else set()
     pairs |= {pair for w in events.whens for pair, _ in w.reinits}
     pairs |= {(i, 0) for b in events.blocks for s in b.inputs for i in s.places}
     return sorted(pairs)
-
-
-def _loss(when: FlatWhen) -> list[ca.SX]:
-    return [] if when.loss is None else [when.loss]
 
 
 @dataclass
@@ -61,23 +58,7 @@ class Actions:
         """Of events that happen together: new values of each one's discrete variables, of what starts anew, its loss.
         Values read the new ones of discrete variables that any of them sets."""
         if fired not in self._made:
-            whens = [self._events.whens[n] for n in fired]
-            column = ca.vertcat(*[x for w in whens for x in _values(w)])
-            new: dict[int, ca.SX] = {}
-            for when in whens:
-                for place, value in when.assigns:
-                    new.setdefault(place, value)
-            symbols = {place: self._flat.parameters[place].symbol for place in new}
-            # each substitution settles one link of a chain
-            for _ in new:
-                column = ca.substitute(column, ca.vertcat(*symbols.values()), ca.vertcat(*new.values()))
-            if new and ca.depends_on(column, ca.vertcat(*symbols.values())):
-                names = ", ".join(str(s) for s in symbols.values())
-                raise ModelError(
-                    f"the new values of {names} depend on each other in a loop of events; write gt.pre(...) where the "
-                    "value before the event is meant",
-                    whens[-1].where,
-                )
+            column = acting_together(self._flat, [self._events.whens[n] for n in fired])
             self._made[fired] = ca.Function("actions", self._arguments, [ca.densify(column)])
         return self._made[fired]
 
@@ -94,7 +75,7 @@ class Actions:
         changes, owner = Changes(), {}
         for n in fired:
             when = self._events.whens[n]
-            for key, number in zip(_keys(when), numbers, strict=False):
+            for key, number in zip(keys_of(when), numbers, strict=False):
                 taken: dict[Any, float] = changes.restarted if isinstance(key, tuple) else changes.discrete
                 name = self.name_of(key)
                 if not np.isfinite(number):
@@ -116,11 +97,3 @@ class Actions:
     def name_of(self, key: int | Pair) -> str:
         """Of a place in `flat.p` or of a variable's derivative."""
         return self._flat.symbol_name(*key) if isinstance(key, tuple) else self._flat.parameters[key].name
-
-
-def _keys(when: FlatWhen) -> list[int | Pair]:
-    return [*(place for place, _ in when.assigns), *(pair for pair, _ in when.reinits)]
-
-
-def _values(when: FlatWhen) -> list[ca.SX]:
-    return [*(x for _, x in when.assigns), *(x for _, x in when.reinits), *_loss(when)]

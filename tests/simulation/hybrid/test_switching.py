@@ -133,7 +133,7 @@ def test_an_optimisation_refuses_events() -> None:
         def objective(self):
             return self.final_time
 
-    with pytest.raises(gt.ModelError, match=r"Fastest has gt.when, and an optimisation .* a phase for each piece"):
+    with pytest.raises(gt.ModelError, match=r"Fastest has events, and an optimisation .*gt.phases_of_events"):
         gt.solve(Fastest())
 
 

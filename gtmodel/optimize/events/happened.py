@@ -1,0 +1,177 @@
+"""Whether the events that were given are those that happen: along the solution, between its points too."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import casadi as ca
+import numpy as np
+
+from ..formulation.system import on_rows
+from ..linking import Joined
+from ..nlp import Nlp, placed
+from ..solution import constants, horizon, states_and_controls
+from .sequence import watched
+from .thresholds import Waits
+
+if TYPE_CHECKING:
+    from .phases_of_events import EventPhases
+
+# looks within each element, both ends among them
+LOOKS = 17
+# of a quantity's largest value: nearer to its threshold the solver's tolerance decides on its side
+TOUCHES = 1e-6
+# of its nominal: a state that one mode has and the next one computes has jumped if it moves by more
+JUMPED = 1e-6
+
+
+def doubts_about(model: EventPhases, joined: Joined, x: np.ndarray) -> list[str]:
+    """A sentence for each event that happens where none was given, or is given and does not happen."""
+    thresholds = model.order.thresholds
+    moving = [t for t in range(len(thresholds.first)) if not thresholds.discrete(t)]
+    looks: list[tuple[np.ndarray, np.ndarray]] = []
+    for k, nlp in enumerate(joined.nlps.values()):
+        expressions = [model.in_modes(thresholds.expressions[t], model.pieces[k]) for t in moving]
+        looks.append(_along(nlp, x[joined.at[k] : joined.at[k + 1]], expressions))
+    sizes = np.max([np.max(np.abs(values), axis=1, initial=0.0) for _, values in looks], axis=0, initial=0.0)
+    signs = []
+    for _, values in looks:
+        with np.errstate(invalid="ignore"):
+            signs.append(np.where(np.abs(values) <= TOUCHES * sizes[:, None], 0, np.sign(values)).astype(int))
+    check = _Check(model, moving, [times for times, _ in looks], signs)
+    said = [s for k in range(len(signs)) for s in (*check.within(k), *check.at_end(k))]
+    return [*dict.fromkeys([*said, *_jumps(model, joined, x)])]
+
+
+def _along(nlp: Nlp, x: np.ndarray, expressions: Sequence[ca.SX]) -> tuple[np.ndarray, np.ndarray]:
+    """Times (n,) and values (expressions, n), by the model's equations between the collocation points."""
+    problem, mesh = nlp.problem, placed(nlp, x)
+    s = np.unique(mesh.edges[:-1, None] + mesh.h[:, None] * np.linspace(0.0, 1.0, LOOKS))
+    s = np.append(s[(s > 0.0) & (s < 1.0)], 1.0)
+    s = np.append(0.0, s)
+    xs, rates, us, times = states_and_controls(nlp, x, s)
+    if not expressions:
+        return times, np.zeros((0, len(times)))
+    f = ca.Function("looks", problem.arguments, [ca.densify(ca.vertcat(*_known(nlp, expressions)))])
+    (values,) = on_rows(f, (xs, rates, us), constants(nlp, x), times)
+    return times, values
+
+
+def _known(nlp: Nlp, expressions: Sequence[ca.SX]) -> list[ca.SX]:
+    """Expressions of the model in what a phase has at any instant."""
+    builder = nlp.problem.builder
+    written = builder.express(list(expressions))
+    off = builder.off_points(list(expressions), written)
+    return [e if o is None else o for e, o in zip(written, off, strict=True)]
+
+
+class _Check:
+    """Sides of the moving thresholds along each phase, against what was assumed of them."""
+
+    def __init__(
+        self, model: EventPhases, moving: Sequence[int], times: list[np.ndarray], signs: list[np.ndarray]
+    ) -> None:
+        self._model, self._moving, self._times, self._signs = model, list(moving), times, signs
+        self._pieces = model.pieces
+
+    def within(self, k: int) -> list[str]:
+        """Events inside of phase k."""
+        said = []
+        for row, t in enumerate(self._moving):
+            said += self._threshold(k, t, self._signs[k][row])
+        return said
+
+    def _threshold(self, k: int, t: int, signs: np.ndarray) -> list[str]:
+        piece, times = self._pieces[k], self._times[k]
+        events = watched(t, piece.waits, piece.mode_waits)
+        if not events and t not in piece.ends:
+            return []
+        apart = np.flatnonzero(signs)
+        if not apart.size:
+            return [f"all through phase {k + 1} {self._names(k, t)} stays at its threshold, where its side is open"]
+        first, last = int(apart[0]), int(apart[-1])
+        said = []
+        if t in piece.kept and signs[first] != piece.kept[t]:
+            said.append(f"{self._names(k, t)} is on its other side as phase {k + 1} begins")
+        for a, b in pairwise(apart):
+            if signs[b] != signs[a] and signs[b] in events:
+                said.append(f"{self._names(k, t, int(signs[b]))} happens at {times[b]:.6g} s too")
+            elif b > a + 1 and signs[b] == signs[a] and -signs[a] in events:
+                said.append(self._touches(k, t, -int(signs[a]), float(times[a + 1])))
+        if t in piece.ends and signs[last] == piece.ends[t]:
+            said.append(f"{self._names(k, t)} holds already before {times[-1]:.6g} s, so nothing happens there")
+        at_end = t in piece.ends or k == len(self._pieces) - 1
+        if last < len(signs) - 1 and not at_end and -signs[last] in events:
+            said.append(self._touches(k, t, -int(signs[last]), float(times[last + 1])))
+        at_start = k == 0 or t in self._pieces[k - 1].ends
+        if first > 0 and not at_start and -signs[first] in events:
+            said.append(self._touches(k, t, -int(signs[first]), float(times[0])))
+        return said
+
+    def _touches(self, k: int, t: int, side: int, time: float) -> str:
+        return (
+            f"{self._names(k, t, side)} is reached at {time:.6g} s without being in the order there: the optimum lies "
+            "at the edge of this order, and another one may be better"
+        )
+
+    def at_end(self, k: int) -> list[str]:
+        """Events that follow at once from the one at the end of phase k."""
+        if k == len(self._pieces) - 1:
+            return []
+        piece, after = self._pieces[k], self._pieces[k + 1]
+        before = {t: -piece.ends[t] if t in piece.ends else self._side(k, t, -1) for t in self._moving}
+        then = {t: self._side(k + 1, t, 0) for t in self._moving}
+        said = []
+        for n, when in enumerate(self._model.order.events.whens):
+            old, new = piece.waits[n], after.waits[n]
+            was = old if isinstance(old, bool) else before[old.threshold] == old.side
+            now = new if isinstance(new, bool) else then[new.threshold] == new.side
+            if now and not was and n not in piece.acted():
+                said.append(f"{when.name} ({when.where}) follows at {self._times[k][-1]:.6g} s at once")
+        return said
+
+    def _side(self, k: int, t: int, which: int) -> int:
+        """The first or last side of a phase; 0 where it is always at the threshold."""
+        signs = self._signs[k][self._moving.index(t)]
+        apart = signs[signs != 0]
+        return int(apart[which]) if apart.size else 0
+
+    def _names(self, k: int, t: int, side: int | None = None) -> str:
+        """Events that wait for a side of a threshold in phase k."""
+        piece, order = self._pieces[k], self._model.order
+        names = []
+        for name, event in order.named.items():
+            own = piece.waits[event.when] if event.when is not None else piece.mode_waits[event.mode or 0]
+            if not isinstance(own, Waits) or own.threshold != t:
+                continue
+            if side is None or event.when is None or own.side == side:
+                names.append(f"'{name}' ({event.where})")
+        return " and ".join(names) or f"the threshold of {order.thresholds.text(t)}"
+
+
+def _jumps(model: EventPhases, joined: Joined, x: np.ndarray) -> list[str]:
+    """States of one mode that the next one moves at once although no event says so."""
+    said = []
+    nlps = list(joined.nlps.values())
+    for k, (old, new) in enumerate(pairwise(nlps)):
+        flat, jump = model.order.flat, model.pieces[k].jump
+        moved = set(jump.restarted) if jump else set()
+        alias = new.problem.base.alias
+        resolved = {alias.resolve(*p)[1:] for p in moved}
+        pairs = [
+            p for p in old.problem.state_pairs if alias.resolve(*p)[1:] not in {*new.problem.state_pairs, *resolved}
+        ]
+        if not pairs:
+            continue
+        symbols = [flat.scope.symbol(*p) for p in pairs]
+        before = _along(old, x[joined.at[k] : joined.at[k + 1]], symbols)[1][:, -1]
+        after = _along(new, x[joined.at[k + 1] : joined.at[k + 2]], symbols)[1][:, 0]
+        end = horizon(old, x[joined.at[k] : joined.at[k + 1]])[1]
+        for pair, a, b in zip(pairs, before, after, strict=True):
+            below = pair[1] > 0 and any(order > 0 for _, order in moved)
+            if abs(b - a) > JUMPED * max(flat.variables[pair[0]].nominal, abs(a)) and not below:
+                name = flat.symbol_name(*pair)
+                said.append(f"'{name}' jumps from {a:.6g} to {b:.6g} at {end:.6g} s, and no gt.reinit says so")
+    return said

@@ -1,0 +1,278 @@
+"""Phases of a model with events, made from the order in which these happen."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from ...compiler.analysis.event_names import listing
+from ...compiler.analysis.events import Pair
+from ...compiler.analysis.switching import with_switching_signs
+from ...compiler.flat import FlatModel, FlatParameter, flatten
+from ...compiler.other_values import with_values
+from ...lang.expression import Relation
+from ...lang.optimization import Optimization
+from ...lang.slips import named
+from ...lang.source import ModelError, SourceLocation
+from ...results.trajectory import Trajectory
+from ..formulation.delays import delays_of
+from ..formulation.horizon import end_of
+from ..formulation.relations import ConstraintRow
+from ..linking import Joined, PhaseEnd, value_at_end
+from ..phases import Phases
+from .guess import simulated_pieces
+from .happened import doubts_about
+from .sequence import EventOrder, Piece
+from .whole import phase_root, shares
+
+
+class EventPhases(Phases):
+    """Phases of a model with events, in the order in which these happen; made by `phases_of_events`."""
+
+    def __init__(
+        self, model: Optimization, order: EventOrder, pieces: Sequence[Piece], instants: Sequence[float] | None
+    ) -> None:
+        self.order, self.pieces, self._model = order, list(pieces), model
+        self._simulates = instants is None
+        names = [f"phase {k + 1}" for k in range(len(pieces))]
+        flat = order.flat
+        start, end = (end_of(flat, name) for name in ("start_time", "final_time"))
+        self._orders = _registered(flat)
+        symbols = [flat.scope.new_parameter(f"instant {k}") for k in range(1, len(pieces))]
+        ends, times = [start, *symbols, end], _times(flat, len(symbols), instants)
+        phases: dict[str, Optimization] = {}
+        for k, (name, piece, share) in enumerate(
+            zip(names, pieces, shares(flat, [p.modes for p in pieces]), strict=True)
+        ):
+            own = [(s, t) for s, t in zip(symbols, times, strict=True) if any(s is e for e in ends[k : k + 2])]
+            phase_flat = self._flat_of(piece, own, first=k == 0)
+            for t, side in piece.ends.items():
+                quantity = self.in_modes(order.thresholds.expressions[t], piece)
+                share.rows.append(self._relation(share.at_end(quantity, ends[k + 1]), "==", self._where(k)))
+                if t not in piece.kept and (rate := self._kinematic(quantity)) is not None:
+                    share.rows.append(self._relation(side * share.at_end(rate, ends[k + 1]), ">=", self._where(k)))
+            for pair in self._orders:
+                share.at_end(flat.scope.symbol(*pair), ends[k + 1])
+            for expression in self._looked_at(piece):
+                share.at_end(expression, ends[k + 1])
+            root = phase_root(share, ends[k], ends[k + 1], flat)
+            root.__dict__["_flat"] = replace(phase_flat, tree=replace(phase_flat.tree, root=root), cache={})
+            phases[name] = root
+        later = list(zip(names[1:], pieces, strict=False))
+        super().__init__(
+            phases,
+            free={n: [flat.symbol_name(*p) for p in piece.jump.restarted] for n, piece in later if piece.jump},
+            links={n: self._link(k) for k, n in enumerate(names[1:])},
+            shared=[q.name for q in flat.parameters if q.free],
+        )
+        self.sides = {n: self._sides(piece) for n, piece in zip(names, pieces, strict=True)}
+
+    def in_modes(self, expression: ca.SX, piece: Piece) -> ca.SX:
+        """With the values that gt.If has in a piece."""
+        events = self.order.events
+        if not events.modes:
+            return expression
+        symbols = ca.vertcat(*[m.symbol for m in events.modes])
+        return ca.substitute(expression, symbols, ca.DM([float(v) for v in piece.modes]))
+
+    def guesses(self) -> dict[str, Trajectory]:
+        """Of each phase, by a simulation with the guessed inputs, where the events come in this order; else nothing."""
+        if not self._simulates:
+            return {}
+        flat = self.order.flat
+        return simulated_pieces(self._model, flat, list(self.phases), self.pieces, _horizon(flat))
+
+    def doubts(self, joined: Joined, x: np.ndarray) -> list[str]:
+        return doubts_about(self, joined, x)
+
+    def _where(self, k: int) -> SourceLocation | None:
+        """The line of the first event at the end of phase k."""
+        t = next(iter(self.pieces[k].ends))
+        return self.order.events.comparisons[self.order.thresholds.first[t]].where
+
+    def _flat_of(self, piece: Piece, times: Sequence[tuple[ca.SX, float]], first: bool) -> FlatModel:
+        """The model of a piece, as any other one."""
+        flat = self.order.mode(piece.modes)
+        flat = with_values(flat, {n: v for n, v in piece.numbers.items() if v is not None})
+        chosen = {n for n, v in piece.numbers.items() if v is None}
+        parameters = [replace(q, free=True) if n in chosen else q for n, q in enumerate(flat.parameters)]
+        where = next(iter(self.order.named.values())).where
+        parameters += [FlatParameter(s.name(), s, t, "s", False, where, True) for s, t in times]
+        if first:
+            return replace(flat, parameters=parameters, cache={})
+        variables = [replace(v, fixed=False) for v in flat.variables]
+        return replace(flat, parameters=parameters, variables=variables, initial=[], cache={})
+
+    def _relation(self, expression: ca.SX, op: str, where: SourceLocation | None) -> Relation:
+        return Relation(expression, ca.SX(0), op, None, where, self.order.flat.scope)  # type: ignore[arg-type]
+
+    def _kinematic(self, quantity: ca.SX) -> ca.SX | None:
+        """The rate of a quantity where states tell it."""
+        flat = self.order.flat
+        inputs = {v.index for v in flat.variables if v.role == "input"}
+        pairs = flat.scope.symbols_in(quantity)
+        return flat.scope.derivative(quantity) if pairs and not inputs & {i for i, _ in pairs} else None
+
+    def _looked_at(self, piece: Piece) -> list[ca.SX]:
+        """What the check reads, and what the event's actions do."""
+        thresholds = self.order.thresholds
+        moving = [e for t, e in enumerate(thresholds.expressions) if not thresholds.discrete(t)]
+        jump = [*piece.jump.assigned.values(), *piece.jump.restarted.values()] if piece.jump else []
+        return [self.in_modes(e, piece) for e in [*moving, *jump] if self.order.flat.scope.symbols_in(e)]
+
+    def _sides(self, piece: Piece) -> tuple[ConstraintRow, ...]:
+        """What may not be left within a piece; where it begins and ends at the threshold, inside of these ends."""
+        thresholds, rows = self.order.thresholds, []
+        for t, side in piece.kept.items():
+            text = f"no event before its turn: {thresholds.text(t)}"
+            expression = self.in_modes(side * thresholds.expressions[t], piece)
+            where = self.order.events.comparisons[thresholds.first[t]].where
+            rows.append(ConstraintRow(expression, 0.0, np.inf, text, where, ends=(False, t not in piece.ends)))
+        return tuple(rows)
+
+    def _link(self, k: int) -> Any:
+        """What holds between phase k and the next one."""
+        piece, after, flat = self.pieces[k], self.pieces[k + 1], self.order.flat
+        jump, where = piece.jump, flat.root.__dict__.get("where")
+
+        def link(before: PhaseEnd, then: PhaseEnd) -> Iterable[Relation]:
+            relations = []
+            restarted = jump.restarted if jump else {}
+            assigned = jump.assigned if jump else {}
+            for pair, value in restarted.items():
+                new, old = value_at_end(then, flat.scope.symbol(*pair)), value_at_end(before, value)
+                relations.append(self._relation(new - old, "==", self._where(k)))
+            for place, number in after.numbers.items():
+                if number is None:
+                    symbol = flat.parameters[place].symbol
+                    new, old = value_at_end(then, symbol), value_at_end(before, assigned.get(place, symbol))
+                    relations.append(self._relation(new - old, "==", where))
+            return relations
+
+        return link
+
+
+def _registered(flat: FlatModel) -> list[Pair]:
+    """Derivatives that may be states in one mode or another."""
+    highest: dict[int, int] = {}
+    for i, k in flat.scope.symbols_in(ca.vertcat(*[e.residual for e in flat.equations])):
+        highest[i] = max(highest.get(i, 0), k)
+    return [(i, k) for i, top in highest.items() for k in range(1, top)]
+
+
+@named
+def phases_of_events(
+    model: Optimization,
+    order: Iterable[str | Iterable[str]],
+    *,
+    held: Iterable[str] | None = None,
+    instants: Iterable[float] | None = None,
+) -> EventPhases:
+    """Phases of an optimisation with events whose order is given, for `gt.solve_phases`.
+
+    Args:
+        model: a configured Optimization with `gt.when` or `gt.If` in its equations.
+        order: names of the events in the order in which they happen, "event 1" for the first gt.when, "If 1" for a
+            switch of the first gt.If, "part.event 1" in a part, "sign() 1" for a sign() that is to switch exactly;
+            those of one instant as a tuple. The error for a wrong name lists all with their lines.
+        held: names of all conditions that hold at the start. Left out, fixed start values decide, and where they do
+            not, the start of a gt.when is open; that of a gt.If has to be said.
+        instants: guesses of the instants [s]; left out, a simulation with events under the guessed inputs gives
+            them, with a guess of the motion, where its events come in this order; else they are evenly spread.
+
+    Phase k, named "phase k", has the equations of its mode. It ends where event k happens, at an instant that is
+    found, and is linked to the next one by what the event does: `gt.reinit`, new values of discrete variables; all
+    other states go on. The objective is shared out: integrals to all phases, values at an end to the phase there;
+    constraints along the path hold in all phases, those at an end there; free constants are the same in all.
+
+    No other event may happen. Conditions that are known not to hold are kept so inside of the phases, and the solution
+    is looked through between its points too: where another event happens, or touches its threshold, or a given one
+    does not happen, the status is CHECK_FAILED, and the message names it. So a solved result is the optimum, a local
+    one as always, among the motions with this order of events.
+
+    Raises ModelError for an order that cannot be, for conditions of several moving quantities, impulses, sampled blocks
+    and delays, and for objectives or constraints that join several phases and are no sum.
+
+    >>> class Throw(gt.Optimization):  # a ball, to be in 3 m distance at 0.2 m height after one bounce
+    ...     h = gt.variable(unit="m", start=1.0, fixed=True)
+    ...     d = gt.variable(unit="m", start=0.0, fixed=True)
+    ...     v = gt.variable(unit="m/s", start=0.0)
+    ...     speed = gt.free(1.0, unit="m/s")
+    ...     final_time = gt.free(1.0, min=0.1, unit="s")
+    ...     def equations(self):
+    ...         yield gt.der(self.h) == self.v
+    ...         yield gt.der(self.v) == -9.81
+    ...         yield gt.der(self.d) == self.speed
+    ...         yield gt.when(self.h <= 0.0, gt.reinit(self.v, -0.8 * self.v))
+    ...     def objective(self):  # square of the speed of the throw
+    ...         return self.v.at(self.start_time) ** 2 + self.speed**2
+    ...     def constraints(self):
+    ...         yield self.d.at(self.final_time) == 3.0
+    ...         yield self.h.at(self.final_time) == 0.2
+    >>> throw = gt.solve_phases(gt.phases_of_events(Throw(), ["event 1"]), gt.Mesh(3))
+    >>> throw.status.ok, round(throw.objective, 3), round(float(throw["phase 1"].trajectory.time[-1]), 3)
+    (True, 6.746, 0.536)
+    """
+    if not isinstance(model, Optimization):
+        raise ModelError(f"gt.phases_of_events takes a configured Optimization; found {model!r}")
+    names: list[Any] = list(order) if isinstance(order, Iterable) and not isinstance(order, str) else [order]
+    groups = [list(item) if isinstance(item, (list, tuple)) else [item] for item in names]
+    flat = flatten(model)
+    if any("sign()" in str(name) for group in groups for name in group):
+        flat = with_switching_signs(flat)
+    events = flat.events
+    if events is None:
+        raise ModelError(f"{flat.title} has no events; gt.solve takes it as it is")
+    if events.blocks or events.samples:
+        what = "a sampled block" if events.blocks else "gt.sample() or gt.initial()"
+        where = events.samples[0].where if events.samples else events.blocks[0].model.__dict__.get("where")
+        raise ModelError(
+            f"{flat.title} has {what}, whose instants are many and whose steps are no equations; optimise the "
+            "continuous model, and try the result in gt.simulate",
+            where,
+        )
+    if late := [flat.variables[i].name for i in delays_of(flat)]:
+        raise ModelError(f"'{late[0]}' is a delayed input, which runs over several phases; write gt.Phases yourself")
+    if not groups or not all(groups) or not all(isinstance(n, str) for g in groups for n in g):
+        raise ModelError(
+            "order is a list of the names of events, at least one, those of one instant as a tuple; found {order!r}; "
+            f"events are {listing(events)}"
+        )
+    if isinstance(held, str):
+        raise ModelError(f"held takes a list of names; found '{held}'")
+    sequence = EventOrder(flat)
+    pieces = sequence.pieces(groups, None if held is None else list(held))
+    for piece in pieces:
+        if piece.jump is not None and piece.jump.forces:
+            acting = events.whens[piece.acts[0][0]]
+            raise ModelError(
+                f"{acting.name} acts by an impulse of a force, and phases take velocities: give gt.reinit() each "
+                "velocity that changes, without impulse=...",
+                acting.where,
+            )
+    return EventPhases(model, sequence, pieces, None if instants is None else list(instants))
+
+
+def _times(flat: FlatModel, count: int, instants: Sequence[float] | None) -> list[float]:
+    """Guesses of the instants of the events: given, or evenly spread over the guessed horizon."""
+    start, end = _horizon(flat)
+    if instants is None:
+        return np.linspace(start, end, count + 2)[1:-1].tolist()
+    times = [float(t) for t in instants]
+    if len(times) != count or not np.all(np.diff([start, *times, end]) > 0):
+        raise ModelError(
+            f"instants are guesses of the times of {count} events, increasing between {start:g} and {end:g} s; found "
+            f"{times}"
+        )
+    return times
+
+
+def _horizon(flat: FlatModel) -> tuple[float, float]:
+    """Start and end by the guesses of what is chosen."""
+    ends = [end_of(flat, name) for name in ("start_time", "final_time")]
+    start, end = ca.Function("ends", [flat.p], ends)(flat.p0)
+    return float(start), float(end)

@@ -1,0 +1,523 @@
+"""Phases made from events whose order is given: closed forms, other roads, and what is refused."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+import pytest
+from scipy.optimize import minimize_scalar
+
+import gtmodel as gt
+
+G, LOSS = 9.81, 0.8
+# of objectives and instants where the mesh holds the solution exactly: the solver's tolerance
+EXACT = 1e-7
+
+
+class Throw(gt.Optimization):
+    h = gt.variable(unit="m", start=1.0, fixed=True)
+    d = gt.variable(unit="m", start=0.0, fixed=True)
+    v = gt.variable(unit="m/s", start=0.0)
+    e = gt.parameter(LOSS)
+    bounces = gt.discrete(0.0)
+    speed = gt.free(1.0, unit="m/s")
+    final_time = gt.free(1.0, min=0.1, unit="s")
+
+    def equations(self):
+        yield gt.der(self.h) == self.v
+        yield gt.der(self.v) == -G
+        yield gt.der(self.d) == self.speed
+        yield gt.when(self.h <= 0.0, gt.reinit(self.v, -self.e * self.v), self.bounces == gt.pre(self.bounces) + 1.0)
+
+    def objective(self):
+        return self.v.at(self.start_time) ** 2 + self.speed**2
+
+    def constraints(self):
+        yield self.d.at(self.final_time) == 3.0
+        yield self.h.at(self.final_time) == 0.2
+
+
+def cost_of_throw(v: float, bounces: int) -> float:
+    """Of the upward speed of a throw that is at 0.2 m after so many bounces, on its way down."""
+    impact = np.sqrt(v**2 + 2 * G)
+    time = (v + impact) / G + sum(2 * LOSS**k * impact / G for k in range(1, bounces))
+    last = LOSS**bounces * impact
+    return v**2 + (3.0 / (time + (last + np.sqrt(last**2 - 2 * G * 0.2)) / G)) ** 2
+
+
+@pytest.mark.parametrize("bounces", [1, 2])
+def test_a_throw_meets_its_closed_form(bounces: int) -> None:
+    best = minimize_scalar(lambda v: cost_of_throw(v, bounces), bounds=(0.0, 4.0), options={"xatol": 1e-10})
+    phases = gt.phases_of_events(Throw(v={"start": 1.0}), ["event 1"] * bounces)
+    found = gt.solve_phases(phases, gt.Mesh(3))
+    assert found.status.ok
+    if bounces == 1:
+        assert abs(found.objective - best.fun) < EXACT * best.fun
+    # the answer is a motion with these events
+    v, speed = float(found["phase 1"].trajectory["v"][0]), found["phase 1"].free["speed"]
+    assert abs(found.objective - cost_of_throw(v, bounces)) < EXACT
+    end = float(found[f"phase {bounces + 1}"].trajectory.time[-1])
+    run = gt.simulate(Throw(), end, start={"v": v})
+    instants = [float(found[f"phase {k}"].trajectory.time[-1]) for k in range(1, bounces + 1)]
+    assert np.max(np.abs(np.array([e.time for e in run.events]) - instants)) < EXACT
+    assert abs(speed * end - 3.0) < EXACT
+
+
+@pytest.mark.parametrize("elements", [3, 5, 20])
+@pytest.mark.parametrize("instants", [None, [0.5, 0.8]])
+def test_guesses_of_the_instants_may_be_poor(elements: int, instants: list[float] | None) -> None:
+    found = gt.solve_phases(gt.phases_of_events(Throw(), ["event 1"] * 2, instants=instants), gt.Mesh(elements))
+    assert found.status.ok
+    assert found.iterations <= 30
+    v = float(found["phase 1"].trajectory["v"][0])
+    slope = (cost_of_throw(v + 1e-4, 2) - cost_of_throw(v - 1e-4, 2)) / 2e-4
+    # stationary: on its way down at the end, or on its way up
+    assert abs(slope) < 1e-4 or abs(found.objective - cost_of_throw(v, 2)) > 1e-3
+
+
+class Thermostat(gt.Optimization):
+    """Between 18 and 22 degrees; its power is chosen."""
+
+    T = gt.variable(start=20.0, fixed=True)
+    on = gt.discrete(0.0)
+    P = gt.free(8.0, min=1.0, max=20.0)
+    final_time = 4.0
+
+    def equations(self):
+        yield gt.der(self.T) == -0.5 * (self.T - 10.0) + self.on * self.P
+        yield gt.when(self.T <= 18.0, self.on == 1.0)
+        yield gt.when(self.T >= 22.0, self.on == 0.0)
+
+    def objective(self):
+        return gt.integral(self.on * self.P)
+
+    def constraints(self):
+        yield self.T.at(self.final_time) >= 20.0
+
+
+def test_a_thermostat_takes_least_energy() -> None:
+    found = gt.solve_phases(gt.phases_of_events(Thermostat(), ["event 1", "event 2"]), gt.Mesh(8))
+    assert found.status.ok
+    # it cools to 18, heats to 22 as slowly as leaves time to cool to 20 at the end: dT/dt = (10 + 2 on P - T) / 2
+    first, rest = 2 * np.log(10 / 8), 2 * np.log(12 / 10)
+    heating = 4.0 - first - rest
+    growth = np.exp(heating / 2)
+    power = ((22 * growth - 18) / (growth - 1) - 10) / 2
+    assert abs(found["phase 2"].free["P"] - power) < 1e-6
+    assert abs(found.objective - power * heating) < 1e-5
+    times = [found[f"phase {k}"].trajectory.time[-1] for k in (1, 2)]
+    assert np.allclose(times, [first, first + heating], rtol=0, atol=1e-6)
+
+
+class Refraction(gt.Optimization):
+    """Least time from (0, 0) to (1, 2), at half the speed from y = 1 on."""
+
+    x = gt.variable(start=0.0, fixed=True)
+    y = gt.variable(start=0.0, fixed=True)
+    angle = gt.input(min=-1.5, max=3.0, start=1.0)
+    final_time = gt.free(3.0, min=0.5)
+
+    def equations(self):
+        speed = gt.If(self.y >= 1.0, 0.5, 1.0)
+        yield gt.der(self.x) == speed * gt.cos(self.angle)
+        yield gt.der(self.y) == speed * gt.sin(self.angle)
+
+    def objective(self):
+        return self.final_time
+
+    def constraints(self):
+        yield self.x.at(self.final_time) == 1.0
+        yield self.y.at(self.final_time) == 2.0
+
+
+def test_a_border_refracts_as_light_is() -> None:
+    best = minimize_scalar(lambda s: np.hypot(s, 1) + 2 * np.hypot(1 - s, 1), bounds=(0, 1), options={"xatol": 1e-12})
+    found = gt.solve_phases(gt.phases_of_events(Refraction(), ["If 1"]), gt.Mesh(3))
+    assert found.status.ok
+    assert abs(found.objective - best.fun) < EXACT
+    slow, fast = (float(np.cos(found[f"phase {k}"].trajectory["angle"][-1])) for k in (2, 1))
+    assert abs(fast / slow - 2.0) < 1e-5  # Snell
+
+
+class Door(gt.Optimization):
+    """Least time from rest at 0 to rest at 2; at 1 half of the speed is lost."""
+
+    x = gt.variable(start=0.0, fixed=True)
+    v = gt.variable(start=0.0, fixed=True)
+    u = gt.input(min=-1.0, max=1.0)
+    final_time = gt.free(3.0, min=0.5)
+
+    def equations(self):
+        yield gt.der(self.x) == self.v
+        yield gt.der(self.v) == self.u
+        yield gt.when(self.x >= 1.0, gt.reinit(self.v, 0.5 * self.v))
+
+    def objective(self):
+        return self.final_time
+
+    def constraints(self):
+        yield self.x.at(self.final_time) == 2.0
+        yield self.v.at(self.final_time) == 0.0
+
+
+def test_least_time_through_a_door_that_brakes() -> None:
+    mesh = gt.Mesh(4, control="constant", length_ratio=(0.1, 4.0))
+    found = gt.solve_phases(gt.phases_of_events(Door(), ["event 1"]), mesh)
+    assert found.status.ok
+    # full thrust up to the door, then to sqrt(5/4) and back to rest
+    assert abs(found.objective - (np.sqrt(2) + 2 * np.sqrt(1.25) - np.sqrt(0.5))) < EXACT
+
+
+def test_sign_switches_where_that_is_given() -> None:
+    class Rub(gt.Optimization):
+        q = gt.variable(start=0.0, fixed=True)
+        v = gt.variable(start=1.0, fixed=True)
+        u = gt.input(min=-2.0, max=2.0)
+        final_time = gt.free(3.0, min=0.5)
+
+        def equations(self):
+            yield gt.der(self.q) == self.v
+            yield gt.der(self.v) == self.u - gt.sign(self.v)
+
+        def objective(self):
+            return self.final_time
+
+        def constraints(self):
+            yield self.q.at(self.final_time) == -1.0
+            yield self.v.at(self.final_time) == 0.0
+
+    mesh = gt.Mesh(4, control="constant", length_ratio=(0.1, 4.0))
+    found = gt.solve_phases(gt.phases_of_events(Rub(), ["sign() 1"]), mesh)
+    assert found.status.ok
+    # it stops after 1/3 s at 1/6 m; then 7/6 m back, at 1 to the switch and at -3 from there
+    back = 7 / 6
+    top = np.sqrt(2 * back / (1 + 1 / 3))
+    assert abs(found.objective - (1 / 3 + top + top / 3)) < EXACT
+
+
+class Thrust(gt.Optimization):
+    """A ball with a thruster: least effort to be at rest at 0.5 m after 2 s and one bounce."""
+
+    h = gt.variable(start=1.0, fixed=True)
+    v = gt.variable(start=0.0, fixed=True)
+    u = gt.input()
+    final_time = 2.0
+
+    def equations(self):
+        yield gt.der(self.h) == self.v
+        yield gt.der(self.v) == self.u - G
+        yield gt.when(self.h <= 0.0, gt.reinit(self.v, -LOSS * self.v))
+
+    def objective(self):
+        return gt.integral(self.u**2)
+
+    def constraints(self):
+        yield self.h.at(self.final_time) == 0.5
+        yield self.v.at(self.final_time) == 0.0
+
+
+def test_one_program_written_by_hand_has_the_same_optimum() -> None:
+    t, v = ca.SX.sym("t"), ca.SX.sym("v")
+
+    def effort(T: ca.SX, x0: float, v0: ca.SX, x1: float, v1: ca.SX) -> ca.SX:
+        """Least integral of u^2 between two points of a double integrator that falls."""
+        dx, dv = x1 - x0 - v0 * T + G * T**2 / 2, v1 - v0 + G * T
+        return 12 * dx**2 / T**3 - 12 * dx * dv / T**2 + 4 * dv**2 / T
+
+    cost = effort(t, 1.0, 0.0, 0.0, v) + effort(2.0 - t, 0.0, -LOSS * v, 0.5, 0.0)
+    quiet = {"ipopt.print_level": 0, "print_time": False, "ipopt.sb": "yes", "ipopt.tol": 1e-12}
+    by_hand = ca.nlpsol("by_hand", "ipopt", {"x": ca.vertcat(t, v), "f": cost}, quiet)
+    best = by_hand(x0=[0.6, -4.0], lbx=[0.1, -20.0], ubx=[1.9, 0.0])
+    found = gt.solve_phases(gt.phases_of_events(Thrust(), ["event 1"]), gt.Mesh(2))
+    assert found.status.ok
+    assert abs(found.objective - float(best["f"])) < EXACT * float(best["f"])
+    assert abs(found["phase 1"].trajectory.time[-1] - float(best["x"][0])) < 1e-6
+
+
+class OneWay(gt.Optimization):
+    """A threshold that is passed once; its condition stays true."""
+
+    x = gt.variable(start=0.0, fixed=True)
+    u = gt.input(min=-1.0, max=1.0)
+    n = gt.discrete(0.0)
+    far = gt.discrete(0.0)
+    final_time = 2.0
+
+    def equations(self):
+        yield gt.der(self.x) == self.u
+        yield gt.when(self.x >= 0.5, self.n == gt.pre(self.n) + 1.0)
+        yield gt.when(self.x >= 1.5, self.far == 1.0)
+
+    def objective(self):
+        return -self.x.at(self.final_time)
+
+
+def test_a_condition_may_stay_true() -> None:
+    found = gt.solve_phases(gt.phases_of_events(OneWay(), ["event 1", "event 2"]), gt.Mesh(4))
+    assert found.status.ok
+    assert abs(found.objective + 2.0) < 1e-6
+
+
+def test_what_touches_a_threshold_is_said() -> None:
+    found = gt.solve_phases(gt.phases_of_events(OneWay(), ["event 1"]), gt.Mesh(4), throw=False)
+    assert found.status.ok  # it is reached at the end, where nothing comes after
+    assert abs(found.objective + 1.5) < 1e-6
+
+    class Stay(OneWay):
+        def objective(self):
+            return gt.integral((self.x - 2.0) ** 2)
+
+    found = gt.solve_phases(gt.phases_of_events(Stay(), ["event 1"]), gt.Mesh(4), throw=False)
+    assert found.status is gt.SolveStatus.CHECK_FAILED
+    assert "'event 2'" in found.message
+
+
+def test_an_event_that_does_not_happen_is_said() -> None:
+    class Back(OneWay):
+        def objective(self):
+            return gt.integral((self.x - 1.0) ** 2)
+
+        def constraints(self):
+            yield self.x.at(self.final_time) == 0.4
+
+    found = gt.solve_phases(gt.phases_of_events(Back(), ["event 1", "event 1"]), gt.Mesh(5), throw=False)
+    assert found.status is gt.SolveStatus.CHECK_FAILED
+    assert "'event 1'" in found.message
+    assert gt.solve_phases(gt.phases_of_events(Back(), ["event 1"]), gt.Mesh(5)).status.ok
+
+
+def test_an_event_that_happens_again_is_said() -> None:
+    class Wave(OneWay):
+        """Down and up again through 0.5 with a period of 2 pi / 1.5 s."""
+
+        x = gt.variable(start=1.2, fixed=True)
+        w = gt.parameter(1.5, unit="rad/s")
+        final_time = 8.0
+
+        def objective(self):
+            return gt.integral((self.x - 0.6 - 0.6 * gt.cos(self.w * self.time)) ** 2)
+
+    up = (2 * np.pi - np.arccos(-1 / 6)) / 1.5, (4 * np.pi - np.arccos(-1 / 6)) / 1.5
+    once = gt.solve_phases(gt.phases_of_events(Wave(), ["event 1"], instants=[3.0]), gt.Mesh(20), throw=False)
+    assert once.status is gt.SolveStatus.CHECK_FAILED
+    assert "'event 1'" in once.message
+    twice = gt.solve_phases(gt.phases_of_events(Wave(), ["event 1"] * 2, instants=[3.0, 7.0]), gt.Mesh(20))
+    assert twice.status.ok
+    assert twice.objective < 1e-8
+    instants = [twice[f"phase {k}"].trajectory.time[-1] for k in (1, 2)]
+    assert np.allclose(instants, up, rtol=0, atol=1e-3)
+
+
+def test_time_makes_an_event() -> None:
+    class Timed(gt.Optimization):
+        x = gt.variable(start=0.0, fixed=True)
+        gain = gt.discrete(1.0)
+        u = gt.input()
+        final_time = 3.0
+
+        def equations(self):
+            yield gt.der(self.x) == self.gain * self.u
+            yield gt.when(self.time >= 1.0, self.gain == 2.0)
+
+        def objective(self):
+            return gt.integral(self.u**2)
+
+        def constraints(self):
+            yield self.x.at(self.final_time) == 1.0
+
+    found = gt.solve_phases(gt.phases_of_events(Timed(), ["event 1"]), gt.Mesh(2))
+    assert found.status.ok
+    assert abs(found.objective - 1 / (1 + 4 * 2)) < EXACT  # u is proportional to the gain
+    assert abs(found["phase 1"].trajectory.time[-1] - 1.0) < EXACT
+
+
+def test_a_discrete_variable_keeps_what_was_reached() -> None:
+    class Latched(gt.Optimization):
+        """From x = 1 on y follows the speed at that instant."""
+
+        x = gt.variable(start=0.0, fixed=True)
+        v = gt.variable(start=0.0, fixed=True)
+        y = gt.variable(start=0.0, fixed=True)
+        kept = gt.discrete(0.0)
+        u = gt.input()
+        final_time = 2.0
+
+        def equations(self):
+            yield gt.der(self.x) == self.v
+            yield gt.der(self.v) == self.u
+            yield gt.der(self.y) == self.kept
+            yield gt.when((self.x >= 1.0) & (self.kept < 0.5), self.kept == self.v)
+
+        def objective(self):
+            return gt.integral(self.u**2)
+
+        def constraints(self):
+            yield self.y.at(self.final_time) == 1.0
+
+    with pytest.raises(gt.ModelError, match=r"decides on an event by what the optimisation chooses.*test_events"):
+        gt.phases_of_events(Latched(), ["event 1"])
+
+    class Plain(Latched):
+        def equations(self):
+            yield gt.der(self.x) == self.v
+            yield gt.der(self.v) == self.u
+            yield gt.der(self.y) == self.kept
+            yield gt.when(self.x >= 1.0, self.kept == self.v)
+
+    found = gt.solve_phases(gt.phases_of_events(Plain(), ["event 1"]), gt.Mesh(3))
+    assert found.status.ok
+
+    # from rest to x = 1 with speed w in t: 12 / t^3 - 12 w / t^2 + 4 w^2 / t, and w (2 - t) = 1
+    def cost(t: float) -> float:
+        w = 1 / (2 - t)
+        return 12 / t**3 - 12 * w / t**2 + 4 * w**2 / t
+
+    best = minimize_scalar(cost, bounds=(0.1, 1.9), options={"xatol": 1e-10})
+    assert abs(found.objective - best.fun) < EXACT * best.fun
+
+
+def test_free_constants_are_one_in_all_phases() -> None:
+    found = gt.solve_phases(gt.phases_of_events(Throw(), ["event 1"]), gt.Mesh(3))
+    speeds = {round(found[f"phase {k}"].free["speed"], 9) for k in (1, 2)}
+    assert len(speeds) == 1
+
+
+def test_held_says_what_fixed_starts_do_not() -> None:
+    class Free(Refraction):
+        y = gt.variable(start=0.0)
+
+        def constraints(self):
+            yield from super().constraints()
+            yield self.y.at(self.start_time) == 0.0
+
+    with pytest.raises(gt.ModelError, match=r"it is open whether If 1 holds at the start; say it by held.*test_events"):
+        gt.phases_of_events(Free(), ["If 1"])
+    found = gt.solve_phases(gt.phases_of_events(Free(), ["If 1"], held=[]), gt.Mesh(3))
+    assert abs(found.objective - gt.solve_phases(gt.phases_of_events(Refraction(), ["If 1"]), gt.Mesh(3)).objective) < (
+        EXACT
+    )
+
+
+WRONG = {
+    "unknown event": (
+        Throw,
+        ["event 2"],
+        {},
+        r"no event 'event 2' in Throw; events are event 1 \(.*test_events.py:\d+\): ",
+    ),
+    "no event": (Throw, [], {}, r"order is a list of the names of events, at least one.*events are event 1"),
+    "a number": (Throw, [1], {}, r"order is a list of the names of events"),
+    "held unknown": (Throw, ["event 1"], {"held": ["bounce"]}, r"held names no event 'bounce'; events are event 1"),
+    "held one word": (Throw, ["event 1"], {"held": "event 1"}, r"held takes a list of names; found 'event 1'"),
+    "held otherwise": (Throw, ["event 1"], {"held": ["event 1"]}, r"held says otherwise.*does not hold.*test_events"),
+    "instants": (Throw, ["event 1"], {"instants": [0.4, 0.3]}, r"guesses of the times of 1 events.*\[0.4, 0.3\]"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_a_wrong_order_gets_its_sentence(name: str) -> None:
+    model, order, more, sentence = WRONG[name]
+    with pytest.raises(gt.ModelError, match=sentence) as caught:
+        gt.phases_of_events(model(), order, **more)
+    assert "\n" not in str(caught.value)
+
+
+def test_no_events_no_phases() -> None:
+    class Still(gt.Optimization):
+        x = gt.variable(start=0.0, fixed=True)
+
+        def equations(self):
+            yield gt.der(self.x) == 1.0
+
+        def objective(self):
+            return self.x.at(self.final_time)
+
+    with pytest.raises(gt.ModelError, match=r"Still has no events; gt.solve takes it as it is"):
+        gt.phases_of_events(Still(), ["event 1"])
+    with pytest.raises(gt.ModelError, match="takes a configured Optimization"):
+        gt.phases_of_events(Still, ["event 1"])
+
+
+class Fall(gt.Optimization):
+    x = gt.variable(start=1.0, fixed=True)
+    n = gt.discrete(0.0)
+    u = gt.input()
+
+    def equations(self):
+        yield gt.der(self.x) == self.u
+        yield gt.when(self.x <= 0.0, self.n == 1.0)
+
+    def objective(self):
+        return gt.integral(self.u**2)
+
+
+def refused(sentence: str, order: tuple[str, ...] = ("event 1",), **body: object) -> None:
+    model = type("Wrong", (Fall,), body)
+    with pytest.raises(gt.ModelError, match=sentence):
+        gt.phases_of_events(model(), list(order))
+
+
+def test_what_joins_phases_is_refused() -> None:
+    def at(self):
+        return self.x.at(0.3)
+
+    def product(self):
+        return self.x.at(self.start_time) * self.x.at(self.final_time)
+
+    def squared(self):
+        return gt.integral(self.u) ** 2
+
+    def both(self):
+        yield self.x.at(self.start_time) == self.x.at(self.final_time)
+
+    def total(self):
+        yield gt.integral(self.u) <= 1.0
+
+    def branch(self):
+        return gt.integral(gt.If(self.x >= 0.5, self.u, 2 * self.u))
+
+    refused(r"lies between the ends", objective=at)
+    refused(r"multiplies what is at the start with what is at the end.*test_events", objective=product)
+    refused(r"no weighted sum of gt.integral.*test_events", objective=squared)
+    refused(r"holds both ends of the whole.*test_events", constraints=both)
+    refused(r"holds an integral over the whole.*test_events", constraints=total)
+    refused(r"gt.If stands in objective\(\) or constraints\(\).*test_events", objective=branch)
+
+
+def test_conditions_that_no_order_tells_are_refused() -> None:
+    def joined(self):
+        yield gt.der(self.x) == self.u
+        yield gt.when((self.x <= 0.0) & (self.time >= 0.5), self.n == 1.0)
+
+    def clock(self):
+        yield gt.der(self.x) == self.u
+        yield gt.when(gt.sample(0.1), self.n == 1.0)
+
+    def impulse(self):
+        yield gt.der(self.x) == self.v
+        yield gt.der(self.v) == self.u + self.f
+        yield self.f == 0.0
+        yield gt.when(self.x <= 0.0, gt.reinit(self.v, -0.5 * self.v, impulse=self.f), self.n == 1.0)
+
+    refused(r"joins what moves independently.*test_events", equations=joined)
+    refused(r"gt.sample\(\) or gt.initial\(\), whose instants are many.*test_events", equations=clock)
+    refused(r"acts by an impulse.*test_events", equations=impulse, v=gt.variable(), f=gt.variable())
+
+
+def test_a_sampled_block_is_refused() -> None:
+    class Law(gt.SampledBlock):
+        e = gt.input()
+        y = gt.output()
+
+        def step(self, inputs, state):
+            return {"y": inputs.e}
+
+    def looped(self):
+        yield gt.der(self.x) == self.law.y + self.u
+        yield self.law.e == -self.x
+        yield gt.when(self.x <= 0.0, self.n == 1.0)
+
+    refused(r"a sampled block, whose instants are many.*test_events", equations=looped, law=gt.part(Law, period=0.1))
+    Looped = type("Looped", (Fall,), {"equations": looped, "law": gt.part(Law, period=0.1)})
+    with pytest.raises(gt.ModelError, match=r"the sampled block 'law', whose steps are no equations.*test_events"):
+        gt.solve(Looped())
