@@ -16,13 +16,12 @@ L = gt.control.lead_through
 S = L.WrenchStatus
 
 G = np.array([0.0, 0.0, -9.81])
-BIAS_F, BIAS_M, MASS, CENTRE = np.array([3.0, -1.0, 2.0]), np.array([0.1, 0.2, -0.3]), 0.9, np.array([0.01, -0.02, 0.12])
+BIAS_F, BIAS_M = np.array([3.0, -1.0, 2.0]), np.array([0.1, 0.2, -0.3])
+MASS, CENTRE = 0.9, np.array([0.01, -0.02, 0.12])
 NOISE_F, NOISE_M = 0.05, 0.003  # synthetic
 TRUTH = dict(zip(["bias_force_x", "bias_force_y", "bias_force_z", "mass"], [*BIAS_F, MASS], strict=True))
 TRUTH_M = dict(
-    zip(
-        [f"{w}_{a}" for w in ("bias_moment", "first_moment") for a in "xyz"], [*BIAS_M, *(MASS * CENTRE)], strict=True
-    )
+    zip([f"{w}_{a}" for w in ("bias_moment", "first_moment") for a in "xyz"], [*BIAS_M, *(MASS * CENTRE)], strict=True)
 )
 TRUTH_C = dict(zip(["centre_x", "centre_y", "centre_z"], CENTRE, strict=True))
 TURNS = scipy.spatial.transform.Rotation.random(24, rng=np.random.default_rng(4)).as_matrix()
