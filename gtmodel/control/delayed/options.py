@@ -51,7 +51,9 @@ class FeedbackAxis(Options):
     damping_ratio: Annotated[float, Within(above=0.0, below=1.0), "of critical damping"]
     mass: Annotated[float | None, Within(above=0.0), "equivalent mass m of eq. (30), a number without a unit"] = None
     limit: Annotated[float | None, Within(above=0.0), "gain at which the loop was seen to become unstable"] = None
-    gain: Annotated[float | None, Within(above=0.0), "at which margins are asked for; the recommended one else"] = None
+    gain: Annotated[
+        float | None, Within(above=0.0), "at which margins are asked for; the recommended one if left out"
+    ] = None
     gain_step: Annotated[float, Within(above=0.0), "from one gain that can be set to the next"] = 0.01
 
     def equivalent_mass(self, timing: FeedbackTiming) -> float:

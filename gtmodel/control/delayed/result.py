@@ -40,8 +40,9 @@ class DelayedFeedbackStudy(Study):
         field(default_factory=dict)
     )
     recommended: Annotated[
-        ByName, Quantity("", "greatest gain that can be set below 95 % of the limits in the box", "recommended gain")
-    ] = field(default_factory=dict)
+        ByName | None,
+        Quantity("", "greatest gain that can be set below 95 % of the limits in the box", "recommended gain"),
+    ] = None
     gain: Annotated[ByName, Quantity("", "at which the margins hold, by axis", "margins at the gain")] = field(
         default_factory=dict
     )
@@ -59,9 +60,9 @@ class DelayedFeedbackStudy(Study):
         Mapping[str, ByName],
         "limit of each axis as the thesis's text may be read: cycle, and whether corrections add up",
     ] = field(default_factory=dict)
-    off_axis_limit: Annotated[ByName, Quantity("", "by angle in degrees from y towards x", "limit at an angle")] = (
-        field(default_factory=dict)
-    )
+    off_axis_limit: Annotated[
+        ByName | None, Quantity("", "by angle in degrees from y towards x", "limit at an angle")
+    ] = None
     meeting_limits: Annotated[
         Sequence[Sequence[float]] | None,
         "limits along y, from and to, with which all directions lie where experiments found them",

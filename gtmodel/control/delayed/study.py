@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 else:
     Cut, Cutter = hint("gtmodel.milling", "Cut"), hint("gtmodel.milling", "Cutter")
 
-TIMING, THESIS_PATH = FeedbackTiming(), SinePath()
+TIMING, THESIS_PATH, BOX = FeedbackTiming(), SinePath(), FeedbackBox()
 READINGS = ((0.004, False), (0.004, True), (0.012, False), (0.012, True))  # cycles of 5.3.5 and 5.3.3
 QUANTILE = 0.05
 BESIDE = 0.05  # of a limit: where runs are drawn
@@ -45,7 +45,7 @@ def delayed_feedback(
     plants: Mapping[str, FeedbackAxis | CorrectedPlant],
     timing: FeedbackTiming = TIMING,
     *,
-    box: FeedbackBox | None = None,
+    box: FeedbackBox | None = BOX,
     off_axis: Sequence[OffAxisRun] = (),
     path: SinePath | None = THESIS_PATH,
     noise: Annotated[float, Within(least=0.0)] = 15e-6,
@@ -64,6 +64,7 @@ def delayed_feedback(
         plants: by name what a correction acts on, `FeedbackAxis` or any `CorrectedPlant`, such as `servo_plant` makes.
         timing: cycle and delay, and whether corrections add up.
         box: how far plant and delay may be off: worst case and recommended gain; of a `CorrectedPlant` the delay alone.
+            None: neither is asked for.
         off_axis: directions between the plants "x" and "y", and what experiments saw along them.
         path, noise [m], seed: of the synthetic runs that show the limit in time; no runs without a path.
         cut: a tool that cuts meanwhile, cutter and cut.
@@ -90,16 +91,15 @@ def delayed_feedback(
     for name, p in plants.items():
         _check_gain(name, p, limits[name].gain)
     notes = [_returns(name, x) for name, x in limits.items() if x.returns]
+    notes += [_aliased(n, p, timing) for n, p in plants.items() if isinstance(p, FeedbackAxis) and _fast(p, timing)]
     worst = dict[str, WorstCase]()
     if box is not None:
         for name, plant in plants.items():
             work.step(f"worst case of {name}")
             worst[name] = _worst(plant, made[name], timing, box)
     steps = {n: p.gain_step if isinstance(p, FeedbackAxis) else gain_step for n, p in plants.items()}
-    recommended = {
-        n: recommended_gain(worst[n].limits if n in worst else [limits[n].gain], steps[n], QUANTILE) for n in plants
-    }
-    gains = {n: _gain(p, recommended[n]) for n, p in plants.items()}
+    recommended = {n: recommended_gain(w.limits, steps[n], QUANTILE) for n, w in worst.items()}
+    gains = {n: _gain(p, limits[n].gain, recommended.get(n)) for n, p in plants.items()}
     margins = {n: loop_margins(loops[n], g) for n, g in gains.items() if g > 0}
     readings = {n: _readings(p, timing) for n, p in plants.items() if isinstance(p, FeedbackAxis)}
     runs, simulated = dict[str, list[DelayedRun]](), dict[str, float]()
@@ -123,7 +123,7 @@ def delayed_feedback(
         notes += [_worst_words(n, w, recommended[n]) for n, w in worst.items()]
     return DelayedFeedbackStudy(
         status=SolveStatus.SOLVED,
-        message="; ".join(_words(n, limits[n], recommended[n]) for n in plants),
+        message="; ".join(_words(n, limits[n], recommended.get(n)) for n in plants),
         title=title,
         notes=notes,
         figures=_figures(loops, limits, worst, recommended, runs, made, off_axis, timing, turned, title),
@@ -135,7 +135,7 @@ def delayed_feedback(
         simulated_limit=simulated or None,
         worst_limit={n: w.gain for n, w in worst.items()} or None,
         worst_point={n: w.point for n, w in worst.items()},
-        recommended=recommended,
+        recommended=recommended or None,
         gain={n: gains[n] for n in margins},
         gain_margin={n: m.gain for n, m in margins.items()},
         phase_margin={n: m.phase for n, m in margins.items()},
@@ -169,6 +169,18 @@ def _returns(name: str, limit: GainLimit) -> str:
     return f"along {name} the loop would be stable again at gains of {there}; on the way there it is not"
 
 
+def _fast(axis: FeedbackAxis, timing: FeedbackTiming) -> bool:
+    return axis.frequency * timing.cycle >= 0.5
+
+
+def _aliased(name: str, axis: FeedbackAxis, timing: FeedbackTiming) -> str:
+    rate = 1 / timing.cycle
+    return (
+        f"{name} swings at {axis.frequency:g} Hz, faster than half the sampling rate, {rate:g} Hz; the limit holds for "
+        "the samples alone"
+    )
+
+
 def _worst(given: Given, made: CorrectedPlant, timing: FeedbackTiming, box: FeedbackBox) -> WorstCase:
     sides = {"delay": (max(0.0, timing.delay - box.delay), timing.delay + box.delay)}
     if not isinstance(given, FeedbackAxis):
@@ -194,10 +206,12 @@ def _check_gain(name: str, plant: Given, limit: float) -> None:
         )
 
 
-def _gain(plant: Given, recommended: float) -> float:
-    """At which margins are asked for."""
-    asked = plant.gain if isinstance(plant, FeedbackAxis) else None
-    return asked if asked is not None else (recommended if np.isfinite(recommended) else 1.0)
+def _gain(plant: Given, limit: float, recommended: float | None) -> float:
+    """At which margins are asked for: the one that is named, the recommended one, or half the limit."""
+    if isinstance(plant, FeedbackAxis) and plant.gain is not None:
+        return plant.gain
+    other = limit / 2 if recommended is None else recommended
+    return other if np.isfinite(other) else 1.0
 
 
 def _readings(axis: FeedbackAxis, timing: FeedbackTiming) -> dict[str, float]:
@@ -295,10 +309,13 @@ def _chatter(tool: CorrectedTool, limit: float, of: FeedbackCut, cutter: Cutter,
     }
 
 
-def _words(name: str, limit: GainLimit, recommended: float) -> str:
+def _words(name: str, limit: GainLimit, recommended: float | None) -> str:
     if not np.isfinite(limit.gain):
         return f"along {name} no gain makes the loop unstable"
-    return f"along {name} at most {limit.gain:.3g}, where it swings at {limit.frequency:.3g} Hz; take {recommended:g}"
+    text = f"along {name} at most {limit.gain:.3g}, where it swings at {limit.frequency:.3g} Hz"
+    if recommended is None:
+        return text
+    return f"{text}; take {recommended:g}" if recommended else f"{text}; no step of the gain is safe"
 
 
 def _worst_words(name: str, worst: WorstCase, recommended: float) -> str:
@@ -318,7 +335,7 @@ def _table(limits: Mapping[str, GainLimit], recommended: Mapping[str, float], wo
             "limit": [x.gain for x in limits.values()],
             "frequency_Hz": [x.frequency for x in limits.values()],
             "worst_limit": [worst[n].gain if n in worst else float("nan") for n in limits],
-            "recommended": [recommended[n] for n in limits],
+            "recommended": [recommended.get(n, float("nan")) for n in limits],
         },
         digits=12,
     )

@@ -87,7 +87,7 @@ class Schema(RobotProblem):
     servo: ServoSection | None = Field(default=None, description="a robot of any model under its own law")
     law: LawSection | None = Field(default=None, description="of the robot's servo")
     map: JointMapKeys | None = Field(default=None, description="limits over two joints")
-    box: Made[options.FeedbackBox] | None = Field(default=None, description="how far plant and delay may be off")
+    box: Made[options.FeedbackBox] = Made[options.FeedbackBox].left_out()
     off_axis: list[Made[options.OffAxisRun]] = Field(default=[], description="directions between the axes x and y")
     path: SteeredPathKeys | None = Field(default=None, description="synthetic runs along a path")
     cut: FeedbackCutKeys | None = Field(default=None, description="chatter while it corrects")

@@ -31,12 +31,12 @@ def test_its_numbers_are_those_of_the_functions() -> None:
         assert study.phase_margin[name] == pytest.approx(margins.phase)
         assert study.delay_margin[name] == pytest.approx(margins.delay)
         assert study.disk_margin[name] == pytest.approx(margins.disk)
-        assert study.recommended[name] <= study.limit[name]
+        assert study.recommended is not None and study.recommended[name] < study.limit[name]
         assert study.worst_limit is not None and study.worst_limit[name] < study.limit[name]
 
 
 def test_both_readings_of_a_correction_are_answered() -> None:
-    study = gt.control.delayed_feedback({"y": Y}, path=None)
+    study = gt.control.delayed_feedback({"y": Y}, box=None, path=None)
     readings = study.readings["y"]
     assert readings["4 ms, not adding up"] == pytest.approx(0.016, rel=1e-9)
     # the same vibration after one command: m times cycle stays
@@ -49,7 +49,7 @@ def test_both_readings_of_a_correction_are_answered() -> None:
         plant = D.equivalent_plant(mass, 0.12 * w * mass, w**2 * mass, cycle, accumulate=accumulate)
         assert readings[key] == pytest.approx(D.gain_limit(D.DelayedLoop(plant, cycle, LATE)).gain, rel=1e-9)
     # a rigid arm, the stiffest there is: corrections that add up every 4 ms forbid the printed stable gain of 0.2
-    stiff = gt.control.delayed_feedback({"x": D.FeedbackAxis(17.0, 0.06, mass=1e6)}, path=None).readings["x"]
+    stiff = gt.control.delayed_feedback({"x": D.FeedbackAxis(17.0, 0.06, mass=1e6)}, box=None, path=None).readings["x"]
     assert stiff["4 ms, adding up"] == pytest.approx(2 * np.sin(np.pi / 54), rel=1e-4)
     assert stiff["4 ms, adding up"] < 0.2 < stiff["12 ms, adding up"]
 
@@ -66,7 +66,7 @@ def test_the_same_vibration_follows_one_command_of_either_cycle() -> None:
 
 
 def test_runs_in_time_meet_the_limit() -> None:
-    study = gt.control.delayed_feedback({"y": Y}, seed=3)
+    study = gt.control.delayed_feedback({"y": Y}, box=None, seed=3)
     assert study.simulated_limit is not None
     assert abs(study.simulated_limit["y"] / study.limit["y"] - 1) < 0.05
     assert [run.bounded for run in study.runs["y"]] == [True, False]
@@ -76,7 +76,7 @@ def test_a_cut_in_the_study_is_that_of_the_map() -> None:
     cutter = gt.milling.Cutter(0.0254, 2, gt.milling.CuttingCoefficients(6089.9, 9.04e8, 6601.7, 2.94e8))
     cut = gt.milling.Cut("climb", 0.00635, 0.00508, 0.000526)
     of = D.FeedbackCut("y", 32.25, [174.0, 220.0, 281.0], 10.4, 0.05, shares=[0.0], steps=8)
-    study = gt.control.delayed_feedback({"x": X, "y": Y}, path=None, cut=(of, cutter, cut))
+    study = gt.control.delayed_feedback({"x": X, "y": Y}, box=None, path=None, cut=(of, cutter, cut))
     assert study.chatter_depth is not None
     f = np.array([17.0, 12.0, 10.4])
     mass = np.array(of.mass)
@@ -161,17 +161,22 @@ def test_a_servo_plant_is_the_simulated_robot() -> None:
         (lambda: gt.control.delayed_feedback({"y": D.FeedbackAxis(12.0, 0.1, mass=1.0, limit=0.1)}), "plants.y.mass"),
         (lambda: gt.control.delayed_feedback({"y": Y}, D.FeedbackTiming(accumulate=True)), "plants.y.limit"),
         (
-            lambda: gt.control.delayed_feedback({"y": D.FeedbackAxis(12.0, 0.1, limit=0.1, gain=0.2)}, path=None),
+            lambda: gt.control.delayed_feedback(
+                {"y": D.FeedbackAxis(12.0, 0.1, limit=0.1, gain=0.2)}, box=None, path=None
+            ),
             "plants.y.gain",
         ),
         (
             lambda: gt.control.delayed_feedback({"y": D.rigid_plant(CYCLE)}, D.FeedbackTiming(accumulate=True)),
             "timing.accumulate",
         ),
-        (lambda: gt.control.delayed_feedback({"y": Y}, off_axis=[D.OffAxisRun(0.5)], path=None), "off_axis"),
+        (lambda: gt.control.delayed_feedback({"y": Y}, off_axis=[D.OffAxisRun(0.5)], box=None, path=None), "off_axis"),
         (lambda: D.OffAxisRun(0.5, stable=0.1), "stable"),
         (lambda: D.OffAxisRun(0.5, stable=0.1, unstable=0.05), "stable"),
-        (lambda: gt.control.delayed_feedback({"y": D.CorrectedPlant([[1.0]], [1.0], [1.0])}, path=None), "plants.y"),
+        (
+            lambda: gt.control.delayed_feedback({"y": D.CorrectedPlant([[1.0]], [1.0], [1.0])}, box=None, path=None),
+            "plants.y",
+        ),
         (lambda: D.feedback_map(D.SyntheticCommands(), [[0.0, 1.0]], gain_steps={"x": 0.1, "y": 0.1}), "joints"),
         (lambda: D.feedback_map(D.SyntheticCommands(), [[0.0, 1.0]] * 5, gain_steps={"x": 0.1}), "synthetic.frequency"),
         (lambda: D.servo_plant(ROBOT, Feedback(4e4, 2e3), AT, [1.0, 1.0, 0.0]), "direction"),
@@ -182,6 +187,26 @@ def test_what_is_refused(wrong: Any, argument: str) -> None:
     with pytest.raises(ArgumentError) as fault:
         wrong()
     assert fault.value.argument == argument
+
+
+def test_a_vibration_faster_than_the_samples_show_is_said() -> None:
+    notes = [
+        gt.control.delayed_feedback({"y": D.FeedbackAxis(f, 0.06, mass=1.0)}, box=None, path=None).notes
+        for f in (124.0, 126.0)
+    ]
+    assert not notes[0] and "126 Hz" in notes[1][0]
+
+
+def test_without_a_box_no_gain_is_recommended() -> None:
+    study = gt.control.delayed_feedback({"y": Y}, box=None, path=None)
+    assert study.recommended is None and study.worst_limit is None
+    assert study.gain_margin["y"] == pytest.approx(2.0)  # at half the limit
+
+
+def test_no_step_may_be_safe() -> None:
+    weak = D.FeedbackAxis(12.0, 0.06, limit=0.009, gain_step=0.01)
+    study = gt.control.delayed_feedback({"y": weak}, box=SMALL, path=None)
+    assert study.recommended == {"y": 0.0} and study.gain == {} and "no step" in study.message
 
 
 def test_pictures_are_drawn() -> None:
