@@ -5,6 +5,11 @@ Wrenches
     lever_arm -> LeverArm                   where forces act; moment_about another point
     sign_test -> SignTest                   does the sensor report the force on the tool? asked before anything moves
     WrenchStatus                            why a wrench cannot be used
+
+Surface
+    SurfaceLaw, SurfaceGains, SurfaceState  guided along a surface, force held along its normal: a cycle at a time
+    guide -> GuidedRun                      in time against a SyntheticSurface, with a ServoChain
+    force_loop                              the force loop as a delayed loop: limits by eigenvalues, margins
 """
 
 from typing import TYPE_CHECKING
@@ -13,6 +18,14 @@ from ..._lazy import public
 
 if TYPE_CHECKING:
     from .calibration import WrenchCalibration as WrenchCalibration, calibrate_wrench as calibrate_wrench
+    from .guided import (
+        GuidedRun as GuidedRun,
+        ServoChain as ServoChain,
+        SyntheticSurface as SyntheticSurface,
+        force_loop as force_loop,
+        guide as guide,
+    )
+    from .law import SurfaceGains as SurfaceGains, SurfaceLaw as SurfaceLaw, SurfaceState as SurfaceState
     from .lever import LeverArm as LeverArm, lever_arm as lever_arm
     from .sign import SignTest as SignTest, sign_test as sign_test
     from .status import WrenchStatus as WrenchStatus

@@ -20,6 +20,9 @@ class WrenchStatus(enum.IntEnum):
     NO_FORCE = 1, "the force is not larger than its noise or the declared least force: it has no direction"
     ONE_DIRECTION = 2, "all forces have nearly one direction: where they act along it is undetermined"
     WRONG_SIGN = 3, "the sensor reports the force by the tool, or its axes or gravity are turned over"
+    NOT_FINITE = 4, "a number of the wrench or its age is not finite"
+    SATURATED = 5, "a component of the wrench reaches the end of its range"
+    STALE = 6, "the wrench is older than the law allows"
 
     def __new__(cls, value: int, sentence: str) -> WrenchStatus:
         member = int.__new__(cls, value)

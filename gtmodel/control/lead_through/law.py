@@ -1,0 +1,213 @@
+"""The law of lead-through on a surface, a cycle at a time: plain numbers, sums in one order (Dressler 2012, 8.3-8.10).
+
+Sums run over x, y, z in this order, with + - * / and the square root alone; the cosine of the cone is a constant.
+Another language that keeps the order has the same bits.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from typing import Annotated
+
+from ...results import ArgumentError
+from ...results.options import Options, Unit, Within
+from .sign import SignTest
+from .status import WrenchStatus
+
+Vector = tuple[float, float, float]
+ZERO: Vector = (0.0, 0.0, 0.0)
+UNIT_LENGTH = 1e-9  # of the nominal normal
+
+
+@dataclass(frozen=True)
+class SurfaceGains(Options):
+    """Gains, thresholds and limits of lead-through on a surface; the thesis prints only cycle, cone and reference.
+
+    The defaults of the others are ours: examples, not recommendations.
+
+    >>> gt.control.lead_through.SurfaceGains(force_gain=-0.01)
+    Traceback (most recent call last):
+        ...
+    gtmodel.results.refusal.ArgumentError: force_gain: ...
+    """
+
+    cycle: Annotated[float, Unit("s"), Within(above=0.0), "between two commands"] = 0.004
+    mass: Annotated[float, Unit("kg"), Within(above=0.0), "M of (8.6), felt at the handle"] = 5.0
+    damping: Annotated[float, Unit("N s/m"), Within(above=0.0), "D of (8.6): steady speed is force / D"] = 100.0
+    force_gain: Annotated[float, Unit("m/s/N"), Within(above=0.0), "K of (8.4)"] = 0.01
+    force_reference: Annotated[float, Unit("N"), Within(above=0.0), "held along the normal, on the tool"] = 2.0
+    cone: Annotated[float, Unit("rad", written="deg"), Within(least=0.0, most=math.pi / 2), "phi_L of (8.10)"] = (
+        math.radians(10.0)
+    )
+    normal_filter: Annotated[float, Unit("s"), Within(least=0.0), "time constant of the normal; 0: unfiltered"] = 0.2
+    least_force: Annotated[float, Unit("N"), Within(above=0.0), "up to it a tool force has no direction"] = 0.2
+    enter_force: Annotated[float, Unit("N"), Within(above=0.0), "along the nominal normal: contact from it on"] = 1.0
+    leave_force: Annotated[float, Unit("N"), Within(), "contact ends at it and below"] = 0.3
+    dwell: Annotated[float, Unit("s"), Within(least=0.0), "least time between two changes of contact"] = 0.1
+    release_force: Annotated[float, Unit("N"), Within(above=0.0), "at the handle, along the normal: ends contact"] = (
+        10.0
+    )
+    speed_limit: Annotated[float, Unit("m/s"), Within(above=0.0), "of what the handle commands"] = 0.25
+    force_speed_limit: Annotated[float, Unit("m/s"), Within(above=0.0), "of the force control"] = 0.05
+    acceleration_limit: Annotated[float, Unit("m/s2"), Within(above=0.0), "of the command"] = 5.0
+    force_range: Annotated[float, Unit("N"), Within(above=0.0), "a component that reaches it is saturated"] = 100.0
+    age_limit: Annotated[float, Unit("s"), Within(least=0.0), "an older wrench stops the motion"] = 0.012
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.leave_force < self.enter_force:
+            raise ArgumentError(f"must be less than enter_force, {self.enter_force:g} N", "leave_force")
+        if not self.enter_force <= self.force_reference:
+            raise ArgumentError(f"is above the force held, {self.force_reference:g} N", "enter_force")
+
+
+@dataclass(frozen=True)
+class SurfaceState:
+    """What a cycle ends with: velocity (3,) [m/s] is the command to the robot, in the world frame.
+
+    guided: (3,) [m/s] V_h of (8.7) for the next cycle. normal: (3,) in use; filtered: (3,) before the cone. contact,
+    and since: cycles since it changed. status: OK or NO_FORCE (in contact: the normal stays as it was) and the robot
+    moves, else it stands. allowed: the sign test was passed.
+    """
+
+    velocity: Vector
+    guided: Vector
+    normal: Vector
+    filtered: Vector
+    contact: bool
+    since: int
+    status: WrenchStatus
+    allowed: bool
+
+
+@dataclass(frozen=True)
+class SurfaceLaw:
+    """Lead-through in three translations: guided along the surface by hand, the force held along its normal.
+
+    Convention: a tool force is the force *on* the tool, the normal points from workpiece to tool, so that in contact
+    f_t . n > 0, and (8.4) reads v = K (f_t . n - reference) n: too large a force lifts the tool. A handle force is the
+    force of the hand on the handle. All in one frame with the robot's command.
+
+        P_h: all of v_h, in contact its part along the surface; its length at most `speed_limit`
+        V    = P_h(v_h) + v n, changed by `acceleration_limit` times the cycle at most
+        v_h' = P_h(v_h) + cycle / mass (F_h - damping V)         (8.7), with its back-calculation
+
+    In contact n is the direction of the tool force within `cone` of the nominal normal, else the nominal one (8.10),
+    equality included. Contact begins at `enter_force`, ends at `leave_force` or with `release_force` at the handle, and
+    does not change again within `dwell`. A wrench that is not finite, saturated or old stops the motion at once.
+
+    normal: the nominal one, of length 1. Raises ArgumentError for another length.
+
+    >>> L = gt.control.lead_through
+    >>> law, test = L.SurfaceLaw(), L.SignTest(None, L.WrenchStatus.OK)
+    >>> state = law.start(test)
+    >>> for _ in range(500):
+    ...     state = law.step(state, (5.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    >>> round(state.velocity[0], 4), state.contact  # [m/s]: force / damping
+    (0.05, False)
+    >>> law.step(state, (0.0, 0.0, 0.0), (0.0, 0.0, 3.0)).velocity[2] > 0  # too large a force lifts the tool
+    True
+    """
+
+    gains: SurfaceGains = field(default_factory=SurfaceGains)
+    normal: Vector = (0.0, 0.0, 1.0)
+
+    def __post_init__(self) -> None:
+        if len(self.normal) != 3 or not abs(_length(self.normal) - 1.0) <= UNIT_LENGTH:
+            raise ArgumentError(f"expected three numbers of length 1; found {self.normal!r}", "normal")
+
+    @property
+    def dwell_cycles(self) -> int:
+        """The dwell in whole cycles, rounded up."""
+        return math.ceil(self.gains.dwell / self.gains.cycle - 1e-9)
+
+    def start(self, test: SignTest) -> SurfaceState:
+        """At rest and free. After a sign test that did not end with OK no step ever moves the robot."""
+        return SurfaceState(ZERO, ZERO, self.normal, self.normal, False, self.dwell_cycles, test.status, test.status.ok)
+
+    def step(
+        self, state: SurfaceState, handle: Vector, tool: Vector, handle_age: float = 0.0, tool_age: float = 0.0
+    ) -> SurfaceState:
+        """The state after a cycle with forces [N] at handle and tool, without bias and weight, and their ages [s]."""
+        p = self.gains
+        if not state.allowed:
+            return state
+        bad = self._refusal(handle, tool, handle_age, tool_age)
+        if bad is not None:
+            return replace(self.start(SignTest(None, WrenchStatus.OK)), status=bad)
+        contact, since = self._contact(state, _dot(handle, self.normal), _dot(tool, self.normal))
+        filtered, normal, status = self._normal(state, contact, tool)
+        projected, pressed = state.guided, 0.0
+        if contact:
+            along = _dot(normal, projected)
+            projected = _plus(projected, -along, normal)
+            pressed = p.force_gain * (_dot(tool, normal) - p.force_reference)
+            pressed = min(max(pressed, -p.force_speed_limit), p.force_speed_limit)
+        projected = _limited(projected, p.speed_limit)
+        wanted = _plus(projected, pressed, normal)
+        change = _limited(_plus(wanted, -1.0, state.velocity), p.acceleration_limit * p.cycle)
+        velocity = _plus(state.velocity, 1.0, change)
+        net = _plus(handle, -p.damping, velocity)
+        guided = _plus(projected, p.cycle / p.mass, net)
+        return SurfaceState(velocity, guided, normal, filtered, contact, since, status, True)
+
+    def _refusal(self, handle: Vector, tool: Vector, handle_age: float, tool_age: float) -> WrenchStatus | None:
+        p = self.gains
+        for x in (*handle, *tool, handle_age, tool_age):
+            if not math.isfinite(x):
+                return WrenchStatus.NOT_FINITE
+        for x in (*handle, *tool):
+            if abs(x) >= p.force_range:
+                return WrenchStatus.SATURATED
+        if not (0.0 <= handle_age <= p.age_limit and 0.0 <= tool_age <= p.age_limit):
+            return WrenchStatus.STALE
+        return None
+
+    def _contact(self, state: SurfaceState, pulled: float, pressed: float) -> tuple[bool, int]:
+        p, since = self.gains, min(state.since + 1, self.dwell_cycles)
+        if since < self.dwell_cycles:
+            return state.contact, since
+        if state.contact:
+            ends = pressed <= p.leave_force or pulled >= p.release_force
+            return (False, 0) if ends else (True, since)
+        begins = pressed >= p.enter_force and pulled < p.release_force
+        return (True, 0) if begins else (False, since)
+
+    def _normal(self, state: SurfaceState, contact: bool, tool: Vector) -> tuple[Vector, Vector, WrenchStatus]:
+        """Filtered direction of the tool force, the normal in use (8.10), and whether there is a direction."""
+        p = self.gains
+        if not contact:
+            return self.normal, self.normal, WrenchStatus.OK
+        size = _length(tool)
+        if size <= p.least_force:
+            return state.filtered, state.normal, WrenchStatus.NO_FORCE
+        share = p.cycle / (p.normal_filter + p.cycle)  # first order, implicit: 1 without a filter
+        estimate = (tool[0] / size, tool[1] / size, tool[2] / size)
+        mixed = _plus(state.filtered, share, _plus(estimate, -1.0, state.filtered))
+        length = _length(mixed)
+        if length <= UNIT_LENGTH:  # turned right over
+            return self.normal, self.normal, WrenchStatus.OK
+        filtered = (mixed[0] / length, mixed[1] / length, mixed[2] / length)
+        inside = _dot(self.normal, filtered) >= math.cos(p.cone)
+        return filtered, filtered if inside else self.normal, WrenchStatus.OK
+
+
+def _dot(a: Vector, b: Vector) -> float:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def _length(a: Vector) -> float:
+    return math.sqrt(_dot(a, a))
+
+
+def _plus(a: Vector, by: float, b: Vector) -> Vector:
+    return (a[0] + by * b[0], a[1] + by * b[1], a[2] + by * b[2])
+
+
+def _limited(a: Vector, most: float) -> Vector:
+    size = _length(a)
+    if size <= most:
+        return a
+    by = most / size
+    return (by * a[0], by * a[1], by * a[2])
