@@ -74,7 +74,7 @@ if TYPE_CHECKING:
         weighted as weighted,
         zero_phase as zero_phase,
     )
-    from .next_run import NextInputStudy as NextInputStudy, next_input as next_input
+    from .next_run import next_input as next_input
     from .norm_optimal import (
         bounded_update as bounded_update,
         inverse as inverse,
@@ -95,7 +95,7 @@ if TYPE_CHECKING:
         stable as stable,
     )
     from .references import SquarePath as SquarePath
-    from .result import LearningStudy as LearningStudy
+    from .result import LearningStudy as LearningStudy, NextInputStudy as NextInputStudy
     from .study import study as study
 
 public(__name__)
