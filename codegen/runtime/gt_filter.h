@@ -2,8 +2,9 @@
  *
  * Means lie on a product of vectors and unit quaternions, errors in its tangent space. Readings of one instant are all
  * linearised at the predicted mean and then used one number after the other, so that nothing is inverted; together they
- * are what the joint update is. The covariance is kept in Joseph's form. gtmodel/filtering/controller/twin.py does the
- * same in the same order; the two agree bit for bit. Nothing is allocated; all memory is the caller's.
+ * are what the joint update is. The covariance is kept as U D U', which is positive where D is.
+ * gtmodel/filtering/controller/twin.py does the same in the same order; the two agree bit for bit. Nothing is
+ * allocated; all memory is the caller's.
  */
 #ifndef GT_FILTER_H
 #define GT_FILTER_H
@@ -59,7 +60,8 @@ static GT_FILTER_ONCE gt_status gt_filter_begin(const gt_filter *f, const gt_fil
         if (!((deviation[n] > 0.0) && (variance > 0.0) && (variance <= DBL_MAX))) {
             status = GT_OUT_OF_RANGE;
         }
-        memory->belief.covariance[n * (f->stride + 1)] = variance;
+        memory->belief.factor[n * (f->stride + 1)] = 1.0;
+        memory->belief.diagonal[n] = variance;
     }
     if ((gt_all_finite(mean, f->size) == 0) || (gt_all_finite(deviation, f->errors) == 0) ||
         (gt_all_finite(u, f->inputs) == 0)) {
@@ -70,9 +72,24 @@ static GT_FILTER_ONCE gt_status gt_filter_begin(const gt_filter *f, const gt_fil
     return status;
 }
 
+/* A belief at the next instant, that of a slot of the ring. */
+static GT_FILTER_ONCE gt_status gt_filter_instant(const gt_filter *f, const gt_filter_memory *memory,
+                                                  const gt_filter_belief *belief, const double *before, int slot,
+                                                  const gt_filter_outcome *outcome, const gt_filter_work *work)
+{
+    const double *u = &memory->inputs[slot * f->inputs];
+    gt_status status = gt_filter_advance(f, belief, before, u, work);
+
+    if (status == GT_OK) {
+        status = gt_filter_correct(f, belief, u, &memory->readings[slot * f->numbers],
+                                   &memory->present[slot * f->sensors], outcome, work);
+    }
+    return status;
+}
+
 /* One cycle: known inputs u, readings z and whether each sensor has one. `now` is what is known at this instant, in
- * memory of its own where there are delays; outcome tells of the newest instant whose readings are all there. The memory
- * is to be used further with GT_OK only. */
+ * memory of its own where there are delays; outcome tells of the newest instant whose readings are all there. The
+ * memory is to be used further with GT_OK only. */
 static GT_FILTER_ONCE gt_status gt_filter_cycle(const gt_filter *f, const gt_filter_memory *memory, const double *u,
                                         const double *z, const int *flags, const gt_filter_belief *now,
                                         const gt_filter_outcome *outcome, const gt_filter_work *work)
@@ -133,15 +150,14 @@ static GT_FILTER_ONCE gt_status gt_filter_cycle(const gt_filter *f, const gt_fil
     if ((left > f->depth) && (status == GT_OK)) {
         slot = (slot + 1) % ring;
         left = f->depth;
-        gt_filter_advance(f, belief, before, &memory->inputs[slot * f->inputs], work);
-        status = gt_filter_correct(f, belief, &memory->inputs[slot * f->inputs], &memory->readings[slot * f->numbers],
-                                   &memory->present[slot * f->sensors], outcome, work);
+        status = gt_filter_instant(f, memory, belief, before, slot, outcome, work);
         gt_copy(memory->before, &memory->inputs[slot * f->inputs], f->inputs);
     }
     if (f->depth > 0) {
         *now->time = *belief->time;
         gt_copy(now->mean, belief->mean, f->size);
-        gt_copy(now->covariance, belief->covariance, f->errors * f->stride);
+        gt_copy(now->factor, belief->factor, f->errors * f->stride);
+        gt_copy(now->diagonal, belief->diagonal, f->errors);
         for (s = 0; s < f->sensors; s++) {
             now->closed[s] = belief->closed[s];
         }
@@ -150,9 +166,7 @@ static GT_FILTER_ONCE gt_status gt_filter_cycle(const gt_filter *f, const gt_fil
         ahead.gated = &now->closed[f->sensors];
         slot = (*memory->place + ring + 1 - left) % ring;
         for (; (left > 0) && (status == GT_OK); left--) {
-            gt_filter_advance(f, now, before, &memory->inputs[slot * f->inputs], work);
-            status = gt_filter_correct(f, now, &memory->inputs[slot * f->inputs], &memory->readings[slot * f->numbers],
-                                       &memory->present[slot * f->sensors], &ahead, work);
+            status = gt_filter_instant(f, memory, now, before, slot, &ahead, work);
             before = &memory->inputs[slot * f->inputs];
             slot = (slot + 1) % ring;
         }

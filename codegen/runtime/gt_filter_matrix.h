@@ -1,212 +1,177 @@
-/* Products of sparse matrices with dense ones, and Cholesky's factor, for gt_filter.h. */
+/* Products of sparse matrices with dense ones, and the factors of the covariance, for gt_filter.h. */
 #ifndef GT_FILTER_MATRIX_H
 #define GT_FILTER_MATRIX_H
 
 #include "gt_filter_types.h"
 
-/* Where a kernel is to write the changing entries of a matrix: in place where all of them change. */
-static GT_SHARED double *gt_filter_target(const gt_filter_matrix *matrix, double *changing, double *value)
-{
-    return (matrix->changing == matrix->entries) ? value : changing;
-}
-
 /* The entries of a matrix: constant ones, and those that a kernel gave. */
-static GT_FILTER_OFTEN void gt_filter_fill(const gt_filter_matrix *matrix, const double *changing, double *value)
+static GT_SHARED void gt_filter_fill(const gt_filter_matrix *matrix, const double *changing, double *value)
 {
     int k;
 
-    if (matrix->changing < matrix->entries) {
-        for (k = 0; k < matrix->entries; k++) {
-            value[k] = matrix->value[k];
-        }
-        for (k = 0; k < matrix->changing; k++) {
-            value[matrix->place[k]] = changing[k];
-        }
+    for (k = 0; k < matrix->entries; k++) {
+        value[k] = matrix->value[k];
+    }
+    for (k = 0; k < matrix->changing; k++) {
+        value[matrix->place[k]] = changing[k];
     }
 }
 
-static GT_FILTER_OFTEN void gt_filter_multiply(const gt_filter_product *product, const double *left, const double *right,
-                                         double *result)
+static GT_FILTER_OFTEN void gt_filter_multiply(const gt_filter_product *product, const double *left,
+                                               const double *right, double *result)
 {
-    const int *a = product->left;
-    const int *b = product->right;
     int n;
+    int k = 0;
 
     for (n = 0; n < product->entries; n++) {
-        const int *end = &product->left[product->start[n + 1]];
+        const int end = product->start[n + 1];
         double sum = 0.0;
 
-        while (a < end) {
-            sum += left[*a] * right[*b];
-            a++;
-            b++;
+        for (; k < end; k++) {
+            sum += left[product->left[k]] * right[product->right[k]];
         }
         result[n] = sum;
     }
 }
 
-/* to = matrix from, row by row of `stride` numbers, an even one; `lower`: of each row no more than what stands up to its
- * diagonal. */
-static GT_FILTER_OFTEN void gt_filter_rows(const gt_filter_matrix *matrix, int stride, const double *value,
-                                           const double *from, double *to, int lower)
+/* to + the sum of `terms` vectors of `from`, each times a factor and a scale; of so many pairs of numbers. They begin
+ * at these offsets, the factors lie `apart`. Three terms are added in one pass, one after the other. */
+static GT_FILTER_OFTEN void gt_filter_sum(double *to, size_t pairs, const double *from, const int *offset,
+                                          const double *factor, ptrdiff_t apart, const double *scale, int terms)
 {
-    size_t i;
+    const double *own = factor;
     size_t j;
     int k = 0;
 
-    for (i = 0U; i < (size_t)matrix->rows; i++) {
-        const size_t width = (lower != 0) ? (i + 1U) : (size_t)stride;
-        const int end = matrix->start[i + 1U];
-        double *row = &to[i * (size_t)stride];
+    for (; (k + 2) < terms; k += 3) {
+        const double *first = &from[offset[k]];
+        const double *second = &from[offset[k + 1]];
+        const double *third = &from[offset[k + 2]];
+        const double a = own[0] * scale[k];
+        const double b = own[apart] * scale[k + 1];
+        const double c = own[2 * apart] * scale[k + 2];
 
-        if (k < end) {
-            const double *other = &from[matrix->column[k] * stride];
-            const double factor = value[k];
+        for (j = 0U; j < pairs; j++) {
+            const size_t n = 2U * j;
+            const double left = ((to[n] + (a * first[n])) + (b * second[n])) + (c * third[n]);
+            const double right = ((to[n + 1U] + (a * first[n + 1U])) + (b * second[n + 1U])) + (c * third[n + 1U]);
 
-            for (j = 0U; j < width; j += 2U) {
-                const double first = factor * other[j];
-                const double second = factor * other[j + 1U];
-
-                row[j] = first;
-                row[j + 1U] = second;
-            }
-            k++;
-        } else {
-            for (j = 0U; j < width; j++) {
-                row[j] = 0.0;
-            }
+            to[n] = left;
+            to[n + 1U] = right;
         }
-        /* two terms in one pass */
-        for (; (k + 1) < end; k += 2) {
-            const double *other = &from[matrix->column[k] * stride];
-            const double *next = &from[matrix->column[k + 1] * stride];
-            const double factor = value[k];
-            const double second = value[k + 1];
+        own = &own[3 * apart];
+    }
+    for (; k < terms; k++) {
+        const double *only = &from[offset[k]];
+        const double a = own[0] * scale[k];
 
-            for (j = 0U; j < width; j += 2U) {
-                const double a = (row[j] + (factor * other[j])) + (second * next[j]);
-                const double b = (row[j + 1U] + (factor * other[j + 1U])) + (second * next[j + 1U]);
+        for (j = 0U; j < pairs; j++) {
+            const double left = to[2U * j] + (a * only[2U * j]);
+            const double right = to[(2U * j) + 1U] + (a * only[(2U * j) + 1U]);
 
-                row[j] = a;
-                row[j + 1U] = b;
-            }
+            to[2U * j] = left;
+            to[(2U * j) + 1U] = right;
         }
-        if (k < end) {
-            const double *other = &from[matrix->column[k] * stride];
-            const double factor = value[k];
-
-            for (j = 0U; j < width; j += 2U) {
-                const double a = row[j] + (factor * other[j]);
-                const double b = row[j + 1U] + (factor * other[j + 1U]);
-
-                row[j] = a;
-                row[j + 1U] = b;
-            }
-            k++;
-        }
+        own = &own[apart];
     }
 }
 
-/* P = F P F' + Q, both triangles given, the lower one made. */
-static GT_FILTER_OFTEN void gt_filter_spread(const gt_filter *f, double *covariance, const gt_filter_work *work)
+/* to = matrix from, row by row of so many pairs of numbers; the columns of the matrix tell where a row begins. */
+static GT_FILTER_ONCE void gt_filter_rows(const gt_filter_matrix *matrix, size_t pairs, const double *value,
+                                          const double *from, double *to)
 {
+    static const double one = 1.0;
+    double *row = to;
+    size_t n;
+    int i;
+
+    for (i = 0; i < matrix->rows; i++) {
+        const int first = matrix->start[i];
+
+        for (n = 0U; n < pairs; n++) {
+            row[2U * n] = 0.0;
+            row[(2U * n) + 1U] = 0.0;
+        }
+        gt_filter_sum(row, pairs, from, &matrix->column[first], &one, 0, &value[first], matrix->start[i + 1] - first);
+        row = &row[2U * pairs];
+    }
+}
+
+/* U D U' = F U D U' F' + Q, from the last column to the first. GT_NOT_FINITE or GT_SINGULAR where the sum is not
+ * positive: a number of D is no more than round-off can make of the variance that it belongs to. */
+static GT_FILTER_OFTEN gt_status gt_filter_spread(const gt_filter *f, const gt_filter_belief *belief,
+                                                 const gt_filter_work *work)
+{
+    const gt_filter_matrix *matrix = &f->transition; /* column after column, without ones on the diagonal */
+    const int last = f->errors - 1;
     const int stride = f->stride;
-    double *half = work->square;
-    double *turned = work->other;
-    int i;
-    int j;
-
-    gt_filter_rows(&f->transition, stride, work->transition, covariance, half, 0);
-    for (i = 0; i < f->errors; i++) {
-        const double *from = &half[i * stride];
-        double *to = &turned[i];
-
-        turned[(i * stride) + stride - 1] = 0.0;
-        for (j = 0; j < f->errors; j++) {
-            *to = from[j];
-            to = &to[stride];
-        }
-    }
-    gt_filter_rows(&f->transition, stride, work->transition, turned, covariance, 1);
-    for (i = 0; i < f->noise.entries; i++) {
-        covariance[f->noise.column[i]] += work->noise[i];
-    }
-}
-
-/* The lower triangle copied into the upper one. */
-static GT_FILTER_OFTEN void gt_filter_mirror(const gt_filter *f, double *covariance)
-{
-    int i;
-    int j;
-
-    for (i = 0; i < f->errors; i++) {
-        for (j = 0; j < i; j++) {
-            covariance[(j * f->stride) + i] = covariance[(i * f->stride) + j];
-        }
-        for (j = f->errors; j < f->stride; j++) {
-            covariance[(i * f->stride) + j] = 0.0;
-        }
-    }
-}
-
-/* GT_OK where the covariance is positive, GT_SINGULAR or GT_NOT_FINITE where not: whether Cholesky's factor exists of
- * its lower triangle with each variance made smaller by what round-off can do, which proves it. Rump 2006, BIT 46. */
-static GT_FILTER_OFTEN gt_status gt_filter_positive(const gt_filter *f, const double *covariance, const gt_filter_work *work)
-{
-    const size_t n = (size_t)f->errors;
-    const size_t stride = (size_t)f->stride;
-    const double *from = covariance; /* then what is left of it */
-    double *rest = work->square;
-    double *one = work->vectors;
-    double *two = &one[stride];
+    double *moved = work->square; /* F U */
+    double *before = work->vectors; /* D, then -D of what is made, both from the last one */
+    double *after = &before[stride];
+    double *to = moved;
+    const double *from = belief->factor;
     gt_status status = GT_OK;
-    size_t i;
-    size_t j;
-    size_t k;
+    size_t n;
+    int i;
+    int j;
+    int k;
 
-    for (k = 0U; k < stride; k++) {
-        one[k] = 0.0;
-        two[k] = 0.0;
-    }
-    /* two columns at a time */
-    for (k = 0U; (k < n) && (status == GT_OK); k += 2U) {
-        const double *row = &from[k * stride];
-        const double *next = (k + 1U < n) ? &row[stride] : row;
-        const double *given = &covariance[k * (stride + 1U)];
-        const double pivot = row[k] - (f->pivot * given[0]);
-        const double scale = 1.0 / sqrt(fabs(pivot));
-        const double below = next[k] * scale;
-        const double second =
-            (k + 1U < n) ? ((next[k + 1U] - (below * below)) - (f->pivot * given[stride + 1U])) : pivot;
-        const double inverse = 1.0 / sqrt(fabs(second));
+    for (j = 0; j <= last; j++) {
+        for (n = 0U; n < ((size_t)stride / 2U); n++) {
+            const double left = f->same[2U * n] * from[2U * n];
+            const double right = f->same[(2U * n) + 1U] * from[(2U * n) + 1U];
 
-        if (!(fabs(pivot) <= DBL_MAX)) {
-            status = GT_NOT_FINITE;
-        } else if (!(pivot > 0.0)) {
-            status = GT_SINGULAR;
-        } else if (!(fabs(second) <= DBL_MAX)) {
-            status = GT_NOT_FINITE;
-        } else if (!(second > 0.0)) {
-            status = GT_SINGULAR;
-        } else {
-            for (i = k + 2U; i < n; i++) {
-                const double *own = &from[i * stride];
-                double *to = &rest[i * stride];
-                const double left = own[k] * scale;
-                const double right = (own[k + 1U] - (left * below)) * inverse;
+            to[2U * n] = left;
+            to[(2U * n) + 1U] = right;
+        }
+        i = 0;
+        for (k = 0; k <= j; k++) {
+            const double factor = from[k];
 
-                one[i] = left;
-                two[i] = right;
-                for (j = k + 2U; j <= i; j += 2U) {
-                    const double a = (own[j] - (left * one[j])) - (right * two[j]);
-                    const double b = (own[j + 1U] - (left * one[j + 1U])) - (right * two[j + 1U]);
-
-                    to[j] = a;
-                    to[j + 1U] = b;
-                }
+            for (; i < matrix->start[k + 1]; i++) {
+                to[matrix->column[i]] += work->transition[i] * factor;
             }
         }
-        from = rest;
+        before[last - j] = belief->diagonal[j];
+        from = &from[stride];
+        to = &to[stride];
+    }
+    moved = &moved[last * stride];
+    for (j = last; (j >= 0) && (status == GT_OK); j--) {
+        const size_t pairs = ((size_t)j / 2U) + 1U;
+        double variance;
+        double inverse;
+
+        to = &belief->factor[j * stride];
+        for (n = 0U; n < pairs; n++) {
+            to[2U * n] = 0.0;
+            to[(2U * n) + 1U] = 0.0;
+        }
+        for (i = f->noise.start[j]; i < f->noise.start[j + 1]; i++) {
+            to[f->noise.column[i]] = work->noise[i];
+        }
+        gt_filter_sum(to, pairs, moved, f->back, &moved[j], -stride, before, f->reached[j]);
+        variance = to[j];
+        gt_filter_sum(to, pairs, &belief->factor[last * stride], f->back, &belief->factor[(last * stride) + j], -stride,
+                      after, last - j);
+        belief->diagonal[j] = to[j];
+        after[last - j] = -to[j];
+        inverse = 1.0 / to[j];
+        if (!(fabs(to[j]) <= DBL_MAX)) {
+            status = GT_NOT_FINITE;
+        } else if (!(to[j] > (f->pivot * variance))) {
+            status = GT_SINGULAR;
+        } else {
+            for (n = 0U; n < pairs; n++) {
+                const double left = to[2U * n] * inverse;
+                const double right = to[(2U * n) + 1U] * inverse;
+
+                to[2U * n] = left;
+                to[(2U * n) + 1U] = right;
+            }
+            to[(2U * pairs) - 1U] = 0.0;
+            to[j] = 1.0;
+        }
     }
     return status;
 }

@@ -4,26 +4,38 @@
 
 #include "gt_filter_matrix.h"
 
-/* How the responses to noise make Q, from the changing entries of A and G. */
-static GT_FILTER_ONCE void gt_filter_noise(const gt_filter *f, const double *drift, const double *drive,
-                                      const gt_filter_work *work)
+/* to = from + factor along, so many numbers; where these are odd, one more. */
+static GT_FILTER_OFTEN void gt_filter_along(size_t count, const double *from, double factor, const double *along,
+                                            double *to)
 {
+    size_t n;
+
+    for (n = 0U; n < ((count + 1U) / 2U); n++) {
+        const double first = from[2U * n] + (factor * along[2U * n]);
+        const double second = from[(2U * n) + 1U] + (factor * along[(2U * n) + 1U]);
+
+        to[2U * n] = first;
+        to[(2U * n) + 1U] = second;
+    }
+}
+
+/* How the responses to noise make Q, from the entries of A and, behind them, of G. */
+static GT_FILTER_ONCE void gt_filter_noise(const gt_filter *f, const double *value, const gt_filter_work *work)
+{
+    static const double one = 1.0;
     const gt_filter_motion *motion = f->motion;
     const int moving = motion->response.entries;
     const int fixed = motion->fixed_responses;
     const int every = moving + fixed;
     const int changing = f->noise.changing;
-    double *value = work->other;
-    double *total = &value[motion->drift.entries + motion->drive.entries];
-    double *term = &total[every];
-    double *sum = gt_filter_target(&f->noise, &term[changing], work->noise);
+    double *total = work->other;
+    double *term = &total[every + 1];
+    double *sum = &term[changing + 1];
     double *power = work->square;
     int node;
     int k;
     int n;
 
-    gt_filter_fill(&motion->drift, drift, value);
-    gt_filter_fill(&motion->drive, drive, &value[motion->drift.entries]);
     for (n = 0; n < moving; n++) {
         power[n] = 0.0;
     }
@@ -42,28 +54,21 @@ static GT_FILTER_ONCE void gt_filter_noise(const gt_filter *f, const double *dri
         sum[n] = 0.0;
     }
     for (node = 0; node < GT_FILTER_NODES; node++) {
-        for (n = 0; n < moving; n++) {
-            double x = power[n];
-
-            for (k = 1; k <= GT_FILTER_TERMS; k++) {
-                x += motion->powers[(node * GT_FILTER_TERMS) + k - 1] * power[(k * every) + n];
-            }
-            total[n] = x;
-        }
+        gt_copy(total, power, moving);
+        gt_filter_sum(total, ((size_t)moving + 1U) / 2U, power, motion->power, &one, 0,
+                      &motion->powers[node * GT_FILTER_TERMS], GT_FILTER_TERMS);
         for (n = 0; n < fixed; n++) {
             total[moving + n] = motion->fixed_total[(node * fixed) + n];
         }
         gt_filter_multiply(&motion->spread, total, total, term);
-        for (n = 0; n < changing; n++) {
-            sum[n] += motion->weights[node] * term[n];
-        }
+        gt_filter_along((size_t)changing, sum, motion->weights[node], term, sum);
     }
     gt_filter_fill(&f->noise, sum, work->noise);
 }
 
 /* One step of Runge and Kutta from `mean`, F and Q on the way. */
-static GT_FILTER_ONCE void gt_filter_move(const gt_filter *f, double time, double *mean, const double *u0, const double *u1,
-                                     const gt_filter_work *work)
+static GT_FILTER_ONCE void gt_filter_move(const gt_filter *f, double time, double *mean, const double *u0,
+                                          const double *u1, const gt_filter_work *work)
 {
     static const double share[4] = {0.0, 0.5, 0.5, 1.0};
     static const double weight[4] = {1.0, 2.0, 2.0, 1.0};
@@ -74,10 +79,9 @@ static GT_FILTER_ONCE void gt_filter_move(const gt_filter *f, double time, doubl
     double *x = &rates[f->size];
     double *total = &x[f->size];
     double *u = &total[f->size];
-    double *changing = &u[f->inputs];
-    double *value = &changing[motion->jacobian.changing + motion->arrival.changing + motion->frames.changing +
-                              motion->drift.changing + motion->drive.changing + f->transition.changing];
-    double *begin = &value[motion->jacobian.entries + motion->arrival.entries + motion->frames.entries];
+    double *value = &u[f->inputs];
+    double *changing = &value[motion->values];
+    double *begin = &changing[motion->changing];
     double *change = &begin[entries];
     double *sum = &change[entries];
     double *path = &sum[entries];
@@ -92,13 +96,12 @@ static GT_FILTER_ONCE void gt_filter_move(const gt_filter *f, double time, doubl
     arg[0] = &time;
     arg[1] = mean;
     arg[2] = u0;
-    if (motion->noise != 0) {
-        res[0] = gt_filter_target(&motion->drift, changing, work->other);
-        res[1] = gt_filter_target(&motion->drive, &changing[motion->drift.changing],
-                                  &work->other[motion->drift.entries]);
+    if (motion->noise != NULL) {
+        res[0] = value;
+        res[1] = &value[motion->drift.entries];
         (void)motion->noise(arg, res, 0, 0, 0);
     }
-    gt_filter_noise(f, changing, &changing[motion->drift.changing], work);
+    gt_filter_noise(f, value, work);
 
     for (n = 0; n < entries; n++) {
         begin[n] = 0.0;
@@ -109,12 +112,11 @@ static GT_FILTER_ONCE void gt_filter_move(const gt_filter *f, double time, doubl
         rates[n] = 0.0;
         total[n] = 0.0;
     }
-    if (motion->frame != 0) {
+    if (motion->frame != NULL) {
         arg[0] = mean;
-        res[0] = gt_filter_target(&motion->frames, changing, value);
+        res[0] = value;
         (void)motion->frame(arg, res, 0, 0, 0);
     }
-    gt_filter_fill(&motion->frames, changing, value);
     for (n = 0; n < motion->frames.entries; n++) {
         begin[motion->frames.column[n]] = value[n];
     }
@@ -132,30 +134,23 @@ static GT_FILTER_ONCE void gt_filter_move(const gt_filter *f, double time, doubl
         arg[1] = x;
         arg[2] = u;
         res[0] = rates;
-        res[1] = gt_filter_target(&motion->jacobian, changing, value);
+        res[1] = value;
         (void)motion->rates(arg, res, 0, 0, 0);
-        gt_filter_fill(&motion->jacobian, changing, value);
-        for (n = 0; n < entries; n++) {
-            path[n] = begin[n] + (part * change[n]);
-        }
+        gt_filter_along((size_t)entries, begin, part, change, path);
         for (n = 0; n < motion->fixed_paths; n++) {
             path[entries + n] = *fixed;
             fixed++;
         }
-        gt_filter_rows(&motion->jacobian, motion->width, value, path, change, 0);
+        gt_filter_rows(&motion->jacobian, (size_t)motion->width / 2U, value, path, change);
         for (n = 0; n < f->size; n++) {
             total[n] += weight[stage] * rates[n];
         }
-        for (n = 0; n < entries; n++) {
-            sum[n] += weight[stage] * change[n];
-        }
+        gt_filter_along((size_t)entries, sum, weight[stage], change, sum);
     }
     for (n = 0; n < f->size; n++) {
         mean[n] += (step / 6.0) * total[n];
     }
-    for (n = 0; n < entries; n++) {
-        path[n] = begin[n] + ((step / 6.0) * sum[n]);
-    }
+    gt_filter_along((size_t)entries, begin, step / 6.0, sum, path);
     for (n = 0; n < motion->fixed_paths; n++) {
         path[entries + n] = fixed[n];
     }
@@ -169,21 +164,16 @@ static GT_FILTER_ONCE void gt_filter_move(const gt_filter *f, double time, doubl
         (void)f->unit(arg, res, 0, 0, 0);
     }
     gt_filter_fill(&motion->arrival, changing, value);
-    if (motion->arrival.changing == motion->arrival.entries) {
-        gt_copy(value, changing, motion->arrival.entries);
-    }
-    gt_filter_rows(&motion->arrival, motion->width, value, path, made, 0);
-    for (n = 0; n < f->transition.entries; n++) {
-        work->transition[n] = f->transition.value[n];
-    }
+    gt_filter_rows(&motion->arrival, (size_t)motion->width / 2U, value, path, made);
     for (n = 0; n < f->transition.changing; n++) {
-        work->transition[f->transition.place[n]] = made[motion->picked[n]];
+        changing[n] = made[motion->picked[n]];
     }
+    gt_filter_fill(&f->transition, changing, work->transition);
 }
 
-/* The belief one cycle later, the known inputs straight from u0 to u1; of the covariance both triangles. */
-static GT_FILTER_ONCE void gt_filter_advance(const gt_filter *f, const gt_filter_belief *belief, const double *u0,
-                                        const double *u1, const gt_filter_work *work)
+/* The belief one cycle later, the known inputs straight from u0 to u1. */
+static GT_FILTER_ONCE gt_status gt_filter_advance(const gt_filter *f, const gt_filter_belief *belief, const double *u0,
+                                                  const double *u1, const gt_filter_work *work)
 {
     double *after = work->values;
     double *begin = &after[f->size];
@@ -191,19 +181,20 @@ static GT_FILTER_ONCE void gt_filter_advance(const gt_filter *f, const gt_filter
     gt_filter_work inner = *work;
     const double *arg[4];
     double *res[2];
+    gt_status status = GT_OK;
     int part;
     int n;
 
     inner.values = &end[f->inputs];
-    for (part = 0; part < f->parts; part++) {
+    for (part = 0; (part < f->parts) && (status == GT_OK); part++) {
         const double from = (double)part / (double)f->parts;
-        const double to = (double)(part + 1) / (double)f->parts;
+        const double to = ((double)part + 1.0) / (double)f->parts;
 
         for (n = 0; n < f->inputs; n++) {
             begin[n] = u0[n] + (from * (u1[n] - u0[n]));
             end[n] = u0[n] + (to * (u1[n] - u0[n]));
         }
-        if (f->motion != 0) {
+        if (f->motion != NULL) {
             gt_filter_move(f, *belief->time, belief->mean, begin, end, &inner);
         } else {
             arg[0] = belief->time;
@@ -211,18 +202,16 @@ static GT_FILTER_ONCE void gt_filter_advance(const gt_filter *f, const gt_filter
             arg[2] = begin;
             arg[3] = end;
             res[0] = after;
-            res[1] = gt_filter_target(&f->transition, inner.values, work->transition);
+            res[1] = inner.values;
             (void)f->given(arg, res, 0, 0, 0);
             gt_copy(belief->mean, after, f->size);
             gt_filter_fill(&f->transition, inner.values, work->transition);
             gt_filter_fill(&f->noise, after, work->noise);
         }
-        gt_filter_spread(f, belief->covariance, work);
-        if (part < (f->parts - 1)) {
-            gt_filter_mirror(f, belief->covariance);
-        }
+        status = gt_filter_spread(f, belief, work);
         *belief->time += f->step;
     }
+    return status;
 }
 
 #endif

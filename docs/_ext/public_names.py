@@ -9,8 +9,8 @@ from typing import Any
 import gtmodel as gt
 
 LIBRARIES = [
-    "calibrate", "cgen", "compliance", "control", "control.delayed", "control.learning", "filtering", "identify",
-    "inference", "kinematics",
+    "calibrate", "cgen", "compliance", "control", "control.delayed", "control.lead_through", "control.learning",
+    "filtering", "identify", "inference", "kinematics",
     "kinematics.accuracy", "kinematics.assembly_modes", "kinematics.causality", "kinematics.singularity",
     "kinematics.workspace", "loop", "measurements", "mechanics", "milling", "motion", "motion.axes",
     "motion.elastic", "optimize", "results", "robots", "simulation", "vibration",

@@ -13,11 +13,11 @@ from .text import GenerationError
 
 # shared names that speak of numbers get the f that libm gives to its functions in float: a project may hold both
 _NAMES = """
-    gt_all_equal gt_all_finite gt_copy gt_filter gt_filter_advance gt_filter_begin gt_filter_belief
-    gt_filter_column gt_filter_correct gt_filter_cycle gt_filter_fill gt_filter_gated gt_filter_judged
-    gt_filter_kernel gt_filter_matrix gt_filter_memory gt_filter_mirror gt_filter_motion gt_filter_move
-    gt_filter_multiply gt_filter_noise gt_filter_outcome gt_filter_plus gt_filter_positive gt_filter_product
-    gt_filter_reach gt_filter_rows gt_filter_sensor gt_filter_spread gt_filter_target gt_filter_use gt_filter_work
+    gt_all_equal gt_all_finite gt_copy gt_filter gt_filter_advance gt_filter_along gt_filter_begin gt_filter_belief
+    gt_filter_correct gt_filter_cycle gt_filter_fill gt_filter_gated gt_filter_instant gt_filter_judge
+    gt_filter_judged gt_filter_kernel gt_filter_matrix gt_filter_memory gt_filter_motion gt_filter_move
+    gt_filter_multiply gt_filter_noise gt_filter_outcome gt_filter_plus gt_filter_product gt_filter_rows
+    gt_filter_sensor gt_filter_spread gt_filter_sum gt_filter_turn gt_filter_use gt_filter_used gt_filter_work
     gt_newton gt_newton_kernel gt_newton_lu gt_newton_marks gt_traj gt_traj_at gt_traj_end_ms
 """
 FILTER = (

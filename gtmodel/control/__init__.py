@@ -12,8 +12,10 @@ track            a simulation of either, with its tracking error
 loop_simulation  a robot under a law at samples as a study; Move, LoopSampling, TrackingLimits -> LoopSimulationStudy
 zero_vibration, zero_vibration_derivative, Shaper   motions shaped so that a flexible mode ends at rest
 residual_vibration    how far a mass on a spring swings after a motion
-delayed          corrections from an external sensor, late: gain limits, margins, worst cases
+delayed_feedback   how far late corrections from an external sensor may be turned up: `DelayedFeedbackStudy`; its
+                 options, limits, margins and plants stand in `gtmodel.control.delayed`
 learning         iterative learning control: laws, their convergence, what they leave
+lead_through     guiding by hand with force sensors at handle and tool
 """
 
 from typing import TYPE_CHECKING
@@ -21,7 +23,8 @@ from typing import TYPE_CHECKING
 from .._lazy import public
 
 if TYPE_CHECKING:
-    from . import delayed as delayed, learning as learning
+    from . import delayed as delayed, lead_through as lead_through, learning as learning
+    from .delayed import DelayedFeedbackStudy as DelayedFeedbackStudy, delayed_feedback as delayed_feedback
     from .feedforward import (
         ComputedTorque as ComputedTorque,
         Feedback as Feedback,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import casadi as ca
@@ -65,14 +65,8 @@ def linearize_sampled(
     (count,), _, _ = actuators(plant, known, targets)
     if not (np.isfinite(period) and period > 0 and np.isfinite(delay) and delay >= 0):
         raise gt.ModelError(f"a period is positive and a delay not negative; found {period!r} s and {delay!r} s")
-    measured, f = [known, f"der({known})"], law_function(law, count)
-    at = _measured(linearize(plant, targets, measured, start=start), count)
-    rest = np.zeros(count)
-    point = [at[:count], rest, rest, *np.split(at, 2)]
-    held = f(*point).full().reshape(-1)
-    linear = linearize(plant, targets, measured, start=start, input_values={targets: held})
-    jacobian = ca.Function("jacobian", f.sx_in(), [ca.jacobian(f(*f.sx_in()), ca.vertcat(*f.sx_in()))])
-    by = dict(zip(INPUTS, np.split(np.asarray(jacobian(*point).full()), len(INPUTS), axis=1), strict=True))
+    measured = [known, f"der({known})"]
+    linear, by = at_rest(plant, law, measured, start, targets)
 
     a, b, c = (np.asarray(m) for m in (linear.A, linear.B, linear.C))
     whole, part = divmod(exact(delay), exact(period))
@@ -114,9 +108,28 @@ def linearize_sampled(
     return loop
 
 
+def at_rest(
+    plant: gt.Model, law: Law, outputs: Sequence[str], start: Mapping[str, Any], targets: str
+) -> tuple[StateSpace, dict[str, np.ndarray]]:
+    """The plant from its forces to `outputs`, the first two of which are positions and velocities, about a point where
+    the law holds it at rest; and the law's derivatives there (count, count), by the names of its inputs.
+
+    Raises ModelError for a point that is not at rest, and as `gt.linearize`.
+    """
+    linear = linearize(plant, targets, list(outputs), start=start)
+    count = linear.ninputs
+    at, f, rest = _measured(linear, count), law_function(law, count), np.zeros(count)
+    point = [at[:count], rest, rest, *np.split(at, 2)]
+    held = f(*point).full().reshape(-1)
+    linear = linearize(plant, targets, list(outputs), start=start, input_values={targets: held})
+    jacobian = ca.Function("jacobian", f.sx_in(), [ca.jacobian(f(*f.sx_in()), ca.vertcat(*f.sx_in()))])
+    slopes = np.split(np.asarray(jacobian(*point).full()), len(INPUTS), axis=1)
+    return linear, dict(zip(INPUTS, slopes, strict=True))
+
+
 def _measured(linear: StateSpace, count: int) -> np.ndarray:
     """Position and velocity at the point, (2 count,); it has to be at rest."""
-    values = np.array(list(linear.params["outputs"].values()))
+    values = np.array(list(linear.params["outputs"].values()))[: 2 * count]
     if np.any(values[count:] != 0.0):
         raise gt.ModelError("the point of linearize_sampled is at rest; give the derivatives in `start` the value 0")
     return values

@@ -170,6 +170,12 @@ class System:
         c = self._columns
         value = self.dynamics.outputs[sensor.quantity](c["t"], c["x"], c["u"], c["p"])
         self._corrections(sensor, value.numel())
+        own = next((part.kind for part in self.dynamics.space.parts if part.name == sensor.quantity), sensor.kind)
+        if own != sensor.kind and own != "vector":
+            raise ArgumentError(
+                f"'{sensor.name}' measures the {own} '{sensor.quantity}' as a {sensor.kind}; say kind='{own}'",
+                f"{sensor.name}.kind",
+            )
         return StatePart(sensor.name, sensor.kind, value.numel(), unit_of(self.process, sensor.quantity))
 
     def _corrections(self, sensor: Sensor, size: int) -> None:

@@ -31,7 +31,7 @@ def semi_discretised_radius(
     if intervals < 4:
         raise ValueError(f"found {intervals} intervals; expected four or more")
     step, P = period / intervals, plane(feed, up)
-    W = cut.axial_depth * np.einsum("ji,tjk,kl->til", P, _mean_matrices(cutter, cut, intervals), P)
+    W = cut.axial_depth * np.einsum("ji,tjk,kl->til", P, mean_matrices(cutter, cut, intervals), P)
     m, c, k = (np.diag(x[0]) for x in (oscillators.m, oscillators.c, oscillators.k))
     inverse = np.linalg.inv(m)
     # M = [A, B; 0, 0] gives exp(A h) and the integral of exp(A s) B in one
@@ -54,7 +54,7 @@ def semi_discretised_radius(
     return float(np.abs(np.linalg.eigvals(monodromy)).max())
 
 
-def _mean_matrices(cutter: Cutter, cut: Cut, intervals: int) -> np.ndarray:
+def mean_matrices(cutter: Cutter, cut: Cut, intervals: int) -> np.ndarray:
     """(intervals, 2, 2) [N/m2] over the tooth period, averaged over each interval and over the helix."""
     start, end = immersion(cut.mode, cut.radial_depth, cutter.diameter)
     fine = 8

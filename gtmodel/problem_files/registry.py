@@ -40,6 +40,7 @@ _KINDS = {
     "optimization": "a dynamic optimisation problem written in Python",
     "simulation": "motion of a robot under given inputs, from a given start",
     "loop_simulation": "motion of a robot under a control law that computes at samples, with delay",
+    "delayed_feedback": "how far late corrections from an external sensor may be turned up, and its margins",
     "modes": "all poses in which six links of given lengths can be assembled, with a certificate",
     "kinematics": "any causality of a robot on many points, and the orientation of its plate",
     "workspace": "which tool centre points a robot reaches: cross-section, boundary, volume, reasons",
@@ -56,6 +57,7 @@ _KINDS = {
     "resampling": "signals of several clocks on one even grid: uneven rows, gaps, offset and drift of the clocks",
     "delay": "how late signals come behind others that show the same motion, with intervals",
     "sensor_fusion": "laser tracker and inertial unit filtered into one motion, and whether to believe the filter",
+    "learning_control": "what a robot that repeats a motion learns: rate and floor said before, runs, the next input",
     "friction": "friction of the actuators and the mass they hold, from constant-velocity runs",
 }
 

@@ -12,19 +12,14 @@ if TYPE_CHECKING:
     from gtmodel.lang import Model
 
 
-class SmoothingWidth(FileSection):
-    """Around which velocities friction is smooth."""
-
-    velocity_scale_m_s: PositiveFloat | None = Field(
-        default=None, description="velocity over which the sign changes; the catalogue's own is 0.1"
-    )
-
-
-class FrictionSection(SmoothingWidth):
+class FrictionSection(FileSection):
     """Friction, smoothed around zero velocity."""
 
     smoothing: Literal["tanh", "piecewise_linear"] | None = Field(
         default=None, description="how the sign of the velocity is smoothed; the catalogue's own is tanh"
+    )
+    velocity_scale_m_s: PositiveFloat | None = Field(
+        default=None, description="velocity over which the sign changes; the catalogue's own is 0.1"
     )
 
 

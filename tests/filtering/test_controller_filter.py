@@ -24,7 +24,7 @@ PERIOD = 0.001
 SAME = 1e-12
 HOSTILE = 4000
 # of a step of 18 states and 12 numbers, which may only fall
-MOST_BYTES, MOST_INSTRUCTIONS = 14_700, 72_200
+MOST_BYTES, MOST_INSTRUCTIONS = 11_800, 59_600
 # steps of a run; ten thousand in `make proof`
 STEPS = 300
 DEVIATIONS = {"p": 1e-3, "v": 0.1, "a": 1.0, "Q": 0.01, "w": 0.1, "alpha": 10.0}
@@ -148,6 +148,13 @@ def states_of(loaded: LoadedStep) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return start, state, record(loaded.face.function.outputs, loaded.face.real)
 
 
+def covariance(made: ControllerFilter, state: np.ndarray) -> np.ndarray:
+    """U D U' of what is remembered."""
+    U = state["factor"].astype(float).reshape(made.plan.errors, made.plan.stride)[:, : made.plan.errors].T
+    assert np.array_equal(U, np.triu(U, 1) + np.eye(len(U)))
+    return (U * state["diagonal"].astype(float)) @ U.T
+
+
 def in_numbers_of(made: ControllerFilter, rows: np.ndarray, real: Real) -> np.ndarray:
     return rows.astype(dtype_of(made.inputs, real))
 
@@ -193,11 +200,10 @@ def test_it_is_the_filter_of_error_state(name: str, libraries: dict) -> None:
     start, state, out = states_of(loaded)
     assert loaded.init(state, start) == Status.OK
     means, covariances, nis, ahead = [], [], [], []
-    n, stride = made.plan.errors, made.plan.stride
     for row in rows.reshape(-1, 1):
         assert loaded.step(state, row.reshape(()), out) == Status.OK
         means.append(state["mean"].copy())
-        covariances.append(state["covariance"].reshape(n, stride)[:, :n].copy())
+        covariances.append(covariance(made, state))
         nis.append(float(out["nis"]))
         ahead.append([out[m.identifier].copy() for m in made.mean_members])
     t = made.period * np.arange(0, steps + 1)
@@ -240,10 +246,11 @@ def tried(made: ControllerFilter, loaded: LoadedStep, count: int, seed: int) -> 
     """How hostile steps end; each from a state of a good run, which goes on from what C leaves."""
     rng = np.random.default_rng(seed)
     rows = a_run(made, 50, seed)
-    bad = hostile(made, rows[rng.integers(len(rows), size=count)], rng)
+    with np.errstate(over="ignore"):
+        bad = in_numbers_of(made, hostile(made, rows[rng.integers(len(rows), size=count)], rng), loaded.face.real)
     start, state, out = states_of(loaded)
     loaded.init(state, start)
-    n, stride, ended = made.plan.errors, made.plan.stride, dict.fromkeys(Status, 0)
+    ended = dict.fromkeys(Status, 0)
     for k, row in enumerate(bad.reshape(-1, 1)):
         if k % 50 == 0:
             assert loaded.init(state, start) == Status.OK
@@ -255,15 +262,17 @@ def tried(made: ControllerFilter, loaded: LoadedStep, count: int, seed: int) -> 
             assert (state.tobytes(), out.tobytes()) == before
             continue
         assert all(np.all(np.isfinite(out[name])) for name in out.dtype.names or ())
-        P = state["covariance"].reshape(n, stride)[:, :n]
+        assert np.all(state["diagonal"] > 0)
+        P = covariance(made, state)
         scale = 1 / np.sqrt(np.diag(P))
         np.linalg.cholesky(P * scale[:, None] * scale)  # raises where it is not positive
     return ended
 
 
+@pytest.mark.parametrize("real", ["double", "float"])
 @pytest.mark.parametrize("name", ["cart", "body", "late body"])
-def test_hostile_inputs_leave_no_guess(name: str, libraries: dict) -> None:
-    made, loaded = libraries[name, "double"]
+def test_hostile_inputs_leave_no_guess(name: str, real: str, libraries: dict) -> None:
+    made, loaded = libraries[name, real]
     ended = tried(made, loaded, HOSTILE, seed=6)
     assert ended[Status.OK] > HOSTILE / 50 and ended[Status.NOT_FINITE] > HOSTILE / 10
     assert ended[Status.OUT_OF_RANGE] > 0
@@ -271,7 +280,7 @@ def test_hostile_inputs_leave_no_guess(name: str, libraries: dict) -> None:
 
 @pytest.mark.skipif(missing() is not None, reason=str(missing()))
 def test_what_a_step_costs(tmp_path: Path) -> None:
-    """Counted on x86-64 by gcc 12. The goal is 12,000 bytes and 60,000 instructions; neither is met yet."""
+    """Counted on x86-64 by gcc 12: below 12,000 bytes and 60,000 instructions."""
     made = {"pose": body()}
     cgen.generate(made, tmp_path / "c", name="cost")
     cost = cgen.costs(tmp_path / "c", made)
@@ -280,8 +289,9 @@ def test_what_a_step_costs(tmp_path: Path) -> None:
 
 
 @pytest.mark.proof
-def test_a_hundred_thousand_hostile_inputs(libraries: dict) -> None:
-    made, loaded = libraries["body", "double"]
+@pytest.mark.parametrize("real", ["double", "float"])
+def test_a_hundred_thousand_hostile_inputs(real: str, libraries: dict) -> None:
+    made, loaded = libraries["body", real]
     assert tried(made, loaded, 100_000, seed=7)[Status.OK] > 1000
 
 
@@ -295,7 +305,7 @@ def kept_on(made: ControllerFilter, loaded: LoadedStep, steps: int) -> None:
         # to and fro over the same readings: they stay near each other
         place = k % (2 * len(at))
         assert loaded.step(state, at[min(place, 2 * len(at) - 1 - place)], out) == Status.OK
-    P = state["covariance"].reshape(made.plan.errors, made.plan.stride)[:, : made.plan.errors]
+    P = covariance(made, state)
     scale = 1 / np.sqrt(np.diag(P))
     assert np.linalg.eigvalsh(P * scale[:, None] * scale)[0] > 1e-9
 

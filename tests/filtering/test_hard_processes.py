@@ -232,3 +232,10 @@ def test_what_makes_no_sense_is_refused_by_name():
         with pytest.raises(ArgumentError) as caught:
             call()
         assert caught.value.argument == argument
+
+
+def test_a_quaternion_is_not_measured_as_four_numbers():
+    process = DiscreteProcess([StatePart("Q", "quaternion", 4)], 0.1, lambda s: {"Q": s.Q}, [1e-4] * 3)
+    with pytest.raises(ArgumentError, match="kind='quaternion'") as caught:  # a change of its sign would count as noise
+        System(process, [Sensor("tracker", "Q", deviation=0.01)])
+    assert caught.value.argument == "tracker.kind"

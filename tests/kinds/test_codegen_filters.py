@@ -32,6 +32,11 @@ def test_the_shipped_filter_is_the_one_of_the_thesis(tmp_path: Path) -> None:
         ("filters.0.states=['p']", "filters[0].states"),
         ("filters.0.start.deviation.p=0.0", "filters[0].start.deviation"),
         ("filters.0.noise.jerk=-1.0", "filters[0].noise.jerk"),
+        ("filters.0.noise.jrk=1.0", "filters[0]"),
+        ("filters.0.sensors.0.signal='zz'", "filters[0]"),
+        ("filters.0.sensors.0.deviation=-1.0", "filters[0].sensors[0].deviation"),
+        ("filters.0.sensors.0.density=1.0", "filters[0].sensors[0].deviation"),
+        ("filters.0.sensors.1.kind='vector'", "filters[0].sensors[1].kind"),
     ],
 )
 def test_what_is_wrong_is_refused_at_its_key(setting: str, key: str) -> None:

@@ -406,7 +406,7 @@ WRONG = {
         r"no event 'event 2' in Throw; events are event 1 \(.*test_events.py:\d+\): ",
     ),
     "no event": (Throw, [], {}, r"order is a list of the names of events, at least one.*events are event 1"),
-    "a number": (Throw, [1], {}, r"order is a list of the names of events"),
+    "a number": (Throw, [1], {}, r"order is a list of the names of events.*found \[1\]"),
     "held unknown": (Throw, ["event 1"], {"held": ["bounce"]}, r"held names no event 'bounce'; events are event 1"),
     "held one word": (Throw, ["event 1"], {"held": "event 1"}, r"held takes a list of names; found 'event 1'"),
     "held otherwise": (Throw, ["event 1"], {"held": ["event 1"]}, r"held says otherwise.*does not hold.*test_events"),

@@ -2,14 +2,24 @@
 
 Loop
     CorrectedPlant, equivalent_plant, rigid_plant, linear_plant, side_by_side   what a correction acts on
+    servo_plant                      a robot of any model under its own law
     DelayedLoop                      plant, exact delay and law from sample to sample, as a companion matrix
     gain_limit -> GainLimit          the first gain that is unstable, and ranges that are stable again
     run_along -> DelayedRun          in time along a path that steers, SinePath, with noise
     loop_margins -> LoopMargins      in gain, phase, delay and as a disk; delay_margin, disk_margin alone
 
+Plants from measurements
+    fit_command_step -> Estimate     m, c, k from the vibration after one command; command_response
+    fit_gain_field -> GainField      m, c, k over two joints; limits_over, recommended_over
 What is uncertain
     worst_case -> WorstCase          the least limit over a box of parameters; recommended_gain of many limits
     off_axis_plant, off_axis_limits  along a direction between two axes; plant_of_limit, limits_that_meet
+Study
+    delayed_feedback -> DelayedFeedbackStudy     all of it, with pictures: `gt.control.delayed_feedback`
+    feedback_map -> FeedbackMapStudy             limits over two joints; MeasuredPlants, SyntheticCommands, GainMap
+    FeedbackTiming, FeedbackAxis, FeedbackBox, OffAxisRun, FeedbackCut   what it is asked for
+Machining
+    CorrectedTool, chatter_radius -> ChatterRadius, corrected_depth   regeneration and feedback in one map
 """
 
 from typing import TYPE_CHECKING
@@ -17,8 +27,27 @@ from typing import TYPE_CHECKING
 from ..._lazy import public
 
 if TYPE_CHECKING:
+    from .chatter import (
+        ChatterRadius as ChatterRadius,
+        CorrectedTool as CorrectedTool,
+        chatter_radius as chatter_radius,
+        corrected_depth as corrected_depth,
+    )
+    from .command_step import command_response as command_response, fit_command_step as fit_command_step
+    from .field import (
+        GainField as GainField,
+        fit_gain_field as fit_gain_field,
+        limits_over as limits_over,
+        recommended_over as recommended_over,
+    )
     from .limit import GainLimit as GainLimit, gain_limit as gain_limit
     from .loop import DelayedLoop as DelayedLoop
+    from .map_study import (
+        MeasuredPlants as MeasuredPlants,
+        feedback_map as feedback_map,
+        synthetic_plants as synthetic_plants,
+        true_plants as true_plants,
+    )
     from .margins import (
         LoopMargins as LoopMargins,
         delay_margin as delay_margin,
@@ -31,6 +60,16 @@ if TYPE_CHECKING:
         off_axis_plant as off_axis_plant,
         plant_of_limit as plant_of_limit,
     )
+    from .options import (
+        FeedbackAxis as FeedbackAxis,
+        FeedbackBox as FeedbackBox,
+        FeedbackCut as FeedbackCut,
+        FeedbackTiming as FeedbackTiming,
+        GainMap as GainMap,
+        OffAxisRun as OffAxisRun,
+        SinePath as SinePath,
+        SyntheticCommands as SyntheticCommands,
+    )
     from .plants import (
         CorrectedPlant as CorrectedPlant,
         equivalent_plant as equivalent_plant,
@@ -38,7 +77,10 @@ if TYPE_CHECKING:
         rigid_plant as rigid_plant,
         side_by_side as side_by_side,
     )
-    from .run import DelayedRun as DelayedRun, SinePath as SinePath, run_along as run_along
+    from .result import DelayedFeedbackStudy as DelayedFeedbackStudy, FeedbackMapStudy as FeedbackMapStudy
+    from .run import DelayedRun as DelayedRun, run_along as run_along
+    from .servo import servo_plant as servo_plant
+    from .study import delayed_feedback as delayed_feedback
     from .worst_case import WorstCase as WorstCase, recommended_gain as recommended_gain, worst_case as worst_case
 
 public(__name__)

@@ -13,7 +13,7 @@ from .limit import gain_limit
 from .loop import DelayedLoop
 from .plants import CorrectedPlant, equivalent_plant, side_by_side
 
-POINTS = 200  # of gains at which a bracket is looked at
+POINTS = 100  # of gains at which a bracket is looked at
 EDGE = 1e-9  # relative, of an end of an interval
 
 

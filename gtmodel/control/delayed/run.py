@@ -3,44 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated
 
 import numpy as np
 
 from ...results import ArgumentError
-from ...results.options import Options, Unit, Within
 from .loop import DelayedLoop
+from .options import SinePath
 
 WINDOWS = 5  # of a run: the last is compared with the louder of the first two
 GROWTH = 2.5  # between these; near the limit the noise alone builds up by the root of time, a factor of 1.7
 BLOWN_UP = 1e6  # times the noise and the steering: a run ends there
-
-
-@dataclass(frozen=True)
-class SinePath(Options):
-    """y = amplitude sin(2 pi wave_number x) at constant feed; Cvitanic 2021, eq. (33), by default.
-
-    >>> gt.control.delayed.SinePath().steering(0.004).max().round(8)  # largest steering in a cycle [m]
-    np.float64(5.52e-06)
-    """
-
-    amplitude: Annotated[float, Unit("m", written="mm"), Within(least=0.0), "of the sine"] = 50.8e-3
-    wave_number: Annotated[float, Unit("1/m", key="wave_number_1_m"), Within(above=0.0), "waves in a metre"] = 9.8
-    feed: Annotated[float, Unit("m/s", written="mm/s"), Within(above=0.0), "along the path"] = 42.33e-3
-    duration: Annotated[float, Unit("s"), Within(above=0.0), "of the run"] = 15.0
-
-    def steering(self, cycle: float) -> np.ndarray:
-        """What each command adds to the motion that the one before would continue, (n,) [m] along y.
-
-        The command less the feed (Cvitanic 2021, eq. (31), (32)): at constant speed it is the change of direction.
-        """
-        count = round(self.duration / cycle)
-        w = 2 * np.pi * self.wave_number
-        x = np.zeros(count + 2)
-        for k in range(count + 1):  # equal steps along the path
-            middle = x[k] + self.feed * cycle / 2 / np.hypot(1, self.amplitude * w * np.cos(w * x[k]))
-            x[k + 1] = x[k] + self.feed * cycle / np.hypot(1, self.amplitude * w * np.cos(w * middle))
-        return np.diff(self.amplitude * np.sin(w * x), 2)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,12 +1,16 @@
 """Iterative learning control: what a robot repeats it learns, how fast and how far is known before (Dressler 2012, 7).
 
+study            rate and floor before the first iteration, then the runs beside them -> LearningStudy; LearningRobot,
+                 LearningDesign, LearningNoise: what it is asked for; SyntheticExperiment, AxisLearning, design_axis;
+                 SimulatedMotion, ElasticTip: a robot with its controller and an elastic tool
+next_input       from one measured run the next input -> NextInputStudy
 Lifted           a linear map of whole signals with its adjoint; lifted, toeplitz, shifted, filtered, zero_phase,
                  symmetric, weighted, matrix, identity: such maps
 LearningLaw      u(k+1) = Q (u(k) + L e(k)); simple_law: that of case 1; ramp_weights, input_window: of (7.12), (7.14)
 largest_gain, spectral_radius, frequency_bound    how fast it converges: (7.16), (7.15), and in the frequency domain
 rate, floor, learn    the rate in words, what learning will leave, and runs; above_cutoff: a share that is not learned
 delayed_lag, ACTUATORS, pulse_response, frequency_response    plants, (6.11) among them
-AxisPlant        motor, tool and acceleration of an axis; flexible_axis: a synthetic one; tool_model
+AxisPlant        motor, tool and acceleration of an axis; flexible_axis: a synthetic one; tool_model, identified_tool
 SquarePath       the reference of the experiments
 kinematic, measured, complementary_estimate, kalman_estimate    where the tool is: cases 1, 3, 2A, 2B
 ExtendedKalman, most_likely_filter    the filter of (7.21), and its noise by the likelihood of its innovations
@@ -42,6 +46,7 @@ if TYPE_CHECKING:
         rests_of as rests_of,
         robust_filter as robust_filter,
     )
+    from .designed import AxisLearning as AxisLearning, design_axis as design_axis
     from .estimators import (
         ToolEstimate as ToolEstimate,
         complementary_estimate as complementary_estimate,
@@ -49,6 +54,8 @@ if TYPE_CHECKING:
         kinematic as kinematic,
         measured as measured,
     )
+    from .experiment import RepeatedMotion as RepeatedMotion, SyntheticExperiment as SyntheticExperiment
+    from .identified import identified_tool as identified_tool
     from .kalman import ExtendedKalman as ExtendedKalman, most_likely_filter as most_likely_filter
     from .law import (
         LearningLaw as LearningLaw,
@@ -68,11 +75,18 @@ if TYPE_CHECKING:
         weighted as weighted,
         zero_phase as zero_phase,
     )
+    from .next_run import next_input as next_input
     from .norm_optimal import (
         bounded_update as bounded_update,
         inverse as inverse,
         model_inverse_law as model_inverse_law,
         norm_optimal_law as norm_optimal_law,
+    )
+    from .options import (
+        ElasticTip as ElasticTip,
+        LearningDesign as LearningDesign,
+        LearningNoise as LearningNoise,
+        LearningRobot as LearningRobot,
     )
     from .plants import (
         ACTUATOR_DELAY as ACTUATOR_DELAY,
@@ -83,5 +97,8 @@ if TYPE_CHECKING:
         stable as stable,
     )
     from .references import SquarePath as SquarePath
+    from .result import LearningStudy as LearningStudy, NextInputStudy as NextInputStudy
+    from .simulated import SimulatedMotion as SimulatedMotion
+    from .study import study as study
 
 public(__name__)

@@ -13,10 +13,8 @@ from ...results import ArgumentError
 from .axis import AxisPlant
 from .contraction import Peak, frequency_bound
 from .estimators import ToolEstimate
-from .plants import SAMPLE_TIME
+from .given import CONTRACTION, LENGTH, SAMPLE_TIME
 
-CONTRACTION = 0.93  # the bound that is asked for over the whole set
-LENGTH = 125  # lags of the filter on either side: half a second at 4 ms
 GRID, FINE = 501, 5001  # frequencies of the design, and of its check
 SHIFT_GRID = 200  # frequencies below the cutoff
 LEAST_AT_REST = 0.5  # of Q: below, even a constant error stays

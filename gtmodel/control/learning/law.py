@@ -9,10 +9,10 @@ import numpy as np
 import scipy
 
 from ...results import ArgumentError
+from .given import RAMP as RAMP
 from .lifted import Array, Lifted, identity, shifted, weighted, zero_phase
 
 DENSE = 1000  # samples up to which an N x N matrix is cheaper than many runs of filters
-RAMP = 100  # samples of lead-in and of lead-out, Dressler 2012, section 7.3
 SOLVED = 1e-13  # relative residual of the fixed point, where it is found by iteration
 
 

@@ -9,6 +9,7 @@ import scipy
 
 from ..._lazy import hint
 from ...results import ArgumentError
+from .given import ACTUATOR_DELAY as ACTUATOR_DELAY, ACTUATORS as ACTUATORS, SAMPLE_TIME as SAMPLE_TIME
 
 if TYPE_CHECKING:
     from control import StateSpace, TransferFunction
@@ -16,10 +17,6 @@ else:
     StateSpace, TransferFunction = hint("control", "StateSpace"), hint("control", "TransferFunction")
 
 Plant = StateSpace | TransferFunction
-# Dressler 2012, (6.11): b and a of the three controlled actuators of the L1 prototype, b q^-5 / (1 - a q^-1) at 4 ms
-ACTUATORS = ((0.03527, 0.9647), (0.03425, 0.9656), (0.02748, 0.9728))
-ACTUATOR_DELAY = 5
-SAMPLE_TIME = 0.004
 
 
 def delayed_lag(b: float, a: float, delay: int, sample_time: float = SAMPLE_TIME) -> StateSpace:

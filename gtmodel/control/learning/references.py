@@ -9,7 +9,7 @@ import numpy as np
 
 from ...results import ArgumentError
 from ...results.options import Options, Unit, Within
-from .law import RAMP
+from .given import RAMP
 
 ACCELERATING = 0.25  # of a side's time, of the trapezoidal profile
 

@@ -20,9 +20,9 @@ from .plan import plan_of
 from .text import text
 from .twin import UNIT, FilterTwin, Pair
 
-# times n (n + 1) round-offs: with each variance smaller by that share, a factor that exists proves that the covariance
-# is positive; one would do, Rump 2006, BIT 46, 433-452, and the other is for whoever factors it again. In
-# float that is more than good filters leave: there it is 2 n round-offs, as they come rather than at their worst
+# times n (n + 1) round-offs: the share of each variance that its number of D must exceed. U D U' is positive wherever
+# D is above zero; the share leaves room for whoever multiplies it and factors it again in double. In float that is more
+# than good filters leave: there it is 2 n round-offs, as they come rather than at their worst
 ROUND_OFFS = 2.0
 MISSING = 0.2  # share of readings that are not there in a run of examples
 WRONG = 9  # one step in so many has a reading that is refused
@@ -138,7 +138,8 @@ class ControllerFilter(StepFunction):
         self.state = [
             StepMember("time", unit="s", description="since the start"),
             StepMember("mean", plan.size, description="states side by side"),
-            StepMember("covariance", plan.errors * plan.stride, description=f"rows of {plan.stride}"),
+            StepMember("factor", plan.errors * plan.stride, description=f"U, columns of {plan.stride}, of U D U'"),
+            StepMember("diagonal", plan.errors, description="D of the covariance U D U' of the errors"),
             *known,
             StepMember("readings", ring * plan.numbers, description="of the last instants"),
             StepMember("present", ring * sensors, description="which there are", integer=True),
@@ -149,7 +150,7 @@ class ControllerFilter(StepFunction):
         ]
 
     def pivot_of(self, real: Real) -> float:
-        """Share of each variance that round-off can take in a factorisation of the covariance."""
+        """Share of each variance that its number of D must exceed: what round-off can take in a factorisation."""
         n = self.plan.errors
         return ROUND_OFFS * (n * (n + 1) if real is DOUBLE else n) * real.precision.round_off
 
@@ -254,9 +255,8 @@ class ControllerTwin(StepTwin):
             return Status.OUT_OF_RANGE
         state[...] = np.zeros((), state.dtype)
         state["mean"] = np.concatenate(mean)
-        P = np.zeros((made.plan.errors, made.plan.stride), real.dtype)
-        P[np.arange(len(P)), np.arange(len(P))] = variance
-        state["covariance"] = P.ravel()
+        state["factor"] = np.eye(made.plan.errors, made.plan.stride, dtype=real.dtype).ravel()
+        state["diagonal"] = variance
         if known:
             state["before"] = np.concatenate(known)
         return Status.OK
@@ -266,9 +266,11 @@ class ControllerTwin(StepTwin):
         made, plan, real = self.made, self.made.plan, self.real
         ring, sensors, known = plan.depth + 1, len(plan.sensors), bool(plan.inputs)
         none = np.zeros((ring, 0), real.dtype)
-        P = state["covariance"].reshape(plan.errors, plan.stride)[:, : plan.errors].copy()
+        factor = state["factor"].reshape(plan.errors, plan.stride)[:, : plan.errors].copy()
         next: dict[str, Any] = {
-            "belief": Pair(state["time_s"][()], state["mean"].copy(), P, state["closed"].astype(int)),
+            "belief": Pair(
+                state["time_s"][()], state["mean"].copy(), factor, state["diagonal"].copy(), state["closed"].astype(int)
+            ),
             "before": state["before"].copy() if known else none[0],
             "inputs": state["inputs"].reshape(ring, -1).copy() if known else none,
             "readings": state["readings"].reshape(ring, -1).copy(),
@@ -283,8 +285,9 @@ class ControllerTwin(StepTwin):
             return status
         belief = next["belief"]
         padded = np.zeros((plan.errors, plan.stride), real.dtype)
-        padded[:, : plan.errors] = belief.P
-        state["time_s"], state["mean"], state["covariance"] = belief.time, belief.x, padded.ravel()
+        padded[:, : plan.errors] = belief.factor
+        state["time_s"], state["mean"] = belief.time, belief.x
+        state["factor"], state["diagonal"] = padded.ravel(), belief.diagonal
         if known:
             state["before"], state["inputs"] = next["before"], next["inputs"].ravel()
         state["readings"], state["present"] = next["readings"].ravel(), next["present"].ravel()
@@ -293,7 +296,7 @@ class ControllerTwin(StepTwin):
         state["closed"] = belief.closed
         for m, (_, at, _) in zip(made.mean_members, made.system.space.places(), strict=True):
             outputs[m.identifier] = now.x[at].reshape(outputs[m.identifier].shape)
-        deviations = np.sqrt(np.diag(now.P))
+        deviations = np.sqrt(now.variances())
         for m, (_, _, along) in zip(made.deviation_members, made.system.space.places(), strict=True):
             outputs[m.identifier] = deviations[along].reshape(outputs[m.identifier].shape)
         outputs["nis"], outputs["count"] = outcome.nis, outcome.count

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -13,10 +13,19 @@ from ...cgen.text import GenerationError
 from ..manifold import Manifold, StatePart
 from ..system import System
 from ..transition import GAUSS, TAYLOR, CurvedTransition, LinearTransition
-from .sparse import EntryMatrix, EntryProduct, Place, closed, constant, pattern, picked, product, sparse_of
-
-SAME = 1e-12  # of the largest: entries that differ by less at random points are equal
-POINTS = 20
+from .expressions import ExpressionMaker, KernelExpressions
+from .sparse import (
+    EntryMatrix,
+    EntryProduct,
+    Place,
+    closed,
+    constant,
+    pattern,
+    picked,
+    product,
+    sparse_of,
+    without_ones,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +93,8 @@ class SensorPlan:
 
 @dataclass(frozen=True, eq=False)
 class FilterPlan:
-    """All of a filter that does not change."""
+    """All of a filter that does not change. The transition is F', so column after column of F; `same` is 1 where the
+    diagonal of F holds a constant 1, which is left out there."""
 
     size: int
     errors: int
@@ -97,6 +107,7 @@ class FilterPlan:
     unit: Kernel | None
     turned: list[tuple[int, int]]
     error_of: list[int]
+    same: list[float]
     transition: EntryMatrix
     noise: EntryMatrix
     sensors: tuple[SensorPlan, ...]
@@ -104,8 +115,16 @@ class FilterPlan:
 
     @property
     def stride(self) -> int:
-        """Of a row of the covariance: rows are taken in pairs of numbers."""
+        """Of a column of the factor of the covariance: columns are taken in pairs of numbers."""
         return self.errors + self.errors % 2
+
+    @property
+    def reached(self) -> list[int]:
+        """Of each row of F, how many columns there are from the last one back to its first entry."""
+        first = [k if same else self.errors for k, same in enumerate(self.same)]
+        for column, row in self.transition.places:
+            first[row] = min(first[row], column)
+        return [self.errors - k for k in first]
 
     @property
     def numbers(self) -> int:
@@ -114,10 +133,10 @@ class FilterPlan:
 
     @property
     def kernels(self) -> list[Kernel]:
-        """All generated bodies."""
+        """All generated bodies. `turn` is not among them: gt_filter_correct.h holds the same by hand."""
         m = self.motion
         moving = [self.given] if m is None else [m.rates, m.frame, m.noise, self.unit]
-        return [k for k in [*moving, self.turn, *[s.kernel for s in self.sensors]] if k is not None]
+        return [k for k in [*moving, *[s.kernel for s in self.sensors]] if k is not None]
 
 
 def plan_of(
@@ -127,7 +146,7 @@ def plan_of(
     closed_gates: Mapping[str, int],
 ) -> FilterPlan:
     """The plan of a system with cycles of `period` [s]. Raises GenerationError for what C does not know."""
-    space, maker = system.space, _Maker(system)
+    space, maker = system.space, ExpressionMaker(system)
     if system.curved_errors:
         raise GenerationError("a direction among the states is not written in C; describe it by a unit quaternion")
     sensors, first = [], 0
@@ -140,7 +159,7 @@ def plan_of(
             f"sensor_{name}", {"t": 1, "x": space.size, "u": maker.inputs, "z": size},
             lambda t, x, u, z, name=name: system.residual((name,), t, x, u, z), upright=(1,),
         )  # fmt: skip
-        H = sparse_of(residual[1])
+        H = maker.shared(residual, sparse_of(residual[1]).given)
         made = _made(f"sensor_{name}", residual, [residual[0], H.expressions])
         gate = float(system.gate_limits(name)[-1]) if sensor.gate else 0.0
         deviations = system.deviations[name]
@@ -159,10 +178,11 @@ def plan_of(
     common = {"turned": turned, "error_of": error_of, "sensors": tuple(sensors), "depth": depth}
     common |= _of_quaternions(maker) if turned else {"turn": None, "unit": None}
     moved = _moved(system, maker, period)
+    moved["transition"], moved["same"] = without_ones(moved["transition"])
     return FilterPlan(size=space.size, errors=space.dimension, inputs=maker.inputs, **moved, **common)
 
 
-def _moved(system: System, maker: _Maker, period: float) -> dict[str, Any]:
+def _moved(system: System, maker: ExpressionMaker, period: float) -> dict[str, Any]:
     """What of the plan tells how the state goes on."""
     space, transition = system.space, system.transition
     n = space.dimension
@@ -170,7 +190,7 @@ def _moved(system: System, maker: _Maker, period: float) -> dict[str, Any]:
         parts = max(1, int(np.ceil(period / transition.longest - 1e-9)))
         step = period / parts
         motion, F, Q = _motion(system, maker, step)
-        return {"parts": parts, "step": step, "given": None, "motion": motion, "transition": F, "noise": Q}
+        return {"parts": parts, "step": step, "given": None, "motion": motion, "transition": F.transposed, "noise": Q}
     sizes = {"t": 1, "x": space.size, "u": maker.inputs, "v": maker.inputs}
     if isinstance(transition, LinearTransition):
         F, first, last, rest, Q = transition.matrices(period)
@@ -189,11 +209,11 @@ def _moved(system: System, maker: _Maker, period: float) -> dict[str, Any]:
         raise GenerationError("the process gives a transition of another size; this is a gtmodel error")
     return {
         "parts": parts, "step": step, "given": _made("given", made, [made[0], matrix.expressions]), "motion": None,
-        "transition": matrix, "noise": constant(np.tril(Q)),
+        "transition": matrix.transposed, "noise": constant(np.tril(Q)),
     }  # fmt: skip
 
 
-def _of_quaternions(maker: _Maker) -> dict[str, Kernel]:
+def _of_quaternions(maker: ExpressionMaker) -> dict[str, Kernel]:
     """A quaternion and the error that turns it; one of unit length, and how its error follows the given one."""
     space = Manifold([StatePart("q", "quaternion", 4)])
     turn = maker.kernel("turn", {"x": 4, "d": 3}, lambda x, d: [space.plus_symbols(x, d)])
@@ -207,7 +227,7 @@ def _of_quaternions(maker: _Maker) -> dict[str, Kernel]:
     return {"turn": _made("turn", turn, [turn[0]]), "unit": _made("unit", unit, [unit[0], ca.vertcat(*rows)])}
 
 
-def _motion(system: System, maker: _Maker, step: float) -> tuple[TransitionPlan, EntryMatrix, EntryMatrix]:
+def _motion(system: System, maker: ExpressionMaker, step: float) -> tuple[TransitionPlan, EntryMatrix, EntryMatrix]:
     """The plan of one step, F and Q."""
     space, d = system.space, system.dynamics
     n, none = space.dimension, ca.DM.zeros(sum(d.noise.values()))
@@ -254,14 +274,15 @@ def _motion(system: System, maker: _Maker, step: float) -> tuple[TransitionPlan,
     frame_places = [row_of[i] * width + column_of[j] for i, j in S.places]
     of_F = sorted({i for i, _ in changing})
     taken = [of_F.index(i) * width + column_of[j] for i, j in changing]
-    J, E = J.placed(rows, row_of), E.placed(of_F, row_of)
+    J, E = J.placed(rows, row_of).given, E.placed(of_F, row_of)
+    S, A, G = S.given, A.given, G.given
     turned = [(j, i) for i, j in responses]
     own = sorted(range(len(turned)), key=turned.__getitem__)
     spread = product(responses, [turned[k] for k in own], [Q.places[k] for k in Q.changing])
     plan = TransitionPlan(
         _made("rates", rate, [rate[0], J.expressions]),
-        _made("frame", frame, [S.expressions]) if len(S.changing) else None,
-        _made("noise", drift, [A.expressions, G.expressions]) if len(A.changing) + len(G.changing) else None,
+        _made("frame", frame, [S.expressions]) if S.places else None,
+        _made("noise", drift, [A.expressions, G.expressions]) if A.places or G.places else None,
         J, S, E, A, G, len(rows), width, frame_places, taken, fixed_path, responses, fixed_response, fixed_total,
         product(A.places, responses, responses[:turning]),
         # the transpose holds the same numbers as the responses, in another order
@@ -367,77 +388,6 @@ def _cycles(time: float, period: float, what: str) -> int:
     return count
 
 
-@dataclass(frozen=True, eq=False)
-class KernelExpressions:
-    """Expressions of symbols."""
-
-    symbols: list[Any]
-    results: list[Any]
-
-    def __getitem__(self, k: int) -> Any:
-        return self.results[k]
-
-
 def _made(name: str, made: KernelExpressions, results: Sequence[Any]) -> Kernel:
     dense: Any = ca.cse([ca.densify(ca.vec(r)) for r in results])
     return Kernel(name, made.symbols, dense)
-
-
-class _Maker:
-    """Makes expressions of scalars from those of the system, which may hold functions."""
-
-    def __init__(self, system: System) -> None:
-        self.system = system
-        self.inputs = sum(system.dynamics.inputs.values())
-        rng = np.random.default_rng(0)
-        points = rng.normal(size=(POINTS, system.space.size))
-        for part, at, _ in system.space.places():
-            if part.kind != "vector":
-                points[:, at] /= np.linalg.norm(points[:, at], axis=1)[:, None]
-        self.points, self.rng = points, rng
-
-    def kernel(
-        self, name: str, sizes: Mapping[str, int], results: Callable[..., Any], upright: Sequence[int] = ()
-    ) -> KernelExpressions:
-        """Results of columns of these sizes; of those in `upright` entries that are the same in every attitude are
-        taken where nothing is turned, which leaves less to compute."""
-        own = [self.system.dynamics.symbol(key, size) for key, size in sizes.items()]
-        try:
-            function = ca.Function(name, own, list(results(*own))).expand()
-        except RuntimeError as error:
-            raise GenerationError(
-                f"the model solves equations by iteration in '{name}', which C of a filter does not know"
-            ) from error
-        symbols = [ca.SX.sym(key, size) for key, size in sizes.items()]
-        made: list[Any] = [ca.sparsify(r) for r in function.call(symbols)]
-        for k in upright:
-            made[k] = self._upright(made[k], symbols, [*sizes].index("x"))
-        return KernelExpressions(symbols, made)
-
-    def _upright(self, matrix: Any, symbols: list[Any], at_x: int) -> Any:
-        x = symbols[at_x]
-        still = ca.SX(x)
-        for part, at, _ in self.system.space.places():
-            if part.kind == "quaternion":
-                still[at] = ca.SX([1.0, 0.0, 0.0, 0.0])
-        other = ca.substitute(matrix, x, still)
-        both = ca.Function("both", symbols, [ca.vec(ca.densify(matrix)), ca.vec(ca.densify(other))])
-        rows = []
-        for point in self.points:
-            given = [point if k == at_x else self.rng.normal(size=s.numel()) for k, s in enumerate(symbols)]
-            rows.append([np.asarray(r).ravel() for r in both.call([ca.DM(g) for g in given])])
-        first, second = (np.array([row[k] for row in rows]) for k in (0, 1))
-        scale = np.max(np.abs(first), initial=0.0) or 1.0
-        same = np.max(np.abs(first - second), axis=0) <= SAME * scale
-        steady = np.ptp(second, axis=0) <= SAME * scale
-        entries = []
-        flat, simple = ca.vec(ca.densify(matrix)), ca.vec(ca.densify(other))
-        for k in range(flat.numel()):
-            if not same[k]:
-                entries.append(flat[k])
-            elif steady[k]:
-                value = float(second[0, k])
-                entries.append(ca.SX(0.0 if abs(value) <= SAME * scale else value))
-            else:
-                entries.append(ca.simplify(simple[k]))
-        return ca.sparsify(ca.reshape(ca.vertcat(*entries), *matrix.shape))

@@ -50,9 +50,8 @@ class EntryMatrix:
     def times(self, value: np.ndarray, matrix: np.ndarray) -> np.ndarray:
         """The product with a dense matrix, of each entry the terms in the order of the row."""
         made = np.zeros((self.shape[0], matrix.shape[1]), matrix.dtype)
-        for k, (rows, entries, columns) in enumerate(self.slots):
-            term = value[entries, None] * matrix[columns]
-            made[rows] = made[rows] + term if k else term
+        for rows, entries, columns in self.slots:
+            made[rows] = made[rows] + value[entries, None] * matrix[columns]
         return made
 
     def placed(self, rows: Sequence[int], columns: Mapping[int, int]) -> EntryMatrix:
@@ -60,6 +59,25 @@ class EntryMatrix:
         row_of = {i: n for n, i in enumerate(rows)}
         places = tuple((row_of[i], columns[j]) for i, j in self.places)
         return EntryMatrix((len(rows), len(columns)), places, self.value, self.changing, self.expressions)
+
+    @property
+    def given(self) -> EntryMatrix:
+        """The same with every entry among those that a kernel gives, constant ones too."""
+        made = [ca.SX(float(v)) for v in self.value]
+        for n, k in enumerate(self.changing):
+            made[k] = self.expressions[n]
+        every = np.arange(len(made))
+        return EntryMatrix(self.shape, self.places, 0 * self.value, every, ca.vertcat(*made) if made else ca.SX(0, 1))
+
+    @property
+    def transposed(self) -> EntryMatrix:
+        """The entries column after column."""
+        order = sorted(range(len(self.places)), key=lambda k: self.places[k][::-1])
+        new = np.argsort(np.array(order, int))
+        places = tuple((self.places[k][1], self.places[k][0]) for k in order)
+        return EntryMatrix(
+            (self.shape[1], self.shape[0]), places, self.value[order], new[self.changing], self.expressions
+        )
 
 
 def sparse_of(matrix: Any) -> EntryMatrix:
@@ -129,6 +147,19 @@ def picked(matrix: EntryMatrix, rows: set[int]) -> EntryMatrix:
     given = matrix.expressions
     moved = None if given is None else ca.vertcat(*[given[k] for k in own]) if own else ca.SX(0, 1)
     return EntryMatrix(matrix.shape, places, matrix.value[kept], changing, moved)
+
+
+def without_ones(matrix: EntryMatrix) -> tuple[EntryMatrix, list[float]]:
+    """A square matrix without the constant ones on its diagonal, and 1 for each row that has had one, else 0."""
+    moving = set(matrix.changing.tolist())
+    one = {i for n, (i, j) in enumerate(matrix.places) if i == j and n not in moving and matrix.value[n] == 1.0}
+    kept = [n for n, (i, j) in enumerate(matrix.places) if i != j or i not in one]
+    new = {n: k for k, n in enumerate(kept)}
+    left = EntryMatrix(
+        matrix.shape, tuple(matrix.places[n] for n in kept), matrix.value[kept],
+        np.array([new[n] for n in matrix.changing.tolist()], int), matrix.expressions,
+    )  # fmt: skip
+    return left, [1.0 if i in one else 0.0 for i in range(matrix.shape[0])]
 
 
 def pattern(left: Sequence[Place], right: Sequence[Place]) -> list[Place]:

@@ -9,6 +9,7 @@ from ...cgen.interface import macro
 from ...cgen.real import Real
 from ...cgen.steps.source import step_prototype
 from ...cgen.text import comment, decimal
+from ..transition import TAYLOR
 from .plan import FilterPlan, Kernel, SensorPlan, TransitionPlan
 from .sparse import EntryMatrix, EntryProduct
 from .twin import limits
@@ -25,7 +26,7 @@ def text(made: ControllerFilter, symbol: str, real: Real) -> str:
     return "".join(
         [
             *[_no_scratch(symbol, kernel) for kernel in plan.kernels],
-            _motion(plan.motion, symbol) if plan.motion is not None else "",
+            _motion(plan, plan.motion, symbol) if plan.motion is not None else "",
             *[_sensor(sensor, symbol) for sensor in plan.sensors],
             _filter(plan, symbol, real, made.pivot_of(real)),
             _init(made, symbol),
@@ -57,11 +58,11 @@ def _matrix(name: str, matrix: EntryMatrix, columns: Sequence[int] | None = None
     """Its tables, and its initialiser."""
     tables = _ints(f"{name}_start", matrix.start)
     tables += _ints(f"{name}_column", matrix.columns if columns is None else columns)
+    own = f"{matrix.shape[0]}, {len(matrix.places)}, {name}_start, {name}_column"
+    if len(matrix.changing) == len(matrix.places) and matrix.expressions is not None:
+        return tables, f"{{{own}, 0, {len(matrix.changing)}, 0}}"
     tables += _reals(f"{name}_value", matrix.value.tolist()) + _ints(f"{name}_place", matrix.changing.tolist())
-    numbers = (
-        f"{matrix.shape[0]}, {len(matrix.places)}, {name}_start, {name}_column, {name}_value, {len(matrix.changing)}"
-    )
-    return tables, f"{{{numbers}, {name}_place}}"
+    return tables, f"{{{own}, {name}_value, {len(matrix.changing)}, {name}_place}}"
 
 
 def _product(name: str, product: EntryProduct) -> tuple[str, str]:
@@ -70,12 +71,12 @@ def _product(name: str, product: EntryProduct) -> tuple[str, str]:
     return tables, f"{{{len(product.start) - 1}, {name}_start, {name}_left, {name}_right}}"
 
 
-def _motion(m: TransitionPlan, symbol: str) -> str:
+def _motion(plan: FilterPlan, m: TransitionPlan, symbol: str) -> str:
     responses = {place: k for k, place in enumerate(m.responses)}
     matrices = [
-        _matrix(f"{symbol}_jacobian", m.jacobian),
+        _matrix(f"{symbol}_jacobian", m.jacobian, [j * m.width for j in m.jacobian.columns]),
         _matrix(f"{symbol}_frames", m.frames, m.frame_places),
-        _matrix(f"{symbol}_arrival", m.arrival),
+        _matrix(f"{symbol}_arrival", m.arrival, [j * m.width for j in m.arrival.columns]),
         _matrix(f"{symbol}_drift", m.drift),
         _matrix(f"{symbol}_drive", m.drive, [responses[p] for p in m.drive.places]),
     ]
@@ -88,9 +89,10 @@ def _motion(m: TransitionPlan, symbol: str) -> str:
     tables = "".join(table for table, _ in [*matrices, *products])
     tables += "".join(_reals(f"{symbol}_{name}", getattr(m, name).ravel().tolist()) for name in names)
     tables += _ints(f"{symbol}_picked", m.picked)
-    paths = f"{m.width}, {m.fixed_path[0].size}, {symbol}_fixed_path, {symbol}_picked"
+    tables += _ints(f"{symbol}_power", [k * len(m.responses) for k in range(1, TAYLOR + 1)])
+    paths = f"{m.width}, {_given(m)}, {_turning(plan)}, {m.fixed_path[0].size}, {symbol}_fixed_path, {symbol}_picked"
     fixed = [paths, f"{m.fixed_response.shape[1]}, {symbol}_fixed_response"]
-    rest = [*fixed, *[f"{symbol}_{name}" for name in names[2:]]]
+    rest = [*fixed, *[f"{symbol}_{name}" for name in (*names[2:], "power")]]
     inner = ",\n    ".join([*kernels, *[own for _, own in [*matrices, *products]], *rest])
     return f"{tables}static const gt_filter_motion {symbol}_motion = {{\n    {inner}\n}};\n"
 
@@ -118,18 +120,20 @@ def _filter(plan: FilterPlan, symbol: str, real: Real, pivot: float) -> str:
     inner = ",\n".join(rows)
     text += f"static const gt_filter_sensor {symbol}_sensors[{len(rows)}] = {{\n{inner}\n}};\n"
     tables, transition = _matrix(f"{symbol}_transition", plan.transition)
-    places = [i * plan.stride + j for i, j in plan.noise.places]
-    more, noise = _matrix(f"{symbol}_noises", plan.noise, places)
+    more, noise = _matrix(f"{symbol}_noises", plan.noise)
+    more += _reals(f"{symbol}_same", [*plan.same, 0.0][: plan.stride])
+    more += _ints(f"{symbol}_reached", plan.reached)
+    more += _ints(f"{symbol}_back", [-k * plan.stride for k in range(plan.errors)])
     text += tables + more + _ints(f"{symbol}_turned", [n for pair in plan.turned for n in pair])
     text += _ints(f"{symbol}_error_of", plan.error_of)
     motion = "0" if plan.motion is None else f"&{symbol}_motion"
     sizes = [plan.size, plan.errors, plan.stride, plan.inputs, plan.numbers, len(plan.sensors), plan.depth, plan.parts]
     unit = plan.unit if plan.motion is not None else None
-    kernels = [_kernel(symbol, plan.given), motion, _kernel(symbol, plan.turn), _kernel(symbol, unit)]
+    kernels = [_kernel(symbol, plan.given), motion, _kernel(symbol, unit)]
     return (
         f"{text}static const gt_filter {symbol}_filter = {{\n    {', '.join(map(str, sizes))}, {decimal(plan.step)},\n"
         f"    {', '.join(kernels)}, {len(plan.turned)}, {symbol}_turned, {symbol}_error_of,\n    {transition},\n"
-        f"    {noise},\n    {symbol}_sensors, {decimal(pivot)}\n}};\n\n"
+        f"    {noise},\n    {symbol}_same, {symbol}_reached, {symbol}_back, {symbol}_sensors, {decimal(pivot)}\n}};\n\n"
     )
 
 
@@ -164,7 +168,8 @@ def _remembered(plan: FilterPlan) -> str:
     known = plan.inputs > 0
     return (
         "    memory.belief.time = &next.time_s;\n    memory.belief.mean = next.mean;\n"
-        "    memory.belief.covariance = next.covariance;\n    memory.belief.closed = next.closed;\n"
+        "    memory.belief.factor = next.factor;\n    memory.belief.diagonal = next.diagonal;\n"
+        "    memory.belief.closed = next.closed;\n"
         f"    memory.before = {'next.before' if known else 'u'};\n"
         f"    memory.inputs = {'next.inputs' if known else 'u'};\n"
         "    memory.readings = next.readings;\n    memory.present = next.present;\n    memory.place = &next.place;\n"
@@ -186,33 +191,29 @@ def _step(made: ControllerFilter, symbol: str) -> str:
     out = []
     for m, (_, at, _) in zip(made.mean_members, space.places(), strict=True):
         out.append(f"    gt_copy({m.address('out->')}, &now.mean[{at.start}], {m.count});\n")
-    out.append(
-        f"    for (k = 0; k < {n}; k++) {{\n"
-        f"        deviation[k] = sqrt(fabs(now.covariance[k * {stride + 1}]));\n    }}\n"
-    )
+    out.append(f"    for (k = 0; k < {n}; k++) {{\n        deviation[k] = sqrt(variance[k]);\n    }}\n")
     for m, (_, _, along) in zip(made.deviation_members, space.places(), strict=True):
         out.append(f"    gt_copy({m.address('out->')}, &deviation[{along.start}], {m.count});\n")
     for k, (_, _, gated, age) in enumerate(own):
         out.append(f"    out->{gated.identifier} = gated[{k}];\n    out->{age.identifier} = next.age[{k}];\n")
     ahead = plan.depth > 0
     memory = [
-        f"    double ahead_mean[{plan.size}];\n    double ahead_covariance[{n * stride}];\n    double ahead_time;\n"
-        f"    int ahead_closed[{2 * sensors}];\n"
+        f"    double ahead_mean[{plan.size}];\n    double ahead_factor[{n * stride}];\n"
+        f"    double ahead_diagonal[{n}];\n    double ahead_time;\n    int ahead_closed[{2 * sensors}];\n"
         if ahead
         else ""
     ]
     now = (
-        "    now.time = &ahead_time;\n    now.mean = ahead_mean;\n    now.covariance = ahead_covariance;\n"
-        "    now.closed = ahead_closed;\n"
+        "    now.time = &ahead_time;\n    now.mean = ahead_mean;\n    now.factor = ahead_factor;\n"
+        "    now.diagonal = ahead_diagonal;\n    now.closed = ahead_closed;\n"
         if ahead
         else "    now = memory.belief;\n"
     )
     levers = sum(len(s.jacobian.places) for s in plan.sensors)
-    widest = max(b - a for s in plan.sensors for a, b in zip(s.jacobian.start, s.jacobian.start[1:], strict=False))
     none = "" if plan.inputs else "    u[0] = 0.0;\n"
     square = max(n * stride, _responses(plan))
     sizes = {
-        "square": square, "other": square, "columns": max(1, widest) * stride, "vectors": 4 * stride,
+        "square": square, "other": square, "vectors": 2 * stride, "error": stride, "variance": stride,
         "residual": plan.numbers, "lever": levers, "noise": len(plan.noise.places),
         "transition": len(plan.transition.places), "values": _values(plan),
     }  # fmt: skip
@@ -220,7 +221,7 @@ def _step(made: ControllerFilter, symbol: str) -> str:
     work = "".join(f"    work.{name} = {name};\n" for name in sizes)
     return (
         comment(["The memory of a call is on its stack; the state is a copy until the end."])
-        + f"GT_FILTER_ONCE {step_prototype(symbol)}\n{{\n"
+        + f"GT_FILTER_OFTEN {step_prototype(symbol)}\n{{\n"
         f"    {symbol}_state next = *state;\n    gt_filter_memory memory;\n    gt_filter_belief now;\n"
         f"    gt_filter_outcome outcome;\n    gt_filter_work work;\n{''.join(memory)}{arrays}"
         f"    double u[{max(1, plan.inputs)}];\n    double z[{plan.numbers}];\n    double nis;\n"
@@ -239,20 +240,25 @@ def _step(made: ControllerFilter, symbol: str) -> str:
 
 def _responses(plan: FilterPlan) -> int:
     """How many numbers the responses to noise, and what is made of them, take at most."""
-    if plan.motion is None:
-        return 0
-    m = plan.motion
-    own = len(m.drift.places) + len(m.drive.places) + len(m.responses) + 2 * len(plan.noise.places)
-    return max(7 * len(m.responses), own)
+    return 0 if plan.motion is None else (TAYLOR + 1) * len(plan.motion.responses) + 2 * len(plan.noise.places) + 4
+
+
+def _given(m: TransitionPlan) -> int:
+    """The most numbers of matrices that are needed at one time."""
+    first = max(len(m.jacobian.places), len(m.frames.places), len(m.arrival.places))
+    return max(first, len(m.drift.places) + len(m.drive.places))
+
+
+def _turning(plan: FilterPlan) -> int:
+    """The most numbers of E and F that change."""
+    return max(12 * len(plan.turned), len(plan.transition.changing))
 
 
 def _values(plan: FilterPlan) -> int:
     """How many numbers `work.values` holds at most."""
-    correcting = max(plan.errors * plan.numbers, 4)
-    moving = plan.size + 2 * plan.inputs + len(plan.transition.changing) + 1
+    first = plan.size + 2 * plan.inputs
     if plan.motion is None:
-        return max(correcting, moving)
+        return first + max(1, len(plan.transition.changing))
     m = plan.motion
-    matrices = (m.jacobian, m.arrival, m.frames, m.drift, m.drive)
-    moving += 3 * max(plan.size, 4) + plan.inputs + sum(len(k.changing) + len(k.places) for k in matrices)
-    return max(correcting, moving + 4 * m.moving * m.width + m.fixed_path[0].size + m.arrival.shape[0] * m.width + 1)
+    own = 3 * max(plan.size, 4) + plan.inputs + _given(m) + _turning(plan)
+    return first + own + 4 * m.moving * m.width + m.fixed_path[0].size + m.arrival.shape[0] * m.width + 1

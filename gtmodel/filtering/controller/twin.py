@@ -20,14 +20,21 @@ MOST = 1_000_000_000
 
 
 class Pair:
-    """Mean, covariance, time and counters of an instant."""
+    """Mean, factors of the covariance U D U', time and counters of an instant. Rows of `factor` are columns of U."""
 
-    def __init__(self, time: np.ndarray, x: np.ndarray, P: np.ndarray, closed: np.ndarray) -> None:
-        self.time, self.x, self.P, self.closed = time, x, P, closed
+    def __init__(
+        self, time: np.ndarray, x: np.ndarray, factor: np.ndarray, diagonal: np.ndarray, closed: np.ndarray
+    ) -> None:
+        self.time, self.x, self.factor, self.diagonal, self.closed = time, x, factor, diagonal, closed
 
     def copy(self) -> Pair:
         """One of its own."""
-        return Pair(self.time.copy(), self.x.copy(), self.P.copy(), self.closed.copy())
+        return Pair(*(a.copy() for a in (self.time, self.x, self.factor, self.diagonal, self.closed)))
+
+    def variances(self) -> np.ndarray:
+        """The diagonal of U D U', its terms from column to column."""
+        terms = self.diagonal[:, None] * self.factor * self.factor
+        return np.add.accumulate(terms, axis=0)[-1]
 
 
 class Outcome:
@@ -35,6 +42,7 @@ class Outcome:
 
     def __init__(self, sensors: int, zero: Any) -> None:
         self.nis, self.count, self.gated = zero, 0, [False] * sensors
+        self.variances = np.zeros(0)
 
 
 class _Called:
@@ -69,13 +77,14 @@ class FilterTwin:
 
     def __init__(self, plan: FilterPlan, real: Real, pivot: float) -> None:
         self.plan, self.real, self.pivot = plan, real, real.dtype(pivot)
-        self.called = {k.name: _Called(k, real) for k in plan.kernels}
+        self.called = {k.name: _Called(k, real) for k in (*plan.kernels, plan.turn) if k is not None}
         if plan.motion is not None:
             m = plan.motion
             self.weights, self.powers = real.array(m.weights), real.array(m.powers)
             self.fixed = [real.array(f) for f in (m.fixed_path, m.fixed_response, m.fixed_total)]
         self.variance = [real.array(s.variance) for s in plan.sensors]
         self.values = {id(m): real.array(m.value) for m in self._matrices()}
+        self.same = real.array(np.array(plan.same))
         self.noise_at = tuple(np.array(plan.noise.places, int).reshape(-1, 2).T)
 
     def _matrices(self) -> Sequence[EntryMatrix]:
@@ -91,12 +100,27 @@ class FilterTwin:
 
     # -- from instant to instant -----------------------------------------------------------------------
 
-    def _spread(self, F: np.ndarray, P: np.ndarray, noise: np.ndarray) -> np.ndarray:
-        """F P F' + Q, the lower triangle."""
-        times = self.plan.transition.times
-        P = times(F, np.ascontiguousarray(times(F, P).T))
-        P[self.noise_at] += noise
-        return P
+    def _spread(self, belief: Pair, F: np.ndarray, noise: np.ndarray) -> Status:
+        """The factors of F U D U' F' + Q, from the last column to the first."""
+        plan, n, one = self.plan, self.plan.errors, self.real.dtype(1.0)
+        start, columns = plan.transition.start, np.array(plan.transition.columns, int)
+        moved, P = belief.factor * self.same, np.zeros((n, n), F.dtype)
+        P[self.noise_at] = noise
+        for k in range(n):
+            own = slice(start[k], start[k + 1])
+            moved[k:, columns[own]] += F[own] * belief.factor[k:, k, None]
+        for k in reversed(range(n)):
+            P += (belief.diagonal[k] * moved[k])[:, None] * moved[k]
+        variances = np.diag(P).copy()
+        for k in reversed(range(n)):
+            if not np.isfinite(P[k, k]):
+                return Status.NOT_FINITE
+            if not P[k, k] > self.pivot * variances[k]:
+                return Status.SINGULAR
+            belief.diagonal[k] = P[k, k]
+            belief.factor[k, :k] = P[k, :k] * (one / P[k, k])
+            P[:k, :k] += (-P[k, k] * belief.factor[k, :k])[:, None] * belief.factor[k, :k]
+        return Status.OK
 
     def _move(self, time: Any, x: np.ndarray, u0: np.ndarray, u1: np.ndarray) -> tuple[np.ndarray, ...]:
         """The mean after one step, F, and the entries of Q."""
@@ -150,8 +174,8 @@ class FilterTwin:
             noise = noise + weight * m.spread.applied(total, total)
         return self.filled(self.plan.noise, noise)
 
-    def advance(self, belief: Pair, u0: np.ndarray, u1: np.ndarray) -> None:
-        """One cycle on; of the covariance the lower triangle."""
+    def advance(self, belief: Pair, u0: np.ndarray, u1: np.ndarray) -> Status:
+        """One cycle on."""
         plan, real = self.plan, self.real
         for part in range(plan.parts):
             begin, end = (u0 + (real.dtype(k) / real.dtype(plan.parts)) * (u1 - u0) for k in (part, part + 1))
@@ -161,57 +185,25 @@ class FilterTwin:
                 belief.x, changing = self.called["given"](belief.time, belief.x, begin, end)
                 F = self.filled(plan.transition, changing)
                 noise = self.values[id(plan.noise)]
-            belief.P = self._spread(F, belief.P, noise)
-            if part < plan.parts - 1:
-                belief.P = mirrored(belief.P)
+            status = self._spread(belief, F, noise)
             belief.time = belief.time + real.dtype(plan.step)
+            if status != Status.OK:
+                return status
+        return Status.OK
 
     # -- readings --------------------------------------------------------------------------------------
 
-    def _reach(self, P: np.ndarray, matrix: EntryMatrix, lever: np.ndarray, row: int) -> tuple[Any, ...]:
-        """Columns of P, their factors, and b = P h'."""
-        along = slice(matrix.start[row], matrix.start[row + 1])
-        columns, values = matrix.columns[along], lever[along]
-        own = [np.concatenate([P[c, :c], P[c:, c]]) for c in columns]
-        b = values[0] * own[0]
-        for v, column in zip(values[1:], own[1:], strict=True):
-            b = b + v * column
-        return columns, values, own, b
-
-    def _gated(self, sensor: SensorPlan, variance: np.ndarray, P: np.ndarray, lever: Any, residual: Any) -> bool:
-        m, H = sensor.jacobian.shape[0], sensor.jacobian
-        zero = self.real.dtype(0.0)
-        L, white, nis = np.zeros((m, m), P.dtype), np.zeros(m, P.dtype), zero
-        for i in range(m):
-            b = self._reach(P, H, lever, i)[3]
-            for j in range(i + 1):
-                total = variance[i] if j == i else zero
-                for k in range(H.start[j], H.start[j + 1]):
-                    total = total + lever[k] * b[H.columns[k]]
-                L[i, j] = total
-        for i in range(m):
-            for j in range(i):
-                total = L[i, j]
-                for k in range(j):
-                    total = total - L[i, k] * L[j, k]
-                L[i, j] = total / L[j, j]
-            total = L[i, i]
-            for k in range(i):
-                total = total - L[i, k] * L[i, k]
-            L[i, i] = np.sqrt(abs(total))
-            total = residual[i]
-            for k in range(i):
-                total = total - L[i, k] * white[k]
-            white[i] = total / L[i, i]
-            nis = nis + white[i] * white[i]
-        return not nis <= self.real.dtype(sensor.gate)
+    def _gated(self, s: int, belief: Pair, lever: np.ndarray, residual: np.ndarray) -> bool:
+        """Whether the gate of a sensor leaves its reading out: what it would be alone is tried on a copy."""
+        error = np.zeros(self.plan.errors, self.real.dtype)
+        return not self._used(s, belief.copy(), error, lever, residual) <= self.real.dtype(self.plan.sensors[s].gate)
 
     def correct(
         self, belief: Pair, u: np.ndarray, readings: np.ndarray, present: np.ndarray, outcome: Outcome
     ) -> Status:
         """The belief after the readings of an instant."""
         plan, real = self.plan, self.real
-        at, residuals, levers = belief.P, {}, {}
+        residuals, levers = {}, {}
         for s, sensor in enumerate(plan.sensors):
             outcome.gated[s] = False
             if present[s]:
@@ -219,30 +211,25 @@ class FilterTwin:
                 residuals[s], changing = self.called[sensor.kernel.name](belief.time, belief.x, u, z)
                 levers[s] = self.filled(sensor.jacobian, changing)
                 if sensor.gate > 0:
-                    outcome.gated[s] = self._gated(sensor, self.variance[s], at, levers[s], residuals[s])
+                    outcome.gated[s] = self._gated(s, belief, levers[s], residuals[s])
         error, nis, count = np.zeros(plan.errors, real.dtype), real.dtype(0.0), 0
         for s, sensor in enumerate(plan.sensors):
-            if present[s] and not outcome.gated[s]:
-                for row in range(sensor.jacobian.shape[0]):
-                    lever = self._reach(belief.P, sensor.jacobian, levers[s], row)
-                    belief.P, error, share = self._used(
-                        belief.P, error, lever, self.variance[s][row], residuals[s][row]
-                    )
-                    nis, count = nis + share, count + 1
+            if outcome.gated[s]:
+                belief.closed[s] += belief.closed[s] < MOST
+            elif present[s]:
+                nis = nis + self._used(s, belief, error, levers[s], residuals[s])
+                count += sensor.jacobian.shape[0]
                 belief.closed[s] = 0
-            if outcome.gated[s] and belief.closed[s] < MOST:
-                belief.closed[s] += 1
         belief.x = self._plus(belief.x, error)
         outcome.nis, outcome.count = nis, count
-        if not (np.all(np.isfinite(belief.x)) and np.isfinite(nis)):
-            status = Status.NOT_FINITE
-        else:
-            status = self._positive(belief.P)
-        belief.P = mirrored(belief.P)
-        for s, sensor in enumerate(plan.sensors):
-            if status == Status.OK and 0 < sensor.closed < belief.closed[s]:
-                status = Status.OUT_OF_RANGE
-        return status
+        outcome.variances = belief.variances()
+        if not all(np.all(np.isfinite(v)) for v in (belief.x, nis, outcome.variances)):
+            return Status.NOT_FINITE
+        if not np.all(belief.diagonal > self.pivot * outcome.variances):
+            return Status.SINGULAR
+        if any(0 < sensor.closed < belief.closed[s] for s, sensor in enumerate(plan.sensors)):
+            return Status.OUT_OF_RANGE
+        return Status.OK
 
     def _plus(self, x: np.ndarray, error: np.ndarray) -> np.ndarray:
         of = np.array(self.plan.error_of)
@@ -251,33 +238,35 @@ class FilterTwin:
             made[place : place + 4] = self.called["turn"](x[place : place + 4], error[at : at + 3])[0]
         return made
 
-    def _used(self, P: np.ndarray, error: np.ndarray, lever: Any, variance: Any, residual: Any) -> tuple[Any, ...]:
-        """One number of a reading."""
-        columns, values, own, b = lever
-        s = variance
-        for c, v in zip(columns, values, strict=True):
-            s = s + v * b[c]
-            residual = residual - v * error[c]
-        inverse = self.real.dtype(1.0) / s
-        gain = b * inverse
-        rest = variance * gain
-        for c, v, column in zip(columns, values, own, strict=True):
-            rest = rest - v * (column - gain * b[c])
-        P = (P - gain[:, None] * b) + rest[:, None] * gain
-        return P, error + gain * residual, (residual * residual) * inverse
+    def _used(self, s: int, belief: Pair, error: np.ndarray, lever: np.ndarray, residual: np.ndarray) -> Any:
+        """All numbers of a reading, one after the other; their normalised innovation squared."""
+        H, total = self.plan.sensors[s].jacobian, self.real.dtype(0.0)
+        for row, variance in enumerate(self.variance[s]):
+            along = range(H.start[row], H.start[row + 1])
+            total = total + self._used_number(
+                belief, error, [H.columns[k] for k in along], lever[along.start : along.stop], variance, residual[row]
+            )
+        return total
 
-    def _positive(self, P: np.ndarray) -> Status:
-        """Cholesky's factor of the lower triangle, column by column: of each entry the same terms in the same order."""
-        left = P.copy()
-        for k in range(len(P)):
-            pivot = left[k, k] - self.pivot * P[k, k]
-            if not np.isfinite(pivot):
-                return Status.NOT_FINITE
-            if not pivot > 0:
-                return Status.SINGULAR
-            column = left[k + 1 :, k] * (self.real.dtype(1.0) / np.sqrt(pivot))
-            left[k + 1 :, k + 1 :] -= column[:, None] * column
-        return Status.OK
+    def _used_number(
+        self, belief: Pair, error: np.ndarray, columns: list[int], values: np.ndarray, variance: Any, left: Any
+    ) -> Any:
+        """One number of a reading; sums from column to column of U, of which those before the first entry stay."""
+        one, at = self.real.dtype(1.0), slice(columns[0], None)
+        U, D = belief.factor[at], belief.diagonal[at]
+        lever = np.zeros_like(D)
+        for c, v in zip(columns, values, strict=True):
+            left = left - v * error[c]
+            lever = lever + v * U[:, c]
+        share = D * lever
+        sums = np.add.accumulate(np.concatenate([[variance], lever * share]))
+        inverse = one / sums
+        gain = np.add.accumulate(np.concatenate([np.zeros_like(U[:1]), share[:, None] * U]), axis=0)
+        belief.factor[at] = U - (lever * inverse[:-1])[:, None] * gain[:-1]
+        belief.diagonal[at] = D * (sums[:-1] * inverse[1:])
+        share = left * inverse[-1]
+        error += gain[-1] * share
+        return left * share
 
     # -- cycles ----------------------------------------------------------------------------------------
 
@@ -330,7 +319,9 @@ class FilterTwin:
     def _instant(self, state: Any, belief: Pair, before: np.ndarray, slot: int, outcome: Outcome) -> Status:
         u = state["inputs"][slot]
         with np.errstate(all="ignore"):
-            self.advance(belief, before, u)
+            status = self.advance(belief, before, u)
+            if status != Status.OK:
+                return status
             return self.correct(belief, u, state["readings"][slot], state["present"][slot], outcome)
 
     def _judged(self, sensor: SensorPlan, z: np.ndarray) -> Status:
@@ -343,11 +334,6 @@ class FilterTwin:
         far = not np.all(np.abs(z) <= self.real.array(limits(sensor, self.real)))
         turned = sensor.quaternion and not abs(square - self.real.dtype(1.0)) <= self.real.dtype(UNIT)
         return Status.OUT_OF_RANGE if far or turned else Status.OK
-
-
-def mirrored(P: np.ndarray) -> np.ndarray:
-    """The lower triangle in both."""
-    return np.tril(P) + np.tril(P, -1).T
 
 
 def limits(sensor: SensorPlan, real: Real) -> np.ndarray:

@@ -9,7 +9,7 @@ from gtmodel.cgen import CodeStudy, StepFunction, study
 from gtmodel.cgen.folder import held
 from gtmodel.compiler.causal import CausalFunction, c_name, compile_causal
 from gtmodel.filtering import ControllerFilter, InitialState, ProcessModel, Sensor, System
-from gtmodel.lang import Model
+from gtmodel.lang import Model, ModelError
 from gtmodel.problem_files.base import Context, InputError
 from gtmodel.problem_files.call import Call
 from gtmodel.problem_files.noted import doubts, refuse_distrusted
@@ -81,9 +81,21 @@ def functions_of(problem: Schema, context: Context) -> dict[str, CausalFunction 
         try:
             functions[section.name] = _filter(section, model)
         except ArgumentError as error:
-            key = {"period": "period_s"}.get(error.argument, error.argument)
+            key = _key_of(section, error.argument)
             raise InputError(error.message, f"filters[{n}].{key}" if key else f"filters[{n}]") from error
+        except ModelError as error:
+            raise InputError(str(error), f"filters[{n}]") from error
     return functions
+
+
+def _key_of(section: FilterSection, argument: str) -> str:
+    """The key of an argument; of a sensor's, "NAME.deviation", where the sensor stands."""
+    units = {"period": "period_s", "delay": "delay_s"}
+    owner, _, what = argument.partition(".")
+    places = {s.name: n for n, s in enumerate(section.sensors)}
+    if what and owner in places:
+        return f"sensors[{places[owner]}].{units.get(what, what)}"
+    return units.get(argument, argument)
 
 
 def _filter(section: FilterSection, model: Model) -> ControllerFilter:
@@ -91,13 +103,17 @@ def _filter(section: FilterSection, model: Model) -> ControllerFilter:
     process = ProcessModel(
         model, section.noise, inputs=section.inputs, states=section.states, quaternions=section.quaternions
     )
-    sensors = [
-        Sensor(
-            s.name, s.signal, deviation=s.deviation, density=s.density, period=s.period_s, kind=s.kind,
-            delay=s.delay_s, gate=s.gate,
-        )
-        for s in section.sensors
-    ]  # fmt: skip
+    sensors: list[Sensor] = []
+    for s in section.sensors:
+        try:
+            sensors.append(
+                Sensor(
+                    s.name, s.signal, deviation=s.deviation, density=s.density, period=s.period_s, kind=s.kind,
+                    delay=s.delay_s, gate=s.gate,
+                )
+            )  # fmt: skip
+        except ArgumentError as error:
+            raise ArgumentError(error.message, f"{s.name}.{error.argument}") from error
     stale = {s.name: s.stale_cycles for s in section.sensors if s.stale_cycles is not None}
     closed = {s.name: s.closed_cycles for s in section.sensors if s.closed_cycles is not None}
     start = InitialState(section.start.mean, section.start.deviation)

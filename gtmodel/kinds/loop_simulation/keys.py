@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
-from pydantic import Field
+from pydantic import Field, PositiveFloat
 
 from gtmodel.control import loop_options
 from gtmodel.problem_files.base import FileSection
 from gtmodel.problem_files.from_options import Made
-from gtmodel.problem_files.robot_keys import RobotProblem, SmoothingWidth
+from gtmodel.problem_files.robot_keys import RobotProblem
 
 RESULT = "gtmodel.control.LoopSimulationStudy"
 
@@ -37,13 +37,16 @@ class ReferenceSection(FileSection):
     )
 
 
-class PlantFrictionSection(SmoothingWidth):
+class PlantFrictionSection(FileSection):
     """Friction of the robot that is controlled, which may stick."""
 
     smoothing: Literal["tanh", "piecewise_linear", "stiction"] | None = Field(
         default=None,
         description="how the sign of the velocity is smoothed; stiction: not at all, it sticks, with events; left out: "
         "as [friction] has it",
+    )
+    velocity_scale_m_s: PositiveFloat | None = Field(
+        default=None, description="velocity over which the sign changes; left out: as [friction] has it"
     )
 
 

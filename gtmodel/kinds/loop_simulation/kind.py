@@ -10,7 +10,7 @@ from gtmodel.problem_files.base import Context, InputError
 from gtmodel.problem_files.call import Call
 from gtmodel.results import Trajectory, TrajectoryError
 
-from .keys import Schema
+from .keys import LawSection, Schema
 
 NAME = "loop_simulation"
 
@@ -27,8 +27,9 @@ def call(problem: Schema, context: Context) -> Call:
     if (problem.move is None) == (problem.reference is None):
         given = "both" if problem.move else "none of them"
         raise InputError(f"expected one of [move] and [reference]; found {given}", "move")
+    law = law_of(problem.law, problem.model(context))
     return Call(
-        loop_simulation, _plant(problem, context), _law(problem, problem.model(context)), _reference(problem, context),
+        loop_simulation, _plant(problem, context), law, _reference(problem, context),
         sampling=problem.sampling.options(), limits=problem.limits.options(), tolerance=problem.tolerance,
         title=problem.title or f"{problem.law.name} at samples: {problem.robot}",
     )  # fmt: skip
@@ -46,11 +47,12 @@ def explain(problem: Schema, context: Context) -> str:
     return "\n".join(lines)
 
 
-def _law(problem: Schema, model: Model) -> Law:
-    gains = [_gain(g) for g in (problem.law.stiffness, problem.law.damping)]
+def law_of(section: LawSection, model: Model) -> Law:
+    """The law that a table names, on a model. Raises InputError."""
+    gains = [_gain(g) for g in (section.stiffness, section.damping)]
     laws = {"computed_torque": ComputedTorque, "feedforward": Feedforward}
     try:
-        return Feedback(*gains) if problem.law.name == "feedback" else laws[problem.law.name](model, *gains)
+        return Feedback(*gains) if section.name == "feedback" else laws[section.name](model, *gains)
     except (ValueError, ModelError) as error:
         raise InputError(str(error), "law") from error
 

@@ -1,0 +1,199 @@
+"""Chatter of a cut while a late loop corrects: regeneration and feedback in one map, semi-discretised."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from math import lcm
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy
+from numpy.typing import ArrayLike
+
+from ..._lazy import hint
+from ...results import ArgumentError
+from ...simulation.hybrid.clock import exact
+
+if TYPE_CHECKING:
+    from ...milling import Cut, Cutter, Oscillators
+else:
+    Cut, Cutter, Oscillators = (hint("gtmodel.milling", name) for name in ("Cut", "Cutter", "Oscillators"))
+
+STEPS = 20  # of a cycle
+MOST_STEPS = 40_000  # until tooth and cycle meet again
+UNEVEN = 1e-9  # rad
+NEAR = 1e-3  # relative, of a depth
+
+
+@dataclass(frozen=True)
+class CorrectedTool:
+    """A tool that cuts and is corrected along one direction, by gain -gain times its deviation, `delay` [s] late.
+
+    oscillators: of the tool, in kg (the first pose counts). equivalent_mass (3,): m of `equivalent_plant` along x, y,
+    z of the world; frequency and damping are those of the oscillators. direction (3,): of unit length, along which the
+    deviation is measured and corrected. cycle [s]. Raises ArgumentError for what does not fit.
+    """
+
+    oscillators: Oscillators
+    equivalent_mass: np.ndarray
+    direction: np.ndarray
+    cycle: float
+    delay: float
+
+    def __post_init__(self) -> None:
+        mass, e = np.asarray(self.equivalent_mass, float), np.asarray(self.direction, float)
+        if mass.shape != (3,) or not np.all((mass > 0) & np.isfinite(mass)):
+            raise ArgumentError(f"expected three positive numbers; found {mass.tolist()}", "equivalent_mass")
+        if e.shape != (3,) or not abs(np.linalg.norm(e) - 1) < UNEVEN:
+            raise ArgumentError(f"expected three numbers of unit length; found {e.tolist()}", "direction")
+        if not (np.isfinite(self.cycle) and self.cycle > 0):
+            raise ArgumentError(f"must be a number above 0; found {self.cycle!r}", "cycle")
+        if not (np.isfinite(self.delay) and self.delay >= 0):
+            raise ArgumentError(f"must be a number, at least 0; found {self.delay!r}", "delay")
+        object.__setattr__(self, "equivalent_mass", mass)
+        object.__setattr__(self, "direction", e)
+
+
+@dataclass(frozen=True)
+class ChatterRadius:
+    """radius: of the growth in a cycle; below 1 the cut is stable. cycles_per_tooth: the rational number that is taken
+    for the period of a tooth over the cycle. speed [1/s]: of the spindle that has it. speed_error: relative, from the
+    one that was asked for."""
+
+    radius: float
+    cycles_per_tooth: Fraction
+    speed: float
+    speed_error: float
+
+
+def chatter_radius(
+    tool: CorrectedTool, cutter: Cutter, cut: Cut, speed: float, feed: ArrayLike, gain: float, *,
+    up: ArrayLike = (0.0, 0.0, 1.0), steps: int = STEPS,
+) -> ChatterRadius:  # fmt: skip
+    """Growth in a cycle of a cut at a spindle speed [1/s] while corrections act.
+
+    A step is a cycle by `steps`; the period of a tooth is taken as the nearest number of steps, and the map runs until
+    tooth and cycle meet again. In a step the force's coefficient and the displacement of the tooth before are constant,
+    as in Insperger and Stepan 2004; corrections are held exactly, whatever their delay. The more steps the nearer: the
+    error of the rational number and of the steps shows in a second run with twice as many. Even pitch only. Raises
+    ArgumentError for an uneven pitch and where tooth and cycle meet too late, ValueError for impossible speeds.
+
+    >>> from gtmodel.milling import CuttingCoefficients, Cut, Cutter
+    >>> cutter = Cutter(0.02, 2, CuttingCoefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))
+    >>> cut = Cut("climb", radial_depth=0.006, axial_depth=0.0003, feed_per_tooth=1e-4)
+    >>> robot = gt.milling.Oscillators.with_damping_ratio(m=[350, 350, 250], k=[2e6, 1.5e6, 3e6], zeta=[0.03] * 3)
+    >>> tool = gt.control.delayed.CorrectedTool(robot, [2.0, 0.5, 2.0], [0.0, 1.0, 0.0], cycle=0.004, delay=0.052)
+    >>> for gain in (0.0, 0.1):
+    ...     r = gt.control.delayed.chatter_radius(tool, cutter, cut, 25.0, [1.0, 0.0, 0.0], gain)
+    ...     print(r.cycles_per_tooth, r.radius < 1)
+    5 True
+    5 False
+    """
+    from ...milling import tooth_frequency
+    from ...milling.directional import plane
+    from ...milling.semi_discretisation import mean_matrices
+
+    if np.ptp(cutter.pitch) > UNEVEN:
+        raise ArgumentError("the pitch of the teeth is uneven; this map takes even pitch only", "cutter")
+    if steps < 4:
+        raise ArgumentError(f"found {steps}; expected four or more", "steps")
+    if not np.isfinite(gain):
+        raise ArgumentError(f"must be a number; found {gain!r}", "gain")
+    asked = 1 / tooth_frequency(speed, cutter.teeth)
+    step = tool.cycle / steps
+    tooth = max(4, round(asked / step))
+    together = lcm(tooth, steps)
+    if together > MOST_STEPS:
+        raise ArgumentError(
+            f"a tooth of {tooth} steps and a cycle of {steps} meet after {together} steps, more than {MOST_STEPS}; "
+            "take a number of steps with more factors", "steps",
+        )  # fmt: skip
+    P = plane(feed, up)
+    W = cut.axial_depth * np.einsum("ji,tjk,kl->til", P, mean_matrices(cutter, cut, tooth), P)
+    growth = _over(tool, W, steps, tooth, together, gain)
+    used = 1 / (cutter.teeth * tooth * step)
+    return ChatterRadius(growth ** (steps / together), Fraction(tooth, steps), used, used / speed - 1)
+
+
+def corrected_depth(
+    tool: CorrectedTool, cutter: Cutter, cut: Cut, speed: float, feed: ArrayLike, gain: float, *,
+    deepest: float, up: ArrayLike = (0.0, 0.0, 1.0), steps: int = STEPS,
+) -> float:  # fmt: skip
+    """The axial depth [m] at which a cut first chatters while corrections act, by steps of a fifth and bisection;
+    `deepest` where it does not, 0 where the loop is unstable without a cut. cut: its own axial depth does not count.
+
+    Raises ArgumentError as `chatter_radius`, and for a deepest cut of nothing.
+
+
+    >>> from gtmodel.milling import CuttingCoefficients, Cut, Cutter
+    >>> cutter = Cutter(0.02, 2, CuttingCoefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))
+    >>> cut = Cut("climb", radial_depth=0.006, axial_depth=0.0003, feed_per_tooth=1e-4)
+    >>> robot = gt.milling.Oscillators.with_damping_ratio(m=[350, 350, 250], k=[2e6, 1.5e6, 3e6], zeta=[0.03] * 3)
+    >>> tool = gt.control.delayed.CorrectedTool(robot, [2.0, 0.5, 2.0], [0.0, 1.0, 0.0], cycle=0.004, delay=0.052)
+    >>> depths = [gt.control.delayed.corrected_depth(
+    ...     tool, cutter, cut, 25.0, [1.0, 0.0, 0.0], gain, deepest=5e-3) for gain in (0.0, 0.1)]
+    >>> [round(1e3 * depth, 2) for depth in depths]  # [mm]; the second gain is beyond its limit
+    [0.77, 0.0]
+    """
+
+    def growth(depth: float) -> float:
+        deeper = replace(cut, axial_depth=depth)
+        return chatter_radius(tool, cutter, deeper, speed, feed, gain, up=up, steps=steps).radius
+
+    if not (np.isfinite(deepest) and deepest > 0):
+        raise ArgumentError(f"must be a number above 0; found {deepest!r}", "deepest")
+    low = deepest * 1e-3
+    if growth(low * 1e-6) >= 1:
+        return 0.0
+    if growth(low) >= 1:
+        low, high = low * 1e-6, low
+    else:
+        high = low
+        while high < deepest and growth(high) < 1:
+            low, high = high, min(1.2 * high, deepest)
+        if growth(high) < 1:
+            return deepest
+    while high - low > NEAR * high:
+        middle = (low + high) / 2
+        low, high = (middle, high) if growth(middle) < 1 else (low, middle)
+    return low
+
+
+def _over(tool: CorrectedTool, W: np.ndarray, steps: int, tooth: int, together: int, gain: float) -> float:
+    """Largest modulus of the multipliers of the map over so many steps that tooth and cycle meet."""
+    o, step = tool.oscillators, tool.cycle / steps
+    m, c, k = o.m[0], o.c[0], o.k[0]
+    push = tool.direction / (tool.equivalent_mass * tool.cycle**2)
+    whole, rest = divmod(exact(tool.delay), exact(tool.cycle))
+    count = int(whole) + 1  # corrections that are kept, youngest first
+    # pieces of a step: (span, whether the correction is the older one); the hold changes once in a cycle
+    changes, left = int(float(rest) // step), float(rest) % step
+    pieces = {i: [(step, i < changes)] for i in range(steps)}
+    if left > 0:
+        pieces[changes] = [(left, True), (step - left, False)]
+    spans = sorted({span for p in pieces.values() for span, _ in p})
+    system = np.zeros((tooth, 10, 10))
+    system[:, :3, 3:6] = np.eye(3)
+    system[:, 3:6, :3] = (W - np.diag(k)) / m[:, None]
+    system[:, 3:6, 3:6] = -np.diag(c / m)
+    system[:, 3:6, 6:9] = -W / m[:, None]
+    system[:, 3:6, 9] = push
+    E = {span: scipy.linalg.expm(system * span) for span in spans}
+    # columns: what the state now, x at the last grid times and the corrections on their way become
+    size = 6 + 3 * tooth + count
+    now = np.eye(6, size)
+    past = [np.eye(3, size), *np.eye(3 * tooth, size, 6).reshape(tooth, 3, size)]
+    sent = list(np.eye(count, size, 6 + 3 * tooth))
+    for i in range(together):
+        if i % steps == 0:
+            sent = [-gain * tool.direction @ now[:3], *sent[:count]]
+        late, early = sent[int(whole)], sent[int(whole) + 1]
+        delayed = (past[-1] + past[-2]) / 2
+        for span, older in pieces[i % steps]:
+            e = E[span][i % tooth]
+            acting = early if older else late
+            now = e[:6, :6] @ now + e[:6, 6:9] @ delayed + np.outer(e[:6, 9], acting)
+        past = [now[:3], *past[:-1]]
+    monodromy = np.concatenate([now, *past[1:], sent[:count]])
+    return float(np.abs(np.linalg.eigvals(monodromy)).max())

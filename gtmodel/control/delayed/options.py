@@ -1,0 +1,211 @@
+"""What a study of a late loop is asked for: timing, axes, what is uncertain, directions, a cut."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+
+from ..._lazy import hint
+from ...results import ArgumentError
+from ...results.options import Long, Options, Unit, Within
+
+if TYPE_CHECKING:
+    from .plants import CorrectedPlant
+else:
+    CorrectedPlant = hint("gtmodel.control.delayed", "CorrectedPlant")
+
+
+@dataclass(frozen=True)
+class FeedbackTiming(Options):
+    """When an external sensor measures and its correction acts.
+
+    >>> gt.control.delayed.FeedbackTiming().delay
+    0.052
+    """
+
+    cycle: Annotated[float, Unit("s", written="ms"), Within(above=0.0), "between two corrections"] = 0.004
+    delay: Annotated[
+        float, Unit("s", written="ms"), Within(least=0.0),
+        "between a measurement and the instant at which its correction acts; any part of a cycle or many",
+    ] = 0.052  # fmt: skip
+    accumulate: Annotated[
+        bool, "corrections add up: the arm itself moves by each and stays there; else only their vibration is left"
+    ] = False
+
+
+@dataclass(frozen=True)
+class FeedbackAxis(Options):
+    """One direction of a vibrating arm by its natural frequency and damping, and how strongly a correction excites it:
+    by the equivalent mass, or by the gain limit that was measured.
+
+    >>> axis = gt.control.delayed.FeedbackAxis(frequency=17.0, damping_ratio=0.06, limit=0.25)
+    >>> timing = gt.control.delayed.FeedbackTiming()
+    >>> loop = gt.control.delayed.DelayedLoop(axis.plant(timing), timing.cycle, timing.delay)
+    >>> round(gt.control.delayed.gain_limit(loop).gain, 6)
+    0.25
+    """
+
+    frequency: Annotated[float, Unit("Hz"), Within(above=0.0), "undamped natural frequency"]
+    damping_ratio: Annotated[float, Within(above=0.0, below=1.0), "of critical damping"]
+    mass: Annotated[float | None, Within(above=0.0), "equivalent mass m of eq. (30), a number without a unit"] = None
+    limit: Annotated[float | None, Within(above=0.0), "gain at which the loop was seen to become unstable"] = None
+    gain: Annotated[
+        float | None, Within(above=0.0), "at which margins are asked for; the recommended one if left out"
+    ] = None
+    gain_step: Annotated[float, Within(above=0.0), "from one gain that can be set to the next"] = 0.01
+
+    def equivalent_mass(self, timing: FeedbackTiming) -> float:
+        """m. Raises ArgumentError unless one of mass and limit is given, and for a limit where corrections add up."""
+        if (self.mass is None) == (self.limit is None):
+            given = "both" if self.mass is not None else "none of them"
+            raise ArgumentError(f"expected one of mass and limit; found {given}", "mass")
+        if self.mass is not None:
+            return self.mass
+        assert self.limit is not None
+        if timing.accumulate:
+            raise ArgumentError("a limit says no mass where corrections add up; give the mass", "limit")
+        from .off_axis import plant_of_limit
+
+        plant = plant_of_limit(self.frequency, self.damping_ratio, self.limit, timing.cycle, timing.delay)
+        return float(1 / (plant.B[1] * timing.cycle**2))
+
+    def plant(self, timing: FeedbackTiming, *, mass: float | None = None) -> CorrectedPlant:
+        """What a correction acts on; with another equivalent mass where one is given."""
+        from .plants import equivalent_plant
+
+        m, w = self.equivalent_mass(timing) if mass is None else mass, 2 * np.pi * self.frequency
+        return equivalent_plant(m, 2 * self.damping_ratio * w * m, w**2 * m, timing.cycle, accumulate=timing.accumulate)
+
+
+@dataclass(frozen=True)
+class SinePath(Options):
+    """y = amplitude sin(2 pi wave_number x) at constant feed; Cvitanic 2021, eq. (33), by default.
+
+    >>> gt.control.delayed.SinePath().steering(0.004).max().round(8)  # largest steering in a cycle [m]
+    np.float64(5.52e-06)
+    """
+
+    amplitude: Annotated[float, Unit("m", written="mm"), Within(least=0.0), "of the sine"] = 50.8e-3
+    wave_number: Annotated[float, Unit("1/m", key="wave_number_1_m"), Within(above=0.0), "waves in a metre"] = 9.8
+    feed: Annotated[float, Unit("m/s", written="mm/s"), Within(above=0.0), "along the path"] = 42.33e-3
+    duration: Annotated[float, Unit("s"), Within(above=0.0), "of the run"] = 15.0
+
+    def steering(self, cycle: float) -> np.ndarray:
+        """What each command adds to the motion that the one before would continue, (n,) [m] along y.
+
+        The command less the feed (Cvitanic 2021, eq. (31), (32)): at constant speed it is the change of direction.
+        """
+        count = round(self.duration / cycle)
+        w = 2 * np.pi * self.wave_number
+        x = np.zeros(count + 2)
+        for k in range(count + 1):  # equal steps along the path
+            middle = x[k] + self.feed * cycle / 2 / np.hypot(1, self.amplitude * w * np.cos(w * x[k]))
+            x[k + 1] = x[k] + self.feed * cycle / np.hypot(1, self.amplitude * w * np.cos(w * middle))
+        return np.diff(self.amplitude * np.sin(w * x), 2)
+
+
+@dataclass(frozen=True)
+class FeedbackBox(Options):
+    """How far plant and delay may be from what was declared, either way.
+
+    >>> gt.control.delayed.FeedbackBox(delay=0.001).mass
+    0.15
+    """
+
+    mass: Annotated[float, Within(least=0.0, below=1.0), "of the equivalent mass, as a share"] = 0.15
+    damping: Annotated[float, Within(least=0.0, below=1.0), "of the equivalent damping, as a share"] = 0.15
+    stiffness: Annotated[float, Within(least=0.0, below=1.0), "of the equivalent stiffness, as a share"] = 0.15
+    delay: Annotated[float, Unit("s", written="ms"), Within(least=0.0), "of the delay"] = 0.002
+    draws: Annotated[int, Within(least=20, most=100_000), "random points of the box"] = 1000
+    seed: Annotated[int, Within(least=0), "of the random points"] = 0
+
+
+@dataclass(frozen=True)
+class OffAxisRun(Options):
+    """A direction between the axes x and y, and what an experiment along it saw, if there was one.
+
+    >>> gt.control.delayed.OffAxisRun(angle=np.pi / 4, stable=0.03, unstable=0.05).stable
+    0.03
+    """
+
+    angle: Annotated[float, Unit("rad", written="deg"), "from y towards x"]
+    stable: Annotated[float | None, Within(above=0.0), "greatest gain seen stable; needs `unstable` too"] = None
+    unstable: Annotated[float | None, Within(above=0.0), "least gain seen unstable; needs `stable` too"] = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if (self.stable is None) != (self.unstable is None):
+            raise ArgumentError("give both or none of stable and unstable", "stable")
+        if self.stable is not None and self.unstable is not None and self.stable >= self.unstable:
+            raise ArgumentError(f"{self.stable:g} is not below unstable, {self.unstable:g}", "stable")
+
+
+@dataclass(frozen=True)
+class FeedbackCut(Options):
+    """A tool that is corrected along an axis while it cuts; x, y and z of the world.
+
+    >>> gt.control.delayed.FeedbackCut("y", 25.0, [350.0, 350.0, 250.0], 17.0, 0.03).steps
+    20
+    """
+
+    axis: Annotated[str, "name of the axis along which it is corrected"]
+    speed: Annotated[float, Unit("1/s"), Within(above=0.0), "of the spindle"]
+    mass: Annotated[list[float], Unit("kg"), Long(3), Within(above=0.0), "of the tool along x, y, z"]
+    z_frequency: Annotated[float, Unit("Hz"), Within(above=0.0), "of the tool along z"]
+    z_damping_ratio: Annotated[float, Within(above=0.0, below=1.0), "of the tool along z"]
+    feed_direction: Annotated[tuple[float, float, float], "in the plane of the cut"] = (1.0, 0.0, 0.0)
+    shares: Annotated[list[float], Within(least=0.0), "gains, as shares of the limit without a cut"] = (  # type: ignore[assignment]
+        0.0, 0.25, 0.5, 0.75, 0.9,
+    )  # fmt: skip
+    deepest: Annotated[float, Unit("m", written="mm"), Within(above=0.0), "depth up to which chatter is sought"] = 5e-3
+    steps: Annotated[int, Within(least=4, most=200), "of a cycle in the map"] = 20
+
+
+@dataclass(frozen=True)
+class SyntheticCommands(Options):
+    """Synthetic vibrations after one command in each pose: an arm whose oscillators vary smoothly with its reach.
+
+    The reach is r = cos(joint 2) + cos(joint 2 + joint 3), both as the robot counts them; frequencies fall and
+    equivalent masses grow with it. Ours: no m, c, k of these units are printed.
+
+    >>> gt.control.delayed.SyntheticCommands(seed=3).size
+    0.001
+    """
+
+    size: Annotated[float, Unit("m", written="mm"), Within(above=0.0), "of the command"] = 1e-3
+    duration: Annotated[float, Unit("s"), Within(least=0.1), "recorded after it"] = 0.6
+    noise: Annotated[float, Unit("m", written="um"), Within(above=0.0), "of the measurement, standard deviation"] = (
+        15e-6
+    )
+    repeatability: Annotated[
+        float, Within(least=0.0, below=1.0), "of m, c and k between experiments in one pose, as a share"
+    ] = 0.05
+    frequency: Annotated[tuple[float, ...], Unit("Hz"), Within(above=0.0), "of each direction at a reach of 0"] = (
+        17.0,
+        12.0,
+    )
+    damping_ratio: Annotated[tuple[float, ...], Within(above=0.0, below=1.0), "of each direction"] = (0.06, 0.06)
+    mass: Annotated[tuple[float, ...], Within(above=0.0), "equivalent, of each direction at a reach of 0"] = (3.0, 1.0)
+    frequency_slope: Annotated[float, Within(least=-0.5, most=0.5), "change of log frequency with the reach"] = -0.15
+    mass_slope: Annotated[float, Within(least=-1.0, most=1.0), "change of log mass with the reach"] = 0.2
+    seed: Annotated[int, Within(least=0), "of noise and repeatability"] = 0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not len(self.frequency) == len(self.damping_ratio) == len(self.mass):
+            raise ArgumentError("has another number of directions than damping_ratio and mass", "frequency")
+
+
+@dataclass(frozen=True)
+class GainMap(Options):
+    """Which poses are asked for, and the grid of the map, angles of joints 2 and 3.
+
+    >>> gt.control.delayed.GainMap(points=7).points
+    7
+    """
+
+    points: Annotated[int, Within(least=3, most=60), "of the map along each joint"] = 13
+    draws: Annotated[int, Within(least=50, most=5000), "of m, c and k in each pose"] = 400
+    quantile: Annotated[float, Within(above=0.0, below=0.5), "of the limits that a recommended gain lies below"] = 0.05

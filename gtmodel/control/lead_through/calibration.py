@@ -1,0 +1,138 @@
+"""A force sensor's bias and the load that it carries, from readings at rest in several poses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy
+from numpy.typing import ArrayLike
+
+from ...inference import linear_fit
+from ...results import ArgumentError, Estimate, naming
+from .status import WrenchStatus
+from .wrench import axes, rows_of, sigma_of, turns_of, vector_of
+
+GRAVITY = (0.0, 0.0, -9.81)  # [m/s2], in the world frame, z up
+LEVEL = 0.95  # of the interval of the mass that has to exclude zero
+
+
+@dataclass(frozen=True, eq=False)
+class WrenchCalibration:
+    """Bias of a force sensor, and mass and centre of mass of what it carries.
+
+    force: Estimate of bias_force_x, _y, _z [N] and mass [kg].
+    moment: Estimate of bias_moment_x, _y, _z [N m] and first_moment_x, _y, _z [kg m], mass times centre.
+    centre: Estimate of centre_x, _y, _z [m], from the sensor's origin in the sensor's frame; None where the mass does
+        not differ from zero.
+    status: OK; NO_FORCE where the interval of the mass holds zero: bias is usable, centre is not; WRONG_SIGN where the
+        mass is negative.
+    gravity: (3,) [m/s2] in the world frame.
+    """
+
+    force: Estimate
+    moment: Estimate
+    centre: Estimate | None
+    status: WrenchStatus
+    gravity: np.ndarray
+
+    def weight(self, turns: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
+        """Force (poses, 3) [N] and moment (poses, 3) [N m] of the load's weight in the sensor's frame.
+
+        turns (poses, 3, 3) as of `calibrate_wrench`. Raises ArgumentError for what is no rotation matrix.
+        """
+        g = turns_of(turns, "turns").transpose(0, 2, 1) @ self.gravity
+        return self.force.value("mass") * g, np.cross(self.moment.values[3:], g)
+
+    def contact(self, turns: ArrayLike, forces: ArrayLike, moments: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
+        """Readings without bias and weight: the wrench from outside on the load, at rest, in the sensor's frame.
+
+        turns (poses, 3, 3), forces and moments (poses, 3) [N], [N m] as of `calibrate_wrench`. Raises ArgumentError for
+        other shapes, numbers that are not finite, and after a calibration that ended with WRONG_SIGN.
+        """
+        if self.status is WrenchStatus.WRONG_SIGN:
+            raise ArgumentError("no contact force can be had from this calibration: " + self.status.message)
+        own_force, own_moment = self.weight(turns)
+        f, m = rows_of(forces, "forces", len(own_force)), rows_of(moments, "moments", len(own_force))
+        return f - self.force.values[:3] - own_force, m - self.moment.values[:3] - own_moment
+
+    def __str__(self) -> str:
+        parts = [str(self.force), str(self.moment), *([str(self.centre)] if self.centre else [])]
+        return "\n".join([*parts, self.status.message])
+
+
+def calibrate_wrench(
+    turns: ArrayLike,
+    forces: ArrayLike,
+    moments: ArrayLike,
+    *,
+    gravity: ArrayLike = GRAVITY,
+    sigma_force: float | None = None,
+    sigma_moment: float | None = None,
+) -> WrenchCalibration:
+    """Bias, mass and centre of mass of a force sensor's load, ten parameters, by linear least squares with intervals.
+
+    At rest and free, force = bias_force + mass g and moment = bias_moment + (mass centre) x g, g in the sensor's
+    frame, readings being the wrench *on* the load. The two sets share no parameter and are two fits. With a handle and
+    a tool sensor each is calibrated by its own readings.
+
+    Args:
+        turns: (poses, 3, 3) rotation matrices whose columns are the sensor's axes in the world frame. Gravity must
+            point in three directions or more in the sensor's frame that lie on no line.
+        forces, moments: (poses, 3) readings [N], [N m] about the sensor's origin, in its frame.
+        gravity: (3,) [m/s2] in the world frame.
+        sigma_force, sigma_moment: standard deviation of one reading [N], [N m]; left out, the residuals give it.
+
+    The interval of the centre is that of a quotient to first order, Student's with the moments' degrees of freedom.
+    Raises ArgumentError for other shapes, numbers that are not finite, poses that leave a parameter undetermined, and
+    too few poses.
+
+    >>> rng = np.random.default_rng(1)  # synthetic readings, noise 0.05 N and 0.002 N m, seed 1
+    >>> turns = np.linalg.qr(rng.normal(size=(30, 3, 3)))[0]
+    >>> turns *= np.linalg.det(turns)[:, None, None]
+    >>> g = turns.transpose(0, 2, 1) @ [0.0, 0.0, -9.81]
+    >>> forces = [1.0, -2.0, 0.5] + 0.8 * g + 0.05 * rng.normal(size=(30, 3))
+    >>> moments = np.cross([0.0, 0.0, 0.8 * 0.1], g) + 0.002 * rng.normal(size=(30, 3))
+    >>> c = gt.control.lead_through.calibrate_wrench(turns, forces, moments)
+    >>> c.status.name, round(c.force.value("mass"), 2), round(c.centre.value("centre_z"), 3)
+    ('OK', 0.8, 0.1)
+    """
+    R, down = turns_of(turns, "turns"), vector_of(gravity, "gravity")
+    if not np.any(down):
+        raise ArgumentError("is zero: without weight there is nothing to calibrate with", "gravity")
+    f, m = rows_of(forces, "forces", len(R)), rows_of(moments, "moments", len(R))
+    sigma_of(sigma_force, "sigma_force")
+    sigma_of(sigma_moment, "sigma_moment")
+    g = R.transpose(0, 2, 1) @ down
+    one = np.broadcast_to(np.eye(3), (len(R), 3, 3))
+    with naming("turns", ArgumentError):
+        force = linear_fit(
+            np.concatenate([one, g[:, :, None]], axis=2).reshape(-1, 4), f.reshape(-1),
+            [*axes("bias_force"), "mass"], sigma=sigma_force, units=["N"] * 3 + ["kg"],
+        )  # fmt: skip
+        moment = linear_fit(
+            np.concatenate([one, -cross_matrices(g)], axis=2).reshape(-1, 6), m.reshape(-1),
+            [*axes("bias_moment"), *axes("first_moment")], sigma=sigma_moment, units=["N m"] * 3 + ["kg m"] * 3,
+        )  # fmt: skip
+    low, high = force.interval("mass", LEVEL)
+    status = WrenchStatus.OK if low > 0 else WrenchStatus.WRONG_SIGN if high < 0 else WrenchStatus.NO_FORCE
+    centre = None if status is WrenchStatus.NO_FORCE else _centre(force, moment)
+    return WrenchCalibration(force, moment, centre, status, down)
+
+
+def cross_matrices(vectors: np.ndarray) -> np.ndarray:
+    """(n, 3, 3) matrices X of vectors (n, 3) with X b = vector x b."""
+    x, y, z = vectors.T
+    zero = np.zeros_like(x)
+    return np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=1).reshape(-1, 3, 3)
+
+
+def _centre(force: Estimate, moment: Estimate) -> Estimate:
+    """first moment / mass; the two fits have independent noise."""
+    mass, first = force.value("mass"), moment.values[3:]
+    by = np.column_stack([np.eye(3) / mass, -first / mass**2])
+    covariance = by @ scipy.linalg.block_diag(moment.covariance[3:, 3:], force.covariance[3:, 3:]) @ by.T
+    return Estimate(
+        tuple(axes("centre")), first / mass, (covariance + covariance.T) / 2, moment.degrees_of_freedom, moment.noise,
+        moment.known_noise, moment.residuals, (), units=("m",) * 3,
+    )  # fmt: skip

@@ -1,0 +1,33 @@
+"""What a wrench is good for: one enumeration for calibration, start-up and the cycle."""
+
+from __future__ import annotations
+
+import enum
+
+
+class WrenchStatus(enum.IntEnum):
+    """Whether a force sensor's wrench may be used; OK is 0, all others say why not.
+
+    `message` is the plain English shown to people; `ok` is True for OK only.
+
+    >>> gt.control.lead_through.WrenchStatus.NO_FORCE.message
+    'the force is not larger than its noise or the declared least force: it has no direction'
+    """
+
+    message: str
+
+    OK = 0, "the wrench can be used"
+    NO_FORCE = 1, "the force is not larger than its noise or the declared least force: it has no direction"
+    ONE_DIRECTION = 2, "all forces have nearly one direction: where they act along it is undetermined"
+    WRONG_SIGN = 3, "the sensor reports the force by the tool, or its axes or gravity are turned over"
+
+    def __new__(cls, value: int, sentence: str) -> WrenchStatus:
+        member = int.__new__(cls, value)
+        member._value_ = value
+        member.message = sentence
+        return member
+
+    @property
+    def ok(self) -> bool:
+        """True when the wrench can be used."""
+        return self is WrenchStatus.OK

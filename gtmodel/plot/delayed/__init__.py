@@ -1,0 +1,1 @@
+"""Pictures of loops with delay: limits of the gain, what is uncertain, directions, maps."""

@@ -1,0 +1,149 @@
+"""Regeneration and feedback in one map: each alone is what is known of it, together a simulation in time."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from fractions import Fraction
+
+import numpy as np
+import pytest
+import scipy
+
+import gtmodel as gt
+from gtmodel.milling import Cut, Cutter, CuttingCoefficients, Oscillators, spectral_radius
+from gtmodel.milling.directional import plane
+from gtmodel.milling.semi_discretisation import mean_matrices
+from gtmodel.results import ArgumentError
+
+D = gt.control.delayed
+CUTTER = Cutter(0.02, 2, CuttingCoefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))
+CUT = Cut("climb", radial_depth=0.006, axial_depth=0.0003, feed_per_tooth=1e-4)
+ROBOT = Oscillators.with_damping_ratio(m=[350, 350, 250], k=[2e6, 1.5e6, 3e6], zeta=[0.03] * 3)
+X, MASS, CYCLE, LATE = [1.0, 0.0, 0.0], np.array([2.0, 0.5, 2.0]), 0.004, 0.052
+ALONG = np.array([0.6, 0.8, 0.0])
+SAME = 1e-6
+SPEED = 25.0  # tooth period 20 ms: five cycles
+
+
+def tool(delay: float = LATE, direction: np.ndarray = ALONG) -> gt.control.delayed.CorrectedTool:
+    return D.CorrectedTool(ROBOT, MASS, direction, CYCLE, delay)
+
+
+def loop(delay: float, direction: np.ndarray) -> gt.control.delayed.DelayedLoop:
+    w, zeta = 2 * np.pi * ROBOT.frequency[0], ROBOT.damping_ratio[0]
+    plants = [D.equivalent_plant(m, 2 * z * a * m, a**2 * m, CYCLE) for m, z, a in zip(MASS, zeta, w, strict=True)]
+    return D.DelayedLoop(D.side_by_side(plants, direction, direction), CYCLE, delay)
+
+
+@pytest.mark.parametrize("depth", [0.0003, 0.0008, 0.002])
+@pytest.mark.parametrize("speed", [25.0, 50.0, 31.25])
+def test_without_gain_it_is_the_semi_discretised_cut(speed: float, depth: float) -> None:
+    cut = replace(CUT, axial_depth=depth)
+    r = D.chatter_radius(tool(), CUTTER, cut, speed, X, 0.0)
+    assert r.speed_error == pytest.approx(0, abs=1e-12)
+    alone = spectral_radius(
+        ROBOT, CUTTER, cut, speed, X, intervals=int(20 * r.cycles_per_tooth)
+    )  # in the period of a tooth
+    assert r.radius == pytest.approx(alone ** float(1 / r.cycles_per_tooth), rel=SAME)
+
+
+@pytest.mark.parametrize("speed", [25.0, 47.3])
+@pytest.mark.parametrize("direction", [ALONG, np.array([0.0, 1.0, 0.0])])
+@pytest.mark.parametrize("delay", [0.0, 0.0031, 0.052, 0.0537])
+def test_without_a_cut_it_is_the_late_loop(delay: float, direction: np.ndarray, speed: float) -> None:
+    limit = D.gain_limit(loop(delay, direction)).gain
+    shallow = replace(CUT, axial_depth=1e-15)
+    for share in (0.7, 1.0, 1.3):
+        r = D.chatter_radius(tool(delay, direction), CUTTER, shallow, speed, X, share * limit)
+        assert r.radius == pytest.approx(loop(delay, direction).radius(share * limit), rel=SAME)
+    gain = scipy.optimize.brentq(
+        lambda p: D.chatter_radius(tool(delay, direction), CUTTER, shallow, speed, X, p).radius - 1,
+        0.9 * limit, 1.1 * limit, xtol=1e-9 * limit,
+    )  # fmt: skip
+    assert gain == pytest.approx(limit, rel=SAME)
+
+
+@pytest.mark.parametrize(("delay", "speed"), [(LATE, 25.0), (0.0537, 28.2)])
+def test_together_it_is_a_simulation_in_time(delay: float, speed: float) -> None:
+    """Steps of the same equations forward from a random state, a power iteration of sorts: the growth in a cycle."""
+    gain, cut, steps = 0.01, replace(CUT, axial_depth=0.0009), 20
+    r = D.chatter_radius(tool(delay), CUTTER, cut, speed, X, gain, steps=steps)
+    tooth, h = int(r.cycles_per_tooth * steps), CYCLE / steps
+    P = plane(X)
+    W = cut.axial_depth * np.einsum("ji,tjk,kl->til", P, mean_matrices(CUTTER, cut, tooth), P)
+    m, c, k = (np.diag(v[0]) for v in (ROBOT.m, ROBOT.c, ROBOT.k))
+    push = ALONG / (MASS * CYCLE**2)
+
+    def over(span: float, i: int, z: np.ndarray, before: np.ndarray, u: float) -> np.ndarray:
+        A = np.block([[np.zeros((3, 3)), np.eye(3)], [np.linalg.solve(m, W[i % tooth] - k), -np.linalg.solve(m, c)]])
+        b = np.concatenate([np.zeros(3), -np.linalg.solve(m, W[i % tooth] @ before) + push * u])
+        block = scipy.linalg.expm(np.block([[A, b[:, None]], [np.zeros((1, 7))]]) * span)
+        return block[:6, :6] @ z + block[:6, 6]
+
+    rng = np.random.default_rng(5)
+    z, xs, u = rng.standard_normal(6) * [1, 1, 1, 70, 70, 70], [np.zeros(3)] * (tooth + 1), [0.0] * 15
+    whole, rest = divmod(round(delay * 1e4), round(CYCLE * 1e4))
+    sizes, together = [], np.lcm(tooth, steps)
+    for i in range(40 * int(together)):
+        if i % steps == 0:
+            u.append(-gain * ALONG @ z[:3])
+        before = (xs[-tooth - 1] + xs[-tooth]) / 2 if len(xs) > tooth else np.zeros(3)
+        xs.append(z[:3])
+        before = (xs[-tooth - 1] + xs[-tooth]) / 2
+        at, change = (i % steps) * h, rest * 1e-4
+        if at + h <= change + 1e-12:
+            z = over(h, i, z, before, u[-whole - 2])
+        elif at >= change - 1e-12:
+            z = over(h, i, z, before, u[-whole - 1])
+        else:
+            z = over(at + h - change, i, over(change - at, i, z, before, u[-whole - 2]), before, u[-whole - 1])
+        if (i + 1) % together == 0:
+            sizes.append(np.linalg.norm(z * [70, 70, 70, 1, 1, 1]))
+    cycles = (len(sizes) - 11) * int(together) / steps
+    assert (sizes[-1] / sizes[10]) ** (1 / cycles) == pytest.approx(r.radius, abs=2e-3)
+
+
+def test_the_rational_number_is_said_and_its_error_falls() -> None:
+    speed = 27.13
+    radii = [D.chatter_radius(tool(), CUTTER, CUT, speed, X, 0.02, steps=s) for s in (10, 20, 40, 80)]
+    assert radii[1].cycles_per_tooth == Fraction(92, 20)
+    assert [abs(r.speed_error) <= 1 / (2 * 4 * s) for r, s in zip(radii, (10, 20, 40, 80), strict=True)] == [True] * 4
+    assert radii[-1].speed == pytest.approx(speed, rel=2e-3)
+    off = [abs(r.radius - radii[-1].radius) for r in radii[:-1]]
+    assert max(off) < 1e-4  # the rational numbers differ by up to 1 in 80 of a cycle
+
+
+def test_feedback_moves_the_depth() -> None:
+    gain = 0.5 * D.gain_limit(loop(LATE, ALONG)).gain
+    depths = [D.corrected_depth(tool(), CUTTER, CUT, SPEED, X, g, deepest=5e-3) for g in (0.0, gain)]
+    assert depths[0] == pytest.approx(0.00078, rel=0.02)
+    assert abs(depths[1] / depths[0] - 1) > 0.01
+    at = D.chatter_radius(tool(), CUTTER, replace(CUT, axial_depth=depths[1]), SPEED, X, gain)
+    assert at.radius == pytest.approx(1.0, abs=1e-3) and at.radius < 1
+    assert D.corrected_depth(tool(), CUTTER, CUT, SPEED, X, 1.0, deepest=5e-3) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("changes", "argument"),
+    [({"equivalent_mass": [1.0, 2.0]}, "equivalent_mass"), ({"equivalent_mass": [1.0, 2.0, -1.0]}, "equivalent_mass"),
+     ({"direction": [1.0, 1.0, 0.0]}, "direction"), ({"cycle": 0.0}, "cycle"), ({"delay": -1.0}, "delay")],
+)  # fmt: skip
+def test_tools_that_are_refused(changes: dict, argument: str) -> None:
+    with pytest.raises(ArgumentError) as fault:
+        replace(tool(), **changes)
+    assert fault.value.argument == argument
+
+
+def test_maps_that_are_refused() -> None:
+    for options, argument in (({"steps": 3}, "steps"), ({"gain": np.nan}, "gain")):
+        given = {"gain": 0.1, **options}
+        with pytest.raises(ArgumentError) as fault:
+            D.chatter_radius(tool(), CUTTER, CUT, SPEED, X, **given)
+        assert fault.value.argument == argument
+    uneven = replace(CUTTER, tooth_angles=np.array([0.0, 3.0]))
+    with pytest.raises(ArgumentError) as fault:
+        D.chatter_radius(tool(), uneven, CUT, SPEED, X, 0.1)
+    assert fault.value.argument == "cutter"
+    with pytest.raises(ArgumentError) as fault:
+        D.corrected_depth(tool(), CUTTER, CUT, SPEED, X, 0.1, deepest=0.0)
+    assert fault.value.argument == "deepest"

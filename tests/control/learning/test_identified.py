@@ -1,0 +1,39 @@
+"""The filter of (7.21) on a model from data: its innovations, and its error against the mismatch of the model."""
+
+from __future__ import annotations
+
+import numpy as np
+
+import gtmodel as gt
+from gtmodel.control import learning
+
+TS, NOISE = 0.004, 0.07
+SAMPLES = 4000
+
+
+def excited(seed: int, frequency: float = 11.5, damping: float = 0.05) -> dict[str, np.ndarray]:
+    """Motors and tool under a random reference, synthetic, with 1 um of noise of the gauges."""
+    rng = np.random.default_rng(seed)
+    r = 1e-3 * np.repeat(rng.normal(size=SAMPLES // 10), 10)
+    made = {name: T(r) for name, T in learning.flexible_axis(frequency, damping).maps(SAMPLES).items()}
+    made["tool"] = made["tool"] + 1e-6 * rng.normal(size=SAMPLES)
+    return made
+
+
+def test_the_filter_of_an_identified_model_lies_in_its_band() -> None:
+    log = excited(1)
+    model = learning.identified_tool(log["motor"], log["tool"], order=3)
+    outside = 0
+    for seed in range(8):
+        rng = np.random.default_rng(100 + seed)
+        r = learning.SquarePath().samples(TS)[:, 1]
+        run = {name: T(r) for name, T in learning.flexible_axis(11.5, 0.05).maps(825).items()}
+        felt = run["acceleration"] + NOISE * rng.normal(size=825)
+        f = learning.most_likely_filter(model, run["motor"], felt, NOISE)
+        nis = float(np.mean(f.innovations(run["motor"], felt) ** 2))
+        outside += nis not in gt.filtering.chi_squared_band(825, 1)
+        z = learning.kalman_estimate(825, f)({"motor": run["motor"], "acceleration": felt})
+        off = np.sqrt(np.mean((z - run["tool"])[100:725] ** 2))
+        by_motors = np.sqrt(np.mean((run["motor"] - run["tool"])[100:725] ** 2))
+        assert off < 0.2 * by_motors
+    assert outside <= 1
