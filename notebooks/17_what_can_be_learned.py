@@ -96,6 +96,32 @@ studies["2B"].figure("errors")
 studies["2B"].figure("path")
 
 # %% [markdown]
+# ## 4 What a wrong model costs
+#
+# The Kalman filter of (7.21) predicts the tool from the motors by a model, and corrects it by the accelerometer. How
+# much it errs is a matter of the model's frequency. A model identified from a log of random motion, with 1 um of noise,
+# is near the right one.
+
+# %%
+r = learning.SquarePath().samples(0.004)[:, 1]
+run = {name: T(r) for name, T in learning.flexible_axis(11.5, 0.05).maps(825).items()}
+run["acceleration"] = run["acceleration"] + 0.07 * np.random.default_rng(1).normal(size=825)
+random = 1e-3 * np.repeat(np.random.default_rng(2).normal(size=400), 10)
+log = {name: T(random) for name, T in learning.flexible_axis(11.5, 0.05).maps(4000).items()}
+log["tool"] = log["tool"] + 1e-6 * np.random.default_rng(3).normal(size=4000)
+models = {f"{100 * off:.0f} % off": learning.tool_model(11.5 * (1 + off), 0.05) for off in (0.0, 0.03, 0.1, 0.2)}
+models["identified"] = learning.identified_tool(log["motor"], log["tool"], order=4)
+errors = {"motors alone": run["motor"] - run["tool"]}
+for name, model in models.items():
+    kalman = learning.most_likely_filter(model, run["motor"], run["acceleration"], 0.07)
+    errors[name] = learning.kalman_estimate(825, kalman)(run) - run["tool"]
+rms = {name: 1e6 * float(np.sqrt(np.mean(e[100:725] ** 2))) for name, e in errors.items()}
+for name, value in rms.items():
+    print(f"{name:>12}: {value:5.1f} um")
+assert rms["0 % off"] < rms["3 % off"] < rms["10 % off"] < rms["20 % off"] < rms["motors alone"]
+assert rms["identified"] < rms["3 % off"]
+
+# %% [markdown]
 # ## Answer
 #
 # Learned can be what repeats, what is seen, and what Q lets through. How fast is the largest |Q| |1 - L T|, over all

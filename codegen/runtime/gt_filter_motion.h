@@ -96,7 +96,7 @@ static GT_FILTER_ONCE void gt_filter_move(const gt_filter *f, double time, doubl
     arg[0] = &time;
     arg[1] = mean;
     arg[2] = u0;
-    if (motion->noise != 0) {
+    if (motion->noise != NULL) {
         res[0] = value;
         res[1] = &value[motion->drift.entries];
         (void)motion->noise(arg, res, 0, 0, 0);
@@ -112,7 +112,7 @@ static GT_FILTER_ONCE void gt_filter_move(const gt_filter *f, double time, doubl
         rates[n] = 0.0;
         total[n] = 0.0;
     }
-    if (motion->frame != 0) {
+    if (motion->frame != NULL) {
         arg[0] = mean;
         res[0] = value;
         (void)motion->frame(arg, res, 0, 0, 0);
@@ -188,13 +188,13 @@ static GT_FILTER_ONCE gt_status gt_filter_advance(const gt_filter *f, const gt_f
     inner.values = &end[f->inputs];
     for (part = 0; (part < f->parts) && (status == GT_OK); part++) {
         const double from = (double)part / (double)f->parts;
-        const double to = (double)(part + 1) / (double)f->parts;
+        const double to = ((double)part + 1.0) / (double)f->parts;
 
         for (n = 0; n < f->inputs; n++) {
             begin[n] = u0[n] + (from * (u1[n] - u0[n]));
             end[n] = u0[n] + (to * (u1[n] - u0[n]));
         }
-        if (f->motion != 0) {
+        if (f->motion != NULL) {
             gt_filter_move(f, *belief->time, belief->mean, begin, end, &inner);
         } else {
             arg[0] = belief->time;

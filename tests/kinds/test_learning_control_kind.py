@@ -106,3 +106,16 @@ def test_a_run_of_three_axes_that_miss_a_signal() -> None:
     run = Trajectory(t, {"reference": np.zeros((825, 2))}, {"reference": "m"})
     with pytest.raises(Exception, match="no signal 'motor'"):
         learning.next_input(learning.LearningRobot(), run)
+
+
+def test_the_l1_with_an_elastic_tool_learns_by_a_factor_of_ten() -> None:
+    problem = load("problems/learning_l1.toml", ["learning.iterations=3"])
+    study = answer(problem, Context())
+    assert study.status is SolveStatus.SOLVED, study.message
+    errors = np.array(study.values["tool_error_um"])
+    assert np.all(errors[:, 0] > 10 * errors[:, -1])  # of the true tool, without noise
+    assert "friction" in study.values["synthetic"] and "synthetic" in study.title
+    assert "simulated: l1_tape" in explain(problem, Context())
+    with pytest.raises(InputError) as error:
+        answer(load("problems/learning_l1.toml", ["simulated.robot=l9"]), Context())
+    assert error.value.key is not None and error.value.key.startswith("simulated")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 import pytest
-from scipy.optimize import minimize_scalar
+from scipy.optimize import minimize, minimize_scalar
 
 import gtmodel as gt
 
@@ -406,7 +406,7 @@ WRONG = {
         r"no event 'event 2' in Throw; events are event 1 \(.*test_events.py:\d+\): ",
     ),
     "no event": (Throw, [], {}, r"order is a list of the names of events, at least one.*events are event 1"),
-    "a number": (Throw, [1], {}, r"order is a list of the names of events"),
+    "a number": (Throw, [1], {}, r"order is a list of the names of events.*found \[1\]"),
     "held unknown": (Throw, ["event 1"], {"held": ["bounce"]}, r"held names no event 'bounce'; events are event 1"),
     "held one word": (Throw, ["event 1"], {"held": "event 1"}, r"held takes a list of names; found 'event 1'"),
     "held otherwise": (Throw, ["event 1"], {"held": ["event 1"]}, r"held says otherwise.*does not hold.*test_events"),
@@ -521,3 +521,82 @@ def test_a_sampled_block_is_refused() -> None:
     Looped = type("Looped", (Fall,), {"equations": looped, "law": gt.part(Law, period=0.1)})
     with pytest.raises(gt.ModelError, match=r"the sampled block 'law', whose steps are no equations.*test_events"):
         gt.solve(Looped())
+
+
+def least_effort(T: float, x: tuple[float, float], v: tuple[float, float], pull: float) -> float:
+    """Least integral of u^2 of x'' = u - pull between two places and speeds, in T."""
+    dx, dv = x[1] - x[0] - v[0] * T + pull * T**2 / 2, v[1] - v[0] + pull * T
+    return 12 * dx**2 / T**3 - 12 * dx * dv / T**2 + 4 * dv**2 / T
+
+
+def test_what_follows_from_an_event_happens_at_the_same_instant() -> None:
+    class Chain(gt.Optimization):
+        """At the floor a discrete variable changes, which switches the pull off and throws back."""
+
+        s = gt.variable(start=1.0, fixed=True)
+        floats = gt.discrete(0.0)
+        u = gt.input()
+        final_time = 2.0
+
+        def equations(self):
+            yield gt.der(self.s, 2) == gt.If(self.floats > 0.5, self.u, self.u - G)
+            yield gt.when(self.s <= 0.0, self.floats == 1.0)
+            yield gt.when(self.floats > 0.5, gt.reinit(gt.der(self.s), -0.5 * gt.der(self.s)))
+
+        def initial_equations(self):
+            yield gt.der(self.s) == 0.0
+
+        def objective(self):
+            return gt.integral(self.u**2)
+
+        def constraints(self):
+            yield self.s.at(self.final_time) == 1.0
+
+    def effort(z: np.ndarray) -> float:
+        first = least_effort(z[0], (1.0, 0.0), (0.0, z[1]), G)
+        return first + least_effort(2.0 - z[0], (0.0, 1.0), (-0.5 * z[1], z[2]), 0.0)
+
+    best = minimize(effort, [0.5, -4.0, 1.0], tol=1e-12)
+    found = gt.solve_phases(gt.phases_of_events(Chain(), ["event 1"]), gt.Mesh(4))
+    assert found.status.ok
+    assert abs(found.objective - best.fun) < EXACT * best.fun
+
+
+class Both(gt.Optimization):
+    """Two thresholds, of which the second is passed first where nothing speaks against it."""
+
+    x = gt.variable(start=0.0, fixed=True)
+    y = gt.variable(start=0.0, fixed=True)
+    a = gt.discrete(0.0)
+    b = gt.discrete(0.0)
+    u = gt.input()
+    v = gt.input()
+    final_time = 2.0
+
+    def equations(self):
+        yield gt.der(self.x) == self.u
+        yield gt.der(self.y) == self.v
+        yield gt.when(self.x >= 1.0, self.a == 1.0)
+        yield gt.when(self.y >= 1.0, self.b == 1.0)
+
+    def objective(self):
+        return gt.integral(self.u**2 + self.v**2)
+
+    def constraints(self):
+        yield self.x.at(self.final_time) == 2.0
+        yield self.y.at(self.final_time) == 3.0
+
+
+def test_each_order_is_its_own_problem() -> None:
+    free = gt.solve_phases(gt.phases_of_events(Both(), ["event 2", "event 1"]), gt.Mesh(4))
+    assert free.status.ok
+    assert abs(free.objective - (2.0**2 + 3.0**2) / 2) < 1e-6
+    # at one instant t: 1 / t + 1 / (2 - t) + 1 / t + 4 / (2 - t)
+    together = minimize_scalar(lambda t: 2 / t + 5 / (2 - t), bounds=(0.1, 1.9), options={"xatol": 1e-12})
+    at_once = gt.solve_phases(gt.phases_of_events(Both(), [("event 1", "event 2")]), gt.Mesh(4))
+    assert at_once.status.ok
+    assert abs(at_once.objective - together.fun) < 1e-6
+    # the other way round they want to be at once: no phase is left between them
+    other = gt.solve_phases(gt.phases_of_events(Both(), ["event 1", "event 2"]), gt.Mesh(4), throw=False)
+    assert not other.status.ok
+    assert "phase 2" in other.message

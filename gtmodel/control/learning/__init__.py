@@ -1,7 +1,8 @@
 """Iterative learning control: what a robot repeats it learns, how fast and how far is known before (Dressler 2012, 7).
 
 study            rate and floor before the first iteration, then the runs beside them -> LearningStudy; LearningRobot,
-                 LearningDesign, LearningNoise: what it is asked for; SyntheticExperiment, AxisLearning, design_axis
+                 LearningDesign, LearningNoise: what it is asked for; SyntheticExperiment, AxisLearning, design_axis;
+                 SimulatedMotion, ElasticTip: a robot with its controller and an elastic tool
 next_input       from one measured run the next input -> NextInputStudy
 Lifted           a linear map of whole signals with its adjoint; lifted, toeplitz, shifted, filtered, zero_phase,
                  symmetric, weighted, matrix, identity: such maps
@@ -74,7 +75,7 @@ if TYPE_CHECKING:
         weighted as weighted,
         zero_phase as zero_phase,
     )
-    from .next_run import NextInputStudy as NextInputStudy, next_input as next_input
+    from .next_run import next_input as next_input
     from .norm_optimal import (
         bounded_update as bounded_update,
         inverse as inverse,
@@ -82,6 +83,7 @@ if TYPE_CHECKING:
         norm_optimal_law as norm_optimal_law,
     )
     from .options import (
+        ElasticTip as ElasticTip,
         LearningDesign as LearningDesign,
         LearningNoise as LearningNoise,
         LearningRobot as LearningRobot,
@@ -95,7 +97,8 @@ if TYPE_CHECKING:
         stable as stable,
     )
     from .references import SquarePath as SquarePath
-    from .result import LearningStudy as LearningStudy
+    from .result import LearningStudy as LearningStudy, NextInputStudy as NextInputStudy
+    from .simulated import SimulatedMotion as SimulatedMotion
     from .study import study as study
 
 public(__name__)

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import partial
-from typing import Annotated
 
 import numpy as np
 
-from ...results import ArgumentError, Quantity, Row, SolveStatus, Study, Trajectory, Work, at_most
+from ...results import ArgumentError, SolveStatus, Trajectory, Work, at_most
 from ...results.door import study_function
 from ...results.made_files import MadeFiles
 from ...results.work import Progress, never, silent
@@ -18,41 +16,12 @@ from .designed import AxisLearning, design_axis
 from .law import RAMP
 from .lifted import Array
 from .options import LearningDesign, LearningRobot
-from .result import WORDS
+from .result import NextInputStudy
 from .study import CASE_1, filter_picture, input_csv
 
 AT_THE_FLOOR = 1.2  # times the floor: what is predicted is within 20 % of what is reached
 EVEN = 0.01  # of a period
 NEEDS = {"1": ("motor",), "2A": ("motor", "acceleration"), "2B": ("motor", "acceleration"), "3": ("tool",)}
-
-
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class NextInputStudy(Study):
-    """The input for the next run, and what learning will leave; errors are root mean squares of the fully corrected
-    samples."""
-
-    axes: Annotated[Sequence[str], "names, in the order of all that follows"] = ()
-    case: Annotated[str, "what is learned from: 1, 2A, 2B, 3"] = ""
-    error: Annotated[Sequence[float], Quantity("m", "of the estimate in this run", written="um")] = ()
-    floor: Annotated[Sequence[float], Quantity("m", "what learning will leave, by the model", written="um")] = ()
-    scatter: Annotated[
-        Sequence[float] | None, Quantity("m", "between identical runs, learning on; null without them", written="um")
-    ] = None
-    sigma: Annotated[Sequence[float], "largest singular value of (7.16), by the model"] = ()
-    bound: Annotated[Sequence[float], "largest |Q| |1 - L T| over frequency and all models"] = ()
-    learned: Annotated[bool, "whether nothing more can be learned; the input is then that of this run"] = False
-    largest_input: Annotated[Sequence[float], Quantity("m", "modulus of the next input", written="mm")] = ()
-    synthetic: Annotated[str | None, "what made a synthetic run; null for a measured one"] = None
-
-    @property
-    def rows(self) -> list[Row]:
-        """The table for people."""
-        rows = [Row("learned from", WORDS.get(self.case, self.case))]
-        for k, axis in enumerate(self.axes):
-            rows.append(Row(f"{axis}: error of this run", f"{1e6 * self.error[k]:.4g}", "um"))
-            rows.append(Row(f"{axis}: floor", f"{1e6 * self.floor[k]:.4g}", "um"))
-            rows.append(Row(f"{axis}: rate", f"sigma {self.sigma[k]:.3f}; all models {self.bound[k]:.3f}"))
-        return rows + ([Row("SYNTHETIC", self.synthetic)] if self.synthetic else [])
 
 
 @study_function

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..._lazy import hint
 from ...results import ArgumentError
-from ...results.options import Options, Unit, Within
+from ...results.options import Long, Options, Unit, Within
 from .given import ACTUATOR_DELAY, ACTUATORS, CONTRACTION, LENGTH, SAMPLE_TIME
 
 if TYPE_CHECKING:
@@ -151,3 +151,24 @@ class LearningNoise(Options):
         float, Within(least=0.0, below=0.5), "largest share by which the tool's frequency differs from the model"
     ] = 0.03
     damping_error: Annotated[float, Within(least=0.0, below=1.0), "the same of its damping"] = 0.2
+
+
+@dataclass(frozen=True)
+class ElasticTip(Options):
+    """A tool on a spring at the plate of a robot that is simulated with its controller, computed torque at samples.
+
+    >>> gt.control.learning.ElasticTip().frequency
+    15.0
+    """
+
+    start: Annotated[tuple[float, ...], Unit("m"), Long(3), "of the plate"] = (0.5, -0.9, 0.3)
+    mass: Annotated[float, Unit("kg"), Within(above=0.0), "of the tool, of which the controller does not know"] = 1.0
+    frequency: Annotated[float, Unit("Hz"), Within(above=0.0), "of its spring with the plate held"] = 15.0
+    damping: Annotated[float, Within(above=0.0, below=1.0), "damping ratio"] = 0.1
+    position_gain: Annotated[float, Unit("1/s2", key="position_gain"), Within(above=0.0), "of the controller, 1/s2"] = (
+        900.0
+    )
+    velocity_gain: Annotated[float, Unit("1/s", key="velocity_gain"), Within(above=0.0), "of the controller, 1/s"] = (
+        60.0
+    )
+    delay: Annotated[float, Unit("s", written="ms"), Within(least=0.0), "until a sample's forces act"] = 0.008

@@ -58,3 +58,32 @@ WORDS = {
     "1": "the motors (case 1)", "2A": "a complementary filter (case 2A)", "2B": "a Kalman filter (case 2B)",
     "3": "the measured tool (case 3)",
 }  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class NextInputStudy(Study):
+    """The input for the next run, and what learning will leave; errors are root mean squares of the fully corrected
+    samples."""
+
+    axes: Annotated[Sequence[str], "names, in the order of all that follows"] = ()
+    case: Annotated[str, "what is learned from: 1, 2A, 2B, 3"] = ""
+    error: Annotated[Sequence[float], Quantity("m", "of the estimate in this run", written="um")] = ()
+    floor: Annotated[Sequence[float], Quantity("m", "what learning will leave, by the model", written="um")] = ()
+    scatter: Annotated[
+        Sequence[float] | None, Quantity("m", "between identical runs, learning on; null without them", written="um")
+    ] = None
+    sigma: Annotated[Sequence[float], "largest singular value of (7.16), by the model"] = ()
+    bound: Annotated[Sequence[float], "largest |Q| |1 - L T| over frequency and all models"] = ()
+    learned: Annotated[bool, "whether nothing more can be learned; the input is then that of this run"] = False
+    largest_input: Annotated[Sequence[float], Quantity("m", "modulus of the next input", written="mm")] = ()
+    synthetic: Annotated[str | None, "what made a synthetic run; null for a measured one"] = None
+
+    @property
+    def rows(self) -> list[Row]:
+        """The table for people."""
+        rows = [Row("learned from", WORDS.get(self.case, self.case))]
+        for k, axis in enumerate(self.axes):
+            rows.append(Row(f"{axis}: error of this run", f"{1e6 * self.error[k]:.4g}", "um"))
+            rows.append(Row(f"{axis}: floor", f"{1e6 * self.floor[k]:.4g}", "um"))
+            rows.append(Row(f"{axis}: rate", f"sigma {self.sigma[k]:.3f}; all models {self.bound[k]:.3f}"))
+        return rows + ([Row("SYNTHETIC", self.synthetic)] if self.synthetic else [])

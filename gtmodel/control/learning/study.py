@@ -34,7 +34,7 @@ def study(
     design: LearningDesign = CASE_1,
     noise: LearningNoise | None = None,
     *,
-    experiment: RepeatedMotion | None = None,
+    experiment: Any = None,
     title: str = "",
     progress: Progress = silent,
     max_seconds: float | None = None,
@@ -44,7 +44,7 @@ def study(
 
     Args:
         robot: as the law knows it. path: the square that is learned. design: the law. noise: how runs differ.
-        experiment: what runs, `SyntheticExperiment` of these if left out; one of your own has the axes of `robot`.
+        experiment: what runs, a `RepeatedMotion` with the axes of `robot`; `SyntheticExperiment` of these if left out.
         progress, max_seconds, stop: see `gtmodel.results.Work`.
 
     First come identical runs without input, whose mean and scatter give floor and course of what follows. Raises

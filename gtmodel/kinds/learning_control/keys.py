@@ -6,7 +6,7 @@ from pydantic import Field
 
 from gtmodel.control.learning import options, references
 from gtmodel.problem_files.base import FileSection, Problem
-from gtmodel.problem_files.from_options import Made
+from gtmodel.problem_files.from_options import Made, made_from
 from gtmodel.problem_files.log_keys import RecordedSignalSection, RecordingFiles
 
 RESULT = ("gtmodel.control.learning.LearningStudy", "gtmodel.control.learning.NextInputStudy")
@@ -34,6 +34,14 @@ class RunSection(RecordingFiles):
     synthetic: str = Field(default="", description="what made the run, where it was simulated")
 
 
+@made_from(options.ElasticTip)
+class SimulatedSection(Made):
+    """A Gantry-Tau of the catalogue with a tool on a spring, simulated with its controller."""
+
+    robot: str = Field(default="l1_tape", description="a Gantry-Tau of the catalogue")
+    inertia: str = Field(default="model_2", description="its masses and friction")
+
+
 class Schema(Problem):
     """Iterative learning control: rate and floor before the first iteration, and the runs of a synthetic robot beside
     them. With [log]: from one measured run the input of the next one."""
@@ -42,4 +50,7 @@ class Schema(Problem):
     learning: Made[options.LearningDesign] = Made[options.LearningDesign].left_out()
     reference: Made[references.SquarePath] = Made[references.SquarePath].left_out()
     noise: Made[options.LearningNoise] = Made[options.LearningNoise].left_out()
+    simulated: SimulatedSection | None = Field(
+        default=None, description="a robot that is simulated, of which [robot] is the model that the law knows"
+    )
     log: RunSection | None = Field(default=None, description="a measured run, in place of [reference] and [noise]")

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from gtmodel.control.learning import next_input, study
+from gtmodel.control.learning import SimulatedMotion, next_input, study
+from gtmodel.lang import ModelError
 from gtmodel.problem_files.base import Context, InputError
 from gtmodel.problem_files.call import Call
 from gtmodel.problem_files.from_options import options_of
 from gtmodel.results import Trajectory
+from gtmodel.robots import gantry_tau
 
 from .keys import RunSection, Schema
 
@@ -22,6 +24,16 @@ def call(problem: Schema, context: Context) -> Call:
     if context.start is not None:
         raise InputError("--start: learning starts from an input in the log; leave it out")
     robot, design, path, noise = options_of(problem, "robot", "learning", "reference", "noise").values()
+    if problem.simulated is not None:
+        if problem.log is not None:
+            raise InputError("is a robot in place of a measured run; leave one of both out", "simulated")
+        section = problem.simulated
+        try:
+            model = gantry_tau(section.robot, inertia=section.inertia)
+        except ModelError as error:
+            raise InputError(str(error), "simulated.robot") from error
+        motion = SimulatedMotion(model, section.options(), path, noise, robot.sample_time)
+        return Call(study, robot, path, design, noise, experiment=motion, title=problem.title)
     if problem.log is None:
         return Call(study, robot, path, design, noise, title=problem.title)
     for name in ("reference", "noise"):
@@ -46,7 +58,10 @@ def explain(problem: Schema, context: Context) -> str:
         tools = ", ".join(f"{f:g} Hz (damping {z:g})" for f, z in zip(robot.frequency, robot.damping, strict=True))
         lines.append(f"  motor loop: lag of {1e3 * robot.lag:g} ms behind {robot.delay} samples; tool: {tools}")
     lines.append(f"  Q: low pass at {design.low_pass:g} Hz, of {len(design.models(robot, 0))} models per axis")
-    if problem.log is None:
+    if problem.simulated is not None:
+        tip = problem.simulated.options()
+        lines.append(f"  simulated: {problem.simulated.robot} with {tip.mass:g} kg on a spring at {tip.frequency:g} Hz")
+    elif problem.log is None:
         lines.append(
             f"  synthetic: {path.profile} sides of {1e3 * path.side:g} mm in {path.side_time:g} s, seed {noise.seed}, "
             f"{noise.repeats} identical runs, then {design.iterations} iterations"

@@ -239,7 +239,7 @@ def phases_of_events(
         raise ModelError(f"'{late[0]}' is a delayed input, which runs over several phases; write gt.Phases yourself")
     if not groups or not all(groups) or not all(isinstance(n, str) for g in groups for n in g):
         raise ModelError(
-            "order is a list of the names of events, at least one, those of one instant as a tuple; found {order!r}; "
+            f"order is a list of the names of events, at least one, those of one instant as a tuple; found {order!r}; "
             f"events are {listing(events)}"
         )
     if isinstance(held, str):

@@ -129,6 +129,13 @@ def test_the_inverse_of_the_model_converges_faster_than_the_shift() -> None:
     assert inverse.error[0][1] < 0.8 * shifted.error[0][1]
 
 
+def test_the_study_says_why_sigma_exceeds_1_without_the_ramps() -> None:
+    design = learning.LearningDesign(case="3", ramps=False, iterations=2)
+    s = learning.study(ROBOT, design=design)
+    assert max(s.sigma) > 1 > max(s.bound) and s.message.startswith("converges in the end")
+    assert any("Q_w" in note and "last sample" in note for note in s.notes)
+
+
 def test_the_same_seed_gives_the_same_bytes() -> None:
     a, b = (learning.study(ROBOT, design=learning.LearningDesign(iterations=2)) for _ in range(2))
     assert a.files["learned_input.csv"] == b.files["learned_input.csv"] and str(a) == str(b)
