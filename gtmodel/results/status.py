@@ -12,7 +12,24 @@ import enum
 from typing import Self
 
 
-class Status(enum.IntEnum):
+class NumberedStatus(enum.IntEnum):
+    """Base of statuses whose integers are shared with C: a number and a sentence for people, 0 where it is well."""
+
+    message: str
+
+    def __new__(cls, value: int, sentence: str) -> Self:
+        member = int.__new__(cls, value)
+        member._value_ = value
+        member.message = sentence
+        return member
+
+    @property
+    def ok(self) -> bool:
+        """True for 0."""
+        return self.value == 0
+
+
+class Status(NumberedStatus):
     """What one evaluation of a function on data ended with; OK is 0, all others say why there is no value.
 
     A single call of a `CausalFunction` returns one; rows return an int array of its codes. The integer is shared with
@@ -27,8 +44,6 @@ class Status(enum.IntEnum):
     (True, False)
     """
 
-    message: str
-
     OK = 0, "the value was computed"
     OUT_OF_RANGE = 1, "the input lies outside the range where a solution exists"
     NOT_CONVERGED = 2, "the iteration did not converge within its limit"
@@ -36,17 +51,6 @@ class Status(enum.IntEnum):
     NOT_FINITE = 4, "a number that is not finite went in or came out"
     STALE_INPUT = 5, "the input is older than the loop allows"
     WRONG_BRANCH = 6, "the iteration led to a solution on another than the wanted branch"
-
-    def __new__(cls, value: int, sentence: str) -> Status:
-        member = int.__new__(cls, value)
-        member._value_ = value
-        member.message = sentence
-        return member
-
-    @property
-    def ok(self) -> bool:
-        """True when there is a value."""
-        return self is Status.OK
 
     @property
     def c_name(self) -> str:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import enum
+from ...results.status import NumberedStatus
 
 
-class WrenchStatus(enum.IntEnum):
+class WrenchStatus(NumberedStatus):
     """Whether a force sensor's wrench may be used; OK is 0, all others say why not.
 
     `message` is the plain English shown to people; `ok` is True for OK only.
@@ -14,8 +14,6 @@ class WrenchStatus(enum.IntEnum):
     'the force is not larger than its noise or the declared least force: it has no direction'
     """
 
-    message: str
-
     OK = 0, "the wrench can be used"
     NO_FORCE = 1, "the force is not larger than its noise or the declared least force: it has no direction"
     ONE_DIRECTION = 2, "all forces have nearly one direction: where they act along it is undetermined"
@@ -23,14 +21,3 @@ class WrenchStatus(enum.IntEnum):
     NOT_FINITE = 4, "a number of the wrench or its age is not finite"
     SATURATED = 5, "a component of the wrench reaches the end of its range"
     STALE = 6, "the wrench is older than the law allows"
-
-    def __new__(cls, value: int, sentence: str) -> WrenchStatus:
-        member = int.__new__(cls, value)
-        member._value_ = value
-        member.message = sentence
-        return member
-
-    @property
-    def ok(self) -> bool:
-        """True when the wrench can be used."""
-        return self is WrenchStatus.OK

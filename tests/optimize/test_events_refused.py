@@ -1,0 +1,132 @@
+"""Orders of events and optimisations with events that are refused, in words and at their lines."""
+
+from __future__ import annotations
+
+import pytest
+
+import gtmodel as gt
+from tests.optimize.test_events import Throw
+
+WRONG = {
+    "unknown event": (
+        Throw,
+        ["event 2"],
+        {},
+        r"no event 'event 2' in Throw; events are event 1 \(.*test_events.py:\d+\): ",
+    ),
+    "no event": (Throw, [], {}, r"order is a list of the names of events, at least one.*events are event 1"),
+    "a number": (Throw, [1], {}, r"order is a list of the names of events.*found \[1\]"),
+    "held unknown": (Throw, ["event 1"], {"held": ["bounce"]}, r"held names no event 'bounce'; events are event 1"),
+    "held one word": (Throw, ["event 1"], {"held": "event 1"}, r"held takes a list of names; found 'event 1'"),
+    "held otherwise": (Throw, ["event 1"], {"held": ["event 1"]}, r"held says otherwise.*does not hold.*test_events"),
+    "instants": (Throw, ["event 1"], {"instants": [0.4, 0.3]}, r"guesses of the times of 1 events.*\[0.4, 0.3\]"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_a_wrong_order_gets_its_sentence(name: str) -> None:
+    model, order, more, sentence = WRONG[name]
+    with pytest.raises(gt.ModelError, match=sentence) as caught:
+        gt.phases_of_events(model(), order, **more)
+    assert "\n" not in str(caught.value)
+
+
+def test_no_events_no_phases() -> None:
+    class Still(gt.Optimization):
+        x = gt.variable(start=0.0, fixed=True)
+
+        def equations(self):
+            yield gt.der(self.x) == 1.0
+
+        def objective(self):
+            return self.x.at(self.final_time)
+
+    with pytest.raises(gt.ModelError, match=r"Still has no events; gt.solve takes it as it is"):
+        gt.phases_of_events(Still(), ["event 1"])
+    with pytest.raises(gt.ModelError, match="takes a configured Optimization"):
+        gt.phases_of_events(Still, ["event 1"])
+
+
+class Fall(gt.Optimization):
+    x = gt.variable(start=1.0, fixed=True)
+    n = gt.discrete(0.0)
+    u = gt.input()
+
+    def equations(self):
+        yield gt.der(self.x) == self.u
+        yield gt.when(self.x <= 0.0, self.n == 1.0)
+
+    def objective(self):
+        return gt.integral(self.u**2)
+
+
+def refused(sentence: str, order: tuple[str, ...] = ("event 1",), **body: object) -> None:
+    model = type("Wrong", (Fall,), body)
+    with pytest.raises(gt.ModelError, match=sentence):
+        gt.phases_of_events(model(), list(order))
+
+
+def test_what_joins_phases_is_refused() -> None:
+    def at(self):
+        return self.x.at(0.3)
+
+    def product(self):
+        return self.x.at(self.start_time) * self.x.at(self.final_time)
+
+    def squared(self):
+        return gt.integral(self.u) ** 2
+
+    def both(self):
+        yield self.x.at(self.start_time) == self.x.at(self.final_time)
+
+    def total(self):
+        yield gt.integral(self.u) <= 1.0
+
+    def branch(self):
+        return gt.integral(gt.If(self.x >= 0.5, self.u, 2 * self.u))
+
+    refused(r"lies between the ends", objective=at)
+    refused(r"multiplies what is at the start with what is at the end.*test_events", objective=product)
+    refused(r"no weighted sum of gt.integral.*test_events", objective=squared)
+    refused(r"holds both ends of the whole.*test_events", constraints=both)
+    refused(r"holds an integral over the whole.*test_events", constraints=total)
+    refused(r"gt.If stands in objective\(\) or constraints\(\).*test_events", objective=branch)
+
+
+def test_conditions_that_no_order_tells_are_refused() -> None:
+    def joined(self):
+        yield gt.der(self.x) == self.u
+        yield gt.when((self.x <= 0.0) & (self.time >= 0.5), self.n == 1.0)
+
+    def clock(self):
+        yield gt.der(self.x) == self.u
+        yield gt.when(gt.sample(0.1), self.n == 1.0)
+
+    def impulse(self):
+        yield gt.der(self.x) == self.v
+        yield gt.der(self.v) == self.u + self.f
+        yield self.f == 0.0
+        yield gt.when(self.x <= 0.0, gt.reinit(self.v, -0.5 * self.v, impulse=self.f), self.n == 1.0)
+
+    refused(r"joins what moves independently.*test_events", equations=joined)
+    refused(r"gt.sample\(\) or gt.initial\(\), whose instants are many.*test_events", equations=clock)
+    refused(r"acts by an impulse.*test_events", equations=impulse, v=gt.variable(), f=gt.variable())
+
+
+def test_a_sampled_block_is_refused() -> None:
+    class Law(gt.SampledBlock):
+        e = gt.input()
+        y = gt.output()
+
+        def step(self, inputs, state):
+            return {"y": inputs.e}
+
+    def looped(self):
+        yield gt.der(self.x) == self.law.y + self.u
+        yield self.law.e == -self.x
+        yield gt.when(self.x <= 0.0, self.n == 1.0)
+
+    refused(r"a sampled block, whose instants are many.*test_events", equations=looped, law=gt.part(Law, period=0.1))
+    Looped = type("Looped", (Fall,), {"equations": looped, "law": gt.part(Law, period=0.1)})
+    with pytest.raises(gt.ModelError, match=r"the sampled block 'law', whose steps are no equations.*test_events"):
+        gt.solve(Looped())
