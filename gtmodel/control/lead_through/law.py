@@ -68,7 +68,7 @@ class SurfaceState:
 
     guided: (3,) [m/s] V_h of (8.7) for the next cycle. normal: (3,) in use; filtered: (3,) before the cone. contact,
     and since: cycles since it changed. status: OK or NO_FORCE (in contact: the normal stays as it was) and the robot
-    moves, else it stands. allowed: the sign test was passed.
+    moves, else it brakes and stands: the first cause stays. allowed: the sign test was passed, and no wrench refused.
     """
 
     velocity: Vector
@@ -123,7 +123,10 @@ class SurfaceLaw:
         return math.ceil(self.gains.dwell / self.gains.cycle - 1e-9)
 
     def start(self, test: SignTest) -> SurfaceState:
-        """At rest and free. After a sign test that did not end with OK no step ever moves the robot."""
+        """At rest and free. After a sign test that did not end with OK no step ever moves the robot.
+
+        A wrench that cannot be used ends the motion too: see `stop`.
+        """
         return SurfaceState(ZERO, ZERO, self.normal, self.normal, False, self.dwell_cycles, test.status, test.status.ok)
 
     def step(
@@ -132,10 +135,10 @@ class SurfaceLaw:
         """The state after a cycle with forces [N] at handle and tool, without bias and weight, and their ages [s]."""
         p = self.gains
         if not state.allowed:
-            return state
+            return self.stop(state, state.status)
         bad = self._refusal(handle, tool, handle_age, tool_age)
         if bad is not None:
-            return replace(self.start(SignTest(None, WrenchStatus.OK)), status=bad)
+            return self.stop(state, bad)
         contact, since = self._contact(state, _dot(handle, self.normal), _dot(tool, self.normal))
         filtered, normal, status = self._normal(state, contact, tool)
         projected, pressed = state.guided, 0.0
@@ -150,7 +153,14 @@ class SurfaceLaw:
         velocity = _plus(state.velocity, 1.0, change)
         net = _plus(handle, -p.damping, velocity)
         guided = _plus(projected, p.cycle / p.mass, net)
+        if not all(map(math.isfinite, (*velocity, *guided))):  # of gains beyond reason
+            return self.stop(state, WrenchStatus.NOT_FINITE)
         return SurfaceState(velocity, guided, normal, filtered, contact, since, status, True)
+
+    def stop(self, state: SurfaceState, why: WrenchStatus) -> SurfaceState:
+        """The state after a cycle that brakes within acceleration_limit; then it stands, until `start` begins anew."""
+        change = _limited(_plus(ZERO, -1.0, state.velocity), self.gains.acceleration_limit * self.gains.cycle)
+        return replace(state, velocity=_plus(state.velocity, 1.0, change), guided=ZERO, status=why, allowed=False)
 
     def _refusal(self, handle: Vector, tool: Vector, handle_age: float, tool_age: float) -> WrenchStatus | None:
         p = self.gains
