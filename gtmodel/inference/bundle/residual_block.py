@@ -166,8 +166,10 @@ class BlockEvaluation:
     def invalid(self, values: Mapping[str, np.ndarray]) -> np.ndarray:
         """Which observations (n,) have a margin that is not positive, or no number."""
         r, *margin = self._called(self.residual, values)
-        bad = ~np.isfinite(r).all(axis=1)
-        return np.asarray(bad | ~(margin[0] > 0).all(axis=1)) if margin else bad
+        bad = np.any(~np.isfinite(r), axis=1)
+        for m in margin:
+            bad = np.logical_or(bad, np.any(~(m > 0), axis=1))
+        return np.asarray(bad, bool)
 
     def cost(self, values: Mapping[str, np.ndarray]) -> float:
         """The cost, infinite where a margin is not positive."""
