@@ -64,8 +64,14 @@ gt_lead_through_state gt_lead_through_start(const gt_lead_through *law, const gt
                                             const double *turn)
 {
     gt_lead_through_state state;
-    gt_wrench_status sign = gt_lead_refusal(law, handle, tool, turn);
+    gt_wrench_status sign = GT_WRENCH_OK;
 
+    state.translation = gt_surface_start(&law->translation, sign);
+    state.rotation = gt_turning_start();
+    state = gt_lead_through_step(law, &state, handle, tool, turn); /* what it asks of any reading */
+    if (!state.translation.allowed) {
+        sign = state.translation.status;
+    }
     if (sign == GT_WRENCH_OK) {
         sign = gt_force_sensor_sign(&law->tool, tool, turn, law->gravity_m_s2, law->drift_N);
     }

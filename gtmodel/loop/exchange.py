@@ -57,7 +57,8 @@ class Command:
 class Exchange:
     """Reads and answers datagrams of one protocol, "egm" or "rsi", for `axes` carts.
 
-    cycle_ms: of the robot. reads_wrenches: set by the loop for a law that needs them. `read` gives a `RobotFeedback`, or None for what cannot be read.
+    cycle_ms: of the robot. reads_wrenches: set by the loop for a law that needs them. `read` gives a `RobotFeedback`,
+    or None for what cannot be read.
 
     >>> gt.loop.Exchange("egm", axes=3).read(b"no datagram") is None
     True

@@ -16,7 +16,7 @@ UINT32 = (1 << 32) - 1
 FIRST_IPOC = 4_208_000
 # an arm beside the carts, which stands still; its joints are sent back as they came
 JOINTS_DEG = [0.0, 10.0, -20.0, 0.0, 30.0, 0.0]
-Sensing = Callable[[], tuple[Wrench, Wrench]]
+Sensing = Callable[[], tuple[Wrench, Wrench] | None]
 Programme = Callable[[int, Sequence[float]], Sequence[float]]
 
 
@@ -28,7 +28,7 @@ class RobotSide:
         waits: cycles before the robot says that it is running (EGM).
         ends: cycle from which on it says that it is not, None for never (EGM).
         first_number, first_ms: of the first datagram (EGM); both run over at 32 bits.
-        wrenches: what the force sensors at handle and tool say in a cycle; None: there are none.
+        wrenches: what the force sensors at handle and tool say in a cycle, asked once; None, also there: none is sent.
     """
 
     def __init__(
@@ -90,9 +90,10 @@ class RobotSide:
         return self._with_wrenches(egm.encode_robot(robot))
 
     def _with_wrenches(self, data: bytes) -> bytes:
-        if self.wrenches is None:
+        both = None if self.wrenches is None else self.wrenches()
+        if both is None:
             return data
-        return (to_rsi if self.protocol == "rsi" else to_egm)(data, *self.wrenches())
+        return (to_rsi if self.protocol == "rsi" else to_egm)(data, *both)
 
     def step(self, answers: Sequence[bytes]) -> None:
         """Follow the last answer that can be read, or hold the last one; then one cycle passes."""
