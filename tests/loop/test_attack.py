@@ -118,7 +118,8 @@ def _nasty(protocol: str, rng: random.Random, good: Iterator[bytes]) -> list[byt
     if kind == 2:
         return [rng.randbytes(rng.randrange(1, 1500))]
     if kind == 3:
-        return list(spoilt(data, 4, rng.randrange(1 << 30), b"\x00\xff09<>\"'= eE+-."))
+        variants = spoilt(data, 4, rng.randrange(1 << 30), b"\x00\xff09<>\"'= eE+-.")
+        return [variant for variant in variants if variant]  # an empty one would end the cycle in lock step
     if kind == 4:
         return []
     if protocol == "rsi":
