@@ -13,7 +13,7 @@ LIBRARIES = [
     "filtering", "identify", "inference", "inference.bundle", "kinematics",
     "kinematics.accuracy", "kinematics.assembly_modes", "kinematics.causality", "kinematics.singularity",
     "kinematics.workspace", "loop", "measurements", "mechanics", "milling", "motion", "motion.axes",
-    "motion.elastic", "optimize", "results", "robots", "simulation", "vibration",
+    "motion.elastic", "optimize", "results", "robots", "simulation", "vibration", "vision",
 ]  # fmt: skip
 
 
