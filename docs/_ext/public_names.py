@@ -14,6 +14,7 @@ LIBRARIES = [
     "kinematics.accuracy", "kinematics.assembly_modes", "kinematics.causality", "kinematics.singularity",
     "kinematics.workspace", "loop", "measurements", "mechanics", "milling", "motion", "motion.axes",
     "motion.elastic", "optimize", "results", "robots", "simulation", "vibration", "vision",
+    "vision.detection", "vision.rendering",
 ]  # fmt: skip
 
 

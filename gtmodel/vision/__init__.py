@@ -13,6 +13,9 @@ Bundles, for gt.inference.bundle
 Measurements
     CornerTable, read_corners   marks in pictures, from any detector
     intersect, IntersectedPoints    points from the pixels of several cameras, with covariance
+Packages
+    detection      marks of boards and of a tool's squares in pictures, as a table of corners; needs OpenCV
+    rendering      synthetic pictures with exact area coverage
 """
 
 from typing import TYPE_CHECKING
@@ -20,6 +23,7 @@ from typing import TYPE_CHECKING
 from .._lazy import public
 
 if TYPE_CHECKING:
+    from . import detection as detection, rendering as rendering
     from .board import Board as Board
     from .bundle_files import (
         BundleFile as BundleFile,
