@@ -22,3 +22,4 @@ class WrenchStatus(NumberedStatus):
     SATURATED = 5, "a component of the wrench reaches the end of its range"
     STALE = 6, "the wrench is older than the law allows"
     SENSOR_FAULT = 7, "the sensor itself reports a fault"
+    NO_ROTATION = 8, "the orientation of the tool is no rotation matrix"
