@@ -14,11 +14,15 @@ from .plants import SAMPLE_TIME
 
 if TYPE_CHECKING:
     from control import StateSpace
+
+    from ...vibration import Record
 else:
-    StateSpace = hint("control", "StateSpace")
+    StateSpace, Record = hint("control", "StateSpace"), hint("gtmodel.vibration", "Record")
 
 TAPS = 60  # of the pulse response by which the delay is looked for
 BEGINS = 0.05  # of its largest sample, at which it does
+POOR = 1e-6  # of the largest singular value of the inputs: below, some frequency is missing
+HIGHEST = 12  # order that is tried
 LEAST = 10  # samples for each tap
 
 
@@ -39,13 +43,13 @@ def identified_axis(
     >>> learning = gt.control.learning
     >>> r = 1e-3 * np.repeat(np.random.default_rng(1).normal(size=300), 10)
     >>> log = {name: T(r) for name, T in learning.flexible_axis(11.5, 0.05).maps(3000).items()}
-    >>> axis = learning.identified_axis(r, log, order=3)
+    >>> axis = learning.identified_axis(r, log)
     >>> [round(x, 2) for x in learning.ModelledRobot([axis]).mode(0)]
     [11.5, 0.05]
     """
     import control
 
-    from ...vibration import Record, identify_subspace
+    from ...vibration import Record
 
     u = np.asarray(reference, float)
     if "motor" not in signals:
@@ -54,14 +58,14 @@ def identified_axis(
     for name, values in {"reference": u, **rows}.items():
         if values.shape != (len(u),) or not np.all(np.isfinite(values)) or not np.ptp(values) > 0:
             raise ArgumentError(f"'{name}' is not {len(u)} finite numbers that move", "signals")
-    late = begin(u, rows["motor"]) if delay is None else delay
+    late = min(begin(u, values) for values in rows.values()) if delay is None else delay
     if not 0 <= late < len(u):
         raise ArgumentError(f"expected a delay of 0 to {len(u) - 1} samples; found {late}", "delay")
     before = max(late - 1, 0)  # a model without feedthrough is a sample late itself
     y = np.column_stack(list(rows.values()))
     scale = y.std(axis=0)
     record = Record(u[: len(u) - before], (y / scale)[before:], sample_time)
-    made = identify_subspace(record, order=order, feedthrough=late == 0).system
+    made = _identified(record, order, feedthrough=late == 0)
     C, D = np.asarray(made.C, float) * scale[:, None], np.asarray(made.D, float) * scale[:, None]
     return AxisPlant(
         {
@@ -70,6 +74,20 @@ def identified_axis(
         },
         sample_time,
     )
+
+
+def _identified(record: Record, order: int | None, feedthrough: bool) -> StateSpace:
+    """The model of the order that is asked for; else of the best stable one: high orders follow noise, some of them to
+    poles outside the circle."""
+    from ...vibration import identify_subspace
+
+    for largest in [HIGHEST] if order is not None else range(HIGHEST, 0, -1):
+        try:
+            return identify_subspace(record, order=order, largest=largest, feedthrough=feedthrough).system
+        except ArgumentError as error:
+            if order is not None or largest == 1 or "unstable" not in error.message:
+                raise
+    raise AssertionError
 
 
 def begin(reference: Any, motor: Any) -> int:
@@ -86,9 +104,12 @@ def begin(reference: Any, motor: Any) -> int:
         raise ArgumentError(
             f"the log has {len(u)} samples; {LEAST * TAPS} or more say where a response begins", "motor"
         )
-    columns = np.column_stack([np.append(np.full(k, u[0]), u[: len(u) - k]) - u[0] for k in range(TAPS)])
-    g, _, rank, _ = np.linalg.lstsq(columns, z - z[0], rcond=1e-8)
-    if rank < TAPS:
+    # what came before the log is not known, so its first rows count as inputs only
+    rows = np.lib.stride_tricks.sliding_window_view(u, TAPS)[:, ::-1]
+    columns = np.column_stack([rows, np.ones(len(rows))])
+    g, _, rank, _ = np.linalg.lstsq(columns, z[TAPS - 1 :], rcond=POOR)
+    g = g[:TAPS]
+    if rank < TAPS + 1:
         raise ArgumentError(
             "the reference excites too few frequencies to show a delay; record a random one, or give the delay", "delay"
         )

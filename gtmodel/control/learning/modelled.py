@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy
 
 from ..._lazy import hint
 from ...results import ArgumentError
@@ -22,7 +21,7 @@ else:
     StateSpace = hint("control", "StateSpace")
 
 LIGHT = 0.5  # damping below which a pair of poles is a mode that may differ
-SLOW = 0.8  # of half the sampling rate: above, a pair of poles is a matter of the sampling
+SLOW = 0.4  # of half the sampling rate: above, no Q lets much through, and poles are those of delays and noise
 DEAD = 1e-3  # modulus below which a pole is a delay
 EXCITED, HELD, TOOL_ORDER = 4000, 10, 3  # samples, of one level each, by which a plant's own tool is identified
 
@@ -34,8 +33,8 @@ class ModelledRobot:
     plants: `AxisPlant` each, such as `identified_axis` gives, all at one sampling time and stable. tools: of each axis
     the model from the motor side to the tool, see `identified_tool`; identified from the plant itself if left out.
 
-    Modes, pairs of poles of light damping, may differ from the model; so `plant` moves them, with what they pass at
-    rest unchanged. Raises ArgumentError for plants that do not fit together.
+    Modes of the tool, pairs of poles of light damping, may differ from the model; so `plant` moves them, with what
+    passes at rest unchanged. Raises ArgumentError for plants that do not fit together.
 
     >>> learning = gt.control.learning
     >>> robot = learning.ModelledRobot([learning.flexible_axis(7.4, 0.2), learning.flexible_axis(11.5, 0.05)])
@@ -80,8 +79,8 @@ class ModelledRobot:
         signals = self.plants[axis].signals
         if "tool" not in signals:
             return None
-        found = [_mode(pole, self.sample_time) for pole in _light(stable(signals["tool"]), self.sample_time)]
-        return min(found, key=lambda m: m[0] * m[1]) if found else None
+        modes = [_mode(pole, self.sample_time) for pole in _light(stable(signals["tool"]), self.sample_time)]
+        return min(modes, key=lambda m: m[0] * m[1]) if modes else None
 
     def tool(self, axis: int) -> StateSpace:
         """The model from the motor side to the tool."""
@@ -97,8 +96,11 @@ class ModelledRobot:
         known = self.plants[axis]
         if frequency == 1.0 and damping == 1.0:
             return known
-        moved = {name: _moved(stable(s), known.sample_time, frequency, damping) for name, s in known.signals.items()}
-        return AxisPlant(moved, known.sample_time)
+        made = {name: stable(s) for name, s in known.signals.items()}
+        for name in ("tool", "acceleration"):  # the motors do not feel the tool
+            if name in made:
+                made[name] = _moved(made[name], known.sample_time, frequency, damping)
+        return AxisPlant(made, known.sample_time)
 
 
 def lag_robot(b: Sequence[float], a: Sequence[float], delay: int, sample_time: float) -> ModelledRobot:
@@ -131,22 +133,15 @@ def _light(system: StateSpace, sample_time: float) -> list[complex]:
 
 
 def _moved(system: StateSpace, sample_time: float, frequency: float, damping: float) -> StateSpace:
-    """The system with its light modes moved: a change of rank two for each, the other poles stay."""
+    """The system behind a filter that takes its light modes away and puts them where they are to be; 1 at rest."""
     import control
 
-    A, B = np.asarray(system.A, float), np.asarray(system.B, float)
-    values, left, right = scipy.linalg.eig(A, left=True, right=True)
-    light = _light(system, sample_time)
-    made_A, made_B = A.copy(), B.copy()
-    for k, pole in enumerate(values):
-        if not any(abs(pole - one) <= 1e-9 * abs(one) for one in light):
-            continue
-        v, w = right[:, k : k + 1], left[:, k : k + 1].conj().T
-        across = v @ w / (w @ v)
+    made = system
+    for pole in _light(system, sample_time):
         f, z = _mode(pole, sample_time)
         z = min(z * damping, 1 - 1e-9)
-        s = 2 * np.pi * f * frequency * complex(-z, np.sqrt(1 - z**2))
-        new = np.exp(s * sample_time)
-        made_A += 2 * np.real((new - pole) * across)
-        made_B += 2 * np.real(((1 - new) / (1 - pole) - 1) * across @ B)
-    return control.StateSpace(made_A, made_B, system.C, system.D, sample_time)
+        new = np.exp(2 * np.pi * f * frequency * complex(-z, np.sqrt(1 - z**2)) * sample_time)
+        before, after = (np.array([1.0, -2 * p.real, abs(p) ** 2]) for p in (pole, new))
+        move = control.ss(control.TransferFunction(before / before.sum() * after.sum(), after, sample_time))
+        made = stable(control.series(made, move))
+    return made

@@ -14,7 +14,7 @@ TS, N = 0.004, 825
 DRAWS, MANY = 40, 400  # models of the suite, and with -m proof
 RUNS = 40
 ROUNDING = 1e-12
-LEFT = 0.1  # of the error before learning, after which no run is above
+LEFT = 0.3  # of the error before learning, above which no later run is; a light tool rings where Q is near 0
 BOXES: list[tuple[str, dict[str, Any], float, float]] = [
     # law, design, frequency, damping: the light ones passed the five models of a coarse set and diverged between them
     ("shift", {}, 11.5, 0.05),
@@ -53,7 +53,7 @@ def judge(box: tuple[Any, Any, Any], draws: int) -> None:
             T = learning.lifted(plant.signals["tool"], N)
             run = learning.learn(axis.law, r - T(r), T, RUNS)
             size = np.linalg.norm(run.errors[:, 100:725], axis=1)
-            assert size[-1] < LEFT * size[0] and size[RUNS // 2 :].max() < LEFT * size[0], n
+            assert size[RUNS // 2 :].max() < LEFT * size[0], n
             change = np.linalg.norm(np.diff(run.inputs, axis=0), axis=1)
             assert change[-1] < 0.5 * change[RUNS // 2] + ROUNDING * np.abs(run.inputs).max(), (
                 n
@@ -85,10 +85,10 @@ def test_a_law_of_case_1_that_diverges_in_longer_runs_is_refused_before_it_runs(
     with pytest.raises(ArgumentError) as error:
         learning.study(learning.LearningRobot(), design=learning.LearningDesign(shift=shift))
     assert error.value.argument == "law"
-    # the same law in a run of 825 samples has a radius below 1, and above in a longer one
-    T = learning.flexible_axis(7.4, 0.2).signals["motor"]
-    if shift == 0:
-        long = learning.simple_law(3000, 0.9, shift, 10.0).map(learning.lifted(T, 3000))
-        assert learning.spectral_radius(long, dense=False) > 1
-        short = learning.simple_law(N, 0.9, shift, 10.0).map(learning.lifted(T, N))
-        assert learning.spectral_radius(short) < 1
+    # its spectral radius is below 1 in a run of 825 samples, and yet errors grow before they would fall
+    T = learning.lifted(learning.flexible_axis(7.4, 0.2).signals["motor"], N)
+    law = learning.simple_law(N, 0.9, shift, 10.0)
+    assert learning.spectral_radius(law.map(T)) < 1
+    run = learning.learn(law, 1e-3 * np.random.default_rng(0).normal(size=N), T, runs=200)
+    size = np.linalg.norm(run.errors, axis=1)
+    assert size.max() > 10 * size[0]

@@ -135,7 +135,7 @@ def test_within_bounds_the_iteration_ends_at_its_limit_and_contracts_by_sigma() 
     stacked = np.vstack([M, np.sqrt(effort) * np.eye(n)])
     other = scipy.optimize.lsq_linear(stacked, np.append(e0, np.zeros(n)), (-0.0015, 0.0015), tol=1e-14).x
     end = learning.bounded_limit(T, e0, effort, largest=0.0015)
-    assert np.abs(end - other).max() < 1e-6 * np.abs(end).max()
+    assert np.abs(end - other).max() < 1e-5 * np.abs(end).max()  # that solver ends inside its bounds
 
 
 def test_the_study_says_the_floor_of_a_law_within_bounds() -> None:
