@@ -106,6 +106,8 @@ class ModelledRobot:
 def lag_robot(b: Sequence[float], a: Sequence[float], delay: int, sample_time: float) -> ModelledRobot:
     """Controlled actuators b q^-delay / (1 - a q^-1), an axis each, without a tool: Dressler 2012, (6.11).
 
+    Raises ArgumentError where a and b differ in number, and as `ModelledRobot`.
+
     >>> gt.control.learning.lag_robot([0.2], [0.8], delay=3, sample_time=0.004).axes
     ('x',)
     """
