@@ -67,8 +67,9 @@ def _inside(table: FmuTable) -> list[str]:
     lines = []
     if table.states:
         lines.append(
-            f"Co-simulation inside: the method of Runge and Kutta in equal parts no longer than {table.step!r} s, inputs "
-            f"held. Compared with half of that step over {table.stop!r} s from the start the largest error of a state, over its size or one, is {table.error or 0.0:.1e}."
+            f"Co-simulation inside: the method of Runge and Kutta in equal parts no longer than {table.step!r} s, "
+            f"inputs held. Compared with half of that step over {table.stop!r} s from the start the largest error of "
+            f"a state, over its size or one, is {table.error or 0.0:.1e}."
         )
     if table.period:
         lines.append(
