@@ -12,11 +12,11 @@ from pydantic import Field, PositiveFloat
 
 from gtmodel.lang import ModelError
 from gtmodel.robots import clusters, f1_geometry
+from gtmodel.robots.plausible_lengths import implausible_length
 from gtmodel.robots.serial.bodies import moments
 
 from .base import FileSection, InputError
 from .load import validate
-from .plausible_lengths import refuse_other_units
 from .python_models import is_reference, is_urdf, sentence_of
 from .sentences import shown
 
@@ -51,7 +51,8 @@ class _Robot(FileSection):
 
     def modifiers(self) -> dict[str, Any]:
         """Parameters of the family's model. Raises InputError."""
-        refuse_other_units(self.model_dump())
+        if wrong := implausible_length(self.model_dump()):
+            raise InputError(wrong[1], wrong[0])
         chosen = {
             "m_p": self.m_p_kg,
             "m_c": self.m_c_kg,

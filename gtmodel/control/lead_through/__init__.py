@@ -8,8 +8,14 @@ Wrenches
 
 Surface
     SurfaceLaw, SurfaceGains, SurfaceState  guided along a surface, force held along its normal: a cycle at a time
+    OscillationWatch                        a contact that oscillates reduces the gain
     guide -> GuidedRun                      in time against a SyntheticSurface, with a ServoChain
     force_loop                              the force loop as a delayed loop: limits by eigenvalues, margins
+
+Six degrees of freedom
+    MountedSensor                           frame, bias, load and lever arm of a sensor: readings to wrenches
+    LeadThroughLaw, LeadThroughState        from the readings of both sensors to a twist: surface, or peg in a hole
+    TurningLaw, TurningGains, TurningState  its rotation: guided by the handle, aligned by the tool's torque
 """
 
 from typing import TYPE_CHECKING
@@ -25,10 +31,14 @@ if TYPE_CHECKING:
         force_loop as force_loop,
         guide as guide,
     )
+    from .guiding import LeadThroughLaw as LeadThroughLaw, LeadThroughState as LeadThroughState
     from .law import SurfaceGains as SurfaceGains, SurfaceLaw as SurfaceLaw, SurfaceState as SurfaceState
     from .lever import LeverArm as LeverArm, lever_arm as lever_arm
+    from .sensor import MountedSensor as MountedSensor
     from .sign import SignTest as SignTest, sign_test as sign_test
     from .status import WrenchStatus as WrenchStatus
+    from .turning import TurningGains as TurningGains, TurningLaw as TurningLaw, TurningState as TurningState
+    from .watch import OscillationWatch as OscillationWatch
     from .wrench import moment_about as moment_about
 
 public(__name__)

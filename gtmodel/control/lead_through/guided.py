@@ -13,9 +13,10 @@ from ...results import ArgumentError
 from ...results.options import Options, Unit, Within
 from ..delayed import CorrectedPlant, DelayedLoop
 from .calibration import GRAVITY, calibrate_wrench
-from .law import SurfaceLaw, Vector
+from .law import SurfaceLaw
 from .sign import sign_test
 from .status import WrenchStatus
+from .vectors import Vector
 from .wrench import rows_of, vector_of
 
 AT_REST = 50  # readings before the start

@@ -7,9 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from gtmodel.robots.six_link import ARM, LINKS
-
-from .base import InputError
+from .six_link import ARM, LINKS
 
 # link lengths [m] of a robot that carts carry: shorter or longer ones are in another unit, a thousand times as large or
 # small, so that no length is taken in both
@@ -37,8 +35,8 @@ _HINTS = {
 }
 
 
-def refuse_other_units(table: Mapping[str, Any]) -> None:
-    """Raises InputError at the first key whose numbers are far from what the unit in its name allows.
+def implausible_length(table: Mapping[str, Any]) -> tuple[str, str] | None:
+    """The first key whose numbers are far from what the unit in its name allows, and what is wrong with it; or None.
 
     Points that are all zero are no slip of a unit.
     """
@@ -47,29 +45,31 @@ def refuse_other_units(table: Mapping[str, Any]) -> None:
     L = factor * np.array(table[key])
     if L.min() < SHORTEST or L.max() > LONGEST:
         what = f"link lengths from {L.min() / factor:.6g} to {L.max() / factor:.6g} {unit}"
-        raise InputError(f"{what} {_HINTS[unit, bool(L.min() < SHORTEST)]}", key)
+        return key, f"{what} {_HINTS[unit, bool(L.min() < SHORTEST)]}"
     for stem, (least, greatest) in SIZES.items():
         points = np.array(table.get(f"{stem}_{unit}", [[0.0]]))
         size = factor * float(np.max(np.linalg.norm(points, axis=-1))) / L.max()
         if 0.0 < size < least or size > greatest:
             what = f"coordinates up to {np.max(np.abs(points)):.6g} {unit}"
-            raise InputError(f"{what} {_HINTS[unit, size < least]}", f"{stem}_{unit}")
-    _refuse_motions(np.atleast_2d(np.array(table["v"])))
+            return f"{stem}_{unit}", f"{what} {_HINTS[unit, size < least]}"
+    motion = _implausible_motion(np.atleast_2d(np.array(table["v"])))
+    return None if motion is None else ("v", motion)
 
 
-def _refuse_motions(v: np.ndarray) -> None:
-    """Raises InputError for guideways that do not move their carts by about q, or the links of one cart alike."""
+def _implausible_motion(v: np.ndarray) -> str | None:
+    """What is wrong with guideways that do not move their carts by about q, or the links of one cart not alike."""
     size = np.linalg.norm(v, axis=1)
     wrong = np.flatnonzero((size < MOTION[0]) | (size > MOTION[1]))
     if len(wrong):
         k = int(wrong[0])
         said = f"row {k + 1} moves its cart joint by {size[k]:.6g} m per metre of q, about 1 expected"
-        raise InputError(f"{said}; a guideway direction has the length 1", "v")
+        return f"{said}; a guideway direction has the length 1"
     if len(v) != len(ARM):
-        return
+        return None
     for k, arm in enumerate(ARM):
         first = ARM.index(arm)
         apart = float(np.linalg.norm(v[k] - v[first]) / size[first])
         if apart > ONE_CART:
-            raise InputError(f"links {LINKS[first]} and {LINKS[k]} stand on one cart, and their rows differ by "
-                             f"{100 * apart:.0f} %; a sign or a row is probably wrong here", "v")  # fmt: skip
+            return (f"links {LINKS[first]} and {LINKS[k]} stand on one cart, and their rows differ by "
+                    f"{100 * apart:.0f} %; a sign or a row is probably wrong here")  # fmt: skip
+    return None
