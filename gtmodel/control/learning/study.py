@@ -129,8 +129,8 @@ def _answer(
         _errors, names, errors.T, courses, [f.total for f in floors], [a.rate.sigma for a in axes],
         tools.T if len(tools) else None, shown,
     ), "filter": partial(filter_picture, names, axes, shown)}  # fmt: skip
-    if tool is not None and len(names) == 2:
-        figures["path"] = partial(_path, runs.reference, tool, _tool(before), runs.corrected, shown)
+    if tool is not None and (first := _tool(before)) is not None and len(names) == 2:
+        figures["path"] = partial(_path, runs.reference, tool, first, runs.corrected, shown)
     return LearningStudy(
         status=SolveStatus.SOLVED if complete else SolveStatus.INTERRUPTED,
         message=sentence(axes, floors, design, names, runs.corrected) if complete else "",

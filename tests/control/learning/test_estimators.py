@@ -9,6 +9,7 @@ import scipy
 
 import gtmodel as gt
 from gtmodel.control import learning
+from gtmodel.results import SolveStatus
 from gtmodel.results.refusal import ArgumentError
 
 TS, N, NOISE = 0.004, 825, 0.07
@@ -136,8 +137,11 @@ def test_refusals() -> None:
         learning.ExtendedKalman(learning.tool_model(11.5, 0.05), 0.0, NOISE)
     assert error.value.argument == "process"
     with pytest.raises(ArgumentError) as error:
-        learning.complementary_estimate(5000, 3.0)
+        learning.complementary_estimate(9, 3.0)
     assert error.value.argument == "size"
+    with pytest.raises(ArgumentError) as error:
+        learning.complementary_estimate(500, 125.0)
+    assert error.value.argument == "cutoff"
     with pytest.raises(ArgumentError) as error:
         learning.flexible_axis(11.5, -0.1)
     assert error.value.argument == "damping"
@@ -184,3 +188,24 @@ def test_a_run_with_nan_gives_no_filter() -> None:
     with pytest.raises(ArgumentError) as error:
         learning.most_likely_filter(learning.tool_model(11.5, 0.05), run["motor"], felt, NOISE)
     assert error.value.argument == "acceleration"
+
+
+@pytest.mark.parametrize(("cutoff", "order"), [(2.63, 2), (4.5, 1), (10.0, 3)])
+def test_the_complementary_maps_are_dense_matrices_with_their_transposes(cutoff: float, order: int) -> None:
+    size, t = 200, TS * np.arange(200)
+    zero, one = np.zeros((size, size)), np.eye(size)
+    made = learning.complementary_estimate(size, cutoff, order=order)
+    for name, slow, felt in (("motor", one, zero), ("acceleration", zero, one)):
+        matrix = gt.filtering.complementary(
+            gt.Trajectory(t, {"z": slow}, {"z": "m"}), gt.Trajectory(t, {"a": felt}, {"a": "m/s2"}), cutoff, order=order
+        )["z"]
+        F, scale = made.maps[name], np.abs(matrix).max()
+        assert np.abs(F.dense() - matrix).max() < 1e-11 * scale
+        assert np.abs(F.adjoint.dense() - matrix.T).max() < 1e-11 * scale
+
+
+def test_case_2a_learns_over_runs_longer_than_a_matrix() -> None:
+    path, one = learning.SquarePath(corrected=4000), learning.LearningRobot(frequency=(7.4,), damping=(0.2,))
+    s = learning.study(one, path, learning.LearningDesign(case="2A", iterations=3))
+    assert s.status is SolveStatus.SOLVED and max(s.bound) < 1
+    assert s.sigma == pytest.approx(s.bound, abs=0.1) and s.error[0][-1] < 0.3 * s.error[0][0]
