@@ -16,6 +16,7 @@ ModelledRobot    a robot by plants of its axes; lag_robot: of printed numbers; l
 SquarePath       the reference of the experiments
 kinematic, measured, complementary_estimate, kalman_estimate    where the tool is: cases 1, 3, 2A, 2B
 ExtendedKalman, most_likely_filter    the filter of (7.21), and its noise by the likelihood of its innovations
+mismatch         how much it errs against how far its model is off -> MismatchStudy
 robust_filter, rests_of, best_shift    Q for a set of models, and the shift
 norm_optimal_law, model_inverse_law, inverse, bounded_update, bounded_limit    laws of least norm, with bounds
 """
@@ -77,6 +78,7 @@ if TYPE_CHECKING:
         weighted as weighted,
         zero_phase as zero_phase,
     )
+    from .mismatch import MismatchStudy as MismatchStudy, mismatch as mismatch
     from .modelled import ModelledRobot as ModelledRobot, lag_robot as lag_robot, linear_axis as linear_axis
     from .next_run import next_input as next_input
     from .norm_optimal import (

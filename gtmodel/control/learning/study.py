@@ -140,7 +140,8 @@ def _answer(
         machine_files=("learned_input.csv",), case=design.case, axes=names, shift=[a.shift for a in axes],
         sigma=[a.rate.sigma for a in axes], bound=[a.bound.value for a in axes],
         bound_frequency=[a.bound.frequency for a in axes], first_error=[f.before for f in floors],
-        floor=[f.total for f in floors], not_learned=[f.share for f in floors], scatter=[f.scatter for f in floors],
+        floor=[f.total for f in floors], factor=[_over(f.before, f.total) for f in floors],
+        not_learned=[f.share for f in floors], scatter=[f.scatter for f in floors],
         reached=reached.tolist(), error=errors.T.tolist(), predicted=courses.tolist(),
         tool_error=tools.T.tolist() if len(tools) else None,
         tool_share=[

@@ -209,3 +209,25 @@ def test_case_2a_learns_over_runs_longer_than_a_matrix() -> None:
     s = learning.study(one, path, learning.LearningDesign(case="2A", iterations=3))
     assert s.status is SolveStatus.SOLVED and max(s.bound) < 1
     assert s.sigma == pytest.approx(s.bound, abs=0.1) and s.error[0][-1] < 0.3 * s.error[0][0]
+
+
+def test_the_curve_of_the_error_against_the_mismatch_is_that_of_the_recursion() -> None:
+    run, off = signals(4), (-0.2, -0.1, -0.03, 0.0, 0.03, 0.1, 0.2)
+    s = learning.mismatch(run, 11.5, 0.05, off=off, title="synthetic, seed 4")
+    assert np.all(np.diff(s.kalman[:4]) < 0) and np.all(np.diff(s.kalman[3:]) > 0)  # least where the model is right
+    assert max(s.kalman[1:-1]) < s.complementary < s.kinematics
+    assert s.kalman[0] > s.complementary  # 20 % too low a frequency costs more than no model
+    # one of them by the steps of (7.22)
+    f = learning.most_likely_filter(learning.tool_model(11.5 * 1.1, 0.05), run["motor"], run["acceleration"], NOISE)
+    A, B, _ = f.extended
+    x, made = np.zeros(4), np.zeros(N)
+    zc, reading = np.append(run["motor"], run["motor"][-1]), np.append(0.0, run["acceleration"][:-1])
+    for k in range(N):
+        made[k] = x[0]
+        x = A @ x + B @ zc[k : k + 2] + f.gain * (reading[k] - x[3])
+    assert s.kalman[5] == pytest.approx(float(np.sqrt(np.mean((made - run["tool"])[FULL] ** 2))), rel=1e-9)
+    assert len(s.rows) == 2 + len(off) and s.figure("mismatch").axes
+    for wrong, argument in (({"motor": run["motor"]}, "run"), ({**run, "tool": run["tool"][:700]}, "run")):
+        with pytest.raises(ArgumentError) as error:
+            learning.mismatch(wrong, 11.5, 0.05)
+        assert error.value.argument == argument
