@@ -94,7 +94,8 @@ def mismatch(
     return MismatchStudy(
         status=SolveStatus.SOLVED, title=shown,
         message=f"the Kalman filter errs by {micrometres(kalman[best])} where its model is off by "
-        f"{100 * off[best]:+.0f} %, and by {micrometres(max(kalman))} at worst; the motors alone by {micrometres(alone)}",
+        f"{100 * off[best]:+.0f} %, and by {micrometres(max(kalman))} at worst; the motors "
+        f"alone by {micrometres(alone)}",
         figures={"mismatch": partial(_mismatch, np.array(off), np.array(kalman), alone, both, shown)},
         off=list(off), kalman=kalman, normalised=normalised, kinematics=alone, complementary=both,
     )  # fmt: skip

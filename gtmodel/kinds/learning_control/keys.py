@@ -36,7 +36,7 @@ class RunSection(RecordingFiles):
     synthetic: str = Field(default="", description="what made the run, where it was simulated")
 
 
-class PlantSection(RecordingFiles):
+class LearnedPlantSection(RecordingFiles):
     """The robot's axes: from a log (files, signals), from a model in Python, or b q^-delay / (1 - a q^-1)."""
 
     signals: RunSignals | None = Field(
@@ -72,7 +72,7 @@ class Schema(Problem):
     them. With [log]: from one measured run the input of the next one."""
 
     robot: Made[options.LearningRobot] = Made[options.LearningRobot].left_out()
-    plant: PlantSection | None = Field(
+    plant: LearnedPlantSection | None = Field(
         default=None, description="the robot's axes from a log, a model or printed numbers, in place of [robot]"
     )
     learning: Made[options.LearningDesign] = Made[options.LearningDesign].left_out()

@@ -11,7 +11,7 @@ from gtmodel.problem_files.base import Context, InputError
 from gtmodel.problem_files.from_options import options_of
 from gtmodel.results import ArgumentError
 
-from .keys import PlantSection, Schema
+from .keys import LearnedPlantSection, Schema
 from .runs import recorded
 
 PERIOD = 0.004  # s, of plants that are not of a log
@@ -40,7 +40,7 @@ def robot_of(problem: Schema, context: Context) -> LearningRobot | ModelledRobot
         raise InputError(error.message, f"plant.{error.argument}" if error.argument == "a" else "plant") from error
 
 
-def _of_a_log(section: PlantSection, context: Context) -> ModelledRobot:
+def _of_a_log(section: LearnedPlantSection, context: Context) -> ModelledRobot:
     if section.signals is None:
         raise InputError("is missing; name the columns of reference and motor", "plant.signals")
     log = recorded(section, section.signals, section.files, "plant", context, section.synthetic)
@@ -66,7 +66,7 @@ def _of_a_log(section: PlantSection, context: Context) -> ModelledRobot:
     )  # fmt: skip
 
 
-def _of_a_model(section: PlantSection, context: Context) -> ModelledRobot:
+def _of_a_model(section: LearnedPlantSection, context: Context) -> ModelledRobot:
     assert section.model is not None
     model = python_models.resolve(section.model, context, "plant.model", section.parameters)
     named = {"motor": section.motor, "tool": section.tool, "acceleration": section.acceleration}
