@@ -137,10 +137,11 @@ gains = L.SurfaceGains(
 fine = L.SyntheticSensor(mass=0.3, point=(0.0, 0.0, 0.1), force_noise=0.005, moment_noise=0.0002)
 hole = L.SyntheticHole(tilt=np.deg2rad(5.0), clearance=0.25e-3, depth=0.08, stiffness=5000.0, friction=0.1)
 push = [L.GuidePhase(10.0, force=(0.0, 0.0, -1.0)), L.GuidePhase(5.0)]
+grip = replace(fine, force_noise=0.05)
 pegs = {}
 for about in ("free", "lock"):
-    pegs[about] = L.study(hole, push, gains, L.TurningGains(torque_gain=1.0, about_axis=about), tool=fine, handle=replace(
-        fine, force_noise=0.05), hands=None)  # fmt: skip
+    turning = L.TurningGains(torque_gain=1.0, about_axis=about)
+    pegs[about] = L.study(hole, push, gains, turning, tool=fine, handle=grip, hands=None)
     peg = pegs[about]
     begin, end = np.rad2deg(peg.misalignment)
     print(f"{about}: {begin:.2f} to {end:.2f} deg off; torque {1e3 * peg.largest_torque:.1f} to "
