@@ -1,0 +1,64 @@
+"""The bundle's functions: a corner, a robot's links and a second device, of cameras, target and pose."""
+
+from __future__ import annotations
+
+import casadi as ca
+
+CAMERA = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3", "qw", "qx", "qy", "qz", "x", "y", "z")
+TARGET = ("qw", "qx", "qy", "qz", "x", "y", "z", "scale")
+TURN = 9  # where a camera's quaternion begins
+
+
+def rotation(q: ca.SX) -> ca.SX:
+    """Of a unit quaternion, scalar first."""
+    w, x, y, z = ca.vertsplit(q)
+    return ca.vertcat(
+        ca.horzcat(1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
+        ca.horzcat(2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
+        ca.horzcat(2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
+    )
+
+
+def seen(camera: ca.SX, X: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """u, v [pixel] of a point, and margins that are positive where the camera's model holds: in front of it, and within
+    the radius at which the radial polynomial turns back."""
+    p = rotation(camera[9:13]).T @ (X - camera[13:16])
+    x, y = p[0] / p[2], p[1] / p[2]
+    r2 = x * x + y * y
+    k1, k2, p1, p2, k3 = (camera[k] for k in range(4, 9))
+    radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
+    u = x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x)
+    v = y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y
+    rising = 1 + r2 * (3 * k1 + r2 * (5 * k2 + 7 * r2 * k3))
+    return ca.vertcat(camera[0] * u + camera[2], camera[1] * v + camera[3]), ca.vertcat(p[2], rising)
+
+
+def mark(target: ca.SX, pose: ca.SX, p: ca.SX, on_tool: bool) -> ca.SX:
+    """A mark where cameras are: of a target on the tool, in the base; of one that stands, in the tool's frame."""
+    own = target[4:7] + target[7] * (rotation(target[:4]) @ p)
+    T = pose[:3]
+    if pose.numel() == 3:
+        return T + own if on_tool else own - T
+    R = rotation(pose[3:])
+    return T + R @ own if on_tool else R.T @ (own - T)
+
+
+def corner_function(pose_size: int, on_tool: bool) -> ca.Function:
+    """(camera, target, pose, data) -> seen less measured [pixel], with margins; data: the mark (3), u, v."""
+    c, t, z, d = (ca.SX.sym(n, k) for n, k in (("c", 16), ("t", 8), ("z", pose_size), ("d", 5)))
+    uv, margin = seen(c, mark(t, z, d[:3], on_tool))
+    return ca.Function("corners", [c, t, z, d], [uv - d[3:], margin])
+
+
+def device_function(pose_size: int) -> ca.Function:
+    """(device frame, pose, data) -> position less measured, in the device's frame [m]; data: what was measured (3)."""
+    f, z, d = ca.SX.sym("f", 7), ca.SX.sym("z", pose_size), ca.SX.sym("d", 3)
+    return ca.Function("device", [f, z, d], [rotation(f[:4]).T @ (z[:3] - f[4:]) - d])
+
+
+def links_function(residual: ca.Function) -> ca.Function:
+    """(robot, pose, data) -> whitened length errors; data: actuators, and the whitening matrix by columns."""
+    x, z = ca.SX.sym("x", residual.size1_in(0)), ca.SX.sym("z", residual.size1_in(1))
+    n, m = residual.size1_in(2), residual.size1_out(0)
+    d = ca.SX.sym("d", n + m * m)
+    return ca.Function("links", [x, z, d], [ca.reshape(d[n:], m, m) @ residual(x, z, d[:n])])
