@@ -10,7 +10,7 @@ from gtmodel.problem_files.base import FileSection, Source
 from gtmodel.problem_files.from_options import Made, made_from
 from gtmodel.problem_files.robot_keys import RobotProblem
 from gtmodel.vision.detection import targets
-from gtmodel.vision.robot_cameras import options, placing, synthetic
+from gtmodel.vision.robot_cameras import options
 
 RESULT = "gtmodel.vision.robot_cameras.RobotCamerasStudy"
 
@@ -39,10 +39,14 @@ class CharucoSection(Made):
 class PicturesSection(FileSection):
     """Corners that were detected, and what the actuators read at the same poses."""
 
-    corners: str = Field(description="CSV: camera, pose, mark, u, v and, where known, sigma; path from this file's folder")
+    corners: str = Field(
+        description="CSV: camera, pose, mark, u, v and, where known, sigma; path from this file's folder"
+    )
     actuators: str = Field(description="CSV: pose, then a column for each actuator; path from this file's folder")
     unit: str = Field(default="mm", description="of the actuators' columns")
-    sigma_pixel: PositiveFloat = Field(default=0.1, description="standard deviation of a corner where no column says it")
+    sigma_pixel: PositiveFloat = Field(
+        default=0.1, description="standard deviation of a corner where no column says it"
+    )
     source: Source = ""
 
 
@@ -51,16 +55,16 @@ class Schema(RobotProblem):
     [pictures] and [synthetic] says what is seen."""
 
     pictures: PicturesSection | None = Field(default=None, description="measured pictures")
-    target: Annotated[
-        FiveSquaresSection | ChessboardSection | CharucoSection, Field(discriminator="kind")
-    ] | None = Field(default=None, description="whose marks the corners are; with [pictures]")
+    target: Annotated[FiveSquaresSection | ChessboardSection | CharucoSection, Field(discriminator="kind")] | None = (
+        Field(default=None, description="whose marks the corners are; with [pictures]")
+    )
     camera: list[Made[options.CameraStart]] = Field(
-        default=[], description="one table [[camera]] for each, as known before; of synthetic pictures their size alone "
-        "is known if left out"
-    )  # fmt: skip
-    synthetic: Made[synthetic.SyntheticRobotCameras] | None = Field(default=None, description="synthetic pictures instead")
+        default=[],
+        description="one table [[camera]] for each, as known before; of synthetic ones the size alone if left out",
+    )
+    synthetic: Made[options.SyntheticRobotCameras] | None = Field(default=None, description="synthetic instead")
     calibration: Made[options.RobotCameras] = Made[options.RobotCameras].left_out()
-    places: Made[placing.CameraPlaces] | None = Field(
+    places: Made[options.CameraPlaces] | None = Field(
         default=None, description="a plan: places of two cameras to compare, with [synthetic]"
     )
     held_out_every: int = Field(default=2, ge=2, description="every how many-th pose no fit sees")

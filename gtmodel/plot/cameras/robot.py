@@ -19,7 +19,7 @@ SHARE = 0.05  # of the volume: the largest ellipse
 
 @styled
 def residuals_figure(drawn: Mapping[str, tuple[np.ndarray, np.ndarray]], *, title: str = "") -> Figure:
-    """Mean residuals in cells of each camera's picture, as arrows; drawn: by camera corners and residuals (n, 2) [pixel].
+    """Mean residuals in cells of each camera's picture, as arrows; drawn: by camera corners and residuals (n, 2).
 
     Noise leaves short arrows every way; a wrong camera leaves a pattern.
     """

@@ -20,18 +20,21 @@ from ..._lazy import public
 if TYPE_CHECKING:
     from .errors import aligned_errors as aligned_errors
     from .joint import JointFit as JointFit, joint_fit as joint_fit
-    from .options import CameraStart as read_pictures, write_pictures   these in two CSV files
-CameraStart, RobotCameras as RobotCameras
-    from .pictures import RobotPictures as RobotPictures, SecondDevice as SecondDevice
+    from .options import (
+        CameraPlaces as CameraPlaces,
+        CameraStart as CameraStart,
+        RobotCameras as RobotCameras,
+        SyntheticRobotCameras as SyntheticRobotCameras,
+    )
     from .picture_map import PictureMap as PictureMap, picture_map as picture_map
-    from .placing import CameraPlaces as CameraPlaces, PlacedCameras as PlacedCameras, camera_places as camera_places
+    from .pictures import RobotPictures as RobotPictures, SecondDevice as SecondDevice
+    from .placing import PlacedCameras as PlacedCameras, camera_places as camera_places
     from .predicted import PredictedPositions as PredictedPositions, predicted_positions as predicted_positions
     from .reading import corner_rows as corner_rows, read_pictures as read_pictures, write_pictures as write_pictures
     from .result import RobotCamerasStudy as RobotCamerasStudy
     from .study import places_study as places_study, study as study
     from .synthetic import (
         MadePictures as MadePictures,
-        SyntheticRobotCameras as SyntheticRobotCameras,
         made_pictures as made_pictures,
     )
     from .two_step import TwoStepFit as TwoStepFit, two_step_fit as two_step_fit

@@ -67,7 +67,9 @@ class JointFit:
 
     def camera_of(self, name: str) -> dict[str, float]:
         """A camera's parameters by name."""
-        return dict(zip(CAMERA, self.fit.values["camera"][list(self.pictures.cameras).index(name)].tolist(), strict=True))
+        return dict(
+            zip(CAMERA, self.fit.values["camera"][list(self.pictures.cameras).index(name)].tolist(), strict=True)
+        )
 
 
 def held_by_default(robot: Model, setting: RobotCameras) -> tuple[list[str], bool]:
@@ -152,6 +154,12 @@ class Prepared:
         missing = [n for n in p.cameras if n not in by_name]
         if missing:
             raise ArgumentError(f"'{missing[0]}' has corners but no entry; give its width and height", "cameras")
+        for name in p.cameras:
+            given = {"focal": by_name[name].focal_pixel, "principal_point": by_name[name].principal_point_pixel}
+            lacking = [what for what, value in given.items() if value is None and what not in setting.estimate]
+            if lacking:
+                words = lacking[0].replace("_", " ")
+                raise ArgumentError(f"the {words} of {name} is held but not given; give or estimate it", "cameras")
         if setting.scale == "second_device" and (p.device is None or len(p.device.pose) < 3):
             raise ArgumentError("a second device gives the scale by three or more measured positions", "device")
         hold, camera_held = held_by_default(robot, setting)
@@ -172,7 +180,9 @@ class Prepared:
             start[:, 13:], target[4:7] = start[:, 13:] - target[4:7], 0.0
         values = {"camera": start, "target": target[None], "robot": side.unknowns.start[None], "pose": poses}
         held = {name for group, entries in INTRINSICS.items() if group not in setting.estimate for name in entries}
-        fixed = np.array([[n in held or n == "k3" for n in (*CAMERA[:TURN], *["turn"] * 3, *CAMERA[13:])]] * len(p.cameras))
+        fixed = np.array(
+            [[n in held or n == "k3" for n in (*CAMERA[:TURN], *["turn"] * 3, *CAMERA[13:])]] * len(p.cameras)
+        )
         tool_centre = on_tool and not side.turns
         if not on_tool and not side.turns:
             fixed[0, 12:] = True
@@ -206,7 +216,8 @@ class Prepared:
                 [("camera", p.camera), ("target", 0), ("pose", p.pose)], np.column_stack([p.target[p.mark], p.uv]),
                 sigma=p.sigma, loss=loss, width=HUBER,
             ),
-            ResidualBlock("links", links_function(side.residual), [("robot", 0), ("pose", np.arange(n))], data, sigma=1.0),
+            ResidualBlock("links", links_function(side.residual), [("robot", 0), ("pose", np.arange(n))], data,
+                          sigma=1.0),
         ]  # fmt: skip
         if p.device is not None and len(p.device.pose):
             frame = v.get("device")
@@ -214,8 +225,9 @@ class Prepared:
                 R, t = rigid(p.device.T, v["pose"][p.device.pose, :3])
                 frame = np.concatenate([quaternion(R), t])[None]
             groups.append(UnknownGroup("device", frame, TARGET[:7], turn=0, units=("rad",) * 3 + ("m",) * 3))
-            blocks.append(ResidualBlock("device", device_function(side.pose_size), [("device", 0), ("pose", p.device.pose)],
-                                        p.device.T, sigma=p.device.noise))  # fmt: skip
+            sees = [("device", 0), ("pose", p.device.pose)]
+            f = device_function(side.pose_size)
+            blocks.append(ResidualBlock("device", f, sees, p.device.T, sigma=p.device.noise))
         return bundle_fit(groups, blocks, motions=redundancies(side, q, on_tool), covariance=covariance, stop=stop)
 
     def joint(self, p: RobotPictures, fit: BundleFit, pictures: tuple[str, ...], corners: tuple[str, ...]) -> JointFit:
@@ -232,5 +244,3 @@ def held_out_pixels(joint: JointFit, pictures: RobotPictures) -> np.ndarray:
     columns = [values["camera"][pictures.camera].T, np.repeat(values["target"].T, n, axis=1), poses[pictures.pose].T,
                np.column_stack([pictures.target[pictures.mark], pictures.uv]).T]  # fmt: skip
     return np.asarray(f.map(n)(*columns)[0]).T
-
-

@@ -50,7 +50,9 @@ class RobotPictures:
         n = len(self.camera)
         shapes = [np.shape(a) for a in (self.camera, self.pose, self.mark, self.uv, self.sigma)]
         if shapes != [(n,), (n,), (n,), (n, 2), (n,)] or not n:
-            raise ArgumentError(f"the corners have the shapes {shapes}; expected n rows each, u and v in two", "corners")
+            raise ArgumentError(
+                f"the corners have the shapes {shapes}; expected n rows each, u and v in two", "corners"
+            )
         if len(self.actuators) != len(self.poses) or np.shape(self.target) != (len(self.marks), 3):
             raise ArgumentError(
                 f"{len(self.poses)} poses have {len(self.actuators)} rows of actuators, and {len(self.marks)} marks "

@@ -2,30 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-from typing import Annotated
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ...lang.model import Model
-from ...results.options import Options, Unit, Within
 from ...results.refusal import ArgumentError
 from .joint import joint_fit
-from .options import RobotCameras
+from .options import CameraPlaces, RobotCameras, SyntheticRobotCameras
 from .predicted import PredictedPositions, predicted_positions
-from .synthetic import SyntheticRobotCameras, made_pictures
-
-
-@dataclass(frozen=True)
-class CameraPlaces(Options):
-    """Places of two cameras that are compared."""
-
-    baselines: Annotated[list[float], Unit("m"), Within(above=0.0), "distances of the two cameras"] = field(
-        default_factory=lambda: [0.5, 1.0, 1.5, 2.0]
-    )
-    distances: Annotated[list[float], Unit("m"), Within(above=0.0), "of the cameras from the middle"] = field(
-        default_factory=lambda: [2.4, 3.2, 4.0]
-    )
+from .synthetic import made_pictures
 
 
 @dataclass(frozen=True, eq=False)

@@ -67,7 +67,8 @@ def predicted_positions(joint: JointFit, actuators: ArrayLike) -> PredictedPosit
         by_z = by_z @ G
     P = -np.linalg.solve(by_z, by_x)[:, :3]
     T = poses[:, :3] - poses[:, :3].mean(axis=0)
-    frame = np.concatenate([np.broadcast_to(np.eye(3), (len(T), 3, 3)), np.cross(np.eye(3)[None], T[:, None]).transpose(0, 2, 1)], axis=2)  # fmt: skip
+    turns = np.cross(np.eye(3)[None], T[:, None]).transpose(0, 2, 1)
+    frame = np.concatenate([np.broadcast_to(np.eye(3), turns.shape), turns], axis=2)
     Q = np.linalg.qr(frame.reshape(-1, 6))[0]
     flat = P.reshape(len(T) * 3, -1)
     flat = flat - Q @ (Q.T @ flat)

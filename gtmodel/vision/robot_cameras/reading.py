@@ -59,7 +59,8 @@ def read_pictures(
     with Path(corners).open(encoding="utf-8") as file:
         first = file.readline().strip()
     return RobotPictures(
-        cameras, poses, target.marks, np.array([index[0][r[0]] for r in rows]), np.array([index[1][r[1]] for r in rows]),
+        cameras, poses, target.marks,
+        np.array([index[0][r[0]] for r in rows]), np.array([index[1][r[1]] for r in rows]),
         np.array([marks[r[2]] for r in rows]), np.array([r[3:5] for r in rows]), np.array([r[5] for r in rows]),
         factor * np.array([readings[p] for p in poses]), target.points,
         synthetic=first.lstrip("# ") if first.startswith("#") and "synthetic" in first else "",
@@ -86,8 +87,8 @@ def corner_rows(p: RobotPictures) -> list[CornerRow]:
     >>> V.corner_rows(V.made_pictures(V.SyntheticRobotCameras(counts=[3, 3, 3])).pictures)[0].mark
     '0.0'
     """
-    return [CornerRow(p.cameras[c], p.poses[n], p.marks[m], float(u), float(v), float(s))
-            for c, n, m, (u, v), s in zip(p.camera, p.pose, p.mark, p.uv, p.sigma, strict=True)]  # fmt: skip
+    return [CornerRow(p.cameras[c], p.poses[n], p.marks[m], u, v, s)
+            for c, n, m, (u, v), s in zip(*(a.tolist() for a in (p.camera, p.pose, p.mark, p.uv, p.sigma)), strict=True)]  # fmt: skip
 
 
 def _corner_rows(path: Path, sigma: float) -> Iterator[tuple[str, str, str, float, float, float, int]]:
@@ -98,16 +99,16 @@ def _corner_rows(path: Path, sigma: float) -> Iterator[tuple[str, str, str, floa
         raise ArgumentError(f"{path.name} has no column '{missing[0]}'; it has {', '.join(head)}", "corners")
     at = {n: head.index(n) for n in head}
     for line, cells in body:
-        numbers = [_number(cells[at[n]], path, line, "corners") for n in ("u", "v")]
+        u, v = (_number(cells[at[n]], path, line, "corners") for n in ("u", "v"))
         own = _number(cells[at["sigma"]], path, line, "corners") if "sigma" in at else sigma
-        yield cells[at["camera"]], cells[at["pose"]], cells[at["mark"]], *numbers, own, line
+        yield cells[at["camera"]], cells[at["pose"]], cells[at["mark"]], u, v, own, line
 
 
 def _rows(path: Path, argument: str) -> Iterator[tuple[str, list[float], int]]:
     """Name, numbers and line of each row."""
     head, body = _table(path, argument)
     if head[0] != "pose" or len(head) < 2:
-        raise ArgumentError(f"{path.name} begins with the columns {', '.join(head[:4])}; expected pose, q1, ...", argument)
+        raise ArgumentError(f"{path.name} begins with {', '.join(head[:4])}; expected pose, q1, ...", argument)
     for line, cells in body:
         yield cells[0], [_number(c, path, line, argument) for c in cells[1:]], line
 

@@ -37,7 +37,7 @@ class RobotCamerasStudy(Study):
         "true positions is laid through them", written="mm",
     )] = None  # fmt: skip
     two_step: Annotated[Numbers, Quantity("m",
-        "by the two-step road: mean error of the intersected target (centres) and of held-out positions (held_out), and "
+        "in two steps: mean error of the intersected target (centres) and of held-out positions (held_out), and "
         "both once their scale is fitted to the true positions too (centres_scaled, held_out_scaled)", written="mm",
     )] = None  # fmt: skip
     predicted: Annotated[float | None, Quantity("m",
@@ -74,5 +74,7 @@ class RobotCamerasStudy(Study):
             rows.append(Row("in two steps", f"{1e3 * self.two_step['held_out']:.4g}", "mm mean"))
         for r in self.places or ():
             said = r["why"] or f"{r['rms_mm']:.4g} rms, {r['max_mm']:.4g} at worst"
-            rows.append(Row(f"baseline {r['baseline_m']:g} m, distance {r['distance_m']:g} m", said, "" if r["why"] else "mm"))
+            rows.append(
+                Row(f"baseline {r['baseline_m']:g} m, distance {r['distance_m']:g} m", said, "" if r["why"] else "mm")
+            )
         return rows + ([Row("SYNTHETIC", self.synthetic)] if self.synthetic else [])

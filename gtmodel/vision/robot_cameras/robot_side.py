@@ -62,7 +62,7 @@ class RobotSide:
         return tuple([out[0].T, *(o.T.reshape(n, -1, m).transpose(0, 2, 1) for o in out[1:])])
 
     def forward(self, x: np.ndarray, q: np.ndarray, near: np.ndarray) -> np.ndarray:
-        """Poses (n, pose) at which the equations close, by Newton's method from `near`; rows of NaN where there is none.
+        """Poses (n, pose) at which the equations close, by Newton's method from `near`; NaN where there is none.
 
         Of a plate that turns, the steps of a quaternion keep its length to first order and it is made one after each.
         """

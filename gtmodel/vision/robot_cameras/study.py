@@ -17,15 +17,15 @@ from ...results.work import Progress, never, silent
 from ..detection.corner_rows import corners_csv
 from .errors import aligned_errors
 from .joint import JointFit, held_out_pixels, joint_fit
-from .options import CameraStart, RobotCameras
+from .options import CameraPlaces, CameraStart, RobotCameras, SyntheticRobotCameras
 from .picture_map import PictureMap, picture_map
 from .pictures import RobotPictures
-from .placing import CameraPlaces, camera_places
+from .placing import camera_places
 from .predicted import predicted_positions
 from .projection import CAMERA
 from .reading import corner_rows
 from .result import RobotCamerasStudy
-from .synthetic import SyntheticRobotCameras, made_pictures
+from .synthetic import made_pictures
 from .two_step import TwoStepFit, two_step_fit
 
 
@@ -102,7 +102,9 @@ def _study(
     }  # fmt: skip
     if accuracy is not None:
         if errors is None:
-            raise ArgumentError("of measured pictures there is no true position to compare with; leave it out", "accuracy")
+            raise ArgumentError(
+                "of measured pictures there is no true position to compare with; leave it out", "accuracy"
+            )
         checks["held_out_mean_m"] = at_most(float(np.nanmean(errors)), accuracy, "take more pictures")
     predicted = predicted_positions(joint, unseen.actuators)
     mean = f"; held-out positions {1e3 * float(np.nanmean(errors)):.3g} mm in the mean" if errors is not None else ""
@@ -120,7 +122,12 @@ def _study(
         files=MadeFiles({"parameters.csv": partial(_table, joint), "corners.csv": partial(_corners, p)}),
         unknowns=_unknowns(joint),
         cameras=_cameras(joint),
-        poses={"fitted": len(fitted.poses), "held_out": len(unseen.poses), "corners": len(p), "corners_given": joint.first},
+        poses={
+            "fitted": len(fitted.poses),
+            "held_out": len(unseen.poses),
+            "corners": len(p),
+            "corners_given": joint.first,
+        },
         removed_pictures=joint.wrong_pictures,
         removed_corners=joint.wrong_corners,
         held_out_pixel=float(1.4826 * np.nanmedian(np.abs(pixels))),
@@ -202,8 +209,8 @@ def _notes(joint: JointFit, test: PictureMap, two: TwoStepFit | None, setting: R
         )
     if two is not None:
         notes.append(
-            "in two steps the formal deviations are conditional on the cameras, which are held fixed in the second, and "
-            "smaller than what repeated experiments show"
+            "in two steps the formal deviations are conditional on the cameras, held fixed in the second, and smaller "
+            "than what repeated experiments show"
         )
     return notes
 
@@ -211,7 +218,11 @@ def _notes(joint: JointFit, test: PictureMap, two: TwoStepFit | None, setting: R
 def _sizes(errors: np.ndarray | None) -> dict[str, float] | None:
     if errors is None:
         return None
-    return {"mean": float(np.nanmean(errors)), "rms": float(np.sqrt(np.nanmean(errors**2))), "max": float(np.nanmax(errors))}
+    return {
+        "mean": float(np.nanmean(errors)),
+        "rms": float(np.sqrt(np.nanmean(errors**2))),
+        "max": float(np.nanmax(errors)),
+    }
 
 
 def _two_step(two: TwoStepFit | None, fitted: RobotPictures, unseen: RobotPictures) -> dict[str, float] | None:
@@ -272,7 +283,9 @@ def _corners(p: RobotPictures) -> str:
     return corners_csv(corner_rows(p), p.synthetic.removeprefix("synthetic, "))
 
 
-def _figures(joint: JointFit, positions: np.ndarray, covariance: np.ndarray, title: str) -> Mapping[str, Callable[[], Any]]:
+def _figures(
+    joint: JointFit, positions: np.ndarray, covariance: np.ndarray, title: str
+) -> Mapping[str, Callable[[], Any]]:
     return {
         "residuals": partial(_residuals, joint, title),
         "workspace": partial(_ellipsoids, positions, covariance, title),

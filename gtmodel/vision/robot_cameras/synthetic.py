@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import Annotated, Literal
+from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 
 from ...calibrate.choice import Choice
 from ...lang.model import Model
-from ...results.options import Long, Options, Unit, Within
 from ...results.refusal import ArgumentError
 from ..detection.targets import FiveSquares
-from .options import CameraStart
+from .options import CameraStart, SyntheticRobotCameras
 from .pictures import RobotPictures, SecondDevice
 from .projection import mark, seen
 from .robot_side import robot_side
@@ -22,57 +20,6 @@ from .starts import matrix, quaternion
 
 NAMES = ("left", "right")
 BASE_FRAME = ("A[2]", "v[2]", "A[0,1]")  # of the true robot as of the one known before
-
-
-@dataclass(frozen=True)
-class SyntheticRobotCameras(Options):
-    """Two cameras (or one) in front of a robot whose tool carries five squares and does not turn. Synthetic.
-
-    The thesis prints neither focal length nor baseline nor distance: cameras and volume are those of our simulations.
-    """
-
-    centre: Annotated[list[float], Unit("m"), Long(3), "of the volume"] = field(
-        default_factory=lambda: [1.42, -0.44, 0.97]
-    )
-    size: Annotated[list[float], Unit("m"), Long(3), "of the volume along x, y, z"] = field(
-        default_factory=lambda: [1.2, 0.8, 1.0]
-    )
-    counts: Annotated[list[int], Within(least=2, most=30), Long(3), "grid points along x, y, z"] = field(
-        default_factory=lambda: [8, 6, 6]
-    )
-    poses: Annotated[int | None, Within(least=8), "of the grid, drawn at random; all if left out"] = None
-    cameras: Annotated[int, Within(least=1, most=2), "how many"] = 2
-    mounted: Annotated[Literal["fixed", "plate"], "fixed cameras and a target on the tool, or the other way"] = "fixed"
-    focal_pixel: Annotated[float, Within(above=0.0), "focal length"] = 1400.0
-    width_pixel: Annotated[float, Within(above=0.0), "of the picture"] = 1600.0
-    height_pixel: Annotated[float, Within(above=0.0), "of the picture"] = 1200.0
-    distortion: Annotated[list[float], Long(5), "k1, k2, p1, p2, k3"] = field(
-        default_factory=lambda: [-0.1, 0.05, 2e-4, -3e-4, 0.0]
-    )
-    baseline: Annotated[float, Unit("m"), Within(above=0.0), "distance of the two cameras, along y"] = 1.5
-    distance: Annotated[float, Unit("m"), Within(above=0.0), "of the cameras from the middle, along x"] = 3.2
-    side: Annotated[float, Unit("m", written="mm"), Within(above=0.0), "of each square"] = 0.04
-    pixel_noise: Annotated[float, Within(least=0.0), "standard deviation of a corner's coordinate, pixel"] = 0.1
-    actuator_noise: Annotated[float, Unit("m", written="um"), Within(least=0.0), "standard deviation"] = 13e-6
-    robot_error: Annotated[
-        float, Unit("m", written="mm"), Within(least=0.0),
-        "standard deviation of the error of each parameter as it was known before; of directions as much per metre",
-    ] = 0.01  # fmt: skip
-    turned_pictures: Annotated[list[int], "numbers of poses, from 0, whose left picture is counted from the other end"] = (
-        field(default_factory=list)
-    )
-    wrong_corners: Annotated[float, Within(least=0.0, below=0.5), "share of corners that are 2 to 20 pixels off"] = 0.0
-    second_device: Annotated[int, Within(least=0), "poses whose position a second device measures, within 10 um"] = 0
-    seed: Annotated[int, Within(least=0), "of robot, grid and noise"] = 1
-    noise_seed: Annotated[int | None, Within(least=0), "of the noise alone, for repeated runs of one robot"] = None
-
-    @property
-    def words(self) -> str:
-        """Seed and noise."""
-        return (
-            f"synthetic, seed {self.seed}, noise {self.pixel_noise:g} pixel and {1e6 * self.actuator_noise:g} um, "
-            f"parameters {1e3 * self.robot_error:g} mm off"
-        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,8 +34,9 @@ class MadePictures:
 
 
 def made_pictures(asked: SyntheticRobotCameras, robot: Model | None = None) -> MadePictures:
-    """Synthetic pictures of a robot (l1_tape if left out), which is known before with errors. Raises ArgumentError for a
-    grid that it does not reach or a camera does not see.
+    """Synthetic pictures of a robot (l1_tape if left out), which is known before with errors.
+
+    Raises ArgumentError for a grid that it does not reach or a camera does not see.
 
     >>> V = gt.vision.robot_cameras
     >>> made = V.made_pictures(V.SyntheticRobotCameras(counts=[3, 3, 3], seed=1))
@@ -108,16 +56,18 @@ def made_pictures(asked: SyntheticRobotCameras, robot: Model | None = None) -> M
     grid = _grid(asked, rng)
     q, status = robot.causal(known="T", targets="q")(grid)
     if np.any(np.asarray(status) != 0):
-        raise ArgumentError(f"the robot does not reach {int(np.sum(np.asarray(status) != 0))} points of the grid", "size")
+        raise ArgumentError(
+            f"the robot does not reach {int(np.sum(np.asarray(status) != 0))} points of the grid", "size"
+        )
     T = side.forward(truth, q, grid)
     if not np.all(np.isfinite(T)):
-        raise ArgumentError("the robot with its true parameters does not reach all of the grid; make it smaller", "size")
+        raise ArgumentError("the robot with its true parameters does not reach all of the grid", "size")
     cameras, target = _cameras(asked), _target(asked)
     marks = FiveSquares(side=asked.side)
     uv = _seen(cameras, target, T, marks.points, asked.mounted == "fixed")
     size = np.array([asked.width_pixel, asked.height_pixel])
     if not np.all((uv > 0) & (uv < size - 1)):
-        raise ArgumentError("a camera does not see the target at every pose; move it away, or take a smaller volume", "distance")
+        raise ArgumentError("a camera does not see the target at every pose; move it away", "distance")
     noise = rng if asked.noise_seed is None else np.random.default_rng([asked.seed, asked.noise_seed])
     pictures = _pictures(asked, noise, uv, q, T, marks)
     starts = [CameraStart(n, asked.width_pixel, asked.height_pixel) for n in pictures.cameras]
@@ -142,7 +92,7 @@ def _cameras(asked: SyntheticRobotCameras) -> np.ndarray:
     for k in range(asked.cameras):
         across = 0.0 if asked.cameras == 1 else (k - 0.5) * asked.baseline
         if asked.mounted == "fixed":
-            at, to = middle + [asked.distance, across, 0.0], middle
+            at, to = middle + np.array([asked.distance, across, 0.0]), middle
         else:
             at, to = np.array([0.0, across, 0.0]), np.array([asked.distance, 0.0, 0.0])
         rows.append([*own, *_looking(at, to), *at])
@@ -162,7 +112,7 @@ def _target(asked: SyntheticRobotCameras) -> np.ndarray:
     R = np.column_stack([[0.0, -facing, 0.0], [0.0, 0.0, -1.0], [facing, 0.0, 0.0]])
     small = np.array([1.0, 0.01, -0.015, 0.005])
     R = R @ matrix(small / np.linalg.norm(small))
-    at = np.zeros(3) if asked.mounted == "fixed" else np.asarray(asked.centre) + [asked.distance, 0.0, 0.0]
+    at = np.zeros(3) if asked.mounted == "fixed" else np.array(asked.centre) + np.array([asked.distance, 0.0, 0.0])
     return np.array([*quaternion(R), *at, 1.0])
 
 

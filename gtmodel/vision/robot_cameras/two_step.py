@@ -74,11 +74,10 @@ def two_step_fit(
 ) -> TwoStepFit:
     """Cameras and target positions from the pictures alone, then the robot on these positions.
 
-    With the scale "target" the position of the known target is free at each pose, its turn is one for all, and the
-    cameras are found with them; with "actuators" every corner is free at every pose, as in Dressler 2012, section 5.5, so that the pictures give the
-    relative orientation of two cameras and positions up to a factor, which the displacement of the held actuator gives
-    at the end. Raises ArgumentError for one camera with free corners, cameras on the plate, and robots whose plate
-    turns.
+    With the scale "target" the position of the known target is free at each pose and its turn is one for all. With
+    "actuators" every corner is free at every pose, as in Dressler 2012, section 5.5: pictures give the relative
+    orientation of two cameras and positions up to a factor, which the displacement of the held actuator gives at the
+    end. Raises ArgumentError for one camera with free corners, cameras on the plate, and robots whose plate turns.
 
     >>> V = gt.vision.robot_cameras
     >>> made = V.made_pictures(V.SyntheticRobotCameras(counts=[4, 4, 4]))
@@ -89,16 +88,16 @@ def two_step_fit(
     setting = setting or RobotCameras()
     free_corners = setting.scale == "actuators"
     if setting.mounted != "fixed":
-        raise ArgumentError("positions are intersected by fixed cameras; calibrate cameras on a plate jointly", "mounted")
+        raise ArgumentError("positions are intersected by fixed cameras; calibrate jointly", "mounted")
     if free_corners and len(pictures.cameras) < 2:
-        raise ArgumentError("one camera intersects nothing; take the scale from the target, or a second camera", "scale")
+        raise ArgumentError("one camera intersects nothing; take the target's scale, or two cameras", "scale")
     if free_corners and (family_of(robot) != "three_link" or setting.hold is not None):
-        raise ArgumentError("in two steps actuators give the scale of a robot with three guideways, by the last one", "scale")
+        raise ArgumentError("in two steps actuators give the scale of three guideways, by the last one", "scale")
     # the base frame alone is held: the last guideway keeps its direction, and its unit shows the scale
     hold, _ = held_by_default(robot, replace(setting, scale="target") if free_corners else setting)
     ready = Prepared.of(robot, pictures, cameras, replace(setting, hold=hold, scale="target"))
     if ready.side.turns:
-        raise ArgumentError("positions in two steps are of robots whose plate does not turn; calibrate jointly", "robot")
+        raise ArgumentError("two steps are for robots whose plate does not turn; calibrate jointly", "robot")
     step = _free_corners if free_corners else _free_poses
     rough, rest, centres, covariance = step(ready, pictures, stop)
     measured = Measurements(
@@ -146,7 +145,7 @@ def _free_corners(ready: Prepared, p: RobotPictures, stop: Callable[[], bool] | 
     pose = key // len(p.marks)
     count = np.bincount(pose, minlength=len(p.poses))
     if np.any(count < len(p.marks)):
-        raise ArgumentError("a pose lacks some of its corners; the middle of those seen would be another point", "corners")
+        raise ArgumentError("a pose lacks some of its corners; the middle of the others is another point", "corners")
     centres = np.stack([np.bincount(pose, fit.values["point"][:, j]) / count for j in range(3)], axis=1)
     C = np.zeros((len(count), 3, 3))
     np.add.at(C, pose, still.local_covariance)
