@@ -54,9 +54,8 @@ def explain(problem: Schema, context: Context) -> str:
     else:
         p = _pictures(problem, context)
         lines = [f"{name}: {len(p)} corners of {len(p.poses)} poses in {', '.join(p.cameras)}"]
-    lines.append(
-        f"  cameras: {', '.join(w.replace('_', ' ') for w in setting.estimate) or 'nothing'} estimated; {setting.mounted}"
-    )
+    estimated = ", ".join(w.replace("_", " ") for w in setting.estimate) or "nothing"
+    lines.append(f"  cameras: {estimated} estimated; {setting.mounted}")
     lines.append(f"  metres from: {setting.scale.replace('_', ' ')}")
     return "\n".join(lines)
 

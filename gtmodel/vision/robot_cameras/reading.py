@@ -87,8 +87,11 @@ def corner_rows(p: RobotPictures) -> list[CornerRow]:
     >>> V.corner_rows(V.made_pictures(V.SyntheticRobotCameras(counts=[3, 3, 3])).pictures)[0].mark
     '0.0'
     """
-    return [CornerRow(p.cameras[c], p.poses[n], p.marks[m], u, v, s)
-            for c, n, m, (u, v), s in zip(*(a.tolist() for a in (p.camera, p.pose, p.mark, p.uv, p.sigma)), strict=True)]  # fmt: skip
+    rows = list[CornerRow]()
+    for k in range(len(p)):
+        camera, pose, mark = p.cameras[int(p.camera[k])], p.poses[int(p.pose[k])], p.marks[int(p.mark[k])]
+        rows.append(CornerRow(camera, pose, mark, float(p.uv[k, 0]), float(p.uv[k, 1]), float(p.sigma[k])))
+    return rows
 
 
 def _corner_rows(path: Path, sigma: float) -> Iterator[tuple[str, str, str, float, float, float, int]]:

@@ -119,6 +119,7 @@ def _study(
         checks=checks,
         notes=_notes(joint, test, two, setting),
         figures=_figures(joint, predicted.positions, predicted.covariance, title),
+        machine_files=("parameters.csv",),
         files=MadeFiles({"parameters.csv": partial(_table, joint), "corners.csv": partial(_corners, p)}),
         unknowns=_unknowns(joint),
         cameras=_cameras(joint),
