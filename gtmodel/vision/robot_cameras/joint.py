@@ -208,16 +208,15 @@ class Prepared:
             UnknownGroup("pose", v["pose"], pose_labels, [f"pose {k}" for k in p.poses], local=True,
                          turn=3 if side.turns else None),
         ]  # fmt: skip
-        whitening = side.whitening(v["robot"][0], v["pose"], q, self.setting.actuator_noise)
-        data = np.column_stack([q, whitening.transpose(0, 2, 1).reshape(n, -1)])
+        side.require_all_links(v["robot"][0], v["pose"], q, self.setting.actuator_noise)
         blocks = [
             ResidualBlock(
                 "corners", corner_function(side.pose_size, on_tool),
                 [("camera", p.camera), ("target", 0), ("pose", p.pose)], np.column_stack([p.target[p.mark], p.uv]),
                 sigma=p.sigma, loss=loss, width=HUBER,
             ),
-            ResidualBlock("links", links_function(side.residual), [("robot", 0), ("pose", np.arange(n))], data,
-                          sigma=1.0),
+            ResidualBlock("links", links_function(side.residual, self.setting.actuator_noise),
+                          [("robot", 0), ("pose", np.arange(n))], q, sigma=1.0),
         ]  # fmt: skip
         if p.device is not None and len(p.device.pose):
             frame = v.get("device")

@@ -56,9 +56,16 @@ def device_function(pose_size: int) -> ca.Function:
     return ca.Function("device", [f, z, d], [rotation(f[:4]).T @ (z[:3] - f[4:]) - d])
 
 
-def links_function(residual: ca.Function) -> ca.Function:
-    """(robot, pose, data) -> whitened length errors; data: actuators, and the whitening matrix by columns."""
-    x, z = ca.SX.sym("x", residual.size1_in(0)), ca.SX.sym("z", residual.size1_in(1))
-    n, m = residual.size1_in(2), residual.size1_out(0)
-    d = ca.SX.sym("d", n + m * m)
-    return ca.Function("links", [x, z, d], [ca.reshape(d[n:], m, m) @ residual(x, z, d[:n])])
+def links_function(residual: ca.Function, noise: float) -> ca.Function:
+    """(robot, pose, data) -> length errors made white for noise [m] of the actuators, which are the data.
+
+    The whitening moves with the parameters, so that these rows see no common growth of all lengths.
+    """
+    x, z, q = (ca.SX.sym(n, residual.size1_in(k)) for k, n in enumerate("xzq"))
+    r = ca.SX(residual(x, z, q))
+    by_q = ca.densify(noise * ca.jacobian(r, q))
+    R = ca.chol(ca.densify(by_q @ by_q.T))
+    white = list[ca.SX]()  # R' white = r, row by row
+    for i in range(r.numel()):
+        white.append((r[i] - sum((R[j, i] * white[j] for j in range(i)), ca.SX(0))) / R[i, i])
+    return ca.Function("links", [x, z, q], [ca.vertcat(*white)], {"cse": True})

@@ -18,6 +18,7 @@ from ...lang.model import Model
 from ...results.refusal import ArgumentError
 
 ROUNDS, ARRIVED = 40, 1e-12  # of Newton's method; m and rad
+SINGULAR = 1e-6  # of rows of length one
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,18 +101,17 @@ class RobotSide:
             )
         return np.concatenate([np.asarray(p).reshape(len(q), -1) for p in parts], axis=1)
 
-    def whitening(self, x: np.ndarray, poses: np.ndarray, q: np.ndarray, noise: float) -> np.ndarray:
-        """(n, m, m) by which length errors are multiplied so that noise [m] of the actuators makes them white."""
+    def require_all_links(self, x: np.ndarray, poses: np.ndarray, q: np.ndarray, noise: float) -> None:
+        """Raises ArgumentError where the noise of the actuators does not reach every closure equation."""
         _, _, _, by_q = self.at(x, poses, q)
-        omega = noise**2 * by_q @ by_q.transpose(0, 2, 1)
-        try:
-            return np.linalg.inv(np.linalg.cholesky(omega))
-        except np.linalg.LinAlgError:
+        by_q = by_q / np.maximum(np.linalg.norm(by_q, axis=2, keepdims=True), 1e-12)
+        least = np.linalg.svd(by_q, compute_uv=False)[:, -1] if by_q.shape[1] <= by_q.shape[2] else np.zeros(1)
+        if not noise > 0 or not np.all(least > SINGULAR):
             raise ArgumentError(
-                "at a pose the noise of the actuators does not reach every closure equation; this robot's carts are "
-                "not all measured, or it stands in a singular pose",
+                "at a pose the noise of the actuators does not reach every closure equation: not all of this robot's "
+                "actuators are measured, or it stands in a singular pose",
                 "actuator_noise",
-            ) from None
+            )
 
 
 def robot_side(robot: Model, choice: Choice, actuators: str = "q", pose: Sequence[str] = ()) -> RobotSide:
