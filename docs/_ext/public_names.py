@@ -13,8 +13,8 @@ LIBRARIES = [
     "filtering", "identify", "inference", "inference.bundle", "kinematics",
     "kinematics.accuracy", "kinematics.assembly_modes", "kinematics.causality", "kinematics.singularity",
     "kinematics.workspace", "loop", "measurements", "mechanics", "milling", "motion", "motion.axes",
-    "motion.elastic", "optimize", "results", "robots", "simulation", "vibration", "vision.detection",
-    "vision.rendering", "vision.robot_cameras",
+    "motion.elastic", "optimize", "results", "robots", "simulation", "vibration", "vision",
+    "vision.detection", "vision.rendering", "vision.robot_cameras",
 ]  # fmt: skip
 
 

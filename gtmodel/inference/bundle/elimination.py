@@ -125,7 +125,7 @@ def reduced(s: Structure, n: BlockNormal, damping: float = 0.0, dense: bool | No
         for kinds, keys in s.keys.items():
             first, second = np.divmod(keys, len(s.owner))
             own = np.flatnonzero(first == second)
-            if not len(own):  # no instance meets itself between two kinds
+            if not len(own):
                 continue
             more = damping * squares[s.offset[first[own]][:, None] + np.arange(kinds[0])]
             blocks[kinds][own] += more[:, :, None] * np.eye(kinds[0])

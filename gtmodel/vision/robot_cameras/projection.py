@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import casadi as ca
 
-CAMERA = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3", "qw", "qx", "qy", "qz", "x", "y", "z")
+from ..pinhole import LENS, pixel
+
+CAMERA = (*LENS, "qw", "qx", "qy", "qz", "x", "y", "z")
 TARGET = ("qw", "qx", "qy", "qz", "x", "y", "z", "scale")
 TURN = 9  # where a camera's quaternion begins
 
@@ -21,16 +23,8 @@ def rotation(q: ca.SX) -> ca.SX:
 
 def seen(camera: ca.SX, X: ca.SX) -> tuple[ca.SX, ca.SX]:
     """u, v [pixel] of a point, and margins that are positive where the camera's model holds: in front of it, and within
-    the radius at which the radial polynomial turns back."""
-    p = rotation(camera[9:13]).T @ (X - camera[13:16])
-    x, y = p[0] / p[2], p[1] / p[2]
-    r2 = x * x + y * y
-    k1, k2, p1, p2, k3 = (camera[k] for k in range(4, 9))
-    radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
-    u = x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x)
-    v = y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y
-    rising = 1 + r2 * (3 * k1 + r2 * (5 * k2 + 7 * r2 * k3))
-    return ca.vertcat(camera[0] * u + camera[2], camera[1] * v + camera[3]), ca.vertcat(p[2], rising)
+    the radius at which the lens folds the picture over."""
+    return pixel(rotation(camera[TURN : TURN + 4]).T @ (X - camera[13:16]), camera[:TURN])
 
 
 def mark(target: ca.SX, pose: ca.SX, p: ca.SX, on_tool: bool) -> ca.SX:
