@@ -18,7 +18,7 @@ from .options import CameraStart, RobotCameras
 from .pictures import RobotPictures
 from .projection import CAMERA, TARGET, TURN, corner_function, device_function, links_function
 from .redundancies import redundancies
-from .robot_side import RobotSide, robot_side
+from .robot_side import RobotLinks, robot_side
 from .starts import camera_starts, quaternion, rigid, target_start
 
 INTRINSICS = {"focal": ("fx", "fy"), "principal_point": ("cx", "cy"), "distortion": ("k1", "k2", "p1", "p2")}
@@ -36,7 +36,7 @@ class JointFit:
     """
 
     fit: BundleFit
-    side: RobotSide
+    side: RobotLinks
     setting: RobotCameras
     pictures: RobotPictures
     wrong_pictures: tuple[str, ...]
@@ -104,9 +104,9 @@ def joint_fit(
     >>> V = gt.vision.robot_cameras
     >>> made = V.made_pictures(V.SyntheticRobotCameras(counts=[3, 3, 3], seed=1))
     >>> joint = V.joint_fit(made.robot, made.pictures, made.cameras)
-    >>> left = joint.camera_of("left")
-    >>> abs(left["fx"] - 1400.0) < 4 * joint.estimate.std_of("left.fx")
-    True
+    >>> low, high = joint.estimate.interval("left.fx", 0.999)  # pixel
+    >>> low < 1400.0 < high, joint.camera_of("left")["fx"] == joint.estimate.value("left.fx")
+    (True, True)
     """
     setting = setting or RobotCameras()
     fit_on = Prepared.of(robot, pictures, cameras, setting)
@@ -140,7 +140,7 @@ def joint_fit(
 class Prepared:
     """The problem made ready: starts, and what is fixed."""
 
-    side: RobotSide
+    side: RobotLinks
     setting: RobotCameras
     start: dict[str, np.ndarray]
     camera_fixed: np.ndarray

@@ -7,14 +7,14 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from ...inference.bundle import GaugeMotion
-from .robot_side import RobotSide
+from .robot_side import RobotLinks
 from .starts import matrix
 
 Values = Mapping[str, np.ndarray]
 AXES = "xyz"
 
 
-def redundancies(side: RobotSide, q: np.ndarray, on_tool: bool) -> list[GaugeMotion]:
+def redundancies(side: RobotLinks, q: np.ndarray, on_tool: bool) -> list[GaugeMotion]:
     """Base frame against cameras (6), tool centre point against target (3), and the scale (1)."""
 
     def with_robot(values: Values, moved: dict[str, np.ndarray]) -> dict[str, np.ndarray]:

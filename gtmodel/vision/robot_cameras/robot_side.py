@@ -22,7 +22,7 @@ SINGULAR = 1e-6  # of rows of length one
 
 
 @dataclass(frozen=True, eq=False)
-class RobotSide:
+class RobotLinks:
     """Length errors of a robot's links as a function of its free parameters, its pose and its actuators.
 
     `pose`: variables of the end-effector, the position first, then a quaternion where it turns; `unknowns`: the free
@@ -114,7 +114,7 @@ class RobotSide:
             )
 
 
-def robot_side(robot: Model, choice: Choice, actuators: str = "q", pose: Sequence[str] = ()) -> RobotSide:
+def robot_side(robot: Model, choice: Choice, actuators: str = "q", pose: Sequence[str] = ()) -> RobotLinks:
     """The closure equations of a robot with all of its pose known. Raises ArgumentError and ModelError."""
     flat = flat_of(robot)
     pose = tuple(pose) or tuple(n for n in ("T", "e") if n in flat.groups)
@@ -128,4 +128,4 @@ def robot_side(robot: Model, choice: Choice, actuators: str = "q", pose: Sequenc
     (lengths,) = u.substituted([closure.lengths])
     z = ca.vertcat(*[closure.symbols[n] for n in pose])
     residual = ca.Function("lengths", [u.x, z, closure.symbols[actuators]], [lengths], {"cse": True})
-    return RobotSide(robot, actuators, pose, closure, u, residual)
+    return RobotLinks(robot, actuators, pose, closure, u, residual)

@@ -20,7 +20,7 @@ from .joint import CAMERA_UNITS, Prepared, held_by_default
 from .options import CameraStart, RobotCameras
 from .pictures import RobotPictures
 from .projection import CAMERA, TARGET, TURN, rotation, seen
-from .robot_side import RobotSide
+from .robot_side import RobotLinks
 from .starts import matrix
 
 POSE = ("x", "y", "z")
@@ -48,7 +48,7 @@ class TwoStepFit:
     centres: np.ndarray
     covariance: np.ndarray
     calibration: Calibration
-    side: RobotSide
+    side: RobotLinks
     factor: float
 
     @property
@@ -80,8 +80,9 @@ def two_step_fit(
     end. Raises ArgumentError for one camera with free corners, cameras on the plate, and robots whose plate turns.
 
     >>> V = gt.vision.robot_cameras
-    >>> made = V.made_pictures(V.SyntheticRobotCameras(counts=[4, 4, 4]))
-    >>> two = V.two_step_fit(made.robot, made.pictures, made.cameras)
+    >>> made = V.made_pictures(V.SyntheticRobotCameras(counts=[4, 4, 4], distortion=[0.0] * 5))
+    >>> known = [V.CameraStart(n, 1600.0, 1200.0, 1400.0, [800.0, 600.0]) for n in ("left", "right")]
+    >>> two = V.two_step_fit(made.robot, made.pictures, known, V.RobotCameras(estimate=[]))
     >>> two.centres.shape, two.calibration.status.ok
     ((64, 3), True)
     """
@@ -163,7 +164,11 @@ def _with_cameras(ready: Prepared, others: list[UnknownGroup], block: ResidualBl
     cameras = UnknownGroup("camera", start, CAMERA, ready.names, turn=TURN, fixed=fixed, units=CAMERA_UNITS)
     fit = bundle_fit([cameras, *others], [block], stop=stop)
     if not fit.status.ok:
-        raise ArgumentError(f"the pictures alone do not give the cameras: {fit.message}", "corners")
+        raise ArgumentError(
+            f"the pictures alone do not give the cameras ({fit.message}): a target that never tilts leaves focal "
+            "length and distance to each other; hold what is known of the cameras, or calibrate jointly",
+            "corners",
+        )
     return fit
 
 
