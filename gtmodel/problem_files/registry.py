@@ -58,6 +58,8 @@ _KINDS = {
     "resampling": "signals of several clocks on one even grid: uneven rows, gaps, offset and drift of the clocks",
     "delay": "how late signals come behind others that show the same motion, with intervals",
     "sensor_fusion": "laser tracker and inertial unit filtered into one motion, and whether to believe the filter",
+    "lead_through": "a tool guided by hand with two force sensors: force held, limits, energy at the handle, a peg",
+    "wrench_calibration": "bias, mass and centre of what a force sensor carries, from poses, with intervals",
     "learning_control": "what a robot that repeats a motion learns: rate and floor said before, runs, the next input",
     "friction": "friction of the actuators and the mass they hold, from constant-velocity runs",
 }
