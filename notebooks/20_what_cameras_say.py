@@ -57,8 +57,8 @@ assert low - 3 < 800 < high + 3
 # %% [markdown]
 # ## 2 In two steps, with cameras that are held wrong
 #
-# The thesis intersects positions first, with the lens as it was calibrated before. Let both principal points be 3 pixels
-# off, in opposite directions.
+# The thesis intersects positions first, with the lens as it was calibrated before. Let both principal points be 3
+# pixels off, in opposite directions.
 
 # %%
 wrong = [
@@ -83,7 +83,7 @@ print(f"held out {error(stiff):.2f} mm; shown by {test.fires()}; along the radiu
 assert test.fires() == ("left", "right")
 
 # %%
-from gtmodel.plot.cameras.robot import residuals_figure  # noqa: E402
+from gtmodel.plot.cameras.robot import residuals_figure
 
 p = stiff.pictures
 figure = residuals_figure(
@@ -103,7 +103,7 @@ print(f"predicted {1e3 * predicted.rms:.3f} mm rms, seen {error(joint):.3f} mm i
 assert error(joint) < 3e3 * predicted.rms
 
 # %%
-from gtmodel.plot.cameras.robot import ellipsoids_figure  # noqa: E402
+from gtmodel.plot.cameras.robot import ellipsoids_figure
 
 figure = ellipsoids_figure(predicted.positions, predicted.covariance, title="synthetic: predicted errors")
 figure
@@ -128,6 +128,6 @@ assert robust.wrong_pictures == ("pose 18 in left",)
 # %% [markdown]
 # ## Answer
 #
-# Hardly the pixels: a tenth of a pixel leaves a tenth of a millimetre here. A principal point that is held 3 pixels wrong
-# leaves millimetres, and two steps do not show it. That explains the printed 1.7 mm and does not prove it: the pictures
-# are not published. Estimate cameras with the robot, and look at residuals over the picture.
+# Hardly the pixels: a tenth of a pixel leaves a tenth of a millimetre here. A principal point that is held 3 pixels
+# wrong leaves millimetres, and two steps do not show it. That explains the printed 1.7 mm and does not prove it: the
+# pictures are not published. Estimate cameras with the robot, and look at residuals over the picture.
