@@ -33,12 +33,14 @@ scene = V.SyntheticRobotCameras(counts=[6, 5, 5], seed=1)
 made = V.made_pictures(scene)
 rows = np.arange(len(made.pictures.poses))
 fitted, unseen = made.pictures.part(rows[::2]), made.pictures.part(rows[1::2])
+truth = unseen.truth
+assert truth is not None  # of synthetic pictures
 print(f"{len(fitted)} corners of {len(fitted.poses)} poses; {len(unseen.poses)} held out; {made.pictures.synthetic}")
 
 
 def error(fit, scale=False):
     """Mean error [mm] of held-out positions, in the frame of the true ones."""
-    return 1e3 * V.aligned_errors(fit.positions(unseen.actuators), unseen.truth, scale).mean()
+    return 1e3 * V.aligned_errors(fit.positions(unseen.actuators), truth, scale).mean()
 
 
 # %% [markdown]
@@ -114,7 +116,8 @@ figure
 # %%
 places = V.CameraPlaces(baselines=[0.5, 1.5], distances=[2.4, 3.2])
 for place in V.camera_places(made.robot, replace(scene, counts=[4, 3, 3]), places):
-    print(f"{place.baseline} m apart at {place.distance} m: {1e3 * place.predicted.rms:.3f} mm rms")
+    worth = place.why if place.predicted is None else f"{1e3 * place.predicted.rms:.3f} mm rms"
+    print(f"{place.baseline} m apart at {place.distance} m: {worth}")
 
 # %% [markdown]
 # ## 5 One picture counted from the other end
