@@ -53,8 +53,8 @@ class BundleFit:
 
     @property
     def shared_covariance(self) -> np.ndarray:
-        """Covariance of the increments of all shared unknowns, group by group, those of quaternions in their own frames;
-        zero for what is fixed. Raises ArgumentError unless solved."""
+        """Covariance of the increments of all shared unknowns, group by group, those of quaternions in their own
+        frames; zero for what is fixed. Raises ArgumentError unless solved."""
         if self._worth is None:
             raise ArgumentError(f"a fit that is not solved has no covariance: {self.message}")
         return self._worth.C

@@ -55,7 +55,9 @@ def camera_starts(table: CornerTable, pictures: BoardPictures, start: CameraStar
     for p in range(len(table.pictures)):
         seen = [c for c in range(n) if (c, p) in views]
         if not seen:
-            raise ArgumentError(f"picture {table.pictures[p]} shows fewer than {LEAST} corners; leave it out", "corners")
+            raise ArgumentError(
+                f"picture {table.pictures[p]} shows fewer than {LEAST} corners; leave it out", "corners"
+            )
         boards[p] = composed(inverse_poses(cameras[seen[0]][None]), views[seen[0], p][None])[0]
     return CameraStarts(lenses, cameras, boards)
 
@@ -124,7 +126,11 @@ def _camera_poses(table: CornerTable, views: dict[tuple[int, int], np.ndarray]) 
     cameras = np.tile(np.eye(1, 7), (len(table.cameras), 1))
     placed = {0}
     while len(placed) < len(cameras):
-        options = [(a, b, *_between(views, a, b, len(table.pictures))) for a in placed for b in set(range(len(cameras))) - placed]
+        options = [
+            (a, b, *_between(views, a, b, len(table.pictures)))
+            for a in placed
+            for b in set(range(len(cameras))) - placed
+        ]
         a, b, both, between = max(options, key=lambda o: (len(o[2]), -o[0], -o[1]))
         if not both:
             lost = ", ".join(table.cameras[c] for c in range(len(cameras)) if c not in placed)

@@ -43,8 +43,8 @@ class CameraStart(Options):
     ] = None
     translation: Annotated[
         tuple[float, ...] | None, Long(3),
-        "of the second camera, as its p = R p_first + t, in metres where the square is known, else in squares; from the "
-        "boards if left out",
+        "of the second camera, as its p = R p_first + t, in metres where the square is known, else in squares; from "
+        "the boards if left out",
     ] = None  # fmt: skip
 
 

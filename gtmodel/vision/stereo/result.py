@@ -41,9 +41,9 @@ class StereoStudy(Study):
         default_factory=dict
     )
     lens_std: Annotated[Mapping[str, ByCamera], "their standard deviations"] = field(default_factory=dict)
-    rotation: Annotated[
-        Vectors, Quantity("rad", "rotation vector R of each further camera, p = R p_first + t")
-    ] = field(default_factory=dict)
+    rotation: Annotated[Vectors, Quantity("rad", "rotation vector R of each further camera, p = R p_first + t")] = (
+        field(default_factory=dict)
+    )
     translation: Annotated[Vectors, Quantity("m", "t of each further camera; empty where no length is known")] = field(
         default_factory=dict
     )

@@ -30,7 +30,10 @@ FOCAL = 0.05  # of a focal length, its standard deviation: beyond, it is hardly 
 REMOVED = 0.2  # share of corners; more are no outliers
 FIRES = 1e-3  # chance of a false alarm of the test over the picture, over all cameras
 NAMED = 10  # corners that a note lists
-TILT = "tilt the board by 20 degrees or more in some pictures: facing the camera, focal length and distance cannot be told apart"
+TILT = (
+    "tilt the board by 20 degrees or more in some pictures: where it faces the camera, focal length and distance "
+    "cannot be told apart"
+)
 
 
 @study_function
@@ -77,7 +80,7 @@ def stereo_study(
         work.step("gross errors", 0.3)
         begin, removed = without_gross_errors(table, begin, fit, work.interrupted)
         kept = np.flatnonzero(~removed.corners)
-        table, begin = _left(table, kept, begin, removed)
+        table, begin = _left(table, kept, begin)
     work.step("fit", 0.6)
     try:
         end = calibrated(table, begin, fit, stop=work.interrupted)
@@ -133,8 +136,8 @@ def _on_the_board(corners: CornerTable, board: BoardPictures) -> None:
     if beside.any():
         k = int(np.argmax(beside))
         raise ArgumentError(
-            f"{corners.label(k)} lies at X, Y, Z = {X[k, 0]:g}, {X[k, 1]:g}, {X[k, 2]:g}; expected whole squares within "
-            f"{board.columns} x {board.rows} corners",
+            f"{corners.label(k)} lies at X, Y, Z = {X[k, 0]:g}, {X[k, 1]:g}, {X[k, 2]:g}; expected whole squares "
+            f"within {board.columns} x {board.rows} corners",
             "corners",
         )
     wide = np.array([board.width_pixel, board.height_pixel])
@@ -142,20 +145,22 @@ def _on_the_board(corners: CornerTable, board: BoardPictures) -> None:
     if outside.any():
         k = int(np.argmax(outside))
         u, v = corners.uv[k]
-        raise ArgumentError(f"{corners.label(k)} lies at {u:g}, {v:g}, outside a picture of {wide[0]} x {wide[1]}", "corners")
+        raise ArgumentError(
+            f"{corners.label(k)} lies at {u:g}, {v:g}, outside a picture of {wide[0]} x {wide[1]}", "corners"
+        )
     if len(corners.pictures) < FEW:
-        raise ArgumentError(f"{len(corners.pictures)} pictures of a board determine no lens; expected at least {FEW}", "corners")
+        raise ArgumentError(
+            f"{len(corners.pictures)} pictures of a board determine no lens; expected at least {FEW}", "corners"
+        )
 
 
-def _left(table: CornerTable, kept: np.ndarray, begin: Any, removed: GrossErrors) -> tuple[CornerTable, Any]:
+def _left(table: CornerTable, kept: np.ndarray, begin: Any) -> tuple[CornerTable, Any]:
     """The corners that are left, and starts without the pictures that are wrong."""
     left = [p for p in range(len(table.pictures)) if np.any(table.picture[kept] == p)]
     if len(left) < FEW:
         raise ArgumentError(f"gross errors leave {len(left)} of {len(table.pictures)} pictures", "corners")
-    number = np.cumsum(np.isin(np.arange(len(table.pictures)), left)) - 1
-    some = table.rows(kept)
-    some = replace(some, pictures=tuple(table.pictures[p] for p in left), picture=number[some.picture])
-    return some, replace(begin, boards=begin.boards[left])
+    gone = [name for p, name in enumerate(table.pictures) if p not in left]
+    return table.rows(kept).without(gone), replace(begin, boards=begin.boards[left])
 
 
 def _failed(end: BundleFit) -> str:
@@ -176,7 +181,9 @@ def _judged(corners: CornerTable, table: CornerTable, end: BundleFit, bad: Gross
             tests: dict[str, PictureTest]) -> tuple[dict[str, Check], list[str]]:  # fmt: skip
     assert end.estimate is not None
     names = end.estimate.names
-    worst = max(end.estimate.std[names.index(f"{c}.fx")] / end.values["lens"][k, 0] for k, c in enumerate(table.cameras))
+    worst = max(
+        end.estimate.std[names.index(f"{c}.fx")] / end.values["lens"][k, 0] for k, c in enumerate(table.cameras)
+    )
     checks = {"focal_length_relative_std": at_most(float(worst), FOCAL, TILT)}
     wrong = ", ".join(corners.pictures[p] for p in bad.pictures)
     single = [corners.label(int(k)) for k in np.flatnonzero(bad.corners) if corners.picture[k] not in bad.pictures]
@@ -200,7 +207,8 @@ def _judged(corners: CornerTable, table: CornerTable, end: BundleFit, bad: Gross
             notes.append(
                 f"residuals of {name} depend on the place in the picture: a quadratic map of {test.size:.2g} pixel rms "
                 f"(chance {test.quadratic:.1g}; along the radius alone {test.radius:.1g}): the lens has more than is "
-                "fitted, or the board is not flat; standard deviations are too small by so much"
+                "fitted, the board is not flat, or errors of one picture go together; standard deviations leave that "
+                "out"
             )
     return checks, notes
 
@@ -220,21 +228,23 @@ def _values(table: CornerTable, end: BundleFit, metres: bool) -> dict[str, Any]:
 
     lens = {n: dict(zip(LENS, end.values["lens"][c].tolist(), strict=True)) for c, n in enumerate(table.cameras)}
     values: dict[str, Any] = {
-        "cameras": table.cameras, "pictures": len(table.pictures), "corners": table.n, "rms": rms(np.ones(table.n, bool)),
+        "cameras": table.cameras, "pictures": len(table.pictures), "corners": table.n,
+        "rms": rms(np.ones(table.n, bool)),
         "rms_by_camera": {n: rms(table.camera == c) for c, n in enumerate(table.cameras)},
         "rms_by_picture": {n: rms(table.picture == p) for p, n in enumerate(table.pictures)},
         "noise": float(np.sqrt(np.sum(square) / max(e.degrees_of_freedom, 1.0))),
         "lens": lens, "lens_std": {n: {k: spread(f"{n}.{k}") for k in LENS} for n in table.cameras},
         "tilt": _tilt(end),
     }  # fmt: skip
-    rotation, translation, baseline, interval = {}, {}, {}, {}
+    rotation, translation, interval = dict[str, list[float]](), dict[str, list[float]](), dict[str, list[float]]()
+    baseline = dict[str, float]()
     for n in table.cameras[1:]:
         rotation[n] = [e.value(f"{n}, place.turn_{a}") for a in "xyz"]
         t = np.array([e.value(f"{n}, place.{a}") for a in "xyz"])
         translation[n], baseline[n] = t.tolist(), float(np.linalg.norm(t))
         low, high = e.combination({f"{n}, place.{a}": x / baseline[n] for a, x in zip("xyz", t, strict=True)})[1:]
         interval[n] = [low, high]
-    lengths = {"translation": translation, "baseline": baseline, "baseline_interval": interval}
+    lengths: dict[str, Any] = {"translation": translation, "baseline": baseline, "baseline_interval": interval}
     if len(table.cameras) > 1:
         lengths["point_std"] = _point_std(table, end)
     return values | {"rotation": rotation} | {k if metres else f"{k}_squares": v for k, v in lengths.items()}
@@ -243,7 +253,9 @@ def _values(table: CornerTable, end: BundleFit, metres: bool) -> dict[str, Any]:
 def _tilt(end: BundleFit) -> float:
     """Largest angle between a board and a picture plane [rad]."""
     boards = end.values["board"]
-    cosines = [np.abs(matrices_of(composed(np.tile(c, (len(boards), 1)), boards))[:, 2, 2]) for c in end.values["camera"]]
+    cosines = [
+        np.abs(matrices_of(composed(np.tile(c, (len(boards), 1)), boards))[:, 2, 2]) for c in end.values["camera"]
+    ]
     return float(np.arccos(np.clip(np.min(cosines), 0.0, 1.0)))
 
 
@@ -256,7 +268,9 @@ def _point_std(table: CornerTable, end: BundleFit) -> list[float]:
     for k, c, pixel in zip(key, table.camera, table.uv, strict=True):
         uv[place[k], c] = pixel
     lenses, n = end.values["lens"], len(LENS)
-    order = np.concatenate([[*range(n * c, n * c + n), *range(n * many + 6 * c, n * many + 6 * c + 6)] for c in range(many)])
+    order = np.concatenate(
+        [[*range(n * c, n * c + n), *range(n * many + 6 * c, n * many + 6 * c + 6)] for c in range(many)]
+    )
     C = end.shared_covariance[np.ix_(order, order)]
     assert C.shape == (MOVES * many, MOVES * many)
     sigma = float(np.sqrt(np.mean(end.residuals["corners"] ** 2)))
@@ -279,7 +293,9 @@ def _cameras_file(values: dict[str, Any], metres: bool) -> str:
         spreads += [float("nan")] * 6
         units += ["rad"] * 3 + ["m" if metres else "square"] * 3
     columns = {"name": names, "value": numbers, "std": spreads, "unit": units}
-    note = "p_camera = R p_first + t, R of the rotation vector; lens in OpenCV's order; the first pixel's middle is (0, 0)"
+    note = (
+        "p_camera = R p_first + t, R of the rotation vector; lens in OpenCV's order; the first pixel's middle is (0, 0)"
+    )
     return csv_text(columns, {"value": 15, "std": 4}, [note])
 
 
@@ -287,7 +303,8 @@ def _residuals_file(corners: CornerTable, kept: np.ndarray, end: BundleFit) -> s
     error = np.full((corners.n, 2), np.nan)
     error[kept] = end.residuals["corners"]
     columns = {
-        "camera": [corners.cameras[c] for c in corners.camera], "picture": [corners.pictures[p] for p in corners.picture],
+        "camera": [corners.cameras[c] for c in corners.camera],
+        "picture": [corners.pictures[p] for p in corners.picture],
         "corner": list(corners.marks), "u_pixel": corners.uv[:, 0], "v_pixel": corners.uv[:, 1],
         "error_u_pixel": error[:, 0], "error_v_pixel": error[:, 1],
     }  # fmt: skip

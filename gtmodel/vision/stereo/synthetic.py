@@ -45,7 +45,9 @@ def made_corners(wanted: SyntheticBoards, board: BoardPictures) -> tuple[CornerT
     rng = np.random.default_rng(wanted.seed)
     lenses = np.array([LEFT, RIGHT])
     size = board.square or 1.0
-    cameras = np.vstack([np.eye(1, 7), poses_of(_turns([[0.007, 0.004, -0.003]]), np.array([[-3.3, 0.04, 0.0]]) * size)])
+    cameras = np.vstack(
+        [np.eye(1, 7), poses_of(_turns([[0.007, 0.004, -0.003]]), np.array([[-3.3, 0.04, 0.0]]) * size)]
+    )
     X = Board(board.columns, board.rows, None, board.identified).points
     middle = X.mean(axis=0) * size
     uv: list[np.ndarray] = []
