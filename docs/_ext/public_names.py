@@ -14,7 +14,7 @@ LIBRARIES = [
     "kinematics.accuracy", "kinematics.assembly_modes", "kinematics.causality", "kinematics.singularity",
     "kinematics.workspace", "loop", "measurements", "mechanics", "milling", "motion", "motion.axes",
     "motion.elastic", "optimize", "results", "robots", "simulation", "vibration", "vision",
-    "vision.detection", "vision.rendering",
+    "vision.detection", "vision.rendering", "vision.stereo", "vision.robot_cameras",
 ]  # fmt: skip
 
 

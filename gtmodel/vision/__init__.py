@@ -15,10 +15,11 @@ Measurements
     intersect, IntersectedPoints    points from the pixels of several cameras, with covariance
     picture_test, PictureTest   do residuals depend on the place in the picture
 Calibration of cameras, in `stereo`
-    stereo_study, StereoStudy   with BoardPictures, CameraFit, CameraStart
+    stereo_study, StereoStudy   with BoardPictures, CameraFit, StereoStart
 Packages
     detection      marks of boards and of a tool's squares in pictures, as a table of corners; needs OpenCV
     rendering      synthetic pictures with exact area coverage
+    robot_cameras  a robot and cameras calibrated together; where two cameras should stand
 """
 
 from typing import TYPE_CHECKING
@@ -26,7 +27,7 @@ from typing import TYPE_CHECKING
 from .._lazy import public
 
 if TYPE_CHECKING:
-    from . import detection as detection, rendering as rendering, stereo as stereo
+    from . import detection as detection, rendering as rendering, robot_cameras as robot_cameras, stereo as stereo
     from .board import Board as Board
     from .bundle_files import (
         BundleFile as BundleFile,
@@ -44,7 +45,7 @@ if TYPE_CHECKING:
     from .stereo import (
         BoardPictures as BoardPictures,
         CameraFit as CameraFit,
-        CameraStart as CameraStart,
+        StereoStart as StereoStart,
         StereoStudy as StereoStudy,
         stereo_study as stereo_study,
     )

@@ -10,7 +10,7 @@ import pytest
 
 import gtmodel as gt
 from gtmodel.results import ArgumentError, SolveStatus
-from gtmodel.vision import BoardPictures, CameraFit, CameraStart, CornerTable, read_corners, stereo_study
+from gtmodel.vision import BoardPictures, CameraFit, CornerTable, StereoStart, read_corners, stereo_study
 from gtmodel.vision.stereo import SyntheticBoards, camera_starts, made_corners
 
 BOARD = BoardPictures(width_pixel=640, height_pixel=480, columns=9, rows=6, square=0.03)
@@ -18,9 +18,9 @@ SQUARES = replace(BOARD, square=None)
 MEASURED = Path(__file__).parents[2] / "problems/data/opencv_stereo/corners.csv"
 OPENCV = 0.2150  # pixel rms, reference.txt beside the corners
 STARTS = {
-    "wide": CameraStart(focal_pixel=640.0),
-    "wrong sign": CameraStart(focal_pixel=640.0, translation=(3.3, 0.0, 0.0)),
-    "Zhang": CameraStart(),
+    "wide": StereoStart(focal_pixel=640.0),
+    "wrong sign": StereoStart(focal_pixel=640.0, translation=(3.3, 0.0, 0.0)),
+    "Zhang": StereoStart(),
 }
 
 
@@ -166,9 +166,9 @@ def test_boards_with_two_readings_are_refused(corners, size) -> None:
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.1])
-@pytest.mark.parametrize("start", [CameraStart(), CameraStart(focal_pixel=600.0)])
+@pytest.mark.parametrize("start", [StereoStart(), StereoStart(focal_pixel=600.0)])
 def test_a_board_that_is_never_tilted_determines_no_focal_length_and_that_is_said(
-    noise: float, start: CameraStart
+    noise: float, start: StereoStart
 ) -> None:
     table, _, _ = made_corners(SyntheticBoards(pictures=10, noise_pixel=0.0), BOARD)
     left = table.rows(table.camera == 0)
@@ -192,7 +192,7 @@ def test_one_camera_alone() -> None:
     assert s.status.ok and s.baseline == {} and abs(s.lens["left"]["fx"] - lenses[0, 0]) < 5
     with pytest.raises(ArgumentError) as error:
         stereo_study(
-            replace(table.rows(table.camera == 0), cameras=("left",)), BOARD, start=CameraStart(translation=(1, 0, 0))
+            replace(table.rows(table.camera == 0), cameras=("left",)), BOARD, start=StereoStart(translation=(1, 0, 0))
         )
     assert error.value.argument == "start.translation"
 
@@ -224,7 +224,7 @@ def test_a_wrong_principal_point_shows_in_the_quadratic_map() -> None:
 
 
 def test_starts_have_all_corners_in_front(corners) -> None:
-    begin = camera_starts(corners, SQUARES, CameraStart(focal_pixel=640.0))
+    begin = camera_starts(corners, SQUARES, StereoStart(focal_pixel=640.0))
     assert np.all(begin.boards[:, 6] > 0) and begin.lenses.shape == (2, 9)
 
 

@@ -26,4 +26,4 @@ class Schema(Problem):
     corners: CornersSection
     board: Made[options.BoardPictures]
     fit: Made[options.CameraFit] = Made[options.CameraFit].left_out()
-    start: Made[options.CameraStart] = Made[options.CameraStart].left_out()
+    start: Made[options.StereoStart] = Made[options.StereoStart].left_out()

@@ -14,7 +14,7 @@ from ..pinhole import LENS
 from ..rigid_poses import composed, inverse_poses, matrices_of, pose_group, poses_of
 from ..starts import board_pose, focal_length, homography
 from ..views import board_view
-from .options import BoardPictures, CameraFit, CameraStart
+from .options import BoardPictures, CameraFit, StereoStart
 
 TURNED = np.deg2rad(90.0)  # between two readings of one board: half a turn or nothing, but for a rough start
 LIKE = np.deg2rad(45.0)
@@ -31,7 +31,7 @@ class CameraStarts:
     boards: np.ndarray
 
 
-def camera_starts(table: CornerTable, pictures: BoardPictures, start: CameraStart) -> CameraStarts:
+def camera_starts(table: CornerTable, pictures: BoardPictures, start: StereoStart) -> CameraStarts:
     """From homographies of the board; the first camera is where poses begin.
 
     Raises ArgumentError for too few corners, a board that was never tilted, pictures that connect no two cameras, and a

@@ -31,10 +31,10 @@ class BoardPictures(Options):
 
 
 @dataclass(frozen=True)
-class CameraStart(Options):
+class StereoStart(Options):
     """Where the fit begins; what is left out comes from the pictures.
 
-    >>> gt.vision.CameraStart(focal_pixel=640.0).translation is None
+    >>> gt.vision.StereoStart(focal_pixel=640.0).translation is None
     True
     """
 

@@ -22,7 +22,7 @@ from ..pinhole import LENS
 from ..rigid_poses import composed, matrices_of
 from .calibrated import calibrated, camera_starts
 from .gross_errors import GrossErrors, gross_errors, without_gross_errors
-from .options import BoardPictures, CameraFit, CameraStart
+from .options import BoardPictures, CameraFit, StereoStart
 from .result import StereoStudy
 
 FEW = 3  # pictures
@@ -41,7 +41,7 @@ def stereo_study(
     corners: CornerTable,
     board: BoardPictures,
     fit: CameraFit | None = None,
-    start: CameraStart | None = None,
+    start: StereoStart | None = None,
     *,
     title: str = "",
     progress: Progress = silent,
@@ -68,7 +68,7 @@ def stereo_study(
     (True, True)
     """
     work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
-    fit, start = fit or CameraFit(), start or CameraStart()
+    fit, start = fit or CameraFit(), start or StereoStart()
     metres = _metres(board)
     _on_the_board(corners, board)
     table = replace(corners, X=corners.X * (board.square or 1.0))
