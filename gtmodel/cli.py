@@ -287,7 +287,9 @@ def loop(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder that gtmodel codegen wrote.")],
     peer: Annotated[str, typer.Option("--peer", metavar="egm|rsi", help="Protocol of the simulated controller.")],
     seconds: Annotated[float, typer.Option("--seconds", metavar="N", help="Length of each of the two runs.")],
-    law: Annotated[str, typer.Option(metavar="LAW", help="trajectory, dynamics, replay or path.")] = "trajectory",
+    law: Annotated[
+        str, typer.Option(metavar="LAW", help="trajectory, dynamics, replay, path or lead_through.")
+    ] = "trajectory",
     reference: Annotated[
         Path | None, typer.Option(metavar="CSV", help="Motion to follow, as reference.csv of gtmodel solve --out.")
     ] = None,
