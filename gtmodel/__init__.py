@@ -3,7 +3,8 @@
 Language: Model, Connector, Optimization; variable, input, parameter, part, parts, port, outer, connect, der.
 Engines: Model.causal (any causality), solve (optimal control), simulate, cgen.generate (C code).
 Libraries, imported when first used: calibrate, cgen, compliance, control, filtering, identify, inference, kinematics,
-loop, measurements, mechanics, milling, motion, optimize, plot, results, robots, simulation, vibration.
+loop, measurements, mechanics, milling, motion, optimize, plot, results, robots, simulation, vibration,
+vision.
 load("problem.toml") gives the study that a problem file means, as a call on objects.
 """
 
@@ -43,6 +44,7 @@ if TYPE_CHECKING:
         robots as robots,
         simulation as simulation,
         vibration as vibration,
+        vision as vision,
     )
     from .compiler.causal import CausalFunction as CausalFunction
     from .lang import *  # noqa: F403

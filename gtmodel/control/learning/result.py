@@ -72,6 +72,9 @@ class NextInputStudy(Study):
     scatter: Annotated[
         Sequence[float] | None, Quantity("m", "between identical runs, learning on; null without them", written="um")
     ] = None
+    unexplained: Annotated[
+        Sequence[float], "what the model does not make of this run, of the error that it expects before learning"
+    ] = ()
     sigma: Annotated[Sequence[float], "largest singular value of (7.16), by the model"] = ()
     bound: Annotated[Sequence[float], "largest |Q| |1 - L T| over frequency and all models"] = ()
     learned: Annotated[bool, "whether nothing more can be learned; the input is then that of this run"] = False

@@ -15,6 +15,7 @@ from .keys import RunSection, Schema
 NAME = "learning_control"
 ARGUMENTS = {
     "design": "learning", "path": "reference", "run": "log", "law": "learning", "cutoff": "learning.cutoff",
+    "ramp": "log.ramp_samples", "repeats": "log.repeats",
     "length": "learning.lags", "shift": "learning.shift", "side_time": "reference.side_time",
 }  # fmt: skip
 

@@ -156,3 +156,27 @@ def test_the_synthetic_tool_is_that_of_its_differential_equation() -> None:
     maps = learning.flexible_axis(11.5, 0.05).maps(300)
     assert np.abs(maps["motor"](r) - np.array(rows)[:, 0]).max() < 1e-10
     assert np.abs(maps["tool"](r) - np.array(rows)[:, 1]).max() < 1e-9
+
+
+def test_a_model_whose_lasting_part_the_acceleration_does_not_show_is_refused_and_a_fading_one_is_not() -> None:
+    run, tool = signals(6), learning.tool_model(11.5, 0.05)
+    hidden = {}
+    for pole in (0.9, 1.0):
+        A = scipy.linalg.block_diag(tool.A, [[pole]])
+        hidden[pole] = control.StateSpace(A, np.vstack([tool.B, [[1, 1]]]), [[1, 0, 0]], np.zeros((1, 2)), TS)
+    plain = learning.most_likely_filter(tool, run["motor"], run["acceleration"], NOISE)
+    with_it = learning.most_likely_filter(hidden[0.9], run["motor"], run["acceleration"], NOISE)
+    both = [learning.kalman_estimate(N, f)(run) for f in (plain, with_it)]
+    assert np.abs(both[0] - both[1]).max() < SAME
+    with pytest.raises(ArgumentError) as error:
+        learning.most_likely_filter(hidden[1.0], run["motor"], run["acceleration"], NOISE)
+    assert error.value.argument == "model"
+
+
+def test_a_run_with_nan_gives_no_filter() -> None:
+    run = signals(6)
+    felt = run["acceleration"].copy()
+    felt[5] = np.nan
+    with pytest.raises(ArgumentError) as error:
+        learning.most_likely_filter(learning.tool_model(11.5, 0.05), run["motor"], felt, NOISE)
+    assert error.value.argument == "acceleration"
