@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -45,10 +46,10 @@ class SensorNumbers(Options):
         from ...control.lead_through import MountedSensor
 
         x, y, z = scipy.spatial.transform.Rotation.from_rotvec(self.turn).as_matrix().tolist()
-        first = tuple(self.mass * c for c in self.centre)
+        a, b, c = self.centre
         return MountedSensor(
-            (tuple(x), tuple(y), tuple(z)), tuple(self.point), tuple(self.force_bias), tuple(self.moment_bias),
-            self.mass, (first[0], first[1], first[2]),
+            (_vector(x), _vector(y), _vector(z)), _vector(self.point), _vector(self.force_bias),
+            _vector(self.moment_bias), self.mass, (self.mass * a, self.mass * b, self.mass * c),
         )  # fmt: skip
 
 
@@ -126,6 +127,11 @@ class Guiding(Options):
         from ...control.lead_through import LeadThroughLaw, SurfaceLaw
 
         return LeadThroughLaw(
-            SurfaceLaw(self.gains, tuple(self.normal), self.watch),
-            handle=self.handle.mounted(), tool=self.tool.mounted(), gravity=tuple(self.gravity),
+            SurfaceLaw(self.gains, _vector(self.normal), self.watch),
+            handle=self.handle.mounted(), tool=self.tool.mounted(), gravity=_vector(self.gravity),
         )  # fmt: skip
+
+
+def _vector(numbers: Sequence[float]) -> Three:
+    """A tuple, also of a list from a file."""
+    return float(numbers[0]), float(numbers[1]), float(numbers[2])
