@@ -7,10 +7,12 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from ..results import Quantity, Row, Study
+from ..results.study import to_inherit
 from .bench import HOLD_CYCLES
 from .report import rows_of
 
 
+@to_inherit
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class LoopStudy(Study):
     """Two runs of the loop, its law off and on; without quantities where they were not both made.

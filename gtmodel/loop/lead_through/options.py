@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 
+from ..._lazy import hint
 from ...control.lead_through import OscillationWatch, ServoChain, SurfaceGains, SyntheticSurface
 from ...results import ArgumentError
 from ...results.options import Options, Unit, Within
@@ -15,6 +16,9 @@ from ..exchange import CYCLE_MS
 
 if TYPE_CHECKING:
     from ...control.lead_through import LeadThroughLaw, MountedSensor
+else:
+    LeadThroughLaw = hint("gtmodel.control.lead_through", "LeadThroughLaw")
+    MountedSensor = hint("gtmodel.control.lead_through", "MountedSensor")
 
 Three = tuple[float, float, float]
 ZEROS: Three = (0.0, 0.0, 0.0)
