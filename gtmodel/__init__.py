@@ -2,8 +2,8 @@
 
 Language: Model, Connector, Optimization; variable, input, parameter, part, parts, port, outer, connect, der.
 Engines: Model.causal (any causality), solve (optimal control), simulate, cgen.generate (C code).
-Libraries, imported when first used: calibrate, cgen, compliance, control, filtering, identify, inference, kinematics,
-loop, measurements, mechanics, milling, motion, optimize, plot, results, robots, simulation, vibration,
+Libraries, imported when first used: calibrate, cgen, compliance, control, filtering, fmu, identify, inference,
+kinematics, loop, measurements, mechanics, milling, motion, optimize, plot, results, robots, simulation, vibration,
 vision.
 load("problem.toml") gives the study that a problem file means, as a call on objects.
 """
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
         compliance as compliance,
         control as control,
         filtering as filtering,
+        fmu as fmu,
         identify as identify,
         inference as inference,
         kinematics as kinematics,

@@ -13,7 +13,7 @@ HOUSE = Path(__file__).resolve().parents[1] / "gtmodel"
 LINES = [
     {"lang"}, {"results"}, {"compiler"}, {"measurements", "inference"}, {"simulation", "optimize", "cgen", "control"},
     {"mechanics"}, {"robots"},
-    {"kinematics", "motion", "calibrate", "identify", "compliance", "vibration", "milling", "loop", "filtering",
+    {"kinematics", "motion", "calibrate", "identify", "compliance", "vibration", "milling", "loop", "filtering", "fmu",
      "vision"},
     {"plot"}, {"problem_files"}, {"kinds"},
 ]  # fmt: skip
