@@ -10,6 +10,7 @@ import numpy as np
 
 from ..._lazy import hint
 from ...control.lead_through import OscillationWatch, ServoChain, SurfaceGains, SyntheticSurface
+from ...control.lead_through.hand import ZEROS, Three
 from ...results import ArgumentError
 from ...results.options import Options, Unit, Within
 from ..exchange import CYCLE_MS
@@ -20,8 +21,6 @@ else:
     LeadThroughLaw = hint("gtmodel.control.lead_through", "LeadThroughLaw")
     MountedSensor = hint("gtmodel.control.lead_through", "MountedSensor")
 
-Three = tuple[float, float, float]
-ZEROS: Three = (0.0, 0.0, 0.0)
 UNIT_LENGTH = 1e-9  # as the law asks
 
 
