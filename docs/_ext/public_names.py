@@ -12,7 +12,7 @@ LIBRARIES = [
     "calibrate", "cgen", "compliance", "control", "control.delayed", "control.lead_through", "control.learning",
     "filtering", "identify", "inference", "kinematics",
     "kinematics.accuracy", "kinematics.assembly_modes", "kinematics.causality", "kinematics.singularity",
-    "kinematics.workspace", "loop", "measurements", "mechanics", "milling", "motion", "motion.axes",
+    "kinematics.workspace", "loop", "measurements", "mechanics", "milling", "modelica", "motion", "motion.axes",
     "motion.elastic", "optimize", "results", "robots", "simulation", "vibration",
 ]  # fmt: skip
 
