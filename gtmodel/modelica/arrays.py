@@ -13,7 +13,7 @@ from .syntax import ModelicaError, Place
 Values = np.ndarray  # of dtype object; a scalar has the shape ()
 
 
-class Record(dict[str, Any]):
+class RecordValue(dict[str, Any]):
     """A record value: name -> value."""
 
 
@@ -34,7 +34,7 @@ def array(items: Sequence[Any], shape: tuple[int, ...]) -> Values:
 
 def stacked(items: Sequence[Any], at: Place | None) -> Any:
     """Equal arrays along a new first dimension. Raises ModelicaError for shapes that differ."""
-    if items and all(isinstance(x, Record) for x in items):
+    if items and all(isinstance(x, RecordValue) for x in items):
         result = np.empty(len(items), object)
         for n, x in enumerate(items):
             result[n] = x

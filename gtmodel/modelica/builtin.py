@@ -9,11 +9,11 @@ import numpy as np
 
 from .arrays import Values, array, each, entries, identity, joined, product, scalar, stacked, summed
 from .scalars import Operation, is_literal, number_of, operation
-from .syntax import Call, Literal, ModelicaError, Node, Place
+from .syntax import FunctionCall, Literal, ModelicaError, Place, SyntaxNode
 
 if TYPE_CHECKING:
     from .expressions import Evaluator
-    from .instances import Scope
+    from .instances import NameScope
 
 _ONE = (
     "sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "exp", "log", "log10", "sqrt", "abs", "sign",
@@ -56,7 +56,7 @@ def _folded(name: str, items: list[Any], empty: Any, at: Place) -> Any:
     return total
 
 
-def called(name: str, node: Call, scope: Scope, model: Evaluator) -> Any:
+def called(name: str, node: FunctionCall, scope: NameScope, model: Evaluator) -> Any:
     """The value of a call of one of these functions. Raises ModelicaError for wrong arguments."""
     if node.named and name not in ("smooth", "delay", "homotopy", "assert", "String"):
         raise ModelicaError(f"{name}() takes arguments without names", node.at)
@@ -71,14 +71,14 @@ def called(name: str, node: Call, scope: Scope, model: Evaluator) -> Any:
     return BUILT_IN[name](node, scope, model)
 
 
-def _arguments(name: str, node: Call, scope: Scope, model: Evaluator, count: int) -> list[Values]:
+def _arguments(name: str, node: FunctionCall, scope: NameScope, model: Evaluator, count: int) -> list[Values]:
     if len(node.arguments) != count:
         words = {1: "one argument", 2: "two arguments", 3: "three arguments"}[count]
         raise ModelicaError(f"{name}() takes {words}; found {len(node.arguments)}", node.at)
     return [model.array(a, scope) for a in node.arguments]
 
 
-def _der(node: Call, scope: Scope, model: Evaluator) -> Values:
+def _der(node: FunctionCall, scope: NameScope, model: Evaluator) -> Values:
     (x,) = _arguments("der", node, scope, model, 1)
     for e in entries(x):
         if is_literal(e):
@@ -86,8 +86,8 @@ def _der(node: Call, scope: Scope, model: Evaluator) -> Values:
     return each(lambda e: Operation("der", (e,), node.at), x)
 
 
-def _least(name: str) -> Callable[[Call, Scope, Evaluator], Values]:
-    def of(node: Call, scope: Scope, model: Evaluator) -> Values:
+def _least(name: str) -> Callable[[FunctionCall, NameScope, Evaluator], Values]:
+    def of(node: FunctionCall, scope: NameScope, model: Evaluator) -> Values:
         if len(node.arguments) == 1:
             return reduced(name, model.array(node.arguments[0], scope).ravel(), node.at)
         a, b = _arguments(name, node, scope, model, 2)
@@ -96,15 +96,15 @@ def _least(name: str) -> Callable[[Call, Scope, Evaluator], Values]:
     return of
 
 
-def _sum(name: str) -> Callable[[Call, Scope, Evaluator], Values]:
-    def of(node: Call, scope: Scope, model: Evaluator) -> Values:
+def _sum(name: str) -> Callable[[FunctionCall, NameScope, Evaluator], Values]:
+    def of(node: FunctionCall, scope: NameScope, model: Evaluator) -> Values:
         (x,) = _arguments(name, node, scope, model, 1)
         return reduced(name, x.ravel(), node.at)
 
     return of
 
 
-def _size(node: Call, scope: Scope, model: Evaluator) -> Values:
+def _size(node: FunctionCall, scope: NameScope, model: Evaluator) -> Values:
     x = model.evaluate(node.arguments[0], scope) if node.arguments else None
     if not isinstance(x, np.ndarray) or len(node.arguments) > 2:
         raise ModelicaError("size() takes an array, and which of its dimensions", node.at)
@@ -116,13 +116,13 @@ def _size(node: Call, scope: Scope, model: Evaluator) -> Values:
     return scalar(x.shape[n - 1])
 
 
-def _ndims(node: Call, scope: Scope, model: Evaluator) -> Values:
+def _ndims(node: FunctionCall, scope: NameScope, model: Evaluator) -> Values:
     (x,) = _arguments("ndims", node, scope, model, 1)
     return scalar(x.ndim)
 
 
-def _filled(value: Any) -> Callable[[Call, Scope, Evaluator], Values]:
-    def of(node: Call, scope: Scope, model: Evaluator) -> Values:
+def _filled(value: Any) -> Callable[[FunctionCall, NameScope, Evaluator], Values]:
+    def of(node: FunctionCall, scope: NameScope, model: Evaluator) -> Values:
         given = node.arguments if value is not None else node.arguments[1:]
         shape = tuple(model.whole(a, scope, "a size") for a in given)
         entry = scalar(value) if value is not None else model.array(node.arguments[0], scope)
@@ -134,19 +134,19 @@ def _filled(value: Any) -> Callable[[Call, Scope, Evaluator], Values]:
     return of
 
 
-def _identity(node: Call, scope: Scope, model: Evaluator) -> Values:
+def _identity(node: FunctionCall, scope: NameScope, model: Evaluator) -> Values:
     if len(node.arguments) != 1:
         raise ModelicaError("identity() takes a size", node.at)
     return identity(model.whole(node.arguments[0], scope, "a size"))
 
 
-def _diagonal(node: Call, scope: Scope, model: Evaluator) -> Values:
+def _diagonal(node: FunctionCall, scope: NameScope, model: Evaluator) -> Values:
     (x,) = _arguments("diagonal", node, scope, model, 1)
     n = len(x)
     return array([x[i] if i == j else 0 for i in range(n) for j in range(n)], (n, n))
 
 
-def _linspace(node: Call, scope: Scope, model: Evaluator) -> Values:
+def _linspace(node: FunctionCall, scope: NameScope, model: Evaluator) -> Values:
     if len(node.arguments) != 3:
         raise ModelicaError("linspace() takes two ends and a count", node.at)
     a, b = (model.one(x, scope) for x in node.arguments[:2])
@@ -156,12 +156,12 @@ def _linspace(node: Call, scope: Scope, model: Evaluator) -> Values:
     return array([operation("+", (a, p), node.at) for p in parts], (n,))
 
 
-def _transpose(node: Call, scope: Scope, model: Evaluator) -> Values:
+def _transpose(node: FunctionCall, scope: NameScope, model: Evaluator) -> Values:
     (x,) = _arguments("transpose", node, scope, model, 1)
     return np.swapaxes(x, 0, 1)
 
 
-def _cross(node: Call, scope: Scope, model: Evaluator) -> Values:
+def _cross(node: FunctionCall, scope: NameScope, model: Evaluator) -> Values:
     a, b = _arguments("cross", node, scope, model, 2)
     if a.shape != (3,) or b.shape != (3,):
         raise ModelicaError(f"cross() takes two vectors of length 3; found {a.shape} and {b.shape}", node.at)
@@ -173,7 +173,7 @@ def _cross(node: Call, scope: Scope, model: Evaluator) -> Values:
     return array([entry(1, 2), entry(2, 0), entry(0, 1)], (3,))
 
 
-def _skew(node: Call, scope: Scope, model: Evaluator) -> Values:
+def _skew(node: FunctionCall, scope: NameScope, model: Evaluator) -> Values:
     (x,) = _arguments("skew", node, scope, model, 1)
 
     def minus(e: Any) -> Any:
@@ -182,24 +182,24 @@ def _skew(node: Call, scope: Scope, model: Evaluator) -> Values:
     return array([0, minus(x[2]), x[1], x[2], 0, minus(x[0]), minus(x[1]), x[0], 0], (3, 3))
 
 
-def _outer_product(node: Call, scope: Scope, model: Evaluator) -> Values:
+def _outer_product(node: FunctionCall, scope: NameScope, model: Evaluator) -> Values:
     a, b = _arguments("outerProduct", node, scope, model, 2)
     return product(a.reshape(-1, 1), b.reshape(1, -1), node.at)
 
 
-def _cat(node: Call, scope: Scope, model: Evaluator) -> Values:
+def _cat(node: FunctionCall, scope: NameScope, model: Evaluator) -> Values:
     if len(node.arguments) < 2:
         raise ModelicaError("cat() takes a dimension and arrays", node.at)
     dimension = model.whole(node.arguments[0], scope, "the dimension in cat()")
     return joined(dimension, [model.array(a, scope) for a in node.arguments[1:]], node.at)
 
 
-def _array(node: Call, scope: Scope, model: Evaluator) -> Any:
+def _array(node: FunctionCall, scope: NameScope, model: Evaluator) -> Any:
     return stacked([model.evaluate(a, scope) for a in node.arguments], node.at)
 
 
-def _reshaped(name: str) -> Callable[[Call, Scope, Evaluator], Values]:
-    def of(node: Call, scope: Scope, model: Evaluator) -> Values:
+def _reshaped(name: str) -> Callable[[FunctionCall, NameScope, Evaluator], Values]:
+    def of(node: FunctionCall, scope: NameScope, model: Evaluator) -> Values:
         (x,) = _arguments(name, node, scope, model, 1)
         if name == "vector":
             return x.reshape(-1)
@@ -212,13 +212,13 @@ def _reshaped(name: str) -> Callable[[Call, Scope, Evaluator], Values]:
     return of
 
 
-def _symmetric(node: Call, scope: Scope, model: Evaluator) -> Values:
+def _symmetric(node: FunctionCall, scope: NameScope, model: Evaluator) -> Values:
     (x,) = _arguments("symmetric", node, scope, model, 1)
     n = len(x)
     return array([x[min(i, j), max(i, j)] for i in range(n) for j in range(n)], (n, n))
 
 
-def _first(node: Call, scope: Scope, model: Evaluator) -> Any:
+def _first(node: FunctionCall, scope: NameScope, model: Evaluator) -> Any:
     """noEvent(e), homotopy(a, s), getInstanceName and the like: what stands in them."""
     given = node.arguments[0] if node.arguments else node.named.get("actual")
     if given is None:
@@ -226,22 +226,22 @@ def _first(node: Call, scope: Scope, model: Evaluator) -> Any:
     return model.evaluate(given, scope)
 
 
-def _smooth(node: Call, scope: Scope, model: Evaluator) -> Any:
+def _smooth(node: FunctionCall, scope: NameScope, model: Evaluator) -> Any:
     given = node.arguments[1] if len(node.arguments) > 1 else None
     if given is None:
         raise ModelicaError("smooth() takes an order and an expression", node.at)
     return model.evaluate(given, scope)
 
 
-def _semi_linear(node: Call, scope: Scope, model: Evaluator) -> Values:
+def _semi_linear(node: FunctionCall, scope: NameScope, model: Evaluator) -> Values:
     x, above, below = (model.one(a, scope) for a in node.arguments)
     condition = operation(">=", (x, 0), node.at)
     sides = [operation("*", (slope, x), node.at) for slope in (above, below)]
     return scalar(operation("if", (condition, *sides), node.at))
 
 
-def _at_events(name: str) -> Callable[[Call, Scope, Evaluator], Values]:
-    def of(node: Call, scope: Scope, model: Evaluator) -> Values:
+def _at_events(name: str) -> Callable[[FunctionCall, NameScope, Evaluator], Values]:
+    def of(node: FunctionCall, scope: NameScope, model: Evaluator) -> Values:
         given = [model.array(a, scope) for a in node.arguments]
         if name == "initial":
             return scalar(Operation("initial", (), node.at))
@@ -252,7 +252,7 @@ def _at_events(name: str) -> Callable[[Call, Scope, Evaluator], Values]:
     return of
 
 
-def _delay(node: Call, scope: Scope, model: Evaluator) -> Values:
+def _delay(node: FunctionCall, scope: NameScope, model: Evaluator) -> Values:
     if len(node.arguments) < 2:
         raise ModelicaError("delay() takes an expression and a time", node.at)
     x = model.one(node.arguments[0], scope)
@@ -260,12 +260,12 @@ def _delay(node: Call, scope: Scope, model: Evaluator) -> Values:
     return scalar(Operation("delay", (x, float(tau)), node.at))
 
 
-def _text(node: Call, scope: Scope, model: Evaluator) -> Values:
+def _text(node: FunctionCall, scope: NameScope, model: Evaluator) -> Values:
     value = number_of(model.one(node.arguments[0], scope), node.at, "a text")
     return scalar(str(value).lower() if isinstance(value, bool) else str(value))
 
 
-def _assert(node: Call, scope: Scope, model: Evaluator) -> Values:
+def _assert(node: FunctionCall, scope: NameScope, model: Evaluator) -> Values:
     condition = model.truth(node.arguments[0], scope) if node.arguments else True
     if condition is False:
         said = node.arguments[1] if len(node.arguments) > 1 else None
@@ -276,11 +276,11 @@ def _assert(node: Call, scope: Scope, model: Evaluator) -> Values:
     return scalar(True)
 
 
-def _unnamed(node: Node, *_: Any) -> Any:
+def _unnamed(node: SyntaxNode, *_: Any) -> Any:
     raise ModelicaError("this is not taken here", node.at)
 
 
-BUILT_IN: dict[str, Callable[[Call, Scope, Evaluator], Any]] = {
+BUILT_IN: dict[str, Callable[[FunctionCall, NameScope, Evaluator], Any]] = {
     **dict.fromkeys((*_ONE, *_TWO, *_EVENTS), _unnamed),
     "der": _der, "min": _least("min"), "max": _least("max"), "sum": _sum("sum"), "product": _sum("product"),
     "size": _size, "ndims": _ndims, "zeros": _filled(0), "ones": _filled(1), "fill": _filled(None),

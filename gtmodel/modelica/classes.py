@@ -38,6 +38,7 @@ class Written:
     """A class as statements with their places: of its body, and of its methods."""
 
     name: str
+    at: Place
     optimization: bool
     description: str
     body: list[tuple[Place, ast.stmt]] = field(default_factory=list)
@@ -99,7 +100,12 @@ def class_of(written: Written) -> type[Model]:
             parts.append(inside[name])
         namespace[name] = parts[0] if len(parts) == 1 else _chained(parts)
     base = Optimization if written.optimization else Model
-    made: Any = type(written.name, (base,), namespace)
+
+    def __init__(self: Any, **modifiers: Any) -> None:  # noqa: N807
+        base.__init__(self, **modifiers)
+        self.__dict__["where"] = written.at.where  # of the text, not of who makes the model
+
+    made: Any = type(written.name, (base,), {**namespace, "__init__": __init__})
     return made
 
 

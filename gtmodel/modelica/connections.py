@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from .expressions import Evaluator, Missing
-from .instances import Declared, Instance, Scope
+from .expressions import Evaluator
+from .instances import Declared, Instance, NameScope
+from .members import Missing
 from .scalars import Flat, Operation, Symbol
 from .syntax import Connect, ModelicaError, Place, Reference
 
@@ -25,7 +26,7 @@ class Connections:
         self._flats: dict[int, Flat] = {}
         self._places: dict[Face, Place] = {}
 
-    def connect(self, node: Connect, scope: Scope, model: Evaluator) -> None:
+    def connect(self, node: Connect, scope: NameScope, model: Evaluator) -> None:
         """Join two connectors. Raises ModelicaError for what is none, and for connectors that do not fit."""
         try:
             a, b = (model.evaluate(r, scope) for r in (node.a, node.b))
@@ -35,7 +36,7 @@ class Connections:
         self._join(a, b, outside, node)
 
     @staticmethod
-    def _is_outside(reference: Reference, scope: Scope) -> bool:
+    def _is_outside(reference: Reference, scope: NameScope) -> bool:
         """Is it a connector of the component whose equations connect it?"""
         assert scope.instance is not None
         element = scope.instance.elements.get(reference.parts[0].name)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from .flat import FlatEquation, FlatIf, Flattened, FlatWhen
+from .flat import Flattened, ScalarEquation, ScalarIf, ScalarWhen
 from .scalars import Flat, Operation, Symbol, operation, symbols
 from .syntax import Place
 
@@ -13,7 +13,7 @@ def constraints_settled(out: Flattened) -> None:
     """A path equality that alone speaks of a variable becomes an equation; a value at an instant that stands beside
     values along the path becomes a variable of its own, which is constant."""
     used = {id(f) for e in out.equations for x in _sides(e) for f in symbols(x)}
-    kept: list[FlatEquation] = []
+    kept: list[ScalarEquation] = []
     for e in out.constraints:
         own = [f for f in (*symbols(e.left), *symbols(e.right)) if f.kind == "variable" and id(f) not in used]
         if e.relation == "==" and own and not any(_instants(x) for x in (e.left, e.right)):
@@ -26,9 +26,9 @@ def constraints_settled(out: Flattened) -> None:
 
 
 def _sides(e: Any) -> list[Any]:
-    if isinstance(e, FlatIf):
+    if isinstance(e, ScalarIf):
         return [x for part in (*e.then, *e.otherwise) for x in (part.left, part.right)]
-    if isinstance(e, FlatWhen):
+    if isinstance(e, ScalarWhen):
         return [x for part in e.actions for x in (part.left, part.right)]
     return [e.left, e.right]
 
@@ -46,15 +46,15 @@ def _moves(x: Any) -> bool:
     return x.name == "time" or any(map(_moves, x.arguments))
 
 
-def _separated(e: FlatEquation, out: Flattened, constants: dict[str, Flat]) -> list[FlatEquation]:
+def _separated(e: ScalarEquation, out: Flattened, constants: dict[str, Flat]) -> list[ScalarEquation]:
     if not any(map(_instants, (e.left, e.right))) or not any(map(_moves, (e.left, e.right))):
         return [e]
-    more: list[FlatEquation] = []
+    more: list[ScalarEquation] = []
     left, right = (_with_constants(x, e.at, out, constants, more) for x in (e.left, e.right))
-    return [*more, FlatEquation(left, right, e.at, e.relation)]
+    return [*more, ScalarEquation(left, right, e.at, e.relation)]
 
 
-def _with_constants(x: Any, at: Place, out: Flattened, constants: dict[str, Flat], more: list[FlatEquation]) -> Any:
+def _with_constants(x: Any, at: Place, out: Flattened, constants: dict[str, Flat], more: list[ScalarEquation]) -> Any:
     if not isinstance(x, Operation):
         return x
     if x.name != "at":
@@ -65,9 +65,9 @@ def _with_constants(x: Any, at: Place, out: Flattened, constants: dict[str, Flat
         flat = Flat(name, "variable", "Real", at, lambda _: None, lambda: None)
         constants[name] = flat
         out.flats.append(flat)
-        out.equations.append(FlatEquation(Operation("der", (Symbol(flat),), at), 0, at))
+        out.equations.append(ScalarEquation(Operation("der", (Symbol(flat),), at), 0, at))
         end = Operation("at", (Symbol(flat), Operation("start_time", (), at)), at)
-        more.append(FlatEquation(end, x, at))
+        more.append(ScalarEquation(end, x, at))
     return Symbol(constants[name])
 
 

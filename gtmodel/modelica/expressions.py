@@ -8,31 +8,31 @@ import numpy as np
 
 from ..lang.slips import near
 from . import builtin, functions
-from .arrays import Record, Values, array, binary, each, entries, matrix_of, negative, scalar, stacked
-from .instances import Declared, FieldOf, Instance, Scope
-from .modifications import NOTHING, Given
-from .scalars import Choice, Operation, is_literal, is_number, number_of, operation
+from .arrays import RecordValue, Values, array, binary, each, entries, matrix_of, negative, scalar, stacked
+from .instances import FieldOf, Instance, NameScope
+from .members import declares, field, member, package
+from .modifications import Given
+from .scalars import EnumerationLiteral, Operation, is_literal, is_number, number_of, operation
 from .scopes import Space
 from .syntax import (
     Array,
     Binary,
-    Call,
     Colon,
-    Component,
     Comprehension,
     Conditional,
     EndIndex,
     FunctionArgument,
+    FunctionCall,
     Literal,
     Loop,
     Matrix,
     ModelicaError,
-    Node,
     Outputs,
-    Part,
     Place,
     Range,
     Reference,
+    ReferencePart,
+    SyntaxNode,
     Unary,
 )  # fmt: skip
 
@@ -55,7 +55,7 @@ class Evaluator:
             self.warnings.append(text)
 
     @staticmethod
-    def is_colon(node: Node) -> bool:
+    def is_colon(node: SyntaxNode) -> bool:
         return isinstance(node, Colon)
 
     def given(self, given: Given) -> Any:
@@ -66,46 +66,46 @@ class Evaluator:
         else:
             value = self.evaluate(node, given.scope)
         if given.indices and isinstance(value, np.ndarray) and value.shape and not given.each:
-            if any(i >= n for i, n in zip(given.indices, value.shape, strict=False)) or value.ndim < len(given.indices):
+            if value.shape[: len(given.sizes)] != given.sizes:
                 raise ModelicaError(
                     f"a value of shape {value.shape} is no row for each component; write each for one value of all",
                     node.at,
                 )
             value = value[given.indices]
             if not isinstance(value, np.ndarray):
-                value = value if isinstance(value, (Record, Instance)) else scalar(value)
+                value = value if isinstance(value, (RecordValue, Instance)) else scalar(value)
         return value
 
-    def array(self, node: Node, scope: Scope) -> Values:
+    def array(self, node: SyntaxNode, scope: NameScope) -> Values:
         """The value of an expression that is no record."""
         value = self.evaluate(node, scope)
         if not isinstance(value, np.ndarray):
             raise ModelicaError("expected numbers; found a record or a component", node.at)
-        if value.size and isinstance(value.ravel()[0], (Instance, Record)):
+        if value.size and isinstance(value.ravel()[0], (Instance, RecordValue)):
             raise ModelicaError("expected numbers; found components", node.at)
         return value
 
-    def one(self, node: Node, scope: Scope) -> Any:
+    def one(self, node: SyntaxNode, scope: NameScope) -> Any:
         """The value of an expression that is a scalar."""
         value = self.array(node, scope)
         if value.shape:
             raise ModelicaError(f"expected a scalar; found an array of shape {value.shape}", node.at)
         return value[()]
 
-    def number(self, node: Node, scope: Scope, asked: str) -> Any:
+    def number(self, node: SyntaxNode, scope: NameScope, asked: str) -> Any:
         """The value of an expression that is a number before anything is solved."""
         return number_of(self.one(node, scope), node.at, asked)
 
-    def whole(self, node: Node, scope: Scope, asked: str) -> int:
+    def whole(self, node: SyntaxNode, scope: NameScope, asked: str) -> int:
         value = self.number(node, scope, asked)
-        if isinstance(value, Choice):
+        if isinstance(value, EnumerationLiteral):
             return value.position
         if isinstance(value, bool) or not is_number(value) or value != int(value):
             raise ModelicaError(f"{asked} is a whole number; found {value}", node.at)
         return int(value)
 
-    def evaluate(self, node: Node, scope: Scope) -> Any:
-        """An array of scalars, a Record, or an Instance. Raises ModelicaError, with the place."""
+    def evaluate(self, node: SyntaxNode, scope: NameScope) -> Any:
+        """An array of scalars, a RecordValue, or an Instance. Raises ModelicaError, with the place."""
         if isinstance(node, Literal):
             return scalar(node.value)
         if isinstance(node, Reference):
@@ -120,7 +120,7 @@ class Evaluator:
             if node.operator == "not":
                 return each(lambda x: operation("not", (x,), node.at), value)
             return negative(value, node.at) if node.operator in ("-", ".-") else value
-        if isinstance(node, Call):
+        if isinstance(node, FunctionCall):
             return self.call(node, scope)
         if isinstance(node, Conditional):
             return self.conditional(node, scope)
@@ -142,7 +142,7 @@ class Evaluator:
             raise ModelicaError("functions as arguments are not taken", node.at)
         raise ModelicaError(f"{type(node).__name__.lower()} is not taken here", node.at)
 
-    def conditional(self, node: Conditional, scope: Scope) -> Values:
+    def conditional(self, node: Conditional, scope: NameScope) -> Values:
         branches: list[tuple[Any, Values]] = []
         for condition, value in node.branches:
             truth = self.truth(condition, scope)
@@ -159,7 +159,7 @@ class Evaluator:
             last = each(lambda a, b, c=truth: operation("if", (c, a, b), node.at), value, last)
         return last
 
-    def truth(self, node: Node, scope: Scope) -> Any:
+    def truth(self, node: SyntaxNode, scope: NameScope) -> Any:
         """True or False where parameters decide, else the condition."""
         from .scalars import is_constant
 
@@ -170,7 +170,7 @@ class Evaluator:
             raise ModelicaError(f"a condition is true or false; found {condition}", node.at)
         return condition
 
-    def loops(self, loops: list[Loop], scope: Scope, body: list[Any]) -> list[Scope]:
+    def loops(self, loops: list[Loop], scope: NameScope, body: list[Any]) -> list[NameScope]:
         """The scopes of all turns of a loop, the first index outermost."""
         scopes = [scope]
         for loop in loops:
@@ -185,19 +185,19 @@ class Evaluator:
             scopes = following
         return scopes
 
-    def comprehended(self, item: Node, loops: list[Loop], scope: Scope, at: Place) -> Any:
+    def comprehended(self, item: SyntaxNode, loops: list[Loop], scope: NameScope, at: Place) -> Any:
         if len(loops) > 1:  # the last index is the first dimension
             *rest, last = loops
             return stacked([self.comprehended(item, rest, s, at) for s in self.loops([last], scope, [])], at)
         return stacked([self.evaluate(item, s) for s in self.loops(loops, scope, [])], at)
 
-    def range(self, node: Range, scope: Scope) -> Values:
+    def range(self, node: Range, scope: NameScope) -> Values:
         start, stop = (self.number(x, scope, "the end of a range") for x in (node.start, node.stop))
-        if isinstance(start, Choice) and isinstance(stop, Choice):
-            return array([Choice(start.type_name, "", n) for n in range(start.position, stop.position + 1)],
+        if isinstance(start, EnumerationLiteral) and isinstance(stop, EnumerationLiteral):
+            return array([EnumerationLiteral(start.type_name, "", n) for n in range(start.position, stop.position + 1)],
                          (stop.position - start.position + 1,))  # fmt: skip
         step = 1 if node.step is None else self.number(node.step, scope, "the step of a range")
-        if isinstance(start, Choice) or not all(map(is_number, (start, step, stop))) or step == 0:
+        if isinstance(start, EnumerationLiteral) or not all(map(is_number, (start, step, stop))) or step == 0:
             raise ModelicaError(f"a range takes numbers, and a step other than 0; found {start}:{step}:{stop}", node.at)
         count = max(0, int(np.floor((stop - start) / step * (1 + 1e-14) + 1e-9)) + 1)
         if count > LONGEST:
@@ -206,7 +206,7 @@ class Evaluator:
 
     # names
 
-    def reference(self, node: Reference, scope: Scope) -> Any:
+    def reference(self, node: Reference, scope: NameScope) -> Any:
         first, *rest = node.parts
         value = None if node.absolute else self.first(first, node, scope)
         if value is None:
@@ -216,7 +216,7 @@ class Evaluator:
             value = self.subscripted(field(value, part.name, node.at), part, scope, node.at)
         return value
 
-    def first(self, part: Part, node: Reference, scope: Scope) -> Any:
+    def first(self, part: ReferencePart, node: Reference, scope: NameScope) -> Any:
         """A local name, a component of the instance, or one of the language's own; None for others."""
         name = part.name
         if name in scope.locals:
@@ -230,7 +230,7 @@ class Evaluator:
                 return scalar(Operation(_HORIZON[name], (), node.at))
         return None
 
-    def constant(self, node: Reference, scope: Scope) -> Any:
+    def constant(self, node: Reference, scope: NameScope) -> Any:
         """A constant of an enclosing class, or of a package that the name leads to."""
         names = [p.name for p in node.parts]
         space: Space | None = scope.space.root if node.absolute else scope.space
@@ -260,7 +260,7 @@ class Evaluator:
             space = following
         raise ModelicaError(f"{space.name} is a {space.text.restriction} and no value", node.at)
 
-    def of_import(self, reference: Reference, node: Reference, scope: Scope) -> Any:
+    def of_import(self, reference: Reference, node: Reference, scope: NameScope) -> Any:
         """A constant that is imported by its full name."""
         holder = Reference(reference.at, reference.parts[:-1], True)
         space = scope.space.root.absolute(holder)
@@ -268,7 +268,7 @@ class Evaluator:
             return None
         return self.walk(member(package(space, self), reference.parts[-1].name, node.at), node, 0, scope)
 
-    def walk(self, value: Any, node: Reference, begin: int, scope: Scope) -> Any:
+    def walk(self, value: Any, node: Reference, begin: int, scope: NameScope) -> Any:
         value = self.subscripted(value, node.parts[begin], scope, node.at)
         for part in node.parts[begin + 1 :]:
             value = self.subscripted(field(value, part.name, node.at), part, scope, node.at)
@@ -279,13 +279,13 @@ class Evaluator:
         literals = space.text.literals or []
         if name not in literals:
             raise ModelicaError(f"{space.name} has no '{name}'{near(name, literals)}", at)
-        return scalar(Choice(space.name, name, literals.index(name) + 1))
+        return scalar(EnumerationLiteral(space.name, name, literals.index(name) + 1))
 
-    def names(self, scope: Scope) -> list[str]:
+    def names(self, scope: NameScope) -> list[str]:
         inside = list(scope.instance.elements) if scope.instance is not None else []
         return [*inside, *scope.locals, *scope.space.names(), "time", *(_HORIZON if self.horizon else ())]
 
-    def subscripted(self, value: Any, part: Part, scope: Scope, at: Place) -> Any:
+    def subscripted(self, value: Any, part: ReferencePart, scope: NameScope, at: Place) -> Any:
         if part.subscripts is None:
             return value
         if not isinstance(value, np.ndarray) or len(part.subscripts) > value.ndim:
@@ -303,16 +303,16 @@ class Evaluator:
             chosen = [self._position(x, size, part.name, subscript) for x in entries(places)]
             value = np.take(value, chosen if places.shape else chosen[0], axis=axis)
             if not isinstance(value, np.ndarray):
-                value = value if isinstance(value, (Instance, Record)) else scalar(value)
+                value = value if isinstance(value, (Instance, RecordValue)) else scalar(value)
             axis += 1 if places.shape else 0
-        if isinstance(value, np.ndarray) and value.shape == () and isinstance(value[()], (Instance, Record)):
+        if isinstance(value, np.ndarray) and value.shape == () and isinstance(value[()], (Instance, RecordValue)):
             return value[()]
         return value
 
     @staticmethod
-    def _position(x: Any, size: int, name: str, node: Node) -> int:
+    def _position(x: Any, size: int, name: str, node: SyntaxNode) -> int:
         n = number_of(x, node.at, f"a subscript of '{name}'")
-        n = n.position if isinstance(n, Choice) else int(n) + 1 if isinstance(n, bool) else n
+        n = n.position if isinstance(n, EnumerationLiteral) else int(n) + 1 if isinstance(n, bool) else n
         if not is_number(n) or n != int(n):
             raise ModelicaError(f"a subscript of '{name}' is a whole number; found {n}", node.at)
         if not 1 <= n <= size:
@@ -321,7 +321,7 @@ class Evaluator:
 
     # calls
 
-    def call(self, node: Call, scope: Scope) -> Any:
+    def call(self, node: FunctionCall, scope: NameScope) -> Any:
         name = str(node.reference)
         single = len(node.reference.parts) == 1 and not node.reference.absolute
         if node.loops is not None:
@@ -341,20 +341,20 @@ class Evaluator:
             raise ModelicaError(f"{name} is a {space.text.restriction} and no function", node.at)
         return functions.called(space, node, scope, self)
 
-    def _component(self, reference: Reference, scope: Scope) -> Any:
+    def _component(self, reference: Reference, scope: NameScope) -> Any:
         """A variable in front of parentheses, `x(finalTime)`; None for what is a function."""
         name = reference.parts[0].name
         if name in scope.locals or (scope.instance is not None and name in scope.instance.elements):
             return self.reference(reference, scope)
         return None
 
-    def instant(self, value: Any, node: Call, scope: Scope) -> Values:
+    def instant(self, value: Any, node: FunctionCall, scope: NameScope) -> Values:
         if not isinstance(value, np.ndarray) or len(node.arguments) != 1 or node.named:
             raise ModelicaError(f"'{node.reference}' at an instant takes one time: x(finalTime)", node.at)
         time = self.one(node.arguments[0], scope)
         return each(lambda x: Operation("at", (x, time), node.at), value)
 
-    def function(self, reference: Reference, scope: Scope) -> Space:
+    def function(self, reference: Reference, scope: NameScope) -> Space:
         try:
             return scope.space.find(reference)
         except ModelicaError as error:
@@ -363,48 +363,3 @@ class Evaluator:
                 raise
             close = near(name, [*builtin.BUILT_IN, *scope.space.names()])
             raise ModelicaError(f"there is no function '{name}'{close}", error.place or reference.at) from None
-
-
-class Missing(ModelicaError):
-    """A component is asked for whose condition is false."""
-
-
-def declares(space: Space, name: str) -> bool:
-    """Does a class declare, or inherit, a constant or parameter of this name?"""
-    if any(isinstance(e, Component) and e.name == name for e in space.text.elements):
-        return True
-    return any(declares(base, name) for base, _ in space.bases())
-
-
-def package(space: Space, model: Evaluator) -> Instance:
-    """A class as the holder of its constants."""
-    if space.package is None or space.package.model is not model:
-        space.package = Instance(space, NOTHING, space.name, None, model, frozenset())
-    return space.package
-
-
-def member(instance: Instance, name: str, at: Place) -> Any:
-    """A component of an instance: symbols, an Instance, or an array of them."""
-    element = instance.elements.get(name)
-    if element is None:
-        inside = instance.path or instance.space.name
-        raise ModelicaError(f"'{inside}' has no '{name}'{near(name, list(instance.elements))}", at)
-    made = element.made
-    if made is None:
-        raise Missing(f"'{instance.full(name)}' is not there: its condition is false", at)
-    return made.symbols if isinstance(made, Declared) else made
-
-
-def field(value: Any, name: str, at: Place) -> Any:
-    """What stands under a name in a component or a record, or in each of an array of them."""
-    if isinstance(value, Instance):
-        return member(value, name, at)
-    if isinstance(value, Record):
-        if name not in value:
-            raise ModelicaError(f"the record has no '{name}'{near(name, list(value))}", at)
-        return value[name]
-    if isinstance(value, np.ndarray) and value.size and isinstance(value.ravel()[0], (Instance, Record)):
-        inside = [field(item, name, at) for item in value.ravel()]
-        joined = stacked(inside, at) if not isinstance(inside[0], Instance) else array(inside, (len(inside),))
-        return joined.reshape(value.shape + joined.shape[1:])
-    raise ModelicaError(f"there is no '{name}' inside a number", at)

@@ -10,7 +10,7 @@ from .syntax import Place
 
 
 @dataclass(frozen=True, eq=False)
-class FlatEquation:
+class ScalarEquation:
     """left == right, or with another relation in a constraint."""
 
     left: Any
@@ -20,21 +20,21 @@ class FlatEquation:
 
 
 @dataclass(frozen=True, eq=False)
-class FlatIf:
+class ScalarIf:
     """One of two sets of equations, as many on each side, by a condition."""
 
     condition: Any
-    then: tuple[FlatEquation, ...]
-    otherwise: tuple[FlatEquation, ...]
+    then: tuple[ScalarEquation, ...]
+    otherwise: tuple[ScalarEquation, ...]
     at: Place
 
 
 @dataclass(frozen=True, eq=False)
-class FlatWhen:
+class ScalarWhen:
     """What happens at the instants at which a condition comes true."""
 
     condition: Any
-    actions: tuple[FlatEquation, ...]
+    actions: tuple[ScalarEquation, ...]
     restarts: tuple[tuple[Any, Any], ...]
     at: Place
 
@@ -48,10 +48,10 @@ class Flattened:
     description: str
     optimization: bool
     flats: list[Flat] = field(default_factory=list)
-    equations: list[FlatEquation | FlatIf | FlatWhen] = field(default_factory=list)
-    initial: list[FlatEquation] = field(default_factory=list)
-    constraints: list[FlatEquation] = field(default_factory=list)
+    equations: list[ScalarEquation | ScalarIf | ScalarWhen] = field(default_factory=list)
+    initial: list[ScalarEquation] = field(default_factory=list)
+    constraints: list[ScalarEquation] = field(default_factory=list)
     header: dict[str, Any] = field(default_factory=dict)
-    experiment: dict[str, float] = field(default_factory=dict)
+    branches: list[tuple[str, Any, Place]] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
     header_at: dict[str, Place] = field(default_factory=dict)

@@ -8,17 +8,33 @@ from typing import Any
 import numpy as np
 
 from . import functions
-from .arrays import Record, each, entries, same_shape
+from .arrays import RecordValue, each, entries, same_shape
 from .causality import settle_inputs
 from .connections import Connections
 from .constraints import constraints_settled
-from .expressions import Evaluator, field as field_of
-from .flat import FlatEquation, FlatIf, Flattened, FlatWhen
-from .instances import Declared, Instance, Scope
+from .expressions import Evaluator
+from .flat import Flattened, ScalarEquation, ScalarIf, ScalarWhen
+from .instances import Declared, Instance, NameScope
+from .members import field as field_of
 from .modifications import Modifier
 from .scalars import Flat, Operation, Symbol, is_constant, is_literal, number_of, operation, symbols
 from .scopes import Space
-from .syntax import Binary, Call, Calls, Connect, Equal, For, If, ModelicaError, Node, Outputs, Place, Reference, When
+from .syntax import (
+    Binary,
+    Calls,
+    Connect,
+    Equal,
+    For,
+    FunctionCall,
+    If,
+    ModelicaError,
+    Modification,
+    Outputs,
+    Place,
+    Reference,
+    SyntaxNode,
+    WhenEquation,
+)
 
 
 def flattened(space: Space, said: Modifier) -> Flattened:
@@ -56,10 +72,10 @@ class _Flattening:
         if self.root.space.text.restriction != "optimization" and self.out.constraints:
             raise ModelicaError("a constraint section belongs into an optimization", self.out.constraints[0].at)
         for a, b, place in self.connections.equalities:
-            self.out.equations.append(FlatEquation(Symbol(a), Symbol(b), place))
+            self.out.equations.append(ScalarEquation(Symbol(a), Symbol(b), place))
         self.connections.complete(instances, self.root)
         for terms, place in self.connections.sums():
-            self.out.equations.append(FlatEquation(terms, 0, place))
+            self.out.equations.append(ScalarEquation(terms, 0, place))
         self._macros()
         self._header()
         if self.out.optimization:
@@ -89,7 +105,7 @@ class _Flattening:
                         flat.replaced = entry
                     else:
                         flat.kind = "variable" if flat.kind == "input" else flat.kind
-                        self.out.equations.append(FlatEquation(Symbol(flat), entry, place))
+                        self.out.equations.append(ScalarEquation(Symbol(flat), entry, place))
 
     def _parameter(self, flat: Flat) -> None:
         if self._flag(flat, "free"):
@@ -99,7 +115,7 @@ class _Flattening:
                 self.model.warn(f"'{flat.name}' is free in an optimization only", flat.at)
         elif flat.get("fixed") is not None and not self._flag(flat, "fixed"):
             flat.computed, flat.kind = True, "variable"
-            self.out.equations.append(FlatEquation(Operation("der", (Symbol(flat),), flat.at), 0, flat.at))
+            self.out.equations.append(ScalarEquation(Operation("der", (Symbol(flat),), flat.at), 0, flat.at))
 
     @staticmethod
     def _flag(flat: Flat, name: str) -> bool:
@@ -113,7 +129,7 @@ class _Flattening:
 
     # sections
 
-    def _section(self, text: Any, scope: Scope) -> None:
+    def _section(self, text: Any, scope: NameScope) -> None:
         for node in text.equations:
             self.out.equations += self._equations(node, scope)
         for node in text.initial_equations:
@@ -124,16 +140,16 @@ class _Flattening:
             self.out.initial += self._algorithm(body, scope)
         for node in text.constraints:
             self.out.constraints += self._constraints(node, scope)
-        if text.annotation is not None and scope.instance is self.root:
-            self._experiment(text, scope)
+        if text.annotation is not None:
+            self._annotated(text.annotation, scope)
 
-    def _plain(self, given: Sequence[Any], what: str) -> list[FlatEquation]:
+    def _plain(self, given: Sequence[Any], what: str) -> list[ScalarEquation]:
         for item in given:
-            if not isinstance(item, FlatEquation):
+            if not isinstance(item, ScalarEquation):
                 raise ModelicaError(f"{what} is an equation; found a condition of variables", item.at)
         return list(given)
 
-    def _algorithm(self, body: Sequence[Node], scope: Scope) -> list[FlatEquation]:
+    def _algorithm(self, body: Sequence[SyntaxNode], scope: NameScope) -> list[ScalarEquation]:
         result = []
         place = body[0].at if body else scope.space.text.at
         for name, value in functions.algorithm(body, scope, self.model).items():
@@ -141,10 +157,10 @@ class _Flattening:
             if not isinstance(value, np.ndarray):
                 raise ModelicaError("an algorithm of a model assigns numbers", place)
             pairs = zip(entries(symbol), entries(value), strict=True)
-            result += [FlatEquation(s, v, place) for s, v in pairs if s is not v]
+            result += [ScalarEquation(s, v, place) for s, v in pairs if s is not v]
         return result
 
-    def _equations(self, node: Node, scope: Scope) -> list[Any]:
+    def _equations(self, node: SyntaxNode, scope: NameScope) -> list[Any]:
         if isinstance(node, Equal):
             return self._equal(node, scope)
         if isinstance(node, For):
@@ -155,17 +171,17 @@ class _Flattening:
         if isinstance(node, Connect):
             self.connections.connect(node, scope, self.model)
             return []
-        if isinstance(node, When):
+        if isinstance(node, WhenEquation):
             return [self._when(node, scope)]
         if isinstance(node, Calls):
             self._call(node, scope)
             return []
         raise ModelicaError("this is no equation", node.at)
 
-    def _equal(self, node: Equal, scope: Scope) -> list[FlatEquation]:
+    def _equal(self, node: Equal, scope: NameScope) -> list[ScalarEquation]:
         if isinstance(node.left, Outputs):
             call = node.right
-            if not isinstance(call, Call):
+            if not isinstance(call, FunctionCall):
                 raise ModelicaError("several values come from a function's call", node.at)
             values = functions.results(self.model.function(call.reference, scope), call, scope, self.model)
             if len(values) < len(node.left.items):
@@ -175,18 +191,18 @@ class _Flattening:
             return [e for a, b in pairs for e in self._between(a, b, node.at)]
         return self._between(self.model.evaluate(node.left, scope), self.model.evaluate(node.right, scope), node.at)
 
-    def _between(self, a: Any, b: Any, at: Place) -> list[FlatEquation]:
+    def _between(self, a: Any, b: Any, at: Place) -> list[ScalarEquation]:
         if isinstance(a, np.ndarray) and isinstance(b, np.ndarray):
             if a.size and isinstance(a.ravel()[0], Instance):
                 return [e for x, y in zip(a.ravel(), b.ravel(), strict=True) for e in self._between(x, y, at)]
             same_shape(a, b, "=", at)
-            return [FlatEquation(x, y, at) for x, y in zip(entries(a), entries(b), strict=True)]
-        names = list(a.elements if isinstance(a, Instance) else a) if isinstance(a, (Instance, Record)) else None
-        if names is None or not isinstance(b, (Instance, Record)):
+            return [ScalarEquation(x, y, at) for x, y in zip(entries(a), entries(b), strict=True)]
+        names = list(a.elements if isinstance(a, Instance) else a) if isinstance(a, (Instance, RecordValue)) else None
+        if names is None or not isinstance(b, (Instance, RecordValue)):
             raise ModelicaError("the sides of this equation are a record and a number", at)
         return [e for name in names for e in self._between(field_of(a, name, at), field_of(b, name, at), at)]
 
-    def _if(self, node: If, scope: Scope) -> list[Any]:
+    def _if(self, node: If, scope: NameScope) -> list[Any]:
         branches: list[tuple[Any, list[Any]]] = []
         last: list[Any] = []
         for condition, body in node.branches:
@@ -203,20 +219,20 @@ class _Flattening:
         for truth, inside in reversed(branches):
             if len(inside) != len(last):
                 raise ModelicaError(f"the branches have {len(inside)} and {len(last)} equations", node.at)
-            if not all(isinstance(e, FlatEquation) for e in (*inside, *last)):
+            if not all(isinstance(e, ScalarEquation) for e in (*inside, *last)):
                 then, other = (self._plain(x, "a branch") if not _ifs(x) else x for x in (inside, last))
-                last = [FlatIf(truth, (t,), (o,), node.at) for t, o in zip(then, other, strict=True)]
-                if not all(isinstance(e, FlatEquation) for x in last for e in (*x.then, *x.otherwise)):
+                last = [ScalarIf(truth, (t,), (o,), node.at) for t, o in zip(then, other, strict=True)]
+                if not all(isinstance(e, ScalarEquation) for x in last for e in (*x.then, *x.otherwise)):
                     raise ModelicaError("elseif between equations is not taken; write an if-expression", node.at)
                 continue
             if all(t.left is o.left or _same(t.left, o.left) for t, o in zip(inside, last, strict=True)):
-                last = [FlatEquation(t.left, operation("if", (truth, t.right, o.right), node.at), t.at)
+                last = [ScalarEquation(t.left, operation("if", (truth, t.right, o.right), node.at), t.at)
                         for t, o in zip(inside, last, strict=True)]  # fmt: skip
             else:
-                last = [FlatIf(truth, (t,), (o,), t.at) for t, o in zip(inside, last, strict=True)]
+                last = [ScalarIf(truth, (t,), (o,), t.at) for t, o in zip(inside, last, strict=True)]
         return last
 
-    def _when(self, node: When, scope: Scope) -> FlatWhen:
+    def _when(self, node: WhenEquation, scope: NameScope) -> ScalarWhen:
         if len(node.branches) > 1:
             raise ModelicaError("elsewhen is not taken; write two when clauses", node.at)
         if self.model.horizon:
@@ -226,10 +242,14 @@ class _Flattening:
         condition = conditions[0]
         for other in conditions[1:]:
             condition = operation("or", (condition, other), node.at)
-        actions: list[FlatEquation] = []
+        actions: list[ScalarEquation] = []
         restarts: list[tuple[Any, Any]] = []
         for x in body:
-            if isinstance(x, Calls) and isinstance(x.expression, Call) and str(x.expression.reference) == "reinit":
+            if (
+                isinstance(x, Calls)
+                and isinstance(x.expression, FunctionCall)
+                and str(x.expression.reference) == "reinit"
+            ):
                 if len(x.expression.arguments) != 2:
                     raise ModelicaError("reinit() takes a variable and its value", x.at)
                 pair = [self.model.one(a, scope) for a in x.expression.arguments]
@@ -246,11 +266,11 @@ class _Flattening:
         for e in actions:
             if any(id(f) in assigned and f is not e.left.flat for f in _current(e.right)):
                 raise ModelicaError("an action of when that follows from another action is not taken", e.at)
-        return FlatWhen(condition, tuple(actions), tuple(restarts), node.at)
+        return ScalarWhen(condition, tuple(actions), tuple(restarts), node.at)
 
-    def _call(self, node: Calls, scope: Scope) -> None:
+    def _call(self, node: Calls, scope: NameScope) -> None:
         expression = node.expression
-        if not isinstance(expression, Call):
+        if not isinstance(expression, FunctionCall):
             relation = "; a relation belongs into a constraint section" if isinstance(expression, Binary) else ""
             raise ModelicaError(f"this is no equation: it has no '='{relation}", node.at)
         name = str(expression.reference)
@@ -263,7 +283,7 @@ class _Flattening:
         else:
             raise ModelicaError(f"{name}() alone is no equation; it has no '='", node.at)
 
-    def _constraints(self, node: Node, scope: Scope) -> list[FlatEquation]:
+    def _constraints(self, node: SyntaxNode, scope: NameScope) -> list[ScalarEquation]:
         if isinstance(node, Equal):
             return self._equal(node, scope)
         if isinstance(node, For):
@@ -285,7 +305,7 @@ class _Flattening:
                 relation = e.operator if e.operator.endswith("=") else f"{e.operator}="
                 made: Any = each(lambda x, y: Operation("pair", (x, y), node.at), a, b)
                 pairs: list[Any] = [pair.arguments for pair in entries(made)]
-                return [FlatEquation(x, y, node.at, relation) for x, y in pairs]
+                return [ScalarEquation(x, y, node.at, relation) for x, y in pairs]
         raise ModelicaError("a constraint is an equation, or a relation with <= or >=", node.at)
 
     # the whole
@@ -294,11 +314,11 @@ class _Flattening:
         """Boolean variables stand for their conditions; an Integer variable needs events."""
         kept: list[Any] = []
         for e in self.out.equations:
-            flat = e.left.flat if isinstance(e, FlatEquation) and isinstance(e.left, Symbol) else None
+            flat = e.left.flat if isinstance(e, ScalarEquation) and isinstance(e.left, Symbol) else None
             if flat is not None and flat.base not in ("Real", "Integer") and flat.kind == "variable":
                 if flat.replaced is not None:
                     raise ModelicaError(f"'{flat.name}' has two equations", e.at)
-                flat.replaced = e.right if isinstance(e, FlatEquation) else None
+                flat.replaced = e.right if isinstance(e, ScalarEquation) else None
             else:
                 kept.append(e)
         self.out.equations = kept
@@ -320,24 +340,31 @@ class _Flattening:
             self.out.header[name] = entry
             self.out.header_at[name] = given.node.at
 
-    def _experiment(self, text: Any, scope: Scope) -> None:
-        for argument in text.annotation.arguments:
-            if argument.name == ("experiment",) and argument.modification is not None:
-                for item in argument.modification.arguments:
-                    if item.modification is not None and item.modification.value is not None:
-                        value = self.model.one(item.modification.value, scope)
-                        if is_literal(value) and not isinstance(value, (str, bool)):
-                            self.out.experiment.setdefault(item.name[0], float(value))
+    def _annotated(self, written: Modification, scope: NameScope) -> None:
+        """What annotations say to gtmodel: `__gtmodel(branch(ahead = x))`, the sign by which solutions differ."""
+        for argument in written.arguments:
+            inside = argument.modification.arguments if argument.modification is not None else []
+            if argument.name != ("__gtmodel",):
+                continue
+            for item in inside:
+                if item.name != ("branch",) or item.modification is None:
+                    raise ModelicaError(f"__gtmodel takes branch(name = expression); found {item.name[0]}", item.at)
+                for one in item.modification.arguments:
+                    if one.modification is None or one.modification.value is None:
+                        raise ModelicaError(f"the branch '{one.name[0]}' has no expression", one.at)
+                    value = self.model.one(one.modification.value, scope)
+                    assert scope.instance is not None
+                    self.out.branches.append((scope.instance.full(one.name[0]), value, one.at))
 
 
 def _name(name: str, at: Place) -> Reference:
-    from .syntax import Part
+    from .syntax import ReferencePart
 
-    return Reference(at, (Part(name, None),))
+    return Reference(at, (ReferencePart(name, None),))
 
 
 def _ifs(items: Sequence[Any]) -> bool:
-    return all(isinstance(e, (FlatIf, FlatEquation)) for e in items)
+    return all(isinstance(e, (ScalarIf, ScalarEquation)) for e in items)
 
 
 def _same(a: Any, b: Any) -> bool:

@@ -9,26 +9,27 @@ import numpy as np
 
 from ..lang.slips import near
 from . import builtin
-from .arrays import Record, array, each, entries
-from .instances import Instance, Scope, kind_of
+from .arrays import RecordValue, array, each, entries
+from .instances import Instance, NameScope, kind_of
+from .members import member
 from .modifications import modifier
 from .scalars import is_literal, operation
 from .scopes import Space
 from .syntax import (
     Assign,
-    Call,
     Calls,
     Component,
     Extends,
     For,
+    FunctionCall,
     If,
-    Jump,
     ModelicaError,
-    Node,
-    Part,
     Place,
     Reference,
-    When,
+    ReferencePart,
+    SyntaxNode,
+    TextJump,
+    WhenEquation,
     While,
 )  # fmt: skip
 
@@ -57,7 +58,7 @@ def components(space: Space) -> list[tuple[Component, Space]]:
     return result
 
 
-def _bodies(space: Space) -> list[tuple[list[Node], Space]]:
+def _bodies(space: Space) -> list[tuple[list[SyntaxNode], Space]]:
     inherited = [body for base, _ in space.bases() for body in _bodies(base)]
     return [*inherited, *[(body, space) for body in space.text.algorithms]]
 
@@ -73,7 +74,7 @@ def _short(space: Space) -> tuple[Space, list[Any]]:
     return space, said
 
 
-def _assigned(inputs: Sequence[Component], node: Call, what: str) -> dict[str, Node]:
+def _assigned(inputs: Sequence[Component], node: FunctionCall, what: str) -> dict[str, SyntaxNode]:
     """Arguments by name. Raises ModelicaError for too many and unknown ones."""
     names = [c.name for c in inputs]
     if len(node.arguments) > len(names):
@@ -88,15 +89,15 @@ def _assigned(inputs: Sequence[Component], node: Call, what: str) -> dict[str, N
     return result
 
 
-def constructed(space: Space, node: Call, scope: Scope, model: Evaluator) -> Record:
+def constructed(space: Space, node: FunctionCall, scope: NameScope, model: Evaluator) -> RecordValue:
     """A record made by calling its class."""
     space, said = _short(space)
     fields = components(space)
     given = _assigned([c for c, _ in fields], node, space.name)
-    changes = {k: m for text, s in said for k, m in modifier(text, Scope(None, s, model)).inside.items()}
-    result = Record()
+    changes = {k: m for text, s in said for k, m in modifier(text, NameScope(None, s, model)).inside.items()}
+    result = RecordValue()
     for c, holder in fields:
-        inside = Scope(None, holder, model, dict(result))
+        inside = NameScope(None, holder, model, dict(result))
         if c.name in given:
             result[c.name] = model.evaluate(given[c.name], scope)
         elif c.name in changes and (own := changes[c.name].value) is not None:
@@ -109,12 +110,12 @@ def constructed(space: Space, node: Call, scope: Scope, model: Evaluator) -> Rec
     return result
 
 
-def called(space: Space, node: Call, scope: Scope, model: Evaluator) -> Any:
+def called(space: Space, node: FunctionCall, scope: NameScope, model: Evaluator) -> Any:
     """The first output of a function; the others stand in `results`."""
     return results(space, node, scope, model)[0]
 
 
-def results(space: Space, node: Call, scope: Scope, model: Evaluator) -> list[Any]:
+def results(space: Space, node: FunctionCall, scope: NameScope, model: Evaluator) -> list[Any]:
     """All outputs of a function. Raises ModelicaError for what cannot be inlined."""
     space, said = _short(space)
     text = space.text
@@ -130,7 +131,7 @@ def results(space: Space, node: Call, scope: Scope, model: Evaluator) -> list[An
     if not outputs or not bodies:
         raise ModelicaError(f"{what} has no {'algorithm' if outputs else 'output'}", node.at)
     given = _assigned(inputs, node, what)
-    changes = {k: m for written, s in said for k, m in modifier(written, Scope(None, s, model)).inside.items()}
+    changes = {k: m for written, s in said for k, m in modifier(written, NameScope(None, s, model)).inside.items()}
     values = {name: model.evaluate(value, scope) for name, value in given.items()}
     local: dict[str, Any] = {}
     if model.calls >= DEEPEST:
@@ -138,7 +139,7 @@ def results(space: Space, node: Call, scope: Scope, model: Evaluator) -> list[An
     model.calls += 1
     try:
         for c, holder in declared:
-            inside = Scope(None, holder, model, local)
+            inside = NameScope(None, holder, model, local)
             value = values.get(c.name)
             if value is None and c.name in changes and (own := changes[c.name].value) is not None:
                 value = model.given(own)
@@ -151,7 +152,7 @@ def results(space: Space, node: Call, scope: Scope, model: Evaluator) -> list[An
             local[c.name] = _empty(c, inside, model) if value is None else _check_size(c, value, inside, model, what)
         for body, holder in bodies:
             try:
-                carry_out(body, Scope(None, holder, model, local), model)
+                carry_out(body, NameScope(None, holder, model, local), model)
             except _Broken as broken:
                 if broken.word != "return":
                     raise ModelicaError(f"'{broken.word}' stands outside a loop", node.at) from None
@@ -160,22 +161,22 @@ def results(space: Space, node: Call, scope: Scope, model: Evaluator) -> list[An
     for c in outputs:
         value = local[c.name]
         unset = isinstance(value, np.ndarray) and any(x is None for x in entries(value))
-        if unset or (isinstance(value, Record) and not value):
+        if unset or (isinstance(value, RecordValue) and not value):
             raise ModelicaError(f"{what} leaves its output '{c.name}' without a value", c.at)
     return [local[c.name] for c in outputs]
 
 
-def _size(c: Component, scope: Scope, model: Evaluator) -> list[int | None]:
+def _size(c: Component, scope: NameScope, model: Evaluator) -> list[int | None]:
     kind = kind_of(c.type_name, scope)
     written = [(d, scope) for d in c.dimensions] + kind.dimensions
     return [None if model.is_colon(d) else model.whole(d, s, f"the size of '{c.name}'") for d, s in written]
 
 
-def _empty(c: Component, scope: Scope, model: Evaluator) -> Any:
+def _empty(c: Component, scope: NameScope, model: Evaluator) -> Any:
     """A variable of a function before it is assigned."""
     kind = kind_of(c.type_name, scope)
     if kind.space is not None and kind.base != "enumeration":
-        return Record()
+        return RecordValue()
     sizes = _size(c, scope, model)
     if None in sizes:
         return array([], (0,))
@@ -183,8 +184,8 @@ def _empty(c: Component, scope: Scope, model: Evaluator) -> Any:
     return array([None] * count, tuple(sizes))  # type: ignore[arg-type]
 
 
-def _check_size(c: Component, value: Any, scope: Scope, model: Evaluator, what: str) -> Any:
-    if not isinstance(value, np.ndarray) or (value.size and isinstance(value.ravel()[0], (Record, Instance))):
+def _check_size(c: Component, value: Any, scope: NameScope, model: Evaluator, what: str) -> Any:
+    if not isinstance(value, np.ndarray) or (value.size and isinstance(value.ravel()[0], (RecordValue, Instance))):
         return value
     sizes = _size(c, scope, model)
     if len(sizes) != value.ndim or any(s is not None and s != n for s, n in zip(sizes, value.shape, strict=True)):
@@ -193,11 +194,9 @@ def _check_size(c: Component, value: Any, scope: Scope, model: Evaluator, what: 
     return value.copy()
 
 
-def record_of(instance: Instance, at: Place) -> Record:
+def record_of(instance: Instance, at: Place) -> RecordValue:
     """A component as a record value."""
-    from .expressions import member
-
-    result = Record()
+    result = RecordValue()
     for name in instance.elements:
         value = member(instance, name, at)
         result[name] = record_of(value, at) if isinstance(value, Instance) else value
@@ -207,7 +206,7 @@ def record_of(instance: Instance, at: Place) -> Record:
 # statements
 
 
-def carry_out(body: Sequence[Node], scope: Scope, model: Evaluator) -> None:
+def carry_out(body: Sequence[SyntaxNode], scope: NameScope, model: Evaluator) -> None:
     """Statements on the local names of a scope, which they change. Raises ModelicaError for what cannot be inlined."""
     for statement in body:
         if isinstance(statement, Assign):
@@ -217,7 +216,7 @@ def carry_out(body: Sequence[Node], scope: Scope, model: Evaluator) -> None:
         elif isinstance(statement, For):
             for turn in model.loops(statement.loops, scope, statement.body):
                 own = {loop.name for loop in statement.loops}
-                inner = Scope(scope.instance, scope.space, model, _Overlay(scope.locals, turn.locals, own))
+                inner = NameScope(scope.instance, scope.space, model, _Overlay(scope.locals, turn.locals, own))
                 try:
                     carry_out(statement.body, inner, model)
                 except _Broken as broken:
@@ -226,11 +225,11 @@ def carry_out(body: Sequence[Node], scope: Scope, model: Evaluator) -> None:
                     break
         elif isinstance(statement, While):
             _repeat(statement, scope, model)
-        elif isinstance(statement, Jump):
+        elif isinstance(statement, TextJump):
             raise _Broken(statement.word)
         elif isinstance(statement, Calls):
             _call(statement.expression, scope, model)
-        elif isinstance(statement, When):
+        elif isinstance(statement, WhenEquation):
             raise ModelicaError("when is not taken in an algorithm; write it in an equation section", statement.at)
         else:
             raise ModelicaError("this statement is not taken", statement.at)
@@ -249,8 +248,8 @@ class _Overlay(dict[str, Any]):
             self._below[name] = value
 
 
-def _call(node: Node, scope: Scope, model: Evaluator) -> None:
-    if not isinstance(node, Call):
+def _call(node: SyntaxNode, scope: NameScope, model: Evaluator) -> None:
+    if not isinstance(node, FunctionCall):
         raise ModelicaError("this is no statement; an assignment has :=", node.at)
     name = str(node.reference)
     if name == "assert":
@@ -264,10 +263,10 @@ def _call(node: Node, scope: Scope, model: Evaluator) -> None:
         results(space, node, scope, model)
 
 
-def _assign(statement: Assign, scope: Scope, model: Evaluator) -> None:
+def _assign(statement: Assign, scope: NameScope, model: Evaluator) -> None:
     if len(statement.targets) > 1:
         call = statement.value
-        assert isinstance(call, Call)
+        assert isinstance(call, FunctionCall)
         values = results(model.function(call.reference, scope), call, scope, model)
         if len(values) < len(statement.targets):
             raise ModelicaError(f"{call.reference}() gives {len(values)} values", statement.at)
@@ -280,7 +279,7 @@ def _assign(statement: Assign, scope: Scope, model: Evaluator) -> None:
             _put(target, value, scope, model)
 
 
-def _put(target: Reference, value: Any, scope: Scope, model: Evaluator) -> None:
+def _put(target: Reference, value: Any, scope: NameScope, model: Evaluator) -> None:
     first, *rest = target.parts
     if isinstance(value, Instance):
         value = record_of(value, target.at)
@@ -291,14 +290,22 @@ def _put(target: Reference, value: Any, scope: Scope, model: Evaluator) -> None:
     scope.locals[first.name] = _replaced(scope.locals[first.name], first, rest, value, scope, model, target.at)
 
 
-def _replaced(old: Any, part: Part, rest: Sequence[Part], value: Any, scope: Scope, model: Evaluator, at: Place) -> Any:
+def _replaced(
+    old: Any,
+    part: ReferencePart,
+    rest: Sequence[ReferencePart],
+    value: Any,
+    scope: NameScope,
+    model: Evaluator,
+    at: Place,
+) -> Any:
     """The old value with a part of it replaced."""
     if part.subscripts is None:
         if rest:
-            if not isinstance(old, Record):
+            if not isinstance(old, RecordValue):
                 raise ModelicaError(f"'{part.name}' is no record whose fields can be assigned", at)
-            inner = old.get(rest[0].name, Record() if len(rest) > 1 else None)
-            return Record({**old, rest[0].name: _replaced(inner, rest[0], rest[1:], value, scope, model, at)})
+            inner = old.get(rest[0].name, RecordValue() if len(rest) > 1 else None)
+            return RecordValue({**old, rest[0].name: _replaced(inner, rest[0], rest[1:], value, scope, model, at)})
         both = isinstance(old, np.ndarray) and isinstance(value, np.ndarray)
         if both and old.shape != value.shape and old.size:
             raise ModelicaError(f"'{part.name}' has the shape {old.shape}; its value has {value.shape}", at)
@@ -315,7 +322,7 @@ def _replaced(old: Any, part: Part, rest: Sequence[Part], value: Any, scope: Sco
     return flat.reshape(old.shape)
 
 
-def _choose(statement: If, scope: Scope, model: Evaluator) -> None:
+def _choose(statement: If, scope: NameScope, model: Evaluator) -> None:
     """An if: by value where its condition has one, else both sides are carried out and joined."""
     for n, (condition, body) in enumerate(statement.branches):
         truth = model.truth(condition, scope)
@@ -327,7 +334,7 @@ def _choose(statement: If, scope: Scope, model: Evaluator) -> None:
         rest = If(statement.at, statement.branches[n + 1 :], statement.otherwise)
         sides = []
         for side in (body, [rest]):
-            inside = Scope(scope.instance, scope.space, model, dict(scope.locals))
+            inside = NameScope(scope.instance, scope.space, model, dict(scope.locals))
             try:
                 carry_out(side, inside, model)
             except _Broken as broken:
@@ -346,15 +353,15 @@ def _choose(statement: If, scope: Scope, model: Evaluator) -> None:
 
 def joined(truth: Any, a: Any, b: Any, name: str, at: Place) -> Any:
     """What a name holds after an if whose condition is only known later."""
-    if isinstance(a, Record) and isinstance(b, Record) and a.keys() == b.keys():
-        return Record({k: joined(truth, a[k], b[k], f"{name}.{k}", at) for k in a})
+    if isinstance(a, RecordValue) and isinstance(b, RecordValue) and a.keys() == b.keys():
+        return RecordValue({k: joined(truth, a[k], b[k], f"{name}.{k}", at) for k in a})
     if not isinstance(a, np.ndarray) or not isinstance(b, np.ndarray) or a.shape != b.shape:
         raise ModelicaError(f"'{name}' has other shapes on the two sides of this if", at)
     return each(lambda x, y: x if x is y else None if x is None or y is None else operation("if", (truth, x, y), at),
                 a, b)  # fmt: skip
 
 
-def _repeat(statement: While, scope: Scope, model: Evaluator) -> None:
+def _repeat(statement: While, scope: NameScope, model: Evaluator) -> None:
     for _ in range(TURNS):
         condition = model.truth(statement.condition, scope)
         if not is_literal(condition):
@@ -370,9 +377,9 @@ def _repeat(statement: While, scope: Scope, model: Evaluator) -> None:
     raise ModelicaError(f"this while makes more than {TURNS} turns", statement.at)
 
 
-def algorithm(body: Sequence[Node], scope: Scope, model: Evaluator) -> dict[str, Any]:
+def algorithm(body: Sequence[SyntaxNode], scope: NameScope, model: Evaluator) -> dict[str, Any]:
     """The names that an algorithm section of a model assigns, with their values after it."""
-    inside = Scope(scope.instance, scope.space, model, {})
+    inside = NameScope(scope.instance, scope.space, model, {})
     try:
         carry_out(body, inside, model)
     except _Broken as broken:

@@ -14,7 +14,7 @@ from .arrays import Values, array
 from .modifications import NOTHING, Given, Modifier, merged, modifier
 from .scalars import Flat, Symbol, number_of
 from .scopes import PREDEFINED, Space
-from .syntax import ClassText, Component, Extends, ModelicaError, Node, Place, Reference
+from .syntax import ClassText, Component, Extends, ModelicaError, Place, Reference, SyntaxNode
 
 ATTRIBUTES = {
     "value", "quantity", "unit", "displayUnit", "min", "max", "start", "fixed", "nominal", "stateSelect", "unbounded",
@@ -25,7 +25,7 @@ DEEPEST = 60  # components in one another; a class that holds itself would never
 
 
 @dataclass(eq=False)
-class Scope:
+class NameScope:
     """Where an expression stands: in an instance, in a class, with local names."""
 
     instance: Instance | None
@@ -33,12 +33,12 @@ class Scope:
     model: Any  # what is flattened: warnings, and the evaluator
     locals: dict[str, Any] = field(default_factory=dict)
 
-    def inner(self, names: dict[str, Any]) -> Scope:
-        return Scope(self.instance, self.space, self.model, {**self.locals, **names})
+    def inner(self, names: dict[str, Any]) -> NameScope:
+        return NameScope(self.instance, self.space, self.model, {**self.locals, **names})
 
 
 @dataclass(eq=False, slots=True)
-class FieldOf(Node):
+class FieldOf(SyntaxNode):
     """A field of a record that a component is bound to."""
 
     given: Given
@@ -46,28 +46,26 @@ class FieldOf(Node):
 
 
 @dataclass(eq=False)
-class Kind:
+class TypeMeaning:
     """What a type name means: a predefined type with its attributes, or a class."""
 
     base: str
     space: Space | None
     modifier: Modifier
-    dimensions: list[tuple[Node, Scope]]
+    dimensions: list[tuple[SyntaxNode, NameScope]]
     prefixes: frozenset[str]
     connector: bool
     literals: tuple[str, ...] = ()
 
 
-def kind_of(reference: Reference, scope: Scope) -> Kind:
+def kind_of(reference: Reference, scope: NameScope) -> TypeMeaning:
     """What a type name means in a scope. Raises ModelicaError for one that means nothing."""
     said, dimensions, prefixes, connector = NOTHING, [], frozenset[str](), False
     space: Space = scope.space
     while True:
         first = reference.parts[0].name
         if len(reference.parts) == 1 and first in PREDEFINED:
-            return Kind(first, None, said, dimensions, prefixes, connector)
-        if first == "StateSelect" and len(reference.parts) == 1:
-            return Kind("enumeration", None, said, dimensions, prefixes, connector, ("StateSelect",))
+            return TypeMeaning(first, None, said, dimensions, prefixes, connector)
         space = space.find(reference)
         while True:
             text = space.text
@@ -75,21 +73,21 @@ def kind_of(reference: Reference, scope: Scope) -> Kind:
                 raise ModelicaError(f"{space.name} is not taken: {text.refused}", reference.at)
             connector = connector or text.restriction.endswith("connector")
             if text.literals is not None:
-                return Kind("enumeration", space, said, dimensions, prefixes, connector, tuple(text.literals))
+                return TypeMeaning("enumeration", space, said, dimensions, prefixes, connector, tuple(text.literals))
             extends = [e for e in text.elements if isinstance(e, Extends)]
             simple = text.short or (len(extends) == 1 and len(text.elements) == 1 and not text.equations)
             if not simple or not extends:
-                return Kind("", space, said, dimensions, prefixes, connector)
+                return TypeMeaning("", space, said, dimensions, prefixes, connector)
             builtin = len(extends[0].base.parts) == 1 and extends[0].base.parts[0].name in PREDEFINED
             if not text.short and not builtin and not _ends_predefined(space, extends[0]):
-                return Kind("", space, said, dimensions, prefixes, connector)
+                return TypeMeaning("", space, said, dimensions, prefixes, connector)
             around = space.outer if text.short and space.outer is not None else space
-            own = Scope(None, around, scope.model)
+            own = NameScope(None, around, scope.model)
             said = merged(said, modifier(extends[0].modification, own))
             dimensions = [*dimensions, *[(d, own) for d in text.dimensions]]
             prefixes |= text.type_prefixes
             if builtin:
-                return Kind(extends[0].base.parts[0].name, None, said, dimensions, prefixes, connector)
+                return TypeMeaning(extends[0].base.parts[0].name, None, said, dimensions, prefixes, connector)
             space = space.base(extends[0])
 
 
@@ -111,7 +109,7 @@ class Section:
     """The equations of one class of an instance, in that class's scope."""
 
     text: ClassText
-    scope: Scope
+    scope: NameScope
 
 
 class Instance:
@@ -121,7 +119,7 @@ class Instance:
         self, space: Space, said: Modifier, path: str, parent: Instance | None, model: Any, prefixes: frozenset[str]
     ) -> None:
         self.space, self.path, self.parent, self.model, self.prefixes = space, path, parent, model, prefixes
-        self.elements: dict[str, Element] = {}
+        self.elements: dict[str, TextElement] = {}
         self.sections: list[Section] = []
         self.header: dict[str, Given] = {}
         self.finals: dict[str, Modifier] = {}
@@ -159,11 +157,14 @@ class Instance:
             space = space.with_replaced(replaced)
             if self.space.text is text:
                 self.space = space
-        scope = Scope(self, space, self.model)
+        scope = NameScope(self, space, self.model)
         self._headers(text, said, scope)
         for element in text.elements:
             if isinstance(element, Component):
-                own = merged(said.get(element.name), modifier(element.modification, scope))
+                written = modifier(element.modification, scope)
+                if "final" in element.prefixes and written.value is not None:
+                    written = replace(written, final=True)
+                own = merged(said.get(element.name), written)
                 self.used.add(element.name)
                 before = self.elements.get(element.name)
                 if before is not None and before.text is not element and before.text.at != element.at:
@@ -172,7 +173,7 @@ class Instance:
                         element.at,
                     )
                 if before is None:
-                    self.elements[element.name] = Element(element, own, scope, self)
+                    self.elements[element.name] = TextElement(element, own, scope, self)
             elif element.base.parts[0].name in PREDEFINED and len(element.base.parts) == 1:
                 raise ModelicaError(f"{space.name} extends {element.base} and declares more", element.at)
             else:
@@ -184,7 +185,7 @@ class Instance:
         self.used |= set(text.classes)
         self.sections.append(Section(text, scope))
 
-    def _headers(self, text: ClassText, said: Modifier, scope: Scope) -> None:
+    def _headers(self, text: ClassText, said: Modifier, scope: NameScope) -> None:
         if text.restriction != "optimization":
             return
         self.used |= {*HEADER, "static"}
@@ -241,12 +242,12 @@ VARIABILITY = ("constant", "parameter", "discrete", "input", "output", "flow")
 
 
 @dataclass(eq=False)
-class Element:
+class TextElement:
     """A declared component; `made` is a Declared, an Instance, an array of them, or None by its condition."""
 
     text: Component
     said: Modifier
-    scope: Scope
+    scope: NameScope
     owner: Instance
     _made: Any = None
     _state: str = ""
@@ -292,7 +293,7 @@ class Element:
             return self._instances(kind, said, prefixes, full, shape)
         return Declared(self, kind, said, prefixes, full, shape)
 
-    def _shape(self, dimensions: list[tuple[Node, Scope]], said: Modifier, full: str) -> tuple[int, ...]:
+    def _shape(self, dimensions: list[tuple[SyntaxNode, NameScope]], said: Modifier, full: str) -> tuple[int, ...]:
         model, shape = self.owner.model, []
         open_ones = [n for n, (d, _) in enumerate(dimensions) if model.is_colon(d)]
         given: Any = None
@@ -315,7 +316,7 @@ class Element:
             shape.append(size)
         return tuple(shape)
 
-    def _instances(self, kind: Kind, said: Modifier, prefixes: frozenset[str], full: str, shape: Any) -> Any:
+    def _instances(self, kind: TypeMeaning, said: Modifier, prefixes: frozenset[str], full: str, shape: Any) -> Any:
         assert kind.space is not None
         if kind.space.text.restriction in ("package", "function", "operator function"):
             raise ModelicaError(
@@ -326,7 +327,7 @@ class Element:
 
         def one(index: tuple[int, ...]) -> Instance:
             path = full + (f"[{','.join(str(i + 1) for i in index)}]" if index else "")
-            own = said.element(index)
+            own = said.element(index, shape)
             passed = prefixes & {"constant", "parameter", "input", "output", "discrete"}
             made = Instance(kind.space, own, path, self.owner, self.owner.model, passed)  # type: ignore[arg-type]
             made.connector = kind.connector
@@ -346,7 +347,13 @@ class Declared:
     """A component of a predefined type: one scalar for each entry."""
 
     def __init__(
-        self, element: Element, kind: Kind, said: Modifier, prefixes: frozenset[str], full: str, shape: tuple[int, ...]
+        self,
+        element: TextElement,
+        kind: TypeMeaning,
+        said: Modifier,
+        prefixes: frozenset[str],
+        full: str,
+        shape: tuple[int, ...],
     ) -> None:
         self.element, self.kind, self.said, self.prefixes, self.shape = element, kind, said, prefixes, shape
         self.full, self.at, self.model = full, element.text.at, element.owner.model

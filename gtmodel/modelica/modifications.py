@@ -5,16 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from .syntax import ClassText, Component, ModelicaError, Modification, Node, Place
+from .syntax import ClassText, Component, ModelicaError, Modification, Place, SyntaxNode
 
 
 @dataclass(frozen=True, eq=False)
 class Given:
     """An expression with the scope in which it was written; indices: of the one component of an array."""
 
-    node: Node
+    node: SyntaxNode
     scope: Any
     indices: tuple[int, ...] = ()
+    sizes: tuple[int, ...] = ()  # of that array
     each: bool = False
 
 
@@ -32,14 +33,14 @@ class Modifier:
     def get(self, name: str) -> Modifier:
         return self.inside.get(name, NOTHING)
 
-    def element(self, index: tuple[int, ...]) -> Modifier:
+    def element(self, index: tuple[int, ...], sizes: tuple[int, ...]) -> Modifier:
         """For one component of an array of them."""
         if not index:
             return self
         value = self.value
         if value is not None and not self.each and not value.each:
-            value = replace(value, indices=(*value.indices, *index))
-        inside = {k: m if m.each else m.element(index) for k, m in self.inside.items()}
+            value = replace(value, indices=(*value.indices, *index), sizes=(*value.sizes, *sizes))
+        inside = {k: m if m.each else m.element(index, sizes) for k, m in self.inside.items()}
         return replace(self, value=value, inside=inside)
 
 

@@ -9,10 +9,10 @@ from typing import Any
 
 from ..lang.units import UnitError, si_unit
 from .classes import Written
-from .flat import FlatEquation, FlatIf, Flattened, FlatWhen
+from .flat import Flattened, ScalarEquation, ScalarIf, ScalarWhen
 from .resolved import Resolver, is_declared
 from .scalars import (
-    Choice,
+    EnumerationLiteral,
     Flat,
     Operation,
     Symbol,
@@ -46,7 +46,7 @@ class Writer:
         self.flat, self.units, self.warnings = flat, units, list[str]()
         self.names = _unique(flat.flats, naming)
         self.resolved = Resolver()
-        self.written = Written(flat.name, flat.optimization, flat.description)
+        self.written = Written(flat.name, flat.at, flat.optimization, flat.description)
 
     def write(self) -> Written:
         decided = [(f, self._decided(f)) for f in self.flat.flats]
@@ -60,6 +60,9 @@ class Writer:
             self._put("", place, ast.Assign([ast.Name(name, ast.Store())], value))
         for e in self.flat.equations:
             self._equation(e)
+        for name, value, place in self.flat.branches:
+            expression = self._of(value, place)
+            self._put("equations", place, _yield(_call("branch", [ast.Constant(name), expression])))
         for e in self.flat.initial:
             self._relation("initial_equations", e)
         for e in self.flat.constraints:
@@ -72,7 +75,9 @@ class Writer:
         """Exponents of parameters are numbers: the language takes no others."""
         sides: list[Any] = [self.flat.header.get(name) for name in ("objective", "objectiveIntegrand")]
         for e in (*self.flat.equations, *self.flat.initial, *self.flat.constraints):
-            parts = (*e.then, *e.otherwise) if isinstance(e, FlatIf) else e.actions if isinstance(e, FlatWhen) else (e,)
+            parts = (
+                (*e.then, *e.otherwise) if isinstance(e, ScalarIf) else e.actions if isinstance(e, ScalarWhen) else (e,)
+            )
             sides += [x for part in parts for x in (part.left, part.right)]
         sides += [f.binding for f in self.flat.flats if f.kind == "parameter" and not f.free]
         for side in sides:
@@ -103,6 +108,8 @@ class Writer:
             value = flat.get(name)
             if value is not None:
                 numbers[name] = number_of(value, flat.at, f"{name} of '{flat.name}'")
+        if not isinstance(numbers.get("fixed", False), bool):
+            raise ModelicaError(f"fixed of '{flat.name}' is true or false; found {numbers['fixed']}", flat.at)
         return numbers
 
     def _unit(self, flat: Flat, numbers: dict[str, Any]) -> dict[str, Any]:
@@ -124,6 +131,9 @@ class Writer:
             return _call("free", [_constant(float(guess))], self._described(flat, options))
         if flat.kind == "parameter":
             value = value_of(flat)
+            low = flat.get("min")
+            if is_number(low) and low > 0 < value:
+                options["positive"] = ast.Constant(True)
             return _call("parameter", [_constant(float(value))], self._described(flat, options))
         if flat.kind == "discrete":
             value = numbers.get("start", 0.0)
@@ -141,7 +151,7 @@ class Writer:
         if start is None and fixed:
             start = 0.0
         self._attribute(options, "start", start, flat)
-        if (choice := numbers.get("stateSelect")) is not None and isinstance(choice, Choice):
+        if (choice := numbers.get("stateSelect")) is not None and isinstance(choice, EnumerationLiteral):
             preference = _PREFERENCE.get(choice.name, 0)
             if preference:
                 options["prefer"] = _constant(preference)
@@ -192,13 +202,13 @@ class Writer:
 
     # equations
 
-    def _equation(self, e: FlatEquation | FlatIf | FlatWhen) -> None:
-        if isinstance(e, FlatEquation):
+    def _equation(self, e: ScalarEquation | ScalarIf | ScalarWhen) -> None:
+        if isinstance(e, ScalarEquation):
             self._relation("equations", e)
-        elif isinstance(e, FlatIf):
+        elif isinstance(e, ScalarIf):
             if self.flat.optimization:
                 sides = [Operation("-", (x[0].left, x[0].right), e.at) for x in (e.then, e.otherwise)]
-                self._relation("equations", FlatEquation(Operation("if", (e.condition, *sides), e.at), 0, e.at))
+                self._relation("equations", ScalarEquation(Operation("if", (e.condition, *sides), e.at), 0, e.at))
                 return
             condition = self._condition(self.resolved(e.condition, e.at), e.at)
             sides = [
@@ -217,10 +227,12 @@ class Writer:
     def _of(self, x: Any, at: Place) -> ast.expr:
         return self._expression(self.resolved(x, at))
 
-    def _relation(self, method: str, e: FlatEquation) -> None:
+    def _relation(self, method: str, e: ScalarEquation) -> None:
         left, right = self.resolved(e.left, e.at), self.resolved(e.right, e.at)
         if method == "constraints" and not any(True for x in (left, right) for _ in symbols(x)):
             left, right = self._ends(left), self._ends(right)
+        if wrong := [str(x) for x in (left, right) if is_literal(x) and not is_number(x)]:
+            raise ModelicaError(f"an equation takes numbers; found {wrong[0].lower()}", e.at)
         if is_literal(left) and is_literal(right):
             holds = {"==": left == right, "<=": left <= right, ">=": left >= right}[e.relation]
             if not holds:
@@ -394,7 +406,7 @@ def _finite(value: Any) -> bool:
 
 
 def _constant(value: Any) -> ast.expr:
-    if isinstance(value, Choice):
+    if isinstance(value, EnumerationLiteral):
         return ast.Constant(value.position)
     if is_number(value) and (value < 0 or math.copysign(1.0, value) < 0):
         return ast.UnaryOp(ast.USub(), ast.Constant(-value))

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from .names import is_reference as is_reference, libraries as libraries, split as split
 
 if TYPE_CHECKING:
     from .translate import Translation
@@ -13,25 +14,6 @@ else:
     from .._lazy import hint
 
     Translation = hint("gtmodel.modelica.translate", "Translation")
-
-ENDINGS = (".mop", ".mo")
-MODELICAPATH = "MODELICAPATH"
-
-
-def is_reference(reference: str) -> bool:
-    """Does a text name a Modelica file, or a class in one: `vdp.mop`, `vdp.mop:VDP_Opt`?"""
-    return split(reference)[0].endswith(ENDINGS)
-
-
-def split(reference: str) -> tuple[str, str]:
-    """File and class of `file.mop:Class`; "" where it names no class."""
-    place, colon, name = reference.rpartition(":")
-    return (place, name) if colon and place.endswith(ENDINGS) else (reference, "")
-
-
-def libraries() -> list[str]:
-    """Folders of the environment variable MODELICAPATH, as other Modelica tools read it."""
-    return [p for p in os.environ.get(MODELICAPATH, "").split(os.pathsep) if p]
 
 
 def translated(reference: str, *, library: Iterable[str], parameters: Mapping[str, Any]) -> Translation:

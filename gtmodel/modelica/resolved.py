@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from .scalars import Choice, Flat, Symbol, is_literal, number_of, operation, value_of
+from .scalars import EnumerationLiteral, Flat, Symbol, is_literal, number_of, operation, value_of
 from .syntax import ModelicaError, Place
 
 
@@ -23,7 +23,7 @@ class Resolver:
             raise ModelicaError("this expression is too long to be taken; write it in several equations", at) from None
 
     def _resolved(self, x: Any) -> Any:
-        if isinstance(x, Choice):
+        if isinstance(x, EnumerationLiteral):
             return x.position
         if is_literal(x):
             return x

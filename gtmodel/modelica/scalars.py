@@ -64,7 +64,7 @@ class Operation:
 
 
 @dataclass(frozen=True)
-class Choice:
+class EnumerationLiteral:
     """A literal of an enumeration."""
 
     type_name: str
@@ -75,7 +75,7 @@ class Choice:
         return f"{self.type_name}.{self.name}"
 
 
-Scalar = Any  # float | int | bool | str | Choice | Symbol | Operation
+Scalar = Any  # float | int | bool | str | EnumerationLiteral | Symbol | Operation
 
 
 def is_number(x: Any) -> bool:
@@ -83,7 +83,7 @@ def is_number(x: Any) -> bool:
 
 
 def is_literal(x: Any) -> bool:
-    return isinstance(x, (int, float, bool, str, Choice))
+    return isinstance(x, (int, float, bool, str, EnumerationLiteral))
 
 
 def _power(a: float, b: float) -> float:
@@ -103,7 +103,7 @@ def _quotient(a: float, b: float) -> int:
 
 def _compared(compare: Callable[[Any, Any], bool]) -> Callable[[Any, Any], bool]:
     def of(a: Any, b: Any) -> bool:
-        if isinstance(a, Choice) and isinstance(b, Choice):
+        if isinstance(a, EnumerationLiteral) and isinstance(b, EnumerationLiteral):
             return compare(a.position, b.position)
         return compare(a, b)
 
@@ -144,7 +144,7 @@ def computed(name: str, arguments: tuple[Any, ...], at: Place | None) -> Any:
     """The value of an operation on literals."""
     if name == "+" and all(isinstance(a, str) for a in arguments):
         return arguments[0] + arguments[1]
-    texts = name in ("==", "<>") or all(isinstance(a, Choice) for a in arguments)
+    texts = name in ("==", "<>") or all(isinstance(a, EnumerationLiteral) for a in arguments)
     logical = name in ("and", "or", "not")
     if not texts and not logical and not all(is_number(a) for a in arguments):
         shown = next(a for a in arguments if not is_number(a))

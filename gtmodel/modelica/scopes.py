@@ -180,8 +180,7 @@ def library(paths: Iterable[str | os.PathLike[str]]) -> Space:
     root = Space(ClassText(at, "", "package"), None)
     for path in paths:
         _add(root, Path(path))
-    if root.own("Modelica") is None:
-        _enter(root, reader.read(_BUILT_IN))
+    _enter(root, [c for c in reader.read(_BUILT_IN) if root.own(c.name) is None])
     return root
 
 

@@ -13,7 +13,7 @@ from lark.tree import Meta
 from lark.visitors import Transformer_NonRecursive
 
 from . import syntax as s
-from .syntax import Argument, ClassText, Component, ModelicaError, Node, Place, Source
+from .syntax import Argument, ClassText, Component, ModelicaError, Place, Source, SyntaxNode
 
 _SOURCE: ContextVar[Source] = ContextVar("source")
 
@@ -116,22 +116,25 @@ class Shaping(Transformer_NonRecursive[Any, Any]):
                     item.protected = True
         return Several("composition", children, _place(meta))
 
+    def _sections(self, meta: Meta, children: list[Any], kind: str) -> Several:
+        """A section's equations or statements, and an annotation that stands among them."""
+        if children and isinstance(children[0], Token) and str(children[0]) == "initial":
+            kind = f"initial_{kind}"
+        body = [c for c in children if isinstance(c, SyntaxNode)]
+        said = [c for c in children if isinstance(c, Several) and c.kind == "annotation"]
+        return Several("composition", [Several(kind, body), *said], _place(meta))
+
     def equation_section(self, meta: Meta, children: list[Any]) -> Several:
-        initial = bool(children) and isinstance(children[0], Token)
-        body = [c for c in children if isinstance(c, Node) and not isinstance(c, s.Modification)]
-        return Several("initial_equations" if initial else "equations", body, _place(meta))
+        return self._sections(meta, children, "equations")
 
     def algorithm_section(self, meta: Meta, children: list[Any]) -> Several:
-        initial = bool(children) and isinstance(children[0], Token)
-        body = [c for c in children if isinstance(c, Node) and not isinstance(c, s.Modification)]
-        return Several("initial_algorithms" if initial else "algorithms", body, _place(meta))
+        return self._sections(meta, children, "algorithms")
 
     def constraint_section(self, meta: Meta, children: list[Any]) -> Several:
-        body = [c for c in children if isinstance(c, Node) and not isinstance(c, s.Modification)]
-        return Several("constraints", body, _place(meta))
+        return self._sections(meta, children, "constraints")
 
     def external(self, meta: Meta, children: list[Any]) -> Several:
-        return Several("external", [s.Jump(_place(meta), "external")], _place(meta))
+        return Several("external", [s.TextJump(_place(meta), "external")], _place(meta))
 
     def class_definition(self, meta: Meta, children: list[Any]) -> ClassText:
         item: ClassText = _typed(children, ClassText)
@@ -197,7 +200,7 @@ class Shaping(Transformer_NonRecursive[Any, Any]):
     def import_several(self, meta: Meta, children: list[Any]) -> Several:
         package, at = children[0], _place(meta)
         names = [str(c) for c in children[1:] if isinstance(c, Token)]
-        inside = [s.Reference(at, (*package.parts, s.Part(n, None))) for n in names]
+        inside = [s.Reference(at, (*package.parts, s.ReferencePart(n, None))) for n in names]
         return Several("imports", [s.Import(at, n, r) for n, r in zip(names, inside, strict=True)])
 
     def name_star(self, meta: Meta, children: list[Any]) -> s.Reference:
@@ -206,7 +209,7 @@ class Shaping(Transformer_NonRecursive[Any, Any]):
     name_dot = name_star
 
     def _reference(self, meta: Meta, tokens: list[Any]) -> s.Reference:
-        return s.Reference(_place(meta), tuple(s.Part(_name(t), None) for t in tokens))
+        return s.Reference(_place(meta), tuple(s.ReferencePart(_name(t), None) for t in tokens))
 
     def name(self, meta: Meta, children: list[Any]) -> s.Reference:
         words = [c for c in children if c.type == "IDENT"]
@@ -274,98 +277,98 @@ class Shaping(Transformer_NonRecursive[Any, Any]):
 
     # equations and statements
 
-    def equal(self, meta: Meta, children: list[Any]) -> Node:
+    def equal(self, meta: Meta, children: list[Any]) -> SyntaxNode:
         return s.Equal(_place(meta), children[0], children[1])
 
-    def call_equation(self, meta: Meta, children: list[Any]) -> Node:
+    def call_equation(self, meta: Meta, children: list[Any]) -> SyntaxNode:
         return s.Calls(_place(meta), children[0])
 
-    def call_statement(self, meta: Meta, children: list[Any]) -> Node:
+    def call_statement(self, meta: Meta, children: list[Any]) -> SyntaxNode:
         return s.Calls(_place(meta), self.call(meta, children[:2]))
 
-    def if_equation(self, meta: Meta, children: list[Any]) -> Node:
-        body = [c for c in children[1:] if isinstance(c, Node)]
+    def if_equation(self, meta: Meta, children: list[Any]) -> SyntaxNode:
+        body = [c for c in children[1:] if isinstance(c, SyntaxNode)]
         branches = [(children[0], body)]
         branches += [(c[0], list(c[1:])) for c in children if isinstance(c, Several) and c.kind == "else_if"]
         otherwise = _of(children, "else_part")
         return s.If(_place(meta), branches, None if otherwise is None else list(otherwise))
 
-    def for_equation(self, meta: Meta, children: list[Any]) -> Node:
-        return s.For(_place(meta), list(children[0]), [c for c in children[1:] if isinstance(c, Node)])
+    def for_equation(self, meta: Meta, children: list[Any]) -> SyntaxNode:
+        return s.For(_place(meta), list(children[0]), [c for c in children[1:] if isinstance(c, SyntaxNode)])
 
-    def when_equation(self, meta: Meta, children: list[Any]) -> Node:
-        body = [c for c in children[1:] if isinstance(c, Node)]
+    def when_equation(self, meta: Meta, children: list[Any]) -> SyntaxNode:
+        body = [c for c in children[1:] if isinstance(c, SyntaxNode)]
         more = [(c[0], list(c[1:])) for c in children if isinstance(c, Several) and c.kind == "else_when"]
-        return s.When(_place(meta), [(children[0], body), *more])
+        return s.WhenEquation(_place(meta), [(children[0], body), *more])
 
-    def connect(self, meta: Meta, children: list[Any]) -> Node:
+    def connect(self, meta: Meta, children: list[Any]) -> SyntaxNode:
         return s.Connect(_place(meta), children[0], children[1])
 
-    def assignment(self, meta: Meta, children: list[Any]) -> Node:
+    def assignment(self, meta: Meta, children: list[Any]) -> SyntaxNode:
         return s.Assign(_place(meta), [children[0]], children[1])
 
-    def assignment_of_several(self, meta: Meta, children: list[Any]) -> Node:
+    def assignment_of_several(self, meta: Meta, children: list[Any]) -> SyntaxNode:
         return s.Assign(_place(meta), list(children[0]), self.call(meta, children[1:3]))
 
-    def while_statement(self, meta: Meta, children: list[Any]) -> Node:
-        return s.While(_place(meta), children[0], [c for c in children[1:] if isinstance(c, Node)])
+    def while_statement(self, meta: Meta, children: list[Any]) -> SyntaxNode:
+        return s.While(_place(meta), children[0], [c for c in children[1:] if isinstance(c, SyntaxNode)])
 
-    def jump(self, meta: Meta, children: list[Any]) -> Node:
-        return s.Jump(_place(meta), str(children[0]))
+    def jump(self, meta: Meta, children: list[Any]) -> SyntaxNode:
+        return s.TextJump(_place(meta), str(children[0]))
 
-    def loop(self, meta: Meta, children: list[Any]) -> Node:
+    def loop(self, meta: Meta, children: list[Any]) -> SyntaxNode:
         return s.Loop(_place(meta), str(children[0]), children[1] if len(children) > 1 else None)
 
     # expressions
 
-    def conditional(self, meta: Meta, children: list[Any]) -> Node:
+    def conditional(self, meta: Meta, children: list[Any]) -> SyntaxNode:
         more = [(c[0], c[1]) for c in children[2:-1]]
         return s.Conditional(_place(meta), [(children[0], children[1]), *more], children[-1])
 
-    def range(self, meta: Meta, children: list[Any]) -> Node:
-        parts = [c for c in children if isinstance(c, Node)]
+    def range(self, meta: Meta, children: list[Any]) -> SyntaxNode:
+        parts = [c for c in children if isinstance(c, SyntaxNode)]
         return s.Range(_place(meta), parts[0], parts[1] if len(parts) > 2 else None, parts[-1])
 
-    def binary(self, meta: Meta, children: list[Any]) -> Node:
+    def binary(self, meta: Meta, children: list[Any]) -> SyntaxNode:
         return s.Binary(_place(meta), str(children[1]), children[0], children[2])
 
-    def unary(self, meta: Meta, children: list[Any]) -> Node:
+    def unary(self, meta: Meta, children: list[Any]) -> SyntaxNode:
         return s.Unary(_place(meta), str(children[0]), children[1])
 
-    def number(self, meta: Meta, children: list[Any]) -> Node:
+    def number(self, meta: Meta, children: list[Any]) -> SyntaxNode:
         text = str(children[0])
         return s.Literal(_place(meta), int(text) if text.isdigit() and len(text) < 16 else float(text))
 
-    def string(self, meta: Meta, children: list[Any]) -> Node:
+    def string(self, meta: Meta, children: list[Any]) -> SyntaxNode:
         return s.Literal(_place(meta), text_of(children[0]))
 
-    def boolean(self, meta: Meta, children: list[Any]) -> Node:
+    def boolean(self, meta: Meta, children: list[Any]) -> SyntaxNode:
         return s.Literal(_place(meta), str(children[0]) == "true")
 
-    def end_index(self, meta: Meta, children: list[Any]) -> Node:
+    def end_index(self, meta: Meta, children: list[Any]) -> SyntaxNode:
         return s.EndIndex(_place(meta))
 
-    def colon(self, meta: Meta, children: list[Any]) -> Node:
+    def colon(self, meta: Meta, children: list[Any]) -> SyntaxNode:
         return s.Colon(_place(meta))
 
     def reference(self, meta: Meta, children: list[Any]) -> s.Reference:
         absolute = isinstance(children[0], Token)
-        return s.Reference(_place(meta), tuple(c for c in children if isinstance(c, s.Part)), absolute)
+        return s.Reference(_place(meta), tuple(c for c in children if isinstance(c, s.ReferencePart)), absolute)
 
-    def reference_part(self, meta: Meta, children: list[Any]) -> s.Part:
-        return s.Part(_name(children[0]), tuple(children[1]) if len(children) > 1 else None)
+    def reference_part(self, meta: Meta, children: list[Any]) -> s.ReferencePart:
+        return s.ReferencePart(_name(children[0]), tuple(children[1]) if len(children) > 1 else None)
 
-    def call(self, meta: Meta, children: list[Any]) -> s.Call:
+    def call(self, meta: Meta, children: list[Any]) -> s.FunctionCall:
         return self._call(meta, children[0], children[1])
 
-    def der_call(self, meta: Meta, children: list[Any]) -> s.Call:
-        return self._call(meta, s.Reference(_place(meta), (s.Part("der", None),)), children[1])
+    def der_call(self, meta: Meta, children: list[Any]) -> s.FunctionCall:
+        return self._call(meta, s.Reference(_place(meta), (s.ReferencePart("der", None),)), children[1])
 
-    def _call(self, meta: Meta, reference: s.Reference, given: Several) -> s.Call:
+    def _call(self, meta: Meta, reference: s.Reference, given: Several) -> s.FunctionCall:
         if given.kind == "comprehension":
-            return s.Call(_place(meta), reference, [given[0]], {}, list(given[1]))
-        named: dict[str, Node] = {}
-        arguments: list[Node] = []
+            return s.FunctionCall(_place(meta), reference, [given[0]], {}, list(given[1]))
+        named: dict[str, SyntaxNode] = {}
+        arguments: list[SyntaxNode] = []
         for a in given:
             if isinstance(a, tuple):
                 if a[0] in named:
@@ -375,7 +378,7 @@ class Shaping(Transformer_NonRecursive[Any, Any]):
                 raise ModelicaError(f"an argument without a name of {reference}() comes after one with", _place(meta))
             else:
                 arguments.append(a)
-        return s.Call(_place(meta), reference, arguments, named)
+        return s.FunctionCall(_place(meta), reference, arguments, named)
 
     def call_arguments(self, meta: Meta, children: list[Any]) -> Several:
         return Several("arguments", children)
@@ -383,26 +386,26 @@ class Shaping(Transformer_NonRecursive[Any, Any]):
     def call_comprehension(self, meta: Meta, children: list[Any]) -> Several:
         return Several("comprehension", children)
 
-    def named_argument(self, meta: Meta, children: list[Any]) -> tuple[str, Node]:
+    def named_argument(self, meta: Meta, children: list[Any]) -> tuple[str, SyntaxNode]:
         return str(children[0]), children[1]
 
-    def function_argument(self, meta: Meta, children: list[Any]) -> Node:
+    def function_argument(self, meta: Meta, children: list[Any]) -> SyntaxNode:
         return s.FunctionArgument(_place(meta), ".".join(p.name for p in children[0].parts))
 
-    def parenthesis(self, meta: Meta, children: list[Any]) -> Node:
+    def parenthesis(self, meta: Meta, children: list[Any]) -> SyntaxNode:
         items = list(children[0])
         return items[0] if len(items) == 1 and items[0] is not None else s.Outputs(_place(meta), items)
 
     def output(self, meta: Meta, children: list[Any]) -> Any:
         return children[0] if children else None
 
-    def matrix(self, meta: Meta, children: list[Any]) -> Node:
+    def matrix(self, meta: Meta, children: list[Any]) -> SyntaxNode:
         return s.Matrix(_place(meta), [list(row) for row in children])
 
-    def array(self, meta: Meta, children: list[Any]) -> Node:
+    def array(self, meta: Meta, children: list[Any]) -> SyntaxNode:
         return s.Array(_place(meta), children)
 
-    def comprehension(self, meta: Meta, children: list[Any]) -> Node:
+    def comprehension(self, meta: Meta, children: list[Any]) -> SyntaxNode:
         return s.Comprehension(_place(meta), children[0], list(children[1]))
 
 

@@ -1,5 +1,7 @@
 // What public optimization files use of the Modelica Standard Library, by its names, for those who name no library.
 within;
+type StateSelect = enumeration(never, avoid, default, prefer, always);
+type AssertionLevel = enumeration(warning, error);
 package Modelica
   package Constants
     final constant Real pi = 3.141592653589793;

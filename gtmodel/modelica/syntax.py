@@ -65,7 +65,7 @@ class ModelicaError(ModelError):
 
 
 @dataclass(eq=False, slots=True)
-class Node:
+class SyntaxNode:
     """A part of the text and its place."""
 
     at: Place
@@ -75,22 +75,22 @@ class Node:
 
 
 @dataclass(eq=False, slots=True)
-class Literal(Node):
+class Literal(SyntaxNode):
     value: float | int | bool | str
 
 
-class Part(NamedTuple):
+class ReferencePart(NamedTuple):
     """One word of a reference with its subscripts: `x[1, :]`."""
 
     name: str
-    subscripts: tuple[Node, ...] | None
+    subscripts: tuple[SyntaxNode, ...] | None
 
 
 @dataclass(eq=False, slots=True)
-class Reference(Node):
+class Reference(SyntaxNode):
     """`a.b[2].c`; absolute with a dot in front."""
 
-    parts: tuple[Part, ...]
+    parts: tuple[ReferencePart, ...]
     absolute: bool = False
 
     def __str__(self) -> str:
@@ -98,138 +98,138 @@ class Reference(Node):
 
 
 @dataclass(eq=False, slots=True)
-class Call(Node):
+class FunctionCall(SyntaxNode):
     reference: Reference
-    arguments: list[Node]
-    named: dict[str, Node]
+    arguments: list[SyntaxNode]
+    named: dict[str, SyntaxNode]
     loops: list[Loop] | None = None  # sum(e for i in r): the one argument is e
 
 
 @dataclass(eq=False, slots=True)
-class FunctionArgument(Node):
+class FunctionArgument(SyntaxNode):
     name: str
 
 
 @dataclass(eq=False, slots=True)
-class Unary(Node):
+class Unary(SyntaxNode):
     operator: str
-    operand: Node
+    operand: SyntaxNode
 
 
 @dataclass(eq=False, slots=True)
-class Binary(Node):
+class Binary(SyntaxNode):
     operator: str
-    left: Node
-    right: Node
+    left: SyntaxNode
+    right: SyntaxNode
 
 
 @dataclass(eq=False, slots=True)
-class Conditional(Node):
-    branches: list[tuple[Node, Node]]
-    otherwise: Node
+class Conditional(SyntaxNode):
+    branches: list[tuple[SyntaxNode, SyntaxNode]]
+    otherwise: SyntaxNode
 
 
 @dataclass(eq=False, slots=True)
-class Array(Node):
-    items: list[Node]
+class Array(SyntaxNode):
+    items: list[SyntaxNode]
 
 
 @dataclass(eq=False, slots=True)
-class Comprehension(Node):
-    item: Node
+class Comprehension(SyntaxNode):
+    item: SyntaxNode
     loops: list[Loop]
 
 
 @dataclass(eq=False, slots=True)
-class Matrix(Node):
-    rows: list[list[Node]]
+class Matrix(SyntaxNode):
+    rows: list[list[SyntaxNode]]
 
 
 @dataclass(eq=False, slots=True)
-class Range(Node):
-    start: Node
-    step: Node | None
-    stop: Node
+class Range(SyntaxNode):
+    start: SyntaxNode
+    step: SyntaxNode | None
+    stop: SyntaxNode
 
 
 @dataclass(eq=False, slots=True)
-class Colon(Node):
+class Colon(SyntaxNode):
     pass
 
 
 @dataclass(eq=False, slots=True)
-class EndIndex(Node):
+class EndIndex(SyntaxNode):
     pass
 
 
 @dataclass(eq=False, slots=True)
-class Outputs(Node):
+class Outputs(SyntaxNode):
     """`(a, , b)`: several results of a function, some of them left out."""
 
-    items: list[Node | None]
+    items: list[SyntaxNode | None]
 
 
 @dataclass(eq=False, slots=True)
-class Loop(Node):
+class Loop(SyntaxNode):
     name: str
-    over: Node | None
+    over: SyntaxNode | None
 
 
 # equations and statements
 
 
 @dataclass(eq=False, slots=True)
-class Equal(Node):
-    left: Node
-    right: Node
+class Equal(SyntaxNode):
+    left: SyntaxNode
+    right: SyntaxNode
 
 
 @dataclass(eq=False, slots=True)
-class Calls(Node):
+class Calls(SyntaxNode):
     """A call, or in a constraint a relation, that stands alone."""
 
-    expression: Node
+    expression: SyntaxNode
 
 
 @dataclass(eq=False, slots=True)
-class If(Node):
-    branches: list[tuple[Node, list[Any]]]
+class If(SyntaxNode):
+    branches: list[tuple[SyntaxNode, list[Any]]]
     otherwise: list[Any] | None
 
 
 @dataclass(eq=False, slots=True)
-class For(Node):
+class For(SyntaxNode):
     loops: list[Loop]
     body: list[Any]
 
 
 @dataclass(eq=False, slots=True)
-class When(Node):
-    branches: list[tuple[Node, list[Any]]]
+class WhenEquation(SyntaxNode):
+    branches: list[tuple[SyntaxNode, list[Any]]]
 
 
 @dataclass(eq=False, slots=True)
-class Connect(Node):
+class Connect(SyntaxNode):
     a: Reference
     b: Reference
 
 
 @dataclass(eq=False, slots=True)
-class Assign(Node):
+class Assign(SyntaxNode):
     """`x := e` or `(x, , y) := f(...)`."""
 
-    targets: list[Node | None]
-    value: Node
+    targets: list[SyntaxNode | None]
+    value: SyntaxNode
 
 
 @dataclass(eq=False, slots=True)
-class While(Node):
-    condition: Node
+class While(SyntaxNode):
+    condition: SyntaxNode
     body: list[Any]
 
 
 @dataclass(eq=False, slots=True)
-class Jump(Node):
+class TextJump(SyntaxNode):
     word: str
 
 
@@ -237,13 +237,13 @@ class Jump(Node):
 
 
 @dataclass(eq=False, slots=True)
-class Modification(Node):
+class Modification(SyntaxNode):
     arguments: list[Argument]
-    value: Node | None = None
+    value: SyntaxNode | None = None
 
 
 @dataclass(eq=False, slots=True)
-class Argument(Node):
+class Argument(SyntaxNode):
     """One modification: of an attribute or element by name, or a redeclaration."""
 
     name: tuple[str, ...]
@@ -253,25 +253,25 @@ class Argument(Node):
 
 
 @dataclass(eq=False, slots=True)
-class Component(Node):
+class Component(SyntaxNode):
     name: str
     type_name: Reference
     prefixes: frozenset[str]
-    dimensions: tuple[Node, ...]
+    dimensions: tuple[SyntaxNode, ...]
     modification: Modification | None
-    condition: Node | None
+    condition: SyntaxNode | None
     description: str
     protected: bool = False
 
 
 @dataclass(eq=False, slots=True)
-class Extends(Node):
+class Extends(SyntaxNode):
     base: Reference
     modification: Modification | None
 
 
 @dataclass(eq=False, slots=True)
-class Import(Node):
+class Import(SyntaxNode):
     """name: what it is called here, "" for all names of `reference`."""
 
     name: str
@@ -279,7 +279,7 @@ class Import(Node):
 
 
 @dataclass(eq=False)
-class ClassText(Node):
+class ClassText(SyntaxNode):
     """A class as it is written."""
 
     name: str
@@ -290,16 +290,16 @@ class ClassText(Node):
     elements: list[Component | Extends] = field(default_factory=list)
     classes: dict[str, ClassText] = field(default_factory=dict)
     imports: list[Import] = field(default_factory=list)
-    equations: list[Node] = field(default_factory=list)
-    initial_equations: list[Node] = field(default_factory=list)
-    algorithms: list[list[Node]] = field(default_factory=list)
-    initial_algorithms: list[list[Node]] = field(default_factory=list)
-    constraints: list[Node] = field(default_factory=list)
+    equations: list[SyntaxNode] = field(default_factory=list)
+    initial_equations: list[SyntaxNode] = field(default_factory=list)
+    algorithms: list[list[SyntaxNode]] = field(default_factory=list)
+    initial_algorithms: list[list[SyntaxNode]] = field(default_factory=list)
+    constraints: list[SyntaxNode] = field(default_factory=list)
     literals: list[str] | None = None
-    external: Node | None = None
+    external: SyntaxNode | None = None
     refused: str = ""  # why a class of this form is not taken, said where it is used
     # of `class A = B[3](...)`: the element is an Extends of B
-    dimensions: tuple[Node, ...] = ()
+    dimensions: tuple[SyntaxNode, ...] = ()
     type_prefixes: frozenset[str] = frozenset()
     short: bool = False
     annotation: Modification | None = None

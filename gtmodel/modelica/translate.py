@@ -17,10 +17,10 @@ from ..lang.units import UnitError
 from .classes import class_of, exact, identifier, text_of
 from .flat import Flattened
 from .flatten import flattened
-from .instances import Scope
+from .instances import NameScope
 from .modifications import Given, Modifier
+from .names import split
 from .python import Writer
-from .reference import split
 from .scopes import Space, of_text
 from .syntax import Array, ClassText, Literal, ModelicaError, Place, Source
 
@@ -96,6 +96,9 @@ def chosen(text: Text, name: str) -> tuple[str, Space]:
     file = Path(text.path).name
     if not name:
         candidates = optimizations or list(there)
+        partial = next((c for top in text.classes for c in top.walk() if "partial" in c.prefixes), None)
+        if not candidates and partial is not None:
+            raise ModelicaError(f"{partial.name} is partial; name a class that extends it", partial.at)
         if len(candidates) != 1:
             listed = ", ".join(candidates) or "none"
             raise ModelicaError(f"{file} holds {len(candidates)} classes; name one as {file}:Class, of {listed}")
@@ -138,7 +141,7 @@ def _said(parameters: Mapping[str, Any]) -> Modifier:
     def of(value: Any) -> Modifier:
         if isinstance(value, dict):
             return Modifier(inside={k: of(v) for k, v in value.items()})
-        return Modifier(value=Given(node(value), Scope(None, _EMPTY, None)))
+        return Modifier(value=Given(node(value), NameScope(None, _EMPTY, None)))
 
     return Modifier(inside={k: of(v) for k, v in tree.items()})
 
@@ -158,18 +161,18 @@ def stop_time_of(text: ClassText) -> float | None:
 
 
 def translated(
-    reference: str,
+    reference: str | os.PathLike[str],
     *,
     library: Iterable[str | os.PathLike[str]] = (),
     parameters: Mapping[str, Any] | None = None,
 ) -> Translation:
     """The class that `file.mop:Class` names; see `load`."""
-    path, name = split(reference)
+    path, name = split(str(reference))
     text = opened(path, library)
     name, space = chosen(text, name)
     flat = flattened(space, _said(parameters or {}))
     cls, units, warnings = _made(flat)
-    stop = flat.experiment.get("StopTime")
+    stop = stop_time_of(space.text)
     return Translation(cls, flat.optimization, stop, (*flat.warnings, *warnings), units, text.path, name, flat)
 
 
@@ -202,7 +205,7 @@ def _checked(cls: type[Model]) -> None:
 
 
 def load(
-    reference: str,
+    reference: str | os.PathLike[str],
     *,
     library: Iterable[str | os.PathLike[str]] = (),
     parameters: Mapping[str, Any] | None = None,
@@ -238,7 +241,7 @@ def load(
 
 
 def python_of(
-    reference: str,
+    reference: str | os.PathLike[str],
     *,
     library: Iterable[str | os.PathLike[str]] = (),
     parameters: Mapping[str, Any] | None = None,
@@ -250,7 +253,7 @@ def python_of(
     >>> from pathlib import Path
     >>> import tempfile
     >>> file = Path(tempfile.mkdtemp()) / "decay.mo"
-    >>> written = file.write_text("model Decay Real x(start=1, fixed=true); equation der(x) = -2*x; end Decay;")
+    >>> written = file.write_text("model Decay Real x(start=1, fixed=true); equation der(x) = -x; end Decay;")
     >>> print(gt.modelica.python_of(str(file)).strip())
     import gtmodel as gt
     from gtmodel import der
@@ -261,7 +264,7 @@ def python_of(
         x = gt.variable(start=1.0, fixed=True)
     <BLANKLINE>
         def equations(self):
-            yield (der(self.x) == -2 * self.x)
+            yield (der(self.x) == -self.x)
     """
     item = translated(reference, library=library, parameters=parameters)
     return text_of(Writer(item.flat, identifier, units=item.units).write())
