@@ -2,8 +2,9 @@
 
 Language: Model, Connector, Optimization; variable, input, parameter, part, parts, port, outer, connect, der.
 Engines: Model.causal (any causality), solve (optimal control), simulate, cgen.generate (C code).
-Libraries, imported when first used: calibrate, cgen, compliance, control, filtering, identify, inference, kinematics,
-loop, measurements, mechanics, milling, modelica, motion, optimize, plot, results, robots, simulation, vibration.
+Libraries, imported when first used: calibrate, cgen, compliance, control, filtering, fmu, identify, inference,
+kinematics, loop, measurements, mechanics, milling, modelica, motion, optimize, plot, results, robots, simulation,
+vibration, vision.
 load("problem.toml") gives the study that a problem file means, as a call on objects.
 """
 
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
         compliance as compliance,
         control as control,
         filtering as filtering,
+        fmu as fmu,
         identify as identify,
         inference as inference,
         kinematics as kinematics,
@@ -44,6 +46,7 @@ if TYPE_CHECKING:
         robots as robots,
         simulation as simulation,
         vibration as vibration,
+        vision as vision,
     )
     from .compiler.causal import CausalFunction as CausalFunction
     from .lang import *  # noqa: F403

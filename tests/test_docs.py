@@ -13,7 +13,7 @@ import pytest
 from docs._ext.fences import fences, run_page
 from docs._ext.links import on_the_site
 from docs._ext.public_names import LIBRARIES, public
-from docs._ext.reference import page
+from docs._ext.reference import _plain_text, page
 from gtmodel.problem_files import registry
 
 CLONE = Path(__file__).parents[1]
@@ -107,6 +107,13 @@ def test_every_kind_has_a_page_with_its_keys_and_a_problem(kind: str) -> None:
         assert re.search(rf'^kind = "{kind}"', text, re.M), problem
 
 
+@pytest.mark.parametrize("page", [pytest.param(p, id=named(p)) for p in PAGES])
+def test_pictures_are_named_one_by_one(page: Path) -> None:
+    """With blanks between them, as the site reads them; whether they are drawn is known when it is built."""
+    named_there = re.findall(r"^:pictures:(.*)$", page.read_text(encoding="utf-8"), flags=re.M)
+    assert not [name for line in named_there for name in line.split() if not re.fullmatch(r"[\w-]+\.png", name)]
+
+
 def test_every_page_is_reached_from_the_first() -> None:
     seen, left = set(), [DOCS / "index.md"]
     while left:
@@ -137,6 +144,11 @@ def test_links_to_files_of_the_clone_lead_to_pages_of_the_site() -> None:
         for link in links:
             (to,) = re.findall(r"\((.*)\)", on_the_site(name, f"[x]({link})"))
             assert (source.parent / to).resolve().relative_to(DOCS).as_posix() in written, link
+
+
+def test_docstrings_become_text_that_the_site_can_set() -> None:
+    """Letters right behind a name in backticks, and signs that are no markup."""
+    assert _plain_text("`Part`s of ``x``y, a*b") == r"`Part`\ s of ``x``\ y, a\*b"
 
 
 def test_the_reference_describes_every_public_object() -> None:

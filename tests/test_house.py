@@ -13,8 +13,8 @@ HOUSE = Path(__file__).resolve().parents[1] / "gtmodel"
 LINES = [
     {"lang"}, {"results"}, {"compiler"}, {"measurements", "inference"}, {"simulation", "optimize", "cgen", "control"},
     {"mechanics"}, {"robots"},
-    {"kinematics", "motion", "calibrate", "identify", "compliance", "vibration", "milling", "loop", "filtering",
-     "modelica"},
+    {"kinematics", "motion", "calibrate", "identify", "compliance", "vibration", "milling", "loop", "filtering", "fmu",
+     "vision", "modelica"},
     {"plot"}, {"problem_files"}, {"kinds"},
 ]  # fmt: skip
 LEVEL = {name: n for n, line in enumerate(LINES) for name in sorted(line)}

@@ -82,6 +82,7 @@ static int gt_text_option(gt_arguments *a, const char *name, const char *value)
                          : gt_is(name, "--law")         ? &a->law
                          : gt_is(name, "--reference")   ? &a->reference
                          : gt_is(name, "--corrections") ? &a->corrections
+                         : gt_is(name, "--gains")       ? &a->gains
                          : gt_is(name, "--log")         ? &a->log
                                                         : NULL;
 
@@ -182,31 +183,6 @@ static const char *gt_ranges(const gt_arguments *a)
     return NULL;
 }
 
-const char *gt_arguments_help(void)
-{
-    return "gt_loop --reference TABLE --log NEW_FILE [options]: answers a robot that speaks ABB EGM or KUKA RSI.\n"
-           "Dry unless --live: EGM gets no answer, RSI corrections of zero. Tested against simulators only.\n"
-           "  --peer egm|rsi              protocol; egm\n"
-           "  --law NAME                  trajectory, dynamics, replay, path; trajectory\n"
-           "  --feedforward on|off        off\n"
-           "  --live                      send commands\n"
-           "  --bind IP --port N          where to listen; 127.0.0.1, any free port\n"
-           "  --allow IP                  address of the robot; 127.0.0.1\n"
-           "  --beyond-loopback           allow other addresses; needs the limits below\n"
-           "  --lowest M,.. --highest M,..  of each cart [m]\n"
-           "  --step M --path-limit M     change of a cart in a cycle, path correction [m]; 0.02, 0.01\n"
-           "  --cycle-ms N                of the robot; 4\n"
-           "  --hold N --ramp N           cycles; 5, 50\n"
-           "  --deceleration A            of the fastest cart [m/s2], in place of --ramp\n"
-           "  --idle-ms N                 end after so long without a newer datagram; 1000\n"
-           "  --cycles N                  end after so many, 0 for never; 0\n"
-           "  --a A,.. --b B,.. --delay-ms N  drives of law trajectory\n"
-           "  --kp K,.. --kd K,.. --lead-ms N  servo of law dynamics [N/m, N s/m]\n"
-           "  --corrections TABLE         of law replay\n"
-           "  --gain G                    of law path [1/s]\n"
-           "  --lockstep                  cycles end with an empty datagram: for tests\n";
-}
-
 const char *gt_arguments_read(gt_arguments *a, int argc, char **argv)
 {
     const char *wrong = NULL;
@@ -233,8 +209,11 @@ const char *gt_arguments_read(gt_arguments *a, int argc, char **argv)
         n++;
     }
     a->about = NULL;
-    if ((a->reference == NULL) || (a->log == NULL)) {
-        return "--reference and --log are needed; --help shows all options";
+    if (gt_is(a->law, "lead_through") ? (a->gains == NULL) : (a->reference == NULL)) {
+        return "--reference is needed, for law lead_through --gains; --help shows all options";
+    }
+    if (a->log == NULL) {
+        return "--log is needed; --help shows all options";
     }
     wrong = gt_ranges(a);
     if (wrong != NULL) {

@@ -16,7 +16,7 @@ typedef struct gt_arguments {
     int has_limits;           /* lowest, highest and step were given */
     uint32_t port;
     uint32_t cycle_ms;
-    const char *law;          /* trajectory, dynamics, replay, path */
+    const char *law;          /* trajectory, dynamics, replay, path, lead_through */
     int feedforward;
     int live;
     int lockstep;             /* cycles end with an empty datagram, not with time */
@@ -35,6 +35,7 @@ typedef struct gt_arguments {
     double gain_per_s;
     const char *reference;    /* files */
     const char *corrections;
+    const char *gains;
     const char *log;
     uint32_t fewest;          /* numbers that an option for all carts was given */
     const char *about;        /* the option that a sentence is about, NULL for none */

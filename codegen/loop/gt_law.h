@@ -6,6 +6,7 @@
 #define GT_LAW_H
 
 #include "gt_status.h"
+#include "gt_wrench.h"
 
 #include <stdint.h>
 
@@ -28,6 +29,9 @@ typedef struct gt_feedback {
     double joints_deg[GT_AXES]; /* of a robot that also has joints: sent back as they came */
     uint32_t stamp_length;      /* digits that the answer has to repeat */
     uint8_t stamp[GT_IPOC_DIGITS];
+    int has_wrenches;           /* 1: both; only ever for a law that reads them */
+    gt_wrench handle;
+    gt_wrench tool;
 } gt_feedback;
 
 typedef struct gt_command {
@@ -35,14 +39,17 @@ typedef struct gt_command {
     double position_m[GT_AXES]; /* carts */
     double speed_m_s[GT_AXES];  /* of the motion at this position */
     double path_m[3];           /* offset of the tool centre point */
+    int braking;                /* 1: the law brings the motion to its end, and its status says why */
 } gt_command;
 
 /* A law: `state` belongs to the caller. Each function returns GT_OK or why it cannot go on; then the loop holds. */
 typedef struct gt_law {
     void *state;
+    int reads_wrenches; /* 1: datagrams have to carry them */
     /* once, with the first feedback of a running robot */
     gt_status (*init)(void *state, const gt_feedback *first);
-    /* each cycle; elapsed_ms since the first on the robot's clock. Writes the command only with GT_OK. */
+    /* each cycle; elapsed_ms since the first on the robot's clock. Writes the command only with GT_OK, or
+     * with another status a command that brakes: it counts too, and the loop stops when its speeds are zero. */
     gt_status (*step)(void *state, const gt_feedback *feedback, uint64_t elapsed_ms, gt_command *command);
     /* once, at the end */
     void (*term)(void *state);

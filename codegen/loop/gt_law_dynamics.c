@@ -63,6 +63,7 @@ gt_law gt_law_dynamics_of(gt_law_dynamics *state)
     gt_law law;
 
     law.state = state;
+    law.reads_wrenches = 0;
     law.init = gt_dynamics_init;
     law.step = gt_dynamics_step;
     law.term = gt_dynamics_term;

@@ -62,6 +62,7 @@ gt_law gt_law_path_of(gt_law_path *state)
     gt_law law;
 
     law.state = state;
+    law.reads_wrenches = 0;
     law.init = gt_path_init;
     law.step = gt_path_step;
     law.term = gt_path_term;

@@ -46,6 +46,7 @@ gt_law gt_law_replay_of(gt_law_replay *state)
     gt_law law;
 
     law.state = state;
+    law.reads_wrenches = 0;
     law.init = gt_replay_init;
     law.step = gt_replay_step;
     law.term = gt_replay_term;

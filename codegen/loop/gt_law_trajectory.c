@@ -67,6 +67,7 @@ gt_law gt_law_trajectory_of(gt_law_trajectory *state)
     gt_law law;
 
     law.state = state;
+    law.reads_wrenches = 0;
     law.init = gt_trajectory_init;
     law.step = gt_trajectory_step;
     law.term = gt_trajectory_term;

@@ -4,6 +4,7 @@
 
 #include "gt_arguments.h"
 #include "gt_law_dynamics.h"
+#include "gt_law_lead_through.h"
 #include "gt_law_path.h"
 #include "gt_law_replay.h"
 #include "gt_law_trajectory.h"
@@ -21,11 +22,18 @@ typedef struct gt_laws {
     gt_law_dynamics dynamics;
     gt_law_replay replay;
     gt_law_path path;
+    gt_law_lead_through lead_through;
 } gt_laws;
 
+/* Tables of the laws; without rows where they were not given. */
+typedef struct gt_laws_tables {
+    gt_traj reference;
+    gt_traj corrections;
+    gt_traj gains;
+} gt_laws_tables;
+
 /* The law of arguments->law; 0 if there is none, or if it lacks its table. */
-int gt_laws_choose(gt_laws *laws, const gt_arguments *arguments, const gt_traj *reference, const gt_traj *corrections,
-                   gt_law *law);
+int gt_laws_choose(gt_laws *laws, const gt_arguments *arguments, const gt_laws_tables *tables, gt_law *law);
 
 #ifdef __cplusplus
 }

@@ -14,6 +14,7 @@ void gt_loop_init(gt_loop *loop, const gt_loop_settings *settings, const gt_peer
     loop->settings = *settings;
     loop->peer = *peer;
     loop->law = *law;
+    loop->peer.reads_wrenches = law->reads_wrenches;
     loop->state = GT_LOOP_WAITING;
     loop->status = GT_STALE_INPUT;
     gt_sequence_init(&loop->sequence);
@@ -99,31 +100,56 @@ static void gt_loop_wait(gt_loop *loop)
     }
 }
 
-static void gt_loop_law(gt_loop *loop)
+/* Running, or on the way to the stop that the law makes; without its next command the ramp begins at once. */
+static void gt_loop_take(gt_loop *loop, const gt_command *command)
+{
+    uint32_t n;
+
+    loop->command = *command;
+    loop->command_ms = loop->feedback.time_ms;
+    (void)memset(loop->coasting_m, 0, sizeof(loop->coasting_m));
+    loop->misses = 0U;
+    loop->state = GT_LOOP_RUNNING;
+    if (command->braking) {
+        loop->misses = loop->settings.hold_cycles;
+        loop->state = GT_LOOP_STOPPED;
+        for (n = 0U; n < loop->peer.axes; n++) {
+            if (fabs(command->speed_m_s[n]) > 0.0) {
+                loop->state = GT_LOOP_BRAKING;
+            }
+        }
+    }
+}
+
+/* 1 if the law gave a command that counts. */
+static int gt_loop_law(gt_loop *loop)
 {
     gt_command command = loop->command;
+    int given;
 
     if (!loop->feedback.running) {
         /* what it would do with commands when it runs again is not known: the ramp begins at once */
         loop->status = GT_STALE_INPUT;
         loop->misses = loop->settings.hold_cycles;
-        return;
+        return 0;
     }
     if (loop->feedback.time_ms < loop->command_ms) {
         loop->status = GT_STALE_INPUT; /* the robot's clock went back */
-        return;
+        return 0;
     }
+    command.braking = 0;
     loop->status = loop->law.step(loop->law.state, &loop->feedback, loop->feedback.time_ms - loop->first_ms, &command);
-    if ((loop->status == GT_OK) && !gt_loop_allowed(loop, &command)) {
+    given = (loop->status == GT_OK) || command.braking;
+    if (given && !gt_loop_allowed(loop, &command)) {
         /* a wrong command is no hiccup: the ramp begins at once */
         loop->status = GT_OUT_OF_RANGE;
         loop->misses = loop->settings.hold_cycles;
+        given = 0;
     }
-    if (loop->status == GT_OK) {
-        loop->command = command;
-        loop->command_ms = loop->feedback.time_ms;
-        (void)memset(loop->coasting_m, 0, sizeof(loop->coasting_m));
+    if (given) {
+        gt_loop_take(loop, &command);
     }
+    return given;
 }
 
 /* Hold last, then ramp to stop. */
@@ -166,15 +192,11 @@ uint32_t gt_loop_cycle(gt_loop *loop, uint8_t *answer)
     if (fresh && (loop->state == GT_LOOP_WAITING)) {
         gt_loop_wait(loop);
     }
-    if ((loop->state == GT_LOOP_RUNNING) || (loop->state == GT_LOOP_HOLDING)) {
-        loop->status = GT_STALE_INPUT;
-        if (fresh) {
-            gt_loop_law(loop);
+    if ((loop->state == GT_LOOP_RUNNING) || (loop->state == GT_LOOP_HOLDING) || (loop->state == GT_LOOP_BRAKING)) {
+        if (loop->state != GT_LOOP_BRAKING) {
+            loop->status = GT_STALE_INPUT; /* else it says already why the motion ends */
         }
-        if (loop->status == GT_OK) {
-            loop->misses = 0U;
-            loop->state = GT_LOOP_RUNNING;
-        } else {
+        if (!fresh || !gt_loop_law(loop)) {
             gt_loop_miss(loop);
         }
     }

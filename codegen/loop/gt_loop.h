@@ -2,8 +2,8 @@
  *
  * The robot is the clock. Of the datagrams of a cycle the newest counts; without one the last speed is held for some
  * cycles, then it is ramped to zero, and the loop stays stopped. The same for a law that fails and for a clock that goes
- * back; for a command outside the limits, and for a robot that runs no more, the ramp begins at once. Nothing is
- * allocated, nothing waits.
+ * back; for a command outside the limits, and for a robot that runs no more, the ramp begins at once. A law may brake by
+ * itself; without a datagram the ramp takes over. Nothing is allocated, nothing waits.
  */
 #ifndef GT_LOOP_H
 #define GT_LOOP_H
@@ -22,7 +22,8 @@ typedef enum gt_loop_state {
     GT_LOOP_RUNNING = 1, /* the law's command is sent */
     GT_LOOP_HOLDING = 2, /* no command for some cycles: the last speed is kept */
     GT_LOOP_RAMPING = 3, /* too many: the speed is going to zero */
-    GT_LOOP_STOPPED = 4  /* until the program is started again */
+    GT_LOOP_STOPPED = 4, /* until the program is started again */
+    GT_LOOP_BRAKING = 5  /* the law itself brakes; its status says why */
 } gt_loop_state;
 
 typedef struct gt_limits {

@@ -152,18 +152,14 @@ static int gt_prepare(gt_run *run)
     gt_loop_settings settings;
     gt_peer peer;
     gt_law law;
+    int code;
 
     if (a->fewest < gt_loop_model.axes) {
         return gt_fail("", "an option for all carts has fewer numbers than there are carts", "");
     }
-    if (!gt_table_open(&run->reference, a->reference)) {
-        return gt_fail("--reference", "there is no such table", a->reference);
-    }
-    if ((a->corrections != NULL) && !gt_table_open(&run->corrections, a->corrections)) {
-        return gt_fail("--corrections", "there is no such table", a->corrections);
-    }
-    if (!gt_laws_choose(&run->laws, a, &run->reference.traj, &run->corrections.traj, &law)) {
-        return gt_fail("--law", "expected trajectory, dynamics, replay (with --corrections) or path; found", a->law);
+    code = gt_run_law(run, &law);
+    if (code != 0) {
+        return code;
     }
     (void)memset(&peer, 0, sizeof(peer));
     peer.protocol = a->peer;
@@ -241,8 +237,7 @@ int main(int argc, char **argv)
     }
     code = gt_whole_run(&run, (double *)records, &ends);
     gt_socket_close(&run.socket);
-    gt_table_close(&run.reference);
-    gt_table_close(&run.corrections);
+    gt_run_close(&run);
     (void)munmap(records, size);
     return code;
 }

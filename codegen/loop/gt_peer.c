@@ -67,12 +67,24 @@ static int gt_peer_read_rsi(const gt_peer *peer, const uint8_t *data, uint32_t l
 
 int gt_peer_read(const gt_peer *peer, const uint8_t *data, uint32_t length, gt_feedback *feedback)
 {
+    int good;
+
     (void)memset(feedback, 0, sizeof(*feedback));
     if ((peer->axes > GT_AXES) || (peer->cycle_ms == 0U)) {
         return 0;
     }
-    return (peer->protocol == GT_PEER_EGM) ? gt_peer_read_egm(peer, data, length, feedback)
-                                           : gt_peer_read_rsi(peer, data, length, feedback);
+    if (peer->protocol == GT_PEER_EGM) {
+        good = gt_peer_read_egm(peer, data, length, feedback);
+        if (good && peer->reads_wrenches) {
+            feedback->has_wrenches = gt_egm_read_wrenches(data, length, &feedback->handle, &feedback->tool);
+        }
+    } else {
+        good = gt_peer_read_rsi(peer, data, length, feedback);
+        if (good && peer->reads_wrenches) {
+            feedback->has_wrenches = gt_rsi_read_wrenches(data, length, &feedback->handle, &feedback->tool);
+        }
+    }
+    return good;
 }
 
 void gt_peer_begin(gt_peer *peer, const gt_feedback *first)

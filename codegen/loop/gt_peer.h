@@ -14,10 +14,12 @@ typedef struct gt_peer {
     gt_protocol protocol;
     uint32_t axes;           /* carts that the robot has to report */
     uint32_t cycle_ms;       /* 4, or 12 for RSI */
+    int reads_wrenches;      /* 1: those of the datagrams are read */
     double start_m[GT_AXES]; /* RSI corrections count from here */
 } gt_peer;
 
-/* 1 and `feedback`, or 0 for a datagram that is not of this protocol or lacks a cart. */
+/* 1 and `feedback`, or 0 for a datagram that is not of this protocol or lacks a cart. Wrenches that are wanted and not
+ * there leave has_wrenches at 0. */
 int gt_peer_read(const gt_peer *peer, const uint8_t *data, uint32_t length, gt_feedback *feedback);
 
 /* Corrections count from this feedback on. */

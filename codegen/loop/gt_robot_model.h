@@ -17,6 +17,8 @@ typedef struct gt_robot_model {
     gt_status (*forward)(const double *position_m, double *tcp_m);
     /* motor forces [N] from tool centre point, its velocity and acceleration [m, m/s, m/s2] */
     gt_status (*inverse_dynamics)(const double *tcp_m, const double *tcp_m_s, const double *tcp_m_s2, double *force_N);
+    /* carts and their speeds from tool centre point and its velocity [m, m/s] */
+    gt_status (*carts)(const double *tcp_m, const double *tcp_m_s, double *position_m, double *speed_m_s);
 } gt_robot_model;
 
 /* Columns of a reference: q, der(q), der(q,2) of the carts, then T, der(T), der(T,2). */

@@ -21,6 +21,7 @@ typedef struct gt_run {
     gt_socket socket;
     gt_table reference;
     gt_table corrections;
+    gt_table gains;
     gt_laws laws;
     gt_loop loop;
     gt_log log;
@@ -37,6 +38,10 @@ typedef struct gt_run {
 
 /* Says on stderr why the program does not go on; returns its exit code. Each text may be "". */
 int gt_fail(const char *about, const char *sentence, const char *reason);
+
+/* The law that the options ask for, with its tables, which gt_run_close gives back; 0 or what gt_fail returned. */
+int gt_run_law(gt_run *run, gt_law *law);
+void gt_run_close(gt_run *run);
 
 /* For the other end to read: where the loop listens, and at the end one line of JSON. */
 void gt_report_port(const gt_run *run);

@@ -10,10 +10,12 @@ import gtmodel as gt
 
 LIBRARIES = [
     "calibrate", "cgen", "compliance", "control", "control.delayed", "control.lead_through", "control.learning",
-    "filtering", "identify", "inference", "kinematics",
+    "filtering", "fmu", "identify", "inference", "inference.bundle", "kinematics",
     "kinematics.accuracy", "kinematics.assembly_modes", "kinematics.causality", "kinematics.singularity",
-    "kinematics.workspace", "loop", "measurements", "mechanics", "milling", "modelica", "motion", "motion.axes",
-    "motion.elastic", "optimize", "results", "robots", "simulation", "vibration",
+    "kinematics.workspace", "loop", "measurements", "mechanics", "milling", "modelica", "motion",
+    "motion.axes",
+    "motion.elastic", "optimize", "results", "robots", "simulation", "vibration", "vision",
+    "vision.detection", "vision.rendering", "vision.robot_cameras",
 ]  # fmt: skip
 
 

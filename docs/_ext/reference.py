@@ -53,7 +53,7 @@ def page(library: str) -> Iterator[str]:
     yield from (title, "=" * len(title), "")
     summary, _, table = (inspect.getdoc(holder) or "").partition("\n\n")
     yield from map(_plain_text, [*summary.splitlines(), ""])
-    if re.search(r"\w   ?\S", table):  # columns: names and what they are
+    if re.search(r"\w {2,}\S", table):  # columns: names and what they are
         yield from ("::", "", *(f"   {line}" for line in table.splitlines()), "")
     else:
         yield from [*_lists(table.splitlines()), ""]
@@ -167,8 +167,10 @@ def _lists(lines: list[str]) -> Iterator[str]:
 
 
 def _plain_text(line: str) -> str:
-    """Stars and bars outside of code are multiplication and absolute values."""
+    """Stars and bars outside of code are multiplication and absolute values; letters may follow code: `Part`s."""
     parts = CODE.split(line)
+    for k in range(2, len(parts), 2):
+        parts[k] = re.sub(r"^(?=\w)", r"\\ ", parts[k])
     return "".join(p if i % 2 else re.sub(r"(?<!\\)[*|]", r"\\\g<0>", p) for i, p in enumerate(parts))
 
 

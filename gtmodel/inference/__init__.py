@@ -5,6 +5,7 @@ Nothing here knows a model: functions take arrays, and names only to speak of th
 Fits
     linear_fit, nonlinear_fit   least squares with weights, bounds or losses, priors -> Estimate
     linear_fits                 many measurements with one matrix, which is factored once
+    bundle                      likewise with many local unknowns, poses or points, that are eliminated
     Prior                       knowledge of a parameter before the data
 Worth
     identifiability             rank, null space in words, dependencies, standard deviations, O1 to O5
@@ -26,6 +27,7 @@ from typing import TYPE_CHECKING
 from .._lazy import public
 
 if TYPE_CHECKING:
+    from . import bundle as bundle
     from .between import BetweenRecordings as BetweenRecordings, between_recordings as between_recordings
     from .covariance import (
         automatic_lag as automatic_lag,

@@ -5,6 +5,9 @@ study: the loop of a generated folder against a simulated controller, its law of
 Build and run: build -> program, LoopProcess, lockstep, real_time. Peers: RobotSide with a DrivePlant or a
 RigidBodyPlant, either in an ElasticPlant; Channel with Faults. The loop in Python: PythonLoop with one of the laws. All
 of it was tested against simulators only.
+
+Lead-through: GuidingLaw with the Wrenches of two sensors; Guiding declares it with its SensorNumbers and a
+SyntheticScene, in which a SyntheticHand leads a ServoPlant over a plate, PlateScene.
 """
 
 from typing import TYPE_CHECKING
@@ -21,6 +24,14 @@ if TYPE_CHECKING:
         ReplayLaw as ReplayLaw,
         TrajectoryLaw as TrajectoryLaw,
     )
+    from .lead_through.law import GuidingLaw as GuidingLaw
+    from .lead_through.options import (
+        Guiding as Guiding,
+        SensorNumbers as SensorNumbers,
+        SyntheticHand as SyntheticHand,
+        SyntheticScene as SyntheticScene,
+    )
+    from .lead_through.scene import PlateScene as PlateScene, ServoPlant as ServoPlant
     from .loop_study import LoopStudy as LoopStudy, study as study
     from .plant import (
         DrivePlant as DrivePlant,
@@ -34,5 +45,6 @@ if TYPE_CHECKING:
     from .rsi_configuration import rsi_configuration as rsi_configuration
     from .run import LoopRun as LoopRun, lockstep as lockstep, real_time as real_time
     from .table import ReferenceTable as ReferenceTable
+    from .wrenches import Wrench as Wrench
 
 public(__name__)

@@ -21,6 +21,7 @@ PROGRAM = "gt_loop"
 STAMP = "gt_loop.sha256"  # of what the program was built from
 # what a law may call: (signals in, signals out) of a generated function
 _FORWARD = (("q",), ("T",))
+_CARTS = (("T", "der(T)"), ("q", "der(q)"))
 _INVERSE_DYNAMICS = (("T", "der(T)", "der(T,2)"), ("tau",))
 
 
@@ -43,21 +44,21 @@ def adapter(content: Mapping[str, Any], axes: int) -> str:
     """Text of gt_loop_model.c: the generated functions that laws call, under the loop's own names."""
     forward = _function(content, *_FORWARD)
     dynamics = _function(content, *_INVERSE_DYNAMICS)
+    carts = _function(content, *_CARTS)
     parts = [
         f"/* The functions of gt_{content['name']} that the laws of the loop call. Written by gtmodel. */\n",
         f'#include "gt_{content["name"]}.h"\n#include "gt_laws.h"\n\n#include <stddef.h>\n\n',
     ]
-    names = {"forward": "NULL", "inverse_dynamics": "NULL"}
+    names = {"forward": "NULL", "inverse_dynamics": "NULL", "carts": "NULL"}
     for name, function, arguments in (
         ("forward", forward, ("position_m", "tcp_m")),
         ("inverse_dynamics", dynamics, ("tcp_m", "tcp_m_s", "tcp_m_s2", "force_N")),
+        ("carts", carts, ("tcp_m", "tcp_m_s", "position_m", "speed_m_s")),
     ):
         if function is not None:
             names[name] = f"gt_loop_model_{name}"
             parts.append(_call(names[name], function, arguments, content["real"]))
-    parts.append(
-        f"const gt_robot_model gt_loop_model = {{{axes}U, {names['forward']}, {names['inverse_dynamics']}}};\n"
-    )
+    parts.append(f"const gt_robot_model gt_loop_model = {{{axes}U, {', '.join(names.values())}}};\n")
     return "".join(parts)
 
 
@@ -152,17 +153,17 @@ def _function(content: Mapping[str, Any], known: tuple[str, ...], targets: tuple
 
 def _call(name: str, function: Mapping[str, Any], arguments: tuple[str, ...], real: str) -> str:
     """A function of the loop, which computes in double, round a generated one in double or float."""
-    symbol, *given = function["symbol"], *arguments[:-1]
-    lines = [
-        f"static gt_status {name}({', '.join(f'const double *{a}' for a in given)}, double *{arguments[-1]})\n{{\n"
-    ]
+    symbol, count = function["symbol"], len(function["inputs"])
+    given, wanted = arguments[:count], arguments[count:]
+    taken = ", ".join([*(f"const double *{a}" for a in given), *(f"double *{a}" for a in wanted)])
+    lines = [f"static gt_status {name}({taken})\n{{\n"]
     lines += [f"    {symbol}_in in;\n    {symbol}_out out;\n    gt_status status;\n    int k;\n\n"]
     narrow, wide = ("(float)", "(double)") if real == "float" else ("", "")
     for argument, member in zip(given, function["inputs"], strict=True):
         lines.append(_copied(f"in.{member['member']}[k] = {narrow}{argument}[k];", member["shape"][0], ""))
-    (result,) = function["outputs"]
     lines.append(f"    status = {symbol}(&in, &out);\n    if (status == GT_OK) {{\n")
-    lines.append(_copied(f"{arguments[-1]}[k] = {wide}out.{result['member']}[k];", result["shape"][0], "    "))
+    for argument, result in zip(wanted, function["outputs"], strict=True):
+        lines.append(_copied(f"{argument}[k] = {wide}out.{result['member']}[k];", result["shape"][0], "    "))
     return "".join([*lines, "    }\n    return status;\n}\n\n"])
 
 

@@ -7,6 +7,7 @@ from typing import Literal
 
 from . import egm, rsi
 from .wire import WireError
+from .wrenches import Wrench, read_egm, read_rsi
 
 AXES = 6
 MM = 1000.0
@@ -19,6 +20,7 @@ class RobotFeedback:
 
     position_m, planned_m: carts [m] as measured and as planned, the latter where `has_planned`. joints_deg: joints
     [deg]. time_ms: the robot's clock [ms]. sequence: number of the datagram. running: whether it follows commands.
+    wrenches: of the force sensors at handle and tool, where a law reads them and both are there.
     """
 
     sequence: int
@@ -30,6 +32,7 @@ class RobotFeedback:
     delay: int = 0
     joints_deg: list[float] = field(default_factory=list)
     stamp: bytes = b""
+    wrenches: tuple[Wrench, Wrench] | None = None
 
 
 @dataclass
@@ -37,22 +40,25 @@ class Command:
     """What the loop answers; the thesis calls it the obtain state.
 
     position_m, speed_m_s: carts [m] with their speeds [m/s]. path_m: an offset of the tool centre point's path [m],
-    which counts in their place where `along_path`.
+    which counts in their place where `along_path`. braking: the law brings the motion to its end, and says why by its
+    status.
     """
 
     position_m: list[float] = field(default_factory=lambda: [0.0] * AXES)
     speed_m_s: list[float] = field(default_factory=lambda: [0.0] * AXES)
     path_m: list[float] = field(default_factory=lambda: [0.0] * 3)
     along_path: bool = False
+    braking: bool = False
 
     def copy(self) -> Command:
-        return Command(list(self.position_m), list(self.speed_m_s), list(self.path_m), self.along_path)
+        return Command(list(self.position_m), list(self.speed_m_s), list(self.path_m), self.along_path, self.braking)
 
 
 class Exchange:
     """Reads and answers datagrams of one protocol, "egm" or "rsi", for `axes` carts.
 
-    cycle_ms: of the robot. `read` gives a `RobotFeedback`, or None for what cannot be read.
+    cycle_ms: of the robot. reads_wrenches: set by the loop for a law that needs them. `read` gives a `RobotFeedback`,
+    or None for what cannot be read.
 
     >>> gt.loop.Exchange("egm", axes=3).read(b"no datagram") is None
     True
@@ -61,13 +67,17 @@ class Exchange:
     def __init__(self, protocol: Protocol, axes: int, cycle_ms: int = 4) -> None:
         self.protocol, self.axes, self.cycle_ms = protocol, axes, cycle_ms
         self.start_m = [0.0] * AXES
+        self.reads_wrenches = False
 
     def read(self, data: bytes) -> RobotFeedback | None:
         """Feedback, or None for a datagram that is not of this protocol or lacks a cart."""
         try:
-            return self._read_egm(data) if self.protocol == "egm" else self._read_rsi(data)
+            feedback = self._read_egm(data) if self.protocol == "egm" else self._read_rsi(data)
         except (WireError, rsi.TelegramError):
             return None
+        if feedback is not None and self.reads_wrenches:
+            feedback.wrenches = (read_egm if self.protocol == "egm" else read_rsi)(data)
+        return feedback
 
     def begin(self, first: RobotFeedback) -> None:
         """Corrections count from this feedback on."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 import numpy as np
 
@@ -22,7 +22,10 @@ def reference_columns(axes: int) -> int:
 
 
 class LoopLaw(Protocol):
-    """A law: each method returns GT_OK or why it cannot go on; `step` writes the command only with GT_OK."""
+    """A law: each method returns GT_OK or why it cannot go on; `step` writes the command only with GT_OK, or one that
+    is braking. reads_wrenches: datagrams have to carry those of two force sensors."""
+
+    reads_wrenches: ClassVar[bool]
 
     def init(self, first: RobotFeedback) -> Status: ...
 
@@ -37,6 +40,7 @@ class TrajectoryLaw:
     b q^-d / (1 - a q^-1) of Dressler 2012, eq. (6.11), are inverted: a and b for each cart, `delay_ms` their delay d.
     """
 
+    reads_wrenches: ClassVar[bool] = False
     reference: ReferenceTable
     axes: int
     feedforward: bool
@@ -81,6 +85,7 @@ class DynamicsLaw:
     servo as well; `lead_ms`: how far ahead the reference is read [ms]. The same in C is gt_law_dynamics.h.
     """
 
+    reads_wrenches: ClassVar[bool] = False
     reference: ReferenceTable
     axes: int
     inverse_dynamics: InverseDynamics | None
@@ -119,6 +124,7 @@ class DynamicsLaw:
 class ReplayLaw:
     """Law that adds a stored table of corrections, a column for each cart [m], to a reference as of `TrajectoryLaw`."""
 
+    reads_wrenches: ClassVar[bool] = False
     reference: ReferenceTable
     corrections: ReferenceTable
     axes: int
@@ -150,6 +156,7 @@ class PathLaw:
     correction stays within it in each direction [m].
     """
 
+    reads_wrenches: ClassVar[bool] = False
     axes: int
     forward: Forward | None
     gain_per_s: float

@@ -13,7 +13,7 @@ from .record import COLUMNS
 from .sequence import Sequence, near
 from .wire import DATAGRAM_MAX
 
-WAITING, RUNNING, HOLDING, RAMPING, STOPPED = range(5)
+WAITING, RUNNING, HOLDING, RAMPING, STOPPED, BRAKING = range(6)
 RAMP_MOST = 100_000  # cycles
 
 
@@ -48,6 +48,7 @@ class PythonLoop:
 
     def __init__(self, settings: Settings, peer: Exchange, law: LoopLaw) -> None:
         self.settings, self.peer, self.law = settings, peer, law
+        peer.reads_wrenches = law.reads_wrenches
         self.sequence = Sequence()
         self.state, self.status = WAITING, Status.STALE_INPUT
         self.fresh: RobotFeedback | None = None
@@ -99,11 +100,10 @@ class PythonLoop:
         self.cycles += 1
         if fresh is not None and self.state == WAITING:
             self._wait(fresh)
-        if self.state in (RUNNING, HOLDING):
-            self.status = Status.STALE_INPUT if fresh is None else self._law(fresh)
-            if self.status is Status.OK:
-                self.misses, self.state = 0, RUNNING
-            else:
+        if self.state in (RUNNING, HOLDING, BRAKING):
+            if self.state != BRAKING:
+                self.status = Status.STALE_INPUT  # else it says already why the motion ends
+            if fresh is None or not self._law(fresh):
                 self._miss()
         if self.state == RAMPING:
             self._ramp()
@@ -121,21 +121,34 @@ class PythonLoop:
             self.status = self.law.init(first)
             self.state = RUNNING if self.status is Status.OK else STOPPED
 
-    def _law(self, feedback: RobotFeedback) -> Status:
+    def _law(self, feedback: RobotFeedback) -> bool:
+        """True if the law gave a command that counts."""
         command = self.command.copy()
+        command.braking = False
         if not feedback.running:
             self.misses = self.settings.hold_cycles
-            return Status.STALE_INPUT
+            self.status = Status.STALE_INPUT
+            return False
         if feedback.time_ms < self.command_ms:
-            return Status.STALE_INPUT
-        status = self.law.step(feedback, feedback.time_ms - self.first_ms, command)
-        if status is Status.OK and not self._allowed(command, self._passed(feedback)):
-            self.misses = self.settings.hold_cycles
-            return Status.OUT_OF_RANGE
-        if status is Status.OK:
-            self.command, self.command_ms = command, feedback.time_ms
-            self.coasting_m = [0.0] * AXES
-        return status
+            self.status = Status.STALE_INPUT
+            return False
+        self.status = self.law.step(feedback, feedback.time_ms - self.first_ms, command)
+        given = self.status is Status.OK or command.braking
+        if given and not self._allowed(command, self._passed(feedback)):
+            self.status, self.misses = Status.OUT_OF_RANGE, self.settings.hold_cycles
+            return False
+        if given:
+            self._take(command, feedback)
+        return given
+
+    def _take(self, command: Command, feedback: RobotFeedback) -> None:
+        """Running, or on the way to the stop that the law makes; without its next command the ramp begins at once."""
+        self.command, self.command_ms = command, feedback.time_ms
+        self.coasting_m = [0.0] * AXES
+        self.misses, self.state = 0, RUNNING
+        if command.braking:
+            moves = any(abs(x) > 0.0 for x in command.speed_m_s[: self.peer.axes])
+            self.misses, self.state = self.settings.hold_cycles, BRAKING if moves else STOPPED
 
     def _passed(self, feedback: RobotFeedback) -> int:
         """Cycles of the robot's clock since the last command; no more than may be held, whatever the clock says."""

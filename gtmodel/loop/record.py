@@ -7,7 +7,7 @@ import numpy as np
 from ..results import Trajectory
 from .exchange import AXES
 
-STATES = ("waiting", "running", "holding", "ramping", "stopped")
+STATES = ("waiting", "running", "holding", "ramping", "stopped", "braking")
 COUNTERS = ("late", "lost", "repeated", "reordered", "stale", "garbage")
 COLUMNS = (
     "cycle",

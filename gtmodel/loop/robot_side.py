@@ -10,11 +10,13 @@ from . import egm, rsi
 from .exchange import AXES, MM, Protocol
 from .plant import Plant
 from .wire import WireError
+from .wrenches import Wrench, to_egm, to_rsi
 
 UINT32 = (1 << 32) - 1
 FIRST_IPOC = 4_208_000
 # an arm beside the carts, which stands still; its joints are sent back as they came
 JOINTS_DEG = [0.0, 10.0, -20.0, 0.0, 30.0, 0.0]
+Sensing = Callable[[], tuple[Wrench, Wrench] | None]
 Programme = Callable[[int, Sequence[float]], Sequence[float]]
 
 
@@ -26,6 +28,7 @@ class RobotSide:
         waits: cycles before the robot says that it is running (EGM).
         ends: cycle from which on it says that it is not, None for never (EGM).
         first_number, first_ms: of the first datagram (EGM); both run over at 32 bits.
+        wrenches: what the force sensors at handle and tool say in a cycle, asked once; None, also there: none is sent.
     """
 
     def __init__(
@@ -39,10 +42,12 @@ class RobotSide:
         ends: int | None = None,
         first_number: int = 0,
         first_ms: int = 1000,
+        wrenches: Sensing | None = None,
     ) -> None:
         self.protocol, self.plant, self.cycle_ms = protocol, plant, cycle_ms
         self.programme, self.waits, self.ends = programme, waits, ends
         self.first_number, self.first_ms = first_number, first_ms
+        self.wrenches = wrenches
         self.cycles = 0
         self.start_m = np.array(plant.position_m)
         self.planned_m = list(map(float, plant.position_m))
@@ -70,7 +75,7 @@ class RobotSide:
             cartesian = [0.0] * 6
             values = {"RIst": cartesian, "RSol": cartesian, "AIPos": JOINTS_DEG, "ASPos": JOINTS_DEG}
             values |= {"EIPos": measured + rest, "ESPos": planned + rest}
-            return rsi.encode_robot(rsi.RsiRobot(self._ipoc, delay=self.late, values=values))
+            return self._with_wrenches(rsi.encode_robot(rsi.RsiRobot(self._ipoc, delay=self.late, values=values)))
         running = self.waits <= self.cycles and (self.ends is None or self.cycles < self.ends)
         robot = egm.EgmRobot(
             sequence=self.number & UINT32,
@@ -82,7 +87,13 @@ class RobotSide:
             mci_state=egm.MCI_RUNNING if running else 2,
             rapid_state=2,
         )
-        return egm.encode_robot(robot)
+        return self._with_wrenches(egm.encode_robot(robot))
+
+    def _with_wrenches(self, data: bytes) -> bytes:
+        both = None if self.wrenches is None else self.wrenches()
+        if both is None:
+            return data
+        return (to_rsi if self.protocol == "rsi" else to_egm)(data, *both)
 
     def step(self, answers: Sequence[bytes]) -> None:
         """Follow the last answer that can be read, or hold the last one; then one cycle passes."""

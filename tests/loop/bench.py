@@ -30,6 +30,9 @@ from gtmodel.loop import (
     lockstep,
 )
 from gtmodel.loop.laws import LoopLaw
+from gtmodel.loop.lead_through.law import GuidingLaw, numbers_of
+from gtmodel.loop.lead_through.options import Guiding, SensorNumbers, SyntheticScene
+from gtmodel.loop.lead_through.scene import PlateScene, ServoPlant
 from gtmodel.results import Status
 from gtmodel.robots import actuator_closed_loop
 
@@ -37,6 +40,12 @@ DRIVES = actuator_closed_loop()
 A, B = [*DRIVES["a"], 0.0, 0.0, 0.0], [*DRIVES["b"], 1.0, 1.0, 1.0]
 KP, KD = [40_000.0] * 6, [1_500.0] * 6
 STEP, HOLD, RAMP = 0.05, 25, 40
+TURN = [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
+GUIDING = Guiding(
+    tool=SensorNumbers(0.8, [0.0, 0.01, 0.06], [1.0, -2.0, 0.5], [0.1, 0.0, -0.05], [0.0, 0.05, 0.2], TURN),
+    handle=SensorNumbers(0.4, [0.0, 0.0, -0.02], [-0.5, 0.3, 0.2]),
+    scene=SyntheticScene(noise=0.05, noise_moment=0.002, seed=7),
+)
 FROM, BY = np.array([0.0, -0.9, 0.1]), np.array([0.3, -0.1, 0.15])
 
 
@@ -90,6 +99,14 @@ class Bench:
         plant = DrivePlant(self.start_m, DRIVES["a"], DRIVES["b"], DRIVES["delay"])
         return RobotSide(protocol, plant, **keys)  # type: ignore[arg-type]
 
+    def guided(self, protocol: str, fault_from: int | None = None, **keys: object) -> RobotSide:
+        """A robot that is led over a synthetic plate."""
+        start, status = self.functions["carts"](GUIDING.scene.start, [0.0] * 3)[::2]
+        assert status is Status.OK
+        plant = ServoPlant(start.tolist(), GUIDING.scene.servo)
+        scene = PlateScene(GUIDING, lambda q: self.functions["fk"](q)[0], plant, fault_from)
+        return RobotSide(protocol, plant, wrenches=scene.wrenches, **keys)  # type: ignore[arg-type]
+
     def options(self, protocol: str, law: str, *, live: bool = True) -> list[str]:
         self.log.unlink(missing_ok=True)
         tables = self.place / "reference.table", self.place / "corrections.table"
@@ -98,6 +115,9 @@ class Bench:
         words = ["--peer", protocol, "--law", law, "--feedforward", "on", "--lockstep", "--delay-ms", "20"]
         words += ["--reference", str(tables[0]), "--corrections", str(tables[1]), "--log", str(self.log)]
         words += ["--a", text(A), "--b", text(B), "--kp", text(KP), "--kd", text(KD), "--lead-ms", "2", "--gain", "2"]
+        gains = self.place / "gains.table"
+        gains.write_bytes(numbers_of(GUIDING.law(), GUIDING.drift).to_bytes())
+        words += ["--gains", str(gains)]
         words += ["--hold", str(HOLD), "--ramp", str(RAMP), "--step", repr(STEP), "--idle-ms", "9000"]
         return [*words, *(["--live"] if live else [])]
 
@@ -112,6 +132,8 @@ class Bench:
             return DynamicsLaw(self.reference, 3, self._inverse_dynamics, True, protocol == "egm", 2, KP, KD)
         if name == "replay":
             return ReplayLaw(self.reference, self.corrections, 3)
+        if name == "lead_through":
+            return GuidingLaw(GUIDING.law(), GUIDING.drift, 3, self._forward, self._carts, 4, HOLD)
         return PathLaw(3, self._forward, 2.0, LoopLimits().path_m)
 
     def python_loop(self, protocol: str, law: str, *, live: bool = True) -> PythonLoop:
@@ -127,6 +149,8 @@ class Bench:
             return Channel(faults or Faults()), Channel(faults or Faults())
 
         def robot() -> RobotSide:
+            if law == "lead_through":
+                return self.guided(protocol, waits=waits)
             programme = self._programme if law == "path" else None
             return self.robot(protocol, waits=waits, programme=programme)
 
@@ -144,6 +168,10 @@ class Bench:
     def _forward(self, q: list[float]) -> tuple[Status, list[float]]:
         T, status = self.functions["fk"](q)
         return status, T.tolist()
+
+    def _carts(self, T: list[float], dT: list[float]) -> tuple[Status, list[float], list[float]]:
+        q, dq, status = self.functions["carts"](T, dT)
+        return status, q.tolist(), dq.tolist()
 
     def _inverse_dynamics(self, T: list[float], dT: list[float], ddT: list[float]) -> tuple[Status, list[float]]:
         tau, status = self.functions["inverse_dynamics"](T, dT, ddT)

@@ -21,7 +21,8 @@ STRICT = ("-O2", "-Wall", "-Wextra", "-Wconversion", "-Wshadow", "-pedantic", "-
 @pytest.fixture(scope="session")
 def functions() -> dict[str, CausalFunction]:
     robot = gt.robots.gantry_tau("l1_tape", inertia="model_2")
-    return {"fk": robot.causal("q", "T"), "inverse_dynamics": robot.causal("T", "tau")}
+    carts = robot.causal("T", ["q", "der(q)"])
+    return {"fk": robot.causal("q", "T"), "inverse_dynamics": robot.causal("T", "tau"), "carts": carts}
 
 
 @pytest.fixture(scope="session")

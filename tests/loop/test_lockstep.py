@@ -30,7 +30,7 @@ def test_log_of_5000_cycles_equals_the_twins_under_faults(bench: Bench, protocol
 
 
 @pytest.mark.parametrize("protocol", ["egm", "rsi"])
-@pytest.mark.parametrize("law", ["trajectory", "dynamics", "replay", "path"])
+@pytest.mark.parametrize("law", ["trajectory", "dynamics", "replay", "path", "lead_through"])
 def test_every_law_equals_its_twin(bench: Bench, protocol: str, law: str) -> None:
     pair = bench.both(protocol, law, 200, waits=5)
     assert pair.c_log == pair.python_log

@@ -23,8 +23,11 @@ from tests.loop.conftest import STRICT
 PLACES = (codegen_dir() / "runtime", codegen_dir() / "loop")
 SOURCES = [p for place in PLACES for p in sorted(place.glob("*.c")) if p.name != "gt_model_main.c"]
 # what the pure parts may ask for besides each other; the rest of the loop is POSIX
-PURE = {"floor", "memcpy", "memset", "memcmp", "strcmp"}
-POSIX = {f"gt_{name}.c" for name in ("arguments", "log_writer", "loop_main", "realtime", "report", "socket", "table")}
+PURE = {"floor", "sqrt", "memcpy", "memset", "memcmp", "strcmp"}
+POSIX = {
+    f"gt_{name}.c"
+    for name in ("arguments", "log_writer", "loop_main", "realtime", "report", "run_law", "socket", "table")
+}
 INCLUDE = [f"-I{place}" for place in PLACES]
 CALLS = r"""
 #include "gt_laws.h"
@@ -158,9 +161,9 @@ def test_real_time_run_counts_every_deadline(bench: Bench) -> None:
 def test_adapter_leaves_out_what_the_folder_lacks(generated: Path) -> None:
     content = manifest_of(generated)
     whole = adapter(content, 3)
-    assert "gt_loop_model = {3U, gt_loop_model_forward, gt_loop_model_inverse_dynamics};" in whole
+    assert "gt_loop_model = {3U, gt_loop_model_forward, gt_loop_model_inverse_dynamics, gt_loop_model_carts};" in whole
     content["functions"] = [f for f in content["functions"] if f["name"] == "fk"]
-    assert "gt_loop_model = {3U, gt_loop_model_forward, NULL};" in adapter(content, 3)
+    assert "gt_loop_model = {3U, gt_loop_model_forward, NULL, NULL};" in adapter(content, 3)
 
 
 def test_build_refuses_a_changed_folder(generated: Path, tmp_path: Path) -> None:

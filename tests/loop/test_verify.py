@@ -95,7 +95,7 @@ def test_whole_loop_runs_clean_under_sanitizers(bench: Bench, generated: Path, t
     assert built.returncode == 0, built.stderr
     clean = Bench(program, bench.place, bench.functions)
     faults = Faults(lost=0.05, delayed=0.2, repeated=0.1, garbage=0.1, seed=4)
-    for law in ("trajectory", "dynamics", "replay", "path"):
+    for law in ("trajectory", "dynamics", "replay", "path", "lead_through"):
         pair = clean.both(protocol, law, 1000, faults)
         assert pair.c_log == pair.python_log
 

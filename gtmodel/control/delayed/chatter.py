@@ -22,6 +22,7 @@ else:
 
 STEPS = 20  # of a cycle
 MOST_STEPS = 40_000  # until tooth and cycle meet again
+FEWEST = 4  # steps of the period of a tooth
 UNEVEN = 1e-9  # rad
 NEAR = 1e-3  # relative, of a depth
 
@@ -77,7 +78,8 @@ def chatter_radius(
     tooth and cycle meet again. In a step the force's coefficient and the displacement of the tooth before are constant,
     as in Insperger and Stepan 2004; corrections are held exactly, whatever their delay. The more steps the nearer: the
     error of the rational number and of the steps shows in a second run with twice as many. Even pitch only. Raises
-    ArgumentError for an uneven pitch and where tooth and cycle meet too late, ValueError for impossible speeds.
+    ArgumentError for an uneven pitch, for fewer than four steps in the period of a tooth and where tooth and cycle meet
+    too late, ValueError for impossible speeds.
 
     >>> from gtmodel.milling import CuttingCoefficients, Cut, Cutter
     >>> cutter = Cutter(0.02, 2, CuttingCoefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))
@@ -102,7 +104,12 @@ def chatter_radius(
         raise ArgumentError(f"must be a number; found {gain!r}", "gain")
     asked = 1 / tooth_frequency(speed, cutter.teeth)
     step = tool.cycle / steps
-    tooth = max(4, round(asked / step))
+    tooth = round(asked / step)
+    if tooth < FEWEST:
+        raise ArgumentError(
+            f"a tooth comes every {asked / step:.3g} steps; expected {FEWEST} or more: take {steps} steps times "
+            f"{int(np.ceil(FEWEST * step / asked)) + 1} or a slower spindle", "steps",
+        )  # fmt: skip
     together = lcm(tooth, steps)
     if together > MOST_STEPS:
         raise ArgumentError(

@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ...inference import nonlinear_fit
+from ...inference import noise_size, nonlinear_fit, whiteness
 from ...results import ArgumentError, Estimate
 
 NAMES, UNITS = ("m", "c", "k"), ("1", "1/s", "1/s2")
 RATIOS = (0.02, 0.05, 0.1, 0.25)  # damping ratios of the starts
 FEWEST = 8  # rows
 FINE = 4  # to a step of the spectrum: frequencies that are tried as starts
+SLOW = 10.0  # cycles between rows at most: what lies further apart shows no vibration that a command of a cycle excites
+LEFT_OUT = 1e-4  # p-value below which residuals are no noise; one good log in ten thousand has a note
+UNEXPLAINED = 0.05  # share of the squares that may be left where residuals are no noise
+SIGMAS = 4.0  # standard deviations of a mean, likewise
+ROUNDING, TINY = 1e-20, 1e-300  # share of the squares that rounding leaves
+TURNED = 0.5  # of the squares that are left: with the sign turned less than this part is left
 
 
 def command_response(m: float, c: float, k: float, time: ArrayLike, *, size: float, cycle: float) -> np.ndarray:
@@ -41,8 +49,10 @@ def fit_command_step(
         size: of the command [m]; cycle [s]: over which it acts.
         sigma: standard deviation of the measurement [m]; from the residuals if left out.
 
-    Least squares with exact derivatives from several starts, the best of which counts. Raises ArgumentError for rows
-    that do not fit or are too few, and where no oscillation fits.
+    Least squares with exact derivatives from several starts, the best of which counts. `notes` of the estimate say
+    where what is left is no noise (an offset, a delay, saturation, a second mode): the intervals are too narrow then.
+    Raises ArgumentError for rows that do not fit or are too few, and where no oscillation fits or more than 5 % of the
+    squares are left and no noise: a wrong sign, a delay that is left in, an arm that moved, a command of another cycle.
 
     >>> t = 0.004 * np.arange(1, 150)
     >>> y = gt.control.delayed.command_response(3.0, 57.7, 34200.0, t, size=1e-3, cycle=0.004)
@@ -58,9 +68,44 @@ def fit_command_step(
     if len(t) < FEWEST or np.ptp(t) < 2 * cycle:
         raise ArgumentError(f"{len(t)} rows over {np.ptp(t):g} s are too few; expected {FEWEST} and two cycles", "time")
 
+    step = float(np.median(np.diff(np.unique(t))))
+    if step > SLOW * cycle:
+        raise ArgumentError(f"rows are {step:g} s apart, a command lasts {cycle:g} s; is time in seconds?", "time")
+    estimate = _best(t, y, size, cycle, sigma)
+    if estimate is None:
+        raise ArgumentError("no damped oscillation after a command fits these rows; is time counted from the command?",
+                            "displacement")  # fmt: skip
+    left = estimate.residuals[np.argsort(t, kind="stable")]
+    unit = 1.0 if sigma is None else sigma
+    squares, whole = float(left @ left) * unit**2, float(y @ y)
+    white, offset = whiteness(left), abs(float(np.mean(left))) * np.sqrt(len(left)) / max(float(np.std(left)), TINY)
+    said = [] if white.p > LEFT_OUT else [white.message]
+    said += [f"residuals are {np.mean(left) * unit:.3g} m in the mean, no noise"] if offset > SIGMAS else []
+    if squares < ROUNDING * whole or not said:
+        size_of = noise_size(estimate) if sigma is not None else None
+        large = size_of is not None and estimate.noise > 1 and size_of.p < LEFT_OUT
+        return replace(estimate, notes=(*estimate.notes, size_of.message)) if large and size_of else estimate
+    if squares > UNEXPLAINED * whole:
+        turned = _best(t, -y, size, cycle, sigma)
+        better = turned is not None and float(turned.residuals @ turned.residuals) * unit**2 < TURNED * squares
+        cause = "with the sign turned they do: check the signs of command and displacement" if better else (
+            "is time counted from the instant at which the command acts, and what the command itself moved taken off?"
+        )  # fmt: skip
+        raise ArgumentError(
+            f"a damped oscillation after a command explains {100 * max(0.0, 1 - squares / whole):.0f} % of these rows "
+            f"alone, and the rest is no noise; {cause}",
+            "displacement",
+        )
+    said[-1] += ": look for an offset, a delay, saturation or a second mode"
+    return replace(estimate, notes=(*estimate.notes, *said))
+
+
+def _best(t: np.ndarray, y: np.ndarray, size: float, cycle: float, sigma: float | None) -> Estimate | None:
+    """The fit of least cost from all starts; None where none ends at an oscillator."""
+
     def residuals(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         m, c, k = x
-        if not (m > 0 and k > 0 and c * abs(c) < 4 * m * k):
+        if not (m > 0 and k > 0 and c * c < 4 * m * k):
             return np.full(len(t), np.inf), np.full((len(t), 3), np.nan)
         modelled, slopes = _vibration(x, t, size, cycle)
         return modelled - y, slopes
@@ -70,10 +115,7 @@ def fit_command_step(
         fit = nonlinear_fit(residuals, start, NAMES, scale=start, sigma=sigma, units=UNITS)
         if fit.estimate is not None and np.isfinite(fit.cost) and (best is None or fit.cost < best.cost):
             best = fit
-    if best is None or best.estimate is None or not np.all(best.estimate.values > 0):
-        raise ArgumentError("no damped oscillation after a command fits these rows; is time counted from the command?",
-                            "displacement")  # fmt: skip
-    return best.estimate
+    return best.estimate if best is not None and np.all(best.x > 0) else None
 
 
 def _checked(time: ArrayLike, size: float, cycle: float) -> np.ndarray:
@@ -89,7 +131,7 @@ def _checked(time: ArrayLike, size: float, cycle: float) -> np.ndarray:
 
 def _starts(t: np.ndarray, y: np.ndarray, size: float, cycle: float) -> list[np.ndarray]:
     """m, c, k for each damping ratio: the frequency whose response fits best, and the mass from its size."""
-    span, step = float(np.ptp(t)), float(np.median(np.diff(np.sort(t))))
+    span, step = float(np.ptp(t)), float(np.median(np.diff(np.unique(t))))
     w = 2 * np.pi * np.arange(FINE // 2, max(FINE, FINE * span / (2 * step))) / (FINE * span)
     starts = []
     for zeta in RATIOS:

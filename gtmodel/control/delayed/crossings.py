@@ -10,57 +10,150 @@ import scipy
 from .loop import DelayedLoop
 
 EVEN = 1200  # frequencies up to the Nyquist frequency
-LOW = 200  # more of them, by equal ratios, towards zero
-LOWEST = 1e-6  # of the Nyquist frequency
+LOW = 200  # more of them, by equal ratios, towards zero and towards the Nyquist frequency
+LOWEST = 1e-6  # of the Nyquist frequency or the slowest pole
 TURN = 24  # about each resonance, by equal turns of it
+TAIL = 12  # of a decade of distance from a resonance
+NARROW = 1e-10  # of the Nyquist frequency: the least width of a resonance
+ON_A_POLE = 1e-13  # distance of a frequency from a pole at which the response is not asked
+APART = 0.25  # relative change of the response from one frequency to the next at most
+ROUNDS = 12  # of halving
+CLOSE = 0.5  # rad: a phase that turns back this near to the negative real axis is looked at
 EXACT = 1e-15  # relative, of a frequency
+SAME = 0.05  # relative: L at zero and at the lowest frequency
+WIDTH = 1e-12  # relative, of where a phase turns back
 
 
 def frequencies(loop: DelayedLoop) -> np.ndarray:
     """Angular frequencies (w,) [rad/s] up to the Nyquist one, close where the response turns fast."""
     top = np.pi / loop.cycle
-    turns = loop.split[0] + 2
-    grids = [np.linspace(0, top, max(EVEN, 40 * turns) + 1)[1:], top * np.geomspace(LOWEST, 1.0, LOW)]
-    poles = np.log(_nonzero(np.linalg.eigvals(loop.transition[0]))) / loop.cycle
+    z = _poles(loop)
+    poles = np.log(z[np.abs(z) > 1e-12].astype(complex)) / loop.cycle
+    slow = np.abs(poles[np.abs(poles) > WIDTH * top])
+    low = LOWEST * min(top, float(slow.min(initial=top)))
+    towards = np.geomspace(low / top, 1.0, LOW)
+    grids = [np.linspace(0, top, max(EVEN, 40 * (loop.split[0] + 2)) + 1)[1:], top * towards,
+             top * (1 - np.geomspace(LOWEST, 0.1, LOW // 4))]  # fmt: skip
     for pole in poles[poles.imag > 0]:
-        wide = np.abs(pole.real) + 1e-12 * top
-        grids.append(pole.imag + wide * np.tan(np.pi / 2 * np.linspace(-1, 1, 2 * TURN + 1)[1:-1]))
+        wide = max(np.abs(pole.real), NARROW * top)
+        tails = wide * np.geomspace(10.0, max(20.0, top / wide), 2 + int(TAIL * np.log10(max(20.0, top / wide))))
+        grids += [pole.imag + wide * np.tan(np.pi / 2 * np.linspace(-1, 1, 2 * TURN + 1)[1:-1]),
+                  pole.imag + tails, pole.imag - tails]  # fmt: skip
     w = np.unique(np.concatenate(grids))
-    return w[(w >= LOWEST * top) & (w <= top)]
+    return _off_poles(loop, w[(w >= low) & (w <= top)])
+
+
+def sampled_response(loop: DelayedLoop) -> tuple[np.ndarray, np.ndarray]:
+    """Angular frequencies (w,) [rad/s] and the response (w,) there, halved where it changes much."""
+    w = frequencies(loop)
+    g = loop.response(w)
+    for _ in range(ROUNDS):
+        size = np.abs(g)
+        far = np.flatnonzero(np.abs(np.diff(g)) > APART * np.minimum(size[:-1], size[1:]))
+        between = (w[far] + w[far + 1]) / 2
+        between = _off_poles(loop, between[(between > w[far]) & (between < w[far + 1])])
+        if not len(between):
+            break
+        w, g = np.concatenate([w, between]), np.concatenate([g, loop.response(between)])
+        order = np.argsort(w, kind="stable")
+        w, g = w[order], g[order]
+    return w, g
 
 
 def gain_crossings(loop: DelayedLoop) -> np.ndarray:
-    """(n, 2) gains at which a pole lies on the unit circle, rising, and its angular frequency [rad/s].
+    """(n, 3) gains at which poles lie on the unit circle, rising, their angular frequency [rad/s], and by how many the
+    unstable poles grow there: 2, or 1 where the pole is real, below 0 where they leave.
 
-    At such a gain P L = -1; whether the loop loses or wins a stable pole there its eigenvalues say.
+    At such a gain P L = -1, and a pole moves outwards with the gain where the imaginary part of L rises with the
+    frequency: d ln z / dP = -1 / (P z L'(z)).
     """
-    w = frequencies(loop)
-    g = loop.response(w)
+    w, g = sampled_response(loop)
     real, imaginary = np.real(g), np.imag(g)
     rows = []
-    inside = np.flatnonzero((np.sign(imaginary[:-1]) != np.sign(imaginary[1:])) & (np.minimum(real[:-1], real[1:]) < 0))
-    for i in inside[w[inside + 1] < np.pi / loop.cycle].tolist():
-        at = _root(lambda x: _at(loop, x).imag, float(w[i]), float(w[i + 1]))
-        if _at(loop, at).real < 0:
-            rows.append((-1 / _at(loop, at).real, at))
-    if real[-1] < 0:  # real by symmetry at the Nyquist frequency
-        rows.append((-1 / float(real[-1]), float(w[-1])))
-    static = _static(loop)
+
+    def add(low: float, high: float, rises: bool) -> None:
+        at = _root(lambda x: _at(loop, x).imag, low, high)
+        value = _at(loop, at).real
+        if value < 0:
+            rows.append((-1 / value, at, 2.0 if rises else -2.0))
+
+    ends = np.minimum(real[:-1], real[1:]) < 0
+    sign = np.where(imaginary >= 0, 1, -1)
+    for i in np.flatnonzero((sign[:-1] != sign[1:]) & ends & (w[1:] < np.pi / loop.cycle)).tolist():
+        add(float(w[i]), float(w[i + 1]), bool(sign[i] < 0))
+    for low, middle, high, side in _turned_back(loop, w, g, sign):
+        add(low, middle, side < 0)
+        add(middle, high, side > 0)
+    if real[-1] < 0:  # real by symmetry at the Nyquist frequency, where the imaginary part changes its sign
+        rows.append((-1 / float(real[-1]), float(w[-1]), 1.0 if imaginary[-2] < 0 else -1.0))
+    static = _static(loop, complex(g[0]))
     if static < 0:
-        rows.append((-1 / static, 0.0))
-    return np.array(sorted(rows), float).reshape(-1, 2)
+        rows.append((-1 / static, 0.0, 1.0 if imaginary[0] > 0 else -1.0))
+    return np.array(sorted(rows), float).reshape(-1, 3)
 
 
 def size_crossings(loop: DelayedLoop, gain: float) -> np.ndarray:
     """Angular frequencies (n,) [rad/s], rising, at which P L has a size of one."""
-    w = frequencies(loop)
-    above = np.abs(gain * loop.response(w)) > 1
+    w, g = sampled_response(loop)
+    with np.errstate(divide="ignore"):
+        sizes = np.log(np.abs(gain * g))
+    above = sizes > 0
 
     def log_size(x: float) -> float:
-        return float(np.log(np.abs(gain * _at(loop, x))))
+        return float(np.log(max(np.abs(gain * _at(loop, x)), 1e-300)))
 
-    edges = np.flatnonzero(above[:-1] != above[1:]).tolist()
-    return np.array([_root(log_size, float(w[i]), float(w[i + 1])) for i in edges])
+    roots = [_root(log_size, float(w[i]), float(w[i + 1])) for i in np.flatnonzero(above[:-1] != above[1:])]
+    # a size that comes near to one between two frequencies may pass it
+    for i in turns(np.abs(sizes), above, APART):
+        side = 1.0 if above[i] else -1.0
+        x, value = least_of(lambda x, side=side: side * log_size(x), float(w[i - 1]), float(w[i + 1]))
+        if value < 0:
+            roots += [_root(log_size, float(w[i - 1]), x), _root(log_size, x, float(w[i + 1]))]
+    return np.array(sorted(roots))
+
+
+def least_of(f: Callable[[float], float], low: float, high: float) -> tuple[float, float]:
+    """Where a function of a frequency is least between two of them, and how small."""
+    best = scipy.optimize.minimize_scalar(f, bounds=(low, high), method="bounded", options={"xatol": WIDTH * high})
+    return float(best.x), float(best.fun)
+
+
+def _turned_back(
+    loop: DelayedLoop, w: np.ndarray, g: np.ndarray, sign: np.ndarray
+) -> list[tuple[float, float, float, int]]:
+    """Frequencies before, on and behind a piece beyond the negative real axis that lies between grid points, and the
+    sign of the imaginary part around it."""
+    phase = np.abs(np.angle(-g))
+    rows = []
+    for i in turns(phase, sign, CLOSE):
+        side = int(sign[i])
+
+        def imaginary(x: float, side: int = side) -> float:
+            value = _at(loop, x)
+            return side * value.imag / max(abs(value), 1e-300)
+
+        x, value = least_of(imaginary, float(w[i - 1]), float(w[i + 1]))
+        if value < 0:
+            rows.append((float(w[i - 1]), x, float(w[i + 1]), side))
+    return rows
+
+
+def turns(distance: np.ndarray, side: np.ndarray, near: float) -> list[int]:
+    """Inner grid points that are nearest, below `near`, with both neighbours on the same side."""
+    inner = distance[1:-1]
+    least = (inner <= distance[:-2]) & (inner < distance[2:]) & (inner < near)
+    same = (side[1:-1] == side[:-2]) & (side[1:-1] == side[2:])
+    return (1 + np.flatnonzero(least & same)).tolist()
+
+
+def _poles(loop: DelayedLoop) -> np.ndarray:
+    """Of plant and law, without corrections."""
+    return np.concatenate([np.linalg.eigvals(loop.transition[0]), np.linalg.eigvals(loop.law_matrices[0])])
+
+
+def _off_poles(loop: DelayedLoop, w: np.ndarray) -> np.ndarray:
+    """Those of the frequencies (w,) at which the response is finite."""
+    return w[np.abs(np.exp(1j * w * loop.cycle)[:, None] - _poles(loop)).min(axis=1) > ON_A_POLE]
 
 
 def _at(loop: DelayedLoop, omega: float) -> complex:
@@ -75,16 +168,12 @@ def _root(f: Callable[[float], float], low: float, high: float) -> float:
     return float(scipy.optimize.brentq(f, low, high, xtol=EXACT * high, rtol=4 * EXACT))
 
 
-def _static(loop: DelayedLoop) -> float:
-    """L at frequency zero; 0 where it has no end there, for then no real pole crosses at one."""
+def _static(loop: DelayedLoop, near: complex) -> float:
+    """L at frequency zero; 0 where it has no end there, for then no real pole crosses at one. near: L close by."""
     a, early, late = loop.transition
-    poles = np.abs(np.linalg.eigvals(a) - 1)
     la, lb, lc, ld = loop.law_matrices
-    if poles.min() < LOWEST or (len(la) and np.abs(np.linalg.eigvals(la) - 1).min() < LOWEST):
+    if np.abs(_poles(loop) - 1).min() < WIDTH:
         return 0.0
-    plant = float(loop.plant.C @ np.linalg.solve(np.eye(len(a)) - a, early + late))
-    return plant * (ld + float(lc @ np.linalg.solve(np.eye(len(la)) - la, lb)) if len(la) else ld)
-
-
-def _nonzero(poles: np.ndarray) -> np.ndarray:
-    return poles[np.abs(poles) > 1e-12].astype(complex)
+    value = float(loop.plant.C @ np.linalg.solve(np.eye(len(a)) - a, early + late))
+    value *= ld + float(lc @ np.linalg.solve(np.eye(len(la)) - la, lb)) if len(la) else ld
+    return value if abs(value - near) < SAME * abs(value) else 0.0

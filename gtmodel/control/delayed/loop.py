@@ -13,14 +13,13 @@ from gtmodel.simulation.hybrid.clock import exact
 from ..._lazy import hint
 from ...results import ArgumentError
 from ..sampled_poles import held_input
+from .options import MOST_CYCLES
 from .plants import CorrectedPlant
 
 if TYPE_CHECKING:
     from control import StateSpace
 else:
     StateSpace = hint("control", "StateSpace")
-
-MOST_CYCLES = 2000  # of delay: the companion matrix has a state for each
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +54,11 @@ class DelayedLoop:
                 f"expected one, one and the cycle, {self.cycle:g} s",
                 "law",
             )
+
+    def __len__(self) -> int:
+        """States of `matrix`."""
+        whole, rest = self.split
+        return len(self.plant) + len(self.law_matrices[0]) + whole + (rest > 0)
 
     def late_by(self, seconds: float) -> DelayedLoop:
         """The same loop with another delay [s]."""
@@ -107,12 +111,17 @@ class DelayedLoop:
         return rows[0], rows[1]
 
     def matrix(self, gain: float) -> np.ndarray:
-        """Companion matrix: plant's states, states of the law, then the corrections on their way, youngest first."""
+        """Companion matrix: plant's states, states of the law, then the corrections on their way, youngest first.
+
+        Raises ArgumentError for a gain that is not finite, as do `radius`, `stable` and `noise_entry`.
+        """
+        _checked(gain)
         free, added = self._affine
         return free[:, :-1] + gain * added[:, :-1]
 
     def noise_entry(self, gain: float) -> np.ndarray:
         """What noise of one in a measurement adds to the states of `matrix` at the next sample, (n,)."""
+        _checked(gain)
         free, added = self._affine
         return free[:, -1] + gain * added[:, -1]
 
@@ -154,3 +163,8 @@ class DelayedLoop:
             return ld * g
         inside = np.linalg.solve(z[:, None, None] * np.eye(len(la)) - la, lb.astype(complex)[:, None])
         return g * (ld + inside[..., 0] @ lc)
+
+
+def _checked(gain: float) -> None:
+    if not np.isfinite(gain):
+        raise ArgumentError(f"must be a finite number; found {gain!r}", "gain")

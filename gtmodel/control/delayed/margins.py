@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import scipy
 
 from ...results import ArgumentError
-from .crossings import EXACT, frequencies, size_crossings
-from .limit import stability_ranges
+from .crossings import APART, EXACT, least_of, sampled_response, size_crossings
+from .limit import LARGE, stability_ranges
 from .loop import DelayedLoop
+from .options import MOST_CYCLES
 
-STEP = 0.25  # of a cycle: from one delay that is tried to the next
+STEP = 0.25  # of a cycle: from one delay that is tried to the next, at most
+FAST = 0.5  # rad that the fastest pole of the plant turns in such a step
 LONGEST = 100  # cycles of further delay up to which a limit is looked for
 PARTS = 8  # of a cycle at which the size of the response is looked at
+SOLVED = 1e-9  # of the logarithm of -P L
 NEAR = 1e-12  # s, relative to the cycle: of a delay margin
 
 
@@ -53,8 +57,7 @@ def loop_margins(loop: DelayedLoop, gain: float) -> LoopMargins:
     """
     if not (np.isfinite(gain) and gain > 0):
         raise ArgumentError(f"must be a number above 0; found {gain!r}", "gain")
-    if not loop.stable(gain):
-        raise ArgumentError(f"the loop is unstable at a gain of {gain:g}: it has no margins; take less", "gain")
+    _check_stable(loop, gain, "margins")
     _, ranges = stability_ranges(loop)
     low, high = next(((a, b) for a, b in ranges if a <= gain <= b), (gain, gain))  # at a limit, up to rounding
     w = size_crossings(loop, gain)
@@ -69,55 +72,121 @@ def loop_margins(loop: DelayedLoop, gain: float) -> LoopMargins:
 def delay_margin(loop: DelayedLoop, gain: float) -> float:
     """Further delay [s] at which an eigenvalue of the companion matrix first reaches the unit circle.
 
-    The delay grows by quarters of a cycle; a loss of stability that returns between two of them is not seen. Infinite
-    where the response stays below one for every delay, and where no delay of `LONGEST` cycles more ends the stability.
-    Raises ArgumentError for a gain at which the loop is unstable.
+    It is the least delay at which P L = -1 has a solution: candidates from where P L has a size of one, by quarters of
+    a cycle, then both equations at once, the hold split exactly. Infinite where the response stays below one for every
+    delay, and where no delay of `LONGEST` cycles more ends the stability. Raises ArgumentError for a gain at which the
+    loop is unstable.
 
     >>> loop = gt.control.delayed.DelayedLoop(gt.control.delayed.rigid_plant(0.004), cycle=0.004, delay=0.0)
     >>> round(1e3 * gt.control.delayed.delay_margin(loop, 1.0), 6)  # y(k+1) = y(k) - y(k-1): one cycle more [ms]
     4.0
     """
-    if not loop.stable(gain):
-        raise ArgumentError(f"the loop is unstable at a gain of {gain:g}: it has no delay margin; take less", "gain")
+    _check_stable(loop, gain, "delay margin")
     if _small_for_every_delay(loop, gain):
         return np.inf
 
     def beyond(cycles: float) -> float:
         return loop.late_by(loop.delay + cycles * loop.cycle).radius(gain) - 1
 
-    low = 0.0
-    for high in STEP * np.arange(1, int(LONGEST / STEP) + 1):
-        if beyond(float(high)) >= 0:
-            return loop.cycle * float(scipy.optimize.brentq(beyond, low, float(high), xtol=NEAR, rtol=4 * EXACT))
-        low = float(high)
+    step = min(STEP, FAST / (np.abs(np.linalg.eigvals(loop.plant.A)).max() * loop.cycle + FAST))
+    ends = step * np.arange(1 + int(min(LONGEST, MOST_CYCLES - loop.delay / loop.cycle) / step))
+    estimates = _estimates(loop, gain, 0.0)
+    for low, high in pairwise(ends.tolist()):
+        before, estimates = estimates, _estimates(loop, gain, high)
+        late = _first_solution(loop, gain, low, high, before + estimates)
+        if late is None and len(loop) < LARGE and beyond(high) >= 0:
+            late = float(scipy.optimize.brentq(beyond, low, high, xtol=NEAR, rtol=4 * EXACT))
+        if late is not None:
+            return loop.cycle * late
     return np.inf
+
+
+def _estimates(loop: DelayedLoop, gain: float, cycles: float) -> list[tuple[float, float]]:
+    """Frequencies at which P L has a size of one with so much more delay, and further delays [cycles] that turn it to
+    -1 there."""
+    near = loop.late_by(loop.delay + cycles * loop.cycle)
+    w = size_crossings(near, gain)
+    turn = np.angle(-gain * near.response(w)) if len(w) else w
+    return [(at, cycles + (phase + 2 * np.pi * whole) / (at * loop.cycle))
+            for at, phase in zip(w.tolist(), turn.tolist(), strict=True) for whole in (-1, 0, 1)]  # fmt: skip
+
+
+def _first_solution(
+    loop: DelayedLoop, gain: float, low: float, high: float, estimates: list[tuple[float, float]]
+) -> float | None:
+    """The least further delay between these [cycles] at which P L = -1 somewhere; None where there is none."""
+    solved = _at_the_nyquist_frequency(loop, gain, low, high)
+    for omega, late in estimates:
+        if 2 * low - high < late < 2 * high - low:
+            end = _solution(loop, gain, omega, late)
+            if end is not None and low < end <= high:
+                solved.append(end)
+    return min(solved, default=None)
+
+
+def _at_the_nyquist_frequency(loop: DelayedLoop, gain: float, low: float, high: float) -> list[float]:
+    """Further delays between these [cycles] at which P L = -1 there, where L is real for every delay."""
+    top = np.array([np.pi / loop.cycle])
+
+    def above(cycles: float) -> float:
+        return 1 + gain * float(loop.late_by(loop.delay + cycles * loop.cycle).response(top)[0].real)
+
+    tried = np.linspace(low, high, 3)
+    signs = np.array([above(float(x)) for x in tried]) > 0
+    return [
+        float(scipy.optimize.brentq(above, float(tried[i]), float(tried[i + 1]), xtol=NEAR, rtol=4 * EXACT))
+        for i in np.flatnonzero(signs[:-1] != signs[1:])
+    ]
+
+
+def _solution(loop: DelayedLoop, gain: float, omega: float, late: float) -> float | None:
+    """Further delay [cycles] near `late` at which P L = -1 near `omega`, by Newton's method; None if there is none."""
+    top = np.pi / loop.cycle
+
+    def off(x: np.ndarray) -> np.ndarray:
+        delayed = loop.late_by(loop.delay + max(float(x[1]), -loop.delay / loop.cycle) * loop.cycle)
+        value = np.log(-gain * delayed.response(np.array([x[0] * top]))[0])
+        return np.array([value.real, value.imag])
+
+    ended = scipy.optimize.root(off, [omega / top, late], options={"xtol": NEAR})
+    w, delay = (float(x) for x in ended.x)
+    arrived = 0 < w <= 1 and np.abs(off(ended.x)).max() < SOLVED
+    return delay if arrived and abs(delay - late) < 2 * STEP else None
 
 
 def disk_margin(loop: DelayedLoop, gain: float) -> float:
     """2 / max |S - T| over all frequencies, S = 1/(1 + P L), T = P L/(1 + P L): the balanced disk margin (Seiler,
-    Packard and Gahinet 2020), 2 for a loop that bears everything.
+    Packard and Gahinet 2020), 2 for a loop that bears everything. Raises ArgumentError for a gain at which the loop is
+    unstable.
 
     >>> loop = gt.control.delayed.DelayedLoop(gt.control.delayed.rigid_plant(0.004), cycle=0.004, delay=0.052)
     >>> round(gt.control.delayed.disk_margin(loop, 0.05), 3)
     0.672
     """
+    _check_stable(loop, gain, "disk margin")
 
     def distance(w: np.ndarray) -> np.ndarray:
         L = gain * loop.response(w)
-        with np.errstate(divide="ignore"):
-            return 2 * np.abs(1 + L) / np.abs(1 - L)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where(L == 1, np.inf, 2 * np.abs(1 + L) / np.abs(1 - L))
 
-    w = frequencies(loop)
-    at = int(np.argmin(distance(w)))
-    ends = float(w[max(at - 1, 0)]), float(w[min(at + 1, len(w) - 1)])
-    if ends[0] == ends[1]:
-        return float(distance(w[[at]])[0])
-    least = scipy.optimize.minimize_scalar(lambda x: float(distance(np.array([x]))[0]), bounds=ends, method="bounded",
-                                           options={"xatol": 1e-9 * ends[1]})  # fmt: skip
-    return min(float(least.fun), float(distance(w[[at]])[0]))
+    w, _ = sampled_response(loop)
+    d = distance(w)
+    low = np.concatenate([[True], d[1:] <= d[:-1]]) & np.concatenate([d[:-1] <= d[1:], [True]])
+    least = float(d.min())
+    # of neighbours the response differs by a quarter at most: a valley that is this much higher holds nothing less
+    for i in np.flatnonzero(low & (d < 2 * least + 2 * APART)).tolist():
+        ends = float(w[max(i - 1, 0)]), float(w[min(i + 1, len(w) - 1)])
+        least = min(least, least_of(lambda x: float(distance(np.array([x]))[0]), *ends)[1])
+    return least
+
+
+def _check_stable(loop: DelayedLoop, gain: float, asked: str) -> None:
+    if not loop.stable(gain):
+        raise ArgumentError(f"the loop is unstable at a gain of {gain:g}: it has no {asked}; take less", "gain")
 
 
 def _small_for_every_delay(loop: DelayedLoop, gain: float) -> bool:
     """Whether |P L| < 1 at every frequency, looked at for all parts of a cycle: then no delay matters."""
     parts = [loop.late_by(loop.cycle * part) for part in np.arange(PARTS) / PARTS]
-    return all(float(np.abs(gain * p.response(frequencies(p))).max()) < 1 for p in parts)
+    return all(float(np.abs(gain * sampled_response(p)[1]).max()) < 1 for p in parts)

@@ -18,6 +18,7 @@ from .loop import DelayedLoop
 DRAWS = 1000
 MOST_SIDES = 12  # of a box: it has 2 to their power vertices
 SEARCHES = 3  # from the worst points
+APART = 0.2  # of a side of the box: between the points from which searches begin
 NEAR = 1e-9  # relative, of a search
 ON_GRID = 1e-9  # of a step: a quantile within rounding of a multiple of the step is that multiple
 
@@ -47,8 +48,9 @@ def worst_case(
         box: from and to of each, by name.
         draws: random points, uniform in the box; seed: of their draw.
 
-    It is what this has seen, not a proof. Raises ArgumentError for an empty box, one of more than twelve sides,
-    and limits that are not finite or in the wrong order.
+    It is what this has seen, not a proof. Where a point's loop is unstable at the smallest gains already, its limit is
+    0. Raises ArgumentError for an empty box, one of more than twelve sides, limits that are not finite or in the wrong
+    order, and what `loop_of` refuses.
 
     >>> def loop_of(p):
     ...     plant = gt.control.delayed.equivalent_plant(p["m"], 57.7, 34200.0, cycle=0.004)
@@ -68,7 +70,11 @@ def worst_case(
 
     def limit(share: np.ndarray) -> float:
         values = low + np.clip(share, 0.0, 1.0) * (high - low)
-        return gain_limit(loop_of(dict(zip(names, values.tolist(), strict=True)))).gain
+        loop = loop_of(dict(zip(names, values.tolist(), strict=True)))
+        try:
+            return gain_limit(loop).gain
+        except ArgumentError:  # no gain is small enough: what else it refuses, DelayedLoop has refused before
+            return 0.0
 
     shares = np.random.default_rng(seed).random((draws, len(names)))
     drawn = np.array([limit(s) for s in shares])
@@ -77,10 +83,10 @@ def worst_case(
     limits = np.concatenate([[limit(s) for s in corners], drawn])
     order = np.argsort(limits, kind="stable")
     best, at = float(limits[order[0]]), tried[order[0]]
-    for begin in tried[order[:SEARCHES]]:
+    for begin in tried[_apart(tried[order], order)] if best > 0 else ():
         ended = scipy.optimize.minimize(
             limit, begin, method="Nelder-Mead", bounds=[(0.0, 1.0)] * len(names),
-            options={"fatol": NEAR * best, "xatol": 1e-6},
+            options={"fatol": NEAR * min(best, 1e300), "xatol": 1e-6, "adaptive": len(names) > 4},
         )  # fmt: skip
         if float(ended.fun) < best:
             best, at = float(ended.fun), np.clip(ended.x, 0.0, 1.0)
@@ -88,17 +94,29 @@ def worst_case(
     return WorstCase(best, point, limit(np.full(len(names), 0.5)), drawn)
 
 
+def _apart(points: np.ndarray, order: np.ndarray) -> list[int]:
+    """Which of the points, best first, searches begin from: each further from the ones before than `APART`."""
+    chosen: list[int] = []
+    for i in range(len(points)):
+        if all(np.abs(points[i] - points[j]).max() > APART for j in chosen):
+            chosen.append(i)
+        if len(chosen) == SEARCHES:
+            break
+    return order[chosen].tolist()
+
+
 def recommended_gain(limits: ArrayLike, step: float, quantile: float = 0.05) -> float:
     """The greatest multiple of `step` that is not above the `quantile` of gain limits (n,).
 
-    Raises ArgumentError for no limits, limits that are not above 0, and a step or quantile that is none.
+    A limit of 0 says that no gain is safe. Raises ArgumentError for no limits, limits below 0, and a step or quantile
+    that is none.
 
     >>> gt.control.delayed.recommended_gain([0.021, 0.026, 0.024, 0.029], step=0.01)
     0.02
     """
     values = np.asarray(limits, float).reshape(-1)
-    if not len(values) or not np.all(values > 0):
-        raise ArgumentError("expected one or more numbers above 0", "limits")
+    if not len(values) or not np.all(values >= 0):
+        raise ArgumentError("expected one or more numbers, at least 0", "limits")
     if not (np.isfinite(step) and step > 0):
         raise ArgumentError(f"must be a number above 0; found {step!r}", "step")
     if not 0 < quantile < 1:

@@ -8,58 +8,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import Annotated
 
 from ...results import ArgumentError
-from ...results.options import Options, Unit, Within
+from .gains import SurfaceGains
 from .sign import SignTest
 from .status import WrenchStatus
+from .vectors import ZERO, Vector, dot, is_direction, length, limited, plus, whole
+from .watch import CALM, OscillationWatch, Watched
 
-Vector = tuple[float, float, float]
-ZERO: Vector = (0.0, 0.0, 0.0)
-UNIT_LENGTH = 1e-9  # of the nominal normal
-
-
-@dataclass(frozen=True)
-class SurfaceGains(Options):
-    """Gains, thresholds and limits of lead-through on a surface; the thesis prints only cycle, cone and reference.
-
-    The defaults of the others are ours: examples, not recommendations.
-
-    >>> gt.control.lead_through.SurfaceGains(force_gain=-0.01)
-    Traceback (most recent call last):
-        ...
-    gtmodel.results.refusal.ArgumentError: force_gain: ...
-    """
-
-    cycle: Annotated[float, Unit("s"), Within(above=0.0), "between two commands"] = 0.004
-    mass: Annotated[float, Unit("kg"), Within(above=0.0), "M of (8.6), felt at the handle"] = 5.0
-    damping: Annotated[float, Unit("N s/m"), Within(above=0.0), "D of (8.6): steady speed is force / D"] = 100.0
-    force_gain: Annotated[float, Unit("m/s/N"), Within(above=0.0), "K of (8.4)"] = 0.01
-    force_reference: Annotated[float, Unit("N"), Within(above=0.0), "held along the normal, on the tool"] = 2.0
-    cone: Annotated[float, Unit("rad", written="deg"), Within(least=0.0, most=math.pi / 2), "phi_L of (8.10)"] = (
-        math.radians(10.0)
-    )
-    normal_filter: Annotated[float, Unit("s"), Within(least=0.0), "time constant of the normal; 0: unfiltered"] = 0.2
-    least_force: Annotated[float, Unit("N"), Within(above=0.0), "up to it a tool force has no direction"] = 0.2
-    enter_force: Annotated[float, Unit("N"), Within(above=0.0), "along the nominal normal: contact from it on"] = 1.0
-    leave_force: Annotated[float, Unit("N"), Within(), "contact ends at it and below"] = 0.3
-    dwell: Annotated[float, Unit("s"), Within(least=0.0), "least time between two changes of contact"] = 0.1
-    release_force: Annotated[float, Unit("N"), Within(above=0.0), "at the handle, along the normal: ends contact"] = (
-        10.0
-    )
-    speed_limit: Annotated[float, Unit("m/s"), Within(above=0.0), "of what the handle commands"] = 0.25
-    force_speed_limit: Annotated[float, Unit("m/s"), Within(above=0.0), "of the force control"] = 0.05
-    acceleration_limit: Annotated[float, Unit("m/s2"), Within(above=0.0), "of the command"] = 5.0
-    force_range: Annotated[float, Unit("N"), Within(above=0.0), "a component that reaches it is saturated"] = 100.0
-    age_limit: Annotated[float, Unit("s"), Within(least=0.0), "an older wrench stops the motion"] = 0.012
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if not self.leave_force < self.enter_force:
-            raise ArgumentError(f"must be less than enter_force, {self.enter_force:g} N", "leave_force")
-        if not self.enter_force <= self.force_reference:
-            raise ArgumentError(f"is above the force held, {self.force_reference:g} N", "enter_force")
+SHORTEST = 1e-9  # of a mixture of directions: below it they are opposed
 
 
 @dataclass(frozen=True)
@@ -67,8 +24,9 @@ class SurfaceState:
     """What a cycle ends with: velocity (3,) [m/s] is the command to the robot, in the world frame.
 
     guided: (3,) [m/s] V_h of (8.7) for the next cycle. normal: (3,) in use; filtered: (3,) before the cone. contact,
-    and since: cycles since it changed. status: OK or NO_FORCE (in contact: the normal stays as it was) and the robot
-    moves, else it stands. allowed: the sign test was passed.
+    and since: cycles since it changed. watched: see `OscillationWatch`. status: OK or NO_FORCE (in contact: the normal
+    stays as it was) and the robot moves, else it brakes and stands: the first cause stays. allowed: the sign test was
+    passed, and no wrench refused.
     """
 
     velocity: Vector
@@ -79,6 +37,7 @@ class SurfaceState:
     since: int
     status: WrenchStatus
     allowed: bool
+    watched: Watched = CALM
 
 
 @dataclass(frozen=True)
@@ -95,9 +54,14 @@ class SurfaceLaw:
 
     In contact n is the direction of the tool force within `cone` of the nominal normal, else the nominal one (8.10),
     equality included. Contact begins at `enter_force`, ends at `leave_force` or with `release_force` at the handle, and
-    does not change again within `dwell`. A wrench that is not finite, saturated or old stops the motion at once.
+    does not change again within `dwell`. A wrench that is not finite, saturated or old ends the motion: see `stop`.
 
-    normal: the nominal one, of length 1. Raises ArgumentError for another length.
+    With `friction` the force of friction, against the commanded motion along the surface, is taken out before. With
+    `any_direction` the size of the force decides about contact, n is its direction, whatever the nominal normal, and
+    without a force nothing is projected: (8.11).
+
+    normal: the nominal one, of length 1. watch: reduces the gain while the contact oscillates. Raises ArgumentError
+    for another length.
 
     >>> L = gt.control.lead_through
     >>> law, test = L.SurfaceLaw(), L.SignTest(None, L.WrenchStatus.OK)
@@ -112,9 +76,10 @@ class SurfaceLaw:
 
     gains: SurfaceGains = field(default_factory=SurfaceGains)
     normal: Vector = (0.0, 0.0, 1.0)
+    watch: OscillationWatch = field(default_factory=OscillationWatch)
 
     def __post_init__(self) -> None:
-        if len(self.normal) != 3 or not abs(_length(self.normal) - 1.0) <= UNIT_LENGTH:
+        if not is_direction(self.normal):
             raise ArgumentError(f"expected three numbers of length 1; found {self.normal!r}", "normal")
 
     @property
@@ -123,34 +88,51 @@ class SurfaceLaw:
         return math.ceil(self.gains.dwell / self.gains.cycle - 1e-9)
 
     def start(self, test: SignTest) -> SurfaceState:
-        """At rest and free. After a sign test that did not end with OK no step ever moves the robot."""
+        """At rest and free. After a sign test that did not end with OK no step ever moves the robot.
+
+        A wrench that cannot be used ends the motion too: see `stop`.
+        """
         return SurfaceState(ZERO, ZERO, self.normal, self.normal, False, self.dwell_cycles, test.status, test.status.ok)
 
     def step(
         self, state: SurfaceState, handle: Vector, tool: Vector, handle_age: float = 0.0, tool_age: float = 0.0
     ) -> SurfaceState:
         """The state after a cycle with forces [N] at handle and tool, without bias and weight, and their ages [s]."""
-        p = self.gains
         if not state.allowed:
-            return state
+            return self.stop(state, state.status)
         bad = self._refusal(handle, tool, handle_age, tool_age)
         if bad is not None:
-            return replace(self.start(SignTest(None, WrenchStatus.OK)), status=bad)
-        contact, since = self._contact(state, _dot(handle, self.normal), _dot(tool, self.normal))
+            return self.stop(state, bad)
+        return self.moved(state, handle, tool)
+
+    def moved(self, state: SurfaceState, handle: Vector, tool: Vector, torque: float = 0.0) -> SurfaceState:
+        """The state after a cycle with forces that may be used [N]; torque: size of the tool's [N m]."""
+        p = self.gains
+        force = length(tool) if p.any_direction else dot(tool, self.normal)
+        touch = max(force, torque / p.contact_arm) if p.any_direction else force
+        contact, since = self._contact(state, 0.0 if p.any_direction else dot(handle, self.normal), touch)
+        watched = self.watch.step(state.watched, force, contact, p.cycle)
         filtered, normal, status = self._normal(state, contact, tool)
         projected, pressed = state.guided, 0.0
-        if contact:
-            along = _dot(normal, projected)
-            projected = _plus(projected, -along, normal)
-            pressed = p.force_gain * (_dot(tool, normal) - p.force_reference)
+        if contact and not (p.any_direction and status is WrenchStatus.NO_FORCE):
+            along = dot(normal, projected)
+            projected = plus(projected, -along, normal)
+            pressed = p.force_gain * watched[2] * (dot(tool, normal) - p.force_reference)
             pressed = min(max(pressed, -p.force_speed_limit), p.force_speed_limit)
-        projected = _limited(projected, p.speed_limit)
-        wanted = _plus(projected, pressed, normal)
-        change = _limited(_plus(wanted, -1.0, state.velocity), p.acceleration_limit * p.cycle)
-        velocity = _plus(state.velocity, 1.0, change)
-        net = _plus(handle, -p.damping, velocity)
-        guided = _plus(projected, p.cycle / p.mass, net)
-        return SurfaceState(velocity, guided, normal, filtered, contact, since, status, True)
+        projected = limited(projected, p.speed_limit)
+        wanted = plus(projected, pressed, normal)
+        change = limited(plus(wanted, -1.0, state.velocity), p.acceleration_limit * p.cycle)
+        velocity = plus(state.velocity, 1.0, change)
+        net = plus(handle, -p.damping, velocity)
+        guided = plus(projected, p.cycle / p.mass, net)
+        if not whole(velocity, guided, watched):  # of gains beyond reason
+            return self.stop(state, WrenchStatus.NOT_FINITE)
+        return SurfaceState(velocity, guided, normal, filtered, contact, since, status, True, watched)
+
+    def stop(self, state: SurfaceState, why: WrenchStatus) -> SurfaceState:
+        """The state after a cycle that brakes within acceleration_limit; then it stands, until `start` begins anew."""
+        change = limited(plus(ZERO, -1.0, state.velocity), self.gains.acceleration_limit * self.gains.cycle)
+        return replace(state, velocity=plus(state.velocity, 1.0, change), guided=ZERO, status=why, allowed=False)
 
     def _refusal(self, handle: Vector, tool: Vector, handle_age: float, tool_age: float) -> WrenchStatus | None:
         p = self.gains
@@ -179,35 +161,20 @@ class SurfaceLaw:
         p = self.gains
         if not contact:
             return self.normal, self.normal, WrenchStatus.OK
-        size = _length(tool)
+        along = plus(state.velocity, -dot(state.normal, state.velocity), state.normal)
+        speed = max(length(along), p.friction_speed)
+        pushed = plus(tool, p.friction * max(dot(tool, state.normal), 0.0) / speed, along)
+        size = length(pushed)
         if size <= p.least_force:
             return state.filtered, state.normal, WrenchStatus.NO_FORCE
+        estimate = (pushed[0] / size, pushed[1] / size, pushed[2] / size)
+        if p.any_direction and not state.contact:  # where it begins, the nominal normal says nothing
+            return estimate, estimate, WrenchStatus.OK
         share = p.cycle / (p.normal_filter + p.cycle)  # first order, implicit: 1 without a filter
-        estimate = (tool[0] / size, tool[1] / size, tool[2] / size)
-        mixed = _plus(state.filtered, share, _plus(estimate, -1.0, state.filtered))
-        length = _length(mixed)
-        if length <= UNIT_LENGTH:  # turned right over
+        mixed = plus(state.filtered, share, plus(estimate, -1.0, state.filtered))
+        mixture = length(mixed)
+        if mixture <= SHORTEST:  # turned right over
             return self.normal, self.normal, WrenchStatus.OK
-        filtered = (mixed[0] / length, mixed[1] / length, mixed[2] / length)
-        inside = _dot(self.normal, filtered) >= math.cos(p.cone)
+        filtered = (mixed[0] / mixture, mixed[1] / mixture, mixed[2] / mixture)
+        inside = p.any_direction or dot(self.normal, filtered) >= math.cos(p.cone)
         return filtered, filtered if inside else self.normal, WrenchStatus.OK
-
-
-def _dot(a: Vector, b: Vector) -> float:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-def _length(a: Vector) -> float:
-    return math.sqrt(_dot(a, a))
-
-
-def _plus(a: Vector, by: float, b: Vector) -> Vector:
-    return (a[0] + by * b[0], a[1] + by * b[1], a[2] + by * b[2])
-
-
-def _limited(a: Vector, most: float) -> Vector:
-    size = _length(a)
-    if size <= most:
-        return a
-    by = most / size
-    return (by * a[0], by * a[1], by * a[2])

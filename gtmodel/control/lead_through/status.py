@@ -21,3 +21,5 @@ class WrenchStatus(NumberedStatus):
     NOT_FINITE = 4, "a number of the wrench or its age is not finite"
     SATURATED = 5, "a component of the wrench reaches the end of its range"
     STALE = 6, "the wrench is older than the law allows"
+    SENSOR_FAULT = 7, "the sensor itself reports a fault"
+    NO_ROTATION = 8, "the orientation of the tool is no rotation matrix"

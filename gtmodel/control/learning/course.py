@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -14,6 +14,7 @@ from .law import LearningLaw
 from .lifted import Array, Lifted
 
 REPEATS = 3  # runs without which the scatter is a guess
+STAYS = 1e-9  # of the modulus of an eigenvalue from 1
 SETTLED = 60  # runs after which what one of them taught has gone, 0.93^60 = 0.013
 RISES = (
     "without the ramps Q_w the rows of L that repeat the last sample count in full, and inputs there hardly reach the "
@@ -56,6 +57,13 @@ def rate(law: LearningLaw, seen: Lifted) -> Rate:
     if sigma < 1:
         return Rate(sigma, sigma, f"converges in every run, by a factor of {sigma:.3f} or better")
     rho = spectral_radius(step)
+    if abs(rho - 1) < STAYS:
+        raise ArgumentError(
+            "an eigenvalue of Q (I - L T) is 1: a part of the input neither grows nor fades, such as the last samples, "
+            "whose effect comes after the run; give the law a Q below 1, in a law of least norm by a weight of the "
+            "effort",
+            "law",
+        )
     if rho >= 1:
         raise ArgumentError(
             f"the law diverges on this plant: an eigenvalue of Q (I - L T) has the modulus {rho:.4g}; lower the cutoff "
@@ -71,7 +79,8 @@ class Floor(NamedTuple):
     """What learning leaves of the controlled error, root mean square [m] over the fully corrected samples.
 
     repeating: the part of the first error that Q does not let through. scatter: of a run against another, with what of
-    it is learned. total: both. course: (runs + 1,) total after each run. before: of the first run.
+    it is learned. total: both. course: (runs + 1,) total after each run. before: of the first run. rest: (N,) error of
+    the repeating part [m]. clipped: whether bounds on the input hold where it ends.
     """
 
     repeating: float
@@ -79,23 +88,30 @@ class Floor(NamedTuple):
     total: float
     course: Array
     before: float
+    rest: Array
+    clipped: bool = False
 
     @property
     def share(self) -> float:
         """The part of the first error that cannot be learned."""
-        return self.repeating / self.before
+        return self.repeating / self.before if self.before else 0.0
 
 
-def floor(law: LearningLaw, seen: Lifted, first_error: Any, corrected: slice, runs: int, repeats: Any = None) -> Floor:
+def floor(
+    law: LearningLaw, seen: Lifted, first_error: Any, corrected: slice, runs: int, repeats: Any = None, *,
+    update: Callable[[Array, Array], Array] | None = None, end: Array | None = None, clipped: bool = False,
+) -> Floor:  # fmt: skip
     """What a law will leave, from the error (N,) of the first run, or its mean over several.
 
     Args:
         seen: from the input to the estimate, by the model. corrected: the samples that count, (7.25).
         runs: how many iterations. repeats: (m, N) estimates of m identical runs, m at least 3; none if left out.
+        update, end: of a law within bounds, the next input from input and error, and the input (N,) where it ends;
+            clipped: whether it lies at the bounds there.
 
     The repeating part is that of the fixed point. The scatter of a run is independent of that of others: learned from
     one run it adds to the next ones' error, |Q L|^2 / (1 - |Q (1 - L T)|^2) times over frequency, with what T passes.
-    Raises ArgumentError for fewer repeats, and where the law has no fixed point.
+    Bounds make the scatter no larger. Raises ArgumentError for fewer repeats, and where the law has no fixed point.
 
     >>> learning = gt.control.learning
     >>> law = learning.simple_law(300, 0.9, 5, 10.0)
@@ -105,16 +121,16 @@ def floor(law: LearningLaw, seen: Lifted, first_error: Any, corrected: slice, ru
     (True, 6)
     """
     e0 = np.asarray(first_error, float)
-    u_end = law.fixed_point(seen, e0)
-    repeating = _rms((e0 - seen(u_end))[corrected])
+    rest = e0 - seen(law.fixed_point(seen, e0) if end is None else end)
+    repeating = _rms(rest[corrected])
     u, systematic, noise = np.zeros_like(e0), [], _amplified(law, seen, repeats, corrected, runs)
     for _ in range(runs + 1):
         e = e0 - seen(u)
         systematic.append(_rms(e[corrected]))
-        u = law.update(u, e)
+        u = (update or law.update)(u, e)
     scatter, last = noise[:-1], float(noise[-1])
     course = np.hypot(systematic, scatter)
-    return Floor(repeating, last, float(np.hypot(repeating, last)), course, _rms(e0[corrected]))
+    return Floor(repeating, last, float(np.hypot(repeating, last)), course, _rms(e0[corrected]), rest, clipped)
 
 
 def _amplified(law: LearningLaw, seen: Lifted, repeats: Any, corrected: slice, runs: int) -> Array:

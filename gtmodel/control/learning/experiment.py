@@ -8,6 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from .axis import AxisPlant
+from .modelled import ModelledRobot
 from .options import LearningNoise, LearningRobot
 from .references import SquarePath
 
@@ -46,13 +47,13 @@ class SyntheticExperiment:
     (825, 2)
     """
 
-    def __init__(self, robot: LearningRobot, path: SquarePath, noise: LearningNoise | None = None) -> None:
+    def __init__(
+        self, robot: LearningRobot | ModelledRobot, path: SquarePath, noise: LearningNoise | None = None
+    ) -> None:
         self.noise = noise or LearningNoise()
         self.names, self.sample_time = robot.axes, robot.sample_time
         both = path.samples(robot.sample_time)
-        # the printed actuators get the side along x each; a third axis stands still otherwise
-        columns = [0, 0, 0] if robot.loop == "printed" else [0, 1, 0]
-        self.reference = both[:, columns[: len(self.names)]]
+        self.reference = both[:, list(robot.along)]
         self.corrected = slice(path.ramp, path.ramp + path.corrected)
         self.generator = np.random.default_rng(self.noise.seed)
         off = self.generator.uniform(-1, 1, (len(self.names), 2))

@@ -31,7 +31,8 @@ class ExtendedKalman:
 
     x_a is the *backward* second difference of z, one sample late; so it is compared with the reading one sample ago.
     Only the acceleration corrects: z is not measured (the text of (7.22) prints all outputs). Raises ArgumentError for
-    a model with feedthrough, several outputs, or in continuous time, and for numbers that are not positive.
+    a model with feedthrough, several outputs, or in continuous time, for numbers that are not positive, and, asked for
+    its gain, where the acceleration does not show a part of the model that does not fade.
 
     >>> learning = gt.control.learning
     >>> filter = learning.ExtendedKalman(learning.tool_model(11.5, 0.05), process=1e-12, noise=0.07)
@@ -72,7 +73,15 @@ class ExtendedKalman:
     def covariance(self) -> np.ndarray:
         """Of the predicted state, from the Riccati equation."""
         A, _, H = self.extended
-        return scipy.linalg.solve_discrete_are(A.T, H.T, self.process * np.eye(len(A)), [[self.noise**2]])
+        try:
+            return scipy.linalg.solve_discrete_are(A.T, H.T, self.process * np.eye(len(A)), [[self.noise**2]])
+        except np.linalg.LinAlgError:
+            poles = np.abs(np.linalg.eigvals(np.asarray(self.model.A, float)))
+            raise ArgumentError(
+                "the acceleration does not show a part of the model that does not fade, so no filter exists; the "
+                f"largest modulus of its poles is {poles.max():.6g}: take a model without it, as of another order",
+                "model",
+            ) from None
 
     @cached_property
     def innovation_variance(self) -> float:
@@ -113,8 +122,11 @@ class ExtendedKalman:
 
     def innovations(self, motor: Any, acceleration: Any) -> np.ndarray:
         """(N,) acceleration one sample ago less its prediction, over its deviation: white of variance 1 where the
-        filter is right. motor, acceleration: (N,) of a run that starts at rest."""
+        filter is right. motor, acceleration: (N,) of a run that starts at rest; ArgumentError where they are not."""
         zc, a = np.asarray(motor, float), np.asarray(acceleration, float)
+        for name, values in (("motor", zc), ("acceleration", a)):
+            if values.shape != (len(a),) or not np.all(np.isfinite(values)):
+                raise ArgumentError(f"expected {len(a)} finite numbers; found {values.shape}, or nan among them", name)
         ahead = [np.append(zc[k:], np.full(k, zc[-1])) for k in range(self.system.ninputs - 1)]
         predicted = np.zeros(len(a))
         for k, u in enumerate([*ahead, a]):

@@ -15,10 +15,11 @@ import numpy as np
 import scipy
 
 from ...results import ArgumentError
-from .plants import Plant, discrete, pulse_response
+from .plants import Plant, pulse_response, stable
 
 Array = np.ndarray
 Apply = Callable[[Array], Array]
+CIRCLE = 1 + 1e-6  # modulus of a pole: integrators round to either side of 1
 SHORT = 64  # samples below which a sum is faster than a transform
 
 
@@ -127,13 +128,14 @@ def toeplitz(pulse: Any) -> Lifted:
 def lifted(plant: Plant, size: int) -> Lifted:
     """A plant of one input and one output from rest, as a map of signals: Dressler 2012, (7.5) and (7.9).
 
-    plant: `control.StateSpace` or `TransferFunction` in discrete time. Raises ArgumentError as `pulse_response`.
+    plant: `control.StateSpace` or `TransferFunction` in discrete time. Raises ArgumentError as `pulse_response`, and
+    for a pole outside the unit circle: transforms round by the largest sample, which then hides all earlier ones.
 
     >>> learning = gt.control.learning
     >>> learning.lifted(learning.delayed_lag(0.5, 0.5, delay=1), 3).dense().tolist()
     [[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.25, 0.5, 0.0]]
     """
-    return toeplitz(pulse_response(discrete(plant), size))
+    return toeplitz(pulse_response(stable(plant, CIRCLE), size))
 
 
 def shifted(size: int, gain: float, shift: int) -> Lifted:

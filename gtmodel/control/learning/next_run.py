@@ -7,26 +7,33 @@ from functools import partial
 
 import numpy as np
 
-from ...results import ArgumentError, SolveStatus, Trajectory, Work, at_most
+from ...results import SolveStatus, Trajectory, Work, at_most
 from ...results.door import study_function
 from ...results.made_files import MadeFiles
 from ...results.work import Progress, never, silent
-from .course import floor
+from .course import Floor
 from .designed import AxisLearning, design_axis
 from .law import RAMP
 from .lifted import Array
+from .measured_runs import check_repeats, check_run, columns, drift, signals_of
+from .modelled import ModelledRobot
 from .options import LearningDesign, LearningRobot
 from .result import NextInputStudy
 from .study import CASE_1, filter_picture, input_csv
+from .words import micrometres
 
 AT_THE_FLOOR = 1.2  # times the floor: what is predicted is within 20 % of what is reached
-EVEN = 0.01  # of a period
-NEEDS = {"1": ("motor",), "2A": ("motor", "acceleration"), "2B": ("motor", "acceleration"), "3": ("tool",)}
+SCATTERS = 3.0  # times the error of a run: repeats that differ by more are not of one motion
+EXPLAINED = 0.5  # of the error before learning: what the model must make of a run, or rate and floor say nothing of it
+ANOTHER = (
+    "the run is not what the model makes of reference and input: look at columns, units, signs and the input that ran, "
+    "or identify the robot anew"
+)
 
 
 @study_function
 def next_input(
-    robot: LearningRobot,
+    robot: LearningRobot | ModelledRobot,
     run: Trajectory,
     design: LearningDesign = CASE_1,
     *,
@@ -43,13 +50,15 @@ def next_input(
     Args:
         robot: as it is known. design: the law.
         run: "reference", "input" (zero where left out) and what the case learns from, "motor", "tool" or
-            "acceleration", each (N, axes) or, of one axis, (N,); [m] and [m/s2], at even times.
-        repeats: three or more runs that were identical to each other, with the same signals.
+            "acceleration", each (N, axes) or, of one axis, (N,); [m] and [m/s2], at even times. Positions count from
+            where the reference begins; of a run from rest to rest the accelerometer's bias is taken off.
+        repeats: three or more runs of the same reference and one input, with the same signals.
         ramp: samples of lead-in and of lead-out. acceleration_noise: of a reading [m/s2].
         progress, max_seconds, stop: see `gtmodel.results.Work`.
 
-    Where the error has come near the floor in every axis the input stays as it is, and the message says so. Raises
-    ArgumentError where signals are missing or do not match, and for a law that would diverge.
+    Where the error has come near the floor in every axis the input stays as it is, and the message says so. A check
+    fails where the run is not what the model makes of its reference and input. Raises ArgumentError where signals are
+    missing or do not match, where repeats differ in more than their scatter, and for a law that would diverge.
 
     >>> learning = gt.control.learning
     >>> t, r = 0.004 * np.arange(825), learning.SquarePath().samples(0.004)[:, 0]
@@ -61,75 +70,84 @@ def next_input(
     """
     work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
     names, size = robot.axes, len(run)
-    steps = np.diff(run.time)
-    if size < 2 or np.any(np.abs(steps - robot.sample_time) > EVEN * robot.sample_time):
-        raise ArgumentError(f"its rows are not {1e3 * robot.sample_time:g} ms apart, as robot.sample_time says", "run")
-    reference = _columns(run, "reference", len(names), size, "run")
-    u = _columns(run, "input", len(names), size, "run") if "input" in run.names else np.zeros_like(reference)
-    signals = _signals(run, design.case, len(names), size, "run")
-    others = [_signals(r, design.case, len(names), size, f"repeats[{k}]") for k, r in enumerate(repeats)]
+    check_run(run, robot.sample_time, ramp)
+    reference = columns(run, "reference", len(names), size, "run")
+    u = columns(run, "input", len(names), size, "run") if "input" in run.names else np.zeros_like(reference)
+    signals, bias = signals_of(run, reference, u, design.case, len(names), "run")
+    check_repeats(repeats, run, robot.sample_time)
+    others = [signals_of(r, reference, u, design.case, len(names), f"repeats[{k}]")[0] for k, r in enumerate(repeats)]
+    reference = reference - reference[0]
     corrected = slice(ramp, size - ramp)
     axes: list[AxisLearning] = []
-    errors, floors, scatter, bests = [], [], [], []
+    errors, floors, bests, unexplained, slides = [], [], [], [], []
     for k, name in enumerate(names):
         work.step(f"law of {name}", k / len(names))
         mine = {s: v[:, k] for s, v in signals.items()}
         axis = design_axis(robot, k, design, size, ramp, [mine], acceleration_noise)
-        e = reference[:, k] - axis.estimate(mine)
-        seen = [axis.estimate({s: v[:, k] for s, v in other.items()}) for other in others]
-        left = floor(axis.law, axis.seen, e + axis.seen(u[:, k]), corrected, 1, np.array(seen) if seen else None)
+        hat = axis.estimate(mine)
+        e = reference[:, k] - hat
+        seen = np.array([axis.estimate({s: v[:, k] for s, v in other.items()}) for other in others])
+        floors.append(axis.floor(e + axis.seen(u[:, k]), corrected, 1, seen if len(seen) else None))
         axes.append(axis)
-        errors.append(float(np.sqrt(np.mean(e[corrected] ** 2))))
-        floors.append(left.total)
-        scatter.append(left.scatter)
+        errors.append(_rms(e[corrected]))
         bests.append(axis.next_input(u[:, k], e))
-    learned = all(e <= AT_THE_FLOOR * f for e, f in zip(errors, floors, strict=True))
+        before = _rms((reference[:, k] - axis.seen(reference[:, k]))[corrected])
+        off = _rms((hat - axis.seen(reference[:, k] + u[:, k]))[corrected])
+        unexplained.append(off / before if before else (0.0 if off <= floors[-1].total else np.inf))
+        slides.append(drift(seen[:, corrected]) if len(seen) else False)
+    learned = all(e <= AT_THE_FLOOR * f.total for e, f in zip(errors, floors, strict=True))
     after = u if learned else np.column_stack(bests)
-    return _answer(run, names, design, axes, errors, floors, scatter if repeats else None, learned, after, title)
+    notes = [f"{name}: {axis.rate.words}" for name, axis in zip(names, axes, strict=True) if not axis.rate.monotone]
+    if not repeats:
+        notes.append("the floor is that of the repeating error alone; record three runs to know their scatter")
+    if "input" not in run.names:
+        notes.append("the run has no input, so it counts as zero: right for a first run only")
+    if any(abs(b) > acceleration_noise for b in bias):
+        notes.append(f"the accelerometer's mean of {max(bias, key=abs):.3g} m/s2 over the run is taken off")
+    notes += [
+        f"{name}: the repeats slide one way from run to run, which a law can follow: the floor may be lower"
+        for name, slide in zip(names, slides, strict=True) if slide
+    ]  # fmt: skip
+    return _answer(run, names, design, axes, errors, floors, bool(repeats), learned, after, unexplained, notes, title)
 
 
 def _answer(
     run: Trajectory, names: Sequence[str], design: LearningDesign, axes: Sequence[AxisLearning],
-    errors: Sequence[float], floors: Sequence[float], scatter: Sequence[float] | None, learned: bool, after: Array,
-    title: str,
+    errors: Sequence[float], floors: Sequence[Floor], repeated: bool, learned: bool, after: Array,
+    unexplained: Sequence[float], notes: Sequence[str], title: str,
 ) -> NextInputStudy:  # fmt: skip
-    worst = int(np.argmax(np.array(errors) / np.array(floors)))
-    of = f"{1e6 * errors[worst]:.3g} um, floor {1e6 * floors[worst]:.3g} um"
+    scattering = {}
+    if repeated:
+        share = max(f.scatter / e if e else (np.inf if f.scatter else 0.0) for e, f in zip(errors, floors, strict=True))
+        scattering["scatter_over_error"] = at_most(
+            share, SCATTERS, "the repeats differ by more than the run errs, so they are not of one motion; record anew"
+        )
+    over = [e / f.total if f.total else (np.inf if e else 0.0) for e, f in zip(errors, floors, strict=True)]
+    worst = int(np.argmax(over))
+    of = f"{micrometres(errors[worst])}, floor {micrometres(floors[worst].total)}"
+    rate = max(max(a.bound.value, a.rate.sigma if a.rate.monotone else 0.0) for a in axes)
     message = (
         f"nothing more can be learned: the error of every axis is at its floor ({names[worst]}: {of}); keep this input"
         if learned
-        else f"go on: {names[worst]} errs by {of}; at best {max(a.bound.value for a in axes):.2f} remains per iteration"
+        else f"go on: {names[worst]} errs by {of}; what is above it falls to {rate:.2f} or less per iteration"
     )
-    notes = [f"{name}: {axis.rate.words}" for name, axis in zip(names, axes, strict=True) if not axis.rate.monotone]
-    if scatter is None:
-        notes.append("the floor is that of the repeating error alone; record three runs to know their scatter")
     trajectory = Trajectory(run.time, {"next_input": after}, {"next_input": "m"}, synthetic=run.synthetic)
     shown = title or "the next input"
     return NextInputStudy(
         status=SolveStatus.SOLVED, message=message, title=shown, notes=tuple(notes), trajectory=trajectory,
-        checks={"bound": at_most(max(a.bound.value for a in axes), 1 + 1e-9, "lower the cutoff or the contraction")},
+        checks={
+            "bound": at_most(max(a.bound.value for a in axes), 1 + 1e-9, "lower the cutoff or the contraction"),
+            "unexplained": at_most(max(unexplained), EXPLAINED, ANOTHER),
+            **scattering,
+        },
         files=MadeFiles({"next_input.csv": partial(input_csv, run.time, names, after, run.synthetic)}),
         machine_files=("next_input.csv",), figures={"filter": partial(filter_picture, names, axes, shown)},
-        axes=tuple(names), case=design.case, error=errors, floor=floors, scatter=scatter,
+        axes=tuple(names), case=design.case, error=errors, floor=[f.total for f in floors],
+        scatter=[f.scatter for f in floors] if repeated else None, unexplained=unexplained,
         sigma=[a.rate.sigma for a in axes], bound=[a.bound.value for a in axes], learned=learned,
         largest_input=np.abs(after).max(axis=0).tolist(), synthetic=run.synthetic,
     )  # fmt: skip
 
 
-def _signals(run: Trajectory, case: str, axes: int, size: int, argument: str) -> dict[str, Array]:
-    return {name: _columns(run, name, axes, size, argument) for name in NEEDS[case]}
-
-
-def _columns(run: Trajectory, name: str, axes: int, size: int, argument: str) -> Array:
-    if name not in run.names:
-        raise ArgumentError(f"has no signal '{name}'; it has {', '.join(run.names)}", argument)
-    unit = "m/s2" if name == "acceleration" else "m"
-    if run.unit(name) not in (unit, "m/s^2" if unit == "m/s2" else unit):
-        raise ArgumentError(f"'{name}' is in {run.unit(name)}; expected {unit}", argument)
-    values = np.asarray(run[name], float).reshape(len(run), -1)
-    if values.shape != (size, axes):
-        raise ArgumentError(
-            f"'{name}' has {values.shape[0]} rows of {values.shape[1]} columns; expected {size} of {axes}, one for "
-            "each axis", argument,
-        )  # fmt: skip
-    return values
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))

@@ -12,6 +12,7 @@ from .law import DENSE, SOLVED, LearningLaw
 from .lifted import Array, Lifted, identity, lifted
 from .plants import Plant, stable
 
+LONGEST = 3000  # samples of a run with bounds: three matrices of 72 MB
 SOLVERS = ("daqp", "osqp")  # an active-set method, exact; where it does not end, one of first order with polishing
 OSQP = {"eps_abs": 1e-10, "eps_rel": 1e-10, "max_iter": 50_000, "polish": True, "verbose": False}
 
@@ -109,19 +110,62 @@ def bounded_update(
     >>> bool(np.abs(u).max() < 0.8 + 1e-9), bool(np.abs(np.diff(u)).max() < 0.3 + 1e-9)
     (True, True)
     """
+    u, e = np.asarray(u, float), np.asarray(error, float)
+    _weights(change, effort)
+    M = _dense(plant, len(u))
+    wanted = e + M @ u
+    return _least(M, wanted, change + effort, M.T @ wanted + change * u, u, largest, largest_step)
+
+
+def bounded_limit(
+    plant: Plant | Lifted, first_error: Any, effort: float, *, largest: float | None = None,
+    largest_step: float | None = None,
+) -> Array:  # fmt: skip
+    """The input (N,) at which `bounded_update` ends on a plant: of least |e|^2 + effort |u|^2 within the bounds.
+
+    Each update is a proximal step towards it, so the input comes nearer by R / (R + S + s_min(T)^2) or better, as
+    without bounds (Rockafellar 1976).
+
+    Args:
+        first_error: (N,) of the run without input. effort: above 0; the rest as of `bounded_update`.
+
+    Raises ArgumentError as that.
+
+    >>> learning = gt.control.learning
+    >>> loop = learning.delayed_lag(0.5, 0.5, delay=1)
+    >>> u = learning.bounded_limit(loop, np.ones(20), effort=0.1, largest=0.8)
+    >>> round(float(np.abs(u).max()), 9)
+    0.8
+    """
+    e = np.asarray(first_error, float)
+    if not effort > 0:
+        raise ArgumentError(f"the weight of the effort is above 0 here; found {effort:g}", "effort")
+    M = _dense(plant, len(e))
+    return _least(M, e, effort, M.T @ e, np.zeros(len(e)), largest, largest_step)
+
+
+def _dense(plant: Plant | Lifted, size: int) -> Array:
+    T = _lifted(plant, size)
+    if size > LONGEST:
+        raise ArgumentError(
+            f"a law with bounds on the input is a quadratic program of dense matrices, of up to {LONGEST} samples; the "
+            f"run has {size}: leave the bounds out, or learn a shorter run",
+            "largest",
+        )
+    return T.dense()
+
+
+def _least(
+    M: Array, wanted: Array, weight: float, right: Array, u: Array, largest: float | None, largest_step: float | None
+) -> Array:
+    """The least of x' (M'M + weight) x / 2 - right' x within bounds."""
     import casadi as ca
 
-    u, e = np.asarray(u, float), np.asarray(error, float)
-    n = len(u)
-    T = _lifted(plant, n)
-    _weights(change, effort)
     for name, bound in (("largest", largest), ("largest_step", largest_step)):
         if bound is not None and not bound > 0:
             raise ArgumentError(f"a bound is above 0; found {bound:g}", name)
-    M = T.dense()
-    wanted = e + M @ u
-    square = M.T @ M + (change + effort) * np.eye(n)
-    linear = -(M.T @ wanted + change * u)
+    n = len(wanted)
+    square, linear = M.T @ M + weight * np.eye(n), -right
     scale = max(float(np.abs(wanted).max()), float(np.abs(u).max()), 1e-300)  # the solvers know no units
     most = np.inf if largest is None else largest / scale
     step = np.inf if largest_step is None else largest_step / scale

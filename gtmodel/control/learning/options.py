@@ -13,12 +13,18 @@ from ...results.options import Long, Options, Unit, Within
 from .given import ACTUATOR_DELAY, ACTUATORS, CONTRACTION, LENGTH, SAMPLE_TIME
 
 if TYPE_CHECKING:
+    from control import StateSpace
+
     from .axis import AxisPlant
+    from .modelled import ModelledRobot
 else:
-    AxisPlant = hint("gtmodel.control.learning.axis", "AxisPlant")
+    AxisPlant, StateSpace = hint("gtmodel.control.learning.axis", "AxisPlant"), hint("control", "StateSpace")
+    ModelledRobot = hint("gtmodel.control.learning.modelled", "ModelledRobot")
 
 Case = Literal["1", "2A", "2B", "3"]
-SET = 5  # models on either side of the set: 5 frequencies by 5 dampings
+SET = 5  # dampings of the set of models, and frequencies at least
+SPACING = 0.5  # of a mode's half width: between two models lies no peak that is 3 % higher
+FREQUENCIES = 2001  # of a design at least
 PRINTED = ("actuator 1", "actuator 2", "actuator 3")
 AXES = ("x", "y", "z")
 
@@ -53,6 +59,21 @@ class LearningRobot(Options):
     def axes(self) -> tuple[str, ...]:
         """Names."""
         return PRINTED if self.loop == "printed" else AXES[: len(self.frequency)]
+
+    @property
+    def along(self) -> tuple[int, ...]:
+        """Which side of the square each axis follows, 0 for x and 1 for y: the printed actuators x each."""
+        return (0, 0, 0) if self.loop == "printed" else (0, 1, 0)[: len(self.frequency)]
+
+    def mode(self, axis: int) -> tuple[float, float] | None:
+        """Frequency [Hz] and damping of an axis' lightest mode; None of an axis without a tool."""
+        return None if self.loop == "printed" else (self.frequency[axis], self.damping[axis])
+
+    def tool(self, axis: int) -> StateSpace:
+        """The model from the motor side to the tool, which the filter of (7.21) takes."""
+        from .axis import tool_model
+
+        return tool_model(self.frequency[axis], self.damping[axis], self.sample_time)
 
     def plant(self, axis: int, frequency: float = 1.0, damping: float = 1.0) -> AxisPlant:
         """The axis with its tool's frequency and damping times these numbers."""
@@ -123,12 +144,25 @@ class LearningDesign(Options):
         """The cutoff of Q [Hz]."""
         return self.cutoff if self.cutoff is not None else (10.0 if self.case == "1" else 30.0)
 
-    def models(self, robot: LearningRobot, axis: int) -> list[AxisPlant]:
-        """The set for which the law is to converge; of motors alone the one model."""
-        if self.case == "1":
+    def models(self, robot: LearningRobot | ModelledRobot, axis: int) -> list[AxisPlant]:
+        """The set for which the law is to converge; of motors alone the one model. It is as dense as the light modes
+        of the set are narrow."""
+        mode = robot.mode(axis)
+        if self.case == "1" or mode is None:
             return [robot.plant(axis)]
-        f = 1 + self.frequency_share * np.linspace(-1, 1, SET)
-        return [robot.plant(axis, a, b) for a in f for b in np.geomspace(*self.damping_shares, SET)]
+        made = []
+        for b in np.unique(np.geomspace(*self.damping_shares, SET)):
+            count = max(SET, int(np.ceil(2 * self.frequency_share / (SPACING * mode[1] * b))) + 1)
+            made += [robot.plant(axis, 1 + self.frequency_share * a, b) for a in np.linspace(-1, 1, count)]
+        return made
+
+    def grid(self, robot: LearningRobot | ModelledRobot, axis: int) -> int:
+        """How many frequencies up to half the sampling rate show the narrowest mode of the set."""
+        mode = robot.mode(axis)
+        if self.case == "1" or mode is None:
+            return FREQUENCIES
+        width = mode[0] * mode[1] * (1 - self.frequency_share) * self.damping_shares[0]
+        return max(FREQUENCIES, int(np.ceil(0.5 / robot.sample_time / (SPACING * width))) + 1)
 
 
 @dataclass(frozen=True)

@@ -61,9 +61,10 @@ def discrete(plant: Plant) -> StateSpace:
     return made
 
 
-def stable(plant: Plant) -> StateSpace:
+def stable(plant: Plant, below: float = 1.0) -> StateSpace:
     """The plant as a state space. Raises ArgumentError for a pole on or outside the unit circle: its lifted map grows
     with the length of the run, and learning is for loops that a controller has made stable (Dressler 2012, (7.1)).
+    below: modulus that is refused.
 
     >>> learning = gt.control.learning
     >>> try:
@@ -74,7 +75,7 @@ def stable(plant: Plant) -> StateSpace:
     """
     made = discrete(plant)
     radius = float(np.max(np.abs(made.poles()), initial=0.0))
-    if radius >= 1:
+    if radius >= below:
         raise ArgumentError(
             f"the plant has a pole of modulus {radius:.6g}, so its lifted map grows with the length of the run; close "
             "a stabilising loop around it first",

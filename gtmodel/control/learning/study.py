@@ -13,23 +13,24 @@ from ...results.door import study_function
 from ...results.made_files import MadeFiles
 from ...results.refusal import naming
 from ...results.work import Progress, never, silent
-from .course import Floor, above_cutoff, floor
+from .course import Floor, above_cutoff
 from .designed import AxisLearning, design_axis
 from .experiment import RepeatedMotion, SyntheticExperiment
 from .lifted import Array
+from .modelled import ModelledRobot
 from .options import LearningDesign, LearningNoise, LearningRobot
 from .references import SquarePath
 from .result import LearningStudy
+from .words import notes, sentence
 
 LAST = 5  # runs of the mean of Table 7.2, k = 5 .. 10
 REACHED = 1.5  # times the predicted course: beyond, the model is another robot's
-SLOWLY = 1.5  # times the floor: beyond, more runs would help
 CASE_1, SQUARE = LearningDesign(), SquarePath()
 
 
 @study_function
 def study(
-    robot: LearningRobot,
+    robot: LearningRobot | ModelledRobot,
     path: SquarePath = SQUARE,
     design: LearningDesign = CASE_1,
     noise: LearningNoise | None = None,
@@ -73,7 +74,7 @@ def study(
     for k, axis in enumerate(axes):
         seen = np.array([axis.estimate({s: v[:, k] for s, v in run.items()}) for run in repeats])
         firsts.append(reference[:, k] - seen.mean(axis=0))
-        floors.append(floor(axis.law, axis.seen, firsts[-1], corrected, design.iterations, seen))
+        floors.append(axis.floor(firsts[-1], corrected, design.iterations, seen))
     u = np.zeros_like(reference)
     inputs, errors, tools, run, hats = [], [], [], repeats[0], np.zeros_like(reference)
     for n in range(design.iterations + 1):
@@ -85,16 +86,19 @@ def study(
         e = reference - hats
         inputs.append(u)
         errors.append(_rms(e[corrected]))
-        truth = run.get("true tool", run.get("tool"))
+        truth = _tool(run)
         if truth is not None:
             tools.append(_rms((reference - truth)[corrected]))
         u = np.column_stack([a.next_input(u[:, k], e[:, k]) for k, a in enumerate(axes)])
-    return _answer(runs, design, axes, floors, firsts, inputs, np.array(errors), np.array(tools), run, hats, title)
+    return _answer(
+        runs, design, axes, floors, firsts, inputs, np.array(errors), np.array(tools), repeats[0], run, hats, title
+    )
 
 
 def _answer(
     runs: RepeatedMotion, design: LearningDesign, axes: Sequence[AxisLearning], floors: Sequence[Floor],
-    firsts: Sequence[Array], inputs: Sequence[Array], errors: Array, tools: Array, run: dict[str, Array], hats: Array,
+    firsts: Sequence[Array], inputs: Sequence[Array], errors: Array, tools: Array, before: dict[str, Array],
+    run: dict[str, Array], hats: Array,
     title: str,
 ) -> LearningStudy:  # fmt: skip
     names, done = tuple(runs.names), len(errors)
@@ -102,7 +106,8 @@ def _answer(
     last = errors[min(LAST, max(done - 1, 0)) :] if done else np.zeros((0, len(names)))
     reached = np.sqrt(np.mean(last**2, axis=0)) if done else np.zeros(len(names))
     over = [
-        float(reached[k] / np.sqrt(np.mean(f.course[min(LAST, done - 1) : done] ** 2))) for k, f in enumerate(floors)
+        _over(float(reached[k]), float(np.sqrt(np.mean(f.course[min(LAST, max(done - 1, 0)) : max(done, 1)] ** 2))))
+        for k, f in enumerate(floors)
     ]
     checks = {"bound": at_most(max(a.bound.value for a in axes), 1.0 + 1e-9, "lower the cutoff or the contraction")}
     if complete:
@@ -119,69 +124,38 @@ def _answer(
     if runs.synthetic and "synthetic" not in shown.lower():
         shown = f"{shown} (synthetic)"
     courses = np.array([f.course for f in floors])
-    tool = run.get("true tool", run.get("tool"))
+    tool = _tool(run)
     figures: dict[str, Any] = {"errors": partial(
         _errors, names, errors.T, courses, [f.total for f in floors], [a.rate.sigma for a in axes],
         tools.T if len(tools) else None, shown,
     ), "filter": partial(filter_picture, names, axes, shown)}  # fmt: skip
-    if tool is not None and len(names) == 2:
-        figures["path"] = partial(_path, runs.reference, tool, runs.corrected, shown)
+    if tool is not None and (first := _tool(before)) is not None and len(names) == 2:
+        figures["path"] = partial(_path, runs.reference, tool, first, runs.corrected, shown)
     return LearningStudy(
         status=SolveStatus.SOLVED if complete else SolveStatus.INTERRUPTED,
-        message=sentence(axes, floors, design, names) if complete else "",
-        title=title or "learning control", notes=_notes(design, axes, floors, errors, names), checks=checks,
+        message=sentence(axes, floors, design, names, runs.corrected) if complete else "",
+        title=title or "learning control", notes=notes(design, axes, floors, errors, names), checks=checks,
         trajectory=trajectory if done else None, figures=figures,
         files=MadeFiles({"learned_input.csv": partial(_input, time, names, inputs, runs.synthetic)} if done else {}),
         machine_files=("learned_input.csv",), case=design.case, axes=names, shift=[a.shift for a in axes],
         sigma=[a.rate.sigma for a in axes], bound=[a.bound.value for a in axes],
         bound_frequency=[a.bound.frequency for a in axes], first_error=[f.before for f in floors],
-        floor=[f.total for f in floors], not_learned=[f.share for f in floors], scatter=[f.scatter for f in floors],
+        floor=[f.total for f in floors], factor=[_over(f.before, f.total) for f in floors],
+        not_learned=[f.share for f in floors], scatter=[f.scatter for f in floors],
         reached=reached.tolist(), error=errors.T.tolist(), predicted=courses.tolist(),
         tool_error=tools.T.tolist() if len(tools) else None,
-        tool_share=(np.mean(tools[min(LAST, done - 1):], axis=0) / tools[0]).tolist() if len(tools) else None,
+        tool_share=[
+            _over(float(a), float(b))
+            for a, b in zip(np.mean(tools[min(LAST, done - 1):], axis=0), tools[0], strict=True)
+        ] if len(tools) else None,
         reference_above=[above_cutoff(e[runs.corrected], design.low_pass, runs.sample_time) for e in firsts],
         largest_input=largest.tolist(), synthetic=runs.synthetic or None,
     )  # fmt: skip
 
 
-def sentence(
-    axes: Sequence[AxisLearning], floors: Sequence[Floor], design: LearningDesign, names: Sequence[str]
-) -> str:
-    """Rate and floor in words, of the slowest axis and of the one of which most stays."""
-    slow = max(axes, key=lambda a: a.bound.value)
-    k = int(np.argmax([f.share for f in floors]))
-    where = f"the reference holds it above {design.low_pass:g} Hz"
-    if design.law == "norm_optimal":
-        where = "the weight of the effort keeps it"
-    elif design.case != "1":
-        where = f"it lies above {design.low_pass:g} Hz, or near the tool's mode where Q falls"
-    converges = "converges" if all(a.rate.monotone for a in axes) else "converges in the end"
-    return (
-        f"{converges}, rate {slow.bound.value:.2f} per iteration at {slow.bound.frequency:.0f} Hz; "
-        f"{100 * floors[k].share:.2g} % of the error of {names[k]} cannot be learned: {where}"
-    )
-
-
-def _notes(
-    design: LearningDesign, axes: Sequence[AxisLearning], floors: Sequence[Floor], errors: Array, names: Sequence[str]
-) -> tuple[str, ...]:
-    notes = []
-    for name, axis, left, course in zip(names, axes, floors, errors.T, strict=True):
-        if not axis.rate.monotone:
-            notes.append(f"{name}: {axis.rate.words}")
-        if len(course) and course[-1] > SLOWLY * left.total:
-            runs = int(np.ceil(np.log(left.total / course[-1]) / np.log(min(axis.bound.value, 0.999))))
-            notes.append(
-                f"{name}: after {len(course) - 1} iterations {100 * course[-1] / course[0]:.2g} % of the error is left "
-                f"where {100 * left.total / left.before:.2g} % would be possible: at {axis.bound.value:.2f} per "
-                f"iteration near {axis.bound.frequency:.2g} Hz that takes some {runs} more, for there the loop passes "
-                "too little of the input"
-            )
-        if left.scatter > left.repeating:
-            notes.append(f"{name}: most of the floor is what differs from run to run; more iterations do not help")
-    if design.case in ("2A", "2B"):
-        notes.append("what the estimate gets wrong is learned into the tool: its error may stay above that shown")
-    return tuple(notes)
+def _over(value: float, of: float) -> float:
+    """A quotient, 0 of nothing by nothing."""
+    return value / of if of else (0.0 if not value else np.inf)
 
 
 def _rms(values: Array) -> Array:
@@ -213,7 +187,11 @@ def filter_picture(names: Sequence[str], axes: Sequence[AxisLearning], title: st
     return filter_figure(names, [(a.frequency, a.response, a.rest) for a in axes], title=title)
 
 
-def _path(reference: Array, tool: Array, corrected: slice, title: str) -> Any:
+def _tool(run: dict[str, Array]) -> Array | None:
+    return run.get("true tool", run.get("tool"))
+
+
+def _path(reference: Array, tool: Array, before: Array, corrected: slice, title: str) -> Any:
     from ...plot.learning.path import tool_path_figure
 
-    return tool_path_figure(reference[corrected], tool[corrected], title=title)
+    return tool_path_figure(reference[corrected], tool[corrected], before=before[corrected], title=title)

@@ -73,6 +73,58 @@ def test_other_arms_are_fitted_from_the_same_starts(m: float, f: float, zeta: fl
     np.testing.assert_allclose(fit.values, true, rtol=1e-7)
 
 
+def logged(seed: int = 3, noise: float = NOISE) -> np.ndarray:
+    clean = D.command_response(*TRUE, T, size=SIZE, cycle=CYCLE)
+    return clean + noise * np.random.default_rng(seed).standard_normal(len(T))  # synthetic
+
+
+LATER = D.command_response(*TRUE, T - LATE, size=SIZE, cycle=CYCLE)
+SECOND = D.command_response(1.0, 8.0, 2e4, T, size=SIZE, cycle=CYCLE)
+
+
+@pytest.mark.parametrize("sigma", [NOISE, None])
+@pytest.mark.parametrize(
+    ("time", "y", "options", "argument"),
+    [
+        (T, -logged(), {}, "displacement"),  # the wrong sign: the limit would be 200 times too great
+        (1e3 * T, logged(), {}, "time"),  # milliseconds
+        (T, logged(), {"cycle": 3 * CYCLE}, "displacement"),
+        (T, LATER, {}, "displacement"),  # the delay is left in
+        (T, logged() + SIZE, {}, "displacement"),  # what the command itself moved is left in
+        (T, np.clip(logged(), -3e-4, 3e-4), {}, "displacement"),  # saturated
+        (T, logged() + SECOND, {}, "displacement"),  # a second mode
+        (np.zeros(len(T)), logged(), {}, "time"),
+    ],
+)
+def test_logs_of_something_else_are_no_oscillator(
+    time: np.ndarray, y: np.ndarray, options: dict[str, float], argument: str, sigma: float | None
+) -> None:
+    with pytest.raises(ArgumentError) as fault:
+        D.fit_command_step(time, y, size=SIZE, **{"cycle": CYCLE, **options}, sigma=sigma)
+    assert fault.value.argument == argument
+
+
+def test_rows_that_share_times_or_lie_in_no_order_are_fitted() -> None:
+    twice = np.repeat(T, 2)
+    y = D.command_response(*TRUE, twice, size=SIZE, cycle=CYCLE) + NOISE * np.random.default_rng(1).standard_normal(298)
+    one, other = (D.fit_command_step(twice[::k], y[::k], size=SIZE, cycle=CYCLE, sigma=NOISE) for k in (1, -1))
+    np.testing.assert_allclose(one.values, other.values, rtol=1e-7)
+    assert np.all(np.abs(one.values / TRUE - 1) < 0.05)
+
+
+@pytest.mark.parametrize(
+    "added",
+    [5e-5 * T, np.full(len(T), 3e-5), D.command_response(*TRUE, T - 1e-3, size=SIZE, cycle=CYCLE) - logged(3, 0.0)],
+)
+def test_small_faults_of_a_log_are_in_the_notes(added: np.ndarray) -> None:
+    """A drift, an offset, one millisecond of delay."""
+    assert D.fit_command_step(T, logged() + added, size=SIZE, cycle=CYCLE, sigma=NOISE).notes
+    good = [D.fit_command_step(T, logged(s), size=SIZE, cycle=CYCLE, sigma=NOISE) for s in range(20)]
+    assert not any(g.notes for g in good)
+    loud = D.fit_command_step(T, logged(), size=SIZE, cycle=CYCLE, sigma=NOISE / 3)
+    assert loud.notes
+
+
 def thesis_poses() -> np.ndarray:
     """Table 12 of Cvitanic 2021, joints 2 and 3 [rad]."""
     rows = [(-33.96, 113.53), (-31.26, 98.33), (-26.47, 81.25), (-19.33, 60.68), (-46.14, 115.56), (-41.59, 100.18),

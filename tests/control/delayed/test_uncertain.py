@@ -50,6 +50,34 @@ def test_a_worst_point_inside_the_box_is_reached_by_the_search() -> None:
     assert worst.gain == pytest.approx(D.gain_limit(bent({"s": 0.3})).gain, rel=1e-6)
 
 
+def test_a_box_that_holds_loops_without_any_stable_gain_has_the_limit_0() -> None:
+    """x'' + c x' + k x = u: unstable by itself where c is below 0."""
+
+    def swings(p: Mapping[str, float]) -> Any:
+        return D.DelayedLoop(D.CorrectedPlant([[0, 1], [-5e3, -p["c"]]], [0, 5e3], [1, 0]), CYCLE, LATE)
+
+    worst = D.worst_case(swings, {"c": (-1.0, 20.0)}, draws=40)
+    assert worst.gain == 0 and worst.point["c"] <= 0 and worst.nominal > 0
+    assert D.recommended_gain([0.0] * 3 + [1.0] * 37, step=0.1) == 0.0
+
+
+def test_a_wide_box_of_two_modes_has_its_worst_point_where_they_meet_inside() -> None:
+    """Delay and frequencies far apart: the least limit lies on no vertex, and below each of 2,000 draws."""
+
+    def two(p: Mapping[str, float]) -> Any:
+        modes = [arm(p["f1"], 0.03, 1.0), arm(p["f2"], 0.03, 2.0)]
+        return D.DelayedLoop(D.side_by_side(modes, [1.0, 1.0], [1.0, 1.0]), CYCLE, p["delay"])
+
+    box = {"f1": (5.0, 30.0), "f2": (20.0, 60.0), "delay": (0.02, 0.06)}
+    worst = D.worst_case(two, box, draws=200)
+    low, high = np.array(list(box.values())).T
+    shares = np.random.default_rng(99).random((2000, 3))
+    shares[:500, :2] = 0.0  # the softest, at any delay
+    limits = [D.gain_limit(two(dict(zip(box, v, strict=True)))).gain for v in low + shares * (high - low)]
+    assert worst.gain <= min(limits)
+    assert 0.021 < worst.point["delay"] < 0.059
+
+
 @pytest.mark.parametrize(
     ("limits", "step", "gain"),
     [([0.3] * 4, 0.1, 0.3), ([0.299999] * 4, 0.1, 0.2), ([0.004], 0.01, 0.0), ([0.07], 0.01, 0.07)],

@@ -113,3 +113,16 @@ def test_refusals() -> None:
         learning.input_window(200)
     with pytest.raises(ArgumentError, match="below 125 Hz"):
         butterworth(130.0, 0.004)
+
+
+def test_a_plant_that_grows_is_refused_where_transforms_would_hide_its_beginning() -> None:
+    # 1.03^3000 = 1e38: the first samples of the answer were wrong by 1e22
+    with pytest.raises(ArgumentError) as error:
+        learning.lifted(learning.delayed_lag(0.1, 1.03, 5), 3000)
+    assert error.value.argument == "plant" and "1.03" in error.value.message
+    with pytest.raises(ArgumentError) as error:
+        learning.rate(learning.simple_law(300, 0.9, 5, 10.0), learning.lifted(learning.delayed_lag(0.1, 1.01, 5), 300))
+    assert error.value.argument == "plant"
+    # an integrator stands on the circle
+    x = np.sin(np.arange(500.0))
+    assert np.abs(learning.lifted(learning.delayed_lag(1.0, 1.0, 1), 500)(x)[1:] - np.cumsum(x)[:-1]).max() < 1e-9

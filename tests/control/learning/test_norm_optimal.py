@@ -7,6 +7,7 @@ import pytest
 import scipy
 
 from gtmodel.control import learning
+from gtmodel.results import SolveStatus
 from gtmodel.results.refusal import ArgumentError
 from tests.control.learning import by_hand
 
@@ -114,3 +115,46 @@ def test_refusals() -> None:
     with pytest.raises(ArgumentError) as error:
         learning.inverse(learning.weighted([1.0, -1.0]))
     assert error.value.argument == "map"
+
+
+def test_within_bounds_the_iteration_ends_at_its_limit_and_contracts_by_sigma() -> None:
+    n, change, effort = 200, 0.05, 0.02
+    T = tool(n)
+    M, x = T.dense(), np.repeat([0.0, 0.01, 0.0, 0.004], 50)
+    e0 = 0.3 * (x - T(x))
+    for bounds in ({"largest": 0.0015}, {"largest_step": 1e-4}, {"largest": 0.0015, "largest_step": 1e-4}):
+        end = learning.bounded_limit(T, e0, effort, **bounds)
+        sigma = change / (change + effort + np.linalg.svd(M, compute_uv=False)[-1] ** 2)
+        u, off = np.zeros(n), np.linalg.norm(end)
+        for _ in range(60):
+            u = learning.bounded_update(T, u, e0 - T(u), change, effort, **bounds)
+            assert np.linalg.norm(u - end) <= sigma * off * (1 + 1e-6) + 1e-12
+            off = np.linalg.norm(u - end)
+        assert off < 1e-4 * np.linalg.norm(end)
+    # the limit by another solver: bounded least squares, without the bound on the step
+    stacked = np.vstack([M, np.sqrt(effort) * np.eye(n)])
+    other = scipy.optimize.lsq_linear(stacked, np.append(e0, np.zeros(n)), (-0.0015, 0.0015), tol=1e-14).x
+    end = learning.bounded_limit(T, e0, effort, largest=0.0015)
+    assert np.abs(end - other).max() < 1e-5 * np.abs(end).max()  # that solver ends inside its bounds
+
+
+def test_the_study_says_the_floor_of_a_law_within_bounds() -> None:
+    bounded = learning.LearningDesign(law="norm_optimal", largest=0.0005, iterations=6)
+    s = learning.study(learning.LearningRobot(frequency=(7.4,), damping=(0.2,)), design=bounded)
+    assert s.status is SolveStatus.SOLVED
+    assert s.reached == pytest.approx(s.floor, rel=0.2) and s.not_learned[0] > 0.5
+    assert "bounds on the input keep it" in s.message
+
+
+def test_runs_too_long_for_a_quadratic_program_are_refused() -> None:
+    with pytest.raises(ArgumentError) as error:
+        learning.bounded_update(tool(3001), np.zeros(3001), np.ones(3001), 0.1, largest=1.0)
+    assert error.value.argument == "largest" and "3001" in error.value.message
+
+
+def test_without_a_weight_of_the_effort_the_refusal_does_not_speak_of_divergence() -> None:
+    n = 300
+    law = learning.norm_optimal_law(tool(n), n, 0.1)
+    with pytest.raises(ArgumentError) as error:
+        learning.rate(law, tool(n))
+    assert error.value.argument == "law" and "diverges" not in error.value.message and "effort" in error.value.message

@@ -1,0 +1,83 @@
+"""modelDescription.xml and buildDescription.xml of FMI 3.0."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from .._version import __version__
+from .table import FmuTable, FmuVariable
+from .xml_text import HEAD, LICENSE, element, listed, log_categories, unit_elements
+
+CAUSALITY = {
+    "time": "independent", "input": "input", "fixed": "parameter", "tunable": "parameter", "state": "local",
+    "derivative": "local", "output": "output",
+}  # fmt: skip
+
+
+def description3(table: FmuTable, token: str) -> str:
+    """The model description, one archive for model exchange and co-simulation."""
+    able = {
+        "modelIdentifier": table.name, "canGetAndSetFMUState": True, "canSerializeFMUState": True,
+        "providesDirectionalDerivatives": table.derivatives, "providesAdjointDerivatives": table.derivatives,
+    }  # fmt: skip
+    fixed = table.period or (table.step if table.states else None)
+    exchange = {**able, "needsCompletedIntegratorStep": table.remembers}
+    stepping = {**able, "canHandleVariableCommunicationStepSize": True, "fixedInternalStepSize": fixed}
+    parts = [
+        element("ModelExchange", exchange),
+        element("CoSimulation", stepping),
+        element("UnitDefinitions", {}, unit_elements(table)),
+        log_categories(),
+        element("DefaultExperiment", {"startTime": 0.0, "stopTime": table.stop, "stepSize": fixed}),
+        element("ModelVariables", {}, [_variable(v) for v in table.variables]),
+        element("ModelStructure", {}, _structure(table)),
+    ]
+    root = {
+        "fmiVersion": "3.0", "modelName": table.name, "instantiationToken": token, "description": table.title,
+        "license": LICENSE, "generationTool": f"gtmodel {__version__}", "variableNamingConvention": "structured",
+    }  # fmt: skip
+    return HEAD + element("fmiModelDescription", root, parts)
+
+
+def build_description3(table: FmuTable, files: Sequence[str]) -> str:
+    """Which files make the library."""
+    sources = [element("SourceFile", {"name": f}) for f in files]
+    inside = [element("SourceFileSet", {"language": "C99"}, sources)]
+    configuration = element("BuildConfiguration", {"modelIdentifier": table.name}, inside)
+    return HEAD + element("fmiBuildDescription", {"fmiVersion": "3.0"}, [configuration])
+
+
+def _variable(v: FmuVariable) -> str:
+    variability = {"time": "continuous", "fixed": "fixed", "tunable": "tunable"}.get(v.role)
+    if variability is None:
+        variability = "discrete" if v.integer or (v.sampled and v.role == "output") else "continuous"
+    exact = v.role == "state" or (v.role == "output" and v.start is not None)
+    computed = v.role in ("derivative", "output") and not exact
+    attributes = {
+        "name": v.name,
+        "valueReference": v.reference,
+        "causality": CAUSALITY[v.role],
+        "variability": variability,
+        "description": v.description or None,
+        "initial": "exact" if exact else "calculated" if computed else None,
+        "unit": None if v.integer else v.unit,
+        "derivative": v.of_state,
+        "nominal": v.nominal if v.role == "state" and v.nominal != 1.0 else None,
+        "start": v.start,
+    }
+    return element("Int32" if v.integer else "Float64", attributes)
+
+
+def _structure(table: FmuTable) -> list[str]:
+    def one(kind: str, reference: int) -> str:
+        on = table.dependencies.get(reference, [reference])
+        return element(kind, {"valueReference": reference, "dependencies": listed(on)})
+
+    outputs = [v for v in table.of("output")]
+    unknown = [v.reference for v in outputs if v.start is None]
+    unknown += [r for r in table.rates if table.variables[r].role == "derivative"]
+    return [
+        *[one("Output", v.reference) for v in outputs],
+        *[one("ContinuousStateDerivative", r) for r in table.rates],
+        *[one("InitialUnknown", r) for r in unknown],
+    ]

@@ -1,0 +1,186 @@
+"""From a function to the archive of a functional mock-up unit."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal
+
+from .._files import codegen_dir
+from ..cgen.interface import check_identifier
+from ..cgen.steps.function import StepFunction
+from ..cgen.text import GenerationError
+from ..compiler.causal import CausalFunction, c_name, compile_causal
+from ..lang.model import Model
+from ..results.refusal import ArgumentError
+from .archive import archive
+from .causal_content import causal_content
+from .content import FmuContent, model_files
+from .description2 import description2
+from .description3 import build_description3, description3
+from .inner_step import step_and_error
+from .library import binary_places, library
+from .page import page
+from .step_content import step_content
+from .table import FmuTable
+from .with_states import starts, with_states
+
+Version = Literal[2, 3]
+TOLERANCE = 1e-6  # of the integrator inside, over the size of a state or one
+_CORE = ("gt_fmu.h", "gt_fmu.c", "gt_fmu_step.c")
+_OF_VERSION = {2: ("gt_fmu2.c",), 3: ("gt_fmu3.h", "gt_fmu3.c", "gt_fmu3_none.c")}
+
+
+@dataclass(frozen=True)
+class Fmu:
+    """A unit that was exported.
+
+    path: where, None where it was not written. version: of the standard. table: its variables. token: instantiation
+    token (guid). data: the archive. sources: its C by name. function: what it computes, with the rates of its states.
+    """
+
+    path: Path | None
+    version: Version
+    table: FmuTable
+    token: str
+    data: bytes
+    sources: Mapping[str, str]
+    function: CausalFunction | StepFunction
+
+
+def export(
+    what: CausalFunction | StepFunction | Model,
+    path: str | Path | None,
+    *,
+    version: Version = 3,
+    known: str | Sequence[str] = (),
+    targets: str | Sequence[str] = (),
+    prefer: str | Sequence[str] = (),
+    name: str = "",
+    title: str = "",
+    start: Mapping[str, Sequence[float] | float] | None = None,
+    tunable: Collection[str] = (),
+    on_fault: Literal["discard", "hold"] = "discard",
+    step: float | None = None,
+    tolerance: float = TOLERANCE,
+    stop: float = 1.0,
+    box: Mapping[str, Sequence[Sequence[float]]] | None = None,
+    provenance: Mapping[str, str] | None = None,
+) -> Fmu:
+    """A functional mock-up unit: one archive for model exchange and co-simulation, from the C that `gt.cgen` makes.
+
+    Args:
+        what: a causal function, a step function (a filter, a sampled block), or a model with `known`, `targets` and
+            `prefer` as for `Model.causal`. States of the function become continuous states.
+        path: of the archive, NAME.fmu; None: it is made, not written.
+        version: 3 for FMI 3.0, 2 for FMI 2.0.
+        name: model identifier; that of the path if empty. title: description; that of the model if empty.
+        start: values of inputs and states at the start by name, in SI; else the home pose at rest, held by its inputs.
+        tunable: names of known variables that become tunable parameters.
+        on_fault: "discard" where there is no answer, as the standard has it; "hold" keeps the outputs and says so in an
+            integer output `status`, for functions without states only.
+        step: longest step of the integrator inside [s], where there are states; None: chosen by `tolerance`, the
+            largest error of a state over its size or one, against half the step up to `stop` [s] with inputs held.
+        box: intervals by input inside which it answers everywhere, for its page.
+        provenance: what its C says about the origin.
+
+    The same input gives the same bytes. Raises ArgumentError for what cannot be exported, GenerationError, an
+    ArgumentError, where there is no C compiler. Source: FMI 3.0.2 and 2.0.5.
+
+    >>> robot = gt.robots.gantry_tau("l1_tape")
+    >>> unit = gt.fmu.export(robot, None, known="q", targets="T", name="l1_fk")
+    >>> [v.name for v in unit.table.of("output")]
+    ['T[1]', 'T[2]', 'T[3]']
+    """
+    if version not in (2, 3):
+        raise ArgumentError(f"expected 2 or 3; found {version!r}", "version")
+    if isinstance(what, Model):
+        what = compile_causal(what, known, targets, prefer)
+    elif known or targets or prefer:
+        raise ArgumentError("known, targets and prefer belong to a model; this is a function already", "known")
+    place = None if path is None else Path(path)
+    own = name or (c_name(place.stem) if place is not None else c_name(getattr(what, "name", "") or "unit"))
+    check_identifier(own, "a unit", "name")
+    if not stop > 0 or not tolerance > 0 or (step is not None and not step > 0):
+        raise ArgumentError("expected times and a tolerance above zero", "step")
+    content, function = _content(what, own, title, start, tunable, on_fault, step, tolerance, stop, provenance)
+    unit = _unit(content, function, version, box or {})
+    if place is not None:
+        try:
+            place.parent.mkdir(parents=True, exist_ok=True)
+            place.write_bytes(unit.data)
+        except OSError as error:
+            raise ArgumentError(f"'{place}' cannot be written: {error.strerror}", "path") from error
+    return replace(unit, path=place)
+
+
+def _content(
+    what: CausalFunction | StepFunction,
+    name: str,
+    title: str,
+    start: Mapping[str, Sequence[float] | float] | None,
+    tunable: Collection[str],
+    on_fault: str,
+    step: float | None,
+    tolerance: float,
+    stop: float,
+    provenance: Mapping[str, str] | None,
+) -> tuple[FmuContent, CausalFunction | StepFunction]:
+    if isinstance(what, StepFunction):
+        if start or tunable or on_fault != "discard" or step is not None:
+            raise ArgumentError("a step function has its own start and period; leave start, tunable, step out", "start")
+        return step_content(what, name, title=title, stop=stop, provenance=provenance), what
+    h, error = 1e-3, None
+    made = with_states(what)
+    if made.states:
+        h, error = step_and_error(made, starts(made, start or {}), step, tolerance, stop)
+    content, made = causal_content(
+        what, name, title=title, start=start, tunable=tunable, hold=on_fault == "hold", step=h, stop=stop,
+        provenance=provenance,
+    )  # fmt: skip
+    return replace(content, table=replace(content.table, error=error)), made.function
+
+
+def _unit(
+    content: FmuContent,
+    function: CausalFunction | StepFunction,
+    version: Version,
+    box: Mapping[str, Sequence[Sequence[float]]],
+) -> Fmu:
+    table = content.table
+    token = _token(content, version)
+    place = codegen_dir() / "fmu"
+    headers = {p.name: p.read_text(encoding="utf-8") for p in sorted((place / f"fmi{version}").glob("*.h"))}
+    own = {f: (place / f).read_text(encoding="utf-8") for f in (*_CORE, *_OF_VERSION[version])}
+    sources = {**content.files, **model_files(content, token), **own, **headers}
+    compiled = sorted(f for f in sources if f.endswith(".c"))
+    in_three, in_two = binary_places()
+    hashes = {
+        "sha256 of the sources": hashlib.sha256("".join(sources[f] for f in sorted(sources)).encode()).hexdigest()
+    }
+    notes = list(function.notes()) if isinstance(function, StepFunction) else []
+    causal = function if isinstance(function, CausalFunction) else None
+    binary = f"binaries/{in_three if version == 3 else in_two}/{table.name}.so"
+    texts = {
+        "modelDescription.xml": description3(table, token) if version == 3 else description2(table, token, compiled),
+        **({"sources/buildDescription.xml": build_description3(table, compiled)} if version == 3 else {}),
+        **{f"sources/{name}": text for name, text in sources.items()},
+        "documentation/index.html": page(table, token, causal, hashes, box, notes),
+        "documentation/licenses/fmi-headers.txt": (place / "FMI-LICENSE.txt").read_text(encoding="utf-8"),
+        "documentation/licenses/gtmodel.txt": (place / "LICENSE.txt").read_text(encoding="utf-8"),
+    }
+    data = archive({**{f: text.encode() for f, text in texts.items()}, binary: library(sources)})
+    return Fmu(None, version, table, token, data, sources, function)
+
+
+def _token(content: FmuContent, version: Version) -> str:
+    """A hash of description and equations in the form of a guid: no clock, no random number."""
+    texts = [description3(content.table, ""), *[f"{name}\n{content.files[name]}" for name in sorted(content.files)]]
+    digits = hashlib.sha256("\n".join([str(version), content.functions, *texts]).encode()).hexdigest()
+    return "{" + re.sub(r"(.{8})(.{4})(.{4})(.{4})(.{12}).*", r"\1-\2-\3-\4-\5", digits) + "}"
+
+
+__all__ = ["Fmu", "GenerationError", "export"]

@@ -1,0 +1,143 @@
+"""A step function, such as a filter or a sampled block, as the content of a unit: one step at each sample."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from ..cgen.generation import contents
+from ..cgen.real import DOUBLE
+from ..cgen.steps.faces import faces_of
+from ..cgen.steps.function import StepFunction
+from ..cgen.steps.records import StepMember
+from .causal_content import KEY, LEFT_OUT
+from .content import FmuContent
+from .table import FmuTable, FmuVariable, fmi_name
+
+_SAME = """\
+gt_status gt_fmu_compute(gt_fmu_memory *memory, double *v)
+{
+    (void)memory;
+    (void)v;
+    return GT_OK;
+}
+
+"""
+_NO_DERIVATIVES = """\
+gt_status gt_fmu_along(const gt_fmu_memory *memory, const double *v, const double *seed, double *made, int adjoint)
+{
+    (void)memory;
+    (void)v;
+    (void)seed;
+    (void)made;
+    (void)adjoint;
+    return GT_SINGULAR;
+}
+"""
+
+
+def step_content(
+    f: StepFunction, name: str, *, title: str = "", stop: float = 1.0, provenance: Mapping[str, str] | None = None
+) -> FmuContent:
+    """What the unit `name` holds: inputs and outputs of the step, and its declared start as parameters.
+
+    Samples are taken at the start and one period after the other, each with the inputs of that instant; outputs change
+    there only. Before the first they are the declared start where it has their name, else zero.
+    """
+    _, (face,) = faces_of({KEY: f}, name, (), DOUBLE, None)
+    made = _StepTable(f)
+    symbol = face.symbol
+    texts = contents([], name, dict(provenance or {}), [face])
+    files = {file: text for file, text in texts.items() if not file.endswith(LEFT_OUT)}
+    table = FmuTable(
+        name, title or f.title, made.variables, {v.reference: [] for v in made.variables if v.role == "output"},
+        period=f.period, stop=stop, derivatives=False,
+    )  # fmt: skip
+    begin = [
+        f"gt_status gt_fmu_begin(gt_fmu_memory *memory, const double *v)\n{{\n    {symbol}_start start;\n\n",
+        f"    {symbol}_defaults(&start);\n",
+        *[f"    {place} = v[{r}];\n" for place, r in made.places(f.start, "start.", made.parameters)],
+        "" if made.parameters else "    (void)v;\n",
+        f"    return {symbol}_init(&memory->state, &start);\n}}\n\n",
+    ]
+    sample = [
+        f"gt_status gt_fmu_sample(gt_fmu_memory *memory, double *v, int *n)\n{{\n    {symbol}_in in;\n"
+        f"    {symbol}_out out;\n    gt_status status;\n\n",
+        "" if f.inputs else "    in.unused = 0.0;\n",
+        *[f"    {p} = {_value(m, r, table)};\n" for p, r, m in made.members(f.inputs, "in.", made.inputs)],
+        *[f"    {p} = {_value(m, r, table)};\n" for p, r, m in made.members(f.outputs, "out.", made.outputs)],
+        f"    status = {symbol}_step(&memory->state, &in, &out);\n",
+        "    if (status != GT_OK) {\n        return status;\n    }\n",
+        *[f"    {_value(m, r, table)} = {p};\n" for p, r, m in made.members(f.outputs, "out.", made.outputs)],
+        "" if table.integers else "    (void)n;\n",
+        "    return GT_OK;\n}\n\n",
+    ]
+    functions = "".join([*begin, _SAME, *sample, _NO_DERIVATIVES])
+    memory = f"    {symbol}_state state;\n"
+    return FmuContent(table, files, f"gt_{name}.h", memory, functions)
+
+
+def _value(m: StepMember, reference: int, table: FmuTable) -> str:
+    return f"n[{reference - len(table.numbers)}]" if m.integer else f"v[{reference}]"
+
+
+class _StepTable:
+    """Value references of the members of a step function: numbers first, then integers."""
+
+    def __init__(self, f: StepFunction) -> None:
+        self.variables: list[FmuVariable] = [FmuVariable(0, "time", "s", "", "time")]
+        self.inputs: dict[tuple[str, int], int] = {}
+        self.parameters: dict[tuple[str, int], int] = {}
+        self.outputs: dict[tuple[str, int], int] = {}
+        begin = {m.identifier: f.complete(DOUBLE)[m.identifier] for m in f.inputs}
+        for integer in (False, True):
+            self._add(f.inputs, self.inputs, "input", begin, integer)
+            if not integer:
+                declared = {m.identifier: f.defaults[m.name] for m in f.start}
+                self._add(f.start, self.parameters, "fixed", declared, integer, "start.")
+            kept = {m.identifier: f.defaults[m.name] for m in f.outputs if m.name in f.defaults and not integer}
+            self._add(f.outputs, self.outputs, "output", kept, integer)
+
+    def _add(
+        self,
+        members: Sequence[StepMember],
+        places: dict[tuple[str, int], int],
+        role: Any,
+        start: Mapping[str, Any],
+        integer: bool,
+        before: str = "",
+    ) -> None:
+        taken = {v.name for v in self.variables}
+        for m in members:
+            if m.integer is not integer:
+                continue
+            values = np.ravel(np.asarray(start.get(m.identifier, 0.0), float))
+            if integer:
+                values = np.zeros(m.count)
+            for k in range(m.count):
+                word = before + fmi_name(m.name)
+                index = "" if m.size is None else f"[{k + 1}]"
+                name = f"{word}{index}" if f"{word}{index}" not in taken else f"{word}_out{index}"
+                number = float(values[k] if len(values) == m.count else values[0])
+                places[m.identifier, k] = len(self.variables)
+                self.variables.append(
+                    FmuVariable(
+                        len(self.variables), name, "1" if m.unit in ("", "?") else m.unit, m.description, role,
+                        start=int(number) if integer else number, integer=integer, sampled=True,
+                    )
+                )  # fmt: skip
+
+    def members(
+        self, members: Sequence[StepMember], struct: str, places: Mapping[tuple[str, int], int]
+    ) -> list[tuple[str, int, StepMember]]:
+        """C expression, value reference and member of each number."""
+        return [(e, places[m.identifier, k], m) for m in members for k, e in enumerate(m.elements(struct))]
+
+    def places(
+        self, members: Sequence[StepMember], struct: str, places: Mapping[tuple[str, int], int]
+    ) -> list[tuple[str, int]]:
+        """C expressions of the numbers of members, and where their values stand."""
+        reals = [m for m in members if not m.integer]
+        return [(e, places[m.identifier, k]) for m in reals for k, e in enumerate(m.elements(struct))]

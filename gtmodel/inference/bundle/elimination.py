@@ -1,0 +1,207 @@
+"""Normal equations by blocks, the Schur complement of what is local, and covariances on both sides."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy
+
+from .residual_block import Linearised
+from .structure import Structure
+
+# columns of S up to which it is a dense matrix: some 500 cameras of nine unknowns
+DENSE = 4500
+# of V with a diagonal of ones: a pivot below is rounding, and the direction is left where it is
+PIVOT = 1e-13
+
+
+@dataclass(eq=False)
+class BlockNormal:
+    """J'J and J'r at some values, by blocks: `U` of pairs of shared instances, `V` (locals, l, l), `W` by width; `g`
+    (columns,) and `h` (locals, l) are J'r; `cost` of the residuals."""
+
+    U: dict[tuple[int, int], np.ndarray]
+    V: np.ndarray
+    W: dict[int, np.ndarray]
+    g: np.ndarray
+    h: np.ndarray
+    cost: float
+    rows: list[Linearised]
+
+    @property
+    def finite(self) -> bool:
+        return bool(np.isfinite(self.cost) and np.isfinite(self.g.sum()) and np.isfinite(self.h.sum()))
+
+
+def normal_equations(s: Structure, rows: list[Linearised]) -> BlockNormal:
+    """Sums of all blocks of rows, in the order of `s.rows`."""
+    l = s.local.moves if s.local is not None else 0
+    U = {kinds: np.zeros((len(k), *kinds)) for kinds, k in s.keys.items()}
+    V, h = np.zeros((len(s.eliminated), l, l)), np.zeros((len(s.eliminated), l))
+    W = {width: np.zeros((len(e.of), width, l)) for width, e in s.entries.items()}
+    g = np.zeros(s.columns)
+    with np.errstate(all="ignore"):  # what is not finite shows in the sums
+        for d in s.direct:
+            J = rows[d.rows].J
+            U[d.kinds][d.to] += d.sums.products(J[d.k], J[d.m], d.chosen, d.chosen)
+        for number, (r, lin) in enumerate(zip(s.rows, rows, strict=True)):
+            for k, _ in r.shared:
+                sums = s.shared_sums[number, k]
+                part = sums.products(lin.J[k], lin.r[:, :, None])[:, :, 0]
+                g[s.offset[sums.unique][:, None] + np.arange(part.shape[1])] += part
+            if r.local is None:
+                continue
+            sums = s.local_sums[number]
+            Jl = lin.J[r.local[0]]
+            V[sums.unique] += sums.products(Jl, Jl)
+            h[sums.unique] += sums.products(Jl, lin.r[:, :, None])[:, :, 0]
+            for width, e in s.entries.items():
+                for k, _ in r.shared:
+                    if (number, k) in e.sums:
+                        join, to = e.sums[number, k]
+                        W[width][to] += join.products(lin.J[k], Jl)
+    return BlockNormal(U, V, W, g, h, float(sum(r.cost for r in rows)), rows)
+
+
+@dataclass(eq=False)
+class ReducedEquations:
+    """The equations of the shared unknowns alone: S (columns, columns), dense or sparse, and the gradient `g`.
+
+    `roots` B (locals, l, l) with V^-1 = B B', `Y` = W B by width, `weak` (locals, l, k) spans what V does not
+    determine, None where V determines all; `scale` (columns,) are the lengths of the columns of J.
+    """
+
+    s: Structure
+    S: Any
+    g: np.ndarray
+    scale: np.ndarray
+    roots: np.ndarray
+    Y: dict[int, np.ndarray]
+    weak: np.ndarray | None
+    h: np.ndarray
+
+    def back(self, x: np.ndarray) -> np.ndarray:
+        """Increments of the local unknowns (locals, l) for those of the shared ones (columns,), both of J step = -r."""
+        return self.local_part(x, self.h)
+
+    def local_part(self, x: np.ndarray, h: np.ndarray) -> np.ndarray:
+        """-V^-1 (h + W'x)."""
+        inner = np.einsum("bij,bi->bj", self.roots, h)
+        for width, Y in self.Y.items():
+            e = self.s.entries[width]
+            moved = x[self.s.offset[e.instance][:, None] + np.arange(width)]
+            inner[e.by_local.unique] += e.by_local.sums(np.einsum("eij,ei->ej", Y, moved))
+        return -np.einsum("bij,bj->bi", self.roots, inner)
+
+
+def lengths(s: Structure, n: BlockNormal) -> np.ndarray:
+    """Squared lengths of the columns of J that are shared (columns,)."""
+    squares = np.zeros(s.columns)
+    for kinds, keys in s.keys.items():
+        first, second = np.divmod(keys, len(s.owner))
+        own = np.flatnonzero(first == second)
+        if len(own):
+            diagonal = np.diagonal(n.U[kinds][own], axis1=1, axis2=2)
+            squares[s.offset[first[own]][:, None] + np.arange(kinds[0])] = diagonal
+    return squares
+
+
+def reduced(s: Structure, n: BlockNormal, damping: float = 0.0, dense: bool | None = None) -> ReducedEquations:
+    """Eliminate the local unknowns; `damping` is added as that part of the squared lengths of all columns."""
+    squares = lengths(s, n)
+    V = n.V
+    if damping:
+        V = V + damping * np.einsum("bii->bi", V)[:, :, None] * np.eye(V.shape[1])
+    roots, weak = local_roots(V)
+    Y = {width: np.matmul(W, roots[s.entries[width].of]) for width, W in n.W.items()}
+    blocks = {kinds: U.copy() for kinds, U in n.U.items()}
+    for p in s.pairs:
+        A, B = Y[p.kinds[0]].transpose(0, 2, 1), Y[p.kinds[1]].transpose(0, 2, 1)
+        blocks[p.kinds][p.to] -= p.sums.products(A, B, p.a, p.b)
+    if damping:
+        for kinds, keys in s.keys.items():
+            first, second = np.divmod(keys, len(s.owner))
+            own = np.flatnonzero(first == second)
+            if not len(own):
+                continue
+            more = damping * squares[s.offset[first[own]][:, None] + np.arange(kinds[0])]
+            blocks[kinds][own] += more[:, :, None] * np.eye(kinds[0])
+    g = n.g.copy()
+    inner = np.einsum("bij,bi->bj", roots, n.h)
+    for width, y in Y.items():
+        e = s.entries[width]
+        at = s.offset[e.by_instance.unique][:, None] + np.arange(width)
+        g[at] -= e.by_instance.sums(np.einsum("eij,ej->ei", y, inner[e.of]))
+    is_dense = s.columns <= DENSE if dense is None else dense
+    S = _dense(s, blocks, Y) if is_dense else _sparse(s, blocks)
+    return ReducedEquations(s, S, g, np.sqrt(squares), roots, Y, weak, n.h)
+
+
+def local_roots(V: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
+    """B (n, l, l) with V^-1 = B B', and where V has no inverse the pseudo-inverse and what it leaves out (n, l, k)."""
+    if not V.size:
+        return V, None
+    size = np.sqrt(np.einsum("bii->bi", V))
+    size = np.where(size > 0, size, 1.0)
+    unit = V / (size[:, :, None] * size[:, None, :])
+    try:
+        L = np.linalg.cholesky(unit)
+        if np.einsum("bii->bi", L).min() ** 2 > PIVOT:
+            return np.linalg.inv(L).transpose(0, 2, 1) / size[:, :, None], None
+    except np.linalg.LinAlgError:
+        pass
+    values, vectors = np.linalg.eigh(np.where(np.isfinite(unit), unit, 0.0))
+    good = values > PIVOT * np.maximum(values[:, -1:], PIVOT)
+    roots = vectors * np.where(good, np.where(good, values, 1.0) ** -0.5, 0.0)[:, None, :]
+    weak = np.where(good[:, None, :], 0.0, vectors) / size[:, :, None]
+    return roots / size[:, :, None], weak
+
+
+def _dense(s: Structure, blocks: dict[tuple[int, int], np.ndarray], Y: dict[int, np.ndarray]) -> np.ndarray:
+    S = np.zeros((s.columns, s.columns))
+    for kinds, keys in s.keys.items():
+        first, second = (s.offset[i] for i in np.divmod(keys, len(s.owner)))
+        rows = (first[:, None] + np.arange(kinds[0]))[:, :, None]
+        columns = (second[:, None] + np.arange(kinds[1]))[:, None, :]
+        S[rows, columns] = blocks[kinds]
+        S[columns, rows] = blocks[kinds]
+    for b in s.heavy:
+        parts, places = [], []
+        for width, e in s.entries.items():
+            mine = slice(*np.searchsorted(e.of, [b, b + 1]))
+            parts.append(Y[width][mine].reshape(-1, Y[width].shape[2]))
+            places.append((s.offset[e.instance[mine]][:, None] + np.arange(width)).reshape(-1))
+        rows, at = np.concatenate(parts), np.concatenate(places)
+        S[np.ix_(at, at)] -= rows @ rows.T
+    return S
+
+
+def _sparse(s: Structure, blocks: dict[tuple[int, int], np.ndarray]) -> Any:
+    rows, columns, values = [], [], []
+    for kinds, keys in s.keys.items():
+        first, second = np.divmod(keys, len(s.owner))
+        shape = blocks[kinds].shape
+        r = np.broadcast_to((s.offset[first][:, None] + np.arange(kinds[0]))[:, :, None], shape)
+        c = np.broadcast_to((s.offset[second][:, None] + np.arange(kinds[1]))[:, None, :], shape)
+        off = first != second
+        rows += [r.reshape(-1), c[off].reshape(-1)]
+        columns += [c.reshape(-1), r[off].reshape(-1)]
+        values += [blocks[kinds].reshape(-1), blocks[kinds][off].reshape(-1)]
+    entries = np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))
+    return scipy.sparse.csc_matrix(entries, shape=(s.columns, s.columns))
+
+
+def along(s: Structure, rows: Sequence[Linearised], x: np.ndarray, z: np.ndarray) -> list[np.ndarray]:
+    """J v of all blocks of rows, each (n, m, k), for k directions x (columns, k), z (locals, l, k)."""
+    out = []
+    for r, lin in zip(s.rows, rows, strict=True):
+        moved = np.zeros((*lin.r.shape, x.shape[1]))
+        for k, i in r.shared:
+            moved += np.matmul(lin.J[k], x[s.offset[i][:, None] + np.arange(lin.J[k].shape[2])])
+        if r.local is not None:
+            moved += np.matmul(lin.J[r.local[0]], z[r.local[1]])
+        out.append(moved)
+    return out

@@ -1,0 +1,243 @@
+"""Gauss-Newton on the Schur complement, damped where a whole step does not help."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from ...results.estimate import Estimate
+from ...results.refusal import ArgumentError
+from ...results.status import SolveStatus
+from .elimination import BlockNormal, ReducedEquations, along, normal_equations, reduced
+from .residual_block import BlockEvaluation, ResidualBlock
+from .shared_step import solver
+from .structure import Structure, structure
+from .undetermined import GaugeMotion
+from .unknown_group import UnknownGroup
+from .worth import Worth, worth_of
+
+Values = dict[str, np.ndarray]
+
+LEVEL = 1e-5  # length of J step over that of the residuals: below, the cost is level to 1e-10 and cannot judge a step
+NEGLIGIBLE = 1e-13  # a step of this part of the unknowns, both in units of the scales: what rounding asks for
+ROUNDING = 1e-8  # likewise, of a step that lowers the cost no more
+DAMPING, EASIER, HARDER, STUCK = 1e-4, 0.1, 10.0, 1e12
+QUIET = 1e-2  # a step that changes the cost by less than this part is followed by one without damping
+
+
+@dataclass(frozen=True, eq=False)
+class BundleFit:
+    """Where the fit ended.
+
+    values: by group, (count, size); local ones too.
+    cost: half the sum of squares of the whitened residuals, or of their losses.
+    residuals: by block, (n, m), neither whitened nor weighted, in the order of the data.
+    estimate: of all shared unknowns, named "instance.label", rotations as rotation vectors [rad]; None unless solved.
+    notes: sentences on what the data do not determine; undetermined: in how many directions.
+    """
+
+    values: Values
+    cost: float
+    status: SolveStatus
+    message: str
+    iterations: int
+    evaluations: int
+    residuals: dict[str, np.ndarray]
+    estimate: Estimate | None = None
+    notes: tuple[str, ...] = ()
+    undetermined: int = 0
+    _worth: Worth | None = field(default=None, repr=False)
+
+    @cached_property
+    def local_covariance(self) -> np.ndarray:
+        """Covariance (count, moves, moves) of each local instance, in its increments (rotations in its own frame); NaN
+        for what was kept with the shared unknowns. Raises ArgumentError unless solved."""
+        if self._worth is None:
+            raise ArgumentError(f"a fit that is not solved has no covariance: {self.message}")
+        return self._worth.local_covariance
+
+    def joint_covariance(self, instance: int) -> np.ndarray:
+        """Covariance of the increments of all shared unknowns and, behind them, of one local instance. Raises
+        ArgumentError unless solved."""
+        if self._worth is None:
+            raise ArgumentError(f"a fit that is not solved has no covariance: {self.message}")
+        return self._worth.joint(instance)
+
+
+def bundle_fit(
+    groups: Sequence[UnknownGroup],
+    blocks: Sequence[ResidualBlock],
+    *,
+    motions: Sequence[GaugeMotion] = (),
+    hold_undetermined: bool = False,
+    dense: bool | None = None,
+    tolerance: float = 1e-10,
+    limit: int = 100,
+    covariance: bool = True,
+    stop: Callable[[], bool] | None = None,
+) -> BundleFit:
+    """Least squares over shared and local unknowns: the local ones are eliminated (Schur complement), so that time and
+    memory grow with the observations and not with their square.
+
+    groups, blocks: the problem; at most one group is local. motions: what to call the directions in which nothing
+        measured moves, see GaugeMotion.
+    hold_undetermined: whether such directions are left where they are and reported; otherwise they are refused.
+    dense: whether S is a dense matrix; by default up to 4,500 columns.
+    tolerance: the iteration ends with a step that changes the residuals by this part of their length. limit: of steps.
+    covariance: whether to form the Estimate.
+    stop: asked before each step; True ends the fit with the best values so far, status INTERRUPTED.
+
+    Source: Brown 1958 and Triggs and others 2000, "Bundle adjustment: a modern synthesis", section 6.1.
+
+    Raises ArgumentError for a problem that does not fit together, or for what is not determined. An iteration that
+    fails is a `status`.
+
+    >>> import casadi as ca
+    >>> z, a, data = ca.SX.sym("z", 2), ca.SX.sym("a"), ca.SX.sym("data", 2)  # lines of one slope through a bend
+    >>> f = ca.Function("line", [a, z, data], [z[0] + a * data[0] + z[1] * data[0] ** 2 - data[1]])
+    >>> x, which = np.tile(np.linspace(0.0, 1.0, 9), 4), np.repeat(np.arange(4), 9)
+    >>> y = 3.0 + 2.0 * x + which * x**2
+    >>> B = gt.inference.bundle
+    >>> fit = B.bundle_fit(
+    ...     [B.UnknownGroup("slope", [[0.0]], ["a"]), B.UnknownGroup("line", np.zeros((4, 2)), ["c", "b"], local=True)],
+    ...     [B.ResidualBlock("points", f, [("slope", 0), ("line", which)], np.column_stack([x, y]), sigma=0.1)])
+    >>> fit.status.ok, round(fit.estimate.value("slope.a"), 6), fit.values["line"][3].round(6)
+    (True, 2.0, array([3., 3.]))
+    """
+    s = structure(groups, blocks, dense)
+    by_name = {g.name: g for g in groups}
+    evaluations = [BlockEvaluation(r.block, by_name, r.pick) for r in s.rows]
+    if len({e.known for e in evaluations}) > 1:
+        names = ", ".join(f"'{e.block.name}'" for e in evaluations if not e.known)
+        raise ArgumentError(
+            f"the noise of {names} is not given, and that of others is; give sigma to all blocks or none"
+        )
+    end = _Descent(s, evaluations, dense, tolerance, limit, stop).run()
+    residuals = _residuals(blocks, s, evaluations, end.values)
+    plain = end.values, end.cost, end.status, end.message, end.iterations, end.evaluations, residuals
+    if not end.status.ok or not covariance:
+        return BundleFit(*plain)
+    worth = worth_of(s, evaluations, end.values, motions, dense)
+    if worth.words and not hold_undetermined:
+        raise ArgumentError("; ".join(worth.words))
+    return BundleFit(*plain, worth.estimate, tuple(worth.words), worth.null.shape[1], worth)
+
+
+def _residuals(blocks: Sequence[ResidualBlock], s: Structure, evaluations: Sequence[BlockEvaluation],
+               values: Values) -> dict[str, np.ndarray]:  # fmt: skip
+    out = {b.name: np.zeros((b.n, b.m)) for b in blocks}
+    for r, e in zip(s.rows, evaluations, strict=True):
+        out[r.block.name][r.pick] = e.raw(values)
+    return out
+
+
+@dataclass(eq=False)
+class _Descent:
+    """The iteration."""
+
+    s: Structure
+    blocks: list[BlockEvaluation]
+    dense: bool | None
+    tolerance: float
+    limit: int
+    stop: Callable[[], bool] | None
+    values: Values = field(init=False)
+    cost: float = np.inf
+    status: SolveStatus = SolveStatus.FAILED
+    message: str = ""
+    iterations: int = 0
+    evaluations: int = 0
+
+    def run(self) -> _Descent:
+        self.values = {name: g.start.copy() for name, g in self.s.groups.items()}
+        n = self._normal()
+        if not n.finite:
+            return self._ended(SolveStatus.NOT_FINITE, self._invalid())
+        damping, before = 0.0, np.inf
+        while self.iterations < self.limit:
+            if self.stop is not None and self.stop():
+                return self._ended(SolveStatus.INTERRUPTED, f"stopped after {self.iterations} iterations")
+            self.iterations += 1
+            r, x, z, change = self._step(n, damping)
+            scale = np.where(r.scale > 0, r.scale, 1.0)
+            length = np.sqrt(sum(float(np.vdot(a.r, a.r)) for a in n.rows))
+            if change == 0.0:
+                return self._ended(SolveStatus.SOLVED, "nothing measured moves with the unknowns")
+            full = float(np.linalg.norm(x * scale))
+            reach = 1 + float(np.linalg.norm(self._shared(self.values) * scale))
+            flat = change <= LEVEL * length
+            if damping == 0.0 and (change <= self.tolerance * length or full <= NEGLIGIBLE * reach):
+                self.values = self._moved(x, z)
+                return self._ended(SolveStatus.SOLVED, f"arrived after {self.iterations} iterations")
+            if flat and damping == 0.0 and change >= before:  # the last digits no longer settle
+                return self._ended(SolveStatus.SOLVED, f"arrived after {self.iterations} iterations, at rounding")
+            while True:
+                trial = self._moved(x, z)
+                rows = [b.linearised(trial) for b in self.blocks]
+                cost = float(sum(r.cost for r in rows))
+                self.evaluations += 1
+                if np.isfinite(cost) and (cost <= n.cost or (flat and damping == 0.0)):
+                    quiet = n.cost - cost < QUIET * n.cost
+                    before = change if damping == 0.0 else np.inf
+                    damping = 0.0 if quiet or damping <= DAMPING else damping * EASIER
+                    self.values, n = trial, normal_equations(self.s, rows)
+                    self.cost = n.cost
+                    break
+                if full <= ROUNDING * reach and np.isfinite(cost):
+                    return self._ended(SolveStatus.SOLVED, f"arrived after {self.iterations} iterations, at rounding")
+                damping = max(damping * HARDER, DAMPING)
+                if damping > STUCK:
+                    sentence = "no step along the gradient lowers the residuals; are the starting values near enough?"
+                    return self._ended(SolveStatus.FAILED, sentence)
+                r, x, z, change = self._step(n, damping)
+        sentence = f"no end after {self.limit} iterations; start nearer, or give a larger limit"
+        return self._ended(SolveStatus.ITERATION_LIMIT, sentence)
+
+    def _step(self, n: BlockNormal, damping: float) -> tuple[ReducedEquations, np.ndarray, np.ndarray, float]:
+        """The reduced equations, increments of shared and local unknowns, and the length of J step."""
+        r = reduced(self.s, n, damping, self.dense)
+        x = -solver(r)(r.g)
+        z = r.back(x)
+        change = sum(float(np.vdot(a, a)) for a in along(self.s, n.rows, x[:, None], z[:, :, None]))
+        return r, x, z, float(np.sqrt(change))
+
+    def _normal(self) -> BlockNormal:
+        n = normal_equations(self.s, [b.linearised(self.values) for b in self.blocks])
+        self.cost = n.cost
+        self.evaluations += 1
+        return n
+
+    def _moved(self, x: np.ndarray, z: np.ndarray) -> Values:
+        s, new = self.s, {}
+        for name, g in s.groups.items():
+            step = np.zeros((g.count, g.moves))
+            if g is s.local:
+                step[s.eliminated] = z
+            for number in s.numbers[name]:
+                step[s.owner[number][1]] = x[s.offset[number] : s.offset[number] + g.moves]
+            new[name] = g.moved(self.values[name], step)
+        return new
+
+    def _shared(self, values: Values) -> np.ndarray:
+        """Shared unknowns (columns,), a quaternion as zeros."""
+        parts = []
+        for name, k in self.s.owner:
+            g, v = self.s.groups[name], values[name][k]
+            parts.append(v if g.turn is None else np.concatenate([v[: g.turn], np.zeros(3), v[g.turn + 4 :]]))
+        return np.concatenate([*parts, np.zeros(0)])
+
+    def _invalid(self) -> str:
+        counts = {b.block.name: int(b.invalid(self.values).sum()) for b in self.blocks}
+        bad = [f"{k} of '{name}'" for name, k in counts.items() if k]
+        return (
+            f"at the start {' and '.join(bad)} lie outside the range of their model or are not finite; start nearer"
+            if bad
+            else "the derivatives are not finite at the start"
+        )
+
+    def _ended(self, status: SolveStatus, message: str) -> _Descent:
+        self.status, self.message = status, message
+        return self

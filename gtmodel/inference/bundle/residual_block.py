@@ -1,0 +1,210 @@
+"""Residuals of one kind: a CasADi function, what each of its rows sees, and what is known of the noise."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ...compiler.rows import map_columns
+from ...results.refusal import ArgumentError
+from ..losses import loss_named
+from ..weighting import Weighting, weighting
+from .unknown_group import UnknownGroup
+
+
+@dataclass(frozen=True, eq=False)
+class ResidualBlock:
+    """n observations of one kind: `function(instance, ..., data)` -> residuals (m,), for each observation.
+
+    name: what residuals and errors call them.
+    function: an SX function; its first inputs are instances of unknowns, a column of `size` entries each, in the order
+        of `sees`; the last is the observation's data, where there are any. A second output, if it has one, is a margin
+        (k,) that must stay positive: a step that makes one of them negative is not taken.
+    sees: pairs (name of the group, indices (n,) of the instance each observation sees); a single number is the same
+        instance for all. `seen` holds them as arrays, `rows` the data (n, d).
+    data: (n, d), or (n,) for one number each; None where the function takes none.
+    sigma: standard deviation of the noise, one number, (n,) or (n, m); covariance: (n, m, m). None where it is unknown,
+        and then for all blocks.
+    loss: of the length of the m whitened residuals of an observation: linear, huber, soft_l1 or cauchy, with its
+        `width` in standard deviations.
+
+    Raises ArgumentError for what does not fit.
+
+    >>> import casadi as ca
+    >>> a, z, y = ca.SX.sym("a"), ca.SX.sym("z"), ca.SX.sym("y")
+    >>> f = ca.Function("line", [a, z, y], [a + z - y])
+    >>> block = gt.inference.bundle.ResidualBlock("sums", f, [("a", 0), ("z", [0, 1, 1])], data=[1.0, 2.0, 2.5])
+    >>> block.n, block.m
+    (3, 1)
+    """
+
+    name: str
+    function: ca.Function
+    sees: Sequence[tuple[str, ArrayLike]]
+    data: ArrayLike | None = None
+    sigma: ArrayLike | None = None
+    covariance: ArrayLike | None = None
+    loss: str = "linear"
+    width: float = 2.0
+    n: int = field(init=False)
+    seen: tuple[tuple[str, np.ndarray], ...] = field(init=False)
+    rows: np.ndarray | None = field(init=False)
+
+    def __post_init__(self) -> None:
+        put = object.__setattr__
+        loss_named(self.loss)
+        data = None if self.data is None else np.asarray(self.data, float)
+        if data is not None and data.ndim == 1:
+            data = data[:, None]
+        lengths = {len(i) for _, i in self._indices()} | ({len(data)} if data is not None else set())
+        if len(lengths - {1}) > 1 or not lengths:
+            raise ArgumentError(
+                f"'{self.name}' has {sorted(lengths)} indices and rows of data; expected as many of each"
+            )
+        n = max(lengths) if lengths != {0, 1} else 0
+        put(self, "n", n)
+        put(self, "seen", tuple((g, np.broadcast_to(i, n)) for g, i in self._indices()))
+        put(self, "rows", data)
+        inputs = len(self.sees) + (data is not None)
+        if self.function.n_in() != inputs or self.function.n_out() not in (1, 2):
+            raise ArgumentError(
+                f"the function of '{self.name}' has {self.function.n_in()} inputs and {self.function.n_out()} outputs; "
+                f"expected {inputs} inputs and residuals, with a margin or without"
+            )
+
+    def _indices(self) -> list[tuple[str, np.ndarray]]:
+        return [(g, np.atleast_1d(np.asarray(i, int))) for g, i in self.sees]
+
+    @property
+    def m(self) -> int:
+        """How many residuals an observation has."""
+        return int(self.function.size1_out(0))
+
+    def weighting(self) -> Weighting:
+        """What is known of the noise of the n * m rows."""
+        if self.covariance is not None:
+            return weighting(self.n * self.m, covariance=self.covariance)
+        sigma = self.sigma
+        if sigma is not None:
+            s = np.asarray(sigma, float)
+            if s.shape == (self.n,) and self.m > 1:
+                s = np.repeat(s, self.m)
+            sigma = s.reshape(-1) if s.ndim else s
+        return weighting(self.n * self.m, sigma=sigma)
+
+
+@dataclass(eq=False)
+class Linearised:
+    """Of a block at some values: whitened residuals `r` (n, m), and their derivatives by instance, each (n, m, moves).
+    `weight` (n,) is that of the loss, by which r and J are multiplied already, and `cost` its cost."""
+
+    r: np.ndarray
+    J: list[np.ndarray]
+    cost: float
+
+
+class BlockEvaluation:
+    """A block's residuals and derivatives: one function on all observations, in the order `order` of them."""
+
+    def __init__(self, block: ResidualBlock, groups: Mapping[str, UnknownGroup], order: np.ndarray) -> None:
+        self.block, self.n = block, len(order)
+        self.groups = [groups[name] for name, _ in block.seen]
+        self.index = [np.ascontiguousarray(i[order]) for _, i in block.seen]
+        self.data = None if block.rows is None else np.ascontiguousarray(block.rows[order].T)
+        w = block.weighting()
+        self.known = w.known
+        f = w.factor
+        if f is not None and f.ndim == 1 and len(f) == block.n * block.m and len(f) > 1:
+            f = f.reshape(block.n, block.m)[order]
+        elif f is not None and f.ndim == 3:
+            f = f[order]
+        self.factor = f
+        self.loss = loss_named(block.loss)
+        self.free = [None if g.free.all() else g.free for g in self.groups]
+        self.residual, self.slopes = self._functions()
+        self._made: dict[int, dict[int, ca.Function]] = {}
+
+    def _functions(self) -> tuple[ca.Function, ca.Function]:
+        block = self.block
+        x = [ca.SX.sym(f"x{k}", g.size) for k, g in enumerate(self.groups)]
+        d = [ca.SX.sym(f"d{k}", g.moves) for k, g in enumerate(self.groups)]
+        data = [ca.SX.sym("data", self.data.shape[0])] if self.data is not None else []
+        for k, v in enumerate([*x, *data]):
+            if block.function.numel_in(k) != v.numel():
+                raise ArgumentError(
+                    f"input {k + 1} of the function of '{block.name}' has {block.function.numel_in(k)} entries; "
+                    f"expected {v.numel()}"
+                )
+        moved = [g.moved_sx(a, b) for g, a, b in zip(self.groups, x, d, strict=True)]
+        out: Any = block.function.call([*moved, *data])
+        zero = [ca.DM.zeros(v.numel()) for v in d]
+        plain = [ca.densify(e) for e in ca.substitute(list(out), d, zero)]
+        J = ca.substitute([ca.jacobian(out[0], v) for v in d], d, zero)
+        names = f"block_{len(x)}"
+        residual = ca.Function(names, [*x, *data], plain, {"cse": True})
+        # transposed: an observation's rows then lie one behind the other in memory
+        slopes = ca.Function(f"{names}_jacobian", [*x, *data], [*plain, *[ca.densify(j.T) for j in J]], {"cse": True})
+        return residual, slopes
+
+    def _called(self, f: ca.Function, values: Mapping[str, np.ndarray]) -> list[np.ndarray]:
+        """Outputs as (n, entries)."""
+        columns = [values[g.name][i].T for g, i in zip(self.groups, self.index, strict=True)]
+        if self.data is not None:
+            columns.append(self.data)
+        results = map_columns(f, columns, self._made.setdefault(f.__hash__(), {}))
+        return [r.T.reshape(self.n, f.numel_out(k)) for k, r in enumerate(results)]
+
+    def raw(self, values: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Residuals (n, m), neither whitened nor weighted."""
+        return self._called(self.residual, values)[0]
+
+    def invalid(self, values: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Which observations (n,) have a margin that is not positive, or no number."""
+        r, *margin = self._called(self.residual, values)
+        bad = np.any(~np.isfinite(r), axis=1)
+        for m in margin:
+            bad = np.logical_or(bad, np.any(~(m > 0), axis=1))
+        return np.asarray(bad, bool)
+
+    def cost(self, values: Mapping[str, np.ndarray]) -> float:
+        """The cost, infinite where a margin is not positive."""
+        r, *margin = self._called(self.residual, values)
+        if margin and not np.all(margin[0] > 0):
+            return np.inf
+        return self._cost(self._whitened(r))
+
+    def _cost(self, r: np.ndarray) -> float:
+        if self.loss.squares:
+            return 0.5 * float(np.vdot(r, r))
+        return self.loss.cost(np.sqrt(np.einsum("ni,ni->n", r, r)), self.block.width)
+
+    def linearised(self, values: Mapping[str, np.ndarray], robust: bool = True) -> Linearised:
+        """At these values; without the weights of the loss if not `robust`."""
+        outputs = self._called(self.slopes, values)
+        margins = len(outputs) - 1 - len(self.groups)
+        n, m = self.n, self.block.m
+        r = self._whitened(outputs[0])
+        J = [self._whitened(j.reshape(n, m, -1)) for j in outputs[1 + margins :]]
+        cost = self._cost(r) if not margins or np.all(outputs[1] > 0) else np.inf
+        for k, free in enumerate(self.free):
+            if free is not None:
+                J[k] = J[k] * free[self.index[k]][:, None, :]
+        if robust and not self.loss.squares:
+            weight = self.loss.weight(np.sqrt(np.einsum("ni,ni->n", r, r)), self.block.width)
+            r, J = r * weight[:, None], [j * weight[:, None, None] for j in J]
+        return Linearised(r, J, cost)
+
+    def _whitened(self, rows: np.ndarray) -> np.ndarray:
+        f = self.factor
+        if f is None:
+            return rows
+        if f.ndim == 3:
+            return np.matmul(f, rows if rows.ndim == 3 else rows[:, :, None]).reshape(rows.shape)
+        if f.size == 1:
+            return rows if float(f.reshape(-1)[0]) == 1.0 else rows * float(f.reshape(-1)[0])
+        return rows * f.reshape(*f.shape, *[1] * (rows.ndim - 2))

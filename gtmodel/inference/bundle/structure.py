@@ -1,0 +1,255 @@
+"""Who sees whom: where every instance stands in the normal equations, and which of their blocks are not zero."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from ...results.refusal import ArgumentError
+from .grouped_sums import GroupedSums
+from .residual_block import ResidualBlock
+from .unknown_group import UnknownGroup
+
+HEAVY = 32  # shared instances that a local one may meet before its share of S is formed alone: memory stays linear
+
+
+@dataclass(eq=False)
+class SplitRows:
+    """Observations of a block that see the same kinds of unknowns: `pick` are their numbers in the block. `shared` are
+    pairs (argument of the function, instance (n,)), `local` one such pair or None; sorted by local instance."""
+
+    block: ResidualBlock
+    pick: np.ndarray
+    shared: list[tuple[int, np.ndarray]]
+    local: tuple[int, np.ndarray] | None
+
+
+@dataclass(eq=False)
+class CouplingEntries:
+    """Blocks W of one width: `instance` (e,) and `of` (e,), the local one they join; `at` (rows, argument) -> sums over
+    observations and the entries they go to."""
+
+    instance: np.ndarray
+    of: np.ndarray
+    by_instance: GroupedSums
+    by_local: GroupedSums
+    sums: dict[tuple[int, int], tuple[GroupedSums, np.ndarray]] = field(default_factory=dict)
+
+
+@dataclass(eq=False)
+class Structure:
+    """The layout. Shared instances are numbered group by group, then local ones that were kept with them; `offset` and
+    `width` (instances,) say where their columns are. Blocks of S exist for the pairs `keys` of two instances, by the
+    pair of their widths."""
+
+    groups: dict[str, UnknownGroup]
+    rows: list[SplitRows]
+    local: UnknownGroup | None
+    kept: np.ndarray  # local instances that are kept with the shared ones
+    eliminated: np.ndarray  # the others
+    owner: list[tuple[str, int]]  # of each shared instance: group and number in it
+    width: np.ndarray
+    offset: np.ndarray
+    entries: dict[int, CouplingEntries]
+    keys: dict[tuple[int, int], np.ndarray]
+    direct: list[DirectProducts]
+    local_sums: dict[int, GroupedSums]
+    shared_sums: dict[tuple[int, int], GroupedSums]
+    pairs: list[EntryPairs]
+    heavy: np.ndarray
+
+    @cached_property
+    def numbers(self) -> dict[str, list[int]]:
+        """Of each group, which shared instances are its own."""
+        return {name: [k for k, (own, _) in enumerate(self.owner) if own == name] for name in self.groups}
+
+    @property
+    def columns(self) -> int:
+        """Degrees of freedom that are not eliminated."""
+        return int(self.width.sum())
+
+
+@dataclass(eq=False)
+class EntryPairs:
+    """Pairs of entries of one local instance, widths `kinds`: positions a and b in their CouplingEntries, the sums over
+    those with one key, and where these go."""
+
+    kinds: tuple[int, int]
+    a: np.ndarray
+    b: np.ndarray
+    sums: GroupedSums
+    to: np.ndarray
+
+
+@dataclass(eq=False)
+class DirectProducts:
+    """Products J_k' J_m of two arguments of one block of rows, of the observations `chosen` (None: all), instances in
+    rising order; where their sums go."""
+
+    rows: int
+    k: int
+    m: int
+    chosen: np.ndarray | None
+    kinds: tuple[int, int]
+    sums: GroupedSums
+    to: np.ndarray = field(default_factory=lambda: np.zeros(0, int))
+
+
+def structure(groups: Sequence[UnknownGroup], blocks: Sequence[ResidualBlock], dense: bool | None = None) -> Structure:
+    """Raises ArgumentError for names and numbers that do not exist, and for more than one local group."""
+    by_name = {g.name: g for g in groups}
+    if len(by_name) < len(groups) or len({k for g in groups for k in g.keys}) < sum(g.count for g in groups):
+        raise ArgumentError("two groups or two instances of unknowns have the same name; give each its own")
+    locals_ = [g for g in groups if g.local]
+    if len(locals_) > 1:
+        raise ArgumentError(f"{' and '.join(g.name for g in locals_)} are both local; only one group can be")
+    local = locals_[0] if locals_ else None
+    kept = np.zeros(local.count if local else 0, bool)
+    for block in blocks:
+        for name, index in block.seen:
+            if name not in by_name:
+                raise ArgumentError(f"'{block.name}' sees '{name}', which is no group; these are: {', '.join(by_name)}")
+            if len(index) and not 0 <= index.min() <= index.max() < by_name[name].count:
+                raise ArgumentError(
+                    f"'{block.name}' sees number {index.max()} of '{name}', which has {by_name[name].count}"
+                )
+        for a, (name, i) in enumerate(block.seen):
+            for other, j in block.seen[a + 1 :]:
+                if name == other and np.any(i == j):
+                    raise ArgumentError(f"'{block.name}' sees one instance of '{name}' twice; let it see it once")
+        seen = [i for name, i in block.seen if local and name == local.name]
+        for other in seen[1:]:
+            kept[seen[0]] = True
+            kept[other] = True
+    owner = [(g.name, k) for g in groups if not g.local for k in range(g.count)]
+    first = {}
+    for number, (name, _) in enumerate(owner):
+        first.setdefault(name, number)
+    place = np.full(len(kept), -1)
+    if local is not None:
+        place[kept] = len(owner) + np.arange(kept.sum())
+        owner += [(local.name, int(k)) for k in np.flatnonzero(kept)]
+    width = np.array([by_name[name].moves for name, _ in owner], int)
+    offset = np.concatenate([[0], np.cumsum(width)])[:-1]
+    eliminated = np.flatnonzero(~kept)
+    slot = np.cumsum(~kept) - 1
+    rows = [r for block in blocks for r in _split(block, local, kept, place, slot, first)]
+    s = Structure(by_name, rows, local, np.flatnonzero(kept), eliminated, owner, width, offset, {}, {}, [], {}, {}, [],
+                  np.zeros(0, int))  # fmt: skip
+    _entries(s)
+    _pairs(s, heavy_alone=dense is not False)
+    return s
+
+
+def _split(block: ResidualBlock, local: UnknownGroup | None, kept: np.ndarray, place: np.ndarray, slot: np.ndarray,
+           first: dict[str, int]) -> list[SplitRows]:  # fmt: skip
+    mine = [k for k, (name, _) in enumerate(block.seen) if local is not None and name == local.name]
+    # observations whose local instance is eliminated, and the others
+    gone = np.any([~kept[block.seen[k][1]] for k in mine], axis=0) if mine else np.zeros(block.n, bool)
+    parts: list[SplitRows] = []
+    for eliminates in (True, False):
+        pick = np.flatnonzero(gone == eliminates)
+        if not len(pick):
+            continue
+        if eliminates:
+            pick = pick[np.argsort(slot[block.seen[mine[0]][1][pick]], kind="stable")]
+        shared = [
+            (k, place[i[pick]] if k in mine else first[name] + i[pick])
+            for k, (name, i) in enumerate(block.seen)
+            if not (eliminates and k in mine)
+        ]
+        parts.append(
+            SplitRows(block, pick, shared, (mine[0], slot[block.seen[mine[0]][1][pick]]) if eliminates else None)
+        )
+    return parts
+
+
+def _entries(s: Structure) -> None:
+    """The blocks of W, and the sums that make them, V and the gradients."""
+    wanted: dict[int, list[np.ndarray]] = {}
+    n = len(s.owner)
+    for number, r in enumerate(s.rows):
+        for k, instance in r.shared:
+            s.shared_sums[number, k] = GroupedSums(instance)
+            if r.local is not None and len(instance):
+                wanted.setdefault(int(s.width[instance[0]]), []).append(r.local[1] * n + instance)
+        if r.local is not None:
+            s.local_sums[number] = GroupedSums(r.local[1])
+    for width, keys in wanted.items():
+        unique = np.unique(np.concatenate(keys))
+        s.entries[width] = CouplingEntries(unique % n, unique // n, GroupedSums(unique % n), GroupedSums(unique // n))
+    for number, r in enumerate(s.rows):
+        for k, instance in r.shared:
+            if r.local is not None and len(instance):
+                e = s.entries[int(s.width[instance[0]])]
+                sums = GroupedSums(r.local[1] * n + instance)
+                e.sums[number, k] = sums, np.searchsorted(e.of * n + e.instance, sums.unique)
+
+
+def _pairs(s: Structure, heavy_alone: bool) -> None:
+    n = len(s.owner)
+    keys: dict[tuple[int, int], list[np.ndarray]] = {}
+    direct: list[tuple[DirectProducts, np.ndarray]] = []
+    for number, r in enumerate(s.rows):
+        for place, (k, i) in enumerate(r.shared):
+            for m, j in r.shared[place:]:
+                for first, second, chosen in _ordered(k, i, m, j):
+                    one, two = dict(r.shared)[first][chosen], dict(r.shared)[second][chosen]
+                    if not len(one):
+                        continue
+                    kinds, key = (int(s.width[one[0]]), int(s.width[two[0]])), one * n + two
+                    d = DirectProducts(
+                        number, first, second, None if isinstance(chosen, slice) else chosen, kinds, GroupedSums(key)
+                    )
+                    keys.setdefault(kinds, []).append(d.sums.unique)
+                    direct.append((d, d.sums.unique))
+    degree = np.zeros(len(s.eliminated), int)
+    for e in s.entries.values():
+        degree += np.bincount(e.of, minlength=len(degree))
+    s.heavy = np.flatnonzero(degree > HEAVY) if heavy_alone else np.zeros(0, int)
+    light = np.ones(len(degree), bool)
+    light[s.heavy] = False
+    lists: list[tuple[tuple[int, int], np.ndarray, np.ndarray, np.ndarray]] = []
+    for wa, ea in s.entries.items():
+        for wb, eb in s.entries.items():
+            a, b = _meeting(ea, eb, len(degree), light)
+            forward = ea.instance[a] <= eb.instance[b] if wa == wb else ea.instance[a] < eb.instance[b]
+            a, b = a[forward], b[forward]
+            if len(a):
+                key = ea.instance[a] * n + eb.instance[b]
+                lists.append(((wa, wb), a, b, key))
+                keys.setdefault((wa, wb), []).append(np.unique(key))
+    s.keys = {kinds: np.unique(np.concatenate(k)) for kinds, k in keys.items()}
+    for d, unique in direct:
+        d.to = np.searchsorted(s.keys[d.kinds], unique)
+        s.direct.append(d)
+    for kinds, a, b, key in lists:
+        sums = GroupedSums(key)
+        order = slice(None) if sums.order is None else sums.order
+        a, b = a[order], b[order]
+        sums.order = None
+        s.pairs.append(EntryPairs(kinds, a, b, sums, np.searchsorted(s.keys[kinds], sums.unique)))
+
+
+def _ordered(k: int, i: np.ndarray, m: int, j: np.ndarray) -> list[tuple[int, int, slice | np.ndarray]]:
+    """The two arguments such that the first sees the instance of lower number, and for which observations."""
+    if k == m or np.all(i < j):
+        return [(k, m, slice(None))]
+    if np.all(j < i):
+        return [(m, k, slice(None))]
+    return [(k, m, np.flatnonzero(i < j)), (m, k, np.flatnonzero(j < i))]
+
+
+def _meeting(a: CouplingEntries, b: CouplingEntries, locals_: int, light: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """All pairs of an entry of a and one of b that join the same local instance; entries are sorted by it."""
+    many_a, many_b = np.bincount(a.of, minlength=locals_) * light, np.bincount(b.of, minlength=locals_) * light
+    start_a = np.concatenate([[0], np.cumsum(np.bincount(a.of, minlength=locals_))])[:-1]
+    start_b = np.concatenate([[0], np.cumsum(np.bincount(b.of, minlength=locals_))])[:-1]
+    total = many_a * many_b
+    of = np.repeat(np.arange(locals_), total)
+    within = np.arange(total.sum()) - np.repeat(np.cumsum(total) - total, total)
+    first, second = np.divmod(within, np.maximum(many_b[of], 1))
+    return start_a[of] + first, start_b[of] + second

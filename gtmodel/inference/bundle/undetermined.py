@@ -1,0 +1,213 @@
+"""Directions in which no residual moves: how many there are, and what to call them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy
+
+from ..make_estimate import listed
+from .elimination import ReducedEquations, along
+from .residual_block import Linearised
+from .structure import Structure
+
+# of S with columns of J of length one: eigenvectors below this eigenvalue are looked at by J itself
+SUSPECT = 1e-7
+# length of J v for v of length one in units of the columns: below, v is a direction that nothing measured sees
+SILENT = 1e-7
+# columns up to which all eigenvalues of S are computed, and how many of the smallest otherwise
+SMALL, SMALLEST = 1500, 12
+SHOWN, PART = 6, 0.05  # names that a sentence lists, and what they have of the largest entry
+
+
+@dataclass(frozen=True, eq=False)
+class GaugeMotion:
+    """A motion of unknowns that residuals may not notice.
+
+    words: what moves, "all cameras and points move together along x"; remedy: what determines it, "fix a camera".
+    direction: values by group -> increments (count, moves) by group; groups that it leaves out stand still.
+
+    >>> shift = gt.inference.bundle.GaugeMotion("all marks move together", "fix one of them",
+    ...     lambda values: {"mark": np.ones_like(values["mark"])})
+    >>> shift.direction({"mark": np.array([[1.0], [4.0]])})["mark"].ravel()
+    array([1., 1.])
+    """
+
+    words: str
+    remedy: str
+    direction: Callable[[Mapping[str, np.ndarray]], Mapping[str, np.ndarray]]
+
+
+@dataclass(eq=False)
+class NullSpace:
+    """`x` (columns, k) and `z` (locals, l, k) are the parts of k directions."""
+
+    x: np.ndarray
+    z: np.ndarray
+
+    @property
+    def count(self) -> int:
+        return self.x.shape[1]
+
+    def then(self, other: NullSpace) -> NullSpace:
+        """Both together."""
+        return NullSpace(np.hstack([self.x, other.x]), np.concatenate([self.z, other.z], axis=2))
+
+    def of(self, weights: np.ndarray) -> NullSpace:
+        """Combinations, weights (k, c)."""
+        return NullSpace(self.x @ weights, self.z @ weights)
+
+    def flat(self, lengths: np.ndarray) -> np.ndarray:
+        """All entries in units of the columns, (entries, k)."""
+        return np.concatenate([self.x, self.z.reshape(-1, self.count)]) * lengths[:, None]
+
+
+def column_lengths(r: ReducedEquations, V: np.ndarray) -> np.ndarray:
+    """Lengths of all columns of J, shared then local; one for what nothing sees."""
+    local = np.sqrt(np.einsum("bii->bi", V)).reshape(-1)
+    both = np.concatenate([r.scale, local])
+    return np.where(both > 0, both, 1.0)
+
+
+def null_space(s: Structure, rows: Sequence[Linearised], r: ReducedEquations, V: np.ndarray) -> NullSpace:
+    """Directions in which no row moves, of what is not fixed; orthogonal in units of the columns' lengths."""
+    free = np.concatenate([*(s.groups[n].free[k] for n, k in s.owner), np.zeros(0, bool)])
+    candidates = _small(s, r)
+    unseen = np.flatnonzero((r.scale == 0) & free)
+    one = np.zeros((s.columns, len(unseen)))
+    one[unseen, np.arange(len(unseen))] = 1.0
+    candidates = candidates.then(NullSpace(one, np.zeros((len(s.eliminated), V.shape[1], len(unseen)))))
+    candidates = candidates.then(_weak(s, r))
+    return _silent(s, rows, candidates, column_lengths(r, V))
+
+
+def _small(s: Structure, r: ReducedEquations) -> NullSpace:
+    used = np.flatnonzero(r.scale > 0)
+    size = r.scale[used]
+    if isinstance(r.S, np.ndarray):
+        unit = r.S[np.ix_(used, used)] / np.outer(size, size)
+        subset = None if len(used) <= SMALL else [0, SMALLEST - 1]
+        values, vectors = scipy.linalg.eigh(unit, subset_by_index=subset) if len(used) else (np.zeros(0), unit)
+    else:
+        scaled = scipy.sparse.diags(1 / size)
+        unit = (scaled @ r.S[used][:, used] @ scaled).tocsc()
+        begin = np.ones(len(used))  # ARPACK would take a random one
+        values, vectors = scipy.sparse.linalg.eigsh(unit, k=min(SMALLEST, len(used) - 1), sigma=-SUSPECT, v0=begin)
+    near = vectors[:, values < SUSPECT]
+    x = np.zeros((s.columns, near.shape[1]))
+    x[used] = near / size[:, None]
+    z = [r.local_part(v, np.zeros_like(r.h)) for v in x.T]
+    return NullSpace(x, np.stack(z, axis=2) if z else np.zeros((*r.h.shape, 0)))
+
+
+def _weak(s: Structure, r: ReducedEquations) -> NullSpace:
+    """What a single local instance does not determine of itself."""
+    directions: list[tuple[int, np.ndarray]] = []
+    if r.weak is not None and s.local is not None:
+        for b in np.flatnonzero(np.abs(r.weak).max(axis=(1, 2)) > 0):
+            free = s.local.free[s.eliminated[b]]
+            U, sizes, _ = np.linalg.svd(r.weak[b] * free[:, None])
+            directions += [(int(b), U[:, k]) for k in np.flatnonzero(sizes > 1e-6 * max(sizes[0], 1e-300))]
+    z = np.zeros((*r.h.shape, len(directions)))
+    for k, (b, v) in enumerate(directions):
+        z[b, :, k] = v
+    return NullSpace(np.zeros((s.columns, len(directions))), z)
+
+
+def _silent(s: Structure, rows: Sequence[Linearised], n: NullSpace, lengths: np.ndarray) -> NullSpace:
+    """The combinations of these directions in which no row moves."""
+    if not n.count:
+        return n
+    _, sizes, Vt = np.linalg.svd(n.flat(lengths), full_matrices=False)
+    kept = sizes > 1e-10 * sizes[0]
+    n = n.of(Vt[kept].T / sizes[kept])
+    moved = np.concatenate([a.reshape(-1, n.count) for a in along(s, rows, n.x, n.z)])
+    R = np.linalg.qr(moved, mode="r") if len(moved) > n.count else moved
+    _, sizes, Vt = np.linalg.svd(R, full_matrices=True)
+    sizes = np.concatenate([sizes, np.zeros(n.count - len(sizes))])
+    return n.of(Vt[sizes <= SILENT].T)
+
+
+def null_words(s: Structure, rows: Sequence[Linearised], n: NullSpace, motions: Sequence[GaugeMotion],
+               values: Mapping[str, np.ndarray], lengths: np.ndarray) -> list[str]:  # fmt: skip
+    """A sentence per direction: motions by their names, with the remedy, then the others by what moves."""
+    if not n.count:
+        return []
+    sentences, known = [], np.zeros((len(lengths), 0))
+    basis = np.linalg.qr(n.flat(lengths))[0]
+    moving = [m for m in motions if m.direction(values)]
+    parts = [_of_motion(s, m.direction(values)) for m in moving]
+    single = []
+    for m, (part, held) in zip(moving, parts, strict=True):
+        flat = part.flat(lengths)[:, 0]
+        size = np.linalg.norm(flat)
+        if size > 0 and not held and np.linalg.norm(flat - basis @ (basis.T @ flat)) <= 1e-5 * size:
+            single.append(m)
+            sentences.append(f"{m.words}: {m.remedy}")
+            known = np.column_stack([known, flat / size])
+    if parts:
+        every = np.column_stack([p.flat(lengths)[:, 0] for p, _ in parts])
+        every = every / np.maximum(np.linalg.norm(every, axis=0), 1e-300)
+        inside = np.linalg.svd(basis.T @ np.linalg.qr(every)[0])
+        common = basis @ inside[0][:, : len(inside[1])][:, inside[1] > 1 - 1e-9]
+        extra = _rest(common, known)
+        for v in extra.T:
+            weights = np.linalg.lstsq(every, v, rcond=None)[0]
+            shown = [m for m, w in zip(moving, weights, strict=True) if abs(w) > PART * np.abs(weights).max()]
+            remedies = list(dict.fromkeys(m.remedy for m in shown))
+            sentences.append(
+                f"a combination of motions is free ({'; '.join(m.words for m in shown)}): {' or '.join(remedies)}"
+            )
+        known = np.column_stack([known, extra])
+    names = _names(s)
+    for v in _rest(basis, known).T:
+        size = np.abs(v)
+        shown = [names[k] for k in np.flatnonzero(size > PART * size.max())]
+        if len(shown) == 1:
+            sentences.append(f"the data do not determine {shown[0]}: nothing measured moves with it")
+            continue
+        more = f" and {len(shown) - SHOWN} more" if len(shown) > SHOWN else ""
+        said = ", ".join(shown[:SHOWN]) + more if more else listed(shown)
+        sentences.append(
+            f"the data do not determine {said} apart from each other: fix one, or measure what moves only one of them"
+        )
+    return sentences
+
+
+def _rest(basis: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """An orthonormal basis of what `basis` has beside `known`, with few entries where that is possible."""
+    if known.shape[1]:
+        Q = np.linalg.qr(known)[0]
+        basis = basis - Q @ (Q.T @ basis)
+    U, sizes, _ = np.linalg.svd(basis, full_matrices=False)
+    rest = U[:, sizes > 1e-4]
+    if rest.shape[1] > 1:  # reduced by rows with pivots: directions that belong to different unknowns come apart
+        _, _, order = scipy.linalg.qr(rest.T, pivoting=True, mode="economic")
+        pivots = np.sort(order[: rest.shape[1]])
+        rest = rest @ np.linalg.inv(rest[pivots])
+        rest = rest / np.linalg.norm(rest, axis=0)
+    return rest
+
+
+def _of_motion(s: Structure, direction: Mapping[str, np.ndarray]) -> tuple[NullSpace, bool]:
+    """A motion as one direction, and whether it moves what is fixed."""
+    x = np.zeros((s.columns, 1))
+    z = np.zeros((len(s.eliminated), s.local.moves if s.local is not None else 0, 1))
+    held = False
+    for name, step in direction.items():
+        g = s.groups[name]
+        held |= bool(np.any(np.abs(step[~g.free]) > 1e-9 * np.abs(step).max(initial=0.0)))
+        if g is s.local:
+            z[:, :, 0] = step[s.eliminated]
+        for number in s.numbers[name]:
+            x[s.offset[number] : s.offset[number] + g.moves, 0] = step[s.owner[number][1]]
+    return NullSpace(x, z), held
+
+
+def _names(s: Structure) -> list[str]:
+    names = [f"{s.groups[n].keys[k]}.{label}" for n, k in s.owner for label in s.groups[n].move_labels]
+    if s.local is not None:
+        names += [f"{s.local.keys[k]}.{label}" for k in s.eliminated for label in s.local.move_labels]
+    return names

@@ -1,0 +1,43 @@
+"""Cameras as components, what they see, and where that is.
+
+Cameras
+    PinholeCamera               a component with a port for its frame, Brown's distortion, a status per mark
+    project, undistort          points to pixels and back, with status codes; LENS names the nine numbers of a lens
+    Board                       a chessboard of known size
+Starts
+    homography, focal_length, board_pose    of flat boards (Zhang), of points in space
+Bundles, for gt.inference.bundle
+    board_view, point_view, mark_view       pixels as residuals of lens, camera and what it sees
+    similarity_motions          the seven motions that pixels do not notice, by name
+    BundleFile, read_bal, write_bal, bal_view   the files of "Bundle adjustment in the large"
+Measurements
+    CornerTable, read_corners   marks in pictures, from any detector
+    intersect, IntersectedPoints    points from the pixels of several cameras, with covariance
+Packages
+    detection      marks of boards and of a tool's squares in pictures, as a table of corners; needs OpenCV
+    rendering      synthetic pictures with exact area coverage
+    robot_cameras  a robot and cameras calibrated together; where two cameras should stand
+"""
+
+from typing import TYPE_CHECKING
+
+from .._lazy import public
+
+if TYPE_CHECKING:
+    from . import detection as detection, rendering as rendering, robot_cameras as robot_cameras
+    from .board import Board as Board
+    from .bundle_files import (
+        BundleFile as BundleFile,
+        bal_view as bal_view,
+        read_bal as read_bal,
+        write_bal as write_bal,
+    )
+    from .camera import PinholeCamera as PinholeCamera
+    from .corner_table import CornerTable as CornerTable, read_corners as read_corners
+    from .gauges import similarity_motions as similarity_motions
+    from .intersection import IntersectedPoints as IntersectedPoints, intersect as intersect
+    from .pinhole import LENS as LENS, project as project, undistort as undistort
+    from .starts import board_pose as board_pose, focal_length as focal_length, homography as homography
+    from .views import board_view as board_view, mark_view as mark_view, point_view as point_view
+
+public(__name__)

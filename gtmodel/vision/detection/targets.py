@@ -1,0 +1,194 @@
+"""Flat targets: where their marks are, and what they are painted with."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+
+from ...results.options import Options, Unit, Within
+from ...results.refusal import ArgumentError
+from ..rendering import Layer
+
+# Our example, in sides: no dimensions of the thesis's tool are printed. The fifth stands out of the cross, so that no
+# turn and no mirror maps the five on themselves.
+CENTRES = [[-2.0, -1.8], [2.0, -1.8], [0.3, 0.0], [-2.0, 1.8], [1.1, 1.8]]
+DARK, LIGHT, MARGIN = 30.0, 210.0, 1.0  # of 255; of a side
+OUTLINE = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])  # clockwise as seen: y is down
+
+
+@dataclass(frozen=True)
+class FiveSquares(Options):
+    """Black squares on a light plate, as the tool of Dressler 2012, section 5.5; 20 corners.
+
+    Seen from the front x is to the right, y down and z away. Marks are called "0.0" to "4.3": square and corner,
+    clockwise from its upper left one. The layout is an example of ours.
+
+    >>> tool = gt.vision.detection.FiveSquares(side=0.04)
+    >>> tool.points.shape, tool.marks[:5]
+    ((20, 3), ('0.0', '0.1', '0.2', '0.3', '1.0'))
+    """
+
+    side: Annotated[float, Unit("m", written="mm"), Within(above=0.0), "of each square"] = 0.04
+    centres: Annotated[list[list[float]], "of each square, in sides"] = None  # type: ignore[assignment]
+
+    def __post_init__(self) -> None:
+        if self.centres is None:
+            object.__setattr__(self, "centres", [list(c) for c in CENTRES])
+        Options.__post_init__(self)
+        c = np.asarray(self.centres, float)
+        if c.ndim != 2 or c.shape[1] != 2 or len(c) < 2:
+            raise ArgumentError(f"expected two or more centres [x, y]; found {len(c)}", "centres")
+        _not_symmetric(c)
+
+    @property
+    def squares(self) -> np.ndarray:
+        """(squares, 4, 3) [m] corners."""
+        flat = self.side * (np.asarray(self.centres, float)[:, None] + OUTLINE)
+        return np.concatenate([flat, np.zeros((*flat.shape[:2], 1))], axis=2)
+
+    @property
+    def points(self) -> np.ndarray:
+        """(4 squares, 3) [m] marks."""
+        return self.squares.reshape(-1, 3)
+
+    @property
+    def marks(self) -> tuple[str, ...]:
+        """Names of the marks."""
+        return tuple(f"{k}.{c}" for k in range(len(self.centres)) for c in range(4))
+
+    @property
+    def layers(self) -> list[Layer]:
+        """The plate and its squares, to be rendered."""
+        return [Layer([_plate(self.points, MARGIN * self.side)], LIGHT), Layer(list(self.squares), DARK)]
+
+
+@dataclass(frozen=True)
+class Chessboard(Options):
+    """A board of black and white squares; its marks are the inner corners.
+
+    `columns` and `rows` of marks. Seen from the front x is to the right, y down; mark "0" touches with its lower right
+    a black square, and marks follow row by row. One of the numbers must be odd and the other even: else the board
+    turned by 180 degrees looks the same.
+
+    >>> board = gt.vision.detection.Chessboard(columns=9, rows=6, side=0.03)
+    >>> board.points[10]
+    array([0.03, 0.03, 0.  ])
+    >>> gt.vision.detection.Chessboard(columns=7, rows=7, side=0.03)
+    Traceback (most recent call last):
+    gtmodel...: columns: a board of 7 by 7 corners looks the same when it is turned by 180 degrees; take one odd and...
+    """
+
+    columns: Annotated[int, Within(least=3, most=100), "marks along x"] = 9
+    rows: Annotated[int, Within(least=3, most=100), "marks along y"] = 6
+    side: Annotated[float, Unit("m", written="mm"), Within(above=0.0), "of a square"] = 0.03
+
+    def __post_init__(self) -> None:
+        Options.__post_init__(self)
+        if (self.columns + self.rows) % 2 == 0:
+            raise ArgumentError(
+                f"a board of {self.columns} by {self.rows} corners looks the same when it is turned by 180 degrees; "
+                "take one odd and one even number",
+                "columns",
+            )
+
+    @property
+    def points(self) -> np.ndarray:
+        """(columns rows, 3) [m] marks."""
+        y, x = np.mgrid[: self.rows, : self.columns]
+        return self.side * np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1)
+
+    @property
+    def marks(self) -> tuple[str, ...]:
+        """Names of the marks."""
+        return tuple(str(k) for k in range(self.columns * self.rows))
+
+    @property
+    def layers(self) -> list[Layer]:
+        """The board and its squares, to be rendered."""
+        squares = [
+            self.side * _cell(i, j)
+            for j in range(-1, self.rows) for i in range(-1, self.columns) if (i + j) % 2 == 0
+        ]  # fmt: skip
+        corners = np.concatenate(squares)
+        return [Layer([_plate(corners, MARGIN * self.side)], LIGHT), Layer(squares, DARK)]
+
+
+@dataclass(frozen=True)
+class Charuco(Options):
+    """A chessboard whose white squares carry coded marks (ArUco): a part of it is enough, and says which part.
+
+    `columns` and `rows` of squares, as OpenCV counts them; marks are the inner corners, named by OpenCV's numbers.
+
+    >>> board = gt.vision.detection.Charuco(columns=7, rows=5, side=0.04, marker=0.03)
+    >>> board.points.shape, board.marks[-1]
+    ((24, 3), '23')
+    """
+
+    columns: Annotated[int, Within(least=3, most=50), "squares along x"] = 7
+    rows: Annotated[int, Within(least=3, most=50), "squares along y"] = 5
+    side: Annotated[float, Unit("m", written="mm"), Within(above=0.0), "of a square"] = 0.04
+    marker: Annotated[float, Unit("m", written="mm"), Within(above=0.0), "side of a coded mark"] = 0.03
+    dictionary: Annotated[str, "of OpenCV, such as DICT_4X4_250"] = "DICT_4X4_250"
+
+    def __post_init__(self) -> None:
+        Options.__post_init__(self)
+        if self.marker >= self.side:
+            raise ArgumentError(f"must be less than the side {self.side:g} m; found {self.marker:g} m", "marker")
+
+    @property
+    def points(self) -> np.ndarray:
+        """((columns - 1) (rows - 1), 3) [m] marks."""
+        y, x = np.mgrid[1 : self.rows, 1 : self.columns]
+        return self.side * np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1)
+
+    @property
+    def marks(self) -> tuple[str, ...]:
+        """Names of the marks."""
+        return tuple(str(k) for k in range((self.columns - 1) * (self.rows - 1)))
+
+    @property
+    def layers(self) -> list[Layer]:
+        """The board with its coded marks, to be rendered. Needs OpenCV."""
+        from .opencv import charuco_board
+
+        board = charuco_board(self)
+        cells = [self.side * _cell(i, j)
+                 for j in range(self.rows) for i in range(self.columns) if (i + j) % 2 == 0]  # fmt: skip
+        words, size = board.getDictionary(), board.getDictionary().markerSize + 2
+        bits = list[np.ndarray]()
+        for place, number in zip(board.getObjPoints(), np.ravel(board.getIds()), strict=True):
+            image = words.generateImageMarker(int(number), size, borderBits=1)
+            corner, bit = np.asarray(place, float)[0], self.marker / size
+            for row, column in np.argwhere(image < 128):
+                bits.append(np.array([*corner[:2], 0.0]) + bit * _cell(column, row))
+        plate = _plate(np.concatenate(cells), MARGIN * self.side)
+        return [Layer([plate], LIGHT), Layer(cells, DARK), Layer(bits, DARK)]
+
+
+Target = FiveSquares | Chessboard | Charuco
+
+
+def _cell(column: int, row: int) -> np.ndarray:
+    """Corners (4, 3) of a cell of side 1."""
+    return np.column_stack([OUTLINE + np.array([column + 0.5, row + 0.5]), np.zeros(4)])
+
+
+def _plate(points: np.ndarray, margin: float) -> np.ndarray:
+    low, high = points[:, :2].min(axis=0) - margin, points[:, :2].max(axis=0) + margin
+    return np.array([[low[0], low[1], 0], [high[0], low[1], 0], [high[0], high[1], 0], [low[0], high[1], 0]])
+
+
+def _not_symmetric(c: np.ndarray) -> None:
+    """Raises ArgumentError where a quarter or half turn maps the squares on themselves."""
+    d = c - c.mean(axis=0)
+    for turns in (1, 2, 3):
+        k = np.linalg.matrix_power(np.array([[0.0, -1.0], [1.0, 0.0]]), turns)
+        gap = np.linalg.norm(d[:, None] @ k.T - d[None], axis=2).min(axis=1).max()
+        if gap < 0.5:
+            raise ArgumentError(
+                f"the squares look the same when they are turned by {90 * turns} degrees; move one by more than half "
+                "a side",
+                "centres",
+            )

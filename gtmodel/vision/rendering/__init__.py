@@ -1,0 +1,16 @@
+"""Synthetic pictures of flat targets: exact area coverage of every pixel, distortion, blur and noise with a seed.
+
+coverage          how much of each pixel polygons cover
+Exposure          blur, noise, brightness, seed
+rendered          a picture of targets at poses, through any projection
+"""
+
+from typing import TYPE_CHECKING
+
+from ..._lazy import public
+
+if TYPE_CHECKING:
+    from .coverage import coverage as coverage
+    from .picture import Exposure as Exposure, Layer as Layer, rendered as rendered
+
+public(__name__)

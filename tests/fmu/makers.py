@@ -1,0 +1,78 @@
+"""Functions that become units in the tests, one of every sort."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import gtmodel as gt
+from gtmodel.robots.inverse_model import InverseModel
+
+STOP = 0.2
+
+
+class Integral(gt.SampledBlock):
+    kp = gt.parameter(4.0, unit="1/s")
+    ki = gt.parameter(2.0, unit="1/s2")
+    error = gt.input(unit="m")
+    integral = gt.discrete(0.0, unit="m.s")
+    speed = gt.output(unit="m/s")
+
+    def step(self, inputs, state):
+        integral = state.integral + self.period * inputs.error
+        return {"speed": self.kp * inputs.error + self.ki * integral, "integral": integral}
+
+
+class Loop(gt.Model):
+    x = gt.variable(unit="m", start=0.0, fixed=True)
+    law = gt.part(Integral, period=0.004)
+
+    def equations(self):
+        yield gt.der(self.x) == self.law.speed
+        yield self.law.error == 0.1 - self.x
+
+
+class Pendulum(gt.Model):
+    """Nonlinear, smooth, without friction."""
+
+    inertia = gt.parameter(1.0, unit="kg.m2", positive=True)
+    weight = gt.parameter(9.0, unit="N.m")
+    angle = gt.variable(unit="rad", start=1.0)
+    torque = gt.input(unit="N.m")
+    energy = gt.variable(unit="J")
+
+    def equations(self):
+        yield self.inertia * gt.der(self.angle, 2) == self.torque - self.weight * gt.sin(self.angle)
+        yield self.energy == self.inertia * gt.der(self.angle) ** 2 / 2 - self.weight * gt.cos(self.angle)
+
+
+@cache
+def l1():
+    return gt.robots.gantry_tau("l1_tape", inertia="model_2", velocity_scale=0.1)
+
+
+@cache
+def functions():
+    d1, f1 = gt.robots.make("d1_six_link"), gt.robots.f1_gantry_tau()
+    block = InverseModel(robot=l1())
+    return {
+        "fk": l1().causal(known="q", targets="T"),
+        "ik": l1().causal(known="T", targets="q"),
+        "inverse": l1().causal(known="T", targets="tau"),
+        "forward": l1().causal(known="tau", targets=["q", "der(T,2)"], prefer="T"),
+        "filtered": block.causal(known="reference", targets=["tau", "robot.q", "robot.T"]),
+        "pendulum": Pendulum().causal(known="torque", targets=["der(angle,2)", "energy"], prefer="angle"),
+        "d1_fk": d1.causal(known="q", targets=["T", "e"]),
+        "f1_fk": f1.causal(known="q", targets=["T", "e"]),
+        "f1_ik": f1.causal(known=["T", "e"], targets="q"),
+        "block": gt.cgen.BlockFunction(Loop(), "law"),
+    }
+
+
+def unit(name: str, version: int, **options):
+    return gt.fmu.export(functions()[name], None, version=version, name=f"u_{name}", stop=STOP, **options)
+
+
+PLAIN = ("fk", "ik", "inverse", "forward", "filtered", "pendulum", "d1_fk", "f1_fk", "f1_ik", "block")
+MAKERS = {name: (lambda version, name=name: unit(name, version)) for name in PLAIN}
+MAKERS["tunable"] = lambda version: unit("pendulum", version, tunable=["torque"])
+MAKERS["held"] = lambda version: unit("ik", version, on_fault="hold")

@@ -1,0 +1,204 @@
+"""Where there is no answer: a status, a sentence, the last good values; never a wrong number."""
+
+from __future__ import annotations
+
+import ctypes
+
+import numpy as np
+import pytest
+
+from gtmodel.results.status import Status
+from tests.fmu.raw import DISCARD, ERROR, OK, Raw
+
+FEW, MANY = 4_000, 100_000
+PUSH = 4000.0  # N on one cart: out of the workspace within the second
+
+
+@pytest.mark.parametrize("version", [3, 2])
+def test_out_of_reach_is_discarded_with_the_sentence(made, version):
+    unit, path, _ = made("ik", version)
+    raw = Raw(unit, path, co=False)
+    assert raw.begin() == OK
+    T, q = ([raw.names[f"{name}[{k}]"] for k in (1, 2, 3)] for name in "Tq")
+    home = [unit.table.variables[r].start for r in T]
+    before = raw.get(q)[1].tolist()
+    assert raw.set(T, [9.0, 9.0, 9.0]) == OK
+    status, values = raw.get(q)
+    assert status == DISCARD and set(values.tolist()) == {-77.0}
+    assert (DISCARD, "logStatusDiscard") == raw.said[-1][:2]
+    assert Status.OUT_OF_RANGE.message in raw.said[-1][2]
+    assert raw.set(T, [np.nan, 0.0, 0.0]) == ERROR and raw.said[-1][1] == "logStatusError"
+    assert raw.set(T, home) == OK
+    assert raw.get(q)[1].tolist() == before
+
+
+def pushed(unit, raw):
+    force = {v.name: v.start for v in unit.table.of("input")}
+    force["tau[1]"] += PUSH
+    assert raw.begin(force) == OK
+
+
+@pytest.mark.parametrize("version", [3, 2])
+def test_leaving_the_workspace_inside_a_step(made, version):
+    """lastSuccessfulTime is the end of the last inner step that has an answer, which a run in such steps shows."""
+    unit, path, _ = made("forward", version)
+    fine, coarse = Raw(unit, path), Raw(unit, path)
+    pushed(unit, fine)
+    pushed(unit, coarse)
+    states, h, long = list(unit.table.states), 1e-3, 16
+    last = None
+    for k in range(2000):
+        status, reached = fine.step(k * h, h)
+        if status != OK:
+            assert status == DISCARD and reached == pytest.approx(k * h, abs=1e-12)
+            last = k
+            break
+    assert last is not None and last % long != 0
+    wanted = fine.get(states)[1]
+    for k in range(last // long):
+        assert coarse.step(k * long * h, long * h)[0] == OK
+    before = coarse.get(states)[1]
+    status, reached = coarse.step((last // long) * long * h, long * h)
+    assert status == DISCARD
+    assert reached == pytest.approx(last * h, abs=1e-12)
+    assert any(text.startswith("DoStep") for _, _, text in coarse.said)
+    after = coarse.get(states)[1]
+    if version == 2:  # at the last good part
+        assert after == pytest.approx(wanted, rel=0, abs=1e-12)
+        assert coarse.step(reached, h)[0] == DISCARD
+    else:  # as before the call, as the standard has it; up to there it goes well
+        assert after.tolist() == before.tolist()
+        start = (last // long) * long * h
+        assert coarse.step(start, reached - start)[0] == OK
+        assert coarse.get(states)[1] == pytest.approx(wanted, rel=0, abs=1e-12)
+
+
+def test_a_solver_that_leaves_the_workspace_stops_and_says_so(made):
+    fmpy = pytest.importorskip("fmpy")
+    unit, _, path = made("forward", 3)
+    force = {v.name: v.start for v in unit.table.of("input")}
+    force["tau[1]"] += PUSH
+    with pytest.raises(Exception, match=r"(?i)discard|status|CV_"):
+        fmpy.simulate_fmu(str(path), stop_time=2.0, fmi_type="ModelExchange", start_values=force)
+
+
+ODD = [np.nan, np.inf, -np.inf, 1e308, -1e308, 1e-310, 0.0, 9.0, -9.0, 1e17]
+
+
+@pytest.mark.parametrize("calls", [FEW, pytest.param(MANY, marks=pytest.mark.proof)])
+@pytest.mark.parametrize(
+    "name, version", [("ik", 3), ("ik", 2), ("forward", 3), ("forward", 2), ("f1_ik", 3), ("block", 3)]
+)
+def test_hostile_calls(made, name, version, calls):
+    """Random calls with random arguments in random modes. What is OK is what Python answers; the rest writes none."""
+    unit, path, _ = made(name, version)
+    t, rng = unit.table, np.random.default_rng(8)
+    inputs = [v.reference for v in t.of("input")]
+    outputs = [v.reference for v in t.of("output", "derivative") if not v.integer]
+    raws = [Raw(unit, path, co=bool(k)) for k in (0, 1)]
+    counts = {OK: 0, DISCARD: 0, ERROR: 0}
+    answered = 0
+    for _ in range(calls):
+        raw = raws[rng.integers(2)]
+        kind = rng.integers(12)
+        if kind == 0 and rng.random() < 0.1:
+            status = raw.do("Reset")
+        elif kind <= 1:
+            status = raw.begin()
+        elif kind <= 4:
+            r = rng.choice(inputs if rng.random() < 0.9 else len(t.variables) + 5, size=rng.integers(1, 4))
+            v = np.array([t.variables[k].start or 0.0 if k < len(t.variables) else 0.0 for k in r], float)
+            v += rng.choice([0.0, 1e-3, 0.1]) * rng.normal(size=len(v))
+            if rng.random() < 0.2:
+                v[0] = rng.choice(ODD)
+            settable = all(k in inputs for k in r)
+            before = raw.get(r)[1] if settable else None
+            status = raw.set(r, v)
+            if settable and status != OK:
+                assert raw.get(r)[1].tolist() == before.tolist()
+            if not np.all(np.isfinite(v)):
+                assert status == ERROR
+        elif kind <= 7:
+            status, values = raw.get(outputs)
+            if status == OK:
+                assert np.all(np.isfinite(values))
+                answered += right(unit, raw, outputs, values) if raw.table.period == 0 else 1
+            else:
+                assert set(values.tolist()) == {-77.0}
+        elif kind == 8:
+            now = raw.get([0])[1][0]
+            h = rng.choice([1e-3, 4e-3, 0.0, -1.0, np.nan, np.inf, 1e9])
+            status, _ = raw.step(now if rng.random() < 0.8 else rng.choice(ODD), h)
+            if not 0 < h < 1e6:
+                assert status == ERROR
+        elif kind == 9:
+            x = raw.states()[1]
+            x = x + rng.choice([0.0, 1e-3, 1.0]) * rng.normal(size=len(x))
+            if len(x) and rng.random() < 0.2:
+                x[0] = rng.choice(ODD)
+            status = raw.set_states(x if rng.random() < 0.9 else [*x, 1.0])
+        elif kind == 10:
+            status, dx = raw.derivatives()
+            if status != OK:
+                assert set(dx.tolist()) <= {-77.0}
+        else:
+            status, _ = raw.directional(rng.choice(outputs, 2), rng.choice(inputs, 1), [rng.choice([1.0, np.nan])])
+        counts[status] += 1
+    assert answered > calls / (200 if "e[1]" in raw.names else 50)  # a quaternion is seldom of unit length
+    assert counts[ERROR] > calls / 50
+    for raw in raws:
+        raw.free()
+
+
+def right(unit, raw, outputs, values) -> int:
+    """1 where what the unit says is the answer of Python at what it holds; fails otherwise."""
+    from gtmodel.fmu.table import fmi_name
+
+    f = unit.function
+    own = [fmi_name(f.flat.symbol_name(*p)) for s in f.inputs for p in s.pairs]
+    given = dict(zip(own, raw.get([raw.names[n] for n in own])[1], strict=True))
+    arguments = [
+        np.array([given[fmi_name(f.flat.symbol_name(*p))] for p in s.pairs]).reshape(s.shape) for s in f.inputs
+    ]
+    *wanted, status = f(*arguments)
+    assert status is Status.OK or f.kernels  # from the last solution C may go where Python, from home, does not
+    if status is not Status.OK:
+        return 1
+    names = [fmi_name(f.flat.symbol_name(*p)) for s in f.outputs for p in s.pairs]
+    numbers = dict(zip(names, np.concatenate([np.ravel(w) for w in wanted]), strict=True))
+    said = dict(zip([unit.table.variables[r].name for r in outputs], values, strict=True))
+    for n, number in numbers.items():
+        if n in said:
+            assert said[n] == (number if not f.kernels else pytest.approx(number, abs=1e-9))
+    return 1
+
+
+@pytest.mark.parametrize("version", [3, 2])
+def test_null_pointers_and_other_tokens(made, version):
+    unit, path, _ = made("fk", version)
+    assert Raw(unit, path, token="{other}").i is None
+    raw = Raw(unit, path)
+    assert raw.begin() == OK
+    null, one = ctypes.c_void_p(), ctypes.c_size_t(1)
+    more = [one] if version == 3 else []
+    for name in ("SetFloat64", "GetFloat64") if version == 3 else ("SetReal", "GetReal"):
+        assert raw.do(name, null, one, null, *more) == ERROR
+        assert raw.f(name)(null, null, one, null, *more) == ERROR
+    assert raw.f("Terminate")(null) == ERROR
+    raw.free()
+    raw.f("FreeInstance", None)(null)
+
+
+@pytest.mark.parametrize("version", [3, 2])
+def test_calls_in_the_wrong_mode_are_refused(made, version):
+    unit, path, _ = made("forward", version)
+    raw = Raw(unit, path, co=True)
+    assert raw.step(0.0, 1e-3)[0] == ERROR
+    assert raw.get(unit.table.computed)[0] == ERROR
+    assert raw.begin() == OK
+    assert raw.begin() == ERROR
+    assert raw.set(list(unit.table.states), [0.0] * 6) == ERROR
+    assert raw.set_time(1.0) == ERROR
+    assert raw.do("Terminate") == OK
+    assert raw.step(0.0, 1e-3)[0] == ERROR
+    assert raw.get(unit.table.computed)[0] == OK
