@@ -301,15 +301,14 @@ assert 0.6 < np.sqrt(middle / len(times)) / NOISE < 1.4
 # %% [markdown]
 # ## 5 The text itself
 #
-# A `.mop` file need not be written again: `gt.modelica.load` gives the class, and `gtmodel solve van_der_pol.mop:Quiet` solves it at the
-# command line. Here is the oscillator of the shipped file as a component, with names of results as in the text.
+# A `.mop` file need not be written again: `gt.modelica.load` gives the class, and at the command line
+# `gtmodel solve van_der_pol.mop:Quiet` solves it. Here is the oscillator of the shipped file as a component, with names
+# of results as in the text.
 
 # %%
-from pathlib import Path
+from gtmodel._files import problems_dir
 
-shipped = Path("../problems/models/van_der_pol.mop")
-if not shipped.exists():
-    shipped = Path("problems/models/van_der_pol.mop")
+shipped = problems_dir() / "models" / "van_der_pol.mop"
 for name, item in gt.modelica.listing(shipped).items():
     print(f"{name:28} line {item['line']:>3}  {item['description']}")
 
@@ -319,7 +318,8 @@ print(f"cost {read.objective:.9f}, sys.x1 at the end {read.trajectory['sys.x1'][
 assert read.objective == quiet.objective  # bit for bit
 
 # %% [markdown]
-# Who leaves the text behind prints the class in Python (`gtmodel explain van_der_pol.mop:Fast --python`); it is the same problem.
+# Who leaves the text behind prints the class in Python (`gtmodel explain van_der_pol.mop:Fast --python`); it is the
+# same problem.
 
 # %%
 print(gt.modelica.python_of(f"{shipped}:Fast"))
@@ -359,7 +359,8 @@ assert "y" in said and "Forgotten" in said
 # %% [markdown]
 # ## Answer
 #
-# Files run as they are; in Python it is class by class, line by line: `optimization` is a class that inherits from the model and `gt.Optimization`, attributes
+# Files run as they are. In Python it is class by class, line by line: `optimization` is a class that inherits from the
+# model and `gt.Optimization`, attributes
 # keep their names, `finalTime(free=true)` is `gt.free`, `x(t)` is `x.at(t)`, and a sum of squares is `gt.misfit`. It is
 # the same problem: on the same mesh the optima agree with the known digits, the constant lies where another integrator
 # finds it. New are the checks after the solve, the covariance, and sentences with line numbers.
