@@ -16,6 +16,7 @@ Measurements
 Packages
     detection      marks of boards and of a tool's squares in pictures, as a table of corners; needs OpenCV
     rendering      synthetic pictures with exact area coverage
+    robot_cameras  a robot and cameras calibrated together; where two cameras should stand
 """
 
 from typing import TYPE_CHECKING
@@ -23,7 +24,7 @@ from typing import TYPE_CHECKING
 from .._lazy import public
 
 if TYPE_CHECKING:
-    from . import detection as detection, rendering as rendering
+    from . import detection as detection, rendering as rendering, robot_cameras as robot_cameras
     from .board import Board as Board
     from .bundle_files import (
         BundleFile as BundleFile,

@@ -24,7 +24,7 @@ SOLVED = [path for path in PROBLEMS if tomllib.loads(path.read_text(encoding="ut
 """Those that give values; of the others tests/cgen compares the folders."""
 NO_ROBOT = (
     "delay", "resampling", "sensor_fusion", "vibration", "dynamic_stiffness", "axis_trajectory", "trajectory_table",
-    "codegen", "learning_control", "delayed_feedback",
+    "codegen", "learning_control", "delayed_feedback", "lead_through", "wrench_calibration",
 )  # fmt: skip
 """Kinds of records, of linear plants, of one machine axis after another, and of several robots."""
 

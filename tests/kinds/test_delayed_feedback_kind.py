@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -34,6 +36,18 @@ def test_pose_19_answers_what_the_thesis_printed(pose_19) -> None:
     assert all(abs(a / b - 1) < 0.02 for a, b in zip(depths, pose_19.chatter_depth_finer.values(), strict=True))
     assert pose_19.tooth_in_cycles == "39/10" and abs(pose_19.spindle_speed_error) < 0.01
     assert set(pose_19.figures) == {"limits", "box", "runs", "directions", "chatter"}
+
+
+def test_the_numbers_of_the_documentation(pose_19) -> None:
+    """docs/kinds/delayed_feedback.md and docs/theses.toml, row "off-axis", as they are printed there."""
+    ((low, high),) = pose_19.meeting_limits
+    below, above = pose_19.meeting_predictions["30"]
+    rigid = D.gain_limit(D.DelayedLoop(D.rigid_plant(0.004), 0.004, 0.052)).gain
+    page = Path("docs/kinds/delayed_feedback.md").read_text(encoding="utf-8").replace("\n", " ")
+    rows = Path("docs/theses.toml").read_text(encoding="utf-8")
+    assert f"limits along y of {low:.4f} to {high:.4f} put both" in page
+    assert f"limits along y of {low:.4f} to {high:.4f} meet both" in rows
+    assert f"it predicts {below:.4f} to {above:.4f}" in page and f"{rigid:.3f} at most" in page
 
 
 def test_the_map_is_of_synthetic_commands_and_says_so() -> None:
@@ -83,6 +97,12 @@ def test_it_explains_itself() -> None:
         (POSE_19, ["robot=l1_tape"], "robot"),
         (POSE_19, ["cut.axis=z"], "cut.axis"),
         (POSE_19, ["cut.steps=2"], "cut.steps"),
+        (POSE_19, ["cut.speed_rpm=60000", "box.draws=20"], "cut.steps"),
+        (POSE_19, ["cut.feed_direction=[0.0, 0.0, 1.0]"], "cut.feed_direction"),
+        (POSE_19, ["cut.shares=[]"], "cut.shares"),
+        (POSE_19, ["cut.engagement.radial_depth_m=-1.0"], "cut.engagement.radial_depth_m"),
+        (POSE_19, ["timing.delay_ms=9000"], "timing.delay_ms"),
+        (POSE_19, ["box.delay_ms=9000"], "box.delay_ms"),
         (POSE_19, ["path.noise_um=-1.0"], "path.noise_um"),
         (POSE_19, ["box.delay_ms=-1.0"], "box.delay_ms"),
         (POSE_19, ["off_axis=[{ angle_deg = 30.0, stable = 0.1 }]"], "off_axis[0].stable"),

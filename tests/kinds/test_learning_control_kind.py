@@ -82,6 +82,9 @@ def test_five_iterations_by_the_command_line_alone(loop: Path) -> None:
         (["log.repeats=[\"repeat_1.csv\"]"], "log.repeats"),
         (['learning.case="3"'], "log"),
         (["robot.sample_time_ms=5.0"], "log"),
+        (["log.ramp_samples=500"], "log.ramp_samples"),
+        (['log.repeats=["repeat_1.csv", "repeat_2.csv", "repeat_1.csv"]'], "log.repeats[2]"),
+        (["plant.b=[0.2]", "plant.a=[0.8]"], "plant"),
         (["robot.frequency_Hz=[7.0, 8.0]", "robot.damping=[0.2, 0.1]"], "log"),
         (["noise.seed=2"], "noise"),
         (["learning.largest_mm=1.0"], "learning.law"),
@@ -119,3 +122,63 @@ def test_the_l1_with_an_elastic_tool_learns_by_a_factor_of_ten() -> None:
     with pytest.raises(InputError) as error:
         answer(load("problems/learning_l1.toml", ["simulated.robot=l9"]), Context())
     assert error.value.key is not None and error.value.key.startswith("simulated")
+
+
+def test_a_robot_identified_from_a_log_is_near_the_one_that_made_it() -> None:
+    problem = load("problems/learning_identified.toml", ['learning.case="3"', "learning.iterations=6"])
+    study = answer(problem, Context(folder=Path("problems")))
+    assert study.status is SolveStatus.SOLVED, study.message
+    values = study.values
+    assert np.all(np.array(values["tool_share"]) < 0.05)
+    assert values["reached_um"] == pytest.approx(values["floor_um"], rel=0.2)
+    text = explain(problem, Context(folder=Path("problems")))
+    assert "7.4 Hz (damping 0.2)" in text and "11.5 Hz (damping 0.05)" in text
+
+
+MODEL = """
+import gtmodel as gt
+from gtmodel import der
+
+class Axis(gt.Model):
+    lag = gt.parameter(0.02, unit="s")
+    w = gt.parameter(72.25663103256524, unit="1/s")
+    z = gt.parameter(0.05)
+    wanted = gt.input(unit="m")
+    motor = gt.variable(unit="m")
+    at = gt.variable(unit="m")
+    v = gt.variable(unit="m/s")
+    felt = gt.variable(unit="m/s2")
+
+    def equations(self):
+        yield self.lag * der(self.motor) == self.wanted - self.motor
+        yield der(self.at) == self.v
+        yield self.felt == self.w**2 * (self.motor - self.at) + 2 * self.z * self.w * (der(self.motor) - self.v)
+        yield der(self.v) == self.felt
+"""
+
+
+def test_a_robot_from_a_model_is_that_of_its_parameters(tmp_path: Path) -> None:
+    (tmp_path / "axis.py").write_text(MODEL)
+    (tmp_path / "axis.toml").write_text(
+        'kind = "learning_control"\n[plant]\nmodel = "axis.py:Axis"\nreference = ["wanted"]\nmotor = ["motor"]\n'
+        'tool = ["at"]\nacceleration = ["felt"]\ndelay_samples = 5\n[learning]\ncase = "3"\niterations = 3\n'
+    )
+    study = answer(load(tmp_path / "axis.toml", []), Context(folder=tmp_path))
+    robot = learning.LearningRobot(frequency=(11.5,), damping=(0.05,))
+    same = learning.study(robot, design=learning.LearningDesign(case="3", iterations=3))
+    assert study.values["first_error_um"] == pytest.approx(1e6 * np.array(same.first_error), rel=0.05)
+    # the model's zero moves apart in the set, so Q differs a little
+    assert study.values["sigma"] == pytest.approx(same.sigma, abs=0.02)
+    for settings, key in (
+        (['plant.motor=["mover"]'], "plant.model"), (["plant.tool=[]", "plant.motor=[]"], "plant.motor"),
+        (["plant.b=[0.1]", "plant.a=[0.9]"], "plant"), (["robot.lag_ms=3.0"], "plant"),
+    ):  # fmt: skip
+        with pytest.raises(InputError) as error:
+            answer(load(tmp_path / "axis.toml", settings), Context(folder=tmp_path))
+        assert error.value.key is not None and error.value.key.startswith(key), error.value
+
+
+def test_a_robot_of_printed_numbers_has_the_rates_of_7_28() -> None:
+    plant = ["plant.b=[0.03527, 0.03425, 0.02748]", "plant.a=[0.9647, 0.9656, 0.9728]", "plant.delay_samples=5"]
+    study = answer(load("tests/kinds/learning/printed.toml", [*plant, "learning.iterations=1"]), Context())
+    assert study.values["sigma"] == pytest.approx([0.904, 0.907, 0.930], abs=5e-4)

@@ -13,14 +13,13 @@ from gtmodel.simulation.hybrid.clock import exact
 from ..._lazy import hint
 from ...results import ArgumentError
 from ..sampled_poles import held_input
+from .options import MOST_CYCLES
 from .plants import CorrectedPlant
 
 if TYPE_CHECKING:
     from control import StateSpace
 else:
     StateSpace = hint("control", "StateSpace")
-
-MOST_CYCLES = 2000  # of delay: the companion matrix has a state for each
 
 
 @dataclass(frozen=True, eq=False)

@@ -175,9 +175,8 @@ def feedback_map(
     notes = [f"plants are synthetic: {field.synthetic}"] if field.synthetic else []
     beyond = np.any((table < low) | (table > high), axis=1)
     if beyond.any():
-        notes.append(
-            f"{int(beyond.sum())} poses of the table lie outside of the measured joints: predictions are wide there"
-        )
+        rows = ", ".join(str(1 + i) for i in np.flatnonzero(beyond).tolist())
+        notes.append(f"rows {rows} of the table lie outside of the measured joints: predictions are wide there")
     quantile = {d: np.quantile(x, options.quantile, axis=1).tolist() for d, x in drawn.items() if len(x)}
     true = _true(field, truth, table, timing) if truth is not None else {}
     recommended = {d: recommended_over(x, gain_steps[d], options.quantile).tolist() for d, x in drawn.items() if len(x)}

@@ -17,6 +17,10 @@ else:
     CorrectedPlant = hint("gtmodel.control.delayed", "CorrectedPlant")
 
 
+MOST_CYCLES = 2000  # of delay: the companion matrix has a state for each
+ACROSS = 1e-6  # of a feed direction's length: what lies across the tool axis at least
+
+
 @dataclass(frozen=True)
 class FeedbackTiming(Options):
     """When an external sensor measures and its correction acts.
@@ -33,6 +37,11 @@ class FeedbackTiming(Options):
     accumulate: Annotated[
         bool, "corrections add up: the arm itself moves by each and stays there; else only their vibration is left"
     ] = False
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.delay > MOST_CYCLES * self.cycle:
+            raise ArgumentError(f"is {self.delay / self.cycle:.4g} cycles; at most {MOST_CYCLES} are taken", "delay")
 
 
 @dataclass(frozen=True)
@@ -161,6 +170,17 @@ class FeedbackCut(Options):
     )  # fmt: skip
     deepest: Annotated[float, Unit("m", written="mm"), Within(above=0.0), "depth up to which chatter is sought"] = 5e-3
     steps: Annotated[int, Within(least=4, most=200), "of a cycle in the map"] = 20
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        feed = np.asarray(self.feed_direction, float)
+        if feed.shape != (3,) or not np.hypot(feed[0], feed[1]) > ACROSS * np.linalg.norm(feed):
+            raise ArgumentError(
+                f"{feed.tolist()} does not lie across the tool axis, z; expected three numbers, not x and y both 0",
+                "feed_direction",
+            )
+        if not len(self.shares):
+            raise ArgumentError("is empty; expected one gain or more, as shares of the limit", "shares")
 
 
 @dataclass(frozen=True)

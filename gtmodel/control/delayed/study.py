@@ -19,7 +19,7 @@ from .limit import GainLimit, gain_limit
 from .loop import DelayedLoop
 from .margins import loop_margins
 from .off_axis import limits_that_meet, off_axis_limits, plant_of_limit
-from .options import FeedbackAxis, FeedbackBox, FeedbackCut, FeedbackTiming, OffAxisRun, SinePath
+from .options import MOST_CYCLES, FeedbackAxis, FeedbackBox, FeedbackCut, FeedbackTiming, OffAxisRun, SinePath
 from .plants import CorrectedPlant, equivalent_plant
 from .result import DelayedFeedbackStudy
 from .run import DelayedRun, run_along
@@ -118,7 +118,10 @@ def delayed_feedback(
     turned = _off_axis(plants, made, timing, off_axis, notes) if off_axis else {}
     if cut is not None and tool is not None:
         work.step("chatter")
-        turned |= _chatter(tool, limits[cut[0].axis].gain, *cut)
+        try:
+            turned |= _chatter(tool, limits[cut[0].axis].gain, *cut)
+        except ArgumentError as fault:
+            raise ArgumentError(fault.message, f"cut.{fault.argument}") from fault
     if worst:
         notes += [_worst_words(n, w, recommended[n]) for n, w in worst.items()]
     return DelayedFeedbackStudy(
@@ -183,6 +186,8 @@ def _aliased(name: str, axis: FeedbackAxis, timing: FeedbackTiming) -> str:
 
 def _worst(given: Given, made: CorrectedPlant, timing: FeedbackTiming, box: FeedbackBox) -> WorstCase:
     sides = {"delay": (max(0.0, timing.delay - box.delay), timing.delay + box.delay)}
+    if sides["delay"][1] > MOST_CYCLES * timing.cycle:
+        raise ArgumentError(f"leads to more than the {MOST_CYCLES} cycles of delay that are taken", "box.delay")
     if not isinstance(given, FeedbackAxis):
         return worst_case(lambda p: DelayedLoop(made, timing.cycle, p["delay"]), sides, draws=box.draws, seed=box.seed)
     m, w, zeta = given.equivalent_mass(timing), 2 * np.pi * given.frequency, given.damping_ratio

@@ -24,21 +24,39 @@ from ..._lazy import public
 
 if TYPE_CHECKING:
     from .calibration import WrenchCalibration as WrenchCalibration, calibrate_wrench as calibrate_wrench
-    from .guided import (
-        GuidedRun as GuidedRun,
-        ServoChain as ServoChain,
-        SyntheticSurface as SyntheticSurface,
-        force_loop as force_loop,
-        guide as guide,
-    )
+    from .gains import SurfaceGains as SurfaceGains
+    from .guided import GuidedRun as GuidedRun, guide as guide
     from .guiding import LeadThroughLaw as LeadThroughLaw, LeadThroughState as LeadThroughState
-    from .law import SurfaceGains as SurfaceGains, SurfaceLaw as SurfaceLaw, SurfaceState as SurfaceState
+    from .hand import GuidePhase as GuidePhase, Hand as Hand
+    from .hand_range import (
+        HandStability as HandStability,
+        hand_matrix as hand_matrix,
+        hand_stability as hand_stability,
+    )
+    from .law import SurfaceLaw as SurfaceLaw, SurfaceState as SurfaceState
     from .lever import LeverArm as LeverArm, lever_arm as lever_arm
+    from .limits import cone_deviations as cone_deviations, simulated_limit as simulated_limit
+    from .options import (
+        ConeComparison as ConeComparison,
+        GuideSetup as GuideSetup,
+        HandRange as HandRange,
+        ServoChain as ServoChain,
+        StiffnessRange as StiffnessRange,
+        SyntheticReadings as SyntheticReadings,
+    )
+    from .passivity import PassivityBook as PassivityBook, passivity_book as passivity_book
+    from .result import LeadThroughStudy as LeadThroughStudy, WrenchStudy as WrenchStudy
+    from .scenes import Contact as Contact, SyntheticHole as SyntheticHole, SyntheticSurface as SyntheticSurface
     from .sensor import MountedSensor as MountedSensor
+    from .servo import force_loop as force_loop
     from .sign import SignTest as SignTest, sign_test as sign_test
     from .status import WrenchStatus as WrenchStatus
+    from .study import study as study
+    from .synthetic_sensor import SyntheticSensor as SyntheticSensor
+    from .tool_run import ToolRun as ToolRun, guide_tool as guide_tool
     from .turning import TurningGains as TurningGains, TurningLaw as TurningLaw, TurningState as TurningState
     from .watch import OscillationWatch as OscillationWatch
     from .wrench import moment_about as moment_about
+    from .wrench_study import wrench_study as wrench_study
 
 public(__name__)

@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike
 from ...inference import linear_fit
 from ...results import ArgumentError, Estimate, naming
 from .status import WrenchStatus
+from .synthetic_sensor import GRAVITY
 from .wrench import axes, rows_of, sigma_of, turns_of, vector_of
 
-GRAVITY = (0.0, 0.0, -9.81)  # [m/s2], in the world frame, z up
 LEVEL = 0.95  # of the interval of the mass that has to exclude zero
 
 

@@ -6,11 +6,11 @@ import math
 from dataclasses import dataclass, field, replace
 
 from ...results import ArgumentError
-from .calibration import GRAVITY
 from .law import SurfaceLaw, SurfaceState
 from .sensor import MountedSensor, Wrench
 from .sign import SignTest
 from .status import WrenchStatus
+from .synthetic_sensor import GRAVITY
 from .turning import TurningLaw, TurningState
 from .vectors import IDENTITY, Turn, Vector, dot, is_direction, is_turn, length, whole
 

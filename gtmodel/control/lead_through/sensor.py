@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ...results import ArgumentError
-from .calibration import GRAVITY, WrenchCalibration
+from .calibration import WrenchCalibration
 from .lever import LeverArm
+from .synthetic_sensor import GRAVITY
 from .vectors import IDENTITY, ZERO, Turn, Vector, back, cross, forth, is_turn, plus, whole
 from .wrench import ORTHONORMAL, vector_of
 

@@ -18,10 +18,15 @@ class TurningGains(Options):
     """
 
     by_handle: Annotated[bool, "the handle's torque turns the tool, free of contact"] = False
-    inertia: Annotated[float, Unit("kg m2"), Within(above=0.0), "felt at the handle"] = 0.05
-    damping: Annotated[float, Unit("N m s/rad"), Within(above=0.0), "steady rate is torque / damping"] = 1.0
+    inertia: Annotated[float, Unit("kg.m2", key="inertia_kgm2"), Within(above=0.0), "felt at the handle"] = 0.05
+    damping: Annotated[
+        float, Unit("N.m.s/rad", key="damping_Nms_rad"), Within(above=0.0), "steady rate is torque / damping"
+    ] = 1.0
     torque_gain: Annotated[
-        float, Unit("rad/s/(N m)"), Within(least=0.0), "K of (8.4) for torques: turns the tool to none, in contact"
+        float,
+        Unit("rad/s/(N.m)", key="torque_gain_rad_s_Nm"),
+        Within(least=0.0),
+        "K of (8.4) for torques: turns the tool to none, in contact",
     ] = 0.0
     about_axis: Annotated[
         Literal["free", "lock", "hold", "guide"],
@@ -32,7 +37,7 @@ class TurningGains(Options):
     rate_limit: Annotated[float, Unit("rad/s"), Within(above=0.0), "of what the handle commands"] = 1.0
     torque_rate_limit: Annotated[float, Unit("rad/s"), Within(above=0.0), "of the torque control"] = 0.2
     acceleration_limit: Annotated[float, Unit("rad/s2"), Within(above=0.0), "of the command"] = 20.0
-    torque_range: Annotated[float, Unit("N m"), Within(above=0.0), "a component that reaches it is saturated"] = 10.0
+    torque_range: Annotated[float, Unit("N.m"), Within(above=0.0), "a component that reaches it is saturated"] = 10.0
 
 
 @dataclass(frozen=True)

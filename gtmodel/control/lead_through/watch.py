@@ -34,7 +34,7 @@ class OscillationWatch(Options):
     recovery: Annotated[float, Unit("s"), Within(above=0.0), "time constant at which it recovers, free of contact"] = (
         5.0
     )
-    least_share: Annotated[float, Unit("1"), Within(above=0.0, most=1.0), "of the gain that stays"] = 0.02
+    least_share: Annotated[float, Within(above=0.0, most=1.0), "of the gain that stays"] = 0.02
 
     def step(self, seen: Watched, force: float, contact: bool, cycle: float) -> Watched:
         """Slow part of the force [N], energy [N2] and share of the gain, a cycle [s] on."""

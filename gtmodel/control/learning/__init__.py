@@ -11,11 +11,12 @@ largest_gain, spectral_radius, frequency_bound    how fast it converges: (7.16),
 rate, floor, learn    the rate in words, what learning will leave, and runs; above_cutoff: a share that is not learned
 delayed_lag, ACTUATORS, pulse_response, frequency_response    plants, (6.11) among them
 AxisPlant        motor, tool and acceleration of an axis; flexible_axis: a synthetic one; tool_model: its tool
-ModelledRobot    a robot by plants of its axes; lag_robot: of printed numbers; identified_axis, identified_tool, begin
-                 (of a pulse response): from a log
+ModelledRobot    a robot by plants of its axes; lag_robot: of printed numbers; linear_axis: from a model;
+                 identified_axis, identified_tool, begin (of a pulse response): from a log
 SquarePath       the reference of the experiments
 kinematic, measured, complementary_estimate, kalman_estimate    where the tool is: cases 1, 3, 2A, 2B
 ExtendedKalman, most_likely_filter    the filter of (7.21), and its noise by the likelihood of its innovations
+mismatch         how much it errs against how far its model is off -> MismatchStudy
 robust_filter, rests_of, best_shift    Q for a set of models, and the shift
 norm_optimal_law, model_inverse_law, inverse, bounded_update, bounded_limit    laws of least norm, with bounds
 """
@@ -77,7 +78,8 @@ if TYPE_CHECKING:
         weighted as weighted,
         zero_phase as zero_phase,
     )
-    from .modelled import ModelledRobot as ModelledRobot, lag_robot as lag_robot
+    from .mismatch import MismatchStudy as MismatchStudy, mismatch as mismatch
+    from .modelled import ModelledRobot as ModelledRobot, lag_robot as lag_robot, linear_axis as linear_axis
     from .next_run import next_input as next_input
     from .norm_optimal import (
         bounded_limit as bounded_limit,

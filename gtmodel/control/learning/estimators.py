@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 import scipy
 
-from ...results import ArgumentError, Trajectory
+from ...results import ArgumentError
 from .axis import AxisPlant
 from .kalman import ExtendedKalman
-from .lifted import Array, Lifted, identity, matrix
+from .lifted import Array, Lifted, identity
 from .plants import SAMPLE_TIME
+from .two_sensors import of_acceleration, of_motors
 
-LARGEST = 4000  # samples of a run whose complementary filter is kept as a matrix: 128 MB
+PADDED = 3  # samples of padding for each of a filter's order, and two
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,24 +77,19 @@ def measured(size: int) -> ToolEstimate:
 def complementary_estimate(size: int, cutoff: float, sample_time: float = SAMPLE_TIME, order: int = 2) -> ToolEstimate:
     """(7.17), motors below the cutoff [Hz] and the integrated acceleration above: case 2A, of whole runs only.
 
-    The map of `gtmodel.filtering.complementary`, which is linear. Raises ArgumentError for runs of more than 4000
-    samples, and as that.
+    The map of `gtmodel.filtering.complementary`, by filters. Raises ArgumentError for a cutoff out of range, and for
+    runs no longer than the filter's padding.
 
     >>> gt.control.learning.complementary_estimate(50, cutoff=4.5).maps["motor"].size
     50
     """
-    from ...filtering import complementary
-
-    if size > LARGEST:
-        raise ArgumentError(f"the complementary filter is kept as a matrix, up to {LARGEST} samples", "size")
-    t, zero, one = sample_time * np.arange(size), np.zeros((size, size)), np.eye(size)
-
-    def applied(slow: Array, felt: Array) -> Lifted:
-        z, a = Trajectory(t, {"z": slow}, {"z": "m"}), Trajectory(t, {"a": felt}, {"a": "m/s2"})
-        return matrix(complementary(z, a, cutoff, order=order)["z"])
+    if not 0 < cutoff < 0.5 / sample_time:
+        raise ArgumentError(f"expected a cutoff above 0 and below {0.5 / sample_time:g} Hz; found {cutoff:g}", "cutoff")
+    if size <= PADDED * (order + 2):
+        raise ArgumentError(f"the filter pads more than the {size} samples of the run; take a longer one", "size")
+    sections = scipy.signal.butter(order, cutoff, fs=1 / sample_time, output="sos")
 
     def low(f: np.ndarray) -> np.ndarray:
-        sections = scipy.signal.butter(order, cutoff, fs=1 / sample_time, output="sos")
         return np.abs(scipy.signal.sosfreqz(sections, f, fs=1 / sample_time)[1]) ** 2
 
     def high(f: np.ndarray) -> np.ndarray:
@@ -104,7 +100,8 @@ def complementary_estimate(size: int, cutoff: float, sample_time: float = SAMPLE
             return np.where(c < 1, (1 - low(f)) * twice, 0.0)
 
     return ToolEstimate(
-        {"motor": applied(one, zero), "acceleration": applied(zero, one)}, {"motor": low, "acceleration": high}
+        {"motor": of_motors(sections, size), "acceleration": of_acceleration(sections, size, sample_time)},
+        {"motor": low, "acceleration": high},
     )
 
 

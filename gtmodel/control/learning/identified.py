@@ -135,9 +135,9 @@ def identified_tool(motor: Any, tool: Any, sample_time: float = SAMPLE_TIME, ord
     """
     import control
 
-    from ...vibration import Record, identify_subspace
+    from ...vibration import Record
 
     at, z = np.asarray(motor, float), np.asarray(tool, float)
-    made = identify_subspace(Record((at[:-1] + at[1:]) / 2, z[:-1], sample_time), order=order).system
+    made = _identified(Record((at[:-1] + at[1:]) / 2, z[:-1], sample_time), order, feedthrough=False)
     half = np.asarray(made.B, float) / 2
     return control.StateSpace(made.A, np.hstack([half, half]), made.C, np.zeros((1, 2)), sample_time)

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from gtmodel import lang as gt
+
 from ..._lazy import hint
 from ...results import ArgumentError
-from .axis import AxisPlant
+from .axis import AxisPlant, delayed
 from .identified import identified_tool
 from .options import AXES
-from .plants import delayed_lag, stable
+from .plants import SAMPLE_TIME, delayed_lag, stable
 
 if TYPE_CHECKING:
     from control import StateSpace
@@ -23,7 +25,7 @@ else:
 LIGHT = 0.5  # damping below which a pair of poles is a mode that may differ
 SLOW = 0.4  # of half the sampling rate: above, no Q lets much through, and poles are those of delays and noise
 DEAD = 1e-3  # modulus below which a pole is a delay
-EXCITED, HELD, TOOL_ORDER = 4000, 10, 3  # samples, of one level each, by which a plant's own tool is identified
+EXCITED, HELD = 4000, 10  # samples, and those of one level, by which a plant's own tool is identified
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +91,7 @@ class ModelledRobot:
         levels = np.random.default_rng(0).normal(size=EXCITED // HELD)
         maps = self.plants[axis].maps(EXCITED)
         u = np.repeat(levels, HELD)
-        return identified_tool(maps["motor"](u), maps["tool"](u), self.sample_time, TOOL_ORDER)
+        return identified_tool(maps["motor"](u), maps["tool"](u), self.sample_time)
 
     def plant(self, axis: int, frequency: float = 1.0, damping: float = 1.0) -> AxisPlant:
         """The axis, its modes' frequencies and dampings times these numbers."""
@@ -115,6 +117,46 @@ def lag_robot(b: Sequence[float], a: Sequence[float], delay: int, sample_time: f
         raise ArgumentError(f"expected as many as b, {len(b)}; found {len(a)}", "a")
     return ModelledRobot(
         [AxisPlant({"motor": delayed_lag(*one, delay, sample_time)}, sample_time) for one in zip(b, a, strict=True)]
+    )
+
+
+def linear_axis(
+    model: gt.Model, reference: str, signals: Mapping[str, str], sample_time: float = SAMPLE_TIME, delay: int = 0
+) -> AxisPlant:  # fmt: skip
+    """An axis of a model of the language, linear about where it starts, its reference held between samples.
+
+    Args:
+        reference: name of the input. signals: "motor", and "tool" and "acceleration" where the robot is to learn from
+            them, each with the name of a variable of the model. delay: until a reference acts, in samples.
+
+    Raises ModelError as `gtmodel.linearize`, and ArgumentError for a delay that is negative.
+
+    >>> class Loop(gt.Model):
+    ...     lag = gt.parameter(0.02, unit="s")
+    ...     q = gt.variable(unit="m")
+    ...     wanted = gt.input(unit="m")
+    ...     def equations(self):
+    ...         yield self.lag * gt.der(self.q) == self.wanted - self.q
+    >>> axis = gt.control.learning.linear_axis(Loop(), "wanted", {"motor": "q"}, delay=5)
+    >>> gt.control.learning.pulse_response(axis.signals["motor"], 7).round(3).tolist()
+    [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.181]
+    """
+    import control
+
+    from ...simulation import linearize
+
+    if delay < 0:
+        raise ArgumentError(f"a delay is not negative; found {delay} samples", "delay")
+    linear = control.c2d(linearize(model, reference, list(signals.values())), sample_time)
+    A, B, C, D = (np.asarray(m, float) for m in (linear.A, linear.B, linear.C, linear.D))
+    if C.shape[0] != len(signals) or B.shape[1] != 1:
+        raise ArgumentError("expected one input, and one number for each signal; name components", "signals")
+    return AxisPlant(
+        {
+            name: delayed(control.StateSpace(A, B, C[k : k + 1], D[k : k + 1], sample_time), delay)
+            for k, name in enumerate(signals)
+        },
+        sample_time,
     )
 
 

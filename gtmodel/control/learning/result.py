@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
+import numpy as np
+
 from ...results import Quantity, Row, Study
 
 Numbers = Sequence[float]
@@ -25,6 +27,7 @@ class LearningStudy(Study):
     bound_frequency: Annotated[Numbers, Quantity("Hz", "where that is")] = ()
     first_error: Annotated[Numbers, Quantity("m", "of the estimate, before learning", written="um")] = ()
     floor: Annotated[Numbers, Quantity("m", "predicted before learning", written="um")] = ()
+    factor: Annotated[Numbers, "by which the error is to fall, predicted before learning: first error over floor"] = ()
     not_learned: Annotated[Numbers, "share of the first error that Q does not let through, predicted"] = ()
     scatter: Annotated[Numbers, Quantity("m", "part of the floor that does not repeat, predicted", written="um")] = ()
     reached: Annotated[Numbers, Quantity("m", "error of the estimate over the last runs", written="um")] = ()
@@ -46,7 +49,8 @@ class LearningStudy(Study):
             rows.append(Row(f"{axis}: rate", f"sigma {self.sigma[k]:.3f}; all models {self.bound[k]:.3f} at "
                             f"{self.bound_frequency[k]:.3g} Hz"))  # fmt: skip
             rows.append(Row(f"{axis}: error before learning", f"{1e6 * self.first_error[k]:.4g}", "um"))
-            rows.append(Row(f"{axis}: floor predicted", f"{1e6 * self.floor[k]:.4g}", "um"))
+            falls = f" (falls to 1/{self.factor[k]:.3g})" if self.factor and np.isfinite(self.factor[k]) else ""
+            rows.append(Row(f"{axis}: floor predicted", f"{1e6 * self.floor[k]:.4g}{falls}", "um"))
             if self.reached:
                 rows.append(Row(f"{axis}: reached", f"{1e6 * self.reached[k]:.4g}", "um"))
             if self.tool_share is not None:

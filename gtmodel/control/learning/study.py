@@ -86,16 +86,19 @@ def study(
         e = reference - hats
         inputs.append(u)
         errors.append(_rms(e[corrected]))
-        truth = run.get("true tool", run.get("tool"))
+        truth = _tool(run)
         if truth is not None:
             tools.append(_rms((reference - truth)[corrected]))
         u = np.column_stack([a.next_input(u[:, k], e[:, k]) for k, a in enumerate(axes)])
-    return _answer(runs, design, axes, floors, firsts, inputs, np.array(errors), np.array(tools), run, hats, title)
+    return _answer(
+        runs, design, axes, floors, firsts, inputs, np.array(errors), np.array(tools), repeats[0], run, hats, title
+    )
 
 
 def _answer(
     runs: RepeatedMotion, design: LearningDesign, axes: Sequence[AxisLearning], floors: Sequence[Floor],
-    firsts: Sequence[Array], inputs: Sequence[Array], errors: Array, tools: Array, run: dict[str, Array], hats: Array,
+    firsts: Sequence[Array], inputs: Sequence[Array], errors: Array, tools: Array, before: dict[str, Array],
+    run: dict[str, Array], hats: Array,
     title: str,
 ) -> LearningStudy:  # fmt: skip
     names, done = tuple(runs.names), len(errors)
@@ -121,13 +124,13 @@ def _answer(
     if runs.synthetic and "synthetic" not in shown.lower():
         shown = f"{shown} (synthetic)"
     courses = np.array([f.course for f in floors])
-    tool = run.get("true tool", run.get("tool"))
+    tool = _tool(run)
     figures: dict[str, Any] = {"errors": partial(
         _errors, names, errors.T, courses, [f.total for f in floors], [a.rate.sigma for a in axes],
         tools.T if len(tools) else None, shown,
     ), "filter": partial(filter_picture, names, axes, shown)}  # fmt: skip
-    if tool is not None and len(names) == 2:
-        figures["path"] = partial(_path, runs.reference, tool, runs.corrected, shown)
+    if tool is not None and (first := _tool(before)) is not None and len(names) == 2:
+        figures["path"] = partial(_path, runs.reference, tool, first, runs.corrected, shown)
     return LearningStudy(
         status=SolveStatus.SOLVED if complete else SolveStatus.INTERRUPTED,
         message=sentence(axes, floors, design, names, runs.corrected) if complete else "",
@@ -137,7 +140,8 @@ def _answer(
         machine_files=("learned_input.csv",), case=design.case, axes=names, shift=[a.shift for a in axes],
         sigma=[a.rate.sigma for a in axes], bound=[a.bound.value for a in axes],
         bound_frequency=[a.bound.frequency for a in axes], first_error=[f.before for f in floors],
-        floor=[f.total for f in floors], not_learned=[f.share for f in floors], scatter=[f.scatter for f in floors],
+        floor=[f.total for f in floors], factor=[_over(f.before, f.total) for f in floors],
+        not_learned=[f.share for f in floors], scatter=[f.scatter for f in floors],
         reached=reached.tolist(), error=errors.T.tolist(), predicted=courses.tolist(),
         tool_error=tools.T.tolist() if len(tools) else None,
         tool_share=[
@@ -183,7 +187,11 @@ def filter_picture(names: Sequence[str], axes: Sequence[AxisLearning], title: st
     return filter_figure(names, [(a.frequency, a.response, a.rest) for a in axes], title=title)
 
 
-def _path(reference: Array, tool: Array, corrected: slice, title: str) -> Any:
+def _tool(run: dict[str, Array]) -> Array | None:
+    return run.get("true tool", run.get("tool"))
+
+
+def _path(reference: Array, tool: Array, before: Array, corrected: slice, title: str) -> Any:
     from ...plot.learning.path import tool_path_figure
 
-    return tool_path_figure(reference[corrected], tool[corrected], title=title)
+    return tool_path_figure(reference[corrected], tool[corrected], before=before[corrected], title=title)

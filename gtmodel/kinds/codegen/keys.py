@@ -7,6 +7,7 @@ from typing import Literal
 from pydantic import Field, PositiveFloat
 
 from gtmodel.cgen import Verification
+from gtmodel.loop.lead_through.options import Guiding
 from gtmodel.problem_files.base import FileSection
 from gtmodel.problem_files.from_options import Made
 from gtmodel.problem_files.robot_keys import RobotProblem
@@ -104,3 +105,6 @@ class Schema(RobotProblem):
     )
     fmu: FmuSection = FmuSection.left_out()
     check: Made[Verification] = Made[Verification].left_out()
+    lead_through: Made[Guiding] | None = Field(
+        default=None, description="for gtmodel loop --law lead_through: law, force sensors and a synthetic scene"
+    )

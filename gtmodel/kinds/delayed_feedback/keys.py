@@ -8,14 +8,14 @@ from pydantic import Field, PositiveFloat
 
 from gtmodel.control.delayed import options
 from gtmodel.kinds.loop_simulation.keys import LawSection
-from gtmodel.milling import Cut, Cutter, CuttingCoefficients
+from gtmodel.kinds.milling.keys import CutterKeys, Three
+from gtmodel.milling import Cut
 from gtmodel.problem_files.base import FileSection
 from gtmodel.problem_files.from_options import Made, made_from
 from gtmodel.problem_files.robot_keys import RobotProblem
 
 RESULT = ["gtmodel.control.DelayedFeedbackStudy", "gtmodel.control.delayed.FeedbackMapStudy"]
 
-Three = Annotated[list[float], Field(min_length=3, max_length=3)]
 Pose = Annotated[list[float], Field(min_length=2, max_length=2)]
 
 
@@ -27,23 +27,13 @@ class SteeredPathKeys(Made):
     seed: int = Field(default=0, ge=0, description="of the noise")
 
 
-@made_from(Cutter, "coefficients")
-class FeedbackCutterKeys(Made[CuttingCoefficients]):
-    """A helical end mill, with cutting coefficients for the material."""
-
-    def options(self) -> Any:
-        """The cutter."""
-        K = {name: getattr(self, key) for key, name in Made[CuttingCoefficients].attributes.items()}
-        return Cutter(**self.given(), coefficients=CuttingCoefficients(**K))
-
-
 @made_from(options.FeedbackCut, "speed")
 class FeedbackCutKeys(Made):
     """A tool that cuts meanwhile, corrected along an axis."""
 
     speed_rpm: PositiveFloat = Field(description="of the spindle, turns per minute")
     engagement: Made[Cut]
-    cutter: FeedbackCutterKeys
+    cutter: CutterKeys
 
     def options(self) -> Any:
         """The tool."""

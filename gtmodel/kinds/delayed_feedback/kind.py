@@ -40,7 +40,11 @@ def call(problem: Schema, context: Context) -> Call:
     if problem.path is not None:
         more |= {"noise": 1e-6 * problem.path.noise_um, "seed": problem.path.seed}
     if problem.cut is not None:
-        more["cut"] = (problem.cut.options(), problem.cut.cutter.options(), problem.cut.engagement.options())
+        try:
+            parts = options_of(problem.cut, "cutter", "engagement")
+        except ArgumentError as error:
+            raise ArgumentError(error.message, f"cut.{error.argument}") from error
+        more["cut"] = (options_of(problem, "cut")["cut"], parts["cutter"], parts["engagement"])
     if problem.servo is not None:
         return Call(
             delayed.delayed_feedback, _servo(problem, context), timing, gain_step=problem.servo.gain_step, **more

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from pydantic import Field
 
 from gtmodel.control.learning import options, references
@@ -34,6 +36,29 @@ class RunSection(RecordingFiles):
     synthetic: str = Field(default="", description="what made the run, where it was simulated")
 
 
+class LearnedPlantSection(RecordingFiles):
+    """The robot's axes: from a log (files, signals), from a model in Python, or b q^-delay / (1 - a q^-1)."""
+
+    signals: RunSignals | None = Field(
+        default=None, description="of the log, under a reference that excites, such as a random one"
+    )
+    order: int | None = Field(
+        default=None, ge=1, description="states of an axis, the delay not counted; by held-out samples if left out"
+    )
+    model: str | None = Field(default=None, description="in Python, file.py:Class")
+    parameters: dict[str, Any] = Field(default={}, description="of the model, in SI")
+    reference: list[str] = Field(default=[], description="the model's inputs, one for each axis")
+    motor: list[str] = Field(default=[], description="its variables of the motors, one for each axis")
+    tool: list[str] = Field(default=[], description="of the tool, for cases 2A, 2B and 3")
+    acceleration: list[str] = Field(default=[], description="of the tool's acceleration, for cases 2A and 2B")
+    b: list[float] = Field(default=[], description="one for each axis, as in (6.11)")
+    a: list[float] = Field(default=[], description="one for each axis, as in (6.11)")
+    delay_samples: int | None = Field(
+        default=None, ge=0, description="until a reference acts; of a log where its response begins if left out"
+    )
+    synthetic: str = Field(default="", description="what made the log, where it was simulated")
+
+
 @made_from(options.ElasticTip)
 class SimulatedSection(Made):
     """A Gantry-Tau of the catalogue with a tool on a spring, simulated with its controller."""
@@ -47,6 +72,9 @@ class Schema(Problem):
     them. With [log]: from one measured run the input of the next one."""
 
     robot: Made[options.LearningRobot] = Made[options.LearningRobot].left_out()
+    plant: LearnedPlantSection | None = Field(
+        default=None, description="the robot's axes from a log, a model or printed numbers, in place of [robot]"
+    )
     learning: Made[options.LearningDesign] = Made[options.LearningDesign].left_out()
     reference: Made[references.SquarePath] = Made[references.SquarePath].left_out()
     noise: Made[options.LearningNoise] = Made[options.LearningNoise].left_out()

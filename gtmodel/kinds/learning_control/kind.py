@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gtmodel.control.learning import SimulatedMotion, next_input, study
+from gtmodel.control.learning import ModelledRobot, SimulatedMotion, next_input, study
 from gtmodel.lang import ModelError
 from gtmodel.problem_files.base import Context, InputError
 from gtmodel.problem_files.call import Call
@@ -11,6 +11,8 @@ from gtmodel.results import Trajectory
 from gtmodel.robots import gantry_tau
 
 from .keys import RunSection, Schema
+from .robot import robot_of
+from .runs import recorded
 
 NAME = "learning_control"
 ARGUMENTS = {
@@ -24,7 +26,8 @@ def call(problem: Schema, context: Context) -> Call:
     """The study of a synthetic robot, or of one measured run."""
     if context.start is not None:
         raise InputError("--start: learning starts from an input in the log; leave it out")
-    robot, design, path, noise = options_of(problem, "robot", "learning", "reference", "noise").values()
+    design, path, noise = options_of(problem, "learning", "reference", "noise").values()
+    robot = robot_of(problem, context)
     if problem.simulated is not None:
         if problem.log is not None:
             raise InputError("is a robot in place of a measured run; leave one of both out", "simulated")
@@ -41,8 +44,8 @@ def call(problem: Schema, context: Context) -> Call:
         if name in problem.model_fields_set:
             raise InputError("belongs to a synthetic robot; with [log] leave it out", name)
     log = problem.log
-    run = _run(log, log.files, "log.files", context)
-    repeats = [_run(log, [name], f"log.repeats[{k}]", context) for k, name in enumerate(log.repeats)]
+    run = _run(log, log.files, context)
+    repeats = [_run(log, [name], context) for name in log.repeats]
     if 0 < len(repeats) < 3:
         raise InputError(f"names {len(repeats)} runs; their scatter wants three or more", "log.repeats")
     return Call(
@@ -53,9 +56,15 @@ def call(problem: Schema, context: Context) -> Call:
 
 def explain(problem: Schema, context: Context) -> str:
     """Which robot, which law, what is learned from."""
-    robot, design, path, noise = options_of(problem, "robot", "learning", "reference", "noise").values()
+    design, path, noise = options_of(problem, "learning", "reference", "noise").values()
+    robot = robot_of(problem, context)
     lines = [f"{problem.title or NAME}: case {design.case}, law {design.law}, axes {', '.join(robot.axes)}"]
-    if robot.loop == "lag":
+    if isinstance(robot, ModelledRobot):
+        for k, name in enumerate(robot.axes):
+            mode = robot.mode(k)
+            of = "no light mode" if mode is None else f"lightest mode {mode[0]:.3g} Hz (damping {mode[1]:.2g})"
+            lines.append(f"  {name}: {', '.join(robot.plants[k].signals)}; {of}")
+    elif robot.loop == "lag":
         tools = ", ".join(f"{f:g} Hz (damping {z:g})" for f, z in zip(robot.frequency, robot.damping, strict=True))
         lines.append(f"  motor loop: lag of {1e3 * robot.lag:g} ms behind {robot.delay} samples; tool: {tools}")
     lines.append(f"  Q: low pass at {design.low_pass:g} Hz, of {len(design.models(robot, 0))} models per axis")
@@ -68,22 +77,10 @@ def explain(problem: Schema, context: Context) -> str:
             f"{noise.repeats} identical runs, then {design.iterations} iterations"
         )
     else:
-        run = _run(problem.log, problem.log.files, "log.files", context)
+        run = _run(problem.log, problem.log.files, context)
         lines.append(f"  measured run: {len(run)} rows, signals {', '.join(run.names)}")
     return "\n".join(lines)
 
 
-def _run(log: RunSection, files: list[str], key: str, context: Context) -> Trajectory:
-    """The signals of a run on one clock."""
-    given = {name: getattr(log.signals, name) for name in type(log.signals).model_fields}
-    columns = {name: section.recorded() for name, section in given.items() if section is not None}
-    one = log.model_copy(update={"files": files})
-    recording = one.recording(columns, context, "log")
-    by_name = {name: t for t in recording.values() for name in t.names}
-    clock = by_name["reference"]
-    if any(t is not clock for t in by_name.values()):
-        raise InputError("has signals with clocks of their own; resample them on one (kind resampling)", "log")
-    return Trajectory(
-        clock.time, {name: clock[name] for name in columns}, {name: clock.unit(name) for name in columns},
-        synthetic=log.synthetic or clock.synthetic,
-    )  # fmt: skip
+def _run(log: RunSection, files: list[str], context: Context) -> Trajectory:
+    return recorded(log, log.signals, files, "log", context, log.synthetic)

@@ -93,7 +93,7 @@ def depth_figure(depths: Mapping[str, float], finer: Mapping[str, float], *, tit
     for given, label, style in ((depths, "steps as asked for", "o-"), (finer, "twice the steps", "x--")):
         panel.plot([float(g) for g in given], [1e3 * d for d in given.values()], style, label=label)
     panel.set(xlabel="gain P [1]", ylabel="depth of chatter [mm]")
-    panel.set_ylim(bottom=0.0)
+    panel.set_ylim(0.0, 1.1e3 * max([*depths.values(), *finer.values()]) or 1.0)  # no point on the frame
     key_beside(panel)
     return figure
 

@@ -11,7 +11,8 @@ import scipy
 
 import gtmodel as gt
 from gtmodel.milling import Cut, Cutter, CuttingCoefficients, Oscillators, spectral_radius, stability_lobes
-from gtmodel.milling.directional import plane
+from gtmodel.milling.cutter import immersion
+from gtmodel.milling.directional import directional_matrix, plane
 from gtmodel.milling.semi_discretisation import mean_matrices
 from gtmodel.results import ArgumentError
 
@@ -111,6 +112,47 @@ def test_the_rational_number_is_said_and_its_error_falls() -> None:
     assert radii[-1].speed == pytest.approx(speed, rel=2e-3)
     off = [abs(r.radius - radii[-1].radius) for r in radii[:-1]]
     assert max(off) < 1e-4  # the rational numbers differ by up to 1 in 80 of a cycle
+
+
+@pytest.mark.proof
+@pytest.mark.parametrize(
+    ("speed", "depth", "share", "delay"),
+    [(25.0, 0.0009, 0.5, 0.052), (31.25, 0.0011, 0.7, 0.052), (25.0, 6e-4, 0.9, 0.0535)],
+)
+def test_it_is_the_continuous_cut_by_runge_kutta(speed: float, depth: float, share: float, delay: float) -> None:
+    """The delayed equations themselves, no mean over intervals: growth in a cycle after 400 cycles, to 5e-4."""
+    per_cycle, cycles, gain = 64, 800, share * D.gain_limit(loop(delay, ALONG)).gain
+    h, tooth = CYCLE / per_cycle, round(per_cycle / (speed * CUTTER.teeth * CYCLE))
+    start, end = immersion(CUT.mode, CUT.radial_depth, CUTTER.diameter)
+    P, push = plane(X), ALONG / (MASS * CYCLE**2)
+    angles = 2 * np.pi * speed * h / 2 * np.arange(2 * tooth)
+    W = sum(directional_matrix(CUTTER, np.mod(angles + a, 2 * np.pi), start, end) for a in (0.0, np.pi))
+    W = depth * np.einsum("ji,tjk,kl->til", P, W, P)
+    m, c, k = ROBOT.m[0], ROBOT.c[0], ROBOT.k[0]
+    xs, sent, sizes = np.zeros((cycles * per_cycle + 1, 3)), [], []
+    z = np.concatenate([np.random.default_rng(1).standard_normal(3), np.zeros(3)])
+    xs[0] = z[:3]
+    for i in range(cycles * per_cycle):
+        if i % per_cycle == 0:
+            sent.append(-gain * ALONG @ z[:3])
+        acts = int(np.floor((i * h + h / 2 - delay) / CYCLE))
+        u, at = sent[acts] if acts >= 0 else 0.0, i - tooth
+        x0, x1 = (xs[at], xs[at + 1]) if at >= 0 else (np.zeros(3), np.zeros(3))
+
+        def slope(z: np.ndarray, step: int, x: np.ndarray, i: int = i, u: float = u) -> np.ndarray:
+            force = W[(2 * i + step) % (2 * tooth)] @ (z[:3] - x) - c * z[3:] - k * z[:3]
+            return np.concatenate([z[3:], push * u + force / m])
+
+        k1 = slope(z, 0, x0)
+        k2 = slope(z + h / 2 * k1, 1, (x0 + x1) / 2)
+        k3 = slope(z + h / 2 * k2, 1, (x0 + x1) / 2)
+        z = z + h / 6 * (k1 + 2 * k2 + 2 * k3 + slope(z + h * k3, 2, x1))
+        xs[i + 1] = z[:3]
+        if (i + 1) % per_cycle == 0:
+            sizes.append(np.abs(z * [70, 70, 70, 1, 1, 1]).max())
+    growth = (max(sizes[-50:]) / max(sizes[400:450])) ** (1 / (cycles - 450))
+    cut = replace(CUT, axial_depth=depth)
+    assert D.chatter_radius(tool(delay), CUTTER, cut, speed, X, gain).radius == pytest.approx(growth, abs=5e-4)
 
 
 @pytest.mark.parametrize("speed", [20.0, 25.0, 31.25, 40.0])

@@ -9,6 +9,7 @@ import pytest
 
 import gtmodel as gt
 from gtmodel.control import ComputedTorque, Feedback
+from gtmodel.plot.delayed.limits import depth_figure
 from gtmodel.results import ArgumentError
 from tests.control.delayed.test_limit import CYCLE, LATE
 
@@ -207,6 +208,12 @@ def test_no_step_may_be_safe() -> None:
     weak = D.FeedbackAxis(12.0, 0.06, limit=0.009, gain_step=0.01)
     study = gt.control.delayed_feedback({"y": weak}, box=SMALL, path=None)
     assert study.recommended == {"y": 0.0} and study.gain == {} and "no step" in study.message
+
+
+@pytest.mark.parametrize("depths", [{"0": 1.5e-3, "0.01": 1.8e-3}, {"0": 0.0}])
+def test_no_depth_lies_on_the_frame_of_its_picture(depths: dict[str, float]) -> None:
+    (panel,) = depth_figure(depths, depths).axes
+    assert panel.get_ylim()[0] == 0 and panel.get_ylim()[1] > 1.05e3 * max(depths.values())
 
 
 def test_pictures_are_drawn() -> None:

@@ -1,0 +1,130 @@
+"""What a run says: the force held, energy at the handle, how a peg was aligned."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import scipy
+
+from ...results import Check, at_most
+from .gains import SurfaceGains
+from .guiding import LeadThroughLaw
+from .options import GuideSetup, ServoChain
+from .passivity import PassivityBook, passivity_book
+from .scenes import SyntheticHole, SyntheticSurface
+from .synthetic_sensor import SyntheticSensor
+from .tool_run import ToolRun
+from .turning import TurningGains
+
+TOO_MUCH = 1e-3  # of the energy that passed: what is stored is known to first order in the servo's times
+STEP = 1e-6  # [m], [rad] of differences
+ALIKE = 0.9  # of the force with which the hand releases contact: its sensor is noisy
+Answers = tuple[dict[str, Any], list[str], dict[str, Check]]
+
+
+def along_normal(run: ToolRun, surface: SyntheticSurface) -> np.ndarray:
+    """(n,) [N], the force on the tool along the surface's true normal."""
+    return np.array([surface.normal_at(x) @ f for x, f in zip(run.position, run.force, strict=True)])
+
+
+def forces(
+    run: ToolRun, surface: SyntheticSurface, law: LeadThroughLaw, gains: SurfaceGains, setup: GuideSetup,
+    tool: SyntheticSensor,
+) -> Answers:  # fmt: skip
+    """The force along the normal once contact has settled, and contact that was lost."""
+    pressed, contact = along_normal(run, surface), run.contact
+    ended = np.flatnonzero(contact[:-1] & ~contact[1:]) + 1
+    asked = run.hand_force[ended] @ np.array(law.translation.normal) >= ALIKE * gains.release_force
+    losses = int(np.count_nonzero(~asked))
+    checks = {"contact_losses": at_most(losses, 0, "press less on taking contact, or lower the gain")}
+    answers: dict[str, Any] = {
+        "contact_losses": losses, "peak_force": float(pressed.max()), "gain_share": float(run.share[-1])
+    }  # fmt: skip
+    began = np.flatnonzero(contact)
+    late = contact & (run.time >= (run.time[began[0]] if len(began) else np.inf) + setup.settled)
+    if np.count_nonzero(late) < 2:
+        checks["settled_contact_s"] = Check(0.0, gains.cycle, "take contact, and stay longer", least=True)
+        return answers, ["the tool was not in contact long enough for its force to be judged"], checks
+    held = pressed[late]
+    normals = np.array([surface.normal_at(x) for x in run.position[late]])
+    off = np.arccos(np.clip(np.einsum("ni,ni->n", normals, run.normal[late]), -1.0, 1.0))
+    spectrum = np.abs(np.fft.rfft(np.hanning(len(held)) * (held - held.mean())))
+    frequency = np.fft.rfftfreq(len(held), gains.cycle)[int(np.argmax(spectrum))]
+    error = float(held.mean()) - gains.force_reference
+    checks["mean_force_error_N"] = at_most(
+        abs(error), setup.tolerance, "go slower, filter the normal longer, or raise the gain within its limit"
+    )
+    answers |= {
+        "mean_force": float(held.mean()), "least_force": float(held.min()),
+        "force_deviation": float(np.sqrt(np.mean((held - gains.force_reference) ** 2))),
+        "force_frequency": float(frequency), "normal_error": float(off.mean()),
+    }  # fmt: skip
+    notes = [f"{losses} losses of contact that the hand did not ask for"] if losses else []
+    return answers, notes, checks
+
+
+def at_the_handle(run: ToolRun, gains: SurfaceGains, turning: TurningGains, servo: ServoChain) -> PassivityBook:
+    """The energy that the hand puts in; what the robot may give back is that of the felt masses and of the contact.
+
+    A robot that follows its command late by T feels heavier by damping times T, to first order.
+    """
+    late = servo.lag + servo.delay + 1.5 * gains.cycle
+    speeds, rates = np.sum(run.velocity**2, axis=1), np.sum(run.rate**2, axis=1)
+    stored = run.spring + (gains.mass + gains.damping * late) * speeds / 2
+    if turning.by_handle or turning.about_axis == "guide":
+        stored = stored + (turning.inertia + turning.damping * late) * rates / 2
+    steps = np.einsum("nij,nkj->nik", run.turn[1:], run.turn[:-1])
+    turned = np.concatenate(
+        [np.zeros((1, 3)), np.cumsum(scipy.spatial.transform.Rotation.from_matrix(steps).as_rotvec(), axis=0)]
+    )
+    return passivity_book(run.time, run.hand_force, run.position, stored, moment=run.hand_moment, turned=turned)
+
+
+def misaligned(run: ToolRun, hole: SyntheticHole) -> np.ndarray:
+    """(n,) [rad], between the axes of peg and hole."""
+    return np.arccos(np.clip(run.turn[:, :, 2] @ hole.axis, -1.0, 1.0))
+
+
+def peg_stiffness(hole: SyntheticHole) -> np.ndarray:
+    """(6, 6), wrench that pushes back for small motions of a peg that fits without play, aligned, at full depth."""
+    tight = replace(hole, clearance=0.0, friction=0.0, tilt=0.0)
+    at = np.array([0.0, 0.0, -hole.depth])
+    columns = []
+    for n in range(6):
+        both = []
+        for sign in (1.0, -1.0):
+            x = sign * STEP * np.eye(6)[n]
+            turn = scipy.spatial.transform.Rotation.from_rotvec(x[3:]).as_matrix()
+            both.append(np.concatenate(tight.wrench(at + x[:3], turn, np.zeros(3), np.zeros(3), 0.0)))
+        columns.append((both[1] - both[0]) / (2 * STEP))
+    return np.column_stack(columns)
+
+
+def aligned(
+    run: ToolRun, hole: SyntheticHole, law: LeadThroughLaw, gains: SurfaceGains, setup: GuideSetup,
+    tool: SyntheticSensor,
+) -> Answers:  # fmt: skip
+    """How far torque and misalignment went down, and the turn about the axis that the contact does not determine."""
+    torque = np.linalg.norm(run.moment, axis=1)
+    last = float(np.sqrt(np.mean(torque[-round(1.0 / gains.cycle) :] ** 2)))
+    off = misaligned(run, hole)
+    turning, cycles = law.rotation.gains, int(np.count_nonzero(run.contact))
+    along = tool.matrix.T @ np.array(law.rotation.axis)
+    noise = np.hypot(tool.moment_noise, tool.force_noise * float(np.linalg.norm(np.cross(along, tool.point))))
+    free = turning.about_axis == "free"
+    expected = turning.torque_gain * float(noise) * gains.cycle * np.sqrt(cycles) if free else 0.0
+    each = float(np.hypot(tool.moment_noise, tool.force_noise * float(np.linalg.norm(tool.point))))
+    unseen = max(np.sqrt(3.0) * each, 1e-6)  # of the noise about the tip, all three axes together
+    checks = {"torque_left_Nm": at_most(last, unseen, "raise the gain of the torque, or push longer")}
+    answers = {
+        "largest_torque": float(torque.max()), "last_torque": last, "misalignment": [float(off[0]), float(off[-1])],
+        "depth": float(-hole.axis @ run.position[-1]), "turned_about": float(run.about[-1]),
+        "expected_about": float(expected), "peak_force": float(np.linalg.norm(run.force, axis=1).max()),
+        "gain_share": float(run.share[-1]),
+    }  # fmt: skip
+    about = f"the peg turned by {np.rad2deg(run.about[-1]):.3g} deg about its axis"
+    if free:
+        about += f", a random walk by the sensor's noise ({np.rad2deg(expected):.2g} deg expected): lock or hold it"
+    return answers, [about], checks

@@ -1,0 +1,150 @@
+"""What a study of lead-through is asked for besides law, contact and sensors; needs no solver."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+
+from ..._lazy import hint
+from ...results import ArgumentError
+from ...results.options import Options, Unit, Within
+from .hand import ZEROS, Three
+from .synthetic_sensor import SyntheticSensor
+
+if TYPE_CHECKING:
+    from ..delayed import CorrectedPlant
+else:
+    CorrectedPlant = hint("gtmodel.control.delayed", "CorrectedPlant")
+
+Between = tuple[float, float]
+HANDS_BY = ("mass", "damping", "stiffness")
+
+
+@dataclass(frozen=True)
+class StiffnessRange(Options):
+    """Contacts that are to be met: the gain of the force control follows from the stiffest of them.
+
+    >>> gt.control.lead_through.StiffnessRange(500.0, 5000.0).share
+    0.4
+    """
+
+    softest: Annotated[float, Unit("N/m"), Within(above=0.0), "contact"]
+    stiffest: Annotated[float, Unit("N/m"), Within(above=0.0), "contact"]
+    share: Annotated[float, Within(above=0.0, below=1.0), "of the gain limit at the stiffest contact"] = 0.4
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.softest > self.stiffest:
+            raise ArgumentError(f"is above the stiffest, {self.stiffest:g} N/m", "softest")
+
+
+@dataclass(frozen=True)
+class GuideSetup(Options):
+    """Where a run starts, how the sensors were calibrated before, and what is asked of the force.
+
+    >>> gt.control.lead_through.GuideSetup().tolerance
+    0.02
+    """
+
+    start: Annotated[Three, Unit("m", written="mm"), Within(), "tool centre point at rest"] = (0.0, 0.0, 0.002)
+    turn: Annotated[Three, Unit("rad", written="deg"), Within(), "rotation vector of the tool at rest"] = ZEROS
+    grip: Annotated[Three, Unit("m", written="mm"), Within(), "where the hand holds, from the tool centre point"] = (
+        ZEROS
+    )
+    poses: Annotated[int, Within(least=4), "random, at rest, for the calibration of both sensors"] = 24
+    readings: Annotated[int, Within(least=1), "of which each is a mean"] = 250
+    settled: Annotated[float, Unit("s"), Within(least=0.0), "of contact, before forces are judged"] = 1.0
+    tolerance: Annotated[float, Unit("N"), Within(above=0.0), "of the mean force"] = 0.02
+    seed: Annotated[int, Within(least=0), "of all noise"] = 1
+
+
+@dataclass(frozen=True)
+class ConeComparison(Options):
+    """How far the force deviates with cones of several widths, with and without a filter of the normal.
+
+    >>> gt.control.lead_through.ConeComparison().speed
+    0.1
+    """
+
+    cones: Annotated[tuple[float, ...], Unit("rad", written="deg"), Within(least=0.0, most=math.pi / 2),
+                     "phi_L of (8.10), rising"] = (0.0, math.radians(5.0), math.radians(10.0))  # fmt: skip
+    tilt: Annotated[float, Unit("rad", written="deg"), Within(above=0.0, below=1.5), "of the second surface"] = (
+        math.radians(4.0)
+    )
+    constant: Annotated[float, Unit("s"), Within(above=0.0), "of the filter"] = 0.2
+    noise: Annotated[float, Unit("N"), Within(least=0.0), "of the tool force"] = 0.1
+    speed: Annotated[float, Unit("m/s"), Within(above=0.0), "along the surface"] = 0.1
+    force_gain: Annotated[float, Unit("m/s/N"), Within(above=0.0), "K of (8.4)"] = 0.01
+    stiffness: Annotated[float, Unit("N/m"), Within(above=0.0), "of the contact"] = 5000.0
+    duration: Annotated[float, Unit("s"), Within(above=3.0), "of each run"] = 8.0
+    seeds: Annotated[int, Within(least=1), "runs each"] = 3
+
+
+@dataclass(frozen=True)
+class ServoChain(Options):
+    """How the robot follows a velocity command along each axis: delay, first-order lag, and a mode in series.
+
+    >>> len(gt.control.lead_through.ServoChain(mode_frequency=67.0).plant())  # lag, position, and two of the mode
+    4
+    """
+
+    lag: Annotated[float, Unit("s"), Within(above=0.0), "time constant of the velocity loop"] = 0.012
+    delay: Annotated[float, Unit("s"), Within(least=0.0), "from a command's cycle to its effect"] = 0.008
+    mode_frequency: Annotated[float, Unit("Hz"), Within(least=0.0), "natural, of the mode; 0: none"] = 0.0
+    mode_damping: Annotated[float, Within(above=0.0), "damping ratio of the mode"] = 0.02
+
+    def plant(self) -> CorrectedPlant:
+        """Position [m] from the velocity command [m/s]: 1 / (s (lag s + 1)), times the mode's transfer function."""
+        from ..delayed import CorrectedPlant
+
+        if self.mode_frequency == 0:
+            return CorrectedPlant(
+                np.array([[0.0, 1.0], [0.0, -1 / self.lag]]), np.array([0.0, 1 / self.lag]), np.array([1.0, 0.0])
+            )
+        w = 2 * np.pi * self.mode_frequency
+        a = np.zeros((4, 4))
+        a[0, 1] = a[1, 2] = 1.0
+        a[2, 1:] = -(w**2), -2 * self.mode_damping * w, w**2
+        a[3, 3] = -1 / self.lag
+        return CorrectedPlant(a, np.array([0.0, 0.0, 0.0, 1 / self.lag]), np.array([1.0, 0.0, 0.0, 0.0]))
+
+
+@dataclass(frozen=True)
+class HandRange(Options):
+    """A person's hand and arm as a range of impedances; the defaults are ours.
+
+    >>> gt.control.lead_through.HandRange().stiffness
+    (0.0, 800.0)
+    """
+
+    mass: Annotated[Between, Unit("kg"), Within(least=0.0), "from and to"] = (0.0, 2.0)
+    damping: Annotated[Between, Unit("N.s/m", key="damping_Ns_m"), Within(least=0.0), "from and to"] = (2.0, 40.0)
+    stiffness: Annotated[Between, Unit("N/m"), Within(least=0.0), "from and to"] = (0.0, 800.0)
+    draws: Annotated[int, Within(least=1), "random hands in the range"] = 300
+    seed: Annotated[int, Within(least=0), "of their draw"] = 0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in HANDS_BY:
+            low, high = getattr(self, name)
+            if low > high:
+                raise ArgumentError(f"goes from {low:g} to {high:g}; expected rising numbers", name)
+
+
+@dataclass(frozen=True)
+class SyntheticReadings(Options):
+    """Synthetic readings of a force sensor at rest in random poses, and of pushes against a fixed point.
+
+    >>> gt.control.lead_through.SyntheticReadings(poses=12).pushes
+    9
+    """
+
+    sensor: SyntheticSensor = field(default_factory=SyntheticSensor)
+    poses: Annotated[int, Within(least=4), "random, at rest and free"] = 24
+    pushes: Annotated[int, Within(least=0), "in random directions, at the tool centre point; 0: none"] = 9
+    push: Annotated[float, Unit("N"), Within(above=0.0), "size of a push"] = 20.0
+    repetitions: Annotated[int, Within(least=0), "of all of it, to count how often intervals hold the truth"] = 200
+    seed: Annotated[int, Within(least=0), "of poses, pushes and noise"] = 1

@@ -1,0 +1,158 @@
+"""Synthetic contacts: a surface, flat, tilted or curved, and a hole for a peg."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Annotated, Protocol
+
+import numpy as np
+
+from ...results.options import Options, Unit, Within
+
+SLOW = 1e-4  # [m/s] below it friction falls with the speed: it has no direction at rest
+NONE = np.zeros(3)
+
+
+class Contact(Protocol):
+    """What a tool may touch."""
+
+    def wrench(
+        self, position: np.ndarray, turn: np.ndarray, velocity: np.ndarray, rate: np.ndarray, time: float
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Force (3,) [N] and moment (3,) [N m] about the tool centre point, on the tool, in the world frame.
+
+        turn (3, 3): columns are the tool's axes; position, velocity of the tool centre point.
+        """
+        ...
+
+    def energy(self, position: np.ndarray, turn: np.ndarray, time: float) -> float:
+        """That the contact's springs hold [J]."""
+        ...
+
+
+@dataclass(frozen=True)
+class SyntheticSurface(Options):
+    """A surface that pushes back where the tool tip is inside it, without adhesion; it passes the origin.
+
+    `tilt` turns its normal there from z about y: with a positive one it falls towards +x. `curvature` bends it along
+    the direction of steepest fall, a parabola: with a positive one it is convex.
+
+    >>> gt.control.lead_through.SyntheticSurface(tilt=0.07).normal.round(4)
+    array([0.0699, 0.    , 0.9976])
+    """
+
+    stiffness: Annotated[float, Unit("N/m"), Within(above=0.0), "of the contact"] = 5000.0
+    tilt: Annotated[float, Unit("rad", written="deg"), Within(above=-1.5, below=1.5), "of its normal about y"] = 0.0
+    curvature: Annotated[float, Unit("1/m"), Within(), "of the surface, convex where it is positive"] = 0.0
+    friction: Annotated[float, Within(least=0.0), "Coulomb coefficient"] = 0.0
+    rise: Annotated[float, Unit("m/s"), Within(), "speed of the surface along its normal"] = 0.0
+
+    @property
+    def normal(self) -> np.ndarray:
+        """(3,), from the workpiece to the tool, at the origin."""
+        return np.array([math.sin(self.tilt), 0.0, math.cos(self.tilt)])
+
+    def normal_at(self, position: np.ndarray) -> np.ndarray:
+        """(3,), from the workpiece to the tool, where the tool tip stands."""
+        if self.curvature == 0.0:
+            return self.normal
+        fall = np.array([math.cos(self.tilt), 0.0, -math.sin(self.tilt)])
+        bent = self.normal + self.curvature * float(fall @ position) * fall
+        return bent / float(np.linalg.norm(bent))
+
+    def force(self, position: np.ndarray, velocity: np.ndarray, time: float) -> np.ndarray:
+        """(3,) [N] on a tool at position (3,) [m] that moves with velocity (3,) [m/s]."""
+        local = self.normal_at(position)
+        pressed = self.stiffness * max(-self._gap(position, time), 0.0)
+        along = velocity - (local @ velocity) * local
+        return pressed * (local - self.friction * along / max(float(np.linalg.norm(along)), SLOW))
+
+    def wrench(
+        self, position: np.ndarray, turn: np.ndarray, velocity: np.ndarray, rate: np.ndarray, time: float
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """As `Contact` says: a tip without a moment."""
+        return self.force(position, velocity, time), NONE
+
+    def energy(self, position: np.ndarray, turn: np.ndarray, time: float) -> float:
+        """As `Contact` says."""
+        return self.stiffness * max(-self._gap(position, time), 0.0) ** 2 / 2
+
+    def _gap(self, position: np.ndarray, time: float) -> float:
+        """From the surface, along its normal; on a bent one from the tangent plane."""
+        gap = float(self.normal @ position) - self.rise * time
+        if self.curvature == 0.0:
+            return gap
+        x = math.cos(self.tilt) * position[0] - math.sin(self.tilt) * position[2]
+        return (gap + self.curvature * x**2 / 2) * float(self.normal @ self.normal_at(position))
+
+
+@dataclass(frozen=True)
+class SyntheticHole(Options):
+    """A round hole with its mouth at the origin, in a face z = 0; its axis is turned from z about y by `tilt`.
+
+    A round peg touches its wall with its tip and its shaft touches the rim; each pushes back across the hole's axis
+    where the clearance is used up. Outside `capture` the tip meets the face, inside the bottom at `depth`. The tool
+    centre point is the middle of the peg's tip, its axis the tool's z.
+
+    >>> hole = gt.control.lead_through.SyntheticHole()
+    >>> inside, turned = np.array([0.0, 0.0, -0.02]), np.array([[0.995, 0.0, 0.0998], [0, 1.0, 0], [-0.0998, 0, 0.995]])
+    >>> force, moment = hole.wrench(inside, turned, np.zeros(3), np.zeros(3), 0.0)
+    >>> bool(force[0] < 0 and moment[1] < 0)  # the rim pushes the turned peg back
+    True
+    """
+
+    tilt: Annotated[float, Unit("rad", written="deg"), Within(above=-0.5, below=0.5), "of its axis about y"] = 0.0
+    clearance: Annotated[float, Unit("m", written="mm"), Within(least=0.0), "between peg and wall, radial"] = 0.0005
+    depth: Annotated[float, Unit("m", written="mm"), Within(above=0.0), "to the bottom"] = 0.03
+    capture: Annotated[float, Unit("m", written="mm"), Within(above=0.0), "from the axis: the mouth takes the tip"] = (
+        0.003
+    )
+    stiffness: Annotated[float, Unit("N/m"), Within(above=0.0), "of each contact"] = 2000.0
+    friction: Annotated[float, Within(least=0.0), "Coulomb coefficient"] = 0.0
+
+    @property
+    def axis(self) -> np.ndarray:
+        """(3,), out of the hole."""
+        return np.array([math.sin(self.tilt), 0.0, math.cos(self.tilt)])
+
+    def wrench(
+        self, position: np.ndarray, turn: np.ndarray, velocity: np.ndarray, rate: np.ndarray, time: float
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """As `Contact` says."""
+        force, moment = np.zeros(3), np.zeros(3)
+        for arm, pressed in self._pressed(position, turn):
+            one = self._rubbed(pressed, velocity + np.cross(rate, arm))
+            force, moment = force + one, moment + np.cross(arm, one)
+        return force, moment
+
+    def energy(self, position: np.ndarray, turn: np.ndarray, time: float) -> float:
+        """As `Contact` says."""
+        return sum(float(f @ f) for _, f in self._pressed(position, turn)) / (2 * self.stiffness)
+
+    def _pressed(self, position: np.ndarray, turn: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Where it touches, (3,) from the tip, and the force there without friction."""
+        h, peg = self.axis, turn[:, 2]
+        inside = -float(h @ position)
+        if inside <= 0.0:
+            return []
+        if float(np.linalg.norm(position + inside * h)) > self.capture and inside < self.capture:
+            return [(NONE, self.stiffness * inside * h)]
+        rim = inside / float(h @ peg) * peg  # from the tip to where the shaft passes the rim
+        bottom = self.stiffness * max(inside - self.depth, 0.0) * h
+        return [(NONE, self._wall(position, h)), (rim, self._wall(position + rim, h)), (NONE, bottom)]
+
+    def _wall(self, point: np.ndarray, h: np.ndarray) -> np.ndarray:
+        """(3,) [N] on a point of the peg."""
+        off = point - float(h @ point) * h
+        size = float(np.linalg.norm(off))
+        return NONE if size <= self.clearance else -self.stiffness * (size - self.clearance) / size * off
+
+    def _rubbed(self, force: np.ndarray, velocity: np.ndarray) -> np.ndarray:
+        size = float(np.linalg.norm(force))
+        if size == 0.0:
+            return force
+        across = force / size
+        along = velocity - float(across @ velocity) * across
+        slowed = along / max(float(np.linalg.norm(along)), SLOW)
+        return force - self.friction * size * slowed

@@ -1,0 +1,152 @@
+"""Guiding a tool in six degrees of freedom against a synthetic contact, cycle by cycle, all wrenches kept."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy
+from numpy.typing import ArrayLike
+
+from .guiding import LeadThroughLaw
+from .hand import GuidePhase, Hand, rows_of_phases
+from .options import ServoChain
+from .scenes import Contact
+from .servo import ServoRun
+from .sign import SignTest
+from .status import WrenchStatus
+from .synthetic_sensor import SyntheticSensor
+from .vectors import Turn, Vector
+from .wrench import turns_of, vector_of
+
+
+@dataclass(frozen=True, eq=False)
+class ToolRun:
+    """A synthetic run, a row per cycle: time (n,) [s]; position (n, 3) [m], turn (n, 3, 3), velocity and rate (n, 3)
+    of the tool as it moves; command (n, 6) [m/s, rad/s]; force (n, 3) [N] and moment (n, 3) [N m] of the contact on the
+    tool, without noise; hand_force and hand_moment (n, 3) on the tool, about the tool centre point; read (n, 3) the
+    tool's force as the law has it; spring (n,) [J] in the contact; normal (n, 3), contact (n,), share (n,) of the gain
+    and about (n,) [rad] as of the law.
+
+    status: of the last cycle, or of the sign tests where they failed: then nothing moved. allowed: no sensor was
+    refused, from the sign tests to the end.
+    """
+
+    time: np.ndarray
+    position: np.ndarray
+    turn: np.ndarray
+    velocity: np.ndarray
+    rate: np.ndarray
+    command: np.ndarray
+    force: np.ndarray
+    moment: np.ndarray
+    hand_force: np.ndarray
+    hand_moment: np.ndarray
+    read: np.ndarray
+    normal: np.ndarray
+    contact: np.ndarray
+    share: np.ndarray
+    about: np.ndarray
+    spring: np.ndarray
+    status: WrenchStatus
+    allowed: bool
+
+
+def guide_tool(
+    law: LeadThroughLaw,
+    phases: Sequence[GuidePhase],
+    contact: Contact,
+    servo: ServoChain | None = None,
+    *,
+    handle: SyntheticSensor,
+    tool: SyntheticSensor,
+    tests: tuple[SignTest, SignTest],
+    hand: Hand | None = None,
+    grip: ArrayLike = (0.0, 0.0, 0.0),
+    start: ArrayLike = (0.0, 0.0, 0.0),
+    turn: ArrayLike = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),
+    seed: int = 0,
+) -> ToolRun:
+    """Guide a tool by hand through phases, with the readings of both sensors as they truly are.
+
+    Args:
+        law: with the sensors as they were calibrated. tests: sign tests of the tool's and the handle's sensor.
+        contact: `SyntheticSurface`, `SyntheticHole` or any other.
+        handle, tool: the sensors as they are. hand: its impedance; without, it presses with the forces of the phases.
+        grip: (3,) [m] where the hand holds, from the tool centre point, in the tool's frame.
+        start, turn: (3,) [m] and (3, 3), columns are the tool's axes: of the tool at rest.
+        seed: of the noise.
+
+    Turns follow the servo as angles about the axes of the world, integrated a cycle at a time. Raises ArgumentError for
+    other shapes, what is not finite and no phases.
+
+    >>> L = gt.control.lead_through
+    >>> ok, sensor = L.SignTest(None, L.WrenchStatus.OK), L.SyntheticSensor(mass=0.0)
+    >>> run = L.guide_tool(
+    ...     L.LeadThroughLaw(), [L.GuidePhase(4.0, force=(5.0, 0.0, -5.0))], L.SyntheticSurface(),
+    ...     handle=sensor, tool=sensor, tests=(ok, ok), seed=1)
+    >>> bool(abs(run.force[500:, 2].mean() - 2.0) < 0.02), run.status.name
+    (True, 'OK')
+    """
+    servo = servo or ServoChain()
+    rows, cycle = rows_of_phases(list(phases), law.cycle), law.cycle
+    at, R = vector_of(start, "start"), turns_of(np.asarray(turn, float)[None], "turn")[0]
+    r, count = vector_of(grip, "grip"), len(rows)
+    rng = np.random.default_rng(seed)
+    moves, turns = ServoRun(servo, cycle, at), ServoRun(servo, cycle, np.zeros(3))
+    state = law.start(*tests)
+    vectors = ("position", "velocity", "rate", "force", "moment", "hand_force", "hand_moment", "read", "normal")
+    kept = {name: np.zeros((count, 3)) for name in vectors}
+    kept |= {name: np.zeros(count) for name in ("share", "about", "spring")}
+    orientation, command, touching = np.zeros((count, 3, 3)), np.zeros((count, 6)), np.zeros(count, bool)
+    wanted = at + R @ r
+    for k in range(count):
+        x, v, w = moves.position, moves.velocity, turns.velocity
+        force, moment = contact.wrench(x, R, v, w, k * cycle)
+        arm = R @ r
+        f_h, m_h = rows[k, 0], rows[k, 1]
+        if hand is not None:
+            off, relative = wanted - x - arm, rows[k, 2] - v - np.cross(w, arm)
+            f_h = f_h + hand.force(off, relative, moves.acceleration + np.cross(turns.acceleration, arm))
+        m_h = m_h + np.cross(arm, f_h)
+        wanted = wanted + cycle * rows[k, 2]
+        both = _wrench(handle.reading(f_h, m_h, R, rng)), _wrench(tool.reading(force, moment, R, rng))
+        state = law.step(state, *both, _turn(R))
+        read = law.tool.wrench(both[1], _turn(R), law.gravity)[0]
+        for name, value in (
+            ("position", x), ("velocity", v), ("rate", w), ("force", force), ("moment", moment), ("hand_force", f_h),
+            ("hand_moment", m_h), ("read", read), ("normal", state.translation.normal),
+            ("share", state.translation.watched[2]), ("about", state.rotation.about),
+            ("spring", contact.energy(x, R, k * cycle)),
+        ):  # fmt: skip
+            kept[name][k] = value
+        orientation[k], touching[k] = R, state.contact
+        command[k] = *state.velocity, *state.rate
+        before = turns.position.copy()
+        moves.advance(np.array(state.velocity))
+        turns.advance(np.array(state.rate))
+        by = turns.position - before
+        if by.any():
+            R = scipy.spatial.transform.Rotation.from_rotvec(by).as_matrix() @ R
+    return ToolRun(
+        cycle * np.arange(count),
+        turn=orientation,
+        command=command,
+        contact=touching,
+        status=state.status,
+        allowed=state.allowed,
+        **kept,
+    )
+
+
+def _wrench(pair: tuple[np.ndarray, np.ndarray]) -> tuple[Vector, Vector]:
+    return _vector(pair[0]), _vector(pair[1])
+
+
+def _turn(R: np.ndarray) -> Turn:
+    return _vector(R[0]), _vector(R[1]), _vector(R[2])
+
+
+def _vector(row: np.ndarray) -> Vector:
+    return float(row[0]), float(row[1]), float(row[2])

@@ -1,0 +1,191 @@
+"""Calibration of a force sensor as a study: measured readings at rest, or synthetic ones with their truth."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Annotated, Any
+
+import numpy as np
+import scipy
+
+from ...inference import coverage
+from ...results import ArgumentError, Check, Estimate, SolveStatus, Trajectory, Work
+from ...results.door import study_function
+from ...results.options import Within
+from ...results.work import Progress, never, silent
+from .calibration import WrenchCalibration, calibrate_wrench
+from .lever import LeverArm, lever_arm
+from .options import SyntheticReadings
+from .result import WrenchStudy
+from .status import WrenchStatus
+
+LEVEL = 0.95
+SIGNALS = {"turn": "rad", "force": "N", "moment": "N.m"}
+
+
+@study_function
+def wrench_study(
+    readings: Trajectory | SyntheticReadings,
+    pushes: Trajectory | None = None,
+    *,
+    force_noise: Annotated[float | None, Within(above=0.0)] = None,
+    moment_noise: Annotated[float | None, Within(above=0.0)] = None,
+    title: str = "",
+    progress: Progress = silent,
+    max_seconds: float | None = None,
+    stop: Callable[[], bool] = never,
+) -> WrenchStudy:
+    """Bias, mass and centre of what a force sensor carries, and the lever arm to where forces act, with intervals.
+
+    Args:
+        readings: "turn" (rotation vector of the sensor's axes in the world frame) [rad], "force" [N], "moment" [N m],
+            a row for each pose at rest and free of contact; or synthetic ones.
+        pushes: the same while a fixed point presses where forces are to act.
+        force_noise [N], moment_noise [N m]: standard deviation of a reading; needed with pushes. Left out, the
+            residuals give it.
+        progress, max_seconds, stop: see `gtmodel.results.Work`.
+
+    Raises ArgumentError for signals that are missing and poses that leave a parameter undetermined.
+
+    >>> L = gt.control.lead_through
+    >>> sensor = L.SyntheticSensor(mass=0.9, centre=(0.01, 0.0, 0.1), point=(0.0, 0.0, 0.2))
+    >>> s = L.wrench_study(L.SyntheticReadings(sensor, repetitions=0))
+    >>> s.status.ok, bool(abs(s.mass - 0.9) < 0.02), s.usable
+    (True, True, 'OK')
+    """
+    work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
+    notes: list[str] = []
+    if isinstance(readings, SyntheticReadings):
+        if pushes is not None:
+            raise ArgumentError("belong to measured readings; synthetic ones have their own", "pushes")
+        given, sensor = readings, readings.sensor
+        noise = max(sensor.force_noise, 1e-9), max(sensor.moment_noise, 1e-9)
+        known, arm = _synthetic(given, np.random.default_rng(given.seed), noise)
+        title = _marked(title or "wrench calibration")
+        notes.append(f"synthetic: seed {given.seed}, noise {sensor.force_noise:g} N and {sensor.moment_noise:g} N m")
+    else:
+        noise = force_noise, moment_noise
+        rows = [_signal(readings, name, "readings") for name in SIGNALS]
+        known = calibrate_wrench(_turns(rows[0]), *rows[1:], sigma_force=noise[0], sigma_moment=noise[1])
+        arm = _measured_arm(known, pushes, force_noise, moment_noise)
+    checks = {"wrench_usable": Check(float(known.status), judged=known.status.ok, advice=known.status.message)}
+    answers: dict[str, Any] = {"usable": known.status.name}
+    if isinstance(readings, SyntheticReadings) and readings.repetitions:
+        work.step("coverage")
+        shares, least = _covered(readings)
+        answers["coverage"] = shares
+        checks["least_coverage"] = Check(
+            min(shares.values()), least, "the intervals do not hold the truth as often as they say", least=True
+        )
+    if arm is not None and arm.estimate is None:
+        notes.append(f"no lever arm: {arm.status.message}")
+    parts = [known.force, known.moment, known.centre, None if arm is None else arm.estimate]
+    estimates = [part for part in parts if part is not None]
+    bias, moment = known.force.values[:3], known.moment.values[:3]
+    names = [(part, name) for part in estimates for name in part.names]
+    off = [  # a fit with a known noise gives them in its units
+        (1.0 if sigma is None else sigma) * np.array(part.residuals).reshape(-1, 3)
+        for part, sigma in zip((known.force, known.moment), noise, strict=True)
+    ]
+
+    def residuals() -> Any:
+        from ...plot.lead_through.limits import residuals_figure
+
+        return residuals_figure(*off, title=title)
+
+    return WrenchStudy(
+        status=SolveStatus.SOLVED, title=title, notes=notes, checks=checks, estimate=known.force,
+        message=_words(known), figures={"residuals": residuals},
+        poses=len(off[0]), mass=known.force.value("mass"), force_bias=bias.tolist(), moment_bias=moment.tolist(),
+        centre=None if known.centre is None else known.centre.values.tolist(),
+        arm=None if arm is None or arm.estimate is None else arm.estimate.values.tolist(),
+        half_widths={name: float(np.diff(part.interval(name, LEVEL))[0] / 2) for part, name in names}, **answers,
+    )  # fmt: skip
+
+
+def _signal(readings: Trajectory, name: str, argument: str) -> np.ndarray:
+    if name not in readings.names:
+        raise ArgumentError(f"has no '{name}'; there are {', '.join(readings.names)}", argument)
+    rows = np.array(readings[name], float)  # scipy takes no rows that are read-only
+    if rows.ndim != 2 or rows.shape[1] != 3:
+        raise ArgumentError(f"'{name}' has {rows.size // len(rows)} columns; expected 3", argument)
+    if readings.units[name] != SIGNALS[name]:
+        raise ArgumentError(f"'{name}' is in {readings.units[name]}; expected {SIGNALS[name]}", argument)
+    return rows
+
+
+def _turns(vectors: np.ndarray) -> np.ndarray:
+    return scipy.spatial.transform.Rotation.from_rotvec(vectors).as_matrix()
+
+
+def _measured_arm(
+    known: WrenchCalibration, pushes: Trajectory | None, force_noise: float | None, moment_noise: float | None
+) -> LeverArm | None:
+    if pushes is None:
+        return None
+    for name, value in (("force_noise", force_noise), ("moment_noise", moment_noise)):
+        if value is None:
+            raise ArgumentError("is needed to weigh the pushes", name)
+    if known.status is WrenchStatus.WRONG_SIGN:
+        return LeverArm(None, known.status)
+    assert force_noise is not None and moment_noise is not None
+    turn, force, moment = (_signal(pushes, name, "pushes") for name in SIGNALS)
+    own = known.contact(_turns(turn), force, moment)
+    return lever_arm(*own, sigma_force=force_noise, sigma_moment=moment_noise)
+
+
+def _synthetic(
+    given: SyntheticReadings, rng: np.random.Generator, noise: tuple[float, float]
+) -> tuple[WrenchCalibration, LeverArm | None]:
+    sensor = given.sensor
+    turns = scipy.spatial.transform.Rotation.random(given.poses, rng=rng).as_matrix()
+    known = calibrate_wrench(turns, *sensor.readings_at_rest(turns, rng), sigma_force=noise[0], sigma_moment=noise[1])
+    if given.pushes == 0 or known.status is WrenchStatus.WRONG_SIGN:
+        return known, None
+    force = rng.standard_normal((given.pushes, 3))
+    force *= given.push / np.linalg.norm(force, axis=1)[:, None]
+    upright = sensor.matrix.T  # of the tool, so that the sensor stands upright
+    both = [sensor.reading(f, np.zeros(3), upright, rng) for f in force]
+    still = np.tile(np.eye(3), (given.pushes, 1, 1))
+    own = known.contact(still, [b[0] for b in both], [b[1] for b in both])
+    return known, lever_arm(*own, sigma_force=noise[0], sigma_moment=noise[1])
+
+
+def _covered(given: SyntheticReadings) -> tuple[dict[str, float], float]:
+    """Share of intervals that hold the truth, by parameter, and the least that chance allows."""
+    sensor = given.sensor
+    noise = max(sensor.force_noise, 1e-9), max(sensor.moment_noise, 1e-9)
+    parts: dict[str, list[Estimate]] = {"force": [], "moment": [], "centre": [], "arm": []}
+    for child in np.random.SeedSequence(given.seed + 1).spawn(given.repetitions):
+        again, there = _synthetic(given, np.random.default_rng(child), noise)
+        parts["force"].append(again.force)
+        parts["moment"].append(again.moment)
+        parts["centre"] += [again.centre] if again.centre is not None else []
+        parts["arm"] += [there.estimate] if there is not None and there.estimate is not None else []
+    truth = {
+        "force": ("bias_force", sensor.force_bias), "moment": ("bias_moment", sensor.moment_bias),
+        "centre": ("centre", sensor.centre), "arm": ("arm", sensor.point),
+    }  # fmt: skip
+    shares: dict[str, float] = {}
+    least = 1.0
+    for part, (word, true) in truth.items():
+        if len(parts[part]) < given.repetitions:
+            continue
+        values = {f"{word}_{axis}": x for axis, x in zip("xyz", true, strict=True)}
+        seen = coverage(parts[part], values | ({"mass": sensor.mass} if part == "force" else {}), level=LEVEL)
+        shares |= {name: float(hits / seen.runs) for name, hits in zip(seen.names, seen.hits, strict=True)}
+        least = min(least, seen.band[0] / seen.runs)
+    return shares, least
+
+
+def _words(known: WrenchCalibration) -> str:
+    low, high = known.force.interval("mass", LEVEL)
+    text = f"mass {known.force.value('mass'):.4g} kg ({low:.4g} to {high:.4g})"
+    if known.centre is not None:
+        x, y, z = 1e3 * known.centre.values
+        text += f", centre at ({x:.3g}, {y:.3g}, {z:.3g}) mm"
+    return text if known.status.ok else f"{text}: {known.status.message}"
+
+
+def _marked(title: str) -> str:
+    return title if "synthetic" in title.lower() else f"{title} (synthetic)"

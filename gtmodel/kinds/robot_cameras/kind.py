@@ -1,0 +1,83 @@
+"""Kind "robot_cameras": a robot and its cameras calibrated together, or where two cameras are to stand."""
+
+from __future__ import annotations
+
+from gtmodel.problem_files.base import Context, InputError
+from gtmodel.problem_files.call import Call
+from gtmodel.problem_files.from_options import options_of
+from gtmodel.vision.robot_cameras import RobotPictures, places_study, read_pictures, study
+
+from .keys import Schema
+
+NAME = "robot_cameras"
+ARGUMENTS = {
+    "pictures": "synthetic", "corners": "pictures.corners", "actuators": "pictures.actuators", "unit": "pictures.unit",
+    "cameras": "camera", "setting": "calibration", "scene": "synthetic", "held_out": "held_out_every",
+    "accuracy": "accuracy_mm", "robot": "robot", "mounted": "calibration.mounted", "scale": "calibration.scale",
+    "device": "calibration.scale", "size": "synthetic.size_m", "distance": "synthetic.distance_m",
+    "poses": "synthetic.poses", "distances": "places.distances_m", "q": "robot",
+    "actuator_noise": "calibration.actuator_noise_um",
+}  # fmt: skip
+
+
+def call(problem: Schema, context: Context) -> Call:
+    """The study of the pictures, or of the places."""
+    if context.start is not None:
+        raise InputError("--start: cameras and robot start from what the pictures say; leave it out")
+    _one_source(problem)
+    robot = problem.model(context)
+    accuracy = None if problem.accuracy_mm is None else 1e-3 * problem.accuracy_mm
+    setting = problem.calibration.options()
+    if problem.places is not None:
+        assert problem.synthetic is not None
+        scene, places = options_of(problem, "synthetic", "places").values()
+        return Call(places_study, robot, scene, places, setting, accuracy=accuracy, title=problem.title)
+    cameras = options_of(problem, "camera")["camera"]
+    seen = _pictures(problem, context) if problem.synthetic is None else problem.synthetic.options()
+    return Call(
+        study, robot, seen, cameras, setting, held_out=problem.held_out_every, two_steps=problem.two_steps,
+        accuracy=accuracy, title=problem.title,
+    )  # fmt: skip
+
+
+def explain(problem: Schema, context: Context) -> str:
+    """What is seen, what is estimated, and what gives metres."""
+    _one_source(problem)
+    setting = problem.calibration.options()
+    name = problem.title or NAME
+    if problem.places is not None:
+        places = problem.places.options()
+        many = len(places.baselines) * len(places.distances)
+        return f"{name}: {many} places of two cameras, by the errors that a calibration there will leave"
+    if problem.synthetic is not None:
+        lines = [f"{name}: {problem.synthetic.options().words}"]
+    else:
+        p = _pictures(problem, context)
+        lines = [f"{name}: {len(p)} corners of {len(p.poses)} poses in {', '.join(p.cameras)}"]
+    estimated = ", ".join(w.replace("_", " ") for w in setting.estimate) or "nothing"
+    lines.append(f"  cameras: {estimated} estimated; {setting.mounted}")
+    lines.append(f"  metres from: {setting.scale.replace('_', ' ')}")
+    return "\n".join(lines)
+
+
+def _one_source(problem: Schema) -> None:
+    """Raises InputError where the tables contradict each other."""
+    if (problem.pictures is None) == (problem.synthetic is None):
+        given = "both" if problem.pictures is not None else "none of them"
+        raise InputError(f"expected one of [pictures] and [synthetic]; found {given}", "pictures")
+    if problem.places is not None and problem.synthetic is None:
+        raise InputError("a plan needs [synthetic], which says volume, target and noise", "places")
+    if problem.pictures is not None and problem.target is None:
+        raise InputError("is missing; it says where the marks of the pictures are", "target")
+    if problem.pictures is not None and not problem.camera:
+        raise InputError("is missing; give [[camera]] with name and size of the picture", "camera")
+    if problem.synthetic is not None and problem.target is not None:
+        raise InputError("belongs to [pictures]; synthetic ones show five squares", "target")
+
+
+def _pictures(problem: Schema, context: Context) -> RobotPictures:
+    p = problem.pictures
+    assert p is not None and problem.target is not None
+    corners = context.file(p.corners, "pictures.corners", source=p.source)
+    actuators = context.file(p.actuators, "pictures.actuators", source=p.source)
+    return read_pictures(corners, actuators, problem.target.options(), p.unit, p.sigma_pixel)

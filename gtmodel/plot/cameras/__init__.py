@@ -1,0 +1,1 @@
+"""Pictures of cameras: residuals over the picture, ellipsoids of positions, places compared."""

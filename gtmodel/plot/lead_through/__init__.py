@@ -1,0 +1,1 @@
+"""Pictures of lead-through: forces, paths, energy at the handle, a peg in its hole, limits."""

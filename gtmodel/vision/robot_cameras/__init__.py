@@ -1,0 +1,42 @@
+"""A robot and cameras calibrated together: pixels, closure equations and carts in one least-squares problem.
+
+study, RobotCamerasStudy   robot parameters, cameras and errors on held-out poses, jointly and in two steps
+RobotPictures, SecondDevice   corners that were seen at poses, what the actuators read there
+read_pictures, write_pictures   these in two CSV files
+CameraStart, RobotCameras     cameras as they are known before, and what is estimated
+joint_fit, JointFit        all corners and closure equations at once, each pose eliminated
+two_step_fit, TwoStepFit   positions by intersection first, then the robot on these
+picture_map, PictureMap    do residuals depend on the place in the picture: along the radius, and as a quadratic map
+SyntheticRobotCameras, made_pictures   synthetic pictures of a robot with known errors
+predicted_positions        the error over the workspace that noise leaves, before anything is measured or after
+places_study, camera_places, CameraPlaces   where to put two cameras
+aligned_errors             errors against positions in another frame
+"""
+
+from typing import TYPE_CHECKING
+
+from ..._lazy import public
+
+if TYPE_CHECKING:
+    from .errors import aligned_errors as aligned_errors
+    from .joint import JointFit as JointFit, joint_fit as joint_fit
+    from .options import (
+        CameraPlaces as CameraPlaces,
+        CameraStart as CameraStart,
+        RobotCameras as RobotCameras,
+        SyntheticRobotCameras as SyntheticRobotCameras,
+    )
+    from .picture_map import PictureMap as PictureMap, picture_map as picture_map
+    from .pictures import RobotPictures as RobotPictures, SecondDevice as SecondDevice
+    from .placing import PlacedCameras as PlacedCameras, camera_places as camera_places
+    from .predicted import PredictedPositions as PredictedPositions, predicted_positions as predicted_positions
+    from .reading import corner_rows as corner_rows, read_pictures as read_pictures, write_pictures as write_pictures
+    from .result import RobotCamerasStudy as RobotCamerasStudy
+    from .study import places_study as places_study, study as study
+    from .synthetic import (
+        MadePictures as MadePictures,
+        made_pictures as made_pictures,
+    )
+    from .two_step import TwoStepFit as TwoStepFit, two_step_fit as two_step_fit
+
+public(__name__)

@@ -1,0 +1,245 @@
+"""Robot and cameras in one bundle: pixels and closure equations, every pose eliminated."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ...calibrate.choice import Choice
+from ...inference.bundle import BundleFit, ResidualBlock, UnknownGroup, bundle_fit
+from ...lang.model import Model
+from ...results.estimate import Estimate
+from ...results.refusal import ArgumentError
+from ...robots.links import family_of
+from .options import CameraStart, RobotCameras
+from .pictures import RobotPictures
+from .projection import CAMERA, TARGET, TURN, corner_function, device_function, links_function
+from .redundancies import redundancies
+from .robot_side import RobotLinks, robot_side
+from .starts import camera_starts, quaternion, rigid, target_start
+
+INTRINSICS = {"focal": ("fx", "fy"), "principal_point": ("cx", "cy"), "distortion": ("k1", "k2", "p1", "p2")}
+HUBER = 2.0  # standard deviations
+WRONG = 10.0  # median length of a picture's whitened residuals: all of it is wrong
+CAMERA_UNITS = ("pixel",) * 4 + ("1",) * 5 + ("rad",) * 3 + ("m",) * 3
+
+
+@dataclass(frozen=True, eq=False)
+class JointFit:
+    """The calibrated robot and cameras.
+
+    `pictures`: what was left; `removed`: words for corners and for whole pictures that were not. `first`: how many
+    corners there were. `fit`: the bundle's end.
+    """
+
+    fit: BundleFit
+    side: RobotLinks
+    setting: RobotCameras
+    pictures: RobotPictures
+    wrong_pictures: tuple[str, ...]
+    wrong_corners: tuple[str, ...]
+    first: int
+
+    @property
+    def estimate(self) -> Estimate:
+        """Of all shared unknowns. Raises ArgumentError unless solved."""
+        if self.fit.estimate is None:
+            raise ArgumentError(f"a fit that is not solved has no estimate: {self.fit.message}")
+        return self.fit.estimate
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """The robot's free parameters by name."""
+        return self.side.unknowns.named(self.fit.values["robot"][0])
+
+    @cached_property
+    def residuals(self) -> np.ndarray:
+        """(n, 2) [pixel] of the corners that were left, in their order."""
+        return self.fit.residuals["corners"]
+
+    def positions(self, q: np.ndarray) -> np.ndarray:
+        """Tool centre points (n, 3) [m] of actuators by the calibrated robot; NaN where it does not close."""
+        near = self.side.start(q)
+        return self.side.forward(self.fit.values["robot"][0], q, near)[:, :3]
+
+    def camera_of(self, name: str) -> dict[str, float]:
+        """A camera's parameters by name."""
+        return dict(
+            zip(CAMERA, self.fit.values["camera"][list(self.pictures.cameras).index(name)].tolist(), strict=True)
+        )
+
+
+def held_by_default(robot: Model, setting: RobotCameras) -> tuple[list[str], bool]:
+    """Parameters that define the base frame, and whether the first camera's place does instead.
+
+    The frame of Dressler 2012, Table 5.7: the last guideway is the x-axis through the origin, and the z-axis meets the
+    first; the unit of that guideway is held where actuators give the scale.
+    """
+    if setting.hold is not None:
+        return list(setting.hold), not setting.hold and setting.scale == "target"
+    if family_of(robot) == "three_link":
+        along = ["v[2]"] if setting.scale == "actuators" else ["v[2,1]", "v[2,2]"]
+        return ["A[2]", *along, "A[0,1]"], False
+    return [], True
+
+
+def joint_fit(
+    robot: Model,
+    pictures: RobotPictures,
+    cameras: list[CameraStart],
+    setting: RobotCameras | None = None,
+    *,
+    stop: Callable[[], bool] | None = None,
+) -> JointFit:
+    """Robot parameters, cameras and the target's place from all corners at once.
+
+    Unknown are what `setting` frees, the target's place on its carrier, and the pose at each row of the actuators,
+    which is eliminated. Corners count by their sigma, actuators by their noise through the closure equations. A picture
+    that is wrong as a whole and single corners far off are removed and named. Raises ArgumentError for what the
+    pictures leave open, in words with the remedy, and for pictures that no start fits.
+
+    >>> V = gt.vision.robot_cameras
+    >>> made = V.made_pictures(V.SyntheticRobotCameras(counts=[3, 3, 3], seed=1))
+    >>> joint = V.joint_fit(made.robot, made.pictures, made.cameras)
+    >>> low, high = joint.estimate.interval("left.fx", 0.999)  # pixel
+    >>> low < 1400.0 < high, joint.camera_of("left")["fx"] == joint.estimate.value("left.fx")
+    (True, True)
+    """
+    setting = setting or RobotCameras()
+    fit_on = Prepared.of(robot, pictures, cameras, setting)
+    if setting.removal == 0:
+        return fit_on.joint(pictures, fit_on.fit(pictures, stop=stop), (), ())
+    rough = fit_on.fit(pictures, loss="huber", covariance=False, stop=stop)
+    if not rough.status.ok:
+        return fit_on.joint(pictures, rough, (), ())
+    length = np.linalg.norm(rough.residuals["corners"], axis=1) / pictures.sigma / np.sqrt(2)
+    wrong = [int(k) for k in np.unique(pictures.picture) if np.median(length[pictures.picture == k]) > WRONG]
+    left = pictures.corners(~np.isin(pictures.picture, wrong))
+    names, single = tuple(pictures.picture_name(k) for k in wrong), list[str]()
+    values = rough.values
+    for _ in range(4):
+        fit = fit_on.fit(left, values=values, covariance=False, stop=stop)
+        if not fit.status.ok:
+            return fit_on.joint(left, fit, names, tuple(single))
+        values = fit.values
+        each = np.abs(fit.residuals["corners"] / left.sigma[:, None])
+        # corners are judged against the stated noise, or the larger one that most of them show
+        size = max(1.0, float(np.median(each)) / 0.6745)
+        far = each.max(axis=1) > setting.removal * size
+        if not far.any():
+            break
+        single += [left.where(int(k)) for k in np.flatnonzero(far)]
+        left = left.corners(~far)
+    return fit_on.joint(left, fit_on.fit(left, values=values, stop=stop), names, tuple(single))
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """The problem made ready: starts, and what is fixed."""
+
+    side: RobotLinks
+    setting: RobotCameras
+    start: dict[str, np.ndarray]
+    camera_fixed: np.ndarray
+    target_fixed: np.ndarray
+    names: tuple[str, ...]
+    first: int
+
+    @classmethod
+    def of(cls, robot: Model, p: RobotPictures, cameras: list[CameraStart], setting: RobotCameras) -> Prepared:
+        by_name = {c.name: c for c in cameras}
+        missing = [n for n in p.cameras if n not in by_name]
+        if missing:
+            raise ArgumentError(f"'{missing[0]}' has corners but no entry; give its width and height", "cameras")
+        for name in p.cameras:
+            given = {"focal": by_name[name].focal_pixel, "principal_point": by_name[name].principal_point_pixel}
+            lacking = [what for what, value in given.items() if value is None and what not in setting.estimate]
+            if lacking:
+                words = lacking[0].replace("_", " ")
+                raise ArgumentError(f"the {words} of {name} is held but not given; give or estimate it", "cameras")
+        if setting.scale == "second_device" and (p.device is None or len(p.device.pose) < 3):
+            raise ArgumentError("a second device gives the scale by three or more measured positions", "device")
+        hold, camera_held = held_by_default(robot, setting)
+        side = robot_side(robot, Choice(fixed=[*hold, *setting.fixed]))
+        on_tool = setting.mounted == "fixed"
+        if side.turns and not on_tool:
+            raise ArgumentError(
+                "cameras on a plate that turns have no start yet that can be computed from the actuators alone; "
+                "mount them fixed",
+                "mounted",
+            )
+        poses = side.start(p.actuators)
+        given = np.array([by_name[n].start for n in p.cameras])
+        known = np.array([by_name[n].focal_pixel is not None for n in p.cameras])
+        start = camera_starts(p, poses[:, :3] if on_tool else -poses[:, :3], given, known)
+        target = target_start(p, start, poses, on_tool)
+        if on_tool and not side.turns:  # the target's origin is the tool centre point, and all else moves with it
+            start[:, 13:], target[4:7] = start[:, 13:] - target[4:7], 0.0
+        values = {"camera": start, "target": target[None], "robot": side.unknowns.start[None], "pose": poses}
+        held = {name for group, entries in INTRINSICS.items() if group not in setting.estimate for name in entries}
+        fixed = np.array(
+            [[n in held or n == "k3" for n in (*CAMERA[:TURN], *["turn"] * 3, *CAMERA[13:])]] * len(p.cameras)
+        )
+        tool_centre = on_tool and not side.turns
+        if not on_tool and not side.turns:
+            fixed[0, 12:] = True
+        if camera_held:
+            fixed[0, 9:] = True
+        target_fixed = np.array([False] * 3 + [tool_centre] * 3 + [setting.scale == "target"])
+        return cls(side, setting, values, fixed, target_fixed, tuple(p.cameras), len(p))
+
+    def fit(
+        self, p: RobotPictures, *, values: dict[str, np.ndarray] | None = None, loss: str = "linear",
+        covariance: bool = True, stop: Callable[[], bool] | None = None,
+    ) -> BundleFit:  # fmt: skip
+        """The bundle on some of the corners."""
+        v, side, on_tool = values or self.start, self.side, self.setting.mounted == "fixed"
+        n, q = len(p.poses), p.actuators
+        pose_labels = ["x", "y", "z", "qw", "qx", "qy", "qz"][: side.pose_size]
+        groups = [
+            UnknownGroup("camera", v["camera"], CAMERA, self.names, turn=TURN, fixed=self.camera_fixed,
+                         units=CAMERA_UNITS),
+            UnknownGroup("target", v["target"], TARGET, turn=0, fixed=self.target_fixed,
+                         units=("rad",) * 3 + ("m",) * 3 + ("1",)),
+            UnknownGroup("robot", v["robot"], side.unknowns.names, units=side.unknowns.units),
+            UnknownGroup("pose", v["pose"], pose_labels, [f"pose {k}" for k in p.poses], local=True,
+                         turn=3 if side.turns else None),
+        ]  # fmt: skip
+        side.require_all_links(v["robot"][0], v["pose"], q, self.setting.actuator_noise)
+        blocks = [
+            ResidualBlock(
+                "corners", corner_function(side.pose_size, on_tool),
+                [("camera", p.camera), ("target", 0), ("pose", p.pose)], np.column_stack([p.target[p.mark], p.uv]),
+                sigma=p.sigma, loss=loss, width=HUBER,
+            ),
+            ResidualBlock("links", links_function(side.residual, self.setting.actuator_noise),
+                          [("robot", 0), ("pose", np.arange(n))], q, sigma=1.0),
+        ]  # fmt: skip
+        if p.device is not None and len(p.device.pose):
+            frame = v.get("device")
+            if frame is None:
+                R, t = rigid(p.device.T, v["pose"][p.device.pose, :3])
+                frame = np.concatenate([quaternion(R), t])[None]
+            groups.append(UnknownGroup("device", frame, TARGET[:7], turn=0, units=("rad",) * 3 + ("m",) * 3))
+            sees = [("device", 0), ("pose", p.device.pose)]
+            f = device_function(side.pose_size)
+            blocks.append(ResidualBlock("device", f, sees, p.device.T, sigma=p.device.noise))
+        return bundle_fit(groups, blocks, motions=redundancies(side, q, on_tool), covariance=covariance, stop=stop)
+
+    def joint(self, p: RobotPictures, fit: BundleFit, pictures: tuple[str, ...], corners: tuple[str, ...]) -> JointFit:
+        """The result."""
+        return JointFit(fit, self.side, self.setting, p, pictures, corners, self.first)
+
+
+def held_out_pixels(joint: JointFit, pictures: RobotPictures) -> np.ndarray:
+    """Residuals (n, 2) [pixel] of pictures that the fit did not see, at the poses that the robot predicts."""
+    values = joint.fit.values
+    poses = joint.side.forward(values["robot"][0], pictures.actuators, joint.side.start(pictures.actuators))
+    f = corner_function(joint.side.pose_size, joint.setting.mounted == "fixed")
+    n = len(pictures)
+    columns = [values["camera"][pictures.camera].T, np.repeat(values["target"].T, n, axis=1), poses[pictures.pose].T,
+               np.column_stack([pictures.target[pictures.mark], pictures.uv]).T]  # fmt: skip
+    return np.asarray(f.map(n)(*columns)[0]).T

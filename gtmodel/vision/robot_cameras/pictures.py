@@ -1,0 +1,105 @@
+"""Corners that cameras saw at poses of a robot, with what its actuators read there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...results.refusal import ArgumentError
+
+
+@dataclass(frozen=True, eq=False)
+class SecondDevice:
+    """Positions of the tool centre point measured by another device at some poses, in the device's own frame.
+
+    `pose` (k,) indices, `T` (k, 3) [m], `noise` [m] of each coordinate.
+    """
+
+    pose: np.ndarray
+    T: np.ndarray
+    noise: float
+
+
+@dataclass(frozen=True, eq=False)
+class RobotPictures:
+    """n corners: `camera`, `pose` and `mark` (n,) are indices of the names below; `uv` (n, 2), `sigma` (n,) [pixel].
+
+    `actuators` (N, k): what the robot read at each pose. `target` (M, 3) [m]: marks in the target's own frame.
+    `truth` (N, 3): true positions of synthetic pictures. `synthetic`: seed and noise in words; "" for measured ones.
+
+    Raises ArgumentError for shapes that do not fit, and for corners that are seen twice.
+    """
+
+    cameras: Sequence[str]
+    poses: Sequence[str]
+    marks: Sequence[str]
+    camera: np.ndarray
+    pose: np.ndarray
+    mark: np.ndarray
+    uv: np.ndarray
+    sigma: np.ndarray
+    actuators: np.ndarray
+    target: np.ndarray
+    device: SecondDevice | None = None
+    truth: np.ndarray | None = None
+    synthetic: str = ""
+
+    def __post_init__(self) -> None:
+        n = len(self.camera)
+        shapes = [np.shape(a) for a in (self.camera, self.pose, self.mark, self.uv, self.sigma)]
+        if shapes != [(n,), (n,), (n,), (n, 2), (n,)] or not n:
+            raise ArgumentError(
+                f"the corners have the shapes {shapes}; expected n rows each, u and v in two", "corners"
+            )
+        if len(self.actuators) != len(self.poses) or np.shape(self.target) != (len(self.marks), 3):
+            raise ArgumentError(
+                f"{len(self.poses)} poses have {len(self.actuators)} rows of actuators, and {len(self.marks)} marks "
+                f"places of the shape {np.shape(self.target)}",
+                "actuators",
+            )
+        if not (np.all(np.isfinite(self.uv)) and np.all(self.sigma > 0) and np.all(np.isfinite(self.actuators))):
+            raise ArgumentError("corners and actuators must be finite, and sigma positive", "corners")
+        key = (self.camera * len(self.poses) + self.pose) * len(self.marks) + self.mark
+        values, count = np.unique(key, return_counts=True)
+        if np.any(count > 1):
+            k = int(np.flatnonzero(key == values[np.argmax(count)])[0])
+            raise ArgumentError(f"{self.where(k)} is given twice; keep one", "corners")
+
+    def __len__(self) -> int:
+        return len(self.camera)
+
+    @property
+    def picture(self) -> np.ndarray:
+        """(n,) number of the picture of each corner: camera * poses + pose."""
+        return self.camera * len(self.poses) + self.pose
+
+    def where(self, k: int) -> str:
+        """Words for a corner."""
+        return f"mark {self.marks[self.mark[k]]} of pose {self.poses[self.pose[k]]} in {self.cameras[self.camera[k]]}"
+
+    def picture_name(self, number: int) -> str:
+        """Words for a picture."""
+        camera, pose = divmod(int(number), len(self.poses))
+        return f"pose {self.poses[pose]} in {self.cameras[camera]}"
+
+    def corners(self, keep: np.ndarray) -> RobotPictures:
+        """Some of the corners, by index or mask; poses stay."""
+        own = {n: getattr(self, n)[keep] for n in ("camera", "pose", "mark", "uv", "sigma")}
+        return replace(self, **own)
+
+    def part(self, rows: np.ndarray) -> RobotPictures:
+        """Some of the poses (k,), by index, with their corners."""
+        place = np.full(len(self.poses), -1)
+        place[rows] = np.arange(len(rows))
+        keep = place[self.pose] >= 0
+        device = self.device
+        if device is not None:
+            inside = place[device.pose] >= 0
+            device = SecondDevice(place[device.pose][inside], device.T[inside], device.noise)
+        own = {n: getattr(self, n)[keep] for n in ("camera", "mark", "uv", "sigma")}
+        return replace(
+            self, **own, pose=place[self.pose[keep]], poses=[self.poses[int(k)] for k in rows],
+            actuators=self.actuators[rows], device=device, truth=None if self.truth is None else self.truth[rows],
+        )  # fmt: skip

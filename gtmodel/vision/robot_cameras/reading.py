@@ -1,0 +1,149 @@
+"""Corners and actuators from tables."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from ...results.refusal import ArgumentError
+from ..detection.corner_rows import CornerRow, corners_csv
+from ..detection.targets import Target
+from .pictures import RobotPictures
+
+
+def read_pictures(
+    corners: str | Path, actuators: str | Path, target: Target, unit: str = "mm", sigma: float = 0.1
+) -> RobotPictures:
+    """Pictures of a robot from two CSV files.
+
+    corners: columns camera, pose, mark, u, v [pixel] and sigma [pixel], as `detection.corners_csv` writes them; `sigma`
+    where there is no such column. actuators: columns pose and then one for each actuator, in `unit`; poses are those of
+    the corners, by name. target: whose marks they are. Lines that begin with # are left out; a first one that says
+    "synthetic" is kept as a word.
+
+    Raises ArgumentError with file and line for what is no number, a mark that the target does not have, and a pose
+    without actuators.
+
+    >>> from pathlib import Path
+    >>> from tempfile import mkdtemp
+    >>> made = gt.vision.robot_cameras.made_pictures(gt.vision.robot_cameras.SyntheticRobotCameras(counts=[3, 3, 3]))
+    >>> folder = Path(mkdtemp())
+    >>> gt.vision.robot_cameras.write_pictures(made.pictures, folder / "corners.csv", folder / "carts.csv")
+    >>> tool = gt.vision.detection.FiveSquares(side=0.04)
+    >>> pictures = gt.vision.robot_cameras.read_pictures(folder / "corners.csv", folder / "carts.csv", tool, "m")
+    >>> len(pictures), pictures.cameras
+    (1080, ('left', 'right'))
+    """
+    readings = {name: row for name, row, _ in _rows(Path(actuators), "actuators")}
+    factor = _factor(unit)
+    rows = list(_corner_rows(Path(corners), sigma))
+    if not rows:
+        raise ArgumentError(f"{Path(corners).name} has no corner", "corners")
+    cameras = tuple(dict.fromkeys(r[0] for r in rows))
+    poses = tuple(dict.fromkeys(r[1] for r in rows))
+    missing = [p for p in poses if p not in readings]
+    if missing:
+        raise ArgumentError(f"pose {missing[0]} has corners but no row in {Path(actuators).name}", "actuators")
+    marks = {m: k for k, m in enumerate(target.marks)}
+    strange = [r for r in rows if r[2] not in marks]
+    if strange:
+        raise ArgumentError(
+            f"{Path(corners).name}, line {strange[0][6]}: the target has no mark '{strange[0][2]}'; it has "
+            f"{target.marks[0]} to {target.marks[-1]}",
+            "corners",
+        )
+    index = [{n: k for k, n in enumerate(names)} for names in (cameras, poses)]
+    with Path(corners).open(encoding="utf-8") as file:
+        first = file.readline().strip()
+    return RobotPictures(
+        cameras, poses, target.marks,
+        np.array([index[0][r[0]] for r in rows]), np.array([index[1][r[1]] for r in rows]),
+        np.array([marks[r[2]] for r in rows]), np.array([r[3:5] for r in rows]), np.array([r[5] for r in rows]),
+        factor * np.array([readings[p] for p in poses]), target.points,
+        synthetic=first.lstrip("# ") if first.startswith("#") and "synthetic" in first else "",
+    )  # fmt: skip
+
+
+def write_pictures(pictures: RobotPictures, corners: str | Path, actuators: str | Path) -> None:
+    """The two files of read_pictures(), actuators in metres.
+
+    See read_pictures().
+    """
+    p = pictures
+    text = corners_csv(corner_rows(p), p.synthetic.removeprefix("synthetic, "))
+    Path(corners).write_text(text, encoding="utf-8")
+    names = [f"q{k + 1}" for k in range(p.actuators.shape[1])]
+    lines = [f"{pose},{','.join(f'{x:.7f}' for x in q)}" for pose, q in zip(p.poses, p.actuators, strict=True)]
+    Path(actuators).write_text("\n".join([f"pose,{','.join(names)}", *lines, ""]), encoding="utf-8")
+
+
+def corner_rows(p: RobotPictures) -> list[CornerRow]:
+    """Corners as rows of the table.
+
+    >>> V = gt.vision.robot_cameras
+    >>> V.corner_rows(V.made_pictures(V.SyntheticRobotCameras(counts=[3, 3, 3])).pictures)[0].mark
+    '0.0'
+    """
+    rows = list[CornerRow]()
+    for k in range(len(p)):
+        camera, pose, mark = p.cameras[int(p.camera[k])], p.poses[int(p.pose[k])], p.marks[int(p.mark[k])]
+        rows.append(CornerRow(camera, pose, mark, float(p.uv[k, 0]), float(p.uv[k, 1]), float(p.sigma[k])))
+    return rows
+
+
+def _corner_rows(path: Path, sigma: float) -> Iterator[tuple[str, str, str, float, float, float, int]]:
+    """camera, pose, mark, u, v, sigma, line."""
+    head, body = _table(path, "corners")
+    missing = [n for n in ("camera", "pose", "mark", "u", "v") if n not in head]
+    if missing:
+        raise ArgumentError(f"{path.name} has no column '{missing[0]}'; it has {', '.join(head)}", "corners")
+    at = {n: head.index(n) for n in head}
+    for line, cells in body:
+        u, v = (_number(cells[at[n]], path, line, "corners") for n in ("u", "v"))
+        own = _number(cells[at["sigma"]], path, line, "corners") if "sigma" in at else sigma
+        yield cells[at["camera"]], cells[at["pose"]], cells[at["mark"]], u, v, own, line
+
+
+def _rows(path: Path, argument: str) -> Iterator[tuple[str, list[float], int]]:
+    """Name, numbers and line of each row."""
+    head, body = _table(path, argument)
+    if head[0] != "pose" or len(head) < 2:
+        raise ArgumentError(f"{path.name} begins with {', '.join(head[:4])}; expected pose, q1, ...", argument)
+    for line, cells in body:
+        yield cells[0], [_number(c, path, line, argument) for c in cells[1:]], line
+
+
+def _table(path: Path, argument: str) -> tuple[list[str], list[tuple[int, list[str]]]]:
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise ArgumentError(f"{path.name} cannot be read: {error}", argument) from error
+    kept = [(k, text) for k, text in enumerate(lines, 1) if text.strip() and not text.startswith("#")]
+    rows: Sequence[list[str]] = [[c.strip() for c in row] for row in csv.reader(text for _, text in kept)]
+    if len(rows) < 2:
+        raise ArgumentError(f"{path.name} holds no rows below its head", argument)
+    for (line, _), row in zip(kept, rows, strict=True):
+        if len(row) != len(rows[0]):
+            raise ArgumentError(f"{path.name}, line {line}: {len(row)} cells; the head has {len(rows[0])}", argument)
+    return rows[0], [(line, row) for (line, _), row in zip(kept[1:], rows[1:], strict=True)]
+
+
+def _number(text: str, path: Path, line: int, argument: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = np.nan
+    if not np.isfinite(value):
+        raise ArgumentError(f"{path.name}, line {line}: '{text}' is no finite number", argument)
+    return value
+
+
+def _factor(unit: str) -> float:
+    """Metres, or radians, per unit."""
+    lengths = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "rad": 1.0, "deg": np.pi / 180}
+    if unit not in lengths:
+        raise ArgumentError(f"expected one of {', '.join(lengths)}; found '{unit}'", "unit")
+    return lengths[unit]

@@ -1,0 +1,135 @@
+"""Where the bundle begins: cameras by the direct linear transformation, the target by the rays to its marks."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy
+
+from ...results.refusal import ArgumentError
+from .pictures import RobotPictures
+
+LEAST = 8  # pictures of a camera: two more than the direct linear transformation needs
+PLAUSIBLE = (0.2, 20.0)  # focal length in widths of the picture
+
+
+def quaternion(R: np.ndarray) -> np.ndarray:
+    """Unit quaternion, scalar first, of a rotation (3, 3)."""
+    from scipy.spatial.transform import Rotation
+
+    x, y, z, w = Rotation.from_matrix(R).as_quat()
+    return np.array([w, x, y, z]) * (1.0 if w >= 0 else -1.0)
+
+
+def matrix(q: np.ndarray) -> np.ndarray:
+    """Rotations (..., 3, 3) of unit quaternions (..., 4), scalar first."""
+    from scipy.spatial.transform import Rotation
+
+    q = np.asarray(q, float)
+    return Rotation.from_quat(np.roll(q, -1, axis=-1).reshape(-1, 4)).as_matrix().reshape(*q.shape[:-1], 3, 3)
+
+
+def camera_starts(p: RobotPictures, places: np.ndarray, intrinsics: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """Cameras (K, 16) from the mean corner of each picture and `places` (N, 3) of the target there [m].
+
+    `intrinsics` (K, 9) as given, `known` (K,) whether the focal length is. Raises ArgumentError.
+    """
+    cameras = []
+    for k, name in enumerate(p.cameras):
+        own = p.camera == k
+        rows = np.unique(p.pose[own])
+        if len(rows) < LEAST:
+            raise ArgumentError(f"{name} has {len(rows)} pictures; it needs {LEAST} or more", "corners")
+        count = np.bincount(p.pose[own], minlength=len(p.poses))[rows]
+        uv = np.stack([np.bincount(p.pose[own], p.uv[own, j], minlength=len(p.poses))[rows] / count for j in (0, 1)], 1)
+        K, R, c = _resection(places[rows], uv, name)
+        start = intrinsics[k].copy()
+        width = 2 * start[2] + 1
+        if not known[k] and PLAUSIBLE[0] * width < K[0, 0] < PLAUSIBLE[1] * width:
+            start[:2] = (K[0, 0] + K[1, 1]) / 2
+        # place and turn go with the focal length that is kept: from there the middle of the target is seen alike
+        cameras.append(np.concatenate([start, *_placed(start, places[rows], uv, R, c)]))
+    return np.array(cameras)
+
+
+def _resection(X: np.ndarray, uv: np.ndarray, name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Intrinsics, rotation (camera to base) and place of the camera that sees points X at uv."""
+    middle, size = X.mean(axis=0), np.linalg.norm(X - X.mean(axis=0), axis=1).mean()
+    if np.linalg.svd(X - middle, compute_uv=False)[-1] < 1e-3 * size * np.sqrt(len(X)):
+        raise ArgumentError(f"the poses that {name} sees lie in a plane; measure at other distances too", "corners")
+    centre, spread = uv.mean(axis=0), np.abs(uv - uv.mean(axis=0)).mean()
+    Y = np.column_stack([(X - middle) / size, np.ones(len(X))])
+    u, v = ((uv - centre) / spread).T
+    zero = np.zeros_like(Y)
+    A = np.vstack([np.hstack([Y, zero, -u[:, None] * Y]), np.hstack([zero, Y, -v[:, None] * Y])])
+    P = np.linalg.svd(A)[2][-1].reshape(3, 4)
+    back = np.array([[spread, 0, centre[0]], [0, spread, centre[1]], [0, 0, 1]])
+    scale = np.eye(4)
+    scale[:3, :3] /= size
+    scale[:3, 3] = -middle / size
+    P = back @ P @ scale
+    P *= np.sign(np.linalg.det(P[:, :3]))
+    K, R = scipy.linalg.rq(P[:, :3])
+    sign = np.diag(np.sign(np.diag(K)))
+    K, R = K @ sign, sign @ R
+    c = -np.linalg.solve(P[:, :3], P[:, 3])
+    if ((X - c) @ R.T)[:, 2].mean() < 0:
+        raise ArgumentError(
+            f"{name} would see the target from behind: its picture is mirrored, or the rows of the actuators do not "
+            "belong to its pictures",
+            "corners",
+        )
+    return K / K[2, 2], R.T, c
+
+
+def _placed(start: np.ndarray, X: np.ndarray, uv: np.ndarray, R: np.ndarray, c: np.ndarray) -> list[np.ndarray]:
+    """Quaternion and place under intrinsics that may differ from those of the resection."""
+    from scipy.optimize import least_squares
+    from scipy.spatial.transform import Rotation
+
+    def rest(x: np.ndarray) -> np.ndarray:
+        p = (X - c - x[3:]) @ (R @ Rotation.from_rotvec(x[:3]).as_matrix())
+        z = np.where(np.abs(p[:, 2:]) < 1e-6, 1e-6, p[:, 2:])
+        return (start[:2] * p[:, :2] / z + start[2:4] - uv).reshape(-1)
+
+    x = least_squares(rest, np.zeros(6), x_scale=[0.1] * 3 + [1.0] * 3).x
+    return [quaternion(R @ Rotation.from_rotvec(x[:3]).as_matrix()), c + x[3:]]
+
+
+def target_start(p: RobotPictures, cameras: np.ndarray, poses: np.ndarray, on_tool: bool) -> np.ndarray:
+    """The target (8,): turn, place and scale 1, from where the rays to each mark meet in the target's carrier.
+
+    Corners far off, as of a picture counted from the other end, are outvoted by the median over poses.
+    """
+    c, R = cameras[p.camera, 13:], matrix(cameras[p.camera, 9:13])
+    f = cameras[p.camera]
+    ray = np.column_stack([(p.uv[:, 0] - f[:, 2]) / f[:, 0], (p.uv[:, 1] - f[:, 3]) / f[:, 1], np.ones(len(p))])
+    ray = np.einsum("nij,nj->ni", R, ray)
+    ray /= np.linalg.norm(ray, axis=1, keepdims=True)
+    T = poses[p.pose, :3]
+    turn = matrix(poses[p.pose, 3:]) if poses.shape[1] == 7 else np.broadcast_to(np.eye(3), (len(p), 3, 3))
+    if on_tool:  # base: T + turn m = c + s ray
+        origin, ray = np.einsum("nji,nj->ni", turn, c - T), np.einsum("nji,nj->ni", turn, ray)
+    else:  # tool: turn' (m - T) = c + s ray
+        origin, ray = T + np.einsum("nij,nj->ni", turn, c), np.einsum("nij,nj->ni", turn, ray)
+    across = np.eye(3) - ray[:, :, None] * ray[:, None, :]
+    marks = np.zeros((len(p.marks), 3))
+    for k in range(len(marks)):
+        own = np.flatnonzero(p.mark == k)
+        weight = np.ones(len(own))
+        for _ in range(8):
+            A = np.einsum("n,nij->ij", weight, across[own])
+            b = np.einsum("n,nij,nj->i", weight, across[own], origin[own])
+            marks[k] = np.linalg.lstsq(A, b, rcond=None)[0]
+            off = np.linalg.norm(np.einsum("nij,nj->ni", across[own], marks[k] - origin[own]), axis=1)
+            weight = 1 / np.maximum(off, 0.1 * np.median(off) + 1e-12)
+    seen = np.isin(np.arange(len(marks)), p.mark)
+    Rt, t = rigid(p.target[seen], marks[seen])
+    return np.concatenate([quaternion(Rt), t, [1.0]])
+
+
+def rigid(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Rotation and shift that bring points a (n, 3) on b, by least squares."""
+    ma, mb = a.mean(axis=0), b.mean(axis=0)
+    U, _, Vt = np.linalg.svd((b - mb).T @ (a - ma))
+    R = U @ np.diag([1, 1, np.sign(np.linalg.det(U @ Vt))]) @ Vt
+    return R, mb - R @ ma

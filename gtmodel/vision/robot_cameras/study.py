@@ -1,0 +1,313 @@
+"""The study of a robot with its cameras: jointly, in two steps, on poses that no fit saw; or planned."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from typing import Annotated, Any
+
+import numpy as np
+
+from ...lang.model import Model
+from ...results import ArgumentError, Check, SolveStatus, Work, at_least, at_most
+from ...results.door import study_function
+from ...results.made_files import MadeFiles
+from ...results.options import Within
+from ...results.work import Progress, never, silent
+from ..detection.corner_rows import corners_csv
+from .errors import aligned_errors
+from .joint import JointFit, held_out_pixels, joint_fit
+from .options import CameraPlaces, CameraStart, RobotCameras, SyntheticRobotCameras
+from .picture_map import PictureMap, picture_map
+from .pictures import RobotPictures
+from .placing import camera_places
+from .predicted import predicted_positions
+from .projection import CAMERA
+from .reading import corner_rows
+from .result import RobotCamerasStudy
+from .synthetic import made_pictures
+from .two_step import TwoStepFit, two_step_fit
+
+
+@study_function
+def study(
+    robot: Model,
+    pictures: RobotPictures | SyntheticRobotCameras,
+    cameras: Sequence[CameraStart] = (),
+    setting: RobotCameras | None = None,
+    *,
+    held_out: Annotated[int, Within(least=2)] = 2,
+    two_steps: bool = False,
+    accuracy: Annotated[float | None, Within(above=0.0)] = None,
+    title: str = "",
+    progress: Progress = silent,
+    max_seconds: float | None = None,
+    stop: Callable[[], bool] = never,
+) -> RobotCamerasStudy:
+    """Calibrate a robot together with its cameras, and judge both on poses that the fit did not see.
+
+    Args:
+        robot: with its parameters as known before.
+        pictures: corners and what the actuators read, or what synthetic ones are made of.
+        cameras: as known before, one for each name in the pictures; of synthetic pictures their size alone is known
+            where this is left out.
+        setting: what is estimated, what gives the scale.
+        held_out: every how many-th pose no fit sees.
+        two_steps: whether positions are intersected first too, for comparison.
+        accuracy: greatest mean error [m] of held-out positions, of synthetic pictures.
+        progress, max_seconds, stop: see `gtmodel.results.Work`.
+
+    A quadratic map in the residuals over a camera's picture is a failed check: the camera is another one than its
+    model. Raises ArgumentError for what the pictures leave open, with the remedy.
+
+    >>> V = gt.vision.robot_cameras
+    >>> s = V.study(gt.robots.gantry_tau("l1_tape"), V.SyntheticRobotCameras(counts=[4, 4, 4]))
+    >>> s.status.ok, s.held_out["mean"] < 0.5e-3
+    (True, True)
+    """
+    work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
+    setting = setting or RobotCameras()
+    if isinstance(pictures, SyntheticRobotCameras):
+        work.progress("making synthetic pictures", 0.1)
+        made = made_pictures(pictures, robot)
+        pictures, cameras = made.pictures, list(cameras) or made.cameras
+    title = title or "robot and cameras"
+    if pictures.synthetic and "synthetic" not in title.lower():
+        title += " (synthetic)"
+    rows = np.arange(len(pictures.poses))
+    judging = rows % held_out == held_out - 1
+    fitted, unseen = pictures.part(rows[~judging]), pictures.part(rows[judging])
+    work.progress("robot and cameras together", 0.3)
+    joint = joint_fit(robot, fitted, list(cameras), setting, stop=work.interrupted)
+    if not joint.fit.status.ok:
+        return RobotCamerasStudy(status=joint.fit.status, message=joint.fit.message, title=title,
+                                 synthetic=pictures.synthetic or None)  # fmt: skip
+    work.progress("judging", 0.7)
+    test = picture_map(joint.pictures, joint.residuals)
+    positions = joint.positions(unseen.actuators)
+    errors = None if unseen.truth is None else aligned_errors(positions, unseen.truth)
+    two = two_step_fit(robot, fitted, list(cameras), setting, stop=work.interrupted) if two_steps else None
+    return _study(joint, test, fitted, unseen, errors, two, setting, accuracy, title)
+
+
+def _study(
+    joint: JointFit, test: PictureMap, fitted: RobotPictures, unseen: RobotPictures, errors: np.ndarray | None,
+    two: TwoStepFit | None, setting: RobotCameras, accuracy: float | None, title: str,
+) -> RobotCamerasStudy:  # fmt: skip
+    pixels = held_out_pixels(joint, unseen)
+    least = min(test.quadratic.tolist())
+    checks: dict[str, Check] = {
+        "residuals_over_picture": at_least(least, setting.quiet / len(test.cameras), "estimate what is held of the "
+            f"cameras: residuals of {' and '.join(test.fires(setting.quiet)) or 'no camera'} are a map of the picture"),
+    }  # fmt: skip
+    if accuracy is not None:
+        if errors is None:
+            raise ArgumentError(
+                "of measured pictures there is no true position to compare with; leave it out", "accuracy"
+            )
+        checks["held_out_mean_m"] = at_most(float(np.nanmean(errors)), accuracy, "take more pictures")
+    predicted = predicted_positions(joint, unseen.actuators)
+    mean = f"; held-out positions {1e3 * float(np.nanmean(errors)):.3g} mm in the mean" if errors is not None else ""
+    p = joint.pictures
+    return RobotCamerasStudy(
+        status=SolveStatus.SOLVED,
+        message=f"{joint.fit.message}{mean}",
+        title=title,
+        estimate=joint.estimate,
+        objective=joint.fit.cost,
+        iterations=joint.fit.iterations,
+        checks=checks,
+        notes=_notes(joint, test, two, setting),
+        figures=_figures(joint, predicted.positions, predicted.covariance, title),
+        machine_files=("parameters.csv",),
+        files=MadeFiles({"parameters.csv": partial(_table, joint), "corners.csv": partial(_corners, p)}),
+        unknowns=_unknowns(joint),
+        cameras=_cameras(joint),
+        poses={
+            "fitted": len(fitted.poses),
+            "held_out": len(unseen.poses),
+            "corners": len(p),
+            "corners_given": joint.first,
+        },
+        removed_pictures=joint.wrong_pictures,
+        removed_corners=joint.wrong_corners,
+        held_out_pixel=float(1.4826 * np.nanmedian(np.abs(pixels))),
+        held_out=_sizes(errors),
+        two_step=_two_step(two, fitted, unseen),
+        predicted=predicted.rms,
+        picture_radius=dict(zip(test.cameras, test.radius.tolist(), strict=True)),
+        picture_quadratic=dict(zip(test.cameras, test.quadratic.tolist(), strict=True)),
+        synthetic=p.synthetic or None,
+    )
+
+
+@study_function
+def places_study(
+    robot: Model,
+    scene: SyntheticRobotCameras,
+    places: CameraPlaces | None = None,
+    setting: RobotCameras | None = None,
+    *,
+    accuracy: Annotated[float | None, Within(above=0.0)] = None,
+    title: str = "",
+    progress: Progress = silent,
+    max_seconds: float | None = None,
+    stop: Callable[[], bool] = never,
+) -> RobotCamerasStudy:
+    """Where to put two cameras: the error over the volume that a calibration from each place will leave.
+
+    Args:
+        robot: as it is known.
+        scene: volume, target and noise.
+        places: baselines and distances to compare.
+        setting: what will be estimated.
+        accuracy: greatest rms error [m] that the best place may leave.
+        progress, max_seconds, stop: see `gtmodel.results.Work`.
+
+    Raises ArgumentError where no place sees the target everywhere.
+
+    >>> V = gt.vision.robot_cameras
+    >>> scene, places = V.SyntheticRobotCameras(counts=[3, 3, 3]), V.CameraPlaces(baselines=[0.5, 1.5], distances=[3.2])
+    >>> V.places_study(gt.robots.gantry_tau("l1_tape"), scene, places).places[0]["baseline_m"]
+    1.5
+    """
+    work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
+    work.progress("comparing places", 0.3)
+    compared = camera_places(robot, scene, places or CameraPlaces(), setting)
+    best = compared[0]
+    assert best.predicted is not None
+    checks = {} if accuracy is None else {"best_rms_m": at_most(best.predicted.rms, accuracy, "take more poses")}
+    rows = [
+        {
+            "baseline_m": r.baseline, "distance_m": r.distance,
+            "rms_mm": None if r.predicted is None else 1e3 * r.predicted.rms,
+            "max_mm": None if r.predicted is None else 1e3 * r.predicted.greatest,
+            "focal_std_pixel": None if r.predicted is None else r.focal_deviation, "why": r.why,
+        }
+        for r in compared
+    ]  # fmt: skip
+    message = f"best: {best.baseline:g} m apart at {best.distance:g} m, {1e3 * best.predicted.rms:.3g} mm rms predicted"
+    title = title or "places of two cameras"
+    return RobotCamerasStudy(
+        status=SolveStatus.SOLVED, message=message, title=title, checks=checks, places=rows,
+        figures={"workspace": partial(_ellipsoids, best.predicted.positions, best.predicted.covariance, title),
+                 "places": partial(_places, rows, title)},
+        notes=["predicted from noise alone: what the models leave out, as bent guideways or a lens of another kind, "
+               "comes on top"],
+    )  # fmt: skip
+
+
+def _notes(joint: JointFit, test: PictureMap, two: TwoStepFit | None, setting: RobotCameras) -> list[str]:
+    notes = [f"removed: {name}, wrong as a whole" for name in joint.wrong_pictures]
+    if joint.wrong_corners:
+        some = ", ".join(joint.wrong_corners[:3]) + (" and others" if len(joint.wrong_corners) > 3 else "")
+        notes.append(f"{len(joint.wrong_corners)} corners removed as far off: {some}")
+    fired = test.fires(setting.quiet)
+    if fired:
+        notes.append(
+            f"residuals of {' and '.join(fired)} are a quadratic map of the picture, which a wrong principal point "
+            "makes; a test along the radius alone may miss it"
+        )
+    if two is not None:
+        notes.append(
+            "in two steps the formal deviations are conditional on the cameras, held fixed in the second, and smaller "
+            "than what repeated experiments show"
+        )
+    return notes
+
+
+def _sizes(errors: np.ndarray | None) -> dict[str, float] | None:
+    if errors is None:
+        return None
+    return {
+        "mean": float(np.nanmean(errors)),
+        "rms": float(np.sqrt(np.nanmean(errors**2))),
+        "max": float(np.nanmax(errors)),
+    }
+
+
+def _two_step(two: TwoStepFit | None, fitted: RobotPictures, unseen: RobotPictures) -> dict[str, float] | None:
+    if two is None or fitted.truth is None or unseen.truth is None:
+        return None
+    predicted = two.positions(unseen.actuators)
+    return {
+        "centres": float(np.mean(aligned_errors(two.centres, fitted.truth))),
+        "centres_scaled": float(np.mean(aligned_errors(two.centres, fitted.truth, scale=True))),
+        "held_out": float(np.nanmean(aligned_errors(predicted, unseen.truth))),
+        "held_out_scaled": float(np.nanmean(aligned_errors(predicted, unseen.truth, scale=True))),
+    }
+
+
+def _unknowns(joint: JointFit) -> list[dict[str, Any]]:
+    u, e = joint.side.unknowns, joint.estimate
+    rows = []
+    for name, unit, start in zip(u.names, u.units, u.start.tolist(), strict=True):
+        own = f"robot.{name}"
+        low, high = e.interval(own)
+        std = float(e.std[e.names.index(own)])
+        rows.append({"name": name, "unit": unit, "start": start, "value": e.value(own), "std": std,
+                     "interval_95": [low, high]})  # fmt: skip
+    return rows
+
+
+def _cameras(joint: JointFit) -> list[dict[str, Any]]:
+    e, rows = joint.estimate, []
+    names = list(e.names)
+    for k, camera in enumerate(joint.pictures.cameras):
+        values = joint.camera_of(camera)
+        own = joint.pictures.camera == k
+        rest = joint.residuals[own]
+        row: dict[str, Any] = {"name": camera}
+        for name in CAMERA:
+            at = f"{camera}.{name}"
+            row[name] = {"value": values[name], "std": float(e.std[names.index(at)]) if at in names else None}
+        row["rms_pixel"] = float(np.sqrt(np.mean(rest**2)))
+        row["noise_ratio"] = float(np.sqrt(np.mean((rest / joint.pictures.sigma[own, None]) ** 2)))
+        rows.append(row)
+    return rows
+
+
+def _table(joint: JointFit) -> str:
+    """All parameters with their deviations, one a row; "held" where it was."""
+    lines = ["# calibrated parameters; metres, pixels, quaternions scalar first, from camera to base", "name,value,std"]
+    if joint.pictures.synthetic:
+        lines.insert(0, f"# {joint.pictures.synthetic}")
+    lines += [f'"{u["name"]}",{u["value"]:.10g},{u["std"]:.4g}' for u in _unknowns(joint)]
+    for row in _cameras(joint):
+        for name in CAMERA:
+            std = row[name]["std"]
+            lines.append(f"{row['name']}.{name},{row[name]['value']:.10g},{'held' if std is None else f'{std:.4g}'}")
+    return "\n".join([*lines, ""])
+
+
+def _corners(p: RobotPictures) -> str:
+    return corners_csv(corner_rows(p), p.synthetic.removeprefix("synthetic, "))
+
+
+def _figures(
+    joint: JointFit, positions: np.ndarray, covariance: np.ndarray, title: str
+) -> Mapping[str, Callable[[], Any]]:
+    return {
+        "residuals": partial(_residuals, joint, title),
+        "workspace": partial(_ellipsoids, positions, covariance, title),
+    }
+
+
+def _residuals(joint: JointFit, title: str) -> Any:
+    from ...plot.cameras.robot import residuals_figure
+
+    p = joint.pictures
+    drawn = {name: (p.uv[p.camera == k], joint.residuals[p.camera == k]) for k, name in enumerate(p.cameras)}
+    return residuals_figure(drawn, title=f"{title}: residuals over the picture")
+
+
+def _ellipsoids(positions: np.ndarray, covariance: np.ndarray, title: str) -> Any:
+    from ...plot.cameras.robot import ellipsoids_figure
+
+    return ellipsoids_figure(positions, covariance, title=f"{title}: predicted errors")
+
+
+def _places(rows: list[dict[str, Any]], title: str) -> Any:
+    from ...plot.cameras.robot import places_figure
+
+    return places_figure(rows, title=title)

@@ -1,0 +1,159 @@
+"""Synthetic pictures of a robot with known errors, in the manner of Dressler 2012, section 5.5."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from ...calibrate.choice import Choice
+from ...lang.model import Model
+from ...results.refusal import ArgumentError
+from ..detection.targets import FiveSquares
+from .options import CameraStart, SyntheticRobotCameras
+from .pictures import RobotPictures, SecondDevice
+from .projection import mark, seen
+from .robot_side import robot_side
+from .starts import matrix, quaternion
+
+NAMES = ("left", "right")
+BASE_FRAME = ("A[2]", "v[2]", "A[0,1]")  # of the true robot as of the one known before
+
+
+@dataclass(frozen=True, eq=False)
+class MadePictures:
+    """Pictures with the robot as it was known before, its true parameters by name, and the true cameras (K, 16)."""
+
+    robot: Model
+    pictures: RobotPictures
+    cameras: list[CameraStart]
+    true_parameters: dict[str, float]
+    true_cameras: np.ndarray
+
+
+def made_pictures(asked: SyntheticRobotCameras, robot: Model | None = None) -> MadePictures:
+    """Synthetic pictures of a robot (l1_tape if left out), which is known before with errors.
+
+    Raises ArgumentError for a grid that it does not reach or a camera does not see.
+
+    >>> V = gt.vision.robot_cameras
+    >>> made = V.made_pictures(V.SyntheticRobotCameras(counts=[3, 3, 3], seed=1))
+    >>> len(made.pictures), made.pictures.actuators.shape, made.pictures.synthetic[:9]
+    (1080, (27, 3), 'synthetic')
+    """
+    from ...robots.catalogue import gantry_tau
+
+    robot = gantry_tau("l1_tape") if robot is None else robot
+    rng = np.random.default_rng(asked.seed)
+    side = robot_side(robot, Choice())
+    names = side.unknowns.names
+    truth = side.unknowns.start + asked.robot_error * rng.standard_normal(len(names))
+    for k, name in enumerate(names):
+        if name.startswith(("A[2", "v[2")) or name == "A[0,1]":
+            truth[k] = side.unknowns.start[k]
+    grid = _grid(asked, rng)
+    q, status = robot.causal(known="T", targets="q")(grid)
+    if np.any(np.asarray(status) != 0):
+        raise ArgumentError(
+            f"the robot does not reach {int(np.sum(np.asarray(status) != 0))} points of the grid", "size"
+        )
+    T = side.forward(truth, q, grid)
+    if not np.all(np.isfinite(T)):
+        raise ArgumentError("the robot with its true parameters does not reach all of the grid", "size")
+    cameras, target = _cameras(asked), _target(asked)
+    marks = FiveSquares(side=asked.side)
+    uv = _seen(cameras, target, T, marks.points, asked.mounted == "fixed")
+    size = np.array([asked.width_pixel, asked.height_pixel])
+    if not np.all((uv > 0) & (uv < size - 1)):
+        raise ArgumentError("a camera does not see the target at every pose; move it away", "distance")
+    noise = rng if asked.noise_seed is None else np.random.default_rng([asked.seed, asked.noise_seed])
+    pictures = _pictures(asked, noise, uv, q, T, marks)
+    starts = [CameraStart(n, asked.width_pixel, asked.height_pixel) for n in pictures.cameras]
+    return MadePictures(robot, pictures, starts, dict(zip(names, truth.tolist(), strict=True)), cameras)
+
+
+def _grid(asked: SyntheticRobotCameras, rng: np.random.Generator) -> np.ndarray:
+    lines = [np.linspace(-0.5, 0.5, n) * s for n, s in zip(asked.counts, asked.size, strict=True)]
+    grid = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 3) + asked.centre
+    if asked.poses is None:
+        return grid
+    if asked.poses > len(grid):
+        raise ArgumentError(f"the grid has {len(grid)} points; found {asked.poses}", "poses")
+    return grid[np.sort(rng.permutation(len(grid))[: asked.poses])]
+
+
+def _cameras(asked: SyntheticRobotCameras) -> np.ndarray:
+    """(K, 16); on a plate they look along x at a target that stands behind the volume."""
+    middle = np.asarray(asked.centre, float)
+    own = [asked.focal_pixel, asked.focal_pixel, asked.width_pixel / 2, asked.height_pixel / 2, *asked.distortion]
+    rows = []
+    for k in range(asked.cameras):
+        across = 0.0 if asked.cameras == 1 else (k - 0.5) * asked.baseline
+        if asked.mounted == "fixed":
+            at, to = middle + np.array([asked.distance, across, 0.0]), middle
+        else:
+            at, to = np.array([0.0, across, 0.0]), np.array([asked.distance, 0.0, 0.0])
+        rows.append([*own, *_looking(at, to), *at])
+    return np.array(rows)
+
+
+def _looking(at: np.ndarray, to: np.ndarray) -> np.ndarray:
+    forward = (to - at) / np.linalg.norm(to - at)
+    right = np.cross(forward, [0.0, 0.0, 1.0])
+    right /= np.linalg.norm(right)
+    return quaternion(np.column_stack([right, np.cross(forward, right), forward]))
+
+
+def _target(asked: SyntheticRobotCameras) -> np.ndarray:
+    """(8,): facing the cameras, a little askew."""
+    facing = -1.0 if asked.mounted == "fixed" else 1.0
+    R = np.column_stack([[0.0, -facing, 0.0], [0.0, 0.0, -1.0], [facing, 0.0, 0.0]])
+    small = np.array([1.0, 0.01, -0.015, 0.005])
+    R = R @ matrix(small / np.linalg.norm(small))
+    at = np.zeros(3) if asked.mounted == "fixed" else np.array(asked.centre) + np.array([asked.distance, 0.0, 0.0])
+    return np.array([*quaternion(R), *at, 1.0])
+
+
+def _seen(cameras: np.ndarray, target: np.ndarray, T: np.ndarray, marks: np.ndarray, on_tool: bool) -> np.ndarray:
+    """(K, N, M, 2) [pixel]."""
+    c, t, z, p = (ca.SX.sym(n, k) for n, k in (("c", 16), ("t", 8), ("z", 3), ("p", 3)))
+    f = ca.Function("seen", [c, t, z, p], [seen(c, mark(t, z, p, on_tool))[0]])
+    N, M = len(T), len(marks)
+    poses, points = np.repeat(T, M, axis=0).T, np.tile(marks, (N, 1)).T
+    uv = [np.asarray(f.map(N * M)(np.tile(c[:, None], N * M), np.tile(target[:, None], N * M), poses, points)).T
+          for c in cameras]  # fmt: skip
+    return np.array(uv).reshape(len(cameras), N, M, 2)
+
+
+def _pictures(asked: SyntheticRobotCameras, rng: np.random.Generator, uv: np.ndarray, q: np.ndarray, T: np.ndarray,
+              marks: FiveSquares) -> RobotPictures:  # fmt: skip
+    K, N, M = uv.shape[:3]
+    measured = uv + asked.pixel_noise * rng.standard_normal(uv.shape)
+    read = q + asked.actuator_noise * rng.standard_normal(q.shape)
+    for pose in asked.turned_pictures:
+        measured[0, pose] = np.roll(measured[0, pose], M // 2, axis=0)
+    if asked.wrong_corners:
+        off = rng.uniform(size=(K, N, M)) < asked.wrong_corners
+        angle, length = rng.uniform(0, 2 * np.pi, off.sum()), rng.uniform(2, 20, off.sum())
+        measured[off] += length[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
+    device = None
+    if asked.second_device:
+        rows = np.sort(rng.permutation(N)[: asked.second_device])
+        turn, shift = matrix(_unit(rng.standard_normal(4))), rng.standard_normal(3)
+        device = SecondDevice(rows, (T[rows] - shift) @ turn + 10e-6 * rng.standard_normal((len(rows), 3)), 10e-6)
+    camera, pose, number = (a.ravel() for a in np.meshgrid(np.arange(K), np.arange(N), np.arange(M), indexing="ij"))
+    sigma = np.full(len(camera), max(asked.pixel_noise, 1e-6))
+    return RobotPictures(
+        _names(K), [str(k + 1) for k in range(N)], marks.marks, camera, pose, number, measured.reshape(-1, 2), sigma,
+        read, marks.points, device, T, asked.words,
+    )  # fmt: skip
+
+
+def _names(K: int) -> Sequence[str]:
+    return NAMES if K == 2 else ("camera",)
+
+
+def _unit(q: np.ndarray) -> np.ndarray:
+    return q / np.linalg.norm(q)

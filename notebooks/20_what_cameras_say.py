@@ -1,0 +1,135 @@
+# ---
+# jupyter:
+#   jupytext:
+#     formats: ipynb,py:percent
+#     text_representation:
+#       extension: .py
+#       format_name: percent
+#       format_version: '1.3'
+#   kernelspec:
+#     display_name: Python 3
+#     language: python
+#     name: python3
+# ---
+
+# %% [markdown]
+# # What cameras say of a robot
+#
+# **Two cameras on the wall calibrated a robot to 1.7 mm where a laser tracker reached 0.13 mm. Is it the pixels?**
+#
+# Dressler 2012, section 5.5, took pictures of a tool with five black squares at 282 poses. Neither pictures nor cameras
+# are published: everything here is **synthetic**, with its seed, and the cameras are those of our simulations.
+
+# %%
+# %matplotlib inline
+from dataclasses import replace
+
+import numpy as np
+
+import gtmodel as gt
+
+V = gt.vision.robot_cameras
+scene = V.SyntheticRobotCameras(counts=[6, 5, 5], seed=1)
+made = V.made_pictures(scene)
+rows = np.arange(len(made.pictures.poses))
+fitted, unseen = made.pictures.part(rows[::2]), made.pictures.part(rows[1::2])
+truth = np.asarray(unseen.truth)
+print(f"{len(fitted)} corners of {len(fitted.poses)} poses; {len(unseen.poses)} held out; {made.pictures.synthetic}")
+
+
+def error(fit, scale=False):
+    """Mean error [mm] of held-out positions, in the frame of the true ones."""
+    return 1e3 * V.aligned_errors(fit.positions(unseen.actuators), truth, scale).mean()
+
+
+# %% [markdown]
+# ## 1 Robot and cameras at once
+#
+# Pixels of all corners and the closure equations of the links are one least-squares problem. Focal lengths, principal
+# points, distortion and places of the cameras are estimated with the robot; each pose is eliminated.
+
+# %%
+joint = V.joint_fit(made.robot, fitted, made.cameras)
+low, high = joint.estimate.interval("left.cx")
+print(f"held out {error(joint):.3f} mm; principal point of the left camera {low:.1f} to {high:.1f} pixel")
+assert error(joint) < 0.3
+assert low - 3 < 800 < high + 3
+
+# %% [markdown]
+# ## 2 In two steps, with cameras that are held wrong
+#
+# The thesis intersects positions first, with the lens as it was calibrated before. Let both principal points be 3
+# pixels off, in opposite directions.
+
+# %%
+wrong = [
+    replace(c, focal_pixel=1400.0, principal_point_pixel=[800.0 + off, 600.0], distortion=list(scene.distortion))
+    for c, off in zip(made.cameras, (3.0, -3.0), strict=True)
+]
+held = V.RobotCameras(estimate=[], scale="actuators")
+two = V.two_step_fit(made.robot, fitted, wrong, held)
+print(f"held out {error(two):.2f} mm, {error(two, scale=True):.2f} mm once the scale is fitted to the tracker too")
+print("cameras whose residuals show it:", V.picture_map(fitted, two.residuals).fires() or "none")
+assert 1.0 < error(two, scale=True) < 2.5
+assert V.picture_map(fitted, two.residuals).fires() == ()
+
+# %% [markdown]
+# Millimetres, and not a trace in the residuals: every corner is free, and the relative orientation gives way. The joint
+# fit with the same wrong cameras cannot give way so far, and its residuals are a map of the picture.
+
+# %%
+stiff = V.joint_fit(made.robot, fitted, wrong, held)
+test = V.picture_map(stiff.pictures, stiff.residuals)
+print(f"held out {error(stiff):.2f} mm; shown by {test.fires()}; along the radius alone p = {test.radius.round(3)}")
+assert test.fires() == ("left", "right")
+
+# %%
+from gtmodel.plot.cameras.robot import residuals_figure
+
+p = stiff.pictures
+figure = residuals_figure(
+    {name: (p.uv[p.camera == k], stiff.residuals[p.camera == k]) for k, name in enumerate(p.cameras)},
+    title="synthetic: principal points held 3 pixels wrong",
+)
+figure
+
+# %% [markdown]
+# ## 3 What the error will be, before a picture is taken
+#
+# The covariance of the fit says how far positions are off over the volume: ellipsoids of one standard deviation.
+
+# %%
+predicted = V.predicted_positions(joint, unseen.actuators)
+print(f"predicted {1e3 * predicted.rms:.3f} mm rms, seen {error(joint):.3f} mm in the mean")
+assert error(joint) < 3e3 * predicted.rms
+
+# %%
+from gtmodel.plot.cameras.robot import ellipsoids_figure
+
+figure = ellipsoids_figure(predicted.positions, predicted.covariance, title="synthetic: predicted errors")
+figure
+
+# %% [markdown]
+# ## 4 Where two cameras should stand
+
+# %%
+places = V.CameraPlaces(baselines=[0.5, 1.5], distances=[2.4, 3.2])
+for place in V.camera_places(made.robot, replace(scene, counts=[4, 3, 3]), places):
+    worth = place.why if place.predicted is None else f"{1e3 * place.predicted.rms:.3f} mm rms"
+    print(f"{place.baseline} m apart at {place.distance} m: {worth}")
+
+# %% [markdown]
+# ## 5 One picture counted from the other end
+
+# %%
+bad = V.made_pictures(replace(scene, turned_pictures=[17], wrong_corners=0.05)).pictures
+robust = V.joint_fit(made.robot, bad, made.cameras)
+print(robust.wrong_pictures, f"and {len(robust.wrong_corners)} corners of {robust.first} left out")
+assert robust.wrong_pictures == ("pose 18 in left",)
+
+# %% [markdown]
+# ## Answer
+#
+# Hardly the pixels: a tenth of a pixel leaves a tenth of a millimetre here. A principal point that is held 3 pixels
+# wrong leaves millimetres, and two steps do not show it. That explains the printed 1.7 mm and does not prove it: the
+# pictures are not published. Estimate cameras with the robot, and look at residuals over the picture.
