@@ -42,7 +42,8 @@ robot = gt.robots.gantry_tau("l1_tape", inertia="model_2", velocity_scale=0.1, p
 # ## 1 Three archives
 #
 # The robot has states T and der(T); the inverse model has three lags for each cart, which make it causal; the
-# controller is a sampled block. Each is compared with the function it was made from, bit for bit, and FMPy's validator reads it.
+# controller is a sampled block. Each is compared with the function it was made from, bit for bit, and FMPy's validator
+# reads it.
 
 # %%
 HOME = [1.3, -0.5, 0.9]
