@@ -67,12 +67,8 @@ def _units(problem: Schema, context: Context, out: Path, fmu: str, verify: bool,
         raise InputError("units compute in double; leave it out, or generate C", "real")
     functions = functions_of(problem, context)
     s = problem.fmu
-    inner = {"stop": s.stop_s, "box": problem.box}
-    own = {
-        f.name: {**inner, "start": f.start, "tunable": f.tunable, "on_fault": s.on_fault, "tolerance": s.tolerance,
-                 "step": s.step_s if isinstance(functions[f.name], CausalFunction) else None}
-        for f in problem.functions if f.name in functions
-    }  # fmt: skip
+    all_ = {"stop": s.stop_s, "box": problem.box, "on_fault": s.on_fault, "tolerance": s.tolerance, "step": s.step_s}
+    own = {f.name: {**all_, "start": f.start, "tunable": f.tunable} for f in problem.functions}
     if not write_failed and not context.interrupted():
         refuse_distrusted(context, "the units")
     made = Call(
