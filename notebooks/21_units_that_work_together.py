@@ -91,7 +91,7 @@ law = gt.fmu.export(gt.cgen.BlockFunction(Desk(), "law"), place / "law.fmu")
 for unit in (plant, inverse, law):
     report = gt.fmu.check(unit, points=100)
     passed = sum(c.passed for c in report.checks.values())
-    print(f"{unit.path.name}: {len(unit.data)} bytes, {passed} of {len(report.checks)} checks")
+    print(f"{unit.table.name}.fmu: {len(unit.data)} bytes, {passed} of {len(report.checks)} checks")
     assert all(c.passed for c in report.checks.values())
 
 # %% [markdown]
@@ -114,7 +114,7 @@ def three(name):
 
 def run(feedforward: bool, feedback: bool, seconds: float = 0.5):
     """Times, filtered reference and carts."""
-    i, c, p = (gt.fmu.RunningUnit(u.path) for u in (inverse, law, plant))
+    i, c, p = (gt.fmu.RunningUnit(u) for u in (inverse, law, plant))
     rows = []
     for n in range(round(seconds / H)):
         wanted, speed = i.get(three("robot.q")), i.get(three("der(robot.q)"))
@@ -158,7 +158,7 @@ figure
 # A unit never gives a number that is none. Pushed out of its workspace the robot's unit refuses the step.
 
 # %%
-unit = gt.fmu.RunningUnit(plant.path)
+unit = gt.fmu.RunningUnit(plant)
 unit.set(["tau[1]"], [4000.0])
 said = ""
 for _ in range(2000):

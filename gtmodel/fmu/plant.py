@@ -15,6 +15,7 @@ import numpy as np
 
 from ..loop.plant import Servo
 from ..results.refusal import ArgumentError
+from .export import Fmu
 
 NEEDS_FMPY = "running a unit needs FMPy; install it by pip install 'gtmodel[fmi]'"
 
@@ -26,19 +27,22 @@ class UnitStopped(RuntimeError):
 class RunningUnit:
     """One instance of a unit in co-simulation, by FMPy; variables by their names in the description.
 
-    path: of the archive, FMI 2.0 or 3.0. start: values by name, set before it begins.
+    path: of the archive, FMI 2.0 or 3.0, or what `export` gave. start: values by name, set before it begins.
 
     Raises ArgumentError without FMPy, for an archive that it cannot read or that has no co-simulation, and for names
     that are no real variables of it; UnitStopped where a step ends without an answer.
     """
 
-    def __init__(self, path: str | Path, start: Mapping[str, float] | None = None) -> None:
+    def __init__(self, path: str | Path | Fmu, start: Mapping[str, float] | None = None) -> None:
         if find_spec("fmpy") is None:
             raise ArgumentError(NEEDS_FMPY, "path")
         fmpy: Any = import_module("fmpy")
         simulation: Any = import_module("fmpy.simulation")
         folder = tempfile.mkdtemp(prefix="gtmodel-fmu-")
         weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
+        if isinstance(path, Fmu):
+            (own := Path(folder) / f"{path.table.name}.fmu").write_bytes(path.data)
+            path = own
         try:
             description = fmpy.read_model_description(str(path))
             fmpy.extract(str(path), folder)
@@ -80,9 +84,11 @@ class RunningUnit:
                 raise ArgumentError(f"'{self.name}' has no real variable '{name}'; it has {there}, ...", argument)
         return [self._references[name] for name in names]
 
-    def set(self, names: Sequence[str], values: Sequence[float]) -> None:
+    def set(self, names: Sequence[str], values: Sequence[float] | np.ndarray) -> None:
         """Sets variables by name."""
-        (self._unit.setFloat64 if self._three else self._unit.setReal)(self.places(names, "inputs"), list(values))
+        (self._unit.setFloat64 if self._three else self._unit.setReal)(
+            self.places(names, "inputs"), list(map(float, values))
+        )
 
     def get(self, names: Sequence[str]) -> np.ndarray:
         """Values of variables by name."""
@@ -115,7 +121,7 @@ class FmuPlant:
 
     def __init__(
         self,
-        path: str | Path,
+        path: str | Path | Fmu,
         position: Sequence[str],
         *,
         command: Sequence[str] = (),
@@ -179,7 +185,7 @@ class FmuExperiment:
 
     def __init__(
         self,
-        path: str | Path,
+        path: str | Path | Fmu,
         reference: np.ndarray,
         *,
         names: Sequence[str],
