@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
@@ -69,7 +69,9 @@ def made_pictures(asked: SyntheticRobotCameras, robot: Model | None = None) -> M
     if not np.all((uv > 0) & (uv < size - 1)):
         raise ArgumentError("a camera does not see the target at every pose; move it away", "distance")
     noise = rng if asked.noise_seed is None else np.random.default_rng([asked.seed, asked.noise_seed])
-    pictures = _pictures(asked, noise, uv, q, T, marks)
+    rates = asked.speed * noise.standard_normal(q.shape) if asked.speed else None
+    read = q if rates is None else q - asked.delay * rates
+    pictures = replace(_pictures(asked, noise, uv, read, T, marks), rates=rates)
     starts = [CameraStart(n, asked.width_pixel, asked.height_pixel) for n in pictures.cameras]
     return MadePictures(robot, pictures, starts, dict(zip(names, truth.tolist(), strict=True)), cameras)
 
@@ -147,7 +149,7 @@ def _pictures(asked: SyntheticRobotCameras, rng: np.random.Generator, uv: np.nda
     sigma = np.full(len(camera), max(asked.pixel_noise, 1e-6))
     return RobotPictures(
         _names(K), [str(k + 1) for k in range(N)], marks.marks, camera, pose, number, measured.reshape(-1, 2), sigma,
-        read, marks.points, device, T, asked.words,
+        read, marks.points, device, T, synthetic=asked.words,
     )  # fmt: skip
 
 
