@@ -55,7 +55,7 @@ def hand_eye(
     loss: str = "linear",
     stop: Callable[[], bool] | None = None,
 ) -> HandEye:
-    """Place of a camera on an arm's plate that looks at a standing target, or of one that stands and looks at the plate.
+    """Place of a camera on an arm's plate that looks at a standing target, or of one that stands and looks at it.
 
     pictures: of one camera; their `actuators` (N, 7) are the arm's poses as its controller says them, x, y, z [m] and
     the quaternion of the plate, scalar first. camera: the lens as known before. estimate: what of the lens is
