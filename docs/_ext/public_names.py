@@ -15,7 +15,7 @@ LIBRARIES = [
     "kinematics.workspace", "loop", "measurements", "mechanics", "milling", "modelica", "motion",
     "motion.axes",
     "motion.elastic", "optimize", "results", "robots", "simulation", "vibration", "vision",
-    "vision.detection", "vision.rendering", "vision.robot_cameras",
+    "vision.detection", "vision.rendering", "vision.stereo", "vision.robot_cameras",
 ]  # fmt: skip
 
 

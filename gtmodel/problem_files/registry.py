@@ -52,6 +52,7 @@ _KINDS = {
     "elastic_motion": "how an elastic tool swings after optimal motions: planned rigid, shaped, and planned elastic",
     "compliance": "stiffness, deflection and natural frequencies of a robot over its workspace, from its springs",
     "calibration": "geometric parameters of a robot from measured poses, or joint stiffness from loads, with errors",
+    "stereo": "lenses of cameras and where these stand, from corners of a board in their pictures, with errors",
     "robot_cameras": "a robot and its cameras calibrated together; where two cameras should stand",
     "vibration": "step-response, subspace and impulse models of a log; M, D, K and modes",
     "milling": "where to mill: the angle about the spindle by static and dynamic deflection, chatter, compensation",

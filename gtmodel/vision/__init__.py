@@ -13,6 +13,9 @@ Bundles, for gt.inference.bundle
 Measurements
     CornerTable, read_corners   marks in pictures, from any detector
     intersect, IntersectedPoints    points from the pixels of several cameras, with covariance
+    picture_test, PictureTest   do residuals depend on the place in the picture
+Calibration of cameras, in `stereo`
+    stereo_study, StereoStudy   with BoardPictures, CameraFit, StereoStart
 Packages
     detection      marks of boards and of a tool's squares in pictures, as a table of corners; needs OpenCV
     rendering      synthetic pictures with exact area coverage
@@ -24,7 +27,7 @@ from typing import TYPE_CHECKING
 from .._lazy import public
 
 if TYPE_CHECKING:
-    from . import detection as detection, rendering as rendering, robot_cameras as robot_cameras
+    from . import detection as detection, rendering as rendering, robot_cameras as robot_cameras, stereo as stereo
     from .board import Board as Board
     from .bundle_files import (
         BundleFile as BundleFile,
@@ -36,8 +39,16 @@ if TYPE_CHECKING:
     from .corner_table import CornerTable as CornerTable, read_corners as read_corners
     from .gauges import similarity_motions as similarity_motions
     from .intersection import IntersectedPoints as IntersectedPoints, intersect as intersect
+    from .picture_test import PictureTest as PictureTest, picture_test as picture_test
     from .pinhole import LENS as LENS, project as project, undistort as undistort
     from .starts import board_pose as board_pose, focal_length as focal_length, homography as homography
+    from .stereo import (
+        BoardPictures as BoardPictures,
+        CameraFit as CameraFit,
+        StereoStart as StereoStart,
+        StereoStudy as StereoStudy,
+        stereo_study as stereo_study,
+    )
     from .views import board_view as board_view, mark_view as mark_view, point_view as point_view
 
 public(__name__)

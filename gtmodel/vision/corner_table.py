@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -57,6 +57,13 @@ class CornerTable:
             self.cameras, self.pictures, self.camera[k], self.picture[k], self.X[k], self.uv[k],
             tuple(self.marks[i] for i in k), None if self.sigma is None else self.sigma[k], self.source,
         )  # fmt: skip
+
+    def without(self, pictures: Sequence[str]) -> CornerTable:
+        """The table without pictures of these names."""
+        left = [p for p, name in enumerate(self.pictures) if name not in pictures]
+        number = np.cumsum(np.isin(np.arange(len(self.pictures)), left)) - 1
+        some = self.rows(np.isin(self.picture, left))
+        return replace(some, pictures=tuple(self.pictures[p] for p in left), picture=number[some.picture])
 
     def label(self, row: int) -> str:
         """An observation in words: "corner 7 of picture 03 in left"."""

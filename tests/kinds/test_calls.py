@@ -23,8 +23,8 @@ PROBLEMS = sorted((Path(__file__).parents[2] / "problems").glob("*.toml"))
 SOLVED = [path for path in PROBLEMS if tomllib.loads(path.read_text(encoding="utf-8"))["kind"] != "codegen"]
 """Those that give values; of the others tests/cgen compares the folders."""
 NO_ROBOT = (
-    "delay", "resampling", "sensor_fusion", "vibration", "dynamic_stiffness", "axis_trajectory", "trajectory_table",
-    "codegen", "learning_control", "delayed_feedback", "lead_through", "wrench_calibration",
+    "delay", "resampling", "sensor_fusion", "stereo", "vibration", "dynamic_stiffness", "axis_trajectory",
+    "trajectory_table", "codegen", "learning_control", "delayed_feedback", "lead_through", "wrench_calibration",
 )  # fmt: skip
 """Kinds of records, of linear plants, of one machine axis after another, and of several robots."""
 

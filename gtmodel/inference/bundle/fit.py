@@ -51,6 +51,14 @@ class BundleFit:
     undetermined: int = 0
     _worth: Worth | None = field(default=None, repr=False)
 
+    @property
+    def shared_covariance(self) -> np.ndarray:
+        """Covariance of the increments of all shared unknowns, group by group, those of quaternions in their own
+        frames; zero for what is fixed. Raises ArgumentError unless solved."""
+        if self._worth is None:
+            raise ArgumentError(f"a fit that is not solved has no covariance: {self.message}")
+        return self._worth.C
+
     @cached_property
     def local_covariance(self) -> np.ndarray:
         """Covariance (count, moves, moves) of each local instance, in its increments (rotations in its own frame); NaN

@@ -40,6 +40,10 @@ class RobotCamerasStudy(Study):
         "in two steps: mean error of the intersected target (centres) and of held-out positions (held_out), and "
         "both once their scale is fitted to the true positions too (centres_scaled, held_out_scaled)", written="mm",
     )] = None  # fmt: skip
+    delay: Annotated[Numbers, Quantity("s",
+        "how late pictures are behind the actuators' readings, value and std; null where it was not estimated",
+        written="ms",
+    )] = None  # fmt: skip
     predicted: Annotated[float | None, Quantity("m",
         "rms error over the held-out positions that noise leaves, predicted from the covariance", written="mm",
     )] = None  # fmt: skip
@@ -68,6 +72,10 @@ class RobotCamerasStudy(Study):
             rows.append(Row("held-out corners", f"{self.held_out_pixel:.4f}", "pixel"))
         if self.held_out is not None:
             rows.append(Row("held-out positions", f"{1e3 * self.held_out['mean']:.4g}", "mm mean"))
+        if self.delay is not None:
+            rows.append(
+                Row("delay of the pictures", f"{1e3 * self.delay['value']:.4g} +- {1e3 * self.delay['std']:.2g}", "ms")
+            )
         if self.predicted is not None:
             rows.append(Row("predicted from the covariance", f"{1e3 * self.predicted:.4g}", "mm rms"))
         if self.two_step is not None:

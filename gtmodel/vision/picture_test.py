@@ -1,0 +1,77 @@
+"""Do residuals depend on the place in the picture? Along the radius, and by a quadratic map in u and v."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..results.refusal import ArgumentError
+
+LEAST = 30  # observations: fewer say nothing
+
+
+@dataclass(frozen=True, eq=False)
+class PictureTest:
+    """Residuals of one camera over its picture.
+
+    radius, quadratic: probabilities that residuals without a pattern look so much like one by chance: the part along
+    the radius as a cubic of it, and both parts as quadratic polynomials of u and v. A wrong principal point shows in
+    the second and need not in the first. size: rms of the quadratic map [pixel]; coefficients (6, 2) of 1, u, v, u^2,
+    u v, v^2 for the two parts [pixel], u and v from -1 to 1 over the picture.
+    """
+
+    radius: float
+    quadratic: float
+    size: float
+    coefficients: np.ndarray
+
+    def fires(self, level: float = 1e-3) -> bool:
+        """Whether the quadratic map is more than chance makes at this level."""
+        return self.quadratic < level
+
+    def at(self, u: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """The map (n, 2) [pixel] at u, v (n,) from -1 to 1."""
+        return _quadratic(u, v) @ self.coefficients
+
+
+def picture_test(uv: np.ndarray, residuals: np.ndarray, size: tuple[float, float]) -> PictureTest:
+    """Tests residuals (n, 2) [pixel] of marks at uv (n, 2) in a picture of `size` (width, height) by F tests.
+
+    The fit itself has taken a part of such patterns away, which makes the tests a little mild. Raises ArgumentError for
+    fewer than 30 marks.
+
+    >>> rng = np.random.default_rng(1)
+    >>> uv, noise = rng.uniform(0, 480, (400, 2)), rng.normal(0, 0.1, (400, 2))
+    >>> gt.vision.picture_test(uv, noise, (480, 480)).fires()
+    False
+    >>> gt.vision.picture_test(uv, noise + 0.1 * (uv / 240 - 1) ** 2, (480, 480)).fires()
+    True
+    """
+    from scipy import stats  # here: it alone takes as long to import as all of gtmodel
+
+    uv, e = np.asarray(uv, float), np.asarray(residuals, float)
+    if len(uv) < LEAST or e.shape != uv.shape:
+        raise ArgumentError(f"{len(uv)} marks with residuals of the shape {e.shape}; expected at least {LEAST}, (n, 2)")
+    half = np.array([size[0] - 1.0, size[1] - 1.0]) / 2
+    u, v = ((uv - half) / half).T
+    d = uv - half
+    r = np.linalg.norm(d, axis=1)
+    along = np.sum(e * d, axis=1) / np.maximum(r, 1e-9)
+    r = r / np.linalg.norm(half)
+    radius, _ = _chance(np.column_stack([np.ones_like(r), r, r**2, r**3]), along[:, None], stats)
+    quadratic, c = _chance(_quadratic(u, v), e, stats)
+    return PictureTest(radius, quadratic, float(np.sqrt(np.mean(np.sum((_quadratic(u, v) @ c) ** 2, axis=1)))), c)
+
+
+def _quadratic(u: np.ndarray, v: np.ndarray) -> np.ndarray:
+    return np.column_stack([np.ones_like(u), u, v, u * u, u * v, v * v])
+
+
+def _chance(B: np.ndarray, e: np.ndarray, stats: object) -> tuple[float, np.ndarray]:
+    """Probability of as much of e (n, c) in the columns of B by chance, and the coefficients."""
+    c = np.linalg.lstsq(B, e, rcond=None)[0]
+    fitted = B @ c
+    rest = e.size - c.size
+    F = np.sum(fitted**2) / c.size / (np.sum((e - fitted) ** 2) / rest)
+    return float(stats.f.sf(F, c.size, rest)), c  # type: ignore[attr-defined]

@@ -1,0 +1,181 @@
+"""Lenses and places of cameras from pictures of a board: one fit of all corners."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...inference.bundle import BundleFit, ResidualBlock, UnknownGroup, bundle_fit
+from ...results.refusal import ArgumentError
+from ..corner_table import CornerTable
+from ..pinhole import LENS
+from ..rigid_poses import composed, inverse_poses, matrices_of, pose_group, poses_of
+from ..starts import board_pose, focal_length, homography
+from ..views import board_view
+from .options import BoardPictures, CameraFit, StereoStart
+
+TURNED = np.deg2rad(90.0)  # between two readings of one board: half a turn or nothing, but for a rough start
+LIKE = np.deg2rad(45.0)
+LEAST = 4  # corners that place a board
+UNITS = ("pixel",) * 4 + ("1",) * 5
+
+
+@dataclass(frozen=True, eq=False)
+class CameraStarts:
+    """Starting values: lenses (cameras, 9), poses of cameras (cameras, 7) and of the board (pictures, 7)."""
+
+    lenses: np.ndarray
+    cameras: np.ndarray
+    boards: np.ndarray
+
+
+def camera_starts(table: CornerTable, pictures: BoardPictures, start: StereoStart) -> CameraStarts:
+    """From homographies of the board; the first camera is where poses begin.
+
+    Raises ArgumentError for too few corners, a board that was never tilted, pictures that connect no two cameras, and a
+    board that was counted from one end in one camera and from the other in another.
+    """
+    n = len(table.cameras)
+    middle = (pictures.width_pixel - 1) / 2, (pictures.height_pixel - 1) / 2
+    lenses = np.zeros((n, len(LENS)))
+    for c in range(n):
+        f = start.focal_pixel or _focal(table, c, middle)
+        lenses[c, :4] = f, f, *middle
+    views = _views(table, lenses)
+    if n > 1:
+        _refuse_turned(table, lenses, views)
+    cameras = _camera_poses(table, views)
+    if start.translation is not None:
+        if n < 2:
+            raise ArgumentError("belongs to the second camera; the corners are of one", "start.translation")
+        cameras[1, 4:] = start.translation
+    boards = np.tile(np.eye(1, 7), (len(table.pictures), 1))
+    for p in range(len(table.pictures)):
+        seen = [c for c in range(n) if (c, p) in views]
+        if not seen:
+            raise ArgumentError(
+                f"picture {table.pictures[p]} shows fewer than {LEAST} corners; leave it out", "corners"
+            )
+        boards[p] = composed(inverse_poses(cameras[seen[0]][None]), views[seen[0], p][None])[0]
+    return CameraStarts(lenses, cameras, boards)
+
+
+def _focal(table: CornerTable, camera: int, middle: tuple[float, float]) -> float:
+    H = []
+    for p in range(len(table.pictures)):
+        own = (table.camera == camera) & (table.picture == p)
+        if own.sum() >= LEAST:
+            H.append(homography(table.X[own, :2], table.uv[own]))
+    try:
+        return focal_length(H, middle)
+    except ArgumentError as error:
+        raise ArgumentError(f"{table.cameras[camera]}: {error.message}", "start.focal_pixel") from None
+
+
+def _views(table: CornerTable, lenses: np.ndarray) -> dict[tuple[int, int], np.ndarray]:
+    """Pose of the board in camera coordinates, by camera and picture."""
+    views = {}
+    for c in range(len(table.cameras)):
+        for p in range(len(table.pictures)):
+            own = (table.camera == c) & (table.picture == p)
+            if own.sum() >= LEAST:
+                views[c, p] = board_pose(table.X[own], table.uv[own], lenses[c])
+    return views
+
+
+def _between(views: dict[tuple[int, int], np.ndarray], a: int, b: int, pictures: int) -> tuple[list[int], np.ndarray]:
+    """Pictures that both cameras have, and the pose of b in a's sense: p_b = R p_a + t."""
+    both = [p for p in range(pictures) if (a, p) in views and (b, p) in views]
+    if not both:
+        return both, np.zeros((0, 7))
+    return both, composed(np.array([views[b, p] for p in both]), inverse_poses(np.array([views[a, p] for p in both])))
+
+
+def _angles(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Between the rotations of poses (n, 7) and (m, 7), (n, m) [rad]."""
+    return 2 * np.arccos(np.minimum(np.abs(a[:, :4] @ b[:, :4].T), 1.0))
+
+
+def _medoid(poses: np.ndarray) -> int:
+    return int(np.argmin(np.median(_angles(poses, poses), axis=1)))
+
+
+def _refuse_turned(table: CornerTable, lenses: np.ndarray, views: dict[tuple[int, int], np.ndarray]) -> None:
+    for b in range(1, len(table.cameras)):
+        both, between = _between(views, 0, b, len(table.pictures))
+        if len(both) < 3:
+            continue
+        usual = between[_medoid(between)][None]
+        for k in np.flatnonzero(_angles(between, usual)[:, 0] > TURNED):
+            own = (table.camera == b) & (table.picture == both[k])
+            X = table.X[own]
+            other = board_pose(X.max(axis=0) + X.min(axis=0) - X, table.uv[own], lenses[b])
+            again = composed(other[None], inverse_poses(views[0, both[k]][None]))
+            if _angles(again, usual)[0, 0] < LIKE:
+                raise ArgumentError(
+                    f"picture {table.pictures[both[k]]}: {table.cameras[b]} counts the board's corners from the other "
+                    f"end than {table.cameras[0]} (it is turned by 180 degrees); reverse them there, or leave the "
+                    "picture out",
+                    "corners",
+                )
+
+
+def _camera_poses(table: CornerTable, views: dict[tuple[int, int], np.ndarray]) -> np.ndarray:
+    cameras = np.tile(np.eye(1, 7), (len(table.cameras), 1))
+    placed = {0}
+    while len(placed) < len(cameras):
+        options = [
+            (a, b, *_between(views, a, b, len(table.pictures)))
+            for a in placed
+            for b in set(range(len(cameras))) - placed
+        ]
+        a, b, both, between = max(options, key=lambda o: (len(o[2]), -o[0], -o[1]))
+        if not both:
+            lost = ", ".join(table.cameras[c] for c in range(len(cameras)) if c not in placed)
+            raise ArgumentError(f"no picture shows the board to {lost} and to another camera at once", "corners")
+        usual = between[_medoid(between)]
+        like = _angles(between, usual[None])[:, 0] < LIKE
+        own = np.median(between[like, 4:], axis=0)
+        relative = poses_of(matrices_of(usual[None]), own[None])
+        cameras[b] = composed(relative, cameras[a][None])[0]
+        placed.add(b)
+    return cameras
+
+
+def calibrated(
+    table: CornerTable,
+    start: CameraStarts,
+    fit: CameraFit,
+    *,
+    loss_sigma: float | None = None,
+    stop: Callable[[], bool] | None = None,
+) -> BundleFit:
+    """The fit; with `loss_sigma` [pixel] by Huber's loss of that noise. Groups "lens", "camera" and, local, "board"."""
+    n = len(table.cameras)
+    held = np.zeros(len(LENS), bool)
+    held[2:4] = not fit.principal_point
+    for k, name in enumerate(LENS[4:], 4):
+        held[k] = name not in fit.distortion
+    still = np.zeros((n, 6), bool)
+    still[0] = True
+    keys = tuple(f"{name}, place" for name in table.cameras)
+    groups = [
+        UnknownGroup("lens", start.lenses, LENS, keys=table.cameras, fixed=held, units=UNITS),
+        pose_group("camera", start.cameras, keys, fixed=still),
+        pose_group("board", start.boards, tuple(f"picture {p}" for p in table.pictures), local=True),
+    ]
+    loss, width, sigma = "linear", 1.0, table.sigma
+    if loss_sigma is not None:
+        loss, width = "huber", fit.width
+        sigma = np.full(table.n, loss_sigma) if sigma is None else sigma * loss_sigma
+    sees = [("lens", table.camera), ("camera", table.camera), ("board", table.picture)]
+    data = np.hstack([table.X, table.uv])
+    block = ResidualBlock("corners", board_view(), sees, data, sigma=sigma, loss=loss, width=width)
+    return bundle_fit(groups, [block], limit=fit.limit, stop=stop, covariance=loss_sigma is None)
+
+
+def started_at(fit: BundleFit) -> CameraStarts:
+    """The end of one fit as the start of another."""
+    return CameraStarts(fit.values["lens"], fit.values["camera"], fit.values["board"])

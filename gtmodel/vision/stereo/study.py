@@ -1,0 +1,320 @@
+"""The calibration of cameras as a study: corners in; lenses, places, their worth and their errors out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from ...inference.bundle import BundleFit
+from ...results import ArgumentError, Check, SolveStatus, Work, at_least, at_most
+from ...results.door import study_function
+from ...results.table import csv_text
+from ...results.work import Progress, never, silent
+from ..board import Board
+from ..corner_table import CornerTable
+from ..intersection import MOVES, intersect
+from ..picture_test import LEAST, PictureTest, picture_test
+from ..pinhole import LENS
+from ..rigid_poses import composed, matrices_of
+from .calibrated import calibrated, camera_starts
+from .gross_errors import GrossErrors, gross_errors, without_gross_errors
+from .options import BoardPictures, CameraFit, StereoStart
+from .result import StereoStudy
+
+FEW = 3  # pictures
+FOCAL = 0.05  # of a focal length, its standard deviation: beyond, it is hardly known
+REMOVED = 0.2  # share of corners; more are no outliers
+FIRES = 1e-3  # chance of a false alarm of the test over the picture, over all cameras
+NAMED = 10  # corners that a note lists
+TILT = (
+    "tilt the board by 20 degrees or more in some pictures: where it faces the camera, focal length and distance "
+    "cannot be told apart"
+)
+
+
+@study_function
+def stereo_study(
+    corners: CornerTable,
+    board: BoardPictures,
+    fit: CameraFit | None = None,
+    start: StereoStart | None = None,
+    *,
+    title: str = "",
+    progress: Progress = silent,
+    max_seconds: float | None = None,
+    stop: Callable[[], bool] = never,
+) -> StereoStudy:
+    """Lenses of one or more cameras and the places of all but the first, from pictures of a board: one fit of all
+    corners, with standard deviations, gross errors by name and a test of the residuals over the picture.
+
+    Args:
+        corners: of the board in all pictures, X and Y counted in squares from its first corner.
+        board: its size, and that of the pictures.
+        fit: what is fitted, and what becomes of gross errors; start: where from.
+        progress, max_seconds, stop: see `gtmodel.results.Work`.
+
+    Raises ArgumentError for a board that looks the same when it is turned, one that was turned between two cameras,
+    corners beside the board, metres without a length, and where the pictures do not determine what is fitted.
+
+    >>> from gtmodel.vision.stereo.synthetic import SyntheticBoards, made_corners
+    >>> board = gt.vision.BoardPictures(width_pixel=640, height_pixel=480, columns=9, rows=6, square=0.03)
+    >>> s = gt.vision.stereo_study(made_corners(SyntheticBoards(pictures=8), board)[0], board)
+    >>> low, high = s.interval("left.fx")
+    >>> s.status.ok, low < 540.0 < high
+    (True, True)
+    """
+    work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
+    fit, start = fit or CameraFit(), start or StereoStart()
+    metres = _metres(board)
+    _on_the_board(corners, board)
+    table = replace(corners, X=corners.X * (board.square or 1.0))
+    work.step("starting values", 0.1)
+    begin = camera_starts(table, board, start)
+    removed: GrossErrors | None = None
+    kept = np.arange(table.n)
+    if fit.gross_errors == "removed":
+        work.step("gross errors", 0.3)
+        begin, removed = without_gross_errors(table, begin, fit, work.interrupted)
+        kept = np.flatnonzero(~removed.corners)
+        table, begin = _left(table, kept, begin)
+    work.step("fit", 0.6)
+    try:
+        end = calibrated(table, begin, fit, stop=work.interrupted)
+    except ArgumentError as error:
+        raise ArgumentError(f"{error.message}; {TILT}", "corners") from error
+    if not end.status.ok or end.estimate is None:
+        return StereoStudy(status=end.status, message=_failed(end), title=title, iterations=end.iterations)
+    named = removed or gross_errors(table, end.residuals["corners"], fit.gross)
+    tests = _tests(table, end, board)
+    checks, notes = _judged(corners, table, end, named, removed is not None, tests)
+    values = _values(table, end, metres)
+    drawn = [(name, table.uv[table.camera == c], end.residuals["corners"][table.camera == c], tests.get(name))
+             for c, name in enumerate(table.cameras)]  # fmt: skip
+    return StereoStudy(
+        status=end.status, message=end.message, title=title, iterations=end.iterations, objective=end.cost,
+        estimate=end.estimate, checks=checks, notes=notes, **values,
+        gross_corners=[corners.label(int(k)) for k in np.flatnonzero(named.corners)],
+        wrong_pictures=[corners.pictures[p] for p in named.pictures], removed=removed is not None,
+        quadratic_p={n: t.quadratic for n, t in tests.items()}, radius_p={n: t.radius for n, t in tests.items()},
+        map_rms={n: t.size for n, t in tests.items()},
+        figures={"residuals": partial(_figure, drawn, (board.width_pixel, board.height_pixel), title)},
+        files={"cameras.csv": _cameras_file(values, metres), "residuals.csv": _residuals_file(corners, kept, end)},
+        machine_files=("cameras.csv",),
+    )  # fmt: skip
+
+
+def explained_pictures(corners: CornerTable, board: BoardPictures) -> list[str]:
+    """How many corners each camera has, and in what lengths the result will be. Raises ArgumentError as the study."""
+    metres = _metres(board)
+    _on_the_board(corners, board)
+    lines = [f"{len(corners.pictures)} pictures of a board of {board.columns} x {board.rows} corners"]
+    for c, name in enumerate(corners.cameras):
+        own = corners.camera == c
+        lines.append(f"  {name}: {own.sum()} corners in {len(np.unique(corners.picture[own]))} pictures")
+    lines.append("lengths in metres" if metres else "lengths in squares of the board: give board.square_mm for metres")
+    return lines
+
+
+def _metres(board: BoardPictures) -> bool:
+    Board(board.columns, board.rows, board.square, board.identified)
+    if board.lengths == "metres" and board.square is None:
+        raise ArgumentError(
+            "pixels know no length: every length would be wrong by one factor, and no residual would show it; give the "
+            "side of a square, or take lengths in squares",
+            "board.square",
+        )
+    return board.square is not None and board.lengths != "squares"
+
+
+def _on_the_board(corners: CornerTable, board: BoardPictures) -> None:
+    X = corners.X
+    beside = np.any((X != np.round(X)) | (X < 0) | (X > [board.columns - 1, board.rows - 1, 0]), axis=1)
+    if beside.any():
+        k = int(np.argmax(beside))
+        raise ArgumentError(
+            f"{corners.label(k)} lies at X, Y, Z = {X[k, 0]:g}, {X[k, 1]:g}, {X[k, 2]:g}; expected whole squares "
+            f"within {board.columns} x {board.rows} corners",
+            "corners",
+        )
+    wide = np.array([board.width_pixel, board.height_pixel])
+    outside = np.any((corners.uv < -0.5) | (corners.uv > wide - 0.5), axis=1)
+    if outside.any():
+        k = int(np.argmax(outside))
+        u, v = corners.uv[k]
+        raise ArgumentError(
+            f"{corners.label(k)} lies at {u:g}, {v:g}, outside a picture of {wide[0]} x {wide[1]}", "corners"
+        )
+    if len(corners.pictures) < FEW:
+        raise ArgumentError(
+            f"{len(corners.pictures)} pictures of a board determine no lens; expected at least {FEW}", "corners"
+        )
+
+
+def _left(table: CornerTable, kept: np.ndarray, begin: Any) -> tuple[CornerTable, Any]:
+    """The corners that are left, and starts without the pictures that are wrong."""
+    left = [p for p in range(len(table.pictures)) if np.any(table.picture[kept] == p)]
+    if len(left) < FEW:
+        raise ArgumentError(f"gross errors leave {len(left)} of {len(table.pictures)} pictures", "corners")
+    gone = [name for p, name in enumerate(table.pictures) if p not in left]
+    return table.rows(kept).without(gone), replace(begin, boards=begin.boards[left])
+
+
+def _failed(end: BundleFit) -> str:
+    return f"{end.message}; give a focal length to start from, look for wrong pictures, or {TILT}"
+
+
+def _tests(table: CornerTable, end: BundleFit, board: BoardPictures) -> dict[str, PictureTest]:
+    tests = {}
+    for c, name in enumerate(table.cameras):
+        own = table.camera == c
+        if own.sum() >= LEAST:
+            size = (board.width_pixel, board.height_pixel)
+            tests[name] = picture_test(table.uv[own], end.residuals["corners"][own], size)
+    return tests
+
+
+def _judged(corners: CornerTable, table: CornerTable, end: BundleFit, bad: GrossErrors, removed: bool,
+            tests: dict[str, PictureTest]) -> tuple[dict[str, Check], list[str]]:  # fmt: skip
+    assert end.estimate is not None
+    names = end.estimate.names
+    worst = max(
+        end.estimate.std[names.index(f"{c}.fx")] / end.values["lens"][k, 0] for k, c in enumerate(table.cameras)
+    )
+    checks = {"focal_length_relative_std": at_most(float(worst), FOCAL, TILT)}
+    wrong = ", ".join(corners.pictures[p] for p in bad.pictures)
+    single = [corners.label(int(k)) for k in np.flatnonzero(bad.corners) if corners.picture[k] not in bad.pictures]
+    more = f" and {len(single) - NAMED} more" if len(single) > NAMED else ""
+    notes = ["poses and their standard deviations are in the frame of the first camera, which stands still"]
+    if len(table.cameras) == 1:
+        notes = []
+    said = "left out" if removed else "in the fit"
+    if wrong:
+        notes.append(f"wrong as a whole, {said}: picture {wrong}")
+    if single:
+        notes.append(f"gross errors, {said}: {', '.join(single[:NAMED])}{more}")
+    if removed:
+        checks["corners_left_share"] = at_least(float(1 - bad.corners.mean()), 1 - REMOVED, "look at the detection")
+    else:
+        advice = 'look at them, leave them out, or take gross_errors = "removed"'
+        checks["wrong_pictures"] = at_most(len(bad.pictures), 0, advice)
+        checks["gross_errors"] = at_most(len(single), 0, advice)
+    for name, test in tests.items():
+        if test.fires(FIRES / len(tests)):
+            notes.append(
+                f"residuals of {name} depend on the place in the picture: a quadratic map of {test.size:.2g} pixel rms "
+                f"(chance {test.quadratic:.1g}; along the radius alone {test.radius:.1g}): the lens has more than is "
+                "fitted, the board is not flat, or errors of one picture go together; standard deviations leave that "
+                "out"
+            )
+    return checks, notes
+
+
+def _values(table: CornerTable, end: BundleFit, metres: bool) -> dict[str, Any]:
+    assert end.estimate is not None
+    e, std = end.estimate, end.estimate.std
+    place = {n: k for k, n in enumerate(e.names)}
+    r = end.residuals["corners"]
+    square = np.sum(r**2, axis=1)
+
+    def rms(own: np.ndarray) -> float:
+        return float(np.sqrt(np.mean(square[own])))
+
+    def spread(name: str) -> float:
+        return float(std[place[name]]) if name in place else 0.0
+
+    lens = {n: dict(zip(LENS, end.values["lens"][c].tolist(), strict=True)) for c, n in enumerate(table.cameras)}
+    values: dict[str, Any] = {
+        "cameras": table.cameras, "pictures": len(table.pictures), "corners": table.n,
+        "rms": rms(np.ones(table.n, bool)),
+        "rms_by_camera": {n: rms(table.camera == c) for c, n in enumerate(table.cameras)},
+        "rms_by_picture": {n: rms(table.picture == p) for p, n in enumerate(table.pictures)},
+        "noise": float(np.sqrt(np.sum(square) / max(e.degrees_of_freedom, 1.0))),
+        "lens": lens, "lens_std": {n: {k: spread(f"{n}.{k}") for k in LENS} for n in table.cameras},
+        "tilt": _tilt(end),
+    }  # fmt: skip
+    rotation, translation, interval = dict[str, list[float]](), dict[str, list[float]](), dict[str, list[float]]()
+    baseline = dict[str, float]()
+    for n in table.cameras[1:]:
+        rotation[n] = [e.value(f"{n}, place.turn_{a}") for a in "xyz"]
+        t = np.array([e.value(f"{n}, place.{a}") for a in "xyz"])
+        translation[n], baseline[n] = t.tolist(), float(np.linalg.norm(t))
+        low, high = e.combination({f"{n}, place.{a}": x / baseline[n] for a, x in zip("xyz", t, strict=True)})[1:]
+        interval[n] = [low, high]
+    lengths: dict[str, Any] = {"translation": translation, "baseline": baseline, "baseline_interval": interval}
+    if len(table.cameras) > 1:
+        lengths["point_std"] = _point_std(table, end)
+    return values | {"rotation": rotation} | {k if metres else f"{k}_squares": v for k, v in lengths.items()}
+
+
+def _tilt(end: BundleFit) -> float:
+    """Largest angle between a board and a picture plane [rad]."""
+    boards = end.values["board"]
+    cosines = [
+        np.abs(matrices_of(composed(np.tile(c, (len(boards), 1)), boards))[:, 2, 2]) for c in end.values["camera"]
+    ]
+    return float(np.arccos(np.clip(np.min(cosines), 0.0, 1.0)))
+
+
+def _point_std(table: CornerTable, end: BundleFit) -> list[float]:
+    """Median standard deviations of corners by intersection, in the first camera's axes."""
+    many = len(table.cameras)
+    key = [(int(p), *x) for p, x in zip(table.picture, table.X.tolist(), strict=True)]
+    place = {k: n for n, k in enumerate(dict.fromkeys(key))}
+    uv = np.full((len(place), many, 2), np.nan)
+    for k, c, pixel in zip(key, table.camera, table.uv, strict=True):
+        uv[place[k], c] = pixel
+    lenses, n = end.values["lens"], len(LENS)
+    order = np.concatenate(
+        [[*range(n * c, n * c + n), *range(n * many + 6 * c, n * many + 6 * c + 6)] for c in range(many)]
+    )
+    C = end.shared_covariance[np.ix_(order, order)]
+    assert C.shape == (MOVES * many, MOVES * many)
+    sigma = float(np.sqrt(np.mean(end.residuals["corners"] ** 2)))
+    seen = intersect(uv, lenses, end.values["camera"], sigma, C)
+    return np.sqrt(np.nanmedian(np.einsum("nii->ni", seen.covariance), axis=0)).tolist()
+
+
+def _cameras_file(values: dict[str, Any], metres: bool) -> str:
+    names, numbers, spreads, units = [], [], [], []
+    for camera, lens in values["lens"].items():
+        for k, (label, value) in enumerate(lens.items()):
+            names.append(f"{camera}.{label}")
+            numbers.append(value)
+            spreads.append(values["lens_std"][camera][label])
+            units.append("pixel" if k < 4 else "1")
+    for camera, vector in values["rotation"].items():
+        t = values["translation" if metres else "translation_squares"][camera]
+        names += [f"{camera}.{what}_{a}" for what in ("rotation", "translation") for a in "xyz"]
+        numbers += [*vector, *t]
+        spreads += [float("nan")] * 6
+        units += ["rad"] * 3 + ["m" if metres else "square"] * 3
+    columns = {"name": names, "value": numbers, "std": spreads, "unit": units}
+    note = (
+        "p_camera = R p_first + t, R of the rotation vector; lens in OpenCV's order; the first pixel's middle is (0, 0)"
+    )
+    return csv_text(columns, {"value": 15, "std": 4}, [note])
+
+
+def _residuals_file(corners: CornerTable, kept: np.ndarray, end: BundleFit) -> str:
+    error = np.full((corners.n, 2), np.nan)
+    error[kept] = end.residuals["corners"]
+    columns = {
+        "camera": [corners.cameras[c] for c in corners.camera],
+        "picture": [corners.pictures[p] for p in corners.picture],
+        "corner": list(corners.marks), "u_pixel": corners.uv[:, 0], "v_pixel": corners.uv[:, 1],
+        "error_u_pixel": error[:, 0], "error_v_pixel": error[:, 1],
+    }  # fmt: skip
+    return csv_text(columns, 7, ["error: predicted less measured; empty for corners that were left out"])
+
+
+def _figure(drawn: list[Any], size: tuple[int, int], title: str) -> Any:
+    from ...plot.vision.residuals import residual_figure
+
+    return residual_figure(drawn, size, title=title)
+
+
+__all__ = ["SolveStatus", "StereoStudy", "explained_pictures", "stereo_study"]
