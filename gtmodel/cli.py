@@ -269,6 +269,9 @@ def codegen(
         Path, typer.Option("-o", "--out", metavar="DIR", help="Folder to write the code into.", callback=_folder)
     ],
     check: Annotated[bool, typer.Option("--check", help="Compile it and compare it with Python.")] = False,
+    fmu: Annotated[
+        str, typer.Option("--fmu", metavar="3|2|both", help="Functional mock-up units of FMI 3.0, 2.0 or both instead.")
+    ] = "",
     settings: Set = None,
     as_json: Json = False,
     write_failed: WriteFailed = False,
@@ -281,7 +284,7 @@ def codegen(
         loaded = _load(problem, settings, answer)
         job = run.context_of(loaded)
         with terminal.watching(job, "stopping after this step", quiet=quiet):
-            answer.finished = run.generate(loaded, job, out, verify=check, write_failed=write_failed)
+            answer.finished = run.generate(loaded, job, out, verify=check, write_failed=write_failed, fmu=fmu)
 
 
 @app.command()
