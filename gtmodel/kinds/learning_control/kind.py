@@ -91,7 +91,7 @@ def _run(log: RunSection, files: list[str], context: Context) -> Trajectory:
     return recorded(log, log.signals, files, "log", context, log.synthetic)
 
 
-def robot_of(problem: Schema, context: Context) -> learning.LearningRobot | ModelledRobot:
+def robot_of(problem: Schema, context: Context) -> LearningRobot | ModelledRobot:
     """What [robot] or [plant] says. Raises InputError."""
     section = problem.plant
     if section is None:
