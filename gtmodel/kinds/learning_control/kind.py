@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from gtmodel.control.learning import (
+    LearningRobot,
     ModelledRobot,
     SimulatedMotion,
     lag_robot,
