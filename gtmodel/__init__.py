@@ -3,8 +3,8 @@
 Language: Model, Connector, Optimization; variable, input, parameter, part, parts, port, outer, connect, der.
 Engines: Model.causal (any causality), solve (optimal control), simulate, cgen.generate (C code).
 Libraries, imported when first used: calibrate, cgen, compliance, control, filtering, fmu, identify, inference,
-kinematics, loop, measurements, mechanics, milling, motion, optimize, plot, results, robots, simulation, vibration,
-vision.
+kinematics, loop, measurements, mechanics, milling, modelica, motion, optimize, plot, results, robots, simulation,
+vibration, vision.
 load("problem.toml") gives the study that a problem file means, as a call on objects.
 """
 
@@ -38,6 +38,7 @@ if TYPE_CHECKING:
         measurements as measurements,
         mechanics as mechanics,
         milling as milling,
+        modelica as modelica,
         motion as motion,
         optimize as optimize,
         plot as plot,

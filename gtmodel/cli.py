@@ -91,10 +91,10 @@ def _options(
 @app.command("list")
 def list_(
     context: typer.Context,
-    what: Annotated[str, typer.Argument(metavar="[robots|problems]")] = "all",
+    what: Annotated[str, typer.Argument(metavar="[robots|problems|FILE.mop]")] = "all",
     as_json: Json = False,
 ) -> None:
-    """Show the robots of the catalogue and the problems shipped with gtmodel."""
+    """Show the robots of the catalogue and the problems shipped with gtmodel, or the classes of a Modelica file."""
     from gtmodel.problem_files import listing
 
     with answering(context, as_json, what) as answer:
@@ -102,7 +102,7 @@ def list_(
     for n, (name, entries) in enumerate(entries_by_word.items() if not as_json else ()):
         if n:
             print()
-        head = (name.removesuffix("s"), *listing.HEADS[name])
+        head = ("class" if name == "classes" else name.removesuffix("s"), *listing.HEADS[name])
         terminal.table(head, [(key, *map(str, texts.values())) for key, texts in entries.items()])
 
 
@@ -114,6 +114,7 @@ def explain(
     targets: Annotated[list[str] | None, typer.Option(help="Variables to compute.")] = None,
     prefer: Annotated[list[str] | None, typer.Option(help="Variables to keep as states.")] = None,
     settings: Set = None,
+    python: Annotated[bool, typer.Option("--python", help="Print a class of Modelica text in Python.")] = False,
 ) -> None:
     """Show how a robot's variables follow from the known ones, or what a problem asks for.
 
@@ -124,7 +125,9 @@ def explain(
 
     with answering(context, False, what):
         refuse_twice(settings or ())
-        text = explaining.of(what, known or (), targets or (), prefer or (), settings or ())
+        text = (explaining.python if python else explaining.of)(
+            what, known or (), targets or (), prefer or (), settings or ()
+        )
     print(text)
 
 
@@ -266,6 +269,9 @@ def codegen(
         Path, typer.Option("-o", "--out", metavar="DIR", help="Folder to write the code into.", callback=_folder)
     ],
     check: Annotated[bool, typer.Option("--check", help="Compile it and compare it with Python.")] = False,
+    fmu: Annotated[
+        str, typer.Option("--fmu", metavar="3|2|both", help="Functional mock-up units of FMI 3.0, 2.0 or both instead.")
+    ] = "",
     settings: Set = None,
     as_json: Json = False,
     write_failed: WriteFailed = False,
@@ -278,7 +284,7 @@ def codegen(
         loaded = _load(problem, settings, answer)
         job = run.context_of(loaded)
         with terminal.watching(job, "stopping after this step", quiet=quiet):
-            answer.finished = run.generate(loaded, job, out, verify=check, write_failed=write_failed)
+            answer.finished = run.generate(loaded, job, out, verify=check, write_failed=write_failed, fmu=fmu)
 
 
 @app.command()
@@ -287,7 +293,9 @@ def loop(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder that gtmodel codegen wrote.")],
     peer: Annotated[str, typer.Option("--peer", metavar="egm|rsi", help="Protocol of the simulated controller.")],
     seconds: Annotated[float, typer.Option("--seconds", metavar="N", help="Length of each of the two runs.")],
-    law: Annotated[str, typer.Option(metavar="LAW", help="trajectory, dynamics, replay or path.")] = "trajectory",
+    law: Annotated[
+        str, typer.Option(metavar="LAW", help="trajectory, dynamics, replay, path or lead_through.")
+    ] = "trajectory",
     reference: Annotated[
         Path | None, typer.Option(metavar="CSV", help="Motion to follow, as reference.csv of gtmodel solve --out.")
     ] = None,

@@ -14,7 +14,7 @@ LINES = [
     {"lang"}, {"results"}, {"compiler"}, {"measurements", "inference"}, {"simulation", "optimize", "cgen", "control"},
     {"mechanics"}, {"robots"},
     {"kinematics", "motion", "calibrate", "identify", "compliance", "vibration", "milling", "loop", "filtering", "fmu",
-     "vision"},
+     "vision", "modelica"},
     {"plot"}, {"problem_files"}, {"kinds"},
 ]  # fmt: skip
 LEVEL = {name: n for n, line in enumerate(LINES) for name in sorted(line)}

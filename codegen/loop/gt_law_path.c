@@ -6,6 +6,7 @@
 static gt_status gt_path_init(void *state, const gt_feedback *first)
 {
     gt_law_path *law = (gt_law_path *)state;
+    gt_status status = GT_OK;
     int k;
 
     law->last_ms = 0U;
@@ -13,17 +14,16 @@ static gt_status gt_path_init(void *state, const gt_feedback *first)
         law->correction_m[k] = 0.0;
     }
     if ((law->model == NULL) || (law->model->forward == NULL) || !first->has_planned || !(law->limit_m >= 0.0)) {
-        return GT_OUT_OF_RANGE;
+        status = GT_OUT_OF_RANGE;
     }
-    return GT_OK;
+    return status;
 }
 
 static double gt_within(double value, double limit)
 {
-    if (value > limit) {
-        return limit;
-    }
-    return (value < -limit) ? -limit : value;
+    const double below = (value > limit) ? limit : value;
+
+    return (below < -limit) ? -limit : below;
 }
 
 static gt_status gt_path_step(void *state, const gt_feedback *feedback, uint64_t elapsed_ms, gt_command *command)

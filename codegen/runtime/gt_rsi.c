@@ -133,12 +133,15 @@ static int gt_rsi_ipoc(gt_scanner *s, gt_rsi_robot *robot)
 static int gt_rsi_open(gt_scanner *s, gt_rsi_robot *robot, uint32_t *depth)
 {
     const gt_piece name = gt_scan_word(s);
-    const int outside = (*depth == 0U) ? 1 : 0;
+    int outside = 0;
     double *numbers = robot->rist;
     uint32_t *given = &robot->given[0];
     uint32_t element = 0U;
     int ended = 0;
 
+    if (*depth == 0U) {
+        outside = 1;
+    }
     if ((name.at == name.end) || (gt_scan_equals(s, name, "Rob") != outside)) {
         return 0;
     }

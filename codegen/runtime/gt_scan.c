@@ -21,11 +21,13 @@ uint8_t gt_scan_here(const gt_scanner *s)
 
 int gt_scan_over(gt_scanner *s, char byte)
 {
-    if (gt_scan_here(s) != (uint8_t)byte) {
-        return 0;
+    int there = 0;
+
+    if (gt_scan_here(s) == (uint8_t)byte) {
+        s->at++;
+        there = 1;
     }
-    s->at++;
-    return 1;
+    return there;
 }
 
 void gt_scan_to(gt_scanner *s, char byte)
@@ -58,10 +60,8 @@ int gt_scan_equals(const gt_scanner *s, gt_piece piece, const char *text)
 {
     uint32_t n = 0U;
 
-    while ((text[n] != '\0') && ((piece.at + n) < piece.end)) {
-        if (gt_byte_at(s->data, piece.at + n, s->end) != (uint8_t)text[n]) {
-            return 0;
-        }
+    while ((text[n] != '\0') && ((piece.at + n) < piece.end) &&
+           (gt_byte_at(s->data, piece.at + n, s->end) == (uint8_t)text[n])) {
         n++;
     }
     return (text[n] == '\0') && ((piece.at + n) == piece.end);
@@ -77,15 +77,23 @@ static int gt_scan_value(gt_scanner *s, char quote, gt_piece *value)
 
 int gt_scan_quoted(gt_scanner *s, gt_piece *value)
 {
+    int good;
+
     value->at = s->at;
     value->end = s->at;
     gt_scan_spaces(s);
-    if (!gt_scan_over(s, '=')) {
-        return 0;
+    good = gt_scan_over(s, '=');
+    if (good != 0) {
+        char quote = '"';
+
+        gt_scan_spaces(s);
+        if (gt_scan_over(s, quote) == 0) {
+            quote = '\'';
+            good = gt_scan_over(s, quote);
+        }
+        if (good != 0) {
+            good = gt_scan_value(s, quote, value);
+        }
     }
-    gt_scan_spaces(s);
-    if (gt_scan_over(s, '"') != 0) {
-        return gt_scan_value(s, '"', value);
-    }
-    return gt_scan_over(s, '\'') && gt_scan_value(s, '\'', value);
+    return good;
 }

@@ -88,7 +88,9 @@ int gt_egm_read_wrenches(const uint8_t *data, uint32_t length, gt_wrench *handle
             gt_skip(&reader, field.type);
         }
     }
-    good = good && reader.good && (handles == 1U) && (tools == 1U);
+    if (!reader.good || (handles != 1U) || (tools != 1U)) {
+        good = 0;
+    }
     if (!good) {
         (void)memset(handle, 0, sizeof(*handle));
         (void)memset(tool, 0, sizeof(*tool));

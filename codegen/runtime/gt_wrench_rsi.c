@@ -29,17 +29,17 @@ static int gt_wrench_set(const gt_scanner *s, gt_piece value, uint32_t place, gt
     int good;
 
     if (place < 3U) {
-        return gt_read_decimal(s->data, value.at, value.end, &wrench->force_N[place]);
-    }
-    if (place < GT_WRENCH_AGE) {
-        return gt_read_decimal(s->data, value.at, value.end, &wrench->moment_N_m[place - 3U]);
-    }
-    good = gt_read_digits(s->data, value.at, value.end, &whole);
-    kept = (whole < UINT32_MAX) ? (uint32_t)whole : UINT32_MAX;
-    if (place == GT_WRENCH_AGE) {
-        wrench->age_cycles = kept;
+        good = gt_read_decimal(s->data, value.at, value.end, &wrench->force_N[place]);
+    } else if (place < GT_WRENCH_AGE) {
+        good = gt_read_decimal(s->data, value.at, value.end, &wrench->moment_N_m[place - 3U]);
     } else {
-        wrench->status = kept;
+        good = gt_read_digits(s->data, value.at, value.end, &whole);
+        kept = (whole < UINT32_MAX) ? (uint32_t)whole : UINT32_MAX;
+        if (place == GT_WRENCH_AGE) {
+            wrench->age_cycles = kept;
+        } else {
+            wrench->status = kept;
+        }
     }
     return good;
 }
@@ -55,12 +55,16 @@ static int gt_wrench_attributes(gt_scanner *s, gt_wrench *wrench, uint32_t *give
         const gt_piece name = gt_scan_word(s);
         gt_piece value;
 
-        good = (*ended == 0) && (name.at != name.end) && gt_scan_quoted(s, &value);
+        if ((*ended != 0) || (name.at == name.end) || (gt_scan_quoted(s, &value) == 0)) {
+            good = 0;
+        }
         if (good && (wrench != NULL)) {
             const uint32_t place = gt_wrench_place(s, name);
             const uint32_t bit = (place < GT_WRENCH_NAMES) ? (((uint32_t)1U) << place) : 0U;
 
-            good = ((*given & bit) == 0U) && ((bit == 0U) || gt_wrench_set(s, value, place, wrench));
+            if (((*given & bit) != 0U) || ((bit != 0U) && (gt_wrench_set(s, value, place, wrench) == 0))) {
+                good = 0;
+            }
             *given |= bit;
         }
         gt_scan_spaces(s);
@@ -83,12 +87,16 @@ static int gt_wrench_element(gt_scanner *s, uint32_t *depth, gt_wrench *wrenches
 
     for (n = 0U; n < 2U; n++) {
         if ((*depth == 1U) && gt_scan_equals(s, name, names[n])) {
-            good = (given[n] == 0U); /* each stands once */
+            if (given[n] != 0U) {
+                good = 0; /* each stands once */
+            }
             wrench = &wrenches[n];
             bits = &given[n];
         }
     }
-    good = good && gt_wrench_attributes(s, wrench, bits, &ended);
+    if ((good != 0) && (gt_wrench_attributes(s, wrench, bits, &ended) == 0)) {
+        good = 0;
+    }
     *depth += (ended != 0) ? 0U : 1U;
     return good;
 }
@@ -107,19 +115,23 @@ int gt_rsi_read_wrenches(const uint8_t *data, uint32_t length, gt_wrench *handle
     s.end = (length <= GT_DATAGRAM_MAX) ? length : 0U;
     gt_scan_to(&s, '<');
     while (good && gt_scan_over(&s, '<')) {
-        if (gt_scan_over(&s, '/')) {
+        if (gt_scan_over(&s, '/') != 0) {
             gt_scan_to(&s, '>');
-            good = (depth > 0U);
-            depth -= (depth > 0U) ? 1U : 0U;
-        } else if (gt_scan_over(&s, '?')) {
+            if (depth > 0U) {
+                depth--;
+            } else {
+                good = 0;
+            }
+        } else if (gt_scan_over(&s, '?') != 0) {
             gt_scan_to(&s, '>');
         } else {
             good = gt_wrench_element(&s, &depth, wrenches, given);
         }
         gt_scan_to(&s, '<');
     }
-    good = good && ((given[0] & GT_WRENCH_NEEDED) == GT_WRENCH_NEEDED) &&
-           ((given[1] & GT_WRENCH_NEEDED) == GT_WRENCH_NEEDED);
+    if (((given[0] & GT_WRENCH_NEEDED) != GT_WRENCH_NEEDED) || ((given[1] & GT_WRENCH_NEEDED) != GT_WRENCH_NEEDED)) {
+        good = 0;
+    }
     if (!good) {
         (void)memset(wrenches, 0, sizeof(wrenches));
     }

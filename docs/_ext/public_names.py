@@ -12,7 +12,8 @@ LIBRARIES = [
     "calibrate", "cgen", "compliance", "control", "control.delayed", "control.lead_through", "control.learning",
     "filtering", "fmu", "identify", "inference", "inference.bundle", "kinematics",
     "kinematics.accuracy", "kinematics.assembly_modes", "kinematics.causality", "kinematics.singularity",
-    "kinematics.workspace", "loop", "measurements", "mechanics", "milling", "motion", "motion.axes",
+    "kinematics.workspace", "loop", "measurements", "mechanics", "milling", "modelica", "motion",
+    "motion.axes",
     "motion.elastic", "optimize", "results", "robots", "simulation", "vibration", "vision",
     "vision.detection", "vision.rendering", "vision.stereo", "vision.robot_cameras",
 ]  # fmt: skip

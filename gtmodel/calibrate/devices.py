@@ -14,6 +14,7 @@ import numpy as np
 from ..kinematics.workspace import Limit, Poses
 from ..kinematics.workspace.distances import segment_to_box
 from ..lang.source import ModelError
+from ..vision.pinhole import pixel_jacobian, project
 
 Array = np.ndarray
 
@@ -83,11 +84,12 @@ class LaserTracker:
 
 @dataclass(frozen=True)
 class Camera:
-    """A fixed pinhole camera that sees a flat pattern of points on the plate (Dressler 2012, section 5.6).
+    """A fixed camera that sees a flat pattern of points on the plate (Dressler 2012, section 5.6).
 
     `at` (3,) [m] and `looks_at` (3,) [m]; `up` (3,) is up in the picture. `focal` [pixel], `width`, `height` [pixel].
     The pattern: a square of `side` [m] with `points` by `points` marks, its middle in the tool centre point, facing the
-    camera's home direction. `pixel_noise`: standard deviation of a mark's coordinates [pixel]. The covariance is that
+    camera's home direction. `pixel_noise`: standard deviation of a mark's coordinates [pixel]. `distortion` (5,): k1,
+    k2, p1, p2, k3 of its lens, the model that calibrations with cameras use (`gtmodel.vision`). The covariance is that
     of the pattern's position when position and turn are found together. It sees a pattern that is whole in the picture.
     """
 
@@ -103,6 +105,12 @@ class Camera:
     name: str = "picture of the camera"
     unit: str = "pixel"
     assumes: str = "the pattern faces the camera as it does in the middle of the picture, at every pose"
+    distortion: Sequence[float] = (0.0, 0.0, 0.0, 0.0, 0.0)
+
+    @property
+    def lens(self) -> Array:
+        """(9,) fx, fy, cx, cy, k1, k2, p1, p2, k3, pixels counted from the middle of the picture."""
+        return np.array([self.focal, self.focal, 0.0, 0.0, *self.distortion], float)
 
     @property
     def parts(self) -> Sequence[str]:
@@ -122,22 +130,19 @@ class Camera:
     def margins(self, poses: Poses) -> Array:
         """(n, 2) [pixel]: in front of the camera, and inside the picture; negative where the pattern is not seen."""
         p = self._marks(poses.T)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            seen = self.focal * p[..., :2] / p[..., 2:]
+        seen, status = project(p.reshape(-1, 3), self.lens)
         limits = np.array([self.width, self.height]) / 2
-        inside = np.min(limits - np.abs(seen), axis=1)
+        # behind the camera, and beyond what the lens shows, no mark is inside
+        off = np.where(status[:, None] == 0, np.abs(seen), 2 * limits).reshape(*p.shape[:2], 2)
+        inside = np.min(limits - off, axis=1)
         front = self.focal * np.min(p[..., 2], axis=1)
         return np.column_stack([front, inside])
 
     def covariance(self, T: Array) -> Array:
         """(n, 3, 3) [m2] of the measured position at T (n, 3) [m], in the robot's frame."""
         p = self._marks(T)
-        x, y, z = np.moveaxis(p, 2, 0)
         centre = p.mean(axis=1, keepdims=True)
-        zero = np.zeros_like(z)
-        by_point = self.focal * np.stack(
-            [np.stack([1 / z, zero, -x / z**2], axis=-1), np.stack([zero, 1 / z, -y / z**2], axis=-1)], axis=2
-        )  # (n, marks, 2, 3)
+        by_point = pixel_jacobian(p.reshape(-1, 3), self.lens).reshape(*p.shape[:2], 2, 3)
         # a turn w moves a mark by w x (p - centre)
         d = p - centre
         skew = np.zeros((*d.shape, 3))

@@ -17,7 +17,10 @@ FLAGS = (
     *STANDARD, "-Os", "-fPIC", "-fvisibility=hidden", "-ffunction-sections", "-fdata-sections", "-fno-ident",
     "-fno-asynchronous-unwind-tables", "-g0",
 )  # fmt: skip
-LINK = ("-shared", "-s", "-Wl,--build-id=none", "-Wl,--gc-sections", "-Wl,--no-undefined", "-Wl,-z,noexecstack", "-lm")
+LINK = (
+    "-shared", "-s", "-Wl,--build-id=none", "-Wl,--gc-sections", "-Wl,--no-undefined", "-Wl,-z,noexecstack",
+    "-Wl,-z,noseparate-code", "-Wl,--hash-style=gnu", "-lm",
+)  # fmt: skip
 WINDOWS = "x86_64-w64-mingw32-gcc"
 
 

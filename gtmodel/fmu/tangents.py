@@ -1,4 +1,4 @@
-"""Derivatives of a causal function in C, along a seed and against one: exact, through Newton's solutions too."""
+"""Derivatives of a causal function in C along a seed: exact, through Newton's solutions too."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from ..compiler.causal import CausalFunction
 
 @dataclass(frozen=True)
 class TangentFiles:
-    """C files by name, the header to include, and text of the two static functions `along` and `against`:
-    (a, z's behind the inputs; seeds) -> derivatives."""
+    """C files by name, the header to include, and text of the static function `along`: (a: inputs and unknowns of
+    Newton, da: their changes, of the unknowns computed) -> dy."""
 
     files: dict[str, str]
     header: str
@@ -59,28 +59,24 @@ def tangents(f: CausalFunction, face: Interface, name: str) -> TangentFiles:
     inputs, zs, outputs = given_by(f)
     x = ca.vertcat(*inputs) if inputs else ca.SX(0, 1)
     z = ca.vertcat(*zs) if zs else ca.SX(0, 1)
-    n, m, total = x.numel(), outputs.numel(), x.numel() + z.numel()
-    full, seed, back = ca.vertcat(x, z), ca.SX.sym("s", total), ca.SX.sym("b", m)
+    n = x.numel()
+    full = ca.vertcat(x, z)
+    seed = ca.SX.sym("s", full.numel())
     own = f"gt_{name}_slope"
-    kernels = [
-        _function(f"{own}_out", [full, seed], [ca.jtimes(outputs, full, seed)]),
-        _function(f"{own}_back", [full, back], [ca.jtimes(outputs, full, back, True)]),
-    ]
+    kernels = [_function(f"{own}_out", [full, seed], [ca.jtimes(outputs, full, seed)])]
     first = n
     for k, kernel in enumerate(f.kernels):
         size = len(kernel.z0)
-        a, u, s, b = (ca.SX.sym(c, w) for c, w in (("a", first), ("z", size), ("s", first), ("b", size)))
+        a, u, s = (ca.SX.sym(c, w) for c, w in (("a", first), ("z", size), ("s", first)))
         r, jacobian = kernel.residual.call([u, a])
         kernels += [
             _function(f"{own}_matrix{k}", [a, u], [ca.vec(ca.densify(jacobian).T)]),
             _function(f"{own}_out{k}", [a, u, s], [ca.jtimes(r, a, s)]),
-            _function(f"{own}_back{k}", [a, u, b], [ca.jtimes(r, a, b, True)]),
         ]
         first += size
     source, header = body(f"{name}_slope", [], kernels)
     file = f"gt_{name}_slope_body"
-    text = _along(face, own, n, total) + _against(face, own, n, total, m)
-    return TangentFiles({f"{file}.c": source, f"{file}.h": header}, f"{file}.h", text)
+    return TangentFiles({f"{file}.c": source, f"{file}.h": header}, f"{file}.h", _along(face, own, n))
 
 
 def _function(name: str, inputs: Sequence[ca.SX], outputs: Sequence[ca.SX]) -> ca.Function:
@@ -109,7 +105,7 @@ def _declared(face: Interface) -> str:
     return f"{own}    double right[{most}];\n    double smallest;\n    int k;\n\n"
 
 
-def _along(face: Interface, own: str, n: int, total: int) -> str:
+def _along(face: Interface, own: str, n: int) -> str:
     """da of the inputs is given, that of Newton's unknowns follows, then dy."""
     lines = [
         f"static gt_status along(const double *a, double *da, double *dy)\n{{\n{_declared(face)}",
@@ -124,28 +120,3 @@ def _along(face: Interface, own: str, n: int, total: int) -> str:
         ]
         at += stage.size
     return "".join([*lines, _call(f"{own}_out", ["a", "da"], "dy"), "    return GT_OK;\n}\n\n"])
-
-
-def _against(face: Interface, own: str, n: int, total: int, m: int) -> str:
-    """by of the outputs is given, ba follows."""
-    lines = [f"static gt_status against(const double *a, const double *by, double *ba)\n{{\n{_declared(face)}"]
-    if face.newton:
-        lines.insert(1, f"    double part[{max(1, total)}];\n    double turned;\n    int i;\n\n")
-        lines[0] = lines[0].rstrip("\n") + "\n"
-    lines.append(_call(f"{own}_back", ["a", "by"], "ba"))
-    at = total
-    for k, stage in reversed(list(enumerate(face.newton))):
-        size = stage.size
-        at -= size
-        lines += [
-            _call(f"{own}_matrix{k}", ["a", f"&a[{at}]"], f"matrix{k}"),
-            f"    for (k = 0; k < {size}; k++) {{\n        for (i = 0; i < k; i++) {{\n"
-            f"            turned = matrix{k}[({size} * k) + i];\n"
-            f"            matrix{k}[({size} * k) + i] = matrix{k}[({size} * i) + k];\n"
-            f"            matrix{k}[({size} * i) + k] = turned;\n        }}\n"
-            f"        right[k] = ba[{at} + k];\n    }}\n",
-            _solve(size, k, 1e-300),
-            _call(f"{own}_back{k}", ["a", f"&a[{at}]", "right"], "part"),
-            f"    for (k = 0; k < {at}; k++) {{\n        ba[k] -= part[k];\n    }}\n",
-        ]
-    return "".join([*lines, "    return GT_OK;\n}\n\n"])

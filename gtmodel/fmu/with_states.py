@@ -16,6 +16,7 @@ from ..results.status import Status
 from .table import base_and_order
 
 Pair = tuple[int, int]
+MOST_TURNS = 6  # in which the states of a target, of its states' rates and so on are complete
 EXACT, ROUGH = 15, 6  # digits of a start that stands in the description
 
 
@@ -45,26 +46,21 @@ def with_states(f: CausalFunction) -> WithStates:
             "function",
         )
     known = {i for _, _, indices in f.groups for i in indices}
-    states = [s for s in f.inputs if s.pairs[0][0] not in known]
-    there = {p for s in states for p in s.pairs} | {p for s in f.outputs for p in s.pairs}
-    wanted = [s.name for s in f.outputs]
-    for s in states:
-        if not all((i, k + 1) in there for i, k in s.pairs):
-            base, order = base_and_order(s.name)
-            wanted.append(derivative_name(base, order + 1))
-    if len(wanted) == len(f.outputs):
-        return WithStates(f, len(f.outputs), states, [s for s in f.inputs if s not in states])
     names = [f.flat.variables[i].name for i in f.preferred]
-    full = compile_causal(f.flat, [name for name, _, _ in f.groups], wanted, names, f.branches, f.name)
-    if {p for s in full.inputs for p in s.pairs} - known_pairs(full, known) != {p for s in states for p in s.pairs}:
-        raise ArgumentError("with the rates of its states it has other states; prefer other ones", "function")
-    states = [s for s in full.inputs if s.pairs[0][0] not in known]
-    return WithStates(full, len(f.outputs), states, [s for s in full.inputs if s not in states])
-
-
-def known_pairs(f: CausalFunction, known: set[int]) -> set[Pair]:
-    """Of the inputs those of known variables."""
-    return {p for s in f.inputs for p in s.pairs if p[0] in known}
+    asked, full = len(f.outputs), f
+    for _ in range(MOST_TURNS):
+        states = [s for s in full.inputs if s.pairs[0][0] not in known]
+        there = {p for s in (*states, *full.outputs) for p in s.pairs}
+        wanted = [s.name for s in full.outputs]
+        for s in states:
+            if not all((i, k + 1) in there for i, k in s.pairs):
+                base, order = base_and_order(s.name)
+                wanted.append(derivative_name(base, order + 1))
+        if len(wanted) == len(full.outputs):
+            return WithStates(full, asked, states, [s for s in full.inputs if s not in states])
+        # a rate may need further states, which the targets alone do not
+        full = compile_causal(f.flat, [name for name, _, _ in f.groups], wanted, names, f.branches, f.name)
+    raise ArgumentError("the rates of its states need ever further states; prefer other ones", "function")
 
 
 def starts(made: WithStates, given: Mapping[str, Sequence[float] | float]) -> dict[Pair, float]:

@@ -131,7 +131,7 @@ class ModelError(ValueError):
 
     def placed(self, where: SourceLocation | None) -> None:
         """Say a place where the sentence names none."""
-        if self.where is None and where is not None and not re.search(r"\.py:\d+|\]:\d+", str(self)):
+        if self.where is None and where is not None and not re.search(r"\.(?:py|mop?):\d+|\]:\d+", str(self)):
             self.args, self.where = (f"{self} ({where})",), where
 
 

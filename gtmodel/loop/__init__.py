@@ -1,6 +1,7 @@
 """The 4 ms loop and its peers: EGM and RSI in Python, simulated controllers and plants, and the loop itself.
 
-study: the loop of a generated folder against a simulated controller, its law off and on -> LoopStudy.
+study: the loop of a generated folder against a simulated controller, its law off and on -> LoopStudy; with a hand that
+leads the tool over a synthetic plate -> GuidedLoop.
 
 Build and run: build -> program, LoopProcess, lockstep, real_time. Peers: RobotSide with a DrivePlant or a
 RigidBodyPlant, either in an ElasticPlant; Channel with Faults. The loop in Python: PythonLoop with one of the laws. All
@@ -32,7 +33,9 @@ if TYPE_CHECKING:
         SyntheticScene as SyntheticScene,
     )
     from .lead_through.scene import PlateScene as PlateScene, ServoPlant as ServoPlant
-    from .loop_study import LoopStudy as LoopStudy, study as study
+    from .lead_through.study import GuidedLoop as GuidedLoop
+    from .loop_result import LoopStudy as LoopStudy
+    from .loop_study import study as study
     from .plant import (
         DrivePlant as DrivePlant,
         ElasticPlant as ElasticPlant,

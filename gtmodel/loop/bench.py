@@ -13,7 +13,7 @@ import numpy as np
 from ..compiler.causal import CausalFunction
 from ..lang import Model
 from ..results import Trajectory, Work
-from .reference import CYCLE_MS
+from .exchange import CYCLE_MS
 from .table import ReferenceTable
 
 Peer = Literal["egm", "rsi"]

@@ -10,6 +10,7 @@ from .wire import WireError
 from .wrenches import Wrench, read_egm, read_rsi
 
 AXES = 6
+CYCLE_MS = 4
 MM = 1000.0
 Protocol = Literal["egm", "rsi"]
 

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -13,75 +12,37 @@ import numpy as np
 
 from ..compiler.causal import compile_causal
 from ..lang import Model
-from ..results import ArgumentError, Quantity, Row, SolveStatus, Status, Study, Trajectory, Work, at_least, at_most
+from ..results import ArgumentError, SolveStatus, Status, Trajectory, Work, at_least, at_most
 from ..results.door import study_function
 from ..results.options import Within
 from ..results.refusal import naming
 from ..results.work import Progress, never, silent
-from .bench import ELASTIC_HZ, HOLD_CYCLES, LAWS, LONGEST_S, SLOWER, Bench, Reference, Stop
+from .bench import ELASTIC_HZ, LAWS, LONGEST_S, SLOWER, Bench, Reference, Stop
 from .build import build, built_before
+from .exchange import CYCLE_MS
+from .lead_through.options import Guiding
+from .lead_through.study import GuidedBench, guided
+from .loop_result import LoopStudy
 from .one_run import OneRun, run_of
-from .process import LoopError
+from .process import FULL, LoopError
 from .record import STATES, trajectory_of
-from .reference import CYCLE_MS, there_and_back
-from .report import rows_of
+from .reference import there_and_back
 from .rsi_configuration import rsi_configuration
 
-FULL = "the log could not be written whole: make room on the disk"
 # with its law a run has to track this much better; path correction is slow beside the motion and has only to help
 GAINS = {"trajectory": 0.5, "dynamics": 0.5, "replay": 0.5, "path": 1.0}
-
-
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class LoopStudy(Study):
-    """Two runs of the loop, its law off and on; without quantities where they were not both made.
-
-    in_lockstep: whether they went cycle by cycle, as fast as it goes. notes: what the loop printed
-    for a person.
-    """
-
-    in_lockstep: bool = False
-    peer: Annotated[str, Quantity("", "protocol of the simulated controller")] = ""
-    law: Annotated[str, Quantity("", "of the second run")] = ""
-    plant: Annotated[str, Quantity("", "what moves the robot")] = ""
-    elastic: Annotated[float | None, Quantity("Hz", "of an arm on springs; null for a rigid one")] = None
-    cycles: Annotated[int, Quantity("", "of each run")] = 0
-    real_time: Annotated[bool, Quantity("", "whether the system granted both runs its real-time priority")] = False
-    hold_cycles: Annotated[int, Quantity("", "held when the robot is lost, before it brakes")] = HOLD_CYCLES
-    deceleration: Annotated[float, Quantity("m/s2", "then, of the fastest cart")] = 0.0
-    greatest_speed: Annotated[float, Quantity("m/s", "of a cart, in the reference")] = 0.0
-    stopping_distance: Annotated[float, Quantity("m", "way to the stop of a lost robot from that speed")] = 0.0
-    runs: Annotated[
-        Sequence[Mapping[str, Any]], Quantity("", "of each run: its errors in mm, and the report of the loop")
-    ] = ()
-
-    @property
-    def values(self) -> Mapping[str, Any]:
-        """The quantities, where both runs were made."""
-        return super().values if self.runs else {}
-
-    @property
-    def rows(self) -> list[Row]:
-        """The table for people."""
-        if not self.runs:
-            return []
-        return [
-            *rows_of(self.runs, self.in_lockstep),
-            Row("greatest speed of a cart", self.greatest_speed, "m/s"),
-            Row(f"a lost robot: held for {self.hold_cycles} cycles, then braked at", self.deceleration, "m/s2"),
-            Row("a lost robot: way to the stop from that speed", self.stopping_distance, "m"),
-        ]
 
 
 @study_function
 def study(
     robot: Model,
     folder: str | Path,
-    reference: Reference,
+    reference: Reference | None,
     *,
     peer: Literal["egm", "rsi"],
     seconds: Annotated[float, Within(above=0.0, most=LONGEST_S)],
-    law: Literal["trajectory", "dynamics", "replay", "path"] = "trajectory",
+    law: Literal["trajectory", "dynamics", "replay", "path", "lead_through"] = "trajectory",
+    lead_through: Guiding | None = None,
     in_lockstep: bool = False,
     elastic: Annotated[float | None, Within(least=ELASTIC_HZ[0], most=ELASTIC_HZ[1])] = None,
     deceleration: Annotated[float | None, Within(above=0.0)] = None,
@@ -97,14 +58,16 @@ def study(
         robot: what is simulated, three carts and a position T; the folder is made from its functions.
         folder: of `cgen.study` or gtmodel codegen.
         reference: T, der(T), der(T,2) every 4 ms from rest to rest, or a function that gives it, called once the
-            program is built. It is followed there, and back more slowly, again and again.
+            program is built. It is followed there, and back more slowly, again and again. Not used by lead_through.
         peer: egm or rsi.
         seconds: of each of the two runs; with `in_lockstep` they go as fast as the machine allows.
         law: trajectory, dynamics, replay or path; it chooses the plant: drives of eq. (6.11), or for `dynamics` the
-            rigid-body robot.
+            rigid-body robot. lead_through: no law off and on, but a hand that leads the tool over a synthetic plate,
+            and once more with a sensor that fails; the study is a `GuidedLoop`.
+        lead_through: what that law declares, with the scene.
         elastic: the arm hangs on the carts by springs of this frequency [Hz], which no law knows; None: it is rigid.
         deceleration: of the fastest cart when the robot is lost [m/s2], behind the cycles that are held; the largest
-            that the reference asks of a cart if None.
+            that the reference asks of a cart if None, the law's limit for lead_through.
         built: folder of an earlier run, whose program is used again if it was built from the same files.
         progress, max_seconds, stop: see `gtmodel.results.Work`.
 
@@ -130,6 +93,10 @@ def study(
         forward = compile_causal(robot, known="q", targets="T")
     if [s.shape for s in (*forward.inputs, *forward.outputs)] != [(3,), (3,)]:
         raise ArgumentError("the loop's simulated robots have three carts and a position T; this one has not", "robot")
+    if law == "lead_through" and lead_through is None:
+        raise ArgumentError("the law lead_through needs its numbers: give the problem a table [lead_through]", "law")
+    if law != "lead_through" and reference is None:
+        raise ArgumentError(f"the law {law} needs a motion to follow; give one", "reference")
     with tempfile.TemporaryDirectory(prefix="gtmodel-loop-") as name:
         place = Path(name)
         work.progress("building the loop")
@@ -137,13 +104,23 @@ def study(
             built_before(Path(built), place)
         program = build(Path(folder), place, 3)
         cycles = max(1, round(1000 * seconds / CYCLE_MS))
-        motion = reference if isinstance(reference, Trajectory) else reference()
-        table = there_and_back(robot, motion, cycles, SLOWER.get(law, 1.0))
-        (place / "reference.table").write_bytes(table.to_bytes())
-        lost = Stop.of(table.rows[:cycles], deceleration)
-        bench = Bench(peer, law, robot, forward, program, place, table, cycles, in_lockstep, elastic, lost, work)
         try:
-            outcome = _compared(bench, title)
+            if lead_through is not None and law == "lead_through":
+                slowing = deceleration or lead_through.gains.acceleration_limit
+                led = GuidedBench(
+                    peer, lead_through, robot, forward, program, place, cycles, in_lockstep, elastic, slowing, work
+                )
+                outcome = guided(led, title)
+            else:
+                assert reference is not None
+                motion = reference if isinstance(reference, Trajectory) else reference()
+                table = there_and_back(robot, motion, cycles, SLOWER.get(law, 1.0))
+                (place / "reference.table").write_bytes(table.to_bytes())
+                lost = Stop.of(table.rows[:cycles], deceleration)
+                outcome = _compared(
+                    Bench(peer, law, robot, forward, program, place, table, cycles, in_lockstep, elastic, lost, work),
+                    title,
+                )
         except LoopError as error:
             outcome = LoopStudy(status=SolveStatus.FAILED, message=str(error), title=title)
         if outcome.status is SolveStatus.INTERRUPTED:

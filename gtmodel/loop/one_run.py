@@ -4,18 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from functools import partial
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
 from ..compiler.causal import compile_causal
-from ..results import Status
+from ..results import Status, Work
 from ..robots import actuator_closed_loop
 from .bench import ELASTIC_DAMPING, HOLD_CYCLES, Bench
+from .exchange import CYCLE_MS
 from .plant import DrivePlant, ElasticPlant, Plant, RigidBodyPlant, Servo
 from .process import LoopError, LoopProcess
 from .record import STATES
-from .reference import CYCLE_MS
 from .robot_side import RobotSide
 from .run import lockstep, real_time
 from .table import ReferenceTable
@@ -29,6 +30,20 @@ LEARNING, LEARNING_RUNS = 0.9, 30  # gain of Dressler 2012, section 7.3; simulat
 PATH_GAIN_PER_S, PATH_LIMIT_M = 2.0, 0.03  # slow beside drives of 1.1 Hz with five samples of delay
 # the end of a real-time run finds the loop waiting for the next datagram
 GOING = (STATES.index("running"), STATES.index("holding"))
+
+
+R = TypeVar("R")
+
+
+class Running(Protocol):
+    """What a run that may be made again knows of its bench."""
+
+    @property
+    def peer(self) -> str: ...
+    @property
+    def in_lockstep(self) -> bool: ...
+    @property
+    def work(self) -> Work: ...
 
 
 @dataclass(frozen=True)
@@ -51,16 +66,22 @@ class OneRun:
 def run_of(bench: Bench, label: str, *, active: bool) -> OneRun:
     """One run; made again where the simulated controller was silent for longer than the loop may hold. Raises
     LoopError."""
+    return again(bench, label, partial(_once, bench, label, active=active))
+
+
+def again(bench: Running, label: str, once: Callable[[], tuple[R, bool, float]]) -> R:
+    """The run that `once` makes, with whether it ended as it should and its longest gap [s]; made again where the
+    simulated controller was silent for longer than the loop may hold. Raises LoopError."""
     for attempt in range(ATTEMPTS):
-        one, gap_s = _once(bench, label, active=active)
-        held = one.going or gap_s < 1e-3 * CYCLE_MS * HOLD_CYCLES
+        one, good, gap_s = once()
+        held = good or gap_s < 1e-3 * CYCLE_MS * HOLD_CYCLES
         if held or bench.in_lockstep or bench.work.interrupted() or attempt == ATTEMPTS - 1:
             return one
         bench.work.progress(f"{bench.peer}: {label}: the simulated controller was {1e3 * gap_s:.0f} ms late, again")
     raise LoopError(label)
 
 
-def _once(bench: Bench, label: str, *, active: bool) -> tuple[OneRun, float]:
+def _once(bench: Bench, label: str, *, active: bool) -> tuple[OneRun, bool, float]:
     plant, programme = _plant(bench), None
     if bench.elastic_Hz is not None:
         plant = ElasticPlant(plant, bench.elastic_Hz, ELASTIC_DAMPING, 1e-3 * CYCLE_MS)
@@ -87,7 +108,8 @@ def _once(bench: Bench, label: str, *, active: bool) -> tuple[OneRun, float]:
     tcp, status = bench.forward(done.arm_m)
     if np.any(status != Status.OK):
         raise LoopError(f"{label}: the simulated robot left its workspace")
-    return OneRun(label, log.read_bytes(), report, printed, done.measured_m, tcp), done.longest_gap_s
+    one = OneRun(label, log.read_bytes(), report, printed, done.measured_m, tcp)
+    return one, one.going, done.longest_gap_s
 
 
 def _plant(bench: Bench) -> Plant:

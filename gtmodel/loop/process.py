@@ -15,6 +15,7 @@ from typing import Any, Self
 from .wire import DATAGRAM_MAX
 
 SECONDS = 10.0
+FULL = "the log could not be written whole: make room on the disk"
 LOG_INCOMPLETE = 1  # exit code of a run that is whole but for its log
 
 

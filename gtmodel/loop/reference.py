@@ -8,9 +8,9 @@ import scipy
 from ..compiler.causal import compile_causal
 from ..lang import Model
 from ..results import ArgumentError, Status, Trajectory
+from .exchange import CYCLE_MS
 from .table import ReferenceTable
 
-CYCLE_MS = 4
 REST_CYCLES = 75  # before, between and after the motions: 0.3 s, in which a slow drive comes to rest
 # friction turns its sign on the way back, where the optimum's forces would be exceeded: forces fall with the square
 BACK = 1.5

@@ -155,6 +155,7 @@ def make_nlp(problem: DynamicProblem, mesh: Mesh, machine_code: bool = False) ->
     hess = _hessian(second, point, z, sigma, lam_all[N * m : N * m + mc], n, nx, N, total)
 
     parameters = ca.MX.sym("p", 0)
+    f = ca.densify(f)  # an objective of 0 has no entries
     nlp = ca.Function("nlp", [X, parameters], [f, g], ["x", "p"], ["f", "g"])
     functions = functions_of(X, parameters, sigma, lam_all, f_first, g_first, grad_f, jac, hess)
     lbx, ubx = _bounds(problem, element, mesh, p_scale)

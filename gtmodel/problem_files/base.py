@@ -176,4 +176,6 @@ class Kind(Protocol):
 class Generating(Protocol):
     """What a kind offers besides whose study writes a folder of its own, by ``gtmodel codegen``."""
 
-    def write(self, problem: Any, context: Context, out: Path, *, verify: bool, write_failed: bool) -> Study: ...
+    def write(
+        self, problem: Any, context: Context, out: Path, *, verify: bool, write_failed: bool, fmu: str
+    ) -> Study: ...

@@ -6,6 +6,8 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from gtmodel.compiler.causal import compile_causal, flat_of
+from gtmodel.modelica import python_of
+from gtmodel.modelica.reference import is_reference, libraries
 from gtmodel.robots import SerialArm, description
 
 from . import run
@@ -29,7 +31,7 @@ def of(
     with file and line for a causality that does not exist.
     """
     given, wanted, kept = split(known), split(targets), split(prefer)
-    if _is_problem(what):
+    if _is_problem(what) or (is_reference(what) and not (given or wanted or kept)):
         if given or wanted or kept:
             raise InputError("a problem file says itself what is known; leave --known and --targets out")
         loaded = load(what, settings)
@@ -41,6 +43,13 @@ def of(
     if not wanted:
         raise InputError(f"name its --targets; top-level names are {flat_of(model).top()}")
     return "\n".join([compile_causal(model, given, wanted, kept).explain(), *context.notes])
+
+
+def python(what: str, *options: Iterable[str]) -> str:
+    """A class of a Modelica text as the text of a Python module. Raises InputError for anything else."""
+    if not is_reference(what) or any(options):
+        raise InputError("--python takes a class of a Modelica text, as vdp.mop:VDP_Opt, and no other options")
+    return python_of(what, library=libraries())
 
 
 def split(texts: Iterable[str]) -> list[str]:

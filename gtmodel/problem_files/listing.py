@@ -5,19 +5,28 @@ from __future__ import annotations
 import difflib
 from typing import Any
 
+from gtmodel import modelica
 from gtmodel._files import problems_dir
+from gtmodel.modelica.reference import is_reference
 from gtmodel.robots.entries import entries
 
 from .files import parse, read, shipped_names
 from .input_error import InputError
 
-HEADS = {"robots": ("family", "degrees of freedom", "source", "masses"), "problems": ("kind", "title")}
+HEADS = {
+    "robots": ("family", "degrees of freedom", "source", "masses"),
+    "problems": ("kind", "title"),
+    "classes": ("what", "line", "description"),
+}
 
 
 def of(what: str = "all") -> dict[str, Any]:
-    """{"robots": {name: {...}}} or {"problems": ...}, or both for "all". Raises InputError for another word."""
-    if what not in ("all", *HEADS):
-        close = difflib.get_close_matches(what, HEADS, n=1)
+    """{"robots": {name: {...}}} or {"problems": ...}, or both for "all"; {"classes": ...} of a Modelica
+    file. Raises InputError for another word."""
+    if is_reference(what):
+        return {"classes": modelica.listing(what)}
+    if what not in ("all", "robots", "problems"):
+        close = difflib.get_close_matches(what, ("robots", "problems"), n=1)
         hint = f"did you mean '{close[0]}'?" if close else "expected 'robots' or 'problems'"
         raise InputError(f"there is no list of '{what}'; {hint}")
     makers = {"robots": _robots, "problems": _problems}

@@ -10,6 +10,8 @@ from typing import Any, TypeVar
 
 import pydantic
 
+from gtmodel.modelica.reference import is_reference, problem_of as of_text
+
 from .base import InputError, Kind, Problem
 from .files import TOO_DEEP, find, parse, read
 from .registry import get
@@ -42,11 +44,12 @@ def load(path: str | Path, settings: Iterable[str] = ()) -> Loaded:
 
     settings: texts "key=value" as in `--set`. Raises InputError; its sentence names the file and the key.
     """
-    file, shipped = find(path)
     settings = tuple(settings)
+    written = of_text(str(path)) if is_reference(str(path)) else None
+    file, shipped = (written[0], False) if written else find(path)
     try:
         content = read(file)
-        data = apply(parse(content), settings)
+        data = apply(written[1] if written else parse(content), settings)
         kind, problem = check(data)
     except InputError as error:
         raise error.within(str(path)) from None

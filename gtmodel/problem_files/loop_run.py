@@ -21,6 +21,7 @@ from gtmodel.results.marks import is_marked
 from . import output
 from .base import Context, InputError
 from .files import parse
+from .from_options import options_of
 from .load import load, validate
 from .noted import noted
 from .registry import get
@@ -73,7 +74,8 @@ def run(folder: Path, out: Path, job: Context, *, reference: Path | None = None,
             problem = validate(get("codegen").Schema, content["problem"])
             robot = problem.model(job)  # pyright: ignore[reportAttributeAccessIssue]
             motion = partial(_motion, problem, reference, job, made)
-            result = study(robot, folder, motion, built=mine.path, **asked, **job.work())
+            declared = options_of(problem, "lead_through")
+            result = study(robot, folder, motion, built=mine.path, **declared, **asked, **job.work())
         except ArgumentError as error:
             raise _by_option(error) from error
         if result.status is SolveStatus.INTERRUPTED:
@@ -86,7 +88,8 @@ def run(folder: Path, out: Path, job: Context, *, reference: Path | None = None,
 
 def _by_option(error: ArgumentError) -> InputError:
     """What the study says of an argument, by the option of the command that gave it."""
-    return InputError(f"{_SAID.get(error.argument, '')} {error.message}".lstrip())
+    where = error.argument if "." in error.argument else ""
+    return InputError(f"{_SAID.get(error.argument, where)} {error.message}".lstrip())
 
 
 def _warned(path: Path, job: Context) -> bool:

@@ -10,7 +10,7 @@ import os
 import sys
 import sysconfig
 import traceback
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib.machinery import PathFinder
 from pathlib import Path
@@ -18,6 +18,7 @@ from types import ModuleType
 from typing import Any
 
 from gtmodel.lang import Model, ModelError
+from gtmodel.modelica import reference as modelica
 
 from .base import Context, InputError
 
@@ -45,6 +46,7 @@ def resolve(
     key: str,
     parameters: Mapping[str, Any] | None = None,
     base: type[Model] = Model,
+    library: Sequence[str] = (),
 ) -> Any:
     """The model that a reference names, configured with the parameters.
 
@@ -54,6 +56,8 @@ def resolve(
     Raises InputError: no such module, a fault while importing it (with file and line), no such name in it,
     something else than a `base`, or a parameter that the model does not take.
     """
+    if modelica.is_reference(reference):
+        return _text(reference, context, key, parameters or {}, base, library)
     place, _, name = reference.rpartition(":")
     if not place or not name:
         raise InputError(f"'{reference}' names no class; expected 'package.module:Class' or 'file.py:Class'", key)
@@ -68,6 +72,25 @@ def resolve(
         tail = f"did you mean '{close[0]}'?" if close else f"its models are {', '.join(own) or 'none'}"
         raise InputError(f"'{place}' holds no '{name}'; {tail}", key)
     model = _made(attribute, reference, key, dict(parameters or {}), base)
+    context.models.append(model)
+    return model
+
+
+def _text(
+    reference: str, context: Context, key: str, parameters: Mapping[str, Any], base: type[Model], library: Sequence[str]
+) -> Any:
+    """A class of a Modelica text; what it remarks goes into the notes."""
+    place, name = modelica.split(reference)
+    path = context.file(place, key, key)
+    inside = [*modelica.libraries(), *(p if Path(p).is_absolute() else str(context.folder / p) for p in library)]
+    try:
+        made = modelica.translated(f"{path}:{name}" if name else str(path), library=inside, parameters=parameters)
+        model = made.model()
+    except ModelError as error:
+        raise InputError(sentence_of(error), "parameters" if parameters and error.where is None else key) from error
+    if not isinstance(model, base):
+        raise InputError(f"'{reference}' is a model; expected an optimization", key)
+    context.notes += made.warnings
     context.models.append(model)
     return model
 

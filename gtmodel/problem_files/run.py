@@ -99,13 +99,15 @@ def solve(
     return Finished(outcome, wall_s, files)
 
 
-def generate(loaded: Loaded, context: Context, out: Path, *, verify: bool, write_failed: bool = False) -> Finished:
+def generate(
+    loaded: Loaded, context: Context, out: Path, *, verify: bool, write_failed: bool = False, fmu: str = ""
+) -> Finished:
     """Generate the code of a problem of a kind that gives some; with `verify` and without `write_failed` only code that
-    passed all checks is written. Raises InputError for another kind."""
+    passed all checks is written; `fmu`: units of that version instead. Raises InputError for another kind."""
     if not isinstance(loaded.kind, Generating):
         raise InputError(f"is '{loaded.problem.kind}', which gives no code; use gtmodel solve", "kind")
     with keyed(loaded):
-        outcome = loaded.kind.write(loaded.problem, context, out, verify=verify, write_failed=write_failed)
+        outcome = loaded.kind.write(loaded.problem, context, out, verify=verify, write_failed=write_failed, fmu=fmu)
     return Finished(noted(outcome, context), time.monotonic() - context.began)
 
 

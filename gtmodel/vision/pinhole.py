@@ -128,6 +128,17 @@ def pixel(P: ca.SX, lens: ca.SX) -> tuple[ca.SX, ca.SX]:
     return ca.vertcat(lens[0] * xd + lens[2], lens[1] * yd + lens[3]), ca.vertcat(P[2], straight)
 
 
+def pixel_jacobian(p: np.ndarray, lens: np.ndarray) -> np.ndarray:
+    """Derivatives (n, 2, 3) [pixel/m] of project() in the points p (n, 3)."""
+    P, k = ca.SX.sym("P", 3), ca.SX.sym("lens", len(LENS))
+    J = ca.Function("slopes", [P, k], [ca.densify(ca.jacobian(pixel(P, k)[0], P))])
+    p, n = np.asarray(p, float).reshape(-1, 3), len(np.asarray(p, float).reshape(-1, 3))
+    if not n:
+        return np.zeros((0, 2, 3))
+    rows = J.map(n)(p.T, np.repeat(_lens(lens)[:, None], n, axis=1)).full()
+    return rows.T.reshape(n, 3, 2).transpose(0, 2, 1)
+
+
 def _distorted_with_jacobian() -> ca.Function:
     xy, k = ca.SX.sym("xy", 2), ca.SX.sym("k", 5)
     d = ca.vertcat(*distorted(xy[0], xy[1], [k[n] for n in range(5)]))

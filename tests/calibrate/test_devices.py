@@ -49,8 +49,11 @@ def test_the_tracker_sees_between_two_distances_and_below_an_elevation():
     assert len(tracker.parts) == tracker.margins(poses_at(T)).shape[1]
 
 
-def test_the_cameras_covariance_is_that_of_a_fitted_pose():
-    camera = Camera(AT, np.array([0.5, -0.6, 0.7]), pixel_noise=0.2, points=4)
+@pytest.mark.parametrize("k1", [0.0, -0.2])
+def test_the_cameras_covariance_is_that_of_a_fitted_pose(k1):
+    camera = Camera(
+        AT, np.array([0.5, -0.6, 0.7]), pixel_noise=0.2, points=4, distortion=(k1, 0.0, 1e-3 * bool(k1), 0.0, 0.0)
+    )
     T = np.array([0.8, -0.5, 0.9])
     line = camera.side * np.linspace(-0.5, 0.5, 4)
     marks = np.array([[a, b, 0.0] for a in line for b in line])
@@ -58,7 +61,12 @@ def test_the_cameras_covariance_is_that_of_a_fitted_pose():
 
     def picture(x):
         p = (x[:3] - AT) @ R.T + Rotation.from_rotvec(x[3:]).apply(marks)
-        return (camera.focal * p[:, :2] / p[:, 2:]).ravel()
+        x, y = (p[:, :2] / p[:, 2:]).T
+        r2, p1 = x * x + y * y, camera.distortion[2]
+        radial = 1 + k1 * r2
+        return (
+            camera.focal * np.stack([x * radial + 2 * p1 * x * y, y * radial + p1 * (r2 + 2 * y * y)], axis=1).ravel()
+        )
 
     x = np.concatenate([T, np.zeros(3)])
     J = least_squares(lambda y: picture(y) - picture(x), x, jac="3-point").jac
@@ -74,6 +82,9 @@ def test_the_camera_sees_patterns_that_are_whole_in_its_picture():
     edge = 0.5 * 2.0 - 0.1  # half a picture's width at 2 m less half a pattern
     T = np.array([[0, 2.0, 0], [edge - 1e-6, 2.0, 0], [edge + 1e-6, 2.0, 0], [0, 2.0, 0.71], [0, -2.0, 0]])
     np.testing.assert_array_equal(np.all(camera.margins(poses_at(T)) >= 0, axis=1), [1, 1, 0, 0, 0])
+    fish = Camera(np.zeros(3), np.array([0.0, 1.0, 0.0]), width=4000, height=4000, distortion=(-0.2, 0, 0, 0, 0))
+    folded = np.array([[0, 2.0, 0], [4.0, 2.0, 0]])  # beyond the radius at which the lens turns back
+    np.testing.assert_array_equal(np.all(fish.margins(poses_at(folded)) >= 0, axis=1), [1, 0])
     with pytest.raises(gt.ModelError, match="along its own 'up'"):
         Camera(np.zeros(3), np.array([0.0, 0.0, 1.0])).covariance(T)
 

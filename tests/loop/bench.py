@@ -40,10 +40,9 @@ DRIVES = actuator_closed_loop()
 A, B = [*DRIVES["a"], 0.0, 0.0, 0.0], [*DRIVES["b"], 1.0, 1.0, 1.0]
 KP, KD = [40_000.0] * 6, [1_500.0] * 6
 STEP, HOLD, RAMP = 0.05, 25, 40
-TURN = [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
 GUIDING = Guiding(
-    tool=SensorNumbers(0.8, [0.0, 0.01, 0.06], [1.0, -2.0, 0.5], [0.1, 0.0, -0.05], [0.0, 0.05, 0.2], TURN),
-    handle=SensorNumbers(0.4, [0.0, 0.0, -0.02], [-0.5, 0.3, 0.2]),
+    tool=SensorNumbers(0.8, (0.0, 0.01, 0.06), (1.0, -2.0, 0.5), (0.1, 0.0, -0.05), (0.0, 0.05, 0.2), (0.1, 0.2, 1.5)),
+    handle=SensorNumbers(0.4, (0.0, 0.0, -0.02), (-0.5, 0.3, 0.2)),
     scene=SyntheticScene(noise=0.05, noise_moment=0.002, seed=7),
 )
 FROM, BY = np.array([0.0, -0.9, 0.1]), np.array([0.3, -0.1, 0.15])

@@ -23,7 +23,9 @@ QUICK = (
     "calibrate_l1", "compliance_kr500", "f1_modes", "friction_l1", "inertia_l1", "l1_drop", "stick_slip",
     "stiffness_kr500", "table_6_1", "van_der_pol", "vibration_hammer", "vibration_step", "vibration_table_6_15",
 )  # fmt: skip
-NO_PICTURE = ("d1_controller", "f1_controller", "l1_controller", "l1_controller_float")  # they write code
+NO_PICTURE = (  # they write code
+    "d1_controller", "f1_controller", "f1_fmu", "l1_controller", "l1_controller_float", "l1_fmu", "l1_inverse_fmu",
+)  # fmt: skip
 ELSEWHERE = tuple(NOT_SHIPPED)  # their recordings are not shipped
 OTHERS = sorted({p.stem for p in PROBLEMS.glob("*.toml")} - {*QUICK, *NO_PICTURE, *ELSEWHERE})
 

@@ -126,6 +126,25 @@ def test_a_wrong_picture_and_wrong_corners_are_named():
         assert abs(fx.value(name) - 1400) < 3 * fx.std[fx.names.index(name)]
 
 
+def test_a_late_clock_of_the_cameras_is_estimated_with_the_rest():
+    scene = replace(SMALL, counts=[5, 4, 4], delay=0.02, speed=0.1)
+    made = V.made_pictures(scene)
+    fitted, unseen = halves(made.pictures)
+    joint = V.joint_fit(ROBOT, fitted, made.cameras, V.RobotCameras(late=True))
+    low, high = joint.estimate.interval("clock.delay", 0.999)
+    assert low < 0.02 < high
+    assert high - low < 0.002
+    assert unseen.rates is not None and unseen.truth is not None
+    late = joint.positions(unseen.actuators + joint.delay * unseen.rates)
+    assert V.aligned_errors(late, unseen.truth).mean() < HALF
+    blind = V.joint_fit(ROBOT, fitted, made.cameras, V.RobotCameras(removal=0.0))
+    ratio = np.sqrt(np.mean(blind.fit.residuals["links"] ** 2))
+    assert ratio > 10  # 2 mm of displacement against 13 um: what is ignored is seen
+    with pytest.raises(gt.results.ArgumentError) as error:
+        V.joint_fit(ROBOT, replace(fitted, rates=None), made.cameras, V.RobotCameras(late=True))
+    assert error.value.argument == "rates"
+
+
 # --- what is left open ------------------------------------------------------------------------------------------------
 
 
@@ -361,8 +380,8 @@ def test_the_predicted_error_is_that_of_repeated_calibrations():
 def test_the_best_place_is_the_one_with_the_least_predicted_error():
     places = V.CameraPlaces(baselines=[0.5, 1.5], distances=[1.2, 3.2])
     rows = V.camera_places(ROBOT, replace(SMALL, counts=[3, 3, 3]), places)
-    good = [r for r in rows if r.predicted is not None]
-    assert [r.predicted.rms for r in good] == sorted(r.predicted.rms for r in good)
+    errors = [r.predicted.rms for r in rows if r.predicted is not None]
+    assert errors == sorted(errors)
     lost = [r for r in rows if r.predicted is None]
     assert lost and all(r.distance == 1.2 and r.why for r in lost)
     assert rows[-1] in lost
@@ -394,6 +413,48 @@ def test_pictures_are_written_and_read_again(tmp_path):
     (tmp_path / "wrong.csv").write_text(text)
     with pytest.raises(gt.results.ArgumentError, match="line 3"):
         V.read_pictures(tmp_path / "wrong.csv", tmp_path / "carts.csv", FiveSquares(side=0.04), "m")
+
+
+def test_a_file_of_measured_pictures_is_solved(tmp_path):
+    """What a technician has: corners, carts with rates, a second device; through the problem file."""
+    made = V.made_pictures(replace(SMALL, delay=0.01, speed=0.1, second_device=20))
+    p = made.pictures
+    assert p.device is not None
+    V.write_pictures(p, tmp_path / "corners.csv", tmp_path / "carts.csv")
+    rows = [f"{p.poses[k]},{','.join(f'{x:.7f}' for x in T)}" for k, T in zip(p.device.pose, p.device.T, strict=True)]
+    (tmp_path / "tracker.csv").write_text("\n".join(["pose,x,y,z", *rows, ""]))
+    (tmp_path / "problem.toml").write_text(
+        """kind = "robot_cameras"
+robot = "l1_tape"
+[pictures]
+corners = "corners.csv"
+actuators = "carts.csv"
+second_device = "tracker.csv"
+unit = "m"
+[target]
+kind = "five_squares"
+side_mm = 40.0
+[[camera]]
+name = "left"
+width_pixel = 1600
+height_pixel = 1200
+[[camera]]
+name = "right"
+width_pixel = 1600
+height_pixel = 1200
+[calibration]
+scale = "second_device"
+late = true
+"""
+    )
+    s = gt.load(tmp_path / "problem.toml")()
+    assert s.status.ok
+    assert abs(s.delay["value"] - 0.01) < 4 * s.delay["std"]
+    assert s.held_out is None and s.held_out_pixel == pytest.approx(0.1, rel=0.15)
+    text = (tmp_path / "problem.toml").read_text().replace("late = true", 'late = true\nmounted = "wall"')
+    (tmp_path / "problem.toml").write_text(text)
+    with pytest.raises(ValueError, match="mounted"):
+        gt.load(tmp_path / "problem.toml")
 
 
 def test_quaternions_turn_as_their_matrices():

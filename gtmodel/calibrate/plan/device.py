@@ -149,7 +149,7 @@ def measuring(task: Task) -> Measuring:
         else:
             device = Camera(
                 at, np.array(asked.looks_at), asked.focal_pixel, asked.width_pixel, asked.height_pixel, asked.pattern,
-                asked.marks, asked.pixel_noise,
+                asked.marks, asked.pixel_noise, distortion=asked.distortion,
             )  # fmt: skip
             _ = device.axes  # a wrong direction is refused here
         return Measuring(task, robot, "T", tuple(latent), (device, *_sight(task, at)), at, device)

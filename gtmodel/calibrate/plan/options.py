@@ -97,6 +97,9 @@ class PatternCamera(Options):
     pattern: Annotated[float, Unit("m", written="mm"), Within(above=0.0), "side of the square pattern"] = 0.2
     marks: Annotated[int, Within(least=2, most=50), "per side of the pattern"] = 7
     pixel_noise: Annotated[float, Within(above=0.0), "standard deviation of a mark's coordinates, pixel"] = 0.1
+    distortion: Annotated[list[float], Long(5), "of the lens, k1, k2, p1, p2, k3"] = field(
+        default_factory=lambda: [0.0] * 5
+    )
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,7 @@ from gtmodel.simulation.hybrid.clock import exact
 from ..._lazy import hint
 from ...results import ArgumentError
 from ..sampled_poles import held_input
-from .options import MOST_CYCLES
-from .plants import CorrectedPlant
+from .plants import MOST_CYCLES, CorrectedPlant
 
 if TYPE_CHECKING:
     from control import StateSpace

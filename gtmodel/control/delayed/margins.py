@@ -12,7 +12,7 @@ from ...results import ArgumentError
 from .crossings import APART, EXACT, least_of, sampled_response, size_crossings
 from .limit import LARGE, stability_ranges
 from .loop import DelayedLoop
-from .options import MOST_CYCLES
+from .plants import MOST_CYCLES
 
 STEP = 0.25  # of a cycle: from one delay that is tried to the next, at most
 FAST = 0.5  # rad that the fastest pole of the plant turns in such a step

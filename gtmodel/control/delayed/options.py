@@ -10,6 +10,7 @@ import numpy as np
 from ..._lazy import hint
 from ...results import ArgumentError
 from ...results.options import Long, Options, Unit, Within
+from .plants import MOST_CYCLES
 
 if TYPE_CHECKING:
     from .plants import CorrectedPlant
@@ -17,7 +18,6 @@ else:
     CorrectedPlant = hint("gtmodel.control.delayed", "CorrectedPlant")
 
 
-MOST_CYCLES = 2000  # of delay: the companion matrix has a state for each
 ACROSS = 1e-6  # of a feed direction's length: what lies across the tool axis at least
 
 

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 else:
     StateSpace = hint("control", "StateSpace")
 
+MOST_CYCLES = 2000  # of delay: the companion matrix of a loop has a state for each
+
 
 @dataclass(frozen=True, eq=False)
 class CorrectedPlant:

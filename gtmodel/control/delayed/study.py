@@ -19,8 +19,8 @@ from .limit import GainLimit, gain_limit
 from .loop import DelayedLoop
 from .margins import loop_margins
 from .off_axis import limits_that_meet, off_axis_limits, plant_of_limit
-from .options import MOST_CYCLES, FeedbackAxis, FeedbackBox, FeedbackCut, FeedbackTiming, OffAxisRun, SinePath
-from .plants import CorrectedPlant, equivalent_plant
+from .options import FeedbackAxis, FeedbackBox, FeedbackCut, FeedbackTiming, OffAxisRun, SinePath
+from .plants import MOST_CYCLES, CorrectedPlant, equivalent_plant
 from .result import DelayedFeedbackStudy
 from .run import DelayedRun, run_along
 from .worst_case import WorstCase, recommended_gain, worst_case

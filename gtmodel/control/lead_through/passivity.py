@@ -52,13 +52,13 @@ def passivity_book(
 
     Between two rows the work is that of the mean force. Raises ArgumentError for other shapes and what is not finite.
 
-    >>> time = np.linspace(0.0, 1.0, 101)  # a mass of 2 kg is pushed and stopped
-    >>> force = np.outer(np.where(time < 0.5, 4.0, -4.0), [1.0, 0.0, 0.0])
-    >>> speed = 2.0 * np.minimum(time, 1.0 - time)
-    >>> moved = np.outer(np.where(time < 0.5, time**2, 0.5 - (1 - time) ** 2), [1.0, 0.0, 0.0])
-    >>> book = gt.control.lead_through.passivity_book(time, force, moved, 0.5 * 2.0 * speed**2)
-    >>> round(book.worst, 2), round(book.deficit, 2)  # what it got back was stored
-    (-0.96, 0.0)
+    >>> t = np.linspace(0.0, 1.0, 101)  # a mass of 2 kg is pushed and stopped
+    >>> force = np.outer(4.0 * np.cos(np.pi * t), [1.0, 0.0, 0.0])
+    >>> moved = np.outer(2.0 / np.pi**2 * (1.0 - np.cos(np.pi * t)), [1.0, 0.0, 0.0])
+    >>> speed = 2.0 / np.pi * np.sin(np.pi * t)
+    >>> book = gt.control.lead_through.passivity_book(t, force, moved, 0.5 * 2.0 * speed**2)
+    >>> round(book.worst, 2), round(book.deficit, 3)  # what it got back was stored
+    (-0.41, 0.0)
     """
     f, x = rows_of(force, "force"), rows_of(moved, "moved")
     t, s = (np.asarray(a, float).reshape(-1) for a in (time, stored))

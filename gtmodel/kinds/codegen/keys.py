@@ -7,6 +7,7 @@ from typing import Literal
 from pydantic import Field, PositiveFloat
 
 from gtmodel.cgen import Verification
+from gtmodel.loop.lead_through.options import Guiding
 from gtmodel.problem_files.base import FileSection
 from gtmodel.problem_files.from_options import Made
 from gtmodel.problem_files.robot_keys import RobotProblem
@@ -23,6 +24,28 @@ class Function(FileSection):
     prefer: list[str] = Field(default=[], description="names to keep as states")
     branches: dict[str, Literal[-1, 1]] = Field(default={}, description="sign by name of a declared branch")
     trajectory: bool = Field(default=False, description="offer it along a sampled reference too, as NAME_at")
+
+    start: dict[str, float | list[float]] = Field(
+        default={},
+        description="of a unit, by --fmu: input or state = start value in SI; at rest at home if empty",
+    )
+    tunable: list[str] = Field(default=[], description="of a unit: known variables that become tunable parameters")
+
+
+class FmuSection(FileSection):
+    """What --fmu makes."""
+
+    step_s: PositiveFloat | None = Field(
+        default=None, description="longest step of the integrator inside; chosen by the tolerance when left out"
+    )
+    tolerance: PositiveFloat = Field(
+        default=1e-6, description="largest error of a state over its size or one, against half the step"
+    )
+    stop_s: PositiveFloat = Field(default=1.0, description="end of the default experiment, over which it is compared")
+    on_fault: Literal["discard", "hold"] = Field(
+        default="discard",
+        description="where there is no answer; hold: last outputs and an output status; no states then",
+    )
 
 
 class FilterSensorSection(FileSection):
@@ -80,4 +103,8 @@ class Schema(RobotProblem):
     box: dict[str, list[list[float]]] = Field(
         default={}, description='intervals by input, such as "der(T)" = [[-1.5, 1.5]]: inside every function answers'
     )
+    fmu: FmuSection = FmuSection.left_out()
     check: Made[Verification] = Made[Verification].left_out()
+    lead_through: Made[Guiding] | None = Field(
+        default=None, description="for gtmodel loop --law lead_through: law, force sensors and a synthetic scene"
+    )

@@ -9,6 +9,8 @@ from gtmodel.cgen import CodeStudy, StepFunction, study
 from gtmodel.cgen.folder import held
 from gtmodel.compiler.causal import CausalFunction, c_name, compile_causal
 from gtmodel.filtering import ControllerFilter, InitialState, ProcessModel, Sensor, System
+from gtmodel.fmu import FmuStudy
+from gtmodel.fmu.unit_study import study as unit_study
 from gtmodel.lang import Model, ModelError
 from gtmodel.problem_files.base import Context, InputError
 from gtmodel.problem_files.call import Call
@@ -18,6 +20,7 @@ from gtmodel.results import ArgumentError
 from .keys import FilterSection, Schema
 
 NAME = "codegen"
+VERSIONS = {"3": (3,), "2": (2,), "both": (3, 2)}
 
 
 def call(problem: Schema, context: Context) -> Call:
@@ -34,13 +37,17 @@ def call(problem: Schema, context: Context) -> Call:
 
 
 def write(
-    problem: Schema, context: Context, out: Path, *, verify: bool = False, write_failed: bool = False
-) -> CodeStudy:
+    problem: Schema, context: Context, out: Path, *, verify: bool = False, write_failed: bool = False, fmu: str = ""
+) -> CodeStudy | FmuStudy:
     """Generate the code into `out`. With `verify` it is first compiled and compared with Python elsewhere, and comes
     into `out` only when all checks passed; with `write_failed` also otherwise, marked in the first lines.
 
+    fmu: "3", "2" or "both": functional mock-up units of these versions in place of the folder of C.
+
     Raises InputError for a wrong problem, ArgumentError for a folder that holds other people's files.
     """
+    if fmu:
+        return _units(problem, context, out, fmu, verify, write_failed)
     with held(out) as folder:
         if folder.message:
             context.notice(folder.message)
@@ -51,6 +58,26 @@ def write(
         return made(
             folder=folder, also=doubts(context), write_failed=write_failed, by="--write-failed", **context.work()
         )
+
+
+def _units(problem: Schema, context: Context, out: Path, fmu: str, verify: bool, write_failed: bool) -> FmuStudy:
+    if fmu not in VERSIONS:
+        raise InputError(f"--fmu {fmu}: expected 3, 2 or both")
+    if problem.real != "double":
+        raise InputError("units compute in double; leave it out, or generate C", "real")
+    functions = functions_of(problem, context)
+    s = problem.fmu
+    all_ = {"stop": s.stop_s, "box": problem.box, "on_fault": s.on_fault, "tolerance": s.tolerance, "step": s.step_s}
+    own = {f.name: {**all_, "start": f.start, "tunable": f.tunable} for f in problem.functions}
+    if not write_failed and not context.interrupted():
+        refuse_distrusted(context, "the units")
+    made = Call(
+        unit_study, functions, name=problem.name or c_name(context.name), versions=VERSIONS[fmu],
+        options={name: own.get(name, {"stop": s.stop_s}) for name in functions},
+        provenance={"problem": context.name, "title": problem.title, "robot": problem.robot}, title=problem.title,
+        check=problem.check.options() if verify else None,
+    )  # fmt: skip
+    return made(folder=out, also=doubts(context), write_failed=write_failed, by="--write-failed", **context.work())
 
 
 def explain(problem: Schema, context: Context) -> str:

@@ -46,9 +46,15 @@ class SolverSection(FileSection):
 
 
 class Schema(Problem):
-    """A dynamic optimisation problem written in Python."""
+    """A dynamic optimisation problem written in Python, or in Optimica text."""
 
-    model: str = Field(description="the Optimization: package.module:Class or file.py:Class")
+    model: str = Field(
+        description="the Optimization: package.module:Class or file.py:Class; or a class of a text, file.mop:Class"
+    )
+    library: list[str] = Field(
+        default=[], description="of a text: files and folders with further classes, beside those of MODELICAPATH"
+    )
+    guess: str = Field(default="", description="result.json, or its folder, of an earlier run to start from")
     parameters: dict[str, Any] = Field(
         default={}, description="modifiers of the model, by its own parameter names, in SI"
     )

@@ -5,11 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from gtmodel.lang import Optimization
+from gtmodel.modelica import first_guess
+from gtmodel.modelica.reference import is_reference
 from gtmodel.optimize import Mesh, SolverOptions, optimization_study
 from gtmodel.optimize.formulation.dynamic import Bounds
-from gtmodel.problem_files import python_models
+from gtmodel.problem_files import python_models, start as earlier
 from gtmodel.problem_files.base import Context
 from gtmodel.problem_files.call import Call
+from gtmodel.results import Trajectory
 
 from .keys import Schema
 
@@ -18,8 +21,9 @@ NAME = "optimization"
 
 def call(problem: Schema, context: Context) -> Call:
     """The person's optimisation. Raises InputError and ModelError for a wrong one."""
+    model = _model(problem, context)
     return Call(
-        optimization_study, _model(problem, context), Mesh(**problem.mesh.model_dump()), guess=context.guess(),
+        optimization_study, model, Mesh(**problem.mesh.model_dump()), guess=_guess(problem, context, model),
         solver=SolverOptions(**problem.solver.model_dump()), title=problem.title,
     )  # fmt: skip
 
@@ -51,4 +55,17 @@ def _held(bounds: Bounds) -> int:
 
 
 def _model(problem: Schema, context: Context) -> Optimization:
-    return python_models.resolve(problem.model, context, "model", problem.parameters, Optimization)
+    return python_models.resolve(
+        problem.model, context, "model", problem.parameters, Optimization, library=problem.library
+    )
+
+
+def _guess(problem: Schema, context: Context, model: Optimization) -> Trajectory | None:
+    """An earlier result; of a text with free time a simulation, as its users made one by hand."""
+    if context.start is None and problem.guess:
+        context.start = earlier.read(context.folder / problem.guess, NAME)
+    if (guess := context.guess()) is not None or not is_reference(problem.model):
+        return guess
+    if (guess := first_guess(model)) is not None:
+        context.notes.append("the horizon is free: started from a simulation with the inputs' start values")
+    return guess

@@ -42,11 +42,18 @@ class PicturesSection(FileSection):
     corners: str = Field(
         description="CSV: camera, pose, mark, u, v and, where known, sigma; path from this file's folder"
     )
-    actuators: str = Field(description="CSV: pose, then a column for each actuator; path from this file's folder")
+    actuators: str = Field(
+        description="CSV: pose, each actuator, and rate1 ... of a moving robot; path from this file's folder"
+    )
     unit: str = Field(default="mm", description="of the actuators' columns")
     sigma_pixel: PositiveFloat = Field(
         default=0.1, description="standard deviation of a corner where no column says it"
     )
+    second_device: str | None = Field(
+        default=None,
+        description="CSV: pose, x, y, z in `unit`, positions by a second device; path from this file's folder",
+    )
+    second_device_noise_um: PositiveFloat = Field(default=10.0, description="of each of its coordinates")
     source: Source = ""
 
 

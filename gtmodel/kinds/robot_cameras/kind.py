@@ -14,7 +14,9 @@ ARGUMENTS = {
     "pictures": "synthetic", "corners": "pictures.corners", "actuators": "pictures.actuators", "unit": "pictures.unit",
     "cameras": "camera", "setting": "calibration", "scene": "synthetic", "held_out": "held_out_every",
     "accuracy": "accuracy_mm", "robot": "robot", "mounted": "calibration.mounted", "scale": "calibration.scale",
-    "device": "calibration.scale", "size": "synthetic.size_m", "distance": "synthetic.distance_m",
+    "device": "pictures.second_device",
+    "rates": "calibration.late", "late": "calibration.late",
+    "size": "synthetic.size_m", "distance": "synthetic.distance_m",
     "poses": "synthetic.poses", "distances": "places.distances_m", "q": "robot",
     "actuator_noise": "calibration.actuator_noise_um",
 }  # fmt: skip
@@ -80,4 +82,9 @@ def _pictures(problem: Schema, context: Context) -> RobotPictures:
     assert p is not None and problem.target is not None
     corners = context.file(p.corners, "pictures.corners", source=p.source)
     actuators = context.file(p.actuators, "pictures.actuators", source=p.source)
-    return read_pictures(corners, actuators, problem.target.options(), p.unit, p.sigma_pixel)
+    device = None
+    if p.second_device is not None:
+        device = context.file(p.second_device, "pictures.second_device", source=p.source)
+    return read_pictures(
+        corners, actuators, problem.target.options(), p.unit, p.sigma_pixel, device, 1e-6 * p.second_device_noise_um
+    )

@@ -2,30 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
-from ...control.lead_through import (
-    LeadThroughLaw,
-    MountedSensor,
-    OscillationWatch,
-    ServoChain,
-    SurfaceGains,
-    SurfaceLaw,
-    SyntheticSurface,
-)
-from ...control.lead_through.vectors import Vector
+import numpy as np
+
+from ..._lazy import hint
+from ...control.lead_through import OscillationWatch, ServoChain, SurfaceGains, SyntheticSurface
+from ...control.lead_through.hand import ZEROS, Three
 from ...results import ArgumentError
-from ...results.options import Long, Options, Unit, Within
-from ..reference import CYCLE_MS
+from ...results.options import Options, Unit, Within
+from ..exchange import CYCLE_MS
 
+if TYPE_CHECKING:
+    from ...control.lead_through import LeadThroughLaw, MountedSensor
+else:
+    LeadThroughLaw = hint("gtmodel.control.lead_through", "LeadThroughLaw")
+    MountedSensor = hint("gtmodel.control.lead_through", "MountedSensor")
 
-def _zero() -> list[float]:
-    return [0.0, 0.0, 0.0]
-
-
-def _upright() -> list[list[float]]:
-    return [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
+UNIT_LENGTH = 1e-9  # as the law asks
 
 
 @dataclass(frozen=True)
@@ -33,37 +29,31 @@ class SensorNumbers(Options):
     """Bias, load and place of a force sensor, as `gtmodel.control.lead_through.calibrate_wrench` and `lever_arm` find
     them.
 
-    >>> gt.loop.SensorNumbers(mass=0.8).mounted("tool").mass
-    0.8
+    >>> gt.loop.SensorNumbers(mass=0.8, centre=(0.0, 0.0, 0.05)).mounted().first_moment  # [kg m]
+    (0.0, 0.0, 0.04000000000000001)
     """
 
     mass: Annotated[float, Unit("kg"), Within(above=0.0), "of what it carries: by its weight the sign is tested"]
-    first_moment: Annotated[list[float], Unit("kg m"), Within(), Long(3), "mass times centre of mass"] = field(
-        default_factory=_zero
+    centre: Annotated[Three, Unit("m", written="mm"), Within(), "of that mass, from its origin, along its axes"] = ZEROS
+    force_bias: Annotated[Three, Unit("N"), Within(), "read without a force"] = ZEROS
+    moment_bias: Annotated[Three, Unit("N.m"), Within(), "read without a moment"] = ZEROS
+    point: Annotated[Three, Unit("m", written="mm"), Within(), "its origin to tool centre point, along its axes"] = (
+        ZEROS
     )
-    force_bias: Annotated[list[float], Unit("N"), Within(), Long(3), "read without load"] = field(default_factory=_zero)
-    moment_bias: Annotated[list[float], Unit("N m"), Within(), Long(3), "read without load"] = field(
-        default_factory=_zero
-    )
-    point: Annotated[list[float], Unit("m"), Within(), Long(3), "sensor's origin to the tool centre point"] = field(
-        default_factory=_zero
-    )
-    turn: Annotated[list[list[float]], Within(), "rows of the matrix whose columns are the sensor's axes"] = field(
-        default_factory=_upright
-    )
+    turn: Annotated[Three, Unit("rad", written="deg"), Within(), "rotation vector, tool's frame to sensor's"] = ZEROS
 
-    def mounted(self, name: str) -> MountedSensor:
-        """The sensor of the law. Raises ArgumentError, with `name` before the field."""
-        if [len(row) for row in self.turn] != [3, 3, 3]:
-            raise ArgumentError(f"expected three rows of three numbers; found {self.turn}", f"{name}.turn")
-        x, y, z = (_vector(row) for row in self.turn)
-        try:
-            return MountedSensor(
-                (x, y, z), _vector(self.point), _vector(self.force_bias), _vector(self.moment_bias), self.mass,
-                _vector(self.first_moment),
-            )  # fmt: skip
-        except ArgumentError as error:
-            raise ArgumentError(error.message, f"{name}.{error.argument}") from error
+    def mounted(self) -> MountedSensor:
+        """The sensor of the law."""
+        import scipy
+
+        from ...control.lead_through import MountedSensor
+
+        x, y, z = scipy.spatial.transform.Rotation.from_rotvec(self.turn).as_matrix().tolist()
+        a, b, c = self.centre
+        return MountedSensor(
+            (_vector(x), _vector(y), _vector(z)), _vector(self.point), _vector(self.force_bias),
+            _vector(self.moment_bias), self.mass, (self.mass * a, self.mass * b, self.mass * c),
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -88,15 +78,13 @@ class SyntheticScene(Options):
     5000.0
     """
 
-    start: Annotated[list[float], Unit("m"), Within(), Long(3), "of the tool centre point"] = field(
-        default_factory=lambda: [0.45, -0.9, 0.3]
-    )
+    start: Annotated[Three, Unit("m"), Within(), "of the tool centre point"] = (0.45, -0.9, 0.3)
     gap: Annotated[float, Unit("m"), Within(above=0.0), "to the plate at the start"] = 0.005
     plate: Annotated[SyntheticSurface, "what the tool meets"] = field(default_factory=SyntheticSurface)
     servo: Annotated[ServoChain, "how every cart follows its command"] = field(default_factory=ServoChain)
     hand: Annotated[SyntheticHand, "on the handle"] = field(default_factory=SyntheticHand)
     noise: Annotated[float, Unit("N"), Within(least=0.0), "standard deviation of the forces read, white"] = 0.0
-    noise_moment: Annotated[float, Unit("N m"), Within(least=0.0), "of the moments read"] = 0.0
+    noise_moment: Annotated[float, Unit("N.m"), Within(least=0.0), "of the moments read"] = 0.0
     seed: Annotated[int, Within(least=0), "of the noise"] = 0
     fault: Annotated[
         Literal["stale", "saturated", "missing", "reported"],
@@ -123,12 +111,8 @@ class Guiding(Options):
     watch: Annotated[OscillationWatch, "that reduces the gain while a contact oscillates"] = field(
         default_factory=OscillationWatch
     )
-    normal: Annotated[list[float], Within(), Long(3), "nominal, from the workpiece to the tool"] = field(
-        default_factory=lambda: [0.0, 0.0, 1.0]
-    )
-    gravity: Annotated[list[float], Unit("m/s2"), Within(), Long(3), "in the world frame"] = field(
-        default_factory=lambda: [0.0, 0.0, -9.81]
-    )
+    normal: Annotated[Three, Within(), "nominal, from the workpiece to the tool, of length 1"] = (0.0, 0.0, 1.0)
+    gravity: Annotated[Three, Unit("m/s2"), Within(), "in the world frame"] = (0.0, 0.0, -9.81)
     drift: Annotated[
         float, Unit("N"), Within(least=0.0), "largest change of a bias, with its noise: it does not decide a sign"
     ] = 1.0
@@ -138,15 +122,19 @@ class Guiding(Options):
         super().__post_init__()
         if self.gains.cycle != CYCLE_MS / 1000.0:
             raise ArgumentError(f"the loop's is {CYCLE_MS / 1000.0:g} s; found {self.gains.cycle:g} s", "gains.cycle")
-        self.law()
+        if not abs(float(np.linalg.norm(self.normal)) - 1.0) <= UNIT_LENGTH:
+            raise ArgumentError(f"expected three numbers of length 1; found {self.normal}", "normal")
 
     def law(self) -> LeadThroughLaw:
         """The law of these numbers. Raises ArgumentError."""
+        from ...control.lead_through import LeadThroughLaw, SurfaceLaw
+
         return LeadThroughLaw(
             SurfaceLaw(self.gains, _vector(self.normal), self.watch),
-            handle=self.handle.mounted("handle"), tool=self.tool.mounted("tool"), gravity=_vector(self.gravity),
+            handle=self.handle.mounted(), tool=self.tool.mounted(), gravity=_vector(self.gravity),
         )  # fmt: skip
 
 
-def _vector(numbers: list[float]) -> Vector:
+def _vector(numbers: Sequence[float]) -> Three:
+    """A tuple, also of a list from a file."""
     return float(numbers[0]), float(numbers[1]), float(numbers[2])

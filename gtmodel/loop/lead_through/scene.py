@@ -7,7 +7,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from ...control.lead_through import MountedSensor, ServoChain, force_loop
+from ...control.lead_through import MountedSensor, ServoChain
+from ...control.lead_through.servo import ServoRun
 from ..plant import Plant
 from ..wrenches import Wrench
 from .options import Guiding
@@ -20,31 +21,23 @@ class ServoPlant:
     that are held. A protocol need not send speeds."""
 
     def __init__(self, start_m: Sequence[float], servo: ServoChain, cycle_s: float = 0.004) -> None:
-        loop = force_loop(servo, cycle_s)
-        (self._whole, self._rest), self._transition = loop.split, loop.transition
         self._last, self.cycle_s = np.array(start_m, dtype=float), cycle_s
-        self._x = np.zeros((len(self._transition[0]), len(self._last)))
-        self._x[0] = self._last
-        self._ahead = np.zeros((self._whole + 2, len(self._last)))  # speeds on their way, youngest first
+        self._run = ServoRun(servo, cycle_s, self._last)
 
     @property
     def position_m(self) -> np.ndarray:
         """Of the carts."""
-        return self._x[0]
+        return self._run.position
 
     @property
     def arm_m(self) -> np.ndarray:
         """Where the carts are: these servos are rigid behind their mode."""
-        return self._x[0]
+        return self._run.position
 
     def step(self, position_m: Sequence[float], speed_m_s: Sequence[float]) -> None:
         position = np.array(position_m, dtype=float)
-        self._ahead = np.vstack([[(position - self._last) / self.cycle_s], self._ahead[:-1]])
+        self._run.advance((position - self._last) / self.cycle_s)
         self._last = position
-        a, early, late = self._transition
-        self._x = a @ self._x + np.outer(late, self._ahead[self._whole])
-        if self._rest:
-            self._x += np.outer(early, self._ahead[self._whole + 1])
 
 
 class PlateScene:

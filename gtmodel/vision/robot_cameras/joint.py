@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ...calibrate.choice import Choice
 from ...inference.bundle import BundleFit, ResidualBlock, UnknownGroup, bundle_fit
@@ -59,6 +60,11 @@ class JointFit:
     def residuals(self) -> np.ndarray:
         """(n, 2) [pixel] of the corners that were left, in their order."""
         return self.fit.residuals["corners"]
+
+    @property
+    def delay(self) -> float:
+        """Of the pictures behind the actuators' readings [s]; 0 where it was not estimated."""
+        return float(self.fit.values["clock"][0, 0]) if "clock" in self.fit.values else 0.0
 
     def positions(self, q: np.ndarray) -> np.ndarray:
         """Tool centre points (n, 3) [m] of actuators by the calibrated robot; NaN where it does not close."""
@@ -161,7 +167,11 @@ class Prepared:
                 words = lacking[0].replace("_", " ")
                 raise ArgumentError(f"the {words} of {name} is held but not given; give or estimate it", "cameras")
         if setting.scale == "second_device" and (p.device is None or len(p.device.pose) < 3):
-            raise ArgumentError("a second device gives the scale by three or more measured positions", "device")
+            raise ArgumentError("a second device gives the scale by three or more positions of fitted poses", "device")
+        if setting.late and (p.rates is None or not np.ptp(p.rates) > 0):
+            raise ArgumentError(
+                "a delay shows while the robot moves: give the actuators' rates, of several speeds", "rates"
+            )
         hold, camera_held = held_by_default(robot, setting)
         side = robot_side(robot, Choice(fixed=[*hold, *setting.fixed]))
         on_tool = setting.mounted == "fixed"
@@ -209,14 +219,20 @@ class Prepared:
                          turn=3 if side.turns else None),
         ]  # fmt: skip
         side.require_all_links(v["robot"][0], v["pose"], q, self.setting.actuator_noise)
+        sees: list[tuple[str, ArrayLike]] = [("robot", 0), ("pose", np.arange(n))]
+        data = q
+        if self.setting.late:
+            assert p.rates is not None
+            groups.append(UnknownGroup("clock", v.get("clock", np.zeros((1, 1))), ["delay"], units=("s",)))
+            sees, data = [("robot", 0), ("clock", 0), ("pose", np.arange(n))], np.column_stack([q, p.rates])
         blocks = [
             ResidualBlock(
                 "corners", corner_function(side.pose_size, on_tool),
                 [("camera", p.camera), ("target", 0), ("pose", p.pose)], np.column_stack([p.target[p.mark], p.uv]),
                 sigma=p.sigma, loss=loss, width=HUBER,
             ),
-            ResidualBlock("links", links_function(side.residual, self.setting.actuator_noise),
-                          [("robot", 0), ("pose", np.arange(n))], q, sigma=1.0),
+            ResidualBlock("links", links_function(side.residual, self.setting.actuator_noise, self.setting.late),
+                          sees, data, sigma=1.0),
         ]  # fmt: skip
         if p.device is not None and len(p.device.pose):
             frame = v.get("device")
@@ -224,9 +240,8 @@ class Prepared:
                 R, t = rigid(p.device.T, v["pose"][p.device.pose, :3])
                 frame = np.concatenate([quaternion(R), t])[None]
             groups.append(UnknownGroup("device", frame, TARGET[:7], turn=0, units=("rad",) * 3 + ("m",) * 3))
-            sees = [("device", 0), ("pose", p.device.pose)]
-            f = device_function(side.pose_size)
-            blocks.append(ResidualBlock("device", f, sees, p.device.T, sigma=p.device.noise))
+            f, seen_by = device_function(side.pose_size), [("device", 0), ("pose", p.device.pose)]
+            blocks.append(ResidualBlock("device", f, seen_by, p.device.T, sigma=p.device.noise))
         return bundle_fit(groups, blocks, motions=redundancies(side, q, on_tool), covariance=covariance, stop=stop)
 
     def joint(self, p: RobotPictures, fit: BundleFit, pictures: tuple[str, ...], corners: tuple[str, ...]) -> JointFit:
@@ -237,7 +252,8 @@ class Prepared:
 def held_out_pixels(joint: JointFit, pictures: RobotPictures) -> np.ndarray:
     """Residuals (n, 2) [pixel] of pictures that the fit did not see, at the poses that the robot predicts."""
     values = joint.fit.values
-    poses = joint.side.forward(values["robot"][0], pictures.actuators, joint.side.start(pictures.actuators))
+    q = pictures.actuators if pictures.rates is None else pictures.actuators + joint.delay * pictures.rates
+    poses = joint.side.forward(values["robot"][0], q, joint.side.start(q))
     f = corner_function(joint.side.pose_size, joint.setting.mounted == "fixed")
     n = len(pictures)
     columns = [values["camera"][pictures.camera].T, np.repeat(values["target"].T, n, axis=1), poses[pictures.pose].T,

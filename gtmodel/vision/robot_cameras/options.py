@@ -61,6 +61,11 @@ class RobotCameras(Options):
         "parameters of the robot that define its base frame, and under the scale actuators its unit; if left out those "
         "of the last guideway of three, and of another robot the first camera stays where it starts",
     ] = None
+    late: Annotated[
+        bool,
+        "pictures of a moving robot come late: they show actuators at reading + delay x rate, and the delay is "
+        "estimated; needs rates",
+    ] = False
     fixed: Annotated[list[str], "other parameters of the robot that are known"] = field(default_factory=list)
     actuator_noise: Annotated[
         float, Unit("m", written="um"), Within(above=0.0), "standard deviation of an actuator's reading"
@@ -111,6 +116,8 @@ class SyntheticRobotCameras(Options):
         list[int], "numbers of poses, from 0, whose left picture is counted from the other end"
     ] = field(default_factory=list)
     wrong_corners: Annotated[float, Within(least=0.0, below=0.5), "share of corners that are 2 to 20 pixels off"] = 0.0
+    delay: Annotated[float, Unit("s", written="ms"), "of the pictures behind the actuators' readings"] = 0.0
+    speed: Annotated[float, Unit("m/s"), Within(least=0.0), "standard deviation of the actuators' rates"] = 0.0
     second_device: Annotated[int, Within(least=0), "poses whose position a second device measures, within 10 um"] = 0
     seed: Annotated[int, Within(least=0), "of robot, grid and noise"] = 1
     noise_seed: Annotated[int | None, Within(least=0), "of the noise alone, for repeated runs of one robot"] = None

@@ -26,7 +26,8 @@ class SecondDevice:
 class RobotPictures:
     """n corners: `camera`, `pose` and `mark` (n,) are indices of the names below; `uv` (n, 2), `sigma` (n,) [pixel].
 
-    `actuators` (N, k): what the robot read at each pose. `target` (M, 3) [m]: marks in the target's own frame.
+    `actuators` (N, k): what the robot read at each pose, and `rates` (N, k) how fast they moved there, where it did not
+    stand. `target` (M, 3) [m]: marks in the target's own frame.
     `truth` (N, 3): true positions of synthetic pictures. `synthetic`: seed and noise in words; "" for measured ones.
 
     Raises ArgumentError for shapes that do not fit, and for corners that are seen twice.
@@ -44,6 +45,7 @@ class RobotPictures:
     target: np.ndarray
     device: SecondDevice | None = None
     truth: np.ndarray | None = None
+    rates: np.ndarray | None = None
     synthetic: str = ""
 
     def __post_init__(self) -> None:
@@ -59,6 +61,8 @@ class RobotPictures:
                 f"places of the shape {np.shape(self.target)}",
                 "actuators",
             )
+        if self.rates is not None and np.shape(self.rates) != np.shape(self.actuators):
+            raise ArgumentError(f"rates have the shape {np.shape(self.rates)}; expected that of the actuators", "rates")
         if not (np.all(np.isfinite(self.uv)) and np.all(self.sigma > 0) and np.all(np.isfinite(self.actuators))):
             raise ArgumentError("corners and actuators must be finite, and sigma positive", "corners")
         key = (self.camera * len(self.poses) + self.pose) * len(self.marks) + self.mark
@@ -102,4 +106,5 @@ class RobotPictures:
         return replace(
             self, **own, pose=place[self.pose[keep]], poses=[self.poses[int(k)] for k in rows],
             actuators=self.actuators[rows], device=device, truth=None if self.truth is None else self.truth[rows],
+            rates=None if self.rates is None else self.rates[rows],
         )  # fmt: skip

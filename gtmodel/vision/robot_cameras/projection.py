@@ -50,16 +50,19 @@ def device_function(pose_size: int) -> ca.Function:
     return ca.Function("device", [f, z, d], [rotation(f[:4]).T @ (z[:3] - f[4:]) - d])
 
 
-def links_function(residual: ca.Function, noise: float) -> ca.Function:
-    """(robot, pose, data) -> length errors made white for noise [m] of the actuators, which are the data.
+def links_function(residual: ca.Function, noise: float, late: bool = False) -> ca.Function:
+    """(robot, pose, data) -> length errors made white for noise [m] of the actuators, which are the data; where the
+    cameras are `late` (robot, clock, pose, data) with the delay [s] and the actuators' rates behind them.
 
     The whitening moves with the parameters, so that these rows see no common growth of all lengths.
     """
     x, z, q = (ca.SX.sym(n, residual.size1_in(k)) for k, n in enumerate("xzq"))
-    r = ca.SX(residual(x, z, q))
+    delay, rate = ca.SX.sym("delay"), ca.SX.sym("rate", q.numel())
+    r = ca.SX(residual(x, z, q + delay * rate if late else q))
     by_q = ca.densify(noise * ca.jacobian(r, q))
     R = ca.chol(ca.densify(by_q @ by_q.T))
     white = list[ca.SX]()  # R' white = r, row by row
     for i in range(r.numel()):
         white.append((r[i] - sum((R[j, i] * white[j] for j in range(i)), ca.SX(0))) / R[i, i])
-    return ca.Function("links", [x, z, q], [ca.vertcat(*white)], {"cse": True})
+    inputs = [x, delay, z, ca.vertcat(q, rate)] if late else [x, z, q]
+    return ca.Function("links", inputs, [ca.vertcat(*white)], {"cse": True})

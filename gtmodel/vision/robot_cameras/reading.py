@@ -11,18 +11,20 @@ import numpy as np
 from ...results.refusal import ArgumentError
 from ..detection.corner_rows import CornerRow, corners_csv
 from ..detection.targets import Target
-from .pictures import RobotPictures
+from .pictures import RobotPictures, SecondDevice
 
 
 def read_pictures(
-    corners: str | Path, actuators: str | Path, target: Target, unit: str = "mm", sigma: float = 0.1
-) -> RobotPictures:
+    corners: str | Path, actuators: str | Path, target: Target, unit: str = "mm", sigma: float = 0.1,
+    device: str | Path | None = None, device_noise: float = 10e-6,
+) -> RobotPictures:  # fmt: skip
     """Pictures of a robot from two CSV files.
 
     corners: columns camera, pose, mark, u, v [pixel] and sigma [pixel], as `detection.corners_csv` writes them; `sigma`
-    where there is no such column. actuators: columns pose and then one for each actuator, in `unit`; poses are those of
-    the corners, by name. target: whose marks they are. Lines that begin with # are left out; a first one that says
-    "synthetic" is kept as a word.
+    where there is no such column. actuators: columns pose, one for each actuator in `unit`, and where the robot moved
+    as many rates per second, "rate1" and so on; poses are those of the corners, by name. device: columns pose, x, y, z
+    [unit] of positions that a second device measured at some poses, within `device_noise` [m]. target: whose marks
+    they are. Lines that begin with # are left out; a first one that says "synthetic" is kept as a word.
 
     Raises ArgumentError with file and line for what is no number, a mark that the target does not have, and a pose
     without actuators.
@@ -38,6 +40,12 @@ def read_pictures(
     (1080, ('left', 'right'))
     """
     readings = {name: row for name, row, _ in _rows(Path(actuators), "actuators")}
+    head = _table(Path(actuators), "actuators")[0][1:]
+    moving = sum(name.startswith("rate") for name in head)
+    if moving not in (0, len(head) / 2):
+        raise ArgumentError(
+            f"{Path(actuators).name} has {moving} rates for {len(head) - moving} actuators", "actuators"
+        )
     factor = _factor(unit)
     rows = list(_corner_rows(Path(corners), sigma))
     if not rows:
@@ -56,15 +64,28 @@ def read_pictures(
             "corners",
         )
     index = [{n: k for k, n in enumerate(names)} for names in (cameras, poses)]
+    table = factor * np.array([readings[p] for p in poses])
     with Path(corners).open(encoding="utf-8") as file:
         first = file.readline().strip()
     return RobotPictures(
         cameras, poses, target.marks,
         np.array([index[0][r[0]] for r in rows]), np.array([index[1][r[1]] for r in rows]),
         np.array([marks[r[2]] for r in rows]), np.array([r[3:5] for r in rows]), np.array([r[5] for r in rows]),
-        factor * np.array([readings[p] for p in poses]), target.points,
+        table[:, : len(head) - moving], target.points, _device(device, factor, device_noise, index[1]),
+        rates=table[:, len(head) - moving :] if moving else None,
         synthetic=first.lstrip("# ") if first.startswith("#") and "synthetic" in first else "",
     )  # fmt: skip
+
+
+def _device(path: str | Path | None, factor: float, noise: float, poses: dict[str, int]) -> SecondDevice | None:
+    if path is None:
+        return None
+    rows = [(name, row, line) for name, row, line in _rows(Path(path), "device") if name in poses]
+    wrong = [line for _, row, line in rows if len(row) != 3]
+    if wrong or not rows:
+        where = f"line {wrong[0]}: expected pose, x, y, z" if wrong else "no pose of the pictures is in it"
+        raise ArgumentError(f"{Path(path).name}, {where}", "device")
+    return SecondDevice(np.array([poses[n] for n, *_ in rows]), factor * np.array([r for _, r, _ in rows]), noise)
 
 
 def write_pictures(pictures: RobotPictures, corners: str | Path, actuators: str | Path) -> None:
@@ -75,8 +96,10 @@ def write_pictures(pictures: RobotPictures, corners: str | Path, actuators: str 
     p = pictures
     text = corners_csv(corner_rows(p), p.synthetic.removeprefix("synthetic, "))
     Path(corners).write_text(text, encoding="utf-8")
-    names = [f"q{k + 1}" for k in range(p.actuators.shape[1])]
-    lines = [f"{pose},{','.join(f'{x:.7f}' for x in q)}" for pose, q in zip(p.poses, p.actuators, strict=True)]
+    table, names = p.actuators, [f"q{k + 1}" for k in range(p.actuators.shape[1])]
+    if p.rates is not None:
+        table, names = np.column_stack([table, p.rates]), [*names, *(f"rate{k + 1}" for k in range(len(names)))]
+    lines = [f"{pose},{','.join(f'{x:.7f}' for x in q)}" for pose, q in zip(p.poses, table, strict=True)]
     Path(actuators).write_text("\n".join([f"pose,{','.join(names)}", *lines, ""]), encoding="utf-8")
 
 

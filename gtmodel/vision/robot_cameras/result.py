@@ -29,7 +29,7 @@ class RobotCamerasStudy(Study):
     poses: Annotated[Numbers, Quantity("", "number of poses fitted and held out, and of corners used and given")] = None
     removed_pictures: Annotated[Sequence[str] | None, "pictures that were wrong as a whole"] = None
     removed_corners: Annotated[Sequence[str] | None, "single corners far off"] = None
-    held_out_pixel: Annotated[float | None, Quantity("pixel",
+    held_out_pixel: Annotated[float | None, Quantity("",
         "1.48 times the median of |residual| of held-out corners, at the poses that the calibrated robot predicts",
     )] = None  # fmt: skip
     held_out: Annotated[Numbers, Quantity("m",
@@ -39,6 +39,10 @@ class RobotCamerasStudy(Study):
     two_step: Annotated[Numbers, Quantity("m",
         "in two steps: mean error of the intersected target (centres) and of held-out positions (held_out), and "
         "both once their scale is fitted to the true positions too (centres_scaled, held_out_scaled)", written="mm",
+    )] = None  # fmt: skip
+    delay: Annotated[Numbers, Quantity("s",
+        "how late pictures are behind the actuators' readings, value and std; null where it was not estimated",
+        written="ms",
     )] = None  # fmt: skip
     predicted: Annotated[float | None, Quantity("m",
         "rms error over the held-out positions that noise leaves, predicted from the covariance", written="mm",
@@ -68,6 +72,10 @@ class RobotCamerasStudy(Study):
             rows.append(Row("held-out corners", f"{self.held_out_pixel:.4f}", "pixel"))
         if self.held_out is not None:
             rows.append(Row("held-out positions", f"{1e3 * self.held_out['mean']:.4g}", "mm mean"))
+        if self.delay is not None:
+            rows.append(
+                Row("delay of the pictures", f"{1e3 * self.delay['value']:.4g} +- {1e3 * self.delay['std']:.2g}", "ms")
+            )
         if self.predicted is not None:
             rows.append(Row("predicted from the covariance", f"{1e3 * self.predicted:.4g}", "mm rms"))
         if self.two_step is not None:

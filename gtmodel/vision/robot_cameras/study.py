@@ -84,7 +84,8 @@ def study(
                                  synthetic=pictures.synthetic or None)  # fmt: skip
     work.progress("judging", 0.7)
     test = picture_map(joint.pictures, joint.residuals)
-    positions = joint.positions(unseen.actuators)
+    at = unseen.actuators if unseen.rates is None else unseen.actuators + joint.delay * unseen.rates
+    positions = joint.positions(at)
     errors = None if unseen.truth is None else aligned_errors(positions, unseen.truth)
     two = two_step_fit(robot, fitted, list(cameras), setting, stop=work.interrupted) if two_steps else None
     return _study(joint, test, fitted, unseen, errors, two, setting, accuracy, title)
@@ -134,6 +135,7 @@ def _study(
         held_out_pixel=float(1.4826 * np.nanmedian(np.abs(pixels))),
         held_out=_sizes(errors),
         two_step=_two_step(two, fitted, unseen),
+        delay=_delay(joint),
         predicted=predicted.rms,
         picture_radius=dict(zip(test.cameras, test.radius.tolist(), strict=True)),
         picture_quadratic=dict(zip(test.cameras, test.quadratic.tolist(), strict=True)),
@@ -214,6 +216,13 @@ def _notes(joint: JointFit, test: PictureMap, two: TwoStepFit | None, setting: R
             "than what repeated experiments show"
         )
     return notes
+
+
+def _delay(joint: JointFit) -> dict[str, float] | None:
+    if "clock.delay" not in joint.estimate.names:
+        return None
+    e = joint.estimate
+    return {"value": e.value("clock.delay"), "std": float(e.std[e.names.index("clock.delay")])}
 
 
 def _sizes(errors: np.ndarray | None) -> dict[str, float] | None:

@@ -88,6 +88,8 @@ def two_step_fit(
     """
     setting = setting or RobotCameras()
     free_corners = setting.scale == "actuators"
+    if setting.late:
+        raise ArgumentError("two steps are for a robot that stands; calibrate jointly", "late")
     if setting.mounted != "fixed":
         raise ArgumentError("positions are intersected by fixed cameras; calibrate jointly", "mounted")
     if free_corners and len(pictures.cameras) < 2:

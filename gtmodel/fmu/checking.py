@@ -1,0 +1,228 @@
+"""A unit checked by what is installed: Python, FMPy's schema, validator and simulation, CasADi's import."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import re
+import tempfile
+import zipfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from ..cgen.interface import interfaces
+from ..cgen.points import draw, evaluate
+from ..cgen.real import DOUBLE
+from ..cgen.steps.function import StepFunction
+from ..cgen.steps.records import dtype_of, record
+from ..compiler.causal import CausalFunction
+from ..lang.scope import derivative_name
+from ..results.check import Check, at_least, at_most
+from ..results.status import Status
+from .caller import UnitCaller
+from .export import Fmu
+from .table import fmi_name
+
+POINTS = 1000
+LONGEST_RUN = 50  # communication steps that FMPy simulates
+IMPORT_NEAR = 1e-12  # of CasADi's import, over the largest number or one
+WITHOUT_FMPY = (
+    "there is no FMPy on this machine: schema, validator and simulation were left out; install it by "
+    "pip install 'gtmodel[fmi]'"
+)
+WITHOUT_IMPORT = "CasADi imports no integers and no samples: {} was not imported"
+
+
+@dataclass(frozen=True)
+class UnitReport:
+    """Checks by name, and what could not be checked, in sentences."""
+
+    checks: Mapping[str, Check]
+    notes: Sequence[str]
+
+
+def check(unit: Fmu, *, points: int = POINTS, seed: int = 0) -> UnitReport:
+    """Compare a unit with the function that it was made from, and have it read and run by what is installed.
+
+    Args:
+        unit: as `export` made it. points, seed: random inputs, or steps of a step function.
+
+    Values must be those of Python to the last bit, statuses too; the validator must find nothing; runs of both
+    interfaces must end; what CasADi computes with it must be that of the function to 1e-12.
+
+    >>> robot = gt.robots.gantry_tau("l1_tape")
+    >>> unit = gt.fmu.export(robot, None, known="q", targets="T", name="l1_fk")
+    >>> report = gt.fmu.check(unit, points=20)
+    >>> all(c.passed for c in report.checks.values())
+    True
+    """
+    key = f"{unit.table.name}_fmi{unit.version}"
+    notes: list[str] = []
+    with tempfile.TemporaryDirectory(prefix="gtmodel-fmu-") as place:
+        caller = UnitCaller(unit, Path(place))
+        try:
+            if isinstance(unit.function, StepFunction):
+                checks = _steps(unit, unit.function, caller, points, seed)
+            else:
+                checks = _values(unit, unit.function, caller, points, seed)
+        finally:
+            caller.close()
+        if find_spec("fmpy") is None:
+            notes.append(WITHOUT_FMPY)
+        else:
+            checks |= _by_fmpy(unit, Path(place))
+        if isinstance(unit.function, CausalFunction) and not unit.table.integers:
+            checks |= _by_casadi(unit, unit.function, Path(place))
+        else:
+            notes.append(WITHOUT_IMPORT.format(key))
+    return UnitReport({f"{key}_{name}": c for name, c in checks.items()}, notes)
+
+
+def _names(unit: Fmu) -> dict[str, int]:
+    return {v.name: v.reference for v in unit.table.variables}
+
+
+def _values(unit: Fmu, f: CausalFunction, caller: UnitCaller, points: int, seed: int) -> dict[str, Check]:
+    """At random inputs: values bit for bit, and whether there is an answer."""
+    (face,) = interfaces({"model": f}, unit.table.name)
+    rows = draw(face, points, seed)
+    expected, wanted = evaluate(face, rows)
+    names = _names(unit)
+    settings = [names[fmi_name(f.flat.symbol_name(*p))] for s in f.inputs for p in s.pairs]
+    columns = list(range(len(settings)))
+    guesses = [v.reference for v in unit.table.variables if v.name.startswith("guess.")]
+    columns += [face.input_size + k for k in range(len(guesses))]
+    pairs = [p for s in f.outputs for p in s.pairs]
+    outputs = [(n, names.get(fmi_name(f.flat.symbol_name(*p)))) for n, p in enumerate(pairs)]
+    known = [(n, r) for n, r in outputs if r is not None and r not in settings]
+    different = statuses = good = 0
+    for row, value, status in zip(rows, expected, wanted, strict=True):
+        if f.plan.uses_time:  # the time begins at zero
+            break
+        answer = caller.begin([*settings, *guesses], row[columns])
+        got = np.full(len(known), np.nan)
+        if answer == 0:
+            answer, got = caller.get([r for _, r in known])
+        if unit.table.hold and answer == 0:  # outputs are held, and an integer says so
+            answer = int(caller.get_integers([names["status"]])[1][0])
+        ok = status == Status.OK
+        statuses += (answer == 0) != ok
+        good += answer == 0 and ok
+        different += ok and answer == 0 and got.tobytes() != value[[n for n, _ in known]].tobytes()
+    if f.plan.uses_time:
+        return {}
+    return {
+        "values_different": at_most(int(different), 0, f"of {points} points, bit for bit"),
+        "statuses_different": at_most(int(statuses), 0, f"of {points} points"),
+        "points_ok": at_least(int(good), 1, f"of {points} random points"),
+    }
+
+
+def _steps(unit: Fmu, f: StepFunction, caller: UnitCaller, points: int, seed: int) -> dict[str, Check]:
+    """A run: outputs byte for byte after every step, and whether it went well."""
+    twin = f.twin(DOUBLE)
+    state, out = record(f.state, DOUBLE), np.zeros((), dtype_of(f.outputs, DOUBLE))
+    begun = twin.init(state, record(f.start, DOUBLE, f.defaults)) == Status.OK
+    different = int(begun != (caller.begin([], []) == 0))
+    statuses = 0
+
+    def places(members: Sequence[Any], integer: bool) -> list[tuple[str, int]]:
+        own = [m for m in members if m.integer is integer]
+        return [(m.identifier, m.count) for m in own]
+
+    integers = [v.reference for v in unit.table.variables if v.integer and v.role == "input"]
+    numbers = [v.reference for v in unit.table.of("input") if not v.integer]
+    results = [v.reference for v in unit.table.of("output") if not v.integer]
+    time = 0.0
+    for given in f.examples(points, seed, DOUBLE).reshape(-1, 1):
+        row = given.reshape(())
+        values = np.concatenate([np.zeros(0), *[np.ravel(row[m]) for m, _ in places(f.inputs, False)]])
+        flags = np.concatenate([np.zeros(0), *[np.ravel(row[m]) for m, _ in places(f.inputs, True)]]).astype(int)
+        if not np.all(np.isfinite(values)):  # a unit takes no such number at all
+            continue
+        wanted = twin.step(state, row, out)
+        worst = max(caller.set(numbers, values.tolist()), caller.set_integers(integers, flags.tolist()))
+        worst = max(worst, caller.step(time, f.period))
+        statuses += (worst == 0) != (wanted == Status.OK)
+        if worst == 0:
+            time += f.period
+        there = np.concatenate([np.zeros(0), *[np.ravel(out[m]) for m, _ in places(f.outputs, False)]])
+        if wanted == Status.OK:
+            different += caller.get(results)[1].tobytes() != there.tobytes()
+    return {
+        "steps_different": at_most(int(different), 0, f"of {points} steps, bit for bit"),
+        "statuses_different": at_most(int(statuses), 0, f"of {points} steps"),
+    }
+
+
+def _by_fmpy(unit: Fmu, place: Path) -> dict[str, Check]:
+    """Schema and validator, and a run of each interface from the start."""
+    fmpy: Any = import_module("fmpy")
+    validation: Any = import_module("fmpy.validation")
+    path = place / "unit.fmu"
+    path.write_bytes(unit.data)
+    problems = list(validation.validate_fmu(str(path)))
+    fixed = unit.table.period or unit.table.step
+    stop = min(unit.table.stop, LONGEST_RUN * fixed)
+    failed: list[str] = []
+    for kind in ("ModelExchange", "CoSimulation"):
+        try:
+            with contextlib.redirect_stdout(io.StringIO()):
+                fmpy.simulate_fmu(str(path), fmi_type=kind, stop_time=stop, output_interval=fixed)
+        except Exception as error:
+            failed.append(f"{kind}: {error}")
+    return {
+        "validator_findings": at_most(len(problems), 0, "; ".join(problems) or "schema and validator of FMPy"),
+        "runs_failed": at_most(len(failed), 0, "; ".join(failed) or "model exchange and co-simulation by FMPy"),
+    }
+
+
+def _by_casadi(unit: Fmu, f: CausalFunction, place: Path) -> dict[str, Check]:
+    """Rates and outputs at the start by CasADi's importer."""
+    folder = place / "casadi"
+    with zipfile.ZipFile(io.BytesIO(unit.data)) as archive:
+        archive.extractall(folder)
+    variables = {v.name: v for v in unit.table.variables}
+    try:
+        builder: Any = ca.DaeBuilder(unit.table.name, str(folder))
+        imported = builder.create("imported", ["x", "u"], ["ode", "y"])
+        starts = [[float(variables[n].start or 0.0) for n in group] for group in (builder.x(), builder.u())]
+        got = np.concatenate([np.array(part).ravel() for part in imported(*starts)])
+    except RuntimeError as error:
+        return {"import_failed": at_most(1, 0, str(error).splitlines()[0])}
+    arguments = [
+        np.array([variables[fmi_name(f.flat.symbol_name(*p))].start for p in s.pairs], float).reshape(s.shape)
+        for s in f.inputs
+    ]
+    *results, _ = f(*arguments, *([0.0] if f.plan.uses_time else []))
+    numbers = {
+        fmi_name(f.flat.symbol_name(*p)): float(x)
+        for s, r in zip(f.outputs, results, strict=True)
+        for p, x in zip(s.pairs, np.ravel(r), strict=True)
+    }
+    table = unit.table
+    wanted = [numbers.get(table.variables[r].name, float(table.variables[r].start or 0.0)) for r in table.rates]
+    order = [list(table.states).index(variables[n].reference) for n in builder.x()]
+    wanted = [wanted[k] for k in order] + [numbers[_behind(n, numbers)] for n in builder.y()]
+    scale = max(1.0, float(np.max(np.abs(wanted), initial=0.0)))
+    far = float(np.max(np.abs(got - np.array(wanted)), initial=0.0)) / scale
+    return {"import_difference": at_most(far, IMPORT_NEAR, "of numbers by CasADi's import, over the largest or one")}
+
+
+def _behind(name: str, numbers: Mapping[str, float]) -> str:
+    """The number of an output that is a state, a derivative or an input too: T_out[1] is T[1]."""
+    if name in numbers:
+        return name
+    derivative = re.fullmatch(r"(d(\d*)_)?(.+)_out(\[.*\])?", name)
+    if derivative is None:
+        return name
+    base = f"{derivative[3]}{derivative[4] or ''}"
+    order = int(derivative[2] or 1) if derivative[1] else 0
+    return next((n for n in numbers if n in (base, derivative_name(base, order))), name)

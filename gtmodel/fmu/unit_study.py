@@ -1,0 +1,152 @@
+"""The study of units: functions of a problem as archives in a folder, checked before they are written."""
+
+from __future__ import annotations
+
+import io
+import zipfile
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+from ..cgen.code_result import Verification
+from ..cgen.steps.function import StepFunction
+from ..compiler.causal import CausalFunction
+from ..results import Check, Quantity, Row, SolveStatus, Study, Work
+from ..results.door import study_function
+from ..results.folder import FolderError, holding
+from ..results.refusal import ArgumentError
+from ..results.work import Progress, never, silent
+from .checking import check as checked
+from .export import Fmu, Version, export
+
+FAILED = ".failed"  # in the name of an archive that failed a check
+COMPARED = Verification()
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class FmuStudy(Study):
+    """What was exported: archives by file name."""
+
+    folder: Annotated[str | None, Quantity("", "where the archives were written")] = None
+    units: Annotated[
+        Mapping[str, Mapping[str, Any]] | None,
+        Quantity("", "archive -> bytes, instantiation token, inputs, states, outputs, inner step [s] and its error"),
+    ] = None
+    written: Annotated[Sequence[str] | None, Quantity("", "files written, sorted", key="files")] = None
+
+    @property
+    def values(self) -> Mapping[str, Any]:
+        """The quantities that there are."""
+        return {name: value for name, value in super().values.items() if value is not None}
+
+    @property
+    def rows(self) -> list[Row]:
+        """The table for people."""
+        return [
+            Row("folder", self.folder),
+            *[Row(name, f"{', '.join(u['outputs'])} from {', '.join(u['inputs']) or 'nothing'}; {u['bytes']} bytes")
+              for name, u in (self.units or {}).items()],
+        ]  # fmt: skip
+
+
+@study_function
+def study(
+    functions: Mapping[str, CausalFunction | StepFunction],
+    folder: str | Path,
+    *,
+    name: str,
+    versions: Sequence[Version] = (3,),
+    options: Mapping[str, Mapping[str, Any]] | None = None,
+    check: Verification | None = COMPARED,
+    provenance: Mapping[str, str] | None = None,
+    also: Mapping[str, Check] | None = None,
+    write_failed: bool = False,
+    by: str = "write_failed=True",
+    title: str = "",
+    progress: Progress = silent,
+    max_seconds: float | None = None,
+    stop: Callable[[], bool] = never,
+) -> FmuStudy:
+    """Functions as functional mock-up units NAME_FUNCTION_fmi3.fmu in a folder: exported, checked, then written.
+
+    Args:
+        functions: by name; model identifiers are `<name>_<function>`.
+        folder: files of other origin stay; one under the name of an archive is refused.
+        versions: 3 for FMI 3.0, 2 for FMI 2.0.
+        options: by name of a function what `export` takes besides, such as `start` and `step`.
+        check: how many points `gt.fmu.check` compares; None: nothing is checked.
+        also, write_failed, by, progress, max_seconds, stop: as in `gt.cgen.study`; archives that failed a check are
+            written only where `write_failed`, with `.failed` in their names.
+
+    Raises ArgumentError for what cannot be exported.
+
+    >>> import tempfile
+    >>> fk = gt.robots.gantry_tau("l1_tape").causal(known="q", targets="T")
+    >>> with tempfile.TemporaryDirectory() as place:
+    ...     s = gt.fmu.study({"fk": fk}, place, name="l1", check=None)
+    >>> s.written
+    ['l1_fk_fmi3.fmu']
+    """
+    work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
+    units: dict[str, Fmu] = {}
+    checks: dict[str, Check] = dict(also or {})
+    notes: list[str] = []
+    for n, (key, function) in enumerate(functions.items()):
+        for version in versions:
+            if work.interrupted():
+                return FmuStudy(status=SolveStatus.INTERRUPTED, message="stopped before all was exported", title=title)
+            work.progress(f"exporting {key}", n / len(functions))
+            more = dict((options or {}).get(key, {}))
+            unit = export(function, None, version=version, name=f"{name}_{key}", provenance=provenance, **more)
+            units[f"{name}_{key}_fmi{version}.fmu"] = unit
+            if check is not None:
+                work.progress(f"checking {key}", n / len(functions))
+                report = checked(unit, points=check.points, seed=check.seed)
+                checks |= report.checks
+                notes += [note for note in report.notes if note not in notes]
+    made = FmuStudy(
+        status=SolveStatus.SOLVED, message=f"exported {len(units)} units", title=title, folder=str(folder), notes=notes,
+        units={file: _about(u) for file, u in units.items()}, checks=checks,
+    )  # fmt: skip
+    if not made.status.ok and not write_failed:
+        return made.with_(message=f"{made.message}; nothing is written; {by} writes it, with '{FAILED}' in the names")
+    names = {file: file if made.status.ok else file.replace(".fmu", f"{FAILED}.fmu") for file in units}
+    _write(Path(folder), {names[file]: u.data for file, u in units.items()})
+    return made.with_(written=sorted(names.values()))
+
+
+def _about(unit: Fmu) -> dict[str, Any]:
+    t = unit.table
+    inner = {"step_s": t.step, "error": t.error} if t.states else {}
+    return {
+        "bytes": len(unit.data),
+        "token": unit.token,
+        "inputs": [f"{v.name} [{v.unit}]" for v in t.of("input", "tunable")],
+        "states": [f"{v.name} [{v.unit}]" for v in t.of("state")],
+        "outputs": [f"{v.name} [{v.unit}]" for v in t.of("output")],
+        **inner,
+        **({"period_s": t.period} if t.period else {}),
+    }
+
+
+def _write(folder: Path, files: Mapping[str, bytes]) -> None:
+    try:
+        with holding(folder) as mine:
+            for name in files:
+                if (folder / name).exists() and not _ours(folder / name):
+                    raise ArgumentError(
+                        f"'{folder / name}' was not written by gtmodel; choose another folder", "folder"
+                    )
+            mine.write(files)
+    except FolderError as error:
+        raise ArgumentError(f"'{folder}' {error}", "folder") from error
+
+
+def _ours(path: Path) -> bool:
+    """Whether gtmodel made this archive."""
+    try:
+        with zipfile.ZipFile(io.BytesIO(path.read_bytes())) as archive:
+            return b'generationTool="gtmodel ' in archive.read("modelDescription.xml")
+    except (OSError, KeyError, zipfile.BadZipFile):
+        return False

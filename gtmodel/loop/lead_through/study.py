@@ -1,0 +1,285 @@
+"""The C loop with a hand that leads the tool over a synthetic plate; and once more with a sensor that fails."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+
+from ...compiler.causal import CausalFunction, compile_causal
+from ...control.delayed import gain_limit
+from ...control.lead_through import force_loop
+from ...lang import Model
+from ...results import ArgumentError, Quantity, Row, SolveStatus, Status, Work, at_least, at_most
+from ..bench import ELASTIC_DAMPING, HOLD_CYCLES, Stop
+from ..exchange import CYCLE_MS
+from ..loop_result import LoopStudy
+from ..one_run import GOING, again
+from ..plant import ElasticPlant, Plant
+from ..process import FULL, LoopError, LoopProcess
+from ..record import STATES, rows_of, trajectory_of
+from ..robot_side import RobotSide
+from ..run import lockstep, real_time
+from .law import numbers_of
+from .options import Guiding
+from .scene import PlateScene, ServoPlant
+
+SETTLED = 0.5  # [s] after the first touch: some time constants of the default filter of the normal
+FORCE_ERROR = 0.02  # [N] of the mean force, a hundredth of the reference of the thesis
+STEP_LIMIT_M = 0.02  # of a cart in a cycle: 5 m/s
+REACH_LIMIT_M = 1.0
+RUNS = ("led over the plate", "a sensor fails")
+EXPECTED = {
+    "stale": Status.STALE_INPUT,
+    "missing": Status.STALE_INPUT,
+    "saturated": Status.OUT_OF_RANGE,
+    "reported": Status.OUT_OF_RANGE,
+}
+
+
+@dataclass(frozen=True)
+class GuidedBench:
+    """What both runs share; see `Bench`. deceleration [m/s2]: of the fastest cart when the robot is lost."""
+
+    peer: Literal["egm", "rsi"]
+    guiding: Guiding
+    robot: Model
+    forward: CausalFunction
+    program: Path
+    place: Path
+    cycles: int
+    in_lockstep: bool
+    elastic_Hz: float | None
+    deceleration: float
+    work: Work
+
+    @property
+    def cycle_s(self) -> float:
+        """Of the loop [s]."""
+        return CYCLE_MS / 1000.0
+
+    def tcp(self, carts_m: np.ndarray) -> np.ndarray:
+        """Tool centre point [m]. Raises LoopError."""
+        tcp, status = self.forward(carts_m)
+        if np.any(np.asarray(status) != Status.OK):
+            raise LoopError("the simulated robot left its workspace")
+        return np.asarray(tcp)
+
+
+@dataclass(frozen=True)
+class LedRun:
+    """Log, report, what was printed; force on the tool, tool centre point and its command (cycles, 3) [N], [m]."""
+
+    label: str
+    log: bytes
+    report: dict[str, Any]
+    printed: str
+    force: np.ndarray
+    tip: np.ndarray
+    command: np.ndarray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class GuidedLoop(LoopStudy):
+    """Two runs of the loop: a hand leads the tool over a synthetic plate, and a sensor fails while it does.
+
+    Forces are along the plate's normal, once they have settled.
+    """
+
+    force_reference: Annotated[float, Quantity("N", "held along the normal")] = 0.0
+    force_mean: Annotated[float | None, Quantity("N", "settled; null: there was too little contact")] = None
+    force_deviation: Annotated[float | None, Quantity("N", "standard, of one cycle")] = None
+    force_least: Annotated[float | None, Quantity("N", "of one cycle")] = None
+    force_largest: Annotated[float | None, Quantity("N", "of one cycle")] = None
+    gain_share: Annotated[float, Quantity("1", "force gain times stiffness, over its limit by eigenvalues")] = 0.0
+    fault: Annotated[str, Quantity("", "of the tool's sensor in the second run")] = ""
+    braking_time: Annotated[float | None, Quantity("s", "from the first braking cycle to the stop")] = None
+    braking_way: Annotated[float | None, Quantity("m", "commanded, from there to the stop")] = None
+    braking: Annotated[float | None, Quantity("m/s2", "largest commanded deceleration of the tool")] = None
+
+    @property
+    def rows(self) -> list[Row]:
+        """The table for people."""
+        if not self.runs:
+            return []
+        rows = [Row("held force: mean", self.force_mean, "N"), Row("held force: deviation", self.force_deviation, "N")]
+        rows += [
+            Row("held force: least, largest", f"{self.force_least:.2f} {self.force_largest:.2f}", "N")
+            for _ in range(self.force_least is not None)
+        ]
+        rows += [
+            Row("force gain times stiffness, over its limit", self.gain_share, "1"),
+            Row(f"sensor {self.fault}: braked in", self.braking_time, "s"),
+            Row(f"sensor {self.fault}: way of the tool", self.braking_way, "m"),
+        ]
+        late = [Row(f"{r['label']}: late, lost", f"{r['late']} {r['lost']}") for r in self.runs]
+        return [row for row in (*rows, *late) if row.value is not None]
+
+
+def guided(bench: GuidedBench, title: str = "") -> LoopStudy:
+    """Both runs, and what they say; their logs are in the folder of the work. Raises LoopError, ArgumentError."""
+    led = compile_causal(bench.robot, known="T", targets=["q", "der(q)"])
+    start, _, status = led(np.array(bench.guiding.scene.start), np.zeros(3))
+    if status is not Status.OK:
+        raise ArgumentError("the tool cannot start there: " + Status(status).message, "lead_through.scene.start")
+    table = numbers_of(bench.guiding.law(), bench.guiding.drift)
+    (bench.place / "gains.table").write_bytes(table.to_bytes())
+    runs: list[LedRun] = []
+    for n, label in enumerate(RUNS):
+        bench.work.progress(f"{bench.peer}: {label}", n / 2)
+        runs.append(
+            again(bench, label, partial(_once, bench, label, np.asarray(start), bench.cycles // 2 if n else None))
+        )
+        if bench.work.interrupted():
+            message = "stopped before both runs were made"
+            return GuidedLoop(status=SolveStatus.INTERRUPTED, message=message, title=title)
+    return _study(bench, runs, title)
+
+
+def _once(bench: GuidedBench, label: str, start: np.ndarray, fault_from: int | None) -> tuple[LedRun, bool, float]:
+    plant: Plant = ServoPlant(start.tolist(), bench.guiding.scene.servo, bench.cycle_s)
+    if bench.elastic_Hz is not None:
+        plant = ElasticPlant(plant, bench.elastic_Hz, ELASTIC_DAMPING, bench.cycle_s)
+    scene = PlateScene(bench.guiding, bench.tcp, plant, fault_from)
+    robot = RobotSide(bench.peer, plant, cycle_ms=CYCLE_MS, wrenches=scene.wrenches)
+    log = bench.place / ("loop_guided.log" if fault_from is None else "loop_fault.log")
+    log.unlink(missing_ok=True)
+    options = [*_options(bench, start), "--log", str(log)]
+    options += ["--lockstep", "--cycles", str(bench.cycles)] if bench.in_lockstep else []
+
+    def stopped(share: float) -> bool:
+        return bench.work.interrupted()
+
+    with LoopProcess(bench.program, options) as process:
+        if bench.in_lockstep:
+            done = lockstep(robot, process.exchange, bench.cycles, stopped=stopped)
+            process.end()
+        else:
+            done = real_time(robot, process, bench.cycles, stopped)
+        report = process.finish()
+        printed = process.printed
+    content = log.read_bytes()
+    command = bench.tcp(rows_of(content)[:, 21:24]) if len(content) else np.zeros((0, 3))
+    count = len(done.measured_m)
+    led = LedRun(label, content, report, printed, np.array(scene.force)[:count], np.array(scene.tip)[:count], command)
+    good = report["state"] in GOING if fault_from is None else report["state"] == STATES.index("stopped")
+    return led, good, done.longest_gap_s
+
+
+def _options(bench: GuidedBench, start: np.ndarray) -> list[str]:
+    options = {
+        "--peer": bench.peer,
+        "--law": "lead_through",
+        "--gains": str(bench.place / "gains.table"),
+        "--cycle-ms": str(CYCLE_MS),
+        "--hold": str(HOLD_CYCLES),
+        "--idle-ms": "5000",
+        "--lowest": ",".join(repr(float(x)) for x in start - REACH_LIMIT_M),
+        "--highest": ",".join(repr(float(x)) for x in start + REACH_LIMIT_M),
+        "--step": repr(STEP_LIMIT_M),
+        "--deceleration": repr(bench.deceleration),
+    }
+    return [*(word for pair in options.items() for word in pair), "--live"]
+
+
+def _study(bench: GuidedBench, runs: list[LedRun], title: str) -> GuidedLoop:
+    p, scene = bench.guiding.gains, bench.guiding.scene
+    held, braked = _held(bench, runs[0]), _braked(bench, runs[1])
+    limit = gain_limit(force_loop(scene.servo, p.cycle)).gain
+    share = p.force_gain * scene.plate.stiffness / limit
+    expected, ended = EXPECTED[scene.fault], runs[1].report
+    right = ended["state"] == STATES.index("stopped") and ended["status"] == expected
+    going = float(runs[0].report["state"] in GOING)
+    why = f"{STATES[runs[0].report['state']]}, {Status(runs[0].report['status']).message}"
+    error = abs(held.get("force_mean", np.nan) - p.force_reference)
+    checks = {
+        "guided_running_at_the_end": at_least(going, 1.0, why),
+        "force_error_N": at_most(
+            error, FORCE_ERROR, "a force that has not settled, friction or a plate that is not followed"
+        ),
+        "force_least_N": at_least(held.get("force_least", np.nan), 1e-6, "the contact was lost, or never made"),
+        "gain_share": at_most(share, 1.0, "take a smaller force_gain: the contact oscillates"),
+        "fault_stopped": at_least(float(right), 1.0, f"{STATES[ended['state']]}, {Status(ended['status']).message}"),
+        "fault_deceleration_m_s2": at_most(braked.get("braking", np.nan), p.acceleration_limit * (1 + 1e-6)),
+    }
+    for name, one in zip(("guided", "fault"), runs, strict=True):
+        checks[f"{name}_log_complete"] = at_least(float(bool(one.report["log_complete"])), 1.0, FULL)
+        log = trajectory_of(one.log, 3, bench.cycle_s, title=f"{bench.peer}, {one.label}: log of the loop")
+        log.to_csv(bench.place / f"loop_{name}.csv")
+    real_time_granted = all(one.report["fifo"] and one.report["memory_locked"] for one in runs)
+    timing = "in lock step" if bench.in_lockstep else "in real time" if real_time_granted else "not real-time"
+    fastest = float(np.abs(rows_of(runs[0].log)[:, 27:30]).max(initial=0.0))
+    return GuidedLoop(
+        status=SolveStatus.SOLVED,
+        message=f"synthetic plate and hand, {bench.peer} on loopback, {timing}; tested against simulators only",
+        title=title,
+        checks=checks,
+        in_lockstep=bench.in_lockstep,
+        notes=list(dict.fromkeys(line for one in runs for line in one.printed.splitlines())),
+        peer=bench.peer,
+        law="lead_through",
+        plant="synthetic: servo with lag and delay, plate, hand",
+        elastic=bench.elastic_Hz,
+        cycles=bench.cycles,
+        real_time=real_time_granted,
+        deceleration=bench.deceleration,
+        greatest_speed=fastest,
+        stopping_distance=Stop(fastest, bench.deceleration).distance_m,
+        runs=[{"label": one.label, **one.report} for one in runs],
+        force_reference=p.force_reference,
+        gain_share=float(share),
+        fault=scene.fault,
+        figures={"guiding": partial(_figure, bench, runs)},
+        **held,
+        **braked,
+    )
+
+
+def _held(bench: GuidedBench, run: LedRun) -> dict[str, Any]:
+    """The settled force along the normal."""
+    pressed = run.force @ bench.guiding.scene.plate.normal
+    touched = np.flatnonzero(pressed > 0)
+    first = int(touched[0]) + round(SETTLED / bench.cycle_s) if len(touched) else len(pressed)
+    settled = pressed[first:]
+    if not len(settled):
+        return {}
+    return {
+        "force_mean": float(settled.mean()), "force_deviation": float(settled.std()),
+        "force_least": float(settled.min()), "force_largest": float(settled.max()),
+    }  # fmt: skip
+
+
+def _braked(bench: GuidedBench, run: LedRun) -> dict[str, Any]:
+    """The way from the first cycle that brakes to the stop."""
+    states = rows_of(run.log)[:, 3]
+    braking = np.flatnonzero((states == STATES.index("braking")) | (states == STATES.index("ramping")))
+    ended = np.flatnonzero(states == STATES.index("stopped"))
+    if not len(braking) or not len(ended) or braking[0] < 2:
+        return {}
+    at, end = int(braking[0]), int(ended[0])
+    velocity = np.diff(run.command[at - 2 : end + 1], axis=0) / bench.cycle_s
+    return {
+        "braking_time": float((end - at + 1) * bench.cycle_s),
+        "braking_way": float(np.linalg.norm(run.command[end] - run.command[at - 1])),
+        "braking": float(np.linalg.norm(np.diff(velocity, axis=0), axis=1).max() / bench.cycle_s),
+    }
+
+
+def _figure(bench: GuidedBench, runs: list[LedRun]) -> Any:
+    from ...plot.loop.guided import guided_figure
+
+    normal, gap = bench.guiding.scene.plate.normal, bench.guiding.scene.gap
+    series: Mapping[str, Any] = {
+        one.label: (
+            one.force @ normal,
+            np.linalg.norm(np.diff(one.command, axis=0), axis=1) / bench.cycle_s,
+            1e3 * ((one.tip - one.tip[0]) @ normal + gap),
+        )
+        for one in runs
+    }
+    title = f"{bench.peer.upper()} on loopback, synthetic plate and hand; sensor {bench.guiding.scene.fault}"
+    return guided_figure(bench.cycle_s, series, bench.guiding.gains.force_reference, title)

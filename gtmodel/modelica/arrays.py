@@ -1,0 +1,175 @@
+"""Arrays of scalar expressions, and what Modelica's operators do to them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from .scalars import Scalar, is_number, operation
+from .syntax import ModelicaError, Place
+
+Values = np.ndarray  # of dtype object; a scalar has the shape ()
+
+
+class RecordValue(dict[str, Any]):
+    """A record value: name -> value."""
+
+
+def scalar(x: Scalar) -> Values:
+    """A scalar as an array of shape ()."""
+    result = np.empty((), object)
+    result[()] = x
+    return result
+
+
+def array(items: Sequence[Any], shape: tuple[int, ...]) -> Values:
+    """Scalars in the order of the last index first."""
+    result = np.empty(len(items), object)
+    for n, item in enumerate(items):
+        result[n] = item
+    return result.reshape(shape)
+
+
+def stacked(items: Sequence[Any], at: Place | None) -> Any:
+    """Equal arrays along a new first dimension. Raises ModelicaError for shapes that differ."""
+    if items and all(isinstance(x, RecordValue) for x in items):
+        result = np.empty(len(items), object)
+        for n, x in enumerate(items):
+            result[n] = x
+        return result
+    shapes = {x.shape if isinstance(x, np.ndarray) else None for x in items}
+    if len(shapes) > 1 or None in shapes:
+        raise ModelicaError(f"the entries of an array have shapes {' and '.join(map(_shape, shapes))}", at)
+    if not items:
+        return np.empty((0,), object)
+    return np.stack(items) if items[0].shape else array([x[()] for x in items], (len(items),))
+
+
+def _shape(shape: Any) -> str:
+    return "of a record" if shape is None else str(shape)
+
+
+def each(function: Callable[..., Scalar], *given: Values) -> Values:
+    """A function of scalars on arrays of one shape; scalars go with each."""
+    shape = next((g.shape for g in given if g.shape), ())
+    if not shape:
+        return scalar(function(*[g[()] for g in given]))
+    columns = [g.ravel() if g.shape else [g[()]] * int(np.prod(shape)) for g in given]
+    return array([function(*row) for row in zip(*columns, strict=True)], shape)
+
+
+def entries(value: Values) -> Iterator[Scalar]:
+    return iter([value[()]]) if value.shape == () else iter(value.ravel())
+
+
+def same_shape(a: Values, b: Values, what: str, at: Place | None, scalars: bool = False) -> None:
+    if a.shape != b.shape and not (scalars and (a.shape == () or b.shape == ())):
+        hint = f"; write .{what} between a scalar and an array" if what in "+-" and () in (a.shape, b.shape) else ""
+        raise ModelicaError(f"'{what}' takes operands of one shape; found {_of(a)} and {_of(b)}{hint}", at)
+
+
+def _of(a: Values) -> str:
+    return "a scalar" if not a.shape else f"an array of shape {a.shape}"
+
+
+def binary(name: str, a: Values, b: Values, at: Place | None) -> Values:
+    """One of Modelica's operators between two values. Raises ModelicaError for shapes that do not fit."""
+    if name in (".+", ".-", ".*", "./", ".^"):
+        same_shape(a, b, name, at, scalars=True)
+        plain = "**" if name == ".^" else name[1:]
+        return each(lambda x, y: _power(x, y, at) if plain == "**" else operation(plain, (x, y), at), a, b)
+    if name in ("+", "-"):
+        same_shape(a, b, name, at)
+        return each(lambda x, y: operation(name, (x, y), at), a, b)
+    if name == "*":
+        return product(a, b, at)
+    if name == "/":
+        if b.shape:
+            raise ModelicaError("a division takes a scalar on its right; write ./ between arrays", at)
+        return each(lambda x, y: operation("/", (x, y), at), a, b)
+    if name == "^":
+        return _raised(a, b, at)
+    if name in ("and", "or", "<", "<=", ">", ">=", "==", "<>"):
+        if (a.shape or b.shape) and name not in ("and", "or"):
+            same_shape(a, b, name, at, scalars=True)  # of constraints: one for each entry
+        return each(lambda x, y: operation(name, (x, y), at), a, b)
+    raise ModelicaError(f"there is no operator '{name}'", at)
+
+
+def _power(x: Scalar, y: Scalar, at: Place | None) -> Scalar:
+    if isinstance(y, float) and y.is_integer() and abs(y) < 1000:
+        y = int(y)
+    return operation("**", (x, y), at)
+
+
+def _raised(a: Values, b: Values, at: Place | None) -> Values:
+    if b.shape:
+        raise ModelicaError("an exponent is a scalar; write .^ between arrays", at)
+    if not a.shape:
+        return scalar(_power(a[()], b[()], at))
+    n = b[()]
+    if a.ndim != 2 or a.shape[0] != a.shape[1] or not is_number(n) or n != int(n) or n < 0:
+        raise ModelicaError("'^' of an array takes a square matrix and a whole number; write .^ for each entry", at)
+    result = identity(a.shape[0])
+    for _ in range(int(n)):
+        result = product(result, a, at)
+    return result
+
+
+def identity(n: int) -> Values:
+    return array([int(i == j) for i in range(n) for j in range(n)], (n, n))
+
+
+def summed(items: Sequence[Scalar], at: Place | None) -> Scalar:
+    """From the left; 0 of nothing."""
+    if not items:
+        return 0
+    total = items[0]
+    for x in items[1:]:
+        total = operation("+", (total, x), at)
+    return total
+
+
+def dotted(a: Sequence[Scalar], b: Sequence[Scalar], at: Place | None) -> Scalar:
+    """Sum of products without those that are zero in the text."""
+    terms = [
+        operation("*", (x, y), at)
+        for x, y in zip(a, b, strict=True)
+        if not any(is_number(z) and z == 0 for z in (x, y))
+    ]
+    return summed(terms, at)
+
+
+def product(a: Values, b: Values, at: Place | None) -> Values:
+    if not a.shape or not b.shape:
+        return each(lambda x, y: operation("*", (x, y), at), a, b)
+    if a.ndim > 2 or b.ndim > 2 or a.shape[-1] != b.shape[0]:
+        raise ModelicaError(f"'*' takes matching shapes; found {a.shape} and {b.shape}; write .* for each entry", at)
+    rows = a.reshape(-1, a.shape[-1])
+    columns = b.reshape(b.shape[0], -1).T
+    flat = [dotted(list(r), list(c), at) for r in rows for c in columns]
+    return array(flat, a.shape[:-1] + b.shape[1:])
+
+
+def negative(a: Values, at: Place | None) -> Values:
+    return each(lambda x: operation("neg", (x,), at), a)
+
+
+def joined(dimension: int, items: Sequence[Values], at: Place | None) -> Values:
+    """cat(dimension, ...), from 1."""
+    try:
+        return np.concatenate([x if x.ndim >= dimension else x.reshape((*x.shape, 1)) for x in items], dimension - 1)
+    except ValueError:
+        shapes = " and ".join(str(x.shape) for x in items)
+        raise ModelicaError(f"arrays of shapes {shapes} cannot be joined along dimension {dimension}", at) from None
+
+
+def matrix_of(rows: Sequence[Sequence[Values]], at: Place | None) -> Values:
+    """[a, b; c, d]."""
+
+    def promoted(x: Values) -> Values:
+        return x.reshape(x.shape + (1,) * (2 - x.ndim)) if x.ndim < 2 else x
+
+    return joined(1, [joined(2, [promoted(x) for x in row], at) for row in rows], at)

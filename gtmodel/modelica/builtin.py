@@ -1,0 +1,292 @@
+"""Modelica's own functions and operators: der, mathematical functions, and those that make and reduce arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .arrays import Values, array, each, entries, identity, joined, product, scalar, stacked, summed
+from .scalars import Operation, is_literal, number_of, operation
+from .syntax import FunctionCall, Literal, ModelicaError, Place, SyntaxNode
+
+if TYPE_CHECKING:
+    from .expressions import Evaluator
+    from .instances import NameScope
+
+_ONE = (
+    "sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "exp", "log", "log10", "sqrt", "abs", "sign",
+    "floor", "ceil", "integer",
+)  # fmt: skip
+_TWO = ("atan2", "mod", "rem", "div")
+_EVENTS = {
+    "edge": "edge() asks for events", "change": "change() asks for events", "sample": "sample() asks for events",
+    "terminal": "terminal() asks for events", "reinit": "reinit() stands in a when clause",
+    "spliceFunction": "spliceFunction() is of another tool", "cardinality": "cardinality() is not taken",
+    "inStream": "stream connectors are not taken", "actualStream": "stream connectors are not taken",
+}  # fmt: skip
+MATHEMATICAL = {name: name for name in (*_ONE, "atan2")}
+
+
+def reduced(name: str, items: Values, at: Place) -> Values:
+    """sum(e for i in r), and product, min, max likewise."""
+    flat = [x for item in items for x in (entries(item) if isinstance(item, np.ndarray) else [item])]
+    if name == "sum":
+        if items.ndim > 1:
+            return array([summed(list(column), at) for column in items.reshape(len(items), -1).T], items.shape[1:])
+        return scalar(summed(flat, at))
+    if name == "array":
+        return items
+    if name == "product":
+        return scalar(_folded("*", flat, 1, at))
+    if name in ("min", "max"):
+        if not flat:
+            raise ModelicaError(f"{name}() of nothing has no value", at)
+        return scalar(_folded(name, flat, None, at))
+    raise ModelicaError(f"{name}() takes no loop inside; sum, product, min, max and array do", at)
+
+
+def _folded(name: str, items: list[Any], empty: Any, at: Place) -> Any:
+    if not items:
+        return empty
+    total = items[0]
+    for x in items[1:]:
+        total = operation(name, (total, x), at)
+    return total
+
+
+def called(name: str, node: FunctionCall, scope: NameScope, model: Evaluator) -> Any:
+    """The value of a call of one of these functions. Raises ModelicaError for wrong arguments."""
+    if node.named and name not in ("smooth", "delay", "homotopy", "assert", "String"):
+        raise ModelicaError(f"{name}() takes arguments without names", node.at)
+    if name in _EVENTS:
+        raise ModelicaError(f"{_EVENTS[name]}, which is not taken here", node.at)
+    if name in _ONE:
+        (x,) = _arguments(name, node, scope, model, 1)
+        return each(lambda e: operation(name, (e,), node.at), x)
+    if name in _TWO:
+        a, b = _arguments(name, node, scope, model, 2)
+        return each(lambda x, y: operation(name, (x, y), node.at), a, b)
+    return BUILT_IN[name](node, scope, model)
+
+
+def _arguments(name: str, node: FunctionCall, scope: NameScope, model: Evaluator, count: int) -> list[Values]:
+    if len(node.arguments) != count:
+        words = {1: "one argument", 2: "two arguments", 3: "three arguments"}[count]
+        raise ModelicaError(f"{name}() takes {words}; found {len(node.arguments)}", node.at)
+    return [model.array(a, scope) for a in node.arguments]
+
+
+def _der(node: FunctionCall, scope: NameScope, model: Evaluator) -> Values:
+    (x,) = _arguments("der", node, scope, model, 1)
+    for e in entries(x):
+        if is_literal(e):
+            raise ModelicaError(f"der() takes an expression of the model; found {e}", node.at)
+    return each(lambda e: Operation("der", (e,), node.at), x)
+
+
+def _least(name: str) -> Callable[[FunctionCall, NameScope, Evaluator], Values]:
+    def of(node: FunctionCall, scope: NameScope, model: Evaluator) -> Values:
+        if len(node.arguments) == 1:
+            return reduced(name, model.array(node.arguments[0], scope).ravel(), node.at)
+        a, b = _arguments(name, node, scope, model, 2)
+        return each(lambda x, y: operation(name, (x, y), node.at), a, b)
+
+    return of
+
+
+def _sum(name: str) -> Callable[[FunctionCall, NameScope, Evaluator], Values]:
+    def of(node: FunctionCall, scope: NameScope, model: Evaluator) -> Values:
+        (x,) = _arguments(name, node, scope, model, 1)
+        return reduced(name, x.ravel(), node.at)
+
+    return of
+
+
+def _size(node: FunctionCall, scope: NameScope, model: Evaluator) -> Values:
+    x = model.evaluate(node.arguments[0], scope) if node.arguments else None
+    if not isinstance(x, np.ndarray) or len(node.arguments) > 2:
+        raise ModelicaError("size() takes an array, and which of its dimensions", node.at)
+    if len(node.arguments) == 1:
+        return array(list(x.shape), (x.ndim,))
+    n = model.whole(node.arguments[1], scope, "the dimension in size()")
+    if not 1 <= n <= x.ndim:
+        raise ModelicaError(f"the array has {x.ndim} dimensions; found size(..., {n})", node.at)
+    return scalar(x.shape[n - 1])
+
+
+def _ndims(node: FunctionCall, scope: NameScope, model: Evaluator) -> Values:
+    (x,) = _arguments("ndims", node, scope, model, 1)
+    return scalar(x.ndim)
+
+
+def _filled(value: Any) -> Callable[[FunctionCall, NameScope, Evaluator], Values]:
+    def of(node: FunctionCall, scope: NameScope, model: Evaluator) -> Values:
+        given = node.arguments if value is not None else node.arguments[1:]
+        shape = tuple(model.whole(a, scope, "a size") for a in given)
+        entry = scalar(value) if value is not None else model.array(node.arguments[0], scope)
+        count = int(np.prod(shape)) if shape else 1
+        if count > 1_000_000 or any(n < 0 for n in shape):
+            raise ModelicaError(f"an array of shape {shape} is too large", node.at)
+        return array([x for _ in range(count) for x in entries(entry)], shape + entry.shape)
+
+    return of
+
+
+def _identity(node: FunctionCall, scope: NameScope, model: Evaluator) -> Values:
+    if len(node.arguments) != 1:
+        raise ModelicaError("identity() takes a size", node.at)
+    return identity(model.whole(node.arguments[0], scope, "a size"))
+
+
+def _diagonal(node: FunctionCall, scope: NameScope, model: Evaluator) -> Values:
+    (x,) = _arguments("diagonal", node, scope, model, 1)
+    n = len(x)
+    return array([x[i] if i == j else 0 for i in range(n) for j in range(n)], (n, n))
+
+
+def _linspace(node: FunctionCall, scope: NameScope, model: Evaluator) -> Values:
+    if len(node.arguments) != 3:
+        raise ModelicaError("linspace() takes two ends and a count", node.at)
+    a, b = (model.one(x, scope) for x in node.arguments[:2])
+    n = model.whole(node.arguments[2], scope, "the count in linspace()")
+    step = operation("-", (b, a), node.at)
+    parts = [operation("/", (operation("*", (k, step), node.at), n - 1), node.at) for k in range(n)]
+    return array([operation("+", (a, p), node.at) for p in parts], (n,))
+
+
+def _transpose(node: FunctionCall, scope: NameScope, model: Evaluator) -> Values:
+    (x,) = _arguments("transpose", node, scope, model, 1)
+    return np.swapaxes(x, 0, 1)
+
+
+def _cross(node: FunctionCall, scope: NameScope, model: Evaluator) -> Values:
+    a, b = _arguments("cross", node, scope, model, 2)
+    if a.shape != (3,) or b.shape != (3,):
+        raise ModelicaError(f"cross() takes two vectors of length 3; found {a.shape} and {b.shape}", node.at)
+
+    def entry(i: int, j: int) -> Any:
+        left, right = operation("*", (a[i], b[j]), node.at), operation("*", (a[j], b[i]), node.at)
+        return operation("-", (left, right), node.at)
+
+    return array([entry(1, 2), entry(2, 0), entry(0, 1)], (3,))
+
+
+def _skew(node: FunctionCall, scope: NameScope, model: Evaluator) -> Values:
+    (x,) = _arguments("skew", node, scope, model, 1)
+
+    def minus(e: Any) -> Any:
+        return operation("neg", (e,), node.at)
+
+    return array([0, minus(x[2]), x[1], x[2], 0, minus(x[0]), minus(x[1]), x[0], 0], (3, 3))
+
+
+def _outer_product(node: FunctionCall, scope: NameScope, model: Evaluator) -> Values:
+    a, b = _arguments("outerProduct", node, scope, model, 2)
+    return product(a.reshape(-1, 1), b.reshape(1, -1), node.at)
+
+
+def _cat(node: FunctionCall, scope: NameScope, model: Evaluator) -> Values:
+    if len(node.arguments) < 2:
+        raise ModelicaError("cat() takes a dimension and arrays", node.at)
+    dimension = model.whole(node.arguments[0], scope, "the dimension in cat()")
+    return joined(dimension, [model.array(a, scope) for a in node.arguments[1:]], node.at)
+
+
+def _array(node: FunctionCall, scope: NameScope, model: Evaluator) -> Any:
+    return stacked([model.evaluate(a, scope) for a in node.arguments], node.at)
+
+
+def _reshaped(name: str) -> Callable[[FunctionCall, NameScope, Evaluator], Values]:
+    def of(node: FunctionCall, scope: NameScope, model: Evaluator) -> Values:
+        (x,) = _arguments(name, node, scope, model, 1)
+        if name == "vector":
+            return x.reshape(-1)
+        if name == "scalar":
+            if x.size != 1:
+                raise ModelicaError(f"scalar() takes one entry; found shape {x.shape}", node.at)
+            return x.reshape(())
+        return x.reshape(x.shape[0], -1) if x.ndim > 1 else x.reshape(-1, 1)
+
+    return of
+
+
+def _symmetric(node: FunctionCall, scope: NameScope, model: Evaluator) -> Values:
+    (x,) = _arguments("symmetric", node, scope, model, 1)
+    n = len(x)
+    return array([x[min(i, j), max(i, j)] for i in range(n) for j in range(n)], (n, n))
+
+
+def _first(node: FunctionCall, scope: NameScope, model: Evaluator) -> Any:
+    """noEvent(e), homotopy(a, s), getInstanceName and the like: what stands in them."""
+    given = node.arguments[0] if node.arguments else node.named.get("actual")
+    if given is None:
+        raise ModelicaError(f"{node.reference}() takes an expression", node.at)
+    return model.evaluate(given, scope)
+
+
+def _smooth(node: FunctionCall, scope: NameScope, model: Evaluator) -> Any:
+    given = node.arguments[1] if len(node.arguments) > 1 else None
+    if given is None:
+        raise ModelicaError("smooth() takes an order and an expression", node.at)
+    return model.evaluate(given, scope)
+
+
+def _semi_linear(node: FunctionCall, scope: NameScope, model: Evaluator) -> Values:
+    x, above, below = (model.one(a, scope) for a in node.arguments)
+    condition = operation(">=", (x, 0), node.at)
+    sides = [operation("*", (slope, x), node.at) for slope in (above, below)]
+    return scalar(operation("if", (condition, *sides), node.at))
+
+
+def _at_events(name: str) -> Callable[[FunctionCall, NameScope, Evaluator], Values]:
+    def of(node: FunctionCall, scope: NameScope, model: Evaluator) -> Values:
+        given = [model.array(a, scope) for a in node.arguments]
+        if name == "initial":
+            return scalar(Operation("initial", (), node.at))
+        if len(given) != 1:
+            raise ModelicaError(f"{name}() takes one argument; found {len(given)}", node.at)
+        return each(lambda x: Operation(name, (x,), node.at), given[0])
+
+    return of
+
+
+def _delay(node: FunctionCall, scope: NameScope, model: Evaluator) -> Values:
+    if len(node.arguments) < 2:
+        raise ModelicaError("delay() takes an expression and a time", node.at)
+    x = model.one(node.arguments[0], scope)
+    tau = model.number(node.arguments[1], scope, "the time of delay()")
+    return scalar(Operation("delay", (x, float(tau)), node.at))
+
+
+def _text(node: FunctionCall, scope: NameScope, model: Evaluator) -> Values:
+    value = number_of(model.one(node.arguments[0], scope), node.at, "a text")
+    return scalar(str(value).lower() if isinstance(value, bool) else str(value))
+
+
+def _assert(node: FunctionCall, scope: NameScope, model: Evaluator) -> Values:
+    condition = model.truth(node.arguments[0], scope) if node.arguments else True
+    if condition is False:
+        said = node.arguments[1] if len(node.arguments) > 1 else None
+        text = said.value if isinstance(said, Literal) else "an assertion is violated"
+        raise ModelicaError(f"assert: {text}", node.at)
+    if condition is not True:
+        model.warn("this assert() speaks of variables; it is not watched", node.at)
+    return scalar(True)
+
+
+def _unnamed(node: SyntaxNode, *_: Any) -> Any:
+    raise ModelicaError("this is not taken here", node.at)
+
+
+BUILT_IN: dict[str, Callable[[FunctionCall, NameScope, Evaluator], Any]] = {
+    **dict.fromkeys((*_ONE, *_TWO, *_EVENTS), _unnamed),
+    "der": _der, "min": _least("min"), "max": _least("max"), "sum": _sum("sum"), "product": _sum("product"),
+    "size": _size, "ndims": _ndims, "zeros": _filled(0), "ones": _filled(1), "fill": _filled(None),
+    "identity": _identity, "diagonal": _diagonal, "linspace": _linspace, "transpose": _transpose, "cross": _cross,
+    "skew": _skew, "outerProduct": _outer_product, "cat": _cat, "array": _array, "vector": _reshaped("vector"),
+    "matrix": _reshaped("matrix"), "scalar": _reshaped("scalar"), "symmetric": _symmetric, "noEvent": _first,
+    "homotopy": _first, "smooth": _smooth, "semiLinear": _semi_linear, "pre": _at_events("pre"),
+    "initial": _at_events("initial"), "delay": _delay, "String": _text, "assert": _assert, "Integer": _first,
+}  # fmt: skip

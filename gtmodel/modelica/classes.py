@@ -1,0 +1,127 @@
+"""A class written as syntax tree: compiled, so that each of its lines is one of the text, or printed."""
+
+from __future__ import annotations
+
+import ast
+import keyword
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from importlib import import_module
+from typing import Any
+
+from ..lang.expression import Expr
+from ..lang.model import Model
+from ..lang.optimization import Optimization
+from .syntax import ModelicaError, Place, Source
+
+_TAKEN = frozenset(n for n in (*dir(Optimization), "time", "where", "gt", "der", "self") if not n.startswith("__"))
+
+
+def identifier(name: str) -> str:
+    """A name of the text as one of Python: `tank[2].x` becomes tank_2_x."""
+    word = "".join(c if c.isalnum() and c.isascii() else "_" for c in name).strip("_") or "x"
+    word = word if not word[0].isdigit() else f"n_{word}"
+    while "__" in word:
+        word = word.replace("__", "_")
+    return f"{word}_" if keyword.iskeyword(word) or word in _TAKEN else word
+
+
+def exact(name: str) -> str:
+    """The name of the text itself, but for names that every model has."""
+    if name.startswith("_"):
+        raise ModelicaError(f"names that begin with an underscore are not taken; found '{name}'")
+    return f"{name}_" if name in _TAKEN else name
+
+
+@dataclass(eq=False)
+class Written:
+    """A class as statements with their places: of its body, and of its methods."""
+
+    name: str
+    at: Place
+    optimization: bool
+    description: str
+    body: list[tuple[Place, ast.stmt]] = field(default_factory=list)
+    methods: dict[str, list[tuple[Place, ast.stmt]]] = field(default_factory=dict)
+
+
+def _method(name: str, statements: list[ast.stmt], line: int) -> ast.FunctionDef:
+    arguments = ast.arguments(posonlyargs=[], args=[ast.arg("self")], kwonlyargs=[], kw_defaults=[], defaults=[])
+    result = ast.FunctionDef(name=name, args=arguments, body=statements, decorator_list=[], returns=None)
+    for node in (result, arguments, *arguments.args):
+        node.lineno = node.end_lineno = line  # type: ignore[attr-defined]
+        node.col_offset = node.end_col_offset = 0  # type: ignore[attr-defined]
+    return result
+
+
+def text_of(written: Written) -> str:
+    """The class as a Python module."""
+    base = "gt.Optimization" if written.optimization else "gt.Model"
+    words = written.description or f"{written.name}, from Modelica text."
+    body: list[ast.stmt] = [ast.Expr(ast.Constant(words)), *[s for _, s in written.body]]
+    for name, statements in written.methods.items():
+        body.append(_method(name, [s for _, s in statements], 1))
+    tree = ast.ClassDef(
+        name=identifier(written.name), bases=[ast.parse(base, mode="eval").body], keywords=[], body=body,
+        decorator_list=[],
+    )  # fmt: skip
+    module = ast.Module([tree], [])
+    called = {n.func.id for n in ast.walk(module) if isinstance(n, ast.Call) and isinstance(n.func, ast.Name)}
+    names = "".join(
+        f"from {m} import {n}\n" for m, n in (("gtmodel", "der"), ("gtmodel.modelica", "plain")) if n in called
+    )
+    return f"import gtmodel as gt\n{names}\n\n{ast.unparse(ast.fix_missing_locations(module))}\n"
+
+
+def plain(x: Expr) -> Expr:
+    """An expression without its unit: time in a text that declares no units.
+
+    >>> m = gt.Builder()
+    >>> gt.modelica.plain(m.variable("x", unit="m"))
+    Expr(x, shape=(), unit=None)
+    """
+    return Expr(x.sx, x.shape, None, x.scope)
+
+
+def class_of(written: Written) -> type[Model]:
+    """The class, each of whose lines is one of the text. Nothing of the text is evaluated but what was translated."""
+    gt: Any = import_module("gtmodel")
+    world: dict[str, Any] = {"gt": gt, "der": gt.der, "plain": plain, "__builtins__": {}, "__name__": "modelica"}
+    namespace: dict[str, Any] = {"__doc__": written.description, "__module__": "modelica"}
+    for source, statements in _runs(written.body):
+        code = compile(ast.Module(statements, []), source.name, "exec")
+        exec(code, world, namespace)
+    for name, lines in written.methods.items():
+        parts = []
+        for source, statements in _runs(lines):
+            inside: dict[str, Any] = {}
+            first = getattr(statements[0], "lineno", 1)
+            exec(compile(ast.Module([_method(name, statements, first)], []), source.name, "exec"), world, inside)
+            parts.append(inside[name])
+        namespace[name] = parts[0] if len(parts) == 1 else _chained(parts)
+    base = Optimization if written.optimization else Model
+
+    def __init__(self: Any, **modifiers: Any) -> None:  # noqa: N807
+        base.__init__(self, **modifiers)
+        self.__dict__["where"] = written.at.where  # of the text, not of who makes the model
+
+    made: Any = type(written.name, (base,), {**namespace, "__init__": __init__})
+    return made
+
+
+def _chained(parts: list[Callable[[Any], Any]]) -> Callable[[Any], Any]:
+    def method(self: Any) -> Any:
+        for part in parts:
+            yield from part(self)
+
+    return method
+
+
+def _runs(lines: list[tuple[Place, ast.stmt]]) -> Iterable[tuple[Source, list[ast.stmt]]]:
+    """Neighbouring statements of one file together: code has one file name."""
+    run: list[ast.stmt] = []
+    for n, (place, statement) in enumerate(lines):
+        run.append(statement)
+        if n + 1 == len(lines) or lines[n + 1][0].source is not place.source:
+            yield place.source, run
+            run = []

@@ -1,0 +1,81 @@
+"""Constraints that say more than a constraint: an equation of a variable of their own, and instants along a path."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from .flat import Flattened, ScalarEquation, ScalarIf, ScalarWhen
+from .scalars import Flat, Operation, Symbol, operation, symbols
+from .syntax import Place
+
+
+def constraints_settled(out: Flattened) -> None:
+    """A path equality that alone speaks of a variable becomes an equation; a value at an instant that stands beside
+    values along the path becomes a variable of its own, which is constant."""
+    used = {id(f) for e in out.equations for x in _sides(e) for f in symbols(x)}
+    kept: list[ScalarEquation] = []
+    for e in out.constraints:
+        own = [f for f in (*symbols(e.left), *symbols(e.right)) if f.kind == "variable" and id(f) not in used]
+        if e.relation == "==" and own and not any(_instants(x) for x in (e.left, e.right)):
+            used |= {id(f) for f in own}
+            out.equations.append(e)
+        else:
+            kept.append(e)
+    constants: dict[str, Flat] = {}
+    out.constraints = [c for e in kept for c in _separated(e, out, constants)]
+
+
+def _sides(e: Any) -> list[Any]:
+    if isinstance(e, ScalarIf):
+        return [x for part in (*e.then, *e.otherwise) for x in (part.left, part.right)]
+    if isinstance(e, ScalarWhen):
+        return [x for part in e.actions for x in (part.left, part.right)]
+    return [e.left, e.right]
+
+
+def _instants(x: Any) -> bool:
+    return isinstance(x, Operation) and (x.name == "at" or any(map(_instants, x.arguments)))
+
+
+def _moves(x: Any) -> bool:
+    """Does it hold anything along the path?"""
+    if isinstance(x, Symbol):
+        return x.flat.kind not in ("parameter", "constant")
+    if not isinstance(x, Operation) or x.name == "at":
+        return False
+    return x.name == "time" or any(map(_moves, x.arguments))
+
+
+def _separated(e: ScalarEquation, out: Flattened, constants: dict[str, Flat]) -> list[ScalarEquation]:
+    if not any(map(_instants, (e.left, e.right))) or not any(map(_moves, (e.left, e.right))):
+        return [e]
+    more: list[ScalarEquation] = []
+    left, right = (_with_constants(x, e.at, out, constants, more) for x in (e.left, e.right))
+    return [*more, ScalarEquation(left, right, e.at, e.relation)]
+
+
+def _with_constants(x: Any, at: Place, out: Flattened, constants: dict[str, Flat], more: list[ScalarEquation]) -> Any:
+    if not isinstance(x, Operation):
+        return x
+    if x.name != "at":
+        return operation(x.name, tuple(_with_constants(a, at, out, constants, more) for a in x.arguments), x.at)
+    inside, time = x.arguments
+    name = f"{_text(inside)}({_text(time)})"
+    if name not in constants:
+        flat = Flat(name, "variable", "Real", at, lambda _: None, lambda: None)
+        constants[name] = flat
+        out.flats.append(flat)
+        out.equations.append(ScalarEquation(Operation("der", (Symbol(flat),), at), 0, at))
+        end = Operation("at", (Symbol(flat), Operation("start_time", (), at)), at)
+        more.append(ScalarEquation(end, x, at))
+    return Symbol(constants[name])
+
+
+def _text(x: Any) -> str:
+    if isinstance(x, Symbol):
+        return x.flat.name
+    if isinstance(x, Operation):
+        words = {"start_time": "startTime", "final_time": "finalTime"}
+        inside = ",".join(map(_text, x.arguments))
+        return words.get(x.name, x.name) + (f"({inside})" if inside else "")
+    return str(x)

@@ -1,0 +1,371 @@
+"""Expressions of the text as arrays of scalars: names resolved, arrays written out, functions inlined."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..lang.slips import near
+from . import builtin, functions
+from .arrays import RecordValue, Values, array, binary, each, entries, matrix_of, negative, scalar, stacked
+from .instances import FieldOf, Instance, NameScope
+from .members import declares, field, member, package
+from .modifications import Given
+from .scalars import EnumerationLiteral, Operation, is_literal, is_number, number_of, operation
+from .scopes import Space
+from .syntax import (
+    Array,
+    Binary,
+    Colon,
+    Comprehension,
+    Conditional,
+    EndIndex,
+    FunctionArgument,
+    FunctionCall,
+    Literal,
+    Loop,
+    Matrix,
+    ModelicaError,
+    Outputs,
+    Place,
+    Range,
+    Reference,
+    ReferencePart,
+    SyntaxNode,
+    Unary,
+)  # fmt: skip
+
+LONGEST = 1_000_000  # entries of a range or of an array
+_HORIZON = {"startTime": "start_time", "finalTime": "final_time"}
+
+
+class Evaluator:
+    """What is known while a text is flattened, and the values of its expressions."""
+
+    def __init__(self) -> None:
+        self.warnings: list[str] = []
+        self.horizon = False  # an optimization, which has startTime and finalTime
+        self.calls = 0  # of functions in one another
+
+    def warn(self, sentence: str, place: Place) -> None:
+        """Something a person should know, once for each place."""
+        text = f"{sentence} ({place.where})"
+        if text not in self.warnings:
+            self.warnings.append(text)
+
+    @staticmethod
+    def is_colon(node: SyntaxNode) -> bool:
+        return isinstance(node, Colon)
+
+    def given(self, given: Given) -> Any:
+        """The value of a modification in its own scope, of the one component that asks."""
+        node = given.node
+        if isinstance(node, FieldOf):
+            value = field(self.given(node.given), node.name, node.at)
+        else:
+            value = self.evaluate(node, given.scope)
+        if given.indices and isinstance(value, np.ndarray) and value.shape and not given.each:
+            if value.shape[: len(given.sizes)] != given.sizes:
+                raise ModelicaError(
+                    f"a value of shape {value.shape} is no row for each component; write each for one value of all",
+                    node.at,
+                )
+            value = value[given.indices]
+            if not isinstance(value, np.ndarray):
+                value = value if isinstance(value, (RecordValue, Instance)) else scalar(value)
+        return value
+
+    def array(self, node: SyntaxNode, scope: NameScope) -> Values:
+        """The value of an expression that is no record."""
+        value = self.evaluate(node, scope)
+        if not isinstance(value, np.ndarray):
+            raise ModelicaError("expected numbers; found a record or a component", node.at)
+        if value.size and isinstance(value.ravel()[0], (Instance, RecordValue)):
+            raise ModelicaError("expected numbers; found components", node.at)
+        return value
+
+    def one(self, node: SyntaxNode, scope: NameScope) -> Any:
+        """The value of an expression that is a scalar."""
+        value = self.array(node, scope)
+        if value.shape:
+            raise ModelicaError(f"expected a scalar; found an array of shape {value.shape}", node.at)
+        return value[()]
+
+    def number(self, node: SyntaxNode, scope: NameScope, asked: str) -> Any:
+        """The value of an expression that is a number before anything is solved."""
+        return number_of(self.one(node, scope), node.at, asked)
+
+    def whole(self, node: SyntaxNode, scope: NameScope, asked: str) -> int:
+        value = self.number(node, scope, asked)
+        if isinstance(value, EnumerationLiteral):
+            return value.position
+        if isinstance(value, bool) or not is_number(value) or value != int(value):
+            raise ModelicaError(f"{asked} is a whole number; found {value}", node.at)
+        return int(value)
+
+    def evaluate(self, node: SyntaxNode, scope: NameScope) -> Any:
+        """An array of scalars, a RecordValue, or an Instance. Raises ModelicaError, with the place."""
+        if isinstance(node, Literal):
+            return scalar(node.value)
+        if isinstance(node, Reference):
+            return self.reference(node, scope)
+        if isinstance(node, Binary):
+            a, b = self.evaluate(node.left, scope), self.evaluate(node.right, scope)
+            if not isinstance(a, np.ndarray) or not isinstance(b, np.ndarray):
+                raise ModelicaError(f"'{node.operator}' takes numbers; found a record", node.at)
+            return binary(node.operator, a, b, node.at)
+        if isinstance(node, Unary):
+            value = self.array(node.operand, scope)
+            if node.operator == "not":
+                return each(lambda x: operation("not", (x,), node.at), value)
+            return negative(value, node.at) if node.operator in ("-", ".-") else value
+        if isinstance(node, FunctionCall):
+            return self.call(node, scope)
+        if isinstance(node, Conditional):
+            return self.conditional(node, scope)
+        if isinstance(node, Array):
+            return stacked([self.evaluate(item, scope) for item in node.items], node.at)
+        if isinstance(node, Comprehension):
+            return self.comprehended(node.item, node.loops, scope, node.at)
+        if isinstance(node, Matrix):
+            return matrix_of([[self.array(x, scope) for x in row] for row in node.rows], node.at)
+        if isinstance(node, Range):
+            return self.range(node, scope)
+        if isinstance(node, EndIndex):
+            if "end" not in scope.locals:
+                raise ModelicaError("'end' stands for a size inside brackets only", node.at)
+            return scope.locals["end"]
+        if isinstance(node, Outputs):
+            raise ModelicaError("several values in parentheses stand left of a function's call only", node.at)
+        if isinstance(node, FunctionArgument):
+            raise ModelicaError("functions as arguments are not taken", node.at)
+        raise ModelicaError(f"{type(node).__name__.lower()} is not taken here", node.at)
+
+    def conditional(self, node: Conditional, scope: NameScope) -> Values:
+        branches: list[tuple[Any, Values]] = []
+        for condition, value in node.branches:
+            truth = self.truth(condition, scope)
+            if truth is True:
+                last = self.array(value, scope)
+                break
+            if truth is not False:
+                branches.append((truth, self.array(value, scope)))
+        else:
+            last = self.array(node.otherwise, scope)
+        for truth, value in reversed(branches):
+            if value.shape != last.shape:
+                raise ModelicaError(f"the branches have shapes {value.shape} and {last.shape}", node.at)
+            last = each(lambda a, b, c=truth: operation("if", (c, a, b), node.at), value, last)
+        return last
+
+    def truth(self, node: SyntaxNode, scope: NameScope) -> Any:
+        """True or False where parameters decide, else the condition."""
+        from .scalars import is_constant
+
+        condition = self.one(node, scope)
+        if not is_literal(condition) and is_constant(condition):
+            condition = number_of(condition, node.at, "a condition")
+        if is_literal(condition) and not isinstance(condition, bool):
+            raise ModelicaError(f"a condition is true or false; found {condition}", node.at)
+        return condition
+
+    def loops(self, loops: list[Loop], scope: NameScope, body: list[Any]) -> list[NameScope]:
+        """The scopes of all turns of a loop, the first index outermost."""
+        scopes = [scope]
+        for loop in loops:
+            following = []
+            for inside in scopes:
+                if loop.over is None:
+                    raise ModelicaError(f"'{loop.name}' needs a range: for {loop.name} in 1:n", loop.at)
+                over = self.array(loop.over, inside)
+                if over.ndim != 1:
+                    raise ModelicaError(f"'{loop.name}' runs over a vector; found shape {over.shape}", loop.at)
+                following += [inside.inner({loop.name: scalar(x)}) for x in over]
+            scopes = following
+        return scopes
+
+    def comprehended(self, item: SyntaxNode, loops: list[Loop], scope: NameScope, at: Place) -> Any:
+        if len(loops) > 1:  # the last index is the first dimension
+            *rest, last = loops
+            return stacked([self.comprehended(item, rest, s, at) for s in self.loops([last], scope, [])], at)
+        return stacked([self.evaluate(item, s) for s in self.loops(loops, scope, [])], at)
+
+    def range(self, node: Range, scope: NameScope) -> Values:
+        start, stop = (self.number(x, scope, "the end of a range") for x in (node.start, node.stop))
+        if isinstance(start, EnumerationLiteral) and isinstance(stop, EnumerationLiteral):
+            return array([EnumerationLiteral(start.type_name, "", n) for n in range(start.position, stop.position + 1)],
+                         (stop.position - start.position + 1,))  # fmt: skip
+        step = 1 if node.step is None else self.number(node.step, scope, "the step of a range")
+        if isinstance(start, EnumerationLiteral) or not all(map(is_number, (start, step, stop))) or step == 0:
+            raise ModelicaError(f"a range takes numbers, and a step other than 0; found {start}:{step}:{stop}", node.at)
+        count = max(0, int(np.floor((stop - start) / step * (1 + 1e-14) + 1e-9)) + 1)
+        if count > LONGEST:
+            raise ModelicaError(f"a range of {count} entries is too long", node.at)
+        return array([start + step * k for k in range(count)], (count,))
+
+    # names
+
+    def reference(self, node: Reference, scope: NameScope) -> Any:
+        first, *rest = node.parts
+        value = None if node.absolute else self.first(first, node, scope)
+        if value is None:
+            return self.constant(node, scope)
+        value = self.subscripted(value, first, scope, node.at)
+        if isinstance(value, np.ndarray) and value.shape == () and value[()] is None:
+            raise ModelicaError(f"'{first.name}' is used before it is assigned", node.at)
+        for part in rest:
+            value = self.subscripted(field(value, part.name, node.at), part, scope, node.at)
+        return value
+
+    def first(self, part: ReferencePart, node: Reference, scope: NameScope) -> Any:
+        """A local name, a component of the instance, or one of the language's own; None for others."""
+        name = part.name
+        if name in scope.locals:
+            value = scope.locals[name]
+            whole = isinstance(value, np.ndarray) and part.subscripts is None
+            if whole and any(x is None for x in entries(value)):
+                raise ModelicaError(f"'{name}' is used before it is assigned", node.at)
+            return value
+        if scope.instance is not None and name in scope.instance.elements:
+            return member(scope.instance, name, node.at)
+        if len(node.parts) == 1:
+            if name == "time":
+                return scalar(Operation("time", (), node.at))
+            if self.horizon and name in _HORIZON:
+                return scalar(Operation(_HORIZON[name], (), node.at))
+        return None
+
+    def constant(self, node: Reference, scope: NameScope) -> Any:
+        """A constant of an enclosing class, or of a package that the name leads to."""
+        names = [p.name for p in node.parts]
+        space: Space | None = scope.space.root if node.absolute else scope.space
+        begin = 0
+        while space is not None and not node.absolute:
+            if declares(space, names[0]):
+                return self.walk(member(package(space, self), names[0], node.at), node, 0, scope)
+            for item in space.text.imports:
+                if item.name == names[0] and (reached := self.of_import(item.reference, node, scope)) is not None:
+                    return reached
+                if not item.name and declares(inside := space.root.absolute(item.reference), names[0]):
+                    return self.walk(member(package(inside, self), names[0], node.at), node, 0, scope)
+            if (further := space.member(names[0]) or space.imported(names[0])) is not None:
+                space, begin = further, 1
+                break
+            space = space.outer
+        if space is None:
+            raise ModelicaError(f"there is no '{names[0]}'{near(names[0], self.names(scope))}", node.at)
+        for n in range(begin, len(names)):
+            if space.text.literals is not None:
+                return self.literal(space, names[n], node.at)
+            if declares(space, names[n]):
+                return self.walk(member(package(space, self), names[n], node.at), node, n, scope)
+            following = space.member(names[n])
+            if following is None:
+                raise ModelicaError(f"{space.name or 'the text'} has no '{names[n]}'", node.at)
+            space = following
+        raise ModelicaError(f"{space.name} is a {space.text.restriction} and no value", node.at)
+
+    def of_import(self, reference: Reference, node: Reference, scope: NameScope) -> Any:
+        """A constant that is imported by its full name."""
+        holder = Reference(reference.at, reference.parts[:-1], True)
+        space = scope.space.root.absolute(holder)
+        if not declares(space, reference.parts[-1].name):
+            return None
+        return self.walk(member(package(space, self), reference.parts[-1].name, node.at), node, 0, scope)
+
+    def walk(self, value: Any, node: Reference, begin: int, scope: NameScope) -> Any:
+        value = self.subscripted(value, node.parts[begin], scope, node.at)
+        for part in node.parts[begin + 1 :]:
+            value = self.subscripted(field(value, part.name, node.at), part, scope, node.at)
+        return value
+
+    @staticmethod
+    def literal(space: Space, name: str, at: Place) -> Values:
+        literals = space.text.literals or []
+        if name not in literals:
+            raise ModelicaError(f"{space.name} has no '{name}'{near(name, literals)}", at)
+        return scalar(EnumerationLiteral(space.name, name, literals.index(name) + 1))
+
+    def names(self, scope: NameScope) -> list[str]:
+        inside = list(scope.instance.elements) if scope.instance is not None else []
+        return [*inside, *scope.locals, *scope.space.names(), "time", *(_HORIZON if self.horizon else ())]
+
+    def subscripted(self, value: Any, part: ReferencePart, scope: NameScope, at: Place) -> Any:
+        if part.subscripts is None:
+            return value
+        if not isinstance(value, np.ndarray) or len(part.subscripts) > value.ndim:
+            shape = value.shape if isinstance(value, np.ndarray) else ()
+            what = f"has the shape {shape}" if shape else "is no array"
+            raise ModelicaError(f"'{part.name}' {what}; found {len(part.subscripts)} subscripts", at)
+        axis = 0
+        for subscript, size in zip(part.subscripts, value.shape, strict=False):
+            if isinstance(subscript, Colon):
+                axis += 1
+                continue
+            places = self.array(subscript, scope.inner({"end": scalar(size)}))
+            if places.ndim > 1:
+                raise ModelicaError(f"a subscript is a number or a vector; found shape {places.shape}", subscript.at)
+            chosen = [self._position(x, size, part.name, subscript) for x in entries(places)]
+            value = np.take(value, chosen if places.shape else chosen[0], axis=axis)
+            if not isinstance(value, np.ndarray):
+                value = value if isinstance(value, (Instance, RecordValue)) else scalar(value)
+            axis += 1 if places.shape else 0
+        if isinstance(value, np.ndarray) and value.shape == () and isinstance(value[()], (Instance, RecordValue)):
+            return value[()]
+        return value
+
+    @staticmethod
+    def _position(x: Any, size: int, name: str, node: SyntaxNode) -> int:
+        n = number_of(x, node.at, f"a subscript of '{name}'")
+        n = n.position if isinstance(n, EnumerationLiteral) else int(n) + 1 if isinstance(n, bool) else n
+        if not is_number(n) or n != int(n):
+            raise ModelicaError(f"a subscript of '{name}' is a whole number; found {n}", node.at)
+        if not 1 <= n <= size:
+            raise ModelicaError(f"a subscript of '{name}' is from 1 to {size}; found {n}", node.at)
+        return int(n) - 1
+
+    # calls
+
+    def call(self, node: FunctionCall, scope: NameScope) -> Any:
+        name = str(node.reference)
+        single = len(node.reference.parts) == 1 and not node.reference.absolute
+        if node.loops is not None:
+            items = self.comprehended(node.arguments[0], node.loops, scope, node.at)
+            return builtin.reduced(name, items, node.at)
+        if self.horizon and (value := self._component(node.reference, scope)) is not None:
+            return self.instant(value, node, scope)
+        if single and name in builtin.BUILT_IN:
+            return builtin.called(name, node, scope, self)
+        space = self.function(node.reference, scope)
+        own = space.name
+        if own.startswith("Modelica.Math.") and (plain := builtin.MATHEMATICAL.get(own.removeprefix("Modelica.Math."))):
+            return builtin.called(plain, node, scope, self)
+        if space.text.restriction.endswith("record"):
+            return functions.constructed(space, node, scope, self)
+        if not space.text.restriction.endswith("function"):
+            raise ModelicaError(f"{name} is a {space.text.restriction} and no function", node.at)
+        return functions.called(space, node, scope, self)
+
+    def _component(self, reference: Reference, scope: NameScope) -> Any:
+        """A variable in front of parentheses, `x(finalTime)`; None for what is a function."""
+        name = reference.parts[0].name
+        if name in scope.locals or (scope.instance is not None and name in scope.instance.elements):
+            return self.reference(reference, scope)
+        return None
+
+    def instant(self, value: Any, node: FunctionCall, scope: NameScope) -> Values:
+        if not isinstance(value, np.ndarray) or len(node.arguments) != 1 or node.named:
+            raise ModelicaError(f"'{node.reference}' at an instant takes one time: x(finalTime)", node.at)
+        time = self.one(node.arguments[0], scope)
+        return each(lambda x: Operation("at", (x, time), node.at), value)
+
+    def function(self, reference: Reference, scope: NameScope) -> Space:
+        try:
+            return scope.space.find(reference)
+        except ModelicaError as error:
+            name = reference.parts[0].name
+            if len(reference.parts) > 1 or scope.space.lookup(name) is not None:
+                raise
+            close = near(name, [*builtin.BUILT_IN, *scope.space.names()])
+            raise ModelicaError(f"there is no function '{name}'{close}", error.place or reference.at) from None

@@ -1,0 +1,57 @@
+"""A class without components: scalars and equations between them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from .scalars import Flat
+from .syntax import Place
+
+
+@dataclass(frozen=True, eq=False)
+class ScalarEquation:
+    """left == right, or with another relation in a constraint."""
+
+    left: Any
+    right: Any
+    at: Place
+    relation: str = "=="
+
+
+@dataclass(frozen=True, eq=False)
+class ScalarIf:
+    """One of two sets of equations, as many on each side, by a condition."""
+
+    condition: Any
+    then: tuple[ScalarEquation, ...]
+    otherwise: tuple[ScalarEquation, ...]
+    at: Place
+
+
+@dataclass(frozen=True, eq=False)
+class ScalarWhen:
+    """What happens at the instants at which a condition comes true."""
+
+    condition: Any
+    actions: tuple[ScalarEquation, ...]
+    restarts: tuple[tuple[Any, Any], ...]
+    at: Place
+
+
+@dataclass(eq=False)
+class Flattened:
+    """A class without components: variables, parameters and equations in the order of the text."""
+
+    name: str
+    at: Place
+    description: str
+    optimization: bool
+    flats: list[Flat] = field(default_factory=list)
+    equations: list[ScalarEquation | ScalarIf | ScalarWhen] = field(default_factory=list)
+    initial: list[ScalarEquation] = field(default_factory=list)
+    constraints: list[ScalarEquation] = field(default_factory=list)
+    header: dict[str, Any] = field(default_factory=dict)
+    branches: list[tuple[str, Any, Place]] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
+    header_at: dict[str, Place] = field(default_factory=dict)

@@ -1,0 +1,385 @@
+"""Flattening: one class of the text becomes variables and equations between scalars, under the names of the text."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from . import functions
+from .arrays import RecordValue, each, entries, same_shape
+from .causality import settle_inputs
+from .connections import Connections
+from .constraints import constraints_settled
+from .expressions import Evaluator
+from .flat import Flattened, ScalarEquation, ScalarIf, ScalarWhen
+from .instances import Declared, Instance, NameScope
+from .members import field as field_of
+from .modifications import Modifier
+from .scalars import Flat, Operation, Symbol, is_constant, is_literal, number_of, operation, symbols
+from .scopes import Space
+from .syntax import (
+    Binary,
+    Calls,
+    Connect,
+    Equal,
+    For,
+    FunctionCall,
+    If,
+    ModelicaError,
+    Modification,
+    Outputs,
+    Place,
+    Reference,
+    SyntaxNode,
+    WhenEquation,
+)
+
+
+def flattened(space: Space, said: Modifier) -> Flattened:
+    """The flat equations of a class, with modifications from outside. Raises ModelicaError, with file and line."""
+    return _Flattening(space, said).result()
+
+
+class _Flattening:
+    def __init__(self, space: Space, said: Modifier) -> None:
+        self.model = Evaluator()
+        text = space.text
+        if text.restriction not in ("model", "class", "block", "optimization"):
+            raise ModelicaError(f"{space.name} is a {text.restriction}; a model or an optimization is solved", text.at)
+        if "partial" in text.prefixes:
+            raise ModelicaError(f"{space.name} is partial; name a class that extends it", text.at)
+        self.model.horizon = text.restriction == "optimization"
+        try:
+            self.root = Instance(space, said, "", None, self.model, frozenset())
+        except RecursionError:
+            raise ModelicaError(f"{space.name} holds itself", text.at) from None
+        self.out = Flattened(text.name, text.at, text.description, self.model.horizon)
+        self.connections = Connections()
+
+    def result(self) -> Flattened:
+        instances = list(self.root.walk())
+        for instance in instances:
+            if "expandable" in instance.space.text.prefixes:
+                raise ModelicaError(f"'{instance.path}' is an expandable connector, which is not taken", instance.at)
+            if instance is not self.root and instance.restriction == "optimization":
+                raise ModelicaError(f"'{instance.path}' is an optimization and no component", instance.at)
+            self._declared(instance)
+        for instance in instances:
+            for section in instance.sections:
+                self._section(section.text, section.scope)
+        if self.root.space.text.restriction != "optimization" and self.out.constraints:
+            raise ModelicaError("a constraint section belongs into an optimization", self.out.constraints[0].at)
+        for a, b, place in self.connections.equalities:
+            self.out.equations.append(ScalarEquation(Symbol(a), Symbol(b), place))
+        self.connections.complete(instances, self.root)
+        for terms, place in self.connections.sums():
+            self.out.equations.append(ScalarEquation(terms, 0, place))
+        self._macros()
+        self._header()
+        if self.out.optimization:
+            constraints_settled(self.out)
+        settle_inputs(self.out.flats, self.out.equations)
+        self.out.warnings = self.model.warnings
+        return self.out
+
+    # declarations
+
+    def _declared(self, instance: Instance) -> None:
+        for element in instance.elements.values():
+            made = element.made
+            if not isinstance(made, Declared) or "outer" in element.text.prefixes:
+                continue
+            for flat in made.flats:
+                self.out.flats.append(flat)
+                if flat.kind == "parameter":
+                    self._parameter(flat)
+            if made.flats and made.flats[0].kind not in ("parameter", "constant"):
+                value = made.binding()
+                if value is None:
+                    continue
+                place = made.fixed_place
+                for flat, entry in zip(made.flats, entries(each(lambda x, _: x, value, made.symbols)), strict=True):
+                    if flat.base != "Real" and flat.base != "Integer":
+                        flat.replaced = entry
+                    else:
+                        flat.kind = "variable" if flat.kind == "input" else flat.kind
+                        self.out.equations.append(ScalarEquation(Symbol(flat), entry, place))
+
+    def _parameter(self, flat: Flat) -> None:
+        if self._flag(flat, "free"):
+            if self.model.horizon:
+                flat.free = True
+            else:
+                self.model.warn(f"'{flat.name}' is free in an optimization only", flat.at)
+        elif flat.get("fixed") is not None and not self._flag(flat, "fixed"):
+            flat.computed, flat.kind = True, "variable"
+            self.out.equations.append(ScalarEquation(Operation("der", (Symbol(flat),), flat.at), 0, flat.at))
+
+    @staticmethod
+    def _flag(flat: Flat, name: str) -> bool:
+        value = flat.get(name)
+        if value is None:
+            return False
+        value = number_of(value, flat.at, f"{name} of '{flat.name}'")
+        if not isinstance(value, bool):
+            raise ModelicaError(f"{name} of '{flat.name}' is true or false; found {value}", flat.at)
+        return value
+
+    # sections
+
+    def _section(self, text: Any, scope: NameScope) -> None:
+        for node in text.equations:
+            self.out.equations += self._equations(node, scope)
+        for node in text.initial_equations:
+            self.out.initial += self._plain(self._equations(node, scope), "an initial equation")
+        for body in text.algorithms:
+            self.out.equations += self._algorithm(body, scope)
+        for body in text.initial_algorithms:
+            self.out.initial += self._algorithm(body, scope)
+        for node in text.constraints:
+            self.out.constraints += self._constraints(node, scope)
+        if text.annotation is not None:
+            self._annotated(text.annotation, scope)
+
+    def _plain(self, given: Sequence[Any], what: str) -> list[ScalarEquation]:
+        for item in given:
+            if not isinstance(item, ScalarEquation):
+                raise ModelicaError(f"{what} is an equation; found a condition of variables", item.at)
+        return list(given)
+
+    def _algorithm(self, body: Sequence[SyntaxNode], scope: NameScope) -> list[ScalarEquation]:
+        result = []
+        place = body[0].at if body else scope.space.text.at
+        for name, value in functions.algorithm(body, scope, self.model).items():
+            symbol = self.model.reference(_name(name, place), scope)
+            if not isinstance(value, np.ndarray):
+                raise ModelicaError("an algorithm of a model assigns numbers", place)
+            pairs = zip(entries(symbol), entries(value), strict=True)
+            result += [ScalarEquation(s, v, place) for s, v in pairs if s is not v]
+        return result
+
+    def _equations(self, node: SyntaxNode, scope: NameScope) -> list[Any]:
+        if isinstance(node, Equal):
+            return self._equal(node, scope)
+        if isinstance(node, For):
+            return [e for s in self.model.loops(node.loops, scope, node.body) for x in node.body
+                    for e in self._equations(x, s)]  # fmt: skip
+        if isinstance(node, If):
+            return self._if(node, scope)
+        if isinstance(node, Connect):
+            self.connections.connect(node, scope, self.model)
+            return []
+        if isinstance(node, WhenEquation):
+            return [self._when(node, scope)]
+        if isinstance(node, Calls):
+            self._call(node, scope)
+            return []
+        raise ModelicaError("this is no equation", node.at)
+
+    def _equal(self, node: Equal, scope: NameScope) -> list[ScalarEquation]:
+        if isinstance(node.left, Outputs):
+            call = node.right
+            if not isinstance(call, FunctionCall):
+                raise ModelicaError("several values come from a function's call", node.at)
+            values = functions.results(self.model.function(call.reference, scope), call, scope, self.model)
+            if len(values) < len(node.left.items):
+                raise ModelicaError(f"{call.reference}() gives {len(values)} values", node.at)
+            pairs = [(self.model.evaluate(t, scope), v)
+                     for t, v in zip(node.left.items, values, strict=False) if t is not None]  # fmt: skip
+            return [e for a, b in pairs for e in self._between(a, b, node.at)]
+        return self._between(self.model.evaluate(node.left, scope), self.model.evaluate(node.right, scope), node.at)
+
+    def _between(self, a: Any, b: Any, at: Place) -> list[ScalarEquation]:
+        if isinstance(a, np.ndarray) and isinstance(b, np.ndarray):
+            if a.size and isinstance(a.ravel()[0], Instance):
+                return [e for x, y in zip(a.ravel(), b.ravel(), strict=True) for e in self._between(x, y, at)]
+            same_shape(a, b, "=", at)
+            return [ScalarEquation(x, y, at) for x, y in zip(entries(a), entries(b), strict=True)]
+        names = list(a.elements if isinstance(a, Instance) else a) if isinstance(a, (Instance, RecordValue)) else None
+        if names is None or not isinstance(b, (Instance, RecordValue)):
+            raise ModelicaError("the sides of this equation are a record and a number", at)
+        return [e for name in names for e in self._between(field_of(a, name, at), field_of(b, name, at), at)]
+
+    def _if(self, node: If, scope: NameScope) -> list[Any]:
+        branches: list[tuple[Any, list[Any]]] = []
+        last: list[Any] = []
+        for condition, body in node.branches:
+            truth = self.model.truth(condition, scope)
+            if truth is False:
+                continue
+            inside = [e for x in body for e in self._equations(x, scope)]
+            if truth is True:
+                last = inside
+                break
+            branches.append((truth, inside))
+        else:
+            last = [e for x in node.otherwise or () for e in self._equations(x, scope)]
+        for truth, inside in reversed(branches):
+            if len(inside) != len(last):
+                raise ModelicaError(f"the branches have {len(inside)} and {len(last)} equations", node.at)
+            if not all(isinstance(e, ScalarEquation) for e in (*inside, *last)):
+                then, other = (self._plain(x, "a branch") if not _ifs(x) else x for x in (inside, last))
+                last = [ScalarIf(truth, (t,), (o,), node.at) for t, o in zip(then, other, strict=True)]
+                if not all(isinstance(e, ScalarEquation) for x in last for e in (*x.then, *x.otherwise)):
+                    raise ModelicaError("elseif between equations is not taken; write an if-expression", node.at)
+                continue
+            if all(t.left is o.left or _same(t.left, o.left) for t, o in zip(inside, last, strict=True)):
+                last = [ScalarEquation(t.left, operation("if", (truth, t.right, o.right), node.at), t.at)
+                        for t, o in zip(inside, last, strict=True)]  # fmt: skip
+            else:
+                last = [ScalarIf(truth, (t,), (o,), t.at) for t, o in zip(inside, last, strict=True)]
+        return last
+
+    def _when(self, node: WhenEquation, scope: NameScope) -> ScalarWhen:
+        if len(node.branches) > 1:
+            raise ModelicaError("elsewhen is not taken; write two when clauses", node.at)
+        if self.model.horizon:
+            raise ModelicaError("an optimization has no when", node.at)
+        written, body = node.branches[0]
+        conditions = list(entries(self.model.array(written, scope)))
+        condition = conditions[0]
+        for other in conditions[1:]:
+            condition = operation("or", (condition, other), node.at)
+        actions: list[ScalarEquation] = []
+        restarts: list[tuple[Any, Any]] = []
+        for x in body:
+            if (
+                isinstance(x, Calls)
+                and isinstance(x.expression, FunctionCall)
+                and str(x.expression.reference) == "reinit"
+            ):
+                if len(x.expression.arguments) != 2:
+                    raise ModelicaError("reinit() takes a variable and its value", x.at)
+                pair = [self.model.one(a, scope) for a in x.expression.arguments]
+                restarts.append((pair[0], pair[1]))
+            elif isinstance(x, (Equal, For)):
+                for e in self._plain(self._equations(x, scope), "an action"):
+                    if not isinstance(e.left, Symbol):
+                        raise ModelicaError("an equation inside when has a variable on its left", e.at)
+                    e.left.flat.kind = "discrete"
+                    actions.append(e)
+            else:
+                raise ModelicaError("inside when equations and reinit() are taken", x.at)
+        assigned = {id(e.left.flat) for e in actions}
+        for e in actions:
+            if any(id(f) in assigned and f is not e.left.flat for f in _current(e.right)):
+                raise ModelicaError("an action of when that follows from another action is not taken", e.at)
+        return ScalarWhen(condition, tuple(actions), tuple(restarts), node.at)
+
+    def _call(self, node: Calls, scope: NameScope) -> None:
+        expression = node.expression
+        if not isinstance(expression, FunctionCall):
+            relation = "; a relation belongs into a constraint section" if isinstance(expression, Binary) else ""
+            raise ModelicaError(f"this is no equation: it has no '='{relation}", node.at)
+        name = str(expression.reference)
+        if name == "assert":
+            self.model.evaluate(expression, scope)
+        elif name.startswith("Connections."):
+            raise ModelicaError(f"{name}() is of overdetermined connectors, which are not taken", node.at)
+        elif name == "reinit":
+            raise ModelicaError("reinit() stands in a when clause", node.at)
+        else:
+            raise ModelicaError(f"{name}() alone is no equation; it has no '='", node.at)
+
+    def _constraints(self, node: SyntaxNode, scope: NameScope) -> list[ScalarEquation]:
+        if isinstance(node, Equal):
+            return self._equal(node, scope)
+        if isinstance(node, For):
+            return [e for s in self.model.loops(node.loops, scope, node.body) for x in node.body
+                    for e in self._constraints(x, s)]  # fmt: skip
+        if isinstance(node, If):
+            for condition, body in node.branches:
+                truth = self.model.truth(condition, scope)
+                if not isinstance(truth, bool):
+                    raise ModelicaError("the condition of a constraint is made of parameters", condition.at)
+                if truth:
+                    return [e for x in body for e in self._constraints(x, scope)]
+            return [e for x in node.otherwise or () for e in self._constraints(x, scope)]
+        if isinstance(node, Calls) and isinstance(node.expression, Binary):
+            e = node.expression
+            if e.operator in ("<=", ">=", "<", ">"):
+                a, b = self.model.array(e.left, scope), self.model.array(e.right, scope)
+                same_shape(a, b, e.operator, node.at, scalars=True)
+                relation = e.operator if e.operator.endswith("=") else f"{e.operator}="
+                made: Any = each(lambda x, y: Operation("pair", (x, y), node.at), a, b)
+                pairs: list[Any] = [pair.arguments for pair in entries(made)]
+                return [ScalarEquation(x, y, node.at, relation) for x, y in pairs]
+        raise ModelicaError("a constraint is an equation, or a relation with <= or >=", node.at)
+
+    # the whole
+
+    def _macros(self) -> None:
+        """Boolean variables stand for their conditions; an Integer variable needs events."""
+        kept: list[Any] = []
+        for e in self.out.equations:
+            flat = e.left.flat if isinstance(e, ScalarEquation) and isinstance(e.left, Symbol) else None
+            if flat is not None and flat.base not in ("Real", "Integer") and flat.kind == "variable":
+                if flat.replaced is not None:
+                    raise ModelicaError(f"'{flat.name}' has two equations", e.at)
+                flat.replaced = e.right if isinstance(e, ScalarEquation) else None
+            else:
+                kept.append(e)
+        self.out.equations = kept
+        for flat in self.out.flats:
+            if flat.base not in ("Real", "Integer") and flat.kind == "variable" and flat.replaced is None:
+                raise ModelicaError(f"'{flat.name}' is {flat.base} and has no equation of its own", flat.at)
+
+    def _header(self) -> None:
+        for name, given in self.root.header.items():
+            value = self.model.given(given)
+            if not isinstance(value, np.ndarray) or value.shape:
+                raise ModelicaError(f"{name} is a scalar", given.node.at)
+            entry = value[()]
+            attribute = "." in name or name.endswith("Time")
+            if attribute and not is_literal(entry):
+                if not is_constant(entry):
+                    raise ModelicaError(f"{name} is made of numbers and parameters", given.node.at)
+                entry = number_of(entry, given.node.at, name)
+            self.out.header[name] = entry
+            self.out.header_at[name] = given.node.at
+
+    def _annotated(self, written: Modification, scope: NameScope) -> None:
+        """What annotations say to gtmodel: `__gtmodel(branch(ahead = x))`, the sign by which solutions differ."""
+        for argument in written.arguments:
+            inside = argument.modification.arguments if argument.modification is not None else []
+            if argument.name != ("__gtmodel",):
+                continue
+            for item in inside:
+                if item.name != ("branch",) or item.modification is None:
+                    raise ModelicaError(f"__gtmodel takes branch(name = expression); found {item.name[0]}", item.at)
+                for one in item.modification.arguments:
+                    if one.modification is None or one.modification.value is None:
+                        raise ModelicaError(f"the branch '{one.name[0]}' has no expression", one.at)
+                    value = self.model.one(one.modification.value, scope)
+                    assert scope.instance is not None
+                    self.out.branches.append((scope.instance.full(one.name[0]), value, one.at))
+
+
+def _name(name: str, at: Place) -> Reference:
+    from .syntax import ReferencePart
+
+    return Reference(at, (ReferencePart(name, None),))
+
+
+def _ifs(items: Sequence[Any]) -> bool:
+    return all(isinstance(e, (ScalarIf, ScalarEquation)) for e in items)
+
+
+def _same(a: Any, b: Any) -> bool:
+    if isinstance(a, Symbol) and isinstance(b, Symbol):
+        return a.flat is b.flat
+    if isinstance(a, Operation) and isinstance(b, Operation):
+        return a.name == b.name and len(a.arguments) == len(b.arguments) and all(
+            _same(x, y) for x, y in zip(a.arguments, b.arguments, strict=True))  # fmt: skip
+    return False
+
+
+def _current(x: Any) -> list[Flat]:
+    """Variables that stand in an expression outside pre()."""
+    if isinstance(x, Operation) and x.name == "pre":
+        return []
+    if isinstance(x, Operation):
+        return [f for a in x.arguments for f in _current(a)]
+    return list(symbols(x))

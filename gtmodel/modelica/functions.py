@@ -1,0 +1,387 @@
+"""Functions of the text, inlined: their algorithm is carried out on expressions. And algorithms of models."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..lang.slips import near
+from . import builtin
+from .arrays import RecordValue, array, each, entries
+from .instances import Instance, NameScope, kind_of
+from .members import member
+from .modifications import modifier
+from .scalars import is_literal, operation
+from .scopes import Space
+from .syntax import (
+    Assign,
+    Calls,
+    Component,
+    Extends,
+    For,
+    FunctionCall,
+    If,
+    ModelicaError,
+    Place,
+    Reference,
+    ReferencePart,
+    SyntaxNode,
+    TextJump,
+    WhenEquation,
+    While,
+)  # fmt: skip
+
+if TYPE_CHECKING:
+    from .expressions import Evaluator
+
+DEEPEST = 40  # calls in one another
+TURNS = 100_000  # of a loop
+
+
+class _Broken(Exception):
+    """A loop, or the function itself, ends."""
+
+    def __init__(self, word: str) -> None:
+        self.word = word
+
+
+def components(space: Space) -> list[tuple[Component, Space]]:
+    """Declared components of a function or a record, inherited ones first, each with the class that declares it."""
+    result: list[tuple[Component, Space]] = []
+    for element in space.text.elements:
+        if isinstance(element, Extends):
+            result += components(space.base(element))
+        elif isinstance(element, Component):
+            result.append((element, space))
+    return result
+
+
+def _bodies(space: Space) -> list[tuple[list[SyntaxNode], Space]]:
+    inherited = [body for base, _ in space.bases() for body in _bodies(base)]
+    return [*inherited, *[(body, space) for body in space.text.algorithms]]
+
+
+def _short(space: Space) -> tuple[Space, list[Any]]:
+    """The function behind `function g = f(a=2)`, with the defaults that it changes."""
+    said: list[Any] = []
+    while space.text.short:
+        extends = space.text.elements[0]
+        assert isinstance(extends, Extends)
+        said.append((extends.modification, space))
+        space = space.base(extends)
+    return space, said
+
+
+def _assigned(inputs: Sequence[Component], node: FunctionCall, what: str) -> dict[str, SyntaxNode]:
+    """Arguments by name. Raises ModelicaError for too many and unknown ones."""
+    names = [c.name for c in inputs]
+    if len(node.arguments) > len(names):
+        raise ModelicaError(f"{what} takes {len(names)} arguments; found {len(node.arguments)}", node.at)
+    result = dict(zip(names, node.arguments, strict=False))
+    for name, value in node.named.items():
+        if name not in names:
+            raise ModelicaError(f"{what} has no argument '{name}'{near(name, names)}", node.at)
+        if name in result:
+            raise ModelicaError(f"argument '{name}' of {what} is given twice", node.at)
+        result[name] = value
+    return result
+
+
+def constructed(space: Space, node: FunctionCall, scope: NameScope, model: Evaluator) -> RecordValue:
+    """A record made by calling its class."""
+    space, said = _short(space)
+    fields = components(space)
+    given = _assigned([c for c, _ in fields], node, space.name)
+    changes = {k: m for text, s in said for k, m in modifier(text, NameScope(None, s, model)).inside.items()}
+    result = RecordValue()
+    for c, holder in fields:
+        inside = NameScope(None, holder, model, dict(result))
+        if c.name in given:
+            result[c.name] = model.evaluate(given[c.name], scope)
+        elif c.name in changes and (own := changes[c.name].value) is not None:
+            result[c.name] = model.given(own)
+        elif c.modification is not None and c.modification.value is not None:
+            result[c.name] = model.evaluate(c.modification.value, inside)
+        else:
+            raise ModelicaError(f"{space.name}() needs '{c.name}'", node.at)
+        _check_size(c, result[c.name], inside, model, space.name)
+    return result
+
+
+def called(space: Space, node: FunctionCall, scope: NameScope, model: Evaluator) -> Any:
+    """The first output of a function; the others stand in `results`."""
+    return results(space, node, scope, model)[0]
+
+
+def results(space: Space, node: FunctionCall, scope: NameScope, model: Evaluator) -> list[Any]:
+    """All outputs of a function. Raises ModelicaError for what cannot be inlined."""
+    space, said = _short(space)
+    text = space.text
+    what = f"function {space.name}"
+    if text.external is not None:
+        raise ModelicaError(f"{what} is external, written in another language, and is not taken", node.at)
+    if text.refused:
+        raise ModelicaError(f"{what} is not taken: {text.refused}", node.at)
+    declared = components(space)
+    inputs = [c for c, _ in declared if "input" in c.prefixes]
+    outputs = [c for c, _ in declared if "output" in c.prefixes]
+    bodies = _bodies(space)
+    if not outputs or not bodies:
+        raise ModelicaError(f"{what} has no {'algorithm' if outputs else 'output'}", node.at)
+    given = _assigned(inputs, node, what)
+    changes = {k: m for written, s in said for k, m in modifier(written, NameScope(None, s, model)).inside.items()}
+    values = {name: model.evaluate(value, scope) for name, value in given.items()}
+    local: dict[str, Any] = {}
+    if model.calls >= DEEPEST:
+        raise ModelicaError(f"{what} calls itself; a recursion cannot be inlined", node.at)
+    model.calls += 1
+    try:
+        for c, holder in declared:
+            inside = NameScope(None, holder, model, local)
+            value = values.get(c.name)
+            if value is None and c.name in changes and (own := changes[c.name].value) is not None:
+                value = model.given(own)
+            if value is None and c.modification is not None and c.modification.value is not None:
+                value = model.evaluate(c.modification.value, inside)
+            if isinstance(value, Instance):
+                value = record_of(value, node.at)
+            if value is None and "input" in c.prefixes:
+                raise ModelicaError(f"{what} needs its argument '{c.name}'", node.at)
+            local[c.name] = _empty(c, inside, model) if value is None else _check_size(c, value, inside, model, what)
+        for body, holder in bodies:
+            try:
+                carry_out(body, NameScope(None, holder, model, local), model)
+            except _Broken as broken:
+                if broken.word != "return":
+                    raise ModelicaError(f"'{broken.word}' stands outside a loop", node.at) from None
+    finally:
+        model.calls -= 1
+    for c in outputs:
+        value = local[c.name]
+        unset = isinstance(value, np.ndarray) and any(x is None for x in entries(value))
+        if unset or (isinstance(value, RecordValue) and not value):
+            raise ModelicaError(f"{what} leaves its output '{c.name}' without a value", c.at)
+    return [local[c.name] for c in outputs]
+
+
+def _size(c: Component, scope: NameScope, model: Evaluator) -> list[int | None]:
+    kind = kind_of(c.type_name, scope)
+    written = [(d, scope) for d in c.dimensions] + kind.dimensions
+    return [None if model.is_colon(d) else model.whole(d, s, f"the size of '{c.name}'") for d, s in written]
+
+
+def _empty(c: Component, scope: NameScope, model: Evaluator) -> Any:
+    """A variable of a function before it is assigned."""
+    kind = kind_of(c.type_name, scope)
+    if kind.space is not None and kind.base != "enumeration":
+        return RecordValue()
+    sizes = _size(c, scope, model)
+    if None in sizes:
+        return array([], (0,))
+    count = int(np.prod(sizes)) if sizes else 1  # type: ignore[arg-type]
+    return array([None] * count, tuple(sizes))  # type: ignore[arg-type]
+
+
+def _check_size(c: Component, value: Any, scope: NameScope, model: Evaluator, what: str) -> Any:
+    if not isinstance(value, np.ndarray) or (value.size and isinstance(value.ravel()[0], (RecordValue, Instance))):
+        return value
+    sizes = _size(c, scope, model)
+    if len(sizes) != value.ndim or any(s is not None and s != n for s, n in zip(sizes, value.shape, strict=True)):
+        wanted = f"shape ({', '.join(':' if s is None else str(s) for s in sizes)})" if sizes else "a scalar"
+        raise ModelicaError(f"'{c.name}' of {what} takes {wanted}; found shape {value.shape}", c.at)
+    return value.copy()
+
+
+def record_of(instance: Instance, at: Place) -> RecordValue:
+    """A component as a record value."""
+    result = RecordValue()
+    for name in instance.elements:
+        value = member(instance, name, at)
+        result[name] = record_of(value, at) if isinstance(value, Instance) else value
+    return result
+
+
+# statements
+
+
+def carry_out(body: Sequence[SyntaxNode], scope: NameScope, model: Evaluator) -> None:
+    """Statements on the local names of a scope, which they change. Raises ModelicaError for what cannot be inlined."""
+    for statement in body:
+        if isinstance(statement, Assign):
+            _assign(statement, scope, model)
+        elif isinstance(statement, If):
+            _choose(statement, scope, model)
+        elif isinstance(statement, For):
+            for turn in model.loops(statement.loops, scope, statement.body):
+                own = {loop.name for loop in statement.loops}
+                inner = NameScope(scope.instance, scope.space, model, _Overlay(scope.locals, turn.locals, own))
+                try:
+                    carry_out(statement.body, inner, model)
+                except _Broken as broken:
+                    if broken.word == "return":
+                        raise
+                    break
+        elif isinstance(statement, While):
+            _repeat(statement, scope, model)
+        elif isinstance(statement, TextJump):
+            raise _Broken(statement.word)
+        elif isinstance(statement, Calls):
+            _call(statement.expression, scope, model)
+        elif isinstance(statement, WhenEquation):
+            raise ModelicaError("when is not taken in an algorithm; write it in an equation section", statement.at)
+        else:
+            raise ModelicaError("this statement is not taken", statement.at)
+
+
+class _Overlay(dict[str, Any]):
+    """Local names of a loop's turn: what it assigns is the surrounding function's."""
+
+    def __init__(self, below: dict[str, Any], turn: dict[str, Any], own: set[str]) -> None:
+        super().__init__({**below, **{name: turn[name] for name in own}})
+        self._below, self._own = below, own
+
+    def __setitem__(self, name: str, value: Any) -> None:
+        super().__setitem__(name, value)
+        if name not in self._own:
+            self._below[name] = value
+
+
+def _call(node: SyntaxNode, scope: NameScope, model: Evaluator) -> None:
+    if not isinstance(node, FunctionCall):
+        raise ModelicaError("this is no statement; an assignment has :=", node.at)
+    name = str(node.reference)
+    if name == "assert":
+        model.evaluate(node, scope)
+    elif name == "terminate" or name in builtin.BUILT_IN:
+        raise ModelicaError(f"{name}() is not taken as a statement", node.at)
+    else:
+        space = model.function(node.reference, scope)
+        if space.name.endswith((".Streams.print", ".Streams.error")):
+            raise ModelicaError(f"{space.name}() writes; it is not taken", node.at)
+        results(space, node, scope, model)
+
+
+def _assign(statement: Assign, scope: NameScope, model: Evaluator) -> None:
+    if len(statement.targets) > 1:
+        call = statement.value
+        assert isinstance(call, FunctionCall)
+        values = results(model.function(call.reference, scope), call, scope, model)
+        if len(values) < len(statement.targets):
+            raise ModelicaError(f"{call.reference}() gives {len(values)} values", statement.at)
+    else:
+        values = [model.evaluate(statement.value, scope)]
+    for target, value in zip(statement.targets, values, strict=False):
+        if target is not None:
+            if not isinstance(target, Reference):
+                raise ModelicaError("an assignment has a name on its left", statement.at)
+            _put(target, value, scope, model)
+
+
+def _put(target: Reference, value: Any, scope: NameScope, model: Evaluator) -> None:
+    first, *rest = target.parts
+    if isinstance(value, Instance):
+        value = record_of(value, target.at)
+    if first.name not in scope.locals:
+        if scope.instance is None or first.name not in scope.instance.elements:
+            raise ModelicaError(f"there is no variable '{first.name}'{near(first.name, list(scope.locals))}", target.at)
+        scope.locals[first.name] = model.first(first, Reference(target.at, (first,)), scope)
+    scope.locals[first.name] = _replaced(scope.locals[first.name], first, rest, value, scope, model, target.at)
+
+
+def _replaced(
+    old: Any,
+    part: ReferencePart,
+    rest: Sequence[ReferencePart],
+    value: Any,
+    scope: NameScope,
+    model: Evaluator,
+    at: Place,
+) -> Any:
+    """The old value with a part of it replaced."""
+    if part.subscripts is None:
+        if rest:
+            if not isinstance(old, RecordValue):
+                raise ModelicaError(f"'{part.name}' is no record whose fields can be assigned", at)
+            inner = old.get(rest[0].name, RecordValue() if len(rest) > 1 else None)
+            return RecordValue({**old, rest[0].name: _replaced(inner, rest[0], rest[1:], value, scope, model, at)})
+        both = isinstance(old, np.ndarray) and isinstance(value, np.ndarray)
+        if both and old.shape != value.shape and old.size:
+            raise ModelicaError(f"'{part.name}' has the shape {old.shape}; its value has {value.shape}", at)
+        return value
+    if rest or not isinstance(old, np.ndarray):
+        raise ModelicaError(f"this part of '{part.name}' cannot be assigned", at)
+    places = array(list(range(old.size)), old.shape)
+    chosen = model.subscripted(places, part, scope, at)
+    if not isinstance(value, np.ndarray) or chosen.shape != value.shape:
+        raise ModelicaError(f"'{part.name}[...]' takes shape {chosen.shape}", at)
+    flat = old.ravel().copy()
+    for place, entry in zip(entries(chosen), entries(value), strict=True):
+        flat[place] = entry
+    return flat.reshape(old.shape)
+
+
+def _choose(statement: If, scope: NameScope, model: Evaluator) -> None:
+    """An if: by value where its condition has one, else both sides are carried out and joined."""
+    for n, (condition, body) in enumerate(statement.branches):
+        truth = model.truth(condition, scope)
+        if truth is False:
+            continue
+        if truth is True:
+            carry_out(body, scope, model)
+            return
+        rest = If(statement.at, statement.branches[n + 1 :], statement.otherwise)
+        sides = []
+        for side in (body, [rest]):
+            inside = NameScope(scope.instance, scope.space, model, dict(scope.locals))
+            try:
+                carry_out(side, inside, model)
+            except _Broken as broken:
+                raise ModelicaError(
+                    f"'{broken.word}' under a condition of variables cannot be inlined", statement.at
+                ) from None
+            sides.append(inside.locals)
+        for name in sides[0].keys() | sides[1].keys():
+            a, b = (side.get(name, scope.locals.get(name)) for side in sides)
+            if a is not b:
+                scope.locals[name] = joined(truth, a, b, name, statement.at)
+        return
+    if statement.otherwise is not None:
+        carry_out(statement.otherwise, scope, model)
+
+
+def joined(truth: Any, a: Any, b: Any, name: str, at: Place) -> Any:
+    """What a name holds after an if whose condition is only known later."""
+    if isinstance(a, RecordValue) and isinstance(b, RecordValue) and a.keys() == b.keys():
+        return RecordValue({k: joined(truth, a[k], b[k], f"{name}.{k}", at) for k in a})
+    if not isinstance(a, np.ndarray) or not isinstance(b, np.ndarray) or a.shape != b.shape:
+        raise ModelicaError(f"'{name}' has other shapes on the two sides of this if", at)
+    return each(lambda x, y: x if x is y else None if x is None or y is None else operation("if", (truth, x, y), at),
+                a, b)  # fmt: skip
+
+
+def _repeat(statement: While, scope: NameScope, model: Evaluator) -> None:
+    for _ in range(TURNS):
+        condition = model.truth(statement.condition, scope)
+        if not is_literal(condition):
+            raise ModelicaError("a while over variables cannot be inlined", statement.at)
+        if not condition:
+            return
+        try:
+            carry_out(statement.body, scope, model)
+        except _Broken as broken:
+            if broken.word == "return":
+                raise
+            return
+    raise ModelicaError(f"this while makes more than {TURNS} turns", statement.at)
+
+
+def algorithm(body: Sequence[SyntaxNode], scope: NameScope, model: Evaluator) -> dict[str, Any]:
+    """The names that an algorithm section of a model assigns, with their values after it."""
+    inside = NameScope(scope.instance, scope.space, model, {})
+    try:
+        carry_out(body, inside, model)
+    except _Broken as broken:
+        raise ModelicaError(f"'{broken.word}' stands outside a function", scope.space.text.at) from None
+    return inside.locals

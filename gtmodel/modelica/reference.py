@@ -1,0 +1,39 @@
+"""References to classes of texts, "vdp.mop:VDP_Opt", for doors that start before any text is read."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from .names import is_reference as is_reference, libraries as libraries, split as split
+
+if TYPE_CHECKING:
+    from .translate import Translation
+else:
+    from .._lazy import hint
+
+    Translation = hint("gtmodel.modelica.translate", "Translation")
+
+
+def translated(reference: str, *, library: Iterable[str], parameters: Mapping[str, Any]) -> Translation:
+    """See `gtmodel.modelica.translate`."""
+    from .translate import translated as of
+
+    return of(reference, library=library, parameters=parameters)
+
+
+def problem_of(reference: str) -> tuple[Path, dict[str, Any]]:
+    """The file, and the keys of a problem file of this one class: kind "optimization", or "simulation" of a model until
+    the StopTime of its experiment annotation, else 1 s. Raises ModelicaError."""
+    from .translate import chosen, opened, stop_time_of
+
+    place, name = split(reference)
+    text = opened(place, libraries())
+    name, space = chosen(text, name)
+    title = f"{name} of {Path(place).name}"
+    model = f"{Path(place).name}:{name}"
+    if space.text.restriction == "optimization":
+        return Path(place), {"kind": "optimization", "title": title, "model": model}
+    stop = stop_time_of(space.text) or 1.0
+    return Path(place), {"kind": "simulation", "title": title, "robot": model, "final_time_s": stop}

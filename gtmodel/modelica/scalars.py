@@ -1,0 +1,241 @@
+"""Scalar expressions of a flattened model: numbers, variables, and operations on them."""
+
+from __future__ import annotations
+
+import math
+import operator
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+from .syntax import ModelicaError, Place
+
+
+@dataclass(eq=False)
+class Flat:
+    """A scalar variable or parameter of the flattened model, under its name in the text, such as `tank[2].x[1]`.
+
+    kind: "variable", "input", "parameter", "constant" or "discrete". base: Real, Integer, Boolean, String, enumeration.
+    binding, start and the others: made when they are first asked for.
+    """
+
+    name: str
+    kind: str
+    base: str
+    at: Place
+    attribute: Callable[[str], Any]
+    bound: Callable[[], Any]
+    top: bool = False
+    flow: bool = False
+    description: str = ""
+    frozen: bool = False  # a number of it decides about the structure
+    free: bool = False
+    computed: bool = False  # a parameter that initial equations determine
+    replaced: Any = None  # what stands for it everywhere
+    cache: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def binding(self) -> Any:
+        if "binding" not in self.cache:
+            self.cache["binding"] = self.bound()
+        return self.cache["binding"]
+
+    def get(self, name: str) -> Any:
+        """The scalar of an attribute, such as start; None where it is not given."""
+        if name not in self.cache:
+            self.cache[name] = self.attribute(name)
+        return self.cache[name]
+
+
+@dataclass(eq=False, slots=True)
+class Symbol:
+    """A variable or parameter in an expression."""
+
+    flat: Flat
+
+
+@dataclass(eq=False, slots=True)
+class Operation:
+    """An operation on scalars."""
+
+    name: str
+    arguments: tuple[Any, ...]
+    at: Place | None
+
+
+@dataclass(frozen=True)
+class EnumerationLiteral:
+    """A literal of an enumeration."""
+
+    type_name: str
+    name: str
+    position: int
+
+    def __str__(self) -> str:
+        return f"{self.type_name}.{self.name}"
+
+
+Scalar = Any  # float | int | bool | str | EnumerationLiteral | Symbol | Operation
+
+
+def is_number(x: Any) -> bool:
+    return isinstance(x, (int, float)) and not isinstance(x, bool)
+
+
+def is_literal(x: Any) -> bool:
+    return isinstance(x, (int, float, bool, str, EnumerationLiteral))
+
+
+def _power(a: float, b: float) -> float:
+    result = a**b
+    if isinstance(result, complex):
+        raise ValueError("a root of a negative number")
+    return result
+
+
+def _sign(x: float) -> int:
+    return (x > 0) - (x < 0)
+
+
+def _quotient(a: float, b: float) -> int:
+    return math.trunc(a / b)
+
+
+def _compared(compare: Callable[[Any, Any], bool]) -> Callable[[Any, Any], bool]:
+    def of(a: Any, b: Any) -> bool:
+        if isinstance(a, EnumerationLiteral) and isinstance(b, EnumerationLiteral):
+            return compare(a.position, b.position)
+        return compare(a, b)
+
+    return of
+
+
+NUMERIC: dict[str, Callable[..., Any]] = {
+    "+": operator.add, "-": operator.sub, "*": operator.mul, "/": operator.truediv, "**": _power, "neg": operator.neg,
+    "<": _compared(operator.lt), "<=": _compared(operator.le), ">": _compared(operator.gt),
+    ">=": _compared(operator.ge), "==": _compared(operator.eq), "<>": _compared(operator.ne),
+    "and": lambda a, b: bool(a and b), "or": lambda a, b: bool(a or b), "not": operator.not_,
+    "sin": math.sin, "cos": math.cos, "tan": math.tan, "asin": math.asin, "acos": math.acos, "atan": math.atan,
+    "atan2": math.atan2, "sinh": math.sinh, "cosh": math.cosh, "tanh": math.tanh, "exp": math.exp, "log": math.log,
+    "log10": math.log10, "sqrt": math.sqrt, "abs": abs, "sign": _sign, "min": min, "max": max,
+    "floor": math.floor, "ceil": math.ceil, "integer": math.floor, "mod": lambda a, b: a - math.floor(a / b) * b,
+    "div": _quotient, "rem": lambda a, b: a - _quotient(a, b) * b,
+}  # fmt: skip
+
+
+def operation(name: str, arguments: tuple[Any, ...], at: Place | None) -> Scalar:
+    """An operation, as its value where all arguments are literals. Raises ModelicaError where it has none."""
+    if name == "if":
+        condition, then, otherwise = arguments
+        if isinstance(condition, bool):
+            return then if condition else otherwise
+    elif name in NUMERIC and all(is_literal(a) for a in arguments):
+        return computed(name, arguments, at)
+    elif name == "and" and any(a is False for a in arguments):
+        return False
+    elif name == "or" and any(a is True for a in arguments):
+        return True
+    elif name in ("and", "or") and any(isinstance(a, bool) for a in arguments):
+        return next(a for a in arguments if not isinstance(a, bool))
+    return Operation(name, arguments, at)
+
+
+def computed(name: str, arguments: tuple[Any, ...], at: Place | None) -> Any:
+    """The value of an operation on literals."""
+    if name == "+" and all(isinstance(a, str) for a in arguments):
+        return arguments[0] + arguments[1]
+    texts = name in ("==", "<>") or all(isinstance(a, EnumerationLiteral) for a in arguments)
+    logical = name in ("and", "or", "not")
+    if not texts and not logical and not all(is_number(a) for a in arguments):
+        shown = next(a for a in arguments if not is_number(a))
+        raise ModelicaError(f"'{name}' takes numbers; found {shown!r}", at)
+    if logical and not all(isinstance(a, bool) for a in arguments):
+        raise ModelicaError(f"'{name}' takes true or false; found {arguments[0]!r}", at)
+    try:
+        result = NUMERIC[name](*arguments)
+    except (ValueError, ZeroDivisionError, OverflowError) as error:
+        shown = ", ".join(map(str, arguments))
+        raise ModelicaError(f"'{name}' of {shown} has no value: {error}", at) from None
+    if isinstance(result, float) and not math.isfinite(result):
+        raise ModelicaError(f"'{name}' of {', '.join(map(str, arguments))} is not finite", at)
+    return result
+
+
+def symbols(x: Scalar) -> Iterator[Flat]:
+    """Variables and parameters in an expression, each as often as it occurs; without recursion."""
+    stack = [x]
+    while stack:
+        e = stack.pop()
+        if isinstance(e, Symbol):
+            yield e.flat
+        elif isinstance(e, Operation):
+            stack.extend(reversed(e.arguments))
+
+
+def operations(x: Scalar) -> Iterator[Operation]:
+    stack = [x]
+    while stack:
+        e = stack.pop()
+        if isinstance(e, Operation):
+            yield e
+            stack.extend(reversed(e.arguments))
+
+
+def is_constant(x: Scalar) -> bool:
+    """Is it made of literals and parameters that nobody chooses?"""
+    moving = ("der", "time", "start_time", "final_time", "at", "integral", "pre", "initial", "sample", "edge", "change")
+    if any(o.name in moving for o in operations(x)):
+        return False
+    return all(f.kind in ("parameter", "constant") and not f.free and not f.computed for f in symbols(x))
+
+
+def number_of(x: Scalar, at: Place | None = None, asked: str = "") -> Any:
+    """The value of an expression of literals and parameters, which are frozen by that: the model is no longer right
+    for other values of them. Raises ModelicaError for what moves, for a circle and for a parameter without a value."""
+    if is_literal(x):
+        return x
+    if isinstance(x, Symbol):
+        return _of_parameter(x.flat, at, asked)
+    if x.name == "if":
+        condition = number_of(x.arguments[0], at or x.at, asked)
+        return number_of(x.arguments[1 if condition else 2], at or x.at, asked)
+    if x.name not in NUMERIC:
+        raise ModelicaError(f"{asked or 'a value that is needed before'} depends on {_shown(x.name)}", at or x.at)
+    return computed(x.name, tuple(number_of(a, at, asked) for a in x.arguments), at or x.at)
+
+
+_BUSY = object()
+
+
+def _of_parameter(flat: Flat, at: Place | None, asked: str) -> Any:
+    if flat.replaced is not None:
+        return number_of(flat.replaced, at, asked)
+    if flat.kind not in ("parameter", "constant") or flat.computed or flat.free:
+        what = "a free parameter" if flat.free else "no parameter"
+        raise ModelicaError(f"{asked or 'a value that is needed before'} depends on '{flat.name}', which is {what}", at)
+    value = flat.cache.get("number")
+    if value is _BUSY:
+        raise ModelicaError(f"the value of '{flat.name}' depends on itself", flat.at)
+    if value is None:
+        flat.cache["number"] = _BUSY
+        try:
+            value = number_of(value_of(flat), flat.at, f"'{flat.name}'")
+        finally:
+            if flat.cache["number"] is _BUSY:
+                del flat.cache["number"]
+        flat.cache["number"] = value
+    flat.frozen = True
+    return value
+
+
+def value_of(flat: Flat) -> Scalar:
+    """What a parameter is bound to, or its start where it is bound to nothing. Raises ModelicaError without either."""
+    if flat.binding is not None:
+        return flat.binding
+    if (start := flat.get("start")) is not None:
+        return start
+    raise ModelicaError(f"{flat.kind} '{flat.name}' has no value", flat.at)
+
+
+def _shown(name: str) -> str:
+    return {"start_time": "startTime", "final_time": "finalTime", "der": "a derivative"}.get(name, name)

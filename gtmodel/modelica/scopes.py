@@ -1,0 +1,239 @@
+"""Which class a name means: packages, libraries on a path, imports, inherited classes, redeclarations."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from ..lang.slips import near
+from . import reader
+from .modifications import Modifier
+from .syntax import ClassText, Extends, ModelicaError, Place, Reference
+
+PREDEFINED = ("Real", "Integer", "Boolean", "String")
+_BUILT_IN = Path(__file__).with_name("standard.mo")
+
+
+@dataclass(eq=False)
+class Space:
+    """A class where it stands: its text, what is around it, and what redeclarations put in place of its classes."""
+
+    text: ClassText
+    outer: Space | None
+    replaced: dict[str, tuple[Space, Modifier]] = field(default_factory=dict)
+    made: dict[str, Space | None] = field(default_factory=dict)
+    folder: Path | None = None
+    package: Any = None  # its constants, once they are asked for
+    _busy: set[str] = field(default_factory=set)
+
+    def __repr__(self) -> str:
+        return f"Space({self.name})"
+
+    @property
+    def name(self) -> str:
+        """The dotted name."""
+        if self.outer is None or not self.outer.text.name:
+            return self.text.name
+        return f"{self.outer.name}.{self.text.name}"
+
+    @property
+    def root(self) -> Space:
+        return self if self.outer is None else self.outer.root
+
+    def own(self, name: str) -> Space | None:
+        """A class that is declared in this one, or lies in its folder."""
+        if name not in self.made:
+            text = self.text.classes.get(name)
+            if text is not None:
+                self.made[name] = Space(text, self)
+            elif self.folder is not None and (inside := _in_folder(self.folder, name)) is not None:
+                self.made[name] = _loaded(inside, self, name)
+            else:
+                self.made[name] = None
+        return self.made[name]
+
+    def bases(self) -> Iterator[tuple[Space, Extends]]:
+        """The classes that this one extends. Raises ModelicaError for a name that is none."""
+        for element in self.text.elements:
+            if isinstance(element, Extends) and element.base.parts[0].name not in PREDEFINED:
+                yield self.base(element), element
+
+    def base(self, extends: Extends) -> Space:
+        """The class that an extends clause, or a short class, names."""
+        first = extends.base.parts[0].name
+        key = f"extends {extends.base} {extends.at.line} {extends.at.column}"
+        if key not in self.made:
+            if key in self._busy:
+                raise ModelicaError(f"{self.text.name} extends itself", extends.at)
+            self._busy.add(key)
+            try:
+                around = self.outer if self.text.short and self.outer is not None else self
+                space = around.find(extends.base, skip=extends if around is self else None)
+                if space is self:
+                    raise ModelicaError(f"{self.text.name} extends itself", extends.at)
+                self.made[key] = space
+            finally:
+                self._busy.discard(key)
+        result = self.made[key]
+        if result is None:
+            raise ModelicaError(f"there is no class '{first}' to extend", extends.at)
+        return result
+
+    def member(self, name: str, skip: Extends | None = None) -> Space | None:
+        """A class of this one, declared or inherited."""
+        if name in self.replaced:
+            return self.replaced[name][0]
+        if (own := self.own(name)) is not None:
+            return own
+        if name in self._busy or skip is not None:  # what is extended is not looked for in what is inherited
+            return None
+        self._busy.add(name)
+        try:
+            for element in self.text.elements:
+                if not isinstance(element, Extends) or element.base.parts[0].name in PREDEFINED:
+                    continue
+                if (inherited := self.base(element).member(name)) is not None:
+                    return inherited
+        finally:
+            self._busy.discard(name)
+        return None
+
+    def imported(self, name: str) -> Space | None:
+        for item in self.text.imports:
+            if item.name == name:
+                return self.root.absolute(item.reference)
+        for item in self.text.imports:
+            if not item.name and (inside := self.root.absolute(item.reference).member(name)) is not None:
+                return inside
+        return None
+
+    def lookup(self, name: str, skip: Extends | None = None) -> Space | None:
+        """A class by the first word of its name, from here outwards."""
+        space: Space | None = self
+        while space is not None:
+            known = space.member(name, skip if space is self else None) or space.imported(name)
+            if known is not None:
+                return known
+            if "encapsulated" in space.text.prefixes:
+                space = space.root
+                continue
+            space = space.outer
+        return None
+
+    def find(self, reference: Reference, skip: Extends | None = None) -> Space:
+        """The class that a reference means. Raises ModelicaError where there is none."""
+        if reference.absolute:
+            return self.root.absolute(reference)
+        first = reference.parts[0].name
+        space = self.lookup(first, skip)
+        if space is None:
+            raise ModelicaError(f"there is no class '{first}'{near(first, self.names())}", reference.at)
+        try:
+            return space.inside(reference, 1)
+        except ModelicaError:
+            # public files name a package from inside it where a class of its own has the same name
+            if self.root.own(first) in (None, space):
+                raise
+            return self.root.absolute(reference)
+
+    def absolute(self, reference: Reference) -> Space:
+        return self.root.inside(reference, 0)
+
+    def inside(self, reference: Reference, begin: int) -> Space:
+        space = self
+        for part in reference.parts[begin:]:
+            following = space.member(part.name)
+            if following is None and space.name == "Modelica.Icons":  # pictures alone
+                following = space.made[part.name] = Space(ClassText(space.text.at, part.name, "class"), space)
+            if following is None:
+                inside = space.name or "the files that were read"
+                names = [*space.text.classes, *(space.made if space.outer is None else ())]
+                raise ModelicaError(
+                    f"there is no class '{part.name}' in {inside}{near(part.name, names)}", reference.at
+                )
+            space = following
+        return space
+
+    def names(self) -> list[str]:
+        """Names of classes that can be written here."""
+        result: list[str] = [*PREDEFINED]
+        space: Space | None = self
+        while space is not None:
+            result += space.text.classes
+            space = space.outer
+        return result
+
+    def with_replaced(self, replaced: dict[str, tuple[Space, Modifier]]) -> Space:
+        """This class with others in place of some of its own."""
+        return Space(self.text, self.outer, {**self.replaced, **replaced}, {}, self.folder)
+
+
+def library(paths: Iterable[str | os.PathLike[str]]) -> Space:
+    """The outermost scope: classes of the files and of the libraries' folders, later ones looked at first, and what is
+    built in where no library has a Modelica of its own. Raises ModelicaError for a path that holds nothing."""
+    at = Place(reader.Source("", ""), 1, 1)
+    root = Space(ClassText(at, "", "package"), None)
+    for path in paths:
+        _add(root, Path(path))
+    _enter(root, [c for c in reader.read(_BUILT_IN) if root.own(c.name) is None])
+    return root
+
+
+def of_text(text: str, paths: Iterable[str | os.PathLike[str]] = (), path: str = "") -> tuple[Space, list[ClassText]]:
+    """As `library`, with the classes of a text in it, and these."""
+    root = library(paths)
+    classes = reader.parse(text, path)
+    _enter(root, classes)
+    return root, classes
+
+
+def _add(root: Space, path: Path) -> None:
+    if path.is_dir():
+        inside = [p for p in (path, *sorted(path.iterdir())) if (p / "package.mo").is_file()]
+        files = [] if inside and inside[0] == path else sorted(path.glob("*.mo"))
+        if not inside and not files:
+            raise ModelicaError(f"the library folder {path} holds no package.mo and no .mo file")
+        for folder in inside[:1] if inside and inside[0] == path else inside:
+            name = folder.name.split(" ")[0]
+            root.made[name] = _loaded(folder, root, name)
+        for file in files:
+            _enter(root, reader.read(file))
+    elif path.is_file():
+        _enter(root, reader.read(path))
+    else:
+        raise ModelicaError(f"there is no library '{path}'")
+
+
+def _enter(root: Space, classes: list[ClassText]) -> None:
+    for text in classes:
+        space = root
+        for name in text.within:
+            following = space.own(name)
+            if following is None:
+                following = space.made[name] = Space(ClassText(text.at, name, "package", scope=space.text), space)
+            space = following
+        text.scope = space.text if space.text.name else None
+        space.text.classes[text.name] = text
+        space.made[text.name] = Space(text, space)
+
+
+def _in_folder(folder: Path, name: str) -> Path | None:
+    """Where a package in folders keeps a class of its own."""
+    if not name.replace("_", "a").isalnum():
+        return None
+    if (folder / name / "package.mo").is_file():
+        return folder / name
+    return folder / f"{name}.mo" if (folder / f"{name}.mo").is_file() else None
+
+
+def _loaded(path: Path, outer: Space, name: str) -> Space:
+    file = path / "package.mo" if path.is_dir() else path
+    classes = reader.read(file)
+    text = next((c for c in classes if c.name == name), classes[0] if classes else None)
+    if text is None:
+        raise ModelicaError(f"{file} holds no class")
+    text.scope = outer.text if outer.text.name else None
+    return Space(text, outer, folder=path if path.is_dir() else None)

@@ -1,0 +1,63 @@
+"""Where the iteration of a problem of free time starts: a simulation, as users of Optimica did by hand."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..lang.declare import Free, Variable
+from ..lang.optimization import Optimization
+from ..lang.source import ModelError
+from ..results.trajectory import Trajectory
+from ..simulation.run import simulate
+
+
+def first_guess(problem: Optimization) -> Trajectory | None:
+    """A simulation over the guessed horizon, inputs held at their start values; None where it does not get to the end,
+    or where the horizon is given.
+
+    >>> class Fastest(gt.Optimization):
+    ...     final_time = gt.free(2.0, min=0.1, unit="s")
+    ...     x = gt.variable(start=1.0, fixed=True)
+    ...     u = gt.input(min=-1.0, max=1.0)
+    ...     def equations(self):
+    ...         yield gt.der(self.x) == self.u
+    >>> guess = gt.modelica.first_guess(Fastest())
+    >>> guess.duration
+    2.0
+    """
+    ends = [
+        type(problem)._declared.get(name, getattr(type(problem), name, 0.0)) for name in ("start_time", "final_time")
+    ]
+    if not any(isinstance(end, Free) for end in ends):
+        return None
+    begin, end = (float(e.guess) if isinstance(e, Free) else _number(e) for e in ends)
+    if not end > begin:
+        return None
+    inputs = {name: _held(item) for name, item in type(problem)._declared.items() if _is_input(item)}
+    try:
+        run = simulate(problem, end, start_time=begin, inputs=inputs, throw=False)
+    except (ModelError, RuntimeError, ValueError):
+        return None
+    reached = run.trajectory
+    if reached is None or not reached.duration >= 0.999 * (end - begin):
+        return None
+    return reached if all(np.all(np.isfinite(reached[name])) for name in reached.names) else None
+
+
+def _number(value: Any) -> float:
+    return float(value) if isinstance(value, (int, float)) else 0.0
+
+
+def _is_input(item: Any) -> bool:
+    return isinstance(item, Variable) and item.role == "input"
+
+
+def _held(item: Any) -> float:
+    """The start value of an input, within its bounds."""
+    low, high, start = (item.attributes.get(name) for name in ("min", "max", "start"))
+    value = float(start) if isinstance(start, (int, float)) else 0.0
+    if isinstance(low, (int, float)):
+        value = max(value, float(low))
+    return min(value, float(high)) if isinstance(high, (int, float)) else value

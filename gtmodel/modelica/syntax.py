@@ -1,0 +1,317 @@
+"""What a Modelica text says, as a tree: classes, their elements, equations, statements and expressions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from ..lang.source import ModelError, SourceLocation, of_frame
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """One file of text; an empty path stands for text that lies in no file."""
+
+    path: str
+    text: str
+
+    @property
+    def name(self) -> str:
+        return self.path or "<text>"
+
+    @cached_property
+    def lines(self) -> list[str]:
+        return self.text.splitlines()
+
+    @property
+    def folder(self) -> Path:
+        return Path(self.path).parent
+
+    def line(self, number: int) -> str:
+        """One line from 1, without blanks around it; "" beyond the end."""
+        return self.lines[number - 1].strip() if 0 < number <= len(self.lines) else ""
+
+
+class Place(NamedTuple):
+    """Where something stands in a text: line and column from 1."""
+
+    source: Source
+    line: int
+    column: int
+
+    @property
+    def where(self) -> SourceLocation:
+        return of_frame(self.source.name, self.line)
+
+
+SHOWN = 100  # characters of a line of text in a sentence
+
+
+class ModelicaError(ModelError):
+    """A Modelica text is wrong, or says what gtmodel does not take: a sentence with file, line and the line itself."""
+
+    def __init__(self, sentence: str, place: Place | None = None) -> None:
+        self.sentence, self.place = sentence, place
+        text = place.source.line(place.line) if place is not None else ""
+        if len(text) > SHOWN:
+            text = f"{text[:SHOWN]}..."
+        super().__init__(f"{sentence}: {text}" if text else sentence, place.where if place is not None else None)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self.sentence, self.place)
+
+
+@dataclass(eq=False, slots=True)
+class SyntaxNode:
+    """A part of the text and its place."""
+
+    at: Place
+
+
+# expressions
+
+
+@dataclass(eq=False, slots=True)
+class Literal(SyntaxNode):
+    value: float | int | bool | str
+
+
+class ReferencePart(NamedTuple):
+    """One word of a reference with its subscripts: `x[1, :]`."""
+
+    name: str
+    subscripts: tuple[SyntaxNode, ...] | None
+
+
+@dataclass(eq=False, slots=True)
+class Reference(SyntaxNode):
+    """`a.b[2].c`; absolute with a dot in front."""
+
+    parts: tuple[ReferencePart, ...]
+    absolute: bool = False
+
+    def __str__(self) -> str:
+        return ".".join(p.name for p in self.parts)
+
+
+@dataclass(eq=False, slots=True)
+class FunctionCall(SyntaxNode):
+    reference: Reference
+    arguments: list[SyntaxNode]
+    named: dict[str, SyntaxNode]
+    loops: list[Loop] | None = None  # sum(e for i in r): the one argument is e
+
+
+@dataclass(eq=False, slots=True)
+class FunctionArgument(SyntaxNode):
+    name: str
+
+
+@dataclass(eq=False, slots=True)
+class Unary(SyntaxNode):
+    operator: str
+    operand: SyntaxNode
+
+
+@dataclass(eq=False, slots=True)
+class Binary(SyntaxNode):
+    operator: str
+    left: SyntaxNode
+    right: SyntaxNode
+
+
+@dataclass(eq=False, slots=True)
+class Conditional(SyntaxNode):
+    branches: list[tuple[SyntaxNode, SyntaxNode]]
+    otherwise: SyntaxNode
+
+
+@dataclass(eq=False, slots=True)
+class Array(SyntaxNode):
+    items: list[SyntaxNode]
+
+
+@dataclass(eq=False, slots=True)
+class Comprehension(SyntaxNode):
+    item: SyntaxNode
+    loops: list[Loop]
+
+
+@dataclass(eq=False, slots=True)
+class Matrix(SyntaxNode):
+    rows: list[list[SyntaxNode]]
+
+
+@dataclass(eq=False, slots=True)
+class Range(SyntaxNode):
+    start: SyntaxNode
+    step: SyntaxNode | None
+    stop: SyntaxNode
+
+
+@dataclass(eq=False, slots=True)
+class Colon(SyntaxNode):
+    pass
+
+
+@dataclass(eq=False, slots=True)
+class EndIndex(SyntaxNode):
+    pass
+
+
+@dataclass(eq=False, slots=True)
+class Outputs(SyntaxNode):
+    """`(a, , b)`: several results of a function, some of them left out."""
+
+    items: list[SyntaxNode | None]
+
+
+@dataclass(eq=False, slots=True)
+class Loop(SyntaxNode):
+    name: str
+    over: SyntaxNode | None
+
+
+# equations and statements
+
+
+@dataclass(eq=False, slots=True)
+class Equal(SyntaxNode):
+    left: SyntaxNode
+    right: SyntaxNode
+
+
+@dataclass(eq=False, slots=True)
+class Calls(SyntaxNode):
+    """A call, or in a constraint a relation, that stands alone."""
+
+    expression: SyntaxNode
+
+
+@dataclass(eq=False, slots=True)
+class If(SyntaxNode):
+    branches: list[tuple[SyntaxNode, list[Any]]]
+    otherwise: list[Any] | None
+
+
+@dataclass(eq=False, slots=True)
+class For(SyntaxNode):
+    loops: list[Loop]
+    body: list[Any]
+
+
+@dataclass(eq=False, slots=True)
+class WhenEquation(SyntaxNode):
+    branches: list[tuple[SyntaxNode, list[Any]]]
+
+
+@dataclass(eq=False, slots=True)
+class Connect(SyntaxNode):
+    a: Reference
+    b: Reference
+
+
+@dataclass(eq=False, slots=True)
+class Assign(SyntaxNode):
+    """`x := e` or `(x, , y) := f(...)`."""
+
+    targets: list[SyntaxNode | None]
+    value: SyntaxNode
+
+
+@dataclass(eq=False, slots=True)
+class While(SyntaxNode):
+    condition: SyntaxNode
+    body: list[Any]
+
+
+@dataclass(eq=False, slots=True)
+class TextJump(SyntaxNode):
+    word: str
+
+
+# declarations
+
+
+@dataclass(eq=False, slots=True)
+class Modification(SyntaxNode):
+    arguments: list[Argument]
+    value: SyntaxNode | None = None
+
+
+@dataclass(eq=False, slots=True)
+class Argument(SyntaxNode):
+    """One modification: of an attribute or element by name, or a redeclaration."""
+
+    name: tuple[str, ...]
+    modification: Modification | None
+    prefixes: frozenset[str]
+    redeclared: Component | ClassText | None = None
+
+
+@dataclass(eq=False, slots=True)
+class Component(SyntaxNode):
+    name: str
+    type_name: Reference
+    prefixes: frozenset[str]
+    dimensions: tuple[SyntaxNode, ...]
+    modification: Modification | None
+    condition: SyntaxNode | None
+    description: str
+    protected: bool = False
+
+
+@dataclass(eq=False, slots=True)
+class Extends(SyntaxNode):
+    base: Reference
+    modification: Modification | None
+
+
+@dataclass(eq=False, slots=True)
+class Import(SyntaxNode):
+    """name: what it is called here, "" for all names of `reference`."""
+
+    name: str
+    reference: Reference
+
+
+@dataclass(eq=False)
+class ClassText(SyntaxNode):
+    """A class as it is written."""
+
+    name: str
+    restriction: str
+    prefixes: frozenset[str] = frozenset()
+    header: Modification | None = None
+    description: str = ""
+    elements: list[Component | Extends] = field(default_factory=list)
+    classes: dict[str, ClassText] = field(default_factory=dict)
+    imports: list[Import] = field(default_factory=list)
+    equations: list[SyntaxNode] = field(default_factory=list)
+    initial_equations: list[SyntaxNode] = field(default_factory=list)
+    algorithms: list[list[SyntaxNode]] = field(default_factory=list)
+    initial_algorithms: list[list[SyntaxNode]] = field(default_factory=list)
+    constraints: list[SyntaxNode] = field(default_factory=list)
+    literals: list[str] | None = None
+    external: SyntaxNode | None = None
+    refused: str = ""  # why a class of this form is not taken, said where it is used
+    # of `class A = B[3](...)`: the element is an Extends of B
+    dimensions: tuple[SyntaxNode, ...] = ()
+    type_prefixes: frozenset[str] = frozenset()
+    short: bool = False
+    annotation: Modification | None = None
+    scope: ClassText | None = None
+    within: tuple[str, ...] = ()
+
+    @property
+    def full_name(self) -> str:
+        return f"{self.scope.full_name}.{self.name}" if self.scope is not None and self.scope.name else self.name
+
+    def walk(self) -> Iterator[ClassText]:
+        """This class and those inside, in the order of the text."""
+        yield self
+        for inner in self.classes.values():
+            yield from inner.walk()

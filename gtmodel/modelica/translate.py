@@ -1,0 +1,289 @@
+"""From a class of a text to a Python class: the way in from Python and from the command line."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ..compiler.causal import flat_of
+from ..lang.model import Model
+from ..lang.optimization import Optimization
+from ..lang.slips import near
+from ..lang.source import ModelError
+from ..lang.units import UnitError
+from .classes import class_of, exact, identifier, text_of
+from .flat import Flattened
+from .flatten import flattened
+from .instances import NameScope
+from .modifications import Given, Modifier
+from .names import split
+from .python import Writer
+from .scopes import Space, of_text
+from .syntax import Array, ClassText, Literal, ModelicaError, Place, Source
+
+SOLVED = ("optimization", "model", "class", "block")
+
+
+@dataclass(frozen=True, eq=False)
+class Translation:
+    """A class of a text in Python.
+
+    Attributes:
+        model: the class; call it for a model.
+        optimization: whether it is an optimization.
+        stop_time: of its `experiment` annotation [s]; None without one.
+        warnings: sentences with file and line: units that do not fit, assertions that are not watched.
+        units: whether the text's units are used.
+        file, name: where the text lies, and the dotted name of the class in it.
+    """
+
+    model: type[Model]
+    optimization: bool
+    stop_time: float | None
+    warnings: tuple[str, ...]
+    units: bool
+    file: str
+    name: str
+    flat: Flattened
+
+
+@dataclass(frozen=True, eq=False)
+class Text:
+    """A file that was read, with its libraries."""
+
+    root: Space
+    classes: list[ClassText]
+    path: str
+
+
+def opened(path: str | os.PathLike[str], libraries: Iterable[str | os.PathLike[str]] = ()) -> Text:
+    """Read a file and its libraries. Raises ModelicaError."""
+    from .reader import LARGEST
+
+    file = Path(path)
+    try:
+        if file.stat().st_size > LARGEST:
+            raise ModelicaError(f"{file.name} has {file.stat().st_size} bytes; no Modelica text of that size is read")
+        content = file.read_bytes()
+    except OSError as error:
+        raise ModelicaError(f"{path} cannot be read: {error.strerror}") from None
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = content.decode("latin-1")
+    root, classes = of_text(text, libraries, str(file))
+    return Text(root, classes, str(file))
+
+
+def solvable(text: Text) -> dict[str, ClassText]:
+    """Classes of the file itself that can be solved or simulated, by dotted name, in the order of the text."""
+    result: dict[str, ClassText] = {}
+    for top in text.classes:
+        for item in top.walk():
+            if item.restriction in SOLVED and "partial" not in item.prefixes:
+                result[item.full_name] = item
+    return result
+
+
+def chosen(text: Text, name: str) -> tuple[str, Space]:
+    """The class of a name, whose last part is enough where it is the only one; without a name the only optimization,
+    else the only model. Raises ModelicaError, naming those there are."""
+    there = solvable(text)
+    optimizations = [n for n, c in there.items() if c.restriction == "optimization"]
+    file = Path(text.path).name
+    if not name:
+        candidates = optimizations or list(there)
+        partial = next((c for top in text.classes for c in top.walk() if "partial" in c.prefixes), None)
+        if not candidates and partial is not None:
+            raise ModelicaError(f"{partial.name} is partial; name a class that extends it", partial.at)
+        if len(candidates) != 1:
+            listed = ", ".join(candidates) or "none"
+            raise ModelicaError(f"{file} holds {len(candidates)} classes; name one as {file}:Class, of {listed}")
+        name = candidates[0]
+    everything = {item.full_name: item for top in text.classes for item in top.walk()}
+    if name not in everything:
+        tails = [n for n in everything if n.rpartition(".")[2] == name or n.endswith(f".{name}")]
+        if len(tails) > 1:
+            raise ModelicaError(f"{file} holds several classes '{name}': {', '.join(tails)}")
+        if not tails:
+            raise ModelicaError(f"{file} holds no class '{name}'{near(name, there)}; it has {', '.join(there)}")
+        name = tails[0]
+    space: Space | None = text.root
+    for word in name.split("."):
+        space = space.own(word) if space is not None else None
+    assert space is not None
+    return name, space
+
+
+def _said(parameters: Mapping[str, Any]) -> Modifier:
+    """Values from Python or a problem file as modifications from outside."""
+    place = Place(Source("", ""), 1, 1)
+    tree: dict[str, Any] = {}
+    for name, value in parameters.items():
+        *path, last = name.split(".")
+        below = tree
+        for word in path:
+            below = below.setdefault(word, {})
+        below[last] = value
+
+    def node(value: Any) -> Any:
+        if hasattr(value, "tolist"):
+            value = value.tolist()
+        if isinstance(value, (list, tuple)):
+            return Array(place, [node(v) for v in value])
+        if not isinstance(value, (int, float, bool, str)):
+            raise ModelicaError(f"a parameter takes numbers; found {value!r}")
+        return Literal(place, value)
+
+    def of(value: Any) -> Modifier:
+        if isinstance(value, dict):
+            return Modifier(inside={k: of(v) for k, v in value.items()})
+        return Modifier(value=Given(node(value), NameScope(None, _EMPTY, None)))
+
+    return Modifier(inside={k: of(v) for k, v in tree.items()})
+
+
+_EMPTY: Any = None
+
+
+def stop_time_of(text: ClassText) -> float | None:
+    """StopTime of a class's own experiment annotation, where it is a number."""
+    for argument in text.annotation.arguments if text.annotation is not None else ():
+        if argument.name == ("experiment",) and argument.modification is not None:
+            for item in argument.modification.arguments:
+                value = item.modification.value if item.modification is not None else None
+                if item.name == ("StopTime",) and isinstance(value, Literal) and isinstance(value.value, (int, float)):
+                    return float(value.value)
+    return None
+
+
+def translated(
+    reference: str | os.PathLike[str],
+    *,
+    library: Iterable[str | os.PathLike[str]] = (),
+    parameters: Mapping[str, Any] | None = None,
+) -> Translation:
+    """The class that `file.mop:Class` names; see `load`."""
+    path, name = split(str(reference))
+    text = opened(path, library)
+    name, space = chosen(text, name)
+    flat = flattened(space, _said(parameters or {}))
+    cls, units, warnings = _made(flat)
+    stop = stop_time_of(space.text)
+    return Translation(cls, flat.optimization, stop, (*flat.warnings, *warnings), units, text.path, name, flat)
+
+
+def _made(flat: Flattened) -> tuple[type[Model], bool, list[str]]:
+    """With units where they fit, else without and a warning."""
+    plain = class_of(Writer(flat, exact, units=False).write())
+    if not any(f.get("unit") for f in flat.flats):
+        return plain, False, []
+    writer = Writer(flat, exact, units=True)
+    try:
+        cls = class_of(writer.write())
+        _checked(cls)
+    except (ModelError, UnitError) as error:
+        try:
+            _checked(plain)
+        except (ModelError, UnitError):
+            return plain, False, []  # who solves it says so
+        return plain, False, [f"units are not used: {error}"]
+    return cls, True, writer.warnings
+
+
+def _checked(cls: type[Model]) -> None:
+    """Flatten it, with its objective and constraints. Raises ModelError for units that do not fit, among others."""
+    model: Any = cls()
+    root: Any = flat_of(model).root
+    if issubclass(cls, Optimization):
+        root.objective()
+        for _ in root.constraints():
+            pass
+
+
+def load(
+    reference: str | os.PathLike[str],
+    *,
+    library: Iterable[str | os.PathLike[str]] = (),
+    parameters: Mapping[str, Any] | None = None,
+) -> Any:
+    """A class of a Modelica or Optimica text as a gtmodel class, whose errors name the lines of the text.
+
+    Args:
+        reference: "file.mop:Class", where the last part of a dotted name is enough if it is the only one, and no name
+            at all if the file holds one optimization.
+        library: files and folders with further classes, such as the Modelica Standard Library's.
+        parameters: values by name, "tank.A" of a component, before anything is decided by them.
+
+    Returns a subclass of gt.Optimization or gt.Model. Names of results are those of the text, `tank[2].x`, counted from
+    1. Raises ModelicaError, which is a ModelError, with file, line and the line itself.
+
+    >>> from pathlib import Path
+    >>> import tempfile
+    >>> text = '''
+    ... optimization Rest(objectiveIntegrand = x^2 + u^2)
+    ...   Real x(start = 1, fixed = true);
+    ...   input Real u;
+    ... equation
+    ...   der(x) = u;
+    ... end Rest;
+    ... '''
+    >>> file = Path(tempfile.mkdtemp()) / "rest.mop"
+    >>> written = file.write_text(text)
+    >>> Rest = gt.modelica.load(f"{file}:Rest")
+    >>> round(gt.solve(Rest(), gt.Mesh(5)).objective, 4)  # tanh(1)
+    0.7616
+    """
+    return translated(reference, library=library, parameters=parameters).model
+
+
+def python_of(
+    reference: str | os.PathLike[str],
+    *,
+    library: Iterable[str | os.PathLike[str]] = (),
+    parameters: Mapping[str, Any] | None = None,
+) -> str:
+    """The class that `file.mop:Class` names as the text of a Python module, flattened: the way out of Modelica.
+
+    Arguments and errors as of `load`. A name such as `tank[2].x` becomes tank_2_x.
+
+    >>> from pathlib import Path
+    >>> import tempfile
+    >>> file = Path(tempfile.mkdtemp()) / "decay.mo"
+    >>> written = file.write_text("model Decay Real x(start=1, fixed=true); equation der(x) = -x; end Decay;")
+    >>> print(gt.modelica.python_of(str(file)).strip())
+    import gtmodel as gt
+    from gtmodel import der
+    <BLANKLINE>
+    <BLANKLINE>
+    class Decay(gt.Model):
+        \"\"\"Decay, from Modelica text.\"\"\"
+        x = gt.variable(start=1.0, fixed=True)
+    <BLANKLINE>
+        def equations(self):
+            yield (der(self.x) == -self.x)
+    """
+    item = translated(reference, library=library, parameters=parameters)
+    return text_of(Writer(item.flat, identifier, units=item.units).write())
+
+
+def listing(path: str | os.PathLike[str], library: Iterable[str | os.PathLike[str]] = ()) -> dict[str, dict[str, str]]:
+    """What can be solved or simulated in a file: name -> {"what": "optimization", "description": ...}.
+
+    Raises ModelicaError.
+
+    >>> from pathlib import Path
+    >>> import tempfile
+    >>> file = Path(tempfile.mkdtemp()) / "decay.mo"
+    >>> written = file.write_text('model Decay "of a state" Real x; equation der(x) = -x; end Decay;')
+    >>> gt.modelica.listing(file)
+    {'Decay': {'what': 'model', 'line': '1', 'description': 'of a state'}}
+    """
+    text = opened(path, library)
+    return {
+        name: {"what": item.restriction, "line": str(item.at.line), "description": item.description}
+        for name, item in solvable(text).items()
+    }

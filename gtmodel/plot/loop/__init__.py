@@ -1,0 +1,1 @@
+"""Pictures of the loop: a tool that is led by hand."""

@@ -1,0 +1,10 @@
+"""The inverse model of the L1 prototype with its filters, as Fig. 3.2 of Dressler 2012 runs it beside a controller."""
+
+import gtmodel as gt
+from gtmodel.robots.inverse_model import InverseModel
+
+
+class InverseL1(InverseModel):
+    """Motor forces [N] that move the carts of the L1 along filtered references [m]."""
+
+    robot = gt.part(gt.robots.gantry_tau("l1_tape", inertia="model_2", velocity_scale=0.1))

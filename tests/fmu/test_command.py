@@ -1,0 +1,79 @@
+"""`gtmodel codegen --fmu`: units of a problem file, checked before they are written; the folder is a person's."""
+
+from __future__ import annotations
+
+import json
+import zipfile
+
+import pytest
+
+import gtmodel as gt
+from gtmodel.cli import main
+
+PROBLEM = "problems/l1_fmu.toml"
+FEW = ["--set", "check.points=20"]
+
+
+@pytest.fixture
+def quick(tmp_path):
+    """The forward kinematics alone."""
+    path = tmp_path / "one.toml"
+    path.write_text(
+        'kind = "codegen"\nrobot = "l1_tape"\nname = "one"\n[[functions]]\nname = "fk"\nknown = ["q"]\n'
+        'targets = ["T"]\n[check]\npoints = 20\n'
+    )
+    return path
+
+
+def test_units_of_both_versions(quick, tmp_path, capsys):
+    assert main(["codegen", str(quick), "-o", str(tmp_path / "out"), "--fmu", "both", "--check", "--json"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    names = ["one_fk_fmi2.fmu", "one_fk_fmi3.fmu"]
+    assert answer["values"]["files"] == names and sorted(p.name for p in (tmp_path / "out").iterdir()) == names
+    assert answer["values"]["units"]["one_fk_fmi3.fmu"]["outputs"] == ["T[1] [m]", "T[2] [m]", "T[3] [m]"]
+    assert all(c["passed"] for c in answer["checks"].values())
+    again = (tmp_path / "out" / names[0]).read_bytes()
+    assert main(["codegen", str(quick), "-o", str(tmp_path / "out"), "--fmu", "2", "--quiet"]) == 0
+    assert (tmp_path / "out" / names[0]).read_bytes() == again
+
+
+@pytest.mark.parametrize("word", ["4", "two", ""])
+def test_another_version_is_refused(quick, tmp_path, word):
+    code = main(["codegen", str(quick), "-o", str(tmp_path / "out"), "--fmu", word or "0", "--quiet"])
+    assert code == 2 and not (tmp_path / "out" / "one_fk_fmi3.fmu").exists()
+
+
+def test_a_file_of_somebody_else_is_not_replaced(quick, tmp_path):
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "one_fk_fmi3.fmu").write_text("mine")
+    (out / "notes.txt").write_text("mine too")
+    assert main(["codegen", str(quick), "-o", str(out), "--fmu", "3", "--quiet"]) == 2
+    assert (out / "one_fk_fmi3.fmu").read_text() == "mine"
+    (out / "one_fk_fmi3.fmu").unlink()
+    assert main(["codegen", str(quick), "-o", str(out), "--fmu", "3", "--quiet"]) == 0
+    assert (out / "notes.txt").read_text() == "mine too" and zipfile.is_zipfile(out / "one_fk_fmi3.fmu")
+
+
+def test_what_failed_a_check_is_not_written(tmp_path):
+    fk = gt.robots.gantry_tau("l1_tape").causal(known="q", targets="T")
+    bad = {"doubt": gt.results.at_most(1.0, 0.0, "measure again")}
+    study = gt.fmu.study({"fk": fk}, tmp_path / "out", name="l1", check=None, also=bad)
+    assert study.status is gt.SolveStatus.CHECK_FAILED and study.written is None
+    assert not list((tmp_path / "out").glob("*")) if (tmp_path / "out").exists() else True
+    study = gt.fmu.study({"fk": fk}, tmp_path / "out", name="l1", check=None, also=bad, write_failed=True)
+    assert study.written == ["l1_fk_fmi3.failed.fmu"]
+
+
+def test_floats_and_wrong_starts_are_refused(quick, tmp_path):
+    arguments = ["codegen", str(quick), "-o", str(tmp_path / "out"), "--fmu", "3", "--quiet"]
+    assert main([*arguments, "--set", "real=float"]) == 2
+    assert main([*arguments, "--set", "functions[0].start={T=[1.0]}"]) == 2
+    assert main([*arguments, "--set", "fmu.tolerance=0"]) == 2
+
+
+@pytest.mark.parametrize("name", ["l1_inverse_fmu", pytest.param("l1_fmu", marks=pytest.mark.proof), "f1_fmu"])
+def test_the_shipped_problems(name, tmp_path):
+    arguments = ["codegen", f"problems/{name}.toml", "-o", str(tmp_path), "--fmu", "both", "--check", *FEW, "--quiet"]
+    assert main(arguments) == 0
+    assert len(list(tmp_path.glob("*.fmu"))) % 2 == 0
