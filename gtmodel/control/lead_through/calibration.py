@@ -15,6 +15,7 @@ from .synthetic_sensor import GRAVITY
 from .wrench import axes, rows_of, sigma_of, turns_of, vector_of
 
 LEVEL = 0.95  # of the interval of the mass that has to exclude zero
+UNSEEN = 1.0  # of a reading's noise: a weight less certain than that was not moved by the poses
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,8 +85,8 @@ def calibrate_wrench(
         sigma_force, sigma_moment: standard deviation of one reading [N], [N m]; left out, the residuals give it.
 
     The interval of the centre is that of a quotient to first order, Student's with the moments' degrees of freedom.
-    Raises ArgumentError for other shapes, numbers that are not finite, poses that leave a parameter undetermined, and
-    too few poses.
+    Raises ArgumentError for other shapes, numbers that are not finite, poses that leave a parameter undetermined,
+    by rank or under the noise, and too few poses.
 
     >>> rng = np.random.default_rng(1)  # synthetic readings, noise 0.05 N and 0.002 N m, seed 1
     >>> turns = np.linalg.qr(rng.normal(size=(30, 3, 3)))[0]
@@ -116,6 +117,13 @@ def calibrate_wrench(
         )  # fmt: skip
     low, high = force.interval("mass", LEVEL)
     status = WrenchStatus.OK if low > 0 else WrenchStatus.WRONG_SIGN if high < 0 else WrenchStatus.NO_FORCE
+    unsure = float(force.std[3] * np.linalg.norm(down))  # [N]
+    if status is WrenchStatus.NO_FORCE and unsure > UNSEEN * (sigma_force or force.noise):
+        raise ArgumentError(
+            f"hardly change gravity's direction in the sensor's frame: the weight is known to {unsure:.3g} N only, and "
+            "with it the bias; take poses that differ more",
+            "turns",
+        )
     centre = None if status is WrenchStatus.NO_FORCE else _centre(force, moment)
     return WrenchCalibration(force, moment, centre, status, down)
 

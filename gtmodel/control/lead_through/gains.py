@@ -58,6 +58,11 @@ class SurfaceGains(Options):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        least = self.cycle * self.damping / 2  # (8.7) from cycle to cycle: v' = (1 - cycle D / M) v
+        if not self.mass > least:
+            raise ArgumentError(
+                f"must be greater than cycle damping / 2, {least:g} kg: else it swings by itself", "mass"
+            )
         if not self.leave_force < self.enter_force:
             raise ArgumentError(f"must be less than enter_force, {self.enter_force:g} N", "leave_force")
         if not self.any_direction and not self.enter_force <= self.force_reference:

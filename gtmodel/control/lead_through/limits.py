@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ...results import ArgumentError
 from .gains import SurfaceGains
 from .guided import guide
 from .law import SurfaceLaw
@@ -16,13 +17,15 @@ CYCLES = 1000
 LARGE = 0.1  # [N]: it has grown until contact was lost
 SMALL = 1e-8  # [N] off the reference: the contact stays linear
 RESOLVED = 0.002  # relative, of a gain
+FLOOR = 1e-12  # [N] what is smaller has died away: rounding alone is left, and grows or not by chance
 WIDE = 16  # the spectrum is this much finer than its window
 STIFFNESS = 5000.0  # the linear loop knows K k alone
 
 
 def simulated_limit(gains: SurfaceGains, servo: ServoChain, near: float) -> tuple[float, float]:
     """The loop gain [1/s] at which a small deviation begins to grow in time, between half and twice `near`, and the
-    frequency [Hz] of what grows just above it. `near` itself and 0 where none grows.
+    frequency [Hz] of what grows just above it. Raises ArgumentError where
+    nothing begins to grow there within a run of 1000 cycles.
 
     >>> L = gt.control.lead_through
     >>> limit = gt.control.delayed.gain_limit(L.force_loop(L.ServoChain()))
@@ -32,7 +35,10 @@ def simulated_limit(gains: SurfaceGains, servo: ServoChain, near: float) -> tupl
     """
     low, high = 0.5 * near, 2.0 * near
     if _grows(_run(gains, servo, low)) or not _grows(_run(gains, servo, high)):
-        return near, 0.0
+        seconds = CYCLES * gains.cycle
+        raise ArgumentError(
+            f"runs of {seconds:g} s do not show a gain between {low:.3g} and {high:.3g} 1/s at which they grow"
+        )
     while high - low > RESOLVED * near:
         middle = (low + high) / 2
         low, high = (low, middle) if _grows(_run(gains, servo, middle)) else (middle, high)
@@ -58,7 +64,8 @@ def _run(gains: SurfaceGains, servo: ServoChain, loop_gain: float) -> np.ndarray
 
 def _grows(deviation: np.ndarray) -> bool:
     parts = np.array_split(deviation, 5)  # the first hold the transient
-    return bool(np.std(parts[-1]) > np.std(parts[2]) or np.abs(deviation).max() > LARGE)
+    late = float(np.std(parts[-1]))
+    return bool(late > max(float(np.std(parts[2])), FLOOR) or np.abs(deviation).max() > LARGE)
 
 
 def cone_deviations(gains: SurfaceGains, servo: ServoChain, asked: ConeComparison) -> dict[str, list[float]]:

@@ -1,4 +1,4 @@
-"""Before anything moves: does the sensor report the force on the tool, with the sign of its calibration?"""
+"""Before anything moves: does the sensor report the force on the tool, with sign and weight of its calibration?"""
 
 from __future__ import annotations
 
@@ -13,11 +13,15 @@ from .calibration import WrenchCalibration
 from .status import WrenchStatus
 from .wrench import rows_of, sigma_of
 
+OTHER_LOAD = 0.3  # of the weight, ours: 17 degrees of a frame that is turned, or another load
+SURE = 3.0  # standard deviations
+
 
 @dataclass(frozen=True, eq=False)
 class SignTest:
     """share: Estimate of "share", measured over expected weight, 1 expected [1]; None for a load without a mass.
-    status: OK; WRONG_SIGN; NO_FORCE where noise and drift do not let the weight tell the sign.
+    status: OK; WRONG_SIGN; NO_FORCE where noise and drift do not let the weight tell the sign; WRONG_LOAD where the
+    sign is right and the reading is off the expected weight by more than 0.3 of it.
     """
 
     share: Estimate | None
@@ -60,5 +64,7 @@ def sign_test(
     low, high = share.interval("share")
     margin = drift / float(np.linalg.norm(weight))
     if low > margin:
-        return SignTest(share, WrenchStatus.OK)
+        off = float(np.linalg.norm(mean - weight)) - drift - SURE * sigma * np.sqrt(3 / len(f))
+        other = off > OTHER_LOAD * float(np.linalg.norm(weight))
+        return SignTest(share, WrenchStatus.WRONG_LOAD if other else WrenchStatus.OK)
     return SignTest(share, WrenchStatus.WRONG_SIGN if high < -margin else WrenchStatus.NO_FORCE)

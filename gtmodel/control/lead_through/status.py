@@ -23,3 +23,4 @@ class WrenchStatus(NumberedStatus):
     STALE = 6, "the wrench is older than the law allows"
     SENSOR_FAULT = 7, "the sensor itself reports a fault"
     NO_ROTATION = 8, "the orientation of the tool is no rotation matrix"
+    WRONG_LOAD = 9, "at rest the sensor does not read the weight of its calibration: another load, sensor or frame"

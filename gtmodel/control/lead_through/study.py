@@ -90,6 +90,11 @@ def study(
     if peg != gains.any_direction:
         said = "a hole wants it" if peg else "a surface has a normal; leave it out"
         raise ArgumentError(f"{said}: the direction of contact", "gains.any_direction")
+    if (turning.by_handle or turning.about_axis == "guide") and not gains.cycle * turning.damping < 2 * turning.inertia:
+        least = gains.cycle * turning.damping / 2
+        raise ArgumentError(
+            f"must be greater than cycle damping / 2, {least:g}: else it swings by itself", "turning.inertia"
+        )
     if peg and stiffness is not None:
         raise ArgumentError("belongs to a surface; a peg's gain is declared", "stiffness")
     work.step("limits")
@@ -105,12 +110,17 @@ def study(
     ends = (stiffness.softest, stiffness.stiffest) if stiffness else (k / 10, k * 10)
     range_of = np.geomspace(*ends, POINTS)
     answers |= {"stiffnesses": range_of.tolist(), "gain_limits": (limit.gain / range_of).tolist()}
-    simulated, swings = simulated_limit(gains, servo, limit.gain)
-    answers |= {"simulated_limit": simulated, "simulated_frequency": swings}
-    checks["limits_apart"] = at_most(
-        abs(simulated / limit.gain - 1), AGREES, "runs and eigenvalues differ; take other times of the servo"
-    )
-    notes = _limit_notes(answers, contact, stiffness, watch) + _noise_notes(gains, tool)
+    notes: list[str] = []
+    try:
+        simulated, swings = simulated_limit(gains, servo, limit.gain)
+    except ArgumentError as unseen:
+        notes.append(f"the limit is by eigenvalues alone: {unseen}")
+    else:
+        answers |= {"simulated_limit": simulated, "simulated_frequency": swings}
+        checks["limits_apart"] = at_most(
+            abs(simulated / limit.gain - 1), AGREES, "runs and eigenvalues differ; take other times of the servo"
+        )
+    notes += _limit_notes(answers, contact, stiffness, watch) + _noise_notes(gains, tool)
     work.step("run")
     law, run = _run(contact, phases, gains, turning, watch, servo, handle, tool, hand, setup)
     good = run.allowed

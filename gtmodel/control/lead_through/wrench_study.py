@@ -18,6 +18,7 @@ from .lever import LeverArm, lever_arm
 from .options import SyntheticReadings
 from .result import WrenchStudy
 from .status import WrenchStatus
+from .suspect import ends_of_range, suspect_residuals
 
 LEVEL = 0.95
 SIGNALS = {"turn": "rad", "force": "N", "moment": "N.m"}
@@ -55,6 +56,7 @@ def wrench_study(
     """
     work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
     notes: list[str] = []
+    doubts: dict[str, Check] = {}
     if isinstance(readings, SyntheticReadings):
         if pushes is not None:
             raise ArgumentError("belong to measured readings; synthetic ones have their own", "pushes")
@@ -68,7 +70,9 @@ def wrench_study(
         rows = [_signal(readings, name, "readings") for name in SIGNALS]
         known = calibrate_wrench(_turns(rows[0]), *rows[1:], sigma_force=noise[0], sigma_moment=noise[1])
         arm = _measured_arm(known, pushes, force_noise, moment_noise)
-    checks = {"wrench_usable": Check(float(known.status), judged=known.status.ok, advice=known.status.message)}
+        notes += ends_of_range(rows[1], "force") + ends_of_range(rows[2], "moment")
+        doubts = suspect_residuals(known.force, rows[1], "force") | suspect_residuals(known.moment, rows[2], "moment")
+    checks = {"wrench_usable": Check(float(known.status), judged=known.status.ok, advice=known.status.message)} | doubts
     answers: dict[str, Any] = {"usable": known.status.name}
     if isinstance(readings, SyntheticReadings) and readings.repetitions:
         work.step("coverage")

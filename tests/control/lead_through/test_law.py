@@ -157,7 +157,7 @@ def test_an_old_wrench_brakes_it_for_good(ages: tuple[float, float]) -> None:
 
 
 def test_gains_beyond_reason_stop_it_before_they_give_what_is_no_number() -> None:
-    law = law_of(mass=1e-310)
+    law = law_of(mass=1e-310, damping=1e-308)
     states = steps(law, np.full((20, 3), 50.0), np.zeros((20, 3)))
     assert np.isfinite([(*s.velocity, *s.guided) for s in states]).all() and states[-1].status is S.NOT_FINITE
 

@@ -138,3 +138,47 @@ def test_readings_that_do_not_fit_are_refused_by_their_name(call: Any, argument:
 def test_contact_that_noise_begins_is_said() -> None:
     assert not any("noise begins it" in n for n in of().notes)
     assert any("noise begins it" in n for n in of(tool=L.SyntheticSensor(force_noise=0.5)).notes)
+
+
+def test_a_limit_that_runs_do_not_show_is_no_limit_of_runs() -> None:
+    s = of(servo=L.ServoChain(lag=5.0), stiffness=None)
+    assert s.simulated_limit is None and "limits_apart" not in s.checks
+    assert any("eigenvalues alone" in n for n in s.notes)
+
+
+def test_rounding_that_is_left_of_a_run_does_not_count_as_growth() -> None:
+    gains, servo = L.SurfaceGains(cycle=0.02), L.ServoChain()
+    limit = gt.control.delayed.gain_limit(L.force_loop(servo, gains.cycle))
+    assert L.simulated_limit(gains, servo, limit.gain)[0] == pytest.approx(limit.gain, rel=0.05)
+
+
+def test_a_felt_mass_that_swings_by_itself_is_refused() -> None:
+    for given, argument in (
+        (lambda: L.SurfaceGains(mass=0.2), "mass"),  # 4 ms, 100 N s/m: unstable up to 0.2 kg
+        (lambda: of(turning=L.TurningGains(by_handle=True, inertia=0.002)), "turning.inertia"),
+    ):
+        with pytest.raises(ArgumentError) as caught:
+            given()
+        assert caught.value.argument == argument
+    assert L.SurfaceGains(mass=0.21).mass == 0.21
+
+
+NOISES: Any = {"force_noise": 0.05, "moment_noise": 0.003}
+
+
+@pytest.mark.parametrize("stated", [{}, NOISES], ids=["noise from residuals", "noise stated"])
+def test_a_pose_that_touched_something_fails_the_calibration(stated: Any) -> None:
+    good = recorded(SENSOR)
+    assert L.wrench_study(good, **stated).status.ok
+    for signal, by in (("force", 3.0), ("moment", 0.3)):
+        rows = np.array(good[signal])
+        rows[5, 0] += by
+        s = L.wrench_study(recorded(SENSOR, **{signal: rows}), **stated)
+        failed = [name for name, check in s.checks.items() if not check.passed]
+        assert len(failed) == 1 and failed[0].startswith(signal) and s.status is gt.SolveStatus.CHECK_FAILED
+
+
+def test_readings_that_stop_at_an_end_are_said() -> None:
+    rows = np.clip(np.array(recorded(SENSOR)["force"]), -6.0, 6.0)
+    assert any("saturated" in n for n in L.wrench_study(recorded(SENSOR, force=rows)).notes)
+    assert not any("saturated" in n for n in L.wrench_study(recorded(SENSOR)).notes)

@@ -161,3 +161,28 @@ def test_what_does_not_fit_is_refused_by_its_name(call: Any, argument: str) -> N
     with pytest.raises(ArgumentError) as caught:
         call()
     assert caught.value.argument == argument
+
+
+def test_poses_that_hardly_differ_are_refused_where_the_weight_is_not_seen() -> None:
+    rng = np.random.default_rng(8)
+    alike = scipy.spatial.transform.Rotation.from_rotvec(1e-4 * rng.normal(size=(24, 3))).as_matrix()
+    for known in ({}, {"sigma_force": NOISE_F, "sigma_moment": NOISE_M}):
+        with pytest.raises(ArgumentError) as caught:  # its bias was off by tens of newtons and said to be usable
+            L.calibrate_wrench(alike, *readings(alike, rng), **known)
+        assert caught.value.argument == "turns"
+
+
+@pytest.mark.parametrize("case", ["swapped", "half", "turned"])
+def test_another_load_sensor_or_frame_is_no_passed_sign_test(case: str) -> None:
+    c = L.calibrate_wrench(TURNS, *readings(TURNS))
+    R = TURNS[0]
+    weight = R.T @ (MASS * G)
+    by = scipy.spatial.transform.Rotation.from_rotvec(np.deg2rad(45.0) * np.cross(weight, [1.0, 0, 0]) / np.linalg.norm(
+        np.cross(weight, [1.0, 0, 0]))).as_matrix()  # fmt: skip
+    read = {"swapped": 0.3 / MASS * weight, "half": 0.5 * weight, "turned": by @ weight}[case]
+    test = L.sign_test(c, R, [BIAS_F + read], sigma=NOISE_F)
+    assert test.status is S.WRONG_LOAD and not test.status.ok
+    assert L.sign_test(c, R, [BIAS_F + read], sigma=NOISE_F, drift=5.0 if case == "turned" else 3.0).status in (
+        S.OK, S.NO_FORCE,
+    )  # fmt: skip
+    assert L.sign_test(c, R, [BIAS_F + 0.9 * weight], sigma=NOISE_F).status is S.OK
