@@ -14,7 +14,7 @@ import numpy as np
 from ..kinematics.workspace import Limit, Poses
 from ..kinematics.workspace.distances import segment_to_box
 from ..lang.source import ModelError
-from ..vision.pinhole import pixel_slopes, project
+from ..vision.pinhole import pixel_jacobian, project
 
 Array = np.ndarray
 
@@ -142,7 +142,7 @@ class Camera:
         """(n, 3, 3) [m2] of the measured position at T (n, 3) [m], in the robot's frame."""
         p = self._marks(T)
         centre = p.mean(axis=1, keepdims=True)
-        by_point = pixel_slopes(p.reshape(-1, 3), self.lens).reshape(*p.shape[:2], 2, 3)
+        by_point = pixel_jacobian(p.reshape(-1, 3), self.lens).reshape(*p.shape[:2], 2, 3)
         # a turn w moves a mark by w x (p - centre)
         d = p - centre
         skew = np.zeros((*d.shape, 3))

@@ -55,7 +55,7 @@ def named(function: Callable[P, T]) -> Callable[P, T]:
         try:
             return function(*args, **kwargs)
         except ModelError as error:
-            error.placed(_persons_line())
+            error.placed(_line_of_text(args) or _persons_line())
             raise
         except TypeError as error:
             # raised by the call itself, before any line of the function ran
@@ -64,6 +64,12 @@ def named(function: Callable[P, T]) -> Callable[P, T]:
             raise CallError(_unfit(function, error, args, kwargs), here()) from None
 
     return called
+
+
+def _line_of_text(args: tuple[Any, ...]) -> SourceLocation | None:
+    """Where a model's class begins in a Modelica text; None for a model of anything else."""
+    where = getattr(args[0], "__dict__", {}).get("where") if args else None
+    return where if isinstance(where, SourceLocation) and where.file.endswith((".mo", ".mop")) else None
 
 
 def floats(value: Any) -> np.ndarray:

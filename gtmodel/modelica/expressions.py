@@ -212,6 +212,8 @@ class Evaluator:
         if value is None:
             return self.constant(node, scope)
         value = self.subscripted(value, first, scope, node.at)
+        if isinstance(value, np.ndarray) and value.shape == () and value[()] is None:
+            raise ModelicaError(f"'{first.name}' is used before it is assigned", node.at)
         for part in rest:
             value = self.subscripted(field(value, part.name, node.at), part, scope, node.at)
         return value
@@ -220,7 +222,11 @@ class Evaluator:
         """A local name, a component of the instance, or one of the language's own; None for others."""
         name = part.name
         if name in scope.locals:
-            return scope.locals[name]
+            value = scope.locals[name]
+            whole = isinstance(value, np.ndarray) and part.subscripts is None
+            if whole and any(x is None for x in entries(value)):
+                raise ModelicaError(f"'{name}' is used before it is assigned", node.at)
+            return value
         if scope.instance is not None and name in scope.instance.elements:
             return member(scope.instance, name, node.at)
         if len(node.parts) == 1:

@@ -71,7 +71,7 @@ class Space:
             self._busy.add(key)
             try:
                 around = self.outer if self.text.short and self.outer is not None else self
-                space = around.find(extends.base, skip=extends)
+                space = around.find(extends.base, skip=extends if around is self else None)
                 if space is self:
                     raise ModelicaError(f"{self.text.name} extends itself", extends.at)
                 self.made[key] = space
@@ -88,14 +88,12 @@ class Space:
             return self.replaced[name][0]
         if (own := self.own(name)) is not None:
             return own
-        if name in self._busy:
+        if name in self._busy or skip is not None:  # what is extended is not looked for in what is inherited
             return None
         self._busy.add(name)
         try:
             for element in self.text.elements:
-                if not isinstance(element, Extends) or element is skip or element.base.parts[0].name in PREDEFINED:
-                    continue
-                if skip is not None and element.base.parts[0].name == name:
+                if not isinstance(element, Extends) or element.base.parts[0].name in PREDEFINED:
                     continue
                 if (inherited := self.base(element).member(name)) is not None:
                     return inherited
@@ -116,7 +114,7 @@ class Space:
         """A class by the first word of its name, from here outwards."""
         space: Space | None = self
         while space is not None:
-            known = space.member(name, skip) or space.imported(name)
+            known = space.member(name, skip if space is self else None) or space.imported(name)
             if known is not None:
                 return known
             if "encapsulated" in space.text.prefixes:

@@ -128,7 +128,7 @@ def pixel(P: ca.SX, lens: ca.SX) -> tuple[ca.SX, ca.SX]:
     return ca.vertcat(lens[0] * xd + lens[2], lens[1] * yd + lens[3]), ca.vertcat(P[2], straight)
 
 
-def pixel_slopes(p: np.ndarray, lens: np.ndarray) -> np.ndarray:
+def pixel_jacobian(p: np.ndarray, lens: np.ndarray) -> np.ndarray:
     """Derivatives (n, 2, 3) [pixel/m] of project() in the points p (n, 3)."""
     P, k = ca.SX.sym("P", 3), ca.SX.sym("lens", len(LENS))
     J = ca.Function("slopes", [P, k], [ca.densify(ca.jacobian(pixel(P, k)[0], P))])

@@ -380,8 +380,8 @@ def test_the_predicted_error_is_that_of_repeated_calibrations():
 def test_the_best_place_is_the_one_with_the_least_predicted_error():
     places = V.CameraPlaces(baselines=[0.5, 1.5], distances=[1.2, 3.2])
     rows = V.camera_places(ROBOT, replace(SMALL, counts=[3, 3, 3]), places)
-    good = [r for r in rows if r.predicted is not None]
-    assert [r.predicted.rms for r in good] == sorted(r.predicted.rms for r in good)
+    errors = [r.predicted.rms for r in rows if r.predicted is not None]
+    assert errors == sorted(errors)
     lost = [r for r in rows if r.predicted is None]
     assert lost and all(r.distance == 1.2 and r.why for r in lost)
     assert rows[-1] in lost

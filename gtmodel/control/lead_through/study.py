@@ -38,6 +38,7 @@ else:
     PassivityBook = hint("gtmodel.control.lead_through", "PassivityBook")
 
 AGREES = 0.05  # relative: limits by eigenvalues and by runs
+SEEN = 5.0  # times the noise: what noise alone does not reach
 POINTS = 13  # of the range of stiffnesses
 SURFACE, GAINS, TURNING, SERVO, SETUP = SyntheticSurface(), SurfaceGains(), TurningGains(), ServoChain(), GuideSetup()
 WATCH, SENSOR, HANDS = OscillationWatch(level=0.5), SyntheticSensor(), HandRange()
@@ -109,7 +110,7 @@ def study(
     checks["limits_apart"] = at_most(
         abs(simulated / limit.gain - 1), AGREES, "runs and eigenvalues differ; take other times of the servo"
     )
-    notes = _limit_notes(answers, contact, stiffness, watch)
+    notes = _limit_notes(answers, contact, stiffness, watch) + _noise_notes(gains, tool)
     work.step("run")
     law, run = _run(contact, phases, gains, turning, watch, servo, handle, tool, hand, setup)
     good = run.allowed
@@ -203,6 +204,19 @@ def _limit_notes(
         x, y, z = answers["undetermined"]
         notes.append(f"the contact determines no rotation about the axis ({x:g}, {y:g}, {z:g}) of the tool")
     return notes
+
+
+def _noise_notes(gains: SurfaceGains, tool: SyntheticSensor) -> list[str]:
+    """Contact that noise alone begins."""
+    limits = [(gains.enter_force, tool.force_noise, "N")]
+    if gains.any_direction:
+        each = float(np.hypot(tool.moment_noise, tool.force_noise * float(np.linalg.norm(tool.point))))
+        limits.append((gains.enter_force * gains.contact_arm, each, "N m"))
+    return [
+        f"contact begins at {limit:.3g} {unit}, below {SEEN:g} times the noise of the tool's sensor: noise begins it"
+        for limit, noise, unit in limits
+        if limit < SEEN * noise
+    ]
 
 
 def _message(answers: dict[str, Any], peg: bool, good: bool, run: ToolRun) -> str:

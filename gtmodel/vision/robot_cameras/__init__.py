@@ -10,6 +10,7 @@ picture_map, PictureMap    do residuals depend on the place in the picture: alon
 SyntheticRobotCameras, made_pictures   synthetic pictures of a robot with known errors
 predicted_positions        the error over the workspace that noise leaves, before anything is measured or after
 places_study, camera_places, CameraPlaces   where to put two cameras
+hand_eye, HandEye          where a camera sits on an arm, or beside it
 aligned_errors             errors against positions in another frame
 """
 
@@ -19,6 +20,7 @@ from ..._lazy import public
 
 if TYPE_CHECKING:
     from .errors import aligned_errors as aligned_errors
+    from .hand_eye import HandEye as HandEye, hand_eye as hand_eye
     from .joint import JointFit as JointFit, joint_fit as joint_fit
     from .options import (
         CameraPlaces as CameraPlaces,
@@ -35,6 +37,7 @@ if TYPE_CHECKING:
     from .study import places_study as places_study, study as study
     from .synthetic import (
         MadePictures as MadePictures,
+        made_hand_eye as made_hand_eye,
         made_pictures as made_pictures,
     )
     from .two_step import TwoStepFit as TwoStepFit, two_step_fit as two_step_fit

@@ -14,7 +14,7 @@ from ...results.refusal import ArgumentError
 from ..detection.targets import FiveSquares
 from .options import CameraStart, SyntheticRobotCameras
 from .pictures import RobotPictures, SecondDevice
-from .projection import mark, seen
+from .projection import TARGET, mark, seen
 from .robot_side import robot_side
 from .starts import matrix, quaternion
 
@@ -120,7 +120,7 @@ def _target(asked: SyntheticRobotCameras) -> np.ndarray:
 
 def _seen(cameras: np.ndarray, target: np.ndarray, T: np.ndarray, marks: np.ndarray, on_tool: bool) -> np.ndarray:
     """(K, N, M, 2) [pixel]."""
-    c, t, z, p = (ca.SX.sym(n, k) for n, k in (("c", 16), ("t", 8), ("z", 3), ("p", 3)))
+    c, t, z, p = (ca.SX.sym(n, k) for n, k in (("c", 16), ("t", 8), ("z", T.shape[1]), ("p", 3)))
     f = ca.Function("seen", [c, t, z, p], [seen(c, mark(t, z, p, on_tool))[0]])
     N, M = len(T), len(marks)
     poses, points = np.repeat(T, M, axis=0).T, np.tile(marks, (N, 1)).T
@@ -159,3 +159,54 @@ def _names(K: int) -> Sequence[str]:
 
 def _unit(q: np.ndarray) -> np.ndarray:
     return q / np.linalg.norm(q)
+
+
+def made_hand_eye(
+    seed: int = 1, poses: int = 12, mounted: str = "plate", pixel_noise: float = 0.1, pose_noise: float = 1e-4
+) -> MadePictures:
+    """Synthetic pictures of an arm that carries a camera before a standing target, or a target before a camera.
+
+    `pose_noise` [m] and [rad] of the poses, as the controller says them. The robot of the result is none that moved:
+    the poses (N, 7) stand in place of actuators; `true_parameters` has the target's place.
+
+    >>> gt.vision.robot_cameras.made_hand_eye(seed=2).pictures.actuators.shape
+    (12, 7)
+    """
+    from scipy.spatial.transform import Rotation
+
+    from ...robots.catalogue import gantry_tau
+    from ..rigid_poses import composed, inverse_poses
+
+    rng = np.random.default_rng(seed)
+    tool, on_tool = FiveSquares(side=0.04), mounted == "fixed"
+    lens = [1400.0, 1400.0, 799.5, 599.5, -0.1, 0.05, 2e-4, -3e-4, 0.0]
+    carried = np.array([*_unit(np.array([1.0, 0.05, -0.1, 0.4])), 0.03, -0.05, 0.08])
+    standing = np.array([*_unit(np.array([0.3, 0.9, 0.1, -0.2])), 0.8, -0.3, 0.2])
+    rows = list[np.ndarray]()
+    while len(rows) < poses:  # the target before the camera, tilted
+        tilt = Rotation.from_rotvec(rng.uniform(-0.5, 0.5, 3)).as_quat()
+        seen = np.array([*np.roll(tilt, 1), *rng.uniform([-0.15, -0.1, 0.7], [0.15, 0.1, 1.1])])
+        # A carried = standing B, with B the target in the camera or the camera before the target
+        B = seen[None] if on_tool else inverse_poses(seen[None])
+        rows.append(composed(composed(standing[None], B), inverse_poses(carried[None]))[0])
+    A = np.array(rows)
+    camera = np.array([[*lens, *(standing if on_tool else carried)]])
+    target = np.concatenate([carried if on_tool else standing, [1.0]])
+    exact = np.column_stack([A[:, 4:], A[:, :4]])
+    uv = _seen(camera, target, exact, tool.points, on_tool)
+    said = exact.copy()
+    said[:, :3] += pose_noise * rng.standard_normal((poses, 3))
+    turned = Rotation.from_quat(np.roll(exact[:, 3:], -1, axis=1)) * Rotation.from_rotvec(
+        pose_noise * rng.standard_normal((poses, 3))
+    )
+    said[:, 3:] = np.roll(turned.as_quat(), 1, axis=1)
+    pose, number = (a.ravel() for a in np.meshgrid(np.arange(poses), np.arange(20), indexing="ij"))
+    measured = uv.reshape(-1, 2) + pixel_noise * rng.standard_normal((20 * poses, 2))
+    words = f"synthetic, seed {seed}, noise {pixel_noise:g} pixel, {1e3 * pose_noise:g} mm and mrad of the arm"
+    pictures = RobotPictures(
+        ("camera",), [str(k + 1) for k in range(poses)], tool.marks, 0 * pose, pose, number, measured,
+        np.full(len(pose), max(pixel_noise, 1e-6)), said, tool.points, synthetic=words,
+    )  # fmt: skip
+    start = CameraStart("camera", 1600.0, 1200.0, 1400.0, [799.5, 599.5], lens[4:])
+    place = {name: float(x) for name, x in zip(TARGET, target[:7], strict=False)}
+    return MadePictures(gantry_tau("l1_tape"), pictures, [start], place, camera)

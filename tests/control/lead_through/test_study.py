@@ -133,3 +133,8 @@ def test_readings_that_do_not_fit_are_refused_by_their_name(call: Any, argument:
     with pytest.raises(ArgumentError) as caught:
         call()
     assert caught.value.argument == argument
+
+
+def test_contact_that_noise_begins_is_said() -> None:
+    assert not any("noise begins it" in n for n in of().notes)
+    assert any("noise begins it" in n for n in of(tool=L.SyntheticSensor(force_noise=0.5)).notes)

@@ -251,3 +251,24 @@ def test_what_does_not_fit_is_refused_by_its_name(call: Any, argument: str) -> N
     with pytest.raises(ArgumentError) as caught:
         call()
     assert caught.value.argument == argument
+
+
+@pytest.mark.parametrize(("share", "unstable"), [(0.95, False), (1.05, True)])
+@pytest.mark.parametrize("per", [50.0, 2000.0])
+def test_the_loop_gain_of_a_peg_over_its_limit_decides_about_runs(share: float, unstable: bool, per: float) -> None:
+    from gtmodel.control.lead_through.judged import peg_stiffness
+
+    hole = L.SyntheticHole(clearance=0.0, depth=0.08, stiffness=5e3)
+    largest = np.abs(np.linalg.eigvals(np.diag([1.0] * 3 + [per] * 3) @ peg_stiffness(hole))).max()
+    gain = share * LIMIT / largest
+    gains = L.SurfaceGains(
+        force_gain=gain, any_direction=True, force_reference=0.0, enter_force=1e-12, leave_force=-1.0,
+        least_force=1e-15, normal_filter=0.0,
+    )  # fmt: skip
+    law = L.LeadThroughLaw(L.SurfaceLaw(gains), L.TurningLaw(L.TurningGains(torque_gain=per * gain)))
+    run = guided(
+        law, [L.GuidePhase(4.0)], hole, handle=QUIET, tool=QUIET, start=(1e-8, 0.0, -0.0799),
+        turn=scipy.spatial.transform.Rotation.from_rotvec([0.0, 1e-7, 0.0]).as_matrix(),
+    )  # fmt: skip
+    parts = np.array_split(np.linalg.norm(run.force, axis=1) + np.linalg.norm(run.moment, axis=1) / 0.08, 5)
+    assert bool(parts[-1].max() > parts[2].max()) is unstable

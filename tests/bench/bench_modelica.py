@@ -1,0 +1,107 @@
+"""What reading Modelica text costs: parsing with a cached grammar, flattening many components, refusing nonsense.
+
+Prints Markdown. Processor time, the least of several runs; memory by tracemalloc. Exit code 1 where a bound is passed.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+import time
+import tracemalloc
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+
+from gtmodel.lang import ModelError
+from gtmodel.modelica.reader import parse
+from gtmodel.modelica.translate import translated
+
+# issue 28
+PARSED, FLATTENED, REFUSED_MB = 0.150, 5.0, 64.0
+LINES, COMPONENTS = 259, 300
+
+RING = """package Ring
+  connector Flange Real s; flow Real f; end Flange;
+  model Mass
+    parameter Real m = 1;
+    Flange a; Flange b;
+    Real v(start = 0, fixed = true);
+    Real s(start = 0, fixed = true);
+  equation
+    a.s = s; b.s = s; der(s) = v; m*der(v) = a.f + b.f;
+  end Mass;
+  model Spring
+    parameter Real c = 10;
+    Flange a; Flange b;
+  equation
+    a.f = c*(a.s - b.s); a.f + b.f = 0;
+  end Spring;
+  model Chain
+    parameter Integer n = 150;
+    Mass mass[n](m = 1:n);
+    Spring spring[n](each c = 20);
+  equation
+    for i in 1:n loop
+      connect(spring[i].b, mass[i].a);
+    end for;
+    for i in 1:n - 1 loop
+      connect(mass[i].b, spring[i + 1].a);
+    end for;
+  end Chain;
+end Ring;
+"""
+
+
+def least(work: Callable[[], Any], times: int) -> float:
+    """Processor time [s] of the fastest run."""
+    taken = []
+    for _ in range(times):
+        begin = time.process_time()
+        work()
+        taken.append(time.process_time() - begin)
+    return min(taken)
+
+
+def of_lines(count: int) -> str:
+    """A model of that many lines."""
+    body = [f'  Real x{k}(start = {k}, fixed = true) "state {k}";' for k in range((count - 3) // 2)]
+    body += ["equation"] + [f"  der(x{k}) = -x{k}^2*sin(time) + {k}*exp(-x{k});" for k in range((count - 3) // 2)]
+    return "\n".join(["model Lines", *body, "end Lines;"])
+
+
+def refused() -> float:
+    """Memory [MB] that refusing 10 MB of brackets takes beyond the text itself."""
+    text = "(" * 10_000_000
+    tracemalloc.start()
+    try:
+        parse(text)
+        raise AssertionError("10 MB of brackets were taken")
+    except ModelError:
+        return tracemalloc.get_traced_memory()[1] / 1e6
+    finally:
+        tracemalloc.stop()
+
+
+def main() -> int:
+    text = of_lines(LINES)
+    parse(text)  # the tables of the grammar are made, or read from the cache
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "ring.mo"
+        file.write_text(RING)
+        flat = least(lambda: translated(f"{file}:Chain"), 1)
+    rows = [
+        (f"parse {len(text.splitlines())} lines", least(lambda: parse(text), 5), PARSED, "s"),
+        (f"flatten {COMPONENTS} components, to a class", flat, FLATTENED, "s"),
+        ("refuse 10 MB of brackets", refused(), REFUSED_MB, "MB"),
+    ]
+    print("| Modelica text | taken | at most |\n|---|---|---|")
+    for what, taken, bound, unit in rows:
+        print(f"| {what} | {taken:.3g} {unit} | {bound:g} {unit} |")
+    return int(any(taken > bound for _, taken, bound, _ in rows))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

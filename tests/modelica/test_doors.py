@@ -1,0 +1,116 @@
+"""Texts at the command line and in problem files."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+import gtmodel as gt
+from gtmodel.cli import main
+from tests.modelica import texts
+
+pytest.importorskip("lark")
+CLONE = Path(__file__).parents[2]
+VDP = CLONE / "problems" / "models" / "van_der_pol.mop"
+
+
+def said(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str, str]:
+    code = main([str(w) for w in words])
+    out, err = capsys.readouterr()
+    return code, out, err
+
+
+def test_a_class_is_solved(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    out_folder = tmp_path / "out"
+    code, out, _ = said(capsys, "solve", f"{VDP}:Fast", "--out", out_folder, "--set", "mesh.elements=20")
+    assert code == 0 and "started from a simulation" in out
+    result = json.loads((out_folder / "result.json").read_text())
+    assert result["values"]["final_time_s"] == pytest.approx(2.2811587, rel=1e-3)
+    code, out, _ = said(capsys, "solve", f"{VDP}:Quiet", "--json", "--set", "mesh.elements=20")
+    quiet = json.loads(out)["objective"]
+    code, out, _ = said(capsys, "solve", f"{VDP}:VanDerPol.QuietExtended", "--json", "--set", "mesh.elements=20",
+                        "--set", "parameters.mu=2")  # fmt: skip
+    assert json.loads(out)["objective"] != pytest.approx(quiet, rel=1e-3)
+
+
+def test_a_model_is_simulated_until_its_stop_time(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    file = tmp_path / "pendulum.mo"
+    file.write_text(texts.PENDULUM)
+    code, out, _ = said(capsys, "solve", file, "--json", "--out", tmp_path / "out")
+    assert code == 0 and json.loads(out)["kind"] == "simulation"
+    stored = json.loads((tmp_path / "out" / "result.json").read_text())
+    assert stored["trajectory"]["time_s"][-1] == 2.0
+
+
+def test_what_a_file_holds(capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, _ = said(capsys, "list", VDP)
+    assert code == 0 and "VanDerPol.Fast" in out and "to rest in least time" in out
+    code, _, err = said(capsys, "solve", VDP)
+    assert code == 2 and "VanDerPol.Quiet, VanDerPol.QuietExtended" in err
+    code, _, err = said(capsys, "solve", f"{VDP}:Fats")
+    assert code == 2 and "Fast" in err
+    code, _, err = said(capsys, "solve", CLONE / "nothing.mop")
+    assert code == 2 and "nothing.mop" in err
+
+
+def test_a_class_is_explained_and_printed(capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, _ = said(capsys, "explain", f"{VDP}:Fast")
+    assert code == 0 and "free: final_time" in out
+    code, out, _ = said(capsys, "explain", f"{VDP}:Fast", "--python")
+    assert code == 0 and out == gt.modelica.python_of(f"{VDP}:Fast") + "\n"
+    robot = CLONE / "problems" / "models" / "gantry_tau.mop"
+    code, out, _ = said(capsys, "explain", f"{robot}:Robot", "--known", "T[1],T[2],T[3]", "--targets", "q[1],q[2],q[3]")
+    assert code == 0 and "gantry_tau.mop:" in out
+    assert said(capsys, "explain", "l1_tape", "--python")[0] == 2
+
+
+def test_an_error_names_file_and_line_and_prints_it(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    file = tmp_path / "wrong.mop"
+    file.write_text(
+        "optimization O(objectiveIntegrand = x^2)\n  Real x(fixed = true);\nequation\n  der(x) = y;\nend O;\n"
+    )
+    code, _, err = said(capsys, "solve", file)
+    assert code == 2 and "wrong.mop:4" in err and "der(x) = y;" in err
+
+
+def test_problem_files_name_texts_libraries_and_a_guess(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    (tmp_path / "library.mo").write_text(
+        "package Library model Integrator Real x(start = 1, fixed = true); input Real u; equation der(x) = u; "
+        "end Integrator; end Library;"
+    )
+    (tmp_path / "rest.mop").write_text(
+        "optimization Rest(objectiveIntegrand = x^2 + u^2) extends Library.Integrator(u(min = -1)); end Rest;"
+    )
+    one_file = (tmp_path / "library.mo").read_text() + (tmp_path / "rest.mop").read_text()
+    (tmp_path / "both.mop").write_text(one_file)
+    problem = tmp_path / "rest.toml"
+    mesh = "[mesh]\nelements = 5\n"
+    problem.write_text(f'kind = "optimization"\nmodel = "rest.mop:Rest"\nlibrary = ["library.mo"]\n{mesh}')
+    code, out, _ = said(capsys, "solve", problem, "--json", "--out", tmp_path / "first")
+    first = json.loads(out)["objective"]
+    assert code == 0 and first == pytest.approx(0.7616, abs=1e-4)  # tanh(1)
+    problem.write_text(f'kind = "optimization"\nmodel = "both.mop:Rest"\nguess = "first"\n{mesh}')
+    code, out, _ = said(capsys, "solve", problem, "--json")
+    assert code == 0 and json.loads(out)["objective"] == pytest.approx(first, rel=1e-12)
+    assert gt.solve(gt.modelica.load(tmp_path / "both.mop")(), gt.Mesh(5)).objective == (
+        gt.solve(gt.modelica.load(tmp_path / "rest.mop", library=[tmp_path / "library.mo"])(), gt.Mesh(5)).objective
+    )
+
+
+def test_a_gantry_tau_in_text_is_the_catalogue_s(tmp_path: Path) -> None:
+    """Forward and inverse kinematics of the three-link robot, by both, at poses around home."""
+    import numpy as np
+
+    robot = gt.modelica.load(f"{CLONE / 'problems' / 'models' / 'gantry_tau.mop'}:Robot")()
+    catalogue = gt.robots.gantry_tau("l1_tape")
+    T, q = ([f"{n}[{i}]" for i in (1, 2, 3)] for n in "Tq")
+    inverse, forward = robot.causal(known=T, targets=q), robot.causal(known=q, targets=T)
+    theirs = catalogue.causal(known="T", targets="q")
+    for shift in np.random.default_rng(2).uniform(-0.15, 0.15, (20, 3)):
+        pose = np.array(catalogue.home) + shift
+        *carts, status = inverse(*pose)
+        assert status.ok and np.allclose(carts, theirs(pose)[0], rtol=0, atol=1e-13)
+        *back, status = forward(*carts)
+        assert status.ok and np.allclose(back, pose, rtol=0, atol=1e-12)
