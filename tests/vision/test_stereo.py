@@ -105,9 +105,12 @@ def test_the_order_of_corners_pictures_and_cameras_changes_nothing() -> None:
     other = table.rows(k)
     other = replace(other, pictures=tuple(table.pictures[n] for n in p), picture=np.argsort(p)[other.picture])
     a, b = stereo_study(table, BOARD), stereo_study(other, BOARD)
+    swapped = stereo_study(replace(table, cameras=("right", "left"), camera=1 - table.camera), BOARD)
     for name in ("left", "right"):
         for label in gt.vision.LENS:
             assert b.lens[name][label] == pytest.approx(a.lens[name][label], rel=1e-10, abs=1e-10)
+            assert swapped.lens[name][label] == pytest.approx(a.lens[name][label], rel=1e-10, abs=1e-10)
+    assert swapped.baseline["left"] == pytest.approx(a.baseline["right"], rel=1e-10)
     assert b.translation["right"] == pytest.approx(a.translation["right"], rel=1e-10, abs=1e-10)
 
 
