@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 from pydantic import Field
 
 from gtmodel.control.learning import options, references
-from gtmodel.problem_files.base import FileSection, Problem
+from gtmodel.problem_files.base import Context, FileSection, InputError, Problem
 from gtmodel.problem_files.from_options import Made, made_from
 from gtmodel.problem_files.log_keys import RecordedSignalSection, RecordingFiles
+from gtmodel.results import Trajectory
 
+if TYPE_CHECKING:
+    from gtmodel.control.learning import ModelledRobot
+
+EVEN = 0.01  # of a period
 RESULT = ("gtmodel.control.learning.LearningStudy", "gtmodel.control.learning.NextInputStudy")
 
 
@@ -58,6 +64,61 @@ class LearnedPlantSection(RecordingFiles):
     )
     synthetic: str = Field(default="", description="what made the log, where it was simulated")
 
+    def of_a_log(self, context: Context) -> ModelledRobot:
+        """The axes identified. Raises InputError."""
+        import numpy as np  # here, as below: the keys alone need none of it
+
+        from gtmodel.control.learning import ModelledRobot, identified_axis
+
+        if self.signals is None:
+            raise InputError("is missing; name the columns of reference and motor", "plant.signals")
+        log = recorded(self, self.signals, self.files, "plant", context, self.synthetic)
+        steps = np.diff(log.time)
+        period = self.sample_time_s or float(np.median(steps))
+        if np.any(np.abs(steps - period) > EVEN * period):
+            raise InputError(f"has rows that are not {1e3 * period:g} ms apart; resample it (kind resampling)", "plant")
+        columns = {name: np.asarray(log[name], float).reshape(len(log), -1) for name in log.names}
+        u = columns.pop("reference") + columns.pop("input", 0.0)
+        for name, values in columns.items():
+            if values.shape != u.shape:
+                raise InputError(
+                    f"has {values.shape[1]} columns; the reference {u.shape[1]}, one for each axis",
+                    f"plant.signals.{name}",
+                )
+        return ModelledRobot(
+            [
+                identified_axis(
+                    u[:, k], {name: values[:, k] for name, values in columns.items()}, period, self.order,
+                    self.delay_samples,
+                )
+                for k in range(u.shape[1])
+            ]
+        )  # fmt: skip
+
+    def of_a_model(self, context: Context) -> ModelledRobot:
+        """The axes of the model, linear where it starts. Raises InputError."""
+        from gtmodel.control.learning import ModelledRobot, linear_axis
+        from gtmodel.lang import ModelError
+        from gtmodel.problem_files import python_models
+
+        assert self.model is not None
+        model = python_models.resolve(self.model, context, "plant.model", self.parameters)
+        named = {"motor": self.motor, "tool": self.tool, "acceleration": self.acceleration}
+        for name, variables in {"reference": self.reference, **named}.items():
+            if (len(variables) != len(self.reference) and (variables or name == "motor")) or not self.reference:
+                raise InputError(
+                    f"names {len(variables)} variables; expected one for each axis, as reference names them",
+                    f"plant.{name}",
+                )
+        period, made = self.sample_time_s or options.SAMPLE_TIME, []
+        for k, reference in enumerate(self.reference):
+            signals = {name: variables[k] for name, variables in named.items() if variables}
+            try:
+                made.append(linear_axis(model, reference, signals, period, self.delay_samples or 0))
+            except ModelError as error:
+                raise InputError(str(error), "plant.model") from error
+        return ModelledRobot(made)
+
 
 @made_from(options.ElasticTip)
 class SimulatedSection(Made):
@@ -82,3 +143,20 @@ class Schema(Problem):
         default=None, description="a robot that is simulated, of which [robot] is the model that the law knows"
     )
     log: RunSection | None = Field(default=None, description="a measured run, in place of [reference] and [noise]")
+
+
+def recorded(
+    log: RecordingFiles, signals: RunSignals, files: Sequence[str], key: str, context: Context, synthetic: str
+) -> Trajectory:
+    """The signals of a recording on one clock, from these files. Raises InputError."""
+    given = {name: getattr(signals, name) for name in type(signals).model_fields}
+    columns = {name: section.recorded() for name, section in given.items() if section is not None}
+    recording = log.model_copy(update={"files": list(files)}).recording(columns, context, key)
+    by_name = {name: t for t in recording.values() for name in t.names}
+    clock = by_name["reference"]
+    if any(t is not clock for t in by_name.values()):
+        raise InputError("has signals with clocks of their own; resample them on one (kind resampling)", key)
+    return Trajectory(
+        clock.time, {name: clock[name] for name in columns}, {name: clock.unit(name) for name in columns},
+        synthetic=synthetic or clock.synthetic,
+    )  # fmt: skip

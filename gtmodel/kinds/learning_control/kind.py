@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
-from gtmodel.control.learning import ModelledRobot, SimulatedMotion, next_input, study
+from gtmodel.control.learning import (
+    LearningRobot,
+    ModelledRobot,
+    SimulatedMotion,
+    lag_robot,
+    next_input,
+    options,
+    study,
+)
 from gtmodel.lang import ModelError
 from gtmodel.problem_files.base import Context, InputError
 from gtmodel.problem_files.call import Call
 from gtmodel.problem_files.from_options import options_of
-from gtmodel.results import Trajectory
+from gtmodel.results import ArgumentError, Trajectory
 from gtmodel.robots import gantry_tau
 
-from .keys import RunSection, Schema
-from .robot import robot_of
-from .runs import recorded
+from .keys import RunSection, Schema, recorded
 
 NAME = "learning_control"
 ARGUMENTS = {
@@ -84,3 +90,25 @@ def explain(problem: Schema, context: Context) -> str:
 
 def _run(log: RunSection, files: list[str], context: Context) -> Trajectory:
     return recorded(log, log.signals, files, "log", context, log.synthetic)
+
+
+def robot_of(problem: Schema, context: Context) -> LearningRobot | ModelledRobot:
+    """What [robot] or [plant] says. Raises InputError."""
+    section = problem.plant
+    if section is None:
+        return options_of(problem, "robot")["robot"]
+    if "robot" in problem.model_fields_set:
+        raise InputError("is the robot by a log, a model or numbers; leave [robot] out", "plant")
+    ways = [name for name in ("files", "model", "b") if getattr(section, name)]
+    if len(ways) != 1:
+        raise InputError(
+            f"expected one of files, model and b with a; found {' and '.join(ways) or 'none of them'}", "plant"
+        )
+    try:
+        if ways == ["files"]:
+            return section.of_a_log(context)
+        if ways == ["model"]:
+            return section.of_a_model(context)
+        return lag_robot(section.b, section.a, section.delay_samples or 0, section.sample_time_s or options.SAMPLE_TIME)
+    except ArgumentError as error:
+        raise InputError(error.message, f"plant.{error.argument}" if error.argument == "a" else "plant") from error
