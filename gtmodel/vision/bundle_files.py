@@ -59,7 +59,17 @@ def bal_view() -> ca.Function:
 
 
 def read_bal(path: str | Path) -> BundleFile:
-    """Cameras, points and observations of a BAL file. Raises ArgumentError for a file that is none."""
+    """Cameras, points and observations of a BAL file. Raises ArgumentError for a file that is none.
+
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "none.txt"
+    ...     _ = path.write_text("1 1 2")
+    ...     gt.vision.read_bal(path)
+    Traceback (most recent call last):
+    gtmodel...: path: none.txt is no BAL file: 3 numbers for 1 cameras, 1 points and 2 observations
+    """
     path = Path(path)
     try:
         words = path.read_text(encoding="utf-8").split()
