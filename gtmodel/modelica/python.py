@@ -131,6 +131,8 @@ class Writer:
             return _call("free", [_constant(float(guess))], self._described(flat, options))
         if flat.kind == "parameter":
             value = value_of(flat)
+            if not is_number(value):
+                raise ModelicaError(f"'{flat.name}' takes a number; found {str(value)!r}", flat.at)
             low = flat.get("min")
             if is_number(low) and low > 0 < value:
                 options["positive"] = ast.Constant(True)
