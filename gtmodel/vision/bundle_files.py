@@ -63,12 +63,12 @@ def read_bal(path: str | Path) -> BundleFile:
 
     >>> from pathlib import Path
     >>> from tempfile import TemporaryDirectory
+    >>> text = "1 1 1\\n0 0 8.5 17.0\\n0 0 0 0 0 -5 400 0.01 0\\n0.1 0.2 0.3"
     >>> with TemporaryDirectory() as folder:
-    ...     path = Path(folder) / "none.txt"
-    ...     _ = path.write_text("1 1 2")
-    ...     gt.vision.read_bal(path)
-    Traceback (most recent call last):
-    gtmodel...: path: none.txt is no BAL file: 3 numbers for 1 cameras, 1 points and 2 observations
+    ...     _ = (Path(folder) / "one.txt").write_text(text)
+    ...     one = gt.vision.read_bal(Path(folder) / "one.txt")
+    >>> one.points, one.cameras[0, 7]
+    (array([[0.1, 0.2, 0.3]]), np.float64(400.0))
     """
     path = Path(path)
     try:

@@ -110,14 +110,10 @@ def stereo_study(
 def explained_pictures(corners: CornerTable, board: BoardPictures) -> list[str]:
     """How many corners each camera has, and in what lengths the result will be. Raises ArgumentError as the study.
 
-    >>> V = gt.vision
-    >>> board = V.BoardPictures(width_pixel=640, height_pixel=480, columns=9, rows=6)
-    >>> table = V.stereo.made_corners(V.stereo.SyntheticBoards(pictures=4), board)[0]
-    >>> print("\\n".join(V.stereo.explained_pictures(table, board)))
-    4 pictures of a board of 9 x 6 corners
-      left: 216 corners in 4 pictures
-      right: 216 corners in 4 pictures
-    lengths in squares of the board: give board.square_mm for metres
+    >>> board = gt.vision.BoardPictures(width_pixel=640, height_pixel=480, columns=9, rows=6)
+    >>> table, lenses, cameras = gt.vision.stereo.made_corners(gt.vision.stereo.SyntheticBoards(), board)
+    >>> print(*gt.vision.stereo.explained_pictures(table, board)[:2], sep="; ")
+    13 pictures of a board of 9 x 6 corners;   left: 702 corners in 13 pictures
     """
     metres = _metres(board)
     _on_the_board(corners, board)
