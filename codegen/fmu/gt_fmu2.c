@@ -16,8 +16,9 @@ static void say(const gt_fmu *f, gt_fmu_result result, const char *sentence)
         return;
     }
     logger = (fmi2CallbackLogger)f->logger;
+    /* a sentence holds no sign of a format */
     logger(f->environment, f->name, (fmi2Status)result,
-           (result == GT_FMU_DISCARD) ? "logStatusDiscard" : "logStatusError", "%s", sentence);
+           (result == GT_FMU_DISCARD) ? "logStatusDiscard" : "logStatusError", sentence);
 }
 
 static fmi2Status unknown(fmi2Component c, const char *call, size_t n)

@@ -49,16 +49,16 @@ class UnitCaller:
     def _do(self, name: str, *arguments: Any) -> int:
         return int(self._function(name)(self._instance, *arguments))
 
-    def begin(self, references: Sequence[int], values: Sequence[float]) -> int:
-        """Anew from these start values. The worst status on the way."""
+    def begin(self, references: Sequence[int], values: Sequence[float], time: float = 0.0) -> int:
+        """Anew from these start values and this time. The worst status on the way."""
         status = self._do("Reset")
         if len(references):
             status = max(status, self.set(references, values))
+        start, none = c.c_double(time), c.c_double()
         if self._three:
-            status = max(
-                status, self._do("EnterInitializationMode", _NO, c.c_double(), c.c_double(), _NO, c.c_double())
-            )
+            status = max(status, self._do("EnterInitializationMode", _NO, none, start, _NO, none))
         else:
+            status = max(status, self._do("SetupExperiment", 0, none, start, 0, none))
             status = max(status, self._do("EnterInitializationMode"))
         return max(status, self._do("ExitInitializationMode"))
 

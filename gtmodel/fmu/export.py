@@ -78,7 +78,8 @@ def export(
         path: of the archive, NAME.fmu; None: it is made, not written.
         version: 3 for FMI 3.0, 2 for FMI 2.0.
         name: model identifier; that of the path if empty. title: description; that of the model if empty.
-        start: values of inputs and states at the start by name, in SI; else the home pose at rest, held by its inputs.
+        start: values of inputs and states at the start by name, in SI; else the home pose or declared starts,
+            at rest, held by its inputs; states that have neither, such as those of filters, want one.
         tunable: names of known variables that become tunable parameters.
         on_fault: "discard" where there is no answer, as the standard has it; "hold" keeps the outputs and says so in an
             integer output `status`, for functions without states only.

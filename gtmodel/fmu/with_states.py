@@ -9,6 +9,7 @@ import numpy as np
 
 from ..cgen.newton_stages import samples_of
 from ..compiler.causal import CausalFunction, CausalSignal, compile_causal
+from ..compiler.consistency.home import home_of
 from ..lang.scope import derivative_name
 from ..lang.source import ModelError
 from ..results.refusal import ArgumentError
@@ -17,6 +18,7 @@ from .table import base_and_order
 
 Pair = tuple[int, int]
 MOST_TURNS = 6  # in which the states of a target, of its states' rates and so on are complete
+SMALLEST = 1e-9
 EXACT, ROUGH = 15, 6  # digits of a start that stands in the description
 
 
@@ -70,30 +72,34 @@ def starts(made: WithStates, given: Mapping[str, Sequence[float] | float]) -> di
     Raises ArgumentError for a name that is no input, another number of values, and a start without an answer.
     """
     f = made.function
-    values: dict[Pair, float] = {}
-    for s in f.inputs:
-        home = samples_of(f, s.pairs)[0]
-        values |= {p: float(x) if p[1] == 0 else 0.0 for p, x in zip(s.pairs, home, strict=True)}
+    posed = home_of(f.flat)
+    near = {p: x for s in f.inputs for p, x in zip(s.pairs, map(float, samples_of(f, s.pairs)[0]), strict=True)}
+    declared = {p: start for p in near if (start := f.flat.variables[p[0]].start) is not None}
+    home = {p: posed.get(p[0], declared.get(p, x)) for p, x in near.items()}
     own = {s.name: s for s in f.inputs}
+    wanted: dict[Pair, float] = {}
     for name, value in given.items():
         if name not in own:
             raise ArgumentError(f"there is no input '{name}'; there are {', '.join(own)}", "start")
         numbers = np.ravel(np.asarray(value, float))
         if len(numbers) != own[name].size or not np.all(np.isfinite(numbers)):
             raise ArgumentError(f"'{name}' takes {own[name].size} finite numbers; found {value}", "start")
-        values |= dict(zip(own[name].pairs, map(float, numbers), strict=True))
-    if made.states:
-        values |= _holding(made, values, {p for name in given for p in own[name].pairs})
-    status = _status(f, values)
-    if status is not Status.OK and not given:  # six digits are too few for it: a quaternion, say
-        exact = f.plan.samples[0]
-        position = {pair: n for n, pair in enumerate(f.plan.pairs)}
-        known = [p for p in values if p in position and p[1] == 0]
-        values |= {p: float(f"{exact[position[p]]:.{EXACT}g}") for p in known}
+        wanted |= dict(zip(own[name].pairs, map(float, numbers), strict=True))
+    status = Status.OK
+    # six digits may be too few, as for a quaternion; and what is declared may be no start of this causality
+    for base, digits in ((home, ROUGH), (home, EXACT), (near, EXACT)):
+        values = {p: _short(x, digits) if p[1] == 0 else 0.0 for p, x in base.items()} | wanted
+        if made.states:
+            values |= _holding(made, values, set(wanted))
         status = _status(f, values)
-    if status is not Status.OK:
-        raise ArgumentError(f"there is no answer at the start: {status.message}; give another start", "start")
-    return values
+        if status is Status.OK:
+            return values
+    raise ArgumentError(f"there is no answer at the start: {status.message}; give another start", "start")
+
+
+def _short(x: float, digits: int = ROUGH) -> float:
+    """In few digits: the noise of another linear algebra library must not reach the description."""
+    return 0.0 if abs(x) < SMALLEST else float(f"{x:.{digits}g}")
 
 
 def _status(f: CausalFunction, values: Mapping[Pair, float]) -> Status:
@@ -124,6 +130,5 @@ def _holding(made: WithStates, values: Mapping[Pair, float], given: set[Pair]) -
         return {}
     numbers = {}
     for s, result in zip(wanted, results, strict=True):
-        digits = [float(f"{x:.{ROUGH}g}") for x in np.ravel(result)]
-        numbers |= dict(zip(s.pairs, [x if abs(x) > 1e-9 else 0.0 for x in digits], strict=True))
+        numbers |= dict(zip(s.pairs, map(_short, np.ravel(result)), strict=True))
     return numbers

@@ -44,7 +44,7 @@ class Writer:
 
     def __init__(self, flat: Flattened, naming: Callable[[str], str], units: bool) -> None:
         self.flat, self.units, self.warnings = flat, units, list[str]()
-        self.names = _unique(flat.flats, naming)
+        self.names, self.naming, self._late = _unique(flat.flats, naming), naming, dict[tuple[str, float], str]()
         self.resolved = Resolver()
         self.written = Written(flat.name, flat.at, flat.optimization, flat.description)
 
@@ -131,6 +131,8 @@ class Writer:
             return _call("free", [_constant(float(guess))], self._described(flat, options))
         if flat.kind == "parameter":
             value = value_of(flat)
+            if not is_number(value):
+                raise ModelicaError(f"'{flat.name}' takes a number; found {str(value)!r}", flat.at)
             low = flat.get("min")
             if is_number(low) and low > 0 < value:
                 options["positive"] = ast.Constant(True)
@@ -332,10 +334,28 @@ class Writer:
         if name in _MOVING:
             raise ModelicaError(f"{name}() of variables jumps, which is not taken", at)
         if name == "delay":
-            raise ModelicaError("delay() is taken of a top-level input alone: v = delay(u, T)", at)
+            return self._delayed(x)
         if name in _RELATIONS or name in ("and", "or", "not", "<>", "initial", "sample"):
             raise ModelicaError("a condition stands where a number is expected", at)
         raise ModelicaError(f"{name}() is not taken here", at)
+
+    def _delayed(self, x: Operation) -> ast.expr:
+        """An input some time later, as a declaration of its own; before the start it has its start value."""
+        source, tau = x.arguments
+        assert x.at is not None
+        if not self.flat.optimization or not isinstance(source, Symbol) or source.flat.kind != "input":
+            raise ModelicaError("delay() is taken of an input of an optimization alone: v = delay(u, 0.1)", x.at)
+        held = source.flat.get("start")
+        history = 0.0 if held is None else number_of(held, x.at, "what delay() begins with")
+        key = (self.names[id(source.flat)], tau)
+        name = self._late.get(key, "")
+        if not name:
+            number = len(self._late) + 1
+            name = self._late[key] = self.naming(f"{source.flat.name}_delayed{number if number > 1 else ''}")
+            given = [ast.Name(self.names[id(source.flat)], ast.Load()), _constant(tau)]
+            value = _call("delayed", given, {"history": _constant(float(history))})
+            self._put("", x.at, ast.Assign([ast.Name(name, ast.Store())], value))
+        return _own(name)
 
     def _if(self, x: Operation) -> ast.expr:
         condition, then, otherwise = x.arguments

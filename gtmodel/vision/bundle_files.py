@@ -59,7 +59,17 @@ def bal_view() -> ca.Function:
 
 
 def read_bal(path: str | Path) -> BundleFile:
-    """Cameras, points and observations of a BAL file. Raises ArgumentError for a file that is none."""
+    """Cameras, points and observations of a BAL file. Raises ArgumentError for a file that is none.
+
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> text = "1 1 1\\n0 0 8.5 17.0\\n0 0 0 0 0 -5 400 0.01 0\\n0.1 0.2 0.3"
+    >>> with TemporaryDirectory() as folder:
+    ...     _ = (Path(folder) / "one.txt").write_text(text)
+    ...     one = gt.vision.read_bal(Path(folder) / "one.txt")
+    >>> one.points, one.cameras[0, 7]
+    (array([[0.1, 0.2, 0.3]]), np.float64(400.0))
+    """
     path = Path(path)
     try:
         words = path.read_text(encoding="utf-8").split()

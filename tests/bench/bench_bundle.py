@@ -57,7 +57,9 @@ def main() -> int:
         # a step that changes the residuals by sqrt(tolerance) of their length changes the cost by the tolerance
         return bundle_fit(one.groups(), one.blocks(), covariance=False, tolerance=TOLERANCE**0.5)
 
-    ours(), rival.errors(rival.start), rival.jacobian(rival.start)  # compiled
+    ours()  # from here on all is compiled
+    rival.errors(rival.start)
+    rival.jacobian(rival.start)
     runs: dict[str, Callable[[], Any]] = {"gtmodel": ours, "SciPy": lambda: rival.solve(TOLERANCE)}
     times, ends = least(runs, ROUNDS)
     fit, (cost, evaluations) = ends["gtmodel"], ends["SciPy"]

@@ -45,6 +45,34 @@ class Pendulum(gt.Model):
         yield self.energy == self.inertia * gt.der(self.angle) ** 2 / 2 - self.weight * gt.cos(self.angle)
 
 
+class Cart(gt.Model):
+    x = gt.variable(unit="m")
+    v = gt.variable(unit="m/s")
+    a = gt.input(unit="m/s2")
+
+    def equations(self):
+        yield gt.der(self.x) == self.v
+        yield gt.der(self.v) == self.a
+
+
+class Driven(gt.Model):
+    """The time enters the equations."""
+
+    rate = gt.parameter(2.0, unit="1/s")
+    x = gt.variable(unit="m", start=0.5)
+    u = gt.input(unit="m/s")
+
+    def equations(self):
+        yield gt.der(self.x) == self.u + self.rate * (gt.cos(self.rate * self.time) - 1.0) * self.x
+
+
+def cart_filter():
+    process = gt.filtering.ProcessModel(Cart(), noise={"a": 0.1}, states=["x", "v"])
+    tape = gt.filtering.Sensor("tape", "x", deviation=0.01, delay=0.008, gate=0.999)
+    start = gt.filtering.InitialState({}, {"x": 1.0, "v": 1.0})
+    return gt.filtering.ControllerFilter(gt.filtering.System(process, [tape]), 0.004, start)
+
+
 @cache
 def l1():
     return gt.robots.gantry_tau("l1_tape", inertia="model_2", velocity_scale=0.1)
@@ -64,6 +92,8 @@ def functions():
         "d1_fk": d1.causal(known="q", targets=["T", "e"]),
         "f1_fk": f1.causal(known="q", targets=["T", "e"]),
         "f1_ik": f1.causal(known=["T", "e"], targets="q"),
+        "driven": Driven().causal(known="u", targets="der(x)", prefer="x"),
+        "filter": cart_filter(),
         "block": gt.cgen.BlockFunction(Loop(), "law"),
     }
 
@@ -72,7 +102,20 @@ def unit(name: str, version: int, **options):
     return gt.fmu.export(functions()[name], None, version=version, name=f"u_{name}", stop=STOP, **options)
 
 
-PLAIN = ("fk", "ik", "inverse", "forward", "filtered", "pendulum", "d1_fk", "f1_fk", "f1_ik", "block")
+PLAIN = (
+    "fk",
+    "ik",
+    "inverse",
+    "forward",
+    "filtered",
+    "pendulum",
+    "d1_fk",
+    "f1_fk",
+    "f1_ik",
+    "block",
+    "driven",
+    "filter",
+)
 MAKERS = {name: (lambda version, name=name: unit(name, version)) for name in PLAIN}
 MAKERS["tunable"] = lambda version: unit("pendulum", version, tunable=["torque"])
 MAKERS["held"] = lambda version: unit("ik", version, on_fault="hold")

@@ -11,7 +11,7 @@ import numpy as np
 
 OK, WARNING, DISCARD, ERROR = range(4)
 LOG3 = c.CFUNCTYPE(None, c.c_void_p, c.c_int, c.c_char_p, c.c_char_p)
-LOG2 = c.CFUNCTYPE(None, c.c_void_p, c.c_char_p, c.c_int, c.c_char_p, c.c_char_p, c.c_char_p)
+LOG2 = c.CFUNCTYPE(None, c.c_void_p, c.c_char_p, c.c_int, c.c_char_p, c.c_char_p)
 ALLOCATE = c.CFUNCTYPE(c.c_void_p, c.c_size_t, c.c_size_t)
 RELEASE = c.CFUNCTYPE(None, c.c_void_p)
 
@@ -56,9 +56,7 @@ class Raw:
             last = [None] if co else []
             self.i = make(name, token, b"", c.c_bool(False), c.c_bool(True), *more, None, self.log, *last)
         else:
-            self.log = LOG2(
-                lambda _e, _n, s, category, _f, text: self.said.append((s, category.decode(), (text or b"").decode()))
-            )
+            self.log = LOG2(lambda _e, _n, s, category, text: self.said.append((s, category.decode(), text.decode())))
             self.callbacks = Callbacks(self.log, None, None, None, None)
             make = self.f("Instantiate", c.c_void_p)
             self.i = make(name, int(co), token, b"", c.byref(self.callbacks), 0, 1)

@@ -27,7 +27,7 @@ def test_check_finds_every_unit_right(made, name, version):
     unit, *_ = made(name, version)
     report = gt.fmu.check(unit, points=60)
     assert {n: c for n, c in report.checks.items() if not c.passed} == {}
-    assert any(n.endswith("_import_difference") for n in report.checks) == (name not in ("block", "held"))
+    assert any(n.endswith("_import_difference") for n in report.checks) == (name not in ("block", "filter", "held"))
 
 
 def test_check_says_what_is_missing(made, monkeypatch):

@@ -133,3 +133,27 @@ def test_energy_of_the_robot(made):
 def test_a_large_error_inside_is_refused():
     with pytest.raises(ValueError, match="step"):
         unit_of("filtered", 3, step=0.02, tolerance=1e-9)
+
+
+@pytest.mark.parametrize("version", [3, 2])
+def test_the_time_enters_where_the_equations_have_it(made, version):
+    """x' = u + r (cos(r t) - 1) x from 0.5 at a start time that is not zero, in both interfaces."""
+    unit, path, _ = made("driven", version)
+    begin, u, start = 1.5, 0.3, unit.table.of("state")[0].start
+    assert start == 0.5  # as declared
+
+    def rate(t, x):
+        return u + 2.0 * (np.cos(2.0 * t) - 1.0) * x
+
+    end = solve_ivp(rate, (begin, begin + 0.5), [start], method="DOP853", rtol=1e-12, atol=1e-12).y[0, -1]
+    raw = Raw(unit, path)
+    assert raw.begin({"u": u}, time=begin) == OK
+    for k in range(125):
+        assert raw.step(begin + k * 4e-3, 4e-3)[0] == OK
+    assert raw.get(list(unit.table.states))[1][0] == pytest.approx(end, abs=NEAR)
+    raw = Raw(unit, path, co=False)
+    assert raw.begin({"u": u}, time=begin) == OK
+    for t in (begin, begin + 0.7):
+        assert raw.set_time(t) == OK
+        assert raw.derivatives()[1][0] == pytest.approx(rate(t, start), abs=1e-14)
+    assert 0 in unit.table.dependencies[unit.table.rates[0]]

@@ -264,6 +264,14 @@ def test_a_robust_loss_bears_gross_errors(small: Scene) -> None:
     assert set(np.argsort(length)[-8:]) == set(wrong)
 
 
+def test_without_a_compiler_the_fit_is_the_same(monkeypatch) -> None:
+    one = scene(6, 400)  # rows enough for a kernel, and for a compiler where there is one
+    first = bundle_fit(one.groups(one.anchored()), one.blocks())
+    monkeypatch.setenv("CC", "no-such-compiler")
+    again = bundle_fit(one.groups(one.anchored()), one.blocks())
+    assert np.array_equal(first.values["camera"], again.values["camera"]) and first.cost == again.cost
+
+
 def test_perfect_data_are_fitted_to_rounding() -> None:
     one = scene(noise=0.0)
     fit = bundle_fit(one.groups(one.anchored()), one.blocks(sigma=1.0))

@@ -114,3 +114,27 @@ def test_a_gantry_tau_in_text_is_the_catalogue_s(tmp_path: Path) -> None:
         assert status.ok and np.allclose(carts, theirs(pose)[0], rtol=0, atol=1e-13)
         *back, status = forward(*carts)
         assert status.ok and np.allclose(back, pose, rtol=0, atol=1e-12)
+
+
+@pytest.mark.slow
+def test_c_code_of_a_robot_in_text_equals_python_bit_for_bit(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    robot = CLONE / "problems" / "models" / "gantry_tau.mop"
+    T, q = ([f"{n}[{i}]" for i in (1, 2, 3)] for n in "Tq")
+    ranges = [(1.2, 1.6), (-0.6, -0.3), (0.8, 1.1), (-0.6, -0.5), (-0.4, -0.3), (-0.1, 0.0)]
+    box = dict(zip([*T, *q], ranges, strict=True))
+    lines = ['kind = "codegen"', f'robot = "{robot.as_posix()}:Robot"', 'name = "tau"']
+    for name, known, targets in (("ik", T, q), ("fk", q, T)):
+        lines += [
+            "[[functions]]",
+            f'name = "{name}"',
+            f"known = {json.dumps(known)}",
+            f"targets = {json.dumps(targets)}",
+        ]
+    lines += ["[box]", *(f'"{name}" = [[{low}, {high}]]' for name, (low, high) in box.items())]
+    problem = tmp_path / "tau.toml"
+    problem.write_text("\n".join(lines) + "\n")
+    code, out, err = said(capsys, "codegen", problem, "-o", tmp_path / "c", "--check")
+    assert code == 0, err
+    assert "equals Python bit for bit" in out

@@ -214,3 +214,13 @@ def test_a_drawn_model_printed_and_read_again_has_equal_residuals(
     again = printed().causal(targets=[f"x_{k + 1}" for k in range(len(numbers))])()[:-1]
     np.testing.assert_allclose(read, by_hand, rtol=1e-13)
     assert read == again
+
+
+def test_a_delayed_input_is_the_language_s(tmp_path: Path) -> None:
+    file = tmp_path / "late.mop"
+    file.write_text(
+        "optimization Late(objectiveIntegrand = x^2 + u^2, finalTime = 2) Real x(start = 1, fixed = true); "
+        "input Real u; equation der(x) = delay(u, 0.5); end Late;"
+    )
+    solution = gt.solve(gt.modelica.load(file)(), gt.Mesh(4))
+    assert solution.objective == pytest.approx(0.5 + np.tanh(1.5), rel=1e-3)  # until 0.5 s nothing can be done

@@ -19,7 +19,7 @@ pytestmark = [
     pytest.mark.skipif(not FOLDERS, reason="MODELICAPATH names no folder with the Modelica Standard Library"),
 ]
 EXAMPLES = Path(__file__).parents[2] / "problems" / "models" / "library_examples.mo"
-AGREE = 1e-6  # relative, of two integrators at 1e-9
+AGREE = 1e-6  # of the largest value: an integrator at 1e-9 beside one at 1e-11
 
 
 def low_pass(t: float, y: np.ndarray) -> list[float]:
@@ -55,4 +55,5 @@ def test_a_model_of_library_components_moves_as_its_equations(
     run = gt.modelica.load(f"{EXAMPLES}:{name}", library=FOLDERS)().simulate(end)
     theirs = solve_ivp(rates, (0.0, end), start, "DOP853", rtol=1e-11, atol=1e-12).y[:, -1]
     for variable, value in zip(names, theirs, strict=False):
-        assert run.trajectory[variable][-1] == pytest.approx(value, rel=AGREE, abs=AGREE * 1e-3)
+        ours = run.trajectory[variable]
+        assert abs(ours[-1] - value) <= AGREE * np.max(np.abs(ours))

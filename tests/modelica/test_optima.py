@@ -59,6 +59,12 @@ def test_catalytic_cracking(tmp_path: Path) -> None:
     assert [solution.free[n] for n in "abc"] == pytest.approx([11.84674, 8.34452, 1.00144], abs=6e-6)  # printed digits
 
 
+def test_marine_population(tmp_path: Path) -> None:
+    """COPS 3.0: vectors with cat, slices and .*, and 168 counts; the optimum by matrix exponentials."""
+    solution = optimum(tmp_path, texts.MARINE, mesh=gt.Mesh(60, points=3))  # all instants at edges
+    assert solution.objective == pytest.approx(2.0368686e7, rel=SAME_MESH)
+
+
 def test_quadratic_forms_are_what_they_say(tmp_path: Path) -> None:
     forms = optimum(tmp_path, texts.LINEAR, "Forms").objective
     assert forms == pytest.approx(optimum(tmp_path, texts.LINEAR, "Written").objective, rel=1e-10)

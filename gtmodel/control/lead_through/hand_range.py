@@ -43,6 +43,11 @@ def hand_matrix(
     turning, arm [m]: where the handle turns the tool, about a tool centre point that far from the grip. States are
     position of the grip, the servo's others, commands on their way, and the guided velocity, axis by axis; positions
     that the hand does not feel are left out.
+
+    >>> L = gt.control.lead_through
+    >>> z = L.hand_matrix(L.Hand(), L.SurfaceGains(), L.ServoChain())
+    >>> bool(np.abs(np.linalg.eigvals(z)).max() < 1.0)
+    True
     """
     axes = [(gains.mass, gains.damping, 1.0)]
     if turning is not None and turning.by_handle and arm:

@@ -31,7 +31,7 @@ class FiveSquares(Options):
     """
 
     side: Annotated[float, Unit("m", written="mm"), Within(above=0.0), "of each square"] = 0.04
-    centres: Annotated[list[list[float]], "of each square, in sides"] = None  # type: ignore[assignment]
+    centres: Annotated[list[list[float]] | None, "of each square, in sides; ours if left out"] = None
 
     def __post_init__(self) -> None:
         if self.centres is None:
@@ -56,7 +56,7 @@ class FiveSquares(Options):
     @property
     def marks(self) -> tuple[str, ...]:
         """Names of the marks."""
-        return tuple(f"{k}.{c}" for k in range(len(self.centres)) for c in range(4))
+        return tuple(f"{k}.{c}" for k in range(len(self.points) // 4) for c in range(4))
 
     @property
     def layers(self) -> list[Layer]:

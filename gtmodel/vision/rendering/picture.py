@@ -17,7 +17,11 @@ Project = Callable[[np.ndarray], np.ndarray]
 
 @dataclass(frozen=True)
 class Exposure(Options):
-    """What the sensor makes of the light. Synthetic."""
+    """What the sensor makes of the light. Synthetic.
+
+    >>> gt.vision.rendering.Exposure(gain=0.2).blur
+    0.7
+    """
 
     blur: Annotated[float, Within(least=0.0), "standard deviation of a normal blur, pixel"] = 0.7
     noise: Annotated[float, Within(least=0.0), "standard deviation of a pixel, of 255"] = 2.0

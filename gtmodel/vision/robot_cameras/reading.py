@@ -92,6 +92,15 @@ def write_pictures(pictures: RobotPictures, corners: str | Path, actuators: str 
     """The two files of read_pictures(), actuators in metres.
 
     See read_pictures().
+
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> V = gt.vision.robot_cameras
+    >>> seen = V.made_pictures(V.SyntheticRobotCameras(counts=[3, 3, 3])).pictures
+    >>> with TemporaryDirectory() as folder:
+    ...     V.write_pictures(seen, Path(folder) / "corners.csv", Path(folder) / "actuators.csv")
+    ...     print((Path(folder) / "actuators.csv").read_text().splitlines()[0])
+    pose,q1,q2,q3
     """
     p = pictures
     text = corners_csv(corner_rows(p), p.synthetic.removeprefix("synthetic, "))

@@ -36,6 +36,12 @@ def camera_starts(table: CornerTable, pictures: BoardPictures, start: StereoStar
 
     Raises ArgumentError for too few corners, a board that was never tilted, pictures that connect no two cameras, and a
     board that was counted from one end in one camera and from the other in another.
+
+    >>> board = gt.vision.BoardPictures(width_pixel=640, height_pixel=480, columns=9, rows=6)
+    >>> table, lenses, cameras = gt.vision.stereo.made_corners(gt.vision.stereo.SyntheticBoards(), board)
+    >>> begin = gt.vision.stereo.camera_starts(table, board, gt.vision.StereoStart(focal_pixel=640.0))
+    >>> begin.lenses[0, :2], begin.boards.shape
+    (array([640., 640.]), (13, 7))
     """
     n = len(table.cameras)
     middle = (pictures.width_pixel - 1) / 2, (pictures.height_pixel - 1) / 2
@@ -152,7 +158,16 @@ def calibrated(
     loss_sigma: float | None = None,
     stop: Callable[[], bool] | None = None,
 ) -> BundleFit:
-    """The fit; with `loss_sigma` [pixel] by Huber's loss of that noise. Groups "lens", "camera" and, local, "board"."""
+    """The fit; with `loss_sigma` [pixel] by Huber's loss of that noise. Groups "lens" (cameras, 9), "camera" (cameras,
+    7) and, local, "board" (pictures, 7).
+
+    >>> board = gt.vision.BoardPictures(width_pixel=640, height_pixel=480, columns=9, rows=6)
+    >>> table, lenses, cameras = gt.vision.stereo.made_corners(gt.vision.stereo.SyntheticBoards(), board)
+    >>> begin = gt.vision.stereo.camera_starts(table, board, gt.vision.StereoStart())
+    >>> fit = gt.vision.stereo.calibrated(table, begin, gt.vision.CameraFit())
+    >>> bool(abs(fit.values["lens"][0, 0] - lenses[0, 0]) < 4 * fit.estimate.std[0])
+    True
+    """
     n = len(table.cameras)
     held = np.zeros(len(LENS), bool)
     held[2:4] = not fit.principal_point

@@ -31,7 +31,17 @@ class GrossErrors:
 
 
 def gross_errors(table: CornerTable, residuals: np.ndarray, gross: float) -> GrossErrors:
-    """Of residuals (n, 2) [pixel], by the median of their lengths, which up to half of the corners may not spoil."""
+    """Of residuals (n, 2) [pixel], by the median of their lengths, which up to half of the corners may not spoil; from
+    `gross` standard deviations on.
+
+    >>> board = gt.vision.BoardPictures(width_pixel=640, height_pixel=480, columns=9, rows=6)
+    >>> table, lenses, cameras = gt.vision.stereo.made_corners(gt.vision.stereo.SyntheticBoards(), board)
+    >>> residuals = 0.1 * np.random.default_rng(1).standard_normal((table.n, 2))
+    >>> residuals[7] = 2.0
+    >>> bad = gt.vision.stereo.gross_errors(table, residuals, 5.0)
+    >>> np.flatnonzero(bad.corners), bad.pictures, round(bad.noise, 2)
+    (array([7]), (), 0.1)
+    """
     length = np.linalg.norm(residuals, axis=1)
     if table.sigma is not None:
         length = length / table.sigma

@@ -108,7 +108,13 @@ def stereo_study(
 
 
 def explained_pictures(corners: CornerTable, board: BoardPictures) -> list[str]:
-    """How many corners each camera has, and in what lengths the result will be. Raises ArgumentError as the study."""
+    """How many corners each camera has, and in what lengths the result will be. Raises ArgumentError as the study.
+
+    >>> board = gt.vision.BoardPictures(width_pixel=640, height_pixel=480, columns=9, rows=6)
+    >>> table, lenses, cameras = gt.vision.stereo.made_corners(gt.vision.stereo.SyntheticBoards(), board)
+    >>> print(*gt.vision.stereo.explained_pictures(table, board)[:2], sep="; ")
+    13 pictures of a board of 9 x 6 corners;   left: 702 corners in 13 pictures
+    """
     metres = _metres(board)
     _on_the_board(corners, board)
     lines = [f"{len(corners.pictures)} pictures of a board of {board.columns} x {board.rows} corners"]
