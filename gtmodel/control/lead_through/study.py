@@ -133,7 +133,7 @@ def study(
         answers |= {"energy_passed": book.passed, "least_window": book.worst, "energy_deficit": book.deficit}
         notes.append(f"energy at the handle: {book}")
         checks["energy_deficit_share"] = at_most(
-            book.deficit / max(book.passed, 1e-9), TOO_MUCH, "the robot gives more than it stored; raise the damping"
+            book.share, TOO_MUCH, "the robot gives more than it stored; raise the damping"
         )
         files["samples.csv"] = _table(run)
         more, said, judged = (aligned if peg else forces)(run, contact, law, gains, setup, tool)  # type: ignore[arg-type]
