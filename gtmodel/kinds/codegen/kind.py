@@ -37,14 +37,9 @@ def call(problem: Schema, context: Context) -> Call:
 
 
 def write(
-    problem: Schema,
-    context: Context,
-    out: Path,
-    *,
-    verify: bool = False,
-    write_failed: bool = False,
+    problem: Schema, context: Context, out: Path, *, verify: bool = False, write_failed: bool = False,
     fmu: str | None = None,
-) -> CodeStudy | FmuStudy:
+) -> CodeStudy | FmuStudy:  # fmt: skip
     """Generate the code into `out`. With `verify` it is first compiled and compared with Python elsewhere, and comes
     into `out` only when all checks passed; with `write_failed` also otherwise, marked in the first lines.
 
