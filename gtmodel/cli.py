@@ -270,8 +270,9 @@ def codegen(
     ],
     check: Annotated[bool, typer.Option("--check", help="Compile it and compare it with Python.")] = False,
     fmu: Annotated[
-        str, typer.Option("--fmu", metavar="3|2|both", help="Functional mock-up units of FMI 3.0, 2.0 or both instead.")
-    ] = "",
+        str | None,
+        typer.Option("--fmu", metavar="3|2|both", help="Functional mock-up units of FMI 3.0, 2.0 or both instead."),
+    ] = None,
     settings: Set = None,
     as_json: Json = False,
     write_failed: WriteFailed = False,

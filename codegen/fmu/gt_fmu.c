@@ -102,6 +102,8 @@ static gt_fmu_result fresh(gt_fmu *f, const char *call)
 
 gt_fmu_result gt_fmu_enter_initialization(gt_fmu *f, double start)
 {
+    gt_fmu_result result;
+
     if (!(fabs(start) <= DBL_MAX)) {
         return gt_fmu_refuse(f, GT_FMU_ERROR, "EnterInitializationMode", "the start time is not finite");
     }
@@ -112,7 +114,11 @@ gt_fmu_result gt_fmu_enter_initialization(gt_fmu *f, double start)
     f->data.began = start;
     f->data.reached = start;
     f->data.stale = 1;
-    return judged(f, gt_fmu_begin(&f->data.kept, f->data.v), "EnterInitializationMode");
+    result = judged(f, gt_fmu_begin(&f->data.kept, f->data.v), "EnterInitializationMode");
+    if (result != GT_FMU_OK) {
+        f->data.mode = (int)GT_FMU_INSTANTIATED; /* nothing can run from there; another start can be set */
+    }
+    return result;
 }
 
 gt_fmu_result gt_fmu_exit_initialization(gt_fmu *f)
@@ -175,13 +181,23 @@ static int settable(const gt_fmu *f, unsigned char kind)
     return f->data.mode & modes;
 }
 
-/* What begins with parameters begins anew when one is set during initialisation. */
-static gt_fmu_result begun(gt_fmu *f, int fixed)
+/* What begins with parameters begins anew when one is set during initialisation; no start with them, no change. */
+static gt_fmu_result begun(gt_fmu *f, const unsigned int *references, size_t n, const double *values)
 {
-    if ((fixed == 0) || (f->data.mode != (int)GT_FMU_INITIALIZATION)) {
-        return GT_FMU_OK;
+    double v[GT_FMU_REALS];
+    gt_fmu_memory memory = f->data.kept;
+    gt_fmu_result result;
+    size_t k;
+
+    gt_copy(v, f->data.v, GT_FMU_REALS);
+    for (k = 0U; k < n; k++) {
+        v[references[k]] = values[k];
     }
-    return judged(f, gt_fmu_begin(&f->data.kept, f->data.v), "SetFloat64");
+    result = judged(f, gt_fmu_begin(&memory, v), "SetFloat64");
+    if (result == GT_FMU_OK) {
+        f->data.kept = memory;
+    }
+    return result;
 }
 
 gt_fmu_result gt_fmu_set(gt_fmu *f, const unsigned int *references, size_t n, const double *values)
@@ -204,11 +220,18 @@ gt_fmu_result gt_fmu_set(gt_fmu *f, const unsigned int *references, size_t n, co
         }
         fixed |= (gt_fmu_kinds[references[k]] == GT_FMU_FIXED) ? 1 : 0;
     }
+    if ((fixed != 0) && (f->data.mode == (int)GT_FMU_INITIALIZATION)) {
+        const gt_fmu_result result = begun(f, references, n, values);
+
+        if (result != GT_FMU_OK) {
+            return result;
+        }
+    }
     for (k = 0U; k < n; k++) {
         f->data.v[references[k]] = values[k];
         f->data.stale = 1;
     }
-    return begun(f, fixed);
+    return GT_FMU_OK;
 }
 
 /* The place of an integer, or -1. */
@@ -245,7 +268,6 @@ gt_fmu_result gt_fmu_get_integers(gt_fmu *f, const unsigned int *references, siz
 
 gt_fmu_result gt_fmu_set_integers(gt_fmu *f, const unsigned int *references, size_t n, const int *values)
 {
-    int fixed = 0;
     size_t k;
 
     if ((n > 0U) && ((references == NULL) || (values == NULL))) {
@@ -258,13 +280,12 @@ gt_fmu_result gt_fmu_set_integers(gt_fmu *f, const unsigned int *references, siz
         if (settable(f, gt_fmu_kinds[references[k]]) == 0) {
             return gt_fmu_refuse(f, GT_FMU_ERROR, "SetInt32", "this variable cannot be set, or not in this mode");
         }
-        fixed |= (gt_fmu_kinds[references[k]] == GT_FMU_FIXED) ? 1 : 0;
     }
     for (k = 0U; k < n; k++) {
         f->data.n[place_of(references[k])] = values[k];
         f->data.stale = 1;
     }
-    return begun(f, fixed);
+    return GT_FMU_OK;
 }
 
 gt_fmu_result gt_fmu_set_time(gt_fmu *f, double time)
@@ -413,6 +434,17 @@ static void check_sum(const unsigned char *bytes, size_t n, unsigned char *sum)
     for (k = 0U; k < SUM_BYTES; k++) {
         sum[k] = (unsigned char)((hash >> (8U * k)) & 0xFFUL);
     }
+}
+
+gt_fmu_result gt_fmu_restore(gt_fmu *f, const gt_fmu_data *data)
+{
+    const int other = (f->co_simulation != 0) ? (int)GT_FMU_EVENT + (int)GT_FMU_CONTINUOUS : (int)GT_FMU_STEPPING;
+
+    if ((data->mode & other) != 0) {
+        return gt_fmu_refuse(f, GT_FMU_ERROR, "SetFMUState", "this state is one of the other interface");
+    }
+    (void)memcpy(&f->data, data, sizeof(gt_fmu_data));
+    return GT_FMU_OK;
 }
 
 size_t gt_fmu_bytes(void)

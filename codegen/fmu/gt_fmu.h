@@ -86,6 +86,10 @@ gt_fmu_result gt_fmu_advance(gt_fmu *f, double from, double h, double *reached);
 gt_fmu_result gt_fmu_slope(gt_fmu *f, const unsigned int *unknowns, size_t n, const unsigned int *knowns, size_t m,
                            const double *seed, double *result, int adjoint);
 
+/* Back to a saved state; GT_FMU_ERROR, and nothing is changed, for one of model exchange in co-simulation or the other
+ * way round. */
+gt_fmu_result gt_fmu_restore(gt_fmu *f, const gt_fmu_data *data);
+
 /* A state as bytes: its size, there and back. Bytes of another model, or broken ones, give GT_FMU_ERROR. */
 size_t gt_fmu_bytes(void);
 void gt_fmu_pack(const gt_fmu_data *data, unsigned char *bytes);

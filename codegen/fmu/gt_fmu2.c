@@ -214,8 +214,7 @@ fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate FMUstate)
     if ((c == NULL) || (FMUstate == NULL)) {
         return fmi2Error;
     }
-    (void)memcpy(&F->data, FMUstate, sizeof(gt_fmu_data));
-    return fmi2OK;
+    return (fmi2Status)gt_fmu_restore(F, (const gt_fmu_data *)FMUstate);
 }
 
 fmi2Status fmi2FreeFMUstate(fmi2Component c, fmi2FMUstate *FMUstate)

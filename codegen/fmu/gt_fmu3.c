@@ -191,8 +191,7 @@ fmi3Status fmi3SetFMUState(fmi3Instance instance, fmi3FMUState FMUState)
     if ((instance == NULL) || (FMUState == NULL)) {
         return fmi3Error;
     }
-    (void)memcpy(&F->data, FMUState, sizeof(gt_fmu_data));
-    return fmi3OK;
+    return (fmi3Status)gt_fmu_restore(F, (const gt_fmu_data *)FMUState);
 }
 
 fmi3Status fmi3FreeFMUState(fmi3Instance instance, fmi3FMUState *FMUState)

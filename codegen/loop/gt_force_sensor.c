@@ -39,9 +39,11 @@ gt_wrench_status gt_force_sensor_sign(const gt_force_sensor *sensor, const gt_wr
 
     if ((sensor->mass_kg * size) > drift_N) {
         const double along = gt_dot(pull, g) / size;
+        const gt_vector off = gt_plus(pull, -sensor->mass_kg, g);
 
         if (along > drift_N) {
-            status = GT_WRENCH_OK;
+            status = (gt_length(off) > (drift_N + (GT_OTHER_LOAD * sensor->mass_kg * size))) ? GT_WRENCH_WRONG_LOAD
+                                                                                            : GT_WRENCH_OK;
         } else if (along < -drift_N) {
             status = GT_WRENCH_WRONG_SIGN;
         } else {

@@ -13,6 +13,7 @@ extern "C" {
 #endif
 
 #define GT_FORCE_SENSOR_NUMBERS 22U
+#define GT_OTHER_LOAD 0.3 /* of the weight: as OTHER_LOAD in Python */
 
 /* At rest and free it reads force = bias + mass g, moment = bias + first moment x g, g along its own axes. In a table
  * the numbers stand in this order. */
@@ -32,7 +33,8 @@ int gt_force_sensor_of(gt_force_sensor *sensor, const double *numbers);
 void gt_force_sensor_wrench(const gt_force_sensor *sensor, const gt_wrench *reading, const double *turn,
                             gt_vector gravity, gt_vector *force_N, gt_vector *moment_N_m);
 
-/* At rest and free: does the weight pull where it has to? GT_WRENCH_NO_FORCE where drift_N, the largest change of the
+/* At rest and free: does the weight pull where it has to? GT_WRENCH_WRONG_LOAD where it does, but is off by more than
+ * drift_N and 0.3 of itself: another load, sensor or frame. GT_WRENCH_NO_FORCE where drift_N, the largest change of the
  * bias with its noise, does not let it tell. */
 gt_wrench_status gt_force_sensor_sign(const gt_force_sensor *sensor, const gt_wrench *reading, const double *turn,
                                       gt_vector gravity, double drift_N);

@@ -22,7 +22,8 @@ typedef enum gt_wrench_status {
     GT_WRENCH_SATURATED = 5,
     GT_WRENCH_STALE = 6,
     GT_WRENCH_FAULT = 7, /* the sensor says so itself */
-    GT_WRENCH_NO_ROTATION = 8
+    GT_WRENCH_NO_ROTATION = 8,
+    GT_WRENCH_WRONG_LOAD = 9 /* at rest: not the weight of its numbers */
 } gt_wrench_status;
 
 #define GT_SURFACE_NUMBERS 30U

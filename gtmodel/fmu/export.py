@@ -83,8 +83,9 @@ def export(
         tunable: names of known variables that become tunable parameters.
         on_fault: "discard" where there is no answer, as the standard has it; "hold" keeps the outputs and says so in an
             integer output `status`, for functions without states only.
-        step: longest step of the integrator inside [s], where there are states; None: chosen by `tolerance`, the
-            largest error of a state over its size or one, against half the step up to `stop` [s] with inputs held.
+        step: longest step of the integrator inside [s], where there are states; None: the longest of 1 ms, 0.5 ms,
+            ... with an error of at most 1e-8, else of at most `tolerance`. The error is the largest of a state over its
+            size or one, against half the step up to `stop` [s] with inputs held.
         box: intervals by input inside which it answers everywhere, for its page.
         provenance: what its C says about the origin.
 

@@ -14,6 +14,8 @@ from .with_states import WithStates
 
 LONGEST = 1e-3  # tried first [s]
 HALVINGS = 6
+AIM = 1e-8  # error of a step that is chosen
+ORDER = 16.0  # what a halving divides the error by, of order 4
 MOST_STEPS = 200_000
 AWAY = 0.1
 
@@ -25,7 +27,8 @@ def step_and_error(
     state or one, from the start to `stop`, or as far as there are answers, with inputs held a tenth of their size off
     the start, so that it moves.
 
-    step: refused where its error is above `tolerance`; None: the longest of 1 ms, 0.5 ms, ... that is below it.
+    step: refused where its error is above `tolerance`; None: the longest of 1 ms, 0.5 ms, ... whose error is at most
+    1e-8; where friction is too sharp for that, the longest whose error is at most `tolerance`.
     Raises ArgumentError also for a start from which there is no way to `stop`.
     """
     if step is not None and stop / step > MOST_STEPS:
@@ -33,14 +36,21 @@ def step_and_error(
     start = {**start, **{p: start[p] + AWAY * max(1.0, abs(start[p])) for s in made.known for p in s.pairs if not p[1]}}
     tried = [step] if step is not None else [LONGEST / 2**k for k in range(HALVINGS)]
     coarse = _ends(made, start, tried[0], stop)
-    error = math.inf
-    for h in tried:
+    error, good = math.inf, None
+    aim = tolerance if step is not None else min(AIM, tolerance)
+    for n, h in enumerate(tried):
         fine = _ends(made, start, h / 2, stop)
         shared = fine[::2][: len(coarse)]
         error = float(np.max(np.abs(shared - coarse[: len(shared)]) / np.maximum(1.0, np.abs(shared)), initial=0.0))
-        if error <= tolerance:
+        if error <= aim:
             return h, error
+        if error <= tolerance and good is None:
+            good = h, error
+        if good is not None and error / ORDER ** (len(tried) - n - 1) > aim:
+            break
         coarse = fine
+    if good is not None:
+        return good
     raise ArgumentError(
         f"an inner step of {tried[-1]:g} s is off by {error:.1e} within {stop:g} s, more than {tolerance:g}; "
         "take a smaller step, a larger tolerance, or smoother friction",

@@ -177,5 +177,5 @@ class Generating(Protocol):
     """What a kind offers besides whose study writes a folder of its own, by ``gtmodel codegen``."""
 
     def write(
-        self, problem: Any, context: Context, out: Path, *, verify: bool, write_failed: bool, fmu: str
+        self, problem: Any, context: Context, out: Path, *, verify: bool, write_failed: bool, fmu: str | None
     ) -> Study: ...

@@ -100,7 +100,7 @@ def solve(
 
 
 def generate(
-    loaded: Loaded, context: Context, out: Path, *, verify: bool, write_failed: bool = False, fmu: str = ""
+    loaded: Loaded, context: Context, out: Path, *, verify: bool, write_failed: bool = False, fmu: str | None = None
 ) -> Finished:
     """Generate the code of a problem of a kind that gives some; with `verify` and without `write_failed` only code that
     passed all checks is written; `fmu`: units of that version instead. Raises InputError for another kind."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 import zipfile
 
 import pytest
@@ -39,8 +40,8 @@ def test_units_of_both_versions(quick, tmp_path, capsys):
 
 @pytest.mark.parametrize("word", ["4", "two", ""])
 def test_another_version_is_refused(quick, tmp_path, word):
-    code = main(["codegen", str(quick), "-o", str(tmp_path / "out"), "--fmu", word or "0", "--quiet"])
-    assert code == 2 and not (tmp_path / "out" / "one_fk_fmi3.fmu").exists()
+    code = main(["codegen", str(quick), "-o", str(tmp_path / "out"), "--fmu", word, "--quiet"])
+    assert code == 2 and not (tmp_path / "out").exists()
 
 
 def test_a_file_of_somebody_else_is_not_replaced(quick, tmp_path):
@@ -65,11 +66,41 @@ def test_what_failed_a_check_is_not_written(tmp_path):
     assert study.written == ["l1_fk_fmi3.failed.fmu"]
 
 
-def test_floats_and_wrong_starts_are_refused(quick, tmp_path):
-    arguments = ["codegen", str(quick), "-o", str(tmp_path / "out"), "--fmu", "3", "--quiet"]
-    assert main([*arguments, "--set", "real=float"]) == 2
-    assert main([*arguments, "--set", "functions[0].start={T=[1.0]}"]) == 2
-    assert main([*arguments, "--set", "fmu.tolerance=0"]) == 2
+@pytest.mark.parametrize(
+    "setting, key",
+    [
+        ("real=float", "real"),
+        ("functions.0.start={q=[1.0]}", "start"),
+        ("functions.0.start={T=[1.0, 1.0, 1.0]}", "start"),
+        ("functions=[]", "functions"),
+        ("fmu.tolerance=0", "fmu.tolerance"),
+    ],
+)
+def test_what_makes_no_unit_is_refused(quick, tmp_path, capsys, setting, key):
+    out = tmp_path / "out"
+    assert main(["codegen", str(quick), "-o", str(out), "--fmu", "3", "--quiet", "--set", setting]) == 2
+    assert f"one.toml: {key}: " in capsys.readouterr().err and not out.exists()
+
+
+def test_without_a_compiler_there_is_a_sentence_and_no_folder(quick, tmp_path, capsys, monkeypatch):
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.delenv("CC", raising=False)
+    assert main(["codegen", str(quick), "-o", str(tmp_path / "out"), "--fmu", "3", "--quiet"]) == 2
+    assert "gcc" in capsys.readouterr().err and not (tmp_path / "out").exists()
+
+
+def test_without_fmpy_the_check_says_what_was_left_out(quick, tmp_path, capsys, monkeypatch):
+    monkeypatch.setitem(sys.modules, "fmpy", None)
+    assert main(["codegen", str(quick), "-o", str(tmp_path / "out"), "--fmu", "3", "--check", "--json"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert any("gtmodel[fmi]" in note for note in answer["values"]["notes"])
+
+
+@pytest.mark.parametrize("name", ["out", "out/deeper"])
+def test_a_file_in_place_of_the_folder_stays(quick, tmp_path, name):
+    (tmp_path / "out").write_text("mine")
+    assert main(["codegen", str(quick), "-o", str(tmp_path / name), "--fmu", "3", "--quiet"]) == 2
+    assert (tmp_path / "out").read_text() == "mine"
 
 
 @pytest.mark.parametrize("name", ["l1_inverse_fmu", pytest.param("l1_fmu", marks=pytest.mark.proof), "f1_fmu"])

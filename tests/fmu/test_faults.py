@@ -218,3 +218,66 @@ def test_calls_in_the_wrong_mode_are_refused(made, version):
     assert raw.do("Terminate") == OK
     assert raw.step(0.0, 1e-3)[0] == ERROR
     assert raw.get(unit.table.computed)[0] == OK
+
+
+@pytest.mark.parametrize("version", [3, 2])
+@pytest.mark.parametrize("deviation", [-1.0, 0.0, 1e200])
+def test_a_start_that_a_filter_refuses_is_not_run_from(made, version, deviation):
+    """Set before initialisation it is refused on entering it, during it at once; a good one is taken afterwards."""
+    unit, path, _ = made("filter", version)
+    output = [unit.table.of("output")[0].reference]
+    raw = Raw(unit, path)
+    which = [raw.names["start.x.deviation"]]
+    assert raw.set(which, [deviation]) == OK
+    assert raw.begin() != OK
+    assert raw.step(0.0, 4e-3)[0] == ERROR and raw.get(output)[0] == ERROR
+    assert raw.set(which, [0.5]) == OK and raw.begin() == OK and raw.step(0.0, 4e-3)[0] == OK
+    during, plain = Raw(unit, path), Raw(unit, path)
+    assert during.begin({"start.x.deviation": deviation}) == DISCARD
+    assert during.get(which)[1].tolist() == [1.0]  # as declared, and it runs from there
+    assert plain.begin() == OK
+    numbers = [v.reference for v in unit.table.numbers]
+    assert during.step(0.0, 4e-3)[0] == plain.step(0.0, 4e-3)[0] == OK
+    assert during.get(numbers)[1].tolist() == plain.get(numbers)[1].tolist()
+
+
+@pytest.mark.parametrize("version", [3, 2])
+@pytest.mark.parametrize("name", ["forward", "filter"])
+def test_a_state_of_the_other_interface_is_refused(made, name, version):
+    unit, path, _ = made(name, version)
+    stepping, solved = (Raw(unit, path, co=co) for co in (True, False))
+    assert stepping.begin() == solved.begin() == OK
+    of_steps, of_solver = stepping.save(), solved.save()
+    assert solved.restore(of_steps) == ERROR and stepping.restore(of_solver) == ERROR
+    assert solved.step(0.0, 4e-3)[0] == ERROR and solved.set_time(0.001) == OK
+    assert stepping.step(0.0, 4e-3)[0] == OK
+    assert stepping.restore(of_steps) == solved.restore(of_solver) == OK
+
+
+@pytest.mark.parametrize("version", [3, 2])
+@pytest.mark.parametrize("name", ["forward", "filter", "block", "held"])
+def test_wrong_steps_references_and_twice_the_same_call(made, name, version):
+    unit, path, _ = made(name, version)
+    raw = Raw(unit, path)
+    assert raw.do("ExitInitializationMode") == raw.do("Terminate") == raw.step(0.0, 4e-3)[0] == ERROR
+    for v in unit.table.of("input", "fixed", "state"):
+        assert v.integer or raw.set([v.reference], [np.nan]) == ERROR
+    assert raw.begin() == OK and raw.do("ExitInitializationMode") == ERROR
+    for reference in (len(unit.table.variables), 2**31, 2**32 - 1):
+        for get in (raw.get, raw.get_integers):
+            status, values = get([reference])
+            assert status == ERROR and values.tolist() == [-77]
+        assert raw.set([reference], [0.0]) == raw.set_integers([reference], [0]) == ERROR
+    for h in (0.0, -4e-3, np.nan, np.inf, -np.inf, 1e300):
+        assert raw.step(0.0, h)[0] == ERROR
+    assert raw.step(np.nan, 4e-3)[0] == raw.step(1.0, 4e-3)[0] == ERROR
+    assert raw.step(0.0, 4e-3)[0] == OK and raw.step(0.0, 4e-3)[0] == ERROR
+    if version == 3:
+        two, one = ctypes.c_size_t(2), ctypes.c_size_t(1)
+        references, values = (ctypes.c_uint32 * 2)(0, 1), (ctypes.c_double * 2)(-77.0, -77.0)
+        for call in ("GetFloat64", "SetFloat64"):
+            assert raw.do(call, references, two, values, one) == ERROR
+        assert list(values) == [-77.0, -77.0]
+    assert raw.do("Terminate") == OK and raw.do("Terminate") == ERROR
+    assert raw.restore(ctypes.c_void_p()) == ERROR and raw.forget(ctypes.c_void_p()) == OK
+    raw.free()

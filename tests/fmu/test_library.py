@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import re
 import shutil
@@ -73,8 +74,30 @@ def test_the_sources_compile_without_a_warning(made, name, version, tmp_path):
 SCRIPT = """
 import hashlib, os, sys
 os.umask(int(sys.argv[1], 8))
+if len(sys.argv) > 2:  # that much later, for whatever asks Python; and files written are as old as 1999
+    import datetime, pathlib, time
+    late = int(sys.argv[2])
+    now, local, utc, write = time.time, time.localtime, time.gmtime, pathlib.Path.write_text
+    time.time = lambda: now() + late
+    time.time_ns = lambda: int(time.time() * 1e9)
+    time.localtime = lambda t=None: local(time.time() if t is None else t)
+    time.gmtime = lambda t=None: utc(time.time() if t is None else t)
+
+    class Later(datetime.datetime):
+        @classmethod
+        def now(cls, tz=None):
+            return cls.fromtimestamp(time.time(), tz)
+
+    datetime.datetime = Later
+
+    def write_text(path, *arguments, **more):
+        written = write(path, *arguments, **more)
+        os.utime(path, (930_000_000, 930_000_000))
+        return written
+
+    pathlib.Path.write_text = write_text
 from tests.fmu.makers import MAKERS
-for name in ("fk", "forward", "d1_fk", "block"):
+for name in sys.argv[3:] or ("fk", "forward", "d1_fk", "block", "filter"):
     for version in (3, 2):
         print(name, version, hashlib.sha256(MAKERS[name](version).data).hexdigest())
 """
@@ -89,6 +112,16 @@ def test_the_same_bytes_in_two_processes_at_two_dates_with_two_umasks():
         outputs.append(run(*faked, sys.executable, "-c", SCRIPT, umask, env=more, cwd=CLONE))
         assert outputs[-1].returncode == 0, outputs[-1].stderr
     assert outputs[0].stdout == outputs[1].stdout != ""
+
+
+@pytest.mark.parametrize("name", ["fk", "filter"])
+def test_the_same_bytes_at_two_dates(made, name):
+    """Python's clock is five years late, C's __DATE__ that of 1999, as are the files that are compiled."""
+    environment = {**os.environ, "PYTHONPATH": str(CLONE), "SOURCE_DATE_EPOCH": "930000000"}
+    done = run(sys.executable, "-c", SCRIPT, "022", str(5 * 365 * 86400), name, env=environment, cwd=CLONE)
+    assert done.returncode == 0, done.stderr
+    wanted = [f"{name} {v} {hashlib.sha256(made(name, v)[0].data).hexdigest()}" for v in (3, 2)]
+    assert done.stdout.splitlines() == wanted
 
 
 def test_no_time_stands_in_the_archive(made):

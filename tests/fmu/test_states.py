@@ -9,24 +9,28 @@ import pytest
 
 from tests.fmu.raw import ERROR, OK, Raw
 
-ALL = ["fk", "forward", "filtered", "d1_fk", "f1_ik", "block"]
+ALL = ["fk", "forward", "filtered", "d1_fk", "f1_ik", "block", "filter"]
 H = 4e-3
 
 
 def run(raw, first, last, rng_seed=0):
     """Steps with inputs that vary; what comes out."""
     t, rows = raw.table, []
-    inputs = t.of("input")
+    inputs = [v for v in t.of("input") if not v.integer]
+    flags = [v.reference for v in t.of("input") if v.integer]  # whether a sensor has a value
     outputs = [v.reference for v in t.of("output", "derivative", "state") if not v.integer]
+    counts = [v.reference for v in t.of("output") if v.integer]
     for k in range(first, last):
         values = [v.start + 2e-3 * max(0.1, abs(v.start)) * np.sin(0.3 * k + n) for n, v in enumerate(inputs)]
         if any(v.name.startswith("e[") for v in inputs):  # a quaternion stays one
             values = [v.start + (2e-3 * np.sin(0.3 * k) if v.unit == "m" else 0.0) for v in inputs]
         assert raw.set([v.reference for v in inputs], values) == OK
+        assert raw.set_integers(flags, [int((k + n) % 3 != 0) for n in range(len(flags))]) == OK
         assert raw.step(k * H, H)[0] == OK
         status, got = raw.get(outputs)
-        assert status == OK
-        rows.append(got)
+        more, integers = raw.get_integers(counts)
+        assert status == more == OK
+        rows.append([*got, *integers])
     return np.array(rows)
 
 
@@ -64,7 +68,7 @@ def test_a_reset_gives_what_instantiation_gives(made, name, version):
     assert np.array_equal(run(raw, 0, 10), first)
 
 
-@pytest.mark.parametrize("name", ["forward", "f1_ik", "block"])
+@pytest.mark.parametrize("name", ["forward", "f1_ik", "block", "filter"])
 def test_two_instances_in_two_threads(made, name):
     """Interleaved with resets, each is what one alone is."""
     unit, path, _ = made(name, 3)

@@ -123,7 +123,9 @@ def test_lost_datagrams_leave_the_speed_and_the_law_goes_on_from_there(bench: Be
     assert np.linalg.norm(np.diff(speed[195:230], axis=0), axis=1).max() <= 0.004 * ACCELERATION * 1.2
 
 
-@pytest.mark.parametrize("wrong", ["tool", "handle", "no weight", "held", "old", "missing", "reported"])
+@pytest.mark.parametrize(
+    "wrong", ["tool", "handle", "no weight", "lighter", "turned", "held", "old", "missing", "reported"]
+)
 def test_it_does_not_start_where_the_sensors_do_not_weigh_their_loads(bench: Bench, wrong: str) -> None:
     python_loop = bench.python_loop("egm", "lead_through")
     robot = bench.guided("egm")
@@ -139,6 +141,15 @@ def test_it_does_not_start_where_the_sensors_do_not_weigh_their_loads(bench: Ben
             w.force_N = [2 * b - x for x, b in zip(w.force_N, s.force_bias, strict=True)]
         elif wrong == "no weight":
             tool.force_N = list(GUIDING.tool.force_bias)
+        elif wrong == "lighter":  # half of the load, of the right sign: the other half would be a force from outside
+            bias = GUIDING.tool.force_bias
+            tool.force_N = [b + 0.5 * (x - b) for x, b in zip(tool.force_N, bias, strict=True)]
+        elif wrong == "turned":
+            x, y, z = (f - b for f, b in zip(tool.force_N, GUIDING.tool.force_bias, strict=True))
+            tool.force_N = [
+                b + f
+                for b, f in zip(GUIDING.tool.force_bias, (x, 0.5 * y - 0.866 * z, 0.866 * y + 0.5 * z), strict=True)
+            ]
         elif wrong == "held":
             handle.force_N[2] += 4.0  # the weight of the handle
         elif wrong == "old":

@@ -18,7 +18,7 @@ from .synthetic_sensor import SyntheticSensor
 from .tool_run import ToolRun
 from .turning import TurningGains
 
-TOO_MUCH = 1e-3  # of the energy that passed: what is stored is known to first order in the servo's times
+TOO_MUCH = 1e-2  # of the most that was stored, which is known to first order in the servo's times
 STEP = 1e-6  # [m], [rad] of differences
 ALIKE = 0.9  # of the force with which the hand releases contact: its sensor is noisy
 Answers = tuple[dict[str, Any], list[str], dict[str, Check]]

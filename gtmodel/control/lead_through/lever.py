@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
 
 from ...inference import linear_fit
-from ...results import Estimate
-from .calibration import cross_matrices
+from ...results import ArgumentError, Estimate
+from .calibration import WrenchCalibration, cross_matrices
 from .status import WrenchStatus
-from .wrench import axes, rows_of, sigma_of
+from .wrench import axes, rows_of, sigma_of, turns_of
 
 ABOVE_NOISE = 50.0  # forces over their noise: noise in forces then draws the arm to zero by 1/2500 at most
 PASSES = 3  # the noise of a torque depends on the arm, weakly
@@ -27,17 +28,28 @@ class LeverArm:
     status: WrenchStatus
 
 
-def lever_arm(forces: ArrayLike, moments: ArrayLike, *, sigma_force: float, sigma_moment: float) -> LeverArm:
+def lever_arm(
+    forces: ArrayLike,
+    moments: ArrayLike,
+    *,
+    sigma_force: float,
+    sigma_moment: float,
+    calibration: WrenchCalibration | None = None,
+    turns: ArrayLike | None = None,
+) -> LeverArm:
     """The point at which pure forces act, from wrenches without bias and weight: moment = arm x force.
 
     Args:
         forces, moments: (pushes, 3) [N], [N m] in the sensor's frame, in two directions at least, for instance pushes
             of a fixed point against the tip; as `WrenchCalibration.contact` returns them.
         sigma_force, sigma_moment: standard deviation of one reading [N], [N m].
+        calibration: by which bias and weight were taken off, and turns (pushes, 3, 3) of the sensor in the world frame
+            at each push: the error of the calibration, alike in all pushes, then widens the intervals.
 
     Least squares of the moments, weighted with the noise of both (that of the forces acts through the arm). Forces must
     exceed 50 sigma_force (root mean square, across any one direction too), else the status says so. Raises
-    ArgumentError for other shapes, numbers that are not finite, and standard deviations that are not positive.
+    ArgumentError for other shapes, numbers that are not finite, standard deviations that are not positive, and a
+    calibration without turns.
 
     >>> pushes = np.array([[20.0, 0.0, 0.0], [0.0, 20.0, 0.0], [0.0, 0.0, 20.0]])
     >>> arm = gt.control.lead_through.lever_arm(
@@ -57,7 +69,9 @@ def lever_arm(forces: ArrayLike, moments: ArrayLike, *, sigma_force: float, sigm
         return LeverArm(None, WrenchStatus.NO_FORCE)
     if np.linalg.eigvalsh(np.einsum("nij,nik->jk", A, A))[0] < least:
         return LeverArm(None, WrenchStatus.ONE_DIRECTION)
-    arm, estimate = np.zeros(3), None
+    if (calibration is None) != (turns is None):
+        raise ArgumentError("calibration and turns are given together", "turns")
+    arm, estimate, white = np.zeros(3), None, np.eye(3)
     for _ in range(PASSES):
         through = cross_matrices(arm[None])[0]
         white = np.linalg.inv(np.linalg.cholesky(sigma_moment**2 * np.eye(3) + sigma_force**2 * through @ through.T))
@@ -65,4 +79,22 @@ def lever_arm(forces: ArrayLike, moments: ArrayLike, *, sigma_force: float, sigm
             (white @ A).reshape(-1, 3), (m @ white.T).reshape(-1), axes("arm"), sigma=1.0, units=["m"] * 3
         )
         arm = estimate.values
+    if calibration is not None and turns is not None and estimate is not None:
+        R = turns_of(turns, "turns")
+        if len(R) != len(f):
+            raise ArgumentError(f"expected {len(f)} matrices, one a push; found {len(R)}", "turns")
+        g = R.transpose(0, 2, 1) @ calibration.gravity
+        estimate = replace(estimate, covariance=estimate.covariance + _common(calibration, g, A, white, arm))
     return LeverArm(estimate, WrenchStatus.OK)
+
+
+def _common(known: WrenchCalibration, g: np.ndarray, A: np.ndarray, white: np.ndarray, arm: np.ndarray) -> np.ndarray:
+    """Covariance (3, 3) of the arm from errors of bias, mass and first moment, to first order."""
+    through = cross_matrices(arm[None])[0]
+    by_force = np.concatenate([np.broadcast_to(through, (len(g), 3, 3)), (through @ g.T).T[:, :, None]], axis=2)
+    by_moment = np.concatenate([np.broadcast_to(-np.eye(3), (len(g), 3, 3)), cross_matrices(g)], axis=2)
+    slopes = white @ np.concatenate([by_force, by_moment], axis=2)
+    own = white @ A
+    gain = np.linalg.solve(np.einsum("nij,nik->jk", own, own), np.einsum("nij,nik->jk", own, slopes))
+    both = scipy.linalg.block_diag(known.force.covariance, known.moment.covariance)
+    return gain @ both @ gain.T

@@ -27,6 +27,14 @@ class PassivityBook:
     deficit: float
     passed: float
 
+    @property
+    def share(self) -> float:
+        """deficit over the most that was ever stored: not less for guiding that goes on for longer."""
+        if self.deficit == 0.0:
+            return 0.0
+        most = float(self.stored.max())
+        return self.deficit / most if most > 0 else float("inf")
+
     def __str__(self) -> str:
         return (
             f"{self.passed:.3g} J passed the handle; the least over any window is {self.worst:.3g} J, "

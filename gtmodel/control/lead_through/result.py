@@ -21,7 +21,8 @@ else:
 class LeadThroughStudy(Study):
     """Guiding a tool by hand against a synthetic contact: forces, limits, energy, and hands that it is stable in.
 
-    run: the whole run, synthetic; book: its energy at the handle. Both None where the sensors did not let it move.
+    run: the whole run, synthetic; book: its energy at the handle. Both None where the sensors did not let it move, or
+    stopped it on the way: a note says when.
     """
 
     run: ToolRun | None = None

@@ -125,13 +125,15 @@ def study(
     law, run = _run(contact, phases, gains, turning, watch, servo, handle, tool, hand, setup)
     good = run.allowed
     checks["sensors_usable"] = Check(float(run.status), judged=run.allowed, advice=run.status.message)
+    if run.stopped is not None:
+        notes.append(f"the motion was stopped at {run.stopped:.4g} s, and is not judged: {run.status.message}")
     book, files, seen = None, {}, None
     if good:
         book = at_the_handle(run, gains, turning, servo)
         answers |= {"energy_passed": book.passed, "least_window": book.worst, "energy_deficit": book.deficit}
         notes.append(f"energy at the handle: {book}")
         checks["energy_deficit_share"] = at_most(
-            book.deficit / max(book.passed, 1e-9), TOO_MUCH, "the robot gives more than it stored; raise the damping"
+            book.share, TOO_MUCH, "the robot gives more than it stored; raise the damping"
         )
         files["samples.csv"] = _table(run)
         more, said, judged = (aligned if peg else forces)(run, contact, law, gains, setup, tool)  # type: ignore[arg-type]
@@ -231,7 +233,8 @@ def _noise_notes(gains: SurfaceGains, tool: SyntheticSensor) -> list[str]:
 
 def _message(answers: dict[str, Any], peg: bool, good: bool, run: ToolRun) -> str:
     if not good:
-        return f"nothing moved: {run.status.message}"
+        what = "nothing moved" if run.stopped is None else f"it was stopped at {run.stopped:.4g} s"
+        return f"{what}: {run.status.message}"
     own, most, at = (f"{answers[name]:.3g}" for name in ("loop_gain", "limit", "frequency"))
     limit = f"loop gain {own} 1/s, limit {most} 1/s at {at} Hz"
     if peg:

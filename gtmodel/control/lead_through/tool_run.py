@@ -30,7 +30,7 @@ class ToolRun:
     and about (n,) [rad] as of the law.
 
     status: of the last cycle, or of the sign tests where they failed: then nothing moved. allowed: no sensor was
-    refused, from the sign tests to the end.
+    refused, from the sign tests to the end. stopped: [s] when one was refused on the way, else None.
     """
 
     time: np.ndarray
@@ -51,6 +51,7 @@ class ToolRun:
     spring: np.ndarray
     status: WrenchStatus
     allowed: bool
+    stopped: float | None = None
 
 
 def guide_tool(
@@ -96,6 +97,7 @@ def guide_tool(
     rng = np.random.default_rng(seed)
     moves, turns = ServoRun(servo, cycle, at), ServoRun(servo, cycle, np.zeros(3))
     state = law.start(*tests)
+    stopped: float | None = None
     vectors = ("position", "velocity", "rate", "force", "moment", "hand_force", "hand_moment", "read", "normal")
     kept = {name: np.zeros((count, 3)) for name in vectors}
     kept |= {name: np.zeros(count) for name in ("share", "about", "spring")}
@@ -112,7 +114,9 @@ def guide_tool(
         m_h = m_h + np.cross(arm, f_h)
         wanted = wanted + cycle * rows[k, 2]
         both = _wrench(handle.reading(f_h, m_h, R, rng)), _wrench(tool.reading(force, moment, R, rng))
-        state = law.step(state, *both, _turn(R))
+        before_it, state = state.allowed, law.step(state, *both, _turn(R))
+        if before_it and not state.allowed:
+            stopped = k * cycle
         read = law.tool.wrench(both[1], _turn(R), law.gravity)[0]
         for name, value in (
             ("position", x), ("velocity", v), ("rate", w), ("force", force), ("moment", moment), ("hand_force", f_h),
@@ -136,6 +140,7 @@ def guide_tool(
         contact=touching,
         status=state.status,
         allowed=state.allowed,
+        stopped=stopped,
         **kept,
     )
 

@@ -135,7 +135,7 @@ def _measured_arm(
     assert force_noise is not None and moment_noise is not None
     turn, force, moment = (_signal(pushes, name, "pushes") for name in SIGNALS)
     own = known.contact(_turns(turn), force, moment)
-    return lever_arm(*own, sigma_force=force_noise, sigma_moment=moment_noise)
+    return lever_arm(*own, sigma_force=force_noise, sigma_moment=moment_noise, calibration=known, turns=_turns(turn))
 
 
 def _synthetic(
@@ -152,7 +152,7 @@ def _synthetic(
     both = [sensor.reading(f, np.zeros(3), upright, rng) for f in force]
     still = np.tile(np.eye(3), (given.pushes, 1, 1))
     own = known.contact(still, [b[0] for b in both], [b[1] for b in both])
-    return known, lever_arm(*own, sigma_force=noise[0], sigma_moment=noise[1])
+    return known, lever_arm(*own, sigma_force=noise[0], sigma_moment=noise[1], calibration=known, turns=still)
 
 
 def _covered(given: SyntheticReadings) -> tuple[dict[str, float], float]:

@@ -36,7 +36,7 @@ class FmuSection(FileSection):
     """What --fmu makes."""
 
     step_s: PositiveFloat | None = Field(
-        default=None, description="longest step of the integrator inside; chosen by the tolerance when left out"
+        default=None, description="longest step of the integrator inside; chosen by its error when left out"
     )
     tolerance: PositiveFloat = Field(
         default=1e-6, description="largest error of a state over its size or one, against half the step"

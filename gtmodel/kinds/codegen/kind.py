@@ -37,7 +37,13 @@ def call(problem: Schema, context: Context) -> Call:
 
 
 def write(
-    problem: Schema, context: Context, out: Path, *, verify: bool = False, write_failed: bool = False, fmu: str = ""
+    problem: Schema,
+    context: Context,
+    out: Path,
+    *,
+    verify: bool = False,
+    write_failed: bool = False,
+    fmu: str | None = None,
 ) -> CodeStudy | FmuStudy:
     """Generate the code into `out`. With `verify` it is first compiled and compared with Python elsewhere, and comes
     into `out` only when all checks passed; with `write_failed` also otherwise, marked in the first lines.
@@ -46,7 +52,7 @@ def write(
 
     Raises InputError for a wrong problem, ArgumentError for a folder that holds other people's files.
     """
-    if fmu:
+    if fmu is not None:
         return _units(problem, context, out, fmu, verify, write_failed)
     with held(out) as folder:
         if folder.message:
@@ -62,7 +68,7 @@ def write(
 
 def _units(problem: Schema, context: Context, out: Path, fmu: str, verify: bool, write_failed: bool) -> FmuStudy:
     if fmu not in VERSIONS:
-        raise InputError(f"--fmu {fmu}: expected 3, 2 or both")
+        raise InputError(f"--fmu {fmu!r}: expected 3, 2 or both")
     if problem.real != "double":
         raise InputError("units compute in double; leave it out, or generate C", "real")
     functions = functions_of(problem, context)

@@ -10,6 +10,7 @@ from typing import ClassVar
 import numpy as np
 
 from ...control.lead_through import LeadThroughLaw, LeadThroughState, MountedSensor, SignTest, WrenchStatus
+from ...control.lead_through.sign import OTHER_LOAD
 from ...control.lead_through.vectors import IDENTITY, ZERO, Turn, Vector, back, dot, length, plus
 from ...results.status import Status
 from ..exchange import Command, RobotFeedback
@@ -49,14 +50,16 @@ def numbers_of(law: LeadThroughLaw, drift: float) -> ReferenceTable:
 
 
 def sign_of(sensor: MountedSensor, force: Vector, turn: Turn, gravity: Vector, drift: float) -> WrenchStatus:
-    """At rest and free: does the weight in one reading [N] pull where it has to? NO_FORCE where drift [N] hides it."""
+    """At rest and free: does the weight in one reading [N] pull where it has to? NO_FORCE where drift [N] hides it,
+    WRONG_LOAD where it is off by more than drift and 0.3 of it."""
     g = back(sensor.turn, back(turn, gravity))
     pull, size = plus(force, -1.0, sensor.force_bias), length(g)
     if not sensor.mass * size > drift:
         return WrenchStatus.NO_FORCE
     along = dot(pull, g) / size
     if along > drift:
-        return WrenchStatus.OK
+        off = length(plus(pull, -sensor.mass, g))
+        return WrenchStatus.WRONG_LOAD if off > drift + OTHER_LOAD * sensor.mass * size else WrenchStatus.OK
     return WrenchStatus.WRONG_SIGN if along < -drift else WrenchStatus.NO_FORCE
 
 

@@ -105,4 +105,4 @@ def test_the_energy_of_a_hand_that_also_turns_is_held_over_every_window() -> Non
     )  # fmt: skip
     book = at_the_handle(run, law.translation.gains, law.rotation.gains, L.ServoChain())
     assert np.abs(run.rate).max() > 0.1 and book.worst < 0
-    assert book.deficit <= TOO_MUCH * book.passed
+    assert book.share <= TOO_MUCH

@@ -204,11 +204,26 @@ def test_over_no_window_the_hand_gets_more_than_was_stored(hand: Any, tilt: floa
     run = guided(law, phases, L.SyntheticSurface(tilt=np.radians(tilt)), hand=hand)
     book = at_the_handle(run, law.translation.gains, law.rotation.gains, SERVO)
     assert run.contact.any() and book.worst < 0 < book.energy[-1]
-    assert book.deficit <= TOO_MUCH * book.passed
+    assert book.share <= TOO_MUCH
     # by every window, in place of the running minimum
     few = slice(None, None, 7)
     E, s = book.energy[few], book.stored[few]
     assert (E[None] - E[:, None] + s[:, None])[np.triu_indices(len(E))].min() >= -book.deficit - 1e-12
+
+
+def test_long_guiding_does_not_hide_energy_that_was_given() -> None:
+    time, after = np.linspace(0, 1, 101), 1.01 + np.linspace(0, 100, 10_001)
+    given = np.outer(-0.1 * time, [1.0, 0, 0])  # 0.5 J, of which 0.2 J were stored
+    short = L.passivity_book(time, np.tile([5.0, 0, 0], (101, 1)), given, np.full(101, 0.2))
+    there = np.outer(np.sin(after - after[0]), [1.0, 0, 0])  # then it is guided to and fro against its damping
+    long = L.passivity_book(
+        np.concatenate([time, after]),
+        np.concatenate([np.tile([5.0, 0, 0], (101, 1)), np.outer(np.cos(after - after[0]), [5.0, 0, 0])]),
+        np.concatenate([given, given[-1] + there]),
+        np.full(10_102, 0.2),
+    )
+    assert long.passed > 100 * short.passed
+    assert short.share == pytest.approx(1.5) and long.share == pytest.approx(1.5)
 
 
 def test_a_robot_that_gives_energy_is_seen() -> None:

@@ -115,6 +115,26 @@ def test_intervals_of_a_lever_arm_hold_the_truth_as_often_as_they_say() -> None:
     assert not seen.outside and not seen.biased, str(seen)
 
 
+TRUE = L.calibrate_wrench(TURNS, *readings(TURNS))
+
+
+def arm_after_few_poses(rng: Any, _: int) -> Any:
+    c = L.calibrate_wrench(TURNS[:4], *readings(TURNS[:4], rng), sigma_force=NOISE_F, sigma_moment=NOISE_M)
+    f = 15.0 * rng.normal(size=(200, 3))
+    turns = np.tile(np.eye(3), (200, 1, 1))
+    (weight, moment), m = TRUE.weight(turns), np.cross(ARM, f)
+    f = f + BIAS_F + weight + NOISE_F * rng.normal(size=f.shape)
+    m = m + TRUE.moment.values[:3] + moment + NOISE_M * rng.normal(size=m.shape)
+    own = c.contact(turns, f, m)
+    return L.lever_arm(*own, sigma_force=NOISE_F, sigma_moment=NOISE_M, calibration=c, turns=turns).estimate
+
+
+def test_intervals_of_a_lever_arm_hold_what_the_calibration_leaves_open() -> None:
+    runs = gt.inference.monte_carlo(arm_after_few_poses, RUNS, seed=27, processes=0).results
+    seen = gt.inference.coverage(runs, dict(zip(["arm_x", "arm_y", "arm_z"], ARM, strict=True)))
+    assert not seen.outside and not seen.biased, str(seen)
+
+
 def test_about_its_lever_arm_a_push_has_no_moment() -> None:
     f = np.random.default_rng(6).normal(size=(7, 3))
     assert np.abs(L.moment_about(f, np.cross(ARM, f), ARM)).max() < 1e-14
