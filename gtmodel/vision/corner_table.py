@@ -22,7 +22,7 @@ class CornerTable:
     moment. X (n, 3): the mark on its board, in lengths of the board; uv (n, 2) [pixel]: where it was seen. sigma (n,)
     [pixel]: the detector's own standard deviation, None where it gives none. marks (n,): their names.
 
-    Raises ArgumentError for lengths that do not fit and for values that are not finite.
+    Raises ArgumentError for lengths that do not fit, values that are not finite and a sigma that is not positive.
     """
 
     cameras: tuple[str, ...]
@@ -44,6 +44,12 @@ class CornerTable:
             )
         if not (np.all(np.isfinite(self.X)) and np.all(np.isfinite(self.uv))):
             raise ArgumentError("a corner has a value that is not finite; leave its row out", "corners")
+        if self.sigma is not None and not np.all(np.isfinite(self.sigma) & (self.sigma > 0)):
+            k = int(np.argmin(np.isfinite(self.sigma) & (self.sigma > 0)))
+            raise ArgumentError(
+                f"{self.label(k)} has a sigma of {self.sigma[k]:g} pixel; expected a positive standard deviation",
+                "corners",
+            )
 
     @property
     def n(self) -> int:
@@ -78,7 +84,8 @@ def read_corners(path: str | Path) -> CornerTable:
     mark that the camera does not see. Long: camera, picture, corner, X, Y, Z, u, v, sigma; sigma may be left out. X,
     Y, Z in lengths of the board, u, v and sigma in pixels.
 
-    Raises ArgumentError for a file that is none of both, with the line.
+    Raises ArgumentError for a file that is none of both, with the line; also where a column stands twice, a row has
+    more cells than the header, or only one of u and v is there.
 
     >>> from pathlib import Path
     >>> from tempfile import TemporaryDirectory
@@ -92,7 +99,9 @@ def read_corners(path: str | Path) -> CornerTable:
     path = Path(path)
     try:
         with path.open(newline="", encoding="utf-8") as file:
-            rows = [(file_row, line) for line, file_row in enumerate(csv.DictReader(file), 2)]
+            reader = csv.DictReader(file)
+            file_header = list(reader.fieldnames or ())
+            rows = [(file_row, line) for line, file_row in enumerate(reader, 2)]
     except (OSError, UnicodeDecodeError) as error:
         raise ArgumentError(f"cannot read {path.name}: {error}", "corners") from None
     if not rows:
@@ -101,12 +110,21 @@ def read_corners(path: str | Path) -> CornerTable:
     picture, mark = _one_of(columns, PICTURE, path), _one_of(columns, MARK, path)
     for name in ("X", "Y"):
         _one_of(columns, (name,), path)
+    twice = [c for c in columns if file_header.count(c) > 1]
+    if twice:
+        raise ArgumentError(f"{path.name} has the column {twice[0]} more than once", "corners")
+    for row, line in rows:
+        if None in row:
+            raise ArgumentError(f"line {line} of {path.name} has more cells than the header", "corners")
     if "camera" in columns:
+        for name in ("u", "v"):
+            _one_of(columns, (name,), path)
         cameras = tuple(dict.fromkeys(str(row["camera"]) for row, _ in rows))
         seen = [(row, line, cameras.index(row["camera"]), "u", "v") for row, line in rows]
     else:
         cameras = tuple(c[2:] for c in columns if c.startswith("u_"))
-        lost = [c for c in cameras if f"v_{c}" not in columns]
+        others = tuple(c[2:] for c in columns if c.startswith("v_"))
+        lost = set(cameras) ^ set(others)
         if not cameras or lost:
             raise ArgumentError(
                 f"{path.name} has the columns {', '.join(columns)}; expected camera, u and v, or u_NAME and v_NAME of "
@@ -114,7 +132,15 @@ def read_corners(path: str | Path) -> CornerTable:
                 "corners",
             )
         seen = [(row, line, c, f"u_{name}", f"v_{name}") for c, name in enumerate(cameras) for row, line in rows]
-    seen = [s for s in seen if (s[0][s[3]] or "").strip() and (s[0][s[4]] or "").strip()]
+    for row, line, _, u, v in seen:
+        if _empty(row, u) != _empty(row, v):
+            gone, there = (u, v) if _empty(row, u) else (v, u)
+            raise ArgumentError(
+                f"line {line} of {path.name} has a {there} and no {gone}; expected both, or none for a mark that is "
+                "not seen",
+                "corners",
+            )
+    seen = [s for s in seen if not _empty(s[0], s[3])]
     pictures = tuple(dict.fromkeys(str(row[picture]) for row, _ in rows))
     places = {name: k for k, name in enumerate(pictures)}
 
@@ -138,6 +164,10 @@ def _one_of(columns: Sequence[str], names: Sequence[str], path: Path) -> str:
             f"{path.name} has the columns {', '.join(columns)}; expected {' or '.join(names)}", "corners"
         )
     return there[0]
+
+
+def _empty(row: Mapping[str, str | None], name: str) -> bool:
+    return not (row[name] or "").strip()
 
 
 def _number(row: Mapping[str, str | None], name: str, line: int, path: Path) -> float:

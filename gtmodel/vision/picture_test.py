@@ -35,8 +35,11 @@ class PictureTest:
         return _quadratic(u, v) @ self.coefficients
 
 
-def picture_test(uv: np.ndarray, residuals: np.ndarray, size: tuple[float, float]) -> PictureTest:
-    """Tests residuals (n, 2) [pixel] of marks at uv (n, 2) in a picture of `size` (width, height) by F tests.
+def picture_test(
+    uv: np.ndarray, residuals: np.ndarray, size: tuple[float, float], centre: np.ndarray | None = None
+) -> PictureTest:
+    """Tests residuals (n, 2) [pixel] of marks at uv (n, 2) in a picture of `size` (width, height) by F tests; the
+    radius is counted from `centre` (2,) [pixel], by default the middle of the picture.
 
     The fit itself has taken a part of such patterns away, which makes the tests a little mild. Raises ArgumentError for
     fewer than 30 marks.
@@ -55,7 +58,7 @@ def picture_test(uv: np.ndarray, residuals: np.ndarray, size: tuple[float, float
         raise ArgumentError(f"{len(uv)} marks with residuals of the shape {e.shape}; expected at least {LEAST}, (n, 2)")
     half = np.array([size[0] - 1.0, size[1] - 1.0]) / 2
     u, v = ((uv - half) / half).T
-    d = uv - half
+    d = uv - (half if centre is None else np.asarray(centre, float))
     r = np.linalg.norm(d, axis=1)
     along = np.sum(e * d, axis=1) / np.maximum(r, 1e-9)
     r = r / np.linalg.norm(half)

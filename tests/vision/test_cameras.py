@@ -274,6 +274,12 @@ def test_corner_tables_in_both_forms(tmp_path) -> None:
         "pair,corner,X,u_left,v_left\n1,0,0,1,2\n",
         "pair,corner,X,Y\n1,0,0,0\n",
         "pair,corner,X,Y,u_a,v_a\n1,0,0,x,1,2\n",
+        "pair,corner,X,Y,u_a,v_a\n1,0,0,0,1,\n",  # half a pixel
+        "pair,corner,X,Y,u_a,v_a\n1,0,0,0,1,2,3\n",  # more cells than names
+        "pair,corner,X,Y,u_a,v_a,v_b\n1,0,0,0,1,2,3\n",  # b has no u
+        "pair,corner,X,Y,u_a,v_a,u_a,v_a\n1,0,0,0,1,2,3,4\n",
+        "camera,picture,corner,X,Y,v\na,1,0,0,0,1\n",
+        "camera,picture,corner,X,Y,u,v,sigma\na,1,0,0,0,1,2,0\n",
         "",
     ):
         wide.write_text(text)

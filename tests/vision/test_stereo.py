@@ -216,6 +216,42 @@ def test_refusals(wrong: str) -> None:
     assert error.value.argument == "corners"
 
 
+@pytest.mark.parametrize("wrong", ["sigma", "twice", "column"])
+def test_corners_that_cannot_be_measurements_are_refused(wrong: str) -> None:
+    table, _, _ = made_corners(SyntheticBoards(pictures=4), BOARD)
+    board, argument = BOARD, "corners"
+    with pytest.raises(ArgumentError) as error:
+        if wrong == "sigma":
+            table = replace(table, sigma=np.where(np.arange(table.n) == 60, 0.0, 0.1))
+        elif wrong == "twice":
+            table = table.rows(np.append(np.arange(table.n), 60))
+        else:  # a board of 9 x 6 said to have 11: how it looks when turned would be judged by the wrong numbers
+            board, argument = replace(BOARD, columns=11), "board"
+        stereo_study(table, board)
+    assert error.value.argument == argument
+    if wrong != "column":
+        assert table.label(60) in error.value.message
+    else:
+        stereo_study(table, replace(board, identified=True))
+
+
+def test_what_fits_without_a_residual_and_may_be_a_mistake_is_said(corners) -> None:
+    """Mirrored pictures, the board counted the other way round in one, and a picture said to be twice as large."""
+    good = stereo_study(corners, SQUARES)
+    assert not any("from behind" in n or "far from the middle" in n for n in good.notes)
+    square = replace(SQUARES, height_pixel=640)
+    exchanged = stereo_study(replace(corners, uv=corners.uv[:, ::-1].copy()), square)
+    assert any("from behind in all pictures" in n for n in exchanged.notes)
+    X = corners.X.copy()
+    own = corners.picture == 2
+    X[own, 0] = 8 - X[own, 0]
+    one = stereo_study(replace(corners, X=X), SQUARES)
+    assert any("from behind in picture 03" in n for n in one.notes)
+    assert one.lens["left"]["fx"] == pytest.approx(good.lens["left"]["fx"], rel=1e-8)  # it does no harm
+    large = stereo_study(corners, replace(SQUARES, width_pixel=1280, height_pixel=960), start=STARTS["wide"])
+    assert sum("far from the middle of a picture of 1280 x 960" in n for n in large.notes) == 2
+
+
 def test_a_wrong_principal_point_shows_in_the_quadratic_map() -> None:
     """Held in the middle of the picture, some pixels from where it is; with few, wide pictures it cannot hide."""
     table, _, _ = made_corners(SyntheticBoards(pictures=40, noise_pixel=0.05), BOARD)

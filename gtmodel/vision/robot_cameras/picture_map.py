@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...results.refusal import ArgumentError
+from ..picture_test import LEAST, picture_test
 from .pictures import RobotPictures
-
-LEAST = 30  # corners of a camera
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +31,8 @@ class PictureMap:
 
 
 def picture_map(pictures: RobotPictures, residuals: np.ndarray) -> PictureMap:
-    """Tests residuals (n, 2) [pixel] of corners over each camera's picture, by F against their own scatter.
+    """Tests residuals (n, 2) [pixel] of corners over each camera's picture by `gt.vision.picture_test`, in units of
+    their sigma, the picture being what the corners cover, and the radius counted from their mean.
 
     Whitened residuals of a right model are white but for what the fit took, which makes both tests a little mild.
     Raises ArgumentError for fewer than 30 corners of a camera.
@@ -44,31 +44,17 @@ def picture_map(pictures: RobotPictures, residuals: np.ndarray) -> PictureMap:
     >>> V.picture_map(pictures, noise).fires(), V.picture_map(pictures, noise + 1e-6 * pictures.uv**2).fires()
     ((), ('left', 'right'))
     """
-    from scipy import stats
-
-    radius, quadratic, coefficients = [], [], []
+    tests = []
     for k, name in enumerate(pictures.cameras):
         own = pictures.camera == k
         if own.sum() < LEAST:
             raise ArgumentError(f"{name} has {int(own.sum())} corners; a test of the picture needs {LEAST}", "corners")
-        e, uv = residuals[own] / pictures.sigma[own, None], pictures.uv[own]
-        s = 2 * (uv - uv.min(axis=0)) / np.ptp(uv, axis=0) - 1
-        u, v = s.T
-        d = uv - uv.mean(axis=0)
-        r = np.linalg.norm(d, axis=1)
-        along = (e * d).sum(axis=1) / np.maximum(r, 1e-9)
-        r = r / r.max()
-        radius.append(_chance(np.stack([np.ones_like(r), r, r**2, r**3], axis=1), along[:, None], stats)[0])
-        p, c = _chance(np.stack([np.ones_like(u), u, v, u * u, u * v, v * v], axis=1), e, stats)
-        quadratic.append(p)
-        coefficients.append(c * np.mean(pictures.sigma[own]))
-    return PictureMap(tuple(pictures.cameras), np.array(radius), np.array(quadratic), np.array(coefficients))
-
-
-def _chance(B: np.ndarray, e: np.ndarray, stats: object) -> tuple[float, np.ndarray]:
-    """Probability of as much of e (n, c) in the columns of B (n, k) by chance, and the coefficients (k, c)."""
-    c, *_ = np.linalg.lstsq(B, e, rcond=None)
-    fitted = B @ c
-    free = e.size - c.size
-    F = (fitted**2).sum() / c.size / (((e - fitted) ** 2).sum() / free)
-    return float(stats.f.sf(F, c.size, free)), c  # type: ignore[attr-defined]
+        uv = pictures.uv[own] - pictures.uv[own].min(axis=0)
+        width, height = np.ptp(uv, axis=0) + 1.0
+        size = float(width), float(height)
+        tests.append(picture_test(uv, residuals[own] / pictures.sigma[own, None], size, uv.mean(axis=0)))
+    sigma = [float(np.mean(pictures.sigma[pictures.camera == k])) for k in range(len(tests))]
+    return PictureMap(
+        tuple(pictures.cameras), np.array([t.radius for t in tests]), np.array([t.quadratic for t in tests]),
+        np.array([s * t.coefficients for s, t in zip(sigma, tests, strict=True)]),
+    )  # fmt: skip

@@ -27,7 +27,7 @@ def read_pictures(
     they are. Lines that begin with # are left out; a first one that says "synthetic" is kept as a word.
 
     Raises ArgumentError with file and line for what is no number, a mark that the target does not have, and a pose
-    without actuators.
+    without actuators or with two rows of them.
 
     >>> from pathlib import Path
     >>> from tempfile import mkdtemp
@@ -39,7 +39,13 @@ def read_pictures(
     >>> len(pictures), pictures.cameras
     (1080, ('left', 'right'))
     """
-    readings = {name: row for name, row, _ in _rows(Path(actuators), "actuators")}
+    readings: dict[str, list[float]] = {}
+    for name, row, line in _rows(Path(actuators), "actuators"):
+        if name in readings:
+            raise ArgumentError(
+                f"{Path(actuators).name}, line {line}: pose {name} is there twice; keep one", "actuators"
+            )
+        readings[name] = row
     head = _table(Path(actuators), "actuators")[0][1:]
     moving = sum(name.startswith("rate") for name in head)
     if moving not in (0, len(head) / 2):

@@ -30,6 +30,7 @@ FOCAL = 0.05  # of a focal length, its standard deviation: beyond, it is hardly 
 REMOVED = 0.2  # share of corners; more are no outliers
 FIRES = 1e-3  # chance of a false alarm of the test over the picture, over all cameras
 NAMED = 10  # corners that a note lists
+OFF = 0.2  # of a side of the picture, from its middle to the principal point: farther is seen in cropped pictures only
 TILT = (
     "tilt the board by 20 degrees or more in some pictures: where it faces the camera, focal length and distance "
     "cannot be told apart"
@@ -58,7 +59,8 @@ def stereo_study(
         progress, max_seconds, stop: see `gtmodel.results.Work`.
 
     Raises ArgumentError for a board that looks the same when it is turned, one that was turned between two cameras,
-    corners beside the board, metres without a length, and where the pictures do not determine what is fitted.
+    corners beside the board or there twice, a board whose last column or row no picture shows, metres without a length,
+    and where the pictures do not determine what is fitted.
 
     >>> from gtmodel.vision.stereo.synthetic import SyntheticBoards, made_corners
     >>> board = gt.vision.BoardPictures(width_pixel=640, height_pixel=480, columns=9, rows=6, square=0.03)
@@ -91,6 +93,7 @@ def stereo_study(
     named = removed or gross_errors(table, end.residuals["corners"], fit.gross)
     tests = _tests(table, end, board)
     checks, notes = _judged(corners, table, end, named, removed is not None, tests)
+    notes += _doubts(table, end, board)
     values = _values(table, end, metres)
     drawn = [(name, table.uv[table.camera == c], end.residuals["corners"][table.camera == c], tests.get(name))
              for c, name in enumerate(table.cameras)]  # fmt: skip
@@ -154,6 +157,23 @@ def _on_the_board(corners: CornerTable, board: BoardPictures) -> None:
         raise ArgumentError(
             f"{corners.label(k)} lies at {u:g}, {v:g}, outside a picture of {wide[0]} x {wide[1]}", "corners"
         )
+    key = np.column_stack([corners.camera, corners.picture, X])
+    _, first, back = np.unique(key, axis=0, return_index=True, return_inverse=True)
+    again = np.flatnonzero(first[back.reshape(-1)] != np.arange(corners.n))
+    if len(again):
+        raise ArgumentError(
+            f"{corners.label(int(again[0]))} is there more than once, which would count as more measurements than were "
+            "made; leave the other rows out",
+            "corners",
+        )
+    if corners.n and not board.identified:
+        for axis, (name, many) in enumerate((("columns", board.columns), ("rows", board.rows))):
+            if X[:, axis].max() < many - 1:
+                raise ArgumentError(
+                    f"no picture shows more than {int(X[:, axis].max()) + 1} {name} of corners, and the board has "
+                    f"{many}; give the {name} that it has, or say that its corners are identified",
+                    "board",
+                )
     if len(corners.pictures) < FEW:
         raise ArgumentError(
             f"{len(corners.pictures)} pictures of a board determine no lens; expected at least {FEW}", "corners"
@@ -217,6 +237,27 @@ def _judged(corners: CornerTable, table: CornerTable, end: BundleFit, bad: Gross
                 "out"
             )
     return checks, notes
+
+
+def _doubts(table: CornerTable, end: BundleFit, board: BoardPictures) -> list[str]:
+    """What fits without a residual, and may be a mistake in the input all the same."""
+    notes = []
+    size = np.array([board.width_pixel, board.height_pixel])
+    for name, lens in zip(table.cameras, end.values["lens"], strict=True):
+        if np.any(np.abs(lens[2:4] - (size - 1) / 2) > OFF * size):
+            notes.append(
+                f"the principal point of {name}, {lens[2]:.0f}, {lens[3]:.0f}, is far from the middle of a picture of "
+                f"{size[0]} x {size[1]}: are its width and height right, or is it a part of a larger one?"
+            )
+    poses = end.values["board"]  # in the frame of the first camera
+    behind = np.einsum("ni,ni->n", matrices_of(poses)[:, :, 2], poses[:, 4:]) < 0
+    if behind.any():
+        which = "all pictures" if behind.all() else f"picture {', '.join(np.array(table.pictures)[behind][:NAMED])}"
+        notes.append(
+            f"the X- and Y-axis of the board are seen from behind in {which}: corners counted the other way round do "
+            "no harm, but mirrored pictures (u and v exchanged, v upwards) give mirrored lenses and places"
+        )
+    return notes
 
 
 def _values(table: CornerTable, end: BundleFit, metres: bool) -> dict[str, Any]:
