@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
 import numpy as np
@@ -18,7 +19,7 @@ from .plant import DrivePlant, ElasticPlant, Plant, RigidBodyPlant, Servo
 from .process import LoopError, LoopProcess
 from .record import STATES
 from .robot_side import RobotSide
-from .run import lockstep, real_time
+from .run import LoopRun, lockstep, real_time
 from .table import ReferenceTable
 
 # Python and other work share the machine with the simulated controller: where that was silent for longer than the loop
@@ -44,6 +45,10 @@ class Running(Protocol):
     def in_lockstep(self) -> bool: ...
     @property
     def work(self) -> Work: ...
+    @property
+    def program(self) -> Path: ...
+    @property
+    def cycles(self) -> int: ...
 
 
 @dataclass(frozen=True)
@@ -81,6 +86,23 @@ def again(bench: Running, label: str, once: Callable[[], tuple[R, bool, float]])
     raise LoopError(label)
 
 
+def driven(bench: Running, robot: RobotSide, options: Sequence[str]) -> tuple[LoopRun, dict[str, Any], str]:
+    """The run of the program with a simulated controller, the loop's report, and what it printed."""
+    # in real time a late cycle is one more, and the loop ends when it is asked to
+    limited = ["--cycles", str(bench.cycles)] if bench.in_lockstep else []
+
+    def stopped(share: float) -> bool:
+        return bench.work.interrupted()
+
+    with LoopProcess(bench.program, [*options, *limited]) as process:
+        if bench.in_lockstep:
+            done = lockstep(robot, process.exchange, bench.cycles, stopped=stopped)
+            process.end()
+        else:
+            done = real_time(robot, process, bench.cycles, stopped)
+        return done, process.finish(), process.printed
+
+
 def _once(bench: Bench, label: str, *, active: bool) -> tuple[OneRun, bool, float]:
     plant, programme = _plant(bench), None
     if bench.elastic_Hz is not None:
@@ -91,20 +113,7 @@ def _once(bench: Bench, label: str, *, active: bool) -> tuple[OneRun, bool, floa
     log = bench.place / ("loop_on.log" if active else "loop_off.log")
     log.unlink(missing_ok=True)  # of an attempt that is made again
     options = [*_options(bench, active), "--deceleration", repr(bench.stop.deceleration_m_s2), "--log", str(log)]
-    # in real time a late cycle is one more, and the loop ends when it is asked to
-    options += ["--cycles", str(bench.cycles)] if bench.in_lockstep else []
-
-    def stopped(share: float) -> bool:
-        return bench.work.interrupted()
-
-    with LoopProcess(bench.program, options) as process:
-        if bench.in_lockstep:
-            done = lockstep(robot, process.exchange, bench.cycles, stopped=stopped)
-            process.end()
-        else:
-            done = real_time(robot, process, bench.cycles, stopped)
-        report = process.finish()
-        printed = process.printed
+    done, report, printed = driven(bench, robot, options)
     tcp, status = bench.forward(done.arm_m)
     if np.any(status != Status.OK):
         raise LoopError(f"{label}: the simulated robot left its workspace")

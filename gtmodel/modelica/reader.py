@@ -79,6 +79,11 @@ def parse(text: str, path: str = "") -> list[ClassText]:
 
 def read(path: str | os.PathLike[str]) -> list[ClassText]:
     """The classes of a file; see `parse`. Raises ModelicaError where it cannot be read."""
+    return parse(content_of(path), str(Path(path)))
+
+
+def content_of(path: str | os.PathLike[str]) -> str:
+    """The text of a file. Raises ModelicaError where it cannot be read."""
     file = Path(path)
     try:
         if file.stat().st_size > LARGEST:
@@ -87,9 +92,9 @@ def read(path: str | os.PathLike[str]) -> list[ClassText]:
     except OSError as error:
         raise ModelicaError(f"{path} cannot be read: {error.strerror}") from None
     try:
-        return parse(content.decode("utf-8-sig"), str(file))
+        return content.decode("utf-8-sig")
     except UnicodeDecodeError:
-        return parse(content.decode("latin-1"), str(file))  # comments of the nineties
+        return content.decode("latin-1")  # comments of the nineties
 
 
 def _bounded(source: Source) -> None:

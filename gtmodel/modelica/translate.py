@@ -61,20 +61,10 @@ class Text:
 
 def opened(path: str | os.PathLike[str], libraries: Iterable[str | os.PathLike[str]] = ()) -> Text:
     """Read a file and its libraries. Raises ModelicaError."""
-    from .reader import LARGEST
+    from .reader import content_of
 
     file = Path(path)
-    try:
-        if file.stat().st_size > LARGEST:
-            raise ModelicaError(f"{file.name} has {file.stat().st_size} bytes; no Modelica text of that size is read")
-        content = file.read_bytes()
-    except OSError as error:
-        raise ModelicaError(f"{path} cannot be read: {error.strerror}") from None
-    try:
-        text = content.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        text = content.decode("latin-1")
-    root, classes = of_text(text, libraries, str(file))
+    root, classes = of_text(content_of(path), libraries, str(file))
     return Text(root, classes, str(file))
 
 

@@ -18,12 +18,11 @@ from ...results import ArgumentError, Quantity, Row, SolveStatus, Status, Work, 
 from ..bench import ELASTIC_DAMPING, HOLD_CYCLES, Stop
 from ..exchange import CYCLE_MS
 from ..loop_result import LoopStudy
-from ..one_run import GOING, again
+from ..one_run import GOING, again, driven
 from ..plant import ElasticPlant, Plant
-from ..process import FULL, LoopError, LoopProcess
+from ..process import FULL, LoopError
 from ..record import STATES, rows_of, trajectory_of
 from ..robot_side import RobotSide
-from ..run import lockstep, real_time
 from .law import numbers_of
 from .options import Guiding
 from .scene import PlateScene, ServoPlant
@@ -149,19 +148,8 @@ def _once(bench: GuidedBench, label: str, start: np.ndarray, fault_from: int | N
     log = bench.place / ("loop_guided.log" if fault_from is None else "loop_fault.log")
     log.unlink(missing_ok=True)
     options = [*_options(bench, start), "--log", str(log)]
-    options += ["--lockstep", "--cycles", str(bench.cycles)] if bench.in_lockstep else []
-
-    def stopped(share: float) -> bool:
-        return bench.work.interrupted()
-
-    with LoopProcess(bench.program, options) as process:
-        if bench.in_lockstep:
-            done = lockstep(robot, process.exchange, bench.cycles, stopped=stopped)
-            process.end()
-        else:
-            done = real_time(robot, process, bench.cycles, stopped)
-        report = process.finish()
-        printed = process.printed
+    options += ["--lockstep"] if bench.in_lockstep else []
+    done, report, printed = driven(bench, robot, options)
     content = log.read_bytes()
     command = bench.tcp(rows_of(content)[:, 21:24]) if len(content) else np.zeros((0, 3))
     count = len(done.measured_m)

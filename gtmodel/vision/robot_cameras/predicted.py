@@ -7,32 +7,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ...calibrate.positioning import PredictedErrors
 from ...results.refusal import ArgumentError
 from .joint import JointFit
 
 
 @dataclass(frozen=True, eq=False)
-class PredictedPositions:
+class PredictedPositions(PredictedErrors):
     """Of positions (n, 3) [m]: covariance (n, 3, 3) [m2] of the error that the calibration leaves, once the frame in
     which the robot is judged is laid through all of them."""
 
     positions: np.ndarray
-    covariance: np.ndarray
-
-    @property
-    def each(self) -> np.ndarray:
-        """(n,) root mean square of |error| [m]."""
-        return np.sqrt(np.trace(self.covariance, axis1=1, axis2=2))
-
-    @property
-    def rms(self) -> float:
-        """Root mean square of |error| [m] over the positions."""
-        return float(np.sqrt(np.mean(self.each**2)))
-
-    @property
-    def greatest(self) -> float:
-        """Root mean square of |error| [m] at the worst position."""
-        return float(self.each.max())
 
 
 def predicted_positions(joint: JointFit, actuators: ArrayLike) -> PredictedPositions:
@@ -76,4 +61,4 @@ def predicted_positions(joint: JointFit, actuators: ArrayLike) -> PredictedPosit
     at = [names.index(f"robot.{n}") for n in side.unknowns.names]
     C = joint.estimate.covariance[np.ix_(at, at)]
     P = flat.reshape(len(T), 3, -1)
-    return PredictedPositions(poses[:, :3], P @ C @ P.transpose(0, 2, 1))
+    return PredictedPositions(P @ C @ P.transpose(0, 2, 1), poses[:, :3])
