@@ -134,6 +134,16 @@ class FlatModel:
         """Parameter values (k,), NaN where missing."""
         return np.array([q.value for q in self.parameters])
 
+    @cached_property
+    def _own(self) -> frozenset[str]:
+        return frozenset(r.name for r in self.tree.variables if not r.component)
+
+    def level(self, name: str) -> int:
+        """How many parts deep a quantity lies: 0 at the top; at most 1 for what the model itself declares under a name
+        with dots, as a model in Modelica text does."""
+        dots = name.count(".")
+        return min(dots, 1) if name in self._own else dots
+
     def require_values(self) -> np.ndarray:
         """Parameter values; ModelError naming the first parameter without one."""
         for q in self.parameters:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .arrays import Values, array, each, entries, identity, joined, product, scalar, stacked, summed
+from .multibody import terms as multibody
 from .scalars import Operation, is_literal, number_of, operation
 from .syntax import FunctionCall, Literal, ModelicaError, Place, SyntaxNode
 
@@ -289,4 +290,5 @@ BUILT_IN: dict[str, Callable[[FunctionCall, NameScope, Evaluator], Any]] = {
     "matrix": _reshaped("matrix"), "scalar": _reshaped("scalar"), "symmetric": _symmetric, "noEvent": _first,
     "homotopy": _first, "smooth": _smooth, "semiLinear": _semi_linear, "pre": _at_events("pre"),
     "initial": _at_events("initial"), "delay": _delay, "String": _text, "assert": _assert, "Integer": _first,
+    "mechanics": lambda node, scope, model: multibody.called(node, scope),
 }  # fmt: skip

@@ -17,6 +17,7 @@ from .flat import Flattened, ScalarEquation, ScalarIf, ScalarWhen
 from .instances import Declared, Instance, NameScope
 from .members import field as field_of
 from .modifications import Modifier
+from .multibody.parts import is_frame
 from .scalars import Flat, Operation, Symbol, is_constant, is_literal, number_of, operation, symbols
 from .scopes import Space
 from .syntax import (
@@ -76,6 +77,7 @@ class _Flattening:
         self.connections.complete(instances, self.root)
         for terms, place in self.connections.sums():
             self.out.equations.append(ScalarEquation(terms, 0, place))
+        self.connections.assembly.settle(instances, self.out, self.model)
         self._macros()
         self._header()
         if self.out.optimization:
@@ -87,6 +89,8 @@ class _Flattening:
     # declarations
 
     def _declared(self, instance: Instance) -> None:
+        if is_frame(instance) or (instance.parent is not None and is_frame(instance.parent)):
+            return  # what it holds are quantities of a part
         for element in instance.elements.values():
             made = element.made
             if not isinstance(made, Declared) or "outer" in element.text.prefixes:

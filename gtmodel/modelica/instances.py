@@ -12,6 +12,7 @@ import numpy as np
 from ..lang.slips import near
 from .arrays import Values, array
 from .modifications import NOTHING, Given, Modifier, merged, modifier
+from .multibody.library import part_name, pictures
 from .scalars import Flat, Symbol, number_of
 from .scopes import PREDEFINED, Space
 from .syntax import ClassText, Component, Extends, ModelicaError, Place, Reference, SyntaxNode
@@ -182,7 +183,7 @@ class Instance:
                 seen = len(self.used)
                 self._take(base, below)
                 self._refuse_unknown(base, modifier(element.modification, scope), seen)
-        self.used |= set(text.classes)
+        self.used |= set(text.classes) | pictures(text)
         self.sections.append(Section(text, scope))
 
     def _headers(self, text: ClassText, said: Modifier, scope: NameScope) -> None:
@@ -212,7 +213,8 @@ class Instance:
         for name, item in said.inside.items():
             if name not in self.used and space.member(name) is None:
                 known = [n for n in self.elements]
-                raise ModelicaError(f"{space.name} has no '{name}' to modify{near(name, known)}", item.at)
+                hint = near(name, known) or (f"; it has {', '.join(known)}" if part_name(space.text) else "")
+                raise ModelicaError(f"{space.name} has no '{name}' to modify{hint}", item.at)
 
     def inner(self, name: str, at: Place) -> Any:
         """The component `inner name` of an enclosing one."""

@@ -11,6 +11,7 @@ from typing import Any
 from ..lang.slips import near
 from . import reader
 from .modifications import Modifier
+from .multibody import library as multibody
 from .syntax import ClassText, Extends, ModelicaError, Place, Reference
 
 PREDEFINED = ("Real", "Integer", "Boolean", "String")
@@ -47,7 +48,10 @@ class Space:
         """A class that is declared in this one, or lies in its folder."""
         if name not in self.made:
             text = self.text.classes.get(name)
-            if text is not None:
+            known = text is not None or (self.folder is not None and _in_folder(self.folder, name) is not None)
+            if name in multibody.NAMES and (ours := multibody.own_text(self.name, name, known)) is not None:
+                self.made[name] = Space(ours, self)
+            elif text is not None:
                 self.made[name] = Space(text, self)
             elif self.folder is not None and (inside := _in_folder(self.folder, name)) is not None:
                 self.made[name] = _loaded(inside, self, name)
@@ -149,6 +153,8 @@ class Space:
             if following is None and space.name == "Modelica.Icons":  # pictures alone
                 following = space.made[part.name] = Space(ClassText(space.text.at, part.name, "class"), space)
             if following is None:
+                if refused := multibody.refusal(space.name, part.name):
+                    raise ModelicaError(refused, reference.at)
                 inside = space.name or "the files that were read"
                 names = [*space.text.classes, *(space.made if space.outer is None else ())]
                 raise ModelicaError(

@@ -19,6 +19,7 @@ from .flat import Flattened
 from .flatten import flattened
 from .instances import NameScope
 from .modifications import Given, Modifier
+from .multibody.lean import lean, shown
 from .names import split
 from .python import Writer
 from .scopes import Space, of_text
@@ -160,7 +161,7 @@ def translated(
     path, name = split(str(reference))
     text = opened(path, library)
     name, space = chosen(text, name)
-    flat = flattened(space, _said(parameters or {}))
+    flat = shown(flattened(space, _said(parameters or {})))
     cls, units, warnings = _made(flat)
     stop = stop_time_of(space.text)
     return Translation(cls, flat.optimization, stop, (*flat.warnings, *warnings), units, text.path, name, flat)
@@ -257,7 +258,7 @@ def python_of(
             yield (der(self.x) == -self.x)
     """
     item = translated(reference, library=library, parameters=parameters)
-    return text_of(Writer(item.flat, identifier, units=item.units).write())
+    return text_of(Writer(lean(item.flat), identifier, units=item.units).write())
 
 
 def listing(path: str | os.PathLike[str], library: Iterable[str | os.PathLike[str]] = ()) -> dict[str, dict[str, str]]:
