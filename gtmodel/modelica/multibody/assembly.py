@@ -11,7 +11,7 @@ from ..instances import Declared, Instance
 from ..scalars import Operation
 from ..syntax import ModelicaError, Place
 from .library import NAME, part_name
-from .parts import Component, Made, component, in_turn, is_frame, kind, numbers, values
+from .parts import MappedComponent, MechanicsPart, component, in_turn, is_frame, kind, numbers, values
 from .terms import PART, quantity, turned, vector
 
 _CLOSING = ("Spherical", "PlanarLoopClosure")
@@ -25,7 +25,7 @@ class Assembly:
     def __init__(self) -> None:
         self._joined: list[tuple[Instance, Instance, Place]] = []
         self._above: dict[int, int] = {}
-        self._ports: dict[int, tuple[Made, str]] = {}  # of a frame
+        self._ports: dict[int, tuple[MechanicsPart, str]] = {}  # of a frame
         self._cut: set[int] = set()  # frames that a closure joins to what they are connected to
 
     def join(self, a: Instance, b: Instance, at: Place) -> None:
@@ -62,7 +62,7 @@ class Assembly:
             model.warn("parts of MultiBody are those of gt.mechanics; the library's own are not read", out.at)
 
     @staticmethod
-    def _check_world(components: list[Component], at: Place) -> None:
+    def _check_world(components: list[MappedComponent], at: Place) -> None:
         worlds = [c for c in components if kind(c.instance) == "World"]
         if len(worlds) > 1:
             names = " and ".join(f"'{c.instance.path}'" for c in worlds)
@@ -85,11 +85,11 @@ class Assembly:
         self._above[q] = p
         return p != q
 
-    def _graph(self, parts: list[Made], out: Flattened) -> list[Made]:
+    def _graph(self, parts: list[MechanicsPart], out: Flattened) -> list[MechanicsPart]:
         for a, b, _ in self._joined:
             self._unite(id(a), id(b))
         sets = dict(self._above)  # what is connected; from here on, what turns together or by a joint
-        closures: list[Made] = []
+        closures: list[MechanicsPart] = []
         edges = [p for p in parts if p.edge]
         for part in sorted(edges, key=_rank):
             assert part.instance is not None
@@ -99,21 +99,23 @@ class Assembly:
             if part.rigid:
                 raise ModelicaError(f"'{part.instance.path}' holds rigidly together what is rigid already", part.at)
             self._cut.add(b)
-            closures.append(Made(part.instance.full("closure"), "LoopClosure", part.at, instance=part.instance))
+            closures.append(
+                MechanicsPart(part.instance.full("closure"), "LoopClosure", part.at, instance=part.instance)
+            )
         self._roots(parts, out)
         if closures or any(p.cls in _CLOSING and self._is_loop(p) for p in parts):
             _follow(edges)
         self._above = sets
         return closures
 
-    def _is_loop(self, part: Made) -> bool:
+    def _is_loop(self, part: MechanicsPart) -> bool:
         assert part.instance is not None
         a, b = (self._set(id(part.instance.elements[n].made)) for n in ("frame_a", "frame_b"))
         return a == b
 
-    def _roots(self, parts: list[Made], out: Flattened) -> None:
+    def _roots(self, parts: list[MechanicsPart], out: Flattened) -> None:
         """Where no joint leads to the world, a body moves freely."""
-        rooted: dict[int, Made] = {}
+        rooted: dict[int, MechanicsPart] = {}
         for part in parts:
             if part.root and part.frames:
                 self._take_root(rooted, part)
@@ -137,17 +139,17 @@ class Assembly:
                 assert part.instance is not None
                 raise ModelicaError(f"no body and no joint gives '{part.instance.path}' an orientation", part.at)
 
-    def _first(self, part: Made) -> int:
+    def _first(self, part: MechanicsPart) -> int:
         assert part.instance is not None
         return id(part.instance.elements[next(iter(part.frames))].made)
 
-    def _take_root(self, rooted: dict[int, Made], part: Made) -> None:
+    def _take_root(self, rooted: dict[int, MechanicsPart], part: MechanicsPart) -> None:
         rooted.setdefault(self._set(self._first(part)), part)
 
     # what is written
 
     def _connections(
-        self, frames: list[Instance], closures: list[Made], places: dict[int, Place], out: Flattened
+        self, frames: list[Instance], closures: list[MechanicsPart], places: dict[int, Place], out: Flattened
     ) -> None:
         by_frame = {id(c.instance.elements["frame_b"].made): c for c in closures if c.instance is not None}
         at = {id(x): place for a, b, place in self._joined for x in (a, b)}
@@ -197,7 +199,7 @@ class Assembly:
                 out.shown += [f for f in made.flats if f.replaced.name == PART]
 
 
-def _rank(part: Made) -> tuple[int, int]:
+def _rank(part: MechanicsPart) -> tuple[int, int]:
     """Which edges the tree takes first: what is rigid, joints whose coordinates are chosen as states or fixed."""
     if part.rigid:
         return 0, 0
@@ -208,7 +210,7 @@ def _rank(part: Made) -> tuple[int, int]:
     return 1, -int(getattr(choice, "name", "") == "always") - int(flat.get("fixed") is True)
 
 
-def _follow(joints: list[Made]) -> None:
+def _follow(joints: list[MechanicsPart]) -> None:
     """Joints of a loop follow those that have a start value in the text: the library's own, 0, is no guess there."""
     for part in joints:
         for name in ("phi", "w", "s", "v"):
@@ -221,14 +223,14 @@ def _follow(joints: list[Made]) -> None:
                     flat.cache["start"] = None
 
 
-def _true(part: Made, name: str) -> bool:
+def _true(part: MechanicsPart, name: str) -> bool:
     from ..scalars import number_of
 
     assert part.instance is not None
     return bool(number_of(values(part.instance, name)[()], part.at, f"'{part.instance.full(name)}'"))
 
 
-def _starts(part: Made, out: Flattened) -> None:
+def _starts(part: MechanicsPart, out: Flattened) -> None:
     """Where a free body begins."""
     body = part.instance
     assert body is not None

@@ -20,7 +20,7 @@ STANDARD_GRAVITY = 9.80665  # default of the library from version 4; before it 9
 
 
 @dataclass(eq=False)
-class Made:
+class MechanicsPart:
     """One part: `name = gt.part(gt.mechanics.cls, **options)`.
 
     options: arrays of scalars, or numbers, lists and dictionaries as they are. frames: which port each frame of the
@@ -39,11 +39,11 @@ class Made:
 
 
 @dataclass(eq=False)
-class Component:
+class MappedComponent:
     """The parts of one component, and ports of them that are joined: ("part.shaft", "drive.shaft")."""
 
     instance: Instance
-    parts: list[Made]
+    parts: list[MechanicsPart]
     joined: list[tuple[str, str]] = field(default_factory=list)
 
 
@@ -56,7 +56,7 @@ def is_frame(instance: Instance) -> bool:
     return any(part_name(s.text) == "Interfaces.Frame" for s in instance.sections)
 
 
-def component(instance: Instance, at: Place) -> Component:
+def component(instance: Instance, at: Place) -> MappedComponent:
     """Its parts. Raises ModelicaError for values that are not taken, at the line `at` of the text."""
     return PARTS[kind(instance)](instance, at)
 
@@ -99,12 +99,12 @@ def in_turn(sequence: np.ndarray, angles: np.ndarray) -> np.ndarray:
     return reduce(np.matmul, turns)
 
 
-def _between(instance: Instance, cls: str, at: Place, **given: Any) -> Made:
+def _between(instance: Instance, cls: str, at: Place, **given: Any) -> MechanicsPart:
     frames = {"frame_a": "a", "frame_b": "b"}
-    return Made(instance.full("part"), cls, at, frames=frames, instance=instance, **given)
+    return MechanicsPart(instance.full("part"), cls, at, frames=frames, instance=instance, **given)
 
 
-def _world(instance: Instance, at: Place) -> Component:
+def _world(instance: Instance, at: Place) -> MappedComponent:
     how = literal(instance, "gravityType")
     if how == "PointGravity":
         raise ModelicaError("PointGravity is not taken; UniformGravity and NoGravity are", at)
@@ -120,54 +120,56 @@ def _world(instance: Instance, at: Place) -> Component:
         instance.model.warn(f"gravity is {number_of(g.binding)} m/s2; set it as {instance.path}(g = ...)", at)
     strength = values(instance, "g")[()] if how == "UniformGravity" else 0
     weight = array([operation("*", (strength, float(x)), at) if x else 0.0 for x in n], (3,))
-    gravity = Made(instance.full("gravity"), "World", at, {"g": weight})
-    ground = Made(instance.full("ground"), "Ground", at, frames={"frame_b": "frame"}, root=True, instance=instance)
-    return Component(instance, [gravity, ground])
+    gravity = MechanicsPart(instance.full("gravity"), "World", at, {"g": weight})
+    ground = MechanicsPart(
+        instance.full("ground"), "Ground", at, frames={"frame_b": "frame"}, root=True, instance=instance
+    )
+    return MappedComponent(instance, [gravity, ground])
 
 
-def _revolute(instance: Instance, at: Place) -> Component:
+def _revolute(instance: Instance, at: Place) -> MappedComponent:
     axis = {"axis": _plain(_unit(instance, "n", at))}
     part = _between(instance, "Revolute", at, options=axis, edge=True)
     return _driven(part, "TorqueMotor", "shaft", instance, at)
 
 
-def _prismatic(instance: Instance, at: Place) -> Component:
+def _prismatic(instance: Instance, at: Place) -> MappedComponent:
     part = _between(instance, "Prismatic", at, options={"v": _plain(_unit(instance, "n", at))}, edge=True)
     return _driven(part, "ForceMotor", "flange", instance, at)
 
 
-def _driven(part: Made, motor: str, port: str, instance: Instance, at: Place) -> Component:
+def _driven(part: MechanicsPart, motor: str, port: str, instance: Instance, at: Place) -> MappedComponent:
     if not number_of(values(instance, "useAxisFlange")[()]):
-        return Component(instance, [part])
-    drive = Made(instance.full("drive"), motor, at)
-    return Component(instance, [part, drive], [(f"{part.name}.{port}", f"{drive.name}.{port}")])
+        return MappedComponent(instance, [part])
+    drive = MechanicsPart(instance.full("drive"), motor, at)
+    return MappedComponent(instance, [part, drive], [(f"{part.name}.{port}", f"{drive.name}.{port}")])
 
 
-def _spherical(instance: Instance, at: Place) -> Component:
-    return Component(instance, [_between(instance, "Spherical", at)])
+def _spherical(instance: Instance, at: Place) -> MappedComponent:
+    return MappedComponent(instance, [_between(instance, "Spherical", at)])
 
 
-def _planar_loop(instance: Instance, at: Place) -> Component:
+def _planar_loop(instance: Instance, at: Place) -> MappedComponent:
     n = _unit(instance, "n", at)
     first = np.cross(n, np.eye(3)[np.argmin(np.abs(n))])
     first = first / np.linalg.norm(first)
     plane = {"first": _plain(first), "second": _plain(np.cross(n, first))}
-    return Component(instance, [_between(instance, "PlanarLoopClosure", at, options=plane)])
+    return MappedComponent(instance, [_between(instance, "PlanarLoopClosure", at, options=plane)])
 
 
-def _fixed(instance: Instance, at: Place) -> Component:
-    ground = Made(instance.full("ground"), "Ground", at, root=True)
-    part = Made(instance.full("part"), "FixedTranslation", at, {"d": values(instance, "r")}, {"frame_b": "b"},
+def _fixed(instance: Instance, at: Place) -> MappedComponent:
+    ground = MechanicsPart(instance.full("ground"), "Ground", at, root=True)
+    part = MechanicsPart(instance.full("part"), "FixedTranslation", at, {"d": values(instance, "r")}, {"frame_b": "b"},
                 root=True, instance=instance)  # fmt: skip
-    return Component(instance, [ground, part], [(f"{ground.name}.frame", f"{part.name}.a")])
+    return MappedComponent(instance, [ground, part], [(f"{ground.name}.frame", f"{part.name}.a")])
 
 
-def _translation(instance: Instance, at: Place) -> Component:
+def _translation(instance: Instance, at: Place) -> MappedComponent:
     given = {"d": values(instance, "r")}
-    return Component(instance, [_between(instance, "FixedTranslation", at, options=given, edge=True, rigid=True)])
+    return MappedComponent(instance, [_between(instance, "FixedTranslation", at, options=given, edge=True, rigid=True)])
 
 
-def _rotation(instance: Instance, at: Place) -> Component:
+def _rotation(instance: Instance, at: Place) -> MappedComponent:
     how = literal(instance, "rotationType")
     if how == "RotationAxis":
         R = rotation(_unit(instance, "n", at), np.radians(float(numbers(instance, "angle"))))
@@ -180,24 +182,24 @@ def _rotation(instance: Instance, at: Place) -> Component:
     else:
         R = in_turn(numbers(instance, "sequence"), np.radians(numbers(instance, "angles")))
     given = {"d": values(instance, "r"), "R": _plain(R)}
-    return Component(instance, [_between(instance, "Fixed", at, options=given, edge=True, rigid=True)])
+    return MappedComponent(instance, [_between(instance, "Fixed", at, options=given, edge=True, rigid=True)])
 
 
-def _body(instance: Instance, at: Place) -> Component:
+def _body(instance: Instance, at: Place) -> MappedComponent:
     i = {k: values(instance, f"I_{k}")[()] for k in (11, 22, 33, 21, 31, 32)}
     inertia = array([i[11], i[21], i[31], i[21], i[22], i[32], i[31], i[32], i[33]], (3, 3))
     given = {"m": values(instance, "m"), "c": values(instance, "r_CM"), "I": inertia}
     if instance.parent is not None and any(part_name(s.text) == "Parts.Solid" for s in instance.parent.sections):
         given = {k: each(lambda x: number_of(x, None, f"'{instance.path}'"), v) for k, v in given.items()}
-    return Component(instance, [Made(instance.full("part"), "RigidBody", at, given, {"frame_a": "frame"},
+    return MappedComponent(instance, [MechanicsPart(instance.full("part"), "RigidBody", at, given, {"frame_a": "frame"},
                                      instance=instance)])  # fmt: skip
 
 
-def _load(instance: Instance, at: Place) -> Component:
+def _load(instance: Instance, at: Place) -> MappedComponent:
     how = literal(instance, "resolveInFrame")
     if how == "frame_resolve":
         raise ModelicaError(f"'{instance.path}' resolved in a further frame is not taken; world and frame_b are", at)
-    return Component(instance, [Made(instance.full("part"), "AppliedLoad", at, {}, {"frame_b": "frame"},
+    return MappedComponent(instance, [MechanicsPart(instance.full("part"), "AppliedLoad", at, {}, {"frame_b": "frame"},
                                      instance=instance)])  # fmt: skip
 
 
@@ -205,7 +207,7 @@ def _plain(x: np.ndarray) -> Any:
     return (np.asarray(x, float) + 0.0).tolist()
 
 
-PARTS: dict[str, Callable[[Instance, Place], Component]] = {
+PARTS: dict[str, Callable[[Instance, Place], MappedComponent]] = {
     "World": _world, "Joints.Revolute": _revolute, "Joints.Prismatic": _prismatic, "Joints.Spherical": _spherical,
     "Joints.RevolutePlanarLoopConstraint": _planar_loop, "Parts.Fixed": _fixed,
     "Parts.FixedTranslation": _translation, "Parts.FixedRotation": _rotation, "Parts.Body": _body,

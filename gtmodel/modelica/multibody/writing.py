@@ -8,13 +8,15 @@ from typing import Any
 
 from ..scalars import Operation, is_literal
 from ..syntax import Place
-from .parts import Made
+from .parts import MechanicsPart
 
 
 class PartWriter:
     """Names of parts in the class, none of which is a variable's, and what is written of them."""
 
-    def __init__(self, parts: Iterable[Made], naming: Callable[[str], str], taken: Iterable[str], units: bool) -> None:
+    def __init__(
+        self, parts: Iterable[MechanicsPart], naming: Callable[[str], str], taken: Iterable[str], units: bool
+    ) -> None:
         self._names, seen, self._units = dict[str, str](), set(taken), units
         for part in parts:
             name = naming(part.name)
@@ -23,7 +25,9 @@ class PartWriter:
             seen.add(name)
             self._names[part.name] = name
 
-    def declared(self, part: Made, resolved: Callable[[Any, Place], Any], written: Callable[[Any], ast.expr]) -> Any:
+    def declared(
+        self, part: MechanicsPart, resolved: Callable[[Any, Place], Any], written: Callable[[Any], ast.expr]
+    ) -> Any:
         """`name = gt.part(gt.mechanics.Revolute, axis=[0.0, 0.0, 1.0])`."""
 
         def option(value: Any) -> ast.expr:
