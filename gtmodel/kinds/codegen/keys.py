@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Literal
 
 from pydantic import Field, PositiveFloat
 
 from gtmodel.cgen import Verification
+from gtmodel.fmu.plant_unit import PlantUnit
 from gtmodel.loop.lead_through.options import Guiding
 from gtmodel.problem_files.base import FileSection
 from gtmodel.problem_files.from_options import Made
 from gtmodel.problem_files.robot_keys import RobotProblem
+
+from .plant_keys import PlantUnitSection, plant_of
 
 RESULT = "gtmodel.cgen.CodeStudy"
 
@@ -108,3 +112,10 @@ class Schema(RobotProblem):
     lead_through: Made[Guiding] | None = Field(
         default=None, description="for gtmodel loop --law lead_through: law, force sensors and a synthetic scene"
     )
+    plant: PlantUnitSection | None = Field(
+        default=None, description="for gtmodel loop: a unit (FMI) in place of the simulated robot"
+    )
+
+    def plant_unit(self, folder: Path, plant: Path | None) -> PlantUnit | None:
+        """The plant of `gtmodel loop`, see `plant_of`. Raises InputError, ArgumentError."""
+        return plant_of(self.plant, folder, plant)

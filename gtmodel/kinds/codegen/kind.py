@@ -53,6 +53,10 @@ def write(
         if folder.message:
             context.notice(folder.message)
         made = call(problem, context)
+        if problem.plant is not None:
+            problem.plant.unit(problem.plant.file)  # what is wrong with it is said before it is tried in the loop
+        if problem.plant is not None and problem.plant.file:  # the manifest lies in the folder: its path begins there
+            made.options["problem"]["plant"]["file"] = problem.plant.written(context, folder.path)
         if not write_failed and not context.interrupted():
             refuse_distrusted(context, "the code")
         made.options |= {} if verify else {"check": None}
