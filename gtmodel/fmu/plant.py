@@ -120,8 +120,8 @@ class FmuPlant:
             fitting = [n for n in fitting if self.cycle_s / n >= own * (1 - WHOLE)]
             advice = f"take {fitting[0]}" if fitting else f"no whole part of a cycle of {1e3 * self.cycle_s:g} ms fits"
             raise ArgumentError(
-                f"'{self.unit.name}' has steps of {1e3 * own:g} ms inside; of a communication step of {1e3 * step:g} ms "
-                f"neither is a multiple of the other; {advice}",
+                f"'{self.unit.name}' has steps of {1e3 * own:g} ms inside; they do not fit a communication step of "
+                f"{1e3 * step:g} ms; {advice}",
                 "steps",
             )
 

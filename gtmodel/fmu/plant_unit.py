@@ -6,12 +6,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated, Any
 
+from .._lazy import hint
 from ..results.options import Options, Unit, Within
 from ..results.refusal import ArgumentError
 
 if TYPE_CHECKING:
     from ..loop.plant import Servo
     from .plant import FmuPlant
+else:
+    Servo, FmuPlant = hint("gtmodel.loop", "Servo"), hint("gtmodel.fmu", "FmuPlant")
 
 Names = tuple[str, ...]
 

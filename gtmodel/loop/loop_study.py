@@ -73,8 +73,8 @@ def study(
             and once more with a sensor that fails; the study is a `GuidedLoop`.
         lead_through: what that law declares, with the scene.
         plant: what is moved in place of the plant that the law chooses, such as a functional mock-up unit,
-            `gt.fmu.PlantUnit`. It has to begin where the reference does; the law dynamics must know the stiffness of its servo. Where
-            it has no answer on the way the study has failed, with the sentence and all that was measured until then.
+            `gt.fmu.PlantUnit`. It has to begin where the reference does; the law dynamics must know the stiffness of
+            its servo. Where it has no answer on the way the study has failed; what was measured before is kept.
         elastic: the arm hangs on the carts by springs of this frequency [Hz], which no law knows; None: it is rigid.
         deceleration: of the fastest cart when the robot is lost [m/s2], behind the cycles that are held; the largest
             that the reference asks of a cart if None, the law's limit for lead_through.
@@ -154,7 +154,7 @@ class Begun(NamedTuple):
 
 
 def _begun(plant: PlantSource, law: str) -> Begun:
-    """Of a plant that is let go again: not every unit can be there twice. Raises ArgumentError where it does not fit."""
+    """Of a plant that is let go again: not every unit can be there twice. Raises ArgumentError."""
     if law == "lead_through":
         raise ArgumentError("the law lead_through has a plant in its scene; leave this one out", "plant")
     try:
