@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,6 +15,14 @@ from .modifications import Modifier
 from .syntax import ClassText, Extends, ModelicaError, Place, Reference
 
 PREDEFINED = ("Real", "Integer", "Boolean", "String")
+_BLANKS = r"(?:\s|//[^\n]*\n|/\*.*?\*/)"
+# a file that begins with the name of the package it belongs to
+_WITHIN = re.compile(rf"{_BLANKS}*within\b{_BLANKS}*\w", re.DOTALL)
+# names behind the words that begin a class, wherever they stand: more than there are classes, never fewer
+_CLASS = re.compile(
+    rf"\b(?:class|model|record|block|connector|type|package|function|optimization|operator){_BLANKS}+"
+    r"(\w+|'(?:[^'\\]|\\.)+')", re.DOTALL,
+)  # fmt: skip
 _BUILT_IN = Path(__file__).with_name("standard.mo")
 
 
@@ -27,6 +36,8 @@ class Space:
     made: dict[str, Space | None] = field(default_factory=dict)
     folder: Path | None = None
     package: Any = None  # its constants, once they are asked for
+    # of the outermost: files not yet read, by names of classes in them
+    waiting: dict[str, list[Path]] = field(default_factory=dict)
     _busy: set[str] = field(default_factory=set)
 
     def __repr__(self) -> str:
@@ -46,6 +57,8 @@ class Space:
     def own(self, name: str) -> Space | None:
         """A class that is declared in this one, or lies in its folder."""
         if name not in self.made:
+            self._arrived(name)
+        if name not in self.made:
             text = self.text.classes.get(name)
             if text is not None:
                 self.made[name] = Space(text, self)
@@ -54,6 +67,14 @@ class Space:
             else:
                 self.made[name] = None
         return self.made[name]
+
+    def _arrived(self, name: str) -> None:
+        """Read the files of library folders in which a class of this name is written."""
+        for file in self.waiting.pop(name, ()):
+            for names in self.waiting.values():
+                if file in names:
+                    names.remove(file)
+            _enter(self, reader.read(file))
 
     def bases(self) -> Iterator[tuple[Space, Extends]]:
         """The classes that this one extends. Raises ModelicaError for a name that is none."""
@@ -162,7 +183,7 @@ class Space:
         result: list[str] = [*PREDEFINED]
         space: Space | None = self
         while space is not None:
-            result += space.text.classes
+            result += [*space.text.classes, *space.waiting]
             space = space.outer
         return result
 
@@ -178,14 +199,14 @@ def library(paths: Iterable[str | os.PathLike[str]]) -> Space:
     root = Space(ClassText(at, "", "package"), None)
     for path in paths:
         _add(root, Path(path))
-    _enter(root, [c for c in reader.read(_BUILT_IN) if root.own(c.name) is None])
+    _enter(root, [c for c in reader.read(_BUILT_IN) if c.name not in root.waiting and root.own(c.name) is None])
     return root
 
 
 def of_text(text: str, paths: Iterable[str | os.PathLike[str]] = (), path: str = "") -> tuple[Space, list[ClassText]]:
     """As `library`, with the classes of a text in it, and these."""
     root = library(paths)
-    classes = reader.parse(text, path)
+    classes = reader.known(text, path)
     _enter(root, classes)
     return root, classes
 
@@ -200,7 +221,12 @@ def _add(root: Space, path: Path) -> None:
             name = folder.name.split(" ")[0]
             root.made[name] = _loaded(folder, root, name)
         for file in files:
-            _enter(root, reader.read(file))
+            text = reader.content_of(file)
+            if _WITHIN.match(text):  # of another package, which then is to have it
+                _enter(root, reader.read(file))
+                continue
+            for name in dict.fromkeys(_CLASS.findall(text)):
+                root.waiting.setdefault(name, []).append(file)
     elif path.is_file():
         _enter(root, reader.read(path))
     else:
