@@ -375,6 +375,9 @@ class Declared:
             description=self.element.text.description,
         )  # fmt: skip
         flat.top = owner.parent is None or (owner.connector and owner.parent.parent is None)
+        if "'" in name:  # of flat text: 'tank.u' was an input of a component
+            flat.name = name.replace("'", "")
+            flat.top = flat.top and "." not in flat.name
         return flat
 
     @staticmethod
