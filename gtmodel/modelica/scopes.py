@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -15,6 +16,14 @@ from .syntax import Argument, ClassText, Component, Extends, ModelicaError, Modi
 
 PREDEFINED = ("Real", "Integer", "Boolean", "String")
 LANGUAGE = ("StateSelect", "AssertionLevel")  # types that every scope knows, encapsulated ones too
+_BLANKS = r"(?:\s|//[^\n]*\n|/\*.*?\*/)"
+# a file that begins with the name of the package it belongs to
+_WITHIN = re.compile(rf"{_BLANKS}*within\b{_BLANKS}*\w", re.DOTALL)
+# names behind the words that begin a class, wherever they stand: more than there are classes, never fewer
+_CLASS = re.compile(
+    rf"\b(?:class|model|record|block|connector|type|package|function|optimization|operator){_BLANKS}+"
+    r"(\w+|'(?:[^'\\]|\\.)+')", re.DOTALL,
+)  # fmt: skip
 _BUILT_IN = Path(__file__).with_name("standard.mo")
 
 
@@ -28,6 +37,8 @@ class Space:
     made: dict[str, Space | None] = field(default_factory=dict)
     folder: Path | None = None
     package: Any = None  # its constants, once they are asked for
+    # of the outermost: files not yet read, by names of classes in them
+    waiting: dict[str, list[Path]] = field(default_factory=dict)
     _busy: set[str] = field(default_factory=set)
     said: Modifier = NOTHING  # what `m(Class(k = 3))` says about it
     limits: tuple[tuple[Modification, Space], ...] = ()  # modifications behind constrainedby of what it replaces
@@ -53,6 +64,8 @@ class Space:
     def own(self, name: str) -> Space | None:
         """A class that is declared in this one, or lies in its folder."""
         if name not in self.made:
+            self._arrived(name)
+        if name not in self.made:
             text = self.text.classes.get(name)
             if self.original is not None and (own := self.original.own(name)) is not None:
                 self.made[name] = Space(own.text, self, folder=own.folder, original=own)
@@ -63,6 +76,14 @@ class Space:
             else:
                 self.made[name] = None
         return self.made[name]
+
+    def _arrived(self, name: str) -> None:
+        """Read the files of library folders in which a class of this name is written."""
+        for file in self.waiting.pop(name, ()):
+            for names in self.waiting.values():
+                if file in names:
+                    names.remove(file)
+            _enter(self, reader.read(file))
 
     def bases(self) -> Iterator[tuple[Space, Extends]]:
         """The classes that this one extends. Raises ModelicaError for a name that is none."""
@@ -112,7 +133,7 @@ class Space:
         package = base.text.restriction == "package"
         changed = (
             self.derived is not None
-            or any("redeclare" in c.prefixes for c in self.text.classes.values())
+            or self.text.redeclares
             or any(package or a.redeclared is not None for a in written)
         )
         if not changed:
@@ -236,7 +257,7 @@ class Space:
         result: list[str] = [*PREDEFINED]
         space: Space | None = self
         while space is not None:
-            result += space.text.classes
+            result += [*space.text.classes, *space.waiting]
             space = space.outer
         return result
 
@@ -261,14 +282,14 @@ def library(paths: Iterable[str | os.PathLike[str]]) -> Space:
     root = Space(ClassText(at, "", "package"), None)
     for path in paths:
         _add(root, Path(path))
-    _enter(root, [c for c in reader.read(_BUILT_IN) if root.own(c.name) is None])
+    _enter(root, [c for c in reader.read(_BUILT_IN) if c.name not in root.waiting and root.own(c.name) is None])
     return root
 
 
 def of_text(text: str, paths: Iterable[str | os.PathLike[str]] = (), path: str = "") -> tuple[Space, list[ClassText]]:
     """As `library`, with the classes of a text in it, and these."""
     root = library(paths)
-    classes = reader.parse(text, path)
+    classes = reader.known(text, path)
     _enter(root, classes)
     return root, classes
 
@@ -283,7 +304,12 @@ def _add(root: Space, path: Path) -> None:
             name = folder.name.split(" ")[0]
             root.made[name] = _loaded(folder, root, name)
         for file in files:
-            _enter(root, reader.read(file))
+            text = reader.content_of(file)
+            if _WITHIN.match(text):  # of another package, which then is to have it
+                _enter(root, reader.read(file))
+                continue
+            for name in dict.fromkeys(_CLASS.findall(text)):
+                root.waiting.setdefault(name, []).append(file)
     elif path.is_file():
         _enter(root, reader.read(path))
     else:

@@ -15,6 +15,8 @@ from lark.visitors import Transformer_NonRecursive
 from . import syntax as s
 from .syntax import Argument, ClassText, Component, ModelicaError, Place, Source, SyntaxNode
 
+# annotations that no equation depends on, and that are most of a library's text
+PICTURES = {("Icon",), ("Diagram",), ("Documentation",)}
 _SOURCE: ContextVar[Source] = ContextVar("source")
 
 
@@ -272,6 +274,8 @@ class Shaping(Transformer_NonRecursive[Any, Any]):
         return Several("texts", ["".join(text_of(c) for c in children)])
 
     def annotation(self, meta: Meta, children: list[Any]) -> Several:
+        for said in children:
+            said.arguments = [a for a in said.arguments if a.name not in PICTURES]
         return Several("annotation", children, _place(meta))
 
     # equations and statements
@@ -444,6 +448,7 @@ def _enter(item: ClassText, c: Several, enter: Any) -> None:
     elif c.kind == "classes":
         enter(c[0].name, c[0].at)
         c[0].scope = item
+        item.redeclares |= "redeclare" in c[0].prefixes
         item.classes[c[0].name] = c[0]
     elif c.kind == "imports":
         item.imports += c

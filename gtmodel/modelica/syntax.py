@@ -305,6 +305,7 @@ class ClassText(SyntaxNode):
     short: bool = False
     annotation: Modification | None = None
     constraining: Modification | None = None  # behind constrainedby
+    redeclares: bool = False  # a class inside
     scope: ClassText | None = None
     within: tuple[str, ...] = ()
 
