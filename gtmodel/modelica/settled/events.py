@@ -79,20 +79,28 @@ class _Settling:
             out.equations.append(ScalarEquation(Symbol(clock), Operation("time", (), out.at), out.at))
 
     def _starts(self) -> None:
-        """Initial equations of what events set are start values."""
-        kept = []
+        """Initial equations of what events set are start values; where they are no numbers, an event at the start too."""
+        kept: list[ScalarEquation] = []
+        given: list[ScalarEquation] = []
         for e in self.out.initial:
             x = e.left.arguments[0] if isinstance(e.left, Operation) and e.left.name == "pre" else e.left
-            right = self.resolved(e.right, e.at)
-            if isinstance(x, Symbol) and x.flat.kind == "discrete":
-                if not is_constant(right):
-                    raise ModelicaError(f"'{x.flat.name}' begins with a number; write a when initial() clause", e.at)
-                x.flat.cache["start"] = number_of(right, e.at, f"the start of '{x.flat.name}'")
-            elif x is not e.left and isinstance(x, Symbol) and is_constant(right):
-                x.flat.cache["start"] = number_of(right, e.at, f"the start of '{x.flat.name}'")
-            else:
+            if not isinstance(x, Symbol) or (x.flat.kind != "discrete" and x is e.left):
                 kept.append(e)
+                continue
+            right = self.resolved(e.right, e.at)
+            if is_constant(right):
+                x.flat.cache["start"] = number_of(right, e.at, f"the start of '{x.flat.name}'")
+            elif x.flat.kind == "discrete":
+                x.flat.cache["start"] = self._at_start(right)
+                given.append(ScalarEquation(x, self.value(right, e.at), e.at))
+            else:
+                raise ModelicaError(f"pre({x.flat.name}) begins with a number; write a when initial() clause", e.at)
         self.out.initial = kept
+        if given:
+            at = given[0].at
+            self.whens.append(
+                ScalarWhen((WhenBranch(Operation("initial", (), at), tuple(given), (), None, at),), at, True)
+            )
 
     def _equation(self, e: ScalarEquation) -> ScalarEquation:
         return ScalarEquation(self.now(e.left, e.at), self.now(e.right, e.at), e.at, e.relation)
