@@ -65,7 +65,7 @@ def test_a_sampled_controller_is_that_of_the_matrix_exponential(tmp_path: Path) 
       equation der(y) = -y + u;
       when {initial(), sample(T, T)} then sum = pre(sum) + y; u = -k*y - 0.1*sum; end when; end M;"""
     simulation = run(tmp_path, text, 2.1)
-    y, total, a = 1.0, 0.0, float(np.exp(-0.2))
+    y, u, total, a = 1.0, 0.0, 0.0, float(np.exp(-0.2))
     for k in range(11):
         total += y
         u = -1.5 * y - 0.1 * total

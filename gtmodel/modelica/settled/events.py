@@ -79,7 +79,7 @@ class _Settling:
             out.equations.append(ScalarEquation(Symbol(clock), Operation("time", (), out.at), out.at))
 
     def _starts(self) -> None:
-        """Initial equations of what events set are start values; where they are no numbers, an event at the start too."""
+        """Initial equations of what events set are start values; where they are no numbers, an event there too."""
         kept: list[ScalarEquation] = []
         given: list[ScalarEquation] = []
         for e in self.out.initial:
@@ -147,7 +147,7 @@ class _Settling:
         if x.name in ("and", "or", "not"):
             return operation(x.name, tuple(self.condition(a, at) for a in x.arguments), at)
         if x.name in ("==", "<>"):
-            same = self._same(*x.arguments, at)
+            same = self._same(x.arguments[0], x.arguments[1], at)
             return same if x.name == "==" else operation("not", (same,), at)
         if x.name == "if":
             chosen, then, other = (self.condition(a, at) for a in x.arguments)

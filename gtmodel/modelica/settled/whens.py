@@ -94,9 +94,10 @@ def _restarts(x: Any, scope: NameScope, model: Evaluator) -> list[tuple[Any, Any
     return list(zip(entries(left), entries(right), strict=True))
 
 
-def _sentence(x: Any) -> str:
+def _sentence(x: SyntaxNode) -> str:
     """The text of terminate() or assert(), as far as it is one."""
-    said = x.expression.arguments if isinstance(x, Calls) and isinstance(x.expression, FunctionCall) else x.arguments
+    call = x.expression if isinstance(x, Calls) else x
+    said = call.arguments if isinstance(call, FunctionCall) else []
     text = next((a.value for a in said if isinstance(a, Literal) and isinstance(a.value, str)), "")
     return text.strip() or "the model ends the simulation"
 
@@ -169,9 +170,10 @@ def _assigned(body: Sequence[Any]) -> Iterator[str]:
         if isinstance(x, Assign):
             for target in x.targets:
                 if isinstance(target, Reference):
-                    if len(target.parts) > 1:
+                    first, *rest = target.parts
+                    if rest:
                         raise ModelicaError("a when clause of an algorithm assigns variables of its own class", x.at)
-                    yield target.parts[0].name
+                    yield first.name
         elif isinstance(x, If):
             for _, inside in x.branches:
                 yield from _assigned(inside)
