@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 
 from ...compiler.analysis.event_names import NamedEvent, listing, named_events
+from ...compiler.analysis.events import acting
 from ...compiler.analysis.switching import in_mode
 from ...compiler.flat import FlatModel
 from ...lang.source import ModelError
@@ -181,7 +182,8 @@ class EventOrder:
         for _ in range(ROUNDS):
             truth = self.thresholds.sided(self.thresholds.discrete_truth(numbers), now_sides)
             now = [decided(w.logic, truth) for w in self.events.whens]
-            fired = [n for n, (a, b) in enumerate(zip(held, now, strict=True)) if a is False and b]
+            became = [n for n, (a, b) in enumerate(zip(held, now, strict=True)) if a is False and b]
+            fired = acting(self.events.whens, became)
             if not fired:
                 break
             held = now
