@@ -4,6 +4,7 @@ Reading needs the package lark: `pip install 'gtmodel[modelica]'`.
 
     load                 "vdp.mop:VDP_Opt" -> a gt.Optimization or gt.Model, whose errors name lines of the text
     python_of            the same as the text of a Python module
+    flat_of_text         the same as flat Modelica text, which reads back as the same class
     listing              what can be solved or simulated in a file
     ModelicaError        a sentence with file, line and the line itself
     first_guess          a simulation to start a problem of free time from
@@ -18,6 +19,6 @@ if TYPE_CHECKING:
     from .classes import plain as plain, step as step, whole as whole
     from .start import first_guess as first_guess
     from .syntax import ModelicaError as ModelicaError
-    from .translate import listing as listing, load as load, python_of as python_of
+    from .translate import flat_of_text as flat_of_text, listing as listing, load as load, python_of as python_of
 
 public(__name__)

@@ -305,7 +305,8 @@ class _Flattening:
                         raise ModelicaError(f"the branch '{one.name[0]}' has no expression", one.at)
                     value = self.model.one(one.modification.value, scope)
                     assert scope.instance is not None
-                    self.out.branches.append((scope.instance.full(one.name[0]), value, one.at))
+                    name = scope.instance.full(one.name[0]).replace("'", "")
+                    self.out.branches.append((name, value, one.at))
 
 
 def _name(name: str, at: Place) -> Reference:
