@@ -129,8 +129,8 @@ def _refuse_left_out(form: dict[str, Any], text: str, number: str, name: str) ->
             raise ModelicaError(
                 f"parameter '{variable}' of {name} has fixed = false, for which the flat text of rumoca {number} has 0"
             )
-        nothing = item["start"] in (None, {"Literal": {"value": {"Real": 0.0}}})
-        if item["binding"] is None and nothing:
+        start = (item["start"] or {}).get("Literal", {}).get("value")
+        if item["binding"] is None and (item["start"] is None or start == {"Real": 0.0}):
             raise ModelicaError(f"parameter '{variable}' of {name} has no value; rumoca {number} would take 0")
 
 
