@@ -80,6 +80,7 @@ def optimization_study(
         trajectory=solution.trajectory,
         solution=solution,
         final_time=solution.final_time,
+        where=None if solution.where is None else str(solution.where),
         free=dict(solution.free),
         figures={"states": partial(_figure, solution, title or solution.problem.flat.title)},
         **tried,
