@@ -252,6 +252,7 @@ def _answer(
     nlp: Nlp, run: SolverRun, options: SolverOptions, throw: bool, scale: float = 1.0, exact: bool = False
 ) -> Solution:
     """The solution by name, with a sentence on how it ended. Raises NotSolved."""
+    run = replace(run, indifferent=nlp.problem.indifferent)
     status, said = run.status, ended(run, nlp)
     if status.ok and (elsewhere := astray(nlp, run.x)):
         status, said = SolveStatus.FAILED, elsewhere
