@@ -2,10 +2,11 @@
 
     python tests/modelica/public_files.py FOLDER [--library FOLDER] [--rows rows.jsonl] [--table rows.md]
 
-Nothing is fetched: FOLDER is a copy of the public files, such as a checkout of JModelica/JModelica, and the library the
-Modelica Standard Library's folder. Libraries that stand beside a file, and that it names, are read with it. Rows that
-the .jsonl file holds already are not solved again, so that a run that was stopped goes on. docs/coming_from/
-public_optimica_files.md is written of such a run.
+Every class is solved as `gtmodel solve FILE:CLASS` does, on 50 elements with 3 points; where that mesh does not resolve
+the model, finer ones are tried, and the reason says which does. Nothing is fetched: FOLDER is a copy of the public
+files, such as a checkout of JModelica/JModelica, and the library the Modelica Standard Library's folder. Libraries
+that stand beside a file, and that it names, are read with it. Rows that the .jsonl file holds already are not solved
+again, so that a run that was stopped goes on. docs/coming_from/public_optimica_files.md is written of such a run.
 
 The tier says what a class needs, its components and what it extends included. A: classes, packages, components,
 arrays, units, signal connectors. B: functions, records, connectors of its own, or imports besides. C: components of
@@ -25,6 +26,7 @@ from collections import Counter
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +34,8 @@ SHARED = ("SIunits", "Units", "Constants", "Icons", "Math")
 SIGNALS = ("RealInput", "RealOutput")
 # a solver that is told to stop does so at its next iteration: what takes longer than this besides has not begun
 PREPARATION_S = 120.0
+MESH_CHECKS = ("discretisation_error", "integral_error")
+FINER = (100, 200, 400)
 # published, or by the same statement written anew (docs/notes of the tests): file, class -> optimum
 KNOWN: dict[tuple[str, str], float] = {
     ("VDP.mop", "VDP_Opt"): 23.4690886,
@@ -67,6 +71,7 @@ class Asked:
     name: str
     libraries: tuple[str, ...]
     tier: str
+    at: str = ""
 
 
 def beside(file: Path, library: str | None) -> tuple[str, ...]:
@@ -132,31 +137,39 @@ def asked(folder: Path, library: str | None, only: str) -> Iterator[Asked]:
             continue
         for name, item in solvable(text).items():
             if item.restriction == "optimization" and re.search(only, f"{file.name}:{name}"):
-                yield Asked(file, name, libraries, tier_of(chosen(text, name)[1]))
+                yield Asked(file, name, libraries, tier_of(chosen(text, name)[1]), str(item.at.where))
 
 
 def solved(item: Asked, seconds: float) -> dict[str, Any]:
     """What `gtmodel solve FILE:CLASS` makes of it."""
     import gtmodel as gt
-    from gtmodel.modelica.translate import opened, translated
+    from gtmodel.optimize import optimization_study
 
-    row: dict[str, Any] = {}
+    began = time.monotonic()
     try:
-        if not item.name:
-            opened(item.file, item.libraries)
-        translation = translated(f"{item.file}:{item.name}", library=item.libraries)
-        row["class_at"] = str(translation.flat.at.where)
-        problem: Any = translation.model()
+        problem: Any = gt.modelica.load(f"{item.file}:{item.name}", library=item.libraries)()
         guess = gt.modelica.first_guess(problem)
-        solution = gt.solve(problem, gt.Mesh(50, points=3), guess=guess,
-                            solver=gt.SolverOptions(max_seconds=seconds), throw=False)  # fmt: skip
+        options = gt.SolverOptions(max_seconds=seconds)
+        again = partial(gt.modelica.simulated_guess, problem) if guess is None else None
+        study = optimization_study(problem, guess=guess, second_guess=again, solver=options)
     except gt.ModelError as error:
-        return {**row, "status": "refused", "message": str(error), "where": str(error.where or "")}
-    return {
-        **row, "status": solution.status.value, "objective": solution.objective, "iterations": solution.iterations,
-        "message": solution.message, "where": str(solution.where or ""), "reservation": solution.reservation,
-        "seconds": {k: round(v, 2) for k, v in solution.seconds.items()},
+        return {"status": "refused", "message": str(error), "where": str(error.where or "")}
+    solution = study.solution
+    row = {
+        "status": study.status.value, "objective": solution.objective, "iterations": solution.iterations,
+        "message": solution.message, "where": study.where or "", "reservation": solution.reservation,
+        "notes": list(study.notes), "finer": "",
     }  # fmt: skip
+    unresolved = [name for name in MESH_CHECKS if not solution.checks[name].passed]
+    if study.status is gt.SolveStatus.CHECK_FAILED and unresolved:
+        for elements in FINER:
+            if time.monotonic() - began > seconds:
+                break
+            more = gt.solve(problem, gt.Mesh(elements, points=3), guess=guess, solver=options, throw=False)
+            if more.status.ok:
+                row["finer"] = f"solved with mesh.elements={elements}: {more.objective:.8g}"
+                break
+    return row
 
 
 def _in_child(item: Asked, seconds: float, to: Any) -> None:
@@ -183,7 +196,8 @@ def row_of(item: Asked, folder: Path, seconds: float) -> dict[str, Any]:
             said = mine.recv()
         else:
             child.kill()
-            said = {"status": "too_long", "message": "no answer in time, the solver had not begun", "where": ""}
+            text = f"stopped after {seconds + PREPARATION_S:g} s, before the solver began ({item.at})"
+            said = {"status": "interrupted", "message": text, "where": item.at}
     except EOFError:
         pass
     child.join()
@@ -200,9 +214,10 @@ def table(rows: list[dict[str, Any]]) -> str:
         value = r.get("objective")
         optimum = "" if value is None or r["status"] not in ("solved", "check_failed") else f"{value:.8g}"
         reason = r["message"] if r["status"] != "solved" else r.get("reservation", "")
+        more = "; ".join([*([r["finer"]] if r.get("finer") else []), *r.get("notes", [])])
         name = f"`{r['class'].rpartition('.')[2]}`" if r["class"] else "the file"
         cells = [shelf(r["file"]), name, r["tier"], r["status"], optimum, "" if known is None else f"{known:.9g}",
-                 shortened(reason, r["where"])]  # fmt: skip
+                 "; ".join(x for x in (shortened(reason, r["where"]), more) if x)]  # fmt: skip
         lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines) + "\n"
 
@@ -239,7 +254,7 @@ def wrong(rows: list[dict[str, Any]]) -> list[str]:
     bad = []
     for r in rows:
         name = f"{shelf(r['file'])}:{r['class']}"
-        if r["status"] in ("crash", "too_long") or (r["status"] != "solved" and not r["where"]):
+        if r["status"] == "crash" or (r["status"] != "solved" and not r["where"]):
             bad.append(f"{name} ends with {r['status']} and no file and line: {r['message'][:200]}")
         known = KNOWN.get((Path(r["file"]).name, r["class"].rpartition(".")[2]))
         if r["status"] == "solved" and known is not None and abs(r["objective"] - known) > SAME * abs(known):
@@ -273,6 +288,8 @@ def main() -> None:
     if given.table is not None:
         given.table.write_text(table(rows))
     print(count(rows))
+    finer = sum(1 for r in rows if r.get("finer") and r["tier"] in "AB")
+    print(f"Of tier A and B {finer} more are solved with more elements.")
     for sentence in wrong(rows):
         print(sentence)
 
