@@ -260,6 +260,33 @@ def python_of(
     return text_of(Writer(item.flat, identifier, units=item.units).write())
 
 
+def flat_of_text(
+    reference: str | os.PathLike[str],
+    *,
+    library: Iterable[str | os.PathLike[str]] = (),
+    parameters: Mapping[str, Any] | None = None,
+) -> str:
+    """The class that `file.mop:Class` names as flat Modelica text: without components, in scalars, with numbers where
+    parameters decide; it reads back as the same class, with the same names.
+
+    Arguments and errors as of `load`. A name such as `tank[2].x` becomes `'tank[2].x'`, which Modelica allows.
+
+    >>> from pathlib import Path
+    >>> import tempfile
+    >>> file = Path(tempfile.mkdtemp()) / "decay.mo"
+    >>> written = file.write_text("model D Real x; equation der(x) = -x; end D; model M D d(x(start=2)); end M;")
+    >>> print(gt.modelica.flat_of_text(f"{file}:M").strip())
+    model M
+      Real 'd.x'(start = 2);
+    equation
+      der('d.x') = -'d.x';
+    end M;
+    """
+    from .printed import flat_text
+
+    return flat_text(translated(reference, library=library, parameters=parameters).flat)
+
+
 def listing(path: str | os.PathLike[str], library: Iterable[str | os.PathLike[str]] = ()) -> dict[str, dict[str, str]]:
     """What can be solved or simulated in a file: name -> {"what": "optimization", "description": ...}.
 

@@ -319,7 +319,7 @@ def _outputs(problem: DynamicProblem) -> tuple[list[tuple[str, Any, int, str]], 
     states = set(problem.state_pairs)
     groups: list[tuple[str, tuple[int, ...], list[int]]] = []
     for name, (shape, indices) in flat.groups.items():
-        if name.count(".") > 1:
+        if flat.level(indices[0]) > 1:
             continue
         if len(shape) < 2:
             groups.append((name, shape, list(indices)))
