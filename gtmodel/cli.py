@@ -115,6 +115,7 @@ def explain(
     prefer: Annotated[list[str] | None, typer.Option(help="Variables to keep as states.")] = None,
     settings: Set = None,
     python: Annotated[bool, typer.Option("--python", help="Print a class of Modelica text in Python.")] = False,
+    flat: Annotated[bool, typer.Option("--flat", help="Print it as flat Modelica, without components.")] = False,
 ) -> None:
     """Show how a robot's variables follow from the known ones, or what a problem asks for.
 
@@ -125,9 +126,8 @@ def explain(
 
     with answering(context, False, what):
         refuse_twice(settings or ())
-        text = (explaining.python if python else explaining.of)(
-            what, known or (), targets or (), prefer or (), settings or ()
-        )
+        options = (known or (), targets or (), prefer or (), settings or ())
+        text = explaining.printed(what, flat, *options) if python or flat else explaining.of(what, *options)
     print(text)
 
 
