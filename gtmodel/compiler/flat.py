@@ -119,6 +119,11 @@ class FlatModel:
             return unit or "?"
         return rate_unit(unit, order)
 
+    def level(self, index: int) -> int:
+        """How deep in components a variable is declared. The class of a text has none, whatever dots its names have."""
+        component = self.variables[index].component
+        return component.count(".") + 1 if component else 0
+
     @property
     def root(self) -> Model:
         """The whole model, bound."""
@@ -133,16 +138,6 @@ class FlatModel:
     def p0(self) -> np.ndarray:
         """Parameter values (k,), NaN where missing."""
         return np.array([q.value for q in self.parameters])
-
-    @cached_property
-    def _own(self) -> frozenset[str]:
-        return frozenset(r.name for r in self.tree.variables if not r.component)
-
-    def level(self, name: str) -> int:
-        """How many parts deep a quantity lies: 0 at the top; at most 1 for what the model itself declares under a name
-        with dots, as a model in Modelica text does."""
-        dots = name.count(".")
-        return min(dots, 1) if name in self._own else dots
 
     def require_values(self) -> np.ndarray:
         """Parameter values; ModelError naming the first parameter without one."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import io
-import re
 import tempfile
 import zipfile
 from collections.abc import Mapping, Sequence
@@ -23,7 +22,6 @@ from ..cgen.real import DOUBLE
 from ..cgen.steps.function import StepFunction
 from ..cgen.steps.records import dtype_of, record
 from ..compiler.causal import CausalFunction
-from ..lang.scope import derivative_name
 from ..results.check import Check, at_least, at_most
 from ..results.status import Status
 from .caller import UnitCaller
@@ -97,7 +95,7 @@ def _values(unit: Fmu, f: CausalFunction, caller: UnitCaller, points: int, seed:
     names = _names(unit)
     settings = [names[fmi_name(f.flat.symbol_name(*p))] for s in f.inputs for p in s.pairs]
     columns = list(range(len(settings)))
-    guesses = [v.reference for v in unit.table.variables if v.name.startswith("guess.")]
+    guesses = [v.reference for v in unit.table.variables if v.role == "fixed"]
     columns += [face.input_size + k for k in range(len(guesses))]
     pairs = [p for s in f.outputs for p in s.pairs]
     outputs = [(n, names.get(fmi_name(f.flat.symbol_name(*p)))) for n, p in enumerate(pairs)]
@@ -110,7 +108,7 @@ def _values(unit: Fmu, f: CausalFunction, caller: UnitCaller, points: int, seed:
         if answer == 0:
             answer, got = caller.get([r for _, r in known])
         if unit.table.hold and answer == 0:  # outputs are held, and an integer says so
-            answer = int(caller.get_integers([names["status"]])[1][0])
+            answer = int(caller.get_integers([unit.table.integers[0].reference])[1][0])
         ok = status == Status.OK
         statuses += (answer == 0) != ok
         good += answer == 0 and ok
@@ -207,19 +205,9 @@ def _by_casadi(unit: Fmu, f: CausalFunction, place: Path) -> dict[str, Check]:
     table = unit.table
     wanted = [numbers.get(table.variables[r].name, float(table.variables[r].start or 0.0)) for r in table.rates]
     order = [list(table.states).index(variables[n].reference) for n in builder.x()]
-    wanted = [wanted[k] for k in order] + [numbers[_behind(n, numbers)] for n in builder.y()]
+    flat = [float(x) for r in results for x in np.ravel(r)]  # what was asked for comes first, in the order of outputs
+    behind = {v.name: flat[k] for k, v in enumerate(table.of("output"))}
+    wanted = [wanted[k] for k in order] + [behind[n] for n in builder.y()]
     scale = max(1.0, float(np.max(np.abs(wanted), initial=0.0)))
     far = float(np.max(np.abs(got - np.array(wanted)), initial=0.0)) / scale
     return {"import_difference": at_most(far, IMPORT_NEAR, "of numbers by CasADi's import, over the largest or one")}
-
-
-def _behind(name: str, numbers: Mapping[str, float]) -> str:
-    """The number of an output that is a state, a derivative or an input too: T_out[1] is T[1]."""
-    if name in numbers:
-        return name
-    derivative = re.fullmatch(r"(d(\d*)_)?(.+)_out(\[.*\])?", name)
-    if derivative is None:
-        return name
-    base = f"{derivative[3]}{derivative[4] or ''}"
-    order = int(derivative[2] or 1) if derivative[1] else 0
-    return next((n for n in numbers if n in (base, derivative_name(base, order))), name)

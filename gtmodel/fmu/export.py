@@ -31,6 +31,7 @@ from .with_states import starts, with_states
 Version = Literal[2, 3]
 TOLERANCE = 1e-6  # of the integrator inside, over the size of a state or one
 _CORE = ("gt_fmu.h", "gt_fmu.c", "gt_fmu_step.c")
+RESERVED = ("fmu", "fmu_model", "fmu_step", "fmu2", "fmu3", "fmu3_none")  # gt_NAME.c are files of every unit
 _OF_VERSION = {2: ("gt_fmu2.c",), 3: ("gt_fmu3.h", "gt_fmu3.c", "gt_fmu3_none.c")}
 
 
@@ -106,6 +107,10 @@ def export(
     place = None if path is None else Path(path)
     own = name or (c_name(place.stem) if place is not None else c_name(getattr(what, "name", "") or "unit"))
     check_identifier(own, "a unit", "name")
+    if own.lower() in RESERVED:
+        raise ArgumentError(
+            f"'{own}' cannot name a unit: gt_{own}.c is a file of every unit; take another name", "name"
+        )
     if not stop > 0 or not tolerance > 0 or (step is not None and not step > 0):
         raise ArgumentError("expected times and a tolerance above zero", "step")
     content, function = _content(what, own, title, start, tunable, on_fault, step, tolerance, stop, provenance)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -102,6 +102,19 @@ def fmi_name(name: str) -> str:
 
 def _from_one(index: re.Match[str]) -> str:
     return "[" + ",".join(str(int(k) + 1) for k in index[1].split(",")) + "]"
+
+
+def unused(name: str, taken: Collection[str]) -> str:
+    """The name itself, or with underscores before its index where another variable has it.
+
+    >>> from gtmodel.fmu.table import unused
+    >>> unused("T_out[1]", {"T_out[1]", "T"}), unused("T_out[2]", {"T_out[1]"})
+    ('T_out_[1]', 'T_out[2]')
+    """
+    while name in taken:
+        word, bracket, index = name.partition("[")
+        name = (f"{word[:-1]}_'" if word.endswith("'") else f"{word}_") + bracket + index
+    return name
 
 
 def base_and_order(name: str) -> tuple[str, int]:

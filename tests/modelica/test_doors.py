@@ -60,10 +60,12 @@ def test_a_class_is_explained_and_printed(capsys: pytest.CaptureFixture[str]) ->
     assert code == 0 and "free: final_time" in out
     code, out, _ = said(capsys, "explain", f"{VDP}:Fast", "--python")
     assert code == 0 and out == gt.modelica.python_of(f"{VDP}:Fast") + "\n"
+    code, out, _ = said(capsys, "explain", f"{VDP}:QuietComponent", "--flat")
+    assert code == 0 and out == gt.modelica.flat_of_text(f"{VDP}:QuietComponent") + "\n" and "'sys.x1'" in out
     robot = CLONE / "problems" / "models" / "gantry_tau.mop"
     code, out, _ = said(capsys, "explain", f"{robot}:Robot", "--known", "T[1],T[2],T[3]", "--targets", "q[1],q[2],q[3]")
     assert code == 0 and "gantry_tau.mop:" in out
-    assert said(capsys, "explain", "l1_tape", "--python")[0] == 2
+    assert said(capsys, "explain", "l1_tape", "--python")[0] == said(capsys, "explain", "l1_tape", "--flat")[0] == 2
 
 
 def test_an_error_names_file_and_line_and_prints_it(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:

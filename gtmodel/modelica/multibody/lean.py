@@ -73,11 +73,12 @@ def _sides(e: ScalarEquation | ScalarIf | ScalarWhen) -> Iterator[Any]:
         for x in (*e.then, *e.otherwise):
             yield from (x.left, x.right)
     else:
-        yield e.condition
-        for x in e.actions:
-            yield from (x.left, x.right)
-        for pair in e.restarts:
-            yield from pair
+        for branch in e.branches:
+            yield branch.condition
+            for x in branch.actions:
+                yield from (x.left, x.right)
+            for pair in branch.restarts:
+                yield from pair
 
 
 def _others(flat: Flattened) -> Iterator[Any]:
