@@ -162,6 +162,7 @@ def translated(
     name, space = chosen(text, name)
     flat = flattened(space, _said(parameters or {}))
     cls, units, warnings = _made(flat)
+    cls._static = flat.static  # type: ignore[attr-defined]
     stop = stop_time_of(space.text)
     return Translation(cls, flat.optimization, stop, (*flat.warnings, *warnings), units, text.path, name, flat)
 
