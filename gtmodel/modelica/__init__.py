@@ -8,6 +8,7 @@ Reading needs the package lark: `pip install 'gtmodel[modelica]'`.
     listing              what can be solved or simulated in a file
     ModelicaError        a sentence with file, line and the line itself
     first_guess          a simulation to start a problem of free time from
+    simulated_guess      the same for any problem
     plain, step, whole   an expression without its unit, and numbers of an instant, which printed classes use
 """
 
@@ -17,7 +18,7 @@ from .._lazy import public
 
 if TYPE_CHECKING:
     from .classes import plain as plain, step as step, whole as whole
-    from .start import first_guess as first_guess
+    from .start import first_guess as first_guess, simulated_guess as simulated_guess
     from .syntax import ModelicaError as ModelicaError
     from .translate import flat_of_text as flat_of_text, listing as listing, load as load, python_of as python_of
 

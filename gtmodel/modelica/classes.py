@@ -137,7 +137,7 @@ def class_of(written: Written) -> type[Model]:
         base.__init__(self, **modifiers)
         self.__dict__["where"] = written.at.where  # of the text, not of who makes the model
 
-    made: Any = type(written.name, (base,), {**namespace, "__init__": __init__})
+    made: Any = type(written.name, (base,), {**namespace, "__init__": __init__, "_written": written.at.where})
     return made
 
 

@@ -10,7 +10,7 @@ from .classes import exact
 from .flat import Flattened, ScalarEquation, ScalarIf, ScalarWhen
 from .python import Writer
 from .resolved import Resolver, is_declared
-from .scalars import EnumerationLiteral, Flat, Operation, Symbol, is_literal, number_of, operation, operations
+from .scalars import EnumerationLiteral, Flat, Operation, Symbol, is_literal, number_of, operations
 from .syntax import ModelicaError, Place, Source
 
 # how tightly an expression holds together; a sum stands in a product in parentheses only
@@ -95,19 +95,23 @@ class _Printer:
             sides = ["; ".join(map(self._relation, x)) for x in (e.then, e.otherwise)]
             return f"if {self._of(e.condition, e.at)} then {sides[0]}; else {sides[1]}; end if"
         if isinstance(e, ScalarWhen):
-            if e.own and e.branches[-1].end is not None:
-                says = self._held(e.branches[-1].end[0])[0]
-                holds = operation("not", (self.resolved(e.branches[-1].condition, e.at),), e.at)
-                return f"assert({self._text(holds, _IF)}, {says})"
-            branches = []
-            for b in e.branches:
-                inside = [self._relation(a) for a in b.actions]
-                inside += [f"reinit({self._of(x, b.at)}, {self._of(v, b.at)})" for x, v in b.restarts]
-                inside += [f"terminate({self._held(b.end[0])[0]})"] if b.end is not None else []
-                branches.append(f"when {self._of(b.condition, b.at)} then {'; '.join(inside)};")
-            return f"{' else'.join(branches)} end when"
+            return self._when(e)
         left, right = (self.resolved(x, e.at) for x in (e.left, e.right))
         return "" if is_literal(left) and is_literal(right) else self._relation(e)
+
+    def _when(self, e: ScalarWhen) -> str:
+        last = e.branches[-1]
+        if e.own and last.end is not None and last.end[1]:  # an assertion ends the simulation where it ceases to hold
+            x = self.resolved(last.condition, last.at)
+            held = x.arguments[0] if isinstance(x, Operation) and x.name == "not" else Operation("not", (x,), last.at)
+            return f"assert({self._text(held, _IF)}, {_quoted(last.end[0])})"
+        parts: list[str] = []
+        for b in e.branches:
+            inside = [self._relation(a) for a in b.actions]
+            inside += [f"reinit({self._of(x, b.at)}, {self._of(v, b.at)})" for x, v in b.restarts]
+            inside += [f"terminate({_quoted(b.end[0])})"] if b.end is not None else []
+            parts.append(f"when {self._of(b.condition, b.at)} then {'; '.join(inside)};")
+        return " else".join(parts) + " end when"
 
     def _relation(self, e: ScalarEquation) -> str:
         # what events remember stands on the left of its own equation
@@ -136,7 +140,7 @@ class _Printer:
         if isinstance(x, bool):
             return str(x).lower(), _ATOM
         if isinstance(x, str):
-            return '"' + x.replace("\\", "\\\\").replace('"', '\\"') + '"', _ATOM
+            return _quoted(x), _ATOM
         if isinstance(x, EnumerationLiteral):
             return str(x), _ATOM
         if not isinstance(x, Operation):
@@ -172,4 +176,8 @@ def _expressions(e: Any) -> list[Any]:
 
 
 def _comment(words: str) -> str:
-    return ' "' + words.replace("\\", "\\\\").replace('"', '\\"').replace("\n", " ") + '"' if words else ""
+    return f" {_quoted(words)}" if words else ""
+
+
+def _quoted(words: str) -> str:
+    return '"' + words.replace("\\", "\\\\").replace('"', '\\"').replace("\n", " ") + '"'
