@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes as c
 import io
+import re
 import xml.etree.ElementTree as ElementTree
 import zipfile
 
@@ -11,6 +12,8 @@ import numpy as np
 import pytest
 
 import gtmodel as gt
+from gtmodel.fmu.table import fmi_name, unused
+from gtmodel.fmu.xml_text import base_unit
 from tests.fmu.makers import functions
 from tests.fmu.raw import DISCARD, ERROR, OK, Raw, unpacked
 
@@ -232,3 +235,20 @@ def test_names_of_our_own_files_are_refused(name):
 @pytest.mark.parametrize("name", ["main", "a_selftest"])
 def test_names_that_end_as_files_that_are_left_out(name):
     assert gt.fmu.export(functions()["driven"], None, name=name).data
+
+
+# the grammar of the standard, section 2.4.7.5.1
+QUOTED = r"'(?:[A-Za-z0-9_!#$%&()*+,\-./:;<>=?@\[\]^{}|~ ]|\\['\"?\\abfnrtv])+'"
+WORD = rf"(?:[A-Za-z_][A-Za-z0-9_]*|{QUOTED})(?:\[\d+(?:,\d+)*\])?"
+NAME = re.compile(rf"{WORD}(?:\.{WORD})*|der\({WORD}(?:\.{WORD})*(?:,\d+)?\)")
+
+
+@pytest.mark.parametrize("name", ["\u03b8", "der(\u00fc.x[2],2)", "it's", 'a"b', "back\\slash", "3d[1,2]", "a b.c"])
+def test_names_follow_the_grammar_of_the_standard(name):
+    assert NAME.fullmatch(fmi_name(name)), fmi_name(name)
+    assert NAME.fullmatch(unused(fmi_name(name), {fmi_name(name)}))
+
+
+def test_exponents_of_angles_below_zero():
+    assert base_unit("m.rad-1") == {"m": 1, "rad": -1}
+    assert base_unit("rad-2") == {"rad": -2}
