@@ -14,6 +14,7 @@ import pytest
 import gtmodel as gt
 from gtmodel.fmu.table import fmi_name, unused
 from gtmodel.fmu.xml_text import base_unit
+from gtmodel.lang.source import of_frame
 from tests.fmu.makers import functions
 from tests.fmu.raw import DISCARD, ERROR, OK, Raw, unpacked
 
@@ -252,3 +253,8 @@ def test_names_follow_the_grammar_of_the_standard(name):
 def test_exponents_of_angles_below_zero():
     assert base_unit("m.rad-1") == {"m": 1, "rad": -1}
     assert base_unit("rad-2") == {"rad": -2}
+
+
+def test_a_script_is_the_same_from_every_folder():
+    """What the C says of a line stands in the archive: `python ../model.py` must give the same bytes."""
+    assert str(of_frame("/models/runs/../plant.py", 3)) == str(of_frame("/models/plant.py", 3))
