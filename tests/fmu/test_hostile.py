@@ -45,6 +45,22 @@ def test_a_time_that_importers_add_up_takes_one_sample_a_step(made, version):
     assert runs[0] == runs[1]
 
 
+def test_a_step_far_shorter_than_a_period_takes_the_sample_at_its_start(made):
+    unit, library, _ = made("block", 3)
+    u, y = [unit.table.of(role)[0].reference for role in ("input", "output")]
+    raw, h, t = Raw(unit, library), unit.table.period / 5000, 0.0
+    assert raw.begin() == OK
+    seen = []
+    for k in range(5001):
+        assert raw.set([u], [float(k)]) == OK
+        assert raw.step(t, h)[0] == OK
+        t += h
+        seen.append(raw.get([y])[1][0])
+    raw.free()
+    assert seen[0] == seen[4999] == 0.0  # of the input 0 at the start
+    assert seen[5000] == (4.0 + 2.0 * unit.table.period) * 5000.0
+
+
 def experiment(raw: Raw, start: float, stop: float) -> int:
     yes, zero = c.c_bool(True), c.c_double(0)
     if raw.three:
