@@ -8,7 +8,8 @@ Reading needs the package lark: `pip install 'gtmodel[modelica]'`.
     listing              what can be solved or simulated in a file
     ModelicaError        a sentence with file, line and the line itself
     first_guess          a simulation to start a problem of free time from
-    plain                an expression without its unit, which printed classes use
+    simulated_guess      the same for any problem
+    plain, step, whole   an expression without its unit, and numbers of an instant, which printed classes use
 """
 
 from typing import TYPE_CHECKING
@@ -16,8 +17,8 @@ from typing import TYPE_CHECKING
 from .._lazy import public
 
 if TYPE_CHECKING:
-    from .classes import plain as plain
-    from .start import first_guess as first_guess
+    from .classes import plain as plain, step as step, whole as whole
+    from .start import first_guess as first_guess, simulated_guess as simulated_guess
     from .syntax import ModelicaError as ModelicaError
     from .translate import flat_of_text as flat_of_text, listing as listing, load as load, python_of as python_of
 

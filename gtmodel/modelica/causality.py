@@ -26,16 +26,16 @@ def settle_inputs(flats: list[Flat], equations: list[Any]) -> None:
     second = {id(f): n for n, f in enumerate(flats) if f.kind == "input" and not f.top}
     uses = [list(dict.fromkeys(id(f) for e in _parts(q) for f in symbols(e))) for q in equations if _parts(q)]
     owner: dict[int, int] = {}
-    left = [n for n in range(len(uses)) if not _augmented(n, uses, rank, owner)]
+    left = [n for n in range(len(uses)) if not augmented(n, uses, rank, owner)]
     allowed = rank | second
     for n in left:
-        _augmented(n, uses, allowed, owner)
+        augmented(n, uses, allowed, owner)
     for f in inner:
         if id(f) in owner:
             f.kind = "variable"
 
 
-def _augmented(start: int, uses: list[list[int]], allowed: dict[int, int], owner: dict[int, int]) -> bool:
+def augmented(start: int, uses: list[list[int]], allowed: dict[int, int], owner: dict[int, int]) -> bool:
     """Find a variable for an equation, moving others where it has to; without recursion."""
     before: dict[int, tuple[int, int | None]] = {}  # variable -> equation that asks, and the variable it had
     queue: list[tuple[int, int | None]] = [(start, None)]

@@ -30,13 +30,28 @@ class ScalarIf:
 
 
 @dataclass(frozen=True, eq=False)
-class ScalarWhen:
-    """What happens at the instants at which a condition comes true."""
+class WhenBranch:
+    """What happens at the instants at which a condition comes true, if no branch before it happens. end: the
+    simulation's, by a sentence, and whether the model has failed."""
 
     condition: Any
     actions: tuple[ScalarEquation, ...]
     restarts: tuple[tuple[Any, Any], ...]
+    end: tuple[str, bool] | None
     at: Place
+
+
+@dataclass(frozen=True, eq=False)
+class ScalarWhen:
+    """Branches by precedence. own: gtmodel's, not of the text."""
+
+    branches: tuple[WhenBranch, ...]
+    at: Place
+    own: bool = False
+
+    @property
+    def actions(self) -> list[ScalarEquation]:
+        return [a for b in self.branches for a in b.actions]
 
 
 @dataclass(eq=False)

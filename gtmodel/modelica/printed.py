@@ -11,7 +11,7 @@ from .flat import Flattened, ScalarEquation, ScalarIf, ScalarWhen
 from .python import Writer
 from .resolved import Resolver, is_declared
 from .scalars import EnumerationLiteral, Flat, Operation, Symbol, is_literal, number_of
-from .syntax import Place
+from .syntax import ModelicaError, Place
 
 # how tightly an expression holds together; a sum stands in a product in parentheses only
 _IF, _OR, _AND, _NOT, _RELATION, _SUM, _PRODUCT, _POWER, _ATOM = range(9)
@@ -76,11 +76,28 @@ class _Printer:
             sides = ["; ".join(map(self._relation, x)) for x in (e.then, e.otherwise)]
             return f"if {self._of(e.condition, e.at)} then {sides[0]}; else {sides[1]}; end if"
         if isinstance(e, ScalarWhen):
-            inside = [self._relation(a) for a in e.actions]
-            inside += [f"reinit({self._of(x, e.at)}, {self._of(v, e.at)})" for x, v in e.restarts]
-            return f"when {self._of(e.condition, e.at)} then {'; '.join(inside)}; end when"
+            return self._when(e)
         left, right = (self.resolved(x, e.at) for x in (e.left, e.right))
         return "" if is_literal(left) and is_literal(right) else self._relation(e)
+
+    def _when(self, e: ScalarWhen) -> str:
+        last = e.branches[-1]
+        if e.own and last.end is not None and last.end[1]:  # an assertion ends the simulation where it ceases to hold
+            x = self.resolved(last.condition, last.at)
+            held = x.arguments[0] if isinstance(x, Operation) and x.name == "not" else Operation("not", (x,), last.at)
+            return f"assert({self._text(held, _IF)}, {_quoted(last.end[0])})"
+        if e.own:
+            raise ModelicaError(
+                "what changes at events by itself, as Boolean variables and floor(), is not written as flat text; "
+                "--python writes it", e.at,
+            )  # fmt: skip
+        parts: list[str] = []
+        for b in e.branches:
+            inside = [self._relation(a) for a in b.actions]
+            inside += [f"reinit({self._of(x, b.at)}, {self._of(v, b.at)})" for x, v in b.restarts]
+            inside += [f"terminate({_quoted(b.end[0])})"] if b.end is not None else []
+            parts.append(f"when {self._of(b.condition, b.at)} then {'; '.join(inside)};")
+        return " else".join(parts) + " end when"
 
     def _relation(self, e: ScalarEquation) -> str:
         left, right = (self._text(self.resolved(x, e.at), _OR) for x in (e.left, e.right))
@@ -106,7 +123,7 @@ class _Printer:
         if isinstance(x, bool):
             return str(x).lower(), _ATOM
         if isinstance(x, str):
-            return '"' + x.replace("\\", "\\\\").replace('"', '\\"') + '"', _ATOM
+            return _quoted(x), _ATOM
         if isinstance(x, EnumerationLiteral):
             return str(x), _ATOM
         if not isinstance(x, Operation):
@@ -133,4 +150,8 @@ class _Printer:
 
 
 def _comment(words: str) -> str:
-    return ' "' + words.replace("\\", "\\\\").replace('"', '\\"').replace("\n", " ") + '"' if words else ""
+    return f" {_quoted(words)}" if words else ""
+
+
+def _quoted(words: str) -> str:
+    return '"' + words.replace("\\", "\\\\").replace('"', '\\"').replace("\n", " ") + '"'

@@ -9,7 +9,7 @@ from typing import Any
 
 from ..lang.units import UnitError, si_unit
 from .classes import Written
-from .flat import Flattened, ScalarEquation, ScalarIf, ScalarWhen
+from .flat import Flattened, ScalarEquation, ScalarIf, ScalarWhen, WhenBranch
 from .resolved import Resolver, is_declared
 from .scalars import (
     EnumerationLiteral,
@@ -36,7 +36,7 @@ _FUNCTIONS = {
 }  # fmt: skip
 _HORIZON = {"start_time": "startTime", "final_time": "finalTime"}
 _PREFERENCE = {"never": -2, "avoid": -1, "prefer": 1, "always": 2}
-_MOVING = ("floor", "ceil", "integer", "mod", "div", "rem", "edge", "change")
+_MOVING = ("floor", "ceil", "integer", "mod", "div", "rem")
 
 
 class Writer:
@@ -138,7 +138,8 @@ class Writer:
                 options["positive"] = ast.Constant(True)
             return _call("parameter", [_constant(float(value))], self._described(flat, options))
         if flat.kind == "discrete":
-            value = numbers.get("start", 0.0)
+            value = numbers.get("start", 1.0 if flat.base == "enumeration" else 0.0)
+            value = value.position if isinstance(value, EnumerationLiteral) else value
             return _call("discrete", [_constant(float(value))], self._described(flat, options))
         nominal = numbers.get("nominal")
         if nominal is not None and is_number(nominal) and nominal != 0:
@@ -219,12 +220,24 @@ class Writer:
             ]
             self._put("equations", e.at, _yield(_call("If", [condition, *sides])))
         else:
-            condition = self._condition(self.resolved(e.condition, e.at), e.at)
-            actions: list[ast.expr] = [
-                ast.Compare(self._of(a.left, a.at), [ast.Eq()], [self._of(a.right, a.at)]) for a in e.actions
-            ]
-            actions += [_call("reinit", [self._of(x, e.at), self._of(v, e.at)]) for x, v in e.restarts]
-            self._put("equations", e.at, _yield(_call("when", [condition, *actions])))
+            made: Any = None
+            for b in e.branches:
+                given = [self._condition(self.resolved(b.condition, b.at), b.at), *self._actions(b)]
+                made = (
+                    _call("when", given) if made is None else ast.Call(
+                        ast.Attribute(made, "elsewhen", ast.Load()), given, [])
+                )  # fmt: skip
+            self._put("equations", e.at, _yield(made))
+
+    def _actions(self, b: WhenBranch) -> list[ast.expr]:
+        actions: list[ast.expr] = [
+            ast.Compare(self._of(a.left, a.at), [ast.Eq()], [self._of(a.right, a.at)]) for a in b.actions
+        ]
+        actions += [_call("reinit", [self._of(x, b.at), self._of(v, b.at)]) for x, v in b.restarts]
+        if b.end is not None:
+            options = {"failed": ast.Constant(True)} if b.end[1] else {}
+            actions.append(_call("terminate", [ast.Constant(b.end[0])], options))
+        return actions
 
     def _of(self, x: Any, at: Place) -> ast.expr:
         return self._expression(self.resolved(x, at))
@@ -335,6 +348,10 @@ class Writer:
             raise ModelicaError(f"{name}() of variables jumps, which is not taken", at)
         if name == "delay":
             return self._delayed(x)
+        if name == "earlier":
+            return self._expression(x.arguments[0])  # each round of an event begins with the values before
+        if name in ("step", "whole"):
+            return ast.Call(ast.Name(name, ast.Load()), [self._expression(a) for a in x.arguments], [])
         if name in _RELATIONS or name in ("and", "or", "not", "<>", "initial", "sample"):
             raise ModelicaError("a condition stands where a number is expected", at)
         raise ModelicaError(f"{name}() is not taken here", at)
@@ -403,6 +420,9 @@ class Writer:
                 return ast.UnaryOp(ast.Invert(), self._condition(x.arguments[0], at))
             if x.name == "initial":
                 return _call("initial", [])
+            if x.name == "sample":
+                start, interval = (self._expression(y) for y in x.arguments)
+                return _call("sample", [interval], {"offset": start})
         raise ModelicaError("this condition is not taken; relations with <, <=, >, >=, joined by and, or, not, are", at)
 
 

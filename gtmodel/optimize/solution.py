@@ -11,6 +11,7 @@ import numpy as np
 
 from .._lazy import hint
 from ..lang.scope import derivative_name
+from ..lang.source import SourceLocation
 from ..results.check import Check
 from ..results.status import SolveStatus
 from ..results.trajectory import Trajectory
@@ -36,7 +37,9 @@ class Solution:
     `trajectory` holds every top-level quantity at the mesh edges and collocation points, in SI units; a control
     polynomial is extrapolated to the start. `free` are the constants the optimisation chose, by name; `seconds` is wall
     time. `status` and `message` say how it ended, `checks` what was tested. `reservation`: what a solved problem leaves
-    open, such as whether a stationary point is a minimum; empty for none.
+    open, such as whether a stationary point is a minimum; empty for none. `where`: file and line of what the message is
+    about, which it names too: a declaration, an equation, a constraint, the objective or the class; None where it was
+    solved without a reservation.
     """
 
     status: SolveStatus
@@ -52,6 +55,7 @@ class Solution:
     checks: dict[str, Check] = field(default_factory=dict)
     bound_multipliers: np.ndarray = field(default_factory=lambda: np.zeros(0), repr=False)
     reservation: str = ""
+    where: SourceLocation | None = None
     linked: bool = False  # one of several phases: its rows are not all that hold it
 
     def with_checks(self, **checks: Check) -> Solution:
