@@ -178,6 +178,7 @@ def translated(
     else:
         flat = shown(flattened(space, _said(parameters or {})))
     cls, units, warnings = _made(flat)
+    cls._static = flat.static  # type: ignore[attr-defined]
     return Translation(cls, flat.optimization, stop, (*flat.warnings, *warnings), units, text.path, name, flat, written)
 
 
