@@ -70,3 +70,6 @@ class Flattened:
     branches: list[tuple[str, Any, Place]] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
     header_at: dict[str, Place] = field(default_factory=dict)
+    static: bool = False
+    # variables, equations and initial equations as the text has them, before events are in the language's forms
+    text: tuple[list[Flat], list[Any], list[ScalarEquation]] | None = None

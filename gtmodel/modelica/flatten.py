@@ -21,6 +21,7 @@ from .scalars import Flat, Operation, Symbol, is_constant, is_literal, number_of
 from .scopes import Space
 from .settled.events import settle_events
 from .settled.macros import settle_macros
+from .settled.static import settle_static
 from .settled.whens import apart, watched, when_of
 from .syntax import (
     Binary,
@@ -83,10 +84,12 @@ class _Flattening:
         self._header()
         if not self.out.optimization:
             settle_events(self.out)
-        if self.out.optimization:
+        if self.out.static:
+            settle_static(self.out)
+        elif self.out.optimization:
             constraints_settled(self.out)
         settle_inputs(self.out.flats, self.out.equations)
-        self.out.warnings = self.model.warnings
+        self.out.warnings = [*self.model.warnings, *self.out.warnings]
         return self.out
 
     # declarations
@@ -283,11 +286,16 @@ class _Flattening:
             if not isinstance(value, np.ndarray) or value.shape:
                 raise ModelicaError(f"{name} is a scalar", given.node.at)
             entry = value[()]
-            attribute = "." in name or name.endswith("Time")
+            attribute = "." in name or name.endswith("Time") or name == "static"
             if attribute and not is_literal(entry):
                 if not is_constant(entry):
                     raise ModelicaError(f"{name} is made of numbers and parameters", given.node.at)
                 entry = number_of(entry, given.node.at, name)
+            if name == "static":
+                if not isinstance(entry, bool):
+                    raise ModelicaError(f"static is true or false; found {entry}", given.node.at)
+                self.out.static = entry
+                continue
             self.out.header[name] = entry
             self.out.header_at[name] = given.node.at
 

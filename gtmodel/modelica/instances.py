@@ -212,11 +212,9 @@ class Instance:
         if text.restriction != "optimization":
             return
         self.used |= {*HEADER, "static"}
-        if "static" in said.inside or (text.header and any(a.name[0] == "static" for a in text.header.arguments)):
-            raise ModelicaError("a static optimization has no motion, which is not taken; give it a state", text.at)
         header = merged(said, modifier(text.header, scope))
         for name, item in header.inside.items():
-            if name in HEADER:
+            if name in (*HEADER, "static"):
                 if item.value is not None:
                     self.header.setdefault(name, item.value)
                 for attribute, inner in item.inside.items():

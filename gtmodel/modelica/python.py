@@ -430,6 +430,8 @@ def _unique(flats: Iterable[Flat], naming: Callable[[str], str]) -> dict[int, st
     names: dict[int, str] = {}
     seen: set[str] = set()
     for flat in flats:
+        if flat.replaced is not None:
+            continue
         try:
             name = naming(flat.name)
         except ModelicaError as error:

@@ -131,6 +131,8 @@ def operation(name: str, arguments: tuple[Any, ...], at: Place | None) -> Scalar
             return then if condition else otherwise
     elif name in NUMERIC and all(is_literal(a) for a in arguments):
         return computed(name, arguments, at)
+    elif name == "not" and isinstance(arguments[0], Operation) and arguments[0].name == "not":
+        return arguments[0].arguments[0]
     elif name == "and" and any(a is False for a in arguments):
         return False
     elif name == "or" and any(a is True for a in arguments):

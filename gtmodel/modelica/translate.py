@@ -24,6 +24,7 @@ from .python import Writer
 from .scopes import Space, of_text
 from .syntax import Array, ClassText, Literal, ModelicaError, Place, Source
 
+FLATTENERS = ("gtmodel", "rumoca")
 SOLVED = ("optimization", "model", "class", "block")
 
 
@@ -38,6 +39,7 @@ class Translation:
         warnings: sentences with file and line: units that do not fit, assertions that are not watched.
         units: whether the text's units are used.
         file, name: where the text lies, and the dotted name of the class in it.
+        flat_file: the flat text that another flattener wrote; lines of errors are of this one.
     """
 
     model: type[Model]
@@ -48,6 +50,7 @@ class Translation:
     file: str
     name: str
     flat: Flattened
+    flat_file: Path | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,15 +158,27 @@ def translated(
     *,
     library: Iterable[str | os.PathLike[str]] = (),
     parameters: Mapping[str, Any] | None = None,
+    flattener: str = "gtmodel",
 ) -> Translation:
     """The class that `file.mop:Class` names; see `load`."""
+    if flattener not in FLATTENERS:
+        raise ModelicaError(f"there is no flattener '{flattener}'; expected {' or '.join(FLATTENERS)}")
     path, name = split(str(reference))
+    library = list(library)
     text = opened(path, library)
     name, space = chosen(text, name)
-    flat = flattened(space, _said(parameters or {}))
+    stop, written = stop_time_of(space.text), None
+    if flattener == "rumoca":
+        from .rumoca import flat_file, of_flat_file, version
+
+        written = flat_file(path, space, library, parameters or {})
+        flat = of_flat_file(written, space)
+        flat.warnings.append(f"{name} was flattened by rumoca {version()}; lines of it are those of {written.name}")
+    else:
+        flat = flattened(space, _said(parameters or {}))
     cls, units, warnings = _made(flat)
-    stop = stop_time_of(space.text)
-    return Translation(cls, flat.optimization, stop, (*flat.warnings, *warnings), units, text.path, name, flat)
+    cls._static = flat.static  # type: ignore[attr-defined]
+    return Translation(cls, flat.optimization, stop, (*flat.warnings, *warnings), units, text.path, name, flat, written)
 
 
 def _made(flat: Flattened) -> tuple[type[Model], bool, list[str]]:
@@ -199,6 +214,7 @@ def load(
     *,
     library: Iterable[str | os.PathLike[str]] = (),
     parameters: Mapping[str, Any] | None = None,
+    flattener: str = "gtmodel",
 ) -> Any:
     """A class of a Modelica or Optimica text as a gtmodel class, whose errors name the lines of the text.
 
@@ -207,6 +223,8 @@ def load(
             at all if the file holds one optimization.
         library: files and folders with further classes, such as the Modelica Standard Library's.
         parameters: values by name, "tank.A" of a component, before anything is decided by them.
+        flattener: "rumoca" for the package of that name in place of gtmodel's own, for a model: errors then name lines
+            of the flat text that it wrote, and say where that lies.
 
     Returns a subclass of gt.Optimization or gt.Model. Names of results are those of the text, `tank[2].x`, counted from
     1. Raises ModelicaError, which is a ModelError, with file, line and the line itself.
@@ -227,7 +245,7 @@ def load(
     >>> round(gt.solve(Rest(), gt.Mesh(5)).objective, 4)  # tanh(1)
     0.7616
     """
-    return translated(reference, library=library, parameters=parameters).model
+    return translated(reference, library=library, parameters=parameters, flattener=flattener).model
 
 
 def python_of(

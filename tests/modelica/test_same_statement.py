@@ -150,3 +150,21 @@ def test_a_flat_text_reads_back_as_itself(tmp_path: Path, name: str) -> None:
     flat.write_text(gt.modelica.flat_of_text(f"{file}:Part.P"))
     assert gt.modelica.flat_of_text(flat) == flat.read_text()
     assert np.array_equal(residuals(str(flat)), residuals(f"{file}:Part.P"))
+
+
+EVENTS = """model M Real h(start = 1, fixed = true); Real v; discrete Real n(start = 0); equation
+  der(h) = v; der(v) = -9.81; assert(v > -20, "too \\"fast\\"");
+  when h <= 0 and v < 0 then reinit(v, -0.5*v); n = pre(n) + 1;
+  elsewhen h > 9 then terminate("away"); end when; end M;"""
+
+
+def test_events_read_back_too(tmp_path: Path) -> None:
+    file, flat = tmp_path / "events.mo", tmp_path / "flat.mo"
+    file.write_text(EVENTS)
+    flat.write_text(gt.modelica.flat_of_text(file))
+    assert gt.modelica.flat_of_text(flat) == flat.read_text() and "elsewhen" in flat.read_text()
+    ours, again = (gt.modelica.load(f)().simulate(0.9) for f in (file, flat))
+    assert [e.time for e in again.events] == [e.time for e in ours.events] != []
+    file.write_text("model M Real x = time; Real y = mod(x, 0.3); end M;")
+    flat.write_text(gt.modelica.flat_of_text(file))
+    assert gt.modelica.flat_of_text(flat) == flat.read_text() and "mod(x, 0.3)" in flat.read_text()
