@@ -206,6 +206,16 @@ def test_a_swing_up_is_the_same_as_text_and_as_printed_python(tmp_path: Path) ->
     assert again.objective == pytest.approx(solved.objective, rel=1e-9)
 
 
+def test_a_body_on_a_spring_and_a_damper_is_its_closed_form() -> None:
+    ours = simulated("Hung")
+    rest, fade = 0.5 + 2 * G / 150, 3 / 4
+    turn = np.sqrt(150 / 2 - fade**2)
+    swing = (0.8 - rest) * np.exp(-fade) * (np.cos(turn) + fade / turn * np.sin(turn))
+    close(ours["slide.s"], rest + swing)
+    close(ours["strut.s"], rest + swing)
+    close(ours["strut.f"], 150 * (rest + swing - 0.5) + 3 * ours["slide.v"][-1])
+
+
 REFUSED = [
     ("Modelica.Mechanics.MultiBody.Joints.Assemblies.JointUPS joint;", "Joints.Assemblies", 3),
     ("inner Modelica.Mechanics.MultiBody.World two;", "one World", 3),
