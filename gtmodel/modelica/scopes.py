@@ -288,7 +288,7 @@ def library(paths: Iterable[str | os.PathLike[str]]) -> Space:
 
 def files_of(root: Space) -> list[Path]:
     """The files whose classes were read so far, but for what is built in."""
-    found: set[Path] = set()
+    files: set[Path] = set()
     seen: set[int] = set()
     left = [root]
     while left:
@@ -297,8 +297,8 @@ def files_of(root: Space) -> list[Path]:
             seen.add(id(space))
             left += [s for s in space.made.values() if s is not None]
             if path := space.text.at.source.path:
-                found.add(Path(path))
-    return sorted(found - {_BUILT_IN})
+                files.add(Path(path))
+    return sorted(files - {_BUILT_IN})
 
 
 def of_text(text: str, paths: Iterable[str | os.PathLike[str]] = (), path: str = "") -> tuple[Space, list[ClassText]]:

@@ -44,10 +44,10 @@ def fitted(flat: Flattened) -> tuple[type[Model], bool, list[str]]:
             return cls, True, [*writer.warnings, *dict.fromkeys(said)]
         if not isinstance(refused, UnitError):
             break  # who solves it says so
-        found = _complaints(written)
-        flat.bare |= set(found)
-        said += [f"not checked: {error}" for error in found.values()]
-        if not found:
+        errors = _complaints(written)
+        flat.bare |= set(errors)
+        said += [f"not checked: {error}" for error in errors.values()]
+        if not errors:
             own = {id(f) for f in flat.flats if f.at.where == getattr(refused, "where", None)} - flat.without_unit
             if not own:
                 break
@@ -63,13 +63,13 @@ def fitted(flat: Flattened) -> tuple[type[Model], bool, list[str]]:
 
 def _complaints(written: Any) -> dict[tuple[str, int], Exception]:
     """Errors of units of all statements, by method and number in it."""
-    found: dict[tuple[str, int], Exception] = {}
+    errors: dict[tuple[str, int], Exception] = {}
 
     def attempt(with_units: Callable[[], Any], without: Callable[[], Any], method: str, number: int) -> Any:
         try:
             return with_units()
         except UnitError as error:
-            found[method, number] = error
+            errors[method, number] = error
             return without()
 
     trial = _copied(written)
@@ -87,7 +87,7 @@ def _complaints(written: Any) -> dict[tuple[str, int], Exception]:
             holder.value = call
     with suppress(ModelError, UnitError):  # of a declaration; the statements up to there are known
         _checked(class_of(trial, {"attempt": attempt}))
-    return found
+    return errors
 
 
 def _copied(written: Any) -> Any:
