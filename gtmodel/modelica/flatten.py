@@ -17,6 +17,7 @@ from .flat import Flattened, ScalarEquation, ScalarIf
 from .instances import Declared, Instance, NameScope
 from .members import field as field_of
 from .modifications import Modifier
+from .multibody.parts import is_frame
 from .scalars import Flat, Operation, Symbol, is_constant, is_literal, number_of, operation
 from .scopes import Space
 from .settled.events import settle_events
@@ -80,10 +81,13 @@ class _Flattening:
         self.connections.complete(instances, self.root)
         for terms, place in self.connections.sums():
             self.out.equations.append(ScalarEquation(terms, 0, place))
+        self.connections.assembly.settle(instances, self.out, self.model)
         settle_macros(self.out)
         self._header()
         if not self.out.optimization:
             settle_events(self.out)
+        if self.out.static and self.out.parts:
+            raise ModelicaError("a static optimization takes no parts of MultiBody, which move", self.out.parts[0].at)
         if self.out.static:
             settle_static(self.out)
         elif self.out.optimization:
@@ -95,6 +99,8 @@ class _Flattening:
     # declarations
 
     def _declared(self, instance: Instance) -> None:
+        if is_frame(instance) or (instance.parent is not None and is_frame(instance.parent)):
+            return  # what it holds are quantities of a part
         for element in instance.elements.values():
             made = element.made
             if not isinstance(made, Declared) or "outer" in element.text.prefixes:

@@ -28,6 +28,8 @@ _ATTRIBUTES = ("unit", "min", "max", "start", "fixed", "nominal", "stateSelect",
 def flat_text(flat: Flattened, naming: Callable[[str], str] = str) -> str:
     """The variables, parameters and equations that are left of a class, with numbers where parameters decide, in the
     order of the text. naming: what a variable is called here. Raises ModelicaError for what cannot be written."""
+    if flat.parts:
+        raise ModelicaError("what is made of parts of MultiBody has no flat text; --python prints it", flat.parts[0].at)
     Writer(flat, exact, units=False).write()  # decides exponents and sizes, and refuses what is not taken
     return "\n".join(_Printer(naming).lines(flat)) + "\n"
 

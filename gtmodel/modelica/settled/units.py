@@ -61,25 +61,26 @@ def fitted(flat: Flattened) -> tuple[type[Model], bool, list[str]]:
     return plain, False, [f"units are not used: {refused}"]
 
 
-def _complaints(written: Any) -> dict[tuple[str, int], Exception]:
-    """Errors of units of all statements, by method and number in it."""
-    errors: dict[tuple[str, int], Exception] = {}
+def _complaints(written: Any) -> dict[tuple[str, str, int], Exception]:
+    """The first error of units in each line, by method, file and line."""
+    errors: dict[tuple[str, str, int], Exception] = {}
 
-    def attempt(with_units: Callable[[], Any], without: Callable[[], Any], method: str, number: int) -> Any:
+    def attempt(with_units: Callable[[], Any], without: Callable[[], Any], method: str, path: str, line: int) -> Any:
         try:
             return with_units()
         except UnitError as error:
-            errors[method, number] = error
+            errors.setdefault((method, path, line), error)
             return without()
 
     trial = _copied(written)
     for method, statements in trial.methods.items():
-        for number, (place, statement) in enumerate(statements):
+        for place, statement in statements:
             holder: Any = statement if isinstance(statement, ast.Return) else statement.value
             value: ast.expr = holder.value
+            key = [ast.Constant(k) for k in (method, place.source.path, place.line)]
             call = ast.Call(
                 ast.Name("attempt", ast.Load()),
-                [_lambda(value), _lambda(Writer.bare(deepcopy(value))), ast.Constant(method), ast.Constant(number)], [],
+                [_lambda(value), _lambda(Writer.bare(deepcopy(value))), *key], [],
             )  # fmt: skip
             for node in ast.walk(call):
                 node.lineno = node.end_lineno = place.line  # type: ignore[attr-defined]
