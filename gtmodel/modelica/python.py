@@ -10,6 +10,7 @@ from typing import Any
 from ..lang.units import UnitError, si_unit
 from .classes import Written
 from .flat import Flattened, ScalarEquation, ScalarIf, ScalarWhen, WhenBranch
+from .multibody.writing import PartWriter
 from .resolved import Resolver, is_declared
 from .scalars import (
     EnumerationLiteral,
@@ -45,6 +46,7 @@ class Writer:
     def __init__(self, flat: Flattened, naming: Callable[[str], str], units: bool) -> None:
         self.flat, self.units, self.warnings = flat, units, list[str]()
         self.names, self.naming, self._late = _unique(flat.flats, naming), naming, dict[tuple[str, float], str]()
+        self.parts = PartWriter(flat.parts, naming, self.names.values(), units)
         self.resolved = Resolver()
         self.written = Written(flat.name, flat.at, flat.optimization, flat.description)
 
@@ -56,8 +58,12 @@ class Writer:
             if is_declared(flat):
                 self._put("", flat.at, ast.Assign([ast.Name(self.names[id(flat)], ast.Store())],
                                                   self._declaration(flat, numbers)))  # fmt: skip
+        for part in self.flat.parts:
+            self._put("", part.at, self.parts.declared(part, self.resolved, self._expression))
         for name, value, place in header:
             self._put("", place, ast.Assign([ast.Name(name, ast.Store())], value))
+        for a, b, place in self.flat.joined:
+            self._put("equations", place, self.parts.connected(a, b))
         for e in self.flat.equations:
             self._equation(e)
         for name, value, place in self.flat.branches:
@@ -323,6 +329,10 @@ class Writer:
         if name in ("time", "start_time", "final_time"):
             bare = self.units or (name != "time" and not self.flat.header.get(f"{_HORIZON[name]}.free"))
             return _own(name) if bare else ast.Call(ast.Name("plain", ast.Load()), [_own(name)], [])
+        if name == "part":
+            return self.parts.quantity(x)
+        if name == "refused":
+            raise ModelicaError(str(x.arguments[0]), at)
         if name == "der":
             return ast.Call(ast.Name("der", ast.Load()), [self._expression(x.arguments[0])], [])
         if name == "at":
@@ -430,6 +440,8 @@ def _unique(flats: Iterable[Flat], naming: Callable[[str], str]) -> dict[int, st
     names: dict[int, str] = {}
     seen: set[str] = set()
     for flat in flats:
+        if flat.replaced is not None:
+            continue
         try:
             name = naming(flat.name)
         except ModelicaError as error:

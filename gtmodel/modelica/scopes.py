@@ -12,6 +12,7 @@ from typing import Any
 from ..lang.slips import near
 from . import reader
 from .modifications import NOTHING, Modifier, merged
+from .multibody import library as multibody
 from .syntax import Argument, ClassText, Component, Extends, ModelicaError, Modification, Place, Reference
 
 PREDEFINED = ("Real", "Integer", "Boolean", "String")
@@ -67,7 +68,10 @@ class Space:
             self._arrived(name)
         if name not in self.made:
             text = self.text.classes.get(name)
-            if self.original is not None and (own := self.original.own(name)) is not None:
+            known = text is not None or (self.folder is not None and _in_folder(self.folder, name) is not None)
+            if name in multibody.NAMES and (ours := multibody.own_text(self.name, name, known)) is not None:
+                self.made[name] = Space(ours, self)
+            elif self.original is not None and (own := self.original.own(name)) is not None:
                 self.made[name] = Space(own.text, self, folder=own.folder, original=own)
             elif text is not None:
                 self.made[name] = Space(text, self)
@@ -244,6 +248,8 @@ class Space:
             if following is None and space.name == "Modelica.Icons":  # pictures alone
                 following = space.made[part.name] = Space(ClassText(space.text.at, part.name, "class"), space)
             if following is None:
+                if refused := multibody.refusal(space.name, part.name):
+                    raise ModelicaError(refused, reference.at)
                 inside = space.name or "the files that were read"
                 names = [*space.text.classes, *(space.made if space.outer is None else ())]
                 raise ModelicaError(

@@ -19,6 +19,7 @@ from .flat import Flattened
 from .flatten import flattened
 from .instances import NameScope
 from .modifications import Given, Modifier
+from .multibody.lean import lean, shown
 from .names import split
 from .python import Writer
 from .scopes import Space, of_text
@@ -175,8 +176,9 @@ def translated(
         flat = of_flat_file(written, space)
         flat.warnings.append(f"{name} was flattened by rumoca {version()}; lines of it are those of {written.name}")
     else:
-        flat = flattened(space, _said(parameters or {}))
+        flat = shown(flattened(space, _said(parameters or {})))
     cls, units, warnings = _made(flat)
+    cls._static = flat.static  # type: ignore[attr-defined]
     return Translation(cls, flat.optimization, stop, (*flat.warnings, *warnings), units, text.path, name, flat, written)
 
 
@@ -274,7 +276,7 @@ def python_of(
             yield (der(self.x) == -self.x)
     """
     item = translated(reference, library=library, parameters=parameters)
-    return text_of(Writer(item.flat, identifier, units=item.units).write())
+    return text_of(Writer(lean(item.flat), identifier, units=item.units).write())
 
 
 def flat_of_text(
