@@ -131,8 +131,8 @@ def scaling(signals: Sequence[UnitSignal], wanted: str, said: str, argument: str
             raise ArgumentError(f"'{s.name}' is in {s.unit or said}; expected a unit such as {wanted}", argument)
         if not (np.isfinite(base[1]) and np.isfinite(base[2]) and base[1] != 0.0):
             raise ArgumentError(
-                f"the unit {s.unit} of '{s.name}' has the factor {base[1]:g} and the offset {base[2]:g}; expected finite "
-                "numbers, the factor not zero",
+                f"the unit {s.unit} of '{s.name}' has the factor {base[1]:g} and the offset {base[2]:g}; expected "
+                "finite numbers, the factor not zero",
                 argument,
             )
         pairs.append(base[1:])
