@@ -75,7 +75,17 @@ class Writer:
             self._relation("constraints", e)
         if self.flat.optimization:
             self._objective()
+        if self.units:
+            for method, statements in self.written.methods.items():
+                for at, statement in statements:
+                    if (method, at.source.path, at.line) in self.flat.bare:
+                        self.bare(statement)
         return self.written
+
+    @staticmethod
+    def bare(node: Any) -> Any:
+        """An expression or a statement whose quantities have no units."""
+        return _Bare().visit(node)
 
     def _exponents(self) -> None:
         """Exponents of parameters are numbers: the language takes no others."""
@@ -120,7 +130,7 @@ class Writer:
 
     def _unit(self, flat: Flat, numbers: dict[str, Any]) -> dict[str, Any]:
         unit = numbers.get("unit")
-        if not unit or not self.units or flat.base != "Real":
+        if not unit or not self.units or flat.base != "Real" or id(flat) in self.flat.without_unit:
             return {}
         try:
             si_unit(str(unit))
@@ -434,6 +444,13 @@ class Writer:
                 start, interval = (self._expression(y) for y in x.arguments)
                 return _call("sample", [interval], {"offset": start})
         raise ModelicaError("this condition is not taken; relations with <, <=, >, >=, joined by and, or, not, are", at)
+
+
+class _Bare(ast.NodeTransformer):
+    def visit_Attribute(self, node: ast.Attribute) -> ast.AST:
+        if not isinstance(node.value, ast.Name) or node.value.id != "self":
+            return self.generic_visit(node)
+        return ast.copy_location(ast.Call(ast.copy_location(ast.Name("plain", ast.Load()), node), [node], []), node)
 
 
 def _unique(flats: Iterable[Flat], naming: Callable[[str], str]) -> dict[int, str]:
