@@ -300,6 +300,9 @@ def loop(
     reference: Annotated[
         Path | None, typer.Option(metavar="CSV", help="Motion to follow, as reference.csv of gtmodel solve --out.")
     ] = None,
+    plant: Annotated[
+        Path | None, typer.Option(metavar="FMU", help="Unit that is moved, of the problem's table [plant].")
+    ] = None,
     lockstep: Annotated[bool, typer.Option("--lockstep", help="Cycle by cycle as fast as it goes.")] = False,
     elastic: Annotated[
         float | None,
@@ -324,8 +327,8 @@ def loop(
         job = Context(name=folder.name)
         with terminal.watching(job, "stopping the loop, nothing will be compared", quiet=quiet):
             answer.finished = loop_run.run(
-                folder, out or folder / "loop", job, reference=reference, peer=peer, seconds=seconds, law=law,
-                in_lockstep=lockstep, elastic=elastic, deceleration=deceleration,
+                folder, out or folder / "loop", job, reference=reference, plant=plant, peer=peer, seconds=seconds,
+                law=law, in_lockstep=lockstep, elastic=elastic, deceleration=deceleration,
             )  # fmt: skip
 
 

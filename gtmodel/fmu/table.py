@@ -11,6 +11,7 @@ Role = Literal["time", "input", "fixed", "tunable", "state", "derivative", "outp
 SETTABLE = ("input", "fixed", "tunable", "state")
 _DERIVATIVE = re.compile(r"der\((?P<inner>.*?)(?:,(?P<order>\d+))?\)")
 _PLAIN = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
+_ESCAPED = re.compile(r"[\\'\"]")
 _INDEX = re.compile(r"\[(\d+(?:,\s*\d+)*)\]")
 
 
@@ -86,6 +87,8 @@ def fmi_name(name: str) -> str:
     >>> from gtmodel.fmu.table import fmi_name
     >>> fmi_name("der(robot.T[0],2)"), fmi_name("arm[0].rod.tension")
     ('der(robot.T[1],2)', 'arm[1].rod.tension')
+    >>> print(fmi_name("\u03b8[0]"))
+    '\\\\u03b8'[1]
     """
     derivative = _DERIVATIVE.fullmatch(name)
     if derivative:
@@ -95,7 +98,8 @@ def fmi_name(name: str) -> str:
     for part in name.split("."):
         word, bracket, rest = part.partition("[")
         if not _PLAIN.fullmatch(word):
-            word = "'" + word.encode("ascii", "backslashreplace").decode().replace("'", "\\'") + "'"
+            plain = word.encode("ascii", "backslashreplace").decode()  # letters beyond ASCII have no place in a name
+            word = "'" + _ESCAPED.sub(r"\\\g<0>", plain) + "'"
         parts.append(word + _INDEX.sub(_from_one, bracket + rest))
     return ".".join(parts)
 
@@ -113,8 +117,13 @@ def unused(name: str, taken: Collection[str]) -> str:
     """
     while name in taken:
         word, bracket, index = name.partition("[")
-        name = (f"{word[:-1]}_'" if word.endswith("'") else f"{word}_") + bracket + index
+        name = longer(word, "_") + bracket + index
     return name
+
+
+def longer(word: str, end: str) -> str:
+    """A name with something behind it, inside of the quotes where it has some."""
+    return f"{word[:-1]}{end}'" if word.endswith("'") else f"{word}{end}"
 
 
 def base_and_order(name: str) -> tuple[str, int]:
