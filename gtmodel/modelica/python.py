@@ -75,7 +75,17 @@ class Writer:
             self._relation("constraints", e)
         if self.flat.optimization:
             self._objective()
+        if self.units:
+            for method, statements in self.written.methods.items():
+                for at, statement in statements:
+                    if (method, at.source.path, at.line) in self.flat.bare:
+                        self.bare(statement)
         return self.written
+
+    @staticmethod
+    def bare(node: Any) -> Any:
+        """An expression or a statement whose quantities have no units."""
+        return _Bare().visit(node)
 
     def _exponents(self) -> None:
         """Exponents of parameters are numbers: the language takes no others."""
@@ -120,7 +130,7 @@ class Writer:
 
     def _unit(self, flat: Flat, numbers: dict[str, Any]) -> dict[str, Any]:
         unit = numbers.get("unit")
-        if not unit or not self.units or flat.base != "Real":
+        if not unit or not self.units or flat.base != "Real" or id(flat) in self.flat.without_unit:
             return {}
         try:
             si_unit(str(unit))
@@ -405,11 +415,13 @@ class Writer:
     def _step(self, x: Any, at: Place | None) -> ast.expr:
         """1 where a condition holds, else 0; optimisers know where it jumps."""
         if isinstance(x, Operation) and x.name in ("<", "<=", ">", ">="):
-            a, b = x.arguments if x.name.startswith(">") else reversed(x.arguments)
+            strict = "=" not in x.name  # a > b where not b >= a: what a step is at its jump matters there
+            a, b = x.arguments if x.name in (">=", "<") else reversed(x.arguments)
             difference = self._expression(Operation("-", (a, b), at))
             breaks = ast.List([_constant(v) for v in (-1.0, 0.0, 1.0)], ast.Load())
             heights = ast.List([ast.List([_constant(0.0), _constant(1.0)], ast.Load())], ast.Load())
-            return _call("piecewise", [difference, breaks, heights])
+            step = _call("piecewise", [difference, breaks, heights])
+            return ast.BinOp(ast.Constant(1), ast.Sub(), step) if strict else step
         if isinstance(x, Operation) and x.name == "not":
             return ast.BinOp(ast.Constant(1), ast.Sub(), self._step(x.arguments[0], at))
         if isinstance(x, Operation) and x.name in ("and", "or"):
@@ -434,6 +446,13 @@ class Writer:
                 start, interval = (self._expression(y) for y in x.arguments)
                 return _call("sample", [interval], {"offset": start})
         raise ModelicaError("this condition is not taken; relations with <, <=, >, >=, joined by and, or, not, are", at)
+
+
+class _Bare(ast.NodeTransformer):
+    def visit_Attribute(self, node: ast.Attribute) -> ast.AST:
+        if not isinstance(node.value, ast.Name) or node.value.id != "self":
+            return self.generic_visit(node)
+        return ast.copy_location(ast.Call(ast.copy_location(ast.Name("plain", ast.Load()), node), [node], []), node)
 
 
 def _unique(flats: Iterable[Flat], naming: Callable[[str], str]) -> dict[int, str]:

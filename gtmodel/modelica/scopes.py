@@ -292,6 +292,21 @@ def library(paths: Iterable[str | os.PathLike[str]]) -> Space:
     return root
 
 
+def files_of(root: Space) -> list[Path]:
+    """The files whose classes were read so far, but for what is built in."""
+    files: set[Path] = set()
+    seen: set[int] = set()
+    left = [root]
+    while left:
+        space = left.pop()
+        if id(space) not in seen:
+            seen.add(id(space))
+            left += [s for s in space.made.values() if s is not None]
+            if path := space.text.at.source.path:
+                files.add(Path(path))
+    return sorted(files - {_BUILT_IN})
+
+
 def of_text(text: str, paths: Iterable[str | os.PathLike[str]] = (), path: str = "") -> tuple[Space, list[ClassText]]:
     """As `library`, with the classes of a text in it, and these."""
     root = library(paths)

@@ -8,13 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ..compiler.causal import flat_of
 from ..lang.model import Model
-from ..lang.optimization import Optimization
 from ..lang.slips import near
-from ..lang.source import ModelError
-from ..lang.units import UnitError
-from .classes import class_of, exact, identifier, text_of
+from .classes import identifier, text_of
 from .flat import Flattened
 from .flatten import flattened
 from .instances import NameScope
@@ -22,7 +18,8 @@ from .modifications import Given, Modifier
 from .multibody.lean import lean, shown
 from .names import split
 from .python import Writer
-from .scopes import Space, of_text
+from .scopes import Space, files_of, of_text
+from .settled.units import fitted
 from .syntax import Array, ClassText, Literal, ModelicaError, Place, Source
 
 FLATTENERS = ("gtmodel", "rumoca")
@@ -41,6 +38,7 @@ class Translation:
         units: whether the text's units are used.
         file, name: where the text lies, and the dotted name of the class in it.
         flat_file: the flat text that another flattener wrote; lines of errors are of this one.
+        libraries: the other files that classes were read from.
     """
 
     model: type[Model]
@@ -52,6 +50,7 @@ class Translation:
     name: str
     flat: Flattened
     flat_file: Path | None = None
+    libraries: tuple[Path, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,37 +176,11 @@ def translated(
         flat.warnings.append(f"{name} was flattened by rumoca {version()}; lines of it are those of {written.name}")
     else:
         flat = shown(flattened(space, _said(parameters or {})))
-    cls, units, warnings = _made(flat)
+    cls, units, warnings = fitted(flat)
     cls._static = flat.static  # type: ignore[attr-defined]
-    return Translation(cls, flat.optimization, stop, (*flat.warnings, *warnings), units, text.path, name, flat, written)
-
-
-def _made(flat: Flattened) -> tuple[type[Model], bool, list[str]]:
-    """With units where they fit, else without and a warning."""
-    plain = class_of(Writer(flat, exact, units=False).write())
-    if not any(f.get("unit") for f in flat.flats):
-        return plain, False, []
-    writer = Writer(flat, exact, units=True)
-    try:
-        cls = class_of(writer.write())
-        _checked(cls)
-    except (ModelError, UnitError) as error:
-        try:
-            _checked(plain)
-        except (ModelError, UnitError):
-            return plain, False, []  # who solves it says so
-        return plain, False, [f"units are not used: {error}"]
-    return cls, True, writer.warnings
-
-
-def _checked(cls: type[Model]) -> None:
-    """Flatten it, with its objective and constraints. Raises ModelError for units that do not fit, among others."""
-    model: Any = cls()
-    root: Any = flat_of(model).root
-    if issubclass(cls, Optimization):
-        root.objective()
-        for _ in root.constraints():
-            pass
+    others = tuple(file for file in files_of(text.root) if file != Path(text.path))
+    remarks = *flat.warnings, *warnings
+    return Translation(cls, flat.optimization, stop, remarks, units, text.path, name, flat, written, others)
 
 
 def load(
