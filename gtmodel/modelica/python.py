@@ -415,11 +415,13 @@ class Writer:
     def _step(self, x: Any, at: Place | None) -> ast.expr:
         """1 where a condition holds, else 0; optimisers know where it jumps."""
         if isinstance(x, Operation) and x.name in ("<", "<=", ">", ">="):
-            a, b = x.arguments if x.name.startswith(">") else reversed(x.arguments)
+            strict = "=" not in x.name  # a > b where not b >= a: what a step is at its jump matters there
+            a, b = x.arguments if x.name in (">=", "<") else reversed(x.arguments)
             difference = self._expression(Operation("-", (a, b), at))
             breaks = ast.List([_constant(v) for v in (-1.0, 0.0, 1.0)], ast.Load())
             heights = ast.List([ast.List([_constant(0.0), _constant(1.0)], ast.Load())], ast.Load())
-            return _call("piecewise", [difference, breaks, heights])
+            step = _call("piecewise", [difference, breaks, heights])
+            return ast.BinOp(ast.Constant(1), ast.Sub(), step) if strict else step
         if isinstance(x, Operation) and x.name == "not":
             return ast.BinOp(ast.Constant(1), ast.Sub(), self._step(x.arguments[0], at))
         if isinstance(x, Operation) and x.name in ("and", "or"):

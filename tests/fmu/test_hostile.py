@@ -274,3 +274,45 @@ def test_exponents_of_angles_below_zero():
 def test_a_script_is_the_same_from_every_folder():
     """What the C says of a line stands in the archive: `python ../model.py` must give the same bytes."""
     assert str(of_frame("/models/runs/../plant.py", 3)) == str(of_frame("/models/plant.py", 3))
+
+
+@pytest.mark.parametrize(
+    ("given", "argument"),
+    [
+        ({"stop": float("inf")}, "stop"),
+        ({"step": float("inf")}, "step"),
+        ({"tolerance": float("nan")}, "tolerance"),
+        ({"on_fault": "ignore"}, "on_fault"),
+        ({"box": {"nothing": [[0.0, 1.0]]}}, "box"),
+        ({"start": {"u": "fast"}}, "start"),
+        ({"start": {"u": 1j}}, "start"),
+    ],
+)
+def test_what_export_refuses(given, argument):
+    with pytest.raises(gt.results.ArgumentError) as refusal:
+        gt.fmu.export(functions()["driven"], None, name="refused", **given)
+    assert refusal.value.argument == argument
+
+
+def test_what_is_no_function_is_refused():
+    with pytest.raises(gt.results.ArgumentError, match="what"):
+        gt.fmu.export(3.0, None)
+    with pytest.raises(gt.results.ArgumentError, match="box"):
+        gt.fmu.export(functions()["block"], None, box={"error": [[0.0, 1.0]]})
+    with pytest.raises(gt.results.ArgumentError, match="options"):
+        gt.fmu.study({"a": functions()["driven"]}, "nowhere", name="x", options={"b": {}}, check=None)
+
+
+def test_a_file_of_somebody_else_stays(tmp_path):
+    for name, text in (("notes.fmu", b"mine"), ("empty.fmu", b"")):
+        (tmp_path / name).write_bytes(text)
+    with pytest.raises(gt.results.ArgumentError, match="not written by gtmodel"):
+        gt.fmu.export(functions()["driven"], tmp_path / "notes.fmu")
+    assert (tmp_path / "notes.fmu").read_bytes() == b"mine"
+    for _ in range(2):  # an empty place, then our own archive
+        assert gt.fmu.export(functions()["driven"], tmp_path / "empty.fmu").path == tmp_path / "empty.fmu"
+
+
+def test_one_tunable_is_a_name():
+    unit = gt.fmu.export(functions()["driven"], None, name="one", tunable="u")
+    assert [v.name for v in unit.table.of("tunable")] == ["u"]
