@@ -14,8 +14,8 @@
 #define MOST_PARTS 1e7
 /* Two times that differ by less than this, over their size or one second, are the same. */
 #define SAME_TIME 1e-9
-/* A step that ends within this part of a period behind a sample ends at it: what an importer adds up is off by up to
- * n^2 h 1e-16 behind n steps h. */
+/* A step that ends within this part of a period, or half its length, behind a sample ends at it: what an importer adds
+ * up is off by up to n^2 h 1e-16 behind n steps h. */
 #define SAME_SAMPLE 1e-3
 
 /* Rates of the states at x; `tried` begins with what is remembered. */
@@ -155,9 +155,9 @@ gt_fmu_result gt_fmu_update(gt_fmu *f, int *defined, double *next)
 }
 
 /* Samples up to the end of the step, which itself belongs to the next one. */
-static gt_status sampled(gt_fmu_data *d, double end, double *reached)
+static gt_status sampled(gt_fmu_data *d, double h, double end, double *reached)
 {
-    const double near = SAME_SAMPLE * GT_FMU_PERIOD;
+    const double near = fmin(SAME_SAMPLE * GT_FMU_PERIOD, 0.5 * h);
 
     while (instant(d) < (end - near)) {
         const double due = instant(d);
@@ -198,7 +198,7 @@ gt_fmu_result gt_fmu_advance(gt_fmu *f, double from, double h, double *reached)
     }
     *reached = start;
     if (GT_FMU_PERIOD > 0.0) {
-        status = sampled(d, from + h, reached);
+        status = sampled(d, h, from + h, reached);
     } else if (GT_FMU_HOLD != 0) {
         d->kept = (d->stale == 0) ? d->tried : d->kept;
         d->v[0] = from + h;

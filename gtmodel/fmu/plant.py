@@ -112,7 +112,7 @@ class FmuPlant:
     def _fits(self, step: float) -> None:
         """Raises ArgumentError where the unit's own step and that of the communication are no multiples."""
         own = self.unit.inner_step
-        if own is None or own <= 0.0:
+        if own is None:
             return
         ratio = max(step / own, own / step)
         if abs(ratio - round(ratio)) > WHOLE * ratio:

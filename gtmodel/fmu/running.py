@@ -28,6 +28,7 @@ _KEPT = 64  # last sentences of its log
 _SAME_TIME = 1e-9  # of a time that a unit says it reached, over it or one second
 _DISCARD = 2  # statuses: OK, warning, discard, error, fatal, pending
 _STATUS = ("OK", "Warning", "Discard", "Error", "Fatal", "Pending")
+_SHORT = 0.01  # of a step: a unit that ends farther from its end, and than its own step, did not make it
 _LAST_TIME, _TERMINATED = 2, 3  # kinds of status of FMI 2.0
 
 
@@ -72,7 +73,8 @@ class RunningUnit:
         self.version = str(description.fmiVersion)
         self.signals = UnitSignals(self.name, description)
         inner = stepping.fixedInternalStepSize  # a text, of FMI 3.0 only
-        self.inner_step = None if inner is None else float(inner)
+        own = 0.0 if inner is None else float(inner)
+        self.inner_step = own if 0.0 < own < np.inf else None  # NaN and INF are numbers of its schema too
         self._three = self.version.startswith("3")
         self._said: deque[tuple[int, str]] = deque(maxlen=_KEPT)
         self._start = dict(start or {})
@@ -173,7 +175,7 @@ class RunningUnit:
         fmi3: Any = import_module("fmpy.fmi3")
         ctypes: Any = import_module("ctypes")
         event, ends, early = (fmi3.fmi3Boolean() for _ in range(3))
-        last = fmi3.fmi3Float64(self.time)
+        last = fmi3.fmi3Float64(np.nan)
         fault = ""
         try:
             self._unit.fmi3DoStep(
@@ -186,7 +188,12 @@ class RunningUnit:
             fault = "it asked to end"
         if not fault and early.value:
             fault = "it returned early, which was not allowed"
-        return fault, float(last.value)
+        if not fault and event.value:
+            fault = "it wants an event to be handled, which co-simulation without events does not"
+        end, reached = self.time + length, float(last.value)
+        if not fault and abs(reached - end) > max(self.inner_step or 0.0, _SHORT * length):
+            fault = "it says it ended elsewhere"
+        return fault, reached
 
     def _step_two(self, length: float) -> tuple[str, float]:
         try:
@@ -221,7 +228,9 @@ def _first(error: Exception) -> str:
 
 
 def _text(message: bytes | None) -> str:
-    return " ".join((message or b"").decode("utf-8", "replace").split())
+    """As one line without what moves a terminal."""
+    text = (message or b"").decode("utf-8", "replace")
+    return " ".join("".join(c if c.isprintable() else " " for c in text).split())
 
 
 def _freed(unit: Any, folder: str) -> None:

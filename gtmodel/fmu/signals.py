@@ -129,6 +129,12 @@ def scaling(signals: Sequence[UnitSignal], wanted: str, said: str, argument: str
         assert base is not None
         if base[0] != _base(wanted, None, s, argument)[0]:
             raise ArgumentError(f"'{s.name}' is in {s.unit or said}; expected a unit such as {wanted}", argument)
+        if not (np.isfinite(base[1]) and np.isfinite(base[2]) and base[1] != 0.0):
+            raise ArgumentError(
+                f"the unit {s.unit} of '{s.name}' has the factor {base[1]:g} and the offset {base[2]:g}; expected "
+                "finite numbers, the factor not zero",
+                argument,
+            )
         pairs.append(base[1:])
     if all(pair == (1.0, 0.0) for pair in pairs):
         return Scaling()

@@ -14,7 +14,7 @@ from ..cgen.steps.function import StepFunction
 from ..cgen.steps.records import StepMember
 from .causal_content import KEY, needed
 from .content import FmuContent
-from .table import FmuTable, FmuVariable, fmi_name, unused
+from .table import FmuTable, FmuVariable, fmi_name, longer, unused
 
 _SAME = """\
 gt_status gt_fmu_compute(gt_fmu_memory *memory, double *v)
@@ -119,7 +119,8 @@ class _StepTable:
                 word = before + fmi_name(m.name)
                 index = "" if m.size is None else f"[{k + 1}]"
                 taken = {v.name for v in self.variables}
-                name = unused(f"{word}{index}" if f"{word}{index}" not in taken else f"{word}_out{index}", taken)
+                name = f"{word}{index}"
+                name = unused(name if name not in taken else longer(word, "_out") + index, taken)
                 number = float(values[k] if len(values) == m.count else values[0])
                 places[m.identifier, k] = len(self.variables)
                 self.variables.append(

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .arrays import Values, array, each, entries, identity, joined, product, scalar, stacked, summed
+from .multibody import terms as multibody
 from .scalars import Operation, is_literal, number_of, operation
 from .syntax import FunctionCall, Literal, ModelicaError, Place, SyntaxNode
 
@@ -294,4 +295,5 @@ BUILT_IN: dict[str, Callable[[FunctionCall, NameScope, Evaluator], Any]] = {
     "homotopy": _first, "smooth": _smooth, "semiLinear": _semi_linear, "pre": _at_events("pre"),
     "initial": _at_events("initial"), "sample": _at_events("sample"), "edge": _at_events("edge"),
     "change": _at_events("change"), "delay": _delay, "String": _text, "assert": _assert, "Integer": _first,
+    "mechanics": lambda node, scope, model: multibody.called(node, scope),
 }  # fmt: skip

@@ -80,14 +80,15 @@ def text_of(written: Written) -> str:
     return f"import gtmodel as gt\n{names}\n\n{ast.unparse(ast.fix_missing_locations(module))}\n"
 
 
-def plain(x: Expr) -> Expr:
-    """An expression without its unit: time in a text that declares no units.
+def plain(x: Any) -> Any:
+    """An expression without its unit: time in a text that declares no units, and what stands where units do not fit. A
+    number stays what it is.
 
     >>> m = gt.Builder()
     >>> gt.modelica.plain(m.variable("x", unit="m"))
     Expr(x, shape=(), unit=None)
     """
-    return Expr(x.sx, x.shape, None, x.scope)
+    return Expr(x.sx, x.shape, None, x.scope) if isinstance(x, Expr) else x
 
 
 def step(a: Any, b: Any) -> Any:
@@ -114,11 +115,11 @@ def whole(x: Expr) -> Expr:
     return Expr(ca.floor(x.sx + ROUND_OFF * (1 + ca.fabs(x.sx))), (), None, x.scope)
 
 
-def class_of(written: Written) -> type[Model]:
+def class_of(written: Written, more: dict[str, Any] | None = None) -> type[Model]:
     """The class, each of whose lines is one of the text. Nothing of the text is evaluated but what was translated."""
     gt: Any = import_module("gtmodel")
     world: dict[str, Any] = {"gt": gt, "der": gt.der, "plain": plain, "step": step, "whole": whole}
-    world |= {"__builtins__": {}, "__name__": "modelica"}
+    world |= {"__builtins__": {}, "__name__": "modelica", **(more or {})}
     namespace: dict[str, Any] = {"__doc__": written.description, "__module__": "modelica"}
     for source, statements in _runs(written.body):
         code = compile(ast.Module(statements, []), source.name, "exec")
@@ -137,7 +138,8 @@ def class_of(written: Written) -> type[Model]:
         base.__init__(self, **modifiers)
         self.__dict__["where"] = written.at.where  # of the text, not of who makes the model
 
-    made: Any = type(written.name, (base,), {**namespace, "__init__": __init__, "_written": written.at.where})
+    own = {"__init__": __init__, "_written": written.at.where, "_counts_from_one": True}
+    made: Any = type(written.name, (base,), {**namespace, **own})
     return made
 
 

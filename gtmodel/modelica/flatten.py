@@ -17,10 +17,12 @@ from .flat import Flattened, ScalarEquation, ScalarIf
 from .instances import Declared, Instance, NameScope
 from .members import field as field_of
 from .modifications import Modifier
+from .multibody.parts import is_frame
 from .scalars import Flat, Operation, Symbol, is_constant, is_literal, number_of, operation
 from .scopes import Space
 from .settled.events import settle_events
 from .settled.macros import settle_macros
+from .settled.static import settle_static
 from .settled.whens import apart, watched, when_of
 from .syntax import (
     Binary,
@@ -79,19 +81,26 @@ class _Flattening:
         self.connections.complete(instances, self.root)
         for terms, place in self.connections.sums():
             self.out.equations.append(ScalarEquation(terms, 0, place))
+        self.connections.assembly.settle(instances, self.out, self.model)
         settle_macros(self.out)
         self._header()
         if not self.out.optimization:
             settle_events(self.out)
-        if self.out.optimization:
+        if self.out.static and self.out.parts:
+            raise ModelicaError("a static optimization takes no parts of MultiBody, which move", self.out.parts[0].at)
+        if self.out.static:
+            settle_static(self.out)
+        elif self.out.optimization:
             constraints_settled(self.out)
         settle_inputs(self.out.flats, self.out.equations)
-        self.out.warnings = self.model.warnings
+        self.out.warnings = [*self.model.warnings, *self.out.warnings]
         return self.out
 
     # declarations
 
     def _declared(self, instance: Instance) -> None:
+        if is_frame(instance) or (instance.parent is not None and is_frame(instance.parent)):
+            return  # what it holds are quantities of a part
         for element in instance.elements.values():
             made = element.made
             if not isinstance(made, Declared) or "outer" in element.text.prefixes:
@@ -283,11 +292,16 @@ class _Flattening:
             if not isinstance(value, np.ndarray) or value.shape:
                 raise ModelicaError(f"{name} is a scalar", given.node.at)
             entry = value[()]
-            attribute = "." in name or name.endswith("Time")
+            attribute = "." in name or name.endswith("Time") or name == "static"
             if attribute and not is_literal(entry):
                 if not is_constant(entry):
                     raise ModelicaError(f"{name} is made of numbers and parameters", given.node.at)
                 entry = number_of(entry, given.node.at, name)
+            if name == "static":
+                if not isinstance(entry, bool):
+                    raise ModelicaError(f"static is true or false; found {entry}", given.node.at)
+                self.out.static = entry
+                continue
             self.out.header[name] = entry
             self.out.header_at[name] = given.node.at
 

@@ -10,8 +10,8 @@ from .classes import exact
 from .flat import Flattened, ScalarEquation, ScalarIf, ScalarWhen
 from .python import Writer
 from .resolved import Resolver, is_declared
-from .scalars import EnumerationLiteral, Flat, Operation, Symbol, is_literal, number_of
-from .syntax import ModelicaError, Place
+from .scalars import EnumerationLiteral, Flat, Operation, Symbol, is_literal, number_of, operations
+from .syntax import ModelicaError, Place, Source
 
 # how tightly an expression holds together; a sum stands in a product in parentheses only
 _IF, _OR, _AND, _NOT, _RELATION, _SUM, _PRODUCT, _POWER, _ATOM = range(9)
@@ -21,12 +21,15 @@ _BINARY = {
 }  # fmt: skip
 _WORDS = {"time": "time", "start_time": "startTime", "final_time": "finalTime"}
 _PLAIN = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+_NOWHERE = Place(Source("", ""), 1, 1)
 _ATTRIBUTES = ("unit", "min", "max", "start", "fixed", "nominal", "stateSelect", "free", "initialGuess")
 
 
 def flat_text(flat: Flattened, naming: Callable[[str], str] = str) -> str:
     """The variables, parameters and equations that are left of a class, with numbers where parameters decide, in the
     order of the text. naming: what a variable is called here. Raises ModelicaError for what cannot be written."""
+    if flat.parts:
+        raise ModelicaError("what is made of parts of MultiBody has no flat text; --python prints it", flat.parts[0].at)
     Writer(flat, exact, units=False).write()  # decides exponents and sizes, and refuses what is not taken
     return "\n".join(_Printer(naming).lines(flat)) + "\n"
 
@@ -38,14 +41,30 @@ class _Printer:
     def lines(self, flat: Flattened) -> list[str]:
         word = "optimization" if flat.optimization else "model"
         lines = [f"{word} {flat.name}{self._header(flat)}{_comment(flat.description)}"]
-        lines += [f"  {self._declaration(f)};" for f in flat.flats if is_declared(f)]
-        for head, items in (("initial equation", flat.initial), ("equation", flat.equations),
+        flats, equations, initial = flat.text or (flat.flats, flat.equations, flat.initial)
+        remembered = self._remembered(equations, initial)
+        shown = [f for f in flats if is_declared(f) or id(f) in remembered]
+        lines += [f"  {self._declaration(f)};" for f in shown]
+        own = [ScalarEquation(Symbol(f), f.replaced, f.at) for f in shown if id(f) in remembered]
+        for head, items in (("initial equation", initial), ("equation", [*own, *equations]),
                             ("constraint", flat.constraints)):  # fmt: skip
             inside = [f"  {line};" for e in items if (line := self._equation(e))]
             lines += [head, *inside] if inside else []
         signs = [f"{self._name(name)} = {self._of(value, place)}" for name, value, place in flat.branches]
         lines += [f"  annotation(__gtmodel(branch({', '.join(signs)})));"] if signs else []
         return [*lines, f"end {flat.name};"]
+
+    def _remembered(self, equations: list[Any], initial: list[Any]) -> set[int]:
+        """Ids of the Boolean variables whose values before an event are asked for."""
+        result: set[int] = set()
+        left: list[Any] = [x for e in (*equations, *initial) for x in _expressions(e)]
+        while left:
+            for o in operations(self.resolved(left.pop(), _NOWHERE)):
+                inside = o.arguments[0] if o.name == "pre" else None
+                if isinstance(inside, Symbol) and inside.flat.replaced is not None and id(inside.flat) not in result:
+                    result.add(id(inside.flat))
+                    left.append(inside.flat.replaced)
+        return result
 
     def _header(self, flat: Flattened) -> str:
         heads: dict[str, dict[str, str]] = {}
@@ -60,6 +79,8 @@ class _Printer:
         return f"({', '.join(said)})" if said else ""
 
     def _declaration(self, flat: Flat) -> str:
+        if flat.base == "enumeration":
+            raise ModelicaError(f"'{flat.name}' is of an enumeration, which flat text does not hold", flat.at)
         kind = "" if flat.kind == "variable" else f"{flat.kind} "
         given = {name: value for name in _ATTRIBUTES if (value := flat.get(name)) is not None}
         if "stateSelect" in given:
@@ -86,11 +107,6 @@ class _Printer:
             x = self.resolved(last.condition, last.at)
             held = x.arguments[0] if isinstance(x, Operation) and x.name == "not" else Operation("not", (x,), last.at)
             return f"assert({self._text(held, _IF)}, {_quoted(last.end[0])})"
-        if e.own:
-            raise ModelicaError(
-                "what changes at events by itself, as Boolean variables and floor(), is not written as flat text; "
-                "--python writes it", e.at,
-            )  # fmt: skip
         parts: list[str] = []
         for b in e.branches:
             inside = [self._relation(a) for a in b.actions]
@@ -100,7 +116,10 @@ class _Printer:
         return " else".join(parts) + " end when"
 
     def _relation(self, e: ScalarEquation) -> str:
-        left, right = (self._text(self.resolved(x, e.at), _OR) for x in (e.left, e.right))
+        # what events remember stands on the left of its own equation
+        of = isinstance(e.left, Symbol) and e.left.flat.replaced is not None
+        left = self._name(e.left.flat.name) if of else self._text(self.resolved(e.left, e.at), _OR)
+        right = self._text(self.resolved(e.right, e.at), _OR)
         return f"{left} {'=' if e.relation == '==' else e.relation} {right}"
 
     # expressions
@@ -147,6 +166,15 @@ class _Printer:
         if name == "at":
             return f"{self._text(given[0], _ATOM)}({self._text(given[1], _IF)})", _ATOM
         return f"{name}({', '.join(self._text(a, _IF) for a in given)})", _ATOM
+
+
+def _expressions(e: Any) -> list[Any]:
+    if isinstance(e, ScalarWhen):
+        values = [x for b in e.branches for x in (b.condition, *(v for _, v in b.restarts))]
+        return [*values, *(a.right for a in e.actions)]
+    if isinstance(e, ScalarIf):
+        return [e.condition, *(x for part in (*e.then, *e.otherwise) for x in (part.left, part.right))]
+    return [e.left, e.right]
 
 
 def _comment(words: str) -> str:

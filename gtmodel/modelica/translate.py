@@ -8,20 +8,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ..compiler.causal import flat_of
 from ..lang.model import Model
-from ..lang.optimization import Optimization
 from ..lang.slips import near
-from ..lang.source import ModelError
-from ..lang.units import UnitError
-from .classes import class_of, exact, identifier, text_of
+from .classes import identifier, text_of
 from .flat import Flattened
 from .flatten import flattened
 from .instances import NameScope
 from .modifications import Given, Modifier
+from .multibody.lean import lean, shown
 from .names import split
 from .python import Writer
-from .scopes import Space, of_text
+from .scopes import Space, files_of, of_text
+from .settled.units import fitted
 from .syntax import Array, ClassText, Literal, ModelicaError, Place, Source
 
 FLATTENERS = ("gtmodel", "rumoca")
@@ -40,6 +38,7 @@ class Translation:
         units: whether the text's units are used.
         file, name: where the text lies, and the dotted name of the class in it.
         flat_file: the flat text that another flattener wrote; lines of errors are of this one.
+        libraries: the other files that classes were read from.
     """
 
     model: type[Model]
@@ -51,6 +50,7 @@ class Translation:
     name: str
     flat: Flattened
     flat_file: Path | None = None
+    libraries: tuple[Path, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,37 +175,12 @@ def translated(
         flat = of_flat_file(written, space)
         flat.warnings.append(f"{name} was flattened by rumoca {version()}; lines of it are those of {written.name}")
     else:
-        flat = flattened(space, _said(parameters or {}))
-    cls, units, warnings = _made(flat)
-    return Translation(cls, flat.optimization, stop, (*flat.warnings, *warnings), units, text.path, name, flat, written)
-
-
-def _made(flat: Flattened) -> tuple[type[Model], bool, list[str]]:
-    """With units where they fit, else without and a warning."""
-    plain = class_of(Writer(flat, exact, units=False).write())
-    if not any(f.get("unit") for f in flat.flats):
-        return plain, False, []
-    writer = Writer(flat, exact, units=True)
-    try:
-        cls = class_of(writer.write())
-        _checked(cls)
-    except (ModelError, UnitError) as error:
-        try:
-            _checked(plain)
-        except (ModelError, UnitError):
-            return plain, False, []  # who solves it says so
-        return plain, False, [f"units are not used: {error}"]
-    return cls, True, writer.warnings
-
-
-def _checked(cls: type[Model]) -> None:
-    """Flatten it, with its objective and constraints. Raises ModelError for units that do not fit, among others."""
-    model: Any = cls()
-    root: Any = flat_of(model).root
-    if issubclass(cls, Optimization):
-        root.objective()
-        for _ in root.constraints():
-            pass
+        flat = shown(flattened(space, _said(parameters or {})))
+    cls, units, warnings = fitted(flat)
+    cls._static = flat.static  # type: ignore[attr-defined]
+    others = tuple(file for file in files_of(text.root) if file != Path(text.path))
+    remarks = *flat.warnings, *warnings
+    return Translation(cls, flat.optimization, stop, remarks, units, text.path, name, flat, written, others)
 
 
 def load(
@@ -274,7 +249,7 @@ def python_of(
             yield (der(self.x) == -self.x)
     """
     item = translated(reference, library=library, parameters=parameters)
-    return text_of(Writer(item.flat, identifier, units=item.units).write())
+    return text_of(Writer(lean(item.flat), identifier, units=item.units).write())
 
 
 def flat_of_text(

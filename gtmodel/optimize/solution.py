@@ -133,15 +133,18 @@ class Solution:
         points (of a control's coefficients, where it is no polynomial), in SI units; positive at an upper bound.
 
         What two elements share counts once, at the end of the earlier one: a linear control's first coefficient has 0
-        in all elements but the first. A state that is given at the end of the horizon has no bound there. Raises
-        KeyError with the names.
+        in all elements but the first. A state that is given at the end of the horizon has no bound there. Of a free
+        constant it is one number, (1, 1). Raises KeyError with the names.
         """
         problem, layout = self.problem, self.nlp.element.layout
+        if name in problem.free_names:
+            n = problem.free_names.index(name)
+            return np.array([[self.bound_multipliers[self.nlp.free][n] / self.nlp.p_scale[n]]])
         columns = dict(zip(problem.state_names, layout.x.T, strict=True))
         columns |= dict(zip(problem.control_names, layout.u.T, strict=True))
         columns |= dict(zip(problem.point_names, layout.z.T, strict=True))
         if name not in columns:
-            raise KeyError(f"'{name}' has no bounds of its own; there are {', '.join(columns)}")
+            raise KeyError(f"'{name}' has no bounds of its own; there are {', '.join([*columns, *problem.free_names])}")
         values = self.bound_multipliers[: self.nlp.end].reshape(-1, layout.size)
         multipliers = values[:, columns[name]] / layout.scale[columns[name]]
         twin = self._twin(name, int(columns[name][-1]))

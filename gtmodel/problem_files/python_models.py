@@ -93,6 +93,8 @@ def _text(
     if not isinstance(model, base):
         raise InputError(f"'{reference}' is a model; expected an optimization", key)
     context.notes += made.warnings
+    for n, file in enumerate(made.libraries, 1):
+        context.take(f"library{n}", file)
     if made.flat_file is not None:
         context.take("flat", made.flat_file)
     context.models.append(model)

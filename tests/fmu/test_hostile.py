@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes as c
 import io
+import re
 import xml.etree.ElementTree as ElementTree
 import zipfile
 
@@ -11,6 +12,9 @@ import numpy as np
 import pytest
 
 import gtmodel as gt
+from gtmodel.fmu.table import fmi_name, unused
+from gtmodel.fmu.xml_text import base_unit
+from gtmodel.lang.source import of_frame
 from tests.fmu.makers import functions
 from tests.fmu.raw import DISCARD, ERROR, OK, Raw, unpacked
 
@@ -39,6 +43,22 @@ def test_a_time_that_importers_add_up_takes_one_sample_a_step(made, version):
         runs.append(values)
     assert t != 10_000 * h
     assert runs[0] == runs[1]
+
+
+def test_a_step_far_shorter_than_a_period_takes_the_sample_at_its_start(made):
+    unit, library, _ = made("block", 3)
+    u, y = [unit.table.of(role)[0].reference for role in ("input", "output")]
+    raw, h, t = Raw(unit, library), unit.table.period / 5000, 0.0
+    assert raw.begin() == OK
+    seen = []
+    for k in range(5001):
+        assert raw.set([u], [float(k)]) == OK
+        assert raw.step(t, h)[0] == OK
+        t += h
+        seen.append(raw.get([y])[1][0])
+    raw.free()
+    assert seen[0] == seen[4999] == 0.0  # of the input 0 at the start
+    assert seen[5000] == (4.0 + 2.0 * unit.table.period) * 5000.0
 
 
 def experiment(raw: Raw, start: float, stop: float) -> int:
@@ -232,3 +252,67 @@ def test_names_of_our_own_files_are_refused(name):
 @pytest.mark.parametrize("name", ["main", "a_selftest"])
 def test_names_that_end_as_files_that_are_left_out(name):
     assert gt.fmu.export(functions()["driven"], None, name=name).data
+
+
+# the grammar of the standard, section 2.4.7.5.1
+QUOTED = r"'(?:[A-Za-z0-9_!#$%&()*+,\-./:;<>=?@\[\]^{}|~ ]|\\['\"?\\abfnrtv])+'"
+WORD = rf"(?:[A-Za-z_][A-Za-z0-9_]*|{QUOTED})(?:\[\d+(?:,\d+)*\])?"
+NAME = re.compile(rf"{WORD}(?:\.{WORD})*|der\({WORD}(?:\.{WORD})*(?:,\d+)?\)")
+
+
+@pytest.mark.parametrize("name", ["\u03b8", "der(\u00fc.x[2],2)", "it's", 'a"b', "back\\slash", "3d[1,2]", "a b.c"])
+def test_names_follow_the_grammar_of_the_standard(name):
+    assert NAME.fullmatch(fmi_name(name)), fmi_name(name)
+    assert NAME.fullmatch(unused(fmi_name(name), {fmi_name(name)}))
+
+
+def test_exponents_of_angles_below_zero():
+    assert base_unit("m.rad-1") == {"m": 1, "rad": -1}
+    assert base_unit("rad-2") == {"rad": -2}
+
+
+def test_a_script_is_the_same_from_every_folder():
+    """What the C says of a line stands in the archive: `python ../model.py` must give the same bytes."""
+    assert str(of_frame("/models/runs/../plant.py", 3)) == str(of_frame("/models/plant.py", 3))
+
+
+@pytest.mark.parametrize(
+    ("given", "argument"),
+    [
+        ({"stop": float("inf")}, "stop"),
+        ({"step": float("inf")}, "step"),
+        ({"tolerance": float("nan")}, "tolerance"),
+        ({"on_fault": "ignore"}, "on_fault"),
+        ({"box": {"nothing": [[0.0, 1.0]]}}, "box"),
+        ({"start": {"u": "fast"}}, "start"),
+        ({"start": {"u": 1j}}, "start"),
+    ],
+)
+def test_what_export_refuses(given, argument):
+    with pytest.raises(gt.results.ArgumentError) as refusal:
+        gt.fmu.export(functions()["driven"], None, name="refused", **given)
+    assert refusal.value.argument == argument
+
+
+def test_what_is_no_function_is_refused():
+    with pytest.raises(gt.results.ArgumentError, match="what"):
+        gt.fmu.export(3.0, None)
+    with pytest.raises(gt.results.ArgumentError, match="box"):
+        gt.fmu.export(functions()["block"], None, box={"error": [[0.0, 1.0]]})
+    with pytest.raises(gt.results.ArgumentError, match="options"):
+        gt.fmu.study({"a": functions()["driven"]}, "nowhere", name="x", options={"b": {}}, check=None)
+
+
+def test_a_file_of_somebody_else_stays(tmp_path):
+    for name, text in (("notes.fmu", b"mine"), ("empty.fmu", b"")):
+        (tmp_path / name).write_bytes(text)
+    with pytest.raises(gt.results.ArgumentError, match="not written by gtmodel"):
+        gt.fmu.export(functions()["driven"], tmp_path / "notes.fmu")
+    assert (tmp_path / "notes.fmu").read_bytes() == b"mine"
+    for _ in range(2):  # an empty place, then our own archive
+        assert gt.fmu.export(functions()["driven"], tmp_path / "empty.fmu").path == tmp_path / "empty.fmu"
+
+
+def test_one_tunable_is_a_name():
+    unit = gt.fmu.export(functions()["driven"], None, name="one", tunable="u")
+    assert [v.name for v in unit.table.of("tunable")] == ["u"]

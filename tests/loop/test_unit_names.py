@@ -99,6 +99,40 @@ def test_a_unit_whose_steps_do_not_fit_is_refused(tmp_path: Path) -> None:
     assert fine.position_m.tolist() == plain.position_m.tolist()
 
 
+@pytest.mark.parametrize("number", ["NaN", "INF", "-1.0"])
+def test_a_step_inside_that_is_no_length_is_none(number: str, tmp_path: Path) -> None:
+    new = f'fixedInternalStepSize="{number}"'
+    other = units.changed(units.drives(3), tmp_path, ('fixedInternalStepSize="0.004"', new))
+    assert units.drives_plant(other)(0.004).unit.inner_step is None
+
+
+def test_a_unit_with_a_factor_of_zero_is_refused(tmp_path: Path) -> None:
+    other = units.changed(units.drives(3), tmp_path, ('<BaseUnit m="1"/>', '<BaseUnit m="1" factor="0"/>'))
+    _refused(lambda: units.drives_plant(other)(0.004), "position", "factor")
+
+
+@pytest.mark.parametrize(
+    ("place", "value", "word"), [(4, True, "event"), (7, 0.002, "elsewhere"), (7, 4.0, "elsewhere")]
+)
+def test_a_step_that_went_otherwise_than_it_says(place: int, value: Any, word: str, tmp_path: Path) -> None:
+    """OK, with an event that nobody handles, or with a time that is not the end of the step."""
+    bare = units.changed(units.drives(3), tmp_path, (' fixedInternalStepSize="0.004"', ""))
+    plant = units.drives_plant(bare)(0.004)
+    step = plant.unit._unit.fmi3DoStep
+
+    def otherwise(*given: Any) -> None:
+        step(*given)
+        given[place]._obj.value = value
+
+    plant.unit._unit.fmi3DoStep = otherwise
+    with pytest.raises(gt.fmu.UnitStopped, match=word):
+        plant.step(units.start(), [0.0] * 3)
+
+
+def test_what_a_unit_says_moves_no_terminal() -> None:
+    assert running._text(b"\x1b[31m far\x07\n off \xff") == "[31m far off \ufffd"
+
+
 def test_a_plant_of_another_cycle_is_refused() -> None:
     plant = units.drives_plant(units.drives(3))(0.008)
     _refused(lambda: gt.loop.RobotSide("egm", plant), "plant", "8 ms", "4 ms")

@@ -232,3 +232,20 @@ def test_what_cannot_be_followed_exactly_is_refused_with_its_line(tmp_path: Path
     with pytest.raises(gt.ModelError, match=r"m\.mo:3") as caught:
         run(tmp_path, text)
     assert word in str(caught.value)
+
+
+def test_flat_text_of_events_reads_back(tmp_path: Path) -> None:
+    text = """model M Real x(start = 0, fixed = true); Boolean on(start = true); Integer times(start = 0);
+      equation der(x) = if on then 1 else -floor(1 + time/10);
+      on = not pre(on) and x < 0.2 or pre(on) and x <= 0.6;
+      assert(x < 5, "far");
+      when edge(on) then times = pre(times) + 1; elsewhen {sample(0.5, 1), x > 1} then times = -1; end when; end M;"""
+    simulation = run(tmp_path, text, 2.0)
+    flat = tmp_path / "flat.mo"
+    flat.write_text(gt.modelica.flat_of_text(tmp_path / "m.mo"))
+    assert gt.modelica.flat_of_text(flat) == flat.read_text()
+    again = gt.simulate(gt.modelica.load(flat)(), 2.0)
+    assert history(again, "times") == history(simulation, "times") == [(0.5, -1), (1.0, 0), (1.5, -1), (1.8, 0)]
+    namespace: dict[str, Any] = {}
+    exec(gt.modelica.python_of(tmp_path / "m.mo"), namespace)
+    assert history(gt.simulate(namespace["M"](), 2.0), "on") == history(simulation, "on")

@@ -52,6 +52,7 @@ class _Settling:
 
     def run(self) -> None:
         out = self.out
+        out.text = list(out.flats), list(out.equations), list(out.initial)
         self._starts()
         equations: list[Any] = []
         for e in out.equations:
@@ -218,7 +219,6 @@ class _Settling:
             conditions = [(Operation(">=", (own, Operation("+", (old, 0.5), where)), where), own),
                           (Operation("<=", (own, Operation("-", (old, 0.5), where)), where), own)]  # fmt: skip
         else:
-            flat.name = f"{flat.name} (now)"
             truth = self.condition(self.resolved(flat.replaced, flat.at), flat.at)
             if isinstance(truth, bool):
                 memory.kind, memory.replaced = "constant", truth

@@ -106,7 +106,7 @@ class DynamicProblem:
     @property
     def indifferent(self) -> bool:
         """Is the objective a constant, whatever the motion?"""
-        return not self.integrals and not self.misfits and self.mayer.is_constant()
+        return not any(weight for _, _, weight in self.integrals) and not self.misfits and self.mayer.is_constant()
 
     @property
     def arguments(self) -> list[ca.SX]:
