@@ -95,6 +95,11 @@ size_t gt_fmu_bytes(void);
 void gt_fmu_pack(const gt_fmu_data *data, unsigned char *bytes);
 gt_fmu_result gt_fmu_unpack(const gt_fmu *f, const unsigned char *bytes, size_t n, gt_fmu_data *data);
 
+#ifdef GT_FMU_PARAMETERS
+/* Whether a number is between the limits of the parameter of the model that it is set to; of others: yes. */
+int gt_fmu_within(unsigned int reference, double value);
+
+#endif /* GT_FMU_PARAMETERS */
 /* Says a sentence, with the name of the call. */
 gt_fmu_result gt_fmu_refuse(const gt_fmu *f, gt_fmu_result result, const char *call, const char *sentence);
 /* A copy of a text; 0 without memory. */

@@ -53,6 +53,27 @@ static gt_status current(gt_fmu_data *d, double time)
     return status;
 }
 
+#ifdef GT_FMU_PARAMETERS
+/* No status of a function: a part that is too long. */
+#define TOO_LONG ((gt_status)100)
+
+/* The longest part was chosen at the start values of parameters; others may make it too long. Whether one of length h
+ * ends too far from where a method of order 3 does, over the size of a state or one: that takes the rates at the end in
+ * place of the fourth ones, and costs nothing. */
+static int is_rough(double h, const double *y, const double *fourth, const double *last)
+{
+    int rough = 0;
+    int i;
+
+    for (i = 0; i < GT_FMU_STATES; i++) {
+        const double off = fabs((h / 6.0) * (fourth[i] - last[i]));
+
+        rough |= (off <= (GT_FMU_PART_ERROR * fmax(1.0, fabs(y[i])))) ? 0 : 1;
+    }
+    return rough;
+}
+
+#endif /* GT_FMU_PARAMETERS */
 /* One part of length h from a point whose outputs are up to date; all is written with GT_OK only. */
 static gt_status part(gt_fmu_data *d, double h, double end)
 {
@@ -98,6 +119,11 @@ static gt_status part(gt_fmu_data *d, double h, double end)
         return GT_NOT_FINITE;
     }
     status = rates(d, v, y, k[0], &tried);
+#ifdef GT_FMU_PARAMETERS
+    if ((status == GT_OK) && (is_rough(h, y, k[3], k[0]) != 0)) {
+        status = TOO_LONG;
+    }
+#endif /* GT_FMU_PARAMETERS */
     if (status == GT_OK) {
         gt_copy(d->v, v, GT_FMU_REALS);
         d->kept = tried;
@@ -211,6 +237,14 @@ gt_fmu_result gt_fmu_advance(gt_fmu *f, double from, double h, double *reached)
             *reached = d->v[0];
         }
     }
+#ifdef GT_FMU_PARAMETERS
+    if (status == TOO_LONG) {
+        d->last = (int)GT_NOT_CONVERGED;
+        d->reached = *reached;
+        return gt_fmu_refuse(f, GT_FMU_DISCARD, call,
+                             "the step inside is too long for these parameters or inputs; take shorter steps");
+    }
+#endif /* GT_FMU_PARAMETERS */
     d->last = (int)status;
     if (status == GT_OK) {
         *reached = d->v[0];

@@ -30,6 +30,9 @@ class Function(FileSection):
         description="of a unit, by --fmu: input or state = start value in SI; at rest at home if empty",
     )
     tunable: list[str] = Field(default=[], description="of a unit: known variables that become tunable parameters")
+    parameters: list[str] = Field(
+        default=[], description='of a unit: parameters of the model, such as "m_p", that stay tunable parameters'
+    )
 
 
 class FmuSection(FileSection):

@@ -36,6 +36,14 @@ def call(problem: Schema, context: Context) -> Call:
     )  # fmt: skip
 
 
+def arguments(problem: Schema) -> dict[str, str]:
+    """Keys of the options that units are exported with."""
+    shared = {"stop": "stop_s", "on_fault": "on_fault", "tolerance": "tolerance", "step": "step_s"}
+    keys = {f"options.{f.name}.{option}": f"fmu.{key}" for f in problem.functions for option, key in shared.items()}
+    keys |= {f"options.{f.name}": f"functions[{n}]" for n, f in enumerate(problem.functions)}
+    return keys | {f"options.{f.name}": f"filters[{n}]" for n, f in enumerate(problem.filters)}
+
+
 def write(
     problem: Schema, context: Context, out: Path, *, verify: bool = False, write_failed: bool = False,
     fmu: str | None = None,
@@ -69,7 +77,9 @@ def _units(problem: Schema, context: Context, out: Path, fmu: str, verify: bool,
     functions = functions_of(problem, context)
     s = problem.fmu
     all_ = {"stop": s.stop_s, "box": problem.box, "on_fault": s.on_fault, "tolerance": s.tolerance, "step": s.step_s}
-    own = {f.name: {**all_, "start": f.start, "tunable": f.tunable} for f in problem.functions}
+    own = {
+        f.name: {**all_, "start": f.start, "tunable": f.tunable, "parameters": f.parameters} for f in problem.functions
+    }
     if not write_failed and not context.interrupted():
         refuse_distrusted(context, "the units")
     made = Call(
@@ -87,8 +97,8 @@ def explain(problem: Schema, context: Context) -> str:
 
 
 def functions_of(problem: Schema, context: Context) -> dict[str, CausalFunction | StepFunction]:
-    """Functions and filters by name; when a stop is asked for, those done. Raises InputError for a name given twice,
-    ModelError for a wrong causality."""
+    """Functions and filters by name; when a stop is asked for, those done. Raises InputError for a name given twice and
+    for a wrong causality."""
     if not problem.functions and not problem.filters:
         raise InputError("there is nothing to generate; give [[functions]] or [[filters]]", "functions")
     model = problem.model(context)
@@ -99,7 +109,10 @@ def functions_of(problem: Schema, context: Context) -> dict[str, CausalFunction 
         if context.interrupted():
             break
         context.progress(f"deriving {f.name}", n / len(problem.functions))
-        functions[f.name] = compile_causal(model, f.known, f.targets, f.prefer, f.branches, f.name)
+        try:
+            functions[f.name] = compile_causal(model, f.known, f.targets, f.prefer, f.branches, f.name)
+        except ModelError as error:
+            raise InputError(f"{error} (function '{f.name}')", f"functions[{n}]") from error
     for n, section in enumerate(problem.filters):
         if section.name in functions:
             raise InputError(f"'{section.name}' names two functions", f"filters[{n}].name")
