@@ -43,55 +43,53 @@ def compiled(name, names, values):
     own = {n.removeprefix("robot."): v for n, v in given.items()}
     if name == "filtered":
         return InverseModel(robot=l1().with_(**own)).causal(known="reference", targets=["tau", "robot.q", "robot.T"])
-    model = {"spiral": Spiral(**own), "f1_ik": gt.robots.f1_gantry_tau().with_(**own)}.get(name) or l1().with_(**own)
-    known = [g[0] for g in f.groups]
-    return model.causal(known=known, targets=[s.name for s in f.outputs], prefer=prefer(name))
+    base = Spiral() if name == "spiral" else gt.robots.f1_gantry_tau() if name == "f1_ik" else l1()
+    known, targets = [g[0] for g in f.groups], [s.name for s in f.outputs]
+    return base.with_(**own).causal(known=known, targets=targets, prefer=prefer(name))
 
 
 def prefer(name):
     return {"forward": "T", "spiral": ["x", "v"]}.get(name, ())
 
 
+SLOW = ("filtered", "f1_ik")  # to compile anew
+
+
 @pytest.mark.parametrize("version", [3, 2])
-@pytest.mark.parametrize("name", sorted(KEPT))
+@pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.proof) if n in SLOW else n for n in sorted(KEPT)])
 def test_changed_parameters_give_what_a_model_with_these_numbers_gives(made, name, version):
     """The unit equals its own function to the last bit, that one the model compiled with the numbers to round-off."""
     unit, path, _ = made(f"{name}_p", version)
     raw, rng, own = Raw(unit, path), np.random.default_rng(3), unit.function
-    settings = [v.reference for v in unit.table.of("input", "state")]
-    start = np.array([unit.table.variables[r].start for r in settings])
-    rows = drawn(unit, 6 if version == 3 else 3) if name != "f1_ik" else np.array(
-        [[v.start * (1 + 2e-4 * rng.normal()) for v in kept(unit)] for _ in range(3)]
-    )  # fmt: skip
+    start = {v.name: v.start for v in unit.table.of("input", "state")}
+    rows = drawn(unit, 4)
+    if name == "f1_ik":  # Newton's method of the unit begins where the lengths are those of the start
+        rows = np.array([[v.start * (1 + 2e-4 * rng.normal()) for v in kept(unit)] for _ in range(3)])
     good = 0
     for values in rows:
         other = compiled(name, KEPT[name], values)
-        at = {v.name: x for v, x in zip(unit.table.of("input", "state"), start, strict=True)}
-        if name != "f1_ik":
-            at = {n: x + 1e-2 * max(0.1, abs(x)) * rng.normal() for n, x in at.items()}
-        assert raw.do("Reset") == OK
-        assert raw.set(list(unit.table.parameters), values) == OK
+        at = start if name == "f1_ik" else {n: x + 1e-2 * max(0.1, abs(x)) * rng.normal() for n, x in start.items()}
+        assert raw.do("Reset") == raw.set(list(unit.table.parameters), values) == OK
         assert raw.set([raw.names[n] for n in at], list(at.values())) == OK
         began = raw.begin()
-        mine = [_argument(own, s, {**at, **dict(zip([v.name for v in kept(unit)], values, strict=True))})
-                for s in own.inputs]  # fmt: skip
-        *exact, said = own(*mine)
-        *wanted, status = other(*mine[: len(other.inputs)])
+        everything = {**at, **dict(zip([v.name for v in kept(unit)], values, strict=True))}
+        arguments = [_argument(own, s, everything) for s in own.inputs]
+        *exact, said = own(*arguments)
+        *wanted, status = other(*[_argument(other, s, everything) for s in other.inputs])
         assert (began == OK) == (said is Status.OK) == (status is Status.OK)
         if began != OK:
             continue
         good += 1
-        near = ITERATED if own.kernels else NEAR
-        for k, s in enumerate(own.outputs):
+        there = {s.name: np.ravel(w) for s, w in zip(other.outputs, wanted, strict=True)}
+        for s, number in zip(own.outputs, map(np.ravel, exact), strict=True):
             here = [fmi_name(own.flat.symbol_name(*p)) for p in s.pairs]
-            if all(n in raw.names for n in here):
-                got = raw.get([raw.names[n] for n in here])[1]
-                if not own.kernels:
-                    assert got.tolist() == np.ravel(exact[k]).tolist()
-                there = [o.name for o in other.outputs]
-                if s.name in there:
-                    far = np.max(np.abs(got - np.ravel(wanted[there.index(s.name)])))
-                    assert far <= near * max(1.0, float(np.max(np.abs(got))))
+            if not all(n in raw.names for n in here):
+                continue
+            got = raw.get([raw.names[n] for n in here])[1]
+            assert own.kernels or got.tolist() == number.tolist()
+            if s.name in there:
+                near = ITERATED if own.kernels else NEAR
+                assert np.max(np.abs(got - there[s.name])) <= near * max(1.0, float(np.max(np.abs(got))))
     assert good >= len(rows) / 2
 
 
@@ -101,7 +99,7 @@ def _argument(f, signal, at):
 
 
 def test_how_they_stand_in_the_table(made):
-    unit, _, path = made("spiral_p", 3)
+    unit, *_ = made("spiral_p", 3)
     stiffness, bend = kept(unit)
     assert (stiffness.name, stiffness.unit, stiffness.start, stiffness.most) == ("stiffness", "1/s", 2.0, 8.0)
     assert stiffness.description == "of the drive" and 0.0 < stiffness.least < 1e-300  # positive
@@ -246,12 +244,10 @@ def test_a_thousand_hostile_numbers(made, version):
             taken += 1
             status, got = raw.get(unit.table.computed)
             u, x, v = raw.get(there)[1]
-            *wanted, said = f(x, v, u, *values)
+            said = f(x, v, u, *values)[-1]
             if status == OK and said is Status.OK:
                 y = raw.get([raw.names["y"]])[1][0]
-                assert y + values[1] * np.sin(3 * y) == pytest.approx(
-                    x, abs=1e-9
-                )  # a solution; from home it is another
+                assert y + values[1] * np.sin(3 * y) == pytest.approx(x, abs=1e-9)  # one of several
                 assert got[unit.table.computed.index(raw.names["der(v)"])] == pytest.approx(
                     u - 9.0 * y - values[0] * v, abs=1e-9
                 )
@@ -297,7 +293,6 @@ def moved_by(friction, version, scale, h, until=0.1):
 @pytest.mark.parametrize("version", [3, 2])
 def test_a_step_inside_that_is_too_long_for_other_parameters_says_so(friction, version):
     """The step was chosen for smooth friction; for sharp one DoStep ends with Discard, and short steps go well."""
-    unit, _ = friction[version]
     assert moved_by(friction, version, 0.1, 4e-3)[0] == OK
     status, last, _, said = moved_by(friction, version, SHARP, 4e-3)
     assert status == DISCARD and last < 0.1 and "too long" in said
@@ -351,8 +346,8 @@ def test_newton_beside_states(made):
         assert raw.get([v.reference for v in unit.table.numbers])[1].tolist() == first.tolist()
         solved, trial = Raw(unit, path, co=False), Raw(unit, path, co=False)
         assert solved.begin({"u": 0.7}) == trial.begin({"u": 0.7}) == OK
-        for x in np.linspace(0.5, 1.5, 30):  # trials leave no trace
-            assert trial.set_states([x + 0.3, 1.0]) == trial.derivatives()[0] == OK
+        for x in np.linspace(0.5, 1.5, 50):  # trials leave no trace
+            assert trial.set_states([x + 0.02, 1.0]) == trial.derivatives()[0] == OK
             for one in (solved, trial):
                 assert one.set_states([x, 0.2]) == OK and one.derivatives()[0] == OK and one.completed() == OK
             assert solved.derivatives()[1] == pytest.approx(rates(0, [x, 0.2]), abs=1e-10)
@@ -364,7 +359,7 @@ def test_newton_beside_states(made):
 
 
 class Powered(gt.Model):
-    n = gt.parameter(2.0)
+    n = gt.parameter(0.0)
     high = gt.parameter(3.0)
     low = gt.parameter(1.0, max=high)
     both = gt.parameter(2.0, positive=True)
@@ -374,17 +369,17 @@ class Powered(gt.Model):
     z = gt.variable()
 
     def equations(self):
-        yield self.y**self.n + self.y == self.x
+        yield self.n * gt.exp(self.y) + self.y**2 + self.y == self.x
         yield self.z == self.low * self.y + self.both + self.order[1]
 
 
 REFUSED = {
-    "an unknown one": ("y z".split(), ["m"]),
-    "one that does not enter": ("y z".split(), ["high"]),
-    "one that has another for a limit": ("y z".split(), ["low"]),
-    "one that decides how it is solved": ("y z".split(), ["n"]),
-    "numbers that belong together": ("y z".split(), ["order"]),
-    "twice the same": ("y z".split(), ["both", "both"]),
+    "an unknown one": (["y", "z"], ["m"]),
+    "one that does not enter": (["y", "z"], ["high"]),
+    "one that has another for a limit": (["y", "z"], ["low"]),
+    "one that decides how it is solved": (["y", "z"], ["n"]),
+    "numbers that belong together": (["y", "z"], ["order"]),
+    "twice the same": (["y", "z"], ["both", "both"]),
     "its element too": (None, ["A", "A[0,1]"]),
     "one that follows from another": (None, ["arm[0].rod.L"]),
     "a direction": (None, ["v"]),
