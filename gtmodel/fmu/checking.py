@@ -99,7 +99,7 @@ def _values(unit: Fmu, f: CausalFunction, caller: UnitCaller, points: int, seed:
     for v in unit.table.numbers:
         if v.reference in unit.table.parameters:
             column = [fmi_name(f.flat.symbol_name(*p)) for p in settings_of].index(v.name)
-            rows[1:, column] = other_values(v, points - 1, seed)
+            rows[:, column] = other_values(v, points, seed)
     expected, wanted = evaluate(face, rows)
     names = _names(unit)
     settings = [names[fmi_name(f.flat.symbol_name(*p))] for p in settings_of]

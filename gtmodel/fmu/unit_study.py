@@ -48,7 +48,9 @@ class FmuStudy(Study):
         """The table for people."""
         return [
             Row("folder", self.folder),
-            *[Row(name, f"{', '.join(u['outputs'])} from {', '.join(u['inputs']) or 'nothing'}; {u['bytes']} bytes")
+            *[Row(name, f"{', '.join(u['outputs'])} from {', '.join(u['inputs']) or 'nothing'}"
+                        f"{'; parameters ' if u.get('parameters') else ''}{', '.join(u.get('parameters', []))}"
+                        f"; {u['bytes']} bytes")
               for name, u in (self.units or {}).items()],
         ]  # fmt: skip
 

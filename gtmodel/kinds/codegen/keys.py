@@ -111,3 +111,21 @@ class Schema(RobotProblem):
     lead_through: Made[Guiding] | None = Field(
         default=None, description="for gtmodel loop --law lead_through: law, force sensors and a synthetic scene"
     )
+
+
+def keys_of_units(problem: Schema) -> dict[str, str]:
+    """Where the options stand that units are exported with."""
+    shared = {"stop": "stop_s", "on_fault": "on_fault", "tolerance": "tolerance", "step": "step_s"}
+    keys = {f"options.{f.name}.{option}": f"fmu.{key}" for f in problem.functions for option, key in shared.items()}
+    keys |= {f"options.{f.name}": f"functions[{n}]" for n, f in enumerate(problem.functions)}
+    return keys | {f"options.{f.name}": f"filters[{n}]" for n, f in enumerate(problem.filters)}
+
+
+def key_of_filter(section: FilterSection, argument: str) -> str:
+    """The key of an argument; of a sensor's, "NAME.deviation", where the sensor stands."""
+    units = {"period": "period_s", "delay": "delay_s"}
+    owner, _, what = argument.partition(".")
+    places = {s.name: n for n, s in enumerate(section.sensors)}
+    if what and owner in places:
+        return f"sensors[{places[owner]}].{units.get(what, what)}"
+    return units.get(argument, argument)

@@ -17,9 +17,10 @@ from gtmodel.problem_files.call import Call
 from gtmodel.problem_files.noted import doubts, refuse_distrusted
 from gtmodel.results import ArgumentError
 
-from .keys import FilterSection, Schema
+from .keys import FilterSection, Schema, key_of_filter, keys_of_units
 
 NAME = "codegen"
+arguments = keys_of_units
 VERSIONS = {"3": (3,), "2": (2,), "both": (3, 2)}
 
 
@@ -34,14 +35,6 @@ def call(problem: Schema, context: Context) -> Call:
         },
         problem=problem.model_dump(mode="json", exclude_unset=True), title=problem.title,
     )  # fmt: skip
-
-
-def arguments(problem: Schema) -> dict[str, str]:
-    """Keys of the options that units are exported with."""
-    shared = {"stop": "stop_s", "on_fault": "on_fault", "tolerance": "tolerance", "step": "step_s"}
-    keys = {f"options.{f.name}.{option}": f"fmu.{key}" for f in problem.functions for option, key in shared.items()}
-    keys |= {f"options.{f.name}": f"functions[{n}]" for n, f in enumerate(problem.functions)}
-    return keys | {f"options.{f.name}": f"filters[{n}]" for n, f in enumerate(problem.filters)}
 
 
 def write(
@@ -77,9 +70,7 @@ def _units(problem: Schema, context: Context, out: Path, fmu: str, verify: bool,
     functions = functions_of(problem, context)
     s = problem.fmu
     all_ = {"stop": s.stop_s, "box": problem.box, "on_fault": s.on_fault, "tolerance": s.tolerance, "step": s.step_s}
-    own = {
-        f.name: {**all_, "start": f.start, "tunable": f.tunable, "parameters": f.parameters} for f in problem.functions
-    }
+    own = {f.name: {**all_, **f.model_dump(include={"start", "tunable", "parameters"})} for f in problem.functions}
     if not write_failed and not context.interrupted():
         refuse_distrusted(context, "the units")
     made = Call(
@@ -122,21 +113,11 @@ def functions_of(problem: Schema, context: Context) -> dict[str, CausalFunction 
         try:
             functions[section.name] = _filter(section, model)
         except ArgumentError as error:
-            key = _key_of(section, error.argument)
+            key = key_of_filter(section, error.argument)
             raise InputError(error.message, f"filters[{n}].{key}" if key else f"filters[{n}]") from error
         except ModelError as error:
             raise InputError(str(error), f"filters[{n}]") from error
     return functions
-
-
-def _key_of(section: FilterSection, argument: str) -> str:
-    """The key of an argument; of a sensor's, "NAME.deviation", where the sensor stands."""
-    units = {"period": "period_s", "delay": "delay_s"}
-    owner, _, what = argument.partition(".")
-    places = {s.name: n for n, s in enumerate(section.sensors)}
-    if what and owner in places:
-        return f"sensors[{places[owner]}].{units.get(what, what)}"
-    return units.get(argument, argument)
 
 
 def _filter(section: FilterSection, model: Model) -> ControllerFilter:
