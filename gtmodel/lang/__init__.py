@@ -45,6 +45,7 @@ if TYPE_CHECKING:
         pre as pre,
         reinit as reinit,
         sample as sample,
+        terminate as terminate,
         when as when,
     )
     from .expression import Expr as Expr, Relation as Relation, vector as vector

@@ -83,12 +83,43 @@ class EnergyLoss:
 
 
 @dataclass(frozen=True, eq=False)
+class Termination:
+    """A simulation ends at an event, with a sentence. Made by `gt.terminate`."""
+
+    sentence: str
+    failed: bool
+    where: SourceLocation
+
+
+@dataclass(frozen=True, eq=False)
 class When:
-    """Actions at the instants at which a condition becomes true. Made by `gt.when`."""
+    """Actions at the instants at which a condition becomes true; `before`: what has precedence. Made by `gt.when`."""
 
     condition: Condition
-    actions: tuple[Relation | Reinit | EnergyLoss, ...]
+    actions: tuple[Relation | Reinit | EnergyLoss | Termination, ...]
     where: SourceLocation
+    before: When | None = None
+
+    def elsewhen(self, condition: Any, *actions: Any) -> When:
+        """Other actions at the instants at which another condition becomes true, unless one before it does so too.
+
+        Of conditions that become true at one instant only the first one acts; the others have had their moment. Each
+        branch is an event of its own, counted in its place. Arguments and errors as of `gt.when`.
+
+        >>> class Tank(gt.Model):
+        ...     level = gt.variable(unit="m", start=0.5, fixed=True)
+        ...     pump = gt.discrete(1.0, unit="m/s")
+        ...     def equations(self):
+        ...         yield gt.der(self.level) == self.pump - 0.2
+        ...         yield gt.when(self.level >= 1.0, self.pump == 0.0).elsewhen(self.level <= 0.2, self.pump == 1.0)
+        >>> [round(e.time, 9) for e in gt.simulate(Tank(), 6.0).events]  # 0.5 / 0.8, then 0.8 / 0.2 and 0.8 / 0.8 later
+        [0.625, 4.625, 5.625]
+        """
+        return _when(condition, actions, self)
+
+    def branches(self) -> list[When]:
+        """This one and those that have precedence, the first one first."""
+        return [*(self.before.branches() if self.before is not None else ()), self]
 
 
 @named
@@ -98,12 +129,14 @@ def when(condition: Any, *actions: Any) -> When:
     Args:
         condition: a relation, several joined by `&`, `|` and `~`, or `gt.sample(period)`.
         actions: `n == expression` gives a discrete variable a new value; `gt.reinit(v, expression)` lets a continuous
-            one start anew; `gt.energy_loss(expression)` says how much energy goes at this instant.
+            one start anew; `gt.energy_loss(expression)` says how much energy goes at this instant; `gt.terminate(...)`
+            ends the simulation.
 
     Nothing happens while the condition stays true, nor at the start where it is true already. On the right of an action
     continuous variables have the values that they reached, `gt.pre(n)` is the value of a discrete variable before the
     event, and `n` alone the one after it. What follows from the actions happens at the same instant, until nothing
-    changes any more. `gt.simulate` finds the instant to round-off. Raises ModelError for what is no action.
+    changes any more. `gt.simulate` finds the instant to round-off. `.elsewhen(...)` behind it adds branches that act
+    where no earlier one does. Raises ModelError for what is no action.
 
     >>> class Ball(gt.Model):
     ...     h = gt.variable(unit="m", start=1.0, fixed=True)
@@ -121,24 +154,28 @@ def when(condition: Any, *actions: Any) -> When:
     >>> [round(e.time, 6) for e in run.events]  # sqrt(2 h / g), and 2 * 0.8 times that later
     [0.451524, 1.173961]
     """
+    return _when(condition, actions, None)
+
+
+def _when(condition: Any, actions: tuple[Any, ...], before: When | None) -> When:
     if not actions:
         raise ModelError("an event without an action has no effect; give when() what is to happen", here())
     given: list[Any] = []
     for action in actions:
         given.extend(action if isinstance(action, (list, tuple)) else [action])
     for action in given:
-        if not isinstance(action, (Relation, Reinit, EnergyLoss)):
+        if not isinstance(action, (Relation, Reinit, EnergyLoss, Termination)):
             shown = type(action).__name__
             raise ModelError(
-                f"an action of when() is n == expression of a discrete variable, gt.reinit or gt.energy_loss; found "
-                f"{shown}",
+                f"an action of when() is n == expression of a discrete variable, gt.reinit, gt.energy_loss or "
+                f"gt.terminate; found {shown}",
                 here(),
             )
         if isinstance(action, Relation) and action.op != "==":
             raise ModelError(f"'{action.op}' is no action of when(); expected '=='", action.where)
     if dropped() is not None:
         raise ModelError("nothing takes what this when() says; write yield in front of it", here())
-    return When(condition_of(condition), tuple(given), here())
+    return When(condition_of(condition), tuple(given), here(), before)
 
 
 @named
@@ -202,6 +239,33 @@ def energy_loss(energy: Any) -> EnergyLoss:
     if energy.dimension is not None and energy.dimension != si_unit("J").dimension:
         raise ModelError(f"energy_loss() is in J; found {energy.dimension}", here())
     return EnergyLoss(energy.sx, here())
+
+
+@named
+def terminate(sentence: str, *, failed: bool = False) -> Termination:
+    """An action of `gt.when`: the simulation ends at this instant, once all that happens there has happened.
+
+    Args:
+        sentence: why, which becomes the result's message.
+        failed: the motion has left what the model is good for: the run has the status `failed`, and a simulation that
+            is to raise raises. Else it has reached its end early, which is no failure.
+
+    Raises ModelError for an empty sentence.
+
+    >>> class Stone(gt.Model):
+    ...     h = gt.variable(unit="m", start=5.0, fixed=True)
+    ...     v = gt.variable(unit="m/s", start=0.0, fixed=True)
+    ...     def equations(self):
+    ...         yield gt.der(self.h) == self.v
+    ...         yield gt.der(self.v) == -10.0
+    ...         yield gt.when(self.h <= 0.0, gt.terminate("it is on the ground"))
+    >>> run = gt.simulate(Stone(), 3.0)
+    >>> run.status.value, round(run.trajectory.time[-1], 9)  # sqrt(2 h / g)
+    ('solved', 1.0)
+    """
+    if not isinstance(sentence, str) or not sentence.strip():
+        raise ModelError(f"terminate() takes a sentence that says why; found {sentence!r}", here())
+    return Termination(sentence, failed, here())
 
 
 @named

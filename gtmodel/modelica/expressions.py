@@ -10,10 +10,10 @@ from ..lang.slips import near
 from . import builtin, functions
 from .arrays import RecordValue, Values, array, binary, each, entries, matrix_of, negative, scalar, stacked
 from .instances import FieldOf, Instance, NameScope
-from .members import declares, field, member, package
+from .members import constant, declares, field, member
 from .modifications import Given
 from .scalars import EnumerationLiteral, Operation, is_literal, is_number, number_of, operation
-from .scopes import Space
+from .scopes import LANGUAGE, Space
 from .syntax import (
     Array,
     Binary,
@@ -227,7 +227,7 @@ class Evaluator:
             if whole and any(x is None for x in entries(value)):
                 raise ModelicaError(f"'{name}' is used before it is assigned", node.at)
             return value
-        if scope.instance is not None and name in scope.instance.elements:
+        if scope.instance is not None and scope.holds(name):
             return member(scope.instance, name, node.at)
         if len(node.parts) == 1:
             if name == "time":
@@ -243,23 +243,24 @@ class Evaluator:
         begin = 0
         while space is not None and not node.absolute:
             if declares(space, names[0]):
-                return self.walk(member(package(space, self), names[0], node.at), node, 0, scope)
+                return self.walk(constant(space, names[0], node.at, self), node, 0, scope)
             for item in space.text.imports:
                 if item.name == names[0] and (reached := self.of_import(item.reference, node, scope)) is not None:
                     return reached
                 if not item.name and declares(inside := space.root.absolute(item.reference), names[0]):
-                    return self.walk(member(package(inside, self), names[0], node.at), node, 0, scope)
+                    return self.walk(constant(inside, names[0], node.at, self), node, 0, scope)
             if (further := space.member(names[0]) or space.imported(names[0])) is not None:
                 space, begin = further, 1
                 break
-            space = space.outer
+            inside = "encapsulated" in space.text.prefixes
+            space = space.outer if not inside else space.root if names[0] in LANGUAGE and space.outer else None
         if space is None:
             raise ModelicaError(f"there is no '{names[0]}'{near(names[0], self.names(scope))}", node.at)
         for n in range(begin, len(names)):
             if space.text.literals is not None:
                 return self.literal(space, names[n], node.at)
             if declares(space, names[n]):
-                return self.walk(member(package(space, self), names[n], node.at), node, n, scope)
+                return self.walk(constant(space, names[n], node.at, self), node, n, scope)
             following = space.member(names[n])
             if following is None:
                 raise ModelicaError(f"{space.name or 'the text'} has no '{names[n]}'", node.at)
@@ -272,7 +273,7 @@ class Evaluator:
         space = scope.space.root.absolute(holder)
         if not declares(space, reference.parts[-1].name):
             return None
-        return self.walk(member(package(space, self), reference.parts[-1].name, node.at), node, 0, scope)
+        return self.walk(constant(space, reference.parts[-1].name, node.at, self), node, 0, scope)
 
     def walk(self, value: Any, node: Reference, begin: int, scope: NameScope) -> Any:
         value = self.subscripted(value, node.parts[begin], scope, node.at)
@@ -350,7 +351,7 @@ class Evaluator:
     def _component(self, reference: Reference, scope: NameScope) -> Any:
         """A variable in front of parentheses, `x(finalTime)`; None for what is a function."""
         name = reference.parts[0].name
-        if name in scope.locals or (scope.instance is not None and name in scope.instance.elements):
+        if name in scope.locals or scope.holds(name):
             return self.reference(reference, scope)
         return None
 

@@ -284,7 +284,7 @@ def _put(target: Reference, value: Any, scope: NameScope, model: Evaluator) -> N
     if isinstance(value, Instance):
         value = record_of(value, target.at)
     if first.name not in scope.locals:
-        if scope.instance is None or first.name not in scope.instance.elements:
+        if not scope.holds(first.name):
             raise ModelicaError(f"there is no variable '{first.name}'{near(first.name, list(scope.locals))}", target.at)
         scope.locals[first.name] = model.first(first, Reference(target.at, (first,)), scope)
     scope.locals[first.name] = _replaced(scope.locals[first.name], first, rest, value, scope, model, target.at)

@@ -11,7 +11,8 @@ import numpy as np
 
 from ..lang.slips import near
 from .arrays import Values, array
-from .modifications import NOTHING, Given, Modifier, merged, modifier
+from .modifications import NOTHING, Given, Modifier, merged, modifier, same
+from .multibody.library import part_name, pictures
 from .scalars import Flat, Symbol, number_of
 from .scopes import PREDEFINED, Space
 from .syntax import ClassText, Component, Extends, ModelicaError, Place, Reference, SyntaxNode
@@ -32,6 +33,10 @@ class NameScope:
     space: Space
     model: Any  # what is flattened: warnings, and the evaluator
     locals: dict[str, Any] = field(default_factory=dict)
+
+    def holds(self, name: str) -> bool:
+        """Is it a component that this class, not one that extends it, declares or inherits?"""
+        return self.instance is not None and name in self.instance.elements and name in self.space.declared
 
     def inner(self, names: dict[str, Any]) -> NameScope:
         return NameScope(self.instance, self.space, self.model, {**self.locals, **names})
@@ -72,23 +77,35 @@ def kind_of(reference: Reference, scope: NameScope) -> TypeMeaning:
             if text.refused:
                 raise ModelicaError(f"{space.name} is not taken: {text.refused}", reference.at)
             connector = connector or text.restriction.endswith("connector")
+            said = merged(said, space.said)
             if text.literals is not None:
                 return TypeMeaning("enumeration", space, said, dimensions, prefixes, connector, tuple(text.literals))
             extends = [e for e in text.elements if isinstance(e, Extends)]
             simple = text.short or (len(extends) == 1 and len(text.elements) == 1 and not text.equations)
+            if not text.short:
+                said = _limited(said, space, scope)
             if not simple or not extends:
                 return TypeMeaning("", space, said, dimensions, prefixes, connector)
             builtin = len(extends[0].base.parts) == 1 and extends[0].base.parts[0].name in PREDEFINED
             if not text.short and not builtin and not _ends_predefined(space, extends[0]):
                 return TypeMeaning("", space, said, dimensions, prefixes, connector)
             around = space.outer if text.short and space.outer is not None else space
-            own = NameScope(None, around, scope.model)
+            own = NameScope(space.holder, around, scope.model)
             said = merged(said, modifier(extends[0].modification, own))
+            if text.short:
+                said = _limited(said, space, scope)
             dimensions = [*dimensions, *[(d, own) for d in text.dimensions]]
             prefixes |= text.type_prefixes
             if builtin:
                 return TypeMeaning(extends[0].base.parts[0].name, None, said, dimensions, prefixes, connector)
             space = space.base(extends[0])
+
+
+def _limited(said: Modifier, space: Space, scope: NameScope) -> Modifier:
+    """With what stands behind constrainedby, where nothing else is said."""
+    for written, around in space.bounds:
+        said = merged(said, modifier(written, NameScope(None, around, scope.model)))
+    return said
 
 
 def _ends_predefined(space: Space, extends: Extends) -> bool:
@@ -147,23 +164,22 @@ class Instance:
         text = space.text
         if text.refused:
             raise ModelicaError(f"{space.name} is not taken: {text.refused}", text.at)
-        replaced: dict[str, tuple[Space, Modifier]] = {}
-        for name, item in said.inside.items():
-            if item.redeclared is not None and isinstance(item.redeclared[0], ClassText):
-                written, scope = item.redeclared
-                assert isinstance(written, ClassText)
-                replaced[name] = (Space(written, scope.space), NOTHING)
-        if replaced:
-            space = space.with_replaced(replaced)
+        replaced = {n: c for n, m in said.inside.items() if (c := _replacement(space, n, m)) is not None}
+        if replaced or (text.classes and text.restriction != "package"):
+            space = space.with_replaced(replaced, self)
             if self.space.text is text:
                 self.space = space
         scope = NameScope(self, space, self.model)
         self._headers(text, said, scope)
+        again = {e.name: e for e in text.elements if isinstance(e, Component) and "redeclare" in e.prefixes}
         for element in text.elements:
             if isinstance(element, Component):
+                if element.name in again:
+                    continue
                 written = modifier(element.modification, scope)
-                if "final" in element.prefixes and written.value is not None:
+                if "final" in element.prefixes:
                     written = replace(written, final=True)
+                written = merged(written, modifier(element.constraining, scope))
                 own = merged(said.get(element.name), written)
                 self.used.add(element.name)
                 before = self.elements.get(element.name)
@@ -174,26 +190,32 @@ class Instance:
                     )
                 if before is None:
                     self.elements[element.name] = TextElement(element, own, scope, self)
+                elif not same(before.said, own):
+                    raise ModelicaError(f"'{element.name}' is inherited twice, modified in two ways", self.at)
             elif element.base.parts[0].name in PREDEFINED and len(element.base.parts) == 1:
                 raise ModelicaError(f"{space.name} extends {element.base} and declares more", element.at)
             else:
-                below = merged(said, modifier(element.modification, scope))
-                base = space.base(element)
-                seen = len(self.used)
-                self._take(base, below)
-                self._refuse_unknown(base, modifier(element.modification, scope), seen)
-        self.used |= set(text.classes)
-        self.sections.append(Section(text, scope))
+                said_here = modifier(element.modification, scope)
+                base = space.view(element)
+                for name, item in again.items():
+                    if name in base.declared:
+                        new = replace(modifier(item.modification, scope), at=item.at, redeclared=(item, scope))
+                        said_here = merged(Modifier(inside={name: new}), said_here)
+                self._take(base, merged(merged(said, said_here), base.said))
+                self._refuse_unknown(base, said_here)
+        if lost := [e for n, e in again.items() if n not in self.elements]:
+            raise ModelicaError(f"nothing that {space.name} extends has a '{lost[0].name}' to redeclare", lost[0].at)
+        self.used |= set(text.classes) | pictures(text)
+        if not any(s.text is text for s in self.sections):  # of a class that is inherited on two ways
+            self.sections.append(Section(text, scope))
 
     def _headers(self, text: ClassText, said: Modifier, scope: NameScope) -> None:
         if text.restriction != "optimization":
             return
         self.used |= {*HEADER, "static"}
-        if "static" in said.inside or (text.header and any(a.name[0] == "static" for a in text.header.arguments)):
-            raise ModelicaError("a static optimization has no motion, which is not taken; give it a state", text.at)
         header = merged(said, modifier(text.header, scope))
         for name, item in header.inside.items():
-            if name in HEADER:
+            if name in (*HEADER, "static"):
                 if item.value is not None:
                     self.header.setdefault(name, item.value)
                 for attribute, inner in item.inside.items():
@@ -208,11 +230,12 @@ class Instance:
                     item.at,
                 )
 
-    def _refuse_unknown(self, space: Space, said: Modifier, since: int = 0) -> None:
+    def _refuse_unknown(self, space: Space, said: Modifier) -> None:
         for name, item in said.inside.items():
             if name not in self.used and space.member(name) is None:
                 known = [n for n in self.elements]
-                raise ModelicaError(f"{space.name} has no '{name}' to modify{near(name, known)}", item.at)
+                hint = near(name, known) or (f"; it has {', '.join(known)}" if part_name(space.text) else "")
+                raise ModelicaError(f"{space.name} has no '{name}' to modify{hint}", item.at)
 
     def inner(self, name: str, at: Place) -> Any:
         """The component `inner name` of an enclosing one."""
@@ -238,6 +261,21 @@ class Instance:
                     yield from item.walk()
 
 
+def _replacement(space: Space, name: str, said: Modifier) -> Space | None:
+    """A class that a modification puts in place of one of a class, or changes; None for what is no class."""
+    if said.redeclared is None and not said.inside:
+        return None
+    original = space.member(name)
+    if said.redeclared is not None and isinstance(said.redeclared[0], ClassText):
+        written, scope = said.redeclared
+        assert isinstance(written, ClassText)
+        if original is not None and original.text is not written and "replaceable" not in original.text.prefixes:
+            raise ModelicaError(f"'{name}' of {space.name} is not replaceable", said.at)
+        limits = original.bounds if original is not None else ()
+        return Space(written, scope.space, holder=scope.instance, limits=limits)
+    return original.with_said(said) if original is not None and said.redeclared is None else None
+
+
 VARIABILITY = ("constant", "parameter", "discrete", "input", "output", "flow")
 
 
@@ -251,6 +289,7 @@ class TextElement:
     owner: Instance
     _made: Any = None
     _state: str = ""
+    explicit: Modifier | None = None  # of a field of a record that is bound as a whole: said outside of the record
 
     @property
     def made(self) -> Any:
@@ -325,15 +364,18 @@ class TextElement:
         if "partial" in kind.space.text.prefixes:
             raise ModelicaError(f"{kind.space.name} is partial: '{full}' needs a class that extends it", self.text.at)
 
+        explicit = self.said if self.explicit is None else self.explicit
+
         def one(index: tuple[int, ...]) -> Instance:
             path = full + (f"[{','.join(str(i + 1) for i in index)}]" if index else "")
-            own = said.element(index, shape)
+            own, outside = said.element(index, shape), explicit.element(index, shape)
             passed = prefixes & {"constant", "parameter", "input", "output", "discrete"}
             made = Instance(kind.space, own, path, self.owner, self.owner.model, passed)  # type: ignore[arg-type]
             made.connector = kind.connector
             if own.value is not None:
                 for name, element in made.elements.items():
-                    if element.said.value is None:
+                    element.explicit = outside.get(name)
+                    if element.explicit.value is None:
                         field_of = FieldOf(self.text.at, own.value, name)
                         element.said = replace(element.said, value=Given(field_of, element.scope))
             return made
@@ -375,6 +417,9 @@ class Declared:
             description=self.element.text.description,
         )  # fmt: skip
         flat.top = owner.parent is None or (owner.connector and owner.parent.parent is None)
+        if "'" in name:  # of flat text: 'tank.u' was an input of a component
+            flat.name = name.replace("'", "")
+            flat.top = flat.top and "." not in flat.name
         return flat
 
     @staticmethod

@@ -11,7 +11,7 @@ from .arrays import RecordValue, array, stacked
 from .instances import Declared, Instance
 from .modifications import NOTHING
 from .scopes import Space
-from .syntax import Component, ModelicaError, Place
+from .syntax import ModelicaError, Place
 
 if TYPE_CHECKING:
     from .expressions import Evaluator
@@ -23,16 +23,26 @@ class Missing(ModelicaError):
 
 def declares(space: Space, name: str) -> bool:
     """Does a class declare, or inherit, a constant or parameter of this name?"""
-    if any(isinstance(e, Component) and e.name == name for e in space.text.elements):
-        return True
-    return any(declares(base, name) for base, _ in space.bases())
+    return name in space.declared
 
 
 def package(space: Space, model: Evaluator) -> Instance:
     """A class as the holder of its constants."""
+    space = space.derived or space
     if space.package is None or space.package.model is not model:
-        space.package = Instance(space, NOTHING, space.name, None, model, frozenset())
+        space.package = Instance(space, NOTHING, space.name, None, model, frozenset({"static"}))
     return space.package
+
+
+def constant(space: Space, name: str, at: Place, model: Evaluator) -> Any:
+    """A constant of a class that is named from outside of any component of it."""
+    holder = package(space, model)
+    element = holder.elements.get(name)
+    if element is not None and "static" in holder.prefixes:
+        known = {"constant", "parameter"} if holder.restriction == "package" else {"constant"}
+        if not known & element.text.prefixes:
+            raise ModelicaError(f"'{name}' of {space.name} is no constant; only those can be named from here", at)
+    return member(holder, name, at)
 
 
 def member(instance: Instance, name: str, at: Place) -> Any:

@@ -47,6 +47,16 @@ class Modifier:
 NOTHING = Modifier()
 
 
+def same(a: Modifier, b: Modifier) -> bool:
+    """Do two modifications come from the same words in the same place?"""
+    x, y = a.value, b.value
+    if (x is None) != (y is None) or a.inside.keys() != b.inside.keys():
+        return False
+    if x is not None and y is not None and (x.node is not y.node or x.scope.instance is not y.scope.instance):
+        return False
+    return all(same(m, b.inside[name]) for name, m in a.inside.items())
+
+
 def modifier(written: Modification | None, scope: Any) -> Modifier:
     """A modification as it is written in a scope. Raises ModelicaError for one that says a thing twice."""
     if written is None:
@@ -80,7 +90,7 @@ def merged(outer: Modifier, inner: Modifier) -> Modifier:
         return inner
     if inner is NOTHING:
         return outer
-    if inner.final and (outer.value is not None or outer.redeclared is not None):
+    if inner.final and (outer.value is not None or outer.redeclared is not None or outer.inside):
         raise ModelicaError("this changes what is declared final", outer.at)
     inside = dict(inner.inside)
     for name, item in outer.inside.items():

@@ -5,13 +5,12 @@ from __future__ import annotations
 import hashlib
 import os
 import re
-import tempfile
 from functools import cache
 from pathlib import Path
 from typing import Any
 
-from ..compiler.library_cache import CompilerMissing, cache_folder
 from ..lang.slips import near
+from . import kept
 from .syntax import ClassText, ModelicaError, Place, Source
 
 GRAMMAR = Path(__file__).with_name("grammar.lark")
@@ -41,18 +40,8 @@ def _parser() -> Any:
         "parser": "lalr", "lexer": "basic", "propagate_positions": True, "maybe_placeholders": False,
     }  # fmt: skip
     key = hashlib.sha256(f"{lark.__version__} {grammar}".encode()).hexdigest()[:16]
-    return lark.Lark(grammar, cache=_kept(f"modelica-{key}"), **options)
-
-
-def _kept(name: str) -> Any:
-    """The file of the tables that lark makes of the grammar; False where none can be written."""
-    try:
-        folder = cache_folder()
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            return str(folder / f"{name}.tables")
-    except (OSError, CompilerMissing):
-        return False
+    where = kept.folder()  # tables are pickled: only from a folder that nobody else can write
+    return lark.Lark(grammar, cache=str(where / f"{key}.tables") if where is not None else False, **options)
 
 
 def parse(text: str, path: str = "") -> list[ClassText]:
@@ -79,7 +68,17 @@ def parse(text: str, path: str = "") -> list[ClassText]:
 
 def read(path: str | os.PathLike[str]) -> list[ClassText]:
     """The classes of a file; see `parse`. Raises ModelicaError where it cannot be read."""
-    return parse(content_of(path), str(Path(path)))
+    return known(content_of(path), str(Path(path)))
+
+
+def known(text: str, path: str) -> list[ClassText]:
+    """As `parse`, from the cache if a file with this very text was parsed before."""
+    source = Source(path, text.removeprefix("\ufeff"))
+    classes = kept.tree(source)
+    if classes is None:
+        classes = parse(text, path)
+        kept.keep(source, classes)
+    return classes
 
 
 def content_of(path: str | os.PathLike[str]) -> str:

@@ -131,6 +131,8 @@ def operation(name: str, arguments: tuple[Any, ...], at: Place | None) -> Scalar
             return then if condition else otherwise
     elif name in NUMERIC and all(is_literal(a) for a in arguments):
         return computed(name, arguments, at)
+    elif name == "not" and isinstance(arguments[0], Operation) and arguments[0].name == "not":
+        return arguments[0].arguments[0]
     elif name == "and" and any(a is False for a in arguments):
         return False
     elif name == "or" and any(a is True for a in arguments):
@@ -183,7 +185,8 @@ def operations(x: Scalar) -> Iterator[Operation]:
 
 def is_constant(x: Scalar) -> bool:
     """Is it made of literals and parameters that nobody chooses?"""
-    moving = ("der", "time", "start_time", "final_time", "at", "integral", "pre", "initial", "sample", "edge", "change")
+    moving = ("der", "time", "start_time", "final_time", "at", "integral", "pre", "initial", "sample", "edge", "change",
+              "part", "refused")  # fmt: skip
     if any(o.name in moving for o in operations(x)):
         return False
     return all(f.kind in ("parameter", "constant") and not f.free and not f.computed for f in symbols(x))
@@ -238,4 +241,5 @@ def value_of(flat: Flat) -> Scalar:
 
 
 def _shown(name: str) -> str:
-    return {"start_time": "startTime", "final_time": "finalTime", "der": "a derivative"}.get(name, name)
+    words = {"start_time": "startTime", "final_time": "finalTime", "der": "a derivative", "part": "a motion"}
+    return words.get(name, name)

@@ -3,17 +3,28 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from ..lang.slips import near
 from . import reader
-from .modifications import Modifier
-from .syntax import ClassText, Extends, ModelicaError, Place, Reference
+from .modifications import NOTHING, Modifier, merged
+from .multibody import library as multibody
+from .syntax import Argument, ClassText, Component, Extends, ModelicaError, Modification, Place, Reference
 
 PREDEFINED = ("Real", "Integer", "Boolean", "String")
+LANGUAGE = ("StateSelect", "AssertionLevel")  # types that every scope knows, encapsulated ones too
+_BLANKS = r"(?:\s|//[^\n]*\n|/\*.*?\*/)"
+# a file that begins with the name of the package it belongs to
+_WITHIN = re.compile(rf"{_BLANKS}*within\b{_BLANKS}*\w", re.DOTALL)
+# names behind the words that begin a class, wherever they stand: more than there are classes, never fewer
+_CLASS = re.compile(
+    rf"\b(?:class|model|record|block|connector|type|package|function|optimization|operator){_BLANKS}+"
+    r"(\w+|'(?:[^'\\]|\\.)+')", re.DOTALL,
+)  # fmt: skip
 _BUILT_IN = Path(__file__).with_name("standard.mo")
 
 
@@ -23,11 +34,19 @@ class Space:
 
     text: ClassText
     outer: Space | None
-    replaced: dict[str, tuple[Space, Modifier]] = field(default_factory=dict)
+    replaced: dict[str, Space] = field(default_factory=dict)
     made: dict[str, Space | None] = field(default_factory=dict)
     folder: Path | None = None
     package: Any = None  # its constants, once they are asked for
+    # of the outermost: files not yet read, by names of classes in them
+    waiting: dict[str, list[Path]] = field(default_factory=dict)
     _busy: set[str] = field(default_factory=set)
+    said: Modifier = NOTHING  # what `m(Class(k = 3))` says about it
+    limits: tuple[tuple[Modification, Space], ...] = ()  # modifications behind constrainedby of what it replaces
+    holder: Any = None  # the instance in which a redeclaration stands
+    derived: Space | None = None  # of a class as it is inherited: the one that inherits, and may change, it
+    original: Space | None = None  # of such a class: itself
+    _declared: frozenset[str] | None = None
 
     def __repr__(self) -> str:
         return f"Space({self.name})"
@@ -46,14 +65,29 @@ class Space:
     def own(self, name: str) -> Space | None:
         """A class that is declared in this one, or lies in its folder."""
         if name not in self.made:
+            self._arrived(name)
+        if name not in self.made:
             text = self.text.classes.get(name)
-            if text is not None:
+            known = text is not None or (self.folder is not None and _in_folder(self.folder, name) is not None)
+            if name in multibody.NAMES and (ours := multibody.own_text(self.name, name, known)) is not None:
+                self.made[name] = Space(ours, self)
+            elif self.original is not None and (own := self.original.own(name)) is not None:
+                self.made[name] = Space(own.text, self, folder=own.folder, original=own)
+            elif text is not None:
                 self.made[name] = Space(text, self)
             elif self.folder is not None and (inside := _in_folder(self.folder, name)) is not None:
                 self.made[name] = _loaded(inside, self, name)
             else:
                 self.made[name] = None
         return self.made[name]
+
+    def _arrived(self, name: str) -> None:
+        """Read the files of library folders in which a class of this name is written."""
+        for file in self.waiting.pop(name, ()):
+            for names in self.waiting.values():
+                if file in names:
+                    names.remove(file)
+            _enter(self, reader.read(file))
 
     def bases(self) -> Iterator[tuple[Space, Extends]]:
         """The classes that this one extends. Raises ModelicaError for a name that is none."""
@@ -64,7 +98,7 @@ class Space:
     def base(self, extends: Extends) -> Space:
         """The class that an extends clause, or a short class, names."""
         first = extends.base.parts[0].name
-        key = f"extends {extends.base} {extends.at.line} {extends.at.column}"
+        key = _key(extends)
         if key not in self.made:
             if key in self._busy:
                 raise ModelicaError(f"{self.text.name} extends itself", extends.at)
@@ -82,10 +116,75 @@ class Space:
             raise ModelicaError(f"there is no class '{first}' to extend", extends.at)
         return result
 
+    @property
+    def declared(self) -> frozenset[str]:
+        """Names of its components, declared or inherited."""
+        if self._declared is None:
+            self._declared = frozenset()  # of a class that extends itself
+            try:
+                inherited = [base.declared for base, _ in self.bases()]
+            except ModelicaError:
+                self._declared = None
+                raise
+            own = [e.name for e in self.text.elements if isinstance(e, Component)]
+            self._declared = frozenset(own).union(*inherited)
+        return self._declared
+
+    def view(self, extends: Extends) -> Space:
+        """The class that an extends clause names, as it is inherited here: with what is redeclared and modified."""
+        base = self.base(extends)
+        written = extends.modification.arguments if extends.modification is not None else ()
+        package = base.text.restriction == "package"
+        changed = (
+            self.derived is not None
+            or self.text.redeclares
+            or any(package or a.redeclared is not None for a in written)
+        )
+        if not changed:
+            return base
+        key = f"view {extends.at.line} {extends.at.column}"
+        if key not in self.made:
+            own = {"made": {}, "package": None, "_busy": set[str]()}
+            self.made[key] = replace(base, **own, derived=self.derived or self, original=base)
+        made = self.made[key]
+        assert made is not None
+        return made
+
+    def _changed(self, extends: Extends, name: str, inherited: Space) -> Space:
+        """An inherited class with what the extends clause says about it."""
+        key = f"changed {name} {extends.at.line} {extends.at.column}"
+        for argument in extends.modification.arguments if extends.modification is not None else ():
+            if argument.name[0] != name or key in self.made:
+                continue
+            if isinstance(argument.redeclared, ClassText):
+                self.made[key] = Space(argument.redeclared, self, limits=inherited.bounds)
+            elif argument.redeclared is None:
+                said = argument.modification
+                if len(argument.name) > 1:
+                    said = Modification(argument.at, [Argument(argument.at, argument.name[1:], said, frozenset())])
+                own = Extends(argument.at, extends.base, said)
+                text = ClassText(argument.at, name, inherited.text.restriction, elements=[own], short=True)
+                made = self.made[key] = Space(text, self)
+                made.made[_key(own)] = inherited
+        return self.made.get(key) or inherited
+
+    @property
+    def bounds(self) -> tuple[tuple[Modification, Space], ...]:
+        """Modifications behind constrainedby, which hold for whatever takes the place of this class."""
+        if self.text.constraining is not None and self.outer is not None:
+            return ((self.text.constraining, self.outer),)
+        return self.limits
+
     def member(self, name: str, skip: Extends | None = None) -> Space | None:
-        """A class of this one, declared or inherited."""
+        """A class of this one, declared or inherited; where this one is inherited itself, as it is there."""
+        own = self._member(name, skip)
+        if own is None or self.derived is None or name in self.replaced:
+            return own
+        return self.derived._member(name) or own
+
+    def _member(self, name: str, skip: Extends | None = None) -> Space | None:
         if name in self.replaced:
-            return self.replaced[name][0]
+            return self.replaced[name]
         if (own := self.own(name)) is not None:
             return own
         if name in self._busy or skip is not None:  # what is extended is not looked for in what is inherited
@@ -95,8 +194,8 @@ class Space:
             for element in self.text.elements:
                 if not isinstance(element, Extends) or element.base.parts[0].name in PREDEFINED:
                     continue
-                if (inherited := self.base(element).member(name)) is not None:
-                    return inherited
+                if (inherited := self.view(element)._member(name)) is not None:
+                    return self._changed(element, name, inherited)
         finally:
             self._busy.discard(name)
         return None
@@ -149,6 +248,8 @@ class Space:
             if following is None and space.name == "Modelica.Icons":  # pictures alone
                 following = space.made[part.name] = Space(ClassText(space.text.at, part.name, "class"), space)
             if following is None:
+                if refused := multibody.refusal(space.name, part.name):
+                    raise ModelicaError(refused, reference.at)
                 inside = space.name or "the files that were read"
                 names = [*space.text.classes, *(space.made if space.outer is None else ())]
                 raise ModelicaError(
@@ -162,13 +263,22 @@ class Space:
         result: list[str] = [*PREDEFINED]
         space: Space | None = self
         while space is not None:
-            result += space.text.classes
+            result += [*space.text.classes, *space.waiting]
             space = space.outer
         return result
 
-    def with_replaced(self, replaced: dict[str, tuple[Space, Modifier]]) -> Space:
-        """This class with others in place of some of its own."""
-        return Space(self.text, self.outer, {**self.replaced, **replaced}, {}, self.folder)
+    def with_replaced(self, replaced: dict[str, Space], instance: Any) -> Space:
+        """This class, of one instance, with others in place of some of its own."""
+        own = {**self.replaced, **replaced}
+        return replace(self, replaced=own, made={}, _busy=set(), package=instance)
+
+    def with_said(self, said: Modifier) -> Space:
+        """This class with a modification from outside."""
+        return replace(self, made={}, _busy=set(), said=merged(said, self.said))
+
+
+def _key(extends: Extends) -> str:
+    return f"extends {extends.base} {extends.at.line} {extends.at.column}"
 
 
 def library(paths: Iterable[str | os.PathLike[str]]) -> Space:
@@ -178,14 +288,29 @@ def library(paths: Iterable[str | os.PathLike[str]]) -> Space:
     root = Space(ClassText(at, "", "package"), None)
     for path in paths:
         _add(root, Path(path))
-    _enter(root, [c for c in reader.read(_BUILT_IN) if root.own(c.name) is None])
+    _enter(root, [c for c in reader.read(_BUILT_IN) if c.name not in root.waiting and root.own(c.name) is None])
     return root
+
+
+def files_of(root: Space) -> list[Path]:
+    """The files whose classes were read so far, but for what is built in."""
+    files: set[Path] = set()
+    seen: set[int] = set()
+    left = [root]
+    while left:
+        space = left.pop()
+        if id(space) not in seen:
+            seen.add(id(space))
+            left += [s for s in space.made.values() if s is not None]
+            if path := space.text.at.source.path:
+                files.add(Path(path))
+    return sorted(files - {_BUILT_IN})
 
 
 def of_text(text: str, paths: Iterable[str | os.PathLike[str]] = (), path: str = "") -> tuple[Space, list[ClassText]]:
     """As `library`, with the classes of a text in it, and these."""
     root = library(paths)
-    classes = reader.parse(text, path)
+    classes = reader.known(text, path)
     _enter(root, classes)
     return root, classes
 
@@ -200,7 +325,12 @@ def _add(root: Space, path: Path) -> None:
             name = folder.name.split(" ")[0]
             root.made[name] = _loaded(folder, root, name)
         for file in files:
-            _enter(root, reader.read(file))
+            text = reader.content_of(file)
+            if _WITHIN.match(text):  # of another package, which then is to have it
+                _enter(root, reader.read(file))
+                continue
+            for name in dict.fromkeys(_CLASS.findall(text)):
+                root.waiting.setdefault(name, []).append(file)
     elif path.is_file():
         _enter(root, reader.read(path))
     else:

@@ -15,6 +15,8 @@ from lark.visitors import Transformer_NonRecursive
 from . import syntax as s
 from .syntax import Argument, ClassText, Component, ModelicaError, Place, Source, SyntaxNode
 
+# annotations that no equation depends on, and that are most of a library's text
+PICTURES = {("Icon",), ("Diagram",), ("Documentation",)}
 _SOURCE: ContextVar[Source] = ContextVar("source")
 
 
@@ -221,15 +223,12 @@ class Shaping(Transformer_NonRecursive[Any, Any]):
         return s.Extends(_place(meta), children[0], _typed(children[1:], s.Modification))
 
     def declaration(self, meta: Meta, children: list[Any]) -> Several:
-        prefixes = _words(children, "prefix")
         inside = _typed(children, ClassText)
-        if inside is not None:
-            inside.prefixes |= prefixes
-            return Several("classes", [inside])
-        components = _of(children, "components")
-        for component in components:
-            component.prefixes |= prefixes
-        return components
+        declared: Several = _of(children, "components") if inside is None else Several("classes", [inside])
+        for item in declared:
+            item.prefixes |= _words(children, "prefix")
+            item.constraining = _typed(_of(children, "constraining") or [], s.Modification)
+        return declared
 
     def component_clause(self, meta: Meta, children: list[Any]) -> Several:
         base: s.Reference = _typed(children, s.Reference)
@@ -267,12 +266,16 @@ class Shaping(Transformer_NonRecursive[Any, Any]):
     def redeclaration(self, meta: Meta, children: list[Any]) -> Argument:
         prefixes = _words(children, "prefix")
         redeclared = _typed(children, ClassText) or next(iter(_of(children, "components")))
+        redeclared.prefixes |= prefixes & {"replaceable"}
+        redeclared.constraining = _typed(_of(children, "constraining") or [], s.Modification)
         return Argument(_place(meta), (redeclared.name,), None, prefixes, redeclared)
 
     def string_comment(self, meta: Meta, children: list[Any]) -> Several:
         return Several("texts", ["".join(text_of(c) for c in children)])
 
     def annotation(self, meta: Meta, children: list[Any]) -> Several:
+        for said in children:
+            said.arguments = [a for a in said.arguments if a.name not in PICTURES]
         return Several("annotation", children, _place(meta))
 
     # equations and statements
@@ -445,6 +448,7 @@ def _enter(item: ClassText, c: Several, enter: Any) -> None:
     elif c.kind == "classes":
         enter(c[0].name, c[0].at)
         c[0].scope = item
+        item.redeclares |= "redeclare" in c[0].prefixes
         item.classes[c[0].name] = c[0]
     elif c.kind == "imports":
         item.imports += c

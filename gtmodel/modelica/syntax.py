@@ -262,6 +262,7 @@ class Component(SyntaxNode):
     condition: SyntaxNode | None
     description: str
     protected: bool = False
+    constraining: Modification | None = None  # behind constrainedby
 
 
 @dataclass(eq=False, slots=True)
@@ -303,6 +304,8 @@ class ClassText(SyntaxNode):
     type_prefixes: frozenset[str] = frozenset()
     short: bool = False
     annotation: Modification | None = None
+    constraining: Modification | None = None  # behind constrainedby
+    redeclares: bool = False  # a class inside
     scope: ClassText | None = None
     within: tuple[str, ...] = ()
 

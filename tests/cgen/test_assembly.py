@@ -140,7 +140,10 @@ def test_header_and_readme_name_the_branches(folder: Path) -> None:
     assert "as `_start` gives it" in (folder / "README.md").read_text()
 
 
-@pytest.mark.parametrize("key", list(CAUSALITIES))
+LONG = ("inverse_dynamics", "forward_dynamics")
+
+
+@pytest.mark.parametrize("key", [pytest.param(k, marks=[pytest.mark.proof] * (k in LONG)) for k in CAUSALITIES])
 @pytest.mark.usefixtures("callgrind")
 def test_what_the_branches_cost(key: str, faces: dict[str, Interface], library: ctypes.CDLL, tmp_path: Path) -> None:
     f = faces[key].function

@@ -12,7 +12,7 @@ import numpy as np
 from ...lang.bind import ParameterRecord, Tree
 from ...lang.condition import Condition
 from ...lang.declare import Discrete, Variable
-from ...lang.events import EnergyLoss, Reinit, When
+from ...lang.events import EnergyLoss, Reinit, Termination, When
 from ...lang.expression import Relation
 from ...lang.model import Model
 from ...lang.sampled import SampledBlock
@@ -62,7 +62,8 @@ class FlatWhen:
     """`assigns`: places in `flat.p` with new values; `reinits`: variables' derivatives with new values; `forces`: those
     of them that an impulse of another variable brings about, by that one; `loss`: energy [J] that goes, None where
     nobody says. Values are expressions of flat symbols, of the discrete variables' new values
-    under their own symbols and of their old ones under those of `FlatEvents.before`."""
+    under their own symbols and of their old ones under those of `FlatEvents.before`; `before`: numbers of the events
+    that have precedence where they act in the same round; `end`: the simulation's, None where it goes on."""
 
     name: str
     logic: Logic
@@ -71,6 +72,8 @@ class FlatWhen:
     forces: dict[Pair, Pair]
     loss: ca.SX | None
     where: SourceLocation
+    before: tuple[int, ...] = ()
+    end: Termination | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +129,11 @@ def collect_events(tree: Tree, whens: Sequence[tuple[When, Model]], equations: l
     for e in equations:
         collector.refuse_earlier(e.residual, e.where)
     modes = [FlatMode(symbol, collector.logic(c), c.where) for symbol, c in tree.scope.modes]
-    made = [collector.when(w, c, n) for n, (w, c) in enumerate(whens)]
+    made: list[FlatWhen] = []
+    for when, component in whens:
+        first = len(made)
+        for branch in when.branches():
+            made.append(collector.when(branch, component, len(made), tuple(range(first, len(made)))))
     flat_blocks = [_block(tree, b) for b in blocks]
     _refuse_unset(records, made, flat_blocks)
     shown = [BlockSignal(r.name, r.shape, r.indices, r.item.unit) for r in records]
@@ -179,14 +186,17 @@ class _Collector:
             self._known[id(relation)] = "atom", len(self.comparisons) - 1
         return self._known[id(relation)]
 
-    def when(self, when: When, component: Model, n: int) -> FlatWhen:
+    def when(self, when: When, component: Model, n: int, before: tuple[int, ...]) -> FlatWhen:
         path = component.__dict__["_path"]
         assigns: dict[int, ca.SX] = {}
         reinits: dict[Pair, ca.SX] = {}
         forces: dict[Pair, Pair] = {}
         loss: ca.SX | None = None
+        end: Termination | None = None
         for action in when.actions:
-            if isinstance(action, EnergyLoss):
+            if isinstance(action, Termination):
+                end = end or action
+            elif isinstance(action, EnergyLoss):
                 value = self._value(action.expression)
                 loss = value if loss is None else loss + value
             elif isinstance(action, Reinit):
@@ -211,7 +221,8 @@ class _Collector:
                     assigns[place] = value
         ordered = self._ordered(assigns, when.where)
         name = f"{path}.event {n + 1}" if path else f"event {n + 1}"
-        return FlatWhen(name, self.logic(when.condition), ordered, list(reinits.items()), forces, loss, when.where)
+        logic = self.logic(when.condition)
+        return FlatWhen(name, logic, ordered, list(reinits.items()), forces, loss, when.where, before, end)
 
     def _assigned(self, action: Relation) -> list[tuple[int, ca.SX]]:
         result = []
@@ -301,6 +312,11 @@ def _refuse_unset(records: list[ParameterRecord], whens: list[FlatWhen], blocks:
             raise ModelError(f"'{r.name}' is an output, which only a SampledBlock has; use gt.discrete", r.where)
         elif not set_by.intersection(r.indices):
             raise ModelError(f"no event sets the discrete variable '{r.name}'; declare a parameter", r.where)
+
+
+def acting(whens: Sequence[FlatWhen], became: Sequence[int]) -> list[int]:
+    """Of the events whose conditions became true in one round those that act: the others have one before them."""
+    return [n for n in became if not set(whens[n].before).intersection(became)]
 
 
 def holds(logic: Logic, atoms: np.ndarray, samples: Sequence[bool] = ()) -> bool:

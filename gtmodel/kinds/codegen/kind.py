@@ -17,7 +17,7 @@ from gtmodel.problem_files.call import Call
 from gtmodel.problem_files.noted import doubts, refuse_distrusted
 from gtmodel.results import ArgumentError
 
-from .keys import FilterSection, Schema, key_of_filter, keys_of_units
+from .keys import FilterSection, Schema, keys_of_units
 
 NAME = "codegen"
 arguments = keys_of_units
@@ -54,6 +54,8 @@ def write(
         if folder.message:
             context.notice(folder.message)
         made = call(problem, context)
+        if problem.plant is not None:
+            made.options["problem"]["plant"] |= problem.plant.of_folder(context, folder.path)
         if not write_failed and not context.interrupted():
             refuse_distrusted(context, "the code")
         made.options |= {} if verify else {"check": None}
@@ -113,7 +115,7 @@ def functions_of(problem: Schema, context: Context) -> dict[str, CausalFunction 
         try:
             functions[section.name] = _filter(section, model)
         except ArgumentError as error:
-            key = key_of_filter(section, error.argument)
+            key = section.key_of(error.argument)
             raise InputError(error.message, f"filters[{n}].{key}" if key else f"filters[{n}]") from error
         except ModelError as error:
             raise InputError(str(error), f"filters[{n}]") from error

@@ -247,6 +247,11 @@ def phases_of_events(
     sequence = EventOrder(flat)
     pieces = sequence.pieces(groups, None if held is None else list(held))
     for piece in pieces:
+        if ends := [events.whens[n] for n in sorted(piece.acted()) if events.whens[n].end is not None]:
+            raise ModelError(
+                f"{ends[0].name} ends the motion, so no phase comes after it; make it the constraint of a final time",
+                ends[0].where,
+            )
         if piece.jump is not None and piece.jump.forces:
             acting = events.whens[piece.acts[0][0]]
             raise ModelError(

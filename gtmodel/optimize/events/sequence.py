@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 
 from ...compiler.analysis.event_names import NamedEvent, listing, named_events
+from ...compiler.analysis.events import acting
 from ...compiler.analysis.switching import in_mode
 from ...compiler.flat import FlatModel
 from ...lang.source import ModelError
@@ -177,16 +178,19 @@ class EventOrder:
         was = self.thresholds.sided(truth, sides | {t: -s for t, s in piece.ends.items()})
         now_sides = sides | piece.ends
         held = [decided(w.logic, was) for w in self.events.whens]
-        numbers = dict(piece.numbers)
+        numbers, modes = dict(piece.numbers), list[list[bool]]()
         for _ in range(ROUNDS):
             truth = self.thresholds.sided(self.thresholds.discrete_truth(numbers), now_sides)
             now = [decided(w.logic, truth) for w in self.events.whens]
-            fired = [n for n, (a, b) in enumerate(zip(held, now, strict=True)) if a is False and b]
+            became = [n for n, (a, b) in enumerate(zip(held, now, strict=True)) if a is False and b]
+            fired = acting(self.events.whens, became)
             if not fired:
                 break
             held = now
             piece.acts.append(fired)
-            piece.jump = jump_of(self.flat, self.events, piece.acts, piece.modes)
+            sides = [decided(m.logic, truth) for m in self.events.modes]
+            modes.append([old if new is None else new for old, new in zip(piece.modes, sides, strict=True)])
+            piece.jump = jump_of(self.flat, self.events, piece.acts, modes)
             numbers = piece.numbers | self._numbers(piece.jump, piece.numbers)
         else:
             raise ModelError(f"the events at the end of phase {k} never settle", events[0].where)

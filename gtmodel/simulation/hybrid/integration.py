@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...compiler.analysis.events import holds
+from ...compiler.analysis.events import acting, holds
 from ...compiler.flat import FlatModel
 from ...lang.source import ModelError
 from ...results.check import Check
@@ -379,12 +379,12 @@ class HybridIntegration(WatchedIntegration):
         # the last float before the root may leave more
         zero[forced] = np.maximum(zero[forced], 2 * np.abs(was[forced]))
         begun = np.zeros(len(events.comparisons), dtype=bool)
-        acted, impacts = False, False
+        acted, impacts, ends = False, False, list[int]()
         for turn in range(ROUNDS + len(events.whens) + len(events.modes)):
             truth, was = self._sides(forced if turn == 0 else (), zero, was)
             values = tuple(holds(m.logic, truth) for m in events.modes)
             conditions = np.array([holds(w.logic, truth, due if turn == 0 else ()) for w in events.whens], dtype=bool)
-            fired = np.flatnonzero(conditions & ~self.held).tolist()
+            fired = acting(events.whens, np.flatnonzero(conditions & ~self.held).tolist())
             begun |= truth != self.truth
             self.truth, self.held = truth, conditions
             switched = values != self._values
@@ -400,7 +400,8 @@ class HybridIntegration(WatchedIntegration):
                 for m, old, new in zip(events.modes, self._values, values, strict=True)
                 if old != new
             )
-            changes = self._changes(fired)
+            ends += [n for n in fired if events.whens[n].end is not None]
+            changes = self._changes(fired, values)
             for place, v in changes.discrete.items():
                 first = discrete.get(place, (float(self._numbers[place]), v))[0]
                 discrete[place] = first, v
@@ -421,7 +422,7 @@ class HybridIntegration(WatchedIntegration):
         self._size = np.where(begun, self._left_over() / ZERO, self._size)
         at_start = bool(samples) and all(self._times[n] is None for n in samples)
         unchanged = not restarted and values == modes and all(old == new for old, new in discrete.values())
-        if not acted or (at_start and unchanged):
+        if not acted or (at_start and unchanged and not ends):
             return
         after = self._stored()
         change = after - stored
@@ -439,9 +440,18 @@ class HybridIntegration(WatchedIntegration):
                 impulses,
             )
         )
+        if ends:
+            raise self._termination(ends)
         self._last_span = max(self._accumulation.add(self._time, tuple(causes)), self._shortest)
         if (sentence := self._accumulation.sentence()) is not None:
             raise Ended(SolveStatus.FAILED, sentence)
+
+    def _termination(self, ends: Sequence[int]) -> Ended:
+        """The end that an event asks for; a failure has precedence."""
+        said = [end for n in ends if (end := self._declared.whens[n].end) is not None]
+        one = next((end for end in said if end.failed), said[0])
+        status = SolveStatus.FAILED if one.failed else SolveStatus.SOLVED
+        return Ended(status, f"at {self._time:.6g} s {one.sentence} ({one.where})")
 
     def _sides(self, forced: Sequence[int], zero: np.ndarray, was: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Truth of the comparisons from now on, and their values: by these, at zero by their rates, where these are
@@ -476,12 +486,12 @@ class HybridIntegration(WatchedIntegration):
         """Of each comparison twice by how much its value is still on the side that it leaves; else 0."""
         return 2 * np.maximum(-self._compared() * self._signs(), 0.0)
 
-    def _changes(self, fired: Sequence[int]) -> Changes:
+    def _changes(self, fired: Sequence[int], modes: tuple[bool, ...]) -> Changes:
         if not fired:
             return Changes()
         row = self._row()
         values = row[self._modes.read_columns]
-        return self._actions(fired, values, self._numbers, self._values, self._time)
+        return self._actions(fired, values, self._numbers, modes, self._time)
 
     def _restart(self, values: tuple[bool, ...], changes: Changes) -> dict[str, float]:
         """Go on in these modes, with discrete variables and states that start anew; impulses that do it by force."""

@@ -12,7 +12,7 @@ from gtmodel.results.refusal import ArgumentError
 from tests.control.learning import by_hand
 
 CASES: tuple[Case, ...] = ("1", "2A", "2B", "3")
-FEW = 3  # seeds of the ordinary suite; 20 with -m proof
+FEW = 2  # seeds of the ordinary suite; 20 with -m proof
 FLOOR = 0.2  # share by which floor and what is reached may differ
 ABOVE = 1.1  # case 3 over case 2B in a single seed
 ROBOT = learning.LearningRobot()

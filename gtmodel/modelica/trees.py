@@ -1,0 +1,97 @@
+"""Trees of texts as plain lists, which JSON takes, and back."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import fields
+from typing import Any, cast
+
+from . import syntax as s
+from .syntax import ClassText, Place, ReferencePart, Source, SyntaxNode
+
+# by name, so that the numbers do not hang on the order of definition
+_NODES: list[type[Any]] = sorted(
+    (c for c in vars(s).values() if isinstance(c, type) and issubclass(c, SyntaxNode) and c is not SyntaxNode),
+    key=lambda c: c.__name__,
+)
+_NUMBERS = {c: n for n, c in enumerate(_NODES)}
+_CLASS = _NUMBERS[ClassText]
+_FIELDS = {c: [f.name for f in fields(c) if f.name not in ("at", "scope")] for c in _NODES}
+# levels; a third of the files of the Modelica Standard Library 4.0 go to 71
+DEEPEST = 150
+_LIST, _TUPLE, _WORDS, _NAMES, _PART = -1, -2, -3, -4, -5
+
+
+def packed(x: Any, depth: int = 0) -> Any:
+    """A tree, or a list of them, in lists, words and numbers. A class's `scope`, what is around it, follows from where
+    it stands. Raises TypeError for what is no part of a tree, RecursionError for what is deeper than DEEPEST."""
+    if x is None or isinstance(x, (bool, int, float)):
+        return x
+    if isinstance(x, str):
+        return str(x)
+    if depth > DEEPEST:
+        raise RecursionError
+    if isinstance(x, SyntaxNode):
+        kind = type(x)
+        return [_NUMBERS[kind], x.at.line, x.at.column, *[packed(getattr(x, n), depth + 1) for n in _FIELDS[kind]]]
+    if isinstance(x, ReferencePart):
+        return [_PART, x.name, packed(x.subscripts, depth + 1)]
+    if isinstance(x, (list, tuple)):
+        kind = _LIST if isinstance(x, list) else _TUPLE
+        return [kind, *[packed(e, depth + 1) for e in cast("list[Any]", x)]]
+    if isinstance(x, frozenset):
+        return [_WORDS, *sorted(cast("frozenset[str]", x))]
+    if isinstance(x, dict):
+        return [_NAMES, *[e for k, v in cast("dict[str, Any]", x).items() for e in (str(k), packed(v, depth + 1))]]
+    raise TypeError(f"{type(x).__name__} is no part of a tree")
+
+
+def unpacked(plain: Any, source: Source) -> Any:
+    """What `packed` took, as the tree of a file. Raises an exception for what is none."""
+
+    def tree(x: list[Any]) -> Any:
+        kind = x[0]
+        if kind >= 0:
+            if kind == _CLASS:
+                return of_class(x)
+            return _NODES[kind](Place(source, x[1], x[2]), *[tree(e) if type(e) is list else e for e in x[3:]])
+        if kind == _PART:
+            return ReferencePart(x[1], tree(x[2]) if x[2] is not None else None)
+        if kind == _NAMES:
+            return {x[k]: tree(x[k + 1]) if type(x[k + 1]) is list else x[k + 1] for k in range(1, len(x), 2)}
+        if kind == _WORDS:
+            return frozenset(x[1:])
+        items = [tree(e) if type(e) is list else e for e in x[1:]]
+        return items if kind == _LIST else tuple(items)
+
+    def of_class(x: list[Any], scope: ClassText | None = None) -> ClassText:
+        given = zip(_FIELDS[ClassText], x[3:], strict=True)
+        inside: dict[str, Any] = {n: tree(e) if type(e) is list and n != "classes" else e for n, e in given}
+        item = ClassText(Place(source, x[1], x[2]), **inside, scope=scope)
+        item.classes = _Inner(inside["classes"], lambda inner: of_class(inner, item))
+        return item
+
+    return tree(plain)
+
+
+class _Inner(dict[str, ClassText]):
+    """Classes inside another, each made when it is first asked for: of a package of a thousand few are."""
+
+    def __init__(self, plain: list[Any], made: Callable[[list[Any]], ClassText]) -> None:
+        super().__init__(zip(plain[1::2], plain[2::2], strict=True))
+        self._made = made
+
+    def __getitem__(self, name: str) -> ClassText:
+        item: Any = super().__getitem__(name)
+        if isinstance(item, list):
+            item = self[name] = self._made(cast("list[Any]", item))
+        return item
+
+    def get(self, name: str, default: Any = None) -> Any:
+        return self[name] if name in self else default  # noqa: SIM401 - of itself
+
+    def values(self) -> Any:
+        return [self[name] for name in self]
+
+    def items(self) -> Any:
+        return [(name, self[name]) for name in self]
