@@ -14,6 +14,9 @@
 #define MOST_PARTS 1e7
 /* Two times that differ by less than this, over their size or one second, are the same. */
 #define SAME_TIME 1e-9
+/* and less than this of a step, as of one that was left out late in a run; but for a few roundings of the time. */
+#define SAME_STEP 1e-3
+#define ROUNDED (4.0 * DBL_EPSILON)
 /* A step that ends within this part of a period, or half its length, behind a sample ends at it: what an importer adds
  * up is off by up to n^2 h 1e-16 behind n steps h. */
 #define SAME_SAMPLE 1e-3
@@ -156,6 +159,12 @@ static gt_status sample(gt_fmu_data *d)
     return status;
 }
 
+/* How far apart two times may be that are meant to be the same, between steps of length h. */
+static double slack(double time, double h)
+{
+    return fmax(fmin(SAME_TIME * fmax(1.0, fabs(time)), SAME_STEP * h), ROUNDED * fabs(time));
+}
+
 static gt_fmu_result ended(const gt_fmu *f, gt_status status, const char *call)
 {
     return (status == GT_OK) ? GT_FMU_OK : gt_fmu_refuse(f, GT_FMU_DISCARD, call, gt_status_sentence(status));
@@ -213,13 +222,13 @@ gt_fmu_result gt_fmu_advance(gt_fmu *f, double from, double h, double *reached)
     if (gt_fmu_in(f, (int)GT_FMU_STEPPING, call) != GT_FMU_OK) {
         return GT_FMU_ERROR;
     }
-    if (!(fabs(from - start) <= (SAME_TIME * fmax(1.0, fabs(start))))) {
-        return gt_fmu_refuse(f, GT_FMU_ERROR, call, "the step does not begin where the last one ended");
-    }
-    if (!(h > 0.0) || !(h <= (MOST_PARTS * finest)) || !((from + h) > start)) {
+    if (!(h > 0.0) || !(h <= (MOST_PARTS * finest))) {
         return gt_fmu_refuse(f, GT_FMU_ERROR, call, "the length of the step is not positive, or far too large");
     }
-    if (!((from + h) <= (d->stop + (SAME_TIME * fmax(1.0, fabs(d->stop)))))) {
+    if (!(fabs(from - start) <= slack(start, h)) || !((from + h) > start)) {
+        return gt_fmu_refuse(f, GT_FMU_ERROR, call, "the step does not begin where the last one ended");
+    }
+    if (!((from + h) <= (d->stop + slack(d->stop, h)))) {
         return gt_fmu_refuse(f, GT_FMU_ERROR, call, "the step ends past the stop time");
     }
     *reached = start;

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 else:
     Servo, FmuPlant = hint("gtmodel.loop", "Servo"), hint("gtmodel.fmu", "FmuPlant")
 
-Names = tuple[str, ...]
+Names = tuple[str, ...] | list[str]
 
 
 @dataclass(frozen=True)
