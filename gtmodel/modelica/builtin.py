@@ -295,5 +295,5 @@ BUILT_IN: dict[str, Callable[[FunctionCall, NameScope, Evaluator], Any]] = {
     "homotopy": _first, "smooth": _smooth, "semiLinear": _semi_linear, "pre": _at_events("pre"),
     "initial": _at_events("initial"), "sample": _at_events("sample"), "edge": _at_events("edge"),
     "change": _at_events("change"), "delay": _delay, "String": _text, "assert": _assert, "Integer": _first,
-    "mechanics": lambda node, scope, model: multibody.called(node, scope),
+    "__mechanics": lambda node, scope, model: multibody.called(node, scope),
 }  # fmt: skip

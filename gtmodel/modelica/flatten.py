@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,8 @@ from .flat import Flattened, ScalarEquation, ScalarIf
 from .instances import Declared, Instance, NameScope
 from .members import field as field_of
 from .modifications import Modifier
+from .multibody.assembly import declared_places
+from .multibody.library import is_own
 from .multibody.parts import is_frame
 from .scalars import Flat, Operation, Symbol, is_constant, is_literal, number_of, operation
 from .scopes import Space
@@ -71,9 +74,14 @@ class _Flattening:
             if instance is not self.root and instance.restriction == "optimization":
                 raise ModelicaError(f"'{instance.path}' is an optimization and no component", instance.at)
             self._declared(instance)
+        places = declared_places(instances)
         for instance in instances:
             for section in instance.sections:
+                first = len(self.out.equations)
                 self._section(section.text, section.scope)
+                if is_own(section.text.at.source.path):  # the line of whoever declares the component
+                    at = places.get(id(instance), instance.at)
+                    self.out.equations[first:] = [replace(e, at=at) for e in self.out.equations[first:]]
         if self.root.space.text.restriction != "optimization" and self.out.constraints:
             raise ModelicaError("a constraint section belongs into an optimization", self.out.constraints[0].at)
         for a, b, place in self.connections.equalities:
@@ -81,7 +89,7 @@ class _Flattening:
         self.connections.complete(instances, self.root)
         for terms, place in self.connections.sums():
             self.out.equations.append(ScalarEquation(terms, 0, place))
-        self.connections.assembly.settle(instances, self.out, self.model)
+        self.connections.assembly.settle(instances, places, self.out, self.model)
         settle_macros(self.out)
         self._header()
         if not self.out.optimization:

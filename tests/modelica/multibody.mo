@@ -158,3 +158,16 @@ model Open "a body that falls by the library's own gravity"
   inner Modelica.Mechanics.MultiBody.World world;
   Modelica.Mechanics.MultiBody.Parts.Body body(m = 2, r_0(start = {1, 0, 0}, each fixed = true), v_0(each fixed = true));
 end Open;
+
+model Hung "a body on a spring and a damper, drawn down along their line"
+  import Modelica.Mechanics.MultiBody.*;
+  inner World world(g = 9.81);
+  Joints.Prismatic slide(n = {0, -1, 0}, s(start = 0.8, fixed = true), v(fixed = true));
+  Parts.Body body(m = 2, r_CM = {0, 0, 0});
+  Forces.SpringDamperParallel strut(c = 150, d = 3, s_unstretched = 0.5);
+equation
+  connect(world.frame_b, slide.frame_a);
+  connect(slide.frame_b, body.frame_a);
+  connect(world.frame_b, strut.frame_a);
+  connect(strut.frame_b, body.frame_a);
+end Hung;

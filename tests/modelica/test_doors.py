@@ -90,7 +90,10 @@ def test_an_error_names_file_and_line_and_prints_it(capsys: pytest.CaptureFixtur
     assert code == 2 and "wrong.mop:4" in err and "der(x) = y;" in err
 
 
-def test_problem_files_name_texts_libraries_and_a_guess(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_problem_files_name_texts_libraries_and_a_guess(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("MODELICAPATH", raising=False)  # the one library is that of the problem
     (tmp_path / "library.mo").write_text(
         "package Library model Integrator Real x(start = 1, fixed = true); input Real u; equation der(x) = u; "
         "end Integrator; end Library;"

@@ -10,7 +10,7 @@ from ..flat import Flattened, ScalarEquation
 from ..instances import Declared, Instance
 from ..scalars import Operation
 from ..syntax import ModelicaError, Place
-from .library import NAME, part_name
+from .library import NAME, is_own, part_name
 from .parts import MappedComponent, MechanicsPart, component, in_turn, is_frame, kind, numbers, values
 from .terms import PART, quantity, turned, vector
 
@@ -31,13 +31,12 @@ class Assembly:
     def join(self, a: Instance, b: Instance, at: Place) -> None:
         self._joined.append((a, b, at))
 
-    def settle(self, instances: list[Instance], out: Flattened, model: Any) -> None:
+    def settle(self, instances: list[Instance], places: dict[int, Place], out: Flattened, model: Any) -> None:
         """Parts, connections and the meaning of the frames' variables. Raises ModelicaError."""
         frames = [i for i in instances if is_frame(i)]
         mapped = [i for i in instances if kind(i)]
         if not frames and not mapped:
             return
-        places = _places(instances)
         components = [component(i, places.get(id(i), i.at)) for i in mapped]
         self._check_world(components, out.at)
         parts = [p for c in components for p in c.parts]
@@ -53,10 +52,16 @@ class Assembly:
         for frame in frames:
             self._mean(frame, places.get(id(frame), frame.at))
         out.optional |= {
-            id(f) for i in instances if part_name(i.space.text) for n, e in i.elements.items()
-            if n in OPTIONAL and isinstance(e.made, Declared) for f in e.made.flats
+            id(f) for i in instances for n, e in i.elements.items()
+            if is_own(e.text.at.source.path) and isinstance(e.made, Declared) for f in e.made.flats
+            if n in OPTIONAL or f.kind == "parameter"
         }  # fmt: skip
         self._record(frames, out)
+        for i in instances:
+            for element in i.elements.values():
+                if id(i) in places and isinstance(element.made, Declared) and is_own(element.text.at.source.path):
+                    for flat in element.made.flats:
+                        flat.at = places[id(i)]
         library = instances[0].space.root.own("Modelica")
         if library is not None and library.folder is not None:
             model.warn("parts of MultiBody are those of gt.mechanics; the library's own are not read", out.at)
@@ -257,7 +262,7 @@ def quaternion(R: np.ndarray) -> np.ndarray:
     return np.where(np.abs(e) < 1e-15, 0.0, e)
 
 
-def _places(instances: list[Instance]) -> dict[int, Place]:
+def declared_places(instances: list[Instance]) -> dict[int, Place]:
     """Where each component is declared in the text of whoever uses the library."""
     result: dict[int, Place] = {}
     for owner in instances:
