@@ -10,7 +10,7 @@ from ..cgen.interface import Interface, interfaces
 from ..compiler.causal import CausalFunction, c_name
 from ..results.refusal import ArgumentError
 from .content import FmuContent
-from .table import FmuTable, FmuVariable, fmi_name, unused
+from .table import FmuTable, FmuVariable, fmi_name, texts_of, unused
 from .tangents import depends, tangents
 from .with_states import WithStates, starts, with_states
 
@@ -113,7 +113,7 @@ class _Table:
         home = iter([x for stage in face.newton for x in stage.home])
         for m in face.state:
             for k in range(m.size):
-                base = fmi_name(m.signal + (f"[{k}]" if m.is_array else "")).replace("der(", "der.").replace(")", "")
+                base = self._named(m.signal + (f"[{k}]" if m.is_array else "")).replace("der(", "der.").replace(")", "")
                 about = f"where Newton begins: {m.signal}"
                 self._add(self._new(f"guess.{base.replace(',', '_')}"), m.unit, about, "fixed", start=next(home))
         first = len(self.variables)
@@ -152,14 +152,17 @@ class _Table:
         return self._add(self._name(p), self.f.flat.unit_of(*p), v.description if p[1] == 0 else "", role, **more)
 
     def _name(self, p: Pair) -> str:
-        return fmi_name(self.f.flat.symbol_name(*p))
+        return self._named(self.f.flat.symbol_name(*p))
+
+    def _named(self, name: str) -> str:
+        return fmi_name(name, texts_of(self.f.flat))
 
     def _output(self, p: Pair) -> int:
         """A variable of its own where the number is a state, a derivative or an input too."""
         if p not in self.place:
             return self._signal(p, "output")
         v = self.f.flat.variables[p[0]]
-        base, bracket, index = fmi_name(v.name).rpartition("[")
+        base, bracket, index = self._named(v.name).rpartition("[")
         stem = base if bracket else index
         word = c_name(stem.replace("'", "")) if p[1] == 0 else f"{'d' if p[1] == 1 else f'd{p[1]}'}_{c_name(stem)}"
         name = f"{word}_out" + (f"[{index}" if bracket else "")

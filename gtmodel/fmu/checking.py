@@ -26,7 +26,7 @@ from ..results.check import Check, at_least, at_most
 from ..results.status import Status
 from .caller import UnitCaller
 from .export import Fmu
-from .table import fmi_name
+from .table import fmi_name, texts_of
 
 POINTS = 1000
 LONGEST_RUN = 50  # communication steps that FMPy simulates
@@ -87,18 +87,22 @@ def _names(unit: Fmu) -> dict[str, int]:
     return {v.name: v.reference for v in unit.table.variables}
 
 
+def _name(f: CausalFunction, p: tuple[int, int]) -> str:
+    return fmi_name(f.flat.symbol_name(*p), texts_of(f.flat))
+
+
 def _values(unit: Fmu, f: CausalFunction, caller: UnitCaller, points: int, seed: int) -> dict[str, Check]:
     """At random inputs: values bit for bit, and whether there is an answer."""
     (face,) = interfaces({"model": f}, unit.table.name)
     rows = draw(face, points, seed)
     expected, wanted = evaluate(face, rows)
     names = _names(unit)
-    settings = [names[fmi_name(f.flat.symbol_name(*p))] for s in f.inputs for p in s.pairs]
+    settings = [names[_name(f, p)] for s in f.inputs for p in s.pairs]
     columns = list(range(len(settings)))
     guesses = [v.reference for v in unit.table.variables if v.role == "fixed"]
     columns += [face.input_size + k for k in range(len(guesses))]
     pairs = [p for s in f.outputs for p in s.pairs]
-    outputs = [(n, names.get(fmi_name(f.flat.symbol_name(*p)))) for n, p in enumerate(pairs)]
+    outputs = [(n, names.get(_name(f, p))) for n, p in enumerate(pairs)]
     known = [(n, r) for n, r in outputs if r is not None and r not in settings]
     different = statuses = good = 0
     for row, value, status in zip(rows, expected, wanted, strict=True):
@@ -192,13 +196,10 @@ def _by_casadi(unit: Fmu, f: CausalFunction, place: Path) -> dict[str, Check]:
         got = np.concatenate([np.array(part).ravel() for part in imported(*starts)])
     except RuntimeError as error:
         return {"import_failed": at_most(1, 0, str(error).splitlines()[0])}
-    arguments = [
-        np.array([variables[fmi_name(f.flat.symbol_name(*p))].start for p in s.pairs], float).reshape(s.shape)
-        for s in f.inputs
-    ]
+    arguments = [np.array([variables[_name(f, p)].start for p in s.pairs], float).reshape(s.shape) for s in f.inputs]
     *results, _ = f(*arguments, *([0.0] if f.plan.uses_time else []))
     numbers = {
-        fmi_name(f.flat.symbol_name(*p)): float(x)
+        _name(f, p): float(x)
         for s, r in zip(f.outputs, results, strict=True)
         for p, x in zip(s.pairs, np.ravel(r), strict=True)
     }

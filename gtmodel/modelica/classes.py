@@ -138,7 +138,8 @@ def class_of(written: Written, more: dict[str, Any] | None = None) -> type[Model
         base.__init__(self, **modifiers)
         self.__dict__["where"] = written.at.where  # of the text, not of who makes the model
 
-    made: Any = type(written.name, (base,), {**namespace, "__init__": __init__, "_written": written.at.where})
+    own = {"__init__": __init__, "_written": written.at.where, "_counts_from_one": True}
+    made: Any = type(written.name, (base,), {**namespace, **own})
     return made
 
 

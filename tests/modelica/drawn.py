@@ -20,6 +20,7 @@ def expressions(names: tuple[str, ...], depth: int = 3) -> st.SearchStrategy[Nod
         return leaves
     inner = expressions(names, depth - 1)
     one = st.sampled_from(names).map(lambda n: ("name", n))
+    moving = st.sampled_from([n for n in names if n not in ("p", "w_i", "i")]).map(lambda n: ("name", n))
     return st.one_of(
         leaves,
         st.tuples(st.sampled_from(["+", "-", "*"]), inner, inner),
@@ -27,7 +28,7 @@ def expressions(names: tuple[str, ...], depth: int = 3) -> st.SearchStrategy[Nod
         st.tuples(st.sampled_from([*FUNCTIONS, "neg", "^2", "f"]), inner),
         # the sides hold variables: a jump between numbers is refused in an optimization
         st.tuples(st.just("if"), st.sampled_from(["<", ">", "<=", ">="]), one, inner,
-                  st.tuples(st.just("*"), one, inner), st.tuples(st.just("+"), one, inner)),
+                  st.tuples(st.just("*"), moving, inner), st.tuples(st.just("+"), moving, inner)),
     )  # fmt: skip
 
 

@@ -14,6 +14,8 @@ from gtmodel.cgen import generate
 from gtmodel.cgen.interface import interfaces
 from gtmodel.cgen.points import draw, evaluate
 from gtmodel.cgen.verification.comparison import call
+from gtmodel.compiler.causal import flat_of
+from gtmodel.fmu.table import fmi_name, texts_of
 from gtmodel.modelica.classes import identifier
 from tests.cgen.calls import shared_library
 
@@ -79,3 +81,46 @@ def test_c_of_a_text_is_its_python_bit_for_bit(name: str, tmp_path: Path) -> Non
             assert np.array_equal(said, status)
             ok = status == gt.Status.OK
             assert np.array_equal(here[ok], values[ok])
+
+
+TANK = """model Tank "two in a row"
+  model One
+    parameter Real A(unit = "m2") = 1; parameter Real a(unit = "m3/s") = 0.02; parameter Real top(unit = "m") = 1;
+    Real h(unit = "m"); input Real q(unit = "m3/s"); Real out(unit = "m3/s");
+  equation A*der(h) = q - out; out = a*sqrt(h/top); end One;
+  One tank[2](h(start = {1, 0.5}, each fixed = true));
+  input Real q(unit = "m3/s", start = 0.01); output Real out(unit = "m3/s");
+equation tank[1].q = q; tank[2].q = tank[1].out; out = tank[2].out; end Tank;
+"""
+
+
+def test_names_in_units_count_from_one_once(tmp_path: Path) -> None:
+    file = tmp_path / "tank.mo"
+    file.write_text(TANK)
+
+    class Plant(gt.Model):  # a text as parts of a model in Python, whose own names count from zero
+        row = gt.parts(2, gt.modelica.load(f"{file}:Tank"))
+
+        def equations(self) -> Any:
+            yield self.row[1].q == self.row[0].out
+
+    for model, names in (
+        (gt.modelica.load(f"{file}:Tank")(), ["tank[1].h", "tank[2].h"]),
+        (Plant(), [f"row[{i}].tank[{k}].h" for i in (1, 2) for k in (1, 2)]),
+    ):
+        flat = flat_of(model)
+        assert [fmi_name(v.name, texts_of(flat)) for v in flat.variables if v.name.endswith(".h")] == names
+
+
+@pytest.mark.slow
+def test_a_unit_of_a_text_has_the_names_of_the_text_and_its_motion(tmp_path: Path) -> None:
+    file = tmp_path / "tank.mo"
+    file.write_text(TANK)
+    model = gt.modelica.load(f"{file}:Tank")()
+    unit = gt.fmu.export(model, tmp_path / "tank.fmu", known="q", targets=["out"], stop=4.0)
+    assert {v.name: v.start for v in unit.table.of("state")} == {"tank[1].h": 1.0, "tank[2].h": 0.5}
+    assert [(v.name, v.unit) for v in unit.table.of("output")] == [("out", "m3/s")]
+    fmpy = pytest.importorskip("fmpy")
+    run = model.simulate(4.0, inputs={"q": 0.05}).trajectory
+    rows = fmpy.simulate_fmu(str(tmp_path / "tank.fmu"), stop_time=4.0, start_values={"q": 0.05}, output=["out"])
+    assert rows["out"][-1] == pytest.approx(run["out"][-1], rel=1e-8)

@@ -71,3 +71,14 @@ def test_a_drawn_model_means_what_it_says(tmp_path_factory: pytest.TempPathFacto
 @given(models())
 def test_many_drawn_models_mean_what_they_say(tmp_path_factory: pytest.TempPathFactory, drawn: Drawn) -> None:
     check(drawn, tmp_path_factory.mktemp("drawn"))
+
+
+@pytest.mark.parametrize(("relation", "value"), [("<", 2.0), ("<=", 1.0), (">", 2.0), (">=", 1.0)])
+def test_where_both_sides_are_equal_a_strict_relation_is_false(tmp_path: Path, relation: str, value: float) -> None:
+    file = tmp_path / "equal.mop"
+    file.write_text(
+        "optimization M(objective = y(finalTime)) Real x(start = 1, fixed = true); Real y; equation der(x) = -1; "
+        f"y = if x {relation} 1 then x else 2*x; end M;"
+    )
+    (rows,) = residuals(gt.modelica.load(file)(), [{"x": 1.0, "der(x)": -1.0, "y": 0.0}], str)
+    assert sorted(rows) == [-value, 0.0]
