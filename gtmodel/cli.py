@@ -115,6 +115,7 @@ def explain(
     prefer: Annotated[list[str] | None, typer.Option(help="Variables to keep as states.")] = None,
     settings: Set = None,
     python: Annotated[bool, typer.Option("--python", help="Print a class of Modelica text in Python.")] = False,
+    flat: Annotated[bool, typer.Option("--flat", help="Print it as flat Modelica, without components.")] = False,
 ) -> None:
     """Show how a robot's variables follow from the known ones, or what a problem asks for.
 
@@ -125,9 +126,8 @@ def explain(
 
     with answering(context, False, what):
         refuse_twice(settings or ())
-        text = (explaining.python if python else explaining.of)(
-            what, known or (), targets or (), prefer or (), settings or ()
-        )
+        options = (known or (), targets or (), prefer or (), settings or ())
+        text = explaining.printed(what, flat, *options) if python or flat else explaining.of(what, *options)
     print(text)
 
 
@@ -300,6 +300,9 @@ def loop(
     reference: Annotated[
         Path | None, typer.Option(metavar="CSV", help="Motion to follow, as reference.csv of gtmodel solve --out.")
     ] = None,
+    plant: Annotated[
+        Path | None, typer.Option(metavar="FMU", help="Unit that is moved, of the problem's table [plant].")
+    ] = None,
     lockstep: Annotated[bool, typer.Option("--lockstep", help="Cycle by cycle as fast as it goes.")] = False,
     elastic: Annotated[
         float | None,
@@ -324,8 +327,8 @@ def loop(
         job = Context(name=folder.name)
         with terminal.watching(job, "stopping the loop, nothing will be compared", quiet=quiet):
             answer.finished = loop_run.run(
-                folder, out or folder / "loop", job, reference=reference, peer=peer, seconds=seconds, law=law,
-                in_lockstep=lockstep, elastic=elastic, deceleration=deceleration,
+                folder, out or folder / "loop", job, reference=reference, plant=plant, peer=peer, seconds=seconds,
+                law=law, in_lockstep=lockstep, elastic=elastic, deceleration=deceleration,
             )  # fmt: skip
 
 

@@ -12,6 +12,29 @@
 #define TOKEN_BYTES (sizeof(GT_FMU_TOKEN))
 #define SUM_BYTES 4U
 
+int gt_fmu_is_said(const gt_fmu *f, gt_fmu_result result)
+{
+    return ((f->logger != NULL) && ((f->logging != 0) || (result == GT_FMU_ERROR))) ? 1 : 0;
+}
+
+gt_fmu_result gt_fmu_log(gt_fmu *f, int on, size_t n, const char *const *categories)
+{
+    int discards = (n == 0U) ? 1 : 0;
+    size_t k;
+
+    for (k = 0U; k < n; k++) {
+        const char *const category = (categories != NULL) ? categories[k] : NULL;
+
+        if ((category != NULL) && (strcmp(category, "logStatusDiscard") == 0)) {
+            discards = 1;
+        } else if ((category == NULL) || (strcmp(category, "logStatusError") != 0)) {
+            return gt_fmu_refuse(f, GT_FMU_ERROR, "SetDebugLogging", "there is no such log category");
+        }
+    }
+    f->logging = (discards != 0) ? on : f->logging;
+    return GT_FMU_OK;
+}
+
 gt_fmu_result gt_fmu_refuse(const gt_fmu *f, gt_fmu_result result, const char *call, const char *sentence)
 {
     char text[TEXT];
@@ -41,6 +64,7 @@ void gt_fmu_reset(gt_fmu *f)
     for (k = 0; k < GT_FMU_INTEGERS; k++) {
         f->data.n[k] = gt_fmu_start_integers[k];
     }
+    f->data.stop = DBL_MAX;
     f->data.stale = 1;
     f->data.mode = (int)GT_FMU_INSTANTIATED;
 }
@@ -94,19 +118,30 @@ static gt_fmu_result fresh(gt_fmu *f, const char *call)
         f->data.stale = 0;
     } else if (GT_FMU_HOLD != 0) {
         f->data.stale = 0;
+        f->data.tried = f->data.kept; /* a failed trial leads nowhere */
         (void)judged(f, status, call);
         return GT_FMU_OK;
     }
     return judged(f, status, call);
 }
 
+gt_fmu_result gt_fmu_set_experiment(gt_fmu *f, double start, double stop, const char *call)
+{
+    if (gt_fmu_in(f, (int)GT_FMU_INSTANTIATED, call) != GT_FMU_OK) {
+        return GT_FMU_ERROR;
+    }
+    if (!(fabs(start) <= DBL_MAX) || !(stop >= start)) {
+        return gt_fmu_refuse(f, GT_FMU_ERROR, call, "the start time is not finite, or the stop time is before it");
+    }
+    f->data.v[0] = start;
+    f->data.stop = stop;
+    return GT_FMU_OK;
+}
+
 gt_fmu_result gt_fmu_enter_initialization(gt_fmu *f, double start)
 {
     gt_fmu_result result;
 
-    if (!(fabs(start) <= DBL_MAX)) {
-        return gt_fmu_refuse(f, GT_FMU_ERROR, "EnterInitializationMode", "the start time is not finite");
-    }
     if (gt_fmu_change(f, (int)GT_FMU_INSTANTIATED, GT_FMU_INITIALIZATION, "EnterInitializationMode") != GT_FMU_OK) {
         return GT_FMU_ERROR;
     }

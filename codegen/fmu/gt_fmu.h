@@ -8,6 +8,7 @@
 #include "gt_fmu_model.h"
 #include "gt_status.h"
 
+#include <float.h>
 #include <stddef.h>
 
 /* What a call ends with; the numbers are those of FMI 2 and 3. */
@@ -33,6 +34,7 @@ typedef struct gt_fmu_data {
     gt_fmu_memory kept;  /* what is remembered at the last completed step */
     gt_fmu_memory tried; /* the same behind the last evaluation */
     double began;        /* start time */
+    double stop;         /* stop time, DBL_MAX where there is none */
     double reached;      /* lastSuccessfulTime of FMI 2 */
     long long samples;   /* taken so far */
     int stale;           /* outputs are older than what they are computed from */
@@ -46,7 +48,7 @@ typedef void (*gt_fmu_say)(const gt_fmu *f, gt_fmu_result result, const char *se
 struct gt_fmu {
     gt_fmu_data data;
     int co_simulation;
-    int logging;   /* of discarded calls */
+    int logging;   /* of discarded calls; errors are always said */
     gt_fmu_say say; /* always there */
     void (*logger)(void);
     void *environment;
@@ -56,6 +58,8 @@ struct gt_fmu {
 
 /* Values as after instantiation. */
 void gt_fmu_reset(gt_fmu *f);
+/* An experiment from a start time to a stop time, DBL_MAX where there is none. */
+gt_fmu_result gt_fmu_set_experiment(gt_fmu *f, double start, double stop, const char *call);
 gt_fmu_result gt_fmu_enter_initialization(gt_fmu *f, double start);
 gt_fmu_result gt_fmu_exit_initialization(gt_fmu *f);
 /* From one of the modes `from` to another; GT_FMU_ERROR from elsewhere. */
@@ -95,6 +99,10 @@ size_t gt_fmu_bytes(void);
 void gt_fmu_pack(const gt_fmu_data *data, unsigned char *bytes);
 gt_fmu_result gt_fmu_unpack(const gt_fmu *f, const unsigned char *bytes, size_t n, gt_fmu_data *data);
 
+/* Turns log categories on or off; all where n is 0. */
+gt_fmu_result gt_fmu_log(gt_fmu *f, int on, size_t n, const char *const *categories);
+/* Whether a call that ends so is said. */
+int gt_fmu_is_said(const gt_fmu *f, gt_fmu_result result);
 /* Says a sentence, with the name of the call. */
 gt_fmu_result gt_fmu_refuse(const gt_fmu *f, gt_fmu_result result, const char *call, const char *sentence);
 /* A copy of a text; 0 without memory. */

@@ -12,13 +12,19 @@ static void say(const gt_fmu *f, gt_fmu_result result, const char *sentence)
 {
     fmi2CallbackLogger logger;
 
-    if ((f->logger == NULL) || (f->logging == 0)) {
+    if (gt_fmu_is_said(f, result) == 0) {
         return;
     }
     logger = (fmi2CallbackLogger)f->logger;
     /* a sentence holds no sign of a format */
     logger(f->environment, f->name, (fmi2Status)result,
            (result == GT_FMU_DISCARD) ? "logStatusDiscard" : "logStatusError", sentence);
+}
+
+/* Where a pointer is NULL. */
+static fmi2Status null(fmi2Component c, const char *call)
+{
+    return (c == NULL) ? fmi2Error : (fmi2Status)gt_fmu_refuse(F, GT_FMU_ERROR, call, "a pointer is NULL");
 }
 
 static fmi2Status unknown(fmi2Component c, const char *call, size_t n)
@@ -45,10 +51,7 @@ fmi2Status fmi2SetDebugLogging(fmi2Component c, fmi2Boolean loggingOn, size_t nC
     if (c == NULL) {
         return fmi2Error;
     }
-    (void)nCategories;
-    (void)categories;
-    F->logging = loggingOn;
-    return fmi2OK;
+    return (fmi2Status)gt_fmu_log(F, loggingOn, nCategories, categories);
 }
 
 fmi2Component fmi2Instantiate(fmi2String instanceName, fmi2Type fmuType, fmi2String fmuGUID,
@@ -109,16 +112,9 @@ fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean toleranceDefined, fm
 {
     (void)toleranceDefined;
     (void)tolerance;
-    (void)stopTimeDefined;
-    (void)stopTime;
-    if ((c == NULL) || (gt_fmu_in(F, (int)GT_FMU_INSTANTIATED, "SetupExperiment") != GT_FMU_OK)) {
-        return fmi2Error;
-    }
-    if (!((startTime - startTime) == 0.0)) {
-        return (fmi2Status)gt_fmu_refuse(F, GT_FMU_ERROR, "SetupExperiment", "the start time is not finite");
-    }
-    F->data.v[0] = startTime;
-    return fmi2OK;
+    return (c == NULL) ? fmi2Error
+                       : (fmi2Status)gt_fmu_set_experiment(F, startTime, stopTimeDefined ? stopTime : DBL_MAX,
+                                                           "SetupExperiment");
 }
 
 fmi2Status fmi2EnterInitializationMode(fmi2Component c)
@@ -197,7 +193,7 @@ fmi2Status fmi2SetString(fmi2Component c, const fmi2ValueReference vr[], size_t 
 fmi2Status fmi2GetFMUstate(fmi2Component c, fmi2FMUstate *FMUstate)
 {
     if ((c == NULL) || (FMUstate == NULL)) {
-        return fmi2Error;
+        return null(c, "GetFMUstate");
     }
     if (*FMUstate == NULL) {
         *FMUstate = calloc(1U, sizeof(gt_fmu_data));
@@ -212,7 +208,7 @@ fmi2Status fmi2GetFMUstate(fmi2Component c, fmi2FMUstate *FMUstate)
 fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate FMUstate)
 {
     if ((c == NULL) || (FMUstate == NULL)) {
-        return fmi2Error;
+        return null(c, "SetFMUstate");
     }
     return (fmi2Status)gt_fmu_restore(F, (const gt_fmu_data *)FMUstate);
 }
@@ -232,7 +228,7 @@ fmi2Status fmi2FreeFMUstate(fmi2Component c, fmi2FMUstate *FMUstate)
 fmi2Status fmi2SerializedFMUstateSize(fmi2Component c, fmi2FMUstate FMUstate, size_t *size)
 {
     if ((c == NULL) || (FMUstate == NULL) || (size == NULL)) {
-        return fmi2Error;
+        return null(c, "SerializedFMUstateSize");
     }
     *size = gt_fmu_bytes();
     return fmi2OK;
@@ -241,7 +237,7 @@ fmi2Status fmi2SerializedFMUstateSize(fmi2Component c, fmi2FMUstate FMUstate, si
 fmi2Status fmi2SerializeFMUstate(fmi2Component c, fmi2FMUstate FMUstate, fmi2Byte serializedState[], size_t size)
 {
     if ((c == NULL) || (FMUstate == NULL) || (serializedState == NULL)) {
-        return fmi2Error;
+        return null(c, "SerializeFMUstate");
     }
     if (size != gt_fmu_bytes()) {
         return (fmi2Status)gt_fmu_refuse(F, GT_FMU_ERROR, "SerializeFMUstate", "the place has another size");
@@ -255,8 +251,10 @@ fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte serializedSta
 {
     gt_fmu_data there;
 
-    if ((c == NULL) || (FMUstate == NULL) || (serializedState == NULL) ||
-        (gt_fmu_unpack(F, (const unsigned char *)serializedState, size, &there) != GT_FMU_OK)) {
+    if ((c == NULL) || (FMUstate == NULL) || (serializedState == NULL)) {
+        return null(c, "DeSerializeFMUstate");
+    }
+    if (gt_fmu_unpack(F, (const unsigned char *)serializedState, size, &there) != GT_FMU_OK) {
         return fmi2Error;
     }
     if (*FMUstate == NULL) {
@@ -291,7 +289,7 @@ fmi2Status fmi2NewDiscreteStates(fmi2Component c, fmi2EventInfo *fmi2eventInfo)
     double next;
 
     if ((c == NULL) || (fmi2eventInfo == NULL)) {
-        return fmi2Error;
+        return null(c, "NewDiscreteStates");
     }
     result = gt_fmu_update(F, &defined, &next);
     if (result == GT_FMU_OK) {
@@ -314,13 +312,18 @@ fmi2Status fmi2EnterContinuousTimeMode(fmi2Component c)
 fmi2Status fmi2CompletedIntegratorStep(fmi2Component c, fmi2Boolean noSetFMUStatePriorToCurrentPoint,
                                        fmi2Boolean *enterEventMode, fmi2Boolean *terminateSimulation)
 {
+    gt_fmu_result result;
+
     (void)noSetFMUStatePriorToCurrentPoint;
     if ((c == NULL) || (enterEventMode == NULL) || (terminateSimulation == NULL)) {
-        return fmi2Error;
+        return null(c, "CompletedIntegratorStep");
     }
-    *enterEventMode = fmi2False;
-    *terminateSimulation = fmi2False;
-    return (fmi2Status)gt_fmu_completed(F);
+    result = gt_fmu_completed(F);
+    if (result == GT_FMU_OK) {
+        *enterEventMode = fmi2False;
+        *terminateSimulation = fmi2False;
+    }
+    return (fmi2Status)result;
 }
 
 fmi2Status fmi2SetTime(fmi2Component c, fmi2Real time)
@@ -399,7 +402,7 @@ fmi2Status fmi2GetStatus(fmi2Component c, const fmi2StatusKind s, fmi2Status *va
 fmi2Status fmi2GetRealStatus(fmi2Component c, const fmi2StatusKind s, fmi2Real *value)
 {
     if ((c == NULL) || (value == NULL)) {
-        return fmi2Error;
+        return null(c, "GetRealStatus");
     }
     if (s != fmi2LastSuccessfulTime) {
         return unknown(c, "GetRealStatus", 1U);
@@ -418,7 +421,7 @@ fmi2Status fmi2GetIntegerStatus(fmi2Component c, const fmi2StatusKind s, fmi2Int
 fmi2Status fmi2GetBooleanStatus(fmi2Component c, const fmi2StatusKind s, fmi2Boolean *value)
 {
     if ((c == NULL) || (value == NULL)) {
-        return fmi2Error;
+        return null(c, "GetBooleanStatus");
     }
     if (s != fmi2Terminated) {
         return unknown(c, "GetBooleanStatus", 1U);

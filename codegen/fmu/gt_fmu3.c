@@ -10,12 +10,20 @@ static void say(const gt_fmu *f, gt_fmu_result result, const char *sentence)
 {
     fmi3LogMessageCallback log;
 
-    if ((f->logger == NULL) || (f->logging == 0)) {
+    if (gt_fmu_is_said(f, result) == 0) {
         return;
     }
     log = (fmi3LogMessageCallback)f->logger;
     log(f->environment, (fmi3Status)result, (result == GT_FMU_DISCARD) ? "logStatusDiscard" : "logStatusError",
         sentence);
+}
+
+/* Where a pointer is NULL, or two arrays that belong together differ in length. */
+static fmi3Status misfit(fmi3Instance instance, const char *call)
+{
+    return (instance == NULL) ? fmi3Error
+                              : (fmi3Status)gt_fmu_refuse(F, GT_FMU_ERROR, call,
+                                                          "a pointer is NULL, or arrays differ in length");
 }
 
 const char *fmi3GetVersion(void)
@@ -26,13 +34,7 @@ const char *fmi3GetVersion(void)
 fmi3Status fmi3SetDebugLogging(fmi3Instance instance, fmi3Boolean loggingOn, size_t nCategories,
                                const fmi3String categories[])
 {
-    if (instance == NULL) {
-        return fmi3Error;
-    }
-    (void)nCategories;
-    (void)categories;
-    F->logging = loggingOn ? 1 : 0;
-    return fmi3OK;
+    return (instance == NULL) ? fmi3Error : (fmi3Status)gt_fmu_log(F, loggingOn ? 1 : 0, nCategories, categories);
 }
 
 /* A new instance, or NULL where the token is that of another model. */
@@ -104,9 +106,11 @@ fmi3Status fmi3EnterInitializationMode(fmi3Instance instance, fmi3Boolean tolera
 {
     (void)toleranceDefined;
     (void)tolerance;
-    (void)stopTimeDefined;
-    (void)stopTime;
-    return (instance == NULL) ? fmi3Error : (fmi3Status)gt_fmu_enter_initialization(F, startTime);
+    if ((instance == NULL) || (gt_fmu_set_experiment(F, startTime, stopTimeDefined ? stopTime : DBL_MAX,
+                                                     "EnterInitializationMode") != GT_FMU_OK)) {
+        return fmi3Error;
+    }
+    return (fmi3Status)gt_fmu_enter_initialization(F, startTime);
 }
 
 fmi3Status fmi3ExitInitializationMode(fmi3Instance instance)
@@ -139,7 +143,7 @@ fmi3Status fmi3GetFloat64(fmi3Instance instance, const fmi3ValueReference valueR
                           fmi3Float64 values[], size_t nValues)
 {
     if ((instance == NULL) || (nValues != nValueReferences)) {
-        return fmi3Error;
+        return misfit(instance, "GetFloat64");
     }
     return (fmi3Status)gt_fmu_get(F, valueReferences, nValueReferences, values);
 }
@@ -148,7 +152,7 @@ fmi3Status fmi3SetFloat64(fmi3Instance instance, const fmi3ValueReference valueR
                           const fmi3Float64 values[], size_t nValues)
 {
     if ((instance == NULL) || (nValues != nValueReferences)) {
-        return fmi3Error;
+        return misfit(instance, "SetFloat64");
     }
     return (fmi3Status)gt_fmu_set(F, valueReferences, nValueReferences, values);
 }
@@ -157,7 +161,7 @@ fmi3Status fmi3GetInt32(fmi3Instance instance, const fmi3ValueReference valueRef
                         fmi3Int32 values[], size_t nValues)
 {
     if ((instance == NULL) || (nValues != nValueReferences)) {
-        return fmi3Error;
+        return misfit(instance, "GetInt32");
     }
     return (fmi3Status)gt_fmu_get_integers(F, valueReferences, nValueReferences, values);
 }
@@ -166,7 +170,7 @@ fmi3Status fmi3SetInt32(fmi3Instance instance, const fmi3ValueReference valueRef
                         const fmi3Int32 values[], size_t nValues)
 {
     if ((instance == NULL) || (nValues != nValueReferences)) {
-        return fmi3Error;
+        return misfit(instance, "SetInt32");
     }
     return (fmi3Status)gt_fmu_set_integers(F, valueReferences, nValueReferences, values);
 }
@@ -174,7 +178,7 @@ fmi3Status fmi3SetInt32(fmi3Instance instance, const fmi3ValueReference valueRef
 fmi3Status fmi3GetFMUState(fmi3Instance instance, fmi3FMUState *FMUState)
 {
     if ((instance == NULL) || (FMUState == NULL)) {
-        return fmi3Error;
+        return misfit(instance, "GetFMUState");
     }
     if (*FMUState == NULL) {
         *FMUState = calloc(1U, sizeof(gt_fmu_data));
@@ -189,7 +193,7 @@ fmi3Status fmi3GetFMUState(fmi3Instance instance, fmi3FMUState *FMUState)
 fmi3Status fmi3SetFMUState(fmi3Instance instance, fmi3FMUState FMUState)
 {
     if ((instance == NULL) || (FMUState == NULL)) {
-        return fmi3Error;
+        return misfit(instance, "SetFMUState");
     }
     return (fmi3Status)gt_fmu_restore(F, (const gt_fmu_data *)FMUState);
 }
@@ -209,7 +213,7 @@ fmi3Status fmi3FreeFMUState(fmi3Instance instance, fmi3FMUState *FMUState)
 fmi3Status fmi3SerializedFMUStateSize(fmi3Instance instance, fmi3FMUState FMUState, size_t *size)
 {
     if ((instance == NULL) || (FMUState == NULL) || (size == NULL)) {
-        return fmi3Error;
+        return misfit(instance, "SerializedFMUStateSize");
     }
     *size = gt_fmu_bytes();
     return fmi3OK;
@@ -218,7 +222,7 @@ fmi3Status fmi3SerializedFMUStateSize(fmi3Instance instance, fmi3FMUState FMUSta
 fmi3Status fmi3SerializeFMUState(fmi3Instance instance, fmi3FMUState FMUState, fmi3Byte serializedState[], size_t size)
 {
     if ((instance == NULL) || (FMUState == NULL) || (serializedState == NULL)) {
-        return fmi3Error;
+        return misfit(instance, "SerializeFMUState");
     }
     if (size != gt_fmu_bytes()) {
         return (fmi3Status)gt_fmu_refuse(F, GT_FMU_ERROR, "SerializeFMUState", "the place has another size");
@@ -232,8 +236,10 @@ fmi3Status fmi3DeserializeFMUState(fmi3Instance instance, const fmi3Byte seriali
 {
     gt_fmu_data there;
 
-    if ((instance == NULL) || (FMUState == NULL) || (serializedState == NULL) ||
-        (gt_fmu_unpack(F, serializedState, size, &there) != GT_FMU_OK)) {
+    if ((instance == NULL) || (FMUState == NULL) || (serializedState == NULL)) {
+        return misfit(instance, "DeserializeFMUState");
+    }
+    if (gt_fmu_unpack(F, serializedState, size, &there) != GT_FMU_OK) {
         return fmi3Error;
     }
     if (*FMUState == NULL) {
@@ -253,7 +259,7 @@ static fmi3Status slope(fmi3Instance instance, const fmi3ValueReference *unknown
 {
     if ((instance == NULL) || (nSeed != ((adjoint != 0) ? nUnknowns : nKnowns)) ||
         (nSensitivity != ((adjoint != 0) ? nKnowns : nUnknowns))) {
-        return fmi3Error;
+        return misfit(instance, "GetDirectionalDerivative");
     }
     return (fmi3Status)gt_fmu_slope(F, unknowns, nUnknowns, knowns, nKnowns, seed, sensitivity, adjoint);
 }
@@ -284,7 +290,7 @@ fmi3Status fmi3UpdateDiscreteStates(fmi3Instance instance, fmi3Boolean *discrete
     if ((instance == NULL) || (discreteStatesNeedUpdate == NULL) || (terminateSimulation == NULL) ||
         (nominalsOfContinuousStatesChanged == NULL) || (valuesOfContinuousStatesChanged == NULL) ||
         (nextEventTimeDefined == NULL) || (nextEventTime == NULL)) {
-        return fmi3Error;
+        return misfit(instance, "UpdateDiscreteStates");
     }
     result = gt_fmu_update(F, &defined, &next);
     if (result == GT_FMU_OK) {
@@ -313,13 +319,18 @@ fmi3Status fmi3EnterContinuousTimeMode(fmi3Instance instance)
 fmi3Status fmi3CompletedIntegratorStep(fmi3Instance instance, fmi3Boolean noSetFMUStatePriorToCurrentPoint,
                                        fmi3Boolean *enterEventMode, fmi3Boolean *terminateSimulation)
 {
+    gt_fmu_result result;
+
     (void)noSetFMUStatePriorToCurrentPoint;
     if ((instance == NULL) || (enterEventMode == NULL) || (terminateSimulation == NULL)) {
-        return fmi3Error;
+        return misfit(instance, "CompletedIntegratorStep");
     }
-    *enterEventMode = false;
-    *terminateSimulation = false;
-    return (fmi3Status)gt_fmu_completed(F);
+    result = gt_fmu_completed(F);
+    if (result == GT_FMU_OK) {
+        *enterEventMode = false;
+        *terminateSimulation = false;
+    }
+    return (fmi3Status)result;
 }
 
 fmi3Status fmi3SetTime(fmi3Instance instance, fmi3Float64 time)
@@ -342,7 +353,7 @@ fmi3Status fmi3GetContinuousStateDerivatives(fmi3Instance instance, fmi3Float64 
 fmi3Status fmi3GetEventIndicators(fmi3Instance instance, fmi3Float64 eventIndicators[], size_t nEventIndicators)
 {
     (void)eventIndicators;
-    return ((instance == NULL) || (nEventIndicators > 0U)) ? fmi3Error : fmi3OK;
+    return ((instance == NULL) || (nEventIndicators > 0U)) ? misfit(instance, "GetEventIndicators") : fmi3OK;
 }
 
 fmi3Status fmi3GetContinuousStates(fmi3Instance instance, fmi3Float64 continuousStates[], size_t nContinuousStates)
@@ -358,7 +369,7 @@ fmi3Status fmi3GetNominalsOfContinuousStates(fmi3Instance instance, fmi3Float64 
 fmi3Status fmi3GetNumberOfEventIndicators(fmi3Instance instance, size_t *nEventIndicators)
 {
     if ((instance == NULL) || (nEventIndicators == NULL)) {
-        return fmi3Error;
+        return misfit(instance, "GetNumberOfEventIndicators");
     }
     *nEventIndicators = 0U;
     return fmi3OK;
@@ -367,7 +378,7 @@ fmi3Status fmi3GetNumberOfEventIndicators(fmi3Instance instance, size_t *nEventI
 fmi3Status fmi3GetNumberOfContinuousStates(fmi3Instance instance, size_t *nContinuousStates)
 {
     if ((instance == NULL) || (nContinuousStates == NULL)) {
-        return fmi3Error;
+        return misfit(instance, "GetNumberOfContinuousStates");
     }
     *nContinuousStates = (size_t)GT_FMU_STATES;
     return fmi3OK;
@@ -384,7 +395,7 @@ fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 currentCommunicationPoi
     (void)noSetFMUStatePriorToCurrentPoint;
     if ((instance == NULL) || (eventHandlingNeeded == NULL) || (terminateSimulation == NULL) ||
         (earlyReturn == NULL) || (lastSuccessfulTime == NULL)) {
-        return fmi3Error;
+        return misfit(instance, "DoStep");
     }
     (void)memcpy(&before, &F->data, sizeof(before));
     result = gt_fmu_advance(F, currentCommunicationPoint, communicationStepSize, &reached);

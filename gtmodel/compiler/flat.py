@@ -119,6 +119,11 @@ class FlatModel:
             return unit or "?"
         return rate_unit(unit, order)
 
+    def level(self, index: int) -> int:
+        """How deep in components a variable is declared. The class of a text has none, whatever dots its names have."""
+        component = self.variables[index].component
+        return component.count(".") + 1 if component else 0
+
     @property
     def root(self) -> Model:
         """The whole model, bound."""

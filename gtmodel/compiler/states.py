@@ -7,13 +7,15 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from ..lang.source import ModelError
+from ..lang.source import ModelError, SourceLocation
 from .flat import FlatModel
-from .graph import largest_matching, neighbours_of
+from .graph import largest_matching, neighbours_of, strong_components
 from .structure import EquationStructure
 
 # relative to the largest column: separates round-off of a consistent point (1e-12) from poor geometry (1e-5)
 RANK_TOLERANCE = 1e-8
+# beside the largest of its row an entry below this is round-off of a consistent point (1e-12), or zero
+ROUND_OFF = 1e-10
 
 
 @dataclass(frozen=True)
@@ -139,7 +141,29 @@ def _best(
         return best
     if any(np.linalg.matrix_rank(m, tol=RANK_TOLERANCE) == len(rows) for m in scaled) and best:
         return best
-    raise ModelError(_redundant(flat, structure, k, rows, scaled))
+    if len(cols) == len(rows) and all(map(_regular_by_blocks, scaled)):
+        return cols
+    raise ModelError(*_redundant(flat, structure, k, rows, scaled))
+
+
+def _regular_by_blocks(m: np.ndarray) -> bool:
+    """Whether the irreducible diagonal blocks of a square matrix are regular, each measured by its own rows.
+
+    What stands beside them tells nothing of the rank, however large it is: x in 1e-9 x + y = 0, y = 1 is determined.
+    """
+    n = len(m)
+    entries = list(zip(*(a.tolist() for a in np.nonzero(np.abs(m) > ROUND_OFF)), strict=True))
+    neighbours = neighbours_of(n, entries)
+    match = largest_matching(neighbours, n)
+    if -1 in match:
+        return False
+    row_of = {match[i]: i for i in range(n)}
+    blocks = strong_components(list(range(n)), lambda i: [row_of[j] for j in neighbours[i] if row_of[j] != i])
+    for rows in blocks:
+        block = m[np.ix_(rows, [match[i] for i in rows])]
+        if _conditioning(block / np.max(np.abs(block), axis=1, keepdims=True)) <= RANK_TOLERANCE:
+            return False
+    return True
 
 
 def _conditioning(m: np.ndarray) -> float:
@@ -173,8 +197,10 @@ def _greedy(m: np.ndarray, groups: list[list[int]], count: int) -> list[int]:
     return chosen
 
 
-def _redundant(flat: FlatModel, structure: EquationStructure, k: int, rows: list[int], scaled: list[np.ndarray]) -> str:
-    """Names the equations in the left null vector."""
+def _redundant(
+    flat: FlatModel, structure: EquationStructure, k: int, rows: list[int], scaled: list[np.ndarray]
+) -> tuple[str, SourceLocation | None]:
+    """Names the equations in the left null vector, and the place of the first."""
     ranks = [int(np.linalg.matrix_rank(a, tol=RANK_TOLERANCE)) for a in scaled]
     # singular at some points only, as max(u, 0) is where u < 0: these show what vanishes
     picked = max if max(ranks) < len(rows) else min
@@ -196,7 +222,8 @@ def _redundant(flat: FlatModel, structure: EquationStructure, k: int, rows: list
     if flows:
         advice = "connect a reference, such as a ground, to what is connected there"
     level = {0: "highest derivatives", -1: "velocities", -2: "positions"}.get(k, f"stage {k}")
-    return f"{flat.title}: {len(rows)} equations of rank {rank} in stage {k} ({level}): these {what}: {shown}; {advice}"
+    said = f"{flat.title}: {len(rows)} equations of rank {rank} in stage {k} ({level}): these {what}: {shown}; {advice}"
+    return said, structure.equations[involved[0]].where if involved else None
 
 
 def _dropped(flat: FlatModel, structure: EquationStructure, rows: list[int], columns: list[int]) -> str:

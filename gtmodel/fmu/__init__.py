@@ -6,7 +6,7 @@ study         several functions into a folder, checked before they are written -
 
 The other way, by FMPy (extra `fmi`): a unit of anybody as a plant.
 RunningUnit   one instance in co-simulation, variables by name; UnitStopped where it has no answer
-FmuPlant      behind a simulated controller of gt.loop
+FmuPlant      behind a simulated controller of gt.loop; PlantUnit declares one for gt.loop.study and files
 FmuExperiment what gt.control.learning.study learns on
 """
 
@@ -17,12 +17,9 @@ from .._lazy import public
 if TYPE_CHECKING:
     from .checking import UnitReport as UnitReport, check as check
     from .export import Fmu as Fmu, export as export
-    from .plant import (
-        FmuExperiment as FmuExperiment,
-        FmuPlant as FmuPlant,
-        RunningUnit as RunningUnit,
-        UnitStopped as UnitStopped,
-    )
+    from .plant import FmuExperiment as FmuExperiment, FmuPlant as FmuPlant
+    from .plant_unit import PlantUnit as PlantUnit
+    from .running import RunningUnit as RunningUnit, UnitStopped as UnitStopped
     from .unit_study import FmuStudy as FmuStudy, study as study
 
 public(__name__)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import zipfile
 from collections.abc import Mapping
+from pathlib import Path
 
 FIRST = (1980, 1, 1, 0, 0, 0)  # the earliest time that a zip can hold
 PLAIN, PROGRAM = 0o100644, 0o100755
@@ -27,3 +28,12 @@ def archive(files: Mapping[str, bytes]) -> bytes:
             entry.compress_type = zipfile.ZIP_DEFLATED
             z.writestr(entry, files[name], compresslevel=LEVEL)
     return made.getvalue()
+
+
+def is_ours(path: Path) -> bool:
+    """Whether gtmodel made this archive."""
+    try:
+        with zipfile.ZipFile(io.BytesIO(path.read_bytes())) as archive:
+            return b'generationTool="gtmodel ' in archive.read("modelDescription.xml")
+    except (OSError, KeyError, zipfile.BadZipFile):
+        return False

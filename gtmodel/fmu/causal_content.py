@@ -10,12 +10,12 @@ from ..cgen.interface import Interface, interfaces
 from ..compiler.causal import CausalFunction, c_name
 from ..results.refusal import ArgumentError
 from .content import FmuContent
-from .table import FmuTable, FmuVariable, fmi_name
+from .table import FmuTable, FmuVariable, fmi_name, texts_of, unused
 from .tangents import depends, tangents
 from .with_states import WithStates, starts, with_states
 
 KEY = "model"  # of the function in C: gt_<name>_model
-LEFT_OUT = ("_selftest.c", "_main.c", "Makefile", "README.md")
+LEFT_OUT = ("gt_{}_selftest.c", "gt_{}_main.c", "Makefile", "README.md")  # of what `contents` makes
 Pair = tuple[int, int]
 
 
@@ -51,7 +51,7 @@ def causal_content(
     )  # fmt: skip
     exact = tangents(made.function, face, name)
     texts = contents([face], name, dict(provenance or {}))
-    files = {file: text for file, text in texts.items() if not file.endswith(LEFT_OUT)}
+    files = needed(texts, name)
     functions = "".join(
         [
             f'#include "{exact.header}"\n\n' + ('#include "gt_newton.h"\n\n' if face.newton else ""),
@@ -67,6 +67,12 @@ def causal_content(
         table, {**files, **exact.files}, f"gt_{name}.h", memory, functions, made.function.plan.uses_time
     )
     return content, made
+
+
+def needed(texts: Mapping[str, str], name: str) -> dict[str, str]:
+    """The files that a library is made of."""
+    out = {file.format(name) for file in LEFT_OUT}
+    return {file: text for file, text in texts.items() if file not in out}
 
 
 _NO_SAMPLE = """\
@@ -97,6 +103,7 @@ class _Table:
         self.place: dict[Pair, int] = {}  # of inputs and states, then of derivatives
         self.outputs: list[list[int]] = []  # value references of each number of the outputs of the function
         self.variables: list[FmuVariable] = []
+        self.own = {self._name(p) for s in (*self.f.inputs, *self.f.outputs) for p in s.pairs}  # names of the model
         self._add("time", "s", "", "time")
         for s in sorted(made.known, key=lambda s: s.name in tunable):
             role = "tunable" if s.name in tunable else "input"
@@ -106,9 +113,9 @@ class _Table:
         home = iter([x for stage in face.newton for x in stage.home])
         for m in face.state:
             for k in range(m.size):
-                base = fmi_name(m.signal + (f"[{k}]" if m.is_array else "")).replace("der(", "der.").replace(")", "")
+                base = self._named(m.signal + (f"[{k}]" if m.is_array else "")).replace("der(", "der.").replace(")", "")
                 about = f"where Newton begins: {m.signal}"
-                self._add(f"guess.{base.replace(',', '_')}", m.unit, about, "fixed", start=next(home))
+                self._add(self._new(f"guess.{base.replace(',', '_')}"), m.unit, about, "fixed", start=next(home))
         first = len(self.variables)
         self.place |= {p: first + n for n, p in enumerate(self.states)}
         for i, k in self.states:
@@ -125,7 +132,7 @@ class _Table:
         for n, p in enumerate(numbers[:asked]):
             self.outputs[n].append(self._output(p))
         if hold:
-            self._add("status", "1", "0: there is an answer; else the outputs are the last ones", "output",
+            self._add(self._new("status"), "1", "0: there is an answer; else the outputs are the last ones", "output",
                       integer=True)  # fmt: skip
 
     def rate(self, p: Pair) -> int:
@@ -145,18 +152,25 @@ class _Table:
         return self._add(self._name(p), self.f.flat.unit_of(*p), v.description if p[1] == 0 else "", role, **more)
 
     def _name(self, p: Pair) -> str:
-        return fmi_name(self.f.flat.symbol_name(*p))
+        return self._named(self.f.flat.symbol_name(*p))
+
+    def _named(self, name: str) -> str:
+        return fmi_name(name, texts_of(self.f.flat))
 
     def _output(self, p: Pair) -> int:
         """A variable of its own where the number is a state, a derivative or an input too."""
         if p not in self.place:
             return self._signal(p, "output")
         v = self.f.flat.variables[p[0]]
-        base, bracket, index = fmi_name(v.name).rpartition("[")
+        base, bracket, index = self._named(v.name).rpartition("[")
         stem = base if bracket else index
         word = c_name(stem.replace("'", "")) if p[1] == 0 else f"{'d' if p[1] == 1 else f'd{p[1]}'}_{c_name(stem)}"
         name = f"{word}_out" + (f"[{index}" if bracket else "")
-        return self._add(name, self.f.flat.unit_of(*p), f"{self._name(p)} as an output", "output")
+        return self._add(self._new(name), self.f.flat.unit_of(*p), f"{self._name(p)} as an output", "output")
+
+    def _new(self, name: str) -> str:
+        """A name that the model does not have."""
+        return unused(name, self.own | {v.name for v in self.variables})
 
     def dependencies(self) -> dict[int, list[int]]:
         """By value reference of what is computed."""
@@ -165,7 +179,7 @@ class _Table:
         for places, on in zip(self.outputs, depends(self.f), strict=True):
             for r in places:
                 result[r] = sorted({inputs[k] for k in on})
-        return result | {v.reference: [] for v in self.variables if v.integer}
+        return result | {v.reference: sorted(inputs) for v in self.variables if v.integer}
 
     def references(self) -> list[int]:
         """Of the numbers that the function takes, in their order."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import io
-import re
 import tempfile
 import zipfile
 from collections.abc import Mapping, Sequence
@@ -23,12 +22,11 @@ from ..cgen.real import DOUBLE
 from ..cgen.steps.function import StepFunction
 from ..cgen.steps.records import dtype_of, record
 from ..compiler.causal import CausalFunction
-from ..lang.scope import derivative_name
 from ..results.check import Check, at_least, at_most
 from ..results.status import Status
 from .caller import UnitCaller
 from .export import Fmu
-from .table import fmi_name
+from .table import fmi_name, texts_of
 
 POINTS = 1000
 LONGEST_RUN = 50  # communication steps that FMPy simulates
@@ -89,18 +87,22 @@ def _names(unit: Fmu) -> dict[str, int]:
     return {v.name: v.reference for v in unit.table.variables}
 
 
+def _name(f: CausalFunction, p: tuple[int, int]) -> str:
+    return fmi_name(f.flat.symbol_name(*p), texts_of(f.flat))
+
+
 def _values(unit: Fmu, f: CausalFunction, caller: UnitCaller, points: int, seed: int) -> dict[str, Check]:
     """At random inputs: values bit for bit, and whether there is an answer."""
     (face,) = interfaces({"model": f}, unit.table.name)
     rows = draw(face, points, seed)
     expected, wanted = evaluate(face, rows)
     names = _names(unit)
-    settings = [names[fmi_name(f.flat.symbol_name(*p))] for s in f.inputs for p in s.pairs]
+    settings = [names[_name(f, p)] for s in f.inputs for p in s.pairs]
     columns = list(range(len(settings)))
-    guesses = [v.reference for v in unit.table.variables if v.name.startswith("guess.")]
+    guesses = [v.reference for v in unit.table.variables if v.role == "fixed"]
     columns += [face.input_size + k for k in range(len(guesses))]
     pairs = [p for s in f.outputs for p in s.pairs]
-    outputs = [(n, names.get(fmi_name(f.flat.symbol_name(*p)))) for n, p in enumerate(pairs)]
+    outputs = [(n, names.get(_name(f, p))) for n, p in enumerate(pairs)]
     known = [(n, r) for n, r in outputs if r is not None and r not in settings]
     different = statuses = good = 0
     for row, value, status in zip(rows, expected, wanted, strict=True):
@@ -110,7 +112,7 @@ def _values(unit: Fmu, f: CausalFunction, caller: UnitCaller, points: int, seed:
         if answer == 0:
             answer, got = caller.get([r for _, r in known])
         if unit.table.hold and answer == 0:  # outputs are held, and an integer says so
-            answer = int(caller.get_integers([names["status"]])[1][0])
+            answer = int(caller.get_integers([unit.table.integers[0].reference])[1][0])
         ok = status == Status.OK
         statuses += (answer == 0) != ok
         good += answer == 0 and ok
@@ -194,32 +196,19 @@ def _by_casadi(unit: Fmu, f: CausalFunction, place: Path) -> dict[str, Check]:
         got = np.concatenate([np.array(part).ravel() for part in imported(*starts)])
     except RuntimeError as error:
         return {"import_failed": at_most(1, 0, str(error).splitlines()[0])}
-    arguments = [
-        np.array([variables[fmi_name(f.flat.symbol_name(*p))].start for p in s.pairs], float).reshape(s.shape)
-        for s in f.inputs
-    ]
+    arguments = [np.array([variables[_name(f, p)].start for p in s.pairs], float).reshape(s.shape) for s in f.inputs]
     *results, _ = f(*arguments, *([0.0] if f.plan.uses_time else []))
     numbers = {
-        fmi_name(f.flat.symbol_name(*p)): float(x)
+        _name(f, p): float(x)
         for s, r in zip(f.outputs, results, strict=True)
         for p, x in zip(s.pairs, np.ravel(r), strict=True)
     }
     table = unit.table
     wanted = [numbers.get(table.variables[r].name, float(table.variables[r].start or 0.0)) for r in table.rates]
     order = [list(table.states).index(variables[n].reference) for n in builder.x()]
-    wanted = [wanted[k] for k in order] + [numbers[_behind(n, numbers)] for n in builder.y()]
+    flat = [float(x) for r in results for x in np.ravel(r)]  # what was asked for comes first, in the order of outputs
+    behind = {v.name: flat[k] for k, v in enumerate(table.of("output"))}
+    wanted = [wanted[k] for k in order] + [behind[n] for n in builder.y()]
     scale = max(1.0, float(np.max(np.abs(wanted), initial=0.0)))
     far = float(np.max(np.abs(got - np.array(wanted)), initial=0.0)) / scale
     return {"import_difference": at_most(far, IMPORT_NEAR, "of numbers by CasADi's import, over the largest or one")}
-
-
-def _behind(name: str, numbers: Mapping[str, float]) -> str:
-    """The number of an output that is a state, a derivative or an input too: T_out[1] is T[1]."""
-    if name in numbers:
-        return name
-    derivative = re.fullmatch(r"(d(\d*)_)?(.+)_out(\[.*\])?", name)
-    if derivative is None:
-        return name
-    base = f"{derivative[3]}{derivative[4] or ''}"
-    order = int(derivative[2] or 1) if derivative[1] else 0
-    return next((n for n in numbers if n in (base, derivative_name(base, order))), name)

@@ -41,13 +41,13 @@ def _variable(v: FmuVariable) -> str:
     variability = {"time": "continuous", "fixed": "fixed", "tunable": "tunable"}.get(v.role)
     if variability is None:
         variability = "discrete" if v.integer or (v.sampled and v.role == "output") else "continuous"
-    exact = v.role == "state" or (v.role == "output" and v.start is not None)
-    computed = v.role in ("derivative", "output") and not exact
+    exact = v.role == "state"
+    computed = v.role in ("derivative", "output")
     real = {
         "unit": None if v.integer else v.unit,
         "derivative": None if v.of_state is None else v.of_state + 1,
         "nominal": v.nominal if v.role == "state" and v.nominal != 1.0 else None,
-        "start": v.start,
+        "start": None if computed else v.start,
     }
     attributes = {
         "name": v.name,
@@ -66,7 +66,7 @@ def _structure(table: FmuTable) -> list[str]:
         return element("Unknown", {"index": reference + 1, "dependencies": listed(on)})
 
     outputs = table.of("output")
-    unknown = [v.reference for v in outputs if v.start is None]
+    unknown = [v.reference for v in outputs]
     unknown += [r for r in table.rates if table.variables[r].role == "derivative"]
     parts = {
         "Outputs": [v.reference for v in outputs],

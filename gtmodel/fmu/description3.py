@@ -51,8 +51,8 @@ def _variable(v: FmuVariable) -> str:
     variability = {"time": "continuous", "fixed": "fixed", "tunable": "tunable"}.get(v.role)
     if variability is None:
         variability = "discrete" if v.integer or (v.sampled and v.role == "output") else "continuous"
-    exact = v.role == "state" or (v.role == "output" and v.start is not None)
-    computed = v.role in ("derivative", "output") and not exact
+    exact = v.role == "state"
+    computed = v.role in ("derivative", "output")
     attributes = {
         "name": v.name,
         "valueReference": v.reference,
@@ -63,7 +63,7 @@ def _variable(v: FmuVariable) -> str:
         "unit": None if v.integer else v.unit,
         "derivative": v.of_state,
         "nominal": v.nominal if v.role == "state" and v.nominal != 1.0 else None,
-        "start": v.start,
+        "start": None if computed else v.start,
     }
     return element("Int32" if v.integer else "Float64", attributes)
 
@@ -74,7 +74,7 @@ def _structure(table: FmuTable) -> list[str]:
         return element(kind, {"valueReference": reference, "dependencies": listed(on)})
 
     outputs = [v for v in table.of("output")]
-    unknown = [v.reference for v in outputs if v.start is None]
+    unknown = [v.reference for v in outputs]
     unknown += [r for r in table.rates if table.variables[r].role == "derivative"]
     return [
         *[one("Output", v.reference) for v in outputs],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -10,13 +11,14 @@ from pathlib import Path
 from typing import Literal
 
 from .._files import codegen_dir
+from ..cgen.box import box_of, check_names
 from ..cgen.interface import check_identifier
 from ..cgen.steps.function import StepFunction
 from ..cgen.text import GenerationError
 from ..compiler.causal import CausalFunction, c_name, compile_causal
 from ..lang.model import Model
 from ..results.refusal import ArgumentError
-from .archive import archive
+from .archive import archive, is_ours
 from .causal_content import causal_content
 from .content import FmuContent, model_files
 from .description2 import description2
@@ -31,6 +33,7 @@ from .with_states import starts, with_states
 Version = Literal[2, 3]
 TOLERANCE = 1e-6  # of the integrator inside, over the size of a state or one
 _CORE = ("gt_fmu.h", "gt_fmu.c", "gt_fmu_step.c")
+RESERVED = ("fmu", "fmu_model", "fmu_step", "fmu2", "fmu3", "fmu3_none")  # gt_NAME.c are files of every unit
 _OF_VERSION = {2: ("gt_fmu2.c",), 3: ("gt_fmu3.h", "gt_fmu3.c", "gt_fmu3_none.c")}
 
 
@@ -62,7 +65,7 @@ def export(
     name: str = "",
     title: str = "",
     start: Mapping[str, Sequence[float] | float] | None = None,
-    tunable: Collection[str] = (),
+    tunable: str | Collection[str] = (),
     on_fault: Literal["discard", "hold"] = "discard",
     step: float | None = None,
     tolerance: float = TOLERANCE,
@@ -75,7 +78,7 @@ def export(
     Args:
         what: a causal function, a step function (a filter, a sampled block), or a model with `known`, `targets` and
             `prefer` as for `Model.causal`. States of the function become continuous states.
-        path: of the archive, NAME.fmu; None: it is made, not written.
+        path: of the archive, NAME.fmu; a file that is no unit of gtmodel stays. None: it is made, not written.
         version: 3 for FMI 3.0, 2 for FMI 2.0.
         name: model identifier; that of the path if empty. title: description; that of the model if empty.
         start: values of inputs and states at the start by name, in SI; else the home pose or declared starts,
@@ -97,6 +100,10 @@ def export(
     >>> [v.name for v in unit.table.of("output")]
     ['T[1]', 'T[2]', 'T[3]']
     """
+    if not isinstance(what, (CausalFunction, StepFunction, Model)):
+        raise ArgumentError(
+            f"expected a model, a causal function or a step function; found {type(what).__name__}", "what"
+        )
     if version not in (2, 3):
         raise ArgumentError(f"expected 2 or 3; found {version!r}", "version")
     if isinstance(what, Model):
@@ -106,12 +113,27 @@ def export(
     place = None if path is None else Path(path)
     own = name or (c_name(place.stem) if place is not None else c_name(getattr(what, "name", "") or "unit"))
     check_identifier(own, "a unit", "name")
-    if not stop > 0 or not tolerance > 0 or (step is not None and not step > 0):
-        raise ArgumentError("expected times and a tolerance above zero", "step")
+    if own.lower() in RESERVED:
+        raise ArgumentError(
+            f"'{own}' cannot name a unit: gt_{own}.c is a file of every unit; take another name", "name"
+        )
+    for argument, number in (("stop", stop), ("tolerance", tolerance), ("step", step)):
+        if number is not None and not 0.0 < number < math.inf:
+            raise ArgumentError(f"expected a finite number above zero; found {number!r}", argument)
+    if on_fault not in ("discard", "hold"):
+        raise ArgumentError(f"expected discard or hold; found {on_fault!r}", "on_fault")
+    if box and isinstance(what, StepFunction):
+        raise ArgumentError("a step function has no box; leave it out", "box")
+    if box and isinstance(what, CausalFunction):
+        check_names({own: what}, box)
+        box_of(what, box)
+    tunable = [tunable] if isinstance(tunable, str) else tunable
     content, function = _content(what, own, title, start, tunable, on_fault, step, tolerance, stop, provenance)
     unit = _unit(content, function, version, box or {})
     if place is not None:
         try:
+            if place.is_file() and place.stat().st_size and not is_ours(place):
+                raise ArgumentError(f"'{place}' was not written by gtmodel; choose another name", "path")
             place.parent.mkdir(parents=True, exist_ok=True)
             place.write_bytes(unit.data)
         except OSError as error:

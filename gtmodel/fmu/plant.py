@@ -2,107 +2,18 @@
 
 from __future__ import annotations
 
-import shutil
-import tempfile
-import weakref
 from collections.abc import Mapping, Sequence
-from importlib import import_module
-from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from ..loop.plant import Servo
 from ..results.refusal import ArgumentError
 from .export import Fmu
+from .running import WHOLE, RunningUnit, UnitStopped
+from .signals import Scaling, scaling
 
-NEEDS_FMPY = "running a unit needs FMPy; install it by pip install 'gtmodel[fmi]'"
-
-
-class UnitStopped(RuntimeError):
-    """A unit that has no answer on the way: one sentence with the time."""
-
-
-class RunningUnit:
-    """One instance of a unit in co-simulation, by FMPy; variables by their names in the description.
-
-    path: of the archive, FMI 2.0 or 3.0, or what `export` gave. start: values by name, set before it begins.
-
-    Raises ArgumentError without FMPy, for an archive that it cannot read or that has no co-simulation, and for names
-    that are no real variables of it; UnitStopped where a step ends without an answer.
-    """
-
-    def __init__(self, path: str | Path | Fmu, start: Mapping[str, float] | None = None) -> None:
-        if find_spec("fmpy") is None:
-            raise ArgumentError(NEEDS_FMPY, "path")
-        fmpy: Any = import_module("fmpy")
-        simulation: Any = import_module("fmpy.simulation")
-        folder = tempfile.mkdtemp(prefix="gtmodel-fmu-")
-        weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
-        if isinstance(path, Fmu):
-            (own := Path(folder) / f"{path.table.name}.fmu").write_bytes(path.data)
-            path = own
-        try:
-            description = fmpy.read_model_description(str(path))
-            fmpy.extract(str(path), folder)
-        except Exception as error:
-            raise ArgumentError(f"FMPy cannot read '{path}': {error}", "path") from error
-        if description.coSimulation is None:
-            raise ArgumentError(f"'{path}' offers no co-simulation", "path")
-        self.name = str(description.modelName)
-        self._three = str(description.fmiVersion).startswith("3")
-        self._references = {
-            v.name: int(v.valueReference) for v in description.modelVariables if v.type in ("Real", "Float64")
-        }
-        self._unit: Any = simulation.instantiate_fmu(folder, description, "CoSimulation")
-        self._start = dict(start or {})
-        self.time = 0.0
-        self._begin()
-
-    def _begin(self) -> None:
-        if self._start:
-            self.set(list(self._start), list(self._start.values()))
-        if self._three:
-            self._unit.enterInitializationMode(startTime=0.0)
-        else:
-            self._unit.setupExperiment(startTime=0.0)
-            self._unit.enterInitializationMode()
-        self._unit.exitInitializationMode()
-        self.time = 0.0
-
-    def restart(self) -> None:
-        """Back to the start, with the same start values."""
-        self._unit.reset()
-        self._begin()
-
-    def places(self, names: Sequence[str], argument: str) -> list[int]:
-        """Value references of variables. Raises ArgumentError for a name that is none."""
-        for name in names:
-            if name not in self._references:
-                there = ", ".join(list(self._references)[:12])
-                raise ArgumentError(f"'{self.name}' has no real variable '{name}'; it has {there}, ...", argument)
-        return [self._references[name] for name in names]
-
-    def set(self, names: Sequence[str], values: Sequence[float] | np.ndarray) -> None:
-        """Sets variables by name."""
-        (self._unit.setFloat64 if self._three else self._unit.setReal)(
-            self.places(names, "inputs"), list(map(float, values))
-        )
-
-    def get(self, names: Sequence[str]) -> np.ndarray:
-        """Values of variables by name."""
-        return np.array((self._unit.getFloat64 if self._three else self._unit.getReal)(self.places(names, "outputs")))
-
-    def step(self, length: float) -> None:
-        """Goes on by `length` [s]. Raises UnitStopped where it cannot."""
-        try:
-            self._unit.doStep(currentCommunicationPoint=self.time, communicationStepSize=length)
-        except Exception as error:
-            raise UnitStopped(
-                f"'{self.name}' stopped between {self.time:.6g} and {self.time + length:.6g} s"
-            ) from error
-        self.time += length
+QUANTITIES = {"position": "m", "command": "m", "command_speed": "m/s", "force": "N", "speed": "m/s", "arm": "m"}
 
 
 class FmuPlant:
@@ -110,13 +21,20 @@ class FmuPlant:
 
     Args:
         path: of the archive, FMI 2.0 or 3.0, with co-simulation.
-        position: its outputs that are the measured positions [m], one for each cart.
-        command: its inputs that take commanded positions [m]; or
-        force: its inputs that take motor forces [N] of `servo`, with `speed`, its outputs that are speeds [m/s].
-        arm: its outputs that are where the arm's side stands [m]; the positions if left out.
-        start: start values by name. cycle_s: [s].
+        position: its outputs that are the measured positions, one for each cart.
+        command: its inputs that take commanded positions, and command_speed, if there are, commanded speeds; or
+        force: its inputs that take motor forces of `servo`, with `speed`, its outputs that are speeds.
+        arm: its outputs that are where the arm's side stands; the positions if left out.
+        servo: that makes the forces, `Servo()` if left out; with `command` the one inside of the unit, None: unknown.
+        start: start values by name, in the unit's own units. cycle_s: [s].
+        units: by "position", "command", "command_speed", "force", "speed", "arm" the unit, such as "mm", of variables
+            whose description says none.
+        steps: communication steps in a cycle; 1 if left out, with forces as many as the servo has substeps.
 
-    Raises ArgumentError as `RunningUnit`, and unless either command or force is given, one for each position.
+    Within a cycle a commanded position goes on at the commanded speed from step to step. Numbers become SI by the units
+    of the description. Raises ArgumentError as `RunningUnit`, and unless either command or force is given, one for each
+    position, for a variable twice, for units of another dimension or none, and for a communication step that does not
+    fit the unit's own.
     """
 
     def __init__(
@@ -125,48 +43,106 @@ class FmuPlant:
         position: Sequence[str],
         *,
         command: Sequence[str] = (),
+        command_speed: Sequence[str] = (),
         force: Sequence[str] = (),
         speed: Sequence[str] = (),
         arm: Sequence[str] = (),
         servo: Servo | None = None,
         start: Mapping[str, float] | None = None,
         cycle_s: float = 0.004,
+        units: Mapping[str, str] | None = None,
+        steps: int | None = None,
     ) -> None:
-        if bool(command) == bool(force):
-            raise ArgumentError("give either inputs for positions, or inputs for forces of a servo", "command")
-        for name, given in (("command", command), ("force", force), ("arm", arm), ("speed", speed if force else ())):
-            if given and len(given) != len(position):
-                raise ArgumentError(f"expected {len(position)} names, one for each position; found {len(given)}", name)
-        if force and not speed:
-            raise ArgumentError("a servo takes the speeds of the carts; name the outputs that are speeds", "speed")
+        given = {
+            "position": position, "command": command, "command_speed": command_speed, "force": force,
+            "speed": speed, "arm": arm,
+        }  # fmt: skip
+        named(given)
+        for name in set(units or {}) - set(QUANTITIES):
+            raise ArgumentError(f"'{name}' is none of {', '.join(QUANTITIES)}", "units")
         self.unit = RunningUnit(path, start)
-        for name, given in (("position", position), ("command", command), ("force", force), ("speed", speed)):
-            self.unit.places(given, name)
-        self._position, self._command, self._force, self._speed = map(list, (position, command, force, speed))
-        self._arm = list(arm) or self._position
-        self.unit.places(self._arm, "arm")
-        self.servo, self.cycle_s = servo or Servo(), cycle_s
-        self.position_m = self.unit.get(self._position)
+        self._names = {name: list(variables) for name, variables in given.items() if variables}
+        self._scales: dict[str, Scaling] = {}
+        for name, variables in self._names.items():
+            inputs = name in ("command", "command_speed", "force")
+            signals = (self.unit.signals.taken if inputs else self.unit.signals.computed)(variables, name)
+            self._scales[name] = scaling(signals, QUANTITIES[name], (units or {}).get(name, ""), name)
+        self.servo = servo or (Servo() if force else None)
+        self.cycle_s = cycle_s
+        self.steps = steps or (self.servo.substeps if force and self.servo is not None else 1)
+        self._fits(cycle_s / self.steps)
+        try:
+            self.position_m = self._read("position")
+        except UnitStopped as error:
+            raise ArgumentError(f"it has no positions at its start: {error}", "start") from error
+
+    @property
+    def title(self) -> str:
+        """What it is, for people."""
+        under = " under a servo" if "force" in self._names else ""
+        return f"unit '{self.unit.name}' (FMI {self.unit.version}){under}"
 
     @property
     def arm_m(self) -> np.ndarray:
         """The arm's side of the carts [m]."""
-        return self.unit.get(self._arm)
+        return self._read("arm") if "arm" in self._names else self.position_m
 
     def step(self, position_m: Sequence[float], speed_m_s: Sequence[float]) -> None:
         """One cycle under a commanded position [m] and speed [m/s]. Raises UnitStopped."""
         u, du = np.array(position_m, float), np.array(speed_m_s, float)
-        if self._command:
-            self.unit.set(self._command, u.tolist())
-            self.unit.step(self.cycle_s)
-        else:
-            h = self.cycle_s / self.servo.substeps
-            for k in range(self.servo.substeps):
-                q, dq = self.unit.get(self._position), self.unit.get(self._speed)
-                force = self.servo.kp_N_m * (u + k * h * du - q) + self.servo.kd_N_s_m * (du - dq)
-                self.unit.set(self._force, force.tolist())
-                self.unit.step(h)
-        self.position_m = self.unit.get(self._position)
+        h = self.cycle_s / self.steps
+        for k in range(self.steps):
+            now = u + k * h * du if k else u
+            if self.servo is not None and "force" in self._names:
+                q, dq = self._read("position"), self._read("speed")
+                self._write("force", self.servo.kp_N_m * (now - q) + self.servo.kd_N_s_m * (du - dq))
+            else:
+                self._write("command", now)
+                if "command_speed" in self._names:
+                    self._write("command_speed", du)
+            self.unit.step(h)
+        self.position_m = self._read("position")
+
+    def _read(self, name: str) -> np.ndarray:
+        return self._scales[name].si(self.unit.get(self._names[name]))
+
+    def _write(self, name: str, values: np.ndarray) -> None:
+        self.unit.set(self._names[name], self._scales[name].own(values).tolist())
+
+    def _fits(self, step: float) -> None:
+        """Raises ArgumentError where the unit's own step and that of the communication are no multiples."""
+        own = self.unit.inner_step
+        if own is None:
+            return
+        ratio = max(step / own, own / step)
+        if abs(ratio - round(ratio)) > WHOLE * ratio:
+            fitting = [n for n in range(1, 101) if abs(self.cycle_s / n / own - round(self.cycle_s / n / own)) < WHOLE]
+            fitting = [n for n in fitting if self.cycle_s / n >= own * (1 - WHOLE)]
+            advice = f"take {fitting[0]}" if fitting else f"no whole part of a cycle of {1e3 * self.cycle_s:g} ms fits"
+            raise ArgumentError(
+                f"'{self.unit.name}' has steps of {1e3 * own:g} ms inside; they do not fit a communication step of "
+                f"{1e3 * step:g} ms; {advice}",
+                "steps",
+            )
+
+
+def named(given: Mapping[str, Sequence[str]]) -> None:
+    """Raises ArgumentError unless the names of variables can make a plant, whatever the unit is."""
+    position, command, force = given["position"], given["command"], given["force"]
+    if not position:
+        raise ArgumentError("name the outputs that are the positions of the carts", "position")
+    if bool(command) == bool(force):
+        raise ArgumentError("give either inputs for positions, or inputs for forces of a servo", "command")
+    if force and not given["speed"]:
+        raise ArgumentError("a servo takes the speeds of the carts; name the outputs that are speeds", "speed")
+    if force and given["command_speed"]:
+        raise ArgumentError("belongs to inputs for positions; with forces the servo has the speeds", "command_speed")
+    for name, variables in given.items():
+        if variables and len(variables) != len(position):
+            raise ArgumentError(f"expected {len(position)} names, one for each position; found {len(variables)}", name)
+        for k, variable in enumerate(variables):
+            if variable in variables[:k]:
+                raise ArgumentError(f"'{variable}' is there twice", name)
 
 
 class FmuExperiment:
@@ -205,7 +181,8 @@ class FmuExperiment:
                 raise ArgumentError(f"expected {len(self.names)} names, one for each axis; found {len(given)}", name)
         self.unit = RunningUnit(path, start)
         self.inputs, self.outputs = list(inputs), {signal: list(given) for signal, given in outputs.items()}
-        self.unit.places([*self.inputs, *[n for given in self.outputs.values() for n in given]], "outputs")
+        self.unit.places(self.inputs, "inputs")
+        self.unit.places([n for given in self.outputs.values() for n in given], "outputs")
         self.synthetic = f"simulated by the unit {self.unit.name}"
 
     def run(self, inputs: np.ndarray) -> dict[str, np.ndarray]:

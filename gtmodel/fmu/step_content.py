@@ -12,9 +12,9 @@ from ..cgen.real import DOUBLE
 from ..cgen.steps.faces import faces_of
 from ..cgen.steps.function import StepFunction
 from ..cgen.steps.records import StepMember
-from .causal_content import KEY, LEFT_OUT
+from .causal_content import KEY, needed
 from .content import FmuContent
-from .table import FmuTable, FmuVariable, fmi_name
+from .table import FmuTable, FmuVariable, fmi_name, longer, unused
 
 _SAME = """\
 gt_status gt_fmu_compute(gt_fmu_memory *memory, double *v)
@@ -50,7 +50,7 @@ def step_content(
     made = _StepTable(f)
     symbol = face.symbol
     texts = contents([], name, dict(provenance or {}), [face])
-    files = {file: text for file, text in texts.items() if not file.endswith(LEFT_OUT)}
+    files = needed(texts, name)
     table = FmuTable(
         name, title or f.title, made.variables, {v.reference: [] for v in made.variables if v.role == "output"},
         period=f.period, stop=stop, derivatives=False,
@@ -109,7 +109,6 @@ class _StepTable:
         integer: bool,
         before: str = "",
     ) -> None:
-        taken = {v.name for v in self.variables}
         for m in members:
             if m.integer is not integer:
                 continue
@@ -119,7 +118,9 @@ class _StepTable:
             for k in range(m.count):
                 word = before + fmi_name(m.name)
                 index = "" if m.size is None else f"[{k + 1}]"
-                name = f"{word}{index}" if f"{word}{index}" not in taken else f"{word}_out{index}"
+                taken = {v.name for v in self.variables}
+                name = f"{word}{index}"
+                name = unused(name if name not in taken else longer(word, "_out") + index, taken)
                 number = float(values[k] if len(values) == m.count else values[0])
                 places[m.identifier, k] = len(self.variables)
                 self.variables.append(

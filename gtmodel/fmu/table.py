@@ -3,14 +3,22 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
+
+if TYPE_CHECKING:
+    from ..compiler.flat import FlatModel
+else:
+    from .._lazy import hint
+
+    FlatModel = hint("gtmodel.compiler.flat", "FlatModel")
 
 Role = Literal["time", "input", "fixed", "tunable", "state", "derivative", "output"]
 SETTABLE = ("input", "fixed", "tunable", "state")
 _DERIVATIVE = re.compile(r"der\((?P<inner>.*?)(?:,(?P<order>\d+))?\)")
 _PLAIN = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
+_ESCAPED = re.compile(r"[\\'\"]")
 _INDEX = re.compile(r"\[(\d+(?:,\s*\d+)*)\]")
 
 
@@ -80,28 +88,61 @@ class FmuTable:
         return [v for v in self.variables if v.role in roles]
 
 
-def fmi_name(name: str) -> str:
+def texts_of(flat: FlatModel) -> tuple[str, ...]:
+    """Paths of the components of a model that come from Modelica text, whose names count from one."""
+    return tuple(c.__dict__["_path"] for c in flat.tree.components if getattr(type(c), "_counts_from_one", False))
+
+
+def fmi_name(name: str, texts: Collection[str] = ()) -> str:
     """A name as the structured naming of FMI has it: indices from one, identifiers of other letters in quotes.
+
+    texts: paths of components, "" for the whole model, inside of which names count from one already.
 
     >>> from gtmodel.fmu.table import fmi_name
     >>> fmi_name("der(robot.T[0],2)"), fmi_name("arm[0].rod.tension")
     ('der(robot.T[1],2)', 'arm[1].rod.tension')
+    >>> fmi_name("der(tank[1].h[2])", texts=[""]), fmi_name("row[0].h[2]", texts=["row[0]"])
+    ('der(tank[1].h[2])', 'row[1].h[2]')
+    >>> print(fmi_name("\u03b8[0]"))
+    '\\\\u03b8'[1]
     """
     derivative = _DERIVATIVE.fullmatch(name)
     if derivative:
         order = f",{derivative['order']}" if derivative["order"] else ""
-        return f"der({fmi_name(derivative['inner'])}{order})"
-    parts = []
+        return f"der({fmi_name(derivative['inner'], texts)}{order})"
+    python = min((len(t) for t in texts if not t or name.startswith(f"{t}.")), default=len(name))
+    parts, at = [], 0
     for part in name.split("."):
+        counts = at < python
+        at += len(part) + 1
         word, bracket, rest = part.partition("[")
         if not _PLAIN.fullmatch(word):
-            word = "'" + word.encode("ascii", "backslashreplace").decode().replace("'", "\\'") + "'"
-        parts.append(word + _INDEX.sub(_from_one, bracket + rest))
+            plain = word.encode("ascii", "backslashreplace").decode()  # letters beyond ASCII have no place in a name
+            word = "'" + _ESCAPED.sub(r"\\\g<0>", plain) + "'"
+        parts.append(word + (_INDEX.sub(_from_one, bracket + rest) if counts else bracket + rest))
     return ".".join(parts)
 
 
 def _from_one(index: re.Match[str]) -> str:
     return "[" + ",".join(str(int(k) + 1) for k in index[1].split(",")) + "]"
+
+
+def unused(name: str, taken: Collection[str]) -> str:
+    """The name itself, or with underscores before its index where another variable has it.
+
+    >>> from gtmodel.fmu.table import unused
+    >>> unused("T_out[1]", {"T_out[1]", "T"}), unused("T_out[2]", {"T_out[1]"})
+    ('T_out_[1]', 'T_out[2]')
+    """
+    while name in taken:
+        word, bracket, index = name.partition("[")
+        name = longer(word, "_") + bracket + index
+    return name
+
+
+def longer(word: str, end: str) -> str:
+    """A name with something behind it, inside of the quotes where it has some."""
+    return f"{word[:-1]}{end}'" if word.endswith("'") else f"{word}{end}"
 
 
 def base_and_order(name: str) -> tuple[str, int]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import io
-import zipfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +15,7 @@ from ..results.door import study_function
 from ..results.folder import FolderError, holding
 from ..results.refusal import ArgumentError
 from ..results.work import Progress, never, silent
+from .archive import is_ours
 from .checking import check as checked
 from .export import Fmu, Version, export
 
@@ -89,6 +88,8 @@ def study(
     ['l1_fk_fmi3.fmu']
     """
     work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
+    for key in set(options or {}) - set(functions):
+        raise ArgumentError(f"there is no function '{key}'; there are {', '.join(functions)}", "options")
     units: dict[str, Fmu] = {}
     checks: dict[str, Check] = dict(also or {})
     notes: list[str] = []
@@ -134,19 +135,10 @@ def _write(folder: Path, files: Mapping[str, bytes]) -> None:
     try:
         with holding(folder) as mine:
             for name in files:
-                if (folder / name).exists() and not _ours(folder / name):
+                if (folder / name).exists() and not is_ours(folder / name):
                     raise ArgumentError(
                         f"'{folder / name}' was not written by gtmodel; choose another folder", "folder"
                     )
             mine.write(files)
     except FolderError as error:
         raise ArgumentError(f"'{folder}' {error}", "folder") from error
-
-
-def _ours(path: Path) -> bool:
-    """Whether gtmodel made this archive."""
-    try:
-        with zipfile.ZipFile(io.BytesIO(path.read_bytes())) as archive:
-            return b'generationTool="gtmodel ' in archive.read("modelDescription.xml")
-    except (OSError, KeyError, zipfile.BadZipFile):
-        return False

@@ -81,7 +81,10 @@ def starts(made: WithStates, given: Mapping[str, Sequence[float] | float]) -> di
     for name, value in given.items():
         if name not in own:
             raise ArgumentError(f"there is no input '{name}'; there are {', '.join(own)}", "start")
-        numbers = np.ravel(np.asarray(value, float))
+        try:
+            numbers = np.ravel(np.asarray(value, float))
+        except (TypeError, ValueError):
+            numbers = np.array([])
         if len(numbers) != own[name].size or not np.all(np.isfinite(numbers)):
             raise ArgumentError(f"'{name}' takes {own[name].size} finite numbers; found {value}", "start")
         wanted |= dict(zip(own[name].pairs, map(float, numbers), strict=True))

@@ -13,7 +13,7 @@ from .table import FmuTable
 Attributes = Mapping[str, str | int | float | bool | None]
 HEAD = '<?xml version="1.0" encoding="UTF-8"?>\n'
 LOGS = {"logStatusDiscard": "there is no answer at these values", "logStatusError": "a call that is refused"}
-_RADIANS = re.compile(r"(/\(?[^/]*?)?\brad(\d*)\b")
+_RADIANS = re.compile(r"(/\(?[^/]*?)?\brad(-?\d*)\b")
 LICENSE = "MIT AND BSD-2-Clause"
 
 
@@ -61,8 +61,8 @@ def base_unit(unit: str) -> dict[str, int] | None:
     """Exponents of the base units of FMI that are not zero; None for a unit that has no such.
 
     >>> from gtmodel.fmu.xml_text import base_unit
-    >>> base_unit("N.m/rad")
-    {'kg': 1, 'm': 2, 's': -2, 'rad': -1}
+    >>> base_unit("N.m/rad"), base_unit("m.rad-1")
+    ({'kg': 1, 'm': 2, 's': -2, 'rad': -1}, {'m': 1, 'rad': -1})
     """
     try:
         parsed = parse_unit(unit)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
+from typing import Any, ClassVar
 
 import casadi as ca
 import numpy as np
@@ -12,7 +12,7 @@ from .declare import Variable
 from .expression import ONE, Expr
 from .model import Model
 from .scope import Instant, Misfit
-from .source import ModelError, here
+from .source import ModelError, SourceLocation, here
 from .units import SECOND
 
 
@@ -44,9 +44,12 @@ class Optimization(Model):
 
     start_time: Any = 0.0
     final_time: Any = 1.0
+    _written: ClassVar[SourceLocation]  # where the class begins; of a text in its text
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
+        if "_written" not in vars(cls):
+            cls._written = here()
         # `final_time = T` is the same quantity under a second name
         for name in ("start_time", "final_time"):
             item = cls._declared.get(name)

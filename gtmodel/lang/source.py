@@ -36,7 +36,8 @@ def _short(filename: str) -> str:
         return filename
     if "ipykernel" in filename and (cell := _notebook_cell(filename)) is not None:
         return cell
-    return "/".join(filename.replace("\\", "/").rsplit("/", 2)[-2:])
+    plain = os.path.normpath(filename)  # `python ../model.py` is the same file
+    return "/".join(plain.replace("\\", "/").rsplit("/", 2)[-2:])
 
 
 def _notebook_cell(filename: str) -> str | None:

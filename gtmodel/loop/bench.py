@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal, Self
 
@@ -14,6 +14,7 @@ from ..compiler.causal import CausalFunction
 from ..lang import Model
 from ..results import Trajectory, Work
 from .exchange import CYCLE_MS
+from .plant import PlantSource, Servo
 from .table import ReferenceTable
 
 Peer = Literal["egm", "rsi"]
@@ -61,7 +62,8 @@ class Bench:
     """What both runs share; the reference has a row per cycle, see `there_and_back`.
 
     program: the loop, built in `place`, the folder of the work, this user's alone.
-    elastic_Hz: of an arm on springs; None for a rigid one.
+    elastic_Hz: of an arm on springs; None for a rigid one. plant: gives that of a run; None for the one of the law.
+    servo: what the law dynamics knows of it.
     """
 
     peer: Peer
@@ -76,6 +78,8 @@ class Bench:
     elastic_Hz: float | None
     stop: Stop
     work: Work
+    plant: PlantSource | None = None
+    servo: Servo = field(default_factory=Servo)
 
     @property
     def carts_m(self) -> np.ndarray:

@@ -25,6 +25,9 @@ class LoopStudy(Study):
     peer: Annotated[str, Quantity("", "protocol of the simulated controller")] = ""
     law: Annotated[str, Quantity("", "of the second run")] = ""
     plant: Annotated[str, Quantity("", "what moves the robot")] = ""
+    plant_stopped: Annotated[
+        float | None, Quantity("s", "until when the plant of the last run had an answer; null: all the time")
+    ] = None
     elastic: Annotated[float | None, Quantity("Hz", "of an arm on springs; null for a rigid one")] = None
     cycles: Annotated[int, Quantity("", "of each run")] = 0
     real_time: Annotated[bool, Quantity("", "whether the system granted both runs its real-time priority")] = False
@@ -46,8 +49,10 @@ class LoopStudy(Study):
         """The table for people."""
         if not self.runs:
             return []
+        stopped = self.plant_stopped
         return [
             *rows_of(self.runs, self.in_lockstep),
+            *([] if stopped is None else [Row("the plant had an answer until", stopped, "s")]),
             Row("greatest speed of a cart", self.greatest_speed, "m/s"),
             Row(f"a lost robot: held for {self.hold_cycles} cycles, then braked at", self.deceleration, "m/s2"),
             Row("a lost robot: way to the stop from that speed", self.stopping_distance, "m"),

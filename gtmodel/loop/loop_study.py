@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 
 from ..compiler.causal import compile_causal
 from ..lang import Model
-from ..results import ArgumentError, SolveStatus, Status, Trajectory, Work, at_least, at_most
+from ..results import ArgumentError, Check, SolveStatus, Status, Trajectory, Work, at_least, at_most
 from ..results.door import study_function
 from ..results.options import Within
 from ..results.refusal import naming
@@ -24,6 +25,7 @@ from .lead_through.options import Guiding
 from .lead_through.study import GuidedBench, guided
 from .loop_result import LoopStudy
 from .one_run import OneRun, run_of
+from .plant import PlantSource, Servo
 from .process import FULL, LoopError
 from .record import STATES, trajectory_of
 from .reference import there_and_back
@@ -31,6 +33,10 @@ from .rsi_configuration import rsi_configuration
 
 # with its law a run has to track this much better; path correction is slow beside the motion and has only to help
 GAINS = {"trajectory": 0.5, "dynamics": 0.5, "replay": 0.5, "path": 1.0}
+AXES_HERE = 3
+# where a plant begins, beside its reference: what two kinematics differ by, and nothing that a motor would feel
+START_NEAR_M = 1e-6
+SYNTHETIC = "the plant is the {}: all that is measured is synthetic"
 
 
 @study_function
@@ -43,6 +49,7 @@ def study(
     seconds: Annotated[float, Within(above=0.0, most=LONGEST_S)],
     law: Literal["trajectory", "dynamics", "replay", "path", "lead_through"] = "trajectory",
     lead_through: Guiding | None = None,
+    plant: PlantSource | None = None,
     in_lockstep: bool = False,
     elastic: Annotated[float | None, Within(least=ELASTIC_HZ[0], most=ELASTIC_HZ[1])] = None,
     deceleration: Annotated[float | None, Within(above=0.0)] = None,
@@ -65,6 +72,9 @@ def study(
             rigid-body robot. lead_through: no law off and on, but a hand that leads the tool over a synthetic plate,
             and once more with a sensor that fails; the study is a `GuidedLoop`.
         lead_through: what that law declares, with the scene.
+        plant: what is moved in place of the plant that the law chooses, such as a functional mock-up unit,
+            `gt.fmu.PlantUnit`. It has to begin where the reference does; the law dynamics must know the stiffness of
+            its servo. Where it has no answer on the way the study has failed; what was measured before is kept.
         elastic: the arm hangs on the carts by springs of this frequency [Hz], which no law knows; None: it is rigid.
         deceleration: of the fastest cart when the robot is lost [m/s2], behind the cycles that are held; the largest
             that the reference asks of a cart if None, the law's limit for lead_through.
@@ -89,6 +99,7 @@ def study(
     (50, True)
     """
     work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
+    begun = None if plant is None else _begun(plant, law)
     with naming("robot", ValueError):
         forward = compile_causal(robot, known="q", targets="T")
     if [s.shape for s in (*forward.inputs, *forward.outputs)] != [(3,), (3,)]:
@@ -117,19 +128,72 @@ def study(
                 table = there_and_back(robot, motion, cycles, SLOWER.get(law, 1.0))
                 (place / "reference.table").write_bytes(table.to_bytes())
                 lost = Stop.of(table.rows[:cycles], deceleration)
-                outcome = _compared(
-                    Bench(peer, law, robot, forward, program, place, table, cycles, in_lockstep, elastic, lost, work),
-                    title,
-                )
+                bench = Bench(
+                    peer, law, robot, forward, program, place, table, cycles, in_lockstep, elastic, lost, work, plant,
+                )  # fmt: skip
+                if begun is not None:
+                    _begins_there(begun, bench)
+                    bench = replace(bench, servo=begun.servo or bench.servo)
+                outcome = _compared(bench, _title_of(begun, law), title)
         except LoopError as error:
             outcome = LoopStudy(status=SolveStatus.FAILED, message=str(error), title=title)
         if outcome.status is SolveStatus.INTERRUPTED:
             return outcome
+        if begun is not None:
+            outcome = outcome.with_(notes=[*outcome.notes, SYNTHETIC.format(_title_of(begun, law))])
         files = {"rsi_configuration.xml": rsi_configuration("127.0.0.1", 49152)} if peer == "rsi" else {}
         return outcome.with_(files=files | {path.name: path.read_bytes() for path in sorted(place.iterdir())})
 
 
-def _compared(bench: Bench, title: str) -> LoopStudy:
+class Begun(NamedTuple):
+    """What is to be known of a plant at its start."""
+
+    title: str
+    position_m: np.ndarray
+    servo: Servo | None
+
+
+def _begun(plant: PlantSource, law: str) -> Begun:
+    """Of a plant that is let go again: not every unit can be there twice. Raises ArgumentError."""
+    if law == "lead_through":
+        raise ArgumentError("the law lead_through has a plant in its scene; leave this one out", "plant")
+    try:
+        first = plant(CYCLE_MS / 1000.0)
+    except ArgumentError as error:
+        raise ArgumentError(error.message, f"plant.{error.argument}" if error.argument else "plant") from error
+    title = str(getattr(first, "title", type(first).__name__))
+    begun = Begun(title, np.array(first.position_m), getattr(first, "servo", None))
+    if len(begun.position_m) != AXES_HERE:
+        raise ArgumentError(f"expected {AXES_HERE} carts; found {len(begun.position_m)}", "plant.position")
+    if law == "dynamics" and begun.servo is None:
+        raise ArgumentError(
+            "the law dynamics must know the stiffness and damping of the servo inside of the plant; say them",
+            "plant.stiffness",
+        )
+    return begun
+
+
+def _begins_there(begun: Begun, bench: Bench) -> None:
+    """Raises ArgumentError for a plant that is elsewhere when the reference begins: the first command would jump."""
+    wanted = bench.carts_m[0]
+    off = np.abs(begun.position_m - wanted)
+    if np.max(off) > START_NEAR_M:
+        here, there = (", ".join(f"{x:.6g}" for x in q) for q in (begun.position_m, wanted))
+        raise ArgumentError(
+            f"its carts begin at {here} m, the reference at {there} m, {1e3 * np.max(off):.3g} mm apart: the first "
+            f"command would be a jump; give start values that put it there, or a reference that begins where it is",
+            "plant.start",
+        )
+
+
+def _title_of(begun: Begun | None, law: str) -> str:
+    """What moves the robot."""
+    if begun is None:
+        return "rigid body under a servo" if law == "dynamics" else "drives of eq. (6.11)"
+    return begun.title
+
+
+def _compared(bench: Bench, plant: str, title: str) -> LoopStudy:
     """Both runs, and what they say; their logs are in the folder of the work. Raises LoopError."""
     runs: list[OneRun] = []
     for n, label in enumerate(LAWS[bench.law]):
@@ -138,28 +202,34 @@ def _compared(bench: Bench, title: str) -> LoopStudy:
         if bench.work.interrupted():
             message = "stopped before both runs were compared"
             return LoopStudy(status=SolveStatus.INTERRUPTED, message=message, title=title)
+        if runs[-1].stopped:
+            break
     errors = [_errors(bench, one) for one in runs]
-    plain, active = (e["tcp_rms_mm"] for e in errors)
-    checks = {"rms_error_ratio": at_most(active / plain, GAINS[bench.law])}
-    for name, one in zip(("off", "on"), runs, strict=True):
+    last, checks = runs[-1], dict[str, Check]()
+    if not last.stopped:
+        plain, active = (e["tcp_rms_mm"] for e in errors)
+        checks["rms_error_ratio"] = at_most(active / plain, GAINS[bench.law])
+    for name, one in zip(("off", "on"), runs, strict=False):
         log = trajectory_of(one.log, 3, 1e-3 * CYCLE_MS, title=f"{bench.peer}, {one.label}: log of the loop")
         log.to_csv(bench.place / f"loop_{name}.csv")
         state, why = STATES[one.report["state"]], Status(one.report["status"]).message
-        checks[f"{name}_running_at_the_end"] = at_least(float(one.going), 1.0, f"{one.label}: {state}, {why}")
+        if not one.stopped:
+            checks[f"{name}_running_at_the_end"] = at_least(float(one.going), 1.0, f"{one.label}: {state}, {why}")
         checks[f"{name}_log_complete"] = at_least(float(bool(one.report["log_complete"])), 1.0, FULL)
     real_time_granted = all(one.report["fifo"] and one.report["memory_locked"] for one in runs)
     timing = "in lock step" if bench.in_lockstep else "in real time" if real_time_granted else "not real-time"
-    stop = bench.stop
+    stop, good = bench.stop, f"{bench.peer} on loopback, {timing}; tested against simulators only"
     return LoopStudy(
-        status=SolveStatus.SOLVED,
-        message=f"{bench.peer} on loopback, {timing}; tested against simulators only",
+        status=SolveStatus.FAILED if last.stopped else SolveStatus.SOLVED,
+        message=f"{last.label}: {last.stopped}" if last.stopped else good,
         title=title,
         checks=checks,
         in_lockstep=bench.in_lockstep,
         notes=list(dict.fromkeys(line for one in runs for line in one.printed.splitlines())),
         peer=bench.peer,
         law=bench.law,
-        plant="rigid body under a servo" if bench.law == "dynamics" else "drives of eq. (6.11)",
+        plant=plant,
+        plant_stopped=last.stopped_s,
         elastic=bench.elastic_Hz,
         cycles=bench.cycles,
         real_time=real_time_granted,
@@ -167,7 +237,7 @@ def _compared(bench: Bench, title: str) -> LoopStudy:
         greatest_speed=stop.speed_m_s,
         stopping_distance=stop.distance_m,
         runs=[{"label": one.label, **e, **one.report} for one, e in zip(runs, errors, strict=True)],
-        figures={"tracking": partial(_figure, bench, runs)},
+        figures={"tracking": partial(_figure, bench, runs, plant)},
     )
 
 
@@ -181,7 +251,7 @@ def _errors(bench: Bench, one: OneRun) -> dict[str, float]:
     }
 
 
-def _figure(bench: Bench, runs: list[OneRun]) -> Any:
+def _figure(bench: Bench, runs: list[OneRun], plant: str) -> Any:
     from ..plot.tracking import tracking_figure
 
     time_s = 1e-3 * CYCLE_MS * np.arange(bench.cycles)
@@ -190,4 +260,7 @@ def _figure(bench: Bench, runs: list[OneRun]) -> Any:
         one.label: Trajectory(time_s[: len(one.tcp_m)], {"T": one.tcp_m, "q": one.carts_m}, {"T": "m", "q": "m"})
         for one in runs
     }
-    return tracking_figure(wanted, measured, f"{bench.peer.upper()} on loopback, {bench.law}: simulated controller")
+    title = f"{bench.peer.upper()} on loopback, {bench.law}: simulated controller"
+    if bench.plant is not None:
+        title += f"\n{plant} (synthetic)" + (f", stopped at {runs[-1].stopped_s:.3g} s" if runs[-1].stopped else "")
+    return tracking_figure(wanted, measured, title)

@@ -15,7 +15,7 @@ from ..results import Status, Work
 from ..robots import actuator_closed_loop
 from .bench import ELASTIC_DAMPING, HOLD_CYCLES, Bench
 from .exchange import CYCLE_MS
-from .plant import DrivePlant, ElasticPlant, Plant, RigidBodyPlant, Servo
+from .plant import DrivePlant, ElasticPlant, Plant, PlantStopped, RigidBodyPlant, Servo
 from .process import LoopError, LoopProcess
 from .record import STATES
 from .robot_side import RobotSide
@@ -53,7 +53,10 @@ class Running(Protocol):
 
 @dataclass(frozen=True)
 class OneRun:
-    """One run: its log, the loop's report, what it printed; carts and tool centre point measured (cycles, 3) [m]."""
+    """One run: its log, the loop's report, what it printed; carts and tool centre point measured (cycles, 3) [m].
+
+    stopped, stopped_s: why and when [s] the plant had no answer on the way; what was before is kept.
+    """
 
     label: str
     log: bytes
@@ -61,6 +64,8 @@ class OneRun:
     printed: str
     carts_m: np.ndarray
     tcp_m: np.ndarray
+    stopped: str = ""
+    stopped_s: float | None = None
 
     @property
     def going(self) -> bool:
@@ -114,14 +119,26 @@ def _once(bench: Bench, label: str, *, active: bool) -> tuple[OneRun, bool, floa
     log.unlink(missing_ok=True)  # of an attempt that is made again
     options = [*_options(bench, active), "--deceleration", repr(bench.stop.deceleration_m_s2), "--log", str(log)]
     done, report, printed = driven(bench, robot, options)
-    tcp, status = bench.forward(done.arm_m)
-    if np.any(status != Status.OK):
-        raise LoopError(f"{label}: the simulated robot left its workspace")
-    one = OneRun(label, log.read_bytes(), report, printed, done.measured_m, tcp)
-    return one, one.going, done.longest_gap_s
+    carts, tcp, why, when = _until(done, *bench.forward(done.arm_m))
+    one = OneRun(label, log.read_bytes(), report, printed, carts, tcp, why, when)
+    return one, one.going or bool(why), done.longest_gap_s
+
+
+def _until(done: LoopRun, tcp: np.ndarray, status: np.ndarray) -> tuple[np.ndarray, np.ndarray, str, float | None]:
+    """Carts and tool centre point as long as there is one, and why and when that ended. Raises LoopError."""
+    outside = np.flatnonzero(status != Status.OK)
+    if not len(outside):
+        return done.measured_m, tcp, done.stopped, done.stopped_s
+    n, when = int(outside[0]), 1e-3 * CYCLE_MS * float(outside[0])
+    why = f"the simulated robot left the workspace of its model at {when:g} s"
+    if n == 0:
+        raise LoopError(why)
+    return done.measured_m[:n], tcp[:n], why, when
 
 
 def _plant(bench: Bench) -> Plant:
+    if bench.plant is not None:
+        return bench.plant(CYCLE_MS / 1000.0)
     start = bench.carts_m[0]
     if bench.law == "dynamics":
         forward = compile_causal(bench.robot, known="tau", targets="der(T,2)", prefer="T")
@@ -133,7 +150,7 @@ def _plant(bench: Bench) -> Plant:
 
 def _options(bench: Bench, active: bool) -> list[str]:
     """The loop's command line."""
-    drives, servo = actuator_closed_loop(), Servo()
+    drives, servo = actuator_closed_loop(), bench.servo
     lowest = bench.carts_m.min(axis=0) - REACH_LIMIT_M
     highest = bench.carts_m.max(axis=0) + REACH_LIMIT_M
     table = str(bench.place / "reference.table")
@@ -174,12 +191,17 @@ def _text(values: Sequence[float] | np.ndarray) -> str:
 def _learned(bench: Bench) -> ReferenceTable:
     """Corrections that repeated simulated runs of the drives leave: u + 0.9 e(k + 5) (Dressler 2012, section 7.3)."""
     wanted, delay = bench.carts_m, actuator_closed_loop()["delay"]
+    # what the law sends beside a position; RSI has no speeds
+    speeds = bench.reference.rows[: bench.cycles, 3:6] * float(bench.peer == "egm")
     correction = np.zeros_like(wanted)
     for _ in range(LEARNING_RUNS):
         plant, measured = _plant(bench), np.zeros_like(wanted)
         for k, command in enumerate(wanted + correction):
             measured[k] = plant.position_m
-            plant.step(command.tolist(), [0.0] * 3)
+            try:
+                plant.step(command.tolist(), speeds[k].tolist())
+            except PlantStopped as error:
+                raise LoopError(f"while repeated runs were learned from: {error}") from error
         error = wanted - measured
         correction += LEARNING * np.vstack([error[delay:], np.repeat(error[-1:], delay, axis=0)])
     return ReferenceTable(correction, CYCLE_MS)

@@ -16,6 +16,14 @@ import scipy
 from ..compiler.causal import CausalFunction
 
 
+class PlantStopped(RuntimeError):
+    """A plant that has no answer on the way: one sentence, and the time until which it was well [s]."""
+
+    def __init__(self, sentence: str, time: float) -> None:
+        super().__init__(sentence)
+        self.time = time
+
+
 class Plant(Protocol):
     """Carts [m] as the motors measure them; `step` moves them on by one cycle under a commanded position [m] and speed
     [m/s]. `arm_m` is where their other side stands, which the motors do not see."""
@@ -27,6 +35,16 @@ class Plant(Protocol):
     def arm_m(self) -> np.ndarray: ...
 
     def step(self, position_m: Sequence[float], speed_m_s: Sequence[float]) -> None: ...
+
+
+class PlantSource(Protocol):
+    """What gives a new plant at its start for every run, with a cycle [s], such as `gt.fmu.PlantUnit`.
+
+    The plant raises PlantStopped where it has no answer. It may say by attributes what it is, `title`, and the `servo`
+    that moves it, whose stiffness the law dynamics must know.
+    """
+
+    def __call__(self, cycle_s: float) -> Plant: ...
 
 
 class DrivePlant:

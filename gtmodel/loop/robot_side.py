@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from ..results.refusal import ArgumentError
 from . import egm, rsi
 from .exchange import AXES, MM, Protocol
 from .plant import Plant
@@ -29,6 +30,8 @@ class RobotSide:
         ends: cycle from which on it says that it is not, None for never (EGM).
         first_number, first_ms: of the first datagram (EGM); both run over at 32 bits.
         wrenches: what the force sensors at handle and tool say in a cycle, asked once; None, also there: none is sent.
+
+    Raises ArgumentError for a plant of another cycle.
     """
 
     def __init__(
@@ -44,6 +47,9 @@ class RobotSide:
         first_ms: int = 1000,
         wrenches: Sensing | None = None,
     ) -> None:
+        own_s = getattr(plant, "cycle_s", None)  # of plants that go on by their own clock
+        if own_s is not None and abs(1000.0 * own_s - cycle_ms) > 1e-9 * cycle_ms:
+            raise ArgumentError(f"goes on by {1000.0 * own_s:g} ms a cycle; the controller's is {cycle_ms} ms", "plant")
         self.protocol, self.plant, self.cycle_ms = protocol, plant, cycle_ms
         self.programme, self.waits, self.ends = programme, waits, ends
         self.first_number, self.first_ms = first_number, first_ms

@@ -5,10 +5,12 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from .faults import Channel
+from .plant import PlantStopped
 from .process import SECONDS, LoopProcess
 from .robot_side import RobotSide
 
@@ -27,7 +29,8 @@ class LoopRun:
     `measured_m` is what the motors measure, `arm_m` where the carts move the tool, `planned_m` what the robot planned.
 
     `to_loop` and `to_robot` are the channels with what arrived, `longest_gap_s` the longest time between two datagrams
-    of the robot, in real time [s].
+    of the robot, in real time [s]. `stopped`: what a plant said that had no answer on the way, at `stopped_s` [s] from
+    the start of the run; the run ends there, and what was measured until then is kept. Empty, None: there was none.
     """
 
     measured_m: np.ndarray
@@ -36,6 +39,8 @@ class LoopRun:
     to_loop: Channel = field(default_factory=Channel)
     to_robot: Channel = field(default_factory=Channel)
     longest_gap_s: float = 0.0
+    stopped: str = ""
+    stopped_s: float | None = None
 
 
 def lockstep(
@@ -57,6 +62,8 @@ def lockstep(
         to_loop, to_robot: channels with faults; faultless ones if None.
         stopped: asked in every cycle with the share done; True ends the run there.
 
+    A plant that raises `PlantStopped` ends it too, see `LoopRun.stopped`.
+
     >>> plant = gt.loop.DrivePlant([0.0, 0.1, 0.2], a=[0.9] * 3, b=[0.1] * 3, delay=0)
     >>> robot = gt.loop.RobotSide("egm", plant)
     >>> run = gt.loop.lockstep(robot, lambda datagrams: [], cycles=5)  # a loop that never answers
@@ -64,16 +71,21 @@ def lockstep(
     [0.0, 0.1, 0.2]
     """
     out, back = to_loop or Channel(), to_robot or Channel()
-    seen = []
+    seen: list[np.ndarray] = []
+    fault: PlantStopped | None = None
     for cycle in range(cycles):
         seen.append(_carts(robot))
         out.put(cycle, robot.number, robot.datagram())
         for answer in answering(out.due(cycle)):
             back.put(cycle, robot.number, answer)
-        robot.step(back.due(cycle))
+        try:
+            robot.step(back.due(cycle))
+        except PlantStopped as error:
+            fault = error
+            break
         if stopped(cycle / cycles):
             break
-    return LoopRun(*np.stack(seen, axis=1), to_loop=out, to_robot=back)
+    return _run(seen, fault, to_loop=out, to_robot=back)
 
 
 def real_time(robot: RobotSide, loop: LoopProcess, cycles: int, stopped: Stopped = _never) -> LoopRun:
@@ -93,7 +105,8 @@ def real_time(robot: RobotSide, loop: LoopProcess, cycles: int, stopped: Stopped
     >>> run.measured_m.shape
     (5, 3)
     """
-    seen = []
+    seen: list[np.ndarray] = []
+    fault: PlantStopped | None = None
     begin, step = time.monotonic(), robot.cycle_ms / 1000.0
     sent, gap = begin, 0.0
     for cycle in range(cycles):
@@ -104,14 +117,27 @@ def real_time(robot: RobotSide, loop: LoopProcess, cycles: int, stopped: Stopped
         if stopped(cycle / cycles):
             break
         time.sleep(max(0.0, begin + (cycle + 1) * step - time.monotonic()))
-        robot.step(loop.received())
+        try:
+            robot.step(loop.received())
+        except PlantStopped as error:  # from here on the robot is silent, and the loop brakes without it
+            fault = error
+            break
     loop.end()
     over = time.monotonic() + SECONDS
-    while not loop.ended and time.monotonic() < over:
+    ended = _run(seen, fault, longest_gap_s=gap)
+    while fault is None and not loop.ended and time.monotonic() < over:
         loop.send(robot.datagram())
         time.sleep(step)
-        robot.step(loop.received())
-    return LoopRun(*np.stack(seen, axis=1), longest_gap_s=gap)
+        try:
+            robot.step(loop.received())
+        except PlantStopped:  # the run is over
+            break
+    return ended
+
+
+def _run(seen: list[np.ndarray], fault: PlantStopped | None, **more: Any) -> LoopRun:
+    why = {} if fault is None else {"stopped": str(fault), "stopped_s": fault.time}
+    return LoopRun(*np.stack(seen, axis=1), **why, **more)
 
 
 def _carts(robot: RobotSide) -> np.ndarray:

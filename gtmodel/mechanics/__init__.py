@@ -53,7 +53,8 @@ if TYPE_CHECKING:
     from .guideway_measured import MeasuredGuideway as MeasuredGuideway
     from .guideway_saddle import SaddleGuideway as SaddleGuideway
     from .joints import Prismatic as Prismatic, Revolute as Revolute, Spherical as Spherical, Universal as Universal
-    from .load import FrameLoad as FrameLoad, PointLoad as PointLoad
+    from .load import AppliedLoad as AppliedLoad, FrameLoad as FrameLoad, PointLoad as PointLoad
+    from .loops import LoopClosure as LoopClosure, PlanarLoopClosure as PlanarLoopClosure
     from .motor import ForceMotor as ForceMotor, GearedMotor as GearedMotor, TorqueMotor as TorqueMotor
     from .placements import (
         FixedDH as FixedDH,

@@ -58,3 +58,31 @@ class FrameLoad(gt.Model):
         yield self.frame.f == -self.force
         yield self.frame.t == -self.torque
         yield gt.energy(supplied=gt.dot(self.force, gt.der(self.frame.r)) + gt.dot(self.torque, self.frame.w))
+
+
+class AppliedLoad(gt.Model):
+    """As FrameLoad, with a force [N] and a torque [N.m] that equations of the model around it give: a spring to a
+    target, a signal, a thruster that turns with the body.
+
+    A body of 2 kg that is pulled towards the origin with 8 N/m, without gravity, where it is 0.5 m away along x:
+
+    >>> bench = gt.Builder("bench")
+    >>> world = bench.part("world", gt.mechanics.World(g=np.zeros(3)))
+    >>> body = bench.part("body", gt.mechanics.FreeBody(m=2.0, I=np.eye(3)))
+    >>> load = bench.part("load", gt.mechanics.AppliedLoad())
+    >>> k = bench.parameter("k", 8.0, unit="N/m")
+    >>> bench.add(gt.connect(body.frame, load.frame), load.force == -k * body.frame.r, load.torque == np.zeros(3))
+    >>> pull = bench.causal(targets="der(body.frame.r,2)", prefer=["body.frame.r", "body.frame.w"])
+    >>> acceleration, status = pull([0.5, 0.0, 0.0], np.zeros(3), 0.0, 0.0, 0.0)  # r, w, three of e
+    >>> print(acceleration + 0.0)
+    [-2.  0.  0.]
+    """
+
+    frame = gt.port(Frame)
+    force = gt.variable(3, unit="N", nominal=100.0, description="force on what is connected, world coordinates")
+    torque = gt.variable(3, unit="N.m", nominal=10.0, description="torque on what is connected, world coordinates")
+
+    def equations(self):
+        yield self.frame.f == -self.force
+        yield self.frame.t == -self.torque
+        yield gt.energy(supplied=gt.dot(self.force, gt.der(self.frame.r)) + gt.dot(self.torque, self.frame.w))

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .arrays import Values, array, each, entries, identity, joined, product, scalar, stacked, summed
+from .multibody import terms as multibody
 from .scalars import EnumerationLiteral, Operation, is_literal, number_of, operation
 from .syntax import FunctionCall, Literal, ModelicaError, Place, SyntaxNode
 
@@ -22,8 +23,8 @@ _ONE = (
 )  # fmt: skip
 _TWO = ("atan2", "mod", "rem", "div")
 _EVENTS = {
-    "edge": "edge() asks for events", "change": "change() asks for events", "sample": "sample() asks for events",
-    "terminal": "terminal() asks for events", "reinit": "reinit() stands in a when clause",
+    "terminal": "terminal() asks for the end of a simulation", "reinit": "reinit() stands in a when clause",
+    "terminate": "terminate() stands in a when clause",
     "spliceFunction": "spliceFunction() is of another tool", "cardinality": "cardinality() is not taken",
     "inStream": "stream connectors are not taken", "actualStream": "stream connectors are not taken",
 }  # fmt: skip
@@ -272,6 +273,10 @@ def _at_events(name: str) -> Callable[[FunctionCall, NameScope, Evaluator], Valu
         given = [model.array(a, scope) for a in node.arguments]
         if name == "initial":
             return scalar(Operation("initial", (), node.at))
+        if name == "sample":
+            if len(given) != 2:
+                raise ModelicaError(f"sample() takes a start and an interval; found {len(given)} arguments", node.at)
+            return each(lambda x, y: Operation("sample", (x, y), node.at), *given)
         if len(given) != 1:
             raise ModelicaError(f"{name}() takes one argument; found {len(given)}", node.at)
         return each(lambda x: Operation(name, (x,), node.at), given[0])
@@ -322,5 +327,7 @@ BUILT_IN: dict[str, Callable[[FunctionCall, NameScope, Evaluator], Any]] = {
     "skew": _skew, "outerProduct": _outer_product, "cat": _cat, "array": _array, "vector": _reshaped("vector"),
     "matrix": _reshaped("matrix"), "scalar": _reshaped("scalar"), "symmetric": _symmetric, "noEvent": _first,
     "homotopy": _first, "smooth": _smooth, "semiLinear": _semi_linear, "pre": _at_events("pre"),
-    "initial": _at_events("initial"), "delay": _delay, "String": _text, "assert": _assert, "Integer": _first,
+    "initial": _at_events("initial"), "sample": _at_events("sample"), "edge": _at_events("edge"),
+    "change": _at_events("change"), "delay": _delay, "String": _text, "assert": _assert, "Integer": _first,
+    "__mechanics": lambda node, scope, model: multibody.called(node, scope),
 }  # fmt: skip

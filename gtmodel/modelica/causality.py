@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from .scalars import Flat, symbols
+from .multibody.terms import PART
+from .scalars import Flat, operations, symbols
 
 
 def _parts(equation: Any) -> list[Any]:
@@ -24,18 +25,27 @@ def settle_inputs(flats: list[Flat], equations: list[Any]) -> None:
         return
     rank = {id(f): n for n, f in enumerate(flats) if f.kind == "variable" and f.replaced is None}
     second = {id(f): n for n, f in enumerate(flats) if f.kind == "input" and not f.top}
-    uses = [list(dict.fromkeys(id(f) for e in _parts(q) for f in symbols(e))) for q in equations if _parts(q)]
+    hidden: dict[Any, int] = {}  # quantities of parts are variables of equations that are not seen here
+    for o in (o for q in equations for e in _parts(q) for o in operations(e) if o.name == PART):
+        hidden.setdefault(o.arguments, len(flats) + len(hidden))
+    rank |= {-1 - n: n for n in hidden.values()}
+    uses = [list(dict.fromkeys(_keys(q, hidden))) for q in equations if _parts(q)]
     owner: dict[int, int] = {}
-    left = [n for n in range(len(uses)) if not _augmented(n, uses, rank, owner)]
+    left = [n for n in range(len(uses)) if not augmented(n, uses, rank, owner)]
     allowed = rank | second
     for n in left:
-        _augmented(n, uses, allowed, owner)
+        augmented(n, uses, allowed, owner)
     for f in inner:
         if id(f) in owner:
             f.kind = "variable"
 
 
-def _augmented(start: int, uses: list[list[int]], allowed: dict[int, int], owner: dict[int, int]) -> bool:
+def _keys(equation: Any, hidden: dict[Any, int]) -> list[int]:
+    keys = [id(f) for e in _parts(equation) for f in symbols(e)]
+    return keys + [-1 - hidden[o.arguments] for e in _parts(equation) for o in operations(e) if o.name == PART]
+
+
+def augmented(start: int, uses: list[list[int]], allowed: dict[int, int], owner: dict[int, int]) -> bool:
     """Find a variable for an equation, moving others where it has to; without recursion."""
     before: dict[int, tuple[int, int | None]] = {}  # variable -> equation that asks, and the variable it had
     queue: list[tuple[int, int | None]] = [(start, None)]

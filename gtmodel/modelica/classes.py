@@ -9,11 +9,16 @@ from dataclasses import dataclass, field
 from importlib import import_module
 from typing import Any
 
+import casadi as ca
+
 from ..lang.expression import Expr
 from ..lang.model import Model
 from ..lang.optimization import Optimization
+from ..lang.units import DIMENSIONLESS
 from .syntax import ModelicaError, Place, Source
 
+# of a number whose whole part is asked for at an instant at which it becomes whole
+ROUND_OFF = 1e-12
 _TAKEN = frozenset(n for n in (*dir(Optimization), "time", "where", "gt", "der", "self") if not n.startswith("__"))
 
 
@@ -68,25 +73,53 @@ def text_of(written: Written) -> str:
     module = ast.Module([tree], [])
     called = {n.func.id for n in ast.walk(module) if isinstance(n, ast.Call) and isinstance(n.func, ast.Name)}
     names = "".join(
-        f"from {m} import {n}\n" for m, n in (("gtmodel", "der"), ("gtmodel.modelica", "plain")) if n in called
+        f"from {m} import {n}\n"
+        for m, n in (("gtmodel", "der"), *(("gtmodel.modelica", n) for n in ("plain", "step", "whole")))
+        if n in called
     )
     return f"import gtmodel as gt\n{names}\n\n{ast.unparse(ast.fix_missing_locations(module))}\n"
 
 
-def plain(x: Expr) -> Expr:
-    """An expression without its unit: time in a text that declares no units.
+def plain(x: Any) -> Any:
+    """An expression without its unit: time in a text that declares no units, and what stands where units do not fit. A
+    number stays what it is.
 
     >>> m = gt.Builder()
     >>> gt.modelica.plain(m.variable("x", unit="m"))
     Expr(x, shape=(), unit=None)
     """
-    return Expr(x.sx, x.shape, None, x.scope)
+    return Expr(x.sx, x.shape, None, x.scope) if isinstance(x, Expr) else x
 
 
-def class_of(written: Written) -> type[Model]:
+def step(a: Any, b: Any) -> Any:
+    """1 where a >= b at an instant, else 0: for the right sides of actions of `gt.when`, whose numbers are those of the
+    instant. Elsewhere `gt.If` switches at the exact time.
+
+    >>> m = gt.Builder()
+    >>> gt.modelica.step(m.variable("x", unit="m"), 1.0)
+    Expr((1<=x), shape=(), unit=1)
+    """
+    left, right = (x.sx if isinstance(x, Expr) else ca.SX(x) for x in (a, b))
+    scope = next(x.scope for x in (a, b) if isinstance(x, Expr))
+    return Expr(ca.SX(left >= right), (), DIMENSIONLESS, scope)
+
+
+def whole(x: Expr) -> Expr:
+    """The largest whole number that is not above an expression, but for round-off: for the right sides of actions of
+    `gt.when`, as `step`.
+
+    >>> m = gt.Builder()
+    >>> gt.modelica.whole(m.variable("x", unit="m")).shape
+    ()
+    """
+    return Expr(ca.floor(x.sx + ROUND_OFF * (1 + ca.fabs(x.sx))), (), None, x.scope)
+
+
+def class_of(written: Written, more: dict[str, Any] | None = None) -> type[Model]:
     """The class, each of whose lines is one of the text. Nothing of the text is evaluated but what was translated."""
     gt: Any = import_module("gtmodel")
-    world: dict[str, Any] = {"gt": gt, "der": gt.der, "plain": plain, "__builtins__": {}, "__name__": "modelica"}
+    world: dict[str, Any] = {"gt": gt, "der": gt.der, "plain": plain, "step": step, "whole": whole}
+    world |= {"__builtins__": {}, "__name__": "modelica", **(more or {})}
     namespace: dict[str, Any] = {"__doc__": written.description, "__module__": "modelica"}
     for source, statements in _runs(written.body):
         code = compile(ast.Module(statements, []), source.name, "exec")
@@ -105,7 +138,8 @@ def class_of(written: Written) -> type[Model]:
         base.__init__(self, **modifiers)
         self.__dict__["where"] = written.at.where  # of the text, not of who makes the model
 
-    made: Any = type(written.name, (base,), {**namespace, "__init__": __init__})
+    own = {"__init__": __init__, "_written": written.at.where, "_counts_from_one": True}
+    made: Any = type(written.name, (base,), {**namespace, **own})
     return made
 
 

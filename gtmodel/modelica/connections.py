@@ -10,6 +10,8 @@ import numpy as np
 from .expressions import Evaluator
 from .instances import Declared, Instance, NameScope
 from .members import Missing
+from .multibody.assembly import Assembly
+from .multibody.parts import is_frame
 from .scalars import Flat, Operation, Symbol, number_of
 from .syntax import Connect, ModelicaError, Place, Reference
 
@@ -20,6 +22,7 @@ class Connections:
     """What is joined so far, as sets."""
 
     def __init__(self) -> None:
+        self.assembly = Assembly()
         self.equalities: list[tuple[Flat, Flat, Place]] = []
         self._above: dict[int, int] = {}
         self._sets: dict[Face, Face] = {}
@@ -64,6 +67,9 @@ class Connections:
         for item in (a, b):
             if not item.connector:
                 raise ModelicaError(f"'{item.path}' is a {item.restriction} and no connector", node.at)
+        if is_frame(a) and is_frame(b):
+            self.assembly.join(a, b, node.at)
+            return
         first, second = _leaves(a), _leaves(b)
         if first.keys() != second.keys():
             strange = sorted(first.keys() ^ second.keys())
@@ -118,7 +124,7 @@ class Connections:
                 made = element.made
                 several = made.ravel() if isinstance(made, np.ndarray) else [made]
                 for item in several:
-                    if isinstance(item, Instance) and item.connector:
+                    if isinstance(item, Instance) and item.connector and not is_frame(item):
                         for leaf in _leaves(item).values():
                             for flat in leaf.flats:
                                 face = (id(flat), True)

@@ -30,13 +30,28 @@ class ScalarIf:
 
 
 @dataclass(frozen=True, eq=False)
-class ScalarWhen:
-    """What happens at the instants at which a condition comes true."""
+class WhenBranch:
+    """What happens at the instants at which a condition comes true, if no branch before it happens. end: the
+    simulation's, by a sentence, and whether the model has failed."""
 
     condition: Any
     actions: tuple[ScalarEquation, ...]
     restarts: tuple[tuple[Any, Any], ...]
+    end: tuple[str, bool] | None
     at: Place
+
+
+@dataclass(frozen=True, eq=False)
+class ScalarWhen:
+    """Branches by precedence. own: gtmodel's, not of the text."""
+
+    branches: tuple[WhenBranch, ...]
+    at: Place
+    own: bool = False
+
+    @property
+    def actions(self) -> list[ScalarEquation]:
+        return [a for b in self.branches for a in b.actions]
 
 
 @dataclass(eq=False)
@@ -55,3 +70,13 @@ class Flattened:
     branches: list[tuple[str, Any, Place]] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
     header_at: dict[str, Place] = field(default_factory=dict)
+    static: bool = False
+    # where units do not fit: lines of a file by method, and ids of declared variables
+    bare: set[tuple[str, str, int]] = field(default_factory=set)
+    without_unit: set[int] = field(default_factory=set)
+    # variables, equations and initial equations as the text has them, before events are in the language's forms
+    text: tuple[list[Flat], list[Any], list[ScalarEquation]] | None = None
+    parts: list[Any] = field(default_factory=list)  # of gt.mechanics, see multibody.parts.MechanicsPart
+    joined: list[tuple[str, str, Place]] = field(default_factory=list)  # ports of them
+    shown: list[Flat] = field(default_factory=list)  # quantities of parts that are names of the text
+    optional: set[int] = field(default_factory=set)  # variables that may be left out, by id

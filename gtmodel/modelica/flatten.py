@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,13 +14,20 @@ from .causality import settle_inputs
 from .connections import Connections
 from .constraints import constraints_settled, sides
 from .expressions import Evaluator
-from .flat import Flattened, ScalarEquation, ScalarIf, ScalarWhen
+from .flat import Flattened, ScalarEquation, ScalarIf
 from .instances import Declared, Instance, NameScope
 from .members import field as field_of
 from .modifications import Modifier
+from .multibody.assembly import declared_places
+from .multibody.library import is_own
+from .multibody.parts import is_frame
 from .resolved import LONGEST
-from .scalars import Flat, Operation, Symbol, extent, is_constant, is_literal, is_number, number_of, operation, symbols
+from .scalars import Flat, Operation, Symbol, extent, is_constant, is_literal, is_number, number_of, operation
 from .scopes import Space
+from .settled.events import settle_events
+from .settled.macros import settle_macros
+from .settled.static import settle_static
+from .settled.whens import apart, watched, when_of
 from .syntax import (
     Binary,
     Calls,
@@ -71,9 +79,14 @@ class _Flattening:
             if instance is not self.root and instance.restriction == "optimization":
                 raise ModelicaError(f"'{instance.path}' is an optimization and no component", instance.at)
             self._declared(instance)
+        places = declared_places(instances)
         for instance in instances:
             for section in instance.sections:
+                first = len(self.out.equations)
                 self._section(section.text, section.scope)
+                if is_own(section.text.at.source.path):  # the line of whoever declares the component
+                    at = places.get(id(instance), instance.at)
+                    self.out.equations[first:] = [replace(e, at=at) for e in self.out.equations[first:]]
         if self.root.space.text.restriction != "optimization" and self.out.constraints:
             raise ModelicaError("a constraint section belongs into an optimization", self.out.constraints[0].at)
         for a, b, place in self.connections.equalities:
@@ -81,18 +94,27 @@ class _Flattening:
         self.connections.complete(instances, self.root)
         for terms, place in self.connections.sums():
             self.out.equations.append(ScalarEquation(terms, 0, place))
+        self.connections.assembly.settle(instances, places, self.out, self.model)
         self._bounded()
-        self._macros()
+        settle_macros(self.out)
         self._header()
-        if self.out.optimization:
+        if not self.out.optimization:
+            settle_events(self.out)
+        if self.out.static and self.out.parts:
+            raise ModelicaError("a static optimization takes no parts of MultiBody, which move", self.out.parts[0].at)
+        if self.out.static:
+            settle_static(self.out)
+        elif self.out.optimization:
             constraints_settled(self.out)
         settle_inputs(self.out.flats, self.out.equations)
-        self.out.warnings = self.model.warnings
+        self.out.warnings = [*self.model.warnings, *self.out.warnings]
         return self.out
 
     # declarations
 
     def _declared(self, instance: Instance) -> None:
+        if is_frame(instance) or (instance.parent is not None and is_frame(instance.parent)):
+            return  # what it holds are quantities of a part
         for element in instance.elements.values():
             made = element.made
             if not isinstance(made, Declared) or "outer" in element.text.prefixes:
@@ -146,7 +168,7 @@ class _Flattening:
         for body in text.algorithms:
             self.out.equations += self._algorithm(body, scope)
         for body in text.initial_algorithms:
-            self.out.initial += self._algorithm(body, scope)
+            self.out.initial += self._plain(self._algorithm(body, scope), "a statement of an initial algorithm")
         for node in text.constraints:
             self.out.constraints += self._constraints(node, scope)
         if text.annotation is not None:
@@ -158,8 +180,8 @@ class _Flattening:
                 raise ModelicaError(f"{what} is an equation; found a condition of variables", item.at)
         return list(given)
 
-    def _algorithm(self, body: Sequence[SyntaxNode], scope: NameScope) -> list[ScalarEquation]:
-        result = []
+    def _algorithm(self, body: Sequence[SyntaxNode], scope: NameScope) -> list[Any]:
+        body, result = apart(body, scope, self.model)
         place = body[0].at if body else scope.space.text.at
         for name, value in functions.algorithm(body, scope, self.model).items():
             symbol = self.model.reference(_name(name, place), scope)
@@ -183,10 +205,9 @@ class _Flattening:
             self.connections.connect(node, scope, self.model)
             return []
         if isinstance(node, WhenEquation):
-            return [self._when(node, scope)]
+            return [when_of(node, scope, self.model, self._equations)]
         if isinstance(node, Calls):
-            self._call(node, scope)
-            return []
+            return self._call(node, scope)
         raise ModelicaError("this is no equation", node.at)
 
     def _equal(self, node: Equal, scope: NameScope) -> list[ScalarEquation]:
@@ -247,43 +268,7 @@ class _Flattening:
                 last = [ScalarIf(truth, (t,), (o,), t.at) for t, o in zip(inside, last, strict=True)]
         return last
 
-    def _when(self, node: WhenEquation, scope: NameScope) -> ScalarWhen:
-        if len(node.branches) > 1:
-            raise ModelicaError("elsewhen is not taken; write two when clauses", node.at)
-        if self.model.horizon:
-            raise ModelicaError("an optimization has no when", node.at)
-        written, body = node.branches[0]
-        conditions = list(entries(self.model.array(written, scope)))
-        condition = conditions[0]
-        for other in conditions[1:]:
-            condition = operation("or", (condition, other), node.at)
-        actions: list[ScalarEquation] = []
-        restarts: list[tuple[Any, Any]] = []
-        for x in body:
-            if (
-                isinstance(x, Calls)
-                and isinstance(x.expression, FunctionCall)
-                and str(x.expression.reference) == "reinit"
-            ):
-                if len(x.expression.arguments) != 2:
-                    raise ModelicaError("reinit() takes a variable and its value", x.at)
-                pair = [self.model.one(a, scope) for a in x.expression.arguments]
-                restarts.append((pair[0], pair[1]))
-            elif isinstance(x, (Equal, For)):
-                for e in self._plain(self._equations(x, scope), "an action"):
-                    if not isinstance(e.left, Symbol):
-                        raise ModelicaError("an equation inside when has a variable on its left", e.at)
-                    e.left.flat.kind = "discrete"
-                    actions.append(e)
-            else:
-                raise ModelicaError("inside when equations and reinit() are taken", x.at)
-        assigned = {id(e.left.flat) for e in actions}
-        for e in actions:
-            if any(id(f) in assigned and f is not e.left.flat for f in _current(e.right)):
-                raise ModelicaError("an action of when that follows from another action is not taken", e.at)
-        return ScalarWhen(condition, tuple(actions), tuple(restarts), node.at)
-
-    def _call(self, node: Calls, scope: NameScope) -> None:
+    def _call(self, node: Calls, scope: NameScope) -> list[Any]:
         expression = node.expression
         if not isinstance(expression, FunctionCall):
             relation = "; a relation belongs into a constraint section" if isinstance(expression, Binary) else ""
@@ -291,14 +276,14 @@ class _Flattening:
         name = str(expression.reference)
         if name == "assert" and self.uncertain:
             self.model.warn("this assert() stands under a condition of variables; it is not watched", node.at)
-        elif name == "assert":
-            self.model.evaluate(expression, scope)
-        elif name.startswith("Connections."):
+            return []
+        if name == "assert":
+            return watched(expression, scope, self.model)
+        if name.startswith("Connections."):
             raise ModelicaError(f"{name}() is of overdetermined connectors, which are not taken", node.at)
-        elif name == "reinit":
-            raise ModelicaError("reinit() stands in a when clause", node.at)
-        else:
-            raise ModelicaError(f"{name}() alone is no equation; it has no '='", node.at)
+        if name in ("reinit", "terminate"):
+            raise ModelicaError(f"{name}() stands in a when clause", node.at)
+        raise ModelicaError(f"{name}() alone is no equation; it has no '='", node.at)
 
     def _constraints(self, node: SyntaxNode, scope: NameScope) -> list[ScalarEquation]:
         if isinstance(node, Equal):
@@ -335,33 +320,22 @@ class _Flattening:
                 if extent(x, known) > LONGEST:
                     raise ModelicaError("this expression is too long to be taken; write it in several equations", e.at)
 
-    def _macros(self) -> None:
-        """Boolean variables stand for their conditions; an Integer variable needs events."""
-        kept: list[Any] = []
-        for e in self.out.equations:
-            flat = e.left.flat if isinstance(e, ScalarEquation) and isinstance(e.left, Symbol) else None
-            if flat is not None and flat.base not in ("Real", "Integer") and flat.kind == "variable":
-                if flat.replaced is not None:
-                    raise ModelicaError(f"'{flat.name}' has two equations", e.at)
-                flat.replaced = e.right if isinstance(e, ScalarEquation) else None
-            else:
-                kept.append(e)
-        self.out.equations = kept
-        for flat in self.out.flats:
-            if flat.base not in ("Real", "Integer") and flat.kind == "variable" and flat.replaced is None:
-                raise ModelicaError(f"'{flat.name}' is {flat.base} and has no equation of its own", flat.at)
-
     def _header(self) -> None:
         for name, given in self.root.header.items():
             value = self.model.given(given)
             if not isinstance(value, np.ndarray) or value.shape:
                 raise ModelicaError(f"{name} is a scalar", given.node.at)
             entry = value[()]
-            attribute = "." in name or name.endswith("Time")
+            attribute = "." in name or name.endswith("Time") or name == "static"
             if attribute and not is_literal(entry):
                 if not is_constant(entry):
                     raise ModelicaError(f"{name} is made of numbers and parameters", given.node.at)
                 entry = number_of(entry, given.node.at, name)
+            if name == "static":
+                if not isinstance(entry, bool):
+                    raise ModelicaError(f"static is true or false; found {entry}", given.node.at)
+                self.out.static = entry
+                continue
             self.out.header[name] = entry
             self.out.header_at[name] = given.node.at
 
@@ -381,7 +355,8 @@ class _Flattening:
                         raise ModelicaError(f"the branch '{one.name[0]}' has no expression", one.at)
                     value = self.model.one(one.modification.value, scope)
                     assert scope.instance is not None
-                    self.out.branches.append((scope.instance.full(one.name[0]), value, one.at))
+                    name = scope.instance.full(one.name[0]).replace("'", "")
+                    self.out.branches.append((name, value, one.at))
 
 
 def _name(name: str, at: Place) -> Reference:
@@ -401,12 +376,3 @@ def _same(a: Any, b: Any) -> bool:
         return a.name == b.name and len(a.arguments) == len(b.arguments) and all(
             _same(x, y) for x, y in zip(a.arguments, b.arguments, strict=True))  # fmt: skip
     return False
-
-
-def _current(x: Any) -> list[Flat]:
-    """Variables that stand in an expression outside pre()."""
-    if isinstance(x, Operation) and x.name == "pre":
-        return []
-    if isinstance(x, Operation):
-        return [f for a in x.arguments for f in _current(a)]
-    return list(symbols(x))

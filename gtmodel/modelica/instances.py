@@ -13,6 +13,7 @@ import numpy as np
 from ..lang.slips import near
 from .arrays import Values, array, entries
 from .modifications import NOTHING, Given, Modifier, merged, modifier, same
+from .multibody.library import part_name, pictures
 from .scalars import Flat, Symbol, fits, number_of
 from .scopes import PREDEFINED, Space
 from .syntax import ClassText, Component, Extends, ModelicaError, Place, Reference, SyntaxNode
@@ -211,7 +212,7 @@ class Instance:
         if lost := [e for n, e in again.items() if n not in self.elements]:
             raise ModelicaError(f"nothing that {space.name} extends has a '{lost[0].name}' to redeclare", lost[0].at)
         self.below -= 1
-        self.used |= set(text.classes)
+        self.used |= set(text.classes) | pictures(text)
         if not any(s.text is text for s in self.sections):  # of a class that is inherited on two ways
             self.sections.append(Section(text, scope))
 
@@ -219,11 +220,9 @@ class Instance:
         if text.restriction != "optimization":
             return
         self.used |= {*HEADER, "static"}
-        if "static" in said.inside or (text.header and any(a.name[0] == "static" for a in text.header.arguments)):
-            raise ModelicaError("a static optimization has no motion, which is not taken; give it a state", text.at)
         header = merged(said, modifier(text.header, scope))
         for name, item in header.inside.items():
-            if name in HEADER:
+            if name in (*HEADER, "static"):
                 if item.value is not None:
                     self.header.setdefault(name, item.value)
                 for attribute, inner in item.inside.items():
@@ -242,7 +241,8 @@ class Instance:
         for name, item in said.inside.items():
             if name not in self.used and space.member(name) is None:
                 known = [n for n in self.elements]
-                raise ModelicaError(f"{space.name} has no '{name}' to modify{near(name, known)}", item.at)
+                hint = near(name, known) or (f"; it has {', '.join(known)}" if part_name(space.text) else "")
+                raise ModelicaError(f"{space.name} has no '{name}' to modify{hint}", item.at)
 
     def inner(self, name: str, at: Place) -> Any:
         """The component `inner name` of an enclosing one."""
@@ -425,6 +425,9 @@ class Declared:
             description=self.element.text.description,
         )  # fmt: skip
         flat.top = owner.parent is None or (owner.connector and owner.parent.parent is None)
+        if "'" in name:  # of flat text: 'tank.u' was an input of a component
+            flat.name = name.replace("'", "")
+            flat.top = flat.top and "." not in flat.name
         return flat
 
     @staticmethod
@@ -464,7 +467,8 @@ class Declared:
             for entry in entries(value):
                 if not fits(entry, self.kind.base, self.kind.literals):
                     shown = entry.flat.name if isinstance(entry, Symbol) else entry
-                    raise ModelicaError(f"'{self.full}' is {self.kind.base}; found {str(shown)!r}", said.node.at)
+                    wanted = "a number" if self.kind.base in ("Real", "Integer") else f"a value of {self.kind.base}"
+                    raise ModelicaError(f"'{self.full}' takes {wanted}; found {str(shown)!r}", said.node.at)
             if value.shape == () and self.shape and not said.each:
                 raise ModelicaError(
                     f"'{self.full}' is an array of shape {self.shape}; write each, or fill(...), for one value",

@@ -95,18 +95,18 @@ def keep(source: Source, classes: list[ClassText]) -> None:
             beside = file.name
             file.write(hashlib.sha256(body).hexdigest().encode() + b"\n" + body)
         os.replace(beside, place)
-        _bound(place.parent)
+        bound(place.parent)
     except OSError:
         if beside:
             Path(beside).unlink(missing_ok=True)
 
 
-def _bound(where: Path) -> None:
-    """Take away the trees that were not used for longest, until the others take less than LARGEST."""
+def bound(where: Path) -> None:
+    """Take away the trees and flat texts that were not used for longest, until the others take less than LARGEST."""
     entries: list[tuple[float, int, str]] = []
     with os.scandir(where) as files:
         for file in files:
-            if file.name.endswith(_ENDING):
+            if file.name.endswith((_ENDING, ".mo")):
                 try:
                     entry = file.stat()
                 except FileNotFoundError:  # by another process

@@ -9,7 +9,8 @@ from typing import Any
 
 from ..lang.units import UnitError, si_unit
 from .classes import Written
-from .flat import Flattened, ScalarEquation, ScalarIf, ScalarWhen
+from .flat import Flattened, ScalarEquation, ScalarIf, ScalarWhen, WhenBranch
+from .multibody.writing import PartWriter
 from .resolved import Resolver, is_declared
 from .scalars import (
     EnumerationLiteral,
@@ -36,7 +37,7 @@ _FUNCTIONS = {
 }  # fmt: skip
 _HORIZON = {"start_time": "startTime", "final_time": "finalTime"}
 _PREFERENCE = {"never": -2, "avoid": -1, "prefer": 1, "always": 2}
-_MOVING = ("floor", "ceil", "integer", "mod", "div", "rem", "edge", "change")
+_MOVING = ("floor", "ceil", "integer", "mod", "div", "rem")
 
 
 class Writer:
@@ -45,6 +46,7 @@ class Writer:
     def __init__(self, flat: Flattened, naming: Callable[[str], str], units: bool) -> None:
         self.flat, self.units, self.warnings = flat, units, list[str]()
         self.names, self.naming, self._late = _unique(flat.flats, naming), naming, dict[tuple[str, float], str]()
+        self.parts = PartWriter(flat.parts, naming, self.names.values(), units)
         self.resolved = Resolver()
         self.written = Written(flat.name, flat.at, flat.optimization, flat.description)
 
@@ -56,8 +58,12 @@ class Writer:
             if is_declared(flat):
                 self._put("", flat.at, ast.Assign([ast.Name(self.names[id(flat)], ast.Store())],
                                                   self._declaration(flat, numbers)))  # fmt: skip
+        for part in self.flat.parts:
+            self._put("", part.at, self.parts.declared(part, self.resolved, self._expression))
         for name, value, place in header:
             self._put("", place, ast.Assign([ast.Name(name, ast.Store())], value))
+        for a, b, place in self.flat.joined:
+            self._put("equations", place, self.parts.connected(a, b))
         for e in self.flat.equations:
             self._equation(e)
         for name, value, place in self.flat.branches:
@@ -69,7 +75,17 @@ class Writer:
             self._relation("constraints", e)
         if self.flat.optimization:
             self._objective()
+        if self.units:
+            for method, statements in self.written.methods.items():
+                for at, statement in statements:
+                    if (method, at.source.path, at.line) in self.flat.bare:
+                        self.bare(statement)
         return self.written
+
+    @staticmethod
+    def bare(node: Any) -> Any:
+        """An expression or a statement whose quantities have no units."""
+        return _Bare().visit(node)
 
     def _exponents(self) -> None:
         """Exponents of parameters are numbers: the language takes no others."""
@@ -114,7 +130,7 @@ class Writer:
 
     def _unit(self, flat: Flat, numbers: dict[str, Any]) -> dict[str, Any]:
         unit = numbers.get("unit")
-        if not unit or not self.units or flat.base != "Real":
+        if not unit or not self.units or flat.base != "Real" or id(flat) in self.flat.without_unit:
             return {}
         try:
             si_unit(str(unit))
@@ -138,7 +154,8 @@ class Writer:
                 options["positive"] = ast.Constant(True)
             return _call("parameter", [_constant(float(value))], self._described(flat, options))
         if flat.kind == "discrete":
-            value = numbers.get("start", 0.0)
+            value = numbers.get("start", 1.0 if flat.base == "enumeration" else 0.0)
+            value = value.position if isinstance(value, EnumerationLiteral) else value
             return _call("discrete", [_constant(float(value))], self._described(flat, options))
         nominal = numbers.get("nominal")
         if nominal is not None and is_number(nominal) and nominal != 0:
@@ -219,12 +236,24 @@ class Writer:
             ]
             self._put("equations", e.at, _yield(_call("If", [condition, *sides])))
         else:
-            condition = self._condition(self.resolved(e.condition, e.at), e.at)
-            actions: list[ast.expr] = [
-                ast.Compare(self._of(a.left, a.at), [ast.Eq()], [self._of(a.right, a.at)]) for a in e.actions
-            ]
-            actions += [_call("reinit", [self._of(x, e.at), self._of(v, e.at)]) for x, v in e.restarts]
-            self._put("equations", e.at, _yield(_call("when", [condition, *actions])))
+            made: Any = None
+            for b in e.branches:
+                given = [self._condition(self.resolved(b.condition, b.at), b.at), *self._actions(b)]
+                made = (
+                    _call("when", given) if made is None else ast.Call(
+                        ast.Attribute(made, "elsewhen", ast.Load()), given, [])
+                )  # fmt: skip
+            self._put("equations", e.at, _yield(made))
+
+    def _actions(self, b: WhenBranch) -> list[ast.expr]:
+        actions: list[ast.expr] = [
+            ast.Compare(self._of(a.left, a.at), [ast.Eq()], [self._of(a.right, a.at)]) for a in b.actions
+        ]
+        actions += [_call("reinit", [self._of(x, b.at), self._of(v, b.at)]) for x, v in b.restarts]
+        if b.end is not None:
+            options = {"failed": ast.Constant(True)} if b.end[1] else {}
+            actions.append(_call("terminate", [ast.Constant(b.end[0])], options))
+        return actions
 
     def _of(self, x: Any, at: Place) -> ast.expr:
         return self._expression(self.resolved(x, at))
@@ -310,6 +339,10 @@ class Writer:
         if name in ("time", "start_time", "final_time"):
             bare = self.units or (name != "time" and not self.flat.header.get(f"{_HORIZON[name]}.free"))
             return _own(name) if bare else ast.Call(ast.Name("plain", ast.Load()), [_own(name)], [])
+        if name == "part":
+            return self.parts.quantity(x)
+        if name == "refused":
+            raise ModelicaError(str(x.arguments[0]), at)
         if name == "der":
             return ast.Call(ast.Name("der", ast.Load()), [self._expression(x.arguments[0])], [])
         if name == "at":
@@ -335,6 +368,10 @@ class Writer:
             raise ModelicaError(f"{name}() of variables jumps, which is not taken", at)
         if name == "delay":
             return self._delayed(x)
+        if name == "earlier":
+            return self._expression(x.arguments[0])  # each round of an event begins with the values before
+        if name in ("step", "whole"):
+            return ast.Call(ast.Name(name, ast.Load()), [self._expression(a) for a in x.arguments], [])
         if name in _RELATIONS or name in ("and", "or", "not", "<>", "initial", "sample"):
             raise ModelicaError("a condition stands where a number is expected", at)
         raise ModelicaError(f"{name}() is not taken here", at)
@@ -378,11 +415,13 @@ class Writer:
     def _step(self, x: Any, at: Place | None) -> ast.expr:
         """1 where a condition holds, else 0; optimisers know where it jumps."""
         if isinstance(x, Operation) and x.name in ("<", "<=", ">", ">="):
-            a, b = x.arguments if x.name.startswith(">") else reversed(x.arguments)
+            strict = "=" not in x.name  # a > b where not b >= a: what a step is at its jump matters there
+            a, b = x.arguments if x.name in (">=", "<") else reversed(x.arguments)
             difference = self._expression(Operation("-", (a, b), at))
             breaks = ast.List([_constant(v) for v in (-1.0, 0.0, 1.0)], ast.Load())
             heights = ast.List([ast.List([_constant(0.0), _constant(1.0)], ast.Load())], ast.Load())
-            return _call("piecewise", [difference, breaks, heights])
+            step = _call("piecewise", [difference, breaks, heights])
+            return ast.BinOp(ast.Constant(1), ast.Sub(), step) if strict else step
         if isinstance(x, Operation) and x.name == "not":
             return ast.BinOp(ast.Constant(1), ast.Sub(), self._step(x.arguments[0], at))
         if isinstance(x, Operation) and x.name in ("and", "or"):
@@ -403,13 +442,25 @@ class Writer:
                 return ast.UnaryOp(ast.Invert(), self._condition(x.arguments[0], at))
             if x.name == "initial":
                 return _call("initial", [])
+            if x.name == "sample":
+                start, interval = (self._expression(y) for y in x.arguments)
+                return _call("sample", [interval], {"offset": start})
         raise ModelicaError("this condition is not taken; relations with <, <=, >, >=, joined by and, or, not, are", at)
+
+
+class _Bare(ast.NodeTransformer):
+    def visit_Attribute(self, node: ast.Attribute) -> ast.AST:
+        if not isinstance(node.value, ast.Name) or node.value.id != "self":
+            return self.generic_visit(node)
+        return ast.copy_location(ast.Call(ast.copy_location(ast.Name("plain", ast.Load()), node), [node], []), node)
 
 
 def _unique(flats: Iterable[Flat], naming: Callable[[str], str]) -> dict[int, str]:
     names: dict[int, str] = {}
     seen: set[str] = set()
     for flat in flats:
+        if flat.replaced is not None:
+            continue
         try:
             name = naming(flat.name)
         except ModelicaError as error:

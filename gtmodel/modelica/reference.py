@@ -16,11 +16,13 @@ else:
     Translation = hint("gtmodel.modelica.translate", "Translation")
 
 
-def translated(reference: str, *, library: Iterable[str], parameters: Mapping[str, Any]) -> Translation:
+def translated(
+    reference: str, *, library: Iterable[str], parameters: Mapping[str, Any], flattener: str = "gtmodel"
+) -> Translation:
     """See `gtmodel.modelica.translate`."""
     from .translate import translated as of
 
-    return of(reference, library=library, parameters=parameters)
+    return of(reference, library=library, parameters=parameters, flattener=flattener)
 
 
 def problem_of(reference: str) -> tuple[Path, dict[str, Any]]:

@@ -35,6 +35,8 @@ class Resolver:
             return x
         if isinstance(x, Symbol):
             return self._symbol(x)
+        if x.name == "pre" and isinstance(x.arguments[0], Symbol) and x.arguments[0].flat.replaced is not None:
+            return x  # what events remember of it; it may follow from that itself
         key = id(x)
         if key not in self._known:
             arguments = tuple(map(self._resolved, x.arguments))

@@ -167,6 +167,8 @@ def operation(name: str, arguments: tuple[Any, ...], at: Place | None) -> Scalar
     elif name in _ARITHMETIC and (wrong := [a for a in arguments if _is_no_number(a)]):
         shown = wrong[0].flat.name if isinstance(wrong[0], Symbol) else wrong[0]
         raise ModelicaError(f"'{'-' if name == 'neg' else name}' takes numbers; found {shown!r}", at)
+    elif name == "not" and isinstance(arguments[0], Operation) and arguments[0].name == "not":
+        return arguments[0].arguments[0]
     elif name == "and" and any(a is False for a in arguments):
         return False
     elif name == "or" and any(a is True for a in arguments):
@@ -260,7 +262,8 @@ def replaced(x: Scalar, values: dict[int, Any], known: dict[int, Any] | None = N
 
 def is_constant(x: Scalar) -> bool:
     """Is it made of literals and parameters that nobody chooses?"""
-    moving = ("der", "time", "start_time", "final_time", "at", "integral", "pre", "initial", "sample", "edge", "change")
+    moving = ("der", "time", "start_time", "final_time", "at", "integral", "pre", "initial", "sample", "edge", "change",
+              "part", "refused")  # fmt: skip
     if any(o.name in moving for o in operations(x)):
         return False
     return all(f.kind in ("parameter", "constant") and not f.free and not f.computed for f in symbols(x))
@@ -314,7 +317,7 @@ def _of_parameter(flat: Flat, at: Place | None, asked: str) -> Any:
 def whole(flat: Flat, value: Any) -> Any:
     """The value of a parameter, which of an Integer is a whole number."""
     if flat.base == "Integer" and isinstance(value, float) and not value.is_integer():
-        raise ModelicaError(f"'{flat.name}' is an Integer; found {value}", flat.at)
+        raise ModelicaError(f"'{flat.name}' is an Integer, a whole number; found {value}", flat.at)
     return value
 
 
@@ -328,4 +331,5 @@ def value_of(flat: Flat) -> Scalar:
 
 
 def _shown(name: str) -> str:
-    return {"start_time": "startTime", "final_time": "finalTime", "der": "a derivative"}.get(name, name)
+    words = {"start_time": "startTime", "final_time": "finalTime", "der": "a derivative", "part": "a motion"}
+    return words.get(name, name)

@@ -12,6 +12,7 @@ from typing import Any
 from ..lang.slips import near
 from . import reader
 from .modifications import NOTHING, Modifier, merged
+from .multibody import library as multibody
 from .syntax import Argument, ClassText, Component, Extends, ModelicaError, Modification, Place, Reference
 
 PREDEFINED = ("Real", "Integer", "Boolean", "String")
@@ -67,11 +68,16 @@ class Space:
             self._arrived(name)
         if name not in self.made:
             text = self.text.classes.get(name)
-            if self.original is not None and (own := self.original.own(name)) is not None:
+            inside = _in_folder(self.folder, name) if self.folder is not None else None
+            known = text is not None or inside is not None
+            if name in multibody.NAMES and (ours := multibody.own_text(self.name, name, known)) is not None:
+                # examples of the library are read from its folder
+                self.made[name] = Space(ours, self, folder=inside if inside is not None and inside.is_dir() else None)
+            elif self.original is not None and (own := self.original.own(name)) is not None:
                 self.made[name] = Space(own.text, self, folder=own.folder, original=own)
             elif text is not None:
                 self.made[name] = Space(text, self)
-            elif self.folder is not None and (inside := _in_folder(self.folder, name)) is not None:
+            elif inside is not None:
                 self.made[name] = _loaded(inside, self, name)
             else:
                 self.made[name] = None
@@ -244,6 +250,8 @@ class Space:
             if following is None and space.name == "Modelica.Icons":  # pictures alone
                 following = space.made[part.name] = Space(ClassText(space.text.at, part.name, "class"), space)
             if following is None:
+                if refused := multibody.refusal(space.name, part.name):
+                    raise ModelicaError(refused, reference.at)
                 inside = space.name or "the files that were read"
                 names = [*space.text.classes, *(space.made if space.outer is None else ())]
                 raise ModelicaError(
@@ -284,6 +292,21 @@ def library(paths: Iterable[str | os.PathLike[str]]) -> Space:
         _add(root, Path(path))
     _enter(root, [c for c in reader.read(_BUILT_IN) if c.name not in root.waiting and root.own(c.name) is None])
     return root
+
+
+def files_of(root: Space) -> list[Path]:
+    """The files whose classes were read so far, but for what is built in."""
+    files: set[Path] = set()
+    seen: set[int] = set()
+    left = [root]
+    while left:
+        space = left.pop()
+        if id(space) not in seen:
+            seen.add(id(space))
+            left += [s for s in space.made.values() if s is not None]
+            if path := space.text.at.source.path:
+                files.add(Path(path))
+    return sorted(files - {_BUILT_IN})
 
 
 def of_text(text: str, paths: Iterable[str | os.PathLike[str]] = (), path: str = "") -> tuple[Space, list[ClassText]]:

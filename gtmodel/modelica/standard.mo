@@ -21,6 +21,8 @@ package Modelica
   end Math;
   package Icons
   end Icons;
+  package Mechanics
+  end Mechanics;
   package Blocks
     package Interfaces
       connector RealInput = input Real;

@@ -1,4 +1,4 @@
-"""Where the iteration of a problem of free time starts: a simulation, as users of Optimica did by hand."""
+"""Where an iteration may start: from a simulation, as users of Optimica did by hand."""
 
 from __future__ import annotations
 
@@ -14,8 +14,7 @@ from ..simulation.run import simulate
 
 
 def first_guess(problem: Optimization) -> Trajectory | None:
-    """A simulation over the guessed horizon, inputs held at their start values; None where it does not get to the end,
-    or where the horizon is given.
+    """Of a problem of free time a `simulated_guess`; None where the horizon is given.
 
     >>> class Fastest(gt.Optimization):
     ...     final_time = gt.free(2.0, min=0.1, unit="s")
@@ -27,11 +26,23 @@ def first_guess(problem: Optimization) -> Trajectory | None:
     >>> guess.duration
     2.0
     """
-    ends = [
-        type(problem)._declared.get(name, getattr(type(problem), name, 0.0)) for name in ("start_time", "final_time")
-    ]
-    if not any(isinstance(end, Free) for end in ends):
-        return None
+    return simulated_guess(problem) if any(isinstance(end, Free) for end in _ends(problem)) else None
+
+
+def simulated_guess(problem: Optimization) -> Trajectory | None:
+    """A simulation over the horizon, or its guess, with inputs held at their start values; None where it does not get
+    to the end.
+
+    >>> class Rest(gt.Optimization):
+    ...     x = gt.variable(start=1.0, fixed=True)
+    ...     u = gt.input(start=-1.0)
+    ...     def equations(self):
+    ...         yield gt.der(self.x) == self.u
+    >>> guess = gt.modelica.simulated_guess(Rest())
+    >>> round(abs(float(guess["x"][-1])), 9)
+    0.0
+    """
+    ends = _ends(problem)
     begin, end = (float(e.guess) if isinstance(e, Free) else _number(e) for e in ends)
     if not end > begin:
         return None
@@ -44,6 +55,11 @@ def first_guess(problem: Optimization) -> Trajectory | None:
     if reached is None or not reached.duration >= 0.999 * (end - begin):
         return None
     return reached if all(np.all(np.isfinite(reached[name])) for name in reached.names) else None
+
+
+def _ends(problem: Optimization) -> list[Any]:
+    cls = type(problem)
+    return [cls._declared.get(name, getattr(cls, name, 0.0)) for name in ("start_time", "final_time")]
 
 
 def _number(value: Any) -> float:

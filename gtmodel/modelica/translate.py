@@ -8,22 +8,21 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ..compiler.causal import flat_of
 from ..lang.model import Model
-from ..lang.optimization import Optimization
 from ..lang.slips import near
-from ..lang.source import ModelError
-from ..lang.units import UnitError
-from .classes import class_of, exact, identifier, text_of
+from .classes import identifier, text_of
 from .flat import Flattened
 from .flatten import flattened
 from .instances import NameScope
 from .modifications import Given, Modifier
+from .multibody.lean import lean, shown
 from .names import split
 from .python import Writer
-from .scopes import Space, of_text
+from .scopes import Space, files_of, of_text
+from .settled.units import fitted
 from .syntax import Array, ClassText, Literal, ModelicaError, Place, Source
 
+FLATTENERS = ("gtmodel", "rumoca")
 SOLVED = ("optimization", "model", "class", "block")
 
 
@@ -38,6 +37,8 @@ class Translation:
         warnings: sentences with file and line: units that do not fit, assertions that are not watched.
         units: whether the text's units are used.
         file, name: where the text lies, and the dotted name of the class in it.
+        flat_file: the flat text that another flattener wrote; lines of errors are of this one.
+        libraries: the other files that classes were read from.
     """
 
     model: type[Model]
@@ -48,6 +49,8 @@ class Translation:
     file: str
     name: str
     flat: Flattened
+    flat_file: Path | None = None
+    libraries: tuple[Path, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,43 +158,29 @@ def translated(
     *,
     library: Iterable[str | os.PathLike[str]] = (),
     parameters: Mapping[str, Any] | None = None,
+    flattener: str = "gtmodel",
 ) -> Translation:
     """The class that `file.mop:Class` names; see `load`."""
+    if flattener not in FLATTENERS:
+        raise ModelicaError(f"there is no flattener '{flattener}'; expected {' or '.join(FLATTENERS)}")
     path, name = split(str(reference))
+    library = list(library)
     text = opened(path, library)
     name, space = chosen(text, name)
-    flat = flattened(space, _said(parameters or {}))
-    cls, units, warnings = _made(flat)
-    stop = stop_time_of(space.text)
-    return Translation(cls, flat.optimization, stop, (*flat.warnings, *warnings), units, text.path, name, flat)
+    stop, written = stop_time_of(space.text), None
+    if flattener == "rumoca":
+        from .rumoca import flat_file, of_flat_file, version
 
-
-def _made(flat: Flattened) -> tuple[type[Model], bool, list[str]]:
-    """With units where they fit, else without and a warning."""
-    plain = class_of(Writer(flat, exact, units=False).write())
-    if not any(f.get("unit") for f in flat.flats):
-        return plain, False, []
-    writer = Writer(flat, exact, units=True)
-    try:
-        cls = class_of(writer.write())
-        _checked(cls)
-    except (ModelError, UnitError) as error:
-        try:
-            _checked(plain)
-        except (ModelError, UnitError):
-            return plain, False, []  # who solves it says so
-        return plain, False, [f"units are not used: {error}"]
-    return cls, True, writer.warnings
-
-
-def _checked(cls: type[Model]) -> None:
-    """Flatten it, with its objective and constraints. Raises ModelError for units that do not fit, among others."""
-    model: Any = cls()
-    root: Any = flat_of(model).root
-    if issubclass(cls, Optimization):
-        root.objective()
-        for _ in root.constraints():
-            pass
+        written = flat_file(path, space, library, parameters or {})
+        flat = of_flat_file(written, space)
+        flat.warnings.append(f"{name} was flattened by rumoca {version()}; lines of it are those of {written.name}")
+    else:
+        flat = shown(flattened(space, _said(parameters or {})))
+    cls, units, warnings = fitted(flat)
+    cls._static = flat.static  # type: ignore[attr-defined]
+    others = tuple(file for file in files_of(text.root) if file != Path(text.path))
+    remarks = *flat.warnings, *warnings
+    return Translation(cls, flat.optimization, stop, remarks, units, text.path, name, flat, written, others)
 
 
 def load(
@@ -199,6 +188,7 @@ def load(
     *,
     library: Iterable[str | os.PathLike[str]] = (),
     parameters: Mapping[str, Any] | None = None,
+    flattener: str = "gtmodel",
 ) -> Any:
     """A class of a Modelica or Optimica text as a gtmodel class, whose errors name the lines of the text.
 
@@ -207,6 +197,8 @@ def load(
             at all if the file holds one optimization.
         library: files and folders with further classes, such as the Modelica Standard Library's.
         parameters: values by name, "tank.A" of a component, before anything is decided by them.
+        flattener: "rumoca" for the package of that name in place of gtmodel's own, for a model: errors then name lines
+            of the flat text that it wrote, and say where that lies.
 
     Returns a subclass of gt.Optimization or gt.Model. Names of results are those of the text, `tank[2].x`, counted from
     1. Raises ModelicaError, which is a ModelError, with file, line and the line itself.
@@ -227,7 +219,7 @@ def load(
     >>> round(gt.solve(Rest(), gt.Mesh(5)).objective, 4)  # tanh(1)
     0.7616
     """
-    return translated(reference, library=library, parameters=parameters).model
+    return translated(reference, library=library, parameters=parameters, flattener=flattener).model
 
 
 def python_of(
@@ -257,7 +249,34 @@ def python_of(
             yield (der(self.x) == -self.x)
     """
     item = translated(reference, library=library, parameters=parameters)
-    return text_of(Writer(item.flat, identifier, units=item.units).write())
+    return text_of(Writer(lean(item.flat), identifier, units=item.units).write())
+
+
+def flat_of_text(
+    reference: str | os.PathLike[str],
+    *,
+    library: Iterable[str | os.PathLike[str]] = (),
+    parameters: Mapping[str, Any] | None = None,
+) -> str:
+    """The class that `file.mop:Class` names as flat Modelica text: without components, in scalars, with numbers where
+    parameters decide; it reads back as the same class, with the same names.
+
+    Arguments and errors as of `load`. A name such as `tank[2].x` becomes `'tank[2].x'`, which Modelica allows.
+
+    >>> from pathlib import Path
+    >>> import tempfile
+    >>> file = Path(tempfile.mkdtemp()) / "decay.mo"
+    >>> written = file.write_text("model D Real x; equation der(x) = -x; end D; model M D d(x(start=2)); end M;")
+    >>> print(gt.modelica.flat_of_text(f"{file}:M").strip())
+    model M
+      Real 'd.x'(start = 2);
+    equation
+      der('d.x') = -'d.x';
+    end M;
+    """
+    from .printed import flat_text
+
+    return flat_text(translated(reference, library=library, parameters=parameters).flat)
 
 
 def listing(path: str | os.PathLike[str], library: Iterable[str | os.PathLike[str]] = ()) -> dict[str, dict[str, str]]:

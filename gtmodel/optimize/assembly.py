@@ -11,6 +11,7 @@ import numpy as np
 from ..compiler.flat import FlatBranch
 from .formulation.dynamic import DynamicProblem
 from .formulation.system import on_rows
+from .judgement.places import Remark, final_time_place
 from .nlp import Nlp, placed
 from .solution import constants, horizon, mesh_fractions, states_and_controls
 
@@ -19,30 +20,31 @@ TOUCHES = 1e-6
 AT_LIMIT = 1e-3  # relative: a horizon so near its shortest length stands at it; IPOPT stops before its bounds
 
 
-def astray(nlp: Nlp, x: np.ndarray) -> str:
-    """A sentence on a branch that is not the wanted one, or a horizon that came down to nothing; or nothing."""
+def astray(nlp: Nlp, x: np.ndarray) -> Remark:
+    """A remark on a branch that is not the wanted one, or a horizon that came down to nothing; or nothing."""
     return wrong_branch(nlp, x) or shrunk(nlp, x)
 
 
-def shrunk(nlp: Nlp, x: np.ndarray) -> str:
-    """A sentence on a free horizon without bounds that ends as short as it may be, or nothing."""
+def shrunk(nlp: Nlp, x: np.ndarray) -> Remark:
+    """A remark on a free horizon without bounds that ends as short as it may be, or nothing."""
     shortest, (t0, tf) = nlp.problem.shortest, horizon(nlp, x)
     if not shortest or tf - t0 > shortest * (1 + AT_LIMIT):
-        return ""
-    return (
+        return Remark("")
+    return Remark(
         f"the horizon has shrunk to {tf - t0:.4g} s, a thousandth of its guess, and would shrink on: nothing keeps it "
-        "longer; bound the free time, as gt.free(guess=..., min=0.1), or write what takes time as a constraint"
+        "longer; bound the free time, as gt.free(guess=..., min=0.1), or write what takes time as a constraint",
+        final_time_place(nlp.problem),
     )
 
 
-def wrong_branch(nlp: Nlp, x: np.ndarray) -> str:
-    """A sentence on the first declared branch whose sign is not the wanted one at some point, or nothing."""
+def wrong_branch(nlp: Nlp, x: np.ndarray) -> Remark:
+    """A remark on the first declared branch whose sign is not the wanted one at some point, or nothing."""
     problem = nlp.problem
     if "branches" not in problem.cache:
         problem.cache["branches"] = _branches(problem)
     branches, f = problem.cache["branches"]
     if not branches:
-        return ""
+        return Remark("")
     xs, rates, us, times = states_and_controls(nlp, x, mesh_fractions(placed(nlp, x))[1:])
     (values,) = on_rows(f, (xs, rates, us), constants(nlp, x), times)
     for b, row in zip(branches, values, strict=True):
@@ -50,11 +52,12 @@ def wrong_branch(nlp: Nlp, x: np.ndarray) -> str:
         wrong = np.flatnonzero(~(sign * row > -TOUCHES * np.max(np.abs(row), initial=0.0)))
         if wrong.size:
             k = int(wrong[0])
-            return (
+            return Remark(
                 f"the solution is on the wrong branch: '{b.name}' ({b.where}) is {row[k]:.4g} at {times[k]:.6g} s, but "
-                f"{sign:+d} is wanted; give a guess on the wanted branch, or branches={{'{b.name}': {-sign:+d}}}"
+                f"{sign:+d} is wanted; give a guess on the wanted branch, or branches={{'{b.name}': {-sign:+d}}}",
+                b.where,
             )
-    return ""
+    return Remark("")
 
 
 def _branches(problem: DynamicProblem) -> tuple[list[FlatBranch], ca.Function]:

@@ -6,7 +6,9 @@ import casadi as ca
 import numpy as np
 
 from ..compiler.rewriting import of_expression
+from ..lang.source import SourceLocation
 from .formulation.system import on_rows
+from .judgement.places import Remark, objective_place, row_place, variable_place
 from .nlp import Nlp, instants, placed
 from .solution import constants, mesh_fractions, states_and_controls
 
@@ -16,11 +18,11 @@ SIGNS = {ca.OP_DIV: "/", ca.OP_MUL: "*", ca.OP_ADD: "+", ca.OP_SUB: "-", ca.OP_P
 Step = tuple[str, ca.SX]  # something that is computed at a point: its name, and it in symbols of known values
 
 
-def not_finite(nlp: Nlp, x: np.ndarray) -> str:
-    """A sentence on the first operation without a finite value, or else without a finite derivative, at any collocation
+def not_finite(nlp: Nlp, x: np.ndarray) -> Remark:
+    """A remark on the first operation without a finite value, or else without a finite derivative, at any collocation
     point; nothing where all is finite."""
     if not np.all(np.isfinite(x)):
-        return ""
+        return Remark("")
     mesh = placed(nlp, x)
     s = mesh_fractions(mesh)[1:]
     xs, rates, us, times = states_and_controls(nlp, x, s)
@@ -45,11 +47,21 @@ def not_finite(nlp: Nlp, x: np.ndarray) -> str:
             if term:
                 slope = "the slope of " if infinite_slope else ""
                 element = min(mesh.elements, int(np.searchsorted(mesh.edges, s[k] - 1e-12, side="right")))
-                return f"{slope}{term} in {label} at {times[k]:.4g} s (element {element}) is not finite"
+                said = f"{slope}{term} in {label} at {times[k]:.4g} s (element {element}) is not finite"
+                return Remark(said, _label_place(nlp, label))
     return _at_instants(nlp, x)
 
 
-def _at_instants(nlp: Nlp, x: np.ndarray) -> str:
+def _label_place(nlp: Nlp, label: str) -> SourceLocation | None:
+    """Where what is called so is written."""
+    if label.endswith("objective"):
+        return objective_place(nlp.problem)
+    if label.startswith("the rate of "):
+        return variable_place(nlp.problem, label.removeprefix("the rate of "))
+    return row_place(nlp.problem, label.strip("'"))
+
+
+def _at_instants(nlp: Nlp, x: np.ndarray) -> Remark:
     """The same of what holds values at instants: the objective beside its integrals, and point constraints."""
     problem = nlp.problem
     rows = [("the objective", problem.mayer)] + [(f"'{r.label}'", r.expression) for r in problem.points]
@@ -62,8 +74,9 @@ def _at_instants(nlp: Nlp, x: np.ndarray) -> str:
         for (label, _), e in zip(rows, expressions, strict=True):
             term = _first(e, given, infinite_slope)
             if term:
-                return f"{'the slope of ' if infinite_slope else ''}{term} in {label} is not finite"
-    return ""
+                said = f"{'the slope of ' if infinite_slope else ''}{term} in {label} is not finite"
+                return Remark(said, _label_place(nlp, label))
+    return Remark("")
 
 
 def _computed(nlp: Nlp) -> tuple[list[Step], list[ca.SX], ca.SX]:

@@ -44,6 +44,7 @@ class SolverRun:
     other: how the try with the other strategy ended, as (strategy, word); None where there was none.
     curved: whether the reduced Hessian was positive definite in the last step, so that the answer is a minimum and no
         saddle; None where that was not asked: without a step, or without second derivatives.
+    indifferent: whether the objective is a constant, so that there is nothing to minimise.
     """
 
     x: np.ndarray
@@ -59,10 +60,13 @@ class SolverRun:
     barrier: str = ""
     other: tuple[str, str] | None = None
     curved: bool | None = None
+    indifferent: bool = False
 
     @property
     def reservation(self) -> str:
         """What is not known of an answer: a stationary point may be a saddle or a maximum. Empty where it is none."""
+        if self.indifferent and self.status.ok:
+            return "the objective is a constant, and any motion that keeps the constraints is as good"
         if self.curved or not self.status.ok:
             return ""
         if self.curved is None:

@@ -67,15 +67,20 @@ class Nlp(Program):
         """Controls and point variables (elements, len(local), n) at fractions of each element."""
         return self.element.layout.inputs(self.physical(x), local)
 
-    def row_name(self, row: int) -> str:
-        """What a constraint row says, with element and collocation point."""
+    def row_label(self, row: int) -> str:
+        """What a constraint row says."""
         m, mc = self.element.rows.numel(), len(self.problem.points)
         last = row - m * self.mesh.elements
         if last >= mc:
             return self.linear_names[last - mc]
-        if last >= 0:
-            return self.problem.points[last].label
-        name, point = self.element.row_names[row % m]
+        return self.problem.points[last].label if last >= 0 else self.element.row_names[row % m][0]
+
+    def row_name(self, row: int) -> str:
+        """The same with element and collocation point."""
+        name, m = self.row_label(row), self.element.rows.numel()
+        if row >= m * self.mesh.elements:
+            return name
+        point = self.element.row_names[row % m][1]
         place = f"element {row // m + 1}" + (f", point {point + 1}" if point >= 0 else "")
         return f"{name} in {place}"
 

@@ -19,10 +19,14 @@ TRIED = ("defect", "violation_between_nodes", "cost_error")
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class OptimizationStudy(Study):
-    """A solved optimal control problem. solution: what `solve` gave."""
+    """A solved optimal control problem. solution: what `solve` gave. where: file and line that the message is about."""
 
     solution: Solution
     final_time: Annotated[float, Quantity("s", "end of the horizon")]
+    where: Annotated[
+        str | None,
+        Quantity("", "file and line of what the message is about; null where it was solved without a reservation"),
+    ] = None
     free: Annotated[
         Mapping[str, float],
         Quantity("", "every constant that the optimisation chose, by its name in the class, in SI"),

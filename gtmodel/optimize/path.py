@@ -128,7 +128,7 @@ def solve_path(
     run = run_ipopt(program, _guess(s), options, progress).at_best()
     b = np.maximum(run.x, 0.0)
     energy = float(np.sum(interval.map(intervals)(b[:-1], b[1:], data)[2].full()))
-    message = "solved" if run.status.ok else failure(run, [])
+    message = "solved" if run.status.ok else str(failure(run, []))
     return PathMotion(run.status, message, run.objective, energy, run.iterations, s, b, time.perf_counter() - begin)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..lang.model import Model
 from ..lang.optimization import Optimization
-from ..lang.source import ModelError
+from ..lang.source import ModelError, SourceLocation
 from ..results.status import SolveStatus
 from ..results.trajectory import Trajectory
 from .assembly import astray
@@ -19,8 +19,9 @@ from .formulation.problem import build
 from .formulation.relations import ConstraintRow
 from .guess import initial_guess
 from .ipopt import SolverRun, run_ipopt
-from .judgement.diagnosis import failure, named_row, solved_word, violated
+from .judgement.diagnosis import failure, named_row, solved_word, violated, worst_of
 from .judgement.discretisation import judged
+from .judgement.places import Remark
 from .linking import Joined, Link, join
 from .mesh import Mesh, given_mesh
 from .nlp import Nlp, make_nlp
@@ -88,7 +89,7 @@ class PhasesSolution:
     """Result of solving Phases: a Solution for each phase, by name, and the whole.
 
     A phase's own Solution has the whole's status and message, and its own share of the cost and of the multipliers.
-    `link_multipliers`: by the name of each link's row, in SI units and IPOPT's sign.
+    `link_multipliers`: by the name of each link's row, in SI units and IPOPT's sign. `where`: see `Solution`.
     """
 
     status: SolveStatus
@@ -102,6 +103,7 @@ class PhasesSolution:
     x: np.ndarray = field(repr=False)
     multipliers: np.ndarray = field(repr=False)
     bound_multipliers: np.ndarray = field(repr=False)
+    where: SourceLocation | None = None
 
     def __getitem__(self, name: str) -> Solution:
         return self.phases[name]
@@ -193,12 +195,13 @@ def _read(
     model: Phases, joined: Joined, run: SolverRun, options: SolverOptions, throw: bool, scale: float
 ) -> PhasesSolution:
     status = run.status
-    message = solved_word(run) if status.ok else failure(run, [*_infinite(joined, run), _worst(joined, run)])
+    said = Remark(solved_word(run)) if status.ok else failure(run, [*_infinite(joined, run), _worst(joined, run)])
     if status.ok:
         for k, (name, nlp) in enumerate(joined.nlps.items()):
-            if said := astray(nlp, run.x[joined.at[k] : joined.at[k + 1]]):
-                status, message = SolveStatus.FAILED, f"phase '{name}': {said}"
+            if elsewhere := astray(nlp, run.x[joined.at[k] : joined.at[k + 1]]):
+                status, said = SolveStatus.FAILED, replace(elsewhere, text=f"phase '{name}': {elsewhere.text}")
                 break
+    message, where = str(said), said.where
     run = run.at_best()
     solutions = {}
     for k, (name, nlp) in enumerate(joined.nlps.items()):
@@ -207,41 +210,44 @@ def _read(
         multipliers = Multipliers(run.multipliers.rows[rows], run.multipliers.bounds[columns])
         cost = float(nlp.nlp(x, [])[0])
         own = replace(run, x=x, g=run.g[rows], objective=cost, multipliers=multipliers, status=status)
-        solution = replace(read_solution(nlp, own, status, message), linked=True)
+        solution = replace(read_solution(nlp, own, status, message), linked=True, where=where)
         solutions[name] = judged(solution, options.error_bound, scale=scale)
     failed = [f"phase '{n}': {s.message}" for n, s in solutions.items() if s.status is not status]
     if failed:
         status, message = SolveStatus.CHECK_FAILED, "; ".join(failed)
+        where = next(s.where for s in solutions.values() if s.status is status)
     if status.converged and (doubts := model.doubts(joined, run.x)):
         joint = ", but" if status.ok else ";"
         status, message = SolveStatus.CHECK_FAILED, f"{message}{joint} {'; '.join(doubts)}"
     if any(s.status is not status for s in solutions.values()):
-        solutions = {n: replace(s, status=status, message=message) for n, s in solutions.items()}
+        solutions = {n: replace(s, status=status, message=message, where=where) for n, s in solutions.items()}
     values = run.multipliers.rows[joined.rows[-1] :] / np.array([r.scale for r in joined.links])
     links = dict(zip((r.label for r in joined.links), values.tolist(), strict=True))
     solution = PhasesSolution(
         status, message, run.objective, run.iterations, solutions, links, run.seconds, joined, run.x,
-        run.multipliers.rows, run.multipliers.bounds,
+        run.multipliers.rows, run.multipliers.bounds, where,
     )  # fmt: skip
     if throw and not status.converged:  # a failed check raises nothing
         raise NotSolved(solution)
     return solution
 
 
-def _infinite(joined: Joined, run: SolverRun) -> list[str]:
+def _infinite(joined: Joined, run: SolverRun) -> list[Remark]:
     parts = zip(joined.nlps.items(), joined.at[:-1], joined.at[1:], strict=True)
     texts = [(name, not_finite(nlp, run.x[a:b])) for (name, nlp), a, b in parts]
-    return [f"phase '{name}': {text}" for name, text in texts if text]
+    return [replace(said, text=f"phase '{name}': {said.text}") for name, said in texts if said]
 
 
-def _worst(joined: Joined, run: SolverRun) -> str:
-    said = []
+def _worst(joined: Joined, run: SolverRun) -> Remark:
+    said: list[Remark] = []
     for row, amount in violated(joined.lbg, joined.ubg, run.g):
         k = int(np.searchsorted(joined.rows, row, side="right")) - 1
         if k >= len(joined.nlps):
-            said.append(f"{joined.links[row - joined.rows[-1]].label} by {amount:.2g}")
+            link = joined.links[row - joined.rows[-1]]
+            said.append(Remark(f"{link.label} by {amount:.2g}", link.where))
             continue
         name, nlp = list(joined.nlps.items())[k]
         x = run.x[joined.at[k] : joined.at[k + 1]]
-        said.append(f"{name}: {named_row(nlp, x, row - int(joined.rows[k]), amount)}")
-    return f"worst rows: {'; '.join(said)}" if said else ""
+        row_said = named_row(nlp, x, row - int(joined.rows[k]), amount)
+        said.append(replace(row_said, text=f"{name}: {row_said.text}"))
+    return worst_of(said)

@@ -11,6 +11,7 @@ import numpy as np
 
 from .._lazy import hint
 from ..lang.scope import derivative_name
+from ..lang.source import SourceLocation
 from ..results.check import Check
 from ..results.status import SolveStatus
 from ..results.trajectory import Trajectory
@@ -36,7 +37,9 @@ class Solution:
     `trajectory` holds every top-level quantity at the mesh edges and collocation points, in SI units; a control
     polynomial is extrapolated to the start. `free` are the constants the optimisation chose, by name; `seconds` is wall
     time. `status` and `message` say how it ended, `checks` what was tested. `reservation`: what a solved problem leaves
-    open, such as whether a stationary point is a minimum; empty for none.
+    open, such as whether a stationary point is a minimum; empty for none. `where`: file and line of what the message is
+    about, which it names too: a declaration, an equation, a constraint, the objective or the class; None where it was
+    solved without a reservation.
     """
 
     status: SolveStatus
@@ -52,6 +55,7 @@ class Solution:
     checks: dict[str, Check] = field(default_factory=dict)
     bound_multipliers: np.ndarray = field(default_factory=lambda: np.zeros(0), repr=False)
     reservation: str = ""
+    where: SourceLocation | None = None
     linked: bool = False  # one of several phases: its rows are not all that hold it
 
     def with_checks(self, **checks: Check) -> Solution:
@@ -129,15 +133,18 @@ class Solution:
         points (of a control's coefficients, where it is no polynomial), in SI units; positive at an upper bound.
 
         What two elements share counts once, at the end of the earlier one: a linear control's first coefficient has 0
-        in all elements but the first. A state that is given at the end of the horizon has no bound there. Raises
-        KeyError with the names.
+        in all elements but the first. A state that is given at the end of the horizon has no bound there. Of a free
+        constant it is one number, (1, 1). Raises KeyError with the names.
         """
         problem, layout = self.problem, self.nlp.element.layout
+        if name in problem.free_names:
+            n = problem.free_names.index(name)
+            return np.array([[self.bound_multipliers[self.nlp.free][n] / self.nlp.p_scale[n]]])
         columns = dict(zip(problem.state_names, layout.x.T, strict=True))
         columns |= dict(zip(problem.control_names, layout.u.T, strict=True))
         columns |= dict(zip(problem.point_names, layout.z.T, strict=True))
         if name not in columns:
-            raise KeyError(f"'{name}' has no bounds of its own; there are {', '.join(columns)}")
+            raise KeyError(f"'{name}' has no bounds of its own; there are {', '.join([*columns, *problem.free_names])}")
         values = self.bound_multipliers[: self.nlp.end].reshape(-1, layout.size)
         multipliers = values[:, columns[name]] / layout.scale[columns[name]]
         twin = self._twin(name, int(columns[name][-1]))
@@ -315,7 +322,7 @@ def _outputs(problem: DynamicProblem) -> tuple[list[tuple[str, Any, int, str]], 
     states = set(problem.state_pairs)
     groups: list[tuple[str, tuple[int, ...], list[int]]] = []
     for name, (shape, indices) in flat.groups.items():
-        if name.count(".") > 1:
+        if flat.level(indices[0]) > 1:
             continue
         if len(shape) < 2:
             groups.append((name, shape, list(indices)))

@@ -22,7 +22,7 @@ from .formulation.problem import FORMULATIONS, build
 from .formulation.row_scaling import of_trajectory
 from .guess import initial_guess
 from .ipopt import BARRIERS, HESSIANS, SolverRun, run_ipopt
-from .judgement.diagnosis import sentence
+from .judgement.diagnosis import ended
 from .judgement.discretisation import BOUND, judged
 from .merged import merged
 from .mesh import Mesh, given_mesh
@@ -252,12 +252,13 @@ def _answer(
     nlp: Nlp, run: SolverRun, options: SolverOptions, throw: bool, scale: float = 1.0, exact: bool = False
 ) -> Solution:
     """The solution by name, with a sentence on how it ended. Raises NotSolved."""
-    status, message = run.status, sentence(run, nlp)
-    if status.ok and (said := astray(nlp, run.x)):
-        status, message = SolveStatus.FAILED, said
+    run = replace(run, indifferent=nlp.problem.indifferent)
+    status, said = run.status, ended(run, nlp)
+    if status.ok and (elsewhere := astray(nlp, run.x)):
+        status, said = SolveStatus.FAILED, elsewhere
     if nlp.compile_seconds is not None:
         run = replace(run, seconds={**run.seconds, "compile": nlp.compile_seconds})
-    solution = read_solution(nlp, run.at_best(), status, message)
+    solution = replace(read_solution(nlp, run.at_best(), status, str(said)), where=said.where)
     began = time.perf_counter()
     solution = judged(solution, options.error_bound, exact, scale)
     if throw and not status.ok:  # a failed check raises nothing: the whole solution is there

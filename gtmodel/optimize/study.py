@@ -12,6 +12,7 @@ from ..lang import ModelError, Optimization
 from ..results import ArgumentError, Trajectory, Work
 from ..results.door import study_function
 from ..results.work import Progress, never, silent
+from .ipopt import TRIED_AGAIN
 from .judgement.resimulate import resimulate
 from .mesh import Mesh
 from .optimization_result import TRIED, OptimizationStudy
@@ -25,6 +26,7 @@ def optimization_study(
     mesh: Mesh | None = None,
     *,
     guess: Trajectory | None = None,
+    second_guess: Callable[[], Trajectory | None] | None = None,
     solver: SolverOptions | None = None,
     title: str = "",
     progress: Progress = silent,
@@ -35,6 +37,7 @@ def optimization_study(
 
     Args:
         problem: the Optimization. mesh, guess, solver: as of `solve`.
+        second_guess: makes another guess, or None, where the solver fails from the first; a note says so.
         progress, max_seconds, stop: see `gtmodel.results.Work`; a time limit of the solver itself holds too.
 
     Interrupted, it holds the best iterate. Raises ArgumentError, and ModelError for a wrong problem.
@@ -55,31 +58,42 @@ def optimization_study(
     """
     work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
     solver = solver or SolverOptions()
-    limits = [x for x in (solver.max_seconds, work.seconds_left()) if x is not None]
 
     def reported(iteration: int, objective: float, violation: float) -> bool:
         numbers = {"iteration": iteration, "objective": objective, "violation": violation}
         work.progress("optimising", None, numbers)
         return work.interrupted()
 
-    try:
-        solution = solve(
-            problem, mesh or Mesh(), guess=guess, solver=replace(solver, max_seconds=min(limits, default=None)),
-            progress=reported, throw=False,
-        )  # fmt: skip
-    except CompilerMissing as error:
-        raise ArgumentError(str(error), "solver.compile") from None
+    def solved(start: Trajectory | None) -> Solution:
+        left = [x for x in (solver.max_seconds, work.seconds_left()) if x is not None]
+        try:
+            return solve(
+                problem, mesh or Mesh(), guess=start, solver=replace(solver, max_seconds=min(left, default=None)),
+                progress=reported, throw=False,
+            )  # fmt: skip
+        except CompilerMissing as error:
+            raise ArgumentError(str(error), "solver.compile") from None
+
+    notes: list[str] = []
+    solution = solved(guess)
+    if solution.status in TRIED_AGAIN and second_guess is not None and (start := second_guess()) is not None:
+        again = solved(start)
+        if again.status.converged:
+            notes.append(f"solved from the second guess, a simulation; from the first: {solution.status.message}")
+            solution = again
     tried, message = _tried(solution) if solution.status.converged else ({}, solution.message)
     return OptimizationStudy(
         status=solution.status,
         message=message,
         title=title,
+        notes=notes,
         objective=solution.objective,
         iterations=solution.iterations,
         checks=dict(solution.checks),
         trajectory=solution.trajectory,
         solution=solution,
         final_time=solution.final_time,
+        where=None if solution.where is None else str(solution.where),
         free=dict(solution.free),
         figures={"states": partial(_figure, solution, title or solution.problem.flat.title)},
         **tried,

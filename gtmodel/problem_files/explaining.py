@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from gtmodel.compiler.causal import compile_causal, flat_of
-from gtmodel.modelica import python_of
+from gtmodel.modelica import flat_of_text, python_of
 from gtmodel.modelica.reference import is_reference, libraries
 from gtmodel.robots import SerialArm, description
 
@@ -45,11 +45,11 @@ def of(
     return "\n".join([compile_causal(model, given, wanted, kept).explain(), *context.notes])
 
 
-def python(what: str, *options: Iterable[str]) -> str:
-    """A class of a Modelica text as the text of a Python module. Raises InputError for anything else."""
+def printed(what: str, flat: bool, *options: Iterable[str]) -> str:
+    """A class of a Modelica text as a Python module, or as flat Modelica. Raises InputError for anything else."""
     if not is_reference(what) or any(options):
-        raise InputError("--python takes a class of a Modelica text, as vdp.mop:VDP_Opt, and no other options")
-    return python_of(what, library=libraries())
+        raise InputError("--python and --flat take a class of a Modelica text, as f.mop:VDP_Opt, and no other options")
+    return (flat_of_text if flat else python_of)(what, library=libraries())
 
 
 def split(texts: Iterable[str]) -> list[str]:

@@ -32,11 +32,13 @@ REFERENCE = "reference.csv"
 _PROBLEM = "l1_min_time.toml"
 _ROBOT_KEYS = {"robot", "inertia", "payload_kg", "parameters", "friction"}
 # how an argument of the study is called in a sentence of the command
-_SAID = {name: f"--{name}" for name in ("peer", "law", "seconds", "elastic", "deceleration")}
+_SAID = {name: f"--{name}" for name in ("peer", "law", "plant", "seconds", "elastic", "deceleration")}
 _SAID |= {"reference": "the reference"}
 
 
-def run(folder: Path, out: Path, job: Context, *, reference: Path | None = None, **asked: Any) -> Finished:
+def run(
+    folder: Path, out: Path, job: Context, *, reference: Path | None = None, plant: Path | None = None, **asked: Any
+) -> Finished:
     """`gtmodel.loop.study` with the robot of a generated folder, written into `out`.
 
     Args:
@@ -44,6 +46,7 @@ def run(folder: Path, out: Path, job: Context, *, reference: Path | None = None,
         out: for the loop's sources, logs and the picture. Nothing changes in it before the end, when all files are
             written or none; no other run may write there meanwhile.
         reference: CSV of the motion; the time-optimal one of l1_min_time if None.
+        plant: unit that the problem's table [plant] is about; the one that it names if None.
         asked: further arguments of the study.
 
     Raises InputError, one sentence.
@@ -74,7 +77,8 @@ def run(folder: Path, out: Path, job: Context, *, reference: Path | None = None,
             problem = validate(get("codegen").Schema, content["problem"])
             robot = problem.model(job)  # pyright: ignore[reportAttributeAccessIssue]
             motion = partial(_motion, problem, reference, job, made)
-            declared = options_of(problem, "lead_through")
+            unit = problem.plant_unit(folder, plant)  # pyright: ignore[reportAttributeAccessIssue]
+            declared = options_of(problem, "lead_through") | {"plant": unit}
             result = study(robot, folder, motion, built=mine.path, **declared, **asked, **job.work())
         except ArgumentError as error:
             raise _by_option(error) from error

@@ -55,6 +55,8 @@ def write(
         with held(folder, context) as mine:
             return write(mine, loaded, context, outcome, wall_s=wall_s, plot=plot)
     files = written.files_of(outcome, result(loaded.name, loaded.problem.kind, outcome))
+    if "flat" in context.inputs:  # what another flattener made of a Modelica text: errors name its lines
+        files["flat.mo"] = context.inputs["flat"].read_bytes()
     faults = pictured(outcome, files) if plot else []
     with said_of_out():
         paths = written.put(folder, files, lambda files: _run(loaded, context, wall_s, files))

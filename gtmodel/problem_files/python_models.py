@@ -47,6 +47,7 @@ def resolve(
     parameters: Mapping[str, Any] | None = None,
     base: type[Model] = Model,
     library: Sequence[str] = (),
+    flattener: str = "gtmodel",
 ) -> Any:
     """The model that a reference names, configured with the parameters.
 
@@ -57,7 +58,7 @@ def resolve(
     something else than a `base`, or a parameter that the model does not take.
     """
     if modelica.is_reference(reference):
-        return _text(reference, context, key, parameters or {}, base, library)
+        return _text(reference, context, key, parameters or {}, base, (library, flattener))
     place, _, name = reference.rpartition(":")
     if not place or not name:
         raise InputError(f"'{reference}' names no class; expected 'package.module:Class' or 'file.py:Class'", key)
@@ -77,20 +78,25 @@ def resolve(
 
 
 def _text(
-    reference: str, context: Context, key: str, parameters: Mapping[str, Any], base: type[Model], library: Sequence[str]
+    reference: str, context: Context, key: str, parameters: Mapping[str, Any], base: type[Model], how: tuple[Any, str]
 ) -> Any:
-    """A class of a Modelica text; what it remarks goes into the notes."""
+    """A class of a Modelica text, by its libraries and flattener; what it remarks goes into the notes."""
     place, name = modelica.split(reference)
     path = context.file(place, key, key)
-    inside = [*modelica.libraries(), *(p if Path(p).is_absolute() else str(context.folder / p) for p in library)]
+    inside = [*modelica.libraries(), *(p if Path(p).is_absolute() else str(context.folder / p) for p in how[0])]
+    whole = f"{path}:{name}" if name else str(path)
     try:
-        made = modelica.translated(f"{path}:{name}" if name else str(path), library=inside, parameters=parameters)
+        made = modelica.translated(whole, library=inside, parameters=parameters, flattener=how[1])
         model = made.model()
     except ModelError as error:
         raise InputError(sentence_of(error), "parameters" if parameters and error.where is None else key) from error
     if not isinstance(model, base):
         raise InputError(f"'{reference}' is a model; expected an optimization", key)
     context.notes += made.warnings
+    for n, file in enumerate(made.libraries, 1):
+        context.take(f"library{n}", file)
+    if made.flat_file is not None:
+        context.take("flat", made.flat_file)
     context.models.append(model)
     return model
 

@@ -189,7 +189,7 @@ def record(
         "program": _OURS,
         **({} if wall_s is None else {"wall_s": wall_s}),
         "input": dict(inputs),
-        "versions": versions(),
+        "versions": versions(*(["rumoca"] if "flat" in inputs else [])),
         "files": {name: sha256(content) for name, content in files.items()},
         **(more or {}),
     }
@@ -197,10 +197,10 @@ def record(
     return (note + tomli_w.dumps(run)).encode()
 
 
-def versions() -> dict[str, str]:
-    """Versions of gtmodel, of Python and of the packages that numbers depend on."""
+def versions(*used: str) -> dict[str, str]:
+    """Versions of gtmodel, of Python, of the packages that numbers depend on and of those `used` besides."""
     versions_by_name = {_OURS: __version__, "python": platform.python_version(), "platform": _system()}
-    return versions_by_name | {name: _installed(name) for name in _PACKAGES}
+    return versions_by_name | {name: _installed(name) for name in (*_PACKAGES, *used)}
 
 
 def _system() -> str:

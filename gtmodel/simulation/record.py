@@ -45,7 +45,7 @@ def entries_of(flat: FlatModel, outputs: Sequence[str]) -> list[RecordedQuantity
 
     moving = {i for e in flat.equations for i, k in flat.scope.symbols_in(e.residual) if k >= 1}
     for name, (shape, indices) in flat.groups.items():
-        levels = name.count(".")
+        levels = flat.level(indices[0])
         if levels > 1:
             continue
         add(name, shape, indices, 0)

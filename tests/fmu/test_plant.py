@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import gtmodel as gt
-from gtmodel.fmu.plant import UnitStopped
+from gtmodel.fmu.running import UnitStopped
 from gtmodel.loop import RigidBodyPlant
 from tests.fmu.makers import l1
 

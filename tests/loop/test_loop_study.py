@@ -148,8 +148,8 @@ def test_interrupted_run_says_so(
 def test_the_quantities_are_named_with_their_units() -> None:
     names = [q.name(attribute) for attribute, q in LoopStudy.quantities().items()]
     assert names == [
-        "peer", "law", "plant", "elastic_Hz", "cycles", "real_time", "hold_cycles", "deceleration_m_s2",
-        "greatest_speed_m_s", "stopping_distance_m", "runs",
+        "peer", "law", "plant", "plant_stopped_s", "elastic_Hz", "cycles", "real_time", "hold_cycles",
+        "deceleration_m_s2", "greatest_speed_m_s", "stopping_distance_m", "runs",
     ]  # fmt: skip
 
 

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
+import tomllib
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -20,6 +24,15 @@ def said(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str, str
     code = main([str(w) for w in words])
     out, err = capsys.readouterr()
     return code, out, err
+
+
+def _values(record: dict[str, Any], name: str) -> Iterator[Any]:
+    """Of a key at any depth."""
+    for key, value in record.items():
+        if key == name:
+            yield value
+        elif isinstance(value, dict):
+            yield from _values(value, name)
 
 
 def test_a_class_is_solved(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
@@ -60,10 +73,12 @@ def test_a_class_is_explained_and_printed(capsys: pytest.CaptureFixture[str]) ->
     assert code == 0 and "free: final_time" in out
     code, out, _ = said(capsys, "explain", f"{VDP}:Fast", "--python")
     assert code == 0 and out == gt.modelica.python_of(f"{VDP}:Fast") + "\n"
+    code, out, _ = said(capsys, "explain", f"{VDP}:QuietComponent", "--flat")
+    assert code == 0 and out == gt.modelica.flat_of_text(f"{VDP}:QuietComponent") + "\n" and "'sys.x1'" in out
     robot = CLONE / "problems" / "models" / "gantry_tau.mop"
     code, out, _ = said(capsys, "explain", f"{robot}:Robot", "--known", "T[1],T[2],T[3]", "--targets", "q[1],q[2],q[3]")
     assert code == 0 and "gantry_tau.mop:" in out
-    assert said(capsys, "explain", "l1_tape", "--python")[0] == 2
+    assert said(capsys, "explain", "l1_tape", "--python")[0] == said(capsys, "explain", "l1_tape", "--flat")[0] == 2
 
 
 def test_an_error_names_file_and_line_and_prints_it(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
@@ -91,6 +106,10 @@ def test_problem_files_name_texts_libraries_and_a_guess(capsys: pytest.CaptureFi
     code, out, _ = said(capsys, "solve", problem, "--json", "--out", tmp_path / "first")
     first = json.loads(out)["objective"]
     assert code == 0 and first == pytest.approx(0.7616, abs=1e-4)  # tanh(1)
+    record = tomllib.loads((tmp_path / "first" / "run.toml").read_text())
+    for entry, file in (("model", "rest.mop"), ("library1", "library.mo")):
+        content = (tmp_path / file).read_bytes()
+        assert [v for v in _values(record, f"{entry}sha256")] == [hashlib.sha256(content).hexdigest()]
     problem.write_text(f'kind = "optimization"\nmodel = "both.mop:Rest"\nguess = "first"\n{mesh}')
     code, out, _ = said(capsys, "solve", problem, "--json")
     assert code == 0 and json.loads(out)["objective"] == pytest.approx(first, rel=1e-12)

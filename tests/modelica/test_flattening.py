@@ -127,11 +127,30 @@ model M V v; Both both; R alone; G g; equation
     assert values(tmp_path, text, "v.p.i", "both.a.p.i", "both.p.i", "alone.p.i") == [-6.0, 2.0, 6.0, 0.0]
 
 
-def test_units_that_do_not_fit_are_warnings(tmp_path: Path) -> None:
-    file = tmp_path / "u.mo"
-    file.write_text('model M Real x(unit="m"); Real t(unit="s"); equation x = 1; t = x; end M;')
+def test_units_that_do_not_fit_are_warnings_of_their_lines(tmp_path: Path) -> None:
+    file = tmp_path / "units.mo"
+    file.write_text("""model M
+  Real x(unit = "m"); Real t(unit = "s"); Real y[2](each unit = "m"); Real z(unit = "kg");
+  Real v(unit = "m/s"); Real w(unit = "m/s");
+equation
+  x = 1;
+  t = x;
+  for i in 1:2 loop
+    y[i] = i*t + x;
+  end for;
+  z = z_0 + t*x;
+  v = x/t; w = v;
+protected
+  parameter Real z_0(unit = "kg") = 2;
+end M;""")
     made = translated(str(file))
-    assert not made.units and "units are not used" in made.warnings[0] and made.model().causal(targets="t")()[0] == 1.0
+    assert made.units
+    lines = sorted(int(w.rpartition("units.mo:")[2].rstrip(")")) for w in made.warnings)
+    assert lines == [6, 8, 10] and all("units do not fit" in w for w in made.warnings)
+    assert made.model().causal(targets=["t", "v"])()[:2] == (1.0, 1.0)
+    assert "plain(self.t) == plain(self.x)" in gt.modelica.python_of(file)
+    # the others are still checked: a model that uses this class meets its units
+    assert gt.modelica.load(file)._declared["v"].unit == "m/s"
     file.write_text('model M Real x(unit="m"); Real t(unit="m"); equation x = 1; t = x; end M;')
     assert translated(str(file)).units and not translated(str(file)).warnings
 

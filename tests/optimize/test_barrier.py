@@ -64,7 +64,7 @@ def test_auto_solves_what_either_solves_and_says_which(drawn):
         if found["adaptive"].status.converged:
             # the first try is the whole solve: not a digit differs
             assert auto.objective == found["adaptive"].objective and auto.iterations == found["adaptive"].iterations
-            assert "barrier" not in auto.message
+            assert "barrier strategy" not in auto.message
         elif found["monotone"].status.converged:
             assert auto.status.converged, auto.message
             assert auto.objective == pytest.approx(found["monotone"].objective, rel=1e-9)
@@ -106,7 +106,7 @@ def test_a_warm_start_that_fails_is_tried_cold():
     t: Transcription = transcribe(SwingUp(most=5.0), Mesh(10, 2))
     first = t.solve()
     again = t.solve(start=first)
-    assert again.status.converged and again.iterations < first.iterations and "barrier" not in again.message
+    assert again.status.converged and again.iterations < first.iterations and "barrier strategy" not in again.message
 
 
 def test_patience_gives_up_what_gets_nowhere():

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import os
+from pathlib import Path
 from typing import Literal
 
 from pydantic import Field, PositiveFloat
 
 from gtmodel.cgen import Verification
+from gtmodel.fmu.plant_unit import PlantUnit
 from gtmodel.loop.lead_through.options import Guiding
-from gtmodel.problem_files.base import FileSection
-from gtmodel.problem_files.from_options import Made
+from gtmodel.problem_files.base import Context, FileSection, InputError
+from gtmodel.problem_files.from_options import Made, made_from
 from gtmodel.problem_files.robot_keys import RobotProblem
+from gtmodel.results import ArgumentError
 
 RESULT = "gtmodel.cgen.CodeStudy"
 
@@ -92,6 +96,39 @@ class FilterSection(FileSection):
     sensors: list[FilterSensorSection] = Field(min_length=1, description="what is measured")
     start: FilterStartSection = Field(description="where it begins")
 
+    def key_of(self, argument: str) -> str:
+        """The key of an argument; of a sensor's, "NAME.deviation", where the sensor stands."""
+        units = {"period": "period_s", "delay": "delay_s"}
+        owner, _, what = argument.partition(".")
+        places = {s.name: n for n, s in enumerate(self.sensors)}
+        if what and owner in places:
+            return f"sensors[{places[owner]}].{units.get(what, what)}"
+        return units.get(argument, argument)
+
+
+@made_from(PlantUnit, "file")
+class PlantUnitSection(Made):
+    """For gtmodel loop: a functional mock-up unit in place of the simulated robot, and what its variables are."""
+
+    file: str = Field(
+        default="", description="the archive; the path starts at the problem's folder; --plant of gtmodel loop if empty"
+    )
+
+    def unit(self, path: Path | str) -> PlantUnit:
+        """The plant, of an archive. Raises ArgumentError at its key."""
+        try:
+            return PlantUnit(file=path, **self.given())
+        except ArgumentError as error:
+            raise ArgumentError(error.message, f"plant.{error.argument}") from error
+
+    def of_folder(self, context: Context, out: Path) -> dict[str, str]:
+        """What the manifest of a generated folder says instead: where the archive is from there.
+
+        Raises InputError where there is none, ArgumentError for what cannot be a plant, before it is tried in the loop.
+        """
+        self.unit(self.file)
+        return {"file": os.path.relpath(context.file(self.file, "plant.file", what="unit"), out)} if self.file else {}
+
 
 class Schema(RobotProblem):
     """C code of functions of one robot, and of filters on its model."""
@@ -108,3 +145,25 @@ class Schema(RobotProblem):
     lead_through: Made[Guiding] | None = Field(
         default=None, description="for gtmodel loop --law lead_through: law, force sensors and a synthetic scene"
     )
+    plant: PlantUnitSection | None = Field(
+        default=None, description="for gtmodel loop: a unit (FMI) in place of the simulated robot"
+    )
+
+    def plant_unit(self, folder: Path, plant: Path | None) -> PlantUnit | None:
+        """The plant of `gtmodel loop`: the unit that --plant names, or the one of the table [plant], from which this
+        folder was made. Raises InputError where one of both is missing, ArgumentError for what does not fit."""
+        if self.plant is None:
+            if plant is not None:
+                raise InputError(
+                    f"--plant {plant}: the folder's problem has no table [plant], which maps its variables"
+                )
+            return None
+        path = plant or (folder / self.plant.file if self.plant.file else None)
+        if path is None:
+            raise InputError("--plant is missing: the folder's problem names the variables of a unit, not its file")
+        if not path.is_file():
+            said = (
+                f"--plant {path}: there is no such file" if plant else f"plant.file '{path}': there is no such file; "
+            )
+            raise InputError(said if plant else f"{said}give it by --plant")
+        return self.plant.unit(path)

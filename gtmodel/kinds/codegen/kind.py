@@ -53,6 +53,8 @@ def write(
         if folder.message:
             context.notice(folder.message)
         made = call(problem, context)
+        if problem.plant is not None:
+            made.options["problem"]["plant"] |= problem.plant.of_folder(context, folder.path)
         if not write_failed and not context.interrupted():
             refuse_distrusted(context, "the code")
         made.options |= {} if verify else {"check": None}
@@ -109,21 +111,11 @@ def functions_of(problem: Schema, context: Context) -> dict[str, CausalFunction 
         try:
             functions[section.name] = _filter(section, model)
         except ArgumentError as error:
-            key = _key_of(section, error.argument)
+            key = section.key_of(error.argument)
             raise InputError(error.message, f"filters[{n}].{key}" if key else f"filters[{n}]") from error
         except ModelError as error:
             raise InputError(str(error), f"filters[{n}]") from error
     return functions
-
-
-def _key_of(section: FilterSection, argument: str) -> str:
-    """The key of an argument; of a sensor's, "NAME.deviation", where the sensor stands."""
-    units = {"period": "period_s", "delay": "delay_s"}
-    owner, _, what = argument.partition(".")
-    places = {s.name: n for n, s in enumerate(section.sensors)}
-    if what and owner in places:
-        return f"sensors[{places[owner]}].{units.get(what, what)}"
-    return units.get(argument, argument)
 
 
 def _filter(section: FilterSection, model: Model) -> ControllerFilter:

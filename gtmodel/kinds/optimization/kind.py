@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from gtmodel.lang import Optimization
-from gtmodel.modelica import first_guess
+from gtmodel.modelica import first_guess, simulated_guess
 from gtmodel.modelica.reference import is_reference
 from gtmodel.optimize import Mesh, SolverOptions, optimization_study
 from gtmodel.optimize.formulation.dynamic import Bounds
@@ -22,8 +24,13 @@ NAME = "optimization"
 def call(problem: Schema, context: Context) -> Call:
     """The person's optimisation. Raises InputError and ModelError for a wrong one."""
     model = _model(problem, context)
+    mesh = Mesh(**problem.mesh.model_dump())
+    if getattr(type(model), "_static", False) and "mesh" not in problem.model_fields_set:
+        mesh = Mesh(1, points=2)  # a static optimization of a text is one of an instant
+    guess = _guess(problem, context, model)
+    again = partial(simulated_guess, model) if guess is None and is_reference(problem.model) else None
     return Call(
-        optimization_study, model, Mesh(**problem.mesh.model_dump()), guess=_guess(problem, context, model),
+        optimization_study, model, mesh, guess=guess, second_guess=again,
         solver=SolverOptions(**problem.solver.model_dump()), title=problem.title,
     )  # fmt: skip
 

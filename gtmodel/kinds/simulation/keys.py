@@ -60,6 +60,9 @@ class Schema(RobotProblem):
         default=None, description="longest step of the integrator; none if it is left out"
     )
     tolerance: float = Field(default=1e-9, ge=1e-14, le=0.1, description="of the integrator, relative and absolute")
+    flattener: Literal["gtmodel", "rumoca"] = Field(
+        default="gtmodel", description="of a class of Modelica text; rumoca is a package of its own, for models alone"
+    )
     method: Literal["bdf", "adams"] = Field(default="bdf", description="adams for smooth motion at tight tolerances")
     prefer: list[str] = Field(default=[], description="names to keep as states, as long as they are good for it")
     outputs: list[str] = Field(default=[], description="further names to record")

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from gtmodel.modelica.reference import is_reference
+from gtmodel.problem_files import python_models
 from gtmodel.problem_files.base import Context, InputError
 from gtmodel.problem_files.call import Call
 from gtmodel.results import Trajectory, TrajectoryError
@@ -19,7 +21,7 @@ def call(problem: Schema, context: Context) -> Call:
     """The motion, keeping what there is when it ends early."""
     if context.start is not None:
         raise InputError("--start: a simulation begins at its [start]; give the values there")
-    model = problem.model(context)
+    model = problem.model(context) if problem.flattener == "gtmodel" else _flattened(problem, context)
     refuse_unknown(model, inputs=problem.inputs)  # before files are read
     return Call(
         simulation_study, model, problem.final_time_s, inputs=_inputs(problem, context),
@@ -38,6 +40,13 @@ def explain(problem: Schema, context: Context) -> str:
     del given["outputs"]
     text = explain_simulation(model, **given, tolerance=problem.tolerance, method=problem.method)
     return f"{problem.title or NAME}: {problem.final_time_s:g} s\n{text}"
+
+
+def _flattened(problem: Schema, context: Context) -> Any:
+    """A class of a Modelica text, flattened by another program."""
+    if not is_reference(problem.robot):
+        raise InputError(f"'{problem.robot}' is no class of a Modelica text; leave flattener out", "flattener")
+    return python_models.resolve(problem.robot, context, "robot", problem.parameters, flattener=problem.flattener)
 
 
 def _inputs(problem: Schema, context: Context) -> dict[str, Any]:

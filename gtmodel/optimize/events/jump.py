@@ -28,19 +28,21 @@ class Jump:
         return bool(self.assigned or self.restarted)
 
 
-def jump_of(flat: FlatModel, events: FlatEvents, rounds: Sequence[Sequence[int]], modes: Sequence[bool]) -> Jump:
-    """Of events that act one round after the other at one instant.
+def jump_of(
+    flat: FlatModel, events: FlatEvents, rounds: Sequence[Sequence[int]], modes: Sequence[Sequence[bool]]
+) -> Jump:
+    """Of events that act one round after the other at one instant; modes: of gt.If in each round, from then on.
 
     Raises ModelError for two that set the same, and for one that reads what another one has just restarted.
     """
     symbols = {place: flat.parameters[place].symbol for place in events.discrete}
     now: dict[int, ca.SX] = dict(symbols)
     jump = Jump({}, {}, {})
-    for fired in rounds:
+    for fired, sides in zip(rounds, modes, strict=True):
         whens = [events.whens[n] for n in fired]
         column = ca.SX(acting_together(flat, whens))
         if events.modes:
-            numbers = ca.DM([float(v) for v in modes])
+            numbers = ca.DM([float(v) for v in sides])
             column = ca.substitute(column, ca.vertcat(*[m.symbol for m in events.modes]), numbers)
         if events.discrete:
             own = ca.vertcat(*[symbols[place] for place in events.discrete])

@@ -178,7 +178,7 @@ class EventOrder:
         was = self.thresholds.sided(truth, sides | {t: -s for t, s in piece.ends.items()})
         now_sides = sides | piece.ends
         held = [decided(w.logic, was) for w in self.events.whens]
-        numbers = dict(piece.numbers)
+        numbers, modes = dict(piece.numbers), list[list[bool]]()
         for _ in range(ROUNDS):
             truth = self.thresholds.sided(self.thresholds.discrete_truth(numbers), now_sides)
             now = [decided(w.logic, truth) for w in self.events.whens]
@@ -188,7 +188,9 @@ class EventOrder:
                 break
             held = now
             piece.acts.append(fired)
-            piece.jump = jump_of(self.flat, self.events, piece.acts, piece.modes)
+            sides = [decided(m.logic, truth) for m in self.events.modes]
+            modes.append([old if new is None else new for old, new in zip(piece.modes, sides, strict=True)])
+            piece.jump = jump_of(self.flat, self.events, piece.acts, modes)
             numbers = piece.numbers | self._numbers(piece.jump, piece.numbers)
         else:
             raise ModelError(f"the events at the end of phase {k} never settle", events[0].where)

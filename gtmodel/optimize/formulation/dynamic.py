@@ -104,6 +104,11 @@ class DynamicProblem:
         return any(r is None for r in self.rates) or bool(self.z_pairs)
 
     @property
+    def indifferent(self) -> bool:
+        """Is the objective a constant, whatever the motion?"""
+        return not any(weight for _, _, weight in self.integrals) and not self.misfits and self.mayer.is_constant()
+
+    @property
     def arguments(self) -> list[ca.SX]:
         """What functions of a point take."""
         return [self.x, self.xd, self.u, self.P, self.t]

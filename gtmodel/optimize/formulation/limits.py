@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import casadi as ca
 import numpy as np
 
-from ...lang.source import ModelError
+from ...lang.source import ModelError, SourceLocation
 from .attributes import Pair
 from .builder import ProblemBuilder
 from .dynamic import Bounds
@@ -117,19 +117,20 @@ def _initial(b: ProblemBuilder, position: dict[Pair, int], start: Bounds, apart:
 
 
 def check_bounds(b: ProblemBuilder, x: Bounds, u: Bounds, P: Bounds, start: Bounds, end: Bounds) -> None:
-    states = [b.flat.symbol_name(*p) for p in b.states]
-    controls = [b.flat.symbol_name(*p) for p in b.input_pairs]
-    free = [q.name for q in b.flat.parameters if q.free]
-    groups: list[tuple[str, list[str], tuple[Bounds, ...]]] = [
+    states = [(b.flat.symbol_name(*p), b.flat.variables[p[0]].where) for p in b.states]
+    controls = [(b.flat.symbol_name(*p), b.flat.variables[p[0]].where) for p in b.input_pairs]
+    free = [(q.name, q.where) for q in b.flat.parameters if q.free]
+    groups: list[tuple[str, list[tuple[str, SourceLocation]], tuple[Bounds, ...]]] = [
         ("", states, (x,)), ("", controls, (u,)), ("", free, (P,)),
         (" at the start", states, (x, start)), (" at the end", states, (x, end)),
     ]  # fmt: skip
     for place, names, bounds in groups:
-        for n, name in enumerate(names):
+        for n, (name, where) in enumerate(names):
             low, high = max(c.low[n] for c in bounds), min(c.high[n] for c in bounds)
             if low > high:
                 raise ModelError(
-                    f"{b.flat.title}: the bounds of '{name}' cross{place}: at least {low:g} and at most {high:g}"
+                    f"{b.flat.title}: the bounds of '{name}' cross{place}: at least {low:g} and at most {high:g}",
+                    where,
                 )
 
 

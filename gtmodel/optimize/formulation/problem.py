@@ -21,7 +21,7 @@ from .builder import ProblemBuilder
 from .delays import delays_of
 from .dynamic import DynamicProblem, Quadrature
 from .horizon import end_of, initial_rows
-from .quadratures import set_apart
+from .quadratures import refuse_adrift, set_apart
 from .relations import ConstraintRow, relations
 
 FORMULATIONS = ("auto", "inverse", "explicit", "torn", "dae")
@@ -89,6 +89,7 @@ def _build(flat: FlatModel, asked: _Asked) -> DynamicProblem:
     fold = _fold(flat, asked.tunable)
     quadratures: list[Quadrature] = []
     if not asked.linked:
+        refuse_adrift(flat, objective.sx, constraints, end_of(flat, "final_time"))
         cost, quadratures = set_apart(flat, objective.sx, constraints, preferred, end_of(flat, "final_time"))
         objective = Expr(cost, (), objective.dimension, objective.scope)
     apart = {q.index for q in quadratures}

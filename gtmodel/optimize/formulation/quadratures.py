@@ -13,6 +13,7 @@ import numpy as np
 
 from ...compiler.flat import FlatModel, FlatVariable
 from ...lang.scope import Instant
+from ...lang.source import ModelError
 from ..mesh import Mesh
 from ..tables import basis
 from .dynamic import DynamicProblem, Quadrature
@@ -57,10 +58,36 @@ def set_apart(
     return objective, quadratures
 
 
+def refuse_adrift(flat: FlatModel, objective: ca.SX, constraints: Sequence[ConstraintRow], final_time: ca.SX) -> None:
+    """Such a state from a start that is not fixed moves the objective as far as one likes. Raises ModelError."""
+    candidates = [v for v in flat.variables if not v.fixed and _unbounded(flat, v)]
+    uses = _Uses(flat, constraints) if candidates else None
+    for v in candidates:
+        assert uses is not None
+        instants = uses.instants_of(v.index)
+        weights = [ca.gradient(objective, i.symbol) for i in instants]
+        slope = ca.simplify(sum(weights, ca.SX(0)))
+        if (
+            not slope.is_zero()
+            and uses.integrand(v.index) is not None
+            and all(uses.at_end(i, v.index, final_time) for i in instants)
+            and all(uses.steady(w) for w in weights)
+        ):
+            raise ModelError(
+                f"the objective falls without bound: it takes '{v.name}' at the final time, and nothing says where "
+                f"'{v.name}' begins; give its declaration a start of {v.start or 0:g} that is fixed",
+                v.where,
+            )
+
+
 def _plain(flat: FlatModel, v: FlatVariable) -> bool:
     """A scalar from a fixed start without bounds."""
+    return v.fixed and v.start is not None and _unbounded(flat, v)
+
+
+def _unbounded(flat: FlatModel, v: FlatVariable) -> bool:
     scalar = v.name in flat.groups and flat.groups[v.name][0] == ()
-    return scalar and v.fixed and v.start is not None and not (np.isfinite(v.min) or np.isfinite(v.max))
+    return scalar and not (np.isfinite(v.min) or np.isfinite(v.max))
 
 
 class _Uses:

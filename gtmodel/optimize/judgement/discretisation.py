@@ -22,6 +22,7 @@ from ..shooting import TOLERANCE
 from ..solution import Check, Solution, constants, horizon
 from ..tables import CollocationTable, basis, basis_slope, table
 from .narrow import bends, passed_over
+from .places import Remark, class_place, objective_place, variable_place
 
 NAME, COST = "discretisation_error", "integral_error"
 # of a state's range: what a picture shows. Below it the mesh is a question of digits, which refine() answers; above
@@ -71,25 +72,32 @@ def judged(solution: Solution, bound: float | None, exact: bool = False, scale: 
     solution = solution.with_checks(**{NAME: Check(estimate.error, bound), COST: Check(estimate.integral, bound)})
     if not solution.status.ok or (solution.checks[NAME].passed and solution.checks[COST].passed):
         return solution
+    said = coarse(estimate, bound, solution.nlp)
     return replace(
-        solution, status=SolveStatus.CHECK_FAILED, message=f"{solution.message}, but {sentence(estimate, bound)}"
+        solution, status=SolveStatus.CHECK_FAILED, message=f"{solution.message}, but {said}", where=said.where
     )
 
 
-def sentence(estimate: Discretisation, bound: float | None) -> str:
+def coarse(estimate: Discretisation, bound: float | None, nlp: Nlp) -> Remark:
     """What a mesh that is too coarse says."""
-    more = "take more elements, or gt.optimize.refine"
+    problem = nlp.problem
+    more = f"take more elements (mesh.elements is {nlp.mesh.elements}), or gt.optimize.refine"
     if not np.isfinite(estimate.error + estimate.integral):
-        return f"between its points the equations of the model give no number, so that nothing tells its error; {more}"
+        return Remark(
+            f"between its points the equations of the model give no number, so that nothing tells its error; {more}",
+            class_place(problem),
+        )
     if bound is not None and estimate.error <= bound:
-        return (
+        return Remark(
             f"the mesh does not resolve the integral in the objective: it misses {estimate.missed.sum():.4g} of it, "
-            f"{estimate.integral:.2g} of the integral of its absolute value (bound {bound:g}); {more}"
+            f"{estimate.integral:.2g} of the integral of its absolute value (bound {bound:g}); {more}",
+            objective_place(problem),
         )
     than = "the nearest motion of the model" if estimate.shadow else "what the model makes of its input"
-    return (
+    return Remark(
         f"the mesh does not resolve the model: '{estimate.state}' is {estimate.error:.2g} of its range off {than} at "
-        f"{estimate.time:.4g} s (bound {bound:g}); {more}"
+        f"{estimate.time:.4g} s (bound {bound:g}); {more}",
+        variable_place(problem, estimate.state),
     )
 
 

@@ -401,7 +401,7 @@ class HybridIntegration(WatchedIntegration):
                 if old != new
             )
             ends += [n for n in fired if events.whens[n].end is not None]
-            changes = self._changes(fired)
+            changes = self._changes(fired, values)
             for place, v in changes.discrete.items():
                 first = discrete.get(place, (float(self._numbers[place]), v))[0]
                 discrete[place] = first, v
@@ -486,12 +486,12 @@ class HybridIntegration(WatchedIntegration):
         """Of each comparison twice by how much its value is still on the side that it leaves; else 0."""
         return 2 * np.maximum(-self._compared() * self._signs(), 0.0)
 
-    def _changes(self, fired: Sequence[int]) -> Changes:
+    def _changes(self, fired: Sequence[int], modes: tuple[bool, ...]) -> Changes:
         if not fired:
             return Changes()
         row = self._row()
         values = row[self._modes.read_columns]
-        return self._actions(fired, values, self._numbers, self._values, self._time)
+        return self._actions(fired, values, self._numbers, modes, self._time)
 
     def _restart(self, values: tuple[bool, ...], changes: Changes) -> dict[str, float]:
         """Go on in these modes, with discrete variables and states that start anew; impulses that do it by force."""

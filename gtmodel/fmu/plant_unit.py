@@ -1,0 +1,97 @@
+"""A unit as the plant of the 4 ms loop, declared: the archive, and which of its variables are what."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Annotated, Any
+
+from .._lazy import hint
+from ..results.options import Options, Unit, Within
+from ..results.refusal import ArgumentError
+
+if TYPE_CHECKING:
+    from ..loop.plant import Servo
+    from .plant import FmuPlant
+else:
+    Servo, FmuPlant = hint("gtmodel.loop", "Servo"), hint("gtmodel.fmu", "FmuPlant")
+
+Names = tuple[str, ...] | list[str]
+
+
+@dataclass(frozen=True)
+class PlantUnit(Options):
+    """A unit as the plant of the 4 ms loop, begun anew for every run.
+
+    file: the archive, FMI 2.0 or 3.0 with co-simulation: its path, or what `gt.fmu.export` gave.
+
+    Raises ArgumentError for names that cannot make a plant; called with a cycle [s] also as `FmuPlant`.
+
+    >>> carts, motors = [f"q[{k}]" for k in (1, 2, 3)], [f"tau[{k}]" for k in (1, 2, 3)]
+    >>> unit = gt.fmu.PlantUnit("robot.fmu", carts, force=motors, speed=[f"der({q})" for q in carts])
+    >>> unit.servo
+    Servo(kp_N_m=40000.0, kd_N_s_m=1500.0, substeps=8)
+    """
+
+    file: Any
+    position: Annotated[Names, "outputs that are the measured positions, one for each cart"]
+    command: Annotated[Names, "inputs that take commanded positions"] = ()
+    command_speed: Annotated[Names, "inputs that take commanded speeds, beside command; RSI sends none: zero"] = ()
+    force: Annotated[Names, "in place of command, inputs that take the motor forces of a position servo"] = ()
+    speed: Annotated[Names, "outputs that are speeds, with force"] = ()
+    arm: Annotated[Names, "outputs that are where the arm's side of the carts stands; position if left out"] = ()
+    units: Annotated[
+        dict[str, str],
+        "unit by position, command, command_speed, force, speed or arm, such as mm, of variables whose description "
+        "says none",
+    ] = field(default_factory=dict[str, str])
+    start: Annotated[dict[str, float], "start value by name of a variable, in the unit's own units"] = field(
+        default_factory=dict[str, float]
+    )
+    stiffness: Annotated[
+        float | None,
+        Unit("N/m"),
+        Within(above=0.0),
+        "of the servo: with force 40,000 if left out; with command of that inside of the unit, for the law dynamics",
+    ] = None
+    damping: Annotated[
+        float | None, Unit("kg/s"), Within(least=0.0), "of the servo, the same as N.s/m: 1,500 if left out"
+    ] = None
+    steps: Annotated[
+        int | None,
+        Within(least=1, most=1000),
+        "communication steps of the unit in a cycle of 4 ms; 1 if left out, 8 with force",
+    ] = None
+
+    def __post_init__(self) -> None:
+        from .plant import QUANTITIES, named
+
+        super().__post_init__()
+        named({name: getattr(self, name) for name in QUANTITIES})
+        if self.damping is not None and self.stiffness is None and not self.force:
+            raise ArgumentError("the unit's own servo has a stiffness too; give both", "stiffness")
+
+    @property
+    def servo(self) -> Servo | None:
+        """That makes the forces, or as it is said to be inside of the unit; None: unknown."""
+        from ..loop.plant import Servo
+
+        if not self.force and self.stiffness is None:
+            return None
+        given: Mapping[str, Any] = {
+            "kp_N_m": self.stiffness, "kd_N_s_m": self.damping, "substeps": self.steps,
+        }  # fmt: skip
+        return Servo(**{name: value for name, value in given.items() if value is not None})
+
+    def __call__(self, cycle_s: float) -> FmuPlant:
+        """The unit at its start."""
+        from .plant import FmuPlant
+
+        try:
+            return FmuPlant(
+                self.file, self.position, command=self.command, command_speed=self.command_speed, force=self.force,
+                speed=self.speed, arm=self.arm, servo=self.servo, start=self.start, cycle_s=cycle_s, units=self.units,
+                steps=self.steps,
+            )  # fmt: skip
+        except ArgumentError as error:
+            raise ArgumentError(error.message, "file" if error.argument == "path" else error.argument) from error

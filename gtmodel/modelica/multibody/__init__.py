@@ -1,0 +1,1 @@
+"""Modelica.Mechanics.MultiBody on gt.mechanics: its joints, bodies and forces as parts of ours."""

@@ -1,0 +1,278 @@
+"""Frames joined to one another: what is connected, where a loop closes, and which bodies move freely."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..flat import Flattened, ScalarEquation
+from ..instances import Declared, Instance
+from ..scalars import Operation
+from ..syntax import ModelicaError, Place
+from .library import NAME, is_own, part_name
+from .parts import MappedComponent, MechanicsPart, component, in_turn, is_frame, kind, numbers, values
+from .terms import PART, quantity, turned, vector
+
+_CLOSING = ("Spherical", "PlanarLoopClosure")
+# what nobody asks for may be left out
+OPTIONAL = {"a", "tau", "f", "angle", "r_0", "v_0", "a_0", "w_a", "z_a"}
+
+
+class Assembly:
+    """Frames of MultiBody and the parts that stand behind them."""
+
+    def __init__(self) -> None:
+        self._joined: list[tuple[Instance, Instance, Place]] = []
+        self._above: dict[int, int] = {}
+        self._ports: dict[int, tuple[MechanicsPart, str]] = {}  # of a frame
+        self._cut: set[int] = set()  # frames that a closure joins to what they are connected to
+
+    def join(self, a: Instance, b: Instance, at: Place) -> None:
+        self._joined.append((a, b, at))
+
+    def settle(self, instances: list[Instance], places: dict[int, Place], out: Flattened, model: Any) -> None:
+        """Parts, connections and the meaning of the frames' variables. Raises ModelicaError."""
+        frames = [i for i in instances if is_frame(i)]
+        mapped = [i for i in instances if kind(i)]
+        if not frames and not mapped:
+            return
+        components = [component(i, places.get(id(i), i.at)) for i in mapped]
+        self._check_world(components, out.at)
+        parts = [p for c in components for p in c.parts]
+        for part in parts:
+            for name, port in part.frames.items():
+                assert part.instance is not None
+                self._ports[id(part.instance.elements[name].made)] = (part, port)
+        closures = self._graph(parts, out)
+        out.parts = [*parts, *closures]
+        for c in components:
+            out.joined += [(a, b, c.parts[0].at) for a, b in c.joined]
+        self._connections(frames, closures, places, out)
+        for frame in frames:
+            self._mean(frame, places.get(id(frame), frame.at))
+        out.optional |= {
+            id(f) for i in instances for n, e in i.elements.items()
+            if is_own(e.text.at.source.path) and isinstance(e.made, Declared) for f in e.made.flats
+            if n in OPTIONAL or f.kind == "parameter"
+        }  # fmt: skip
+        self._record(frames, out)
+        for i in instances:
+            for element in i.elements.values():
+                if id(i) in places and isinstance(element.made, Declared) and is_own(element.text.at.source.path):
+                    for flat in element.made.flats:
+                        flat.at = places[id(i)]
+        library = instances[0].space.root.own("Modelica")
+        if library is not None and library.folder is not None:
+            model.warn("parts of MultiBody are those of gt.mechanics; the library's own are not read", out.at)
+
+    @staticmethod
+    def _check_world(components: list[MappedComponent], at: Place) -> None:
+        worlds = [c for c in components if kind(c.instance) == "World"]
+        if len(worlds) > 1:
+            names = " and ".join(f"'{c.instance.path}'" for c in worlds)
+            raise ModelicaError(f"a model has one World; found {names}: write outer in the inner one",
+                                worlds[1].parts[0].at)  # fmt: skip
+        if components and not worlds:
+            raise ModelicaError(f"a model with parts of MultiBody declares `inner {NAME}.World world;`",
+                                components[0].parts[0].at)  # fmt: skip
+
+    # the graph of orientations
+
+    def _set(self, frame: int) -> int:
+        while (above := self._above.get(frame, frame)) != frame:
+            frame = above
+        return frame
+
+    def _unite(self, a: int, b: int) -> bool:
+        """False where they were in one set already."""
+        p, q = self._set(a), self._set(b)
+        self._above[q] = p
+        return p != q
+
+    def _graph(self, parts: list[MechanicsPart], out: Flattened) -> list[MechanicsPart]:
+        for a, b, _ in self._joined:
+            self._unite(id(a), id(b))
+        sets = dict(self._above)  # what is connected; from here on, what turns together or by a joint
+        closures: list[MechanicsPart] = []
+        edges = [p for p in parts if p.edge]
+        for part in sorted(edges, key=_rank):
+            assert part.instance is not None
+            a, b = (id(part.instance.elements[n].made) for n in ("frame_a", "frame_b"))
+            if self._unite(a, b):
+                continue
+            if part.rigid:
+                raise ModelicaError(f"'{part.instance.path}' holds rigidly together what is rigid already", part.at)
+            self._cut.add(b)
+            closures.append(
+                MechanicsPart(part.instance.full("closure"), "LoopClosure", part.at, instance=part.instance)
+            )
+        self._roots(parts, out)
+        if closures or any(p.cls in _CLOSING and self._is_loop(p) for p in parts):
+            _follow(edges)
+        self._above = sets
+        return closures
+
+    def _is_loop(self, part: MechanicsPart) -> bool:
+        assert part.instance is not None
+        a, b = (self._set(id(part.instance.elements[n].made)) for n in ("frame_a", "frame_b"))
+        return a == b
+
+    def _roots(self, parts: list[MechanicsPart], out: Flattened) -> None:
+        """Where no joint leads to the world, a body moves freely."""
+        rooted: dict[int, MechanicsPart] = {}
+        for part in parts:
+            if part.root and part.frames:
+                self._take_root(rooted, part)
+        bodies = [p for p in parts if p.cls == "RigidBody"]
+        for part in sorted(bodies, key=lambda p: not _true(p, "enforceStates")):
+            assert part.instance is not None
+            if self._set(self._first(part)) in rooted:
+                for name in ("angles_fixed", "w_0_fixed"):
+                    if _true(part, name):
+                        raise ModelicaError(
+                            f"{name} of '{part.instance.path}' is not taken, since joints lead to it from another "
+                            "body or the world; give start values to them",
+                            part.at,
+                        )
+                continue
+            part.cls = "FreeBody"
+            self._take_root(rooted, part)
+            _starts(part, out)
+        for part in parts:
+            if part.frames and self._set(self._first(part)) not in rooted:
+                assert part.instance is not None
+                raise ModelicaError(f"no body and no joint gives '{part.instance.path}' an orientation", part.at)
+
+    def _first(self, part: MechanicsPart) -> int:
+        assert part.instance is not None
+        return id(part.instance.elements[next(iter(part.frames))].made)
+
+    def _take_root(self, rooted: dict[int, MechanicsPart], part: MechanicsPart) -> None:
+        rooted.setdefault(self._set(self._first(part)), part)
+
+    # what is written
+
+    def _connections(
+        self, frames: list[Instance], closures: list[MechanicsPart], places: dict[int, Place], out: Flattened
+    ) -> None:
+        by_frame = {id(c.instance.elements["frame_b"].made): c for c in closures if c.instance is not None}
+        at = {id(x): place for a, b, place in self._joined for x in (a, b)}
+        sets: dict[int, list[tuple[str, Place]]] = {}
+        for frame in frames:
+            if id(frame) not in self._ports:
+                continue
+            part, port = self._ports[id(frame)]
+            name, place = f"{part.name}.{port}", at.get(id(frame), part.at)
+            if (closure := by_frame.get(id(frame))) is not None:
+                out.joined.append((name, f"{closure.name}.a", place))
+                name = f"{closure.name}.b"
+            sets.setdefault(self._set(id(frame)), []).append((name, place))
+        for members in sets.values():
+            first = members[0][0]
+            out.joined += [(first, other, place) for other, place in members[1:]]
+
+    def _mean(self, frame: Instance, at: Place) -> None:
+        """Variables of a frame as quantities of the part behind it, or of one it is connected to."""
+        own = self._ports.get(id(frame))
+        known = own or next((p for key, p in self._ports.items() if self._set(key) == self._set(id(frame))), None)
+        R: Any = frame.elements["R"].made
+        inside = {n: frame.elements[n].made for n in ("r_0", "f", "t")} | {n: R.elements[n].made for n in ("T", "w")}
+        for name, made in inside.items():
+            assert isinstance(made, Declared)
+            if known is None or (own is None and name in ("f", "t")):
+                why = "nothing is connected to it" if known is None else "ask a part behind it for its force"
+                for flat in made.flats:
+                    flat.replaced = Operation("refused", (f"'{flat.name}' has no value here: {why}",), at)
+                continue
+            part, port = known
+            if name == "r_0":
+                given = list(vector(part.name, f"{port}.r", at))
+            elif name == "T":
+                given = [quantity(part.name, f"{port}.R", (j, i), at) for i in range(3) for j in range(3)]
+            else:
+                given = list(turned(part.name, port, f"{port}.{name}", at))
+            for flat, value in zip(made.flats, given, strict=True):
+                flat.replaced = value
+
+    def _record(self, frames: list[Instance], out: Flattened) -> None:
+        """Positions of the frames under their names in the text."""
+        for frame in frames:
+            made, owner = frame.elements["r_0"].made, frame.parent
+            inside = owner is not None and owner.parent is not None and bool(part_name(owner.parent.space.text))
+            if not inside and isinstance(made, Declared):
+                out.shown += [f for f in made.flats if f.replaced.name == PART]
+
+
+def _rank(part: MechanicsPart) -> tuple[int, int]:
+    """Which edges the tree takes first: what is rigid, joints whose coordinates are chosen as states or fixed."""
+    if part.rigid:
+        return 0, 0
+    assert part.instance is not None
+    name = "phi" if part.cls == "Revolute" else "s"
+    (flat,) = part.instance.elements[name].made.flats
+    choice = flat.get("stateSelect")
+    return 1, -int(getattr(choice, "name", "") == "always") - int(flat.get("fixed") is True)
+
+
+def _follow(joints: list[MechanicsPart]) -> None:
+    """Joints of a loop follow those that have a start value in the text: the library's own, 0, is no guess there."""
+    for part in joints:
+        for name in ("phi", "w", "s", "v"):
+            element = part.instance.elements.get(name) if part.instance is not None else None
+            if element is None or not isinstance(element.made, Declared):
+                continue
+            given = element.said.get("start").value
+            if given is not None and part_name(given.scope.space.text):
+                for flat in element.made.flats:
+                    flat.cache["start"] = None
+
+
+def _true(part: MechanicsPart, name: str) -> bool:
+    from ..scalars import number_of
+
+    assert part.instance is not None
+    return bool(number_of(values(part.instance, name)[()], part.at, f"'{part.instance.full(name)}'"))
+
+
+def _starts(part: MechanicsPart, out: Flattened) -> None:
+    """Where a free body begins."""
+    body = part.instance
+    assert body is not None
+    R = in_turn(numbers(body, "sequence_start"), numbers(body, "angles_start"))
+    e = quaternion(R)
+    part.options["attitude"] = {"e": {"start": e.tolist()}}
+    if _true(part, "angles_fixed"):
+        for k in np.argsort(np.abs(e))[:3]:  # the largest follows
+            out.initial.append(ScalarEquation(quantity(part.name, "attitude.e", (int(k),), part.at), float(e[k]),
+                                              part.at))  # fmt: skip
+    if _true(part, "w_0_fixed") or not out.optimization:
+        for k, value in enumerate(values(body, "w_0_start")):
+            out.initial.append(ScalarEquation(quantity(part.name, "frame.w", (k,), part.at), value, part.at))
+
+
+def quaternion(R: np.ndarray) -> np.ndarray:
+    """Of a rotation, scalar first, its largest entry positive."""
+    K = np.empty((4, 4))  # symmetric, with the quaternion as eigenvector of the largest eigenvalue
+    K[0, 0] = np.trace(R)
+    K[0, 1:] = K[1:, 0] = R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]
+    K[1:, 1:] = R + R.T - np.trace(R) * np.eye(3)
+    e = np.linalg.eigh(K)[1][:, -1]
+    e = e * np.sign(e[np.argmax(np.abs(e))])
+    return np.where(np.abs(e) < 1e-15, 0.0, e)
+
+
+def declared_places(instances: list[Instance]) -> dict[int, Place]:
+    """Where each component is declared in the text of whoever uses the library."""
+    result: dict[int, Place] = {}
+    for owner in instances:
+        outside = result.get(id(owner))
+        for element in owner.elements.values():
+            if "outer" in element.text.prefixes:
+                continue
+            at = outside if outside is not None and part_name(element.scope.space.text) else element.text.at
+            made = element.made
+            for item in made.ravel() if isinstance(made, np.ndarray) else [made]:
+                if isinstance(item, Instance):
+                    result[id(item)] = at
+    return result

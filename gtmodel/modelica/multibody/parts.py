@@ -1,0 +1,229 @@
+"""Which parts of gt.mechanics stand for a component of MultiBody, with what values."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import reduce
+from typing import Any
+
+import numpy as np
+
+from ..arrays import Values, array, each
+from ..instances import Declared, Instance
+from ..scalars import EnumerationLiteral, number_of, operation
+from ..syntax import ModelicaError, Place
+from .library import part_name
+
+X, Y, Z = np.eye(3)
+STANDARD_GRAVITY = 9.80665  # default of the library from version 4; before it 9.81
+
+
+@dataclass(eq=False)
+class MechanicsPart:
+    """One part: `name = gt.part(gt.mechanics.cls, **options)`.
+
+    options: arrays of scalars, or numbers, lists and dictionaries as they are. frames: which port each frame of the
+    component is. edge: it passes the orientation on, from port to port; root: it gives the orientation of its frame.
+    """
+
+    name: str
+    cls: str
+    at: Place
+    options: dict[str, Any] = field(default_factory=dict)
+    frames: dict[str, str] = field(default_factory=dict)
+    edge: bool = False
+    rigid: bool = False
+    root: bool = False
+    instance: Instance | None = None
+
+
+@dataclass(eq=False)
+class MappedComponent:
+    """The parts of one component, and ports of them that are joined: ("part.shaft", "drive.shaft")."""
+
+    instance: Instance
+    parts: list[MechanicsPart]
+    joined: list[tuple[str, str]] = field(default_factory=list)
+
+
+def kind(instance: Instance) -> str:
+    """Which of the mapped classes a component is, or extends; "" for others."""
+    return next((k for s in instance.sections if (k := part_name(s.text)) in PARTS), "")
+
+
+def is_frame(instance: Instance) -> bool:
+    return any(part_name(s.text) == "Interfaces.Frame" for s in instance.sections)
+
+
+def component(instance: Instance, at: Place) -> MappedComponent:
+    """Its parts. Raises ModelicaError for values that are not taken, at the line `at` of the text."""
+    return PARTS[kind(instance)](instance, at)
+
+
+def values(instance: Instance, name: str) -> Values:
+    made = instance.elements[name].made
+    assert isinstance(made, Declared)
+    return made.symbols
+
+
+def numbers(instance: Instance, name: str) -> np.ndarray:
+    """Values that must be known at once."""
+    path = instance.full(name)
+    given: Any = each(lambda x: number_of(x, None, f"'{path}'"), values(instance, name))
+    return np.array(given.tolist(), float)
+
+
+def literal(instance: Instance, name: str) -> str:
+    value = number_of(values(instance, name)[()], None, f"'{instance.full(name)}'")
+    assert isinstance(value, EnumerationLiteral)
+    return value.name
+
+
+def _unit(instance: Instance, name: str, at: Place) -> np.ndarray:
+    n = numbers(instance, name)
+    if not np.any(n):
+        raise ModelicaError(f"'{instance.full(name)}' is a direction; found {{0, 0, 0}}", at)
+    return n / np.linalg.norm(n)
+
+
+def rotation(axis: np.ndarray, angle: float) -> np.ndarray:
+    """From coordinates of the turned frame to those of the one it was turned from."""
+    cross = np.cross(axis, np.eye(3)).T  # of axis x
+    return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+
+
+def in_turn(sequence: np.ndarray, angles: np.ndarray) -> np.ndarray:
+    """Rotations about the axes 1, 2, 3 of the frame as it is turned."""
+    turns = [rotation((X, Y, Z)[int(n) - 1], float(a)) for n, a in zip(sequence, angles, strict=True)]
+    return reduce(np.matmul, turns)
+
+
+def _between(instance: Instance, cls: str, at: Place, **given: Any) -> MechanicsPart:
+    frames = {"frame_a": "a", "frame_b": "b"}
+    return MechanicsPart(instance.full("part"), cls, at, frames=frames, instance=instance, **given)
+
+
+def _world(instance: Instance, at: Place) -> MappedComponent:
+    how = literal(instance, "gravityType")
+    if how == "PointGravity":
+        raise ModelicaError("PointGravity is not taken; UniformGravity and NoGravity are", at)
+    n = _unit(instance, "n", at)
+    element = instance.elements["g"].made
+    assert isinstance(element, Declared)
+    (g,) = element.flats
+    said = element.said.value
+    if how == "UniformGravity" and said is not None and part_name(said.scope.space.text):  # of our own text
+        library = instance.space.root.own("Modelica")
+        if library is not None and library.folder is not None and library.own("Units") is not None:
+            g.cache["binding"] = STANDARD_GRAVITY
+        instance.model.warn(f"gravity is {number_of(g.binding)} m/s2; set it as {instance.path}(g = ...)", at)
+    strength = values(instance, "g")[()] if how == "UniformGravity" else 0
+    weight = array([operation("*", (strength, float(x)), at) if x else 0.0 for x in n], (3,))
+    gravity = MechanicsPart(instance.full("gravity"), "World", at, {"g": weight})
+    ground = MechanicsPart(
+        instance.full("ground"), "Ground", at, frames={"frame_b": "frame"}, root=True, instance=instance
+    )
+    return MappedComponent(instance, [gravity, ground])
+
+
+def _revolute(instance: Instance, at: Place) -> MappedComponent:
+    axis = {"axis": _plain(_unit(instance, "n", at))}
+    part = _between(instance, "Revolute", at, options=axis, edge=True)
+    return _driven(part, "TorqueMotor", "shaft", instance, at)
+
+
+def _prismatic(instance: Instance, at: Place) -> MappedComponent:
+    part = _between(instance, "Prismatic", at, options={"v": _plain(_unit(instance, "n", at))}, edge=True)
+    return _driven(part, "ForceMotor", "flange", instance, at)
+
+
+def _driven(part: MechanicsPart, motor: str, port: str, instance: Instance, at: Place) -> MappedComponent:
+    if not number_of(values(instance, "useAxisFlange")[()]):
+        return MappedComponent(instance, [part])
+    drive = MechanicsPart(instance.full("drive"), motor, at)
+    return MappedComponent(instance, [part, drive], [(f"{part.name}.{port}", f"{drive.name}.{port}")])
+
+
+def _spherical(instance: Instance, at: Place) -> MappedComponent:
+    return MappedComponent(instance, [_between(instance, "Spherical", at)])
+
+
+def _planar_loop(instance: Instance, at: Place) -> MappedComponent:
+    n = _unit(instance, "n", at)
+    first = np.cross(n, np.eye(3)[np.argmin(np.abs(n))])
+    first = first / np.linalg.norm(first)
+    plane = {"first": _plain(first), "second": _plain(np.cross(n, first))}
+    return MappedComponent(instance, [_between(instance, "PlanarLoopClosure", at, options=plane)])
+
+
+def _fixed(instance: Instance, at: Place) -> MappedComponent:
+    ground = MechanicsPart(instance.full("ground"), "Ground", at, root=True)
+    part = MechanicsPart(instance.full("part"), "FixedTranslation", at, {"d": values(instance, "r")}, {"frame_b": "b"},
+                root=True, instance=instance)  # fmt: skip
+    return MappedComponent(instance, [ground, part], [(f"{ground.name}.frame", f"{part.name}.a")])
+
+
+def _translation(instance: Instance, at: Place) -> MappedComponent:
+    given = {"d": values(instance, "r")}
+    return MappedComponent(instance, [_between(instance, "FixedTranslation", at, options=given, edge=True, rigid=True)])
+
+
+def _rotation(instance: Instance, at: Place) -> MappedComponent:
+    how = literal(instance, "rotationType")
+    if how == "RotationAxis":
+        R = rotation(_unit(instance, "n", at), np.radians(float(numbers(instance, "angle"))))
+    elif how == "TwoAxesVectors":
+        x, y = _unit(instance, "n_x", at), _unit(instance, "n_y", at)
+        if not np.linalg.norm(np.cross(x, y)) > 1e-3:
+            raise ModelicaError(f"n_x and n_y of '{instance.path}' are parallel", at)
+        z = np.cross(x, y) / np.linalg.norm(np.cross(x, y))
+        R = np.stack([x, np.cross(z, x), z], axis=1)
+    else:
+        R = in_turn(numbers(instance, "sequence"), np.radians(numbers(instance, "angles")))
+    given = {"d": values(instance, "r"), "R": _plain(R)}
+    return MappedComponent(instance, [_between(instance, "Fixed", at, options=given, edge=True, rigid=True)])
+
+
+def _body(instance: Instance, at: Place) -> MappedComponent:
+    i = {k: values(instance, f"I_{k}")[()] for k in (11, 22, 33, 21, 31, 32)}
+    inertia = array([i[11], i[21], i[31], i[21], i[22], i[32], i[31], i[32], i[33]], (3, 3))
+    given = {"m": values(instance, "m"), "c": values(instance, "r_CM"), "I": inertia}
+    if instance.parent is not None and any(part_name(s.text) == "Parts.Solid" for s in instance.parent.sections):
+        given = {k: each(lambda x: number_of(x, None, f"'{instance.path}'"), v) for k, v in given.items()}
+    return MappedComponent(instance, [MechanicsPart(instance.full("part"), "RigidBody", at, given, {"frame_a": "frame"},
+                                     instance=instance)])  # fmt: skip
+
+
+def _load(instance: Instance, at: Place) -> MappedComponent:
+    how = literal(instance, "resolveInFrame")
+    if how == "frame_resolve":
+        raise ModelicaError(f"'{instance.path}' resolved in a further frame is not taken; world and frame_b are", at)
+    return MappedComponent(instance, [MechanicsPart(instance.full("part"), "AppliedLoad", at, {}, {"frame_b": "frame"},
+                                     instance=instance)])  # fmt: skip
+
+
+def _line_force(instance: Instance, at: Place) -> MappedComponent:
+    if "m" in instance.elements and np.any(numbers(instance, "m")):
+        raise ModelicaError(f"the mass m of the spring '{instance.path}' is not taken; let a body carry it", at)
+    given = {"k": values(instance, "c"), "d": values(instance, "d"), "length0": values(instance, "s_unstretched")}
+    part = MechanicsPart(instance.full("part"), "SpringDamper", at, given)
+    ends = [
+        MechanicsPart(instance.full(f"end_{x}"), "PointOnFrame", at, {}, {f"frame_{x}": "frame"}, instance=instance)
+        for x in "ab"
+    ]
+    joined = [(f"{end.name}.point", f"{part.name}.{x}") for end, x in zip(ends, "ab", strict=True)]
+    return MappedComponent(instance, [*ends, part], joined)
+
+
+def _plain(x: np.ndarray) -> Any:
+    return (np.asarray(x, float) + 0.0).tolist()
+
+
+PARTS: dict[str, Callable[[Instance, Place], MappedComponent]] = {
+    "World": _world, "Joints.Revolute": _revolute, "Joints.Prismatic": _prismatic, "Joints.Spherical": _spherical,
+    "Joints.RevolutePlanarLoopConstraint": _planar_loop, "Parts.Fixed": _fixed,
+    "Parts.FixedTranslation": _translation, "Parts.FixedRotation": _rotation, "Parts.Body": _body,
+    "Forces.WorldForce": _load, "Forces.WorldTorque": _load, "Forces.WorldForceAndTorque": _load,
+    "Forces.LineForce": _line_force,
+}  # fmt: skip

@@ -1,0 +1,185 @@
+"""A flattened class as flat Modelica text, which reads back as the same class: names as `'tank[2].x'`."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from typing import Any
+
+from .classes import exact
+from .flat import Flattened, ScalarEquation, ScalarIf, ScalarWhen
+from .python import Writer
+from .resolved import Resolver, is_declared
+from .scalars import EnumerationLiteral, Flat, Operation, Symbol, is_literal, number_of, operations
+from .syntax import ModelicaError, Place, Source
+
+# how tightly an expression holds together; a sum stands in a product in parentheses only
+_IF, _OR, _AND, _NOT, _RELATION, _SUM, _PRODUCT, _POWER, _ATOM = range(9)
+_BINARY = {
+    "or": ("or", _OR), "and": ("and", _AND), "+": ("+", _SUM), "-": ("-", _SUM), "*": ("*", _PRODUCT),
+    "/": ("/", _PRODUCT), "**": ("^", _POWER), **{r: (r, _RELATION) for r in ("<", "<=", ">", ">=", "==", "<>")},
+}  # fmt: skip
+_WORDS = {"time": "time", "start_time": "startTime", "final_time": "finalTime"}
+_PLAIN = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+_NOWHERE = Place(Source("", ""), 1, 1)
+_ATTRIBUTES = ("unit", "min", "max", "start", "fixed", "nominal", "stateSelect", "free", "initialGuess")
+
+
+def flat_text(flat: Flattened, naming: Callable[[str], str] = str) -> str:
+    """The variables, parameters and equations that are left of a class, with numbers where parameters decide, in the
+    order of the text. naming: what a variable is called here. Raises ModelicaError for what cannot be written."""
+    if flat.parts:
+        raise ModelicaError("what is made of parts of MultiBody has no flat text; --python prints it", flat.parts[0].at)
+    Writer(flat, exact, units=False).write()  # decides exponents and sizes, and refuses what is not taken
+    return "\n".join(_Printer(naming).lines(flat)) + "\n"
+
+
+class _Printer:
+    def __init__(self, naming: Callable[[str], str]) -> None:
+        self.naming, self.resolved = naming, Resolver()
+
+    def lines(self, flat: Flattened) -> list[str]:
+        word = "optimization" if flat.optimization else "model"
+        lines = [f"{word} {flat.name}{self._header(flat)}{_comment(flat.description)}"]
+        flats, equations, initial = flat.text or (flat.flats, flat.equations, flat.initial)
+        remembered = self._remembered(equations, initial)
+        shown = [f for f in flats if is_declared(f) or id(f) in remembered]
+        lines += [f"  {self._declaration(f)};" for f in shown]
+        own = [ScalarEquation(Symbol(f), f.replaced, f.at) for f in shown if id(f) in remembered]
+        for head, items in (("initial equation", initial), ("equation", [*own, *equations]),
+                            ("constraint", flat.constraints)):  # fmt: skip
+            inside = [f"  {line};" for e in items if (line := self._equation(e))]
+            lines += [head, *inside] if inside else []
+        signs = [f"{self._name(name)} = {self._of(value, place)}" for name, value, place in flat.branches]
+        lines += [f"  annotation(__gtmodel(branch({', '.join(signs)})));"] if signs else []
+        return [*lines, f"end {flat.name};"]
+
+    def _remembered(self, equations: list[Any], initial: list[Any]) -> set[int]:
+        """Ids of the Boolean variables whose values before an event are asked for."""
+        result: set[int] = set()
+        left: list[Any] = [x for e in (*equations, *initial) for x in _expressions(e)]
+        while left:
+            for o in operations(self.resolved(left.pop(), _NOWHERE)):
+                inside = o.arguments[0] if o.name == "pre" else None
+                if isinstance(inside, Symbol) and inside.flat.replaced is not None and id(inside.flat) not in result:
+                    result.add(id(inside.flat))
+                    left.append(inside.flat.replaced)
+        return result
+
+    def _header(self, flat: Flattened) -> str:
+        heads: dict[str, dict[str, str]] = {}
+        for name, value in flat.header.items():
+            first, _, attribute = name.partition(".")
+            heads.setdefault(first, {})[attribute] = self._of(value, flat.header_at[name])
+        said = []
+        for name, given in heads.items():
+            value = given.pop("", None)
+            inside = ", ".join(f"{k} = {v}" for k, v in given.items())
+            said.append(name + (f"({inside})" if inside else "") + (f" = {value}" if value is not None else ""))
+        return f"({', '.join(said)})" if said else ""
+
+    def _declaration(self, flat: Flat) -> str:
+        if flat.base == "enumeration":
+            raise ModelicaError(f"'{flat.name}' is of an enumeration, which flat text does not hold", flat.at)
+        kind = "" if flat.kind == "variable" else f"{flat.kind} "
+        given = {name: value for name in _ATTRIBUTES if (value := flat.get(name)) is not None}
+        if "stateSelect" in given:
+            given["stateSelect"] = number_of(given["stateSelect"], flat.at)
+        said = ", ".join(f"{n} = {v if n == 'stateSelect' else self._of(v, flat.at)}" for n, v in given.items())
+        value = ""
+        if flat.kind == "parameter" and flat.binding is not None:
+            value = f" = {self._of(flat.binding, flat.at)}"
+        inside = f"({said})" if said else ""
+        return f"{kind}{flat.base} {self._name(flat.name)}{inside}{value}{_comment(flat.description)}"
+
+    def _equation(self, e: Any) -> str:
+        if isinstance(e, ScalarIf):
+            sides = ["; ".join(map(self._relation, x)) for x in (e.then, e.otherwise)]
+            return f"if {self._of(e.condition, e.at)} then {sides[0]}; else {sides[1]}; end if"
+        if isinstance(e, ScalarWhen):
+            return self._when(e)
+        left, right = (self.resolved(x, e.at) for x in (e.left, e.right))
+        return "" if is_literal(left) and is_literal(right) else self._relation(e)
+
+    def _when(self, e: ScalarWhen) -> str:
+        last = e.branches[-1]
+        if e.own and last.end is not None and last.end[1]:  # an assertion ends the simulation where it ceases to hold
+            x = self.resolved(last.condition, last.at)
+            held = x.arguments[0] if isinstance(x, Operation) and x.name == "not" else Operation("not", (x,), last.at)
+            return f"assert({self._text(held, _IF)}, {_quoted(last.end[0])})"
+        parts: list[str] = []
+        for b in e.branches:
+            inside = [self._relation(a) for a in b.actions]
+            inside += [f"reinit({self._of(x, b.at)}, {self._of(v, b.at)})" for x, v in b.restarts]
+            inside += [f"terminate({_quoted(b.end[0])})"] if b.end is not None else []
+            parts.append(f"when {self._of(b.condition, b.at)} then {'; '.join(inside)};")
+        return " else".join(parts) + " end when"
+
+    def _relation(self, e: ScalarEquation) -> str:
+        # what events remember stands on the left of its own equation
+        of = isinstance(e.left, Symbol) and e.left.flat.replaced is not None
+        left = self._name(e.left.flat.name) if of else self._text(self.resolved(e.left, e.at), _OR)
+        right = self._text(self.resolved(e.right, e.at), _OR)
+        return f"{left} {'=' if e.relation == '==' else e.relation} {right}"
+
+    # expressions
+
+    def _name(self, name: str) -> str:
+        name = self.naming(name)
+        return name if _PLAIN.fullmatch(name) else f"'{name}'"
+
+    def _of(self, x: Any, at: Place) -> str:
+        return self._text(self.resolved(x, at), _IF)
+
+    def _text(self, x: Any, least: int) -> str:
+        text, held = self._held(x)
+        return text if held >= least else f"({text})"
+
+    def _held(self, x: Any) -> tuple[str, int]:
+        """The text of an expression, and how tightly it holds together."""
+        if isinstance(x, Symbol):
+            return self._name(x.flat.name), _ATOM
+        if isinstance(x, bool):
+            return str(x).lower(), _ATOM
+        if isinstance(x, str):
+            return _quoted(x), _ATOM
+        if isinstance(x, EnumerationLiteral):
+            return str(x), _ATOM
+        if not isinstance(x, Operation):
+            text = repr(x)
+            return text, _SUM if text.startswith("-") else _ATOM
+        name, given = x.name, x.arguments
+        if name in _BINARY:
+            word, held = _BINARY[name]
+            chains = held not in (_RELATION, _POWER)  # those do not stand beside one another
+            left, right = held + (0 if chains else 1), held + 1
+            return f"{self._text(given[0], left)} {word} {self._text(given[1], right)}", held
+        if name == "neg":
+            return f"-{self._text(given[0], _PRODUCT)}", _SUM
+        if name == "not":
+            return f"not {self._text(given[0], _RELATION)}", _NOT
+        if name == "if":
+            condition, then, otherwise = (self._text(a, _OR) for a in given)
+            return f"if {condition} then {then} else {otherwise}", _IF
+        if name in _WORDS:
+            return _WORDS[name], _ATOM
+        if name == "at":
+            return f"{self._text(given[0], _ATOM)}({self._text(given[1], _IF)})", _ATOM
+        return f"{name}({', '.join(self._text(a, _IF) for a in given)})", _ATOM
+
+
+def _expressions(e: Any) -> list[Any]:
+    if isinstance(e, ScalarWhen):
+        values = [x for b in e.branches for x in (b.condition, *(v for _, v in b.restarts))]
+        return [*values, *(a.right for a in e.actions)]
+    if isinstance(e, ScalarIf):
+        return [e.condition, *(x for part in (*e.then, *e.otherwise) for x in (part.left, part.right))]
+    return [e.left, e.right]
+
+
+def _comment(words: str) -> str:
+    return f" {_quoted(words)}" if words else ""
+
+
+def _quoted(words: str) -> str:
+    return '"' + words.replace("\\", "\\\\").replace('"', '\\"').replace("\n", " ") + '"'

@@ -1,0 +1,1 @@
+"""Passes over a flattened class: events as the language has them, and static optimizations."""

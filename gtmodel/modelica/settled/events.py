@@ -1,0 +1,455 @@
+"""Events of a flattened model in the forms that the language has: memories of pre(), whole numbers, conditions."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from ..flat import Flattened, ScalarEquation, ScalarIf, ScalarWhen, WhenBranch
+from ..resolved import Resolver, is_declared
+from ..scalars import (
+    EnumerationLiteral,
+    Flat,
+    Operation,
+    Symbol,
+    is_constant,
+    is_literal,
+    number_of,
+    operation,
+    operations,
+    symbols,
+    value_of,
+)
+from ..syntax import ModelicaError, Place
+from .instants import settle_instants
+
+_RELATIONS = ("<", "<=", ">", ">=")
+_WHOLE = ("floor", "ceil", "integer", "mod", "div", "rem")
+_LOGICAL = (*_RELATIONS, "==", "<>", "and", "or", "not", "initial", "sample", "edge", "change")
+
+
+def settle_events(out: Flattened) -> None:
+    """What changes at instants, in the language's forms. Raises ModelicaError for what it cannot follow exactly."""
+    sides = [x for e in out.equations if isinstance(e, ScalarEquation) for x in (e.left, e.right)]
+    eventful = any(isinstance(e, (ScalarWhen, ScalarIf)) for e in out.equations)
+    eventful = eventful or any(f.replaced is not None for f in out.flats)
+    if eventful or any(_speaks(o) for x in sides for o in operations(x)):
+        _Settling(out).run()
+
+
+def _speaks(o: Operation) -> bool:
+    return o.name in (*_WHOLE, *_LOGICAL, "if", "pre")
+
+
+class _Settling:
+    def __init__(self, out: Flattened) -> None:
+        self.out = out
+        self.resolved = Resolver()
+        self.memories: dict[int, Flat] = {}
+        self.wholes: dict[str, Flat] = {}
+        self.whens: list[ScalarWhen] = []
+        self._known: dict[int, tuple[Any, Any]] = {}
+
+    def run(self) -> None:
+        out = self.out
+        out.text = list(out.flats), list(out.equations), list(out.initial)
+        self._starts()
+        equations: list[Any] = []
+        for e in out.equations:
+            if isinstance(e, ScalarEquation):
+                equations.append(self._equation(e))
+            elif isinstance(e, ScalarIf):
+                condition = self.condition(self.resolved(e.condition, e.at), e.at)
+                then, other = (tuple(self._equation(x) for x in side) for side in (e.then, e.otherwise))
+                if isinstance(condition, bool):
+                    equations += then if condition else other
+                else:
+                    equations.append(ScalarIf(condition, then, other, e.at))
+            elif (when := self._when(e)) is not None:
+                equations.append(when)
+        for flat in list(out.flats):  # what remembers itself is shown, whether it is read or not
+            remembers = flat.base == "Boolean" and any(o.name == "pre" for o in operations(flat.replaced))
+            if remembers and id(flat) not in self.memories:
+                self._remember(flat)
+        out.equations = [*equations, *self.whens]
+        out.initial = [ScalarEquation(self.now(e.left, e.at), self.now(e.right, e.at), e.at) for e in out.initial]
+        settle_instants(out, {id(f) for f in self.memories.values()})
+        if not any(f.kind == "variable" and is_declared(f) for f in out.flats):
+            clock = Flat("clock", "variable", "Real", out.at, lambda _: None, lambda: None, description="time")
+            out.flats.append(clock)  # a model of events alone has nothing that moves
+            out.equations.append(ScalarEquation(Symbol(clock), Operation("time", (), out.at), out.at))
+
+    def _starts(self) -> None:
+        """Initial equations of what events set are start values; where they are no numbers, an event there too."""
+        kept: list[ScalarEquation] = []
+        given: list[ScalarEquation] = []
+        for e in self.out.initial:
+            x = e.left.arguments[0] if isinstance(e.left, Operation) and e.left.name == "pre" else e.left
+            if not isinstance(x, Symbol) or (x.flat.kind != "discrete" and x is e.left):
+                kept.append(e)
+                continue
+            right = self.resolved(e.right, e.at)
+            if is_constant(right):
+                x.flat.cache["start"] = number_of(right, e.at, f"the start of '{x.flat.name}'")
+            elif x.flat.kind == "discrete":
+                x.flat.cache["start"] = self._at_start(right)
+                given.append(ScalarEquation(x, self.value(right, e.at), e.at))
+            else:
+                raise ModelicaError(f"pre({x.flat.name}) begins with a number; write a when initial() clause", e.at)
+        self.out.initial = kept
+        if given:
+            at = given[0].at
+            self.whens.append(
+                ScalarWhen((WhenBranch(Operation("initial", (), at), tuple(given), (), None, at),), at, True)
+            )
+
+    def _equation(self, e: ScalarEquation) -> ScalarEquation:
+        return ScalarEquation(self.now(e.left, e.at), self.now(e.right, e.at), e.at, e.relation)
+
+    # what holds at every time
+
+    def now(self, x: Any, at: Place) -> Any:
+        """An expression outside of actions: pre() is what the variable had when this round of the event began."""
+        return self._now(self.resolved(x, at), at)
+
+    def _now(self, x: Any, at: Place) -> Any:
+        if not isinstance(x, Operation):
+            return x
+        key = id(x)
+        if key not in self._known:
+            self._known[key] = x, self._now_of(x, x.at or at)
+        return self._known[key][1]
+
+    def _now_of(self, x: Operation, at: Place) -> Any:
+        if x.name == "pre":
+            return self._memory(x.arguments[0], at)
+        if x.name == "if":
+            condition = self.condition(x.arguments[0], at)
+            return operation("if", (condition, *(self._now(a, at) for a in x.arguments[1:])), at)
+        if x.name in _LOGICAL:
+            raise ModelicaError("a condition stands where a number is expected", at)
+        arguments = tuple(self._now(a, at) for a in x.arguments)
+        if x.name in _WHOLE:
+            return self._whole(x.name, arguments, at)
+        return x if all(a is b for a, b in zip(arguments, x.arguments, strict=True)) else operation(
+            x.name, arguments, x.at)  # fmt: skip
+
+    def condition(self, x: Any, at: Place) -> Any:
+        """A resolved condition: relations of numbers, and, or, not, initial, sample; or True or False."""
+        if isinstance(x, bool):
+            return x
+        if isinstance(x, Symbol):
+            return self._is_true(x, at)
+        if not isinstance(x, Operation):
+            raise ModelicaError(f"a condition is true or false; found {x}", at)
+        at = x.at or at
+        if x.name in _RELATIONS:
+            return operation(x.name, tuple(self._now(a, at) for a in x.arguments), at)
+        if x.name in ("and", "or", "not"):
+            return operation(x.name, tuple(self.condition(a, at) for a in x.arguments), at)
+        if x.name in ("==", "<>"):
+            same = self._same(x.arguments[0], x.arguments[1], at)
+            return same if x.name == "==" else operation("not", (same,), at)
+        if x.name == "if":
+            chosen, then, other = (self.condition(a, at) for a in x.arguments)
+            sides = operation("and", (chosen, then), at), operation("and", (_no(chosen, at), other), at)
+            return operation("or", sides, at)
+        if x.name == "pre":
+            return self._is_true(self._memory(x.arguments[0], at), at)
+        if x.name in ("initial", "sample"):
+            return x
+        if x.name in ("edge", "change"):
+            raise ModelicaError(f"{x.name}() is taken as the whole condition of a when clause alone", at)
+        raise ModelicaError(f"a condition is true or false; found {x.name}()", at)
+
+    @staticmethod
+    def _is_true(x: Any, at: Place) -> Any:
+        own = x.arguments[0] if isinstance(x, Operation) and x.name == "earlier" else x
+        if isinstance(own, Symbol):
+            if own.flat.base != "Boolean":
+                raise ModelicaError(f"'{own.flat.name}' is no condition but {own.flat.base}", at)
+            if own.flat.kind == "input":
+                raise ModelicaError(f"'{own.flat.name}' is a Boolean input, and inputs are Real", at)
+            return Operation(">=", (x, 0.5), at)
+        return x
+
+    def _same(self, a: Any, b: Any, at: Place) -> Any:
+        """Equality, which has a meaning between what has steps."""
+        if all(map(_is_boolean, (a, b))):
+            a, b = (self.condition(x, at) for x in (a, b))
+            both, none = operation("and", (a, b), at), operation("and", (_no(a, at), _no(b, at)), at)
+            return operation("or", (both, none), at)
+        if not all(map(_is_whole, (a, b))):
+            raise ModelicaError("== and <> of Real variables have no meaning at an instant; write <= or >=", at)
+        a, b = (_number(self._now(x, at)) for x in (a, b))
+        above, below = operation("+", (b, 0.5), at), operation("-", (b, 0.5), at)
+        return Operation("and", (Operation(">=", (a, below), at), Operation("<=", (a, above), at)), at)
+
+    # memories
+
+    def _memory(self, x: Any, at: Place) -> Any:
+        """What a variable had before: of one that events set itself, of another one what events remember of it."""
+        if is_literal(x):
+            return x
+        if isinstance(x, Symbol) and x.flat.kind in ("parameter", "constant"):
+            return x
+        while isinstance(x, Symbol) and isinstance(x.flat.replaced, Symbol):
+            x = x.flat.replaced
+        if isinstance(x, Symbol) and x.flat.kind == "discrete":
+            return Operation("earlier", (x,), at)
+        if not isinstance(x, Symbol) or (x.flat.base != "Integer" and x.flat.replaced is None):
+            raise ModelicaError("pre() is taken of a variable that changes at events alone", at)
+        if id(x.flat) not in self.memories:
+            self._remember(x.flat)
+        return Symbol(self.memories[id(x.flat)])
+
+    def _remember(self, flat: Flat) -> None:
+        if flat.base not in ("Boolean", "Integer"):
+            raise ModelicaError(f"pre() of '{flat.name}', which is {flat.base}, is not taken", flat.at)
+        memory = Flat(
+            flat.name if flat.base == "Boolean" else f"pre({flat.name})", "discrete", flat.base, flat.at,
+            flat.attribute, lambda: None, description=flat.description,
+        )  # fmt: skip
+        memory.cache["start"] = flat.get("start")
+        self.memories[id(flat)] = memory
+        self.out.flats.append(memory)
+        where = flat.at
+        if flat.base == "Integer":
+            own, old = Symbol(flat), Symbol(memory)
+            conditions = [(Operation(">=", (own, Operation("+", (old, 0.5), where)), where), own),
+                          (Operation("<=", (own, Operation("-", (old, 0.5), where)), where), own)]  # fmt: skip
+        else:
+            truth = self.condition(self.resolved(flat.replaced, flat.at), flat.at)
+            if isinstance(truth, bool):
+                memory.kind, memory.replaced = "constant", truth
+                return
+            conditions = [(truth, 1.0), (_no(truth, where), 0.0)]
+        branches = [
+            WhenBranch(c if not first else Operation("and", (Operation("initial", (), where), c), where),
+                       (ScalarEquation(Symbol(memory), v, where),), (), None, where)
+            for first in (True, False) for c, v in conditions
+        ]  # fmt: skip
+        self.whens.append(ScalarWhen(tuple(branches), where, own=True))
+
+    # whole numbers
+
+    def _whole(self, name: str, given: tuple[Any, ...], at: Place) -> Any:
+        """floor() and what follows from it, by a variable that counts."""
+        if all(is_constant(x) for x in given):
+            return Operation(name, given, at)
+        if name in ("floor", "integer"):
+            return self._floor(given[0], at)
+        if name == "ceil":
+            return operation("neg", (self._floor(_minus(given[0], at), at),), at)
+        x, y = given
+        share = operation("/", (x, y), at)
+        if name == "mod":
+            whole = self._floor(share, at)
+            return operation("-", (x, operation("*", (whole, y), at)), at)
+        up = operation("neg", (self._floor(_minus(share, at), at),), at)
+        whole = Operation("if", (Operation(">=", (share, 0.0), at), self._floor(share, at), up), at)
+        return whole if name == "div" else operation("-", (x, operation("*", (whole, y), at)), at)
+
+    def _floor(self, x: Any, at: Place) -> Any:
+        text = text_of(x)
+        name = f"floor({text[1:-1] if text.startswith('(') and text.count('(') == 1 else text})"
+        if name not in self.wholes:
+            flat = Flat(name, "discrete", "Integer", at, lambda _: None, lambda: None)
+            flat.cache["start"] = math.floor(self._at_start(x))  # an event at the start corrects it
+            self.wholes[name] = flat
+            self.out.flats.append(flat)
+            own = Symbol(flat)
+            next_one = Operation("+", (own, 1.0), at)
+            above, below = Operation(">=", (x, next_one), at), Operation("<", (x, own), at)
+            earlier = Operation("pre", (own,), at)
+            whole = Operation("whole", (x,), at)
+            up = Operation("max", (Operation("+", (earlier, 1.0), at), whole), at)
+            down = Operation("min", (Operation("-", (earlier, 1.0), at), whole), at)
+            branches = [
+                WhenBranch(c if not first else Operation("and", (Operation("initial", (), at), c), at),
+                           (ScalarEquation(own, v, at),), (), None, at)
+                for first in (True, False) for c, v in ((above, up), (below, down))
+            ]  # fmt: skip
+            self.whens.append(ScalarWhen(tuple(branches), at, own=True))
+        return Symbol(self.wholes[name])
+
+    def _at_start(self, x: Any) -> float:
+        """What an expression is at a start at 0 s by declared start values, as far as they say; else 0."""
+        frozen = [f for f in self.out.flats if f.frozen]
+
+        def known(e: Any) -> Any:
+            if isinstance(e, Symbol):
+                constant = e.flat.kind in ("parameter", "constant")
+                given = value_of(e.flat) if constant else e.flat.get("start")
+                return known(self.resolved(0.0 if given is None else given, e.flat.at))
+            if not isinstance(e, Operation):
+                return e
+            return 0.0 if e.name == "time" else operation(e.name, tuple(map(known, e.arguments)), e.at)
+
+        try:
+            value = number_of(known(x))
+        except ModelicaError:
+            value = 0.0
+        for f in self.out.flats:
+            f.frozen = False
+        for f in frozen:
+            f.frozen = True
+        return float(value) if isinstance(value, (int, float)) else 0.0
+
+    # when
+
+    def _when(self, e: ScalarWhen) -> ScalarWhen | None:
+        branches = []
+        for b in e.branches:
+            try:
+                conditions = self._conditions(self.resolved(b.condition, b.at), b.at, e.own)
+            except ModelicaError as error:
+                if not e.own:
+                    raise
+                self.out.warnings.append(f"this assert() is not watched: {error.sentence} ({b.at.where})")
+                return None
+            actions = tuple(ScalarEquation(a.left, self.value(self.resolved(a.right, a.at), a.at), a.at)
+                            for a in b.actions)  # fmt: skip
+            restarts = tuple((self.resolved(x, b.at), self.value(self.resolved(v, b.at), b.at)) for x, v in b.restarts)
+            branches += [WhenBranch(c, actions, restarts, b.end, b.at) for c in conditions if not isinstance(c, bool)]
+        return ScalarWhen(tuple(branches), e.at, e.own) if branches else None
+
+    def _conditions(self, x: Any, at: Place, own: bool) -> list[Any]:
+        """Of one branch; a change is two of them. own: gtmodel's, which may join initial() with others."""
+        if isinstance(x, Operation) and x.name in ("edge", "change"):
+            inside = x.arguments[0]
+            if not _is_boolean(inside):
+                raise ModelicaError(f"{x.name}() is taken of Boolean variables alone; write relations", x.at or at)
+            truth = self.condition(inside, at)
+            return [truth] if x.name == "edge" else [truth, _no(truth, at)]
+        truth = self.condition(x, at)
+        alone = isinstance(truth, Operation) and truth.name == "initial"
+        if not own and not alone and any(o.name == "initial" for o in operations(x)):
+            raise ModelicaError("initial() stands alone as a condition of when, or in a vector of them", at)
+        return [truth]
+
+    def value(self, x: Any, at: Place) -> Any:
+        """The right side of an action as a number: true is 1. Relations are those of the instant."""
+        if isinstance(x, bool):
+            return 1.0 if x else 0.0
+        if isinstance(x, EnumerationLiteral):
+            return x.position
+        if not isinstance(x, Operation):
+            return x
+        at = x.at or at
+        if x.name == "pre":
+            inside = x.arguments[0]
+            moves = isinstance(inside, Symbol) and inside.flat.kind in ("variable", "input")
+            if moves and inside.flat.base == "Real":
+                return x
+            before = self._memory(inside, at)
+            before = before.arguments[0] if isinstance(before, Operation) else before
+            return Operation("pre", (before,), at) if isinstance(before, Symbol) else self.value(before, at)
+        if x.name in ("initial", "sample", "edge", "change"):
+            raise ModelicaError(f"{x.name}() belongs into the condition of a when clause", at)
+        if x.name == "if":
+            condition, then, other = x.arguments
+            if not _of_events(condition):
+                return Operation("if", (self.condition(condition, at), self.value(then, at), self.value(other, at)), at)
+            share = self.value(condition, at)
+            left = operation("*", (share, self.value(then, at)), at)
+            right = operation("*", (operation("-", (1.0, share), at), self.value(other, at)), at)
+            return operation("+", (left, right), at)
+        if x.name in _RELATIONS and not _of_events(x):
+            return Operation("if", (self.condition(x, at), 1.0, 0.0), at)
+        given = tuple(self.value(a, at) for a in x.arguments)
+        if x.name in _RELATIONS:
+            a, b = given if x.name in (">=", "<") else reversed(given)
+            step = Operation("step", (a, b), at)
+            return step if x.name.endswith("=") else operation("-", (1.0, step), at)
+        if x.name in ("==", "<>"):
+            same = self._equal(x.arguments, given, at)
+            return same if x.name == "==" else operation("-", (1.0, same), at)
+        if x.name in ("and", "or"):
+            return operation("min" if x.name == "and" else "max", given, at)
+        if x.name == "not":
+            return operation("-", (1.0, *given), at)
+        if x.name in _WHOLE:
+            return self._whole_value(x.name, given, at)
+        return operation(x.name, given, at)
+
+    @staticmethod
+    def _equal(written: tuple[Any, ...], given: tuple[Any, ...], at: Place) -> Any:
+        if not all(_is_whole(x) or _is_boolean(x) for x in written):
+            raise ModelicaError("== and <> of Real variables have no meaning at an instant; write <= or >=", at)
+        a, b = given
+        low, high = operation("-", (b, 0.5), at), operation("+", (b, 0.5), at)
+        return Operation("min", (Operation("step", (a, low), at), Operation("step", (high, a), at)), at)
+
+    @staticmethod
+    def _whole_value(name: str, given: tuple[Any, ...], at: Place) -> Any:
+        def whole(x: Any) -> Any:
+            return Operation("whole", (x,), at)
+
+        if name in ("floor", "integer"):
+            return whole(given[0])
+        if name == "ceil":
+            return operation("neg", (whole(operation("neg", given, at)),), at)
+        x, y = given
+        share = operation("/", (x, y), at)
+        if name == "mod":
+            return operation("-", (x, operation("*", (whole(share), y), at)), at)
+        size = Operation("abs", (share,), at)
+        sign = operation("-", (operation("*", (2.0, Operation("step", (share, 0.0), at)), at), 1.0), at)
+        quotient = operation("*", (sign, whole(size)), at)
+        return quotient if name == "div" else operation("-", (x, operation("*", (quotient, y), at)), at)
+
+
+def _minus(x: Any, at: Place) -> Any:
+    return x.arguments[0] if isinstance(x, Operation) and x.name == "neg" else operation("neg", (x,), at)
+
+
+def _no(x: Any, at: Place) -> Any:
+    return operation("not", (x,), at)
+
+
+def _number(x: Any) -> Any:
+    return x.position if isinstance(x, EnumerationLiteral) else x
+
+
+def _of_events(x: Any) -> bool:
+    """Does it hold what changes at events?"""
+    return any(f.kind == "discrete" for f in symbols(x)) or any(o.name == "pre" for o in operations(x))
+
+
+def _is_boolean(x: Any) -> bool:
+    if isinstance(x, Symbol):
+        return x.flat.base == "Boolean"
+    if isinstance(x, Operation):
+        if x.name in ("pre", "if"):
+            return _is_boolean(x.arguments[-1])
+        return x.name in _LOGICAL
+    return isinstance(x, bool)
+
+
+def _is_whole(x: Any) -> bool:
+    """Is it a whole number, or a literal of an enumeration?"""
+    if isinstance(x, Symbol):
+        return x.flat.base in ("Integer", "enumeration")
+    if isinstance(x, Operation):
+        if x.name == "if":
+            return all(map(_is_whole, x.arguments[1:]))
+        if x.name in ("integer", "sign", "div"):
+            return True
+        return x.name in ("+", "-", "*", "neg", "min", "max", "abs", "pre", "mod", "rem") and all(
+            map(_is_whole, x.arguments))  # fmt: skip
+    return isinstance(x, EnumerationLiteral) or (isinstance(x, (int, float)) and float(x).is_integer())
+
+
+def text_of(x: Any) -> str:
+    """A short text of an expression, for a name."""
+    if isinstance(x, Symbol):
+        return x.flat.name
+    if isinstance(x, Operation):
+        inside = [text_of(a) for a in x.arguments]
+        if x.name == "neg":
+            return f"-{inside[0]}"
+        if len(inside) == 2 and not x.name.isalpha():
+            return f"({inside[0]}{x.name}{inside[1]})"
+        return x.name + (f"({','.join(inside)})" if inside else "")
+    return f"{x:.9g}" if isinstance(x, float) else str(x)

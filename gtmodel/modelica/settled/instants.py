@@ -1,0 +1,218 @@
+"""What happens at one instant in Modelica and in rounds here: where both are the same, and what is written for it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+from ..causality import augmented
+from ..flat import Flattened, ScalarEquation, ScalarIf, ScalarWhen, WhenBranch
+from ..scalars import Flat, Operation, Symbol, operation, symbols
+from ..syntax import ModelicaError, Place
+
+
+def settle_instants(out: Flattened, memories: set[int]) -> None:
+    """Actions read what follows from new values of the same instant; what would come a round late is refused.
+
+    In Modelica the equations of an instant hold together: a variable that follows from a discrete one has its new value
+    in every action. Here actions read continuous variables as they were, discrete ones as they become. So what follows
+    from discrete variables without a state in between is written out in them. A condition that discrete variables make
+    true acts in the next round, which is the same unless somebody reads what it sets, or pre() of what made it true.
+
+    memories: ids of variables that events remember for pre(). Raises ModelicaError.
+    """
+    whens = [e for e in out.equations if isinstance(e, ScalarWhen)]
+    if not any(not w.own for w in whens):
+        return
+    instants = _Instants(out, memories)
+    out.equations = [instants.written(e) if isinstance(e, ScalarWhen) and not e.own else e for e in out.equations]
+    instants.check([e for e in out.equations if isinstance(e, ScalarWhen) and not e.own])
+
+
+class _Instants:
+    def __init__(self, out: Flattened, memories: set[int]) -> None:
+        self.out = out
+        own = [e for e in out.equations if isinstance(e, ScalarWhen) and not e.own]
+        self.set = {id(a.left.flat) for w in own for a in w.actions} - memories
+        self.equations = [e for e in out.equations if not isinstance(e, ScalarWhen)]
+        self.states = {id(f) for e in self.equations for x in _sides(e) for f in _under_der(x)}
+        self._group: dict[int, int] = {}
+        self._follows: dict[int, set[int]] = {}
+        for e in self.equations:
+            self._join(e)
+        self._definitions: dict[int, Any] | None = None
+
+    # what follows from what
+
+    def _root(self, key: int) -> int:
+        while self._group.setdefault(key, key) != key:
+            self._group[key] = self._group[self._group[key]]
+            key = self._group[key]
+        return key
+
+    def _moving(self, f: Flat) -> bool:
+        return f.kind in ("variable", "input") and f.replaced is None and id(f) not in self.states
+
+    def _join(self, e: Any) -> None:
+        """Variables of one equation follow from each other and from its discrete ones, as far as anybody knows."""
+        inside = [f for x in _sides(e) for f in symbols(x)]
+        roots = {self._root(id(f)) for f in inside if self._moving(f)}
+        read = {id(f) for f in inside if id(f) in self.set}
+        if not roots:
+            return
+        first = min(roots)
+        for root in roots:
+            self._group[root] = first
+            read |= self._follows.pop(root, set())
+        self._follows[first] = self._follows.get(first, set()) | read
+
+    def follows(self, f: Flat) -> set[int]:
+        """Ids of what events set and a continuous variable may follow from without a state in between."""
+        return self._follows.get(self._root(id(f)), set()) if self._moving(f) else set()
+
+    def read(self, x: Any) -> set[int]:
+        """Ids of what events set and an expression reads as it is now."""
+        result: set[int] = set()
+        for f in _now(x):
+            result |= {id(f)} & self.set
+            result |= self.follows(f)
+        return result
+
+    # actions
+
+    def written(self, when: ScalarWhen) -> ScalarWhen:
+        """With what follows from discrete variables written out in the actions."""
+        branches = []
+        for b in when.branches:
+            actions = tuple(ScalarEquation(a.left, self._out(a.right, a.at), a.at) for a in b.actions)
+            restarts = tuple((x, self._out(v, b.at)) for x, v in b.restarts)
+            branches.append(replace(b, actions=actions, restarts=restarts))
+        return replace(when, branches=tuple(branches))
+
+    def _out(self, x: Any, at: Place, busy: tuple[int, ...] = ()) -> Any:
+        if isinstance(x, Symbol):
+            if not self.follows(x.flat):
+                return x
+            if id(x.flat) in busy or id(x.flat) not in self.definitions():
+                names = ", ".join(sorted(f.name for f in self.out.flats if id(f) in self.follows(x.flat)))
+                raise ModelicaError(
+                    f"this action reads '{x.flat.name}', which follows at the same instant from {names}; that needs an "
+                    f"equation {x.flat.name} = ... of its own, or write what is meant with pre()",
+                    at,
+                )
+            return self._out(self.definitions()[id(x.flat)], at, (*busy, id(x.flat)))
+        if not isinstance(x, Operation) or x.name in ("pre", "earlier", "der"):
+            return x
+        arguments = tuple(self._out(a, at, busy) for a in x.arguments)
+        same = all(a is b for a, b in zip(arguments, x.arguments, strict=True))
+        return x if same else operation(x.name, arguments, x.at)
+
+    def definitions(self) -> dict[int, Any]:
+        """Of each variable that an equation v = ... determines the other side."""
+        if self._definitions is None:
+            self._definitions = {}
+            uses: list[list[int]] = []
+            allowed: dict[int, int] = {}
+            for e in self.equations:
+                keys: list[int] = []
+                for x in _sides(e):
+                    keys += [-id(f) for f in _under_der(x)]
+                    keys += [id(f) for f in symbols(x) if self._moving(f) and (f.kind != "input" or not f.top)]
+                uses.append(list(dict.fromkeys(keys)))
+                allowed |= dict.fromkeys(keys, 0)
+            owner: dict[int, int] = {}
+            for n in range(len(uses)):
+                augmented(n, uses, allowed, owner)
+            for key, n in owner.items():
+                e = self.equations[n]
+                if isinstance(e, ScalarEquation):
+                    for a, b in ((e.left, e.right), (e.right, e.left)):
+                        if isinstance(a, Symbol) and id(a.flat) == key:
+                            self._definitions[key] = b
+        return self._definitions
+
+    # rounds
+
+    def check(self, whens: list[ScalarWhen]) -> None:
+        """Raises ModelicaError for a clause that would act a round later than in Modelica, and show it."""
+        setters: dict[int, set[int]] = {}
+        for n, w in enumerate(whens):
+            for a in w.actions:
+                setters.setdefault(id(a.left.flat), set()).add(n)
+        for n, w in enumerate(whens):
+            own = {id(a.left.flat) for a in w.actions}
+            late = [self.read(b.condition) for b in w.branches]
+            for k, (b, made) in enumerate(zip(w.branches, late, strict=True)):
+                if not made:
+                    continue
+                if made & own:
+                    raise ModelicaError(
+                        f"this condition reads {self._names(made & own)}, which its clause sets; write pre(...)", b.at
+                    )
+                if any(one != made for one in late[k + 1 :]):
+                    raise ModelicaError(
+                        f"{self._names(made)} of this instant decides on a branch with others behind it, whose "
+                        "precedence gtmodel cannot keep; write pre(...), or a clause of its own",
+                        b.at,
+                    )
+                if earlier := {f for f in _earlier(b) if setters.get(id(f), set()) - {n}}:
+                    raise ModelicaError(
+                        f"pre({min(f.name for f in earlier)}) is read at the instant at which {self._names(made)} "
+                        "makes the condition true; write both into one when clause",
+                        b.at,
+                    )
+                for m, other in enumerate(whens):
+                    for c in other.branches if m != n else ():
+                        taken = {i for x in _values(c) for i in self.read(x)} & own
+                        if taken and not self.read(c.condition) & own:
+                            raise ModelicaError(
+                                f"this action reads {self._names(taken)}, which {self._names(made)} may set at the "
+                                f"same instant, in line {w.at.line}; write pre(...), or both into one clause",
+                                c.at,
+                            )
+
+    def _names(self, ids: set[int]) -> str:
+        return ", ".join(f"'{n}'" for n in sorted(f.name for f in self.out.flats if id(f) in ids))
+
+
+def _sides(e: Any) -> list[Any]:
+    if isinstance(e, ScalarIf):
+        return [e.condition, *(x for part in (*e.then, *e.otherwise) for x in (part.left, part.right))]
+    return [e.left, e.right]
+
+
+def _values(b: WhenBranch) -> list[Any]:
+    return [*(a.right for a in b.actions), *(v for _, v in b.restarts)]
+
+
+def _under_der(x: Any) -> Iterator[Flat]:
+    """Variables that are differentiated."""
+    if isinstance(x, Operation):
+        if x.name == "der":
+            yield from symbols(x.arguments[0])
+        else:
+            for a in x.arguments:
+                yield from _under_der(a)
+
+
+def _now(x: Any) -> Iterator[Flat]:
+    """Variables that stand in an expression outside pre(), which outside of actions is called earlier."""
+    if isinstance(x, Symbol):
+        yield x.flat
+    elif isinstance(x, Operation) and x.name not in ("pre", "earlier"):
+        for a in x.arguments:
+            yield from _now(a)
+
+
+def _earlier(b: WhenBranch) -> Iterator[Flat]:
+    """Variables whose values before the event the actions read."""
+    for x in _values(b):
+        stack = [x]
+        while stack:
+            e = stack.pop()
+            if isinstance(e, Operation):
+                if e.name == "pre":
+                    yield from symbols(e)
+                else:
+                    stack += e.arguments

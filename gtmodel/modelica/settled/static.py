@@ -1,0 +1,125 @@
+"""Static optimizations: of the equations at one instant, whose derivatives are variables of their own."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ..causality import augmented
+from ..flat import Flattened, ScalarEquation
+from ..scalars import Flat, Operation, Symbol, is_number, number_of, operation, symbols
+from ..syntax import ModelicaError, Place
+
+_ENDS = ("start_time", "final_time")
+
+
+def settle_static(out: Flattened) -> None:
+    """Equations and initial equations hold together at the start time, der(x) is an unknown beside x, and fixed start
+    values are equations. What these do not determine is chosen: it becomes free, as free parameters are.
+
+    Raises ModelicaError for a cost along a path, a free time and a delay.
+    """
+    _Static(out).run()
+
+
+class _Static:
+    def __init__(self, out: Flattened) -> None:
+        self.out = out
+        self.rates: dict[int, Flat] = {}
+        start = out.header.get("startTime", 0.0)
+        for name, at in out.header_at.items():
+            if name == "objectiveIntegrand":
+                raise ModelicaError("a static optimization has no path to integrate along; give an objective", at)
+            if name.endswith(".free"):
+                raise ModelicaError("a static optimization has no time to choose", at)
+        self.time = float(start) if is_number(start) else 0.0
+        out.header["finalTime"] = self.time + 1.0  # a motion in which nothing moves
+
+    def run(self) -> None:
+        out = self.out
+        if not out.header.get("objective"):
+            raise ModelicaError(f"the static optimization {out.name} has no objective", out.at)
+        computed = {id(f) for f in out.flats if f.computed}
+        equations: list[ScalarEquation] = []
+        for e in (*out.equations, *out.initial):
+            if not isinstance(e, ScalarEquation):
+                raise ModelicaError("a static optimization takes no conditional equations; write if-expressions", e.at)
+            if not _keeps(e, computed):
+                equations.append(ScalarEquation(self._still(e.left), self._still(e.right), e.at))
+        for f in list(out.flats):
+            if f.kind == "variable" and f.replaced is None and f.get("fixed") is not None and not f.computed:
+                if number_of(f.get("fixed"), f.at, f"fixed of '{f.name}'") is True:
+                    start = f.get("start")
+                    equations.append(ScalarEquation(Symbol(f), 0.0 if start is None else start, f.at))
+                f.cache["fixed"] = None
+        limits = [ScalarEquation(self._still(c.left), self._still(c.right), c.at, c.relation) for c in out.constraints]
+        kept, left = self._determined(equations)
+        out.equations = list(kept)
+        out.initial = []
+        out.header["objective"] = self._at(self._still(out.header["objective"]), out.header_at["objective"])
+        out.constraints = [
+            ScalarEquation(self._at(c.left, c.at), self._at(c.right, c.at), c.at, c.relation) for c in (*limits, *left)
+        ]
+        if not any(f.kind == "variable" and f.replaced is None for f in out.flats):
+            clock = Flat("clock", "variable", "Real", out.at, lambda _: None, lambda: None, description="time")
+            out.flats.append(clock)  # all is chosen, and a trajectory has something in it
+            out.equations.append(ScalarEquation(Symbol(clock), self.time, out.at))
+
+    def _still(self, x: Any) -> Any:
+        """Without motion: derivatives as variables, times as numbers, values at instants as values."""
+        if not isinstance(x, Operation):
+            return x
+        if x.name == "der":
+            (inside,) = x.arguments
+            if not isinstance(inside, Symbol):
+                raise ModelicaError("der() of an expression in a static optimization; give it a name", x.at)
+            return Symbol(self._rate(inside.flat))
+        if x.name in ("time", *_ENDS):
+            return self.time
+        if x.name == "at":
+            return self._still(x.arguments[0])
+        if x.name == "delay":
+            raise ModelicaError("a static optimization has no delay()", x.at)
+        arguments = tuple(map(self._still, x.arguments))
+        same = all(a is b for a, b in zip(arguments, x.arguments, strict=True))
+        return x if same else operation(x.name, arguments, x.at)
+
+    def _rate(self, f: Flat) -> Flat:
+        if id(f) not in self.rates:
+            rate = Flat(f"der({f.name})", "variable", "Real", f.at, lambda _: None, lambda: None)
+            self.rates[id(f)] = rate
+            self.out.flats.append(rate)
+        return self.rates[id(f)]
+
+    def _determined(self, equations: list[ScalarEquation]) -> tuple[list[ScalarEquation], list[ScalarEquation]]:
+        """Equations that each determine a variable, and those that hold beside; variables of none become free."""
+        moving = [f for f in self.out.flats if f.kind in ("variable", "input") and f.replaced is None]
+        uses = [list(dict.fromkeys(id(f) for x in (e.left, e.right) for f in symbols(x))) for e in equations]
+        owner: dict[int, int] = {}
+        first = {id(f): n for n, f in enumerate(moving) if f.kind == "variable"}
+        everything = {id(f): n for n, f in enumerate(moving)}
+        waiting = [n for n in range(len(uses)) if not augmented(n, uses, first, owner)]
+        beside = {n for n in waiting if not augmented(n, uses, everything, owner)}
+        for f in moving:
+            if id(f) in owner:
+                f.kind = "variable"
+            else:
+                f.kind, f.free = "parameter", True
+                guess = next((g for g in (f.get("initialGuess"), f.get("start"), f.get("nominal")) if g is not None), 0)
+                f.cache["initialGuess"] = number_of(guess, f.at, f"the guess of '{f.name}'")
+        kept = [e for n, e in enumerate(equations) if n not in beside]
+        return kept, [e for n, e in enumerate(equations) if n in beside]
+
+    @staticmethod
+    def _at(x: Any, at: Place) -> Any:
+        """At the one instant there is, where anything of it moves."""
+        if any(f.kind in ("variable", "input") for f in symbols(x)):
+            return Operation("at", (x, Operation("final_time", (), at)), at)
+        return x
+
+
+def _keeps(e: Any, computed: set[int]) -> bool:
+    """Does it only say that a parameter that initial equations determine is constant?"""
+    x = e.left if isinstance(e, ScalarEquation) else None
+    if not isinstance(x, Operation) or x.name != "der" or not isinstance(x.arguments[0], Symbol):
+        return False
+    return id(x.arguments[0].flat) in computed

@@ -1,0 +1,223 @@
+"""`when` clauses, `assert` and `terminate` of a text as branches of conditions and actions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .. import functions
+from ..arrays import Values, array, entries
+from ..flat import ScalarEquation, ScalarWhen, WhenBranch
+from ..instances import NameScope
+from ..scalars import EnumerationLiteral, Operation, Symbol, is_literal, operation
+from ..syntax import (
+    Assign,
+    Calls,
+    Equal,
+    For,
+    FunctionCall,
+    If,
+    Literal,
+    ModelicaError,
+    Place,
+    Reference,
+    ReferencePart,
+    SyntaxNode,
+    WhenEquation,
+)
+
+if TYPE_CHECKING:
+    from ..expressions import Evaluator
+
+Equations = Callable[[SyntaxNode, NameScope], list[Any]]
+
+
+def when_of(node: WhenEquation, scope: NameScope, model: Evaluator, equations: Equations) -> ScalarWhen:
+    """A when clause of an equation section. Raises ModelicaError for what is no action."""
+    if model.horizon:
+        raise ModelicaError("an optimization has no when; events come into one by gt.phases_of_events", node.at)
+    branches: list[WhenBranch] = []
+    for written, body in node.branches:
+        actions: list[ScalarEquation] = []
+        restarts: list[tuple[Any, Any]] = []
+        end: tuple[str, bool] | None = None
+        for x in body:
+            name = _called(x)
+            if name == "reinit":
+                restarts += _restarts(x, scope, model)
+            elif name == "terminate":
+                end = end or (_sentence(x), False)
+            elif name == "assert":
+                model.warn("this assert() stands in a when clause; it is not watched", x.at)
+            elif isinstance(x, (Equal, For, If)):
+                actions += [_action(e) for e in equations(x, scope)]
+            else:
+                raise ModelicaError("inside when equations, reinit() and terminate() are taken", x.at)
+        branches += _each(written, scope, model, tuple(actions), tuple(restarts), end)
+    return ScalarWhen(tuple(branches), node.at)
+
+
+def _action(e: Any) -> ScalarEquation:
+    if not isinstance(e, ScalarEquation):
+        raise ModelicaError("this action of a when clause is no equation; write if-expressions for one of two", e.at)
+    if not isinstance(e.left, Symbol):
+        raise ModelicaError("an equation inside when has a variable on its left", e.at)
+    if e.left.flat.kind in ("parameter", "constant"):
+        raise ModelicaError(f"'{e.left.flat.name}' is a {e.left.flat.kind}, which no event changes", e.at)
+    e.left.flat.kind = "discrete"
+    return e
+
+
+def _each(
+    written: SyntaxNode, scope: NameScope, model: Evaluator, actions: Any, restarts: Any, end: Any
+) -> Iterator[WhenBranch]:
+    """A vector of conditions acts when one of them becomes true, whatever the others are: as many branches."""
+    if not (actions or restarts or end):
+        return
+    for condition in entries(model.array(written, scope)):
+        yield WhenBranch(condition, actions, restarts, end, written.at)
+
+
+def _called(x: SyntaxNode) -> str:
+    return str(x.expression.reference) if isinstance(x, Calls) and isinstance(x.expression, FunctionCall) else ""
+
+
+def _restarts(x: Any, scope: NameScope, model: Evaluator) -> list[tuple[Any, Any]]:
+    given = x.expression.arguments
+    if len(given) != 2:
+        raise ModelicaError("reinit() takes a variable and its value", x.at)
+    left, right = (model.array(a, scope) for a in given)
+    if left.shape != right.shape:
+        raise ModelicaError(f"reinit() of shape {left.shape} takes a value of that shape; found {right.shape}", x.at)
+    return list(zip(entries(left), entries(right), strict=True))
+
+
+def _sentence(x: SyntaxNode) -> str:
+    """The text of terminate() or assert(), as far as it is one."""
+    call = x.expression if isinstance(x, Calls) else x
+    said = [*call.arguments, *call.named.values()] if isinstance(call, FunctionCall) else []
+    text = next((a.value for a in said if isinstance(a, Literal) and isinstance(a.value, str)), "")
+    return text.strip() or "the model ends the simulation"
+
+
+# assert
+
+
+def watched(node: FunctionCall, scope: NameScope, model: Evaluator) -> list[Any]:
+    """An assertion of a model: it ends the simulation where it ceases to hold. In an optimization, and where it only
+    warns, a remark. Raises ModelicaError where it does not hold whatever happens."""
+    given = dict(zip(("condition", "message", "level"), node.arguments, strict=False)) | node.named
+    if "condition" not in given:
+        raise ModelicaError("assert() takes a condition and a message", node.at)
+    condition = model.truth(given["condition"], scope)
+    if condition is True:
+        return []
+    level = given.get("level")
+    grave = level is None or not _is_warning(model.one(level, scope))
+    if condition is False and grave:
+        model.evaluate(node, scope)
+    if not grave:
+        model.warn("this assert() warns only; it is not watched", node.at)
+        return []
+    if model.horizon:
+        model.warn("this assert() speaks of variables; it is not watched", node.at)
+        return []
+    violated = operation("not", (condition,), node.at)
+    end = _sentence(node), True
+    start = Operation("and", (Operation("initial", (), node.at), violated), node.at)
+    return [ScalarWhen(tuple(WhenBranch(c, (), (), end, node.at) for c in (start, violated)), node.at, own=True)]
+
+
+def _is_warning(level: Any) -> bool:
+    return isinstance(level, EnumerationLiteral) and level.name == "warning"
+
+
+# algorithms
+
+
+def apart(body: Sequence[SyntaxNode], scope: NameScope, model: Evaluator) -> tuple[list[SyntaxNode], list[Any]]:
+    """The statements of an algorithm section that hold at every time, and its when clauses and assertions.
+
+    Raises ModelicaError for a section that mixes what happens at an instant with what holds always.
+    """
+    result: list[Any] = []
+    always: list[SyntaxNode] = []
+    whens: list[WhenEquation] = []
+    for x in body:
+        if isinstance(x, WhenEquation):
+            whens.append(x)
+        elif isinstance(x, Calls) and _called(x) == "assert":
+            assert isinstance(x.expression, FunctionCall)
+            result += watched(x.expression, scope, model)
+        else:
+            always.append(x)
+    if whens and always:
+        raise ModelicaError("an algorithm section with when holds nothing else; write two sections", always[0].at)
+    names = [{n for _, inside in w.branches for n in _assigned(inside)} for w in whens]
+    before: set[str] = set()
+    for n, when in enumerate(whens):
+        if again := names[n] & before:
+            raise ModelicaError(f"'{min(again)}' is assigned by two when clauses; write elsewhen", when.at)
+        result.append(_of_algorithm(when, set().union(*names[n:]), names[n], scope, model))
+        before |= names[n]
+    return always, result
+
+
+def _assigned(body: Sequence[Any]) -> Iterator[str]:
+    """Names that statements assign."""
+    for x in body:
+        if isinstance(x, Assign):
+            for target in x.targets:
+                if isinstance(target, Reference):
+                    first, *rest = target.parts
+                    if rest:
+                        raise ModelicaError("a when clause of an algorithm assigns variables of its own class", x.at)
+                    yield first.name
+        elif isinstance(x, If):
+            for _, inside in x.branches:
+                yield from _assigned(inside)
+            yield from _assigned(x.otherwise or ())
+        elif isinstance(x, For):
+            yield from _assigned(x.body)
+
+
+def _of_algorithm(when: WhenEquation, later: set[str], own: set[str], scope: NameScope, model: Evaluator) -> ScalarWhen:
+    """A when clause between statements: what it assigns has, until then, the value before the event."""
+    if model.horizon:
+        raise ModelicaError("an optimization has no when; events come into one by gt.phases_of_events", when.at)
+    symbols = {n: model.reference(Reference(when.at, (ReferencePart(n, None),)), scope) for n in sorted(later)}
+    for name, value in symbols.items():
+        if not isinstance(value, np.ndarray) or not all(isinstance(x, Symbol) for x in entries(value)):
+            raise ModelicaError(f"'{name}' is no variable that a when clause can assign", when.at)
+        for x in entries(value) if name in own else ():
+            _action(ScalarEquation(x, x, when.at))
+    earlier = {n: array([_pre(x, when.at) for x in entries(v)], v.shape) for n, v in symbols.items()}
+    branches: list[WhenBranch] = []
+    for written, body in when.branches:
+        inside = NameScope(scope.instance, scope.space, model, {**scope.locals, **earlier})
+        ends = [x for x in body if _called(x) == "terminate"]
+        for x in body:
+            if _called(x) == "assert":
+                model.warn("this assert() stands in a when clause; it is not watched", x.at)
+        functions.carry_out([x for x in body if _called(x) not in ("terminate", "assert")], inside, model)
+        actions = tuple(
+            _action(ScalarEquation(s, v, written.at))
+            for name in sorted(own)
+            for s, v, old in _changed(symbols[name], inside.locals[name], earlier[name], written.at)
+            if v is not old
+        )
+        conditions = NameScope(scope.instance, scope.space, model, {**scope.locals, **earlier})
+        branches += _each(written, conditions, model, actions, (), (_sentence(ends[0]), False) if ends else None)
+    return ScalarWhen(tuple(branches), when.at)
+
+
+def _changed(symbols: Values, new: Any, old: Values, at: Place) -> Iterator[tuple[Any, Any, Any]]:
+    if not isinstance(new, np.ndarray) or new.shape != symbols.shape:
+        raise ModelicaError("an assignment of a when clause has another shape than its variable", at)
+    yield from zip(entries(symbols), entries(new), entries(old), strict=True)
+
+
+def _pre(x: Any, at: Place) -> Any:
+    return x if is_literal(x) else Operation("pre", (x,), at)
