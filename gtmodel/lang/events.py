@@ -260,7 +260,7 @@ def terminate(sentence: str, *, failed: bool = False) -> Termination:
     ...         yield gt.der(self.v) == -10.0
     ...         yield gt.when(self.h <= 0.0, gt.terminate("it is on the ground"))
     >>> run = gt.simulate(Stone(), 3.0)
-    >>> run.status.value, round(run.trajectory.time[-1], 9)  # sqrt(2 h / g)
+    >>> run.status.value, round(float(run.trajectory.time[-1]), 9)  # sqrt(2 h / g)
     ('solved', 1.0)
     """
     if not isinstance(sentence, str) or not sentence.strip():
