@@ -216,6 +216,20 @@ static int settable(const gt_fmu *f, unsigned char kind)
     return f->data.mode & modes;
 }
 
+#ifdef GT_FMU_PARAMETERS
+int gt_fmu_within(unsigned int reference, double value)
+{
+    const unsigned int first = (unsigned int)GT_FMU_FIRST_PARAMETER;
+    const double *limits;
+
+    if ((reference < first) || (reference >= (first + (unsigned int)GT_FMU_PARAMETERS))) {
+        return 1;
+    }
+    limits = gt_fmu_limits[reference - first];
+    return ((value >= limits[0]) && (value <= limits[1])) ? 1 : 0;
+}
+
+#endif /* GT_FMU_PARAMETERS */
 /* What begins with parameters begins anew when one is set during initialisation; no start with them, no change. */
 static gt_fmu_result begun(gt_fmu *f, const unsigned int *references, size_t n, const double *values)
 {
@@ -253,6 +267,12 @@ gt_fmu_result gt_fmu_set(gt_fmu *f, const unsigned int *references, size_t n, co
         if (!(fabs(values[k]) <= DBL_MAX)) {
             return gt_fmu_refuse(f, GT_FMU_ERROR, "SetFloat64", gt_status_sentence(GT_NOT_FINITE));
         }
+#ifdef GT_FMU_PARAMETERS
+        if (gt_fmu_within(references[k], values[k]) == 0) {
+            return gt_fmu_refuse(f, GT_FMU_ERROR, "SetFloat64",
+                                 "this parameter is below its least value or above its greatest one");
+        }
+#endif /* GT_FMU_PARAMETERS */
         fixed |= (gt_fmu_kinds[references[k]] == GT_FMU_FIXED) ? 1 : 0;
     }
     if ((fixed != 0) && (f->data.mode == (int)GT_FMU_INITIALIZATION)) {
@@ -509,6 +529,17 @@ gt_fmu_result gt_fmu_unpack(const gt_fmu *f, const unsigned char *bytes, size_t 
         (there.mode < (int)GT_FMU_INSTANTIATED) || (there.mode > (int)GT_FMU_TERMINATED) || ((there.mode & (there.mode - 1)) != 0)) {
         return gt_fmu_refuse(f, GT_FMU_ERROR, call, "these bytes are a broken state");
     }
+#ifdef GT_FMU_PARAMETERS
+    {
+        unsigned int k;
+
+        for (k = 0U; k < (unsigned int)GT_FMU_REALS; k++) {
+            if (gt_fmu_within(k, there.v[k]) == 0) {
+                return gt_fmu_refuse(f, GT_FMU_ERROR, call, "a parameter in this state is outside of its limits");
+            }
+        }
+    }
+#endif /* GT_FMU_PARAMETERS */
     *data = there;
     return GT_FMU_OK;
 }

@@ -103,6 +103,10 @@ gt_fmu_result gt_fmu_unpack(const gt_fmu *f, const unsigned char *bytes, size_t 
 gt_fmu_result gt_fmu_log(gt_fmu *f, int on, size_t n, const char *const *categories);
 /* Whether a call that ends so is said. */
 int gt_fmu_is_said(const gt_fmu *f, gt_fmu_result result);
+#ifdef GT_FMU_PARAMETERS
+/* Whether a number is between the limits of the parameter of the model that it is set to; of others: yes. */
+int gt_fmu_within(unsigned int reference, double value);
+#endif /* GT_FMU_PARAMETERS */
 /* Says a sentence, with the name of the call. */
 gt_fmu_result gt_fmu_refuse(const gt_fmu *f, gt_fmu_result result, const char *call, const char *sentence);
 /* A copy of a text; 0 without memory. */

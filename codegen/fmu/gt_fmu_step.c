@@ -14,6 +14,9 @@
 #define MOST_PARTS 1e7
 /* Two times that differ by less than this, over their size or one second, are the same. */
 #define SAME_TIME 1e-9
+/* and less than this of a step, as of one that was left out late in a run; but for a few roundings of the time. */
+#define SAME_STEP 1e-3
+#define ROUNDED (4.0 * DBL_EPSILON)
 /* A step that ends within this part of a period, or half its length, behind a sample ends at it: what an importer adds
  * up is off by up to n^2 h 1e-16 behind n steps h. */
 #define SAME_SAMPLE 1e-3
@@ -56,6 +59,27 @@ static gt_status current(gt_fmu_data *d, double time)
     return status;
 }
 
+#ifdef GT_FMU_PARAMETERS
+/* No status of a function: a part that is too long. */
+#define TOO_LONG ((gt_status)100)
+
+/* The longest part was chosen at the start values of parameters; others may make it too long. Whether one of length h
+ * ends too far from where a method of order 3 does, over the size of a state or one: that takes the rates at the end in
+ * place of the fourth ones, and costs nothing. */
+static int is_rough(double h, const double *y, const double *fourth, const double *last)
+{
+    int rough = 0;
+    int i;
+
+    for (i = 0; i < GT_FMU_STATES; i++) {
+        const double off = fabs((h / 6.0) * (fourth[i] - last[i]));
+
+        rough |= (off <= (GT_FMU_PART_ERROR * fmax(1.0, fabs(y[i])))) ? 0 : 1;
+    }
+    return rough;
+}
+
+#endif /* GT_FMU_PARAMETERS */
 /* One part of length h from a point whose outputs are up to date; all is written with GT_OK only. */
 static gt_status part(gt_fmu_data *d, double h, double end)
 {
@@ -101,6 +125,11 @@ static gt_status part(gt_fmu_data *d, double h, double end)
         return GT_NOT_FINITE;
     }
     status = rates(d, v, y, k[0], &tried);
+#ifdef GT_FMU_PARAMETERS
+    if ((status == GT_OK) && (is_rough(h, y, k[3], k[0]) != 0)) {
+        status = TOO_LONG;
+    }
+#endif /* GT_FMU_PARAMETERS */
     if (status == GT_OK) {
         gt_copy(d->v, v, GT_FMU_REALS);
         d->kept = tried;
@@ -128,6 +157,12 @@ static gt_status sample(gt_fmu_data *d)
         d->samples++;
     }
     return status;
+}
+
+/* How far apart two times may be that are meant to be the same, between steps of length h. */
+static double slack(double time, double h)
+{
+    return fmax(fmin(SAME_TIME * fmax(1.0, fabs(time)), SAME_STEP * h), ROUNDED * fabs(time));
 }
 
 static gt_fmu_result ended(const gt_fmu *f, gt_status status, const char *call)
@@ -187,13 +222,13 @@ gt_fmu_result gt_fmu_advance(gt_fmu *f, double from, double h, double *reached)
     if (gt_fmu_in(f, (int)GT_FMU_STEPPING, call) != GT_FMU_OK) {
         return GT_FMU_ERROR;
     }
-    if (!(fabs(from - start) <= (SAME_TIME * fmax(1.0, fabs(start))))) {
-        return gt_fmu_refuse(f, GT_FMU_ERROR, call, "the step does not begin where the last one ended");
-    }
-    if (!(h > 0.0) || !(h <= (MOST_PARTS * finest)) || !((from + h) > start)) {
+    if (!(h > 0.0) || !(h <= (MOST_PARTS * finest))) {
         return gt_fmu_refuse(f, GT_FMU_ERROR, call, "the length of the step is not positive, or far too large");
     }
-    if (!((from + h) <= (d->stop + (SAME_TIME * fmax(1.0, fabs(d->stop)))))) {
+    if (!(fabs(from - start) <= slack(start, h)) || !((from + h) > start)) {
+        return gt_fmu_refuse(f, GT_FMU_ERROR, call, "the step does not begin where the last one ended");
+    }
+    if (!((from + h) <= (d->stop + slack(d->stop, h)))) {
         return gt_fmu_refuse(f, GT_FMU_ERROR, call, "the step ends past the stop time");
     }
     *reached = start;
@@ -217,6 +252,14 @@ gt_fmu_result gt_fmu_advance(gt_fmu *f, double from, double h, double *reached)
             *reached = d->v[0];
         }
     }
+#ifdef GT_FMU_PARAMETERS
+    if (status == TOO_LONG) {
+        d->last = (int)GT_NOT_CONVERGED;
+        d->reached = *reached;
+        return gt_fmu_refuse(f, GT_FMU_DISCARD, call,
+                             "the step inside is too long for these parameters or inputs; take shorter steps");
+    }
+#endif /* GT_FMU_PARAMETERS */
     d->last = (int)status;
     if (status == GT_OK) {
         *reached = d->v[0];

@@ -132,6 +132,8 @@ def samples_of(f: CausalFunction, pairs: Sequence[tuple[int, int]]) -> np.ndarra
         if pair in position:
             # six digits: the noise of another linear algebra library must not reach the generated text
             values[:, column] = [float(f"{x:.6g}") for x in f.plan.samples[:, position[pair]]]
+        elif f.flat.variables[pair[0]].role == "parameter":  # kept as an input, at its own value
+            values[:, column] = f.flat.variables[pair[0]].start or 0.0
     return values
 
 

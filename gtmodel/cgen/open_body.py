@@ -103,7 +103,7 @@ def open_body(f: CausalFunction, symbol: str) -> OpenBody | None:
     """The body for the C name `symbol`, or None where the model has no equal parts or is solved in another way with
     their numbers as symbols."""
     flat, lanes = f.flat, part_numbers(f.flat)
-    if not lanes:
+    if not lanes or f.plan.numbers is not None:  # numbers of parts may be inputs
         return None
     numbers = [q.symbol if index in lanes else ca.SX(q.value) for index, q in enumerate(flat.parameters)]
     known = [i for _, _, indices in f.groups for i in indices]

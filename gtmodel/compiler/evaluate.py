@@ -74,7 +74,7 @@ def build(
                 residual=ca.Function(f"{name}_r{k}", [z, a], ca.cse([r, ca.densify(ca.jacobian(r, z))])),
                 sensitivity=ca.Function(f"{name}_s{k}", [z, a], [ca.densify(ca.jacobian(r, a))]),
                 z0=_sample(plan, z),
-                a0=_sample(plan, a, parametric),
+                a0=_sample(plan, a),
                 scale=block.scale,
                 label=", ".join(block.labels),
             )
@@ -94,11 +94,11 @@ def _distinct(names: Sequence[str], taken: Sequence[str] = ()) -> list[str]:
     return distinct
 
 
-def _sample(plan: CausalPlan, column: ca.SX, parametric: bool = False) -> np.ndarray:
+def _sample(plan: CausalPlan, column: ca.SX) -> np.ndarray:
     """Values of a column of symbols at the first sample point and its time; parameters at their values."""
     flat = plan.flat
     known = {pair: n for n, pair in enumerate(plan.pairs)}
-    parameters = {q.symbol.element_hash(): q.value for q in flat.parameters} if parametric else {}
+    parameters = {q.symbol.element_hash(): q.value for q in flat.parameters}
     parameters[flat.scope.time.element_hash()] = plan.sampler.time
     values = []
     for s in ca.vertsplit(column):

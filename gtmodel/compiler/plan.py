@@ -37,7 +37,8 @@ class CausalPlan:
     symbols that stand for the parameters in the blocks. `conditions` are equations among the elements of one known
     variable, which its values must satisfy, `on_known` these with those of their derivatives that concern what is
     read; `undetermined` variables have too few equations, but no target needs them. `moved` are start values that gave
-    way to the equations. `sides` are branches that show where Newton's answers lie.
+    way to the equations. `sides` are branches that show where Newton's answers lie. `numbers`: where this plan holds
+    parameters as symbols, the one with numbers in their place, which says how large inputs may be.
     """
 
     flat: FlatModel
@@ -59,6 +60,7 @@ class CausalPlan:
     undetermined: list[int] = field(default_factory=list)
     moved: list[Moved] = field(default_factory=list)
     sides: list[Margin] = field(default_factory=list)
+    numbers: CausalPlan | None = None
 
     @property
     def newton(self) -> list[NewtonBlock]:

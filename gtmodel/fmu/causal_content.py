@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from ..cgen.generation import contents
@@ -10,6 +11,7 @@ from ..cgen.interface import Interface, interfaces
 from ..compiler.causal import CausalFunction, c_name
 from ..results.refusal import ArgumentError
 from .content import FmuContent
+from .parameters import with_parameters
 from .table import FmuTable, FmuVariable, fmi_name, texts_of, unused
 from .tangents import depends, tangents
 from .with_states import WithStates, starts, with_states
@@ -26,8 +28,10 @@ def causal_content(
     title: str = "",
     start: Mapping[str, Sequence[float] | float] | None = None,
     tunable: Collection[str] = (),
+    parameters: Sequence[str] = (),
     hold: bool = False,
     step: float = 1e-3,
+    part_error: float = 0.0,
     stop: float = 1.0,
     provenance: Mapping[str, str] | None = None,
 ) -> tuple[FmuContent, WithStates]:
@@ -42,12 +46,17 @@ def causal_content(
     if unknown:
         known = ", ".join(s.name for s in made.known)
         raise ArgumentError(f"'{unknown[0]}' is no known variable of it; there are {known}", "tunable")
+    begin = starts(made, start or {})
+    if parameters:
+        function, kept = with_parameters(made.function, parameters)
+        made = replace(made, function=function, parameters=kept)
     (face,) = interfaces({KEY: made.function}, name)
-    builder = _Table(made, face, starts(made, start or {}), tunable, hold)
+    builder = _Table(made, face, begin, tunable, hold)
     table = FmuTable(
         name, title or f.flat.title, builder.variables, builder.dependencies(),
         [builder.place[p] for p in builder.states],
         [builder.rate(p) for p in builder.states], step=step, stop=stop, remembers=bool(face.newton), hold=hold,
+        parameters=[builder.place[p] for s in made.parameters for p in s.pairs], part_error=part_error,
     )  # fmt: skip
     exact = tangents(made.function, face, name)
     texts = contents([face], name, dict(provenance or {}))
@@ -109,6 +118,9 @@ class _Table:
             role = "tunable" if s.name in tunable else "input"
             for p in s.pairs:
                 self.place[p] = self._signal(p, role, start=start[p])
+        for i, k in (p for s in made.parameters for p in s.pairs):
+            v = self.f.flat.variables[i]
+            self.place[i, k] = self._signal((i, k), "tunable", start=v.start, least=v.min, most=v.max)
         self.guess = len(self.variables)
         home = iter([x for stage in face.newton for x in stage.home])
         for m in face.state:

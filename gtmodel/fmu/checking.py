@@ -26,10 +26,12 @@ from ..results.check import Check, at_least, at_most
 from ..results.status import Status
 from .caller import UnitCaller
 from .export import Fmu
-from .table import fmi_name, texts_of
+from .table import FmuVariable, fmi_name, texts_of
 
 POINTS = 1000
 LONGEST_RUN = 50  # communication steps that FMPy simulates
+SPREAD, NEAREST = 0.5, 1e-4  # of parameters at random points, over their start values, and which part of it at least
+NUDGE = 0.01  # the same in a run and in CasADi
 IMPORT_NEAR = 1e-12  # of CasADi's import, over the largest number or one
 WITHOUT_FMPY = (
     "there is no FMPy on this machine: schema, validator and simulation were left out; install it by "
@@ -95,9 +97,14 @@ def _values(unit: Fmu, f: CausalFunction, caller: UnitCaller, points: int, seed:
     """At random inputs: values bit for bit, and whether there is an answer."""
     (face,) = interfaces({"model": f}, unit.table.name)
     rows = draw(face, points, seed)
+    settings_of = [p for s in f.inputs for p in s.pairs]
+    for v in unit.table.numbers:
+        if v.reference in unit.table.parameters:
+            column = [_name(f, p) for p in settings_of].index(v.name)
+            rows[:, column] = other_values(v, points, seed)
     expected, wanted = evaluate(face, rows)
     names = _names(unit)
-    settings = [names[_name(f, p)] for s in f.inputs for p in s.pairs]
+    settings = [names[_name(f, p)] for p in settings_of]
     columns = list(range(len(settings)))
     guesses = [v.reference for v in unit.table.variables if v.role == "fixed"]
     columns += [face.input_size + k for k in range(len(guesses))]
@@ -122,6 +129,15 @@ def _values(unit: Fmu, f: CausalFunction, caller: UnitCaller, points: int, seed:
         "statuses_different": at_most(int(statuses), 0, f"of {points} points"),
         "points_ok": at_least(int(good), 1, f"of {points} random points"),
     }
+
+
+def other_values(v: FmuVariable, n: int, seed: int) -> np.ndarray:
+    """Values (n,) of a parameter about its start, within its limits. In each row all are drawn with one spread:
+    Newton's method goes to other lengths of a robot only where these are near."""
+    start = float(v.start or 0.0)
+    spread = SPREAD * NEAREST ** np.random.default_rng(seed).random(n)
+    drawn = start + spread * (abs(start) or 1.0) * np.random.default_rng([seed, v.reference]).uniform(-1.0, 1.0, n)
+    return np.clip(drawn, v.least, v.most)
 
 
 def _steps(unit: Fmu, f: StepFunction, caller: UnitCaller, points: int, seed: int) -> dict[str, Check]:
@@ -172,31 +188,56 @@ def _by_fmpy(unit: Fmu, place: Path) -> dict[str, Check]:
     stop = min(unit.table.stop, LONGEST_RUN * fixed)
     failed: list[str] = []
     for kind in ("ModelExchange", "CoSimulation"):
-        try:
-            with contextlib.redirect_stdout(io.StringIO()):
-                fmpy.simulate_fmu(str(path), fmi_type=kind, stop_time=stop, output_interval=fixed)
-        except Exception as error:
-            failed.append(f"{kind}: {error}")
+        for values in _settings(unit):
+            try:
+                with contextlib.redirect_stdout(io.StringIO()):
+                    fmpy.simulate_fmu(
+                        str(path), fmi_type=kind, stop_time=stop, output_interval=fixed, start_values=values
+                    )
+            except Exception as error:
+                failed.append(f"{kind}{' at other parameters' if values else ''}: {error}")
     return {
         "validator_findings": at_most(len(problems), 0, "; ".join(problems) or "schema and validator of FMPy"),
         "runs_failed": at_most(len(failed), 0, "; ".join(failed) or "model exchange and co-simulation by FMPy"),
     }
 
 
+def _settings(unit: Fmu) -> list[dict[str, float]]:
+    """Values of parameters that are set: none, and, where the model has some, others than those of the start."""
+    kept = [unit.table.variables[r] for r in unit.table.parameters]
+    others = {v.name: float(np.clip(float(v.start or 0.0) * (1.0 + NUDGE), v.least, v.most)) for v in kept}
+    return [{}, others] if others else [{}]
+
+
 def _by_casadi(unit: Fmu, f: CausalFunction, place: Path) -> dict[str, Check]:
-    """Rates and outputs at the start by CasADi's importer."""
+    """Rates and outputs at the start by CasADi's importer, with other parameters too."""
     folder = place / "casadi"
     with zipfile.ZipFile(io.BytesIO(unit.data)) as archive:
         archive.extractall(folder)
+    far = 0.0
+    for values in _settings(unit):
+        try:
+            far = max(far, _imported(unit, f, folder, values))
+        except RuntimeError as error:
+            return {"import_failed": at_most(1, 0, str(error).splitlines()[0])}
+    return {"import_difference": at_most(far, IMPORT_NEAR, "of numbers by CasADi's import, over the largest or one")}
+
+
+def _imported(unit: Fmu, f: CausalFunction, folder: Path, values: Mapping[str, float]) -> float:
+    """How far CasADi's numbers are from the function's where these parameters are set."""
     variables = {v.name: v for v in unit.table.variables}
-    try:
-        builder: Any = ca.DaeBuilder(unit.table.name, str(folder))
-        imported = builder.create("imported", ["x", "u"], ["ode", "y"])
-        starts = [[float(variables[n].start or 0.0) for n in group] for group in (builder.x(), builder.u())]
-        got = np.concatenate([np.array(part).ravel() for part in imported(*starts)])
-    except RuntimeError as error:
-        return {"import_failed": at_most(1, 0, str(error).splitlines()[0])}
-    arguments = [np.array([variables[_name(f, p)].start for p in s.pairs], float).reshape(s.shape) for s in f.inputs]
+    builder: Any = ca.DaeBuilder(unit.table.name, str(folder))
+    if values:  # once and for all: CasADi would set them as inputs in the mode of the solver, which takes none
+        builder.set(list(values), list(values.values()))
+    imported = builder.create("imported", ["x", "u"], ["ode", "y"])
+    starts = [[float(variables[n].start or 0.0) for n in group] for group in (builder.x(), builder.u())]
+    got = np.concatenate([np.array(part).ravel() for part in imported(*starts)])
+
+    def given(p: tuple[int, int]) -> float:
+        name = _name(f, p)
+        return float(values.get(name, variables[name].start or 0.0))
+
+    arguments = [np.array([given(p) for p in s.pairs]).reshape(s.shape) for s in f.inputs]
     *results, _ = f(*arguments, *([0.0] if f.plan.uses_time else []))
     numbers = {
         _name(f, p): float(x)
@@ -210,5 +251,4 @@ def _by_casadi(unit: Fmu, f: CausalFunction, place: Path) -> dict[str, Check]:
     behind = {v.name: flat[k] for k, v in enumerate(table.of("output"))}
     wanted = [wanted[k] for k in order] + [behind[n] for n in builder.y()]
     scale = max(1.0, float(np.max(np.abs(wanted), initial=0.0)))
-    far = float(np.max(np.abs(got - np.array(wanted)), initial=0.0)) / scale
-    return {"import_difference": at_most(far, IMPORT_NEAR, "of numbers by CasADi's import, over the largest or one")}
+    return float(np.max(np.abs(got - np.array(wanted)), initial=0.0)) / scale

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -12,6 +14,9 @@ KINDS = {
     "time": "GT_FMU_TIME", "input": "GT_FMU_INPUT", "fixed": "GT_FMU_FIXED", "tunable": "GT_FMU_TUNABLE",
     "state": "GT_FMU_STATE", "derivative": "GT_FMU_COMPUTED", "output": "GT_FMU_COMPUTED",
 }  # fmt: skip
+
+
+_OF_PARAMETERS = re.compile(r"^#ifdef GT_FMU_PARAMETERS\n.*?^#endif /\* GT_FMU_PARAMETERS \*/\n", re.M | re.S)
 
 
 @dataclass(frozen=True)
@@ -67,6 +72,7 @@ def _header(content: FmuContent, token: str) -> str:
             comment(["Continuous states from and to the values, and their rates."]),
             "void gt_fmu_gather(const double *v, double *x);\nvoid gt_fmu_scatter(double *v, const double *x);\n"
             "void gt_fmu_rates(const double *v, double *dx);\n",
+            *_about_parameters(t),
             comment(["What is remembered at the start."]),
             "gt_status gt_fmu_begin(gt_fmu_memory *memory, const double *v);\n",
             comment(["What is computed; written with GT_OK only."]),
@@ -94,6 +100,7 @@ def _source(content: FmuContent) -> str:
             _array("const double gt_fmu_start", [decimal(v.start or 0.0) for v in t.numbers]),
             _array("const int gt_fmu_start_integers", [str(v.start or 0) for v in t.integers]),
             _array("const double gt_fmu_nominals", nominals),
+            *_limits(t),
             "\nvoid gt_fmu_gather(const double *v, double *x)\n{\n",
             _moved(t.states, lambda k, n: f"x[{k}] = v[{n}];", "v", "x"),
             "}\n\nvoid gt_fmu_scatter(double *v, const double *x)\n{\n",
@@ -104,6 +111,33 @@ def _source(content: FmuContent) -> str:
             content.functions,
         ]
     )
+
+
+def _about_parameters(t: FmuTable) -> list[str]:
+    if not t.parameters:
+        return []
+    return [
+        comment(["Parameters of the model that can be set, with their limits; largest error of one part of a step."]),
+        f"#define GT_FMU_PARAMETERS {len(t.parameters)}\n#define GT_FMU_FIRST_PARAMETER {t.parameters[0]}\n",
+        f"#define GT_FMU_PART_ERROR {decimal(t.part_error)}\n",
+        "extern const double gt_fmu_limits[GT_FMU_PARAMETERS][2];\n",
+    ]
+
+
+def without_parameters(text: str) -> str:
+    """C of the runtime for a unit whose model has no parameters that can be set."""
+    return _OF_PARAMETERS.sub("", text)
+
+
+def _limits(t: FmuTable) -> list[str]:
+    """Least and greatest values; what has none takes every double."""
+    if not t.parameters:
+        return []
+    largest = sys.float_info.max
+    rows = [[max(t.variables[r].least, -largest), min(t.variables[r].most, largest)] for r in t.parameters]
+    pairs = [f"{{{decimal(low)}, {decimal(high)}}}" for low, high in rows]
+    text = ",\n    ".join(pairs)
+    return [f"const double gt_fmu_limits[{len(rows)}][2] = {{\n    {text}\n}};\n"]
 
 
 def _array(declarator: str, values: Sequence[str]) -> str:

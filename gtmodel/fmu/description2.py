@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from .._version import __version__
 from .description3 import CAUSALITY
 from .table import FmuTable, FmuVariable
-from .xml_text import HEAD, LICENSE, element, listed, log_categories, unit_elements
+from .xml_text import HEAD, LICENSE, element, limits, listed, log_categories, unit_elements
 
 
 def description2(table: FmuTable, token: str, files: Sequence[str]) -> str:
@@ -48,6 +48,7 @@ def _variable(v: FmuVariable) -> str:
         "derivative": None if v.of_state is None else v.of_state + 1,
         "nominal": v.nominal if v.role == "state" and v.nominal != 1.0 else None,
         "start": None if computed else v.start,
+        **limits(v),
     }
     attributes = {
         "name": v.name,
@@ -61,8 +62,12 @@ def _variable(v: FmuVariable) -> str:
 
 
 def _structure(table: FmuTable) -> list[str]:
-    def one(reference: int) -> str:
-        on = [r + 1 for r in table.dependencies.get(reference, [reference])]
+    constant = {v.reference for v in table.of("fixed", "tunable")}
+
+    def one(reference: int, initial: bool) -> str:
+        # in 2.0 parameters are knowns of what is initial only
+        known = table.dependencies.get(reference, [reference])
+        on = [r + 1 for r in known if initial or r not in constant]
         return element("Unknown", {"index": reference + 1, "dependencies": listed(on)})
 
     outputs = table.of("output")
@@ -73,4 +78,8 @@ def _structure(table: FmuTable) -> list[str]:
         "Derivatives": list(table.rates),
         "InitialUnknowns": sorted(unknown),
     }
-    return [element(name, {}, [one(r) for r in references]) for name, references in parts.items() if references]
+    return [
+        element(name, {}, [one(r, name == "InitialUnknowns") for r in references])
+        for name, references in parts.items()
+        if references
+    ]

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from .._version import __version__
 from .table import FmuTable, FmuVariable
-from .xml_text import HEAD, LICENSE, element, listed, log_categories, unit_elements
+from .xml_text import HEAD, LICENSE, element, limits, listed, log_categories, unit_elements
 
 CAUSALITY = {
     "time": "independent", "input": "input", "fixed": "parameter", "tunable": "parameter", "state": "local",
@@ -64,6 +64,7 @@ def _variable(v: FmuVariable) -> str:
         "derivative": v.of_state,
         "nominal": v.nominal if v.role == "state" and v.nominal != 1.0 else None,
         "start": None if computed else v.start,
+        **limits(v),
     }
     return element("Int32" if v.integer else "Float64", attributes)
 

@@ -20,7 +20,7 @@ from ..lang.model import Model
 from ..results.refusal import ArgumentError
 from .archive import archive, is_ours
 from .causal_content import causal_content
-from .content import FmuContent, model_files
+from .content import FmuContent, model_files, without_parameters
 from .description2 import description2
 from .description3 import build_description3, description3
 from .inner_step import step_and_error
@@ -66,6 +66,7 @@ def export(
     title: str = "",
     start: Mapping[str, Sequence[float] | float] | None = None,
     tunable: str | Collection[str] = (),
+    parameters: str | Sequence[str] = (),
     on_fault: Literal["discard", "hold"] = "discard",
     step: float | None = None,
     tolerance: float = TOLERANCE,
@@ -84,6 +85,10 @@ def export(
         start: values of inputs and states at the start by name, in SI; else the home pose or declared starts,
             at rest, held by its inputs; states that have neither, such as those of filters, want one.
         tunable: names of known variables that become tunable parameters.
+        parameters: names of parameters of the model that stay tunable parameters, as "m_p" or "coulomb[0]", with the
+            model's values as start, its units and limits; the others are folded into the code. States stay as they are
+            when one is set. With states each part of a step inside is checked, since a step that is short enough for
+            the start may be too long for other values: `DoStep` then ends with Discard.
         on_fault: "discard" where there is no answer, as the standard has it; "hold" keeps the outputs and says so in an
             integer output `status`, for functions without states only.
         step: longest step of the integrator inside [s], where there are states; None: the longest of 1 ms, 0.5 ms,
@@ -99,6 +104,9 @@ def export(
     >>> unit = gt.fmu.export(robot, None, known="q", targets="T", name="l1_fk")
     >>> [v.name for v in unit.table.of("output")]
     ['T[1]', 'T[2]', 'T[3]']
+    >>> unit = gt.fmu.export(robot, None, known="T", targets="tau", parameters=["m_p"], name="l1_inverse_dynamics")
+    >>> [(v.name, v.unit, v.start) for v in unit.table.of("tunable")]
+    [('m_p', 'kg', 9.13)]
     """
     if not isinstance(what, (CausalFunction, StepFunction, Model)):
         raise ArgumentError(
@@ -128,7 +136,8 @@ def export(
         check_names({own: what}, box)
         box_of(what, box)
     tunable = [tunable] if isinstance(tunable, str) else tunable
-    content, function = _content(what, own, title, start, tunable, on_fault, step, tolerance, stop, provenance)
+    kept = [parameters] if isinstance(parameters, str) else list(parameters)
+    content, function = _content(what, own, title, start, tunable, kept, on_fault, step, tolerance, stop, provenance)
     unit = _unit(content, function, version, box or {})
     if place is not None:
         try:
@@ -147,6 +156,7 @@ def _content(
     title: str,
     start: Mapping[str, Sequence[float] | float] | None,
     tunable: Collection[str],
+    parameters: Sequence[str],
     on_fault: str,
     step: float | None,
     tolerance: float,
@@ -154,16 +164,18 @@ def _content(
     provenance: Mapping[str, str] | None,
 ) -> tuple[FmuContent, CausalFunction | StepFunction]:
     if isinstance(what, StepFunction):
+        if parameters:
+            raise ArgumentError("the numbers of a step function are part of its code; leave it out", "parameters")
         if start or tunable or on_fault != "discard" or step is not None:
             raise ArgumentError("a step function has its own start and period; leave start, tunable, step out", "start")
         return step_content(what, name, title=title, stop=stop, provenance=provenance), what
     h, error = 1e-3, None
     made = with_states(what)
     if made.states:
-        h, error = step_and_error(made, starts(made, start or {}), step, tolerance, stop)
+        h, error = step_and_error(made, starts(made, start or {}), step, tolerance, stop, bool(parameters))
     content, made = causal_content(
-        what, name, title=title, start=start, tunable=tunable, hold=on_fault == "hold", step=h, stop=stop,
-        provenance=provenance,
+        what, name, title=title, start=start, tunable=tunable, parameters=parameters, hold=on_fault == "hold", step=h,
+        part_error=tolerance, stop=stop, provenance=provenance,
     )  # fmt: skip
     return replace(content, table=replace(content.table, error=error)), made.function
 
@@ -179,6 +191,7 @@ def _unit(
     place = codegen_dir() / "fmu"
     headers = {p.name: p.read_text(encoding="utf-8") for p in sorted((place / f"fmi{version}").glob("*.h"))}
     own = {f: (place / f).read_text(encoding="utf-8") for f in (*_CORE, *_OF_VERSION[version])}
+    own = own if table.parameters else {f: without_parameters(text) for f, text in own.items()}
     sources = {**content.files, **model_files(content, token), **own, **headers}
     compiled = sorted(f for f in sources if f.endswith(".c"))
     in_three, in_two = binary_places()

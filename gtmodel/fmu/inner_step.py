@@ -21,36 +21,44 @@ AWAY = 0.1
 
 
 def step_and_error(
-    made: WithStates, start: dict[Pair, float], step: float | None, tolerance: float, stop: float
+    made: WithStates, start: dict[Pair, float], step: float | None, tolerance: float, stop: float, guarded: bool = False
 ) -> tuple[float, float]:
     """The step [s] and its error: the largest difference of a state from a run in half the steps, over the size of the
     state or one, from the start to `stop`, or as far as there are answers, with inputs held a tenth of their size off
     the start, so that it moves.
 
     step: refused where its error is above `tolerance`; None: the longest of 1 ms, 0.5 ms, ... whose error is at most
-    1e-8; where friction is too sharp for that, the longest whose error is at most `tolerance`.
+    1e-8; where friction is too sharp for that, the longest whose error is at most `tolerance`. guarded: no part of it
+    may be rougher than `tolerance`, as the unit then judges it, see `_ends`.
     Raises ArgumentError also for a start from which there is no way to `stop`.
     """
     if step is not None and stop / step > MOST_STEPS:
         raise ArgumentError(f"{stop:g} s in steps of {step:g} s are more than {MOST_STEPS} steps", "step")
     start = {**start, **{p: start[p] + AWAY * max(1.0, abs(start[p])) for s in made.known for p in s.pairs if not p[1]}}
     tried = [step] if step is not None else [LONGEST / 2**k for k in range(HALVINGS)]
-    coarse = _ends(made, start, tried[0], stop)
-    error, good = math.inf, None
+    coarse, rough = _ends(made, start, tried[0], stop)
+    error, last, good = math.inf, math.inf, None
     aim = tolerance if step is not None else min(AIM, tolerance)
     for n, h in enumerate(tried):
-        fine = _ends(made, start, h / 2, stop)
+        fine, rough_half = _ends(made, start, h / 2, stop)
         shared = fine[::2][: len(coarse)]
         error = float(np.max(np.abs(shared - coarse[: len(shared)]) / np.maximum(1.0, np.abs(shared)), initial=0.0))
-        if error <= aim:
+        smooth = not guarded or rough <= tolerance
+        if error <= aim and smooth:
             return h, error
-        if error <= tolerance and good is None:
+        if error <= tolerance and smooth and good is None:
             good = h, error
         if good is not None and error / ORDER ** (len(tried) - n - 1) > aim:
             break
-        coarse = fine
+        coarse, last, rough = fine, rough, rough_half
     if good is not None:
         return good
+    if error <= tolerance:
+        raise ArgumentError(
+            f"one part of an inner step of {tried[-1]:g} s is off by {last:.1e}, more than {tolerance:g}; take a "
+            "smaller step, a larger tolerance, or smoother friction",
+            "step",
+        )
     raise ArgumentError(
         f"an inner step of {tried[-1]:g} s is off by {error:.1e} within {stop:g} s, more than {tolerance:g}; "
         "take a smaller step, a larger tolerance, or smoother friction",
@@ -58,8 +66,9 @@ def step_and_error(
     )
 
 
-def _ends(made: WithStates, start: dict[Pair, float], h: float, stop: float) -> np.ndarray:
-    """States (steps + 1, n) at the ends of equal steps, as far as there is an answer."""
+def _ends(made: WithStates, start: dict[Pair, float], h: float, stop: float) -> tuple[np.ndarray, float]:
+    """States (steps + 1, n) at the ends of equal steps, as far as there is an answer, and the largest difference of a
+    state, over its size or one, from one step of order 3, which takes the rates at its end in place of the fourth."""
     f, order = made.function, [p for s in made.states for p in s.pairs]
     place = {p: n for n, p in enumerate(order)}
     targets = {p: (n, k) for n, s in enumerate(f.outputs) for k, p in enumerate(s.pairs)}
@@ -76,9 +85,12 @@ def _ends(made: WithStates, start: dict[Pair, float], h: float, stop: float) -> 
     rows = [x]
     n = max(1, math.ceil(stop / h - 1e-9))
     h = stop / n
+    rough, k4 = 0.0, None
     for k in range(n):
         t = k * h
         k1 = rate(x, t)
+        if k1 is not None and k4 is not None:
+            rough = max(rough, float(np.max(np.abs(h / 6 * (k4 - k1)) / np.maximum(1.0, np.abs(x)), initial=0.0)))
         k2 = None if k1 is None else rate(x + h / 2 * k1, t + h / 2)
         k3 = None if k2 is None else rate(x + h / 2 * k2, t + h / 2)
         k4 = None if k3 is None else rate(x + h * k3, t + h)
@@ -88,7 +100,7 @@ def _ends(made: WithStates, start: dict[Pair, float], h: float, stop: float) -> 
         rows.append(x)
     if len(rows) < min(n, 4):
         raise ArgumentError("from the start there is no answer after the first steps; give another start", "start")
-    return np.array(rows)
+    return np.array(rows), rough
 
 
 def _results(f: CausalFunction, values: dict[Pair, float], t: float) -> list[np.ndarray] | None:

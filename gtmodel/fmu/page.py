@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 
 from .._version import __version__
 from ..compiler.causal import CausalFunction
 from ..results.status import Status
-from .table import FmuTable
+from .table import FmuTable, FmuVariable
 from .xml_text import escaped
 
 _STATUS = {
@@ -26,10 +27,12 @@ def page(
     notes: Sequence[str] = (),
 ) -> str:
     """The page; `notes`: what the statuses of a step function mean. `box`: where it was checked to answer."""
+    limited = ("least", "greatest") if table.parameters else ()
     variables = [
-        (v.reference, v.name, v.unit, v.role, "" if v.start is None else v.start, v.description)
+        (v.reference, v.name, v.unit, v.role, "" if v.start is None else v.start,
+         *(_interval(v) if limited else ()), v.description)
         for v in table.variables
-    ]
+    ]  # fmt: skip
     statuses = [(s.c_name, s.message, *_STATUS.get(s, _DISCARD)) for s in Status if s is not Status.STALE_INPUT]
     about = [
         f"Made by gtmodel {__version__}. All numbers are in SI units, angles in radians.",
@@ -46,7 +49,7 @@ def page(
         f"<h1>{escaped(table.title)}</h1>\n",
         *[f"<p>{escaped(text)}</p>\n" for text in about],
         "<h2>Variables</h2>\n",
-        _rows(("reference", "name", "unit", "what it is", "start", "description"), variables),
+        _rows(("reference", "name", "unit", "what it is", "start", *limited, "description"), variables),
         "<h2>Status</h2>\n",
         _rows(("status", "sentence", "model exchange", "co-simulation"), statuses),
     ]
@@ -57,10 +60,16 @@ def page(
             _rows(("input", "intervals"), rows),
         ]
     if function is not None:
-        parameters = [(q.name, repr(q.value), q.unit or "1") for q in function.flat.parameters]
+        names = {function.flat.variables[i].name for s in function.inputs for i, _ in s.pairs}
+        folded = [q for q in function.flat.parameters if q.name not in names]
+        parameters = [(q.name, repr(q.value), q.unit or "1") for q in folded]
         parts += ["<h2>Parameters, folded into the code</h2>\n", _rows(("name", "value", "unit"), parameters)]
     parts += ["<h2>Origin</h2>\n", _rows(("what", "value"), [("instantiation token", token), *hashes.items()])]
     return "".join([*parts, "</body>\n</html>\n"])
+
+
+def _interval(v: FmuVariable) -> list[object]:
+    return [x if math.isfinite(x) else "" for x in (v.least, v.most)]
 
 
 def _inside(table: FmuTable) -> list[str]:
@@ -70,6 +79,21 @@ def _inside(table: FmuTable) -> list[str]:
             f"Co-simulation inside: the method of Runge and Kutta in equal parts no longer than {table.step!r} s, "
             f"inputs held. Compared with half of that step over {table.stop!r} s from the start the largest error of "
             f"a state, over its size or one, is {table.error or 0.0:.1e}."
+        )
+    if table.parameters:
+        names = ", ".join(table.variables[r].name for r in table.parameters)
+        lines.append(
+            f"Parameters of the model that can be set: {names}. In model exchange before and in initialization mode "
+            "and in event mode, in co-simulation also between two steps; a number outside of its limits is an Error "
+            "and the old value stays. States stay as they are, and so do start values, such as those of inputs that "
+            "hold it: they belong to the start values of the parameters."
+        )
+    if table.parameters and table.states:
+        lines.append(
+            "The step of co-simulation inside was chosen at the start values of the parameters. Each part of it is "
+            f"compared with a method of order 3; where a state, over its size or one, is off by more than "
+            f"{table.part_error!r}, as where friction is made sharper, DoStep ends with Discard: shorter steps have "
+            "shorter parts."
         )
     if table.period:
         lines.append(

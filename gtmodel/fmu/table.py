@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -26,7 +27,8 @@ _INDEX = re.compile(r"\[(\d+(?:,\s*\d+)*)\]")
 class FmuVariable:
     """One scalar variable: its value reference, name, unit, what it is for.
 
-    start: where it can be set, and of what remembers; None of what is computed. of_state: of a derivative the value
+    least, most: of a parameter of the model; infinite where there is none. start: where it can be set, and of what
+    remembers; None of what is computed. of_state: of a derivative the value
     reference of the state whose rate it is. integer: a flag or a counter. sampled: it changes at samples only.
     """
 
@@ -40,6 +42,8 @@ class FmuVariable:
     nominal: float = 1.0
     integer: bool = False
     sampled: bool = False
+    least: float = -math.inf
+    most: float = math.inf
 
 
 @dataclass(frozen=True)
@@ -51,7 +55,8 @@ class FmuTable:
     step: largest step of the integrator inside [s]; stop: end of the default experiment [s]; period: of samples [s], 0
     where there are none. error: of the integrator inside, where there are states. derivatives: exact ones are offered.
     remembers: Newton's last solution is part of the state. hold: outputs are held where there is no answer, and an
-    integer output says so.
+    integer output says so. parameters: value references, in line, of the parameters of the model that can be set;
+    part_error: the largest error of one part of a step inside, where there are some.
     """
 
     name: str
@@ -67,6 +72,8 @@ class FmuTable:
     derivatives: bool = True
     remembers: bool = False
     hold: bool = False
+    parameters: Sequence[int] = ()
+    part_error: float = 0.0
 
     @property
     def numbers(self) -> list[FmuVariable]:

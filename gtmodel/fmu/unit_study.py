@@ -30,7 +30,10 @@ class FmuStudy(Study):
     folder: Annotated[str | None, Quantity("", "where the archives were written")] = None
     units: Annotated[
         Mapping[str, Mapping[str, Any]] | None,
-        Quantity("", "archive -> bytes, instantiation token, inputs, states, outputs, inner step [s] and its error"),
+        Quantity(
+            "",
+            "archive -> bytes, instantiation token, inputs, parameters, states, outputs, inner step [s] and its error",
+        ),
     ] = None
     written: Annotated[Sequence[str] | None, Quantity("", "files written, sorted", key="files")] = None
 
@@ -44,7 +47,9 @@ class FmuStudy(Study):
         """The table for people."""
         return [
             Row("folder", self.folder),
-            *[Row(name, f"{', '.join(u['outputs'])} from {', '.join(u['inputs']) or 'nothing'}; {u['bytes']} bytes")
+            *[Row(name, f"{', '.join(u['outputs'])} from {', '.join(u['inputs']) or 'nothing'}"
+                        f"{'; parameters ' if u.get('parameters') else ''}{', '.join(u.get('parameters', []))}"
+                        f"; {u['bytes']} bytes")
               for name, u in (self.units or {}).items()],
         ]  # fmt: skip
 
@@ -78,7 +83,7 @@ def study(
         also, write_failed, by, progress, max_seconds, stop: as in `gt.cgen.study`; archives that failed a check are
             written only where `write_failed`, with `.failed` in their names.
 
-    Raises ArgumentError for what cannot be exported.
+    Raises ArgumentError for what cannot be exported, with the name of the function: "options.fk.start".
 
     >>> import tempfile
     >>> fk = gt.robots.gantry_tau("l1_tape").causal(known="q", targets="T")
@@ -99,7 +104,12 @@ def study(
                 return FmuStudy(status=SolveStatus.INTERRUPTED, message="stopped before all was exported", title=title)
             work.progress(f"exporting {key}", n / len(functions))
             more = dict((options or {}).get(key, {}))
-            unit = export(function, None, version=version, name=f"{name}_{key}", provenance=provenance, **more)
+            try:
+                unit = export(function, None, version=version, name=f"{name}_{key}", provenance=provenance, **more)
+            except ArgumentError as error:
+                if not error.argument:  # nothing that was given, such as a compiler that is not there
+                    raise
+                raise type(error)(f"{error.message} (function '{key}')", f"options.{key}.{error.argument}") from error
             units[f"{name}_{key}_fmi{version}.fmu"] = unit
             if check is not None:
                 work.progress(f"checking {key}", n / len(functions))
@@ -123,7 +133,12 @@ def _about(unit: Fmu) -> dict[str, Any]:
     return {
         "bytes": len(unit.data),
         "token": unit.token,
-        "inputs": [f"{v.name} [{v.unit}]" for v in t.of("input", "tunable")],
+        "inputs": [f"{v.name} [{v.unit}]" for v in t.of("input", "tunable") if v.reference not in t.parameters],
+        **(
+            {"parameters": [f"{v.name} [{v.unit}]" for v in t.numbers if v.reference in t.parameters]}
+            if t.parameters
+            else {}
+        ),
         "states": [f"{v.name} [{v.unit}]" for v in t.of("state")],
         "outputs": [f"{v.name} [{v.unit}]" for v in t.of("output")],
         **inner,

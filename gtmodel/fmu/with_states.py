@@ -27,13 +27,14 @@ class WithStates:
     """A function that computes the rates of its states too.
 
     function: its outputs are the targets of the given one, then what lacked. asked: how many targets were asked for.
-    states: its inputs that are states; known: the others.
+    states: its inputs that are states; known: the others, but parameters. parameters: of the model, its last inputs.
     """
 
     function: CausalFunction
     asked: int
     states: Sequence[CausalSignal]
     known: Sequence[CausalSignal]
+    parameters: Sequence[CausalSignal] = ()
 
 
 def with_states(f: CausalFunction) -> WithStates:

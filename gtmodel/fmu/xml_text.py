@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from typing import Any
 
 from ..lang.units import BASE_SYMBOLS, UnitError, parse_unit
-from .table import FmuTable
+from .table import FmuTable, FmuVariable
 
 Attributes = Mapping[str, str | int | float | bool | None]
 HEAD = '<?xml version="1.0" encoding="UTF-8"?>\n'
@@ -47,6 +48,11 @@ def escaped(text: str) -> str:
 def listed(numbers: Sequence[int]) -> str:
     """Value references or indices, separated by blanks."""
     return " ".join(map(str, numbers))
+
+
+def limits(v: FmuVariable) -> dict[str, float | None]:
+    """Attributes of the least and the greatest value."""
+    return {name: x if math.isfinite(x) else None for name, x in (("min", v.least), ("max", v.most))}
 
 
 def unit_elements(table: FmuTable) -> list[str]:

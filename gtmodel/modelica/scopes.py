@@ -68,14 +68,16 @@ class Space:
             self._arrived(name)
         if name not in self.made:
             text = self.text.classes.get(name)
-            known = text is not None or (self.folder is not None and _in_folder(self.folder, name) is not None)
+            inside = _in_folder(self.folder, name) if self.folder is not None else None
+            known = text is not None or inside is not None
             if name in multibody.NAMES and (ours := multibody.own_text(self.name, name, known)) is not None:
-                self.made[name] = Space(ours, self)
+                # examples of the library are read from its folder
+                self.made[name] = Space(ours, self, folder=inside if inside is not None and inside.is_dir() else None)
             elif self.original is not None and (own := self.original.own(name)) is not None:
                 self.made[name] = Space(own.text, self, folder=own.folder, original=own)
             elif text is not None:
                 self.made[name] = Space(text, self)
-            elif self.folder is not None and (inside := _in_folder(self.folder, name)) is not None:
+            elif inside is not None:
                 self.made[name] = _loaded(inside, self, name)
             else:
                 self.made[name] = None

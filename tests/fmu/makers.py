@@ -66,6 +66,23 @@ class Driven(gt.Model):
         yield gt.der(self.x) == self.u + self.rate * (gt.cos(self.rate * self.time) - 1.0) * self.x
 
 
+class Spiral(gt.Model):
+    """Newton's method beside states: a drive behind a coupling that no closed form solves."""
+
+    stiffness = gt.parameter(2.0, unit="1/s", positive=True, max=8.0, description="of the drive")
+    spring = gt.parameter(9.0, unit="1/s2")
+    bend = gt.parameter(0.25, min=0.0, max=0.9)
+    x = gt.variable(unit="rad", start=0.5)
+    v = gt.variable(unit="rad/s", start=0.0)
+    y = gt.variable(unit="rad", start=0.4)
+    u = gt.input(unit="rad/s2")
+
+    def equations(self):
+        yield gt.der(self.x) == self.v
+        yield gt.der(self.v) == self.u - self.spring * self.y - self.stiffness * self.v
+        yield self.y + self.bend * gt.sin(3.0 * self.y) == self.x
+
+
 def cart_filter():
     process = gt.filtering.ProcessModel(Cart(), noise={"a": 0.1}, states=["x", "v"])
     tape = gt.filtering.Sensor("tape", "x", deviation=0.01, delay=0.008, gate=0.999)
@@ -93,6 +110,7 @@ def functions():
         "f1_fk": f1.causal(known="q", targets=["T", "e"]),
         "f1_ik": f1.causal(known=["T", "e"], targets="q"),
         "driven": Driven().causal(known="u", targets="der(x)", prefer="x"),
+        "spiral": Spiral().causal(known="u", targets=["der(v)", "y"], prefer=["x", "v"]),
         "filter": cart_filter(),
         "block": gt.cgen.BlockFunction(Loop(), "law"),
     }
@@ -115,7 +133,17 @@ PLAIN = (
     "block",
     "driven",
     "filter",
+    "spiral",
 )
 MAKERS = {name: (lambda version, name=name: unit(name, version)) for name in PLAIN}
 MAKERS["tunable"] = lambda version: unit("pendulum", version, tunable=["torque"])
+KEPT = {
+    "forward": ["m_p", "coulomb", "viscous"],
+    "ik": ["L", "A"],
+    "filtered": ["robot.m_p", "robot.coulomb"],
+    "spiral": ["stiffness", "bend"],
+    "f1_ik": ["L"],
+}
+for _name, _names in KEPT.items():  # parameters of the model stay parameters of the unit
+    MAKERS[f"{_name}_p"] = lambda version, name=_name, names=_names: unit(name, version, parameters=names)
 MAKERS["held"] = lambda version: unit("ik", version, on_fault="hold")

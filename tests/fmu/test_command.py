@@ -70,16 +70,28 @@ def test_what_failed_a_check_is_not_written(tmp_path):
     "setting, key",
     [
         ("real=float", "real"),
-        ("functions.0.start={q=[1.0]}", "start"),
-        ("functions.0.start={T=[1.0, 1.0, 1.0]}", "start"),
+        ("functions.0.start={q=[1.0]}", "functions[0].start"),
+        ("functions.0.start={T=[1.0, 1.0, 1.0]}", "functions[0].start"),
+        ("functions.0.tunable=['T']", "functions[0].tunable"),
+        ("functions.0.parameters=['m_x']", "functions[0].parameters"),
+        ("functions.0.known=['nothing']", "functions[0]"),
+        ("functions.0.name=two words", "functions[0].name"),
+        ("fmu.step_s=0.05", "fmu.step_s"),
+        ("fmu.on_fault=hold", "fmu.on_fault"),
         ("functions=[]", "functions"),
         ("fmu.tolerance=0", "fmu.tolerance"),
     ],
 )
 def test_what_makes_no_unit_is_refused(quick, tmp_path, capsys, setting, key):
     out = tmp_path / "out"
+    if setting.startswith("fmu."):  # of what has states
+        states = 'name = "forward"\nknown = ["tau"]\ntargets = ["q"]\nprefer = ["T"]\n'
+        quick.write_text(quick.read_text().replace("[check]", f"[[functions]]\n{states}[fmu]\nstop_s = 0.1\n[check]"))
     assert main(["codegen", str(quick), "-o", str(out), "--fmu", "3", "--quiet", "--set", setting]) == 2
-    assert f"one.toml: {key}: " in capsys.readouterr().err and not out.exists()
+    said = capsys.readouterr().err
+    assert f"one.toml: {key}: " in said and not out.exists()
+    named = key.startswith(("functions[", "fmu.s", "fmu.o"))
+    assert ("(function '" in said) == named
 
 
 def test_without_a_compiler_there_is_a_sentence_and_no_folder(quick, tmp_path, capsys, monkeypatch):

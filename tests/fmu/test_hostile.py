@@ -91,6 +91,20 @@ def test_past_the_stop_time_nothing_is_computed(made, version):
 
 
 @VERSIONS
+@pytest.mark.parametrize("start", [0.0, 1e6, 1.7e9])
+def test_a_step_that_was_left_out_is_refused_at_any_time(made, version, start):
+    unit, library, _ = made("forward", version)
+    raw, h = Raw(unit, library), 0.001
+    assert raw.begin(time=start) == OK
+    for k in range(20):
+        assert raw.step(start + k * h, h)[0] == OK
+    assert raw.step(start + 21 * h, h)[0] == ERROR
+    assert raw.step(start + 19 * h, 2 * h)[0] == ERROR
+    assert raw.step(start + 20 * h, h)[0] == OK
+    raw.free()
+
+
+@VERSIONS
 def test_errors_are_always_said_and_discards_by_category(made, version):
     unit, library, _ = made("ik", version)
     raw = Raw(unit, library)

@@ -12,6 +12,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import gtmodel as gt
+from gtmodel.cli import main
 from gtmodel.modelica.translate import translated
 
 pytest.importorskip("lark")
@@ -204,6 +205,85 @@ def test_a_swing_up_is_the_same_as_text_and_as_printed_python(tmp_path: Path) ->
     exec(gt.modelica.python_of(f"{MODELS}:SwingUp"), names)
     again = gt.solve(names["SwingUp"](), gt.Mesh(12))
     assert again.objective == pytest.approx(solved.objective, rel=1e-9)
+
+
+def test_a_body_on_a_spring_and_a_damper_is_its_closed_form() -> None:
+    ours = simulated("Hung")
+    rest, fade = 0.5 + 2 * G / 150, 3 / 4
+    turn = np.sqrt(150 / 2 - fade**2)
+    swing = (0.8 - rest) * np.exp(-fade) * (np.cos(turn) + fade / turn * np.sin(turn))
+    close(ours["slide.s"], rest + swing)
+    close(ours["strut.s"], rest + swing)
+    close(ours["strut.f"], 150 * (rest + swing - 0.5) + 3 * ours["slide.v"][-1])
+
+
+class Furuta(gt.Optimization):
+    """The shipped problem by Lagrange's equations: angles of the arm and of the pendulum, 0 where it hangs."""
+
+    final_time = 1.2
+    u = gt.input(min=-0.4, max=0.4)
+    arm = gt.variable(start=0.0, fixed=True)
+    arm_w = gt.variable(start=0.0, fixed=True)
+    rod = gt.variable(start=0.0, fixed=True)
+    rod_w = gt.variable(start=0.0, fixed=True)
+
+    def equations(self):
+        yield gt.der(self.arm) == self.arm_w
+        yield gt.der(self.rod) == self.rod_w
+        v, w, s, c = self.arm_w, self.rod_w, gt.sin(self.rod), gt.cos(self.rod)
+        dv, dw = gt.der(self.arm_w), gt.der(self.rod_w)
+        across, coupled = 0.1 * 0.2**2 + 0.0015, 0.1 * 0.2 * 0.25
+        about_vertical = 0.005 + 0.1 * 0.25**2 + across * s**2 + 1e-5 * c**2
+        yield about_vertical * dv + coupled * (c * dw - s * w**2) + 2 * (across - 1e-5) * s * c * v * w == (
+            self.u - 0.001 * v
+        )
+        yield coupled * c * dv + across * dw - (across - 1e-5) * s * c * v**2 + 0.1 * G * 0.2 * s == 0
+
+    def objective(self):
+        return gt.integral(self.u**2)
+
+    def constraints(self):
+        end = self.final_time
+        for x, value in ((self.arm, 0.0), (self.arm_w, 0.0), (self.rod, np.pi), (self.rod_w, 0.0)):
+            yield x.at(end) == value
+
+
+def test_the_shipped_furuta_pendulum_is_lagrange_s_equations() -> None:
+    text = gt.modelica.load(f"{MODELS.parents[2]}/problems/models/furuta_pendulum.mop:SwingUp")
+    mesh = gt.Mesh(20)
+    solved = gt.solve(text(), mesh, throw=False)
+    names = {"arm": "shoulder.phi", "arm_w": "shoulder.w", "rod": "hinge.phi", "rod_w": "hinge.w", "u": "u"}
+    guess = gt.Trajectory(solved.trajectory.time, {k: solved.trajectory[v] for k, v in names.items()})
+    by_hand = gt.solve(Furuta(), mesh, guess=guess, throw=False)
+    assert solved.objective == pytest.approx(by_hand.objective, rel=1e-6)
+    again = solved.trajectory["hinge.phi"] - by_hand.trajectory["rod"]
+    assert np.max(np.abs(again)) < 1e-4  # rad: a flat optimum to the square root of the tolerance
+
+
+def test_torques_that_move_it_are_asked_of_the_same_text(capsys: pytest.CaptureFixture[str]) -> None:
+    """The pendulum of the tests at rest, level: what the motor holds, and where a frame is."""
+    file = f"{MODELS}:SwingUp"
+    assert main(["explain", file, "--known", "arm.joint.phi", "--targets", "u"]) == 0
+    assert "multibody.mo" in capsys.readouterr().out
+    held = gt.modelica.load(file)().causal(known="arm.joint.phi", targets=["u", "arm.tip.r_0[1]"])
+    u, x, status = held(0.3, 0.0, 2.0)
+    assert status.ok
+    assert (u, x) == pytest.approx((G * 0.25 * np.cos(0.3) + 2 * (0.25**2 + 0.02), 0.5 * np.cos(0.3)), rel=1e-12)
+    with pytest.raises(gt.ModelError, match=r"arm\.tip\.r_0"):
+        gt.modelica.load(file)().causal(known="arm.joint.phi", targets="arm.tip.r_00")
+
+
+def test_forces_of_a_frame_are_those_on_its_component() -> None:
+    """Links that hang still, in an array: the second bears itself and the third, its joint feels the opposite."""
+    ours = simulated("Cut", 0.1)
+    close(ours["below"], 5 * G)
+    close(ours["by_joint"], -5 * G)
+    close(ours["link[3].frame_b.r_0[2]"], -0.9)
+
+
+def test_a_planar_loop_without_its_constraint_is_refused() -> None:
+    with pytest.raises(gt.modelica.ModelicaError, match="RevolutePlanarLoopConstraint"):
+        gt.modelica.load(f"{MODELS}:Redundant")
 
 
 REFUSED = [

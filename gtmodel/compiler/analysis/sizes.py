@@ -83,10 +83,11 @@ class Sizes:
 
 def sizes_of(plan: CausalPlan, arguments: Sequence[Sequence[Pair]], precision: Precision = DOUBLE) -> Sizes:
     """Limits for arguments that consist of these chain symbols; one without symbols is the time."""
+    plan, scope = plan.numbers or plan, plan.flat.scope  # lengths are numbers there
     reach = _Reach(plan)
     limits = []
     for pairs in arguments:
-        symbols = [plan.flat.scope.symbol(*p) for p in pairs] or [plan.flat.scope.time]
+        symbols = [scope.symbol(*p) for p in pairs] or [scope.time]
         keys = frozenset(s.element_hash() for s in symbols)
         of_blocks = [_limit(plan, reach, k, keys, precision) for k, b in enumerate(plan.blocks) if b.closures]
         limits.append(min([precision.largest, *of_blocks]))

@@ -34,6 +34,9 @@ class Function(FileSection):
         description="of a unit, by --fmu: input or state = start value in SI; at rest at home if empty",
     )
     tunable: list[str] = Field(default=[], description="of a unit: known variables that become tunable parameters")
+    parameters: list[str] = Field(
+        default=[], description='of a unit: parameters of the model, such as "m_p", that stay tunable parameters'
+    )
 
 
 class FmuSection(FileSection):
@@ -167,3 +170,12 @@ class Schema(RobotProblem):
             )
             raise InputError(said if plant else f"{said}give it by --plant")
         return self.plant.unit(path)
+
+
+def keys_of_units(problem: Schema) -> dict[str, str]:
+    """Where the options stand that units are exported with."""
+    shared = {"stop": "stop_s", "on_fault": "on_fault", "tolerance": "tolerance", "step": "step_s"}
+    keys = {f"options.{f.name}.{option}": f"fmu.{key}" for f in problem.functions for option, key in shared.items()}
+    keys |= {f"options.{f.name}.box": "box" for f in problem.functions}
+    keys |= {f"options.{f.name}": f"functions[{n}]" for n, f in enumerate(problem.functions)}
+    return keys | {f"options.{f.name}": f"filters[{n}]" for n, f in enumerate(problem.filters)}

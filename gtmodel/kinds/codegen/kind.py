@@ -17,9 +17,10 @@ from gtmodel.problem_files.call import Call
 from gtmodel.problem_files.noted import doubts, refuse_distrusted
 from gtmodel.results import ArgumentError
 
-from .keys import FilterSection, Schema
+from .keys import FilterSection, Schema, keys_of_units
 
 NAME = "codegen"
+arguments = keys_of_units
 VERSIONS = {"3": (3,), "2": (2,), "both": (3, 2)}
 
 
@@ -71,7 +72,7 @@ def _units(problem: Schema, context: Context, out: Path, fmu: str, verify: bool,
     functions = functions_of(problem, context)
     s = problem.fmu
     all_ = {"stop": s.stop_s, "box": problem.box, "on_fault": s.on_fault, "tolerance": s.tolerance, "step": s.step_s}
-    own = {f.name: {**all_, "start": f.start, "tunable": f.tunable} for f in problem.functions}
+    own = {f.name: {**all_, **f.model_dump(include={"start", "tunable", "parameters"})} for f in problem.functions}
     if not write_failed and not context.interrupted():
         refuse_distrusted(context, "the units")
     made = Call(
@@ -89,8 +90,8 @@ def explain(problem: Schema, context: Context) -> str:
 
 
 def functions_of(problem: Schema, context: Context) -> dict[str, CausalFunction | StepFunction]:
-    """Functions and filters by name; when a stop is asked for, those done. Raises InputError for a name given twice,
-    ModelError for a wrong causality."""
+    """Functions and filters by name; when a stop is asked for, those done. Raises InputError for a name given twice and
+    for a wrong causality."""
     if not problem.functions and not problem.filters:
         raise InputError("there is nothing to generate; give [[functions]] or [[filters]]", "functions")
     model = problem.model(context)
@@ -101,7 +102,10 @@ def functions_of(problem: Schema, context: Context) -> dict[str, CausalFunction 
         if context.interrupted():
             break
         context.progress(f"deriving {f.name}", n / len(problem.functions))
-        functions[f.name] = compile_causal(model, f.known, f.targets, f.prefer, f.branches, f.name)
+        try:
+            functions[f.name] = compile_causal(model, f.known, f.targets, f.prefer, f.branches, f.name)
+        except ModelError as error:
+            raise InputError(f"{error} (function '{f.name}')", f"functions[{n}]") from error
     for n, section in enumerate(problem.filters):
         if section.name in functions:
             raise InputError(f"'{section.name}' names two functions", f"filters[{n}].name")

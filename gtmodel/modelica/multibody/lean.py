@@ -9,7 +9,6 @@ from typing import Any
 
 from ..flat import Flattened, ScalarEquation, ScalarIf, ScalarWhen
 from ..scalars import Flat, Symbol, symbols
-from .library import is_own
 
 
 def shown(flat: Flattened) -> Flattened:
@@ -45,12 +44,9 @@ def lean(flat: Flattened) -> Flattened:
         gone |= set(dropped.values())
         equations = [e for n, e in enumerate(equations) if n not in dropped]
     read = _read([x for e in equations for x in _sides(e)] + list(_others(flat)))
-    kept = [f for f in flat.flats if id(f) not in gone and (id(f) in read or not _of_library(f))]
+    silent = {id(f) for f in flat.flats if f.kind == "parameter" and not f.free} & flat.optional - read
+    kept = [f for f in flat.flats if id(f) not in gone | silent]
     return replace(flat, flats=kept, equations=equations)
-
-
-def _of_library(flat: Flat) -> bool:
-    return flat.kind == "parameter" and not flat.free and is_own(flat.at.source.path)
 
 
 def _read(given: list[Any]) -> set[int]:

@@ -17,6 +17,11 @@ _SHAPE = "shapeType r_shape lengthDirection widthDirection length width height e
 _AXIS = "animation cylinderLength cylinderDiameter cylinderColor specularCoefficient"
 _BODY = "animation sphereDiameter sphereColor cylinderDiameter cylinderColor specularCoefficient"
 _STATES = "useQuaternions sequence_angleStates"
+_LINE = (
+    "animation showMass width coilWidth numberOfWindings color massDiameter massColor lengthDirection_a diameter_a "
+    "length_a diameter_b length_b color_a color_b specularCoefficient lengthFraction fixedRotationAtFrame_a "
+    "fixedRotationAtFrame_b s_small"
+)
 # parameters that concern pictures, or the choice of states alone
 _PICTURES = {
     "World": "enableAnimation animateWorld animateGravity animateGround label1 label2 axisLength axisDiameter "
@@ -41,6 +46,9 @@ _PICTURES = {
     "Forces.WorldTorque": "animation color specularCoefficient diameter Nm_to_m",
     "Forces.WorldForceAndTorque": "animation forceColor torqueColor specularCoefficient N_to_m Nm_to_m forceDiameter "
     "torqueDiameter",
+    "Forces.Spring": _LINE,
+    "Forces.Damper": _LINE,
+    "Forces.SpringDamperParallel": _LINE,
     "Sensors.AbsolutePosition": "animation",
     "Sensors.AbsoluteVelocity": "animation",
     "Sensors.AbsoluteAngularVelocity": "animation",
@@ -85,6 +93,6 @@ def pictures(text: ClassText) -> set[str]:
 
 def refusal(space: str, name: str) -> str:
     """Why there is no such class in MultiBody; "" for a space elsewhere."""
-    if space != NAME and not space.startswith(f"{NAME}."):
+    if (space != NAME and not space.startswith(f"{NAME}.")) or space.startswith(f"{NAME}.Examples"):
         return ""
     return f"{space}.{name} is not taken; of MultiBody there are {', '.join(_PICTURES)}"

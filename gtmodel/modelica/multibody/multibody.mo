@@ -1,5 +1,5 @@
 // What is taken of Modelica.Mechanics.MultiBody: the parameters and variables of its parts, in words of our own.
-// mechanics("part.shaft.phi") is a quantity of the part of gt.mechanics that stands for the component; parts.py
+// __mechanics("part.shaft.phi") is a quantity of the part of gt.mechanics that stands for the component; parts.py
 // says which one that is, and joins their frames.
 within Modelica.Mechanics;
 package MultiBody
@@ -58,12 +58,12 @@ package MultiBody
       Real tau(unit = "N.m") "torque of the drive on frame_b, about n";
       Real angle(unit = "rad");
     equation
-      phi = mechanics("part.shaft.phi");
+      phi = __mechanics("part.shaft.phi");
       w = der(phi);
       a = der(w);
       angle = phi;
       if useAxisFlange then
-        tau = mechanics("drive.torque");
+        tau = __mechanics("drive.torque");
         axis.phi = phi;
         axis.tau = tau;
         support.phi = 0;
@@ -84,11 +84,11 @@ package MultiBody
       Real a(unit = "m/s2");
       Real f(unit = "N") "force of the drive on frame_b, along n";
     equation
-      s = mechanics("part.flange.s");
+      s = __mechanics("part.flange.s");
       v = der(s);
       a = der(v);
       if useAxisFlange then
-        f = mechanics("drive.force");
+        f = __mechanics("drive.force");
         axis.s = s;
         axis.f = f;
         support.s = 0;
@@ -173,7 +173,7 @@ package MultiBody
       Real w_a[3](each unit = "rad/s") "in frame_a";
       Real z_a[3](each unit = "rad/s2") "in frame_a";
     equation
-      r_0 = mechanics("part.frame.r", 3);
+      r_0 = __mechanics("part.frame.r", 3);
       v_0 = der(r_0);
       a_0 = der(v_0);
       w_a = frame_a.R.w;
@@ -271,13 +271,35 @@ package MultiBody
   end Parts;
 
   package Forces
+    partial model LineForce "between the origins of its frames, along their line"
+      extends Interfaces.PartialTwoFrames;
+      parameter Real c(unit = "N/m", min = 0) = 0;
+      parameter Real d(unit = "N.s/m", min = 0) = 0;
+      parameter Real s_unstretched(unit = "m") = 0;
+      Real s(unit = "m") "distance of the frames";
+      Real f(unit = "N") "draws them together";
+    equation
+      s = __mechanics("part.length");
+      f = __mechanics("part.pull");
+    end LineForce;
+    model Spring
+      extends LineForce(final d = 0, c(start = 1));
+      parameter Real m(unit = "kg") = 0;
+    end Spring;
+    model Damper
+      extends LineForce(final c = 0);
+    end Damper;
+    model SpringDamperParallel
+      extends LineForce;
+    end SpringDamperParallel;
+
     model WorldForce "a force on frame_b"
       Interfaces.Frame_b frame_b;
       Modelica.Blocks.Interfaces.RealInput force[3](each unit = "N");
       parameter Types.ResolveInFrameB resolveInFrame = Types.ResolveInFrameB.world;
     equation
-      mechanics("part.torque", 3) = zeros(3);
-      mechanics("part.force", 3) = if resolveInFrame == Types.ResolveInFrameB.world then force else
+      __mechanics("part.torque", 3) = zeros(3);
+      __mechanics("part.force", 3) = if resolveInFrame == Types.ResolveInFrameB.world then force else
         transpose(frame_b.R.T)*force;
     end WorldForce;
 
@@ -286,8 +308,8 @@ package MultiBody
       Modelica.Blocks.Interfaces.RealInput torque[3](each unit = "N.m");
       parameter Types.ResolveInFrameB resolveInFrame = Types.ResolveInFrameB.world;
     equation
-      mechanics("part.force", 3) = zeros(3);
-      mechanics("part.torque", 3) = if resolveInFrame == Types.ResolveInFrameB.world then torque else
+      __mechanics("part.force", 3) = zeros(3);
+      __mechanics("part.torque", 3) = if resolveInFrame == Types.ResolveInFrameB.world then torque else
         transpose(frame_b.R.T)*torque;
     end WorldTorque;
 
@@ -297,9 +319,9 @@ package MultiBody
       Modelica.Blocks.Interfaces.RealInput torque[3](each unit = "N.m");
       parameter Types.ResolveInFrameB resolveInFrame = Types.ResolveInFrameB.world;
     equation
-      mechanics("part.force", 3) = if resolveInFrame == Types.ResolveInFrameB.world then force else
+      __mechanics("part.force", 3) = if resolveInFrame == Types.ResolveInFrameB.world then force else
         transpose(frame_b.R.T)*force;
-      mechanics("part.torque", 3) = if resolveInFrame == Types.ResolveInFrameB.world then torque else
+      __mechanics("part.torque", 3) = if resolveInFrame == Types.ResolveInFrameB.world then torque else
         transpose(frame_b.R.T)*torque;
     end WorldForceAndTorque;
   end Forces;

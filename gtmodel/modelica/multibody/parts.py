@@ -203,6 +203,19 @@ def _load(instance: Instance, at: Place) -> MappedComponent:
                                      instance=instance)])  # fmt: skip
 
 
+def _line_force(instance: Instance, at: Place) -> MappedComponent:
+    if "m" in instance.elements and np.any(numbers(instance, "m")):
+        raise ModelicaError(f"the mass m of the spring '{instance.path}' is not taken; let a body carry it", at)
+    given = {"k": values(instance, "c"), "d": values(instance, "d"), "length0": values(instance, "s_unstretched")}
+    part = MechanicsPart(instance.full("part"), "SpringDamper", at, given)
+    ends = [
+        MechanicsPart(instance.full(f"end_{x}"), "PointOnFrame", at, {}, {f"frame_{x}": "frame"}, instance=instance)
+        for x in "ab"
+    ]
+    joined = [(f"{end.name}.point", f"{part.name}.{x}") for end, x in zip(ends, "ab", strict=True)]
+    return MappedComponent(instance, [*ends, part], joined)
+
+
 def _plain(x: np.ndarray) -> Any:
     return (np.asarray(x, float) + 0.0).tolist()
 
@@ -212,4 +225,5 @@ PARTS: dict[str, Callable[[Instance, Place], MappedComponent]] = {
     "Joints.RevolutePlanarLoopConstraint": _planar_loop, "Parts.Fixed": _fixed,
     "Parts.FixedTranslation": _translation, "Parts.FixedRotation": _rotation, "Parts.Body": _body,
     "Forces.WorldForce": _load, "Forces.WorldTorque": _load, "Forces.WorldForceAndTorque": _load,
+    "Forces.LineForce": _line_force,
 }  # fmt: skip

@@ -20,7 +20,7 @@ def quantity(part: str, path: str, indices: tuple[int, ...], at: Place | None) -
 
 
 def called(node: FunctionCall, scope: Any) -> Values:
-    """mechanics("part.shaft.phi"), with its length where it is a vector: for the texts of MultiBody alone."""
+    """__mechanics("part.shaft.phi"), with its length where it is a vector: for the texts of MultiBody alone."""
     instance = scope.instance
     if instance is None or not part_name(scope.space.text):
         raise ModelicaError(f"there is no function '{node.reference}'", node.at)
