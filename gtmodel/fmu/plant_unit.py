@@ -68,8 +68,9 @@ class PlantUnit(Options):
 
         super().__post_init__()
         named({name: getattr(self, name) for name in QUANTITIES})
-        if self.damping is not None and self.stiffness is None and not self.force:
-            raise ArgumentError("the unit's own servo has a stiffness too; give both", "stiffness")
+        if not self.force and (self.stiffness is None) != (self.damping is None):
+            missing = "stiffness" if self.stiffness is None else "damping"
+            raise ArgumentError("the servo inside of a unit has a stiffness and a damping; give both or none", missing)
 
     @property
     def servo(self) -> Servo | None:

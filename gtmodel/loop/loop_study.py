@@ -24,7 +24,7 @@ from .exchange import CYCLE_MS
 from .lead_through.options import Guiding
 from .lead_through.study import GuidedBench, guided
 from .loop_result import LoopStudy
-from .one_run import OneRun, run_of
+from .one_run import OneRun, begun, run_of
 from .plant import PlantSource, Servo
 from .process import FULL, LoopError
 from .record import STATES, trajectory_of
@@ -99,7 +99,7 @@ def study(
     (50, True)
     """
     work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
-    begun = None if plant is None else _begun(plant, law)
+    known = None if plant is None else _known(plant, law)
     with naming("robot", ValueError):
         forward = compile_causal(robot, known="q", targets="T")
     if [s.shape for s in (*forward.inputs, *forward.outputs)] != [(3,), (3,)]:
@@ -131,16 +131,16 @@ def study(
                 bench = Bench(
                     peer, law, robot, forward, program, place, table, cycles, in_lockstep, elastic, lost, work, plant,
                 )  # fmt: skip
-                if begun is not None:
-                    _begins_there(begun, bench)
-                    bench = replace(bench, servo=begun.servo or bench.servo)
-                outcome = _compared(bench, _title_of(begun, law), title)
+                if known is not None:
+                    _begins_there(known, bench)
+                    bench = replace(bench, servo=known.servo or bench.servo)
+                outcome = _compared(bench, _title_of(known, law), title)
         except LoopError as error:
             outcome = LoopStudy(status=SolveStatus.FAILED, message=str(error), title=title)
         if outcome.status is SolveStatus.INTERRUPTED:
             return outcome
-        if begun is not None:
-            outcome = outcome.with_(notes=[*outcome.notes, SYNTHETIC.format(_title_of(begun, law))])
+        if known is not None:
+            outcome = outcome.with_(notes=[*outcome.notes, SYNTHETIC.format(_title_of(known, law))])
         files = {"rsi_configuration.xml": rsi_configuration("127.0.0.1", 49152)} if peer == "rsi" else {}
         return outcome.with_(files=files | {path.name: path.read_bytes() for path in sorted(place.iterdir())})
 
@@ -153,32 +153,29 @@ class Begun(NamedTuple):
     servo: Servo | None
 
 
-def _begun(plant: PlantSource, law: str) -> Begun:
+def _known(plant: PlantSource, law: str) -> Begun:
     """Of a plant that is let go again: not every unit can be there twice. Raises ArgumentError."""
     if law == "lead_through":
         raise ArgumentError("the law lead_through has a plant in its scene; leave this one out", "plant")
-    try:
-        first = plant(CYCLE_MS / 1000.0)
-    except ArgumentError as error:
-        raise ArgumentError(error.message, f"plant.{error.argument}" if error.argument else "plant") from error
+    first = begun(plant)
     title = str(getattr(first, "title", type(first).__name__))
-    begun = Begun(title, np.array(first.position_m), getattr(first, "servo", None))
-    if len(begun.position_m) != AXES_HERE:
-        raise ArgumentError(f"expected {AXES_HERE} carts; found {len(begun.position_m)}", "plant.position")
-    if law == "dynamics" and begun.servo is None:
+    known = Begun(title, np.array(first.position_m), getattr(first, "servo", None))
+    if len(known.position_m) != AXES_HERE:
+        raise ArgumentError(f"expected {AXES_HERE} carts; found {len(known.position_m)}", "plant.position")
+    if law == "dynamics" and known.servo is None:
         raise ArgumentError(
             "the law dynamics must know the stiffness and damping of the servo inside of the plant; say them",
             "plant.stiffness",
         )
-    return begun
+    return known
 
 
-def _begins_there(begun: Begun, bench: Bench) -> None:
+def _begins_there(known: Begun, bench: Bench) -> None:
     """Raises ArgumentError for a plant that is elsewhere when the reference begins: the first command would jump."""
     wanted = bench.carts_m[0]
-    off = np.abs(begun.position_m - wanted)
+    off = np.abs(known.position_m - wanted)
     if np.max(off) > START_NEAR_M:
-        here, there = (", ".join(f"{x:.6g}" for x in q) for q in (begun.position_m, wanted))
+        here, there = (", ".join(f"{x:.6g}" for x in q) for q in (known.position_m, wanted))
         raise ArgumentError(
             f"its carts begin at {here} m, the reference at {there} m, {1e3 * np.max(off):.3g} mm apart: the first "
             f"command would be a jump; give start values that put it there, or a reference that begins where it is",
@@ -186,11 +183,11 @@ def _begins_there(begun: Begun, bench: Bench) -> None:
         )
 
 
-def _title_of(begun: Begun | None, law: str) -> str:
+def _title_of(known: Begun | None, law: str) -> str:
     """What moves the robot."""
-    if begun is None:
+    if known is None:
         return "rigid body under a servo" if law == "dynamics" else "drives of eq. (6.11)"
-    return begun.title
+    return known.title
 
 
 def _compared(bench: Bench, plant: str, title: str) -> LoopStudy:

@@ -11,11 +11,11 @@ from typing import Any, Protocol, TypeVar
 import numpy as np
 
 from ..compiler.causal import compile_causal
-from ..results import Status, Work
+from ..results import ArgumentError, Status, Work
 from ..robots import actuator_closed_loop
 from .bench import ELASTIC_DAMPING, HOLD_CYCLES, Bench
 from .exchange import CYCLE_MS
-from .plant import DrivePlant, ElasticPlant, Plant, PlantStopped, RigidBodyPlant, Servo
+from .plant import DrivePlant, ElasticPlant, Plant, PlantSource, PlantStopped, RigidBodyPlant, Servo
 from .process import LoopError, LoopProcess
 from .record import STATES
 from .robot_side import RobotSide
@@ -136,9 +136,17 @@ def _until(done: LoopRun, tcp: np.ndarray, status: np.ndarray) -> tuple[np.ndarr
     return done.measured_m[:n], tcp[:n], why, when
 
 
+def begun(plant: PlantSource) -> Plant:
+    """A plant at its start, for the cycle of the loop. Raises ArgumentError about `plant`."""
+    try:
+        return plant(CYCLE_MS / 1000.0)
+    except ArgumentError as error:
+        raise ArgumentError(error.message, f"plant.{error.argument}" if error.argument else "plant") from error
+
+
 def _plant(bench: Bench) -> Plant:
     if bench.plant is not None:
-        return bench.plant(CYCLE_MS / 1000.0)
+        return begun(bench.plant)
     start = bench.carts_m[0]
     if bench.law == "dynamics":
         forward = compile_causal(bench.robot, known="tau", targets="der(T,2)", prefer="T")

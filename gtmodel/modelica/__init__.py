@@ -18,7 +18,7 @@ from .._lazy import public
 
 if TYPE_CHECKING:
     from .classes import plain as plain, step as step, whole as whole
-    from .start import first_guess as first_guess, simulated_guess as simulated_guess
+    from .start import first_guess as first_guess, held_inputs as held_inputs, simulated_guess as simulated_guess
     from .syntax import ModelicaError as ModelicaError
     from .translate import flat_of_text as flat_of_text, listing as listing, load as load, python_of as python_of
 

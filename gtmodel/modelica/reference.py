@@ -39,3 +39,12 @@ def problem_of(reference: str) -> tuple[Path, dict[str, Any]]:
         return Path(place), {"kind": "optimization", "title": title, "model": model}
     stop = stop_time_of(space.text) or 1.0
     return Path(place), {"kind": "simulation", "title": title, "robot": model, "final_time_s": stop}
+
+
+def whole(reference: str) -> str:
+    """The reference with its class, where the file holds one optimization or one model and none is named. Raises
+    ModelicaError."""
+    from .translate import chosen, opened
+
+    place, name = split(reference)
+    return reference if name else f"{place}:{chosen(opened(place, libraries()), name)[0]}"

@@ -6,7 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from ..compiler.causal import flat_of
 from ..lang.declare import Free, Variable
+from ..lang.model import Model
 from ..lang.optimization import Optimization
 from ..lang.source import ModelError
 from ..results.trajectory import Trajectory
@@ -55,6 +57,20 @@ def simulated_guess(problem: Optimization) -> Trajectory | None:
     if reached is None or not reached.duration >= 0.999 * (end - begin):
         return None
     return reached if all(np.all(np.isfinite(reached[name])) for name in reached.names) else None
+
+
+def held_inputs(model: Model) -> dict[str, float]:
+    """The inputs of a model with their start values, 0 where none is declared: what other Modelica tools simulate with.
+
+    >>> class Cart(gt.Model):
+    ...     x = gt.variable(start=1.0, fixed=True)
+    ...     u = gt.input(start=-1.0)
+    ...     def equations(self):
+    ...         yield gt.der(self.x) == self.u
+    >>> gt.modelica.held_inputs(Cart())
+    {'u': -1.0}
+    """
+    return {v.name: float(v.start or 0.0) for v in flat_of(model).variables if v.role == "input"}
 
 
 def _ends(problem: Optimization) -> list[Any]:

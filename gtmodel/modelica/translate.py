@@ -102,7 +102,8 @@ def chosen(text: Text, name: str) -> tuple[str, Space]:
         if len(tails) > 1:
             raise ModelicaError(f"{file} holds several classes '{name}': {', '.join(tails)}")
         if not tails:
-            raise ModelicaError(f"{file} holds no class '{name}'{near(name, there)}; it has {', '.join(there)}")
+            close = near(name, there) or f"; it has {', '.join(there) or 'none'}"
+            raise ModelicaError(f"{file} holds no class '{name}'{close}")
         name = tails[0]
     space: Space | None = text.root
     for word in name.split("."):

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from gtmodel.compiler.causal import compile_causal, flat_of
 from gtmodel.modelica import flat_of_text, python_of
-from gtmodel.modelica.reference import is_reference, libraries
+from gtmodel.modelica.reference import is_reference, libraries, whole
 from gtmodel.robots import SerialArm, description
 
 from . import run
@@ -37,7 +37,7 @@ def of(
         loaded = load(what, settings)
         return run.explain(loaded, run.context_of(loaded))
     context = Context()
-    model = resolve(what, context, key="")
+    model = resolve(whole(what) if is_reference(what) else what, context, key="")
     if not wanted and isinstance(model, SerialArm):
         return description(model)
     if not wanted:

@@ -45,6 +45,8 @@ def _refused(make: Any, argument: str, *words: str) -> None:
         ({"units": {"position": "mm"}}, "units", "not in mm"),
         ({"units": {"position": "furlong"}}, "units", "furlong"),
         ({"command_speed": COMMANDS}, "command_speed", "m/s"),
+        ({"stiffness": 4e4}, "damping", "both"),
+        ({"damping": 4e4}, "stiffness", "both"),
     ],
 )
 def test_variables_that_do_not_fit_are_named(keys: dict[str, Any], argument: str, word: str) -> None:

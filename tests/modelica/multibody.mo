@@ -171,3 +171,35 @@ equation
   connect(world.frame_b, strut.frame_a);
   connect(strut.frame_b, body.frame_a);
 end Hung;
+
+model Redundant "a four-bar linkage whose joints all close the plane"
+  import Modelica.Mechanics.MultiBody.*;
+  inner World world(g = 9.81);
+  Joints.Revolute a(phi(start = 1.2, fixed = true)), b, c, d;
+  Parts.BodyShape la(r = {0.3, 0, 0}, m = 1), lb(r = {0.8, 0, 0}, m = 1), lc(r = {0.6, 0, 0}, m = 1);
+  Parts.Fixed base(r = {0.7, 0, 0});
+equation
+  connect(world.frame_b, a.frame_a);
+  connect(a.frame_b, la.frame_a);
+  connect(la.frame_b, b.frame_a);
+  connect(b.frame_b, lb.frame_a);
+  connect(lb.frame_b, c.frame_a);
+  connect(c.frame_b, lc.frame_b);
+  connect(lc.frame_a, d.frame_b);
+  connect(d.frame_a, base.frame_b);
+end Redundant;
+
+model Cut "three links in an array, and the force in the first joint"
+  import Modelica.Mechanics.MultiBody.*;
+  inner World world(g = 9.81);
+  Joints.Revolute joint[3](phi(each fixed = true), w(each fixed = true));
+  Parts.BodyShape link[3](each r = {0, -0.3, 0}, each r_CM = {0, -0.15, 0}, m = {1, 2, 3});
+  Real below = link[2].frame_a.f[2] "bears the links from the second on";
+  Real by_joint = joint[2].frame_b.f[2];
+equation
+  connect(world.frame_b, joint[1].frame_a);
+  connect(joint.frame_b, link.frame_a);
+  for i in 1:2 loop
+    connect(link[i].frame_b, joint[i + 1].frame_a);
+  end for;
+end Cut;

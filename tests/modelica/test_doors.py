@@ -160,3 +160,23 @@ def test_c_code_of_a_robot_in_text_equals_python_bit_for_bit(
     code, out, err = said(capsys, "codegen", problem, "-o", tmp_path / "c", "--check")
     assert code == 0, err
     assert "equals Python bit for bit" in out
+
+
+def test_a_model_with_inputs_is_simulated_with_their_start_values(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    file = tmp_path / "cart.mo"
+    file.write_text("model Cart Real x(start = 1, fixed = true); input Real u(start = 2); input Real w; equation "
+                    "der(x) = u + 10*w; end Cart;")  # fmt: skip
+
+    def end(*settings: str) -> float:
+        out = tmp_path / f"out{len(settings)}"
+        code, shown, _ = said(capsys, "solve", file, "--out", out, *settings)
+        assert code == 0 and "held at their start values" in shown
+        return json.loads((out / "result.json").read_text())["trajectory"]["values"]["x"][-1]
+
+    assert end() == pytest.approx(3.0) and end("--set", "inputs.u=-1") == pytest.approx(0.0, abs=1e-9)
+    code, out, _ = said(capsys, "explain", file, "--known", "u,w", "--targets", "der(x)")  # its only class
+    assert code == 0 and "der(x)  from" in out
+    code, _, err = said(capsys, "explain", f"{file}:Card", "--known", "u", "--targets", "x")
+    assert code == 2 and "did you mean 'Cart'" in err

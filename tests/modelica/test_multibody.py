@@ -273,6 +273,19 @@ def test_torques_that_move_it_are_asked_of_the_same_text(capsys: pytest.CaptureF
         gt.modelica.load(file)().causal(known="arm.joint.phi", targets="arm.tip.r_00")
 
 
+def test_forces_of_a_frame_are_those_on_its_component() -> None:
+    """Links that hang still, in an array: the second bears itself and the third, its joint feels the opposite."""
+    ours = simulated("Cut", 0.1)
+    close(ours["below"], 5 * G)
+    close(ours["by_joint"], -5 * G)
+    close(ours["link[3].frame_b.r_0[2]"], -0.9)
+
+
+def test_a_planar_loop_without_its_constraint_is_refused() -> None:
+    with pytest.raises(gt.modelica.ModelicaError, match="RevolutePlanarLoopConstraint"):
+        gt.modelica.load(f"{MODELS}:Redundant")
+
+
 REFUSED = [
     ("Modelica.Mechanics.MultiBody.Joints.Assemblies.JointUPS joint;", "Joints.Assemblies", 3),
     ("inner Modelica.Mechanics.MultiBody.World two;", "one World", 3),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from gtmodel.modelica import held_inputs
 from gtmodel.modelica.reference import is_reference
 from gtmodel.problem_files import python_models
 from gtmodel.problem_files.base import Context, InputError
@@ -23,8 +24,12 @@ def call(problem: Schema, context: Context) -> Call:
         raise InputError("--start: a simulation begins at its [start]; give the values there")
     model = problem.model(context) if problem.flattener == "gtmodel" else _flattened(problem, context)
     refuse_unknown(model, inputs=problem.inputs)  # before files are read
+    inputs = _inputs(problem, context)
+    if is_reference(problem.robot) and (held := held_inputs(model)).keys() >= inputs.keys() and len(held) > len(inputs):
+        context.notes.append(f"held at their start values: {', '.join(n for n in held if n not in inputs)}")
+        inputs = held | inputs
     return Call(
-        simulation_study, model, problem.final_time_s, inputs=_inputs(problem, context),
+        simulation_study, model, problem.final_time_s, inputs=inputs,
         start=problem.start, step=problem.step_s, max_step=problem.max_step_s, outputs=problem.outputs,
         prefer=problem.prefer, tolerance=problem.tolerance, method=problem.method,
         title=problem.title or f"simulation of {problem.robot}",

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from functools import reduce
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from ..flat import Flattened, ScalarEquation
 from ..instances import Declared, Instance
-from ..scalars import Operation
+from ..scalars import Operation, operation
 from ..syntax import ModelicaError, Place
 from .library import NAME, is_own, part_name
 from .parts import MappedComponent, MechanicsPart, component, in_turn, is_frame, kind, numbers, values
 from .terms import PART, quantity, turned, vector
 
+PARALLEL = 1e-9  # of unit vectors: what round-off leaves of a direction
 _CLOSING = ("Spherical", "PlanarLoopClosure")
 # what nobody asks for may be left out
 OPTIONAL = {"a", "tau", "f", "angle", "r_0", "v_0", "a_0", "w_a", "z_a"}
@@ -26,7 +29,6 @@ class Assembly:
         self._joined: list[tuple[Instance, Instance, Place]] = []
         self._above: dict[int, int] = {}
         self._ports: dict[int, tuple[MechanicsPart, str]] = {}  # of a frame
-        self._cut: set[int] = set()  # frames that a closure joins to what they are connected to
 
     def join(self, a: Instance, b: Instance, at: Place) -> None:
         self._joined.append((a, b, at))
@@ -96,6 +98,9 @@ class Assembly:
         sets = dict(self._above)  # what is connected; from here on, what turns together or by a joint
         closures: list[MechanicsPart] = []
         edges = [p for p in parts if p.edge]
+        fixed = [self._first(p) for p in parts if p.root and p.frames]
+        for a, b in pairwise(fixed):  # all stand in the world
+            self._unite(a, b)
         for part in sorted(edges, key=_rank):
             assert part.instance is not None
             a, b = (id(part.instance.elements[n].made) for n in ("frame_a", "frame_b"))
@@ -103,7 +108,12 @@ class Assembly:
                 continue
             if part.rigid:
                 raise ModelicaError(f"'{part.instance.path}' holds rigidly together what is rigid already", part.at)
-            self._cut.add(b)
+            if _planar(edges):
+                raise ModelicaError(
+                    f"'{part.instance.path}' closes a loop in a plane, which constrains it three times over; make one "
+                    "joint of the loop a Joints.RevolutePlanarLoopConstraint",
+                    part.at,
+                )
             closures.append(
                 MechanicsPart(part.instance.full("closure"), "LoopClosure", part.at, instance=part.instance)
             )
@@ -175,13 +185,14 @@ class Assembly:
     def _mean(self, frame: Instance, at: Place) -> None:
         """Variables of a frame as quantities of the part behind it, or of one it is connected to."""
         own = self._ports.get(id(frame))
+        behind = [own] if own is not None else self._behind(frame)
         known = own or next((p for key, p in self._ports.items() if self._set(key) == self._set(id(frame))), None)
         R: Any = frame.elements["R"].made
         inside = {n: frame.elements[n].made for n in ("r_0", "f", "t")} | {n: R.elements[n].made for n in ("T", "w")}
         for name, made in inside.items():
             assert isinstance(made, Declared)
-            if known is None or (own is None and name in ("f", "t")):
-                why = "nothing is connected to it" if known is None else "ask a part behind it for its force"
+            if known is None or (not behind and name in ("f", "t")):
+                why = "nothing is connected to it" if known is None else "ask a part behind it"
                 for flat in made.flats:
                     flat.replaced = Operation("refused", (f"'{flat.name}' has no value here: {why}",), at)
                 continue
@@ -190,10 +201,27 @@ class Assembly:
                 given = list(vector(part.name, f"{port}.r", at))
             elif name == "T":
                 given = [quantity(part.name, f"{port}.R", (j, i), at) for i in range(3) for j in range(3)]
+            elif name == "w":
+                given = list(turned(part.name, port, f"{port}.w", at))
             else:
-                given = list(turned(part.name, port, f"{port}.{name}", at))
+                forces = [turned(p.name, x, f"{x}.{name}", at) for p, x in behind]
+                given = [
+                    reduce(lambda a, b: operation("+", (a, b), at), column) for column in zip(*forces, strict=True)
+                ]
             for flat, value in zip(made.flats, given, strict=True):
                 flat.replaced = value
+
+    def _behind(self, frame: Instance) -> list[tuple[MechanicsPart, str]]:
+        """Ports inside the component of a frame that are connected to it: what acts on it acts on them. None where
+        another frame of the component is connected to the same, so that the force passes by."""
+        owner = frame.parent
+        if owner is None or sum(self._set(id(f)) == self._set(id(frame)) for f in _frames_of(owner)) > 1:
+            return []
+        return [
+            p
+            for key, p in self._ports.items()
+            if self._set(key) == self._set(id(frame)) and _inside(p[0].instance, owner)
+        ]
 
     def _record(self, frames: list[Instance], out: Flattened) -> None:
         """Positions of the frames under their names in the text."""
@@ -202,6 +230,20 @@ class Assembly:
             inside = owner is not None and owner.parent is not None and bool(part_name(owner.parent.space.text))
             if not inside and isinstance(made, Declared):
                 out.shown += [f for f in made.flats if f.replaced.name == PART]
+
+
+def _frames_of(owner: Instance) -> list[Instance]:
+    made = [e.made for e in owner.elements.values()]
+    return [x for m in made for x in (m.ravel() if isinstance(m, np.ndarray) else [m])
+            if isinstance(x, Instance) and is_frame(x)]  # fmt: skip
+
+
+def _inside(instance: Instance | None, owner: Instance) -> bool:
+    while instance is not None:
+        if instance is owner:
+            return True
+        instance = instance.parent
+    return False
 
 
 def _rank(part: MechanicsPart) -> tuple[int, int]:
@@ -226,6 +268,16 @@ def _follow(joints: list[MechanicsPart]) -> None:
             if given is not None and part_name(given.scope.space.text):
                 for flat in element.made.flats:
                     flat.cache["start"] = None
+
+
+def _planar(edges: list[MechanicsPart]) -> bool:
+    """Do all joints move in parallel planes, whatever their coordinates?"""
+    axes = [np.array(p.options["axis"]) for p in edges if p.cls == "Revolute"]
+    slides = [np.array(p.options["v"]) for p in edges if p.cls == "Prismatic"]
+    if not axes or any(p.cls == "Fixed" for p in edges):
+        return False
+    along = all(abs(abs(a @ axes[0]) - 1) < PARALLEL for a in axes)
+    return along and all(abs(v @ axes[0]) < PARALLEL for v in slides)
 
 
 def _true(part: MechanicsPart, name: str) -> bool:
