@@ -336,6 +336,10 @@ class _Flattening:
                     raise ModelicaError(f"static is true or false; found {entry}", given.node.at)
                 self.out.static = entry
                 continue
+            if name.endswith(".free") and not isinstance(entry, bool):
+                raise ModelicaError(f"{name} is true or false; found {entry}", given.node.at)
+            if is_literal(entry) and not name.endswith(".free") and not is_number(entry):
+                raise ModelicaError(f"{name} takes a number; found {str(entry)!r}", given.node.at)
             self.out.header[name] = entry
             self.out.header_at[name] = given.node.at
 

@@ -147,3 +147,20 @@ def test_what_is_no_file_is_not_read(tmp_path: Path) -> None:
     for path in (tmp_path / "endless.mo", tmp_path, tmp_path / "none.mo"):
         with pytest.raises(gt.modelica.ModelicaError, match="cannot be read"):
             gt.modelica.load(path)
+
+
+@pytest.mark.parametrize(
+    ("header", "parameters", "word"),
+    [
+        ("objective = true", {}, "objective"), ("finalTime(free = 1)", {}, "free"),
+        ("objectiveIntegrand = u^2", {"x": 3.0, "x.start": 3.0}, "two things"),
+        ("objectiveIntegrand = u^2", {"x.start": 3.0, "x": 3.0}, "two things"),
+    ],
+)  # fmt: skip
+def test_refused_headers_and_parameters(tmp_path: Path, header: str, parameters: dict[str, float], word: str) -> None:
+    file = tmp_path / "text.mop"
+    file.write_text(
+        f"optimization P({header})\n  Real x(start = 1);\n  input Real u;\nequation\n  der(x) = u;\nend P;\n"
+    )
+    with pytest.raises(gt.modelica.ModelicaError, match=word):
+        gt.modelica.load(file, parameters=parameters)
