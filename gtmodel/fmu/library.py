@@ -12,14 +12,14 @@ from ..cgen.text import GenerationError
 from ..compiler.toolchain import SECONDS, STANDARD, find
 
 # one folder, relative names, no time, no build number: the same bytes wherever it is made. Only what the standard
-# names is seen from outside, so that two units in one program share nothing.
+# names is seen from outside, so that two units in one program share nothing. Nothing runs at loading: no start files.
 FLAGS = (
     *STANDARD, "-Os", "-fPIC", "-fvisibility=hidden", "-ffunction-sections", "-fdata-sections", "-fno-ident",
     "-fno-asynchronous-unwind-tables", "-g0",
 )  # fmt: skip
 LINK = (
-    "-shared", "-s", "-Wl,--build-id=none", "-Wl,--gc-sections", "-Wl,--no-undefined", "-Wl,-z,noexecstack",
-    "-Wl,-z,noseparate-code", "-Wl,--hash-style=gnu", "-lm",
+    "-shared", "-s", "-nostartfiles", "-Wl,--build-id=none", "-Wl,--gc-sections", "-Wl,--no-undefined",
+    "-Wl,-z,noexecstack", "-Wl,-z,noseparate-code", "-Wl,--hash-style=gnu", "-lm",
 )  # fmt: skip
 WINDOWS = "x86_64-w64-mingw32-gcc"
 

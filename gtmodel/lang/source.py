@@ -126,7 +126,8 @@ class ModelError(ValueError):
     """
 
     def __init__(self, sentence: str, where: SourceLocation | None = None) -> None:
-        super().__init__(f"{sentence} ({where})" if where is not None else sentence)
+        said = where is None or f"({where})" in sentence  # a place is named once
+        super().__init__(sentence if said else f"{sentence} ({where})")
         self.where = where
         self.argument = ""
 

@@ -29,7 +29,8 @@ class PointMass(gt.Model):
     def equations(self):
         r, v = self.frame.r, gt.der(self.frame.r)
         yield self.frame.f == self.m * (gt.der(r, 2) - self.world.g)
-        yield gt.energy(stored=self.m * (gt.dot(v, v) / 2 - gt.dot(self.world.g, r)))
+        yield gt.energy(stored=self.m / 2 * gt.dot(v, v))
+        yield gt.energy(stored=-self.m * gt.dot(self.world.g, r))
 
 
 class RigidBody(gt.Model):
@@ -67,7 +68,8 @@ class RigidBody(gt.Model):
         force, torque = self.inertial_wrench()
         yield self.frame.f == force
         yield self.frame.t == torque
-        yield gt.energy(stored=self.stored_energy())
+        for stored in self.energies():
+            yield gt.energy(stored=stored)
 
     def inertial_wrench(self):
         """Force [N] and torque about the frame's origin [N.m] that move the body, world coordinates."""
@@ -79,13 +81,13 @@ class RigidBody(gt.Model):
         torque = R @ (self.I @ own_turn + gt.cross(own_w, self.I @ own_w))
         return force, torque + gt.cross(arm, force)
 
-    def stored_energy(self):
-        """Kinetic energy and potential energy of weight [J]."""
+    def energies(self):
+        """Kinetic energy, and potential energy of weight [J]."""
         R, w = self.frame.R, self.frame.w
         arm, own_w = R @ self.c, w @ R
         v = gt.der(self.frame.r) + gt.cross(w, arm)
-        weight = gt.dot(self.world.g, self.frame.r + arm)
-        return self.m * (gt.dot(v, v) / 2 - weight) + gt.dot(own_w, self.I @ own_w) / 2
+        moving = self.m / 2 * gt.dot(v, v) + gt.dot(own_w, self.I @ own_w) / 2
+        return moving, -self.m * gt.dot(self.world.g, self.frame.r + arm)
 
 
 class LinkBody(gt.Model):
@@ -128,7 +130,8 @@ class LinkBody(gt.Model):
         v = gt.der(self.frame.r)
         weight = gt.dot(self.world.g, self.m * self.frame.r + arm)
         moving = self.m * gt.dot(v, v) / 2 + gt.dot(v, gt.cross(w, arm)) + gt.dot(own_w, inertia @ own_w) / 2
-        yield gt.energy(stored=moving - weight)
+        yield gt.energy(stored=moving)
+        yield gt.energy(stored=-weight)
 
     def inertia(self):
         """Inertia (3, 3) about the frame's origin, frame axes [kg m2]."""

@@ -50,7 +50,8 @@ class Rod(gt.Model):
         yield self.a.f == inertial_a - self.tension * d
         yield self.b.f == inertial_b + self.tension * d
         weight = gt.dot(self.world.g, (self.a.r + self.b.r) / 2)
-        yield gt.energy(stored=self.kinetic_energy() - self.m * weight)
+        yield gt.energy(stored=self.kinetic_energy())
+        yield gt.energy(stored=-self.m * weight)
 
     def closure(self, d: Any) -> Iterator[Any]:
         """Equations of the distance of the joints, d from a to b [m]."""

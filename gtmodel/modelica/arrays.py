@@ -110,8 +110,10 @@ def _raised(a: Values, b: Values, at: Place | None) -> Values:
     if not a.shape:
         return scalar(_power(a[()], b[()], at))
     n = b[()]
-    if a.ndim != 2 or a.shape[0] != a.shape[1] or not is_number(n) or n != int(n) or n < 0:
-        raise ModelicaError("'^' of an array takes a square matrix and a whole number; write .^ for each entry", at)
+    if a.ndim != 2 or a.shape[0] != a.shape[1] or not is_number(n) or n != int(n) or not 0 <= n <= 1000:
+        raise ModelicaError(
+            "'^' of an array takes a square matrix and a whole number up to 1000; write .^ for each entry", at
+        )
     result = identity(a.shape[0])
     for _ in range(int(n)):
         result = product(result, a, at)
@@ -147,8 +149,9 @@ def product(a: Values, b: Values, at: Place | None) -> Values:
         return each(lambda x, y: operation("*", (x, y), at), a, b)
     if a.ndim > 2 or b.ndim > 2 or a.shape[-1] != b.shape[0]:
         raise ModelicaError(f"'*' takes matching shapes; found {a.shape} and {b.shape}; write .* for each entry", at)
-    rows = a.reshape(-1, a.shape[-1])
-    columns = b.reshape(b.shape[0], -1).T
+    inner = a.shape[-1]
+    rows = a.reshape(int(np.prod(a.shape[:-1])), inner)
+    columns = b.reshape(inner, int(np.prod(b.shape[1:]))).T
     flat = [dotted(list(r), list(c), at) for r in rows for c in columns]
     return array(flat, a.shape[:-1] + b.shape[1:])
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
@@ -9,7 +10,7 @@ import numpy as np
 
 from .arrays import Values, array, each, entries, identity, joined, product, scalar, stacked, summed
 from .multibody import terms as multibody
-from .scalars import Operation, is_literal, number_of, operation
+from .scalars import EnumerationLiteral, Operation, is_literal, number_of, operation
 from .syntax import FunctionCall, Literal, ModelicaError, Place, SyntaxNode
 
 if TYPE_CHECKING:
@@ -30,12 +31,13 @@ _EVENTS = {
 MATHEMATICAL = {name: name for name in (*_ONE, "atan2")}
 
 
-def reduced(name: str, items: Values, at: Place) -> Values:
+def reduced(name: str, items: Values, at: Place, loops: int = 1) -> Values:
     """sum(e for i in r), and product, min, max likewise."""
     flat = [x for item in items for x in (entries(item) if isinstance(item, np.ndarray) else [item])]
     if name == "sum":
-        if items.ndim > 1:
-            return array([summed(list(column), at) for column in items.reshape(len(items), -1).T], items.shape[1:])
+        if items.ndim > loops:
+            columns = items.reshape(int(np.prod(items.shape[:loops])), -1).T
+            return array([summed(list(column), at) for column in columns], items.shape[loops:])
         return scalar(summed(flat, at))
     if name == "array":
         return items
@@ -63,6 +65,15 @@ def called(name: str, node: FunctionCall, scope: NameScope, model: Evaluator) ->
         raise ModelicaError(f"{name}() takes arguments without names", node.at)
     if name in _EVENTS:
         raise ModelicaError(f"{_EVENTS[name]}, which is not taken here", node.at)
+    try:
+        return _called(name, node, scope, model)
+    except ModelicaError:
+        raise
+    except (IndexError, TypeError, ValueError) as error:  # of NumPy, for arrays of other shapes
+        raise ModelicaError(f"{name}() does not take these arguments: {error}", node.at) from None
+
+
+def _called(name: str, node: FunctionCall, scope: NameScope, model: Evaluator) -> Any:
     if name in _ONE:
         (x,) = _arguments(name, node, scope, model, 1)
         return each(lambda e: operation(name, (e,), node.at), x)
@@ -127,9 +138,12 @@ def _filled(value: Any) -> Callable[[FunctionCall, NameScope, Evaluator], Values
         given = node.arguments if value is not None else node.arguments[1:]
         shape = tuple(model.whole(a, scope, "a size") for a in given)
         entry = scalar(value) if value is not None else model.array(node.arguments[0], scope)
-        count = int(np.prod(shape)) if shape else 1
-        if count > 1_000_000 or any(n < 0 for n in shape):
-            raise ModelicaError(f"an array of shape {shape} is too large", node.at)
+        if not given:
+            raise ModelicaError(f"{node.reference}() takes sizes", node.at)
+        count = math.prod(shape)
+        if any(n < 0 for n in shape):
+            raise ModelicaError(f"a size is not below 0; found {shape}", node.at)
+        model.spend(count * entry.size, node.at)
         return array([x for _ in range(count) for x in entries(entry)], shape + entry.shape)
 
     return of
@@ -138,12 +152,15 @@ def _filled(value: Any) -> Callable[[FunctionCall, NameScope, Evaluator], Values
 def _identity(node: FunctionCall, scope: NameScope, model: Evaluator) -> Values:
     if len(node.arguments) != 1:
         raise ModelicaError("identity() takes a size", node.at)
-    return identity(model.whole(node.arguments[0], scope, "a size"))
+    n = model.whole(node.arguments[0], scope, "a size")
+    model.spend(n * n, node.at)
+    return identity(n)
 
 
 def _diagonal(node: FunctionCall, scope: NameScope, model: Evaluator) -> Values:
     (x,) = _arguments("diagonal", node, scope, model, 1)
     n = len(x)
+    model.spend(n * n, node.at)
     return array([x[i] if i == j else 0 for i in range(n) for j in range(n)], (n, n))
 
 
@@ -152,6 +169,7 @@ def _linspace(node: FunctionCall, scope: NameScope, model: Evaluator) -> Values:
         raise ModelicaError("linspace() takes two ends and a count", node.at)
     a, b = (model.one(x, scope) for x in node.arguments[:2])
     n = model.whole(node.arguments[2], scope, "the count in linspace()")
+    model.spend(n, node.at)
     step = operation("-", (b, a), node.at)
     parts = [operation("/", (operation("*", (k, step), node.at), n - 1), node.at) for k in range(n)]
     return array([operation("+", (a, p), node.at) for p in parts], (n,))
@@ -176,6 +194,8 @@ def _cross(node: FunctionCall, scope: NameScope, model: Evaluator) -> Values:
 
 def _skew(node: FunctionCall, scope: NameScope, model: Evaluator) -> Values:
     (x,) = _arguments("skew", node, scope, model, 1)
+    if x.shape != (3,):
+        raise ModelicaError(f"skew() takes a vector of length 3; found {x.shape}", node.at)
 
     def minus(e: Any) -> Any:
         return operation("neg", (e,), node.at)
@@ -185,6 +205,7 @@ def _skew(node: FunctionCall, scope: NameScope, model: Evaluator) -> Values:
 
 def _outer_product(node: FunctionCall, scope: NameScope, model: Evaluator) -> Values:
     a, b = _arguments("outerProduct", node, scope, model, 2)
+    model.spend(a.size * b.size, node.at)
     return product(a.reshape(-1, 1), b.reshape(1, -1), node.at)
 
 
@@ -192,7 +213,11 @@ def _cat(node: FunctionCall, scope: NameScope, model: Evaluator) -> Values:
     if len(node.arguments) < 2:
         raise ModelicaError("cat() takes a dimension and arrays", node.at)
     dimension = model.whole(node.arguments[0], scope, "the dimension in cat()")
-    return joined(dimension, [model.array(a, scope) for a in node.arguments[1:]], node.at)
+    items = [model.array(a, scope) for a in node.arguments[1:]]
+    if not 1 <= dimension <= min(x.ndim for x in items):
+        raise ModelicaError(f"cat() joins along a dimension that its arrays have; found {dimension}", node.at)
+    model.spend(sum(x.size for x in items), node.at)
+    return joined(dimension, items, node.at)
 
 
 def _array(node: FunctionCall, scope: NameScope, model: Evaluator) -> Any:
@@ -216,6 +241,8 @@ def _reshaped(name: str) -> Callable[[FunctionCall, NameScope, Evaluator], Value
 def _symmetric(node: FunctionCall, scope: NameScope, model: Evaluator) -> Values:
     (x,) = _arguments("symmetric", node, scope, model, 1)
     n = len(x)
+    if x.shape != (n, n):
+        raise ModelicaError(f"symmetric() takes a square matrix; found {x.shape}", node.at)
     return array([x[min(i, j), max(i, j)] for i in range(n) for j in range(n)], (n, n))
 
 
@@ -271,11 +298,18 @@ def _text(node: FunctionCall, scope: NameScope, model: Evaluator) -> Values:
 
 
 def _assert(node: FunctionCall, scope: NameScope, model: Evaluator) -> Values:
-    condition = model.truth(node.arguments[0], scope) if node.arguments else True
+    given = dict(zip(("condition", "message", "level"), node.arguments, strict=False)) | node.named
+    if "condition" not in given:
+        raise ModelicaError("assert() takes a condition and a message", node.at)
+    condition = model.truth(given["condition"], scope)
     if condition is False:
-        said = node.arguments[1] if len(node.arguments) > 1 else None
+        said = given.get("message")
         text = said.value if isinstance(said, Literal) else "an assertion is violated"
-        raise ModelicaError(f"assert: {text}", node.at)
+        level = model.one(given["level"], scope) if "level" in given else None
+        if not isinstance(level, EnumerationLiteral) or level.name != "warning":
+            raise ModelicaError(f"assert: {text}", node.at)
+        model.warn(f"assert: {text}", node.at)
+        return scalar(True)
     if condition is not True:
         model.warn("this assert() speaks of variables; it is not watched", node.at)
     return scalar(True)

@@ -35,7 +35,7 @@ def exact(name: str) -> str:
     """The name of the text itself, but for names that every model has."""
     if name.startswith("_"):
         raise ModelicaError(f"names that begin with an underscore are not taken; found '{name}'")
-    return f"{name}_" if name in _TAKEN else name
+    return f"{name}_" if name in _TAKEN or name in ("None", "True", "False") else name
 
 
 @dataclass(eq=False)

@@ -12,7 +12,7 @@ from .instances import Declared, Instance, NameScope
 from .members import Missing
 from .multibody.assembly import Assembly
 from .multibody.parts import is_frame
-from .scalars import Flat, Operation, Symbol
+from .scalars import Flat, Operation, Symbol, number_of
 from .syntax import Connect, ModelicaError, Place, Reference
 
 Face = tuple[int, bool]  # a flow variable, and whether it is seen from inside its component
@@ -86,6 +86,8 @@ class Connections:
                     self._flow((id(p), not outside[0]), (id(q), not outside[1]), p, q, node.at)
                 elif p.kind not in ("parameter", "constant"):
                     self._equal(p, q, node.at)
+                elif number_of(Symbol(p), node.at) != number_of(Symbol(q), node.at):
+                    raise ModelicaError(f"connectors whose '{p.name}' and '{q.name}' differ are joined", node.at)
 
     def _equal(self, a: Flat, b: Flat, at: Place) -> None:
         self._flats[id(a)], self._flats[id(b)] = a, b

@@ -12,7 +12,7 @@ from .syntax import Place
 def constraints_settled(out: Flattened) -> None:
     """A path equality that alone speaks of a variable becomes an equation; a value at an instant that stands beside
     values along the path becomes a variable of its own, which is constant."""
-    used = {id(f) for e in out.equations for x in _sides(e) for f in symbols(x)}
+    used = {id(f) for e in out.equations for x in sides(e) for f in symbols(x)}
     kept: list[ScalarEquation] = []
     for e in out.constraints:
         own = [f for f in (*symbols(e.left), *symbols(e.right)) if f.kind == "variable" and id(f) not in used]
@@ -25,7 +25,8 @@ def constraints_settled(out: Flattened) -> None:
     out.constraints = [c for e in kept for c in _separated(e, out, constants)]
 
 
-def _sides(e: Any) -> list[Any]:
+def sides(e: Any) -> list[Any]:
+    """Both sides of an equation, or of all inside a conditional one."""
     if isinstance(e, ScalarIf):
         return [x for part in (*e.then, *e.otherwise) for x in (part.left, part.right)]
     if isinstance(e, ScalarWhen):

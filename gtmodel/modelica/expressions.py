@@ -37,6 +37,7 @@ from .syntax import (
 )  # fmt: skip
 
 LONGEST = 1_000_000  # entries of a range or of an array
+MOST = 2_000_000  # entries of one model; a turn of a loop, a call and a component count for several
 _HORIZON = {"startTime": "start_time", "finalTime": "final_time"}
 
 
@@ -47,12 +48,21 @@ class Evaluator:
         self.warnings: list[str] = []
         self.horizon = False  # an optimization, which has startTime and finalTime
         self.calls = 0  # of functions in one another
+        self.spent = 0
 
     def warn(self, sentence: str, place: Place) -> None:
         """Something a person should know, once for each place."""
         text = f"{sentence} ({place.where})"
         if text not in self.warnings:
             self.warnings.append(text)
+
+    def spend(self, count: int, place: Place) -> None:
+        """Raises ModelicaError for a model that asks for more than memory and patience hold."""
+        self.spent += count
+        if self.spent > MOST:
+            raise ModelicaError(
+                "this model asks for more components, entries, turns of loops and calls than are taken", place
+            )
 
     @staticmethod
     def is_colon(node: SyntaxNode) -> bool:
@@ -114,6 +124,8 @@ class Evaluator:
             a, b = self.evaluate(node.left, scope), self.evaluate(node.right, scope)
             if not isinstance(a, np.ndarray) or not isinstance(b, np.ndarray):
                 raise ModelicaError(f"'{node.operator}' takes numbers; found a record", node.at)
+            if a.ndim and b.ndim:
+                self.spend(int(a.size * b.size / max(1, a.shape[-1])), node.at)
             return binary(node.operator, a, b, node.at)
         if isinstance(node, Unary):
             value = self.array(node.operand, scope)
@@ -181,6 +193,7 @@ class Evaluator:
                 over = self.array(loop.over, inside)
                 if over.ndim != 1:
                     raise ModelicaError(f"'{loop.name}' runs over a vector; found shape {over.shape}", loop.at)
+                self.spend(4 * over.size, loop.at)
                 following += [inside.inner({loop.name: scalar(x)}) for x in over]
             scopes = following
         return scopes
@@ -333,11 +346,13 @@ class Evaluator:
         single = len(node.reference.parts) == 1 and not node.reference.absolute
         if node.loops is not None:
             items = self.comprehended(node.arguments[0], node.loops, scope, node.at)
-            return builtin.reduced(name, items, node.at)
+            return builtin.reduced(name, items, node.at, len(node.loops))
         if self.horizon and (value := self._component(node.reference, scope)) is not None:
             return self.instant(value, node, scope)
         if single and name in builtin.BUILT_IN:
-            return builtin.called(name, node, scope, self)
+            own_one = scope.space.lookup(name)  # a text may have a function of its own under this name
+            if own_one is None or not own_one.text.restriction.endswith("function"):
+                return builtin.called(name, node, scope, self)
         space = self.function(node.reference, scope)
         own = space.name
         if own.startswith("Modelica.Math.") and (plain := builtin.MATHEMATICAL.get(own.removeprefix("Modelica.Math."))):

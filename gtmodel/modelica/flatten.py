@@ -12,7 +12,7 @@ from . import functions
 from .arrays import RecordValue, each, entries, same_shape
 from .causality import settle_inputs
 from .connections import Connections
-from .constraints import constraints_settled
+from .constraints import constraints_settled, sides
 from .expressions import Evaluator
 from .flat import Flattened, ScalarEquation, ScalarIf
 from .instances import Declared, Instance, NameScope
@@ -21,7 +21,8 @@ from .modifications import Modifier
 from .multibody.assembly import declared_places
 from .multibody.library import is_own
 from .multibody.parts import is_frame
-from .scalars import Flat, Operation, Symbol, is_constant, is_literal, number_of, operation
+from .resolved import LONGEST
+from .scalars import Flat, Operation, Symbol, extent, is_constant, is_literal, is_number, number_of, operation
 from .scopes import Space
 from .settled.events import settle_events
 from .settled.macros import settle_macros
@@ -47,7 +48,10 @@ from .syntax import (
 
 def flattened(space: Space, said: Modifier) -> Flattened:
     """The flat equations of a class, with modifications from outside. Raises ModelicaError, with file and line."""
-    return _Flattening(space, said).result()
+    try:
+        return _Flattening(space, said).result()
+    except RecursionError:
+        raise ModelicaError(f"{space.name} says something too deeply nested to be taken", space.text.at) from None
 
 
 class _Flattening:
@@ -65,6 +69,7 @@ class _Flattening:
             raise ModelicaError(f"{space.name} holds itself", text.at) from None
         self.out = Flattened(text.name, text.at, text.description, self.model.horizon)
         self.connections = Connections()
+        self.uncertain = False  # inside an if whose condition is known while the model runs
 
     def result(self) -> Flattened:
         instances = list(self.root.walk())
@@ -90,6 +95,7 @@ class _Flattening:
         for terms, place in self.connections.sums():
             self.out.equations.append(ScalarEquation(terms, 0, place))
         self.connections.assembly.settle(instances, places, self.out, self.model)
+        self._bounded()
         settle_macros(self.out)
         self._header()
         if not self.out.optimization:
@@ -130,6 +136,9 @@ class _Flattening:
                         self.out.equations.append(ScalarEquation(Symbol(flat), entry, place))
 
     def _parameter(self, flat: Flat) -> None:
+        low, value, high = flat.get("min"), flat.binding, flat.get("max")
+        if any(is_number(a) and is_number(b) and a > b for a, b in ((low, value), (value, high))):
+            self.model.warn(f"'{flat.name}' lies outside of its own min and max", flat.at)
         if self._flag(flat, "free"):
             if self.model.horizon:
                 flat.free = True
@@ -191,6 +200,8 @@ class _Flattening:
         if isinstance(node, If):
             return self._if(node, scope)
         if isinstance(node, Connect):
+            if self.uncertain:
+                raise ModelicaError("connect() under a condition of variables is not taken; parameters decide", node.at)
             self.connections.connect(node, scope, self.model)
             return []
         if isinstance(node, WhenEquation):
@@ -230,13 +241,17 @@ class _Flattening:
             truth = self.model.truth(condition, scope)
             if truth is False:
                 continue
+            before, self.uncertain = self.uncertain, self.uncertain or truth is not True or bool(branches)
             inside = [e for x in body for e in self._equations(x, scope)]
+            self.uncertain = before
             if truth is True:
                 last = inside
                 break
             branches.append((truth, inside))
         else:
+            before, self.uncertain = self.uncertain, self.uncertain or bool(branches)
             last = [e for x in node.otherwise or () for e in self._equations(x, scope)]
+            self.uncertain = before
         for truth, inside in reversed(branches):
             if len(inside) != len(last):
                 raise ModelicaError(f"the branches have {len(inside)} and {len(last)} equations", node.at)
@@ -259,6 +274,9 @@ class _Flattening:
             relation = "; a relation belongs into a constraint section" if isinstance(expression, Binary) else ""
             raise ModelicaError(f"this is no equation: it has no '='{relation}", node.at)
         name = str(expression.reference)
+        if name == "assert" and self.uncertain:
+            self.model.warn("this assert() stands under a condition of variables; it is not watched", node.at)
+            return []
         if name == "assert":
             return watched(expression, scope, self.model)
         if name.startswith("Connections."):
@@ -294,6 +312,14 @@ class _Flattening:
 
     # the whole
 
+    def _bounded(self) -> None:
+        """Refuses what would be written out without end: twice itself, sixty times."""
+        known: dict[int, tuple[Any, int]] = {}
+        for e in (*self.out.equations, *self.out.initial, *self.out.constraints):
+            for x in sides(e):
+                if extent(x, known) > LONGEST:
+                    raise ModelicaError("this expression is too long to be taken; write it in several equations", e.at)
+
     def _header(self) -> None:
         for name, given in self.root.header.items():
             value = self.model.given(given)
@@ -310,6 +336,10 @@ class _Flattening:
                     raise ModelicaError(f"static is true or false; found {entry}", given.node.at)
                 self.out.static = entry
                 continue
+            if name.endswith(".free") and not isinstance(entry, bool):
+                raise ModelicaError(f"{name} is true or false; found {entry}", given.node.at)
+            if is_literal(entry) and not name.endswith(".free") and not is_number(entry):
+                raise ModelicaError(f"{name} takes a number; found {str(entry)!r}", given.node.at)
             self.out.header[name] = entry
             self.out.header_at[name] = given.node.at
 
@@ -319,8 +349,10 @@ class _Flattening:
             inside = argument.modification.arguments if argument.modification is not None else []
             if argument.name != ("__gtmodel",):
                 continue
+            if not inside:
+                raise ModelicaError("__gtmodel takes branch(name = expression)", argument.at)
             for item in inside:
-                if item.name != ("branch",) or item.modification is None:
+                if item.name != ("branch",) or item.modification is None or not item.modification.arguments:
                     raise ModelicaError(f"__gtmodel takes branch(name = expression); found {item.name[0]}", item.at)
                 for one in item.modification.arguments:
                     if one.modification is None or one.modification.value is None:

@@ -12,8 +12,8 @@ from . import builtin
 from .arrays import RecordValue, array, each, entries
 from .instances import Instance, NameScope, kind_of
 from .members import member
-from .modifications import modifier
-from .scalars import is_literal, operation
+from .modifications import Modifier, modifier
+from .scalars import Symbol, is_literal, operation, replaced
 from .scopes import Space
 from .syntax import (
     Assign,
@@ -74,6 +74,16 @@ def _short(space: Space) -> tuple[Space, list[Any]]:
     return space, said
 
 
+def _changes(space: Space, said: list[Any], model: Evaluator) -> dict[str, Modifier]:
+    """What extends clauses, and short classes around them, say about the components; the outermost wins."""
+    result: dict[str, Modifier] = {}
+    for base, extends in space.bases():
+        result |= _changes(base, [(extends.modification, space)], model)
+    for written, around in reversed(said):
+        result |= modifier(written, NameScope(None, around, model)).inside
+    return result
+
+
 def _assigned(inputs: Sequence[Component], node: FunctionCall, what: str) -> dict[str, SyntaxNode]:
     """Arguments by name. Raises ModelicaError for too many and unknown ones."""
     names = [c.name for c in inputs]
@@ -94,7 +104,7 @@ def constructed(space: Space, node: FunctionCall, scope: NameScope, model: Evalu
     space, said = _short(space)
     fields = components(space)
     given = _assigned([c for c, _ in fields], node, space.name)
-    changes = {k: m for text, s in said for k, m in modifier(text, NameScope(None, s, model)).inside.items()}
+    changes = _changes(space, said, model)
     result = RecordValue()
     for c, holder in fields:
         inside = NameScope(None, holder, model, dict(result))
@@ -131,9 +141,10 @@ def results(space: Space, node: FunctionCall, scope: NameScope, model: Evaluator
     if not outputs or not bodies:
         raise ModelicaError(f"{what} has no {'algorithm' if outputs else 'output'}", node.at)
     given = _assigned(inputs, node, what)
-    changes = {k: m for written, s in said for k, m in modifier(written, NameScope(None, s, model)).inside.items()}
+    changes = _changes(space, said, model)
     values = {name: model.evaluate(value, scope) for name, value in given.items()}
     local: dict[str, Any] = {}
+    model.spend(20, node.at)
     if model.calls >= DEEPEST:
         raise ModelicaError(f"{what} calls itself; a recursion cannot be inlined", node.at)
     model.calls += 1
@@ -191,6 +202,9 @@ def _check_size(c: Component, value: Any, scope: NameScope, model: Evaluator, wh
     if len(sizes) != value.ndim or any(s is not None and s != n for s, n in zip(sizes, value.shape, strict=True)):
         wanted = f"shape ({', '.join(':' if s is None else str(s) for s in sizes)})" if sizes else "a scalar"
         raise ModelicaError(f"'{c.name}' of {what} takes {wanted}; found shape {value.shape}", c.at)
+    base = kind_of(c.type_name, scope).base
+    if base == "Integer" and any(isinstance(x, float) and not x.is_integer() for x in entries(value)):
+        raise ModelicaError(f"'{c.name}' of {what} takes a whole number", c.at)
     return value.copy()
 
 
@@ -363,6 +377,7 @@ def joined(truth: Any, a: Any, b: Any, name: str, at: Place) -> Any:
 
 def _repeat(statement: While, scope: NameScope, model: Evaluator) -> None:
     for _ in range(TURNS):
+        model.spend(4, statement.at)
         condition = model.truth(statement.condition, scope)
         if not is_literal(condition):
             raise ModelicaError("a while over variables cannot be inlined", statement.at)
@@ -384,4 +399,16 @@ def algorithm(body: Sequence[SyntaxNode], scope: NameScope, model: Evaluator) ->
         carry_out(body, inside, model)
     except _Broken as broken:
         raise ModelicaError(f"'{broken.word}' stands outside a function", scope.space.text.at) from None
-    return inside.locals
+    # what is assigned begins with its start value: where it is read before, and where no branch assigns it
+    first: dict[int, Any] = {}
+    for name, value in inside.locals.items():
+        before = model.first(ReferencePart(name, None), Reference(scope.space.text.at, ()), scope)
+        if isinstance(value, np.ndarray) and isinstance(before, np.ndarray):
+            for old, new in zip(entries(before), entries(value), strict=True):
+                if old is not new and isinstance(old, Symbol) and old.flat.kind != "discrete":
+                    start = old.flat.get("start")
+                    first[id(old.flat)] = start if start is not None else False if old.flat.base == "Boolean" else 0
+    return {
+        name: each(lambda x: replaced(x, first), value) if isinstance(value, np.ndarray) else value
+        for name, value in inside.locals.items()
+    }

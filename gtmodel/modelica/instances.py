@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from itertools import product
@@ -10,10 +11,10 @@ from typing import Any
 import numpy as np
 
 from ..lang.slips import near
-from .arrays import Values, array
+from .arrays import Values, array, entries
 from .modifications import NOTHING, Given, Modifier, merged, modifier, same
 from .multibody.library import part_name, pictures
-from .scalars import Flat, Symbol, number_of
+from .scalars import Flat, Symbol, fits, number_of
 from .scopes import PREDEFINED, Space
 from .syntax import ClassText, Component, Extends, ModelicaError, Place, Reference, SyntaxNode
 
@@ -22,6 +23,7 @@ ATTRIBUTES = {
     "free", "initialGuess", "absoluteValue",
 }  # fmt: skip
 HEADER = ("objective", "objectiveIntegrand", "startTime", "finalTime")
+LONGEST_CHAIN = 200  # types that are names of one another, classes that extend one another
 DEEPEST = 60  # components in one another; a class that holds itself would never end
 
 
@@ -66,39 +68,38 @@ class TypeMeaning:
 def kind_of(reference: Reference, scope: NameScope) -> TypeMeaning:
     """What a type name means in a scope. Raises ModelicaError for one that means nothing."""
     said, dimensions, prefixes, connector = NOTHING, [], frozenset[str](), False
-    space: Space = scope.space
-    while True:
-        first = reference.parts[0].name
-        if len(reference.parts) == 1 and first in PREDEFINED:
-            return TypeMeaning(first, None, said, dimensions, prefixes, connector)
-        space = space.find(reference)
-        while True:
-            text = space.text
-            if text.refused:
-                raise ModelicaError(f"{space.name} is not taken: {text.refused}", reference.at)
-            connector = connector or text.restriction.endswith("connector")
-            said = merged(said, space.said)
-            if text.literals is not None:
-                return TypeMeaning("enumeration", space, said, dimensions, prefixes, connector, tuple(text.literals))
-            extends = [e for e in text.elements if isinstance(e, Extends)]
-            simple = text.short or (len(extends) == 1 and len(text.elements) == 1 and not text.equations)
-            if not text.short:
-                said = _limited(said, space, scope)
-            if not simple or not extends:
-                return TypeMeaning("", space, said, dimensions, prefixes, connector)
-            builtin = len(extends[0].base.parts) == 1 and extends[0].base.parts[0].name in PREDEFINED
-            if not text.short and not builtin and not _ends_predefined(space, extends[0]):
-                return TypeMeaning("", space, said, dimensions, prefixes, connector)
-            around = space.outer if text.short and space.outer is not None else space
-            own = NameScope(space.holder, around, scope.model)
-            said = merged(said, modifier(extends[0].modification, own))
-            if text.short:
-                said = _limited(said, space, scope)
-            dimensions = [*dimensions, *[(d, own) for d in text.dimensions]]
-            prefixes |= text.type_prefixes
-            if builtin:
-                return TypeMeaning(extends[0].base.parts[0].name, None, said, dimensions, prefixes, connector)
-            space = space.base(extends[0])
+    first = reference.parts[0].name
+    if len(reference.parts) == 1 and first in PREDEFINED:
+        return TypeMeaning(first, None, said, dimensions, prefixes, connector)
+    space: Space = scope.space.find(reference)
+    for _ in range(LONGEST_CHAIN):
+        text = space.text
+        if text.refused:
+            raise ModelicaError(f"{space.name} is not taken: {text.refused}", reference.at)
+        connector = connector or text.restriction.endswith("connector")
+        said = merged(said, space.said)
+        if text.literals is not None:
+            return TypeMeaning("enumeration", space, said, dimensions, prefixes, connector, tuple(text.literals))
+        extends = [e for e in text.elements if isinstance(e, Extends)]
+        simple = text.short or (len(extends) == 1 and len(text.elements) == 1 and not text.equations)
+        if not text.short:
+            said = _limited(said, space, scope)
+        if not simple or not extends:
+            return TypeMeaning("", space, said, dimensions, prefixes, connector)
+        builtin = len(extends[0].base.parts) == 1 and extends[0].base.parts[0].name in PREDEFINED
+        if not text.short and not builtin and not _ends_predefined(space, extends[0]):
+            return TypeMeaning("", space, said, dimensions, prefixes, connector)
+        around = space.outer if text.short and space.outer is not None else space
+        own = NameScope(space.holder, around, scope.model)
+        said = merged(said, modifier(extends[0].modification, own))
+        if text.short:
+            said = _limited(said, space, scope)
+        dimensions = [*dimensions, *[(d, own) for d in text.dimensions]]
+        prefixes |= text.type_prefixes
+        if builtin:
+            return TypeMeaning(extends[0].base.parts[0].name, None, said, dimensions, prefixes, connector)
+        space = space.base(extends[0])
+    raise ModelicaError(f"'{reference}' is another name of itself, or of more than {LONGEST_CHAIN}", reference.at)
 
 
 def _limited(said: Modifier, space: Space, scope: NameScope) -> Modifier:
@@ -144,6 +145,7 @@ class Instance:
         self.used: set[str] = set()
         self.depth: int = 0 if parent is None else parent.depth + 1
         self.restriction = space.text.restriction
+        self.below = 0  # classes that extend one another, while they are taken
         if self.depth > DEEPEST:
             raise ModelicaError(f"'{path}' is {DEEPEST} components deep; does {space.name} hold itself?", space.text.at)
         self._take(space, said)
@@ -164,6 +166,10 @@ class Instance:
         text = space.text
         if text.refused:
             raise ModelicaError(f"{space.name} is not taken: {text.refused}", text.at)
+        self.below += 1
+        self.model.spend(20, text.at)
+        if self.below > LONGEST_CHAIN:
+            raise ModelicaError(f"{space.name} extends itself, or more than {LONGEST_CHAIN} classes", text.at)
         replaced = {n: c for n, m in said.inside.items() if (c := _replacement(space, n, m)) is not None}
         if replaced or (text.classes and text.restriction != "package"):
             space = space.with_replaced(replaced, self)
@@ -205,6 +211,7 @@ class Instance:
                 self._refuse_unknown(base, said_here)
         if lost := [e for n, e in again.items() if n not in self.elements]:
             raise ModelicaError(f"nothing that {space.name} extends has a '{lost[0].name}' to redeclare", lost[0].at)
+        self.below -= 1
         self.used |= set(text.classes) | pictures(text)
         if not any(s.text is text for s in self.sections):  # of a class that is inherited on two ways
             self.sections.append(Section(text, scope))
@@ -353,6 +360,7 @@ class TextElement:
             if isinstance(size, bool) or not isinstance(size, int) or not 0 <= size <= 100_000:
                 raise ModelicaError(f"the size of '{full}' is a whole number; found {size}", d.at)
             shape.append(size)
+        model.spend(math.prod(shape), self.text.at)
         return tuple(shape)
 
     def _instances(self, kind: TypeMeaning, said: Modifier, prefixes: frozenset[str], full: str, shape: Any) -> Any:
@@ -456,6 +464,11 @@ class Declared:
                     f"{value.shape or 'that of a scalar'}",
                     said.node.at,
                 )
+            for entry in entries(value):
+                if not fits(entry, self.kind.base, self.kind.literals):
+                    shown = entry.flat.name if isinstance(entry, Symbol) else entry
+                    wanted = "a number" if self.kind.base in ("Real", "Integer") else f"a value of {self.kind.base}"
+                    raise ModelicaError(f"'{self.full}' takes {wanted}; found {str(shown)!r}", said.node.at)
             if value.shape == () and self.shape and not said.each:
                 raise ModelicaError(
                     f"'{self.full}' is an array of shape {self.shape}; write each, or fill(...), for one value",

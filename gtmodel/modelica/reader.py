@@ -58,12 +58,23 @@ def parse(text: str, path: str = "") -> list[ClassText]:
 
     try:
         with of_source(source):
-            return Shaping().transform(parser.parse(source.text))
+            classes: list[ClassText] = Shaping().transform(parser.parse(source.text))
+            return _not_too_deep(classes)
     except lark.exceptions.VisitError as error:
         refused = error.orig_exc
     except lark.exceptions.UnexpectedInput as error:
         refused = _sentence(error, source)
     raise refused from None
+
+
+def _not_too_deep(classes: list[ClassText]) -> list[ClassText]:
+    stack = [(item, 1) for item in classes]
+    while stack:
+        item, depth = stack.pop()
+        if depth > DEEPEST:
+            raise ModelicaError(f"more than {DEEPEST} classes stand in one another", item.at)
+        stack += [(inner, depth + 1) for inner in item.classes.values()]
+    return classes
 
 
 def read(path: str | os.PathLike[str]) -> list[ClassText]:
@@ -85,6 +96,8 @@ def content_of(path: str | os.PathLike[str]) -> str:
     """The text of a file. Raises ModelicaError where it cannot be read."""
     file = Path(path)
     try:
+        if not file.is_file():
+            raise ModelicaError(f"{path} cannot be read: " + ("it is no file" if file.exists() else "there is no file"))
         if file.stat().st_size > LARGEST:
             raise ModelicaError(f"{file.name} has {file.stat().st_size} bytes; no Modelica text of that size is read")
         content = file.read_bytes()

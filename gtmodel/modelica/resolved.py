@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from .scalars import EnumerationLiteral, Flat, Symbol, is_literal, number_of, operation, value_of
+from .scalars import EnumerationLiteral, Flat, Symbol, extent, is_literal, number_of, operation, value_of, whole
 from .syntax import ModelicaError, Place
+
+LONGEST = 100_000  # words of one expression, written out
 
 
 class Resolver:
@@ -14,13 +16,17 @@ class Resolver:
     def __init__(self) -> None:
         self._known: dict[int, Any] = {}
         self._busy: list[Flat] = []
+        self._extents: dict[int, tuple[Any, int]] = {}
 
     def __call__(self, x: Any, at: Place) -> Any:
         """Raises ModelicaError for parameters that depend on themselves and for what is too deep."""
         try:
-            return self._resolved(x)
+            result = self._resolved(x)
         except RecursionError:
-            raise ModelicaError("this expression is too long to be taken; write it in several equations", at) from None
+            result = None
+        if result is None or extent(result, self._extents) > LONGEST:
+            raise ModelicaError("this expression is too long to be taken; write it in several equations", at)
+        return result
 
     def _resolved(self, x: Any) -> Any:
         if isinstance(x, EnumerationLiteral):
@@ -58,7 +64,7 @@ class Resolver:
                 elif flat.frozen or flat.kind == "constant":
                     result = self._resolved(number_of(x))
                 else:
-                    result = self._resolved(value_of(flat))
+                    result = whole(flat, self._resolved(value_of(flat)))
             finally:
                 self._busy.pop()
             self._known[key] = (flat, result)

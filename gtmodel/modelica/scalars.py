@@ -87,7 +87,7 @@ def is_literal(x: Any) -> bool:
 
 
 def _power(a: float, b: float) -> float:
-    result = a**b
+    result = float(a) ** b  # a power is Real, and of whole numbers has no end
     if isinstance(result, complex):
         raise ValueError("a root of a negative number")
     return result
@@ -123,6 +123,39 @@ NUMERIC: dict[str, Callable[..., Any]] = {
 }  # fmt: skip
 
 
+_RELATIONS = ("<", "<=", ">", ">=", "==", "<>")
+EXACT = 2**53  # beyond, numbers are no longer counted one by one
+LONGEST_TEXT = 100_000
+
+
+_ARITHMETIC = ("+", "-", "*", "/", "**", "neg")
+
+
+def _is_no_number(x: Any) -> bool:
+    if isinstance(x, Symbol):
+        return x.flat.base not in ("Real", "Integer")
+    return is_literal(x) and not is_number(x)
+
+
+def fits(x: Any, base: str, literals: tuple[str, ...] = ()) -> bool:
+    """Can a variable of a predefined type, or of an enumeration of these literals, have this value?"""
+    if isinstance(x, EnumerationLiteral):
+        return base == "enumeration" and (not x.name or x.name in literals)
+    if isinstance(x, Symbol):
+        known = ("Real", "Integer") if base in ("Real", "Integer") else (base,)
+        return x.flat.base in known
+    if is_literal(x):
+        return _sort(x) == ("Real" if base == "Integer" else base)
+    return (base != "enumeration" and (base in ("Boolean", "String") or x.name not in _RELATIONS)) or x.name == "if"
+
+
+def _sort(x: Any) -> str:
+    """What a literal can be compared with."""
+    if isinstance(x, EnumerationLiteral):
+        return x.type_name
+    return "Boolean" if isinstance(x, bool) else "String" if isinstance(x, str) else "Real"
+
+
 def operation(name: str, arguments: tuple[Any, ...], at: Place | None) -> Scalar:
     """An operation, as its value where all arguments are literals. Raises ModelicaError where it has none."""
     if name == "if":
@@ -131,6 +164,9 @@ def operation(name: str, arguments: tuple[Any, ...], at: Place | None) -> Scalar
             return then if condition else otherwise
     elif name in NUMERIC and all(is_literal(a) for a in arguments):
         return computed(name, arguments, at)
+    elif name in _ARITHMETIC and (wrong := [a for a in arguments if _is_no_number(a)]):
+        shown = wrong[0].flat.name if isinstance(wrong[0], Symbol) else wrong[0]
+        raise ModelicaError(f"'{'-' if name == 'neg' else name}' takes numbers; found {shown!r}", at)
     elif name == "not" and isinstance(arguments[0], Operation) and arguments[0].name == "not":
         return arguments[0].arguments[0]
     elif name == "and" and any(a is False for a in arguments):
@@ -145,8 +181,12 @@ def operation(name: str, arguments: tuple[Any, ...], at: Place | None) -> Scalar
 def computed(name: str, arguments: tuple[Any, ...], at: Place | None) -> Any:
     """The value of an operation on literals."""
     if name == "+" and all(isinstance(a, str) for a in arguments):
+        if len(arguments[0] + arguments[1]) > LONGEST_TEXT:
+            raise ModelicaError(f"a text of more than {LONGEST_TEXT} characters is made here", at)
         return arguments[0] + arguments[1]
-    texts = name in ("==", "<>") or all(isinstance(a, EnumerationLiteral) for a in arguments)
+    texts = name in _RELATIONS and len({_sort(a) for a in arguments}) == 1
+    if not texts and name in _RELATIONS:
+        raise ModelicaError(f"'{name}' compares values of one type; found {arguments[0]} and {arguments[1]}", at)
     logical = name in ("and", "or", "not")
     if not texts and not logical and not all(is_number(a) for a in arguments):
         shown = next(a for a in arguments if not is_number(a))
@@ -160,27 +200,64 @@ def computed(name: str, arguments: tuple[Any, ...], at: Place | None) -> Any:
         raise ModelicaError(f"'{name}' of {shown} has no value: {error}", at) from None
     if isinstance(result, float) and not math.isfinite(result):
         raise ModelicaError(f"'{name}' of {', '.join(map(str, arguments))} is not finite", at)
+    if isinstance(result, int) and abs(result) > EXACT:
+        return float(result)
     return result
 
 
 def symbols(x: Scalar) -> Iterator[Flat]:
-    """Variables and parameters in an expression, each as often as it occurs; without recursion."""
-    stack = [x]
-    while stack:
-        e = stack.pop()
+    """Variables and parameters in an expression; without recursion, and what it shares but once."""
+    for e in _nodes(x):
         if isinstance(e, Symbol):
             yield e.flat
-        elif isinstance(e, Operation):
-            stack.extend(reversed(e.arguments))
 
 
 def operations(x: Scalar) -> Iterator[Operation]:
-    stack = [x]
+    return (e for e in _nodes(x) if isinstance(e, Operation))
+
+
+def _nodes(x: Scalar) -> Iterator[Any]:
+    stack, seen = [x], set[int]()
     while stack:
         e = stack.pop()
         if isinstance(e, Operation):
-            yield e
+            if id(e) in seen:
+                continue
+            seen.add(id(e))
             stack.extend(reversed(e.arguments))
+        yield e
+
+
+def extent(x: Scalar, known: dict[int, tuple[Any, int]]) -> int:
+    """Of how many words an expression is written out; known: what was counted before. Without recursion."""
+    stack = [x]
+    while stack:
+        e = stack[-1]
+        if not isinstance(e, Operation) or id(e) in known:
+            stack.pop()
+            continue
+        inside = [a for a in e.arguments if isinstance(a, Operation) and id(a) not in known]
+        if inside:
+            stack += inside
+            continue
+        known[id(e)] = (e, 1 + sum(known[id(a)][1] if isinstance(a, Operation) else 1 for a in e.arguments))
+        stack.pop()
+    return known[id(x)][1] if isinstance(x, Operation) else 1
+
+
+def replaced(x: Scalar, values: dict[int, Any], known: dict[int, Any] | None = None) -> Scalar:
+    """An expression with values in place of some variables, by the id of their Flat."""
+    if isinstance(x, Symbol):
+        return values.get(id(x.flat), x)
+    if not isinstance(x, Operation) or x.name == "pre":
+        return x
+    if known is None:
+        if not any(id(f) in values for f in symbols(x)):
+            return x
+        known = {}
+    if id(x) not in known:
+        known[id(x)] = operation(x.name, tuple(replaced(a, values, known) for a in x.arguments), x.at)
+    return known[id(x)]
 
 
 def is_constant(x: Scalar) -> bool:
@@ -192,19 +269,25 @@ def is_constant(x: Scalar) -> bool:
     return all(f.kind in ("parameter", "constant") and not f.free and not f.computed for f in symbols(x))
 
 
-def number_of(x: Scalar, at: Place | None = None, asked: str = "") -> Any:
+def number_of(x: Scalar, at: Place | None = None, asked: str = "", known: dict[int, Any] | None = None) -> Any:
     """The value of an expression of literals and parameters, which are frozen by that: the model is no longer right
     for other values of them. Raises ModelicaError for what moves, for a circle and for a parameter without a value."""
     if is_literal(x):
         return x
     if isinstance(x, Symbol):
         return _of_parameter(x.flat, at, asked)
+    known = {} if known is None else known
+    if id(x) in known:
+        return known[id(x)]
     if x.name == "if":
-        condition = number_of(x.arguments[0], at or x.at, asked)
-        return number_of(x.arguments[1 if condition else 2], at or x.at, asked)
-    if x.name not in NUMERIC:
+        condition = number_of(x.arguments[0], at or x.at, asked, known)
+        result = number_of(x.arguments[1 if condition else 2], at or x.at, asked, known)
+    elif x.name not in NUMERIC:
         raise ModelicaError(f"{asked or 'a value that is needed before'} depends on {_shown(x.name)}", at or x.at)
-    return computed(x.name, tuple(number_of(a, at, asked) for a in x.arguments), at or x.at)
+    else:
+        result = computed(x.name, tuple(number_of(a, at, asked, known) for a in x.arguments), at or x.at)
+    known[id(x)] = result
+    return result
 
 
 _BUSY = object()
@@ -226,8 +309,15 @@ def _of_parameter(flat: Flat, at: Place | None, asked: str) -> Any:
         finally:
             if flat.cache["number"] is _BUSY:
                 del flat.cache["number"]
-        flat.cache["number"] = value
+        flat.cache["number"] = whole(flat, value)
     flat.frozen = True
+    return value
+
+
+def whole(flat: Flat, value: Any) -> Any:
+    """The value of a parameter, which of an Integer is a whole number."""
+    if flat.base == "Integer" and isinstance(value, float) and not value.is_integer():
+        raise ModelicaError(f"'{flat.name}' is an Integer, a whole number; found {value}", flat.at)
     return value
 
 

@@ -235,10 +235,13 @@ class Space:
         try:
             return space.inside(reference, 1)
         except ModelicaError:
-            # public files name a package from inside it where a class of its own has the same name
-            if self.root.own(first) in (None, space):
-                raise
-            return self.root.absolute(reference)
+            # public files name a package from inside it where a class of its own, or one of those that are imported,
+            # has the same name
+            farther = self.outer.lookup(first) if self.outer is not None else None
+            for other in (farther, self.root.own(first)):
+                if other is not None and other is not space:
+                    return other.inside(reference, 1)
+            raise
 
     def absolute(self, reference: Reference) -> Space:
         return self.root.inside(reference, 0)

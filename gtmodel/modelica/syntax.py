@@ -24,7 +24,8 @@ class Source:
 
     @cached_property
     def lines(self) -> list[str]:
-        return self.text.splitlines()
+        # as the parser counts, to which a form feed is no end of a line
+        return [line.removesuffix("\r") for line in self.text.removesuffix("\n").split("\n")]
 
     @property
     def folder(self) -> Path:

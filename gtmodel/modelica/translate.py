@@ -121,6 +121,10 @@ def _said(parameters: Mapping[str, Any]) -> Modifier:
         below = tree
         for word in path:
             below = below.setdefault(word, {})
+            if not isinstance(below, dict):
+                raise ModelicaError(f"parameters say two things about '{'.'.join(path)}'; found '{name}' too")
+        if last in below:
+            raise ModelicaError(f"parameters say two things about '{name}'")
         below[last] = value
 
     def node(value: Any) -> Any:

@@ -13,16 +13,18 @@ import gtmodel as gt
 from tests.fmu.makers import MAKERS, functions, unit as unit_of
 from tests.fmu.raw import OK, Raw, unpacked
 
+LARGE, SLOW = ("filtered_p", "f1_ik_p", "ik_p"), pytest.mark.proof  # beside the same without parameters
+
 
 @pytest.mark.parametrize("version", [3, 2])
-@pytest.mark.parametrize("name", sorted(MAKERS))
+@pytest.mark.parametrize("name", [pytest.param(n, marks=SLOW) if n in LARGE else n for n in sorted(MAKERS)])
 def test_the_validator_finds_nothing(made, name, version):
     validation = pytest.importorskip("fmpy.validation")
     assert validation.validate_fmu(str(made(name, version)[2])) == []
 
 
 @pytest.mark.parametrize("version", [3, 2])
-@pytest.mark.parametrize("name", sorted(MAKERS))
+@pytest.mark.parametrize("name", [pytest.param(n, marks=SLOW) if n in LARGE else n for n in sorted(MAKERS)])
 def test_check_finds_every_unit_right(made, name, version):
     unit, *_ = made(name, version)
     report = gt.fmu.check(unit, points=60)

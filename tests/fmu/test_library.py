@@ -58,7 +58,7 @@ def test_sizes(made, version):
 
 
 @pytest.mark.parametrize("version", [3, 2])
-@pytest.mark.parametrize("name", ["forward", "d1_fk", "block", "held"])
+@pytest.mark.parametrize("name", ["forward", "d1_fk", "block", "held", "spiral_p"])
 def test_the_sources_compile_without_a_warning(made, name, version, tmp_path):
     unit, *_ = made(name, version)
     for file, text in unit.sources.items():
@@ -149,7 +149,7 @@ def test_no_time_stands_in_the_archive(made):
 
 
 @pytest.mark.parametrize("version", [3, 2])
-@pytest.mark.parametrize("name", ["forward", "d1_fk"])
+@pytest.mark.parametrize("name", ["forward", "d1_fk", "spiral_p"])
 def test_rebuilt_from_its_sources_it_is_the_same(made, name, version, tmp_path):
     """By another optimisation, all files apart: every bit of a run."""
     unit, library, path = made(name, version)
@@ -288,14 +288,14 @@ def driver(unit, place: Path, *flags: str) -> Path:
     return place / "driver"
 
 
-@pytest.mark.parametrize("name", ["forward", "d1_fk", "block"])
+@pytest.mark.parametrize("name", ["forward", "d1_fk", "block", "forward_p"])
 def test_sanitizers_see_nothing(made, name, tmp_path):
     program = driver(made(name, 3)[0], tmp_path, "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
     done = run(program, env={**os.environ, "ASAN_OPTIONS": "detect_leaks=1"})
     assert (done.returncode, done.stdout) == (0, "done\n"), done.stderr
 
 
-@pytest.mark.parametrize("name", ["forward", "d1_fk"])
+@pytest.mark.parametrize("name", ["forward", "d1_fk", "spiral_p"])
 def test_valgrind_sees_nothing(made, name, tmp_path):
     if shutil.which("valgrind") is None:
         pytest.skip("there is no valgrind on this machine")

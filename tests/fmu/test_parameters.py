@@ -52,11 +52,11 @@ def prefer(name):
     return {"forward": "T", "spiral": ["x", "v"]}.get(name, ())
 
 
-SLOW = ("filtered", "f1_ik")  # to compile anew
+FEW = [("forward", 3), ("spiral", 2)]  # the others, which take longer to compile, are for `-m proof`
+EACH = [(n, v) if (n, v) in FEW else pytest.param(n, v, marks=pytest.mark.proof) for n in sorted(KEPT) for v in (3, 2)]
 
 
-@pytest.mark.parametrize("version", [3, 2])
-@pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.proof) if n in SLOW else n for n in sorted(KEPT)])
+@pytest.mark.parametrize("name, version", EACH)
 def test_changed_parameters_give_what_a_model_with_these_numbers_gives(made, name, version):
     """The unit equals its own function to the last bit, that one the model compiled with the numbers to round-off."""
     unit, path, _ = made(f"{name}_p", version)
@@ -178,8 +178,7 @@ def test_a_change_between_two_steps(made, version):
         assert np.max(np.abs(raw.states()[1] - x)) <= RUN
 
 
-@pytest.mark.parametrize("version", [3, 2])
-@pytest.mark.parametrize("name", ["forward", "filtered", "spiral"])
+@pytest.mark.parametrize("name, version", [e for e in EACH if "ik" not in str(e)])
 def test_derivatives_at_other_parameters(made, name, version):
     """By inputs, states and the parameters themselves, against differences of order 4; the adjoint against both."""
     unit, path, _ = made(f"{name}_p", version)

@@ -292,3 +292,12 @@ def test_a_tumbling_body_changes_its_states_and_keeps_its_momentum():
     assert np.max(np.ptp(h, axis=0)) < drift
     assert run.energy_error < drift
     assert np.max(np.abs(np.sum(e**2, axis=1) - 1)) < ROUND_OFF  # an equation, not an integral
+
+
+def test_a_body_that_falls_has_energy_that_moves():
+    """Kinetic and potential energy are terms of their own: their sum, which stays, is no measure of what moved."""
+    for body in (FreeBody(m=2.0, I=0.01 * np.eye(3)), gt.mechanics.PointMass(m=2.0)):
+        run = body.simulate(1.0)
+        assert run.status.value == "solved" and run.checks["energy_balance"].value < 1e-6
+        fallen = np.ptp(run.trajectory["frame.r"][:, 2])
+        assert fallen == pytest.approx(9.81 / 2, rel=1e-8)

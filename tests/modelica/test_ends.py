@@ -108,3 +108,17 @@ def test_equations_that_are_singular_stay_refused(tmp_path: Path) -> None:
     with pytest.raises(gt.ModelError) as caught:
         gt.modelica.load(file)().simulate(1.0)
     assert caught.value.where is not None and caught.value.where.line in (3, 4)
+
+
+def test_a_base_class_beside_an_imported_package_of_its_name(tmp_path: Path) -> None:
+    """`Icons` is a package of the imported SIunits and of the file; the one that has the class is meant."""
+    file = tmp_path / "icons.mo"
+    file.write_text(
+        "package P package Q package Icons end Icons; end Q; package Icons partial model Wall end Wall; end Icons;\n"
+        "model M import P.Q.*; extends Icons.Wall; Real x(start=1, fixed=true); equation der(x) = -x; end M; end P;"
+    )
+    assert gt.modelica.load(f"{file}:P.M")().simulate(1.0).status is SolveStatus.SOLVED
+    file.write_text(file.read_text().replace("extends Icons.Wall", "extends Icons.Wal"))
+    with pytest.raises(gt.modelica.ModelicaError, match="no class 'Wal'") as caught:
+        gt.modelica.load(f"{file}:P.M")
+    assert caught.value.where is not None and caught.value.where.line == 2

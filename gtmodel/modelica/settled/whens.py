@@ -97,7 +97,7 @@ def _restarts(x: Any, scope: NameScope, model: Evaluator) -> list[tuple[Any, Any
 def _sentence(x: SyntaxNode) -> str:
     """The text of terminate() or assert(), as far as it is one."""
     call = x.expression if isinstance(x, Calls) else x
-    said = call.arguments if isinstance(call, FunctionCall) else []
+    said = [*call.arguments, *call.named.values()] if isinstance(call, FunctionCall) else []
     text = next((a.value for a in said if isinstance(a, Literal) and isinstance(a.value, str)), "")
     return text.strip() or "the model ends the simulation"
 
@@ -108,12 +108,13 @@ def _sentence(x: SyntaxNode) -> str:
 def watched(node: FunctionCall, scope: NameScope, model: Evaluator) -> list[Any]:
     """An assertion of a model: it ends the simulation where it ceases to hold. In an optimization, and where it only
     warns, a remark. Raises ModelicaError where it does not hold whatever happens."""
-    if not node.arguments:
-        raise ModelicaError("assert() takes a condition and a text", node.at)
-    condition = model.truth(node.arguments[0], scope)
+    given = dict(zip(("condition", "message", "level"), node.arguments, strict=False)) | node.named
+    if "condition" not in given:
+        raise ModelicaError("assert() takes a condition and a message", node.at)
+    condition = model.truth(given["condition"], scope)
     if condition is True:
         return []
-    level = node.named.get("level") or (node.arguments[2] if len(node.arguments) > 2 else None)
+    level = given.get("level")
     grave = level is None or not _is_warning(model.one(level, scope))
     if condition is False and grave:
         model.evaluate(node, scope)
