@@ -229,7 +229,8 @@ class Evaluator:
         if isinstance(value, np.ndarray) and value.shape == () and value[()] is None:
             raise ModelicaError(f"'{first.name}' is used before it is assigned", node.at)
         for part in rest:
-            value = self.subscripted(field(value, part.name, node.at), part, scope, node.at)
+            outer = value.ndim if isinstance(value, np.ndarray) else 0  # of an array of components: in each of them
+            value = self.subscripted(field(value, part.name, node.at), part, scope, node.at, outer)
         return value
 
     def first(self, part: ReferencePart, node: Reference, scope: NameScope) -> Any:
@@ -292,7 +293,8 @@ class Evaluator:
     def walk(self, value: Any, node: Reference, begin: int, scope: NameScope) -> Any:
         value = self.subscripted(value, node.parts[begin], scope, node.at)
         for part in node.parts[begin + 1 :]:
-            value = self.subscripted(field(value, part.name, node.at), part, scope, node.at)
+            outer = value.ndim if isinstance(value, np.ndarray) else 0  # of an array of components: in each of them
+            value = self.subscripted(field(value, part.name, node.at), part, scope, node.at, outer)
         return value
 
     @staticmethod
@@ -306,15 +308,14 @@ class Evaluator:
         inside = list(scope.instance.elements) if scope.instance is not None else []
         return [*inside, *scope.locals, *scope.space.names(), "time", *(_HORIZON if self.horizon else ())]
 
-    def subscripted(self, value: Any, part: ReferencePart, scope: NameScope, at: Place) -> Any:
+    def subscripted(self, value: Any, part: ReferencePart, scope: NameScope, at: Place, axis: int = 0) -> Any:
         if part.subscripts is None:
             return value
-        if not isinstance(value, np.ndarray) or len(part.subscripts) > value.ndim:
-            shape = value.shape if isinstance(value, np.ndarray) else ()
+        if not isinstance(value, np.ndarray) or len(part.subscripts) > value.ndim - axis:
+            shape = value.shape[axis:] if isinstance(value, np.ndarray) else ()
             what = f"has the shape {shape}" if shape else "is no array"
             raise ModelicaError(f"'{part.name}' {what}; found {len(part.subscripts)} subscripts", at)
-        axis = 0
-        for subscript, size in zip(part.subscripts, value.shape, strict=False):
+        for subscript, size in zip(part.subscripts, value.shape[axis:], strict=False):
             if isinstance(subscript, Colon):
                 axis += 1
                 continue

@@ -38,6 +38,18 @@ def test_expressions(tmp_path: Path, expression: str, value: float) -> None:
 
 
 @pytest.mark.parametrize(
+    ("expression", "value"),
+    [
+        ("sum(r.v[1])", 11), ("sum(r[:].v[end])", 15), ("sum(r.v[2:3])", 28), ("sum(r.v)", 39), ("r[2].v[1]", 7),
+        ("sum(c.r.v[1])", 22), ("sum(c[2].r.v[3])", 15), ("sum(c.r[1].v[2])", 10),
+    ],
+)  # fmt: skip
+def test_a_subscript_belongs_to_its_own_name(tmp_path: Path, expression: str, value: float) -> None:
+    around = "record R Real v[3]; end R; model C R r[2](v = {{4, 5, 6}, {7, 8, 9}}); end C;"
+    assert one(tmp_path, expression, "R r[2](v = {{4, 5, 6}, {7, 8, 9}}); C c[2];", around) == value
+
+
+@pytest.mark.parametrize(
     ("body", "wanted"),
     [
         ("Real x(start = 5); algorithm x := x + 1;", 6),
@@ -177,3 +189,13 @@ def test_a_static_optimization_that_cannot_be_is_not_solved(tmp_path: Path) -> N
     with pytest.raises(gt.NotSolved) as caught:
         gt.solve(gt.modelica.load(file)())
     assert "text.mop" in str(caught.value)
+
+
+def test_a_sensor_takes_no_further_frame(tmp_path: Path) -> None:
+    file = tmp_path / "text.mo"
+    sensor = "MB.Sensors.AbsolutePosition s(resolveInFrame = MB.Types.ResolveInFrameA.frame_resolve);"
+    parts = f"inner MB.World world; MB.Joints.Revolute j; MB.Parts.Body b(m = 1, r_CM = {{0, 1, 0}}); {sensor}"
+    joined = "connect(world.frame_b, j.frame_a); connect(j.frame_b, b.frame_a); connect(b.frame_a, s.frame_a);"
+    file.write_text(f"model M import MB = Modelica.Mechanics.MultiBody; {parts} equation {joined} end M;")
+    with pytest.raises(gt.modelica.ModelicaError, match="further frame"):
+        gt.modelica.load(file)

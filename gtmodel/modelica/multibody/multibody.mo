@@ -332,6 +332,7 @@ package MultiBody
       Modelica.Blocks.Interfaces.RealOutput r[3](each unit = "m");
       parameter Types.ResolveInFrameA resolveInFrame = Types.ResolveInFrameA.frame_a;
     equation
+      assert(resolveInFrame <> Types.ResolveInFrameA.frame_resolve, "a sensor takes no further frame to resolve in");
       r = if resolveInFrame == Types.ResolveInFrameA.world then frame_a.r_0 else frame_a.R.T*frame_a.r_0;
     end AbsolutePosition;
 
@@ -340,6 +341,7 @@ package MultiBody
       Modelica.Blocks.Interfaces.RealOutput v[3](each unit = "m/s");
       parameter Types.ResolveInFrameA resolveInFrame = Types.ResolveInFrameA.frame_a;
     equation
+      assert(resolveInFrame <> Types.ResolveInFrameA.frame_resolve, "a sensor takes no further frame to resolve in");
       v = if resolveInFrame == Types.ResolveInFrameA.world then der(frame_a.r_0) else frame_a.R.T*der(frame_a.r_0);
     end AbsoluteVelocity;
 
@@ -348,6 +350,7 @@ package MultiBody
       Modelica.Blocks.Interfaces.RealOutput w[3](each unit = "rad/s");
       parameter Types.ResolveInFrameA resolveInFrame = Types.ResolveInFrameA.frame_a;
     equation
+      assert(resolveInFrame <> Types.ResolveInFrameA.frame_resolve, "a sensor takes no further frame to resolve in");
       w = if resolveInFrame == Types.ResolveInFrameA.world then transpose(frame_a.R.T)*frame_a.R.w else frame_a.R.w;
     end AbsoluteAngularVelocity;
   end Sensors;
