@@ -10,6 +10,7 @@ from typing import Any, Protocol
 import casadi as ca
 import numpy as np
 
+from ..compiler.analysis.continuous import differentiated, names_of
 from ..compiler.matrices import nonzeros, stacked
 from ..lang.expression import Expr
 from ..lang.scope import Scope
@@ -251,17 +252,34 @@ def _continuity(
             shown = ", ".join(flat.symbol_name(*p) for p in states)
             raise ModelError(f"'{free}' may jump into '{name}', but it is no state there; states are {shown}")
         jump |= pairs
-    known = {v.name for v in first.problem.flat.variables}
+    own = _continuing(first, second)
     rows = []
-    for n, (index, order) in enumerate(states):
-        if (index, order) in jump or flat.variables[index].name not in known:
+    for n, pair in enumerate(states):
+        if pair in jump or pair not in own:
             continue
-        state = flat.symbol_name(index, order)
+        name_there = flat.symbol_name(*own[pair])
         scale = float(second.problem.x_scale[n])
-        difference = (after.take(state).sx - before.take(state).sx) / scale
-        label = f"{state} continues into '{name}'"
-        rows.append(ConstraintRow(difference, 0.0, 0.0, label, flat.variables[index].where, scale))
+        difference = (after.take(name_there).sx - before.take(name_there).sx) / scale
+        label = f"{name_there} continues into '{name}'"
+        rows.append(ConstraintRow(difference, 0.0, 0.0, label, flat.variables[own[pair][0]].where, scale))
     return rows
+
+
+def _continuing(first: Nlp, second: Nlp) -> dict[tuple[int, int], tuple[int, int]]:
+    """For each state of the later phase the name by which it goes on, where the earlier one knows one: a name that is
+    continuous there, else one that is from now on, else its own."""
+    before, flat, alias = first.problem.flat, second.problem.flat, second.problem.base.alias
+    index = {v.name: v.index for v in flat.variables}
+    there = [(before.variables[i].name, k) for i, k in differentiated(before)]
+    known = {v.name for v in before.variables}
+    was = names_of([(index[name], k) for name, k in there if name in index], alias)
+    becomes = names_of([pair for pair in differentiated(flat) if flat.variables[pair[0]].name in known], alias)
+    own: dict[tuple[int, int], tuple[int, int]] = {}
+    for pair in second.problem.state_pairs:
+        names = [*was.get(pair, ()), *becomes.get(pair, ())]
+        if names or flat.variables[pair[0]].name in known:
+            own[pair] = [*names, pair][0]
+    return own
 
 
 def _shared(model: PhaseLinks, nlps: dict[str, Nlp], ends: dict[str, list[Border]]) -> list[ConstraintRow]:

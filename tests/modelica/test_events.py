@@ -249,3 +249,18 @@ def test_flat_text_of_events_reads_back(tmp_path: Path) -> None:
     namespace: dict[str, Any] = {}
     exec(gt.modelica.python_of(tmp_path / "m.mo"), namespace)
     assert history(gt.simulate(namespace["M"](), 2.0), "on") == history(simulation, "on")
+
+
+def test_an_output_that_chooses_between_states_jumps_and_they_go_on(tmp_path: Path) -> None:
+    text = """model M Real a(start = 0, fixed = true); Real b(start = 3, fixed = true); Real y; Real z; output Real w;
+      equation der(a) = 1; der(b) = -b; y = if a > 1 then b else a;
+      if a > 1 then z = -a; else z = b; end if;
+      w = if b > 1 then y else -z; end M;"""
+    simulation = run(tmp_path, text, 2.0, step=0.25)
+    first, second = (e.time for e in simulation.events)
+    assert [first, second] == pytest.approx([1.0, np.log(3)], abs=1e-8)
+    t = simulation.trajectory.time
+    b = 3 * np.exp(-t)
+    y, z = np.where(t > first, b, t), np.where(t > first, -t, b)
+    for name, exact in (("y", y), ("z", z), ("w", np.where(t > second, -z, y)), ("b", b)):
+        np.testing.assert_allclose(simulation.trajectory[name], exact, atol=1e-8)

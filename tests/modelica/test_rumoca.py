@@ -34,7 +34,7 @@ PLANT = """package Plant
   model Source Pin p; input Real v; equation p.v = v; end Source;
   model Ladder
     parameter Mode mode = Mode.fast; parameter Real k[2, 2] = {{1, 2}, {-1, 1}}; parameter Real top = 3;
-    Source source; Ohm ohm[3](R = {1, 2, 3}); Store store; Pair pair; Real x[2](start = {1, 2}); Real y;
+    Source source; Ohm ohm[3](R = {1, 2, 3}); Store store; Pair pair; Real x[2](start = {1, 2}); Real y; Real chosen;
   initial equation
     x[1] = 3; x[2] = top/2;
   equation
@@ -42,7 +42,7 @@ PLANT = """package Plant
     source.v = top*sin(time);
     der(x) = -k*x;
     pair.a = square(store.v) + (if mode == Mode.fast then 1 else 2); pair.b = -pair.a;
-    y = noEvent(if x[1] > 1 then x[1]^2 else 2*x[1] - 1) + pair.b;
+    y = noEvent(if x[1] > 1 then x[1]^2 else 2*x[1] - 1) + pair.b; chosen = if x[1] > 1 then x[2] else -x[1];
   end Ladder;
 end Plant;
 """
@@ -77,7 +77,7 @@ def test_parts_in_arrays_functions_and_parameters(tmp_path: Path) -> None:
     pytest.importorskip("rumoca", reason=NEEDED)
     file = tmp_path / "plant.mo"
     file.write_text(PLANT)
-    names = ["store.v", "ohm[2].p.i", "source.p.v", "x[1]", "x[2]", "pair.b", "y"]
+    names = ["store.v", "ohm[2].p.i", "source.p.v", "x[1]", "x[2]", "pair.b", "y", "chosen"]
     agree(*both(f"{file}:Ladder", 2.0, []), names)
     first, _ = both(f"{file}:Ladder", 2.0, [], top=4.0)
     agree(*both(f"{file}:Ladder", 2.0, [], **{"top": 4.0, "store.C": 0.5}), names)

@@ -475,3 +475,36 @@ def test_each_order_is_its_own_problem() -> None:
     other = gt.solve_phases(gt.phases_of_events(Both(), ["event 1", "event 2"]), gt.Mesh(4), throw=False)
     assert not other.status.ok
     assert "phase 2" in other.message
+
+
+class Chooses(gt.Optimization):
+    """z' = y is a until a = t reaches 1, and b from then on, which u pulls: y is another name of either."""
+
+    a = gt.variable(start=0.0, fixed=True)
+    b = gt.variable(start=3.0, fixed=True)
+    z = gt.variable(start=0.0, fixed=True)
+    y = gt.variable()
+    u = gt.free(1.0)
+    final_time = 2.0
+
+    def equations(self):
+        yield gt.der(self.a) == 1.0
+        yield gt.der(self.b) == self.u - self.b
+        yield self.y == gt.If(self.a > 1, self.b, self.a)
+        yield gt.der(self.z) == self.y
+
+    def objective(self):
+        return self.u**2
+
+    def constraints(self):
+        yield self.z.at(self.final_time) == 2.0
+
+
+def test_a_state_goes_on_into_a_phase_where_an_output_has_its_name() -> None:
+    answer = gt.solve_phases(gt.phases_of_events(Chooses(), ["If 1"]), gt.Mesh(6))
+    # z(2) = 1/2 + u + (3 - u) (exp(-1) - exp(-2))
+    moved = np.exp(-1) - np.exp(-2)
+    u = (1.5 - 3 * moved) / (1 - moved)
+    assert answer["phase 2"].trajectory["b"][0] == pytest.approx(u + (3 - u) * np.exp(-1), abs=EXACT)
+    assert answer["phase 1"].trajectory["y"][-1] == pytest.approx(1.0, abs=EXACT)
+    assert answer.objective == pytest.approx(u**2, abs=EXACT)

@@ -508,8 +508,9 @@ class HybridIntegration(WatchedIntegration):
         self._renumber(systems)
         self._p = self._inputs.with_parameters(self._p, changes.discrete)
         self.system, self._x, self._z = self._modes.restart(
-            self._systems, self._settings, old, point, self._time, self._p, changes.restarted, struck
-        )
+            self._systems, self._settings, old, point, self._time, self._p, changes.restarted, struck,
+            (self._values, values),
+        )  # fmt: skip
         if values != self._values:
             self._values = values
             if values not in self._paces:

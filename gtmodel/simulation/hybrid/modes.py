@@ -12,6 +12,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from ...compiler.analysis.continuous import differentiated, names_of
 from ...compiler.analysis.events import BlockSignal, FlatBlock, FlatEvents, holds
 from ...compiler.analysis.pace import Pace
 from ...compiler.analysis.switching import in_mode
@@ -28,6 +29,7 @@ from ..roots import Watched
 from ..systems import IntegratorSettings, SimulatedSystem, Systems
 from .actions import Changes, read_by
 from .clock import exact
+from .continuing import ValuesIn, carried_over
 
 Pair = tuple[int, int]
 # tries of modes that suit a start
@@ -224,7 +226,7 @@ class SimulatedModes:
         x, z = ready.system.reduced.from_point(ready.initial.w)
         values, rates = watched(x[None, :], z[None, :], np.array([time]), ready.inputs.piece(time))
         column = ca.vertcat(*[c.expression for c in self.events.comparisons])
-        value = _Values(ready.system, ready.initial.w)
+        value = ValuesIn(ready.system, ready.initial.w)
         given = {pair: value(pair) for pair in self.flat.scope.symbols_in(column)}
         states = {pair for pair in given if plan.alias.resolve(*pair)[1:] in plan.states}
         _, zero = self._compared(given, states, time)
@@ -253,8 +255,10 @@ class SimulatedModes:
         p: np.ndarray,
         restarted: Mapping[Pair, float],
         struck: Mapping[Pair, float],
+        modes: tuple[tuple[bool, ...], tuple[bool, ...]],
     ) -> tuple[SimulatedSystem, np.ndarray, np.ndarray]:
-        """A system for the modes of `systems` from a point of the old one, with its states and Newton unknowns.
+        """A system for the modes of `systems` from a point of the old one, with its states and Newton unknowns; `modes`
+        are the values before and after.
 
         States go on, but for those that start anew, and those that an impulse changed: `struck` has their values by
         symbols of the old system. Raises ModelError where a state would jump although nobody says so, and Ended where
@@ -265,8 +269,8 @@ class SimulatedModes:
         own = {pair: n for n, pair in enumerate(old.plan.pairs)}
         for pair, number in struck.items():
             point[own[pair]] = number
-        value = _Values(old, point)
-        w = np.array([value(pair) for pair in plan.pairs])
+        continuous, later = (differentiated(self.flat_in(values)) for values in modes)
+        w = carried_over(plan.pairs, plan.alias, ValuesIn(old, point), continuous, later)
         anew: dict[Pair, float] = {}
         for pair, number in restarted.items():
             sign, kept, order = plan.alias.resolve(*pair)
@@ -275,7 +279,6 @@ class SimulatedModes:
         for pair, number in anew.items():
             if pair in place:
                 w[place[pair]] = number
-        w = np.where(np.isfinite(w), w, 0.0)
         system = systems.at(w, time, settings)
         if system is None:
             raise _ended(f"at {time:.6g} s no choice of states describes the motion after the event")
@@ -293,7 +296,10 @@ class SimulatedModes:
         at = system.reduced.point(x[None, :], z[None, :], np.array([[time]]), p)[0][0]
         if not np.all(np.isfinite(at)):
             raise _ended(f"at {time:.6g} s the equations have no solution after the event")
-        self._refuse_jumps(old, before, system, at, {*anew, *struck}, time)
+        moved = {*restarted, *struck}
+        moved |= {pair for pair in continuous if plan.alias.resolve(*pair)[1:] in anew}
+        moved |= {pair for pair in continuous if old.plan.alias.resolve(*pair)[1:] in struck}
+        self._refuse_jumps(old, before, continuous, system, at, {*anew, *struck}, moved, time)
         return system, x, z
 
     def struck(
@@ -312,7 +318,7 @@ class SimulatedModes:
         column = {index: n for n, index in enumerate(plan.structure.unknowns)}
         highest = plan.structure.d
         given = np.zeros(len(matrix))
-        value = _Values(system, point)
+        value = ValuesIn(system, point)
         forces: dict[str, tuple[int, int]] = {}
         for pair, force in changes.forces.items():
             sign, kept, order = plan.alias.resolve(*pair)
@@ -368,30 +374,41 @@ class SimulatedModes:
         self,
         old: SimulatedSystem,
         before: np.ndarray,
+        continuous: Sequence[Pair],
         new: SimulatedSystem,
         after: np.ndarray,
         anew: set[Pair],
+        moved: set[Pair],
         time: float,
     ) -> None:
-        """Raises ModelError for a state that the new equations move although nobody says so."""
-        value = _Values(new, after)
-        own = {pair: n for n, pair in enumerate(old.plan.pairs)}
-        moved = {old.plan.alias.resolve(*pair)[1:] for pair in anew}
+        """Raises ModelError for a state that the new equations move although nobody says so: `anew` starts anew by
+        symbols of the systems, and `moved` are the names whose values follow from it."""
+        value, past = ValuesIn(new, after), ValuesIn(old, before)
+        names = names_of(continuous, old.plan.alias)
         highest = dict(zip(old.plan.structure.unknowns, old.plan.structure.d.tolist(), strict=True))
-        for pair in old.plan.states:
-            now, was = value(pair), float(before[own[pair]])
-            nominal = self.flat.variables[pair[0]].nominal
-            if pair in moved or not np.isfinite(now) or abs(now - was) <= JUMPED * max(nominal, abs(was)):
-                continue
+        for state in old.plan.states:
             # a speed follows from one that starts anew; a place does not
-            below = pair[1] < highest.get(pair[0], 0) - 1
+            below = state[1] < highest.get(state[0], 0) - 1
             if anew and not (below and all(order > 0 for _, order in anew)):
                 continue
-            name = old.name_of(pair)
-            raise ModelError(
-                f"at {time:.6g} s the equations after the event want {name} = {now:.6g}, and it is {was:.6g}: a state "
-                f"does not jump by itself; say by gt.reinit what it starts anew from, or switch where both agree"
-            )
+            for pair in names.get(state, [state]):
+                now, was = value(pair), past(pair)
+                nominal = self.flat.variables[state[0]].nominal
+                if pair in moved or not np.isfinite(now) or abs(now - was) <= JUMPED * max(nominal, abs(was)):
+                    continue
+                sign, *kept = new.plan.alias.resolve(*pair)
+                one = names_of(continuous, new.plan.alias).get((kept[0], kept[1]), [])
+                others = [
+                    f" = {'' if new.plan.alias.resolve(*other)[0] == sign else '-'}{self.flat.symbol_name(*other)}"
+                    for other in one
+                    if other != pair
+                ]
+                name = "".join([self.flat.symbol_name(*pair), *others])
+                raise ModelError(
+                    f"at {time:.6g} s the equations after the event want {name} = {now:.6g}, and it is {was:.6g}: a "
+                    f"state does not jump by itself; say by gt.reinit what it starts anew from, or switch where both "
+                    "agree"
+                )
 
     def sample_times(self, numbers: np.ndarray) -> list[tuple[Fraction, Fraction] | None]:
         """Period and offset of each gt.sample [s]; None for gt.initial."""
@@ -429,19 +446,6 @@ class SimulatedModes:
 
 def _ended(sentence: str) -> Ended:
     return Ended(SolveStatus.FAILED, sentence)
-
-
-class _Values:
-    """Values of any variable's derivative at a point of a system; NaN where the system does not compute it."""
-
-    def __init__(self, system: SimulatedSystem, point: np.ndarray) -> None:
-        self._alias, self._point = system.plan.alias, point
-        self._place = {pair: n for n, pair in enumerate(system.plan.pairs)}
-
-    def __call__(self, pair: Pair) -> float:
-        sign, kept, order = self._alias.resolve(*pair)
-        place = self._place.get((kept, order))
-        return np.nan if place is None else sign * float(self._point[place])
 
 
 def _recorded(flat: FlatModel, events: FlatEvents, outputs: tuple[str, ...], pairs: Sequence[Pair]) -> Recorded:
