@@ -63,25 +63,9 @@ static gt_status current(gt_fmu_data *d, double time)
 /* No status of a function: a part that is too long. */
 #define TOO_LONG ((gt_status)100)
 
-/* The longest part was chosen at the start values of parameters; others may make it too long. Whether one of length h
- * ends too far from where a method of order 3 does, over the size of a state or one: that takes the rates at the end in
- * place of the fourth ones, and costs nothing. */
-static int is_rough(double h, const double *y, const double *fourth, const double *last)
-{
-    int rough = 0;
-    int i;
-
-    for (i = 0; i < GT_FMU_STATES; i++) {
-        const double off = fabs((h / 6.0) * (fourth[i] - last[i]));
-
-        rough |= (off <= (GT_FMU_PART_ERROR * fmax(1.0, fabs(y[i])))) ? 0 : 1;
-    }
-    return rough;
-}
-
 #endif /* GT_FMU_PARAMETERS */
 /* One part of length h from a point whose outputs are up to date; all is written with GT_OK only. */
-static gt_status part(gt_fmu_data *d, double h, double end)
+static gt_status moved(gt_fmu_data *d, double h, double end)
 {
     double v[GT_FMU_REALS];
     double x[WIDTH];
@@ -125,17 +109,52 @@ static gt_status part(gt_fmu_data *d, double h, double end)
         return GT_NOT_FINITE;
     }
     status = rates(d, v, y, k[0], &tried);
-#ifdef GT_FMU_PARAMETERS
-    if ((status == GT_OK) && (is_rough(h, y, k[3], k[0]) != 0)) {
-        status = TOO_LONG;
-    }
-#endif /* GT_FMU_PARAMETERS */
     if (status == GT_OK) {
         gt_copy(d->v, v, GT_FMU_REALS);
         d->kept = tried;
         d->tried = tried;
         d->stale = 0;
     }
+    return status;
+}
+
+#ifdef GT_FMU_PARAMETERS
+/* Whether a part went wrong: where a state, over its size or one, ends farther than GT_FMU_PART_ERROR from where two
+ * halves do. The longest part was chosen at the start values of parameters; rates within one part do not tell of a
+ * friction that turns in its first half. */
+static int is_rough(gt_fmu_data halves, const gt_fmu_data *whole, double h, double end)
+{
+    double x[WIDTH];
+    double y[WIDTH];
+    int rough = 0;
+    int i;
+
+    if ((moved(&halves, 0.5 * h, halves.v[0] + (0.5 * h)) != GT_OK) || (moved(&halves, 0.5 * h, end) != GT_OK)) {
+        return 1;
+    }
+    gt_fmu_gather(whole->v, x);
+    gt_fmu_gather(halves.v, y);
+    for (i = 0; i < GT_FMU_STATES; i++) {
+        rough |= (fabs(x[i] - y[i]) <= (GT_FMU_PART_ERROR * fmax(1.0, fabs(y[i])))) ? 0 : 1;
+    }
+    return rough;
+}
+
+#endif /* GT_FMU_PARAMETERS */
+/* The same, and not too long. */
+static gt_status part(gt_fmu_data *d, double h, double end)
+{
+#ifdef GT_FMU_PARAMETERS
+    const gt_fmu_data before = *d;
+#endif /* GT_FMU_PARAMETERS */
+    const gt_status status = moved(d, h, end);
+
+#ifdef GT_FMU_PARAMETERS
+    if ((status == GT_OK) && (is_rough(before, d, h, end) != 0)) {
+        *d = before;
+        return TOO_LONG;
+    }
+#endif /* GT_FMU_PARAMETERS */
     return status;
 }
 

@@ -17,7 +17,8 @@ from .tangents import depends, tangents
 from .with_states import WithStates, starts, with_states
 
 KEY = "model"  # of the function in C: gt_<name>_model
-LEFT_OUT = ("gt_{}_selftest.c", "gt_{}_main.c", "Makefile", "README.md")  # of what `contents` makes
+# of what `contents` makes: what tests it
+LEFT_OUT = ("gt_{}_selftest.c", "gt_{}_main.c", "gt_compare.h", "Makefile", "README.md")
 Pair = tuple[int, int]
 
 

@@ -29,7 +29,7 @@ def step_and_error(
 
     step: refused where its error is above `tolerance`; None: the longest of 1 ms, 0.5 ms, ... whose error is at most
     1e-8; where friction is too sharp for that, the longest whose error is at most `tolerance`. guarded: no part of it
-    may be rougher than `tolerance`, as the unit then judges it, see `_ends`.
+    may be rougher than `tolerance`, see `_ends`, since the unit then judges each of its parts.
     Raises ArgumentError also for a start from which there is no way to `stop`.
     """
     if step is not None and stop / step > MOST_STEPS:

@@ -91,7 +91,7 @@ def _inside(table: FmuTable) -> list[str]:
     if table.parameters and table.states:
         lines.append(
             "The step of co-simulation inside was chosen at the start values of the parameters. Each part of it is "
-            f"compared with a method of order 3; where a state, over its size or one, is off by more than "
+            f"compared with two of half its length; where a state, over its size or one, is off by more than "
             f"{table.part_error!r}, as where friction is made sharper, DoStep ends with Discard: shorter steps have "
             "shorter parts."
         )

@@ -110,7 +110,7 @@ class Evaluator:
         value = self.number(node, scope, asked)
         if isinstance(value, EnumerationLiteral):
             return value.position
-        if isinstance(value, bool) or not is_number(value) or value != int(value):
+        if isinstance(value, bool) or not is_number(value) or not np.isfinite(value) or value != int(value):
             raise ModelicaError(f"{asked} is a whole number; found {value}", node.at)
         return int(value)
 
@@ -212,9 +212,10 @@ class Evaluator:
         step = 1 if node.step is None else self.number(node.step, scope, "the step of a range")
         if isinstance(start, EnumerationLiteral) or not all(map(is_number, (start, step, stop))) or step == 0:
             raise ModelicaError(f"a range takes numbers, and a step other than 0; found {start}:{step}:{stop}", node.at)
-        count = max(0, int(np.floor((stop - start) / step * (1 + 1e-14) + 1e-9)) + 1)
-        if count > LONGEST:
-            raise ModelicaError(f"a range of {count} entries is too long", node.at)
+        steps = (stop - start) / step * (1 + 1e-14) + 1e-9
+        if steps > LONGEST:
+            raise ModelicaError(f"a range of {steps:.3g} entries is too long", node.at)
+        count = max(0, int(np.floor(max(steps, -1.0))) + 1)
         return array([start + step * k for k in range(count)], (count,))
 
     # names

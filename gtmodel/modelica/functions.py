@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -191,8 +192,11 @@ def _empty(c: Component, scope: NameScope, model: Evaluator) -> Any:
     sizes = _size(c, scope, model)
     if None in sizes:
         return array([], (0,))
-    count = int(np.prod(sizes)) if sizes else 1  # type: ignore[arg-type]
-    return array([None] * count, tuple(sizes))  # type: ignore[arg-type]
+    known = tuple(s or 0 for s in sizes)
+    if any(s < 0 for s in known):
+        raise ModelicaError(f"the size of '{c.name}' is not below 0; found {known}", c.at)
+    model.spend(math.prod(known), c.at)
+    return array([None] * math.prod(known), known)
 
 
 def _check_size(c: Component, value: Any, scope: NameScope, model: Evaluator, what: str) -> Any:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -340,7 +341,10 @@ class Shaping(Transformer_NonRecursive[Any, Any]):
 
     def number(self, meta: Meta, children: list[Any]) -> SyntaxNode:
         text = str(children[0])
-        return s.Literal(_place(meta), int(text) if text.isdigit() and len(text) < 16 else float(text))
+        value = int(text) if text.isdigit() and len(text) < 16 else float(text)
+        if math.isinf(value):
+            raise ModelicaError(f"{text} is larger than any number; leave a bound out, or write 1e60", _place(meta))
+        return s.Literal(_place(meta), value)
 
     def string(self, meta: Meta, children: list[Any]) -> SyntaxNode:
         return s.Literal(_place(meta), text_of(children[0]))

@@ -87,9 +87,9 @@ class Nlp(Program):
     def row_fraction(self, row: int, x: np.ndarray) -> float | None:
         """Where on the horizon, as a fraction, a row stands; None for a row that belongs to no element."""
         m = self.element.rows.numel()
-        k = row // m
-        if k >= self.mesh.elements:
+        if row >= m * self.mesh.elements:
             return None
+        k = row // m
         mesh = placed(self, x)
         point = self.element.row_names[row % m][1]
         return float(mesh.edges[k] + mesh.h[k] * (mesh.table.points[point] if point >= 0 else 1.0))

@@ -298,6 +298,26 @@ def test_a_step_inside_that_is_too_long_for_other_parameters_says_so(friction, v
     assert moved_by(friction, version, SHARP, 4e-5)[0] == OK
 
 
+@pytest.mark.parametrize("force", [300.0, 1000.0, 4000.0])
+def test_a_part_in_which_friction_turns_at_once_is_refused(friction, force):
+    """From rest the rates behind the first one agree, and still the part is wrong: OK is near the truth, or Discard."""
+    unit, path = friction[3]
+    names = {v.name: v.start + force for v in unit.table.of("input")}
+    ends = []
+    for h in (5e-4, 1e-5):
+        raw = Raw(unit, path)
+        assert raw.begin(names) == OK
+        assert raw.set(list(unit.table.parameters), [SHARP]) == OK
+        for k in range(round(0.01 / h)):
+            if raw.step(k * h, h)[0] != OK:
+                break
+        else:
+            ends.append(raw.states()[1])
+        raw.free()
+    assert len(ends) in (1, 2)  # the short steps go well
+    assert np.max(np.abs(ends[0] - ends[-1])) <= 20 * unit.table.part_error, force  # of 20 parts
+
+
 def test_what_such_a_unit_says_is_right(friction):
     """Of ever sharper friction each run either ends with Discard or is near the truth by DOP853."""
     unit, _ = friction[3]

@@ -58,7 +58,7 @@ def test_what_an_algorithm_assigns_begins_with_its_start(tmp_path: Path, body: s
         ("Real y = String();", "String"), ("Real y = sum(fill());", "fill"),
         ("Real y = sum(zeros());", "zeros"), ("Real y = semiLinear(2, 3);", "semiLinear"),
         ("Real y = sum(cat(0, {1}, {2}));", "cat"), ("Real y = sum(cat(2, {1, 2}, {3, 4}));", "cat"),
-        ("Real y = 2^2000;", "no value"),
+        ("Real y = 2^2000;", "no value"), ("Real y = 1e400;", "larger"), ("Real y(max = 1e999) = 1;", "larger"),
         ("Real y = 10^(10^10);", "no value"),
         ("Real y = if true == 1 then 2 else 3;", "type"),
         ("parameter E e = E.a; Real y = if e == F.a then 1 else 2;", "type"),
@@ -97,7 +97,10 @@ def test_parameters_of_joined_connectors_are_equal(tmp_path: Path) -> None:
     [
         "model M Real x[1000, 1000]; end M;",
         "model A Real x = 1; end A; model M A a[100000, 1000]; end M;",
+        "model M Real y = sum(1:1e308); end M;", "model M Real y = sum(-1e308:1e-308:1e308); end M;",
         "model M Real y = sum(identity(10000)); end M;", "model M Real y = sum(diagonal(zeros(9999))); end M;",
+        "function f output Real y; protected Real x[99999, 99999]; algorithm y := 1; end f; "
+        "model M Real y = f(); end M;",
         "model M Real y = sum(linspace(0, 1, 1000000000)); end M;",
         "model M Real y = sum(fill(zeros(9999), 9999)); end M;",
         "model M Real y = sum(outerProduct(zeros(9999), zeros(9999))); end M;",
@@ -164,3 +167,13 @@ def test_refused_headers_and_parameters(tmp_path: Path, header: str, parameters:
     )
     with pytest.raises(gt.modelica.ModelicaError, match=word):
         gt.modelica.load(file, parameters=parameters)
+
+
+def test_a_static_optimization_that_cannot_be_is_not_solved(tmp_path: Path) -> None:
+    file = tmp_path / "text.mop"
+    file.write_text(
+        "optimization P(objective = x, static = true) Real x; input Real u; equation x = u; x = 2; u = 3; end P;"
+    )
+    with pytest.raises(gt.NotSolved) as caught:
+        gt.solve(gt.modelica.load(file)())
+    assert "text.mop" in str(caught.value)
