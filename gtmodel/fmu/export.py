@@ -125,6 +125,8 @@ def export(
         raise ArgumentError(
             f"'{own}' cannot name a unit: gt_{own}.c is a file of every unit; take another name", "name"
         )
+    if place is not None and place.is_file() and place.stat().st_size and not is_ours(place):
+        raise ArgumentError(f"'{place}' was not written by gtmodel; choose another name", "path")
     for argument, number in (("stop", stop), ("tolerance", tolerance), ("step", step)):
         if number is not None and not 0.0 < number < math.inf:
             raise ArgumentError(f"expected a finite number above zero; found {number!r}", argument)
@@ -141,8 +143,6 @@ def export(
     unit = _unit(content, function, version, box or {})
     if place is not None:
         try:
-            if place.is_file() and place.stat().st_size and not is_ours(place):
-                raise ArgumentError(f"'{place}' was not written by gtmodel; choose another name", "path")
             place.parent.mkdir(parents=True, exist_ok=True)
             place.write_bytes(unit.data)
         except OSError as error:

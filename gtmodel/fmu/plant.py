@@ -13,6 +13,7 @@ from .export import Fmu
 from .running import WHOLE, RunningUnit, UnitStopped
 from .signals import Scaling, scaling
 
+MOST_STEPS = 1000
 QUANTITIES = {"position": "m", "command": "m", "command_speed": "m/s", "force": "N", "speed": "m/s", "arm": "m"}
 
 
@@ -58,6 +59,10 @@ class FmuPlant:
             "speed": speed, "arm": arm,
         }  # fmt: skip
         named(given)
+        if not 0.0 < cycle_s < np.inf:
+            raise ArgumentError(f"expected a finite time above zero; found {cycle_s!r}", "cycle_s")
+        if steps is not None and not 1 <= steps <= MOST_STEPS:
+            raise ArgumentError(f"expected 1 to {MOST_STEPS} communication steps in a cycle; found {steps!r}", "steps")
         for name in set(units or {}) - set(QUANTITIES):
             raise ArgumentError(f"'{name}' is none of {', '.join(QUANTITIES)}", "units")
         self.unit = RunningUnit(path, start)
@@ -155,8 +160,8 @@ class FmuExperiment:
         outputs: signal ("motor", "tool", "acceleration") = its variables, one for each axis.
         corrected: the samples that count, all if left out. start: start values by name.
 
-    A run is sampled before the inputs of each sample act. Raises ArgumentError as `RunningUnit`, and for another number
-    of names than axes.
+    A run is sampled before the inputs of each sample act. Raises ArgumentError as `RunningUnit`, for another number of
+    names than axes, a name twice, inputs that are none and outputs that are not computed.
     """
 
     def __init__(
@@ -176,17 +181,25 @@ class FmuExperiment:
         self.corrected = corrected or slice(0, len(self.reference))
         if self.reference.ndim != 2 or self.reference.shape[1] != len(self.names):
             raise ArgumentError(f"expected (N, {len(self.names)}) numbers; found {self.reference.shape}", "reference")
+        if not np.all(np.isfinite(self.reference)):
+            raise ArgumentError("expected finite numbers", "reference")
+        if not 0.0 < self.sample_time < np.inf:
+            raise ArgumentError(f"expected a finite time above zero; found {sample_time!r}", "sample_time")
         for name, given in (("inputs", inputs), *(("outputs", o) for o in outputs.values())):
             if len(given) != len(self.names):
                 raise ArgumentError(f"expected {len(self.names)} names, one for each axis; found {len(given)}", name)
+            if twice := [n for n in given if list(given).count(n) > 1]:
+                raise ArgumentError(f"'{twice[0]}' is there twice", name)
         self.unit = RunningUnit(path, start)
         self.inputs, self.outputs = list(inputs), {signal: list(given) for signal, given in outputs.items()}
-        self.unit.places(self.inputs, "inputs")
-        self.unit.places([n for given in self.outputs.values() for n in given], "outputs")
+        self.unit.signals.taken(self.inputs, "inputs")
+        self.unit.signals.computed([n for given in self.outputs.values() for n in given], "outputs")
         self.synthetic = f"simulated by the unit {self.unit.name}"
 
     def run(self, inputs: np.ndarray) -> dict[str, np.ndarray]:
         """Signals by name (N, axes) of a run with an input (N, axes) added to the reference. Raises UnitStopped."""
+        if np.shape(inputs) != self.reference.shape:
+            raise ArgumentError(f"expected {self.reference.shape} numbers; found {np.shape(inputs)}", "inputs")
         self.unit.restart()
         rows: dict[str, list[np.ndarray]] = {signal: [] for signal in self.outputs}
         for at in self.reference + inputs:

@@ -252,7 +252,7 @@ def _continuity(
             shown = ", ".join(flat.symbol_name(*p) for p in states)
             raise ModelError(f"'{free}' may jump into '{name}', but it is no state there; states are {shown}")
         jump |= pairs
-    own = _continuing(first, second)
+    own = continuing(first, second)
     rows = []
     for n, pair in enumerate(states):
         if pair in jump or pair not in own:
@@ -265,7 +265,7 @@ def _continuity(
     return rows
 
 
-def _continuing(first: Nlp, second: Nlp) -> dict[tuple[int, int], tuple[int, int]]:
+def continuing(first: Nlp, second: Nlp) -> dict[tuple[int, int], tuple[int, int]]:
     """For each state of the later phase the name by which it goes on, where the earlier one knows one: a name that is
     continuous there, else one that is from now on, else its own."""
     before, flat, alias = first.problem.flat, second.problem.flat, second.problem.base.alias

@@ -86,6 +86,49 @@ def test_a_file_that_is_no_unit_is_refused(tmp_path):
         gt.fmu.RunningUnit(tmp_path / "no.fmu")
 
 
+@pytest.mark.parametrize(
+    ("given", "argument"),
+    [
+        ({"sample_time": float("nan")}, "sample_time"),
+        ({"reference": np.full((5, 3), np.nan)}, "reference"),
+        ({"inputs": ["tau[1]"] * 3}, "inputs"),
+        ({"inputs": ["q[1]", "q[2]", "q[3]"]}, "inputs"),
+        ({"outputs": {"motor": ["tau[1]", "tau[2]", "tau[3]"]}}, "outputs"),
+    ],
+)
+def test_what_is_no_experiment_is_refused(robot_unit, given, argument):
+    names = {name: [f"{name}[{k}]" for k in (1, 2, 3)] for name in ("tau", "q")}
+    whole = {
+        "reference": np.zeros((5, 3)), "names": ("a", "b", "c"), "inputs": names["tau"], "sample_time": 0.004,
+        "outputs": {"motor": names["q"]},
+    }  # fmt: skip
+    keys = whole | given
+    reference = keys.pop("reference")
+    with pytest.raises(gt.results.ArgumentError) as refusal:
+        gt.fmu.FmuExperiment(robot_unit, reference, **keys)
+    assert refusal.value.argument == argument
+
+
+def test_a_run_of_another_shape_is_refused(robot_unit):
+    names = {name: [f"{name}[{k}]" for k in (1, 2, 3)] for name in ("tau", "q")}
+    experiment = gt.fmu.FmuExperiment(
+        robot_unit, np.zeros((5, 3)), names=("a", "b", "c"), inputs=names["tau"], sample_time=0.004,
+        outputs={"motor": names["q"]},
+    )  # fmt: skip
+    for shape in ((3,), (5, 1), (4, 3)):
+        with pytest.raises(gt.results.ArgumentError, match="inputs"):
+            experiment.run(np.zeros(shape))
+
+
+@pytest.mark.parametrize("given", [{"cycle_s": 0.0}, {"cycle_s": float("inf")}, {"steps": 0}, {"steps": 10**6}])
+def test_cycles_that_are_none_are_refused(robot_unit, given):
+    names = {name: [f"{name}[{k}]" for k in (1, 2, 3)] for name in ("tau", "q")}
+    speeds = [f"der({q})" for q in names["q"]]
+    with pytest.raises(gt.results.ArgumentError) as refusal:
+        gt.fmu.FmuPlant(robot_unit, names["q"], force=names["tau"], speed=speeds, **given)
+    assert refusal.value.argument == next(iter(given))
+
+
 class Axes(gt.Model):
     """Two linear axes whose motors follow by a lag and whose tools swing behind them."""
 

@@ -508,3 +508,26 @@ def test_a_state_goes_on_into_a_phase_where_an_output_has_its_name() -> None:
     assert answer["phase 2"].trajectory["b"][0] == pytest.approx(u + (3 - u) * np.exp(-1), abs=EXACT)
     assert answer["phase 1"].trajectory["y"][-1] == pytest.approx(1.0, abs=EXACT)
     assert answer.objective == pytest.approx(u**2, abs=EXACT)
+
+
+def test_what_is_given_to_another_quantity_jumps_where_nothing_differentiates_it() -> None:
+    class Doubled(Chooses):
+        def equations(self):
+            yield gt.der(self.a) == 1.0
+            yield gt.der(self.b) == self.u - self.b
+            yield self.y == gt.If(self.a > 1, 2 * self.b, self.a)
+            yield gt.der(self.z) == self.y
+
+    answer = gt.solve_phases(gt.phases_of_events(Doubled(), ["If 1"]), gt.Mesh(6))
+    moved = np.exp(-1) - np.exp(-2)
+    assert answer.objective == pytest.approx(((0.75 - 3 * moved) / (1 - moved)) ** 2, abs=EXACT)
+
+    class Differentiated(Chooses):
+        rate = gt.variable()
+
+        def equations(self):
+            yield from super().equations()
+            yield self.rate == gt.der(self.y)
+
+    answer = gt.solve_phases(gt.phases_of_events(Differentiated(), ["If 1"]), gt.Mesh(6), throw=False)
+    assert answer.status is gt.SolveStatus.CHECK_FAILED and "'y' jumps from 1 to" in answer.message

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 import casadi as ca
 import numpy as np
 
+from ...compiler.analysis.continuous import differentiated, names_of
 from ..formulation.system import on_rows
-from ..linking import Joined
+from ..linking import Joined, continuing
 from ..nlp import Nlp, placed
 from ..solution import constants, horizon, states_and_controls
 from .sequence import watched
@@ -158,10 +159,16 @@ def _jumps(model: EventPhases, joined: Joined, x: np.ndarray) -> list[str]:
     for k, (old, new) in enumerate(pairwise(nlps)):
         flat, jump = model.order.flat, model.pieces[k].jump
         moved = set(jump.restarted) if jump else set()
-        alias = new.problem.base.alias
+        before_it, alias = old.problem.base.alias, new.problem.base.alias
         resolved = {alias.resolve(*p)[1:] for p in moved}
+        # by which old state each new one is linked
+        linked = {state: before_it.resolve(*name)[1:] for state, name in continuing(old, new).items()}
+        names = names_of(differentiated(old.problem.flat), before_it)
         pairs = [
-            p for p in old.problem.state_pairs if alias.resolve(*p)[1:] not in {*new.problem.state_pairs, *resolved}
+            name
+            for state in old.problem.state_pairs
+            for name in names.get(state, [state])
+            if (now := alias.resolve(*name)[1:]) not in resolved and linked.get(now) != state
         ]
         if not pairs:
             continue
