@@ -22,7 +22,7 @@ _BLANKS = r"(?:\s|//[^\n]*\n|/\*.*?\*/)"
 _WITHIN = re.compile(rf"{_BLANKS}*within\b{_BLANKS}*\w", re.DOTALL)
 # names behind the words that begin a class, wherever they stand: more than there are classes, never fewer
 _CLASS = re.compile(
-    rf"\b(?:class|model|record|block|connector|type|package|function|optimization|operator){_BLANKS}+"
+    rf"\b(?:class|model|record|block|connector|type|package|function|optimization|operator(?!{_BLANKS}+(?:record|function)\b)){_BLANKS}+"
     r"(\w+|'(?:[^'\\]|\\.)+')", re.DOTALL,
 )  # fmt: skip
 _BUILT_IN = Path(__file__).with_name("standard.mo")
@@ -330,13 +330,17 @@ def _add(root: Space, path: Path) -> None:
         for folder in inside[:1] if inside and inside[0] == path else inside:
             name = folder.name.split(" ")[0]
             root.made[name] = _loaded(folder, root, name)
+        inside_others: list[Path] = []
         for file in files:
             text = reader.content_of(file)
             if _WITHIN.match(text):  # of another package, which then is to have it
-                _enter(root, reader.read(file))
+                inside_others.append(file)
                 continue
             for name in dict.fromkeys(_CLASS.findall(text)):
                 root.waiting.setdefault(name, []).append(file)
+        read = [reader.read(file) for file in inside_others]
+        for classes in sorted(read, key=lambda classes: len(classes[0].within) if classes else 0):
+            _enter(root, classes)  # packages before what stands in them
     elif path.is_file():
         _enter(root, reader.read(path))
     else:

@@ -121,3 +121,18 @@ def test_what_a_name_means(tmp_path: Path, expression: str, before: str, around:
 def test_what_no_name_means(tmp_path: Path, expression: str, before: str, around: str, word: str) -> None:
     with pytest.raises(gt.modelica.ModelicaError, match=word):
         one(tmp_path, expression, before, around)
+
+
+def test_files_of_a_folder_that_say_within(tmp_path: Path) -> None:
+    files = {
+        "a.mo": "within P.Q; model X Real y = z + k; end X;", "b.mo": "within P; package Q constant Real z = 6; end Q;",
+        "c.mo": "package P constant Real k = 1; end P;", "d.mo": "operator record C Real re; Real im; end C;",
+    }  # fmt: skip
+    folder = tmp_path / "library"
+    folder.mkdir()
+    for name, text in files.items():
+        (folder / name).write_text(text)
+    file = tmp_path / "text.mo"
+    file.write_text("model M P.Q.X x; C c(re = 1, im = 2); Real y = x.y + c.im; end M;")
+    model = gt.modelica.load(f"{file}:M", library=[folder])()
+    assert float(model.causal(targets=["y"])()[0]) == 9.0
