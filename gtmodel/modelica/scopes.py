@@ -206,10 +206,11 @@ class Space:
         for item in self.text.imports:
             if item.name == name:
                 return self.root.absolute(item.reference)
-        for item in self.text.imports:
-            if not item.name and (inside := self.root.absolute(item.reference).member(name)) is not None:
-                return inside
-        return None
+        everything = [i for i in self.text.imports if not i.name]
+        there = [c for i in everything if (c := self.root.absolute(i.reference).member(name)) is not None]
+        if len({id(c.text) for c in there}) > 1:
+            raise ModelicaError(f"'{name}' is imported from several packages", everything[0].at)
+        return there[0] if there else None
 
     def lookup(self, name: str, skip: Extends | None = None) -> Space | None:
         """A class by the first word of its name, from here outwards."""
@@ -351,6 +352,9 @@ def _enter(root: Space, classes: list[ClassText]) -> None:
                 following = space.made[name] = Space(ClassText(text.at, name, "package", scope=space.text), space)
             space = following
         text.scope = space.text if space.text.name else None
+        before = space.text.classes.get(text.name)
+        if before is not None and before is not text and before.at.source is text.at.source:
+            raise ModelicaError(f"'{text.name}' is declared twice, first in line {before.at.line}", text.at)
         space.text.classes[text.name] = text
         space.made[text.name] = Space(text, space)
 
