@@ -216,6 +216,8 @@ class Writer:
                 value = given.get(name, default)
                 if not is_number(value):
                     raise ModelicaError(f"{name} is a time in s; found {value!r}", place)
+                if not given.get(f"{name}.min", value) <= value <= given.get(f"{name}.max", value):
+                    raise ModelicaError(f"{name} lies outside of its own min and max; found {value}", place)
                 result.append((attribute, _constant(float(value)), place))
         return result
 
