@@ -217,3 +217,34 @@ end P;
     )
     said = " ".join(translated(str(file)).warnings)
     assert "input 'u'" in said and "'p' lies outside" in said
+
+
+@pytest.mark.parametrize(
+    ("bound", "value"), [("q^n - 1", 4.0), ("if q > 0 then 1 else 3", 4.0), ("max(q, 3)", 4.0), ("log(q)", None)]
+)
+def test_a_bound_made_of_parameters(tmp_path: Path, bound: str, value: float | None) -> None:
+    file = tmp_path / "text.mop"
+    file.write_text(
+        f"""optimization P(objectiveIntegrand = (u - 5)^2)
+  parameter Real q = -2;
+  parameter Real n = 2;
+  Real x(start = 1, fixed = true);
+  input Real u(max = {bound});
+equation
+  der(x) = u;
+end P;
+"""
+    )
+    problem = gt.modelica.load(file)()
+    if value is None:
+        with pytest.raises(gt.ModelError, match=r"max of 'u' is not a number"):
+            gt.solve(problem, gt.Mesh(2))
+    else:
+        assert gt.solve(problem, gt.Mesh(2)).objective == pytest.approx(value, rel=1e-6)
+
+
+def test_a_start_that_is_no_number_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "text.mo"
+    file.write_text("model M parameter Real q = -2; Real x(start = log(q), fixed = true); equation der(x) = -x; end M;")
+    with pytest.raises(gt.ModelError, match="start values"):
+        gt.modelica.load(file)().simulate(1.0)
