@@ -262,8 +262,12 @@ class Evaluator:
             for item in space.text.imports:
                 if item.name == names[0] and (reached := self.of_import(item.reference, node, scope)) is not None:
                     return reached
-                if not item.name and declares(inside := space.root.absolute(item.reference), names[0]):
-                    return self.walk(constant(inside, names[0], node.at, self), node, 0, scope)
+            everything = [space.root.absolute(i.reference) for i in space.text.imports if not i.name]
+            there = [inside for inside in everything if declares(inside, names[0])]
+            if len({id(inside.text) for inside in there}) > 1:
+                raise ModelicaError(f"'{names[0]}' is imported from several packages", node.at)
+            if there:
+                return self.walk(constant(there[0], names[0], node.at, self), node, 0, scope)
             if (further := space.member(names[0]) or space.imported(names[0])) is not None:
                 space, begin = further, 1
                 break

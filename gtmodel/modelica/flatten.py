@@ -22,7 +22,19 @@ from .multibody.assembly import declared_places
 from .multibody.library import is_own
 from .multibody.parts import is_frame
 from .resolved import LONGEST
-from .scalars import Flat, Operation, Symbol, extent, is_constant, is_literal, is_number, number_of, operation
+from .scalars import (
+    Flat,
+    Operation,
+    Symbol,
+    extent,
+    is_constant,
+    is_literal,
+    is_number,
+    number_of,
+    operation,
+    operations,
+    symbols,
+)
 from .scopes import Space
 from .settled.events import settle_events
 from .settled.macros import settle_macros
@@ -54,6 +66,9 @@ def flattened(space: Space, said: Modifier) -> Flattened:
         raise ModelicaError(f"{space.name} says something too deeply nested to be taken", space.text.at) from None
 
 
+MOVING = ("variable", "input", "discrete")
+
+
 class _Flattening:
     def __init__(self, space: Space, said: Modifier) -> None:
         self.model = Evaluator()
@@ -79,6 +94,7 @@ class _Flattening:
             if instance is not self.root and instance.restriction == "optimization":
                 raise ModelicaError(f"'{instance.path}' is an optimization and no component", instance.at)
             self._declared(instance)
+        self._variability()
         places = declared_places(instances)
         for instance in instances:
             for section in instance.sections:
@@ -147,6 +163,16 @@ class _Flattening:
         elif flat.get("fixed") is not None and not self._flag(flat, "fixed"):
             flat.computed, flat.kind = True, "variable"
             self.out.equations.append(ScalarEquation(Operation("der", (Symbol(flat),), flat.at), 0, flat.at))
+
+    def _variability(self) -> None:
+        """A parameter does not follow what moves."""
+        for flat in self.out.flats:
+            if flat.kind != "parameter" or flat.binding is None:
+                continue
+            moving = [f.name for f in symbols(flat.binding) if f.kind in MOVING and not f.computed]
+            moving += [o.name for o in operations(flat.binding) if o.name in ("time", "der")]
+            if moving:
+                raise ModelicaError(f"parameter '{flat.name}' depends on '{moving[0]}', which moves", flat.at)
 
     @staticmethod
     def _flag(flat: Flat, name: str) -> bool:

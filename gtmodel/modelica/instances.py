@@ -19,7 +19,7 @@ from .scopes import PREDEFINED, Space
 from .syntax import ClassText, Component, Extends, ModelicaError, Place, Reference, SyntaxNode
 
 ATTRIBUTES = {
-    "value", "quantity", "unit", "displayUnit", "min", "max", "start", "fixed", "nominal", "stateSelect", "unbounded",
+    "quantity", "unit", "displayUnit", "min", "max", "start", "fixed", "nominal", "stateSelect", "unbounded",
     "free", "initialGuess", "absoluteValue",
 }  # fmt: skip
 HEADER = ("objective", "objectiveIntegrand", "startTime", "finalTime")
@@ -318,7 +318,11 @@ class TextElement:
             truth = model.evaluate(text.condition, self.scope)
             if not number_of(truth[()], text.condition.at, f"whether there is a '{text.name}'"):
                 return None
-        if "outer" in text.prefixes and "inner" not in text.prefixes:
+        if "outer" in text.prefixes:
+            if "inner" in text.prefixes:
+                raise ModelicaError(f"'{text.name}' is inner and outer at once, which is not taken", text.at)
+            if self.said.value is not None or self.said.inside:
+                raise ModelicaError(f"'{owner.full(text.name)}' is outer: say this where its inner is", self.said.at)
             return owner.inner(text.name, text.at)
         if "stream" in text.prefixes:
             raise ModelicaError("stream variables are not taken", text.at)

@@ -65,6 +65,8 @@ def field(value: Any, name: str, at: Place) -> Any:
         if name not in value:
             raise ModelicaError(f"the record has no '{name}'{near(name, list(value))}", at)
         return value[name]
+    if isinstance(value, np.ndarray) and value.ndim and not value.size:
+        return value  # of no component
     if isinstance(value, np.ndarray) and value.size and isinstance(value.ravel()[0], (Instance, RecordValue)):
         inside = [field(item, name, at) for item in value.ravel()]
         joined = stacked(inside, at) if not isinstance(inside[0], Instance) else array(inside, (len(inside),))

@@ -22,7 +22,7 @@ _BLANKS = r"(?:\s|//[^\n]*\n|/\*.*?\*/)"
 _WITHIN = re.compile(rf"{_BLANKS}*within\b{_BLANKS}*\w", re.DOTALL)
 # names behind the words that begin a class, wherever they stand: more than there are classes, never fewer
 _CLASS = re.compile(
-    rf"\b(?:class|model|record|block|connector|type|package|function|optimization|operator){_BLANKS}+"
+    rf"\b(?:class|model|record|block|connector|type|package|function|optimization|operator(?!{_BLANKS}+(?:record|function)\b)){_BLANKS}+"
     r"(\w+|'(?:[^'\\]|\\.)+')", re.DOTALL,
 )  # fmt: skip
 _BUILT_IN = Path(__file__).with_name("standard.mo")
@@ -206,10 +206,11 @@ class Space:
         for item in self.text.imports:
             if item.name == name:
                 return self.root.absolute(item.reference)
-        for item in self.text.imports:
-            if not item.name and (inside := self.root.absolute(item.reference).member(name)) is not None:
-                return inside
-        return None
+        everything = [i for i in self.text.imports if not i.name]
+        there = [c for i in everything if (c := self.root.absolute(i.reference).member(name)) is not None]
+        if len({id(c.text) for c in there}) > 1:
+            raise ModelicaError(f"'{name}' is imported from several packages", everything[0].at)
+        return there[0] if there else None
 
     def lookup(self, name: str, skip: Extends | None = None) -> Space | None:
         """A class by the first word of its name, from here outwards."""
@@ -329,13 +330,17 @@ def _add(root: Space, path: Path) -> None:
         for folder in inside[:1] if inside and inside[0] == path else inside:
             name = folder.name.split(" ")[0]
             root.made[name] = _loaded(folder, root, name)
+        inside_others: list[Path] = []
         for file in files:
             text = reader.content_of(file)
             if _WITHIN.match(text):  # of another package, which then is to have it
-                _enter(root, reader.read(file))
+                inside_others.append(file)
                 continue
             for name in dict.fromkeys(_CLASS.findall(text)):
                 root.waiting.setdefault(name, []).append(file)
+        read = [reader.read(file) for file in inside_others]
+        for classes in sorted(read, key=lambda classes: len(classes[0].within) if classes else 0):
+            _enter(root, classes)  # packages before what stands in them
     elif path.is_file():
         _enter(root, reader.read(path))
     else:
@@ -351,6 +356,9 @@ def _enter(root: Space, classes: list[ClassText]) -> None:
                 following = space.made[name] = Space(ClassText(text.at, name, "package", scope=space.text), space)
             space = following
         text.scope = space.text if space.text.name else None
+        before = space.text.classes.get(text.name)
+        if before is not None and before is not text and before.at.source is text.at.source:
+            raise ModelicaError(f"'{text.name}' is declared twice, first in line {before.at.line}", text.at)
         space.text.classes[text.name] = text
         space.made[text.name] = Space(text, space)
 

@@ -455,7 +455,10 @@ def _enter(item: ClassText, c: Several, enter: Any) -> None:
         item.redeclares |= "redeclare" in c[0].prefixes
         item.classes[c[0].name] = c[0]
     elif c.kind == "imports":
-        item.imports += c
+        for one in c:
+            if one.name and any(one.name == other.name for other in item.imports):
+                raise ModelicaError(f"'{one.name}' is imported twice in {item.name}", one.at)
+            item.imports.append(one)
     elif c.kind == "annotation":
         item.annotation = c[0]
     elif c.kind == "external":

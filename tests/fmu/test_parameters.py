@@ -340,41 +340,41 @@ def test_what_such_a_unit_says_is_right(friction):
     assert outcomes[0] == OK and outcomes[-1] == DISCARD
 
 
-def test_newton_beside_states(made):
-    """Its answers and runs against a bisection inside of DOP853: both interfaces, both versions, saved on the way."""
+@pytest.mark.parametrize("version", [3, pytest.param(2, marks=pytest.mark.proof)])
+def test_newton_beside_states(made, version):
+    """Its answers and runs against a bisection inside of DOP853: both interfaces, saved on the way."""
 
     def rates(_, x, u=0.7):
         y = brentq(lambda y: y + 0.25 * np.sin(3 * y) - x[0], -10, 10, xtol=1e-15)
         return [x[1], u - 9.0 * y - 2.0 * x[1]]
 
     end = solve_ivp(rates, (0, 0.4), [0.5, 0.0], method="DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
-    for version in (3, 2):
-        unit, path, fmu = made("spiral", version)
-        raw = Raw(unit, path)
-        assert raw.begin({"u": 0.7}) == OK
-        for k in range(50):
-            assert raw.step(k * 4e-3, 4e-3)[0] == OK
-        state, half = raw.save(), raw.states()[1]
-        for k in range(50, 100):
-            assert raw.step(k * 4e-3, 4e-3)[0] == OK
-        first = raw.get([v.reference for v in unit.table.numbers])[1]
-        assert np.max(np.abs(raw.states()[1] - end)) <= RUN
-        assert raw.restore(state) == OK and raw.states()[1].tolist() == half.tolist()
-        for k in range(50, 100):
-            assert raw.step(k * 4e-3, 4e-3)[0] == OK
-        assert raw.get([v.reference for v in unit.table.numbers])[1].tolist() == first.tolist()
-        solved, trial = Raw(unit, path, co=False), Raw(unit, path, co=False)
-        assert solved.begin({"u": 0.7}) == trial.begin({"u": 0.7}) == OK
-        for x in np.linspace(0.5, 1.5, 50):  # trials leave no trace
-            assert trial.set_states([x + 0.02, 1.0]) == trial.derivatives()[0] == OK
-            for one in (solved, trial):
-                assert one.set_states([x, 0.2]) == OK and one.derivatives()[0] == OK and one.completed() == OK
-            assert solved.derivatives()[1] == pytest.approx(rates(0, [x, 0.2]), abs=1e-10)
-            assert trial.derivatives()[1].tolist() == solved.derivatives()[1].tolist()
-        fmpy = pytest.importorskip("fmpy")
-        run = fmpy.simulate_fmu(str(fmu), stop_time=0.4, output_interval=0.02, fmi_type="ModelExchange", solver="CVode",
-                                relative_tolerance=1e-10, start_values={"u": 0.7}, output=["x", "v"])  # fmt: skip
-        assert np.max(np.abs([run["x"][-1] - end[0], run["v"][-1] - end[1]])) <= RUN
+    unit, path, fmu = made("spiral", version)
+    raw = Raw(unit, path)
+    assert raw.begin({"u": 0.7}) == OK
+    for k in range(50):
+        assert raw.step(k * 4e-3, 4e-3)[0] == OK
+    state, half = raw.save(), raw.states()[1]
+    for k in range(50, 100):
+        assert raw.step(k * 4e-3, 4e-3)[0] == OK
+    first = raw.get([v.reference for v in unit.table.numbers])[1]
+    assert np.max(np.abs(raw.states()[1] - end)) <= RUN
+    assert raw.restore(state) == OK and raw.states()[1].tolist() == half.tolist()
+    for k in range(50, 100):
+        assert raw.step(k * 4e-3, 4e-3)[0] == OK
+    assert raw.get([v.reference for v in unit.table.numbers])[1].tolist() == first.tolist()
+    solved, trial = Raw(unit, path, co=False), Raw(unit, path, co=False)
+    assert solved.begin({"u": 0.7}) == trial.begin({"u": 0.7}) == OK
+    for x in np.linspace(0.5, 1.5, 50):  # trials leave no trace
+        assert trial.set_states([x + 0.02, 1.0]) == trial.derivatives()[0] == OK
+        for one in (solved, trial):
+            assert one.set_states([x, 0.2]) == OK and one.derivatives()[0] == OK and one.completed() == OK
+        assert solved.derivatives()[1] == pytest.approx(rates(0, [x, 0.2]), abs=1e-10)
+        assert trial.derivatives()[1].tolist() == solved.derivatives()[1].tolist()
+    fmpy = pytest.importorskip("fmpy")
+    run = fmpy.simulate_fmu(str(fmu), stop_time=0.4, output_interval=0.02, fmi_type="ModelExchange", solver="CVode",
+                            relative_tolerance=1e-10, start_values={"u": 0.7}, output=["x", "v"])  # fmt: skip
+    assert np.max(np.abs([run["x"][-1] - end[0], run["v"][-1] - end[1]])) <= RUN
 
 
 class Powered(gt.Model):

@@ -29,6 +29,11 @@ record S extends R; Real c = 5; end S;
 record N R r(b = 7); Real d = 1; end N;
 function mk input Real x; output R r; algorithm r.a := x; r.b := 3*x; end mk;
 """
+OUTER = "model W parameter Real g = 1; end W; model A outer W w; Real y = w.g; end A;"
+TWO = "".join(
+    f"package {p} constant Real k = {n}; function f output Real y; algorithm y := k; end f; end {p};"
+    for n, p in enumerate("PQ")
+)
 
 
 @pytest.mark.parametrize(
@@ -70,6 +75,15 @@ function mk input Real x; output R r; algorithm r.a := x; r.b := 3*x; end mk;
         ("q.a + q.b", "parameter R p(a = 4, b = 8); R q = p;", RECORD, 12),
         ("n.r.a + 10*n.r.b", "N n = N(R(3, 4));", RECORD, 43),
         ("n.r.b", "N n(r(a = 1));", RECORD, 7),
+        # packages by way of packages
+        ("p.m.h + q.m.h", "Pipe p(redeclare package Medium = Water); Pipe q(redeclare package Medium = Water(cp = 5));",
+         """partial package Fluid constant Real cp = 1; constant Real double = 2*cp;
+           replaceable partial model Props Real h; Real T; end Props; end Fluid;
+         package Water extends Fluid(cp = 4);
+           redeclare model Props Real h; Real T; equation h = double*T; end Props; end Water;
+         model Pipe replaceable package Medium = Fluid; Medium.Props m; equation m.T = 3; end Pipe;""", 54),
+        ("1 + sum(c.y)", "C c[0];", "model C Real y = 1; end C;", 1),
+        ("k", "import P.k; import Q.*;", TWO, 0),
         # one class inherited on two ways is there once
         ("d.x", "D d;", "model A Real x; equation x = 1; end A; model B extends A; end B; model C extends A; end C;"
          "model D extends B; extends C; end D;", 1),
@@ -91,9 +105,34 @@ def test_what_a_name_means(tmp_path: Path, expression: str, before: str, around:
         ("h.y", "H h;", "model H A3 a; redeclare A4 a; end H;" + REPLACED, "declared twice"),
         ("h.y", "H h;", "model H redeclare A4 a; Real y = 1; end H;" + REPLACED, "redeclare"),
         ("P.k", "", "package P Real k = 1; end P;", "no constant"),
+        ("a.y", "inner W w; A a;", OUTER.replace("W w;", "W w(g = 5);"), "inner is"),
+        ("a.y", "inner W w; A a(w(g = 5));", OUTER, "inner is"),
+        ("a.y", "inner W w; A a;", OUTER.replace("outer", "inner outer"), "at once"),
+        ("x", "Real x(value = 3) = 1;", "", "value"),
+        ("P.k", "", "package P constant Real k = 1; end P; package P constant Real k = 2; end P;", "declared twice"),
+        ("k", "import P.k; import Q.k;", TWO, "imported twice"),
+        ("k", "import P.*; import Q.*;", TWO, "several"),
+        ("f()", "import P.*; import Q.*;", TWO, "several"),
+        ("p", "parameter Real p = time;", "", "moves"),
+        ("p", "Real x = 1; parameter Real q = x; parameter Real p = q;", "", "moves"),
         ("H.k", "", "model H parameter Real k = 1; end H;", "no constant"),
     ],
 )  # fmt: skip
 def test_what_no_name_means(tmp_path: Path, expression: str, before: str, around: str, word: str) -> None:
     with pytest.raises(gt.modelica.ModelicaError, match=word):
         one(tmp_path, expression, before, around)
+
+
+def test_files_of_a_folder_that_say_within(tmp_path: Path) -> None:
+    files = {
+        "a.mo": "within P.Q; model X Real y = z + k; end X;", "b.mo": "within P; package Q constant Real z = 6; end Q;",
+        "c.mo": "package P constant Real k = 1; end P;", "d.mo": "operator record C Real re; Real im; end C;",
+    }  # fmt: skip
+    folder = tmp_path / "library"
+    folder.mkdir()
+    for name, text in files.items():
+        (folder / name).write_text(text)
+    file = tmp_path / "text.mo"
+    file.write_text("model M P.Q.X x; C c(re = 1, im = 2); Real y = x.y + c.im; end M;")
+    model = gt.modelica.load(f"{file}:M", library=[folder])()
+    assert float(model.causal(targets=["y"])()[0]) == 9.0

@@ -137,7 +137,7 @@ def test_a_four_bar_linkage_moves_as_its_one_coordinate() -> None:
     assert np.ptp(ours["energy.stored"]) <= KEPT
 
 
-@pytest.mark.slow
+@pytest.mark.proof
 def test_a_loop_in_space_moves_as_its_one_coordinate() -> None:
     """A crank about x, a rod between a ball and a fork, and a slider along x: seven coordinates, one loop."""
 

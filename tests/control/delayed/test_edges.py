@@ -62,7 +62,7 @@ def test_a_plant_that_only_corrections_hold_is_refused_and_its_range_said() -> N
         D.gain_limit(loop)
 
 
-@pytest.mark.parametrize("cycles", [250, 1900])
+@pytest.mark.parametrize("cycles", [250, pytest.param(1900, marks=pytest.mark.proof)])
 def test_late_by_hundreds_of_cycles(cycles: int) -> None:
     limit = D.gain_limit(D.DelayedLoop(D.rigid_plant(CYCLE), CYCLE, cycles * CYCLE))
     assert limit.gain == pytest.approx(2 * np.sin(np.pi / (2 * (2 * cycles + 1))), rel=1e-9)

@@ -11,7 +11,7 @@ from gtmodel.control import learning
 from gtmodel.results.refusal import ArgumentError
 
 TS, N = 0.004, 825
-DRAWS, MANY = 40, 400  # models of the suite, and with -m proof
+DRAWS, MANY = 20, 400  # models of the suite, and with -m proof
 RUNS = 40
 ROUNDING = 1e-12
 LEFT = 0.3  # of the error before learning, above which no later run is; a light tool rings where Q is near 0
