@@ -37,6 +37,7 @@ typedef struct gt_fmu_data {
     double stop;         /* stop time, DBL_MAX where there is none */
     double reached;      /* lastSuccessfulTime of FMI 2 */
     long long samples;   /* taken so far */
+    int stuck;           /* not even one part of the last step went well */
     int stale;           /* outputs are older than what they are computed from */
     int mode;
     int last; /* gt_status of the last evaluation */

@@ -426,7 +426,8 @@ fmi2Status fmi2GetBooleanStatus(fmi2Component c, const fmi2StatusKind s, fmi2Boo
     if (s != fmi2Terminated) {
         return unknown(c, "GetBooleanStatus", 1U);
     }
-    *value = fmi2False;
+    /* the same step would end so again and again, and there are importers that try it for ever */
+    *value = (F->data.stuck != 0) ? fmi2True : fmi2False;
     return fmi2OK;
 }
 

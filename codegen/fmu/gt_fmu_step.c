@@ -275,6 +275,7 @@ gt_fmu_result gt_fmu_advance(gt_fmu *f, double from, double h, double *reached)
     if (status == TOO_LONG) {
         d->last = (int)GT_NOT_CONVERGED;
         d->reached = *reached;
+        d->stuck = (*reached > start) ? 0 : 1;
         return gt_fmu_refuse(f, GT_FMU_DISCARD, call,
                              "the step inside is too long for these parameters or inputs; take shorter steps");
     }
@@ -284,5 +285,6 @@ gt_fmu_result gt_fmu_advance(gt_fmu *f, double from, double h, double *reached)
         *reached = d->v[0];
     }
     d->reached = *reached;
+    d->stuck = (*reached > start) ? 0 : 1;
     return ended(f, status, call);
 }

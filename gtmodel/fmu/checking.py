@@ -191,9 +191,11 @@ def _by_fmpy(unit: Fmu, place: Path) -> dict[str, Check]:
         for values in _settings(unit):
             try:
                 with contextlib.redirect_stdout(io.StringIO()):
-                    fmpy.simulate_fmu(
+                    run = fmpy.simulate_fmu(
                         str(path), fmi_type=kind, stop_time=stop, output_interval=fixed, start_values=values
                     )
+                if (last := float(run["time"][-1])) < stop - 0.5 * fixed:
+                    failed.append(f"{kind}{' at other parameters' if values else ''}: it ended at {last:g} s")
             except Exception as error:
                 failed.append(f"{kind}{' at other parameters' if values else ''}: {error}")
     return {

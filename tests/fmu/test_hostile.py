@@ -106,6 +106,58 @@ def test_a_step_that_was_left_out_is_refused_at_any_time(made, version, start):
     raw.free()
 
 
+def test_a_unit_that_cannot_go_on_asks_to_end(made):
+    """FMPy repeats a discarded step of FMI 2.0 for ever unless it does."""
+    unit, library, path = made("forward", 2)
+    motors = [v.name for v in unit.table.of("input")]
+
+    def asks(h):
+        raw, answer = Raw(unit, library), c.c_int(-1)
+        assert raw.begin({motors[0]: 20_000.0}) == OK
+        t = 0.0
+        while raw.step(t, h)[0] == OK:
+            t += h
+        reached = c.c_double()
+        assert raw.do("GetRealStatus", 2, c.byref(reached)) == OK
+        assert raw.do("GetBooleanStatus", 3, c.byref(answer)) == OK
+        raw.free()
+        return bool(answer.value), reached.value > t
+
+    assert asks(unit.table.step) == (True, False)
+    assert asks(0.5) == (False, True)
+    fmpy = pytest.importorskip("fmpy")
+    run = fmpy.simulate_fmu(
+        str(path), fmi_type="CoSimulation", stop_time=1.0, output_interval=unit.table.step,
+        start_values={motors[0]: 20_000.0},
+    )  # fmt: skip
+    assert 0.0 < run["time"][-1] < 1.0
+
+
+class Inverse(gt.SampledBlock):
+    u = gt.input(unit="m")
+    y = gt.output(unit="1/m")
+
+    def step(self, inputs, state):
+        return {"y": 1.0 / inputs.u}
+
+
+class Desk(gt.Model):
+    u = gt.input(unit="m")
+    block = gt.part(Inverse, period=0.01)
+
+    def equations(self):
+        yield self.block.u == self.u
+
+
+@VERSIONS
+def test_a_unit_that_has_no_answer_at_its_start_fails_its_check(version):
+    pytest.importorskip("fmpy")
+    unit = gt.fmu.export(gt.cgen.BlockFunction(Desk(), "block"), None, version=version, name="stuck")
+    report = gt.fmu.check(unit, points=3)
+    assert not report.checks[f"stuck_fmi{version}_runs_failed"].passed
+    assert report.checks[f"stuck_fmi{version}_validator_findings"].passed
+
+
 @VERSIONS
 def test_errors_are_always_said_and_discards_by_category(made, version):
     unit, library, _ = made("ik", version)
