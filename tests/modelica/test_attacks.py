@@ -248,3 +248,19 @@ def test_a_start_that_is_no_number_is_refused(tmp_path: Path) -> None:
     file.write_text("model M parameter Real q = -2; Real x(start = log(q), fixed = true); equation der(x) = -x; end M;")
     with pytest.raises(gt.ModelError, match="start values"):
         gt.modelica.load(file)().simulate(1.0)
+
+
+def test_built_in_types_carry_the_bounds_of_the_library(tmp_path: Path) -> None:
+    file = tmp_path / "text.mop"
+    file.write_text(
+        """optimization P(objectiveIntegrand = (x - 2)^2 + u^2)
+  Modelica.Units.SI.MassFraction x(start = 0.5);
+  Modelica.SIunits.Temperature T = 300*x;
+  input Real u;
+equation
+  der(x) = u;
+end P;
+"""
+    )
+    solution = gt.solve(gt.modelica.load(file)(), gt.Mesh(2))
+    assert solution.objective == pytest.approx(1.0, rel=1e-6)  # x stays at its largest, 1
