@@ -123,6 +123,9 @@ class _Flattening:
         elif self.out.optimization:
             constraints_settled(self.out)
         settle_inputs(self.out.flats, self.out.equations)
+        for flat in self.out.flats:
+            if flat.kind == "input" and flat.get("fixed") is True:
+                self.model.warn(f"fixed of the input '{flat.name}' is not used", flat.at)
         self.out.warnings = [*self.model.warnings, *self.out.warnings]
         return self.out
 

@@ -37,6 +37,7 @@ _FUNCTIONS = {
 }  # fmt: skip
 _HORIZON = {"start_time": "startTime", "final_time": "finalTime"}
 _PREFERENCE = {"never": -2, "avoid": -1, "prefer": 1, "always": 2}
+_ATTRIBUTES = ("min", "max", "start", "initialGuess")
 _MOVING = ("floor", "ceil", "integer", "mod", "div", "rem")
 
 
@@ -96,6 +97,7 @@ class Writer:
             )
             sides += [x for part in parts for x in (part.left, part.right)]
         sides += [f.binding for f in self.flat.flats if f.kind == "parameter" and not f.free]
+        sides += [f.get(a) for f in self.flat.flats if f.kind not in ("parameter", "constant") for a in _ATTRIBUTES]
         for side in sides:
             for o in operations(side):
                 if o.name == "**" and not is_literal(o.arguments[1]) and is_constant(o.arguments[1]):
@@ -216,6 +218,8 @@ class Writer:
                 value = given.get(name, default)
                 if not is_number(value):
                     raise ModelicaError(f"{name} is a time in s; found {value!r}", place)
+                if not given.get(f"{name}.min", value) <= value <= given.get(f"{name}.max", value):
+                    raise ModelicaError(f"{name} lies outside of its own min and max; found {value}", place)
                 result.append((attribute, _constant(float(value)), place))
         return result
 

@@ -27,6 +27,8 @@ def outcome(at_tolerance: Callable[[float], Integration], tolerance: float, prog
     if broken is not None and status is SolveStatus.SOLVED:
         status, message = SolveStatus.FAILED, broken
     message = "; ".join([message, *integration.happened(status)])
+    if integration.recorder.empty:
+        raise ModelError(f"the simulation ends before it begins: {message}; are all start values numbers?")
     trajectory, energy_error, moved = integration.recorder.trajectory()
     checks = balance(energy_error, moved) | resolution(integration.largest, tolerance)
     sentences = [unbalanced(checks, moved), unresolved(checks)]

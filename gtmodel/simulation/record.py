@@ -94,6 +94,11 @@ class Recorder:
         energies supplied and dissipated so far [J]."""
         self._blocks.append(np.column_stack([times, values, works]))
 
+    @property
+    def empty(self) -> bool:
+        """Was nothing recorded, not even the start?"""
+        return not any(len(block) for block in self._blocks)
+
     def trajectory(self) -> tuple[Trajectory, float | None, float]:
         """What was recorded, the largest error of the energy balance [J], and the energy that moved [J]."""
         table = np.concatenate(self._blocks)

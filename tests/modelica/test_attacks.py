@@ -9,6 +9,7 @@ import pytest
 
 import gtmodel as gt
 from gtmodel.modelica import expressions
+from gtmodel.modelica.translate import translated
 from tests.modelica.values import one, values
 
 pytest.importorskip("lark")
@@ -168,6 +169,7 @@ def test_what_is_no_file_is_not_read(tmp_path: Path) -> None:
     ("header", "parameters", "word"),
     [
         ("objective = true", {}, "objective"), ("finalTime(free = 1)", {}, "free"),
+        ("finalTime(max = 3) = 4", {}, "min and max"),
         ("objectiveIntegrand = u^2", {"x": 3.0, "x.start": 3.0}, "two things"),
         ("objectiveIntegrand = u^2", {"x.start": 3.0, "x": 3.0}, "two things"),
     ],
@@ -199,3 +201,50 @@ def test_a_sensor_takes_no_further_frame(tmp_path: Path) -> None:
     file.write_text(f"model M import MB = Modelica.Mechanics.MultiBody; {parts} equation {joined} end M;")
     with pytest.raises(gt.modelica.ModelicaError, match="further frame"):
         gt.modelica.load(file)
+
+
+def test_what_is_not_used_is_said(tmp_path: Path) -> None:
+    file = tmp_path / "text.mop"
+    file.write_text(
+        """optimization P(objectiveIntegrand = u^2, finalTime = 2)
+  parameter Real p(min = 3) = 1;
+  Real x(start = 1);
+  input Real u(start = 2, fixed = true);
+equation
+  der(x) = u;
+end P;
+"""
+    )
+    said = " ".join(translated(str(file)).warnings)
+    assert "input 'u'" in said and "'p' lies outside" in said
+
+
+@pytest.mark.parametrize(
+    ("bound", "value"), [("q^n - 1", 4.0), ("if q > 0 then 1 else 3", 4.0), ("max(q, 3)", 4.0), ("log(q)", None)]
+)
+def test_a_bound_made_of_parameters(tmp_path: Path, bound: str, value: float | None) -> None:
+    file = tmp_path / "text.mop"
+    file.write_text(
+        f"""optimization P(objectiveIntegrand = (u - 5)^2)
+  parameter Real q = -2;
+  parameter Real n = 2;
+  Real x(start = 1, fixed = true);
+  input Real u(max = {bound});
+equation
+  der(x) = u;
+end P;
+"""
+    )
+    problem = gt.modelica.load(file)()
+    if value is None:
+        with pytest.raises(gt.ModelError, match=r"max of 'u' is not a number"):
+            gt.solve(problem, gt.Mesh(2))
+    else:
+        assert gt.solve(problem, gt.Mesh(2)).objective == pytest.approx(value, rel=1e-6)
+
+
+def test_a_start_that_is_no_number_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "text.mo"
+    file.write_text("model M parameter Real q = -2; Real x(start = log(q), fixed = true); equation der(x) = -x; end M;")
+    with pytest.raises(gt.ModelError, match="start values"):
+        gt.modelica.load(file)().simulate(1.0)

@@ -53,6 +53,10 @@ def limits_of(
         return pair in position or pair in place
 
     for v in flat.variables:
+        if np.isnan(v.min) or np.isnan(v.max):
+            raise ModelError(
+                f"{flat.title}: {'min' if np.isnan(v.min) else 'max'} of '{v.name}' is not a number", v.where
+            )
         if not (np.isfinite(v.min) or np.isfinite(v.max)):
             continue
         sign, kept, order = b.plan.alias.resolve(v.index, 0)
@@ -70,6 +74,8 @@ def limits_of(
         # a bound of a variable holds at both ends
         rewritten = b.plan.alias.rewrite(flat, row.expression)
         bound = as_bound(rewritten, row, flat, b.parameters) if all(row.ends) else None
+        if bound is not None and np.any(np.isnan(bound[1:])):
+            raise ModelError(f"{flat.title}: the bound of {row.label} is not a number", row.where)
         if bound is None or not bounded(*bound):
             bounds.path.append(row)
     _initial(b, position, bounds.start, apart)
