@@ -245,6 +245,7 @@ static gt_fmu_result begun(gt_fmu *f, const unsigned int *references, size_t n, 
     result = judged(f, gt_fmu_begin(&memory, v), "SetFloat64");
     if (result == GT_FMU_OK) {
         f->data.kept = memory;
+        gt_copy(f->data.v, v, GT_FMU_REALS);
     }
     return result;
 }

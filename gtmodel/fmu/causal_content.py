@@ -200,7 +200,7 @@ class _Table:
 
     def begin(self) -> str:
         """C: Newton's start from the parameters."""
-        lines = ["gt_status gt_fmu_begin(gt_fmu_memory *memory, const double *v)\n{\n"]
+        lines = ["gt_status gt_fmu_begin(gt_fmu_memory *memory, double *v)\n{\n"]
         if self.face.newton:
             lines.append(f"    {self.face.symbol}_start(&memory->newton);\n")
             at = self.guess

@@ -73,8 +73,8 @@ def _header(content: FmuContent, token: str) -> str:
             "void gt_fmu_gather(const double *v, double *x);\nvoid gt_fmu_scatter(double *v, const double *x);\n"
             "void gt_fmu_rates(const double *v, double *dx);\n",
             *_about_parameters(t),
-            comment(["What is remembered at the start."]),
-            "gt_status gt_fmu_begin(gt_fmu_memory *memory, const double *v);\n",
+            comment(["What is remembered at the start, and outputs before the first sample."]),
+            "gt_status gt_fmu_begin(gt_fmu_memory *memory, double *v);\n",
             comment(["What is computed; written with GT_OK only."]),
             "gt_status gt_fmu_compute(gt_fmu_memory *memory, double *v);\n",
             comment(["The same once in a period."]),

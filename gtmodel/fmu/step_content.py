@@ -44,23 +44,29 @@ def step_content(
     """What the unit `name` holds: inputs and outputs of the step, and its declared start as parameters.
 
     Samples are taken at the start and one period after the other, each with the inputs of that instant; outputs change
-    there only. Before the first they are the declared start where it has their name, else zero.
+    there only. Before the first they are the parameter `start.` of their name where there is one, else zero.
     """
     _, (face,) = faces_of({KEY: f}, name, (), DOUBLE, None)
     made = _StepTable(f)
     symbol = face.symbol
     texts = contents([], name, dict(provenance or {}), [face])
     files = needed(texts, name)
+    begun = {r: [made.parameters[at]] for at, r in made.outputs.items() if at in made.parameters}
+    depends = {v.reference: begun.get(v.reference, []) for v in made.variables if v.role == "output"}
     table = FmuTable(
-        name, title or f.title, made.variables, {v.reference: [] for v in made.variables if v.role == "output"},
+        name, title or f.title, made.variables, depends,
         period=f.period, stop=stop, derivatives=False,
     )  # fmt: skip
     begin = [
-        f"gt_status gt_fmu_begin(gt_fmu_memory *memory, const double *v)\n{{\n    {symbol}_start start;\n\n",
+        f"gt_status gt_fmu_begin(gt_fmu_memory *memory, double *v)\n{{\n    {symbol}_start start;\n"
+        "    gt_status status;\n\n",
         f"    {symbol}_defaults(&start);\n",
         *[f"    {place} = v[{r}];\n" for place, r in made.places(f.start, "start.", made.parameters)],
         "" if made.parameters else "    (void)v;\n",
-        f"    return {symbol}_init(&memory->state, &start);\n}}\n\n",
+        f"    status = {symbol}_init(&memory->state, &start);\n",
+        "    if (status != GT_OK) {\n        return status;\n    }\n",
+        *[f"    v[{r}] = v[{made.parameters[at]}];\n" for at, r in made.outputs.items() if at in made.parameters],
+        "    return GT_OK;\n}\n\n",
     ]
     sample = [
         f"gt_status gt_fmu_sample(gt_fmu_memory *memory, double *v, int *n)\n{{\n    {symbol}_in in;\n"

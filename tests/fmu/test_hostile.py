@@ -63,6 +63,28 @@ def test_a_step_far_shorter_than_a_period_takes_the_sample_at_its_start(made):
     assert seen[5000] == (4.0 + 2.0 * unit.table.period) * 5000.0
 
 
+@VERSIONS
+def test_outputs_begin_at_the_start_that_was_set(made, version):
+    unit, library, _ = made("filter", version)
+    names = {v.name: v.reference for v in unit.table.variables}
+    for when in ("instantiated", "initialization"):
+        raw = Raw(unit, library)
+        if when == "instantiated":
+            assert raw.set([names["start.x"], names["start.v"]], [0.25, 0.5]) == OK
+        assert raw.begin({} if when == "instantiated" else {"start.x": 0.25, "start.v": 0.5}) == OK
+        assert raw.get([names["x"], names["v"], names["nis"]])[1].tolist() == [0.25, 0.5, 0.0], when
+        assert raw.step(0.0, unit.table.period)[0] == OK
+        after = raw.get([names["x"]])[1][0]
+        assert raw.set([names["tape"]], [3.0]) == OK
+        assert raw.get([names["x"]])[1][0] == after != 0.25  # the start has no say any more
+        raw.free()
+    initial = description(unit).findall(".//InitialUnknown") + description(unit).findall(".//InitialUnknowns/Unknown")
+    shift = 0 if version == 3 else 1
+    on = {int(u.get("valueReference") or u.get("index")): u.get("dependencies") for u in initial}
+    assert on[names["x"] + shift] == str(names["start.x"] + shift)
+    assert on[names["nis"] + shift] == ""
+
+
 def experiment(raw: Raw, start: float, stop: float) -> int:
     yes, zero = c.c_bool(True), c.c_double(0)
     if raw.three:
