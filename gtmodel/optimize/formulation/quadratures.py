@@ -60,17 +60,20 @@ def set_apart(
 
 def refuse_adrift(flat: FlatModel, objective: ca.SX, constraints: Sequence[ConstraintRow], final_time: ca.SX) -> None:
     """Such a state from a start that is not fixed moves the objective as far as one likes. Raises ModelError."""
-    candidates = [v for v in flat.variables if not v.fixed and _unbounded(flat, v)]
-    uses = _Uses(flat, constraints) if candidates else None
+    at_instants = {i for instant in flat.scope.instants for i, _ in flat.scope.symbols_in(instant.expression)}
+    candidates = [flat.variables[i] for i in sorted(at_instants)]
+    candidates = [v for v in candidates if not v.fixed and _unbounded(flat, v)]
+    if not candidates:
+        return  # where all variables stand takes long to see in a large model
+    uses = _Uses(flat, constraints)
     for v in candidates:
-        assert uses is not None
         instants = uses.instants_of(v.index)
+        if not all(uses.at_end(i, v.index, final_time) for i in instants):
+            continue
         weights = [ca.gradient(objective, i.symbol) for i in instants]
-        slope = ca.simplify(sum(weights, ca.SX(0)))
         if (
-            not slope.is_zero()
+            not ca.simplify(sum(weights, ca.SX(0))).is_zero()
             and uses.integrand(v.index) is not None
-            and all(uses.at_end(i, v.index, final_time) for i in instants)
             and all(uses.steady(w) for w in weights)
         ):
             raise ModelError(
