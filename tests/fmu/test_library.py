@@ -116,7 +116,7 @@ def same_bytes(names: tuple[str, ...]) -> None:
 
 
 def test_the_same_bytes_in_two_processes_at_two_dates_with_two_umasks():
-    same_bytes(("forward",))
+    same_bytes(("block",))
 
 
 @pytest.mark.proof

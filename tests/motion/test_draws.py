@@ -97,7 +97,7 @@ def test_an_attempt_may_take_as_long_as_it_gets_anywhere():
     assert found.status.converged and found.iterations > 200
 
 
-@pytest.mark.parametrize("most", [30, 250])
+@pytest.mark.parametrize("most", [30, pytest.param(250, marks=pytest.mark.proof)])
 def test_the_limit_of_iterations_is_that_of_all_attempts(most):
     """The first attempt at this one gets nowhere; 30 are too few for it, 250 for all of them."""
     o = solved(asked(**draws(2, OTHER_SEED)[1], solver__max_iterations=most), Work())

@@ -11,6 +11,7 @@ from gtmodel.control import learning
 from gtmodel.results.refusal import ArgumentError
 
 TS, N = 0.004, 825
+LIGHT = 0.01  # damping of a box whose set has so many models that only the proof has time for it
 DRAWS, MANY = 20, 400  # models of the suite, and with -m proof
 RUNS = 40
 ROUNDING = 1e-12
@@ -62,7 +63,7 @@ def judge(box: tuple[Any, Any, Any], draws: int) -> None:
     assert worst < axis.bound.value + 0.02  # and the bound that was said is that of the draws
 
 
-@pytest.mark.parametrize("box", BOXES, ids=lambda b: f"{b[0]}-{b[2]:g}-{b[3]:g}")
+@pytest.mark.parametrize("box", [b for b in BOXES if b[3] > LIGHT], ids=lambda b: f"{b[0]}-{b[2]:g}-{b[3]:g}")
 def test_nothing_diverges_over_the_box(box: tuple[str, dict[str, Any], float, float]) -> None:
     judge(boxed(*box), DRAWS)
 
