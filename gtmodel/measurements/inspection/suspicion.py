@@ -1,0 +1,66 @@
+"""Tests of data: what each found, and which of one run's findings are alarms at one common level."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+
+from ...results.check import Check
+
+# probability that a run on clean data raises any alarm at all, over all of its tests together; 2 % are promised
+RUN_LEVEL = 0.01
+
+
+@dataclass(frozen=True)
+class Suspicion:
+    """Outcome of one test of the data, whether it found something or not.
+
+    name: of the check, and of the word that `accept` takes, such as "drift".
+    evidence: a sentence with the numbers, shown if the suspicion is an alarm.
+    p: probability that clean data give evidence as strong as this; 0 for what clean data cannot show at all, 1 for an
+        effect too small to matter. NaN, where there was too little to test, raises no alarm.
+    remedy: what a person does about it.
+    """
+
+    name: str
+    evidence: str
+    p: float
+    remedy: str
+
+
+def alarms(found: Sequence[Suspicion], level: float = RUN_LEVEL) -> list[Suspicion]:
+    """The suspicions that are alarms, strongest first, if clean data may raise any with probability `level`.
+
+    All tests of a run belong into one call, the ones that found nothing too. Source: Holm 1979, Scand. J. Statist. 6.
+
+    >>> from gtmodel.measurements.inspection.suspicion import Suspicion, alarms
+    >>> drift = Suspicion("drift", "the bias moves by 2 N", 1e-6, "estimate a drift")
+    >>> colour = Suspicion("colour", "neighbours have a correlation of 0.1", 0.008, "average fewer readings")
+    >>> [s.name for s in alarms([colour, drift])], [s.name for s in alarms([colour, drift] + 3 * [colour])]
+    (['drift', 'colour'], ['drift'])
+    """
+    ordered = sorted(found, key=lambda s: 1.0 if math.isnan(s.p) else s.p)
+    for k, suspicion in enumerate(ordered):
+        if not suspicion.p <= level / (len(ordered) - k):
+            return ordered[:k]
+    return ordered
+
+
+def suspicion_checks(
+    found: Sequence[Suspicion], accept: Collection[str] = (), level: float = RUN_LEVEL
+) -> tuple[dict[str, Check], list[str]]:
+    """A check for each test, its p-value and whether it is no alarm; and the sentences of the alarms.
+
+    Alarms named in `accept` are sentences only. Two suspicions of one name are one check, that of the smaller p-value.
+    """
+    raised = alarms(found, level)
+    checks = {
+        s.name: Check(s.p, judged=s not in raised, advice=s.remedy)
+        for s in sorted(found, key=lambda s: -s.p)
+        if not (s in raised and s.name in accept)
+    }
+    sentences = [
+        f"accepted ({s.name}): {s.evidence}" if s.name in accept else f"{s.evidence}; {s.remedy}" for s in raised
+    ]
+    return {name: checks[name] for name in dict.fromkeys(s.name for s in found) if name in checks}, sentences
