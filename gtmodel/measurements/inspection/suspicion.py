@@ -29,7 +29,7 @@ class Suspicion:
     remedy: str
 
 
-def alarms(found: Sequence[Suspicion], level: float = RUN_LEVEL) -> list[Suspicion]:
+def alarms(outcomes: Sequence[Suspicion], level: float = RUN_LEVEL) -> list[Suspicion]:
     """The suspicions that are alarms, strongest first, if clean data may raise any with probability `level`.
 
     All tests of a run belong into one call, the ones that found nothing too. Source: Holm 1979, Scand. J. Statist. 6.
@@ -40,7 +40,7 @@ def alarms(found: Sequence[Suspicion], level: float = RUN_LEVEL) -> list[Suspici
     >>> [s.name for s in alarms([colour, drift])], [s.name for s in alarms([colour, drift] + 3 * [colour])]
     (['drift', 'colour'], ['drift'])
     """
-    ordered = sorted(found, key=lambda s: 1.0 if math.isnan(s.p) else s.p)
+    ordered = sorted(outcomes, key=lambda s: 1.0 if math.isnan(s.p) else s.p)
     for k, suspicion in enumerate(ordered):
         if not suspicion.p <= level / (len(ordered) - k):
             return ordered[:k]
@@ -48,19 +48,19 @@ def alarms(found: Sequence[Suspicion], level: float = RUN_LEVEL) -> list[Suspici
 
 
 def suspicion_checks(
-    found: Sequence[Suspicion], accept: Collection[str] = (), level: float = RUN_LEVEL
+    outcomes: Sequence[Suspicion], accept: Collection[str] = (), level: float = RUN_LEVEL
 ) -> tuple[dict[str, Check], list[str]]:
     """A check for each test, its p-value and whether it is no alarm; and the sentences of the alarms.
 
     Alarms named in `accept` are sentences only. Two suspicions of one name are one check, that of the smaller p-value.
     """
-    raised = alarms(found, level)
+    raised = alarms(outcomes, level)
     checks = {
         s.name: Check(s.p, judged=s not in raised, advice=s.remedy)
-        for s in sorted(found, key=lambda s: -s.p)
+        for s in sorted(outcomes, key=lambda s: -s.p)
         if not (s in raised and s.name in accept)
     }
     sentences = [
         f"accepted ({s.name}): {s.evidence}" if s.name in accept else f"{s.evidence}; {s.remedy}" for s in raised
     ]
-    return {name: checks[name] for name in dict.fromkeys(s.name for s in found) if name in checks}, sentences
+    return {name: checks[name] for name in dict.fromkeys(s.name for s in outcomes) if name in checks}, sentences
