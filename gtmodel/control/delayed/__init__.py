@@ -7,17 +7,18 @@ Loop
     gain_limit -> GainLimit          the first gain that is unstable, and ranges that are stable again
     run_along -> DelayedRun          in time along a path that steers, SinePath, with noise
     loop_margins -> LoopMargins      in gain, phase, delay and as a disk; delay_margin, disk_margin alone
+    margin_limit                     the greatest gain that keeps declared margins, GainMargins
 
 Plants from measurements
     fit_command_step -> Estimate     m, c, k from the vibration after one command; command_response
     fit_gain_field -> GainField      m, c, k over two joints; limits_over, recommended_over
 What is uncertain
-    worst_case -> WorstCase          the least limit over a box of parameters; recommended_gain of many limits
+    worst_case -> WorstCase          the least limit over a box of parameters; recommended_gain in steps
     off_axis_plant, off_axis_limits  along a direction between two axes; plant_of_limit, limits_that_meet
 Study
     delayed_feedback -> DelayedFeedbackStudy     all of it, with pictures: `gt.control.delayed_feedback`
     feedback_map -> FeedbackMapStudy             limits over two joints; MeasuredPlants, SyntheticCommands, GainMap
-    FeedbackTiming, FeedbackAxis, FeedbackBox, OffAxisRun, FeedbackCut   what it is asked for
+    FeedbackTiming, FeedbackAxis, FeedbackBox, GainMargins, OffAxisRun, FeedbackCut   what it is asked for
 Machining
     CorrectedTool, chatter_radius -> ChatterRadius, corrected_depth   regeneration and feedback in one map
 """
@@ -53,6 +54,7 @@ if TYPE_CHECKING:
         delay_margin as delay_margin,
         disk_margin as disk_margin,
         loop_margins as loop_margins,
+        margin_limit as margin_limit,
     )
     from .off_axis import (
         limits_that_meet as limits_that_meet,
@@ -66,6 +68,7 @@ if TYPE_CHECKING:
         FeedbackCut as FeedbackCut,
         FeedbackTiming as FeedbackTiming,
         GainMap as GainMap,
+        GainMargins as GainMargins,
         OffAxisRun as OffAxisRun,
         SinePath as SinePath,
         SyntheticCommands as SyntheticCommands,

@@ -112,6 +112,35 @@ def size_crossings(loop: DelayedLoop, gain: float) -> np.ndarray:
     return np.array(sorted(roots))
 
 
+def largest_in_sector(loop: DelayedLoop, phase: float) -> float:
+    """The largest size of the response where it is nearer than `phase` [rad] to the negative real axis; 0 if it never
+    is. At gains below its inverse every frequency at which P L has a size of one keeps at least this phase margin."""
+    w, g = sampled_response(loop)
+    apart = np.abs(np.angle(-g))
+    inside = apart <= phase
+    sizes = np.abs(g)
+    largest = float(sizes[inside].max(initial=0.0))
+
+    def beyond(x: float) -> float:
+        return abs(float(np.angle(-_at(loop, x)))) - phase
+
+    def smallness(x: float) -> float:
+        return -abs(_at(loop, x)) if beyond(x) <= 0 else 0.0
+
+    edges = [(float(w[i]), float(w[i + 1])) for i in np.flatnonzero(inside[:-1] != inside[1:])]
+    for i in turns(np.abs(apart - phase), inside, CLOSE):  # in and out again between two frequencies
+        x, value = least_of(
+            lambda x, side=-1.0 if inside[i] else 1.0: side * beyond(x), float(w[i - 1]), float(w[i + 1])
+        )
+        edges += [(float(w[i - 1]), x), (x, float(w[i + 1]))] if value < 0 else []
+    for low, high in edges:
+        largest = max(largest, abs(_at(loop, _root(beyond, low, high))))
+    peak = np.concatenate([[False], (sizes[1:-1] >= sizes[:-2]) & (sizes[1:-1] >= sizes[2:]), [False]]) & inside
+    for i in np.flatnonzero(peak & (sizes > largest * (1 - APART))).tolist():
+        largest = max(largest, -least_of(smallness, float(w[i - 1]), float(w[i + 1]))[1])
+    return largest
+
+
 def least_of(f: Callable[[float], float], low: float, high: float) -> tuple[float, float]:
     """Where a function of a frequency is least between two of them, and how small."""
     best = scipy.optimize.minimize_scalar(f, bounds=(low, high), method="bounded", options={"xatol": WIDTH * high})

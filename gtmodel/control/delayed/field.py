@@ -14,6 +14,8 @@ from ..._lazy import hint
 from ...results import ArgumentError
 from .limit import gain_limit
 from .loop import DelayedLoop
+from .margins import margin_limit
+from .options import GainMargins
 from .plants import equivalent_plant
 from .worst_case import recommended_gain
 
@@ -93,9 +95,10 @@ def fit_gain_field(
 
 def limits_over(
     field: GainField, joints: ArrayLike, direction: str, *, cycle: float, delay: float, draws: int = DRAWS,
-    seed: int = 0,
+    seed: int = 0, margins: GainMargins | None = None,
 ) -> np.ndarray:  # fmt: skip
-    """Gain limits (n, draws) at joints (n, 2) [rad]: of draws of m, c and k from what the processes leave open.
+    """Gain limits (n, draws) at joints (n, 2) [rad]: of draws of m, c and k from what the processes leave open. With
+    `margins` they are the gains up to which these are kept (`margin_limit`).
 
     The same draws serve all poses, so that neighbours vary together. For a given frequency and damping ratio the limit
     is proportional to the mass: limits come from a table over these two, linear between its points: where
@@ -114,24 +117,27 @@ def limits_over(
     free = np.random.default_rng(seed).standard_normal((3, 1, draws))
     log_m, log_c, log_k = mean[..., None] + std[..., None] * free
     log_w, log_zeta = (log_k - log_m) / 2, log_c - np.log(2) - (log_k + log_m) / 2
-    return np.exp(log_m + _log_limit_of_one(log_w, log_zeta, cycle, delay))
+    return np.exp(log_m + _log_limit_of_one(log_w, log_zeta, cycle, delay, margins))
 
 
-def recommended_over(limits: np.ndarray, step: float, quantile: float = 0.05) -> np.ndarray:
-    """`recommended_gain` (n,) of limits (n, draws).
+def recommended_over(limits: np.ndarray, step: float) -> np.ndarray:
+    """`recommended_gain` (n,) of the least of limits (n, draws), of draws that each keep the margins.
 
     >>> gt.control.delayed.recommended_over(np.array([[0.021, 0.026], [0.05, 0.06]]), step=0.01)
     array([0.02, 0.05])
     """
-    return np.array([recommended_gain(row, step, quantile) for row in np.atleast_2d(limits)])
+    return np.array([recommended_gain(float(row.min()), step) for row in np.atleast_2d(limits)])
 
 
-def _log_limit_of_one(log_w: np.ndarray, log_zeta: np.ndarray, cycle: float, delay: float) -> np.ndarray:
+def _log_limit_of_one(
+    log_w: np.ndarray, log_zeta: np.ndarray, cycle: float, delay: float, margins: GainMargins | None
+) -> np.ndarray:
     """Logarithm of the limit of a mass of one."""
 
     def exact(w: float, zeta: float) -> float:
         plant = equivalent_plant(1.0, 2 * zeta * w, w**2, cycle)
-        return float(np.log(gain_limit(DelayedLoop(plant, cycle, delay)).gain))
+        loop = DelayedLoop(plant, cycle, delay)
+        return float(np.log(gain_limit(loop).gain if margins is None else margin_limit(loop, margins)))
 
     if log_w.size <= FEW:
         pairs = zip(np.exp(log_w).ravel().tolist(), np.exp(log_zeta).ravel().tolist(), strict=True)

@@ -17,11 +17,11 @@ from .command_step import command_response, fit_command_step
 from .field import GainField, fit_gain_field, limits_over, recommended_over
 from .limit import gain_limit
 from .loop import DelayedLoop
-from .options import FeedbackTiming, GainMap, SyntheticCommands
+from .options import FeedbackTiming, GainMap, GainMargins, SyntheticCommands
 from .plants import equivalent_plant
 from .result import FeedbackMapStudy
 
-TIMING, MAP = FeedbackTiming(), GainMap()
+TIMING, MAP, MARGINS = FeedbackTiming(), GainMap(), GainMargins()
 QUANTITIES = ("m", "c", "k")
 
 
@@ -110,6 +110,7 @@ def feedback_map(
     *,
     gain_steps: Mapping[str, float],
     options: GainMap = MAP,
+    margins: GainMargins = MARGINS,
     title: str = "",
     progress: Progress = silent,
     max_seconds: float | None = None,
@@ -124,6 +125,7 @@ def feedback_map(
         timing: cycle and delay; corrections that add up are not asked for here.
         gain_steps: by direction, from one gain that can be set to the next.
         options: grid, draws and quantile.
+        margins: what the recommended gain of a pose keeps in every draw.
         progress, max_seconds, stop: see `gtmodel.results.Work`.
 
     Raises ArgumentError for what is given wrong.
@@ -166,10 +168,13 @@ def feedback_map(
     axes = [np.linspace(low[i], high[i], options.points) for i in (0, 1)]
     grid = np.stack(np.meshgrid(*axes), axis=-1)
     times: dict[str, Any] = {"cycle": timing.cycle, "delay": timing.delay, "draws": options.draws}
-    drawn, maps = dict[str, np.ndarray](), dict[str, np.ndarray]()
+    drawn, maps, recommended = dict[str, np.ndarray](), dict[str, np.ndarray](), dict[str, list[float]]()
     for d in directions:
         work.step(f"limits along {d}")
         drawn[d] = limits_over(field, table, d, **times) if len(table) else np.empty((0, options.draws))
+        if len(table):
+            kept = limits_over(field, table, d, **times, margins=margins)
+            recommended[d] = recommended_over(kept, gain_steps[d]).tolist()
         over = limits_over(field, grid.reshape(-1, 2), d, **times)
         maps[d] = np.quantile(over, options.quantile, axis=1).reshape(grid.shape[:2])
     notes = [f"plants are synthetic: {field.synthetic}"] if field.synthetic else []
@@ -179,7 +184,6 @@ def feedback_map(
         notes.append(f"rows {rows} of the table lie outside of the measured joints: predictions are wide there")
     quantile = {d: np.quantile(x, options.quantile, axis=1).tolist() for d, x in drawn.items() if len(x)}
     true = _true(field, truth, table, timing) if truth is not None else {}
-    recommended = {d: recommended_over(x, gain_steps[d], options.quantile).tolist() for d, x in drawn.items() if len(x)}
     median = {d: np.median(x, axis=1).tolist() for d, x in drawn.items() if len(x)}
 
     def picture() -> Any:

@@ -9,9 +9,10 @@ import numpy as np
 import scipy
 
 from ...results import ArgumentError
-from .crossings import APART, EXACT, least_of, sampled_response, size_crossings
-from .limit import LARGE, stability_ranges
+from .crossings import APART, EXACT, largest_in_sector, least_of, sampled_response, size_crossings
+from .limit import LARGE, gain_limit, stability_ranges
 from .loop import DelayedLoop
+from .options import GainMargins
 from .plants import MOST_CYCLES
 
 STEP = 0.25  # of a cycle: from one delay that is tried to the next, at most
@@ -67,6 +68,24 @@ def loop_margins(loop: DelayedLoop, gain: float) -> LoopMargins:
         gain=float(high / gain), gain_below=float(low / gain), phase=float(np.min(np.abs(turn), initial=np.pi)),
         delay=delay_margin(loop, gain), phase_delay=float(late), disk=disk_margin(loop, gain),
     )  # fmt: skip
+
+
+def margin_limit(loop: DelayedLoop, margins: GainMargins) -> float:
+    """The greatest gain up to which the loop keeps a gain margin and a phase margin; infinite where nothing limits it.
+
+    The response says it in one look: with less gain than 1 / |L| wherever L is within the phase margin of the negative
+    real axis, no P L of size one comes nearer. Raises ArgumentError where small gains are unstable already.
+
+    >>> plant = gt.control.delayed.equivalent_plant(3.0, 57.7, 34200.0, cycle=0.004)
+    >>> loop = gt.control.delayed.DelayedLoop(plant, cycle=0.004, delay=0.052)
+    >>> P = gt.control.delayed.margin_limit(loop, gt.control.delayed.GainMargins(gain=1.2, phase=np.pi / 4))
+    >>> margins = gt.control.delayed.loop_margins(loop, P)
+    >>> round(P, 4), round(margins.gain, 2), round(np.rad2deg(margins.phase))
+    (0.1752, 1.39, 45)
+    """
+    limit = gain_limit(loop).gain / margins.gain
+    nearest = largest_in_sector(loop, margins.phase)
+    return min(limit, 1 / nearest) if nearest > 0 else limit
 
 
 def delay_margin(loop: DelayedLoop, gain: float) -> float:

@@ -61,7 +61,9 @@ class FeedbackAxis(Options):
     mass: Annotated[float | None, Within(above=0.0), "equivalent mass m of eq. (30), a number without a unit"] = None
     limit: Annotated[float | None, Within(above=0.0), "gain at which the loop was seen to become unstable"] = None
     gain: Annotated[
-        float | None, Within(above=0.0), "at which margins are asked for; the recommended one if left out"
+        float | None,
+        Within(above=0.0),
+        "at which margins are asked for; the recommended one if left out, without a box half the limit",
     ] = None
     gain_step: Annotated[float, Within(above=0.0), "from one gain that can be set to the next"] = 0.01
 
@@ -129,6 +131,20 @@ class FeedbackBox(Options):
     delay: Annotated[float, Unit("s", written="ms"), Within(least=0.0), "of the delay"] = 0.002
     draws: Annotated[int, Within(least=20, most=100_000), "random points of the box"] = 1000
     seed: Annotated[int, Within(least=0), "of the random points"] = 0
+
+
+@dataclass(frozen=True)
+class GainMargins(Options):
+    """What a recommended gain keeps at every point of the box that was looked at.
+
+    >>> round(gt.control.delayed.GainMargins().phase, 4)
+    0.5236
+    """
+
+    gain: Annotated[float, Within(least=1.0), "least gain margin: the factor to the limit"] = 2.0
+    phase: Annotated[float, Unit("rad", written="deg"), Within(least=0.0, below=np.pi / 2), "least phase margin"] = (
+        np.pi / 6
+    )
 
 
 @dataclass(frozen=True)
@@ -228,4 +244,4 @@ class GainMap(Options):
 
     points: Annotated[int, Within(least=3, most=60), "of the map along each joint"] = 13
     draws: Annotated[int, Within(least=50, most=5000), "of m, c and k in each pose"] = 400
-    quantile: Annotated[float, Within(above=0.0, below=0.5), "of the limits that a recommended gain lies below"] = 0.05
+    quantile: Annotated[float, Within(above=0.0, below=0.5), "of the limits that is shown"] = 0.05

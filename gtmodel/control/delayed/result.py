@@ -39,9 +39,20 @@ class DelayedFeedbackStudy(Study):
     worst_point: Annotated[Mapping[str, ByName], "where in the box, by axis; shares of the declared, delay in s"] = (
         field(default_factory=dict)
     )
-    recommended: Annotated[
+    quantile_limit: Annotated[
+        ByName | None, Quantity("", "5 % of the limits at random points of the box lie below, by axis")
+    ] = None
+    margin_limit: Annotated[
         ByName | None,
-        Quantity("", "greatest gain that can be set below 95 % of the limits in the box", "recommended gain"),
+        Quantity(
+            "", "greatest gain that keeps the margins at the worst point of the box, by axis", "limit with margins"
+        ),
+    ] = None
+    margin_point: Annotated[Mapping[str, ByName], "where in the box, by axis; shares of the declared, delay in s"] = (
+        field(default_factory=dict)
+    )
+    recommended: Annotated[
+        ByName | None, Quantity("", "greatest step of the gain below that, by axis", "recommended gain")
     ] = None
     gain: Annotated[ByName, Quantity("", "at which the margins hold, by axis", "margins at the gain")] = field(
         default_factory=dict
@@ -97,7 +108,9 @@ class FeedbackMapStudy(Study):
     ] = field(default_factory=dict)
     recommended: Annotated[
         Mapping[str, Sequence[float]],
-        Quantity("", "greatest gain below it that can be set, by direction", "recommended gain"),
+        Quantity(
+            "", "greatest step of the gain with which every draw keeps the margins, by direction", "recommended gain"
+        ),
     ] = field(default_factory=dict)
     true_limit: Annotated[
         Mapping[str, Sequence[float]] | None, Quantity("", "of synthetic plants, by direction", "true limit")

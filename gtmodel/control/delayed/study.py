@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -17,9 +18,9 @@ from ...results.work import Progress, never, silent
 from .chatter import CorrectedTool, chatter_radius, corrected_depth
 from .limit import GainLimit, gain_limit
 from .loop import DelayedLoop
-from .margins import loop_margins
+from .margins import loop_margins, margin_limit
 from .off_axis import limits_that_meet, off_axis_limits, plant_of_limit
-from .options import FeedbackAxis, FeedbackBox, FeedbackCut, FeedbackTiming, OffAxisRun, SinePath
+from .options import FeedbackAxis, FeedbackBox, FeedbackCut, FeedbackTiming, GainMargins, OffAxisRun, SinePath
 from .plants import MOST_CYCLES, CorrectedPlant, equivalent_plant
 from .result import DelayedFeedbackStudy
 from .run import DelayedRun, run_along
@@ -30,9 +31,10 @@ if TYPE_CHECKING:
 else:
     Cut, Cutter = hint("gtmodel.milling", "Cut"), hint("gtmodel.milling", "Cutter")
 
-TIMING, THESIS_PATH, BOX = FeedbackTiming(), SinePath(), FeedbackBox()
+TIMING, THESIS_PATH, BOX, MARGINS = FeedbackTiming(), SinePath(), FeedbackBox(), GainMargins()
 READINGS = ((0.004, False), (0.004, True), (0.012, False), (0.012, True))  # cycles of 5.3.5 and 5.3.3
-QUANTILE = 0.05
+QUANTILE = 0.05  # of the limits in the box, for information
+FEWER = 10  # times fewer random points where margins are looked for: they add a search from the worst of the limits
 BESIDE = 0.05  # of a limit: where runs are drawn
 RESOLVED = 0.005  # of a limit: to which runs are bisected
 RANGE = (0.1, 10.0)  # times the declared limit along y: limits that are tried against experiments
@@ -46,6 +48,7 @@ def delayed_feedback(
     timing: FeedbackTiming = TIMING,
     *,
     box: FeedbackBox | None = BOX,
+    margins: GainMargins = MARGINS,
     off_axis: Sequence[OffAxisRun] = (),
     path: SinePath | None = THESIS_PATH,
     noise: Annotated[float, Within(least=0.0)] = 15e-6,
@@ -65,6 +68,7 @@ def delayed_feedback(
         timing: cycle and delay, and whether corrections add up.
         box: how far plant and delay may be off: worst case and recommended gain; of a `CorrectedPlant` the delay alone.
             None: neither is asked for.
+        margins: what the recommended gain keeps wherever in the box was looked.
         off_axis: directions between the plants "x" and "y", and what experiments saw along them.
         path, noise [m], seed: of the synthetic runs that show the limit in time; no runs without a path.
         cut: a tool that cuts meanwhile, cutter and cut.
@@ -75,8 +79,10 @@ def delayed_feedback(
 
     >>> y = gt.control.delayed.FeedbackAxis(frequency=12.0, damping_ratio=0.06, limit=0.016, gain_step=0.01)
     >>> study = gt.control.delayed_feedback({"y": y}, box=gt.control.delayed.FeedbackBox(draws=50), path=None)
-    >>> round(study.limit["y"], 4), study.recommended["y"]
-    (0.016, 0.01)
+    >>> round(study.limit["y"], 4), study.recommended["y"]  # a step is 0.01: none of them is safe
+    (0.016, 0.0)
+    >>> round(study.worst_limit["y"], 4), round(study.margin_limit["y"], 4)
+    (0.0085, 0.0042)
     """
     work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
     if not plants:
@@ -92,15 +98,15 @@ def delayed_feedback(
         _check_gain(name, p, limits[name].gain)
     notes = [_returns(name, x) for name, x in limits.items() if x.returns]
     notes += [_aliased(n, p, timing) for n, p in plants.items() if isinstance(p, FeedbackAxis) and _fast(p, timing)]
-    worst = dict[str, WorstCase]()
+    worst, kept = dict[str, WorstCase](), dict[str, WorstCase]()
     if box is not None:
         for name, plant in plants.items():
             work.step(f"worst case of {name}")
-            worst[name] = _worst(plant, made[name], timing, box)
+            worst[name], kept[name] = _worst(plant, made[name], timing, box, margins)
     steps = {n: p.gain_step if isinstance(p, FeedbackAxis) else gain_step for n, p in plants.items()}
-    recommended = {n: recommended_gain(w.limits, steps[n], QUANTILE) for n, w in worst.items()}
+    recommended = {n: recommended_gain(w.gain, steps[n]) for n, w in kept.items()}
     gains = {n: _gain(p, limits[n].gain, recommended.get(n)) for n, p in plants.items()}
-    margins = {n: loop_margins(loops[n], g) for n, g in gains.items() if g > 0}
+    there = {n: loop_margins(loops[n], g) for n, g in gains.items() if g > 0}
     readings = {n: _readings(p, timing) for n, p in plants.items() if isinstance(p, FeedbackAxis)}
     runs, simulated = dict[str, list[DelayedRun]](), dict[str, float]()
     for name, loop in loops.items() if path is not None else ():
@@ -123,10 +129,12 @@ def delayed_feedback(
         except ArgumentError as fault:
             raise ArgumentError(fault.message, f"cut.{fault.argument}") from fault
     if worst:
-        notes += [_worst_words(n, w, recommended[n]) for n, w in worst.items()]
+        notes += [_worst_words(n, w) for n, w in worst.items() if np.isfinite(w.gain)]
+        notes += [_kept_words(n, w, margins) for n, w in kept.items() if np.isfinite(w.gain)]
+        notes += [_beyond(n, gains[n], worst[n].gain) for n in there if gains[n] >= worst[n].gain]
     return DelayedFeedbackStudy(
         status=SolveStatus.SOLVED,
-        message="; ".join(_words(n, limits[n], recommended.get(n)) for n in plants),
+        message="; ".join(_words(n, limits[n], recommended.get(n), kept.get(n)) for n in plants),
         title=title,
         notes=notes,
         figures=_figures(loops, limits, worst, recommended, runs, made, off_axis, timing, turned, title),
@@ -138,12 +146,15 @@ def delayed_feedback(
         simulated_limit=simulated or None,
         worst_limit={n: w.gain for n, w in worst.items()} or None,
         worst_point={n: w.point for n, w in worst.items()},
+        quantile_limit={n: float(np.quantile(w.limits, QUANTILE, method="lower")) for n, w in worst.items()} or None,
+        margin_limit={n: w.gain for n, w in kept.items()} or None,
+        margin_point={n: w.point for n, w in kept.items()},
         recommended=recommended or None,
-        gain={n: gains[n] for n in margins},
-        gain_margin={n: m.gain for n, m in margins.items()},
-        phase_margin={n: m.phase for n, m in margins.items()},
-        delay_margin={n: m.delay for n, m in margins.items()},
-        disk_margin={n: m.disk for n, m in margins.items()},
+        gain={n: gains[n] for n in there},
+        gain_margin={n: m.gain for n, m in there.items()},
+        phase_margin={n: m.phase for n, m in there.items()},
+        delay_margin={n: m.delay for n, m in there.items()},
+        disk_margin={n: m.disk for n, m in there.items()},
         readings=readings,
         **turned,
     )
@@ -184,12 +195,15 @@ def _aliased(name: str, axis: FeedbackAxis, timing: FeedbackTiming) -> str:
     )
 
 
-def _worst(given: Given, made: CorrectedPlant, timing: FeedbackTiming, box: FeedbackBox) -> WorstCase:
+def _worst(
+    given: Given, made: CorrectedPlant, timing: FeedbackTiming, box: FeedbackBox, margins: GainMargins
+) -> tuple[WorstCase, WorstCase]:
+    """The least limit in the box, and the least gain up to which the margins are kept."""
     sides = {"delay": (max(0.0, timing.delay - box.delay), timing.delay + box.delay)}
     if sides["delay"][1] > MOST_CYCLES * timing.cycle:
         raise ArgumentError(f"leads to more than the {MOST_CYCLES} cycles of delay that are taken", "box.delay")
     if not isinstance(given, FeedbackAxis):
-        return worst_case(lambda p: DelayedLoop(made, timing.cycle, p["delay"]), sides, draws=box.draws, seed=box.seed)
+        return _both(lambda p: DelayedLoop(made, timing.cycle, p["delay"]), sides, box, margins)
     m, w, zeta = given.equivalent_mass(timing), 2 * np.pi * given.frequency, given.damping_ratio
     shares = {"mass": box.mass, "damping": box.damping, "stiffness": box.stiffness}
     sides |= {name: (1 - s, 1 + s) for name, s in shares.items()}
@@ -201,7 +215,20 @@ def _worst(given: Given, made: CorrectedPlant, timing: FeedbackTiming, box: Feed
         )  # fmt: skip
         return DelayedLoop(plant, timing.cycle, p["delay"])
 
-    return worst_case(loop_of, sides, draws=box.draws, seed=box.seed)
+    return _both(loop_of, sides, box, margins)
+
+
+def _both(
+    loop_of: Callable[[Mapping[str, float]], DelayedLoop], sides: Mapping[str, tuple[float, float]], box: FeedbackBox,
+    margins: GainMargins,
+) -> tuple[WorstCase, WorstCase]:  # fmt: skip
+    worst = worst_case(loop_of, sides, draws=box.draws, seed=box.seed)
+    kept = worst_case(
+        loop_of, sides, limit_of=lambda loop: margin_limit(loop, margins), draws=max(box.draws // FEWER, 1),
+        seed=box.seed,
+    )  # fmt: skip
+    half = worst.gain / margins.gain  # where the other search has seen less
+    return worst, kept if kept.gain <= half else replace(kept, gain=half, point=worst.point)
 
 
 def _check_gain(name: str, plant: Given, limit: float) -> None:
@@ -314,23 +341,39 @@ def _chatter(tool: CorrectedTool, limit: float, of: FeedbackCut, cutter: Cutter,
     }
 
 
-def _words(name: str, limit: GainLimit, recommended: float | None) -> str:
+def _words(name: str, limit: GainLimit, recommended: float | None, kept: WorstCase | None) -> str:
     if not np.isfinite(limit.gain):
         return f"along {name} no gain makes the loop unstable"
     text = f"along {name} at most {limit.gain:.3g}, where it swings at {limit.frequency:.3g} Hz"
-    if recommended is None:
+    if recommended is None or kept is None:
         return text
-    return f"{text}; take {recommended:g}" if recommended else f"{text}; no step of the gain is safe"
+    if recommended:
+        return f"{text}; take {recommended:g}"
+    return f"{text}; no step of the gain keeps the margins, which allow {kept.gain:.3g} at the worst point of the box"
 
 
-def _worst_words(name: str, worst: WorstCase, recommended: float) -> str:
-    off = {n: x for n, x in worst.point.items() if n != "delay"}
-    said = ", ".join(f"{n} {100 * (x - 1):+.0f} %" for n, x in off.items())
-    late = 1e3 * worst.point["delay"]
-    text = f"along {name} the worst seen in the box is {worst.gain:.3g}, with a delay of {late:.4g} ms"
-    text += f" and {said}" if said else ""
-    beyond = f"; {recommended:g} is above it, and safe in 95 % of the box only" if recommended > worst.gain else ""
-    return text + beyond
+def _point(point: Mapping[str, float]) -> str:
+    """A point of the box in words: "a delay of 54 ms, mass -15 %"."""
+    off = [f"{n} {100 * (x - 1):+.0f} %" for n, x in point.items() if n != "delay"]
+    return ", ".join([f"a delay of {1e3 * point['delay']:.4g} ms", *off])
+
+
+def _worst_words(name: str, worst: WorstCase) -> str:
+    return (
+        f"along {name} the least limit seen in the box is {worst.gain:.3g}, with {_point(worst.point)}; 5 % of the "
+        f"random points lie below {np.quantile(worst.limits, QUANTILE):.3g}"
+    )
+
+
+def _kept_words(name: str, kept: WorstCase, margins: GainMargins) -> str:
+    return (
+        f"along {name} gains up to {kept.gain:.3g} keep a gain margin of {margins.gain:g} and a phase margin of "
+        f"{np.rad2deg(margins.phase):g} degrees everywhere that was looked; the worst is {_point(kept.point)}"
+    )
+
+
+def _beyond(name: str, gain: float, worst: float) -> str:
+    return f"along {name} the gain of {gain:g} is unstable in part of the box, where the limit goes down to {worst:.3g}"
 
 
 def _table(limits: Mapping[str, GainLimit], recommended: Mapping[str, float], worst: Mapping[str, WorstCase]) -> str:

@@ -9,7 +9,6 @@ from itertools import product
 
 import numpy as np
 import scipy
-from numpy.typing import ArrayLike
 
 from ...results import ArgumentError
 from .limit import gain_limit
@@ -20,13 +19,14 @@ MOST_SIDES = 12  # of a box: it has 2 to their power vertices
 SEARCHES = 3  # from the worst points
 APART = 0.2  # of a side of the box: between the points from which searches begin
 NEAR = 1e-9  # relative, of a search
-ON_GRID = 1e-9  # of a step: a quantile within rounding of a multiple of the step is that multiple
+ON_GRID = 1e-9  # of a step: a limit within rounding of a multiple of the step is that multiple
 
 
 @dataclass(frozen=True, eq=False)
 class WorstCase:
     """gain: least limit in the box; point: where. nominal: limit at its middle. limits (n,): of the random points of
-    the box, from which no guarantee follows; the worst of all found may lie between vertices."""
+    the box, from which no guarantee follows; the worst of all found may lie between vertices.
+    """
 
     gain: float
     point: dict[str, float]
@@ -38,6 +38,7 @@ def worst_case(
     loop_of: Callable[[Mapping[str, float]], DelayedLoop],
     box: Mapping[str, tuple[float, float]],
     *,
+    limit_of: Callable[[DelayedLoop], float] = lambda loop: gain_limit(loop).gain,
     draws: int = DRAWS,
     seed: int = 0,
 ) -> WorstCase:
@@ -46,6 +47,7 @@ def worst_case(
     Args:
         loop_of: the loop with these parameters.
         box: from and to of each, by name.
+        limit_of: gain of a loop whose least is looked for: its limit, or one that keeps margins (`margin_limit`).
         draws: random points, uniform in the box; seed: of their draw.
 
     It is what this has seen, not a proof. Where a point's loop is unstable at the smallest gains already, its limit is
@@ -72,7 +74,7 @@ def worst_case(
         values = low + np.clip(share, 0.0, 1.0) * (high - low)
         loop = loop_of(dict(zip(names, values.tolist(), strict=True)))
         try:
-            return gain_limit(loop).gain
+            return limit_of(loop)
         except ArgumentError:  # no gain is small enough: what else it refuses, DelayedLoop has refused before
             return 0.0
 
@@ -105,21 +107,18 @@ def _apart(points: np.ndarray, order: np.ndarray) -> list[int]:
     return order[chosen].tolist()
 
 
-def recommended_gain(limits: ArrayLike, step: float, quantile: float = 0.05) -> float:
-    """The greatest multiple of `step` that is not above the `quantile` of gain limits (n,).
+def recommended_gain(limit: float, step: float) -> float:
+    """The greatest multiple of `step` that is not above a gain limit; infinite where nothing limits it.
 
-    A limit of 0 says that no gain is safe. Raises ArgumentError for no limits, limits below 0, and a step or quantile
-    that is none.
+    Give a limit that holds at the worst point and keeps margins, such as `worst_case(..., limit_of=...)`: below a
+    quantile of limits some of the loops are unstable. A limit of 0 says that no gain is safe. Raises ArgumentError for
+    a limit below 0 or a step that is not positive.
 
-    >>> gt.control.delayed.recommended_gain([0.021, 0.026, 0.024, 0.029], step=0.01)
+    >>> gt.control.delayed.recommended_gain(0.0212, step=0.01)
     0.02
     """
-    values = np.asarray(limits, float).reshape(-1)
-    if not len(values) or not np.all(values >= 0):
-        raise ArgumentError("expected one or more numbers, at least 0", "limits")
+    if not limit >= 0:
+        raise ArgumentError(f"expected a number, at least 0; found {limit!r}", "limit")
     if not (np.isfinite(step) and step > 0):
         raise ArgumentError(f"must be a number above 0; found {step!r}", "step")
-    if not 0 < quantile < 1:
-        raise ArgumentError(f"must lie between 0 and 1; found {quantile!r}", "quantile")
-    least = float(np.quantile(values, quantile))
-    return float(Decimal(int(np.floor(least / step + ON_GRID))) * Decimal(repr(step))) if np.isfinite(least) else np.inf
+    return float(Decimal(int(np.floor(limit / step + ON_GRID))) * Decimal(repr(step))) if np.isfinite(limit) else np.inf

@@ -25,12 +25,14 @@ RESOLVED = 1e-3  # relative, of the stiffness limit
 class HandStability:
     """least: damping ratio of the least damped pole over the range; below 0 a hand in the range makes it unstable.
 
-    worst: the hand of it. stable: whether all hands tried are. stiffness_limit: [N/m] up to it all hands with masses
-    and dampings of the range are stable, as far as they were tried.
+    worst: the hand of it. frequency [Hz]: of that pole, by which its mode is known. stable: whether all hands tried
+    are. stiffness_limit: [N/m] up to it all hands with masses and dampings of the range are stable, as far as they were
+    tried.
     """
 
     least: float
     worst: Hand
+    frequency: float
     stable: bool
     stiffness_limit: float
 
@@ -83,11 +85,15 @@ def hand_matrix(
     return (basis.T @ z @ basis)[np.ix_(kept, kept)]
 
 
-def least_damping(matrix: np.ndarray) -> float:
-    """Damping ratio of the least damped pole of a sampled loop, below 0 where it is unstable."""
+def least_damped(matrix: np.ndarray) -> tuple[float, float]:
+    """Damping ratio of the least damped pole of a sampled loop, below 0 where it is unstable; and how far it turns in a
+    cycle [rad], undamped."""
     poles = np.linalg.eigvals(matrix)
     logs = np.log(np.asarray(poles[np.abs(poles) > np.finfo(float).tiny], complex))
-    return float((-np.real(logs) / np.maximum(np.abs(logs), np.finfo(float).tiny)).min())
+    sizes = np.maximum(np.abs(logs), np.finfo(float).tiny)
+    ratios = -np.real(logs) / sizes
+    at = int(np.argmin(ratios))
+    return float(ratios[at]), float(sizes[at])
 
 
 def hand_stability(
@@ -115,7 +121,7 @@ def hand_stability(
     )
 
     def damping(values: np.ndarray) -> float:
-        return least_damping(hand_matrix(_hand(values), gains, servo, turning, arm))
+        return least_damped(hand_matrix(_hand(values), gains, servo, turning, arm))[0]
 
     def within(share: np.ndarray) -> np.ndarray:
         return low + np.clip(share, 0.0, 1.0) * (high - low)
@@ -135,7 +141,9 @@ def hand_stability(
         tried[:, 2] = stiffness
         return all(damping(x) > 0 for x in tried)
 
-    return HandStability(least, _hand(within(at)), least > 0, _last(holds, float(low[2])))
+    worst = _hand(within(at))
+    turns = least_damped(hand_matrix(worst, gains, servo, turning, arm))[1]
+    return HandStability(least, worst, turns / (2 * np.pi * gains.cycle), least > 0, _last(holds, float(low[2])))
 
 
 def _last(holds: Callable[[float], bool], low: float) -> float:
@@ -164,7 +172,7 @@ def damping_curves(
     middle = sum(hands.damping) / 2
     return at, {
         f"{m:g} kg, {middle:g} N s/m": np.array(
-            [least_damping(hand_matrix(Hand(m, middle, float(k)), gains, servo)) for k in at]
+            [least_damped(hand_matrix(Hand(m, middle, float(k)), gains, servo))[0] for k in at]
         )
         for m in dict.fromkeys(hands.mass)
     }

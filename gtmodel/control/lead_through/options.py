@@ -123,6 +123,9 @@ class HandRange(Options):
     mass: Annotated[Between, Unit("kg"), Within(least=0.0), "from and to"] = (0.0, 2.0)
     damping: Annotated[Between, Unit("N.s/m", key="damping_Ns_m"), Within(least=0.0), "from and to"] = (2.0, 40.0)
     stiffness: Annotated[Between, Unit("N/m"), Within(least=0.0), "from and to"] = (0.0, 800.0)
+    least_damping: Annotated[
+        float, Within(least=0.0, below=1.0), "damping ratio that every mode of the loop keeps with every hand"
+    ] = 0.05
     draws: Annotated[int, Within(least=1), "random hands in the range"] = 300
     seed: Annotated[int, Within(least=0), "of their draw"] = 0
 

@@ -69,6 +69,9 @@ class LeadThroughStudy(Study):
     hand_damping: Annotated[
         float | None, Quantity("", "damping ratio of the least damped pole over all hands", "least damping, any hand")
     ] = None
+    hand_mode: Annotated[float | None, Quantity("Hz", "frequency of that pole, undamped", "mode of least damping")] = (
+        None
+    )
     worst_hand: Annotated[Mapping[str, float], "mass [kg], damping [N s/m] and stiffness [N/m] there"] = field(
         default_factory=dict
     )

@@ -78,6 +78,7 @@ class Schema(RobotProblem):
     law: LawSection | None = Field(default=None, description="of the robot's servo")
     map: JointMapKeys | None = Field(default=None, description="limits over two joints")
     box: Made[options.FeedbackBox] = Made[options.FeedbackBox].left_out()
+    margins: Made[options.GainMargins] = Made[options.GainMargins].left_out()
     off_axis: list[Made[options.OffAxisRun]] = Field(default=[], description="directions between the axes x and y")
     path: SteeredPathKeys | None = Field(default=None, description="synthetic runs along a path")
     cut: FeedbackCutKeys | None = Field(default=None, description="chatter while it corrects")

@@ -35,8 +35,10 @@ def call(problem: Schema, context: Context) -> Call:
     if problem.map is not None:
         _refuse(problem, OF_LOOPS, "axes")
         return _map(problem)
-    timing, box, off_axis, path = options_of(problem, "timing", "box", "off_axis", "path").values()
-    more: dict[str, Any] = {"box": box, "off_axis": off_axis, "path": path, "title": problem.title}
+    timing, box, margins, off_axis, path = options_of(problem, "timing", "box", "margins", "off_axis", "path").values()
+    more: dict[str, Any] = {
+        "box": box, "margins": margins, "off_axis": off_axis, "path": path, "title": problem.title,
+    }  # fmt: skip
     if problem.path is not None:
         more |= {"noise": 1e-6 * problem.path.noise_um, "seed": problem.path.seed}
     if problem.cut is not None:
@@ -112,7 +114,7 @@ def _map(problem: Schema) -> Call:
         measured = _measured(section)
     return Call(
         delayed.feedback_map, measured, *rad, problem.timing.options(), gain_steps=dict(section.gain_step),
-        options=section.options(), title=problem.title,
+        options=section.options(), margins=problem.margins.options(), title=problem.title,
     )  # fmt: skip
 
 

@@ -14,8 +14,8 @@ from gtmodel.results import ArgumentError
 from tests.control.delayed.test_limit import CYCLE, LATE
 
 D = gt.control.delayed
-X = D.FeedbackAxis(17.0, 0.06, limit=0.25, gain_step=0.1)
-Y = D.FeedbackAxis(12.0, 0.06, limit=0.016, gain_step=0.01)
+X = D.FeedbackAxis(17.0, 0.06, limit=0.25, gain_step=0.01)
+Y = D.FeedbackAxis(12.0, 0.06, limit=0.016, gain_step=0.001)
 SMALL = D.FeedbackBox(draws=40)
 ROBOT = gt.robots.gantry_tau("l1_tape")
 AT = {"T": [0.5, -0.9, 0.3], "der(T)": 0.0}

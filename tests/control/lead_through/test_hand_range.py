@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import control
@@ -72,6 +73,18 @@ def test_the_worst_hand_is_not_better_than_any_draw() -> None:
         least = min(-np.log(abs(p)) / abs(np.log(p + 0j)) for p in poles if abs(p) > 1e-12)
         assert least >= seen.least - 1e-3
         assert not seen.stable or np.abs(poles).max() < 1
+
+
+def test_a_mode_that_a_hand_leaves_nearly_undamped_fails_and_is_named() -> None:
+    """The mode of the servo at 67 Hz keeps 0.006 of its 0.02 with a heavy hand."""
+    servo = L.ServoChain(mode_frequency=67.0)
+    hand = L.HandRange(mass=(2.0, 2.0), damping=(40.0, 40.0), stiffness=(0.0, 0.0), draws=1)
+    phases = [L.GuidePhase(0.5, force=(0.0, 0.0, -3.0))]
+    s = L.study(L.SyntheticSurface(), phases, servo=servo, hands=hand)
+    assert not s.checks["hand_damping"].passed and s.hand_damping == pytest.approx(0.006354, rel=1e-3)
+    assert "67 Hz" in s.checks["hand_damping"].advice and s.hand_mode == pytest.approx(69.5, abs=0.1)
+    milder = L.study(L.SyntheticSurface(), phases, servo=servo, hands=replace(hand, least_damping=0.005))
+    assert milder.checks["hand_damping"].passed
 
 
 def test_a_range_beyond_the_limit_is_said_with_the_range_that_holds() -> None:
