@@ -74,7 +74,8 @@ class Estimates:
         return self.system.space.errors(self._shown(self.errors))
 
     def trajectory(self) -> Trajectory:
-        """Means and deviations of a single run, the latter as "p.deviation". Raises ArgumentError for several runs."""
+        """Means and deviations of a single run, the latter as "p.deviation"; of rows with one stamp the last, after all
+        readings. Raises ArgumentError for several runs."""
         if self.runs > 1:
             raise ArgumentError(f"there are {self.runs} runs; a trajectory holds one", "runs")
         values, units = {}, {}
@@ -83,7 +84,7 @@ class Estimates:
         for part in self.system.space.parts:
             name = f"{part.name}.deviation"
             values[name], units[name] = self.deviation[part.name], _plain(part.error_unit)
-        rows = np.concatenate([[True], np.diff(self.time) > 0])
+        rows = np.concatenate([np.diff(self.time) > 0, [True]])
         title = type(self).__name__.lower()
         return Trajectory(self.time[rows], {n: v[rows] for n, v in values.items()}, units, title=title)
 

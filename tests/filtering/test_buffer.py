@@ -74,6 +74,15 @@ def test_two_readings_of_one_sensor_with_one_stamp_are_both_used(system):
     same(buffer.filtered(), F.ErrorState(system).run(log, BEGIN))
 
 
+def test_a_trajectory_shows_the_state_after_the_last_reading_of_an_instant(system):
+    t = np.array([0.0, 0.1, 0.1, 0.1, 0.2])
+    run = F.ErrorState(system).run({"tape": F.Readings(t, [0.0, 0.01, 0.02, 0.03, 0.01])}, BEGIN)
+    shown = run.trajectory()
+    assert shown.time.tolist() == [0.0, 0.1, 0.2]
+    np.testing.assert_array_equal(shown["x"], run["x"][[0, 3, 4]].reshape(-1))
+    np.testing.assert_array_equal(shown["x.deviation"], run.deviation["x"][[0, 3, 4]].reshape(-1))
+
+
 def test_a_turning_body_with_quaternions_is_the_same_too():
     run, log, start, _ = turning_case(0.02)
     begin = F.InitialState(start.mean, start.deviation, time=0.0)

@@ -278,6 +278,75 @@ def test_bags(tmp_path: Path, kind: str) -> None:
     assert session.sample_time == pytest.approx(0.004, rel=1e-9)
 
 
+def joint_states(folder: Path, kind: str, messages: list[tuple[str, list[str], list[float]]]) -> Path:
+    """A bag of JointStates, each (node, names, positions), 10 ms apart; velocities are ten times the positions."""
+    from rosbags.rosbag1 import Writer as Writer1
+    from rosbags.rosbag2 import StoragePlugin, Writer as Writer2
+    from rosbags.typesys import Stores, get_typestore
+
+    first = kind == "ros1"
+    store = get_typestore(Stores.ROS1_NOETIC if first else Stores.ROS2_HUMBLE)
+    types, name = store.types, "sensor_msgs/msg/JointState"
+    path = folder / ("joints.bag" if first else f"joints_{kind}")
+    with Writer1(path) if first else Writer2(path, version=9, storage_plugin=StoragePlugin[kind]) as bag:
+        made = {}
+        for k, (node, names, position) in enumerate(messages):
+            more: dict[str, Any] = {"callerid": node} if first else {}
+            if node not in made and (first or not made):
+                made[node] = bag.add_connection("/joints", name, typestore=store, **more)
+            stamp = types["builtin_interfaces/msg/Time"](*divmod(START + k * 10**7, 10**9))
+            header = types["std_msgs/msg/Header"](**({"seq": k} if first else {}), stamp=stamp, frame_id="")
+            message = types[name](header, names, np.array(position), 10 * np.array(position), np.zeros(0))
+            write = store.serialize_ros1 if first else store.serialize_cdr
+            bag.write(made.get(node, next(iter(made.values()))), START + k * 10**7, write(message, name))
+    return path
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_joints_are_columns_by_name_whatever_the_order(tmp_path: Path, kind: str) -> None:
+    pytest.importorskip("rosbags")
+    orders = [["elbow", "wrist"], ["wrist", "elbow"]]
+    truth = {"elbow": 1.0, "wrist": -2.0}
+    messages = [("/arm", names, [truth[n] + k for n in names]) for k, names in enumerate(orders * 5)]
+    (stream,) = open_log(joint_states(tmp_path, kind, messages))
+    assert stream.name == "/joints"
+    read = stream.read({"all": ["position[elbow]", "position[wrist]", "velocity[wrist]"]}).values["all"]
+    k = np.arange(10.0)
+    np.testing.assert_array_equal(read, np.column_stack([1 + k, k - 2, 10 * (k - 2)]))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_publishers_of_one_topic_are_streams_of_their_own(tmp_path: Path, kind: str) -> None:
+    pytest.importorskip("rosbags")
+    arm, hand = ["elbow", "wrist"], ["finger"]
+    messages = [("/arm", arm, [1.0 * k, -1.0 * k]) if k % 2 else ("/hand", hand, [100.0 + k]) for k in range(20)]
+    path = joint_states(tmp_path, kind, messages)
+    of_arm, of_hand = (" from /arm", " from /hand") if kind == "ros1" else ("", "")  # a ROS 2 bag names no node
+    names = [f"/joints{of_arm} [elbow, wrist]", f"/joints{of_hand} [finger]"]
+    streams = {stream.name: stream for stream in open_log(path)}
+    assert set(streams) == {*names}
+    wrist = streams[names[0]].read({"q": ["position[wrist]"]}).values["q"][:, 0]
+    np.testing.assert_array_equal(wrist, -np.arange(1.0, 20, 2))
+    finger = streams[names[1]].read({"q": ["position[finger]"]}).values["q"][:, 0]
+    np.testing.assert_array_equal(finger, 100 + np.arange(0.0, 20, 2))
+    with pytest.raises(LogError, match="several streams"):
+        read_log(path, {"q": Column("position[elbow]", "rad")})
+
+
+def test_two_nodes_with_the_same_joints_are_not_mixed(tmp_path: Path) -> None:
+    pytest.importorskip("rosbags")
+    messages = [("/real" if k % 2 else "/model", ["elbow"], [1.0 * k]) for k in range(20)]
+    streams = open_log(joint_states(tmp_path, "ros1", messages))
+    assert [stream.name for stream in streams] == ["/joints from /model [elbow]", "/joints from /real [elbow]"]
+
+
+def test_a_joint_that_is_named_twice_is_refused(tmp_path: Path) -> None:
+    pytest.importorskip("rosbags")
+    messages = [("/arm", ["elbow", "elbow"], [0.0, 1.0])] * 5
+    with pytest.raises(LogError, match="'elbow' twice"):
+        open_log(joint_states(tmp_path, "SQLITE3", messages))
+
+
 def test_stamps_of_two_files_are_of_one_clock(tmp_path: Path) -> None:
     arrow, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
     for name, begin in (("a", START), ("b", START + 1_500_000_001)):

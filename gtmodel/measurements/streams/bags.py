@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import fields, is_dataclass
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -18,6 +18,7 @@ RECEIVED, STAMP = "receive_time", "header.stamp"
 MOST_COMPONENTS = 64  # of an array in a message: longer ones are pictures, clouds and maps
 PER_BLOCK = 4096  # messages
 _NS = 10**9
+_NAMES = ("name", "joint_names")  # fields that name the components of the arrays beside them
 
 
 class Bag:
@@ -43,8 +44,38 @@ class Bag:
 
     def streams(self) -> list[Stream]:
         """A stream for each topic whose messages hold numbers."""
-        made = (TopicStream(self, topic) for topic in sorted(self.topics))
+        made = (
+            TopicStream(self, topic, of, several) for topic in sorted(self.topics) for of, several in self._of(topic)
+        )
         return [stream for stream in made if len(stream.heads.names) > 1]
+
+    def messages(self, topic: str) -> Iterator[tuple[int, Source, Any]]:
+        """Of each message of a topic: when it was received [ns], of what it is, and its content."""
+        with self.opened() as reader:
+            of_topic = [c for c in reader.connections if c.topic == topic]
+            callers = {c.id: str(getattr(c.ext, "callerid", None) or "") for c in of_topic}
+            for connection, received, raw in reader.messages(connections=of_topic):
+                message = reader.deserialize(raw, connection.msgtype)
+                names = _names(message, f"{self.source} topic {topic}")
+                yield int(received), Source(callers[connection.id], tuple(sorted(names))), message
+
+    def _of(self, topic: str) -> Iterator[tuple[Source, bool]]:
+        """What the messages of a topic are of, and whether that is several: publishers, or sets of joints."""
+        with self.opened() as reader:
+            several = len({getattr(c.ext, "callerid", None) for c in reader.connections if c.topic == topic}) > 1
+        sources = dict[Source, None]()
+        for _, source, _ in self.messages(topic):
+            sources[source] = None
+            if not (several or source.names):
+                break  # one publisher, and no names that could change
+        yield from ((source, len(sources) > 1) for source in sources)
+
+
+class Source(NamedTuple):
+    """What a message is of: the node that sent it, where the bag says so (ROS 1), and the names in it, sorted."""
+
+    publisher: str
+    names: tuple[str, ...]
 
 
 class _Opened:
@@ -73,32 +104,41 @@ class _Opened:
 
 class TopicStream(Stream):
     """The messages of a topic. Columns are dotted fields, `linear_acceleration.x`, and two times [s] after the bag's
-    first message: when it was received, and the stamp of its header, which is the clock where it is set."""
+    first message: when it was received, and the stamp of its header, which is the clock where it is set.
+
+    Arrays beside a list of names, as those of a JointState, are columns by name, `position[elbow]`, whatever order a
+    message has them in. Where several nodes publish on a topic, or messages with other names stand between, each is a
+    stream of its own: "/joint_states [elbow, wrist]", "/joint_states from /arm".
+    """
 
     row: ClassVar[str] = "message"
     cell: ClassVar[str] = "field"
 
-    def __init__(self, bag: Bag, topic: str) -> None:
-        self._bag = bag
+    def __init__(self, bag: Bag, topic: str, of: Source, several: bool) -> None:
+        self._bag, self._topic, self._source = bag, topic, of
         names: list[str] = [RECEIVED]
         clock = RECEIVED
-        for _, message in self._messages(topic):
+        for _, message in self._messages():
             names += [name for name, _ in _numbers(message)]
             if _stamp(message):
                 clock = STAMP
                 names.insert(0, STAMP)
             break
         units = ["s" if name in (STAMP, RECEIVED) else "" for name in names]
-        source, stamps = f"{bag.source} topic {topic}", {STAMP: bag.start, RECEIVED: bag.start}
-        super().__init__(source, topic, Heads(names, source, units), clock, stamps=stamps)
+        label = topic
+        if several:
+            label += f" from {of.publisher}" if of.publisher else ""
+            label += f" [{', '.join(of.names)}]" if of.names else ""
+        source, stamps = f"{bag.source} topic {label}", {STAMP: bag.start, RECEIVED: bag.start}
+        super().__init__(source, label, Heads(names, source, units), clock, stamps=stamps)
         from_ = "the stamp of the header" if clock == STAMP else "when the message was received"
         self.remarks.append(f"{bag.types[topic]}; its time is {from_}, counted from the first message of the bag")
 
     def blocks(self, columns: Sequence[str], *, gaps: bool = False) -> Iterator[RowBlock]:
         """See `Stream.blocks`."""
         asked = [self.heads.names[self.heads.place(name)] for name in columns]
-        total, begin, rows = self._bag.topics[self.name].msgcount, 0, list[list[float]]()
-        for received, message in self._messages(self.name):
+        total, begin, rows = self._bag.topics[self._topic].msgcount, 0, list[list[float]]()
+        for received, message in self._messages():
             numbers = dict(_numbers(message))
             numbers[RECEIVED] = (received - self._bag.start) / _NS
             if STAMP in asked:
@@ -116,11 +156,10 @@ class TopicStream(Stream):
         if rows:
             yield RowBlock(np.array(rows), np.arange(begin + 1, begin + 1 + len(rows)), 1.0)
 
-    def _messages(self, topic: str) -> Iterator[tuple[int, Any]]:
-        with self._bag.opened() as reader:
-            of_topic = [c for c in reader.connections if c.topic == topic]
-            for connection, received, raw in reader.messages(connections=of_topic):
-                yield int(received), reader.deserialize(raw, connection.msgtype)
+    def _messages(self) -> Iterator[tuple[int, Any]]:
+        for received, source, message in self._bag.messages(self._topic):
+            if source == self._source:
+                yield received, message
 
 
 def _stamp(message: Any) -> int:
@@ -129,8 +168,19 @@ def _stamp(message: Any) -> int:
     return 0 if stamp is None else int(stamp.sec) * _NS + int(stamp.nanosec)
 
 
+def _names(message: Any, where: str) -> list[str]:
+    """The names that a message gives to the numbers of its arrays. Raises LogError where one is there twice."""
+    names = next((list(v) for f in _NAMES if isinstance(v := getattr(message, f, None), (list, np.ndarray))), [])
+    if not all(isinstance(name, str) for name in names):
+        return []
+    if twice := sorted({name for name in names if names.count(name) > 1}):
+        raise LogError(f"{where}: a message names '{twice[0]}' twice; which of the two is meant is not clear")
+    return names
+
+
 def _numbers(message: Any, prefix: str = "") -> Iterator[tuple[str, float]]:
     """The numbers of a message by their dotted names."""
+    names = _names(message, prefix or "message")
     for field in fields(message):
         value, name = getattr(message, field.name), prefix + field.name
         if field.name.startswith("__") or name == "header":
@@ -140,8 +190,9 @@ def _numbers(message: Any, prefix: str = "") -> Iterator[tuple[str, float]]:
         elif isinstance(value, (bool, int, float, np.number, np.bool_)):
             yield name, float(value)
         elif isinstance(value, (list, np.ndarray)) and 0 < len(value) <= MOST_COMPONENTS:
+            of: Sequence[object] = names if len(names) == len(value) else range(len(value))
             if is_dataclass(value[0]):
-                for k, part in enumerate(value):
+                for k, part in zip(of, value, strict=True):
                     yield from _numbers(part, f"{name}[{k}].")
             elif not isinstance(value[0], str):
-                yield from ((f"{name}[{k}]", float(part)) for k, part in enumerate(value))
+                yield from ((f"{name}[{k}]", float(part)) for k, part in zip(of, value, strict=True))
