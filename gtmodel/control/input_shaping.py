@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..measurements.nature import nature_of
 from ..results import Trajectory
 
 Array = np.ndarray
 AT_REST = 1e-6  # of the greatest speed: a motion that begins or ends faster is not from rest to rest
-ON_SPHERE = 1e-6  # of the length: recorded directions are this exact
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,21 +169,20 @@ def _shaper(frequency_Hz: float, damping: float, binomial: tuple[float, ...]) ->
     return Shaper(half * np.arange(len(binomial)), amplitudes)
 
 
+_ROTATIONS = {
+    "quaternion": "of length 1 at every time, as a unit quaternion",
+    "direction": "of length 1 at every time, as a direction",
+    "matrix": "a rotation matrix",
+}
+
+
 def _refuse_rotation(trajectory: Trajectory, name: str) -> None:
     """Raises ValueError for rows, or derivatives or entries of rows, that lie on a sphere or are rotation matrices."""
     base = name.partition("[")[0].removeprefix("der(").removesuffix(")").removesuffix(",2")
     if base not in trajectory or trajectory.unit(base) != "1":
         return
     rows = trajectory[base]
-    if rows.ndim != 2 or rows.shape[1] < 2 or not np.any(np.ptp(rows, axis=0) > ON_SPHERE):
-        return
-    what = ""
-    if np.all(np.abs(np.linalg.norm(rows, axis=1) - 1) <= ON_SPHERE):
-        what = "of length 1 at every time, as a unit quaternion or a direction"
-    elif rows.shape[1] == 9:
-        matrices = rows.reshape(-1, 3, 3)
-        if np.all(np.abs(matrices @ matrices.transpose(0, 2, 1) - np.eye(3)) <= ON_SPHERE):
-            what = "a rotation matrix"
+    what = _ROTATIONS.get(nature_of(rows, "1") or "", "")
     if what:
         raise ValueError(
             f"'{base}' is {what}, and the sum of delayed parts of it would be none; shape an angle or a rotation "

@@ -22,6 +22,7 @@ from gtmodel.measurements import (
     position_noise,
 )
 from gtmodel.measurements.filters import WIDEST
+from gtmodel.measurements.nature import smooth
 from gtmodel.results import Status, Trajectory, TrajectoryError
 
 from .options import Processing
@@ -163,6 +164,7 @@ def rows_of(
     sessions = [sessions] if isinstance(sessions, Session) else list(sessions)
     if COPIED not in accept and (copy := copied_rows(sessions, (known, targets))):
         raise TrajectoryError(f'{copy}; if it is right, accept = ["{COPIED}"]')
+    sessions = [s._replace(trajectory=smooth(s.trajectory)) for s in sessions]
     processing = processing or Processing()
     cutoff = processing.cutoff
     if cutoff is None:

@@ -26,6 +26,7 @@ Clocks
     Resampled         what it returns
     resampling_study  signals of several clocks on one even grid
     ResamplingStudy   its result
+    smooth            angles unwrapped, quaternions with a sign that does not jump
     EvenGrid          the grid: sample time, method, gaps, interval of time
     AlignBy           signals by which clocks are brought together
     align             offset and drift between two clocks, by a signal that both show
@@ -87,6 +88,7 @@ if TYPE_CHECKING:
         read_log as read_log,
         session_of as session_of,
     )
+    from .nature import smooth as smooth
     from .recording import read_recording as read_recording
     from .resampling import Resampled as Resampled, resample as resample
     from .sampling import Gap as Gap, SamplingReport as SamplingReport, sampling_of as sampling_of

@@ -14,6 +14,7 @@ from ..lang.units import rate_unit
 from ..results.trajectory import Trajectory
 from ..results.trajectory_errors import Array, TrajectoryError
 from .log import Session
+from .nature import natures, rotations_again, smooth
 
 BAND_FACTOR = 2.5  # cut-off over excitation band; 2 to 3 leaves the motion and takes most of the noise
 BAND_SHARE = 0.999  # of the velocity's power
@@ -206,7 +207,9 @@ def motion(session: Session, position: str, low_pass: ZeroPhase | None) -> Traje
             None leaves the rows as they are, for regressors that are filtered together with the force afterwards: exact
             for columns linear in velocity and acceleration, and right for the sign of a velocity.
 
-    Raises TrajectoryError for a recording that is too short for the filter.
+    Wrapped angles are unwrapped, and of orientations the rows stay orientations and the sign of a quaternion does not
+    jump. Raises TrajectoryError for a recording that is too short for the filter, and where it is not clear which way
+    a signal turns from row to row.
 
     >>> t = 0.004 * np.arange(1000)
     >>> log = gt.Trajectory(t, {"q": np.sin(2 * t)}, {"q": "m"})
@@ -215,8 +218,10 @@ def motion(session: Session, position: str, low_pass: ZeroPhase | None) -> Traje
     >>> moved.names, moved.unit("der(q,2)"), len(moved)
     (('q', 'der(q)', 'der(q,2)'), 'm/s2', 924)
     """
-    raw, step = session.trajectory, session.sample_time
+    of = natures(session.trajectory)
+    raw, step = smooth(session.trajectory, of), session.sample_time
     rows = {name: raw[name] if low_pass is None else low_pass(raw[name], step) for name in raw.names}
+    rows = rotations_again(rows, of)
     unit = raw.unit(position)
     first, second = f"der({position})", f"der({position},2)"
     rows[first], rows[second] = derivative(rows[position], step), second_derivative(rows[position], step)

@@ -12,6 +12,7 @@ from ..results.refusal import ArgumentError
 from ..results.trajectory import Trajectory
 from ..results.trajectory_errors import Array
 from .log import LogError, Session
+from .nature import Nature, natures, rotations_again, smooth
 from .sampling import Gap, sampling_of
 
 Method = Literal["cubic", "linear", "monotone"]
@@ -26,7 +27,8 @@ class Resampled:
 
     `error`: by signal, what the method misses the rows by where every other one is left out, rms in its unit, by
     component: at twice the spacing, so more than on the grid, and with the noise of the rows in it; in a bridged gap
-    it is more. `bridged`: gaps that the method fills; `cut`: those at which the recording is parted.
+    it is more. `bridged`: gaps that the method fills; `cut`: those at which the recording is parted. `natures`: signals
+    that are more than plain numbers.
     """
 
     sessions: tuple[Session, ...]
@@ -34,6 +36,7 @@ class Resampled:
     error: Mapping[str, Array]
     bridged: tuple[Gap, ...]
     cut: tuple[Gap, ...]
+    natures: Mapping[tuple[str, ...], Nature]
 
     @property
     def trajectory(self) -> Trajectory:
@@ -76,7 +79,11 @@ def resample(
         longest_gap: that is bridged [s]; five median steps if left out. A longer one parts the recording.
         start: first time of the grid [s]; the first row's if left out. The grid of all stretches is this one.
 
-    Raises LogError for fewer than eight rows between gaps, ArgumentError for a wrong argument.
+    Quaternions, rotation matrices and directions are taken as such: what is between the rows is one too, and the sign
+    of a quaternion does not jump. Wrapped angles are unwrapped, in each stretch for itself.
+
+    Raises LogError for fewer than eight rows between gaps, and where it is not clear which way a signal turns from one
+    row to the next; ArgumentError for a wrong argument.
 
     >>> rng = np.random.default_rng(0)
     >>> t = np.sort(0.01 * np.arange(500) + 0.003 * rng.uniform(-1, 1, 500))
@@ -102,7 +109,7 @@ def resample(
     steps = np.diff(time)
     breaks = np.flatnonzero(steps > longest) + 1
     origin = float(time[0]) if start is None else float(start)
-    sessions, rows = list[Session](), dict[str, list[Array]]()
+    sessions, rows, of = list[Session](), dict[str, list[Array]](), natures(trajectory)
     for begin, end in zip([0, *breaks.tolist()], [*breaks.tolist(), len(time)], strict=True):
         part = slice(begin, end)
         if end - begin < FEWEST:
@@ -117,11 +124,12 @@ def resample(
             raise LogError(
                 f"'{name}': a sample time of {step:g} s leaves {len(grid)} rows; expected at least 3", "sample_time"
             )
-        values = {}
+        values, stretch = dict[str, Array](), smooth(_rows(trajectory, part), of)
         for signal in trajectory.names:
-            y = np.asarray(trajectory[signal], float)
-            values[signal] = _curve(method)(time[part], y[part])(grid)
-            rows.setdefault(signal, []).append(_left_out(method, time[part], y[part]))
+            y = np.asarray(stretch[signal], float)
+            values[signal] = _curve(method)(time[part], y)(grid)
+            rows.setdefault(signal, []).append(_left_out(method, time[part], y))
+        values = rotations_again(values, of)
         label = name if not len(breaks) else f"{name} from {time[begin]:.6g} s"
         sessions.append(Session(label, Trajectory(
             grid, values, {n: trajectory.unit(n) for n in trajectory.names}, title=trajectory.title,
@@ -129,7 +137,12 @@ def resample(
         ), step))  # fmt: skip
     error = {n: np.sqrt(np.mean(np.concatenate(parts) ** 2, axis=0)) for n, parts in rows.items()}
     bridged, cut = (tuple(g for g in sampling.gaps if (g.duration > longest) == over) for over in (False, True))
-    return Resampled(tuple(sessions), method, error, bridged, cut)
+    return Resampled(tuple(sessions), method, error, bridged, cut, of)
+
+
+def _rows(trajectory: Trajectory, part: slice) -> Trajectory:
+    values = {name: trajectory[name][part] for name in trajectory.names}
+    return Trajectory(trajectory.time[part], values, trajectory.units)
 
 
 def _curve(method: Method) -> Callable[[Array, Array], Callable[[Array], Array]]:

@@ -13,6 +13,7 @@ from ..results.trajectory import Trajectory
 from ..results.trajectory_errors import Array
 from ..results.trajectory_files import PathLike
 from .log import JITTER, TIME, Column, LogError, Session, read_log, si_unit_of
+from .nature import natures, rotations_again, smooth
 
 Estimate = Literal["estimate"]
 ESTIMATE: Estimate = "estimate"
@@ -169,7 +170,8 @@ class Corrections:
 
     def _session(self, k: int, values: Array) -> Session:
         session = self.sessions[k]
-        raw, step = session.trajectory, session.sample_time
+        of = natures(session.trajectory.select([n for n in session.trajectory.names if n in self.signals]))
+        raw, step = smooth(session.trajectory, of), session.sample_time
         reach = max(
             self.longest_delay if s.delay == ESTIMATE else abs(float(s.delay)) for s in [*self.signals.values(), _STILL]
         )
@@ -177,17 +179,21 @@ class Corrections:
         if 2 * cut + 3 > len(raw):
             raise LogError(f"'{session.name}' lasts {raw.duration:g} s, too short for delays of {reach:g} s")
         time = raw.time[cut : len(raw) - cut]
-        quantities, units = {}, {}
+        quantities, units, late = {}, {}, dict[str, Array]()
+        for name, signal in [(n, s) for n, s in self.signals.items() if n in raw]:
+            width = 1 if raw[name].ndim == 1 else raw[name].shape[1]
+            rows, delay = raw[name].reshape(len(raw), width), self._values(name, signal, "delay", k, width, values)
+            columns = [_at(raw.time, rows[:, j], time, cut, float(delay[j])) for j in range(width)]
+            late[name] = columns[0] if raw[name].ndim == 1 else np.column_stack(columns)
+        late = rotations_again(late, of)
         for name in raw.names:
             signal = self.signals.get(name)
             if signal is None:
                 quantities[name], units[name] = raw[name][cut : len(raw) - cut], raw.unit(name)
                 continue
             width = 1 if raw[name].ndim == 1 else raw[name].shape[1]
-            scale, offset, delay = (self._values(name, signal, what, k, width, values) for what in _WHATS)
-            rows = raw[name].reshape(len(raw), width)
-            late = np.column_stack([_at(raw.time, rows[:, j], time, cut, float(delay[j])) for j in range(width)])
-            corrected = late * (scale * _per_si(signal)) - offset
+            scale, offset = (self._values(name, signal, what, k, width, values) for what in ("scale", "offset"))
+            corrected = late[name].reshape(len(time), width) * (scale * _per_si(signal)) - offset
             quantities[name] = corrected[:, 0] if raw[name].ndim == 1 else corrected
             units[name] = si_unit_of(signal.quantity_unit or signal.unit)
         derived = Trajectory(
@@ -205,7 +211,6 @@ class Corrections:
 
 
 _STILL = Signal("", "1")
-_WHATS: tuple[What, ...] = ("scale", "offset", "delay")
 
 
 def read_signals(

@@ -15,6 +15,7 @@ from ...results.trajectory import Trajectory
 from ...results.trajectory_errors import Array
 from ...results.work import Progress, silent
 from ..log import LogError
+from ..nature import smooth
 from .coarse import OVERLAP, Series, coarse_offset
 from .common_curve import PROBES, CurveFit, Freed, Warp, fit_curve, shown
 
@@ -122,7 +123,9 @@ def align(
     >>> round(found.offset, 3), abs(found.drift) < 1e-4
     (-99.3, True)
     """
-    series = _series(reference, other, signals)
+    pairs = _pairs(reference, other, signals)
+    reference, other = smooth(reference.select(list(pairs))), smooth(other.select(list(pairs.values())))
+    series = _series(reference, other, pairs)
     low, high = within or _widest(series)
     if not low <= high:
         raise ArgumentError(f"the offset may be from {low:g} to {high:g} s; expected the smaller one first", "within")

@@ -18,6 +18,7 @@ from ...results.work import Progress, never, silent
 from ..alignment.align import Alignment, align
 from ..alignment.delay_study import RELATED
 from ..log import LEFT_OUT
+from ..nature import said
 from ..resampling import Resampled, resample
 from ..sampling import SamplingReport, sampling_of
 from .options import AlignBy, EvenGrid
@@ -323,13 +324,14 @@ def _notes(
         notes.append(
             f"the times of {names} are taken as they stand; name a pair of signals to bring them to '{reference}'"
         )
-    for clock, said in sampling.items():
-        if step > COARSER * said.step:
+    for clock, report in sampling.items():
+        if step > COARSER * report.step:
             notes.append(
-                f"'{clock}' has a row every {1e3 * said.step:.4g} ms; nothing is filtered, so what is faster than "
+                f"'{clock}' has a row every {1e3 * report.step:.4g} ms; nothing is filtered, so what is faster than "
                 f"{0.5 / step:.4g} Hz is folded down"
             )
     for one in even:
+        notes += said(one.natures)
         if one.bridged:
             names = ", ".join(one.sessions[0].trajectory.names)
             notes.append(f"{names}: {sum(g.missing for g in one.bridged)} missing rows are bridged by the method")

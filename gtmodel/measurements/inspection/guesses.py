@@ -9,11 +9,11 @@ import numpy as np
 
 from ...results.trajectory_errors import Array
 from ...results.unit_names import unit_of
+from ..nature import NEAR, nature_of
 from ..streams.heads import is_unit, spelled
 from .columns import ColumnFacts
 
 G = 9.81  # m/s2
-NEAR = 0.03  # of gravity, or of length 1: what a sensor may be off
 TURN_RAD, TURN_DEG = 3.2, 7.0  # an angle below the first is probably in rad, above the second in deg
 _FORCES = r"force|torque|effort|tau|moment|drehm|load"
 _ANGLES = r"angle|joint|axis|motor|enc|rot|phi|theta|psi|roll|pitch|yaw|winkel|achse|^q\d*$|^q\[|^j\d+$"
@@ -111,7 +111,7 @@ def _of_vector(lower: str, group: Array) -> UnitGuess | None:
     length = np.linalg.norm(whole, axis=1)
     middle = float(np.median(length))
     off = np.abs(length - 1.0) > NEAR
-    if group.shape[1] == 4 and np.mean(off) < 0.1:
+    if nature_of(whole, "1") == "quaternion":
         but = f", but {off.sum()} rows are off, the worst of length {length[np.argmax(np.abs(length - 1))]:.2g}"
         return UnitGuess("1", f"four columns of length 1: a quaternion{but if off.any() else ''}")
     if group.shape[1] == 3 and re.search(_ACCELERATIONS, lower):
