@@ -142,8 +142,8 @@ accuracy_mm = {wanted_mm}
 [measurements]
 file = "calibrate.csv"
 [measurements.signals]
-q = {{ column = "q", unit = "mm", noise = 13e-6 }}
-T = {{ column = "T", unit = "mm", noise = 25e-6 }}
+q = {{ column = "q", unit = "mm", deviation = 0.013 }}
+T = {{ column = "T", unit = "mm", deviation = 0.025 }}
 [held_out]
 file = "verify.csv"
 """)

@@ -160,6 +160,13 @@ class Measurements:
                 raise ModelError(f"'{name}' has {len(a)} rows and '{first}' {len(arrays[first])}; give one per pose")
             if not np.all(np.isfinite(a)):
                 raise ModelError(f"'{name}' is not finite at pose {int(np.argwhere(~np.isfinite(a))[0, 0])} (from 0)")
+        for name, stated in self.noise.items():
+            s = np.asarray(stated, float)
+            if not np.all((np.diagonal(s, axis1=-2, axis2=-1) if s.ndim > 1 else s) > 0):
+                raise ModelError(
+                    f"the noise of '{name}' must be positive; found {s}: no reading is exact; give a standard "
+                    "deviation above 0, or leave it out and the residuals give it"
+                )
         if self.sessions is not None and len(self.sessions) != len(arrays[first]):
             raise ModelError(f"{len(self.sessions)} sessions are named for {len(arrays[first])} poses; give one each")
         object.__setattr__(self, "values", arrays)
@@ -200,8 +207,8 @@ class Measurements:
         """Covariance (N or 1, size, size) of a signal; size 3 for a quaternion [rad^2]. Raises ModelError."""
         s = np.asarray(self.noise[name], float)
         if s.ndim < 2:
-            if s.shape not in ((), (size,)) or not np.all(s > 0):
-                raise ModelError(f"the noise of '{name}' must be positive: one standard deviation or {size}; found {s}")
+            if s.shape not in ((), (size,)):
+                raise ModelError(f"the noise of '{name}' has the shape {s.shape}; expected one number, or {size}")
             return (np.broadcast_to(s, size) ** 2 * np.eye(size))[None]
         c = s if s.ndim == 3 else s[None]
         if c.shape[1:] != (size, size) or len(c) not in (1, len(self)):

@@ -69,12 +69,12 @@ def test_a_file_of_poses_as_matrices_and_one_of_angles_in_degrees(tmp_path: Path
     as_matrix = {"T": MeasuredSignal(names, "mm", representation="matrix"),
                  "e": MeasuredSignal(names, "1", representation="matrix")}  # fmt: skip
     as_angles = {"T": MeasuredSignal(["x", "y", "z"], "mm"),
-                 "e": MeasuredSignal(["A", "B", "C"], "deg", representation="KUKA A B C", noise=1e-4)}  # fmt: skip
+                 "e": MeasuredSignal(["A", "B", "C"], "deg", representation="KUKA A B C", deviation=0.01)}  # fmt: skip
     a, b = (read_poses(tmp_path / f, Measured({"q": q, **s}, orientation="e")).measurements
             for f, s in (("m.csv", as_matrix), ("a.csv", as_angles)))  # fmt: skip
     for name in ("T", "e"):
         np.testing.assert_allclose(a.values[name], b.values[name], atol=SAME)
-    assert b.covariance("e", 3).shape == (1, 3, 3)  # the noise stays a turn
+    np.testing.assert_allclose(b.covariance("e", 3), [np.radians(0.01) ** 2 * np.eye(3)], rtol=1e-9)  # a turn in rad
 
 
 @pytest.mark.parametrize(

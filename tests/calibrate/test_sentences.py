@@ -17,7 +17,7 @@ from tests.calibrate.shipped import L1, fit, measured, robot, shipped, solved, w
 
 
 def test_a_prior_far_from_the_poses_is_named() -> None:
-    noisy = measured("l1", signals={"q": {"noise": 1e-4}, "T": {"noise": 5e-5}})
+    noisy = measured("l1", signals={"q": {"deviation": 0.1}, "T": {"deviation": 0.05}})
     outcome = solved("l1", how=noisy, priors={"L[0]": Known(value=5.0, std=1e-6), "L[1]": Known(std=1.0)})
     v = outcome.values
     contradictions = [s for s in v["notes"] if "contradicts the poses" in s]
@@ -30,7 +30,7 @@ def test_a_prior_far_from_the_poses_is_named() -> None:
 
 
 def test_a_note_is_shown_once() -> None:
-    stated = measured("l1", signals={"q": {"noise": 1e-6}, "T": {"noise": 1e-6}})
+    stated = measured("l1", signals={"q": {"deviation": 1e-3}, "T": {"deviation": 1e-3}})
     outcome = solved("l1", how=stated)
     (note,) = [s for s in outcome.notes if "residuals of the fitted poses are 57.1 times the stated noise" in s]
     (of_all,) = [s for s in outcome.verdict if s.startswith("residuals are ")]

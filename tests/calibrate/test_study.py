@@ -64,7 +64,7 @@ class TestShippedRobots:
 
 class TestChoices:
     def test_fixed_tied_and_priors(self) -> None:
-        how = measured("l1", signals={"T": {"noise": 2e-4}, "q": {"noise": 1e-4}})
+        how = measured("l1", signals={"T": {"deviation": 0.2}, "q": {"deviation": 0.1}})
         o = solved("l1", how=how, fixed=["L[0]"], tied={"v[1]": "v[0]"}, priors={"A[2]": Known(std=1e-6)})
         at = {u["name"]: u["value"] for u in o.values["unknowns"]}
         p = o.values["parameters"]

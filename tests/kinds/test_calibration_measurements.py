@@ -121,10 +121,10 @@ def test_what_is_wrong_in_one_of_several_is_named_there():
     delta = PROBLEMS / "calibrate_delta.toml"
     assert refused(delta, ["measurements=[]"]) == "poses: there is nothing measured; give poses"
     one = '{file="data/klipper_v400/heights.csv", signals={q={column=["a","b","c"],unit="mm"},%s}}'
-    good = one % '"T[2]"={column="height",unit="mm",noise=1e-5}'
+    good = one % '"T[2]"={column="height",unit="mm",deviation=0.01}'
     bad = one % '"T[2]"={column="hight",unit="mm"}'
     assert "measurements[1].signals.T[2].column" in refused(delta, [f"measurements=[{good},{bad}]"])
-    wide = "{name='b'," + (one % '"T[2]"={column=["a","b"],unit="mm",noise=1e-5}').removeprefix("{")
+    wide = "{name='b'," + (one % '"T[2]"={column=["a","b"],unit="mm",deviation=0.01}').removeprefix("{")
     argument = "poses[1].values.T[2].column"
     assert argument in refused(delta, [f"measurements=[{good},{wide}]"])
     assert key_of(Schema, argument, ARGUMENTS) == "measurements[1].signals.T[2].column"

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 
+from ...lang.units import UnitError, parse_unit
 from ...results.options import Long, Options, Unit, Within
+from ...results.refusal import ArgumentError
 
 Free = Literal["estimate"]
 ESTIMATE: Free = "estimate"
@@ -18,18 +20,22 @@ ESTIMATE: Free = "estimate"
 class MeasuredSignal(Options):
     """Columns of a measured variable: quantity = scale (column + delay rate) - offset, as of the signals of a log.
 
-    >>> gt.calibrate.MeasuredSignal("T", "mm", noise=1e-5).offset  # T[0], T[1], ... of the file; noise in m
-    0.0
+    >>> gt.calibrate.MeasuredSignal("T", "mm", deviation=0.01).noise_in_si  # T[0], T[1], ... of the file
+    1e-05
     >>> gt.calibrate.MeasuredSignal(["q1", "q2", "q3"], "mm", offset="estimate").offset
     'estimate'
     """
 
     column: Annotated[str | list[str], 'names in the file; "q" means "q[0]", "q[1]", ... too']
     unit: Annotated[str | list[str], "unit of the columns, or one each"]
+    deviation: Annotated[
+        float | list[float] | list[list[float]] | None,
+        "standard deviation in the unit of the column, one, one each, or a covariance in its square; of a quaternion "
+        "or matrix in rad; left out, the residuals give it",
+    ] = None
     noise: Annotated[
         float | list[float] | list[list[float]] | None,
-        "standard deviation in SI, one, one each, or a covariance; of a quaternion in rad; left out, the "
-        "residuals give it",
+        "old name of deviation, in SI; read where the unit is SI",
     ] = None
     scale: Annotated[float | Free, "quantity per column, both in SI"] = 1.0
     offset: Annotated[
@@ -47,6 +53,56 @@ class MeasuredSignal(Options):
         "of an orientation: quaternion w x y z (if left out), quaternion x y z w, rotation vector, matrix, KUKA A B C, "
         "intrinsic zyx or extrinsic xyz with any axes; of a position: matrix, the last column of a pose's 12 or 16",
     ] = None  # fmt: skip
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in ("deviation", "noise"):
+            given = getattr(self, name)
+            if given is None:
+                continue
+            sizes = np.diagonal(given) if np.ndim(given) == 2 else np.atleast_1d(given)
+            if not (np.all(sizes > 0) and np.all(np.isfinite(sizes))):
+                raise ArgumentError(
+                    f"found {given}; expected more than 0, as no reading is exact: give a standard deviation, or leave "
+                    "it out and the residuals give it",
+                    name,
+                )
+        if self.noise is None:
+            return
+        if self.deviation is not None:
+            raise ArgumentError("is the old name of deviation and stands beside it; leave one of the two out", "noise")
+        try:
+            si = all(parse_unit(u).is_si for u in self._units)
+        except UnitError:  # said when the columns are read
+            return
+        if not si:
+            was, units = self._scaled(self.noise, -1), ", ".join(dict.fromkeys(self._units))
+            units = f"({units})^2" if np.ndim(self.noise) == 2 else units
+            raise ArgumentError(
+                f"is read where columns are in SI, and these are in {units}: {self.noise} was SI, which is {was} "
+                f"{units}: write deviation = {was}, or deviation = {self.noise} if that is in {units}",
+                "noise",
+            )
+
+    @property
+    def noise_in_si(self) -> float | list[float] | list[list[float]] | None:
+        """Standard deviation or covariance of the quantity in SI; None where it is not stated. Raises ArgumentError."""
+        return self.noise if self.deviation is None else self._scaled(self.deviation, 1)
+
+    @property
+    def _units(self) -> list[str]:
+        return [self.unit] if isinstance(self.unit, str) else self.unit
+
+    def _scaled(self, given: float | list[float] | list[list[float]], power: int) -> Any:
+        """From the unit of the columns to the quantity in SI, or back, in the decimal digits that people write."""
+        scale = 1.0 if isinstance(self.scale, str) else abs(self.scale)
+        factors = [(scale * parse_unit(u).scale) ** power for u in self._units]
+        by = np.array(factors if len(set(factors)) > 1 else factors[0])
+        if np.ndim(by) and np.shape(given) not in ((), by.shape, 2 * by.shape):
+            sentence = f"has the shape {np.shape(given)} for {len(by)} columns in several units; give one, or one each"
+            raise ArgumentError(sentence, "deviation")
+        scaled = np.asarray(given) * (np.multiply.outer(by, by) if np.ndim(given) == 2 else by)
+        return np.vectorize(lambda x: float(f"{x:.12g}"), otypes=[float])(scaled).tolist()
 
 
 @dataclass(frozen=True)

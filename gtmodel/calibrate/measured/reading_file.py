@@ -125,9 +125,11 @@ def _measurements(tables: Sequence[SignalTable], measured: Measured, sources: Se
     _represented(values, tables, measured)
     if measured.orientation in values:
         _refuse_long(values[measured.orientation], measured.orientation)
-    noise = {
-        n: np.asarray(s.noise) if isinstance(s.noise, list) else s.noise for n, s in measured.signals.items() if s.noise
-    }
+    noise = {}
+    for n, s in measured.signals.items():
+        with naming(f"measured.signals.{n}.deviation", ArgumentError):
+            if (stated := s.noise_in_si) is not None:
+                noise[n] = np.asarray(stated) if isinstance(stated, list) else stated
     device, target, sag = measured.device_start, measured.target_start, measured.sag
     pose = Pose(
         measured.position,

@@ -7,6 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
+
 from ...lang import Model
 from ..measured.options import Measured, MeasuredSignal
 from ..measured.poses import MeasuredPoses
@@ -33,9 +35,6 @@ def made_poses(robot: Model, synthetic: Synthetic, held_out: Path | str | None =
         "q": MeasuredSignal("q", ["mm"] * 3 + (["deg"] * 3 if made.rotary else [])),
         "T": MeasuredSignal("T", "mm"),
     } | ({"e": MeasuredSignal("e", "1")} if made.turns else {})
-    if synthetic.state_noise:
-        stated = stated_noise(synthetic, made.rotary)
-        signals = {n: replace(s, noise=stated[n]) for n, s in signals.items()}
     away = any([*synthetic.device_t, *synthetic.device_zyz])
     frame: Literal["robot", "device"] = "device" if away else "robot"
     measured = Measured(signals, orientation="e" if made.turns else None, frame=frame)
@@ -43,5 +42,9 @@ def made_poses(robot: Model, synthetic: Synthetic, held_out: Path | str | None =
         path = Path(scratch) / FILE
         path.write_text(made.text, encoding="utf-8")
         poses = read_poses(path, measured, held_out)
+    if synthetic.state_noise:
+        stated = stated_noise(synthetic, made.rotary)
+        m = replace(poses.measurements, noise={n: np.array(stated[n]) for n in signals})
+        poses = replace(poses, measurements=m)
     files = {FILE: made.text} | ({CARTS: made.carts} if made.carts is not None else {})
     return replace(poses, truth=made.robot, files=files)
