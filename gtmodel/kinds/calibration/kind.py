@@ -90,15 +90,11 @@ def _read(keys: MeasuredSection, key: str, held_out: Path | None, context: Conte
         held_out = context.file(keys.held_out_file, f"{key}.held_out_file", source=keys.source)
     path = context.file(keys.file, f"{key}.file", source=keys.source)
     try:
-        asked = keys.options()
+        return calibrate.read_poses(path, keys.options(), held_out, keys.form())
     except ArgumentError as error:
-        raise InputError(error.message, f"{key}.{error.argument}") from error
-    try:
-        return calibrate.read_poses(path, asked, held_out, keys.form())
-    except ArgumentError as error:
-        at = error.argument.replace("measured", key, 1)
         own = f"{key}.held_out_file" if keys.held_out_file else "held_out.file"
-        raise InputError(error.message, at.replace("held_out.file", own)) from error
+        at = f"{key}.{error.argument.removeprefix('measured.')}"
+        raise InputError(error.message, own if error.argument == "held_out.file" else at) from error
 
 
 def _carts(problem: Schema, context: Context) -> CartPoints | None:
