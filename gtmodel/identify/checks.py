@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..inference import FALSE_ALARM, binomial_band
+from ..inference import FALSE_ALARM, binomial_band, negligible
 from ..results import Check, at_least, at_most
 from ..results.check import bound_in_words
 from ..results.unit_names import split
@@ -108,7 +108,8 @@ def _far_off(identification: Identification, base: Sequence[str]) -> list[str]:
     """Where a unit of position, time or effort is off by its thousand, a parameter is, or all are; those of `base` are
     sums and differences, which may be small."""
     rows, e = identification.rows, identification.estimate
-    nominal = dict(zip(rows.names, rows.nominal, strict=True))
+    sized = np.where(negligible(rows.nominal, rows.units), 0.0, rows.nominal)
+    nominal = dict(zip(rows.names, sized, strict=True))
     nonzero = [n for n in e.names if nominal[n] and n not in base and e.interval(n)[0] * e.interval(n)[1] > 0]
     ratios = {n: abs(e.value(n) / nominal[n]) for n in nonzero}
     far = [n for n in nonzero if ratios[n] > FAR] or (nonzero if nonzero and max(ratios.values()) < 1 / FAR else [])

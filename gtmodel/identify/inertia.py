@@ -20,6 +20,7 @@ from gtmodel.inference import (
     identifiability,
     linear_fit,
     newey_west,
+    nominal_sizes,
     whiteness,
 )
 from gtmodel.lang import ModelError
@@ -279,7 +280,7 @@ class _LeastSquares:
         self.A = rows.Y[:, :, at]
         self.b = rows.effort - rows.y0 - rows.Y[:, :, self.rest] @ rows.nominal[self.rest]
         self.names, self.units = [rows.names[k] for k in at], [rows.units[k] for k in at]
-        self.scale, self.starts, self.known = _scale(rows.nominal[at], self.units), rows.starts, known
+        self.scale, self.starts, self.known = nominal_sizes(rows.nominal[at], self.units), rows.starts, known
 
     def fit(self, size: Array, nonnegative: Sequence[str] = ()) -> Estimate:
         """Targets weigh by their sizes (m,), which are the noise itself where it is known."""
@@ -350,15 +351,6 @@ def _spread(residuals: Array, parameters: int) -> Array:
     """Standard deviation of each target (m,); the parameters' degrees of freedom are shared among the targets."""
     n, m = residuals.shape
     return np.sqrt(np.sum(residuals**2, axis=0) / max(1.0, n - parameters / m))
-
-
-def _scale(nominal: Array, units: Sequence[str]) -> Array:
-    """Nominal sizes (p,) for ranks and conditions; where one is zero, the smallest of its unit stands in."""
-    sizes = np.abs(nominal)
-    for k in np.flatnonzero(sizes == 0).tolist():
-        alike = [x for x, unit in zip(sizes, units, strict=True) if unit == units[k] and x > 0]
-        sizes[k] = min(alike, default=0.0)  # zero still: the column's own length
-    return sizes
 
 
 def _groups(rows: Rows, rest: Sequence[int]) -> list[list[int]]:

@@ -15,7 +15,7 @@ else:
     Model = hint("gtmodel.lang.model", "Model")
 
 # alarms about how a log was read; each can be accepted
-Suspicion = Literal[
+LogAlarm = Literal[
     "unexplained_share",
     "work_of_friction",
     "exchanged_columns",
@@ -83,7 +83,7 @@ class Fitting(Options):
         "stretches of rows left out in turn, each predicted by a fit without it; as many as rows leave one out",
     ] = None  # fmt: skip
     accept: Annotated[
-        list[Suspicion],
+        list[LogAlarm],
         "alarms about how the log was read that are notes and fail nothing: unexplained_share, work_of_friction, "
         "exchanged_columns, parameters_far_off, saturated_share, delay_moves_a_parameter, copied_rows",
     ] = field(default_factory=list)  # fmt: skip

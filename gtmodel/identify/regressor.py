@@ -14,6 +14,7 @@ from gtmodel.compiler.causal import CausalFunction, c_name, compile_causal, flat
 from gtmodel.compiler.evaluate import Built, build
 from gtmodel.compiler.plan import CausalPlan, make_plan
 from gtmodel.compiler.rows import PlainMargin, map_columns, status_codes
+from gtmodel.inference import negligible
 from gtmodel.lang import Model, ModelError
 from gtmodel.results import Status
 
@@ -223,7 +224,7 @@ class Regressor:
     def _try_linear(self, made: ca.Function, effort: ca.Function) -> None:
         """Efforts at drawn parameters in the sample points of the plan; ModelError names what bends them."""
         rng = np.random.default_rng(SEED)
-        sizes = np.where(self.nominal == 0, 1.0, np.abs(self.nominal))
+        sizes = np.where(negligible(self.nominal, self.units), 1.0, np.abs(self.nominal))
         columns = self._samples()
         Y, y0, _ = map_columns(made, columns)
         n, m = y0.shape[1], y0.shape[0]

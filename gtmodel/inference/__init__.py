@@ -17,6 +17,7 @@ Worth
                                 matters
     between_recordings          have recordings of one machine disjoint intervals, and by how much
     chance_ratio                of two rms errors of one size
+    nominal_sizes, negligible   sizes of parameters by nominal values, of which some are zero but for rounding
 Proof
     monte_carlo                 runs by seed in parallel processes
     coverage, binomial_band     do intervals hold the truth as often as they say
@@ -56,6 +57,7 @@ if TYPE_CHECKING:
         identifiability as identifiability,
     )
     from .least_squares import linear_fit as linear_fit, linear_fits as linear_fits
+    from .make_estimate import negligible as negligible, nominal_sizes as nominal_sizes
     from .monte_carlo import MonteCarlo as MonteCarlo, monte_carlo as monte_carlo
     from .nonlinear import NonlinearFit as NonlinearFit, nonlinear_fit as nonlinear_fit
     from .observability import Observability as Observability, observability as observability

@@ -11,6 +11,7 @@ from ..results.refusal import ArgumentError
 
 # of the largest singular value of the scaled Jacobian: directions below are in the null space
 RANK = 1e-9
+NO_SIZE = 1e-6  # of the largest nominal value of a unit: files of vendors have six digits, and rounding for their zeros
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +51,28 @@ def scales(values: np.ndarray | None, n: int, J: np.ndarray) -> np.ndarray:
     norms = np.linalg.norm(J, axis=0) / np.sqrt(max(len(J), 1))
     # what no row sees stays a column of zeros, whatever its scale
     return np.where(given > 0, given, 1 / np.where(norms > 0, norms, 1.0))
+
+
+def negligible(nominal: np.ndarray, units: Sequence[str]) -> np.ndarray:
+    """Which nominal values (p,) are zero or beside the largest of their unit the rounding of a file or of a sum."""
+    sizes = np.abs(np.asarray(nominal, float))
+    largest = [max(x for x, of in zip(sizes, units, strict=True) if of == unit) for unit in units]
+    return sizes <= NO_SIZE * np.array(largest)
+
+
+def nominal_sizes(nominal: np.ndarray, units: Sequence[str]) -> np.ndarray:
+    """Sizes (p,) of parameters by nominal values, for ranks and conditions. Where one is negligible, the smallest other
+    of its unit stands in; zero where there is none: the column's own length counts then.
+
+    >>> from gtmodel.inference.make_estimate import nominal_sizes
+    >>> nominal_sizes(np.array([1.9, -2.9e-16, 0.05, 0.0]), ["kg m2"] * 4)
+    array([1.9 , 0.05, 0.05, 0.05])
+    """
+    sizes, without = np.abs(np.asarray(nominal, float)), negligible(nominal, units)
+    for k in np.flatnonzero(without).tolist():
+        alike = [x for x, of, no in zip(sizes, units, without, strict=True) if of == units[k] and not no]
+        sizes[k] = min(alike, default=0.0)
+    return sizes
 
 
 def carried(T: np.ndarray, C: np.ndarray) -> np.ndarray:

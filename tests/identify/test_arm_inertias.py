@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ import gtmodel as gt
 from gtmodel.identify import BaseRegressor, consistent_inertias, pseudo_inertia
 from gtmodel.identify.base_parameters import parameters_of
 from gtmodel.identify.consistent import MOVED, _ten_of
+from gtmodel.inference import negligible, nominal_sizes
 from gtmodel.problem_files import Context
 from gtmodel.problem_files.load import load
 from gtmodel.problem_files.robots import resolve
@@ -289,3 +291,20 @@ def test_a_measured_log_in_degrees_gives_them_too(tmp_path: Path) -> None:
     e = done.estimate
     off = [(e.value(n) - true) / s for n, s, true in zip(e.names, e.std, base.nominal, strict=True)]
     assert np.max(np.abs(off)) < 4.0
+
+
+def test_a_nominal_value_of_rounding_gives_zeros_no_size(study) -> None:
+    """A vendor's product of inertia of -2.9e-16: all zero ones of its unit counted with that size, and the motion "did
+    not determine" them."""
+    rows = study.fit.rows
+    zero = rows.names.index(next(n for n in rows.names if n.startswith("J[") and "- " not in n and "+ " not in n))
+    plain, rounded = (replace(rows, nominal=np.where(np.arange(len(rows.names)) == zero, size, rows.nominal))
+                      for size in (0.0, -2.9e-16))  # fmt: skip
+    a, b = (gt.identify.identify(r, nonnegative=False, test=[]).identifiability for r in (plain, rounded))
+    assert b.redundant == 0 and b.condition == a.condition
+
+
+def test_negligible_nominal_values_have_the_size_of_others_of_their_unit() -> None:
+    values, units = np.array([1.9, -2.9e-16, 0.05, 0.0, 0.0]), ["kg.m2"] * 4 + ["N"]
+    assert negligible(values, units).tolist() == [False, True, False, True, True]
+    assert nominal_sizes(values, units).tolist() == [1.9, 0.05, 0.05, 0.05, 0.0]

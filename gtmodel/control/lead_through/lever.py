@@ -96,5 +96,5 @@ def _common(known: WrenchCalibration, g: np.ndarray, A: np.ndarray, white: np.nd
     slopes = white @ np.concatenate([by_force, by_moment], axis=2)
     own = white @ A
     gain = np.linalg.solve(np.einsum("nij,nik->jk", own, own), np.einsum("nij,nik->jk", own, slopes))
-    both = scipy.linalg.block_diag(known.force.covariance, known.moment.covariance)
+    both = scipy.linalg.block_diag(known.force.covariance[:4, :4], known.moment.covariance[:6, :6])
     return gain @ both @ gain.T

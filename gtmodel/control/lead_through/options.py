@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 
@@ -19,6 +19,12 @@ if TYPE_CHECKING:
 else:
     CorrectedPlant = hint("gtmodel.control.delayed", "CorrectedPlant")
 
+# alarms about readings at rest; each can be accepted
+WrenchAlarm = Literal[
+    "force_drift", "force_coloured", "force_largest_residual", "force_held_out", "force_frame", "force_axes",
+    "force_over_noise", "force_unexplained_share", "moment_drift", "moment_coloured", "moment_largest_residual",
+    "moment_held_out", "moment_frame", "moment_axes", "moment_over_noise", "moment_unit",
+]  # fmt: skip
 Between = tuple[float, float]
 HANDS_BY = ("mass", "damping", "stiffness")
 

@@ -112,6 +112,12 @@ class WrenchStudy(Study):
     ] = None
     force_bias: Annotated[Sequence[float], Quantity("N", "reading without force", "bias of the force")] = ()
     moment_bias: Annotated[Sequence[float], Quantity("N.m", "reading without moment", "bias of the moment")] = ()
+    force_drift: Annotated[
+        Sequence[float] | None, Quantity("N/s", "of the bias, where it was asked for", "drift of the force")
+    ] = None
+    moment_drift: Annotated[
+        Sequence[float] | None, Quantity("N.m/s", "of the bias, where it was asked for", "drift of the moment")
+    ] = None
     arm: Annotated[Sequence[float] | None, Quantity("m", "to where the pushes act", "lever arm", "mm", "", "mm")] = None
     half_widths: Annotated[Mapping[str, float], "of 95 % intervals, by parameter, in N, kg, N m, kg m and m"] = field(
         default_factory=dict

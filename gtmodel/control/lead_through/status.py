@@ -24,3 +24,4 @@ class WrenchStatus(NumberedStatus):
     SENSOR_FAULT = 7, "the sensor itself reports a fault"
     NO_ROTATION = 8, "the orientation of the tool is no rotation matrix"
     WRONG_LOAD = 9, "at rest the sensor does not read the weight of its calibration: another load, sensor or frame"
+    DOUBTFUL = 10, "the readings do not follow bias and weight: look at the alarms, which say how"

@@ -1,35 +1,158 @@
-"""Readings that no calibration should be built on: larger off than noise, one far off, or at the end of a range."""
+"""Readings that no calibration should be built on: drift, colour, another frame or unit, contact, ends of a range."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
+
 import numpy as np
+import scipy
 
-from ...inference import over_noise
-from ...results import Check, Estimate, at_most
+from ...inference import freedom_of
+from ...measurements.inspection import residual_tests
+from ...measurements.inspection.suspicion import Suspicion
+from ...results import Estimate
 
-FALSE_ALARM = 1e-4  # of all residuals together
 ROUNDING = 1e-9  # of the largest reading: below it residuals are no noise
 SAME = 3  # equal readings at an end: noise does not repeat itself
+UNEXPLAINED = 0.2  # rms of what is left over that of the weight: ours; readings of a frame 10 degrees off leave 0.14
+REACH = 3.0  # m, from a sensor to the centre of what it carries, ours: tools are shorter
+KEPT = 2 / 3  # of the poses, the first ones: they predict the others
 LOOK = "look at the row where the residual is largest: contact, motion, a saturated reading, or units"
+FRAMES = "give turns whose columns are the sensor's axes in the world frame, and readings in the sensor's frame"
 
 
-def suspect_residuals(estimate: Estimate, readings: np.ndarray, name: str) -> dict[str, Check]:
-    """Residuals over the noise that was stated, or the largest over that of the others, with a bound for chance."""
-    if estimate.known_noise:
-        judged = over_noise(estimate)
-        if not np.isfinite(judged.ratio):
-            return {}
-        return {f"{name}_over_noise": Check(judged.ratio, judged.bound, LOOK, judged=judged.passed)}
-    from scipy import stats
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """A linear fit of readings `values` (poses, 3) by J (poses, 3, n), in SI. Its columns `load` are those of the load,
+    `load_of` makes them of gravity in the sensor's frame (poses, 3)."""
 
-    off, count = np.abs(np.asarray(estimate.residuals)).reshape(-1), estimate.degrees_of_freedom
-    rest = float(np.sum(off**2) - off.max() ** 2)
-    if not count > 2 or np.sqrt(np.mean(off**2)) <= ROUNDING * np.abs(readings).max():
-        return {}
-    # Student's without the leverage of the row: too small rather than too large
-    size = float(off.max() / np.sqrt(max(rest, np.finfo(float).tiny) / (count - 1)))
-    bound = float(stats.t.isf(FALSE_ALARM / (2 * len(off)), count - 1))
-    return {f"{name}_largest_residual": at_most(size, bound, LOOK)}
+    word: str
+    estimate: Estimate
+    sigma: float | None
+    J: np.ndarray
+    values: np.ndarray
+    load: slice
+    load_of: Callable[[np.ndarray], np.ndarray]
+
+    @property
+    def left(self) -> np.ndarray:
+        """Residuals (poses, 3) in the unit of the readings."""
+        return self.values - self.J @ self.estimate.values
+
+    @property
+    def least(self) -> float:
+        """Residuals below it are rounding."""
+        return ROUNDING * float(np.abs(self.values).max())
+
+
+def suspicions_of(part: Fitted, turns: np.ndarray, time: np.ndarray, gravity: np.ndarray) -> list[Suspicion]:
+    """All tests of the forces or of the moments; `time` (poses,) may be the numbers of the poses."""
+    word, e, J, left = part.word, part.estimate, part.J, part.left
+    unit = e.units[0]
+    drift = "estimate the drift (drift = true), let the sensor warm up, or take poses in random order"
+    outcomes = [
+        residual_tests.drifts(J, left, time, drift, name=f"{word}_drift", unit=unit, least=part.least),
+        residual_tests.coloured(
+            J, left, "estimate a drift, or average each pose over longer; intervals allow for it",
+            name=f"{word}_coloured", least=part.least,
+        ),
+        residual_tests.one_far_off(J, left, LOOK, name=f"{word}_largest_residual", least=part.least),
+        _held_out(part),
+        _other_frame(part, turns, gravity),
+        _other_axes(part, turns, gravity),
+    ]  # fmt: skip
+    if part.sigma is not None:
+        squares = float(np.sum(np.square(left))) / part.sigma**2
+        name = f"{word}_over_noise"
+        outcomes.append(residual_tests.over_stated(squares, e.degrees_of_freedom, LOOK, name=name))
+    return outcomes
+
+
+def beside_the_weight(part: Fitted, mass: float, gravity: np.ndarray) -> Suspicion:
+    """Whether forces leave too large a share of the weight; where their noise was stated it is judged by that."""
+    weight = abs(mass) * float(np.linalg.norm(gravity)) / np.sqrt(3)
+    share = float(np.sqrt(np.sum(part.left**2) / max(part.estimate.degrees_of_freedom, 1))) / weight
+    beyond = part.sigma is None and share > UNEXPLAINED
+    return Suspicion(
+        "force_unexplained_share", f"the forces leave {100 * share:.3g} % of the weight", 0.0 if beyond else 1.0,
+        f"{LOOK}; {FRAMES}; or state the noise if it is as large",
+    )  # fmt: skip
+
+
+def far_centre(centre: Estimate) -> Suspicion:
+    """Whether the centre is farther from the sensor than any tool reaches: moments in N mm."""
+    at, sure = float(np.linalg.norm(centre.values)), float(np.linalg.norm(centre.std))
+    return Suspicion(
+        "moment_unit",
+        f"the centre of mass would be {at:.3g} m from the sensor; read in N mm the moments have it at {at:.3g} mm",
+        0.0 if at - 3 * sure > REACH else 1.0,
+        "give the moments in N m",
+    )
+
+
+def _held_out(part: Fitted) -> Suspicion:
+    """The last poses by a fit of the first ones."""
+    word, J, y = part.word, part.J, part.values
+    n, first = J.shape[2], round(KEPT * len(J))
+    A, b = J[:first].reshape(-1, n), y[:first].reshape(-1)
+    C, d = J[first:].reshape(-1, n), y[first:].reshape(-1)
+    spare = len(A) - n
+    growth, freedom, ratio = np.nan, 0.0, np.nan
+    x, _, rank, _ = np.linalg.lstsq(A, b, rcond=None)
+    own = float(np.sum((b - A @ x) ** 2)) / max(spare, 1)
+    if spare > 0 and rank == n and own > part.least**2:
+        extra = C @ np.linalg.pinv(A)
+        S = extra @ extra.T + np.eye(len(C))
+        growth, freedom = float(np.trace(S)) / len(C), freedom_of(float(np.trace(S)), float(np.sum(S**2)))
+        ratio = float(np.sqrt(np.mean((d - C @ x) ** 2) / own))
+    remedy = "the last poses contradict the first ones: look for another load, a drift, a changed bias or contact"
+    return residual_tests.held_out_worse(ratio, growth, spare, freedom, remedy, name=f"{word}_held_out")
+
+
+def _other_frame(part: Fitted, turns: np.ndarray, gravity: np.ndarray) -> Suspicion:
+    """Turns read as transposed, readings as those of the world frame, or both: what is left by the same unknowns."""
+    world = turns.transpose(0, 2, 1)
+    readings = {
+        "with transposed turns": (world, part.values),
+        "read in the world frame": (turns, np.einsum("nji,nj->ni", turns, part.values)),
+        "with transposed turns and read in the world frame": (world, np.einsum("nij,nj->ni", turns, part.values)),
+    }
+    left: dict[str, float] = {}
+    for said, (R, values) in readings.items():
+        A, y = part.J.copy(), values.reshape(-1)
+        A[:, :, part.load] = part.load_of(R.transpose(0, 2, 1) @ gravity)
+        A = A.reshape(len(y), -1)
+        left[said] = float(np.sum((y - A @ np.linalg.lstsq(A, y, rcond=None)[0]) ** 2))
+    said = min(left, key=lambda name: left[name])
+    return residual_tests.reads_better(
+        float(np.sum(part.left**2)), left[said], part.estimate.degrees_of_freedom, f"{part.word}s {said}:", FRAMES,
+        tests=len(readings), name=f"{part.word}_frame", least=part.least,
+    )  # fmt: skip
+
+
+def _other_axes(part: Fitted, turns: np.ndarray, gravity: np.ndarray) -> Suspicion:
+    """Sensor's axes that are turned against those of the turns, or scaled: gravity acts by a full matrix."""
+    g = turns.transpose(0, 2, 1) @ gravity
+    every = np.einsum("nk,ij->nijk", g, np.eye(3)).reshape(len(g), 3, 9)
+    test = residual_tests.explained_by(part.J, part.left, every, least=part.least)
+    evidence = "axes: too few rows are left to test"
+    p = test.p
+    if not np.isnan(p):
+        before = float(np.sum(part.left**2)) / (test.more + test.rest)
+        after = float(np.sum((part.left - test.moved) ** 2)) / test.rest
+        times = float(np.sqrt(before / max(after, part.least**2, np.finfo(float).tiny)))
+        p = p if times > residual_tests.NEARER else 1.0
+        evidence = f"with axes of its own the sensor's {part.word}s fit {times:.3g} times better"
+        if part.word == "force":
+            modelled = part.J @ part.estimate.values + test.moved
+            A = np.concatenate([np.delete(part.J, part.load, axis=2), every], axis=2).reshape(3 * len(g), -1)
+            B = np.linalg.lstsq(A, modelled.reshape(-1), rcond=None)[0][-9:].reshape(3, 3)
+            U, _, Vt = np.linalg.svd(B)
+            turned = U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt
+            angle = np.rad2deg(np.linalg.norm(scipy.spatial.transform.Rotation.from_matrix(turned).as_rotvec()))
+            evidence += f", turned by {angle:.3g} degrees against those of the turns"
+    return Suspicion(f"{part.word}_axes", evidence, p, f"correct the mounting that the turns assume; {FRAMES}")
 
 
 def ends_of_range(readings: np.ndarray, name: str) -> list[str]:

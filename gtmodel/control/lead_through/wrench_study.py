@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Annotated, Any
 
 import numpy as np
 import scipy
 
 from ...inference import coverage
+from ...measurements.inspection.suspicion import suspicion_checks
 from ...results import ArgumentError, Check, Estimate, SolveStatus, Trajectory, Work
 from ...results.door import study_function
 from ...results.options import Within
 from ...results.work import Progress, never, silent
 from .calibration import WrenchCalibration, calibrate_wrench
 from .lever import LeverArm, lever_arm
-from .options import SyntheticReadings
+from .options import SyntheticReadings, WrenchAlarm
 from .result import WrenchStudy
 from .status import WrenchStatus
-from .suspect import ends_of_range, suspect_residuals
+from .suspect import ends_of_range
 
 LEVEL = 0.95
 SIGNALS = {"turn": "rad", "force": "N", "moment": "N.m"}
@@ -31,6 +32,8 @@ def wrench_study(
     *,
     force_noise: Annotated[float | None, Within(above=0.0)] = None,
     moment_noise: Annotated[float | None, Within(above=0.0)] = None,
+    drift: bool = False,
+    accept: Sequence[WrenchAlarm] = (),
     title: str = "",
     progress: Progress = silent,
     max_seconds: float | None = None,
@@ -44,6 +47,8 @@ def wrench_study(
         pushes: the same while a fixed point presses where forces are to act.
         force_noise [N], moment_noise [N m]: standard deviation of a reading; needed with pushes. Left out, the
             residuals give it.
+        drift: estimate a linear drift of the biases over the recording too; they are then those at its end.
+        accept: names of alarms about the readings that are notes and fail nothing, as of `calibrate_wrench`.
         progress, max_seconds, stop: see `gtmodel.results.Work`.
 
     Raises ArgumentError for signals that are missing and poses that leave a parameter undetermined.
@@ -56,10 +61,10 @@ def wrench_study(
     """
     work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
     notes: list[str] = []
-    doubts: dict[str, Check] = {}
     if isinstance(readings, SyntheticReadings):
-        if pushes is not None:
-            raise ArgumentError("belong to measured readings; synthetic ones have their own", "pushes")
+        for value, name in ((pushes, "pushes"), (drift, "drift"), (accept, "accept")):
+            if value:
+                raise ArgumentError("belongs to measured readings, not to synthetic ones", name)
         given, sensor = readings, readings.sensor
         noise = max(sensor.force_noise, 1e-9), max(sensor.moment_noise, 1e-9)
         known, arm = _synthetic(given, np.random.default_rng(given.seed), noise)
@@ -68,10 +73,14 @@ def wrench_study(
     else:
         noise = force_noise, moment_noise
         rows = [_signal(readings, name, "readings") for name in SIGNALS]
-        known = calibrate_wrench(_turns(rows[0]), *rows[1:], sigma_force=noise[0], sigma_moment=noise[1])
+        known = calibrate_wrench(
+            _turns(rows[0]), *rows[1:], sigma_force=noise[0], sigma_moment=noise[1], time=readings.time, drift=drift,
+            accept=accept,
+        )  # fmt: skip
         arm = _measured_arm(known, pushes, force_noise, moment_noise)
         notes += ends_of_range(rows[1], "force") + ends_of_range(rows[2], "moment")
-        doubts = suspect_residuals(known.force, rows[1], "force") | suspect_residuals(known.moment, rows[2], "moment")
+    doubts, sentences = suspicion_checks(known.suspicions, accept)
+    notes += sentences
     checks = {"wrench_usable": Check(float(known.status), judged=known.status.ok, advice=known.status.message)} | doubts
     answers: dict[str, Any] = {"usable": known.status.name}
     if isinstance(readings, SyntheticReadings) and readings.repetitions:
@@ -102,9 +111,15 @@ def wrench_study(
         message=_words(known), figures={"residuals": residuals},
         poses=len(off[0]), mass=known.force.value("mass"), force_bias=bias.tolist(), moment_bias=moment.tolist(),
         centre=None if known.centre is None else known.centre.values.tolist(),
+        force_drift=_drift(known.force), moment_drift=_drift(known.moment),
         arm=None if arm is None or arm.estimate is None else arm.estimate.values.tolist(),
         half_widths={name: float(np.diff(part.interval(name, LEVEL))[0] / 2) for part, name in names}, **answers,
     )  # fmt: skip
+
+
+def _drift(estimate: Estimate) -> list[float] | None:
+    values = [estimate.value(name) for name in estimate.names if name.startswith("drift_")]
+    return values or None
 
 
 def _signal(readings: Trajectory, name: str, argument: str) -> np.ndarray:
@@ -130,8 +145,8 @@ def _measured_arm(
     for name, value in (("force_noise", force_noise), ("moment_noise", moment_noise)):
         if value is None:
             raise ArgumentError("is needed to weigh the pushes", name)
-    if known.status is WrenchStatus.WRONG_SIGN:
-        return LeverArm(None, known.status)
+    if known.reversed:
+        return LeverArm(None, WrenchStatus.WRONG_SIGN)
     assert force_noise is not None and moment_noise is not None
     turn, force, moment = (_signal(pushes, name, "pushes") for name in SIGNALS)
     own = known.contact(_turns(turn), force, moment)
@@ -144,7 +159,7 @@ def _synthetic(
     sensor = given.sensor
     turns = scipy.spatial.transform.Rotation.random(given.poses, rng=rng).as_matrix()
     known = calibrate_wrench(turns, *sensor.readings_at_rest(turns, rng), sigma_force=noise[0], sigma_moment=noise[1])
-    if given.pushes == 0 or known.status is WrenchStatus.WRONG_SIGN:
+    if given.pushes == 0 or known.reversed:
         return known, None
     force = rng.standard_normal((given.pushes, 3))
     force *= given.push / np.linalg.norm(force, axis=1)[:, None]

@@ -10,6 +10,7 @@ import numpy as np
 
 from ... import lang as gt
 from ...compiler.causal import CausalFunction, flat_of
+from ...inference import negligible
 from ...motion.constraints import Constraint, MotionConstraints, guard_of
 from ...motion.links import motion_function
 from ...motion.options import Limits
@@ -61,7 +62,7 @@ def plan_of(
     inverse = motion_function(robot, guard)
     regressor, smooth = _regressor(robot, experiment.identified, experiment.sign_smoothing)
     _, sharp = _regressor(robot, experiment.identified, SHARP)
-    if np.any(regressor.nominal == 0):
+    if np.any(negligible(regressor.nominal, regressor.units)):
         name = regressor.names[int(np.argmin(np.abs(regressor.nominal)))]
         raise ArgumentError(
             f"the nominal value of '{name}' is zero, and columns are scaled by nominal values; give a typical one "

@@ -14,7 +14,7 @@ from ...results.alarms import Alarms
 from ...results.trajectory_errors import Array
 from .constant_velocity import Runs
 from .gravity import PARALLEL, Gravity, MassByNorm, mass_by_norm
-from .options import Suspicion
+from .options import FrictionAlarm
 from .refused import check, refuse_driving, refuse_exchanged, refuse_no_mass
 
 COLUMNS = (
@@ -78,7 +78,7 @@ def identify_friction(
     *,
     symmetric: bool = False,
     gravity: Gravity = "most_symmetric",
-    accept: Sequence[Suspicion] = (),
+    accept: Sequence[FrictionAlarm] = (),
 ) -> FrictionFit:
     """Friction of each actuator and the mass they hold, from runs at constant velocity (Dressler 2012, eq. (6.9)).
 

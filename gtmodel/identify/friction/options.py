@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 from ...results.options import Options, Unit, Within
 
 # alarms about how runs and their columns were read; each can be accepted
-Suspicion = Literal["copied_runs", "exchanged_columns", "driving_friction", "negative_mass"]
+FrictionAlarm = Literal["copied_runs", "exchanged_columns", "driving_friction", "negative_mass"]
 CUTOFF_HZ = (
     10.0  # of the low pass that separates rows at constant velocity from others; means are taken of unfiltered ones
 )

@@ -20,7 +20,7 @@ from .constant_velocity import Runs, concatenate, constant_velocity_log, constan
 from .friction_result import LABELS, Array, FrictionStudy
 from .gravity import Gravity, MassByNorm
 from .levels import FrictionFit, identify_friction
-from .options import ConstantVelocity, FrictionCoefficients, HeldPose, Suspicion, SyntheticRuns
+from .options import ConstantVelocity, FrictionAlarm, FrictionCoefficients, HeldPose, SyntheticRuns
 from .pattern import gravity_pattern
 
 SLOPE_ERROR = 0.01  # of synthetic logs, or what their noise explains
@@ -40,7 +40,7 @@ def friction_study(
     constant_velocity: ConstantVelocity | None = None,
     directions: Literal["separate", "symmetric"] = "separate",
     gravity: Gravity = "most_symmetric",
-    accept: Sequence[Suspicion] = (),
+    accept: Sequence[FrictionAlarm] = (),
     title: str = "",
     progress: Progress = silent,
     max_seconds: float | None = None,

@@ -39,7 +39,7 @@ class Schema(RobotProblem):
         default="most_symmetric",
         description="how the mass is found beside friction by direction: least asymmetry, or the change between poses",
     )
-    accept: list[options.Suspicion] = Field(
+    accept: list[options.FrictionAlarm] = Field(
         default=[],
         description="alarms about runs and columns that are notes and refuse nothing: copied_runs, exchanged_columns, "
         "driving_friction, negative_mass",

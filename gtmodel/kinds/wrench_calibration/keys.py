@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pydantic import Field, PositiveFloat
 
-from gtmodel.control.lead_through.options import SyntheticReadings
+from gtmodel.control.lead_through.options import SyntheticReadings, WrenchAlarm
 from gtmodel.control.lead_through.synthetic_sensor import SyntheticSensor
 from gtmodel.problem_files.base import FileSection, Problem
 from gtmodel.problem_files.from_options import Made, made_from
@@ -29,6 +29,10 @@ class ReadingsSection(FileSection):
         default=None, description="standard deviation of a reading; the residuals give it if left out"
     )
     moment_noise_Nm: PositiveFloat | None = Field(default=None, description="standard deviation of a reading")
+    drift: bool = Field(default=False, description="estimate a linear drift of the biases over the recording too")
+    accept: list[WrenchAlarm] = Field(
+        default_factory=list, description="alarms about the readings that are notes and fail nothing"
+    )
 
 
 class Schema(Problem):

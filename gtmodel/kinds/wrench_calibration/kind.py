@@ -14,7 +14,7 @@ NAME = "wrench_calibration"
 ARGUMENTS = {
     "readings": "readings.file", "pushes": "readings.pushes", "force_noise": "readings.force_noise_N",
     "moment_noise": "readings.moment_noise_Nm", "turns": "readings.file", "forces": "readings.file",
-    "moments": "readings.file",
+    "moments": "readings.file", "drift": "readings.drift", "accept": "readings.accept", "time": "readings.file",
 }  # fmt: skip
 
 
@@ -34,7 +34,7 @@ def call(problem: Schema, context: Context) -> Call:
     pushes = None if measured.pushes is None else _read(measured.pushes, "readings.pushes", context)
     return Call(
         wrench_study, readings, pushes, force_noise=measured.force_noise_N, moment_noise=measured.moment_noise_Nm,
-        title=problem.title,
+        drift=measured.drift, accept=measured.accept, title=problem.title,
     )  # fmt: skip
 
 
