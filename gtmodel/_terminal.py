@@ -9,10 +9,12 @@ import os
 import signal
 import sys
 import unicodedata
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext, redirect_stdout, suppress
 from functools import partial
 from typing import TYPE_CHECKING, Any
+
+from gtmodel.results.work import Interrupted
 
 if TYPE_CHECKING:
     from gtmodel.problem_files import Context
@@ -20,6 +22,9 @@ if TYPE_CHECKING:
 
 _SPELLING = {"─": "-", "│": "|", "µ": "u", "μ": "u", "°": "deg", "·": "*", "×": "x", "√": "sqrt", "≤": "<=", "≥": ">="}
 _STOPS = ("SIGINT", "SIGTERM", "SIGHUP")
+# a study that does not ask is ended some two seconds after it was to end
+GRACE_S, EVERY_S = 1.4, 0.2
+SECOND, AGAIN = 2, 20  # which of the alarms ends it
 
 
 def printable() -> None:
@@ -111,6 +116,20 @@ def _flush_c() -> None:
         ctypes.CDLL(None).fflush(None)
 
 
+def _late(context: Context) -> Callable[[int, Any], None]:
+    """What an alarm does: it ends a study that was to end and does not ask. Not at the first one, which may come right
+    before a solver's callback asks, and not again before what was kept could be made."""
+    alarms = 0
+
+    def late(_number: int, _frame: Any) -> None:
+        nonlocal alarms
+        alarms = alarms + 1 if context.overdue() else 0
+        if alarms % AGAIN == SECOND:
+            raise Interrupted("stopped within a step, before there was a result")
+
+    return late
+
+
 @contextmanager
 def watching(
     context: Context, stopping: str = "stopping at the best iterate", *, quiet: bool = False
@@ -122,6 +141,7 @@ def watching(
         if context.stop_requested:
             raise KeyboardInterrupt
         context.request_stop()
+        alarm(GRACE_S)
         with suppress(OSError):  # the terminal may be gone
             again = "Ctrl-C" if number == signal.SIGINT else signal.Signals(number).name
             sentence = f"{stopping}; {again} again breaks off"
@@ -133,6 +153,10 @@ def watching(
     def notice(sentence: str) -> None:
         print(sentence, file=sys.stderr)
 
+    def alarm(seconds: float) -> None:
+        if getattr(signal, "SIGALRM", None) in before:  # none on Windows
+            signal.setitimer(signal.ITIMER_REAL, seconds, EVERY_S)
+
     context.notice = notice
     before: dict[int, Any] = {}
     with suppress(ValueError):  # not the main thread: nobody asks it to stop
@@ -141,10 +165,15 @@ def watching(
             if number is None or (name == "SIGHUP" and signal.getsignal(number) is signal.SIG_IGN):  # nohup
                 continue
             before[number] = signal.signal(number, interrupt)
+        if hasattr(signal, "setitimer"):
+            before[signal.SIGALRM] = signal.signal(signal.SIGALRM, _late(context))
+            if context.max_seconds is not None:
+                alarm(context.max_seconds + GRACE_S)
     try:
         with nullcontext() if quiet else _progress_of(context):
             yield
     finally:
+        alarm(0.0)
         for number, handler in before.items():
             signal.signal(number, handler)
 

@@ -14,6 +14,7 @@ import pytest
 from gtmodel import _progress, _terminal
 from gtmodel._progress import EVERY_S, PlainLines
 from gtmodel.problem_files import Context
+from gtmodel.results.work import Interrupted
 from tests.support.commands import Commands
 from tests.support.own_models import FILES
 
@@ -152,3 +153,34 @@ def test_a_signal_amid_a_line_of_progress_asks_for_a_stop_all_the_same(
         signal.raise_signal(signal.SIGTERM)
     assert context.stop_requested
     assert "SIGTERM again breaks off" in capfd.readouterr().err
+
+
+def alarms(context: Context, count: int) -> int:
+    """How many of the alarms after a wish to end a study runs through that asks nothing."""
+    done = 0
+    with _terminal.watching(context, quiet=True):
+        for _ in range(count):
+            signal.raise_signal(signal.SIGALRM)
+            done += 1
+    return done
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGALRM"), reason="no alarms on Windows")
+def test_a_step_that_does_not_ask_is_ended_by_the_second_alarm(capfd: pytest.CaptureFixture[str]) -> None:
+    assert alarms(Context(), 5) == 5  # nobody wants it to end
+    for context in (Context(), Context(max_seconds=1e-9)):
+        with _terminal.watching(context, quiet=True):
+            before = signal.getitimer(signal.ITIMER_REAL)[0] > 0
+            context.request_stop()
+            assert before == (context.max_seconds is not None)
+        assert alarms(context, 3) == 3  # no study runs: what is written is not broken off
+        with pytest.raises(Interrupted), context.under_way():
+            alarms(context, 3)
+        with context.under_way():
+            context.interrupted()  # the study asked: it ends by itself
+            assert alarms(context, 3) == 3
+    with _terminal.watching(context := Context(), quiet=True):
+        signal.raise_signal(signal.SIGTERM)
+        assert signal.getitimer(signal.ITIMER_REAL)[0] > 0
+    assert signal.getitimer(signal.ITIMER_REAL)[0] == 0 and context.stop_requested
+    capfd.readouterr()

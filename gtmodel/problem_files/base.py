@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Protocol, Self, runtime_checkable
@@ -79,6 +81,8 @@ class Context:
     notes: sentences that stay in the result, said by `note`.
     distrusted: names of files among `inputs` that say of themselves that they are not to be used.
     models: those that the problem names; what is to be said of them stands in the notes of the result.
+    ends: when the run is to end, by its limit or as it was asked; asked: when it last asked for that [s of monotonic].
+    running: true while a study may be ended within a step that does not ask.
     """
 
     name: str = "problem"
@@ -93,16 +97,38 @@ class Context:
     models: list[Any] = field(default_factory=list)
     stop_requested: bool = False
     began: float = field(default_factory=time.monotonic)
+    ends: float = math.inf
+    asked: float = -math.inf
+    running: bool = False
+
+    def __post_init__(self) -> None:
+        if self.max_seconds is not None:
+            self.ends = self.began + self.max_seconds
 
     def request_stop(self) -> None:
         """Ask the running solve to end with its best iterate, as Ctrl-C does."""
-        self.stop_requested = True
+        self.stop_requested, self.ends = True, min(self.ends, time.monotonic())
+
+    def overdue(self) -> bool:
+        """True while a study runs that was to end and has not asked since."""
+        return self.running and self.asked < self.ends <= time.monotonic()
+
+    @contextmanager
+    def under_way(self) -> Iterator[None]:
+        """While a study runs, which may be ended within a step that does not ask."""
+        self.running = True
+        try:
+            yield
+        finally:
+            self.running = False
+
+    def _stop(self) -> bool:
+        self.asked = time.monotonic()
+        return self.stop_requested
 
     def clock(self) -> Work:
         """Progress and end of the run."""
-        return Work(
-            progress=self.progress, max_seconds=self.max_seconds, stop=lambda: self.stop_requested, began=self.began
-        )
+        return Work(progress=self.progress, max_seconds=self.max_seconds, stop=self._stop, began=self.began)
 
     def work(self) -> dict[str, Any]:
         """What every study takes of it: progress, max_seconds, stop."""

@@ -9,7 +9,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from gtmodel.results import ArgumentError, Study
+from gtmodel.results import ArgumentError, SolveStatus, Study
+from gtmodel.results.work import Interrupted
 from gtmodel.results.written import for_machines
 
 from . import output, start as earlier
@@ -50,8 +51,11 @@ def answer(loaded: Loaded, context: Context) -> Study:
     """What the kind gives back. Raises InputError, for an argument that a library refuses at its key."""
     if isinstance(loaded.kind, Generating):
         raise InputError("generates code and solves nothing; use gtmodel codegen PROBLEM.toml -o DIR", "kind")
-    with keyed(loaded):
-        return loaded.kind.call(loaded.problem, context)(**context.work())
+    with keyed(loaded), context.under_way():
+        try:
+            return loaded.kind.call(loaded.problem, context)(**context.work())
+        except Interrupted as stopped:  # outside of the study: while its arguments were made, or its page
+            return Study(status=SolveStatus.INTERRUPTED, message=str(stopped))
 
 
 def call_of(path: str | Path, settings: Iterable[str] = ()) -> Call:
@@ -106,8 +110,11 @@ def generate(
     passed all checks is written; `fmu`: units of that version instead. Raises InputError for another kind."""
     if not isinstance(loaded.kind, Generating):
         raise InputError(f"is '{loaded.problem.kind}', which gives no code; use gtmodel solve", "kind")
-    with keyed(loaded):
-        outcome = loaded.kind.write(loaded.problem, context, out, verify=verify, write_failed=write_failed, fmu=fmu)
+    with keyed(loaded), context.under_way():
+        try:
+            outcome = loaded.kind.write(loaded.problem, context, out, verify=verify, write_failed=write_failed, fmu=fmu)
+        except Interrupted as stopped:
+            outcome = Study(status=SolveStatus.INTERRUPTED, message=str(stopped))
     return Finished(noted(outcome, context), time.monotonic() - context.began)
 
 

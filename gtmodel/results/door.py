@@ -9,7 +9,7 @@ from typing import Any, ParamSpec, TypeVar, get_type_hints
 
 from .agreement import agree
 from .status import SolveStatus
-from .work import Interrupted, Work
+from .work import KEPT, Interrupted, Work
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -19,7 +19,8 @@ def study_function(function: Callable[P, R]) -> Callable[P, R]:
     """A study whose arguments are checked against their annotations: kinds, words, `Long`, `Within`.
 
     `progress`, `max_seconds` and `stop` are what `Work` says. The annotations are read at the first call. What does not
-    agree is an ArgumentError with the argument's name. What ends at a `Work.step` is a study of that status alone.
+    agree is an ArgumentError with the argument's name. A study that is ended at a `Work.step`, or within one that asks
+    too late, is what was kept by `Work.keep`, or that status alone.
     """
 
     @cache
@@ -37,10 +38,16 @@ def study_function(function: Callable[P, R]) -> Callable[P, R]:
             return function(*args, **kwargs)  # Python's own words on names that are missing or not there
         for name, value in given.items():
             agree(value, hints[name], name)
+        kept: list[Callable[[], R]] = []
+        opened = KEPT.set(kept)
         try:
             return function(*args, **kwargs)
         except Interrupted as stopped:
+            if kept:
+                return kept[-1]()
             texts = {"message": str(stopped), "title": given.get("title", "")}
             return hints["return"](status=SolveStatus.INTERRUPTED, **texts)
+        finally:
+            KEPT.reset(opened)
 
     return checked

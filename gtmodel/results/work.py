@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
+from contextvars import ContextVar
 from dataclasses import dataclass, field
-from typing import Annotated, Protocol
+from typing import Annotated, Any, Protocol
 
 from .agreement import Within
 
@@ -22,7 +23,10 @@ class Progress(Protocol):
 
 
 class Interrupted(Exception):
-    """The work was to end before this step; there is no result yet, so the study has its status alone."""
+    """The work was to end before or within this step; the study is what it kept by `Work.keep`, or its status alone."""
+
+
+KEPT: ContextVar[list[Callable[[], Any]]] = ContextVar("KEPT")  # of the study that runs; `study_function` opens it
 
 
 def silent(stage: str | None = None, fraction: float | None = None, numbers: Mapping[str, float] | None = None) -> None:
@@ -49,9 +53,13 @@ class Work:
     stop: Callable[[], bool] = never
     began: float = field(default_factory=time.monotonic)
 
+    def keep(self, so_far: Callable[[], Any]) -> None:
+        """Say what the study is if it is ended from now on: `so_far` makes it of what there is then."""
+        KEPT.get([]).append(so_far)
+
     def step(self, stage: str, fraction: float | None = None) -> None:
-        """Tell of a step that cannot be interrupted, such as the making of a model; raises Interrupted if asked to
-        end. A study that ends this way has no values."""
+        """Tell of a step that asks nothing meanwhile, such as the making of a model; raises Interrupted if asked to
+        end. A study that ends this way has the values that it kept."""
         if self.interrupted():
             raise Interrupted(f"stopped before {stage}")
         self.progress(stage, fraction)

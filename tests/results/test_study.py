@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
@@ -31,10 +32,12 @@ from gtmodel.results import (
     at_most,
     read,
 )  # fmt: skip
+from gtmodel.results.door import study_function
 from gtmodel.results.made_files import made
 from gtmodel.results.quantity import converted, described
 from gtmodel.results.table import csv_text
 from gtmodel.results.unit_names import named, split
+from gtmodel.results.work import Progress, never, silent
 
 UNITS = ["", "1", "m", "N", "N/m", "N.m", "N.m/rad", "m/s2", "Hz", "kg.m2", "%", "rad", "deg", "MN.m/rad", "kg/s"]
 
@@ -332,6 +335,26 @@ def test_a_table_has_digits_by_column_and_empty_cells():
 def test_work_ends_by_time_and_by_request():
     assert Work(max_seconds=0.0).interrupted() and Work(stop=lambda: True).interrupted()
     assert not Work().interrupted() and Work().seconds_left() is None
+
+
+def test_a_study_that_is_ended_is_what_it_kept():
+    @study_function
+    def steps(
+        count: int, *, progress: Progress = silent, max_seconds: float | None = None, stop: Callable[[], bool] = never
+    ) -> Study:
+        work, done = Work(progress=progress, max_seconds=max_seconds, stop=stop), []
+        if count:
+            work.keep(lambda: Study(status=SolveStatus.INTERRUPTED, notes=done))
+        for k in range(count):
+            done.append(f"step {k}")
+            inner = steps(0, stop=lambda: True)  # a study inside keeps nothing of the outer one
+            assert inner.status is SolveStatus.INTERRUPTED and not inner.notes
+        work.step("the end")
+        return Study(status=SolveStatus.SOLVED)
+
+    s = steps(3, stop=lambda: True)
+    assert s.status is SolveStatus.INTERRUPTED and list(s.notes) == ["step 0", "step 1", "step 2"]
+    assert steps(0, stop=lambda: True).message == "stopped before the end"
 
 
 def test_an_optimiser_tells_of_its_iterations_and_is_stopped():

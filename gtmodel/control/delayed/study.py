@@ -92,13 +92,15 @@ def delayed_feedback(
         raise ArgumentError(f"lies between the plants x and y; there are {', '.join(plants)}", "off_axis")
     tool = None if cut is None else _tool(plants, timing, cut[0])
     loops = {name: DelayedLoop(p, timing.cycle, timing.delay) for name, p in made.items()}
-    work.step("limits")
-    limits = {name: _limit(name, loop) for name, loop in loops.items()}
+    limits, worst = dict[str, GainLimit](), dict[str, WorstCase]()
+    work.keep(partial(_so_far, title, limits, worst))
     for name, p in plants.items():
+        work.step(f"limit along {name}")
+        limits[name] = _limit(name, loops[name])
         _check_gain(name, p, limits[name].gain)
     notes = [_returns(name, x) for name, x in limits.items() if x.returns]
     notes += [_aliased(n, p, timing) for n, p in plants.items() if isinstance(p, FeedbackAxis) and _fast(p, timing)]
-    worst, kept = dict[str, WorstCase](), dict[str, WorstCase]()
+    kept = dict[str, WorstCase]()
     if box is not None:
         for name, plant in plants.items():
             work.step(f"worst case of {name}")
@@ -157,6 +159,19 @@ def delayed_feedback(
         disk_margin={n: m.disk for n, m in there.items()},
         readings=readings,
         **turned,
+    )
+
+
+def _so_far(title: str, limits: Mapping[str, GainLimit], worst: Mapping[str, WorstCase]) -> DelayedFeedbackStudy:
+    """The limits and worst cases that are known when a study is ended, and no recommendation."""
+    return DelayedFeedbackStudy(
+        status=SolveStatus.INTERRUPTED,
+        title=title,
+        limit={n: x.gain for n, x in limits.items()},
+        frequency={n: x.frequency for n, x in limits.items()},
+        returns={n: x.returns for n, x in limits.items() if x.returns},
+        worst_limit={n: w.gain for n, w in worst.items()} or None,
+        worst_point={n: w.point for n, w in worst.items()},
     )
 
 

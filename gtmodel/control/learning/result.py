@@ -48,6 +48,8 @@ class LearningStudy(Study):
         for k, axis in enumerate(self.axes):
             rows.append(Row(f"{axis}: rate", f"sigma {self.sigma[k]:.3f}; all models {self.bound[k]:.3f} at "
                             f"{self.bound_frequency[k]:.3g} Hz"))  # fmt: skip
+            if not self.floor:  # ended before there was one
+                continue
             rows.append(Row(f"{axis}: error before learning", f"{1e6 * self.first_error[k]:.4g}", "um"))
             falls = f" (falls to 1/{self.factor[k]:.3g})" if self.factor and np.isfinite(self.factor[k]) else ""
             rows.append(Row(f"{axis}: floor predicted", f"{1e6 * self.floor[k]:.4g}{falls}", "um"))

@@ -66,6 +66,7 @@ def study(
     work.step("identical runs")
     repeats = [runs.run(np.zeros_like(reference)) for _ in range(noise.repeats)]
     axes: list[AxisLearning] = []
+    work.keep(partial(_designed, design, runs.names, axes, title))
     for k, name in enumerate(runs.names):
         work.step(f"law of {name}")
         first = [{signal: values[:, k] for signal, values in run.items()} for run in repeats]
@@ -75,10 +76,11 @@ def study(
         seen = np.array([axis.estimate({s: v[:, k] for s, v in run.items()}) for run in repeats])
         firsts.append(reference[:, k] - seen.mean(axis=0))
         floors.append(axis.floor(firsts[-1], corrected, design.iterations, seen))
+    work.step("learning")
     u = np.zeros_like(reference)
     inputs, errors, tools, run, hats = [], [], [], repeats[0], np.zeros_like(reference)
     for n in range(design.iterations + 1):
-        if work.interrupted():
+        if n and work.interrupted():
             break
         work.progress("learning", n / (design.iterations + 1), {})
         run = runs.run(u) if n else repeats[0]
@@ -95,6 +97,15 @@ def study(
     )
 
 
+def _designed(design: LearningDesign, names: Sequence[str], axes: Sequence[AxisLearning], title: str) -> LearningStudy:
+    """The laws that are designed when a study is ended before it learned."""
+    return LearningStudy(
+        status=SolveStatus.INTERRUPTED, title=title or "learning control", case=design.case,
+        axes=tuple(names[: len(axes)]), shift=[a.shift for a in axes], sigma=[a.rate.sigma for a in axes],
+        bound=[a.bound.value for a in axes], bound_frequency=[a.bound.frequency for a in axes],
+    )  # fmt: skip
+
+
 def _answer(
     runs: RepeatedMotion, design: LearningDesign, axes: Sequence[AxisLearning], floors: Sequence[Floor],
     firsts: Sequence[Array], inputs: Sequence[Array], errors: Array, tools: Array, before: dict[str, Array],
@@ -103,10 +114,9 @@ def _answer(
 ) -> LearningStudy:  # fmt: skip
     names, done = tuple(runs.names), len(errors)
     complete = done == design.iterations + 1
-    last = errors[min(LAST, max(done - 1, 0)) :] if done else np.zeros((0, len(names)))
-    reached = np.sqrt(np.mean(last**2, axis=0)) if done else np.zeros(len(names))
+    reached = np.sqrt(np.mean(errors[min(LAST, done - 1) :] ** 2, axis=0))
     over = [
-        _over(float(reached[k]), float(np.sqrt(np.mean(f.course[min(LAST, max(done - 1, 0)) : max(done, 1)] ** 2))))
+        _over(float(reached[k]), float(np.sqrt(np.mean(f.course[min(LAST, done - 1) : done] ** 2))))
         for k, f in enumerate(floors)
     ]
     checks = {"bound": at_most(max(a.bound.value for a in axes), 1.0 + 1e-9, "lower the cutoff or the contraction")}
@@ -114,11 +124,11 @@ def _answer(
         checks["reached_over_predicted"] = Check(
             max(over), REACHED, "the runs err more than the model says; identify the model anew, or widen its set"
         )
-    largest = np.max(np.abs(inputs[-1]), axis=0) if done else np.zeros(len(names))
+    largest = np.max(np.abs(inputs[-1]), axis=0)
     time = runs.sample_time * np.arange(len(runs.reference))
     trajectory = Trajectory(
-        time, {"reference": runs.reference, "input": inputs[-1], "estimate": hats} if done else {},
-        {"reference": "m", "input": "m", "estimate": "m"} if done else {}, synthetic=runs.synthetic or None,
+        time, {"reference": runs.reference, "input": inputs[-1], "estimate": hats},
+        {"reference": "m", "input": "m", "estimate": "m"}, synthetic=runs.synthetic or None,
     )  # fmt: skip
     shown = title or "learning control"
     if runs.synthetic and "synthetic" not in shown.lower():
@@ -135,8 +145,8 @@ def _answer(
         status=SolveStatus.SOLVED if complete else SolveStatus.INTERRUPTED,
         message=sentence(axes, floors, design, names, runs.corrected) if complete else "",
         title=title or "learning control", notes=notes(design, axes, floors, errors, names), checks=checks,
-        trajectory=trajectory if done else None, figures=figures,
-        files=MadeFiles({"learned_input.csv": partial(_input, time, names, inputs, runs.synthetic)} if done else {}),
+        trajectory=trajectory, figures=figures,
+        files=MadeFiles({"learned_input.csv": partial(_input, time, names, inputs, runs.synthetic)}),
         machine_files=("learned_input.csv",), case=design.case, axes=names, shift=[a.shift for a in axes],
         sigma=[a.rate.sigma for a in axes], bound=[a.bound.value for a in axes],
         bound_frequency=[a.bound.frequency for a in axes], first_error=[f.before for f in floors],

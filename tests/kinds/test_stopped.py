@@ -1,0 +1,93 @@
+"""Some kinds stopped at one of their first asks, as a proof every kind at each: a study that is shown and written."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from gtmodel.problem_files import Context, names
+from gtmodel.problem_files.load import load
+from gtmodel.problem_files.run import solve
+from gtmodel.results import SolveStatus, Study
+
+# of each kind a shipped problem, and keys that make it short; codegen is stopped in tests/test_cli.py
+PROBLEMS: dict[str, tuple[str, ...]] = {
+    "accuracy": ("d1_accuracy",), "axis_trajectory": ("f1_motion",), "calibration": ("calibrate_delta",),
+    "calibration_plan": ("plan_calibration_l1",), "compliance": ("compliance_l1",), "delay": ("delay_synthetic",),
+    "delayed_feedback": ("feedback_pose_19",), "dynamic_stiffness": ("dynamic_stiffness_kr500",),
+    "elastic_motion": ("elastic_l1",), "excitation": ("excitation_l1",), "friction": ("friction_l1",),
+    "identification": ("inertia_l1",), "kinematics": ("d1_orientation",), "lead_through": ("lead_through_plate",),
+    "learning_control": ("learning_case_2b", "learning.iterations=2"), "loop_simulation": ("loop_simulation",),
+    "milling": ("milling_pose",), "modes": ("dietmaier_modes",), "optimization": ("van_der_pol",),
+    "resampling": ("resample_synthetic",), "robot_cameras": ("calibrate_l1_cameras",),
+    "sensor_fusion": ("fusion_3_axis",), "simulation": ("stick_slip",), "stereo": ("calibrate_stereo",),
+    "trajectory": ("l1_min_time",), "trajectory_table": ("table_6_1",), "vibration": ("vibration_table_6_15",),
+    "workspace": ("l1_workspace",), "wrench_calibration": ("wrench_calibration",),
+}  # fmt: skip
+CHEAP = ("compliance", "delay", "friction", "optimization", "resampling", "sensor_fusion", "simulation", "vibration")
+ASK = 2  # the first one of most studies stands before anything is made
+LAST = 60  # asks of a proof
+
+
+class Stopped(Context):
+    """A run that is asked to end at its k-th question."""
+
+    def __init__(self, k: int, name: str, folder: Path) -> None:
+        super().__init__(name=name, folder=folder)
+        self.k, self.asks = k, 0
+
+    def _stop(self) -> bool:
+        self.asks += 1
+        return self.asks >= self.k
+
+
+def stopped(kind: str, k: int, out: Path) -> tuple[Stopped, Study]:
+    name, *settings = PROBLEMS[kind]
+    loaded = load(f"problems/{name}.toml", settings)
+    run = Stopped(k, name, loaded.path.parent)
+    study = solve(loaded, run, out=out).outcome
+    assert study.status is SolveStatus.INTERRUPTED or run.asks < k or study.status.ok
+    assert str(study)
+    return run, study
+
+
+def test_every_kind_is_stopped_here() -> None:
+    assert set(names()) - {"codegen"} == set(PROBLEMS)
+
+
+@pytest.mark.parametrize("kind", CHEAP)
+def test_a_study_that_is_stopped_can_be_shown_and_written(kind: str, tmp_path: Path) -> None:
+    stopped(kind, ASK, tmp_path / "out")
+
+
+def asks() -> Iterator[int]:
+    k = 1
+    while k < LAST:
+        yield k
+        k += 1 + k // 8
+
+
+@pytest.mark.proof
+@pytest.mark.parametrize("kind", PROBLEMS)
+def test_wherever_a_study_is_stopped_it_can_be_shown_and_written(kind: str, tmp_path: Path) -> None:
+    for k in asks():
+        run, study = stopped(kind, k, tmp_path / str(k))
+        for figure in study.figures:
+            assert study.figure(figure)
+        if run.asks < k:
+            break
+
+
+def test_a_law_that_has_learned_nothing_yet_is_kept(tmp_path: Path) -> None:
+    """A trajectory of no signals was asked for where a stop came before the first run of learning."""
+    kept = [stopped("learning_control", k, tmp_path / str(k))[1] for k in (3, 4, 5)]
+    assert [len(s.values["axes"]) for s in kept] == [1, 2, 2]
+    assert [s.trajectory is None for s in kept] == [True, True, False]
+
+
+def test_gain_limits_are_kept_when_the_worst_case_is_not_waited_for(tmp_path: Path) -> None:
+    _, s = stopped("delayed_feedback", 3, tmp_path / "out")
+    assert s.status is SolveStatus.INTERRUPTED and set(s.values["limit"]) == {"x", "y"}
+    assert s.values["recommended"] is None
