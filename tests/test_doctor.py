@@ -218,6 +218,13 @@ def test_the_cache_is_counted_and_left_as_it_is(monkeypatch: pytest.MonkeyPatch,
         assert "can be written by other users" in machine.cache()[1]
 
 
+@pytest.mark.skipif(not Path("/proc").is_dir(), reason="no /proc here")
+def test_a_folder_of_the_kernel_is_not_writable(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Root may write anywhere by permissions; no file can be made there."""
+    monkeypatch.setenv("GTMODEL_CACHE", "/proc/cache")
+    assert machine.cache()[1].startswith("cannot be written to: set GTMODEL_CACHE")
+
+
 def test_several_faults_are_named_after_the_first() -> None:
     text = Report(
         (Finding("a", "none", "missing", "do this"), Finding("b", "x"), Finding("c", "none", "bad", "do that"))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ctypes
 import getpass
-import os
 import re
 import shutil
 import subprocess
@@ -65,12 +64,21 @@ def cache() -> tuple[str, str]:
     try:
         sizes = [path.stat().st_size for path in folder.glob("*.so")] if folder.is_dir() else []
         there = next(p for p in (folder, *folder.parents) if p.exists())
-        reason = "" if os.access(there, os.W_OK) else "cannot be written to"
+        reason = "" if _written_to(there) else "cannot be written to"
         reason = reason or (exposed(folder) if folder.is_dir() else "")
     except OSError as error:
         return str(folder), f"cannot be read: {error.strerror}"
     text = f"{folder}: {len(sizes)} libraries, {sum(sizes) / 1e6:.1f} MB"
     return text, f"{reason}: set GTMODEL_CACHE to a folder of your own" if reason else ""
+
+
+def _written_to(folder: Path) -> bool:
+    """Whether a file can be made there: permissions alone say so of a kernel's folder too, such as /proc."""
+    try:
+        with tempfile.TemporaryFile(dir=folder, prefix="gtmodel-doctor-"):
+            return True
+    except OSError:
+        return False
 
 
 def discreet(text: str) -> str:

@@ -24,6 +24,7 @@ ATTRIBUTES = {
 }  # fmt: skip
 HEADER = ("objective", "objectiveIntegrand", "startTime", "finalTime")
 LONGEST_CHAIN = 200  # types that are names of one another, classes that extend one another
+LONGEST = 100_000  # entries along one dimension of an array
 DEEPEST = 60  # components in one another; a class that holds itself would never end
 
 
@@ -361,8 +362,12 @@ class TextElement:
             size = number_of(model.evaluate(d, scope)[()], d.at, f"the size of '{full}'")
             if isinstance(size, float) and size.is_integer():
                 size = int(size)
-            if isinstance(size, bool) or not isinstance(size, int) or not 0 <= size <= 100_000:
-                raise ModelicaError(f"the size of '{full}' is a whole number; found {size}", d.at)
+            if isinstance(size, bool) or not isinstance(size, int) or size < 0:
+                raise ModelicaError(f"the size of '{full}' is a whole number from 0 on; found {size}", d.at)
+            if size > LONGEST:
+                raise ModelicaError(
+                    f"the size of '{full}' is {size}, which is too long; at most {LONGEST} are taken", d.at
+                )
             shape.append(size)
         model.spend(math.prod(shape), self.text.at)
         return tuple(shape)

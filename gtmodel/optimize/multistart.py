@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
+from ..results.agreement import Within, agree
 from ..results.trajectory import Trajectory
 from .nlp import Nlp
 from .solution import Solution
@@ -86,7 +87,7 @@ def multi_start(
             between their bounds where these have two signs, or of 1 where the guess is 0.
         parameters: values by name, as for `Transcription.solve`. guess, solver: as for `solve`.
 
-    Raises NotSolved if no start arrives, and ValueError for no start or a spread that is not positive.
+    Raises NotSolved if no start arrives, and ArgumentError for no start or a spread that is not positive.
 
     >>> class Wells(gt.Optimization):  # two places to rest, x = -1 and x = 1; the right one costs less
     ...     x = gt.free(-0.2, min=-2.0, max=2.0)
@@ -99,8 +100,9 @@ def multi_start(
     >>> [round(optimum.solution.free["x"], 2) for optimum in found.optima]
     [1.01, -0.99]
     """
-    if count < 1 or not spread > 0:
-        raise ValueError(f"multi_start takes at least one start and a positive spread; found {count} and {spread:g}")
+    agree(count, Annotated[int, Within(least=1)], "count")
+    agree(seed, Annotated[int, Within(least=0)], "seed")
+    agree(spread, Annotated[float, Within(above=0.0)], "spread")
     nlp = problem._with(parameters or {})
     first = problem.first_guess(nlp, guess)
     options = solver or problem.options

@@ -6,6 +6,7 @@ import difflib
 import hashlib
 import importlib
 import importlib.util
+import inspect
 import os
 import sys
 import sysconfig
@@ -15,7 +16,7 @@ from contextlib import contextmanager
 from importlib.machinery import PathFinder
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, get_type_hints
 
 from gtmodel.lang import Model, ModelError
 from gtmodel.modelica import reference as modelica
@@ -51,8 +52,9 @@ def resolve(
 ) -> Any:
     """The model that a reference names, configured with the parameters.
 
-    The class is made with the parameters; a model object gets them by `with_`; a function is called with
-    them. Modules are looked for in the working directory, then in the problem's folder.
+    The class is made with the parameters; a model object gets them by `with_`; a function is called with them if it
+    stands in a person's own file or says that it returns a model; nothing else is called. Modules are looked for in
+    the working directory, then in the problem's folder.
 
     Raises InputError: no such module, a fault while importing it (with file and line), no such name in it,
     something else than a `base`, or a parameter that the model does not take.
@@ -102,10 +104,10 @@ def _text(
 
 
 def _made(item: Any, reference: str, key: str, parameters: dict[str, Any], base: type[Model]) -> Any:
+    if isinstance(item, type) and not issubclass(item, base):
+        raise InputError(f"'{reference}' is no {base.__name__}; its bases are {_bases(item)}", key)
     try:
-        if isinstance(item, type) or (callable(item) and not isinstance(item, Model)):
-            if isinstance(item, type) and not issubclass(item, base):
-                raise InputError(f"'{reference}' is no {base.__name__}; its bases are {_bases(item)}", key)
+        if isinstance(item, type) or _makes_models(item):
             model = item(**parameters)
         else:
             model = item.with_(**parameters) if isinstance(item, Model) else item
@@ -114,6 +116,19 @@ def _made(item: Any, reference: str, key: str, parameters: dict[str, Any], base:
     if not isinstance(model, base):
         raise InputError(f"'{reference}' is {type(model).__name__}; expected a {base.__name__}", key)
     return model
+
+
+def _makes_models(item: Any) -> bool:
+    """Whether a function may be called: one of a person's own file, or one that says that it returns a model."""
+    if not inspect.isfunction(item):
+        return False
+    if not item.__code__.co_filename.startswith(_INSTALLED):
+        return True
+    try:
+        said = get_type_hints(item).get("return")
+    except Exception:  # a hint that names what is not there says nothing
+        return False
+    return isinstance(said, type) and issubclass(said, Model)
 
 
 def _bases(cls: type) -> str:
@@ -147,7 +162,7 @@ def _forget_namesake(name: str, key: str) -> None:
     spec = PathFinder.find_spec(name)
     if loaded is None or spec is None or spec.origin is None or Path(loaded) == Path(spec.origin):
         return
-    if loaded.startswith((sysconfig.get_path("stdlib"), sys.prefix, _HERE)):
+    if loaded.startswith(_INSTALLED):
         raise InputError(f"'{name}' is the name of an installed package; rename your file {spec.origin}", key)
     for other in [m for m in sys.modules if m == name or m.startswith(f"{name}.")]:
         del sys.modules[other]
@@ -198,3 +213,4 @@ def fault(error: BaseException, what: str) -> str:
 
 
 _HERE = str(Path(__file__).resolve().parents[1]) + os.sep
+_INSTALLED = (sysconfig.get_path("stdlib"), sys.prefix, _HERE, "<frozen")

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from gtmodel.results import Trajectory, TrajectoryError
+from gtmodel.results.reading import document
 
 from .base import InputError
 
@@ -18,8 +18,10 @@ def read(path: Path, kind: str) -> Mapping[str, Any]:
     if not file.is_file():
         raise InputError(f"--start {path}: there is no such file; name the result.json of an earlier --out")
     try:
-        data = json.loads(file.read_bytes())
+        data = document(file.read_bytes())
         of_kind = data["kind"]
+    except OSError as error:
+        raise InputError(f"--start {path} cannot be read: {error.strerror}") from None
     except (ValueError, KeyError, TypeError):
         raise InputError(f"--start {path} is no result.json of gtmodel") from None
     if of_kind != kind:
@@ -28,6 +30,6 @@ def read(path: Path, kind: str) -> Mapping[str, Any]:
     try:
         if stored is not None:
             Trajectory(stored["time_s"], stored["values"], stored["units"])
-    except (TrajectoryError, KeyError, TypeError, AttributeError) as error:
+    except (TrajectoryError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise InputError(f"--start {path}: its trajectory cannot be read: {error}") from None
     return data

@@ -57,17 +57,17 @@ def read(folder: str | Path) -> Stored:
     path = Path(folder)
     file = path / "result.json" if path.is_dir() else path
     try:
-        data = json.loads(file.read_bytes())
+        data = document(file.read_bytes())
         stored = data.get("trajectory")
         trajectory = None if stored is None else Trajectory(stored["time_s"], stored["values"], stored["units"])
         return Stored(
             status=SolveStatus(data["status"]),
-            message=data["message"],
-            objective=data["objective"],
-            iterations=data["iterations"],
+            message=_kind(data["message"], str),
+            objective=_number(data["objective"]),
+            iterations=_number(data["iterations"]),
             checks={name: _check(c) for name, c in data["checks"].items()},
             trajectory=trajectory,
-            notes=data["values"].get("notes", ()),
+            notes=[_kind(note, str) for note in _kind(data["values"].get("notes", []), list)],
             stored=data["values"],
         )
     except OSError as error:
@@ -76,6 +76,27 @@ def read(folder: str | Path) -> Stored:
         raise ArgumentError(f"{file} is no result.json of gtmodel", "folder") from error
 
 
+def document(content: bytes) -> Mapping[str, Any]:
+    """A JSON object. Raises TypeError or ValueError for anything else, and where it goes too deep."""
+    try:
+        return _kind(json.loads(content), dict)
+    except RecursionError:
+        raise ValueError("holds lists or objects inside one another, hundreds deep") from None
+
+
 def _check(data: Mapping[str, Any]) -> Check:
-    value = data["value"]
-    return Check(float("nan") if value is None else value, data["bound"], judged=data["passed"])
+    value = _number(data["value"])
+    return Check(float("nan") if value is None else value, _number(data["bound"]), judged=_kind(data["passed"], bool))
+
+
+def _kind(value: Any, kind: Any) -> Any:
+    if not isinstance(value, kind):
+        raise TypeError(f"expected {kind}; found {type(value).__name__}")
+    return value
+
+
+def _number(value: Any) -> Any:
+    """A number, or None; a text or a truth value in its place is no result."""
+    if isinstance(value, bool):
+        raise TypeError("expected a number; found a truth value")
+    return value if value is None else _kind(value, (int, float))

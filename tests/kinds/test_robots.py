@@ -105,6 +105,9 @@ def test_models_in_python_take_parameters(context: Context, reference: str) -> N
         ("makers.py:thre", "robot: 'makers.py' holds no 'thre'"),
         ("pendulum.py:", "names no class"),
         (":Pendulum", "names no class"),
+        ("os:system", "robot: 'os:system' is builtin_function_or_method; expected a Model"),
+        ("shutil:rmtree", "robot: 'shutil:rmtree' is function; expected a Model"),
+        ("functools:partial", "robot: 'functools:partial' is no Model"),
     ],
 )
 def test_wrong_references_are_sentences(context: Context, reference: str, sentence: str) -> None:

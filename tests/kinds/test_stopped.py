@@ -19,7 +19,7 @@ PROBLEMS: dict[str, tuple[str, ...]] = {
     "delayed_feedback": ("feedback_pose_19",), "dynamic_stiffness": ("dynamic_stiffness_kr500",),
     "elastic_motion": ("elastic_l1",), "excitation": ("excitation_l1",), "friction": ("friction_l1",),
     "identification": ("inertia_l1",), "kinematics": ("d1_orientation",), "lead_through": ("lead_through_plate",),
-    "learning_control": ("learning_case_2b", "learning.iterations=2"), "loop_simulation": ("loop_simulation",),
+    "learning_control": ("learning_case_1", "learning.iterations=2"), "loop_simulation": ("loop_simulation",),
     "milling": ("milling_pose",), "modes": ("dietmaier_modes",), "optimization": ("van_der_pol",),
     "resampling": ("resample_synthetic",), "robot_cameras": ("calibrate_l1_cameras",),
     "sensor_fusion": ("fusion_3_axis",), "simulation": ("stick_slip",), "stereo": ("calibrate_stereo",),
@@ -82,9 +82,8 @@ def test_wherever_a_study_is_stopped_it_can_be_shown_and_written(kind: str, tmp_
 
 def test_a_law_that_has_learned_nothing_yet_is_kept(tmp_path: Path) -> None:
     """A trajectory of no signals was asked for where a stop came before the first run of learning."""
-    kept = [stopped("learning_control", k, tmp_path / str(k))[1] for k in (3, 4, 5)]
-    assert [len(s.values["axes"]) for s in kept] == [1, 2, 2]
-    assert [s.trajectory is None for s in kept] == [True, True, False]
+    kept = [stopped("learning_control", k, tmp_path / str(k))[1] for k in (3, 4)]
+    assert [len(s.values["axes"]) for s in kept] == [1, 2] and all(s.trajectory is None for s in kept)
 
 
 def test_gain_limits_are_kept_when_the_worst_case_is_not_waited_for(tmp_path: Path) -> None:

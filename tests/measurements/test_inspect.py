@@ -286,3 +286,19 @@ def test_bad_input_is_one_sentence_and_exit_code_2(
     assert main(["inspect", *words, "--quiet"]) == 2
     lines = capsys.readouterr().err.strip().splitlines()
     assert len(lines) == 1 and said in lines[0]
+
+
+@pytest.mark.parametrize(
+    ("text", "language"),
+    [
+        ("MODULE ServoMove\n  VAR egmident id;\n  PROC main()\n  ENDPROC\nENDMODULE\n", "RAPID"),
+        ("%%%\n  VERSION:1\n  LANGUAGE:ENGLISH\n%%%\n! a, b\nMODULE Data(SYSMODULE)\nENDMODULE\n", "RAPID"),
+        ("&ACCESS RVP\n&REL 1\nDEF main( )\nINI\nPTP HOME\nEND\n", "KRL"),
+    ],
+)
+def test_a_controllers_program_is_said_to_be_one(tmp_path: Path, text: str, language: str) -> None:
+    """It was read as a table whose second line has a cell too many."""
+    for name in ("move.mod", "move.txt"):
+        (tmp_path / name).write_text(text)
+        with pytest.raises(LogError, match=rf"program of a robot controller \({language}\), a text without a table"):
+            inspect(tmp_path / name)

@@ -108,7 +108,7 @@ def test_parameters_of_joined_connectors_are_equal(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "text",
     [
-        "model M Real x[1000, 1000]; end M;",
+        "model M Real x[1000, 1000]; end M;", "model M Real x[100000000]; end M;",
         "model A Real x = 1; end A; model M A a[100000, 1000]; end M;",
         "model M Real y = sum(1:1e308); end M;", "model M Real y = sum(-1e308:1e-308:1e308); end M;",
         "model M Real y = sum(identity(10000)); end M;", "model M Real y = sum(diagonal(zeros(9999))); end M;",

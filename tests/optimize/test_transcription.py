@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
 import gtmodel as gt
 from gtmodel import ModelError, der
 from gtmodel.optimize import Mesh, NotSolved, SolverOptions, multi_start, solve, transcribe
+from gtmodel.results import ArgumentError
 from tests.optimize import features, problems
 
 SOLVER = 1e-6  # two roads to one discrete optimum
@@ -185,7 +188,14 @@ class TestManyStarts:
         assert np.array_equal(xs[0], xs[1])
 
     def test_wrong_calls(self, tank):
-        with pytest.raises(ValueError, match=r"at least one start and a positive spread; found 0 and 0\.3"):
-            multi_start(tank, 0)
+        wrong: list[tuple[str, dict[str, Any]]] = [
+            ("count", {"count": 0}), ("count", {"count": 2.5}), ("count", {"count": True}),
+            ("seed", {"count": 2, "seed": "a"}), ("seed", {"count": 2, "seed": -1}),
+            ("spread", {"count": 2, "spread": 0.0}), ("spread", {"count": 2, "spread": "1"}),
+        ]  # fmt: skip
+        for argument, given in wrong:
+            with pytest.raises(ArgumentError) as caught:
+                multi_start(tank, **given)
+            assert caught.value.argument == argument
         with pytest.raises(NotSolved):
             multi_start(tank, 2, parameters={"end": 50.0})

@@ -165,6 +165,18 @@ WRONG = {
     '<robot name="r">\n<link name="a"><inertial><mass value="-1"/><inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" '
     'izz="0"/></inertial></link></robot>': "line 2: the mass of link 'a' is -1 kg; it cannot be negative",
     f'<robot name="r">{LINKS}<joint name="j" type="fixed">{ENDS}</joint></robot>': "no joint of URDF text moves",
+    f'<robot name="r">{LINKS}\n<joint name="j" type="revolute">{ENDS}<origin rpx="0 0 1"/></joint></robot>':
+        "line 2: <origin> of joint 'j' has the unknown attribute 'rpx'; did you mean 'rpy'?",
+    f'<robot name="r">{LINKS}\n<joint name="j" type="revolute">{ENDS}<limit Lower="-1" upper="1"/></joint></robot>':
+        "line 2: <limit> of joint 'j' has the unknown attribute 'Lower'; did you mean 'lower'?",
+    f'<robot name="r">{LINKS}<joint name="j" type="revolute">{ENDS}\n<orgin xyz="0 0 1"/></joint></robot>':
+        "line 2: <joint> of joint 'j' holds <orgin>, which it does not take; did you mean <origin>?",
+    '<robot name="r">\n<link name="a"><mass value="1"/></link></robot>':
+        "line 2: <link> of link 'a' holds <mass>, which it does not take; it takes inertial",
+    f'<robot name="r">{LINKS}<joint name="j" type="revolute">{ENDS}<origin rpy="0 0 0" quat_xyzw="0 0 0 1"/></joint>'
+    "</robot>": "line 1: <origin> has rpy and quat_xyzw; expected one of them",
+    f'<robot name="r">{LINKS}<joint name="j" type="revolute">{ENDS}<origin quat_xyzw="0 0 1 1"/></joint></robot>':
+        "line 1: quat_xyzw of <origin> has the norm 1.414; a rotation has 1",
 }  # fmt: skip
 
 
@@ -175,6 +187,19 @@ def test_a_wrong_file_is_one_sentence_with_its_line(text: str) -> None:
     message = str(caught.value)
     assert WRONG[text] in message and "URDF text" in message
     assert "\n" not in message and len(message) <= 300
+
+
+def test_a_quaternion_is_the_rotation_of_its_angles_and_what_is_not_used_is_said() -> None:
+    """About x by 90 degrees, then about the fixed z by 90 degrees: (0.5, 0.5, 0.5, 0.5); it was passed over."""
+    text = (
+        f'<robot name="r" version="1.1">{LINKS}<joint name="j" type="revolute">{ENDS}<origin xyz="1 2 3" ORIGIN/>'
+        '<limit lower="-1" upper="1" jerk="3"/></joint><gazebo reference="a"/></robot>'
+    )
+    by_quaternion = gt.robots.from_urdf(text.replace("ORIGIN", 'quat_xyzw="0.5 0.5 0.5 0.5"'))
+    by_angles = gt.robots.from_urdf(text.replace("ORIGIN", f'rpy="{np.pi / 2} 0 {np.pi / 2}"'))
+    np.testing.assert_allclose(by_quaternion.rpy, by_angles.rpy, atol=1e-15)
+    np.testing.assert_allclose(by_quaternion.xyz, [[1.0, 2.0, 3.0]])
+    assert "line 1: 'jerk' of <limit> of joint 'j' is not used" in by_quaternion.structure.notes
 
 
 def test_degrees_millimetres_and_impossible_inertias_are_doubted() -> None:

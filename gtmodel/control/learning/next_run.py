@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
+from typing import Annotated
 
 import numpy as np
 
-from ...results import SolveStatus, Trajectory, Work, at_most
+from ...results import SolveStatus, Trajectory, Within, Work, at_most
 from ...results.door import study_function
 from ...results.made_files import MadeFiles
 from ...results.work import Progress, never, silent
@@ -38,8 +39,8 @@ def next_input(
     design: LearningDesign = CASE_1,
     *,
     repeats: Sequence[Trajectory] = (),
-    ramp: int = RAMP,
-    acceleration_noise: float = 0.07,
+    ramp: Annotated[int, Within(least=0)] = RAMP,
+    acceleration_noise: Annotated[float, Within(least=0.0)] = 0.07,
     title: str = "",
     progress: Progress = silent,
     max_seconds: float | None = None,

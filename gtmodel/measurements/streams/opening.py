@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -21,6 +22,11 @@ _PACKED = {
     b"\x1f\x8b": "compressed (gzip); unpack it",
 }
 _POINTER = b"version https://git-lfs"
+_PROGRAMS = {  # by the first line that is no comment
+    "RAPID": re.compile(rb"\A\xef?\xbb?\xbf?(\s|![^\n]*\n|%%%.*?%%%)*MODULE\s+\w+\s*(\(|\n|\r|!|$)", re.S),
+    "KRL": re.compile(rb"\A\s*(&\w+[^\n]*\n\s*|;[^\n]*\n\s*)*(DEF\s+\w+\s*\(|DEFDAT\s+\w+|DEFFCT\s+\w+)"),
+}
+_PROGRAM_WITHIN = 4096  # bytes of a file in which its first line stands
 _BAGS = (b"#ROSBAG", b"\x89MCAP", b"SQLite format 3")
 MOST_STREAMS = 6  # of a message that lists them
 
@@ -85,7 +91,8 @@ def content_of(path: PathLike, form: LogForm) -> Stream | MatFile | Bag:
     if path.exists() and not path.is_file():
         raise LogError(f"{shown(path)} is a pipe or a device, which can be read only once; write it to a file first")
     with open(path, "rb") as file:
-        head = file.read(len(_POINTER))
+        begun = file.read(_PROGRAM_WITHIN)
+    head = begun[: len(_POINTER)]
     suffix = path.suffix.lower()
     if head.startswith(_BAGS):
         return _bag(path)
@@ -104,6 +111,12 @@ def content_of(path: PathLike, form: LogForm) -> Stream | MatFile | Bag:
         raise LogError(f"{shown(path)} is no text, MATLAB, Parquet or bag file; save the table as CSV")
     if suffix in (".parquet", ".bag", ".mcap", ".db3"):
         raise LogError(f"{shown(path)} does not begin as a {suffix} file does; it is damaged or something else")
+    program = next((what for what, sign in _PROGRAMS.items() if sign.search(begun)), "")
+    if program:
+        raise LogError(
+            f"{shown(path)} is a program of a robot controller ({program}), a text without a table; name the log that "
+            "was recorded while it ran"
+        )
     return TextStream(path, form)
 
 

@@ -2,23 +2,39 @@
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import scipy
 
 from ...lang import ModelError
 from .bodies import moved, six_of
-from .rotations import rotation_of_rpy
+from .rotations import rotation_of_rpy, rpy_of_rotation
 from .xml_lines import XmlElement, XmlFault, parsed
 
 Array = np.ndarray
 MOVING = {"revolute", "continuous", "prismatic"}
+COUNTED = {3: "three", 4: "four"}
 KINDS = (*sorted(MOVING), "fixed")
 DEGREES = 13.0  # rad; limits beyond two turns each way are degrees more often than angles
 MILLIMETRES = 100.0  # m; origins this far are millimetres more often
+# what stands inside each element, and its attributes: those that are read, then those that say nothing of the motion
+INSIDE = {
+    "robot": ("link", "joint"), "link": ("inertial",), "inertial": ("origin", "mass", "inertia"),
+    "joint": ("origin", "parent", "child", "axis", "limit", "dynamics", "mimic"),
+}  # fmt: skip
+ATTRIBUTES: dict[str, tuple[str, str]] = {
+    "robot": ("name", "version"), "link": ("name", "type concave"), "joint": ("name type", "dont_collapse"),
+    "origin": ("xyz rpy quat_xyzw", ""), "inertial": ("", ""), "mass": ("value", ""),
+    "inertia": ("ixx ixy ixz iyy iyz izz", ""), "parent": ("link", ""), "child": ("link", ""), "axis": ("xyz", ""),
+    "limit": ("lower upper velocity effort", "acceleration deceleration jerk"), "dynamics": ("damping friction", ""),
+    "mimic": ("joint multiplier offset", ""),
+}  # fmt: skip
+UNIT_NORM = 1e-3  # by which a quaternion of rounded digits may be off; beyond it is another number
 # which no equation needs, with what they are called in the notes
 LEFT_OUT = {
     "visual": "shapes to be shown", "collision": "shapes for collisions", "transmission": "transmissions",
@@ -110,6 +126,7 @@ class _Reader:
         if robot.tag != "robot":
             raise XmlFault(f"the outermost element is <{robot.tag}>; expected <robot>", robot.line)
         self.refuse_xacro(robot)
+        self.refuse_unknown(robot, "")
         links: dict[str, UrdfLink] = {}
         joints: dict[str, UrdfJoint] = {}
         for element in robot.all("link"):
@@ -135,6 +152,33 @@ class _Reader:
             raise XmlFault("is xacro, a template; make the URDF first: xacro arm.xacro > arm.urdf", element.line)
         for inner in element.inside:
             self.refuse_xacro(inner)
+
+    def refuse_unknown(self, e: XmlElement, of: str) -> None:
+        """Refuse what would be passed over although it is meant: an attribute that is not known, an element in the
+        wrong place or mistyped. of: link or joint in which the element stands. Namespaces are other programs' own."""
+        if e.tag in ("link", "joint"):
+            of = f" of {e.tag} '{e.attributes.get('name', '')}'"
+        read, idle = (names.split() for names in ATTRIBUTES[e.tag])
+        for name in e.attributes:
+            if ":" in name or name == "xmlns" or name in read:
+                continue
+            if name not in idle:
+                close = difflib.get_close_matches(name.lower(), read, n=1)
+                known = f"did you mean '{close[0]}'?" if close else f"it takes {', '.join(read) or 'none'}"
+                raise XmlFault(f"<{e.tag}>{of} has the unknown attribute '{name}'; {known}", e.line)
+            if name != "version":
+                self.notes.append(f"line {e.line}: '{name}' of <{e.tag}>{of} is not used")
+        here = INSIDE.get(e.tag, ())
+        for inner in e.inside:
+            if inner.tag in here:
+                self.refuse_unknown(inner, of)
+                continue
+            close = (
+                [] if inner.tag in LEFT_OUT else difflib.get_close_matches(inner.tag.lower(), here, n=1, cutoff=0.75)
+            )
+            if inner.tag in ATTRIBUTES or close:
+                known = f"did you mean <{close[0]}>?" if close else f"it takes {', '.join(here) or 'none'}"
+                raise XmlFault(f"<{e.tag}>{of} holds <{inner.tag}>, which it does not take; {known}", inner.line)
 
     def refuse_second(
         self, there: Mapping[str, UrdfLink | UrdfJoint], name: str, what: str, element: XmlElement
@@ -236,14 +280,12 @@ class _Reader:
     def count(self, robot: XmlElement) -> None:
         counts = dict.fromkeys(LEFT_OUT, 0)
         others: dict[str, int] = {}
-        known = {"link", "joint", "inertial", "origin", "mass", "inertia", "parent", "child", "axis", "limit",
-                 "dynamics", "mimic", "robot"}  # fmt: skip
 
         def walk(e: XmlElement) -> None:
             for inner in e.inside:
                 if inner.tag in LEFT_OUT:
                     counts[inner.tag] += 1
-                elif inner.tag not in known:
+                elif inner.tag not in ATTRIBUTES:
                     others.setdefault(inner.tag, inner.line)
                 else:
                     walk(inner)
@@ -268,7 +310,16 @@ def _origin(e: XmlElement) -> tuple[Array, Array]:
     origin = e.one("origin")
     if origin is None:
         return np.zeros(3), np.zeros(3)
-    return _vector(origin, "xyz", [0.0, 0.0, 0.0]), _vector(origin, "rpy", [0.0, 0.0, 0.0])
+    xyz = _vector(origin, "xyz", [0.0, 0.0, 0.0])
+    if "quat_xyzw" not in origin.attributes:
+        return xyz, _vector(origin, "rpy", [0.0, 0.0, 0.0])
+    if "rpy" in origin.attributes:
+        raise XmlFault("<origin> has rpy and quat_xyzw; expected one of them", origin.line)
+    quaternion = _vector(origin, "quat_xyzw", [0.0, 0.0, 0.0, 1.0])
+    norm = float(np.linalg.norm(quaternion))
+    if abs(norm - 1.0) > UNIT_NORM:
+        raise XmlFault(f"quat_xyzw of <origin> has the norm {norm:.4g}; a rotation has 1", origin.line)
+    return xyz, rpy_of_rotation(scipy.spatial.transform.Rotation.from_quat(quaternion).as_matrix())
 
 
 def _attribute(e: XmlElement, name: str) -> str:
@@ -293,11 +344,11 @@ def _number(e: XmlElement, name: str, default: float | None = None) -> float:
 def _vector(e: XmlElement, name: str, default: list[float]) -> Array:
     if name not in e.attributes:
         return np.array(default)
-    words = e.attributes[name].split()
+    words, count = e.attributes[name].split(), len(default)
     try:
         value = np.array([float(w) for w in words])
     except ValueError:
-        value = np.full(3, np.nan)
-    if value.shape != (3,) or not np.all(np.isfinite(value)):
-        raise XmlFault(f"{name} of <{e.tag}> takes three numbers; found '{e.attributes[name][:40]}'", e.line)
+        value = np.full(count, np.nan)
+    if value.shape != (count,) or not np.all(np.isfinite(value)):
+        raise XmlFault(f"{name} of <{e.tag}> takes {COUNTED[count]} numbers; found '{e.attributes[name][:40]}'", e.line)
     return value
