@@ -1,6 +1,7 @@
 """Filters on any compiled model: what a process with noise and some sensors say of its state, and when to believe it.
 
 ProcessModel, DiscreteProcess    a model whose noise is declared as inputs; a process written as its step
+LinearProcess    matrices A, C, Q, or a `control.StateSpace`
 Sensor           what is measured: noise, period, delay, scale, offset, gate
 System           both, compiled: steps, readings, Jacobians
 Manifold, StatePart   vectors, unit quaternions, directions: plus and minus
@@ -56,6 +57,7 @@ if TYPE_CHECKING:
         judged as judged,
     )
     from .controller.controller_filter import ControllerFilter as ControllerFilter
+    from .discrete_process import DiscreteProcess as DiscreteProcess
     from .error_state import ErrorState as ErrorState, kalman as kalman
     from .family.additive import AdditiveQuaternion as AdditiveQuaternion
     from .family.by_name import make as make
@@ -74,10 +76,11 @@ if TYPE_CHECKING:
     )
     from .fusion.result import FusionStudy as FusionStudy
     from .fusion.study import fusion_study as fusion_study
+    from .linear_process import LinearProcess as LinearProcess
     from .manifold import Manifold as Manifold, StatePart as StatePart
     from .moving_horizon import HorizonEstimate as HorizonEstimate, MovingHorizon as MovingHorizon
     from .paths import BodyMotion as BodyMotion, TrackedPath as TrackedPath
-    from .process import DiscreteProcess as DiscreteProcess, ProcessModel as ProcessModel
+    from .process import ProcessModel as ProcessModel
     from .readings import Readings as Readings
     from .scheduled import ScheduledNoise as ScheduledNoise, likely_modes as likely_modes
     from .sensors import Sensor as Sensor

@@ -13,7 +13,7 @@ from ..results.trajectory import Trajectory
 from .belief import InitialState
 from .error_state import ErrorState
 from .filter import values_of
-from .process import AnyProcess, ProcessModel
+from .process import AnyProcess
 from .readings import Readings, instants, readings_of
 from .sensors import ESTIMATE, Sensor
 from .system import System
@@ -199,7 +199,7 @@ def _noise(
 ) -> Suspect:
     """A factor on the deviation of a sensor, or on a density of the process, by the likelihood of the innovations."""
     owner, _, what = name.rpartition(".")
-    if what == "density" and (not isinstance(system.process, ProcessModel) or owner not in system.process.noise):
+    if what == "density" and owner not in system.process.noise:
         raise ArgumentError(f"the process has no noise '{owner}'", "suspects")
     if what == "deviation" and owner not in system.sensors:
         raise ArgumentError(f"there is no sensor '{owner}'", "suspects")
@@ -209,7 +209,6 @@ def _noise(
         if what == "deviation":
             other = system.with_(deviations={owner: system.deviations[owner] * factor})
         else:
-            assert isinstance(system.process, ProcessModel)
             other = system.with_(noise={owner: np.asarray(system.process.noise[owner]) * factor})
         run = ErrorState(other).run(log, initial, inputs=inputs, keep=False)
         return -float(run.log_likelihood.sum()) if run.status.ok else np.inf

@@ -111,9 +111,15 @@ class MovingHorizon:
             if sensor.outliers:
                 sentence = f"'{name}' weighs outliers; a moving horizon takes squares: leave that out, or take a filter"
                 raise ArgumentError(sentence, "system")
+            if name in system.mixing:
+                sentence = f"'{name}' has a full covariance; a moving horizon takes deviations: give these, or a filter"
+                raise ArgumentError(sentence, "system")
         for name, number in (("points", points), ("elements", elements)):
             if number < 1:
                 raise ArgumentError(f"expected at least 1; found {number}", name)
+        if np.any(d.intensity != np.diag(np.diag(d.intensity))):
+            sentence = "the process has a full covariance; a moving horizon takes independent noise: take a filter"
+            raise ArgumentError(sentence, "system")
         self.points, self.elements = points, elements
         self.solver = solver or SolverOptions(tolerance=TOLERANCE, formulation="explicit")
         ends = np.cumsum([0, *d.noise.values()])

@@ -1,20 +1,21 @@
-"""What moves, and how uncertain that is: any compiled model with its noise declared as inputs, or a step by hand."""
+"""What moves, and how uncertain that is: any compiled model with its noise declared as inputs."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import casadi as ca
 import numpy as np
+from scipy.linalg import block_diag
 
 from .._lazy import hint
 from ..compiler.causal import CausalFunction, compile_causal, state_groups
 from ..compiler.flat_cache import flat_of
 from ..lang.scope import derivative_name
 from ..results.refusal import ArgumentError
+from .correlated import covariance_matrix, mixing, same_mixing
 from .manifold import Manifold, PartKind, StatePart
 
 if TYPE_CHECKING:
@@ -54,13 +55,38 @@ class ProcessEquations:
         return {name: self.symbol(name, size) for name, size in sizes.items()}
 
 
+class AnyProcess(Protocol):
+    """What a system asks of a process: `ProcessModel`, `DiscreteProcess` and `LinearProcess`."""
+
+    @property
+    def noise(self) -> Mapping[str, Any]:
+        """Densities, or covariances of a step, by name."""
+        ...
+
+    def with_noise(self, **noise: Any) -> AnyProcess:
+        """The same process with other noise of these names."""
+        ...
+
+    def intensity(self, sizes: Mapping[str, int]) -> np.ndarray:
+        """Covariance of the noise (nw, nw), per second or per step, before it is mixed."""
+        ...
+
+    def unit_of(self, name: str) -> str:
+        """Unit of what may be measured, "?" where none was declared."""
+        ...
+
+    def dynamics(self, signals: Sequence[str]) -> ProcessEquations:
+        """The equations of the states and of what is measured."""
+        ...
+
+
 class ProcessModel:
     """A compiled model as the process of a filter.
 
     Args:
         model: any `gt.Model`; what drives it at random is declared as inputs, such as the jerk of a body.
-        noise: input -> density of white noise, a number or one per component, in (unit of the input)^2 s: the integral
-            of the input over a time T has variance density T. Jerk in m/s3 has its density in m2/s5.
+        noise: input -> density of white noise in (unit of the input)^2 s, a number, one per component, or a full matrix
+            of them: the integral of the input over a time T has variance density T. Of jerk in m/s3 it is in m2/s5.
         inputs: names of inputs that are known, such as motor forces; `run` takes them as a trajectory.
         states: names such as "T", "der(T)"; the model's own choice if left out.
         quaternions, directions: those of the states that are unit quaternions (scalar first) and unit vectors.
@@ -103,10 +129,25 @@ class ProcessModel:
 
     def with_noise(self, **noise: Any) -> ProcessModel:
         """The same process with other densities of these noises. Raises ArgumentError for a name that is not there."""
-        _known(noise, self.noise, "noise")
+        only_named(noise, self.noise, "noise")
         made = ProcessModel.__new__(ProcessModel)
         made.__dict__.update(self.__dict__, noise={**self.noise, **noise})
+        for name, value in noise.items():
+            own, other = (_mixing_of(v, f"noise.{name}") for v in (self.noise[name], value))
+            if not same_mixing(own, other):
+                sentence = f"noise '{name}' would be correlated in another way; make the process anew"
+                raise ArgumentError(sentence, f"noise.{name}")
         return made
+
+    def intensity(self, sizes: Mapping[str, int]) -> np.ndarray:
+        """Covariance per second (nw, nw) of noise of these sizes, before it is mixed."""
+        return np.diag(densities(self.noise, sizes))
+
+    def unit_of(self, name: str) -> str:
+        """Unit of what may be measured, "?" where none was declared."""
+        flat = flat_of(self.model)
+        _, indices, order = flat.lookup(name)
+        return flat.unit_of(indices[0], order)
 
     def dynamics(self, signals: Sequence[str]) -> ProcessEquations:
         """The equations of the states and of these variables of the model."""
@@ -126,7 +167,7 @@ class ProcessModel:
         if len([p for _, _, group in pairs for p in group]) != len(order):
             names = ", ".join(f"'{s}'" for s in _state_names(first))
             raise ArgumentError(f"the states of the model are {names}; name all of them, or none", "states")
-        _known(self.kinds, [name for name, _, _ in pairs], "quaternions")
+        only_named(self.kinds, [name for name, _, _ in pairs], "quaternions")
         parts = [
             StatePart(name, self.kinds.get(name, "vector"), len(group), flat.unit_of(*group[0]))
             for name, _, group in pairs
@@ -138,6 +179,14 @@ class ProcessModel:
         function, p_of = (f.casadi_parametric, _chosen(f, given)) if given else (f.casadi, None)
         u_sizes = {name: len(flat.lookup(name)[1]) for name in self.inputs}
         w_sizes = {name: len(flat.lookup(name)[1]) for name in self.noise}
+        intensity = self.intensity(w_sizes)
+        mixed = {name: _mixing_of(self.noise[name], f"noise.{name}") for name in w_sizes}
+        blocks = [np.eye(n) if (W := mixed[name]) is None else W for name, n in w_sizes.items()]
+        mix = (
+            None
+            if all(W is None for W in mixed.values())
+            else ca.sparsify(ca.DM(np.asarray(block_diag(*blocks), float)))
+        )
         source = dict(column)
         place, offset = {}, len(column)
         for name in known:
@@ -146,7 +195,7 @@ class ProcessModel:
                 offset += 1
 
         def values(t: Any, x: Any, u: Any, w: Any, p: Any) -> dict[Any, Any]:
-            every = ca.vertcat(x, u, w)
+            every = ca.vertcat(x, u, w if mix is None else ca.mtimes(mix, w))
             arguments = []
             for signal in f.inputs:
                 unknown = [pair for pair in signal.pairs if pair not in source and pair not in place]
@@ -181,90 +230,9 @@ class ProcessModel:
 
         return ProcessEquations(
             Manifold(parts), u_sizes, w_sizes, rates, {name: output(name) for name in signals},
-            np.diag(densities(self.noise, w_sizes)), {name: np.atleast_1d(v) for name, v in given.items()},
+            intensity, {name: np.atleast_1d(v) for name, v in given.items()},
             ca.SX.sym if function.is_a("SXFunction") else ca.MX.sym,
         )  # fmt: skip
-
-
-class DiscreteProcess:
-    """A process written as its step from one instant to the next, with a covariance per step.
-
-    Args:
-        states: its states as `StatePart`s.
-        period: of the steps [s]; measurements come at multiples of it.
-        step: (x) -> mapping name -> next value; x has the states as attributes, CasADi columns.
-        covariance: of the noise that each step adds, (n,) for a diagonal or (n, n), in errors of the states.
-        outputs: name -> function of x that gives what a sensor may measure; the states themselves are there by name.
-
-    >>> P = gt.filtering.StatePart
-    >>> step = lambda x: {"x": x.x + 0.1 * x.v, "v": x.v}
-    >>> process = gt.filtering.DiscreteProcess([P("x", unit="m"), P("v", unit="m/s")], 0.1, step, [0.0, 1e-4])
-    >>> process.period
-    0.1
-    """
-
-    def __init__(
-        self,
-        states: Sequence[StatePart],
-        period: float,
-        step: Callable[[Any], Mapping[str, Any]],
-        covariance: Any,
-        outputs: Mapping[str, Callable[[Any], Any]] | None = None,
-    ) -> None:
-        self.space, self.period, self._step = Manifold(states), float(period), step
-        self._outputs = dict(outputs or {})
-        Q = np.asarray(covariance, float)
-        n = self.space.dimension
-        Q = np.diag(Q) if Q.ndim == 1 else Q
-        if Q.shape != (n, n) or not np.allclose(Q, Q.T) or np.linalg.eigvalsh(Q)[0] < -1e-12 * np.trace(Q):
-            raise ArgumentError(
-                f"expected {n} variances or a symmetric ({n}, {n}) matrix that is not negative; found shape {Q.shape}",
-                "covariance",
-            )
-        if not self.period > 0:
-            raise ArgumentError(f"expected more than 0 s; found {period}", "period")
-        self.covariance = Q
-
-    def dynamics(self, signals: Sequence[str]) -> ProcessEquations:
-        """Its step and these outputs as functions of columns."""
-        space = self.space
-        names = [part.name for part in space.parts]
-        outputs = {}
-        for name in signals:
-            if name not in names and name not in self._outputs:
-                there = ", ".join(f"'{n}'" for n in [*names, *self._outputs])
-                raise ArgumentError(f"there is no '{name}' to measure; there are {there}", "sensors")
-
-            def value(t: Any, x: Any, u: Any, p: Any, name: str = name) -> Any:
-                state = self._state(x)
-                return self._outputs[name](state) if name in self._outputs else getattr(state, name)
-
-            outputs[name] = value
-
-        def rates(t: Any, x: Any, u: Any, w: Any, p: Any) -> Any:
-            after = self._step(self._state(x))
-            _known(after, names, "step")
-            missing = [n for n in names if n not in after]
-            if missing:
-                raise ArgumentError(f"it gives no next value of '{missing[0]}'; give one for each state", "step")
-            return ca.vertcat(*[after[name] for name in names])
-
-        return ProcessEquations(space, {}, {}, rates, outputs, self.covariance, {}, period=self.period)
-
-    def _state(self, x: Any) -> SimpleNamespace:
-        return SimpleNamespace(**{part.name: x[at] for part, at, _ in self.space.places()})
-
-
-AnyProcess = ProcessModel | DiscreteProcess
-
-
-def unit_of(process: AnyProcess, name: str) -> str:
-    """Unit of what may be measured, "?" where none was declared."""
-    if isinstance(process, DiscreteProcess):
-        return next((part.unit for part in process.space.parts if part.name == name), "?")
-    flat = flat_of(process.model)
-    _, indices, order = flat.lookup(name)
-    return flat.unit_of(indices[0], order)
 
 
 def densities(noise: Mapping[str, Any], sizes: Mapping[str, int]) -> np.ndarray:
@@ -272,6 +240,9 @@ def densities(noise: Mapping[str, Any], sizes: Mapping[str, int]) -> np.ndarray:
     length."""
     every = []
     for name, size in sizes.items():
+        if np.ndim(noise[name]) == 2:
+            every.append(np.diag(covariance_matrix(noise[name], size, f"noise.{name}", singular=True)))
+            continue
         try:
             value = np.broadcast_to(np.asarray(noise[name], float), (size,))
         except (TypeError, ValueError):
@@ -282,7 +253,15 @@ def densities(noise: Mapping[str, Any], sizes: Mapping[str, int]) -> np.ndarray:
     return np.concatenate(every) if every else np.zeros(0)
 
 
-def _known(given: Any, names: Any, argument: str) -> None:
+def _mixing_of(value: Any, argument: str) -> np.ndarray | None:
+    """What mixes independent noise of these densities; None where they are no matrix."""
+    if np.ndim(value) != 2:
+        return None
+    return mixing(covariance_matrix(value, len(value), argument, singular=True))
+
+
+def only_named(given: Any, names: Any, argument: str) -> None:
+    """Raises ArgumentError for a name that is not among these."""
     for name in given:
         if name not in names:
             there = ", ".join(f"'{n}'" for n in names) or "none"

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal, get_args
 
 import numpy as np
 
 from ..results.refusal import ArgumentError
+from .correlated import covariance_matrix, independent
 from .manifold import PartKind
 
 Free = Literal["estimate"]
@@ -23,7 +24,9 @@ class Sensor:
         signal: the variable of the process that it measures, as in "p"; the sensor's name if left out.
         deviation: standard deviation of the white noise of one reading, a number or one per component, in the unit of
             the signal; of a quaternion or direction an angle [rad].
-        density: in place of it, deviation times the root of the period, as data sheets print it [unit / sqrt(Hz)].
+        covariance: in place of it, the full covariance of the noise of one reading (n, n). Innovations are then those
+            of independent combinations of its numbers; where a number is missing, those after it are left out too.
+        density: in place of both, deviation times the root of the period, as data sheets print it [unit / sqrt(Hz)].
         period: between two readings [s]; needed with `density`, and to simulate readings.
         kind: "vector"; "quaternion" (scalar first; either sign is the same), or "direction" (such as a magnetometer's);
             of both the length does not count, and a reading of no length is a missing one. An angle that jumps by a
@@ -61,10 +64,12 @@ class Sensor:
     offset: Any = 0.0
     gate: float | None = None
     outliers: Literal["huber"] | None = None
+    covariance: Any = None
 
     def __post_init__(self) -> None:
-        if (self.deviation is None) == (self.density is None):
-            raise ArgumentError(f"sensor '{self.name}' takes either a deviation or a density", "deviation")
+        given = [self.deviation is not None, self.density is not None, self.covariance is not None]
+        if sum(given) != 1:
+            raise ArgumentError(f"sensor '{self.name}' takes one of deviation, density and covariance", "deviation")
         if self.density is not None and self.period is None:
             raise ArgumentError(f"sensor '{self.name}' has a density; give the period of its readings too", "period")
         if self.kind not in get_args(PartKind):
@@ -98,8 +103,11 @@ class Sensor:
         return 0.0 if self.delay == ESTIMATE else float(self.delay)
 
     def deviations(self, size: int) -> np.ndarray:
-        """Standard deviations of the components of one reading (size,). Raises ArgumentError for another number of
+        """Standard deviations of the components of one reading (size,), with a full covariance those of independent
+        combinations of them. Raises ArgumentError for another number of
         them, and for one that is not above zero."""
+        if self.covariance is not None:
+            return independent(covariance_matrix(self.covariance, size, f"{self.name}.covariance", singular=False))[1]
         per_reading = self.deviation
         if self.density is not None and self.period is not None:
             per_reading = np.asarray(self.density, float) / np.sqrt(self.period)
@@ -111,6 +119,34 @@ class Sensor:
         if not np.all(np.isfinite(values)) or np.any(values <= 0):
             raise ArgumentError(f"expected more than zero; found {per_reading!r}", f"{self.name}.deviation")
         return values
+
+    def mixing(self, size: int) -> np.ndarray | None:
+        """What makes the noise of one reading of independent numbers, whose `deviations` they are (size, size); None
+        where its own numbers are independent."""
+        if self.covariance is None:
+            return None
+        return independent(covariance_matrix(self.covariance, size, f"{self.name}.covariance", singular=False))[0]
+
+    def with_deviation(self, value: Any, size: int) -> Sensor:
+        """The same with another deviation; of a full covariance one in proportion to its own.
+
+        Raises ArgumentError for one that is not.
+        """
+        if self.covariance is None:
+            return replace(self, deviation=value, density=None)
+        own, other = self.deviations(size), Sensor(self.name, deviation=value).deviations(size)
+        factor = float(other[0] / own[0])
+        if not np.allclose(other, factor * own, rtol=PROPORTIONAL):
+            there = ", ".join(f"{v:.4g}" for v in own)
+            raise ArgumentError(
+                f"'{self.name}' has a full covariance, whose independent deviations are {there}; give a multiple of "
+                f"them, or make the sensor anew; found {value!r}",
+                "deviations",
+            )
+        return replace(self, covariance=factor**2 * np.asarray(self.covariance, float))
+
+
+PROPORTIONAL = 1e-9  # of deviations that are multiples of others but for round-off
 
 
 def _is(value: Any, number: float) -> bool:

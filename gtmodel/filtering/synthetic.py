@@ -60,6 +60,8 @@ def synthetic_readings(
         values = np.array([system.read((name,), float(time[row]), states[:, row], u[row]) for row in rows])
         values = np.broadcast_to(np.swapaxes(values, 0, 1), (runs, len(rows), part.size))
         noise = rng.normal(size=(runs, len(rows), part.dimension)) * system.deviations[name]
+        if name in system.mixing:
+            noise = noise @ system.mixing[name].T
         read = Manifold([part]).plus(values, noise) + np.asarray((faults or {}).get(name, 0.0))
         log[name] = Readings(np.asarray(time)[rows] + sensor.lag, read if runs > 1 else read[0])
     return log

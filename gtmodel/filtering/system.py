@@ -11,8 +11,9 @@ import casadi as ca
 import numpy as np
 
 from ..results.refusal import ArgumentError
+from .correlated import same_mixing
 from .manifold import Manifold, StatePart
-from .process import AnyProcess, ProcessModel, densities, unit_of
+from .process import AnyProcess
 from .rowwise import RowsFunction
 from .sensors import ESTIMATE, Sensor
 from .transition import CurvedTransition, GivenTransition, LinearTransition, runge_kutta
@@ -79,6 +80,8 @@ class System:
         self.deviations = {
             name: sensor.deviations(self.readings[name].dimension) for name, sensor in self.sensors.items()
         }
+        made = {name: sensor.mixing(self.readings[name].dimension) for name, sensor in self.sensors.items()}
+        self.mixing = {name: W for name, W in made.items() if W is not None}
         self.transition, straight = self._transition(longest_step)
         self.linear = straight and self._straight_readings()
         self._made: dict[tuple[str, ...], Any] = {}
@@ -88,15 +91,13 @@ class System:
     def with_(self, noise: Mapping[str, Any] | None = None, deviations: Mapping[str, Any] | None = None) -> System:
         """The same system with other densities of noise and other deviations of sensors; nothing is compiled anew.
 
-        Raises ArgumentError for a name that is not there, and for a noise of a process in discrete time.
+        Raises ArgumentError for a name that is not there, and for noise that is correlated in another way.
         """
         other = copy.copy(self)
         other._groups = {}
         if noise:
-            if not isinstance(self.process, ProcessModel):
-                raise ArgumentError("a process in discrete time has no named noise; make it anew", "noise")
             other.process = self.process.with_noise(**noise)
-            intensity = np.diag(densities(other.process.noise, self.dynamics.noise))
+            intensity = other.process.intensity(self.dynamics.noise)
             other.dynamics = replace(self.dynamics, intensity=intensity)
             other.transition = self.transition.with_intensity(intensity)
         other.deviations = dict(self.deviations)
@@ -104,9 +105,10 @@ class System:
             if name not in self.sensors:
                 there = ", ".join(f"'{n}'" for n in self.sensors)
                 raise ArgumentError(f"there is no sensor '{name}'; there are {there}", "deviations")
-            sensor = replace(self.sensors[name], deviation=value, density=None)
+            size = self.readings[name].dimension
+            sensor = self.sensors[name].with_deviation(value, size)
             other.sensors = {**other.sensors, name: sensor}
-            other.deviations[name] = sensor.deviations(self.readings[name].dimension)
+            other.deviations[name] = sensor.deviations(size)
         return other
 
     @property
@@ -176,7 +178,7 @@ class System:
                 f"'{sensor.name}' measures the {own} '{sensor.quantity}' as a {sensor.kind}; say kind='{own}'",
                 f"{sensor.name}.kind",
             )
-        return StatePart(sensor.name, sensor.kind, value.numel(), unit_of(self.process, sensor.quantity))
+        return StatePart(sensor.name, sensor.kind, value.numel(), self.process.unit_of(sensor.quantity))
 
     def _corrections(self, sensor: Sensor, size: int) -> None:
         """Raises ArgumentError where scale or offset of a sensor are of another size than its quantity."""
@@ -247,10 +249,26 @@ class System:
         for name in names:
             space = Manifold([self.readings[name]])
             value = self.expected(self.sensors[name], t, x, u)
-            residuals.append(space.minus_symbols(z[first : first + space.size], value))
-            rows.append(ca.mtimes(space.to_error(value), ca.jacobian(value, x)))
+            residual = space.minus_symbols(z[first : first + space.size], value)
+            row = ca.mtimes(space.to_error(value), ca.jacobian(value, x))
+            if name in self.mixing:  # independent combinations
+                own = ca.sparsify(ca.DM(np.tril(np.linalg.inv(self.mixing[name]))))
+                residual, row = ca.mtimes(own, residual), ca.mtimes(own, row)
+            residuals.append(residual)
+            rows.append(row)
             first += space.size
         return ca.vertcat(*residuals), ca.mtimes(ca.vertcat(*rows), self.space.from_error(x))
+
+    def independent(self, names: tuple[str, ...], e: np.ndarray) -> np.ndarray:
+        """Errors (..., numbers) of what these sensors read as combinations whose noise is independent, which is
+        what `reading` gives; the same where no sensor has a full covariance."""
+        if not self.mixing:
+            return e
+        e = e.copy()
+        for name, at in zip(names, self.rows_of(names), strict=True):
+            if name in self.mixing:
+                e[..., at] = e[..., at] @ np.tril(np.linalg.inv(self.mixing[name])).T
+        return e
 
     def reading(self, names: tuple[str, ...]) -> Any:
         """The function (t, x, u, z) -> residuals (m, k) of what these sensors read, side by side, and their Jacobian H
@@ -296,6 +314,9 @@ class System:
         times = getattr(inputs, "time", None) if self.dynamics.inputs else None
         if times is None:
             return []
+        if (period := self.dynamics.period) is not None:  # a step takes the inputs at its begin
+            steps = round((last - first) / period)
+            return [(t, self.inputs_at(inputs, t)) for t in (float(first + k * period) for k in range(1, steps))]
         rows = slice(*np.searchsorted(times, [first + SAME_INSTANT, last - SAME_INSTANT]))
         return [(float(t), self.inputs_at(inputs, float(t))) for t in times[rows]]
 
@@ -329,6 +350,8 @@ def agree_in_shape(systems: Sequence[System]) -> None:
         if other.space.parts != first.space.parts or other.readings != first.readings:
             raise ArgumentError(f"system {n} has other states or sensors than system 0; give all the same", "systems")
         for name, sensor in other.sensors.items():
+            if not same_mixing(other.mixing.get(name), first.mixing.get(name)):
+                raise ArgumentError(f"system {n} has noise of '{name}' that is correlated in another way", "systems")
             for what in ("lag", "gate"):
                 if getattr(sensor, what) != getattr(first.sensors[name], what):
                     raise ArgumentError(

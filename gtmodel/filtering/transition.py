@@ -161,17 +161,17 @@ class CurvedTransition:
 
 
 class GivenTransition:
-    """Of a process that is written as its step."""
+    """Of a process that is written as its step, with time and known inputs at the begin of each."""
 
     def __init__(self, dynamics: ProcessEquations, space: Manifold, rates: Any) -> None:
         self.period, self.Q = float(dynamics.period or 0.0), np.zeros((space.dimension, space.dimension))
         own = dynamics.space.dimension
         self.Q[:own, :own] = dynamics.intensity
-        x, t = dynamics.symbol("x", space.size), dynamics.symbol("t")
-        after = space.to_unit(rates(t, x, ca.DM.zeros(0), ca.DM.zeros(0)))
+        x, t, u = dynamics.symbol("x", space.size), dynamics.symbol("t"), dynamics.columns()["u"]
+        after = space.to_unit(rates(t, x, u, ca.DM.zeros(0)))
         F = ca.mtimes([space.to_error(after), ca.jacobian(after, x), space.from_error(x)])
         self._own = own
-        self.function = RowsFunction("transition", [x], [ca.substitute(after, t, 0), ca.substitute(F, t, 0)], (1,))
+        self.function = RowsFunction("transition", [t, x, u], [after, F], (1,))
 
     def with_intensity(self, intensity: np.ndarray) -> GivenTransition:
         """The same with another covariance of each step."""
@@ -191,7 +191,8 @@ class GivenTransition:
                 "log",
             )
         for k in range(steps):
-            after, F = self.function(made.x)
+            share = k / steps
+            after, F = self.function(t + share * dt, made.x, u0 + share * (u1 - u0))
             one = Advance(after, F, self.Q)
             made = one if k == 0 else made.then(one)
         return made

@@ -12,7 +12,6 @@ from ..results.refusal import ArgumentError
 from ..results.trajectory import Trajectory
 from .belief import InitialState
 from .error_state import ErrorState
-from .process import ProcessModel
 from .system import System
 
 TOLERANCE = 0.02  # of the logarithm of a density; its interval is wider on any log
@@ -70,7 +69,7 @@ def tune(
     from scipy.optimize import minimize
 
     for name in names:
-        noises = system.process.noise if isinstance(system.process, ProcessModel) else {}
+        noises = system.process.noise
         there = [*(f"{n}.density" for n in noises), *(f"{n}.deviation" for n in system.sensors)]
         if name not in there:
             raise ArgumentError(f"there is no '{name}' to tune; there are {', '.join(there)}", "names")
@@ -80,7 +79,7 @@ def tune(
     def with_factors(exponents: np.ndarray) -> System:
         factors = dict(zip(names, np.exp(exponents), strict=True))
         noise = {
-            n[:-8]: np.asarray(_noise_of(system)[n[:-8]]) * f for n, f in factors.items() if n.endswith(".density")
+            n[:-8]: np.asarray(system.process.noise[n[:-8]]) * f for n, f in factors.items() if n.endswith(".density")
         }
         deviations = {n[:-10]: system.deviations[n[:-10]] * f for n, f in factors.items() if n.endswith(".deviation")}
         return system.with_(noise, deviations)
@@ -120,17 +119,13 @@ def tune(
     variance[~(variance > 0)] = np.inf
     half = 1.959963984540054 * np.sqrt(variance)
     tuned = with_factors(best.x)
-    values = {n: _noise_of(tuned)[n[:-8]] if n.endswith(".density") else tuned.deviations[n[:-10]] for n in names}
+    values = {n: tuned.process.noise[n[:-8]] if n.endswith(".density") else tuned.deviations[n[:-10]] for n in names}
     factors = {n: float(np.exp(x)) for n, x in zip(names, best.x, strict=True)}
     with np.errstate(over="ignore"):
         intervals = {
             n: (float(np.exp(x - h)), float(np.exp(x + h))) for n, x, h in zip(names, best.x, half, strict=True)
         }
     return Tuned(tuned, values, factors, intervals, -float(best.fun), declared - float(best.fun))
-
-
-def _noise_of(system: System) -> dict[str, Any]:
-    return system.process.noise if isinstance(system.process, ProcessModel) else {}
 
 
 def _curvature(loss: Callable[[np.ndarray], float], x: np.ndarray, least: float) -> np.ndarray:

@@ -309,10 +309,16 @@ def scope_of(*values: Any) -> Any:
     return next((v.scope for v in values if isinstance(v, Expr)), None)
 
 
+def written_out(*values: Any) -> bool:
+    """Whether there are CasADi columns among these, and no expressions of a model."""
+    return scope_of(*values) is None and any(isinstance(v, (ca.SX, ca.MX)) for v in values)
+
+
 def vector(parts: Sequence[Any]) -> Expr:
     """A vector (n,) from n scalars, or a matrix (n, m), one row each, from n vectors of length m.
 
-    All have one unit; numbers adopt it. Raises ModelError for parts of different shapes or units, and for numbers alone
+    All have one unit; numbers adopt it. Of the CasADi columns that a step of a filter is written with it is one of
+    them. Raises ModelError for parts of different shapes or units, and for numbers alone
     (use numpy.array).
 
     >>> m = gt.Builder()
@@ -322,6 +328,8 @@ def vector(parts: Sequence[Any]) -> Expr:
     >>> gt.vector([[x, y], [y, x]]).shape
     (2, 2)
     """
+    if written_out(*parts):  # in a step or an output of a filter, which has no units
+        return ca.vertcat(*parts)  # type: ignore[return-value]
     parts = [gathered(p) for p in parts]
     scope = scope_of(*parts)
     if scope is None:

@@ -8,7 +8,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from .expression import ONE, UFUNCS, Expr, aligned, dimension_of, gathered, operand, scope_of, times
+from .expression import ONE, UFUNCS, Expr, aligned, dimension_of, gathered, operand, scope_of, times, written_out
 from .source import ModelError, here
 from .units import SECOND
 
@@ -41,6 +41,8 @@ def der(x: Any, order: int = 1) -> Expr:
 
 def _product(name: str, a: Any, b: Any, shape: tuple[int, ...]) -> Expr:
     """A product of two vectors, which both have the shape of the result where that is no scalar."""
+    if written_out(a, b):  # in a step or an output of a filter
+        return getattr(ca, name)(a, b)
     a, b = gathered(a), gathered(b)
     scope = scope_of(a, b)
     if scope is None:

@@ -84,9 +84,10 @@ class Unscented(Filter):
         m, k, size = points.shape
         values = system.read(names, belief.time, points.reshape(m * k, size), u).reshape(m, k, -1)
         expected = seen.mean(values, self.weights, values[:, 0])
-        e = seen.minus(values, expected[:, None])
+        e = system.independent(names, seen.minus(values, expected[:, None]))
         weights = np.broadcast_to(self.weights, (m, k))
-        spread = spread_of(system, names, seen.minus(z, expected), moments(e, weights), moments(d, weights, e))
+        residual = system.independent(names, seen.minus(z, expected))
+        spread = spread_of(system, names, residual, moments(e, weights), moments(d, weights, e))
         solved = spread.solved()
         correction = (solved.K @ spread.residual[..., None])[..., 0]
         # Joseph's form over the points: what is left of the error of each, and the noise of the readings

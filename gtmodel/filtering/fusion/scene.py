@@ -9,9 +9,10 @@ import numpy as np
 
 from ..belief import InitialState
 from ..bodies import TranslatingBody, TurningBody
+from ..discrete_process import DiscreteProcess
 from ..manifold import StatePart
 from ..paths import BodyMotion, TrackedPath
-from ..process import AnyProcess, DiscreteProcess, ProcessModel
+from ..process import AnyProcess, ProcessModel
 from ..readings import Readings
 from ..sensors import Sensor
 from ..synthetic import synthetic_readings
