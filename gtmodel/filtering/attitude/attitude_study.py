@@ -14,7 +14,7 @@ from ...results import ArgumentError, Check, SolveStatus, Work, at_least, at_mos
 from ...results.door import study_function
 from ...results.estimate import Estimate
 from ...results.made_files import MadeFiles
-from ...results.work import Progress, never, silent
+from ...results.work import Interrupted, Progress, never, silent
 from ..smoother import smooth
 from . import gyro_parts
 from .arrival import sampled_instants
@@ -37,6 +37,8 @@ from .gyro_calibration import FEWEST, GyroCalibration, calibrated_on
 from .gyro_path import gyro_path, picked
 from .options import AttitudeJudging, SyntheticAttitude
 from .recording import AttitudeRecording, synthetic_attitude
+from .reference_noise import BLOCK
+from .suspicious import as_declared, clocks_that_meet, not_mirrored
 
 SURE = 10.0  # by how much the log-likelihood of the convention must exceed that of others that mean something else
 SAME = 1.0  # conventions closer than that fit alike
@@ -44,6 +46,8 @@ UNIT_LENGTH = 1e-3  # a quaternion further from it is no orientation
 SPIKE = 10.0  # median residuals: a reference that is off by more from both neighbours, which agree, is left out
 TRUTH = 20.0  # deviations, Student's t of three degrees: chance goes beyond in a hundredth, over 13 numbers
 COVERED = 0.95
+CLOSE = 8.0  # references in the shortest gap: more hide nothing new, since a gyro's error lasts for seconds
+MOST_FILTERED = 20_000  # samples of the gyro over which filter and smoother run, some ten seconds of work
 
 
 @study_function
@@ -77,8 +81,25 @@ def attitude_study(
     (True, True)
     """
     work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
-    o = judging or AttitudeJudging()
+    so_far: dict[str, Any] = {}
+    try:
+        return _studied(recording, judging or AttitudeJudging(), title or "attitude", work, so_far)
+    except Interrupted as stopped:
+        return AttitudeStudy(
+            status=SolveStatus.INTERRUPTED, message=str(stopped), title=title or "attitude", **so_far
+        )  # fmt: skip
+
+
+def _studied(
+    recording: AttitudeRecording | SyntheticAttitude, o: AttitudeJudging, title: str, work: Work, so_far: dict[str, Any]
+) -> AttitudeStudy:
+    """The study; so_far: what is known of it where it is interrupted."""
     truth = None
+
+    def ask() -> None:
+        if work.interrupted():
+            raise Interrupted("stopped before the end: this is what was found so far")
+
     if isinstance(recording, SyntheticAttitude):
         made = synthetic_attitude(recording)
         recording, truth = made.recording, made.correction
@@ -87,8 +108,10 @@ def attitude_study(
     work.step("units and directions", 0.05)
     whole, dropped = _sound(references.time, references["quaternion"])
     at, quaternion = references.time[whole], references["quaternion"][whole]
-    units = list(RATE_UNITS) if gyro.unit("rate") == "1" else ["rad/s"]
-    tried, time, clock = _clock(gyro.time, gyro["rate"], at, quaternion, units, o)
+    tried, time, clock = _clock(gyro.time, gyro["rate"], at, quaternion, list(RATE_UNITS), o, ask)
+    clocks_that_meet(tried[0], time, gyro["rate"], at, quaternion, o)
+    not_mirrored(tried, SURE)
+    tried = as_declared(tried, gyro.unit("rate"), SURE)
     least = tried[0].log_likelihood - SAME
     alike = [c for c in tried if c.log_likelihood >= least]
     others = [c for c in tried if c.log_likelihood < least]
@@ -98,11 +121,18 @@ def attitude_study(
         opposite = [c for c in others if c.rate_unit == alike[0].rate_unit]
         rest = resting(time, gyro["acceleration"], at - alike[0].offset, quaternion, [*alike, *opposite], units=forces)
     chosen = _upright(alike, rest)
+    so_far |= {
+        "convention": chosen.words, "conventions": [c.words for c in tried], "clock": clock, "gravity": _gravity(rest),
+        "log_likelihood": [c.log_likelihood for c in tried], "synthetic": synthetic,
+    }  # fmt: skip
     reading = gyro["rate"] * RATE_UNITS[chosen.rate_unit]
     turned = rotations(quaternion, chosen.order, chosen.direction)
     spikes = _spikes(time, reading, at, turned, chosen)
     dropped = [*dropped, *at[spikes]]
     at, turned = at[~spikes], picked(turned, ~spikes)
+    so_far["left_out"] = [float(t) for t in dropped]
+    every = _stride(at, o.gaps)
+    given, at, turned = len(at), at[::every], picked(turned, slice(None, None, every))
     until = o.calibrate_until if o.calibrate_until is not None else float(np.median(at))
     parts = [at <= until, at > until]
     _fitting(at, parts, o.gaps)
@@ -111,26 +141,36 @@ def attitude_study(
         name = f"the {('first', 'second')[n]} part"
         work.step(f"calibration on {name}", 0.15 + 0.3 * n)
         begin = started(time, reading, at[part], picked(turned, part), chosen.offset)
-        calibrations.append(calibrated_on(name, time, reading, at[part], picked(turned, part), begin))
+        own = picked(turned, part)
+        calibrations.append(calibrated_on(name, time, reading, at[part], own, begin, ask, o.sample_period))
     for calibration in calibrations:
         if calibration.likeliest is None:
-            return AttitudeStudy(status=calibration.status, message=calibration.message, title=title or "attitude")
+            return AttitudeStudy(status=calibration.status, message=calibration.message, title=title, **so_far)
+    estimates = [c.by(gyro_parts.NAMES, gyro_parts.UNITS, gyro_parts.parts) for c in calibrations]
+    intervals = [[e.interval(name) for name in gyro_parts.NAMES] for e in estimates]
+    so_far |= {
+        "names": gyro_parts.NAMES, "numbers": estimates[0].values.tolist(), "estimate": estimates[0],
+        "first_interval": intervals[0], "second_interval": intervals[1],
+    }  # fmt: skip
     work.step("gaps", 0.75)
     judged = [
-        _judged(time, reading, at[part], picked(turned, part), calibration, o.gaps)
+        _judged(time, reading, at[part], picked(turned, part), calibration, o.gaps, ask)
         for part, calibration in zip(parts[::-1], calibrations, strict=True)
     ]
     work.step("filter and smoother", 0.9)
-    last = picked(turned, parts[1])
-    bridged = [_bridged(time, reading, at[parts[1]], last, calibrations[0], gap) for gap in o.gaps]
-    estimates = [c.by(gyro_parts.NAMES, gyro_parts.UNITS, gyro_parts.parts) for c in calibrations]
-    intervals = [[e.interval(name) for name in gyro_parts.NAMES] for e in estimates]
+    last = np.flatnonzero(parts[1] & (at <= _filtered_until(time, at[parts[1]])))
+    bridged = [_bridged(time, reading, at[last], picked(turned, last), calibrations[0], gap, ask) for gap in o.gaps]
+    notes = _notes(chosen, alike, rest, gyro, at, calibrations, dropped, o)
+    if every > 1:
+        notes.append(
+            f"of {given} references every {_ordinal(every)} is used, {len(at)}: closer ones say no more of a gyro"
+        )
+    if len(last) < np.sum(parts[1]):
+        notes.append(f"filter and smoother run up to {at[last[-1]]:.1f} s, {MOST_FILTERED} samples of the gyro")
     return _study(
-        title or "attitude", o, judged, bridged, calibrations, estimates, intervals, truth,
+        title, o, judged, bridged, calibrations, estimates, intervals, truth,
         checks={"likelihood_margin": _margin(alike, others)},
-        notes=_notes(chosen, alike, rest, gyro, at, calibrations, dropped, o),
-        convention=chosen.words, conventions=[c.words for c in tried], log_likelihood=[c.log_likelihood for c in tried],
-        clock=clock, gravity=_gravity(rest), left_out=[float(t) for t in dropped], synthetic=synthetic,
+        notes=notes, **so_far,
     )  # fmt: skip
 
 
@@ -152,11 +192,13 @@ def _clock(
     quaternion: np.ndarray,
     units: Sequence[str],
     o: AttitudeJudging,
+    ask: Callable[[], None],
 ) -> tuple[list[Convention], np.ndarray, str]:
     """Conventions under the more likely instants of the gyro; these instants, and a sentence."""
     tried = conventions(stamps, rate, at, quaternion, rate_units=units, longest_offset=o.longest_offset)
     if o.sample_period is None:
         return tried, stamps, "as stamped"
+    ask()
     even = sampled_instants(stamps, o.sample_period)
     others = conventions(even, rate, at, quaternion, rate_units=units, longest_offset=o.longest_offset)
     gain = others[0].log_likelihood - tried[0].log_likelihood
@@ -212,30 +254,61 @@ def _fitting(at: np.ndarray, parts: Sequence[np.ndarray], gaps: Sequence[float])
                 raise ArgumentError(f"no gap of {gap:g} s hides a reference among those {span}", "judging.gaps")
 
 
+def _stride(at: np.ndarray, gaps: Sequence[float]) -> int:
+    """Every which of many references is used: of those that are closer than an eighth of the shortest gap, fewer."""
+    if len(at) <= 2 * BLOCK or not gaps:
+        return 1
+    return max(1, min(int(min(gaps) / CLOSE / np.median(np.diff(at))), len(at) // (2 * BLOCK)))
+
+
+def _ordinal(n: int) -> str:
+    ending = "th" if n % 100 in (11, 12, 13) else {1: "st", 2: "nd", 3: "rd"}.get(n % 10, "th")
+    return f"{n}{ending}"
+
+
+def _filtered_until(time: np.ndarray, at: np.ndarray) -> float:
+    """Up to when [s] the filter runs over these references: as many samples of the gyro as it may take."""
+    row = int(np.searchsorted(time, at[0])) + MOST_FILTERED
+    return float(max(time[row], at[0] + 0.0)) if row < len(time) else float(at[-1])
+
+
 # -- calibrated, judged -------------------------------------------------------------------------------------
 
 
 def _judged(
-    time: np.ndarray, reading: np.ndarray, at: np.ndarray, turned: Rotation, c: GyroCalibration, gaps: Sequence[float]
+    time: np.ndarray,
+    reading: np.ndarray,
+    at: np.ndarray,
+    turned: Rotation,
+    c: GyroCalibration,
+    gaps: Sequence[float],
+    ask: Callable[[], None],
 ) -> list[GapErrors]:
     path = gyro_path(time, reading, at, c.correction, derivative=True)
     judged = []
     for gap in gaps:
-        errors = gap_errors(at, turned, path, c.noise, c.estimate.covariance, gap)
+        errors = gap_errors(at, turned, path, c.noise, c.estimate.covariance, gap, ask)
         assert errors is not None, "gaps that are too long were refused"
         judged.append(errors)
     return judged
 
 
 def _bridged(
-    time: np.ndarray, reading: np.ndarray, at: np.ndarray, turned: Rotation, c: GyroCalibration, gap: float
+    time: np.ndarray,
+    reading: np.ndarray,
+    at: np.ndarray,
+    turned: Rotation,
+    c: GyroCalibration,
+    gap: float,
+    ask: Callable[[], None],
 ) -> tuple[float, float, float]:
     """Mean errors at hidden references of the causal filter and its smoother, and the mean of NIS per number."""
     used, last = np.zeros(len(at), bool), -np.inf
     for k, t in enumerate(at):
         if t >= last + gap - 1e-9:
             used[k], last = True, t
-    run = attitude_filter(time + c.correction.offset, c.correction(reading), at, turned, c.noise, used)
+    run = attitude_filter(time + c.correction.offset, c.correction(reading), at, turned, c.noise, used, ask)
+    ask()
     rows = np.searchsorted(run.time, at[~used])
     truth = picked(turned, ~used)
     means = []
@@ -280,14 +353,12 @@ def _study(
         off = np.abs(gyro_parts.parts(truth.numbers) - estimates[0].values) / estimates[0].std
         checks["true_numbers"] = Check(float(off.max()), TRUTH, "the intervals are too narrow")
     return AttitudeStudy(
-        status=SolveStatus.SOLVED, title=title, checks=checks, notes=tuple(notes), estimate=estimates[0],
+        status=SolveStatus.SOLVED, title=title, checks=checks, notes=tuple(notes),
         message="; ".join(
             f"gaps of {gap:g} s: {np.degrees(m['carried']):.2f} deg carried, {np.degrees(m['corrected']):.2f} deg "
             f"corrected, {np.degrees(m['slerp']):.1f} deg by slerp"
             for gap, m in zip(o.gaps, means, strict=True)
         ),
-        names=gyro_parts.NAMES, numbers=estimates[0].values.tolist(), first_interval=intervals[0],
-        second_interval=intervals[1],
         timing=[c.noise.timing for c in calibrations], relative=[c.noise.relative for c in calibrations],
         persistence=[c.noise.persistence for c in calibrations], gaps=o.gaps, starts=[e.gaps for e in rows],
         methods=tuple(METHODS), error=[list(m.values()) for m in means],

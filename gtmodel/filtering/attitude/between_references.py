@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +12,7 @@ from .attitude_result import METHODS
 from .gyro_path import GyroPath, picked
 from .reference_noise import ReferenceNoise
 
+MOST_GAPS = 400  # of one length that are judged, evenly over the recording: the cost does not grow with it
 ROUND_ABOUT = 5  # references on either side that a spline goes through: those further away hardly move it
 
 
@@ -55,17 +56,27 @@ def gaps_of(time: np.ndarray, length: float) -> Iterator[HiddenStretch]:
 
 
 def gap_errors(
-    time: np.ndarray, reference: Rotation, path: GyroPath, noise: ReferenceNoise, doubt: np.ndarray, length: float
+    time: np.ndarray,
+    reference: Rotation,
+    path: GyroPath,
+    noise: ReferenceNoise,
+    doubt: np.ndarray,
+    length: float,
+    ask: Callable[[], None] = lambda: None,
 ) -> GapErrors | None:
     """What each method makes of the hidden references of all gaps; None where there is no gap of this length.
 
     time (k,), reference (k): by its own clock. path: of the calibrated gyro at these instants, with derivatives. noise:
     what gyro and references disagree by. doubt: covariance (13, 13) of the calibration.
+    ask: called at each gap; may raise.
     """
     times, since, gaps = list[np.ndarray](), list[np.ndarray](), 0
     error: dict[str, list[np.ndarray]] = {name: [] for name in METHODS}
     expected: dict[str, list[np.ndarray]] = {"carried": [], "corrected": []}
-    for gap in gaps_of(time, length):
+    there = list(gaps_of(time, length))
+    for k in np.unique(np.linspace(0, len(there) - 1, min(len(there), MOST_GAPS)).round().astype(int)):
+        ask()
+        gap = there[k]
         gaps += 1
         hidden, ends = gap.hidden, [gap.first, gap.last]
         bridge = Bridge.over(gap, time, reference, path, noise, doubt)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -61,12 +62,13 @@ def attitude_filter(
     reference: Rotation,
     noise: ReferenceNoise,
     used: np.ndarray,
+    ask: Callable[[], None] = lambda: None,
 ) -> Filtered:
     """The error-state filter over a whole stretch, with the references that are `used` (k,) as readings.
 
     time (n,), rate (n, 3): of the calibrated gyro, by the reference's clock. Its instants are the samples of the gyro
     and all references; of those that are not used nothing is read. The timing of the references counts as an error of
-    the same size about all axes, that of the mean square of the rate.
+    the same size about all axes, that of the mean square of the rate. ask: called now and then; may raise.
 
     >>> from scipy.spatial.transform import Rotation
     >>> time = 0.01 * np.arange(201)
@@ -93,4 +95,5 @@ def attitude_filter(
     begin = reference[0].as_quat(scalar_first=True)
     start = InitialState({"Q": begin}, {"Q": deviation, "e": noise.relative}, time=float(nodes[0]))
     inputs = Trajectory(nodes, {"rate": rates}, {"rate": "rad/s"})
-    return ErrorState(system).run({"reference": Readings(nodes, values)}, start, inputs=inputs)
+    log = {"reference": Readings(nodes, values)}
+    return ErrorState(system).run(log, start, inputs=inputs, progress=lambda _: bool(ask()))

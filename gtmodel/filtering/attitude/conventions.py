@@ -34,6 +34,8 @@ SCALE_OFF = 0.1  # a gyro's scale is within some per cent; an accelerometer's to
 OFFSETS = 201  # clock offsets that are tried over the range; the best is refined between its neighbours
 RESTING = 2e-3  # rad between two references: at rest
 SETTLE = 0.15  # s of a rest that are left out: the arm swings out
+WIDE_STEP = 0.02  # s, of offsets beyond those that were asked for: turns last some tenths
+MOST_OFFSETS = 5000  # of these
 REFINED = 2  # of the most likely conventions: their clock offset is refined; two differ by axes only
 
 
@@ -42,8 +44,10 @@ class Convention:
     """One reading of the numbers: unit of the gyro, order and direction of the quaternion, and how well it fits.
 
     log_likelihood: of the turns between references under the best rotation between the two and the best clock offset,
-    scale held at one; residuals are normal, of a size that they determine. residual: their size [rad]. offset: [s].
-    mount: that rotation, sensor to body, as a rotation vector [rad].
+    scale held at one; residuals are normal, of a size that they determine. residual: their size [rad], where the turns
+    themselves have the size `turns` [rad], of so many `numbers`. offset: [s]. mount: that rotation, sensor to body, as
+    a rotation vector [rad].
+    mirrored: log-likelihood of the best reflection above that; mirror: that reflection by rows.
     """
 
     rate_unit: str
@@ -53,6 +57,15 @@ class Convention:
     residual: float
     offset: float
     mount: tuple[float, float, float]
+    turns: float = 0.0
+    numbers: int = 0
+    mirrored: float = 0.0
+    mirror: tuple[tuple[float, ...], ...] = ()
+
+    @property
+    def either(self) -> float:
+        """Log-likelihood under the best rotation or reflection."""
+        return self.log_likelihood + max(0.0, self.mirrored)
 
     @property
     def words(self) -> str:
@@ -84,7 +97,7 @@ def conventions(
     offset is that at which angles turned between references and the gyro's correlate best, then refined by the fit.
     """
     step = 2 * longest_offset / (OFFSETS - 1)
-    tried = []
+    tried, paths = [], dict[tuple[str, float], np.ndarray]()
     for order in orders:
         angle = _between(rotations(quaternion, order, DIRECTIONS[0])).magnitude()
         offset = _coarse_offset(time, reading, reference_time, angle, longest_offset)
@@ -92,8 +105,11 @@ def conventions(
             measured = _between(rotations(quaternion, order, direction)).as_rotvec()
             for unit in rate_units:
                 near = _Near(time, reading * RATE_UNITS[unit], reference_time, measured)
-                tried.append((near, near.at_offset(Convention(unit, order, direction, 0.0, 0.0, offset, (0, 0, 0)))))
-    tried.sort(key=lambda pair: -pair[1].log_likelihood)
+                if (unit, offset) not in paths:
+                    paths[unit, offset] = near.turned(offset)
+                one = Convention(unit, order, direction, 0.0, 0.0, offset, (0, 0, 0))
+                tried.append((near, near.at_offset(one, paths[unit, offset])))
+    tried.sort(key=lambda pair: -pair[1].either)
     best = [near.refined(convention, step) for near, convention in tried[:REFINED]]
     return sorted([*best, *(convention for _, convention in tried[REFINED:])], key=lambda c: -c.log_likelihood)
 
@@ -111,11 +127,25 @@ def _between(rotation: Rotation) -> Rotation:
     return rotation[:-1].inv() * rotation[1:]
 
 
-def _coarse_offset(time: np.ndarray, reading: np.ndarray, at: np.ndarray, angle: np.ndarray, longest: float) -> float:
+def wide_offset(time: np.ndarray, reading: np.ndarray, at: np.ndarray, reference: Rotation) -> float:
+    """The clock offset [s] at which gyro and references turn most alike, wherever they overlap by half."""
+    longest = (min(time[-1] - time[0], at[-1] - at[0]) / 2) + abs(time[0] - at[0])
+    return _coarse_offset(time, reading, at, _between(reference).magnitude(), longest, step=WIDE_STEP)
+
+
+def _coarse_offset(
+    time: np.ndarray,
+    reading: np.ndarray,
+    at: np.ndarray,
+    angle: np.ndarray,
+    longest: float,
+    step: float | None = None,
+) -> float:
     """The clock offset [s] at which turned angles and the integral of the gyro's absolute rate correlate best."""
     speed = np.linalg.norm(reading, axis=1)
     turned = np.concatenate([[0.0], np.cumsum((speed[1:] + speed[:-1]) / 2 * np.diff(time))])
-    offsets = np.linspace(-longest, longest, OFFSETS)
+    count = OFFSETS if step is None else min(MOST_OFFSETS, 2 * int(np.ceil(longest / step)) + 1)
+    offsets = np.linspace(-longest, longest, count)
     with np.errstate(divide="ignore", invalid="ignore"):
         score = [np.corrcoef(np.diff(np.interp(at - o, time, turned)), angle)[0, 1] for o in offsets]
     if not np.isfinite(score).any():
@@ -137,15 +167,26 @@ class _Near:
     at: np.ndarray
     measured: np.ndarray
 
-    def at_offset(self, convention: Convention) -> Convention:
-        """A convention with its likelihood at its own clock offset."""
-        path = gyro_path(self.time, self.rate, self.at, RateCorrection(np.eye(3), np.zeros(3), convention.offset))
-        turned = path.between.as_rotvec()
+    def turned(self, offset: float) -> np.ndarray:
+        """Turns (k, 3) of the gyro between the references at this clock offset."""
+        none = RateCorrection(np.eye(3), np.zeros(3), offset)
+        return gyro_path(self.time, self.rate, self.at, none).between.as_rotvec()
+
+    def at_offset(self, convention: Convention, turned: np.ndarray | None = None) -> Convention:
+        """A convention with its likelihood at its own clock offset; turned: of the gyro there, where it is known."""
+        turned = self.turned(convention.offset) if turned is None else turned
         mount = Rotation.align_vectors(self.measured, turned)[0]
         size = float(np.sqrt(np.mean((self.measured - mount.apply(turned)) ** 2)))
         logs = -0.5 * self.measured.size * (np.log(2 * np.pi * max(size, 1e-12) ** 2) + 1)
+        reflection = -Rotation.align_vectors(self.measured, -turned)[0].as_matrix()
+        other = float(np.sqrt(np.mean((self.measured - turned @ reflection.T) ** 2)))
         x, y, z = (float(v) for v in mount.as_rotvec())
-        return replace(convention, log_likelihood=float(logs), residual=size, mount=(x, y, z))
+        return replace(
+            convention, log_likelihood=float(logs), residual=size, mount=(x, y, z),
+            turns=float(np.sqrt(np.mean(self.measured**2))), numbers=self.measured.size,
+            mirrored=self.measured.size * float(np.log(max(size, 1e-12) / max(other, 1e-12))),
+            mirror=tuple(map(tuple, reflection.tolist())),
+        )  # fmt: skip
 
     def refined(self, convention: Convention, reach: float) -> Convention:
         """The same at the best offset within `reach` [s] of its own."""
@@ -153,7 +194,7 @@ class _Near:
 
         bounds = (convention.offset - reach, convention.offset + reach)
         there = minimize_scalar(
-            lambda o: -self.at_offset(replace(convention, offset=float(o))).log_likelihood,
+            lambda o: -self.at_offset(replace(convention, offset=float(o))).either,
             bounds=bounds, method="bounded", options={"xatol": 2e-4},
         )  # fmt: skip
         return self.at_offset(replace(convention, offset=float(there.x)))

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-import scipy
 from scipy.spatial.transform import Rotation
 
 from ...inference.make_estimate import carried
@@ -17,7 +16,7 @@ from ...results.estimate import Estimate
 from ...results.refusal import ArgumentError
 from ...results.status import SolveStatus
 from .gyro_path import GyroPath, RateCorrection, crossing, gyro_path
-from .reference_noise import START, ReferenceNoise, likeliest_noise
+from .reference_noise import START, ReferenceNoise, factors, likeliest_noise, whitened
 
 NAMES = (*(f"matrix[{i}][{j}]" for i in range(3) for j in range(3)), *(f"bias[{i}]" for i in range(3)), "offset")
 UNITS = ("1",) * 9 + ("rad/s",) * 3 + ("s",)
@@ -26,6 +25,8 @@ DIFFERENCE = 1e-6  # of the numbers, for functions of them that are all but stra
 ROUNDS = 4  # of noise and fit in turn: the fourth changes no printed digit
 FEWEST = 20  # references: sixty numbers for thirteen unknowns and four sizes of noise
 STRETCHED = 2.0  # scales of a gyro beyond this, or below its inverse, are no scales
+LEAST_TURN = 0.01  # of the turns about the strongest axis: below, it is known to ten per cent at the best
+RELATED = 0.15  # of the turns: where gyro and references disagree by more, that is not for want of turning
 BLOCKS = 4  # of equal turned angle, left out one by one: longer than the error of a cheap gyro persists, 2 to 3 s
 
 
@@ -87,7 +88,12 @@ class GyroCalibration:
 
 
 def calibrate_gyro(
-    time: np.ndarray, reading: np.ndarray, reference_time: np.ndarray, reference: Rotation, start: RateCorrection
+    time: np.ndarray,
+    reading: np.ndarray,
+    reference_time: np.ndarray,
+    reference: Rotation,
+    start: RateCorrection,
+    ask: Callable[[], None] = lambda: None,
 ) -> GyroCalibration:
     """Matrix, bias and clock offset that bring integrated rates nearest to the turns between neighbouring references.
 
@@ -95,11 +101,13 @@ def calibrate_gyro(
         time, reading: of the gyro, (n,) and (n, 3) [rad/s].
         reference_time, reference: (k,) by the reference's clock, and body to world.
         start: where the fit begins; its offset within about one sample of the gyro.
+        ask: called at each evaluation; what it raises ends the fit.
 
-    Nonlinear least squares; the covariance of its residuals, see `ReferenceNoise`, is the most likely one, found in
-    turn with the fit. The standard deviations are the larger ones of that covariance and of a jackknife over four
-    blocks of time, with Student's t of three degrees of freedom: few independent errors of a gyro that persist for
-    seconds lie in a recording of ten, and intervals of the likeliest noise alone cover too little.
+    Nonlinear least squares, at a cost linear in the references; the covariance of its residuals, see `ReferenceNoise`,
+    is the most likely one, found in turn with the fit. The standard deviations are the larger ones of that covariance
+    and of a jackknife over four blocks of time, with Student's t of three degrees of freedom: few independent errors of
+    a gyro that persist for seconds lie in a recording of ten, and intervals of the likeliest noise alone cover too
+    little.
     Raises ArgumentError for fewer than twenty references.
 
     >>> made = gt.filtering.synthetic_attitude(gt.filtering.SyntheticAttitude(duration=6.0, relative=0.0))
@@ -117,12 +125,18 @@ def calibrate_gyro(
         raise ArgumentError(f"{len(reference_time)} references are too few to calibrate on; expected {FEWEST}", "until")
     problem = _Turns(time, reading, reference_time, reference)
     x, fit = start.numbers, None
-    noise, logs, C = ReferenceNoise(*START), -np.inf, np.zeros((0, 0))
+    noise, logs, roots = ReferenceNoise(*START), -np.inf, list[np.ndarray]()
     for _ in range(ROUNDS):
         path = problem.path(x)
-        noise, logs = likeliest_noise(*problem(x), problem.turn, path.rate, reference_time, noise)
-        C = noise.covariance(problem.turn, path.rate, reference_time)
-        fit = nonlinear_fit(problem, x, NAMES, scale=SIZES, covariance=C, units=UNITS)
+        noise, logs = likeliest_noise(*problem(x), problem.turn, path.rate, reference_time, noise, ask)
+        roots = factors(noise, problem.turn, path.rate, reference_time)
+
+        def white_rows(x: np.ndarray, roots: list[np.ndarray] = roots) -> tuple[np.ndarray, np.ndarray]:
+            ask()
+            r, J = problem(x)
+            return whitened(roots, r), whitened(roots, J)
+
+        fit = nonlinear_fit(white_rows, x, NAMES, scale=SIZES, sigma=1.0, units=UNITS)
         if not fit.status.ok or fit.estimate is None:
             break
         done = float(np.max(np.abs(fit.x - x) / fit.estimate.std)) < 1e-2
@@ -132,7 +146,7 @@ def calibrate_gyro(
     assert fit is not None
     white, left_out = None, np.zeros((BLOCKS, len(x)))
     if fit.estimate is not None:
-        left_out = _left_out(problem, x, C)
+        left_out = _left_out(problem, x, roots)
         white = whiteness(_along(fit.r))
     correction, r = RateCorrection.of(x), problem.residual(x)[0]
     return GyroCalibration(
@@ -140,12 +154,48 @@ def calibrate_gyro(
     )
 
 
+def turns_enough(
+    part: str, time: np.ndarray, reading: np.ndarray, at: np.ndarray, reference: Rotation, offset: float = 0.0
+) -> None:
+    """Raises ArgumentError for a part of a recording that hardly turns about some axis, which leaves the matrix open:
+    where turns about it are below what gyro and references disagree by, or a hundredth of those about others.
+    """
+    turn = (reference[:-1].inv() * reference[1:]).as_rotvec()
+    read = gyro_path(time, reading, at, RateCorrection(np.eye(3), np.zeros(3), offset)).between.as_rotvec()
+    fitted = read @ np.linalg.lstsq(read, turn, rcond=None)[0]
+    _, size, axes = np.linalg.svd(turn, full_matrices=False)
+    apart = float(np.sqrt(np.mean((turn - fitted) ** 2)))
+    weak, strong = size[-1] / np.sqrt(len(turn)), size[0] / np.sqrt(len(turn))
+    if weak > max(LEAST_TURN * strong, apart if apart < RELATED * strong else 0.0):
+        return
+    axis = axes[-1] * np.sign(axes[-1][np.argmax(np.abs(axes[-1]))])
+    named = ", ".join(f"{v:.2f}" for v in axis)
+    raise ArgumentError(
+        f"{part}, {at[0]:.4g} .. {at[-1]:.4g} s, hardly turns about the axis ({named}) of the body: "
+        f"{np.degrees(weak):.2g} deg between two references, {np.degrees(strong):.2g} deg about others, where gyro and "
+        f"references disagree by {np.degrees(apart):.2g} deg; a gyro is calibrated where the body turns about all "
+        "axes: divide the recording at another time, or record more",
+        "judging.calibrate_until",
+    )
+
+
 def calibrated_on(
-    part: str, time: np.ndarray, reading: np.ndarray, at: np.ndarray, reference: Rotation, start: RateCorrection
+    part: str,
+    time: np.ndarray,
+    reading: np.ndarray,
+    at: np.ndarray,
+    reference: Rotation,
+    start: RateCorrection,
+    ask: Callable[[], None] = lambda: None,
+    period: float | None = None,
 ) -> GyroCalibration:
-    """As `calibrate_gyro`, on a part of a recording. Raises ArgumentError for one that does not determine a gyro."""
+    """As `calibrate_gyro`, on a part of a recording. Raises ArgumentError for one that does not determine a gyro.
+
+    period: of the sensor, where it was stated [s].
+    """
+    turns_enough(part, time, reading, at, reference, start.offset)
     try:
-        made = calibrate_gyro(time, reading, at, reference, start)
+        made = calibrate_gyro(time, reading, at, reference, start, ask)
     except ArgumentError as fault:
         raise ArgumentError(f"on {part}: {fault.message}", fault.argument or "recording") from None
     matrix = made.correction.matrix
@@ -153,9 +203,13 @@ def calibrated_on(
     if np.linalg.det(matrix) <= 0 or not (1 / STRETCHED < stretch[-1] and stretch[0] < STRETCHED):
         raise ArgumentError(
             f"on {part} the gyro would have scales of {stretch[-1]:.2g} to {stretch[0]:.2g}, so its stamps do not "
-            "belong to those of the references: where rows are stamped when they arrive, give judging.sample_period, "
-            "the sensor's own",
-            "recording",
+            "belong to those of the references; "
+            + (
+                "where rows are stamped when they arrive, state the sensor's own period"
+                if period is None
+                else f"compare the stated period of {1e3 * period:.6g} ms and both columns of time with the devices"
+            ),
+            "judging.sample_period",
         )
     return made
 
@@ -189,16 +243,19 @@ def _along(white: np.ndarray) -> np.ndarray:
     return white.reshape(-1, 3).T.ravel()
 
 
-def _left_out(problem: _Turns, x: np.ndarray, C: np.ndarray) -> np.ndarray:
+def _left_out(problem: _Turns, x: np.ndarray, roots: list[np.ndarray]) -> np.ndarray:
     """How the numbers move without each block of equal turned angle (blocks, n): one step of the fit."""
     r, J = problem(x)
     angle = np.cumsum(problem.turn.magnitude())
     block = np.minimum((BLOCKS * angle / angle[-1]).astype(int), BLOCKS - 1)
     moved = []
     for k in range(BLOCKS):
-        kept = np.repeat(block != k, 3)
-        L = np.linalg.cholesky(C[np.ix_(kept, kept)])
-        A, b = (scipy.linalg.solve_triangular(L, v, lower=True) for v in (J[kept], r[kept]))
+        kept, first, own = np.repeat(block != k, 3), 0, list[np.ndarray]()
+        for L in roots:
+            there = kept[first : first + len(L)]
+            own.append(np.linalg.cholesky((L @ L.T)[np.ix_(there, there)]))
+            first += len(L)
+        A, b = (whitened(own, v) for v in (J[kept], r[kept]))
         size = 1 / np.linalg.norm(A, axis=0)
         moved.append(-size * np.linalg.lstsq(A * size, b, rcond=None)[0])
     return np.array(moved)

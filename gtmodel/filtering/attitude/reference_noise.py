@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import scipy
@@ -56,12 +58,49 @@ class ReferenceNoise:
         return C.reshape(3 * k, 3 * k) + np.kron(own, np.eye(3))
 
 
+BLOCK = 150  # intervals whose noise is taken together, ten seconds: the cost of all is linear in their number
+
+
+def blocks_of(count: int) -> list[slice]:
+    """Intervals 0 .. count in stretches of equal length, at most `BLOCK`, one after the other."""
+    edges = np.linspace(0, count, max(1, -(-count // BLOCK)) + 1).round().astype(int)
+    return [slice(int(a), int(b)) for a, b in pairwise(edges)]
+
+
+def factors(noise: ReferenceNoise, turn: Rotation, rate: np.ndarray, time: np.ndarray) -> list[np.ndarray]:
+    """Cholesky factors of the covariance of the residuals of each block; between blocks they count as independent.
+
+    Raises LinAlgError where one is not positive definite.
+    """
+    return [
+        np.linalg.cholesky(noise.covariance(turn[b], rate[b.start : b.stop + 1], time[b.start : b.stop + 1]))
+        for b in blocks_of(len(turn))
+    ]
+
+
+def whitened(roots: Sequence[np.ndarray], rows: np.ndarray) -> np.ndarray:
+    """Rows (3 k, ...) that are whitened block by block."""
+    ends = np.cumsum([0, *(len(L) for L in roots)])
+    parts = [
+        scipy.linalg.solve_triangular(L, rows[a:b], lower=True)
+        for L, a, b in zip(roots, ends[:-1], ends[1:], strict=True)
+    ]
+    return np.concatenate(parts)
+
+
 def likeliest_noise(
-    residual: np.ndarray, J: np.ndarray, turn: Rotation, rate: np.ndarray, time: np.ndarray, guess: ReferenceNoise
+    residual: np.ndarray,
+    J: np.ndarray,
+    turn: Rotation,
+    rate: np.ndarray,
+    time: np.ndarray,
+    guess: ReferenceNoise,
+    ask: Callable[[], None] = lambda: None,
 ) -> tuple[ReferenceNoise, float]:
     """The noise under which residuals (3 k,) are most likely, and their log-likelihood.
 
-    J (3 k, n): their Jacobian by what was fitted to them. The likelihood is that of what no fit can take away, the
+    J (3 k, n): their Jacobian by what was fitted to them. ask: called at each evaluation; may raise.
+    The likelihood is that of what no fit can take away, the
     restricted one, or the noise would come out too small: Patterson and Thompson 1971, Biometrika 58, 545-554.
     """
     low, high = np.log(np.array(LIMITS)).T
@@ -70,13 +109,14 @@ def likeliest_noise(
     def cost(x: np.ndarray) -> float:
         if np.any(x < low) or np.any(x > high):
             return np.inf
+        ask()
         try:
-            L = np.linalg.cholesky(ReferenceNoise(*np.exp(x)).covariance(turn, rate, time))
+            roots = factors(ReferenceNoise(*np.exp(x)), turn, rate, time)
         except np.linalg.LinAlgError:
             return np.inf
-        R = np.linalg.qr(scipy.linalg.solve_triangular(L, rows, lower=True), mode="r")
+        R = np.linalg.qr(whitened(roots, rows), mode="r")
         size = np.abs(np.diag(R))
-        left, logs = size[-1] ** 2, np.log(size[:-1]).sum() + np.log(np.diag(L)).sum()
+        left, logs = size[-1] ** 2, np.log(size[:-1]).sum() + sum(np.log(np.diag(L)).sum() for L in roots)
         return float(0.5 * left + logs + 0.5 * (len(rows) - J.shape[1]) * np.log(2 * np.pi))
 
     start = (guess.timing, guess.relative, guess.floor, guess.persistence)

@@ -1,0 +1,109 @@
+"""What a recording shows to be wrong with itself: clocks apart, a mirrored gyro, another unit than was declared."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ...results.refusal import ArgumentError
+from .conventions import ORDERS, RATE_UNITS, Convention, conventions, rotations, wide_offset
+from .options import AttitudeJudging
+
+UNRELATED = 0.5  # of the turns: gyro and references that disagree by more turn by themselves
+BETTER = 0.5  # of the disagreement: what another offset, reflection or unit must leave at the most
+NEAR_AXES = 0.8  # rad; a sensor that is mounted further from the axes of the body has no sign or order to name
+AXES = "xyz"
+UNNAMED = "one axis of the gyro has the wrong sign, or two are exchanged"
+
+
+def clocks_that_meet(
+    best: Convention,
+    time: np.ndarray,
+    rate: np.ndarray,
+    at: np.ndarray,
+    quaternion: np.ndarray,
+    judging: AttitudeJudging,
+) -> None:
+    """Raises ArgumentError where gyro and references turn alike only at another offset than was looked for."""
+    if min(best.residual, _mirrored_residual(best)) < UNRELATED * best.turns:
+        return
+    offset = wide_offset(time, rate, at, rotations(quaternion, best.order, best.direction))
+    if abs(offset) <= judging.longest_offset:
+        return
+    there = conventions(
+        time + offset, rate, at, quaternion, rate_units=list(RATE_UNITS), longest_offset=judging.longest_offset
+    )[0]
+    if there.residual > BETTER * best.residual:
+        return
+    offset += there.offset
+    raise ArgumentError(
+        f"the clocks of gyro and references are {offset:+.3f} s apart, where up to {judging.longest_offset:g} s was "
+        f"looked for: there the turns agree to {np.degrees(there.residual):.2g} deg, within that to "
+        f"{np.degrees(best.residual):.2g} deg only; correct the stamps, or allow more",
+        "judging.longest_offset",
+    )
+
+
+def not_mirrored(tried: Sequence[Convention], sure: float) -> None:
+    """Raises ArgumentError where the gyro fits by a reflection, which no mounting is, better than by any rotation."""
+    best = max(tried, key=lambda c: c.either)
+    gain = best.either - tried[0].log_likelihood
+    if gain <= sure or _mirrored_residual(best) > BETTER * tried[0].residual:  # neighbours' errors are alike: no chance
+        return
+    alike = sorted((c for c in tried if c.either > best.either - sure), key=lambda c: ORDERS.index(c.order))
+    words = [mirrored_words(np.array(c.mirror)) for c in alike]  # turns alone show no order: as where it is not stated
+    raise ArgumentError(
+        f"{next((w for w in words if w != UNNAMED), UNNAMED)}: mirrored like that it meets the references to "
+        f"{np.degrees(_mirrored_residual(best)):.2g} deg, under any mounting to {np.degrees(tried[0].residual):.2g} "
+        f"deg only (log-likelihood {gain:.0f} higher); correct the columns of the rate",
+        "recording",
+    )
+
+
+def mirrored_words(M: np.ndarray) -> str:
+    """What a reflection (3, 3) from sensor to body says of the columns of a gyro.
+
+    >>> mirrored_words(np.diag([1.0, -1.0, 1.0]))
+    'the y axis of the gyro has the wrong sign'
+    >>> mirrored_words(np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]))
+    'the axes x and y of the gyro are exchanged'
+    """
+    for k in range(3):
+        signs = np.ones(3)
+        signs[k] = -1.0
+        if _apart(M, np.diag(signs)) < NEAR_AXES:
+            return f"the {AXES[k]} axis of the gyro has the wrong sign"
+    for i, j in ((0, 1), (0, 2), (1, 2)):
+        P = np.eye(3)
+        P[[i, j]] = P[[j, i]]
+        if _apart(M, P) < NEAR_AXES:
+            return f"the axes {AXES[i]} and {AXES[j]} of the gyro are exchanged"
+    return UNNAMED
+
+
+def as_declared(tried: Sequence[Convention], unit: str, sure: float) -> list[Convention]:
+    """The conventions with the unit that was declared, all of them for "1". Raises ArgumentError where another unit
+    fits far better."""
+    if unit == "1":
+        return list(tried)
+    own = [c for c in tried if c.rate_unit == unit]
+    best, declared = tried[0], own[0]
+    if best.log_likelihood > declared.log_likelihood + sure and best.residual < BETTER * declared.residual:
+        raise ArgumentError(
+            f"the rate is declared in {unit}, but the turns of the references are met to "
+            f"{np.degrees(best.residual):.2g} deg if its numbers were in {best.rate_unit}, and to "
+            f"{np.degrees(declared.residual):.2g} deg as declared; correct the unit",
+            "recording",
+        )
+    return own
+
+
+def _mirrored_residual(c: Convention) -> float:
+    """Size of the residuals under the best reflection [rad]."""
+    return float(c.residual * np.exp(-c.mirrored / max(c.numbers, 1)))
+
+
+def _apart(M: np.ndarray, P: np.ndarray) -> float:
+    """Angle of the rotation between two reflections [rad]."""
+    return float(np.arccos(np.clip((np.trace(M @ P.T) - 1) / 2, -1.0, 1.0)))
