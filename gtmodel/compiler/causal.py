@@ -19,7 +19,7 @@ from ..results.status import Status
 from .analysis.sizes import DOUBLE, Precision, Sizes, sizes_of
 from .columns.kept import PAID, kernel_of
 from .consistency.guess import Completion
-from .consistency.home import moved_sentence
+from .consistency.home import moved_sentence, refuse_starts
 from .evaluate import Built, build
 from .explain import explain
 from .flat import FlatModel
@@ -478,6 +478,7 @@ def _compile(
     pairs = [p for s in outputs for p in s.pairs]
     numbers = ca.SX(ca.DM(flat.require_values()))
     plan = make_plan(flat, indices, pairs, preferred, branches, fold=numbers)
+    refuse_starts(flat, plan.alias, plan.sampler, plan.moved)
     signals = input_signals(plan, groups)
     return CausalFunction(plan, signals, outputs, name or _function_name(outputs, groups), groups, preferred, branches)
 

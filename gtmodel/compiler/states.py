@@ -10,7 +10,7 @@ import numpy as np
 from ..lang.source import ModelError, SourceLocation
 from .flat import FlatModel
 from .graph import largest_matching, neighbours_of, strong_components
-from .structure import EquationStructure
+from .structure import EquationStructure, remedy_of
 
 # relative to the largest column: separates round-off of a consistent point (1e-12) from poor geometry (1e-5)
 RANK_TOLERANCE = 1e-8
@@ -219,6 +219,8 @@ def _redundant(
     free = [columns[n] for n in np.flatnonzero(np.max(np.abs(vt[rank:]), axis=0, initial=0.0) > 1e-6)]
     zeros = _dropped(flat, structure, involved, free)
     advice = zeros or "remove one, or make a part compliant"
+    if k < 0:
+        advice = remedy_of(flat, [structure.equations[i] for i in involved]) or advice
     if flows:
         advice = "connect a reference, such as a ground, to what is connected there"
     level = {0: "highest derivatives", -1: "velocities", -2: "positions"}.get(k, f"stage {k}")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -117,9 +117,19 @@ def _unbalanced(
         text += f"; too many equations or knowns among: {_listed([equations[i] for i in rows])}"
         if both := _inputs_that_an_equation_joins(flat, [equations[i] for i in rows], set(unknowns)):
             text += f"; {both[0]} and {both[1]} are inputs: declare the one that an equation gives as a variable"
+        if remedy := remedy_of(flat, [equations[i] for i in rows]):
+            text += f"; {remedy}"
     if loose := _unconnected(flat):
         text += f"; connected to nothing, so that their flows are 0: {', '.join(loose[:6])}"
     return text
+
+
+def remedy_of(flat: FlatModel, equations: Sequence[FlatEquation]) -> str:
+    """What the first component among those of these equations says to do where its equations are too many: its
+    `if_redundant`; "" where none says anything."""
+    owners = {c.__dict__["_path"]: type(c) for c in flat.tree.components}
+    said = (getattr(owners.get(e.component), "if_redundant", "") for e in equations)
+    return next(filter(None, said), "")
 
 
 def _inputs_that_an_equation_joins(

@@ -153,7 +153,7 @@ def energy(*, stored: Any = None, supplied: Any = None, dissipated: Any = None) 
 
 
 @named
-def connect(a: Any, b: Any) -> Connection | list[Any]:
+def connect(a: Any, b: Any, *more: Any) -> Connection | list[Any]:
     """Join two ports of the same connector class, or two equally long arrays of ports.
 
     Yield it among the equations. Potentials of joined ports become equal, and their flows sum to zero; a port that is
@@ -170,6 +170,12 @@ def connect(a: Any, b: Any) -> Connection | list[Any]:
     >>> f(0.01, 0.0)  # -k s / m at s = 0.01 m, at rest
     (-4.0, <Status.OK: 0>)
     """
+    if more:
+        found = len(more) + 2
+        raise ModelError(
+            f"connect() joins two ports; found {found}: yield {found - 1} connections, of the first with each other",
+            here(),
+        )
     if isinstance(a, list) or isinstance(b, list):
         if not (isinstance(a, list) and isinstance(b, list) and len(a) == len(b)):
             raise ModelError("connect() takes two ports or two arrays of ports of equal length", here())

@@ -106,15 +106,13 @@ def _unfit(function: Callable[..., Any], error: TypeError, args: tuple[Any, ...]
         return f"{shown} is asked of a configured model; write Robot().{shown}(...), with parentheses after the class"
     places = [p for p in parameters if p.kind is p.POSITIONAL_OR_KEYWORD]
     if "positional" in str(error) and len(args) > len(places) and "missing" not in str(error):
-        meant = (
-            "unit"
-            if "unit" in names and isinstance(args[len(places)], str)
-            else names[min(len(places), len(names) - 1)]
-        )
-        return (
-            f"{shown}() takes {len(places) or 'no'} argument{'s' if len(places) != 1 else ''} without a name; found "
-            f"{len(args)}: write {meant}={shortened(args[len(places)])}"
-        )
+        count = f"{len(places) or 'no'} argument{'s' if len(places) != 1 else ''}"
+        said = f"{shown}() takes {count} without a name; found {len(args)}"
+        named_only = [p.name for p in parameters if p.kind is p.KEYWORD_ONLY]
+        if not named_only:  # nothing that a name could stand before
+            return said
+        meant = "unit" if "unit" in names and isinstance(args[len(places)], str) else named_only[0]
+        return f"{said}: write {meant}={shortened(args[len(places)])}"
     return f"{shown}() {str(error).partition(') ')[2] or error}"
 
 

@@ -61,7 +61,8 @@ class Frame(gt.Connector):
 
     overdetermined: ClassVar[str] = (
         "the orientation R of a Frame has nine numbers for three degrees of freedom, so a loop of it contradicts "
-        "itself; close the loop through rods or spherical joints, which pass no orientation on"
+        "itself; put gt.mechanics.LoopClosure in place of one connection of the loop, if its axes are parallel "
+        "gt.mechanics.PlanarLoopClosure, or close it through rods or spherical joints, which pass no orientation on"
     )
     r = gt.potential(3, unit="m", prefer=-3, description="origin in the world frame")
     R = gt.potential((3, 3), unit="1", prefer=-4, description="rotation from frame to world coordinates")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar
 
 from .. import lang as gt
 from .frames import Frame
@@ -26,6 +26,12 @@ class LoopClosure(gt.Model):
     >>> print(force.round(6) + 0.0, torque.round(6) + 0.0)
     [ 0.    0.   19.62] [ 0.    -1.962  0.   ]
     """
+
+    if_redundant: ClassVar[str] = (
+        "where all axes of the loop are parallel, close it by gt.mechanics.PlanarLoopClosure in place of "
+        "gt.mechanics.LoopClosure; else take the constraints that the joints keep already out of the closure, or make "
+        "a part compliant"
+    )
 
     a = gt.port(Frame)
     b = gt.port(Frame)
@@ -67,6 +73,11 @@ class PlanarLoopClosure(gt.Model):
     >>> print(round(rocker_angle, 6), round(np.sin(coupler_angle), 6))  # the sine of -0.8
     0.8 -0.717356
     """
+
+    if_redundant: ClassVar[str] = (
+        "gt.mechanics.PlanarLoopClosure closes a loop of parallel axes, and `first` and `second` lie across them; a "
+        "loop in space is closed by gt.mechanics.LoopClosure"
+    )
 
     first = gt.parameter([1.0, 0.0, 0.0], unit="1", kind="direction", description="direction in the plane, of a")
     second = gt.parameter([0.0, 1.0, 0.0], unit="1", kind="direction", description="another, not along the first")

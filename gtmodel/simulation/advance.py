@@ -89,8 +89,10 @@ class Integration:
 
     def happened(self, status: SolveStatus) -> list[str]:
         """What there was on the way, for the message of a run with this status."""
-        n = len(self.switches)
-        return [f"states switched {n} time{'s' * (n > 1)}"] if n else []
+        n, first = len(self.switches), {i for i, _ in self.ready.system.plan.states}
+        others = [f"'{name}'" for name in self._systems.selection.preferred_beside(first)]
+        said = f"preferred as a state, and none at the start: {', '.join(others)}"
+        return [*([f"states switched {n} time{'s' * (n > 1)}"] if n else []), *([said] if others else [])]
 
     def own_checks(self, moved: float) -> tuple[dict[str, Check], list[str]]:
         """Further checks, and sentences of those that failed; `moved`: energy [J]."""

@@ -6,7 +6,7 @@ columns are states. A choice goes bad where the solved columns C become singular
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from copy import copy
 
 import casadi as ca
@@ -95,6 +95,10 @@ class StateSelection:
             return preferred
         best = self._best(m)
         return best if best is not None and self.quality(best, m) > 0.0 else preferred
+
+    def preferred_beside(self, states: Collection[int]) -> list[str]:
+        """Names of the preferred variables that are not among these states."""
+        return [self._plan.flat.variables[i].name for i in sorted(self._prefer) if i not in states]
 
     def states(self, choice: Choice) -> list[int]:
         """Variables, by index, of the columns that a choice leaves unsolved."""

@@ -16,6 +16,7 @@ WRONG = {
     ),
     "no event": (Throw, [], {}, r"order is a list of the names of events, at least one.*events are event 1"),
     "a number": (Throw, [1], {}, r"order is a list of the names of events.*found \[1\]"),
+    "twice at one instant": (Throw, [("event 1", "event 1")], {}, r"event 1 .*named twice for the end of phase 1"),
     "held unknown": (Throw, ["event 1"], {"held": ["bounce"]}, r"held names no event 'bounce'; events are event 1"),
     "held one word": (Throw, ["event 1"], {"held": "event 1"}, r"held takes a list of names; found 'event 1'"),
     "held otherwise": (Throw, ["event 1"], {"held": ["event 1"]}, r"held says otherwise.*test_events.*does not hold"),

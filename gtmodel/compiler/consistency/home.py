@@ -5,13 +5,14 @@ Forward and inverse functions continue it; from two they might lead to two assem
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
 
+from ...lang.source import ModelError
 from ..alias import AliasResult, eliminate
-from ..flat import FlatModel
+from ..flat import FlatModel, FlatVariable
 from .points import RESIDUAL_TOLERANCE, Sampler
 
 # what lies farther from its start value than this, in nominals, was moved: the points about it spread less
@@ -65,6 +66,28 @@ def moved_sentence(flat: FlatModel, changes: list[Moved]) -> str:
     return (
         f"the start values of {flat.title} do not satisfy its equations: the home pose has {shown}{rest}; give start "
         "values that do, or a function may answer in another assembly mode than meant"
+    )
+
+
+def refuse_starts(flat: FlatModel, alias: AliasResult, sampler: Sampler, changes: list[Moved]) -> None:
+    """Raises ModelError where start values that are declared as fixed were moved and no pose keeps them: a guess
+    refuses nothing, a declared start does."""
+    fixed: dict[Pair, FlatVariable] = {}
+    for v in flat.variables:
+        if v.fixed and v.start is not None:
+            fixed.setdefault(alias.resolve(v.index, 0)[1:], v)
+    names = {flat.symbol_name(*pair): v for pair, v in fixed.items()}
+    at_fault = [names[m.name] for m in changes if m.name in names]
+    if not at_fault:
+        return
+    declared = replace(sampler, starts=starts_of(flat, alias))
+    if declared.keeps({p for p in fixed if p in sampler.position}):
+        return
+    shown = ", ".join(f"{v.name} = {v.start:g}" for v in at_fault[:SHOWN])
+    raise ModelError(
+        f"{flat.title} cannot be assembled with the fixed start values {shown}: no pose that satisfies its equations "
+        "has them; give values that can be reached, or leave fixed=True out, and they are guesses",
+        at_fault[0].where,
     )
 
 

@@ -163,6 +163,8 @@ class Sampler:
                 if points:
                     break
         if not points:
+            points = self._past_guesses(count)
+        if not points:
             # a later stage may bind what an earlier one left free: the system is singular then, and its rank shows it
             points, _ = replace(self, stages=[ca.vertcat(*self.stages)], time=0.0)._points(count)
         if not points:
@@ -171,6 +173,30 @@ class Sampler:
                 f"{closest:.2g}); check parameters and start values"
             )
         return np.array(sorted(points, key=self._distance))
+
+    def keeps(self, held: Collection[tuple[int, int]]) -> bool:
+        """Whether some point has exactly these start values, whatever the others are."""
+        free = np.array([pair not in held for pair in self.pairs])
+        trial = replace(self, ease=np.where(free, 1.0, 0.0))
+        for seed in range(HOPELESS):
+            rng = np.random.default_rng(seed)
+            near, far = self.near(rng, 0.0), self.near(rng, seed / 4)
+            w = np.where(free, far, near)
+            if trial.correct(w) <= RESIDUAL_TOLERANCE:
+                return True
+        return False
+
+    def _past_guesses(self, count: int) -> list[np.ndarray]:
+        """Points that keep fewer start values: a guess refuses nothing. First those of what follows from what is known
+        and from fixed start values are let go, then those of what is known too."""
+        fixed = {p: x for p, x in self.starts.items() if p[1] or self.flat.variables[p[0]].fixed}
+        given = {p: x for p, x in self.starts.items() if p in fixed or p[0] in self.known}
+        for kept in (given, fixed):
+            points = replace(self, starts=kept, time=0.0)._points(count)[0] if len(kept) < len(self.starts) else []
+            if points:
+                self.time = 0.0
+                return points
+        return []
 
     def _points(self, count: int) -> tuple[list[np.ndarray], float]:
         """Up to `count` points, and the smallest residual of the tries that failed."""

@@ -155,7 +155,13 @@ class EventOrder:
 
     def _after(self, piece: Piece, events: Sequence[NamedEvent], k: int) -> Piece:
         """The piece after events that happen together at the end of phase k."""
-        for event in events:
+        for n, event in enumerate(events):
+            if event in events[:n]:
+                raise ModelError(
+                    f"{event.shown(self.events)} is named twice for the end of phase {k}, where it happens once; name "
+                    "it once in this tuple, or as an item of its own for each time that it happens",
+                    event.where,
+                )
             own = piece.waits[event.when] if event.when is not None else piece.mode_waits[event.mode or 0]
             shown = event.shown(self.events)
             if isinstance(own, bool):

@@ -95,6 +95,7 @@ def _build(flat: FlatModel, asked: _Asked) -> DynamicProblem:
     apart = {q.index for q in quadratures}
     pairs = _all_pairs(flat, constraints, apart)
     base = make_plan(flat, inputs, pairs, preferred, branches, rates=True, fold=fold, apart=apart)
+    _refuse_others(base, asked.prefer)
     if asked.formulation == "dae" and (idle := _idle(flat, base)):
         # all equations are rows here, also those that nothing asked for
         base = make_plan(flat, inputs, sorted({*pairs, *idle}), preferred, branches, rates=True, fold=fold)
@@ -126,6 +127,18 @@ def _build(flat: FlatModel, asked: _Asked) -> DynamicProblem:
         # a rate off the points ties the controls, not the motion: the explicit form finds it from any guess
         return made(base, "explicit")
     return problem
+
+
+def _refuse_others(plan: CausalPlan, prefer: Sequence[str]) -> None:
+    """Raises ModelError for a name of which nothing is a state, although it is preferred as one."""
+    flat, states = plan.flat, {i for i, _ in plan.states}
+    for name in prefer:
+        if not any(plan.alias.resolve(i, 0)[1] in states for i in flat.lookup(name)[1]):
+            found = ", ".join(flat.symbol_name(*p) for p in plan.states) or "none"
+            raise ModelError(
+                f"{flat.title}: '{name}' is preferred as a state and cannot be one; the states are {found}: leave it "
+                "out of prefer, or prefer one of these"
+            )
 
 
 def _stated(flat: FlatModel) -> tuple[Expr, list[ConstraintRow]]:

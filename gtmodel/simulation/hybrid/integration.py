@@ -378,10 +378,10 @@ class HybridIntegration(WatchedIntegration):
         was = self._compared() if was is None else was
         # the last float before the root may leave more
         zero[forced] = np.maximum(zero[forced], 2 * np.abs(was[forced]))
-        begun = np.zeros(len(events.comparisons), dtype=bool)
+        begun = anew = np.zeros(len(events.comparisons), dtype=bool)
         acted, impacts, ends = False, False, list[int]()
         for turn in range(ROUNDS + len(events.whens) + len(events.modes)):
-            truth, was = self._sides(forced if turn == 0 else (), zero, was)
+            truth, was = self._sides(forced if turn == 0 else (), zero, was, anew)
             values = tuple(holds(m.logic, truth) for m in events.modes)
             conditions = np.array([holds(w.logic, truth, due if turn == 0 else ()) for w in events.whens], dtype=bool)
             fired = acting(events.whens, np.flatnonzero(conditions & ~self.held).tolist())
@@ -416,6 +416,7 @@ class HybridIntegration(WatchedIntegration):
             seen.add(state)
             for force, impulse in self._restart(values, changes).items():
                 impulses[force] = impulses.get(force, 0.0) + impulse
+            anew = anew | self._compared_anew(changes)
         else:
             raise self._unsettled(list(causes))
         # what changed its side begins anew to grow, from what is left of the other side
@@ -453,15 +454,19 @@ class HybridIntegration(WatchedIntegration):
         status = SolveStatus.FAILED if one.failed else SolveStatus.SOLVED
         return Ended(status, f"at {self._time:.6g} s {one.sentence} ({one.where})")
 
-    def _sides(self, forced: Sequence[int], zero: np.ndarray, was: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _sides(
+        self, forced: Sequence[int], zero: np.ndarray, was: np.ndarray, anew: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Truth of the comparisons from now on, and their values: by these, at zero by their rates, where these are
         zero too by those a moment later. Where nothing shows it, what jumped to zero from the values that there `was`
-        is equal there, and what did not is as it was."""
+        or was set there `anew` is equal there, and what else is there is as it was."""
         if not self._declared.comparisons:
             return self.truth, was
         values, rates = (a[0] for a in self._comparisons(self._x[None, :], self._z[None, :], np.array([self._time])))
         self._largest = np.maximum(self._largest, np.abs(values))
         slow = zero / (SLOW * (self._end - self._begin))
+        # what the rate makes up for within one instant is of the instant: a mode may show it a million times larger
+        zero = np.maximum(zero, np.abs(rates) * self._slack)
         near = np.abs(values) <= zero
         near[list(forced)] = False
         if near.any() and not self._z.size:
@@ -469,11 +474,18 @@ class HybridIntegration(WatchedIntegration):
             # a rate that moves nothing beyond round-off is round-off
             still = np.abs(rates) * moment <= zero
             rates = np.where(near & still & (np.abs(later) > 2 * np.abs(rates)), later, rates)
-        before = np.where(near & (np.abs(values - was) > zero), self._modes.at_equality, self.truth)
+        before = np.where(near & (anew | (np.abs(values - was) > zero)), self._modes.at_equality, self.truth)
         truth = self._modes.sides(values, rates, zero, slow, before)
         for n in forced:
             truth[n] = not self.truth[n]
         return truth, values
+
+    def _compared_anew(self, changes: Changes) -> np.ndarray:
+        """Which comparisons read what starts anew."""
+        resolve = self.system.plan.alias.resolve
+        states = {resolve(*pair)[1:] for pair in changes.restarted}
+        read = [self._flat.scope.symbols_in(c.expression) if states else () for c in self._declared.comparisons]
+        return np.array([any(resolve(*pair)[1:] in states for pair in pairs) for pairs in read], dtype=bool)
 
     def _rates_later(self) -> tuple[float, np.ndarray]:
         """A moment [s], and rates of the comparisons then: a force that grows through what friction holds accelerates
@@ -525,11 +537,12 @@ class HybridIntegration(WatchedIntegration):
 
     def _unsettled(self, causes: list[str]) -> Ended:
         shown = "; ".join(causes[-4:])
+        # a sign() that switches is the law of dry friction
+        between = ", as stuck is between two directions of sliding" if "sign()" in shown else ""
         return Ended(
             SolveStatus.FAILED,
             f"at {self._time:.6g} s events never settle: {shown} call each other for ever; where both sides of a "
-            "switch push back to it, give it a hysteresis, or a mode of its own in between, as stuck is between two "
-            "directions of sliding",
+            f"switch push back to it, give it a hysteresis, or a mode of its own in between{between}",
         )
 
     # -- rows and energies -------------------------------------------------------------------------

@@ -139,10 +139,12 @@ class SimulatedModes:
                 return ready
         if refused is not None:
             raise refused
+        # a sign() that switches is the law of dry friction
+        held = ", as where friction would hold" if any(m.name == "sign()" for m in self.events.modes) else ""
         wheres = ", ".join(dict.fromkeys(f"{m.name} at {m.where}" for m in self.events.modes))
         raise ModelError(
-            f"{self.flat.title}: no side of {wheres} suits the start: each leads to the other, as where friction would "
-            "hold; give another start, or a mode of its own in between (gt.discrete)"
+            f"{self.flat.title}: no side of {wheres} suits the start: each leads to the other{held}; "
+            "give another start, or a mode of its own in between (gt.discrete)"
         )
 
     def _settled(
