@@ -64,7 +64,8 @@ class Content:
         if isinstance(value, (np.ndarray, np.generic)) and not value.dtype.hasobject:
             return ("array", value.dtype.str, value.shape, value.tobytes())
         if type(value) in (list, tuple):
-            return (type(value), tuple(map(self._of, value)))
+            items: Any = value
+            return (type(value), tuple(map(self._of, items)))
         if isinstance(value, (dict, MappingProxyType)):
             return (type(value), tuple((self._of(k), self._of(v)) for k, v in value.items()))
         if isinstance(value, (set, frozenset)):
