@@ -171,9 +171,9 @@ def connect(a: Any, b: Any, *more: Any) -> Connection | list[Any]:
     (-4.0, <Status.OK: 0>)
     """
     if more:
-        found = len(more) + 2
+        count = len(more) + 2
         raise ModelError(
-            f"connect() joins two ports; found {found}: yield {found - 1} connections, of the first with each other",
+            f"connect() joins two ports; found {count}: yield {count - 1} connections, of the first with each other",
             here(),
         )
     if isinstance(a, list) or isinstance(b, list):

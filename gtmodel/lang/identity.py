@@ -92,8 +92,8 @@ class Content:
         """A class of a person: its members and those of its bases, without what Python writes into it."""
         own = [base for base in cls.__mro__ if not _is_fixed(base)]
         members = [(base, name, item) for base in own for name, item in list(vars(base).items())]
-        told = [(base, name, self._of(item)) for base, name, item in members if name not in _LEFT_OUT]
-        return (cls, tuple(told))
+        held = [(base, name, self._of(item)) for base, name, item in members if name not in _LEFT_OUT]
+        return (cls, tuple(held))
 
     def _of_function(self, f: FunctionType) -> Hashable:
         same = _Same(f)

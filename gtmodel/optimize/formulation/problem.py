@@ -134,9 +134,9 @@ def _refuse_others(plan: CausalPlan, prefer: Sequence[str]) -> None:
     flat, states = plan.flat, {i for i, _ in plan.states}
     for name in prefer:
         if not any(plan.alias.resolve(i, 0)[1] in states for i in flat.lookup(name)[1]):
-            found = ", ".join(flat.symbol_name(*p) for p in plan.states) or "none"
+            names = ", ".join(flat.symbol_name(*p) for p in plan.states) or "none"
             raise ModelError(
-                f"{flat.title}: '{name}' is preferred as a state and cannot be one; the states are {found}: leave it "
+                f"{flat.title}: '{name}' is preferred as a state and cannot be one; the states are {names}: leave it "
                 "out of prefer, or prefer one of these"
             )
 
