@@ -12,6 +12,7 @@ from ...results.trajectory_files import PathLike
 
 Delimiter = Literal["comma", "semicolon", "tab", "blank", "bar"]
 SIGNS: dict[Delimiter, str] = {"comma": ",", "semicolon": ";", "tab": "\t", "blank": " ", "bar": "|"}
+GROWTH, SMALL = 200.0, 1 << 28  # how many times larger than the file numbers may be; bytes that always may
 LONGEST_PATH = 80  # letters of a path in a message
 
 
@@ -65,6 +66,26 @@ class LogForm(Options):
         Literal["rows", "columns"] | None,
         "along what the samples of a MATLAB matrix run; by the length of the time if left out",
     ] = None
+    most_growth: Annotated[
+        float,
+        Within(above=0),
+        "how many times larger than its file what is read of it may be, where that is more than 268 MB: a damaged or "
+        "made-up file may declare any size",
+    ] = GROWTH
+
+
+def refuse_swollen(path: PathLike, size: float, form: LogForm, what: str) -> None:
+    """Raises LogError for numbers that take so many bytes that the file cannot really hold them.
+
+    what: whose numbers, for the message.
+    """
+    own = Path(path).stat().st_size
+    if size > max(SMALL, form.most_growth * own):
+        times = size / max(own, 1)
+        raise LogError(
+            f"{shown(path)}: {what} would take {size / 1e6:.4g} MB, {times:.3g} times the size of the file; expected "
+            f"at most {form.most_growth:g} times; if it is right, say most_growth = {2 * times:.2g}"
+        )
 
 
 def shown(path: PathLike) -> str:

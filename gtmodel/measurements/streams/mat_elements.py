@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import BinaryIO
 
-from .form import LogError, shown
+from .form import LogError, LogForm, refuse_swollen, shown
 
 HEAD, TAG = 128, 8  # bytes
 MATRIX, COMPRESSED = 14, 15
@@ -27,7 +27,7 @@ MOST_DIMENSIONS = 32
 Read = Callable[[int], bytes]
 
 
-def refuse_damaged(path: Path) -> None:
+def refuse_damaged(path: Path, form: LogForm = LogForm()) -> None:  # noqa: B008
     """Raises LogError where an element of a file is of no type that there is, or does not fit where it stands."""
     with open(path, "rb") as file:
         head = file.read(HEAD)
@@ -44,6 +44,7 @@ def refuse_damaged(path: Path) -> None:
                 if kind == COMPRESSED:
                     read = _Inflated(file, length)
                     kind, length = struct.unpack(f"{order}II", _exactly(read, TAG))
+                    refuse_swollen(path, length, form, "one of its variables")
                 _element(read, kind, length, order, 0)
                 file.seek(end)
         except _Damaged as error:

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from .attributes import Attributes, attributes_of
 from .extra import needed
-from .form import LogError, LogForm, shown
+from .form import LogError, LogForm, refuse_swollen, shown
 from .heads import Heads
 from .mat_elements import refuse_damaged
 from .stream import ArrayStream
@@ -21,10 +22,11 @@ MOST_STRUCTS = 100  # of an array of structs
 
 
 class MatVariable(NamedTuple):
-    """An array of numbers in a file: its shape as MATLAB shows it, and what reads it."""
+    """An array of numbers in a file: its shape as MATLAB shows it, what reads it, and what the file says of it."""
 
     shape: tuple[int, ...]
     load: Callable[[], np.ndarray]
+    attributes: Attributes = Attributes()
 
 
 class MatFile:
@@ -39,7 +41,7 @@ class MatFile:
         self.source, self.form = shown(path), form
         self.skipped: list[str] = []
         read = _of_hdf5 if is_hdf5(path) else _of_old
-        self.variables: dict[str, MatVariable] = dict(self._kept(read(path)))
+        self.variables: dict[str, MatVariable] = dict(self._kept(read(path, form)))
         if not self.variables:
             raise LogError(f"{self.source} holds no array of numbers")
 
@@ -78,9 +80,10 @@ class MatFile:
 
         def load(column: str) -> np.ndarray:
             name, axis, component = columns[column]
-            return np.moveaxis(self.variables[name].load(), axis, 0).reshape(length, -1)[:, component]
+            variable = self.variables[name]
+            return variable.attributes.numbers(np.moveaxis(variable.load(), axis, 0).reshape(length, -1)[:, component])
 
-        return ArrayStream(self.source, f"{length} samples", _MatHeads(list(columns), self, length), load)
+        return ArrayStream(self.source, f"{length} samples", _MatHeads(columns, self, length), load)
 
     def _length(self, variable: MatVariable) -> int:
         """The number of samples of a variable, as far as it can be seen without a time."""
@@ -125,20 +128,24 @@ class MatFile:
                 "as the time has"
             )
         if name in self.skipped:
-            raise LogError(f"{self.source}: the variable '{name}' holds no numbers")
+            raise LogError(
+                f"{self.source}: the variable '{name}' holds no numbers; of a text, a cell or an object such as a "
+                "timetable save the numbers as arrays"
+            )
 
 
 class _MatHeads(Heads):
     """The columns of one length of a file; a variable of another length is not missing."""
 
-    def __init__(self, names: list[str], file: MatFile, length: int) -> None:
-        super().__init__(names, file.source)
+    def __init__(self, columns: Mapping[str, tuple[str, int, int]], file: MatFile, length: int) -> None:
+        units = [file.variables[name].attributes.unit for name, _, _ in columns.values()]
+        super().__init__(list(columns), file.source, units)
         self._file, self._samples = file, length
 
     def place(self, name: str) -> int:
         if name not in self.names:
             self._file.refuse_length(name, self._samples)
-        elif (variable := self._file.variables.get(name.partition("[")[0])) is not None and (
+        elif (variable := self._file.variables.get(name.rpartition("[")[0])) is not None and (
             variable.shape == (self._samples, self._samples) and self._file.form.samples is None
         ):
             raise LogError(
@@ -155,10 +162,10 @@ def is_hdf5(path: Path) -> bool:
     return head.startswith(b"\x89HDF") or head[512:516] == b"\x89HDF"
 
 
-def _of_old(path: Path) -> Iterator[tuple[str, MatVariable | None]]:
+def _of_old(path: Path, form: LogForm) -> Iterator[tuple[str, MatVariable | None]]:
     from scipy.io import loadmat
 
-    refuse_damaged(path)
+    refuse_damaged(path, form)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of objects without a name, which are no numbers
@@ -176,6 +183,11 @@ def _of_old(path: Path) -> Iterator[tuple[str, MatVariable | None]]:
 
 
 def _flat(name: str, value: Any) -> Iterator[tuple[str, MatVariable | None]]:
+    from scipy.io.matlab import MatlabFunction, MatlabObject, MatlabOpaque
+
+    if isinstance(value, (MatlabFunction, MatlabObject, MatlabOpaque)):  # their fields are not what the object shows
+        yield name, None
+        return
     value = np.asarray(value)
     if value.dtype.names and value.size <= MOST_STRUCTS:
         for k, record in enumerate(value.ravel()):
@@ -187,7 +199,10 @@ def _flat(name: str, value: Any) -> Iterator[tuple[str, MatVariable | None]]:
         yield name, None
 
 
-def _of_hdf5(path: Path) -> Iterator[tuple[str, MatVariable | None]]:
+_NUMBERS = {b"double", b"single", b"logical"} | {f"{u}int{n}".encode() for u in ("u", "") for n in (8, 16, 32, 64)}
+
+
+def _of_hdf5(path: Path, form: LogForm) -> Iterator[tuple[str, MatVariable | None]]:
     h5py = needed("h5py", f"{shown(path)} is a MATLAB 7.3 or HDF5 file")
     try:
         with h5py.File(path) as file:
@@ -199,11 +214,14 @@ def _of_hdf5(path: Path) -> Iterator[tuple[str, MatVariable | None]]:
                     continue
                 own = node.attrs.get("MATLAB_class")
                 dotted = name.replace("/", ".")
-                if node.dtype.kind not in "biuf" or node.attrs.get("MATLAB_empty") or own in (b"char", b"cell"):
+                other = own is not None and (own not in _NUMBERS or "MATLAB_object_decode" in node.attrs)
+                if node.dtype.kind not in "biuf" or node.attrs.get("MATLAB_empty") or other or node.shape is None:
                     yield dotted, None
                     continue
+                said = {key: node.attrs[key] for key in node.attrs if own is None}
+                attributes = attributes_of(said, f"{shown(path)}, variable '{dotted}'")
                 shape = tuple(node.shape[::-1] if own is not None else node.shape) or (1,)
-                yield dotted, MatVariable(shape, _loader(h5py, path, name, turned=own is not None))
+                yield dotted, MatVariable(shape, _loader(h5py, path, form, name, own is not None), attributes)
     except _DAMAGED as error:
         raise _damaged(path, error) from error
 
@@ -216,11 +234,17 @@ def _damaged(path: Path, error: Exception) -> LogError:
     return LogError(f"{shown(path)} cannot be read as a MATLAB 7.3 file ({reason}); save it again")
 
 
-def _loader(h5py: Any, path: Path, name: str, turned: bool) -> Callable[[], np.ndarray]:
+def _loader(h5py: Any, path: Path, form: LogForm, name: str, turned: bool) -> Callable[[], np.ndarray]:
     def load() -> np.ndarray:
         try:
             with h5py.File(path) as file:
-                value = np.atleast_1d(np.asarray(file[name]))
+                node, what = file[name], f"the variable '{name}'"
+                if node.external or node.is_virtual:
+                    raise LogError(f"{shown(path)}: {what} stands in another file; write the numbers into this one")
+                refuse_swollen(path, 8.0 * node.size, form, what)
+                value = np.atleast_1d(np.asarray(node))
+        except LogError:
+            raise
         except _DAMAGED as error:
             raise _damaged(path, error) from error
         return value.T if turned else value

@@ -9,8 +9,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from .attributes import Attributes, attributes_of
 from .extra import needed
-from .form import LogError, LogForm, shown
+from .form import LogError, LogForm, refuse_swollen, shown
 from .heads import Heads
 from .stream import RowBlock, Stream
 
@@ -22,22 +23,23 @@ class ParquetStream(Stream):
     cell: ClassVar[str] = "column"
 
     def __init__(self, path: Path, form: LogForm) -> None:
+        self._path, self._form = path, form
         self._arrow = needed("pyarrow", f"{shown(path)} is a Parquet file")
         self._compute = needed("pyarrow.compute", f"{shown(path)} is a Parquet file")
         parquet = needed("pyarrow.parquet", f"{shown(path)} is a Parquet file")
         with self._sound(shown(path)):
             self._file = parquet.ParquetFile(path)
             first = next(self._file.iter_batches(batch_size=1), None)
-            columns = [] if first is None else list(_flat(self._arrow, first))
+            columns = [] if first is None else list(_flat(self._arrow, self._compute, first, shown(path)))
         names: list[str] = []
         units: list[str] = []
         self._first, clock, stamps = 0, "", list[str]()
-        for name, column, unit in columns:
+        for name, column, attributes in columns:
             names.append(name)
-            units.append(unit)
+            units.append(attributes.unit)
             if self._arrow.types.is_timestamp(column.type):
                 if not clock:  # all count from the same instant: nanoseconds of today have more digits than a double
-                    self._first = column.cast("timestamp[ns]", safe=False).cast("int64")[0].as_py() or 0
+                    self._first = self._nanoseconds(shown(path), name, column)[0].as_py() or 0
                 clock, units[-1] = clock or name, "s"
                 stamps.append(name)
         super().__init__(
@@ -50,16 +52,18 @@ class ParquetStream(Stream):
         """See `Stream.blocks`."""
         places = [self.heads.place(name) for name in columns]
         total, begin = max(self._file.metadata.num_rows, 1), 0
+        refuse_swollen(self._path, 8.0 * total * len(columns), self._form, "what is asked for")
         batches = self._file.iter_batches(batch_size=65_536)
         while True:
             with self._sound(self.source):
                 batch = next(batches, None)
-                parts = [] if batch is None else list(_flat(self._arrow, batch))
+                parts = [] if batch is None else list(_flat(self._arrow, self._compute, batch, self.source))
             if batch is None:
                 return
             values = np.empty((batch.num_rows, len(columns)))
             for j, (name, place) in enumerate(zip(columns, places, strict=True)):
-                values[:, j] = self._numbers(name, parts[place][1], gaps)
+                _, column, attributes = parts[place]
+                values[:, j] = attributes.numbers(self._numbers(name, column, gaps))
                 if not gaps and (bad := np.flatnonzero(~np.isfinite(values[:, j]))).size:
                     raise self.no_number(begin + int(bad[0]) + 1, name, values[bad[0], j])
             lines = np.arange(begin + 1, begin + 1 + len(values))
@@ -71,15 +75,34 @@ class ParquetStream(Stream):
         """What pyarrow raises of a damaged file, as a LogError."""
         try:
             yield
+        except LogError:
+            raise
         except (OSError, ValueError, self._arrow.ArrowException) as error:  # ValueError: of names
             reason = " ".join(str(error).split())[:80]
             raise LogError(f"{source} cannot be read as a Parquet file ({reason}); write it again") from error
 
+    def _nanoseconds(self, source: str, name: str, column: Any) -> Any:
+        """Time stamps [ns since 1970]. Raises LogError for those that 64 bits do not hold."""
+        try:
+            return column.cast("timestamp[ns]").cast("int64")
+        except self._arrow.ArrowInvalid:
+            raise self._too_far(source, name) from None
+
+    def _too_far(self, source: str, name: str) -> LogError:
+        return LogError(
+            f"{source}: the column '{name}' holds a time stamp beyond the years 1678 to 2261, or 292 years from the "
+            "first one; leave such rows out"
+        )
+
     def _numbers(self, asked: str, column: Any, gaps: bool) -> np.ndarray:
         types = self._arrow.types
         if types.is_timestamp(column.type):
-            stamps = column.cast("timestamp[ns]", safe=False).cast("int64")
-            since = self._compute.subtract(stamps, self._first)
+            try:
+                since = self._compute.subtract_checked(
+                    self._nanoseconds(self.source, asked, column), self._arrow.scalar(self._first, "int64")
+                )
+            except self._arrow.ArrowInvalid:
+                raise self._too_far(self.source, asked) from None
             return since.to_numpy(zero_copy_only=False).astype(float) * 1e-9  # what is empty is nan
         if not (types.is_integer(column.type) or types.is_floating(column.type) or types.is_boolean(column.type)):
             if gaps:
@@ -90,18 +113,17 @@ class ParquetStream(Stream):
         return column.cast("float64", safe=False).to_numpy(zero_copy_only=False)
 
 
-def _flat(arrow: Any, batch: Any) -> Iterator[tuple[str, Any, str]]:
-    """Name, column, unit: members of structs dotted, components of lists of one length with their index."""
+def _flat(arrow: Any, compute: Any, batch: Any, source: str) -> Iterator[tuple[str, Any, Attributes]]:
+    """Name, column, attributes: members of structs dotted, components of lists of one length with their index."""
     table = arrow.Table.from_batches([batch])
     while any(arrow.types.is_struct(t.type) for t in table.schema):
         table = table.flatten()
     for field, column in zip(table.schema, table.columns, strict=True):
-        unit = ((field.metadata or {}).get(b"unit") or b"").decode(errors="replace")
+        said = {key.decode(errors="replace"): value for key, value in (field.metadata or {}).items()}
+        attributes = attributes_of(said, f"{source}, column '{field.name}'")
         array = column.combine_chunks()
         if arrow.types.is_fixed_size_list(field.type):
-            flat = array.flatten()
-            width = field.type.list_size
-            for k in range(width):
-                yield f"{field.name}[{k}]", flat[k::width] if len(flat) else flat, unit
+            for k in range(field.type.list_size):  # of a row without a list the element is empty, too
+                yield f"{field.name}[{k}]", compute.list_element(array, k), attributes
         else:
-            yield field.name, array, unit
+            yield field.name, array, attributes

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 import numpy as np
 
@@ -25,6 +25,7 @@ MINUS = "\N{MINUS SIGN}"  # as programs that set type write it
 _ABSENT = {"", "nan", "na", "n/a", "#n/a", "null", "none", "nil", "-", "--", "?", "inf", "-inf", "+inf", "infinity"}
 _NOTES = ("title", "synthetic", "provenance", "scalar")
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
+_WITH_COMMA = re.compile(r"[+-]?\d+(,\d+)?([eE][+-]?\d+)?")
 _STAMP = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d(:\d\d(\.\d{1,9})?)?Z?")
 _DATE = re.compile(r"\d{4}-\d\d-\d\d.*|\d{1,2}[./]\d{1,2}[./]\d{2,4}.*|\d{1,2}:\d\d([:.]\d.*)?")
 
@@ -222,12 +223,15 @@ def _layout(path: Path, form: LogForm) -> _Layout:
     if not rows:
         raise LogError(f"{shown(path)} is empty; expected a header such as 'time [s],q[0] [m]' and rows")
     layout.sign = _sign([line for _, line in rows], form, layout)
+    _refuse_blanks_and_commas([line for _, line in rows], layout, path, form)
     if layout.sign == "," and layout.decimal_comma:
         raise LogError(f"{shown(path)}: commas cannot stand before decimals and between columns; name the delimiter")
     tables = [(n, _header_cells(line, layout.sign, f"{shown(path)} line {n}")) for n, line in rows]
     n, cells = tables[0]
     where = f"{shown(path)} line {n}"
     headed = not _numeric(cells, layout.decimal_comma) if form.header is None else form.header > 0
+    if headed and form.header is None:
+        _refuse_row_of_words(tables, layout, path)
     if headed:
         _refuse_preamble(tables, layout, path, form)
         units, layout.first_row = [], n + 1
@@ -335,13 +339,43 @@ def _header_cells(line: str, sign: str, where: str) -> list[str]:
 
 
 def _numeric(cells: Sequence[str], decimal_comma: bool) -> bool:
-    """Whether a line is a row of numbers and no header."""
+    """Whether a line is a row of numbers and no header: dates and what stands for no number are not names either."""
+    kinds = {_kind(cell, decimal_comma) for cell in filter(None, cells)}
+    return "number" in kinds and "word" not in kinds
+
+
+def _kind(cell: str, decimal_comma: bool) -> Literal["number", "absent", "word"]:
     try:
-        for cell in filter(None, cells):
-            number(cell, decimal_comma)
+        number(cell, decimal_comma)
     except ValueError:
-        return False
-    return any(cells)
+        absent = cell.lower() in _ABSENT or _STAMP.fullmatch(cell) is not None
+        return "absent" if absent else "word"
+    return "number"
+
+
+def _refuse_blanks_and_commas(lines: list[str], layout: _Layout, path: Path, form: LogForm) -> None:
+    """Raises LogError where numbers with commas stand between blanks: the commas part no columns."""
+    if layout.sign != "," or form.delimiter is not None or layout.decimal_comma:
+        return
+    parts = [line.split() for line in lines]
+    alike = [len(row) > 1 and all(_WITH_COMMA.fullmatch(cell) for cell in row) for row in parts]
+    if 2 * sum(alike) > len(lines):
+        raise LogError(
+            f"{shown(path)}: numbers with decimal commas seem to stand between blanks, as in "
+            f'\'{lines[alike.index(True)].strip()[:40]}\'; if they do, say decimal = "comma", else delimiter = "comma"'
+        )
+
+
+def _refuse_row_of_words(tables: Sequence[tuple[int, list[str]]], layout: _Layout, path: Path) -> None:
+    """Raises LogError where the first line has words and numbers in the places where the rows below have them."""
+    (n, cells), rest = tables[0], [row for _, row in tables[1:]]
+    kinds = [_kind(cell, layout.decimal_comma) for cell in cells]
+    alike = [row for row in rest if [_kind(cell, layout.decimal_comma) for cell in row] == kinds]
+    if "number" in kinds and rest and len(alike) == len(rest):
+        raise LogError(
+            f"{shown(path)} line {n}: {kinds.count('word')} words and {kinds.count('number')} numbers stand in it as "
+            f"in the rows below; if it is a row, say header = 0, and if it holds the names of the columns, header = {n}"
+        )
 
 
 def _units(cells: Sequence[str], width: int) -> list[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import codecs
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
@@ -13,6 +14,7 @@ BLOCK = 1 << 18  # bytes
 LONGEST_LINE = 1 << 25  # letters; a million columns take less
 _MARKS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))
 COMMENTS = ("#", "%", "//")
+_ERROR_CELL = re.compile(r"#(N/A|NUM!|DIV/0!|VALUE!|REF!|NAME\?|NULL!)", re.IGNORECASE)  # of a spreadsheet
 
 
 class Chunk(NamedTuple):
@@ -94,5 +96,7 @@ def chunks(path: Path, encoding: str, size: int = BLOCK) -> Iterator[Chunk]:
 
 
 def is_row(line: str) -> bool:
-    """Whether a line is neither blank nor a comment."""
-    return bool(line) and not line.startswith(COMMENTS) and not line.isspace()
+    """Whether a line is neither blank nor a comment; "#N/A" in the first cell makes none."""
+    if line.startswith(COMMENTS):
+        return _ERROR_CELL.match(line) is not None
+    return bool(line) and not line.isspace()
