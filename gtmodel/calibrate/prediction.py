@@ -6,8 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-# probability that a set of poses with normal errors has any residual called an outlier
-FALSE_ALARM = 0.01
+from ..measurements.inspection.outliers import outliers as outlying
+from ..measurements.inspection.suspicion import RUN_LEVEL
+
+TESTS = 5  # of a run: held-out poses, size of the noise, colour, recordings against each other, outliers
 MAD = 1.4826022185  # standard deviation of a normal variable over its median absolute deviation
 
 
@@ -62,7 +64,7 @@ class Prediction:
 
 @dataclass(frozen=True)
 class Outlier:
-    """A residual far beyond the others of its link: pose and link (from 0), residual [m], in robust deviations."""
+    """A residual far beyond the others of its link: pose and link (from 0), residual [m], in its own deviations."""
 
     pose: int
     link: int
@@ -70,20 +72,16 @@ class Outlier:
     times: float
 
 
-def outliers(residuals: np.ndarray) -> list[Outlier]:
-    """Of residuals (N, m) per pose and link, the farthest first.
+def outliers(residuals: np.ndarray, basis: np.ndarray | None = None) -> list[Outlier]:
+    """Of residuals (N, m) per pose and link, the farthest first: those that normal ones of so many hardly show, each
+    against its own deviation, see gtmodel.measurements.inspection.outliers. Links have a noise each.
 
-    Against the median of the link, in units of its median absolute deviation; the bound is the one that all N m normal
-    residuals together pass with a probability of 1 %.
+    basis: (N, m, p), orthonormal columns of the residuals' Jacobian. Residuals that are not finite are none.
     """
-    from scipy import stats  # here: it alone takes as long to import as all of gtmodel
-
-    r = residuals - np.median(residuals, axis=0)
-    scale = MAD * np.median(np.abs(r), axis=0)
-    bound = float(stats.norm.isf(FALSE_ALARM / 2 / r.size))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        times = np.where(scale > 0, np.abs(r) / scale, 0.0)
-    outlying = [
-        Outlier(int(k), int(j), float(residuals[k, j]), float(times[k, j])) for k, j in np.argwhere(times > bound)
+    N, m = residuals.shape
+    found = outlying(residuals.reshape(-1), None if basis is None else basis.reshape(N * m, -1), np.tile(range(m), N))
+    listed = [
+        Outlier(k // m, k % m, float(residuals[k // m, k % m]), float(found.times[k]))
+        for k in found.beyond(RUN_LEVEL / TESTS).tolist()
     ]
-    return sorted(outlying, key=lambda o: (-o.times, o.pose, o.link))
+    return sorted(listed, key=lambda o: (-o.times, o.pose, o.link))

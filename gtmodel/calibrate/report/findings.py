@@ -9,6 +9,7 @@ from functools import cached_property, partial
 import numpy as np
 
 from ...inference import BetweenRecordings, HeldOut, Identifiability, OverNoise, Verdict, over_noise
+from ...inference.make_estimate import RANK
 from ...lang import ModelError
 from ...lang.units import parse_unit
 from ...results import ArgumentError, SolveStatus
@@ -274,14 +275,19 @@ def _of_part(
     return CalibrationFindings(
         c.problem, data, c, before, _predicted(c, data.fitted, data),
         {} if kept is None else _predicted(held, kept, data),
-        prior, outliers(_closed(c.residuals)), _sensitivity(fit, c), _repeatability(data), fit.loss, alarms, (),
+        prior, outliers(c.residuals, _basis(c)), _sensitivity(fit, c), _repeatability(data), fit.loss, alarms, (),
         None if held is c else held, kept,
     )  # fmt: skip
 
 
-def _closed(residuals: np.ndarray) -> np.ndarray:
-    """Those of poses that close; the others as zeros, which are no outliers."""
-    return np.nan_to_num(residuals)
+def _basis(c: Calibration) -> np.ndarray | None:
+    """Orthonormal columns (N, m, p) of the lengths' Jacobian; None where latent values leave the lengths open, and of
+    priors and robust losses, which no residual of theirs shows, no account is taken."""
+    if c.problem.implicit or not len(c.x):
+        return None
+    J = c.problem.jacobian(c.x) * c.problem.unknowns.sizes
+    U, s, _ = np.linalg.svd(J.reshape(-1, J.shape[2]), full_matrices=False)
+    return U[:, s > RANK * s.max(initial=0.0)].reshape(*J.shape[:2], -1)
 
 
 def verdict(findings: CalibrationFindings, accuracy: float | None) -> tuple[bool, bool | None, list[str]]:

@@ -18,6 +18,8 @@ from .options import BoardPictures, CameraFit, StereoStart
 
 TURNED = np.deg2rad(90.0)  # between two readings of one board: half a turn or nothing, but for a rough start
 LIKE = np.deg2rad(45.0)
+CLEARLY = 0.5  # of the angles that the boards leave as they are counted: then all are counted from the other end
+ROUGH = np.deg2rad(5.0)  # of rotations between cameras by homographies: less says nothing of how boards are counted
 LEAST = 4  # corners that place a board
 UNITS = ("pixel",) * 4 + ("1",) * 5
 
@@ -109,23 +111,33 @@ def _medoid(poses: np.ndarray) -> int:
 
 
 def _refuse_turned(table: CornerTable, lenses: np.ndarray, views: dict[tuple[int, int], np.ndarray]) -> None:
+    """A board has two readings. In each picture that one counts which agrees with the most usual pose of a camera."""
     for b in range(1, len(table.cameras)):
-        both, between = _between(views, 0, b, len(table.pictures))
+        both, given = _between(views, 0, b, len(table.pictures))
         if len(both) < 3:
             continue
-        usual = between[_medoid(between)][None]
-        for k in np.flatnonzero(_angles(between, usual)[:, 0] > TURNED):
-            own = (table.camera == b) & (table.picture == both[k])
+        turned = np.empty_like(given)
+        for k, p in enumerate(both):
+            own = (table.camera == b) & (table.picture == p)
             X = table.X[own]
             other = board_pose(X.max(axis=0) + X.min(axis=0) - X, table.uv[own], lenses[b])
-            again = composed(other[None], inverse_poses(views[0, both[k]][None]))
-            if _angles(again, usual)[0, 0] < LIKE:
-                raise ArgumentError(
-                    f"picture {table.pictures[both[k]]}: {table.cameras[b]} counts the board's corners from the other "
-                    f"end than {table.cameras[0]} (it is turned by 180 degrees); reverse them there, or leave the "
-                    "picture out",
-                    "corners",
-                )
+            turned[k] = composed(other[None], inverse_poses(views[0, p][None]))[0]
+        candidates = np.vstack([given, turned])
+        off = np.stack([_angles(candidates, given), _angles(candidates, turned)])  # (reading, candidate, picture)
+        median = np.median(off.min(axis=0), axis=1)
+        usual = int(np.argmin(median[: len(both)]))
+        all_turned = len(both) + int(np.argmin(median[len(both) :]))
+        if median[all_turned] < CLEARLY * median[usual] and median[usual] > ROUGH:
+            usual = all_turned
+        odd = np.flatnonzero((off[0, usual] > TURNED) & (off[1, usual] < LIKE))
+        if len(odd):
+            which = f"picture {', '.join(table.pictures[both[k]] for k in odd)}"
+            which = "all pictures" if len(odd) == len(both) else which
+            raise ArgumentError(
+                f"{which}: {table.cameras[b]} counts the board's corners from the other end than {table.cameras[0]} "
+                "(it is turned by 180 degrees); reverse them there, or leave the picture out",
+                "corners",
+            )
 
 
 def _camera_poses(table: CornerTable, views: dict[tuple[int, int], np.ndarray]) -> np.ndarray:

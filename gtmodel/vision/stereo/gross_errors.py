@@ -7,8 +7,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ...measurements.inspection.outliers import outliers
+from ...measurements.inspection.suspicion import RUN_LEVEL
 from ..corner_table import CornerTable
-from .calibrated import CameraStarts, calibrated, started_at
+from ..pinhole import project
+from ..rigid_poses import composed, inverse_poses, matrices_of
+from ..starts import board_pose
+from .calibrated import LEAST, CameraStarts, calibrated, started_at
 from .options import CameraFit
 
 ROUNDS = 8
@@ -17,22 +22,30 @@ ROUGH, PLAIN = 6, 1e3
 SETTLED = 0.01  # relative change of the noise between two robust fits
 # median of the length of a pair of normal errors, in standard deviations: sqrt(2 ln 2)
 MEDIAN = float(np.sqrt(2 * np.log(2)))
-WRONG = 0.5  # a picture of which more corners than this are gross errors is wrong as a whole
+WRONG = 0.5  # a picture of which more corners than this are off by SPREAD times a gross error is wrong as a whole
+SPREAD = 3.0  # pictures of a board that is far, tilted or out of focus have up to so many times the noise of the others
+TESTS = 4  # of a run on two cameras: corners, pictures, and the map of each camera
+AWAY = 5.0  # times what starting values leave of most pictures, which is the distortion of the lens
+LEFT = 3  # pictures; fewer determine no lens
+FEW = 10  # corners of a view: with fewer the noise of its camera is theirs
 
 
 @dataclass(frozen=True, eq=False)
 class GrossErrors:
     """corners (n,): a mask of gross errors; pictures: numbers of those that are wrong as a whole, whose corners are all
-    in the mask; noise: standard deviation of the others' coordinates [pixel], or in units of their sigma."""
+    in the mask; noise: standard deviation of the others' coordinates [pixel], or in units of their sigma; p: how often
+    clean corners have one as far off as the worst of those that belong to no wrong picture."""
 
     corners: np.ndarray
     pictures: tuple[int, ...]
     noise: float
+    p: float = 1.0
 
 
 def gross_errors(table: CornerTable, residuals: np.ndarray, gross: float) -> GrossErrors:
-    """Of residuals (n, 2) [pixel], by the median of their lengths, which up to half of the corners may not spoil; from
-    `gross` standard deviations on.
+    """Of residuals (n, 2) [pixel]. Pictures first, by the median of all lengths, which up to half of the corners may
+    not spoil; then corners, each by the noise of its own view, which tilt and distance make larger: those that clean
+    corners hardly ever show in any, and that lie `gross` standard deviations off.
 
     >>> board = gt.vision.BoardPictures(width_pixel=640, height_pixel=480, columns=9, rows=6)
     >>> table, lenses, cameras = gt.vision.stereo.made_corners(gt.vision.stereo.SyntheticBoards(), board)
@@ -42,24 +55,85 @@ def gross_errors(table: CornerTable, residuals: np.ndarray, gross: float) -> Gro
     >>> np.flatnonzero(bad.corners), bad.pictures, round(bad.noise, 2)
     (array([7]), (), 0.1)
     """
-    length = np.linalg.norm(residuals, axis=1)
-    if table.sigma is not None:
-        length = length / table.sigma
+    scaled = residuals if table.sigma is None else residuals / table.sigma[:, None]
+    length = np.linalg.norm(scaled, axis=1)
     noise = float(np.median(length)) / MEDIAN
-    corners = length > gross * max(noise, 1e-12)
-    wrong = []
-    for p in range(len(table.pictures)):
-        own = table.picture == p
-        if own.any() and np.mean(corners[own]) > WRONG:
-            wrong.append(p)
-            corners = corners | own
-    return GrossErrors(corners, tuple(wrong), noise)
+    far = length > SPREAD * gross * max(noise, 1e-12)
+    own = np.bincount(table.picture, minlength=len(table.pictures))
+    wrong = np.flatnonzero(np.bincount(table.picture, far, len(table.pictures)) > WRONG * own)
+    corners = np.isin(table.picture, wrong)
+    left = np.flatnonzero(~corners)
+    view = table.camera * len(table.pictures) + table.picture
+    seen = np.bincount(view[left], minlength=view.max(initial=0) + 1)[view[left]]
+    single = outliers(scaled[left], groups=np.where(seen < FEW, -1 - table.camera[left], view[left]))
+    found = single.beyond(RUN_LEVEL / TESTS)
+    found = found[single.times[found] > gross]
+    corners[left[found]] = True
+    p = float(np.min(single.p[found], initial=1.0))
+    return GrossErrors(corners, tuple(wrong.tolist()), noise, p)
+
+
+def suspects(table: CornerTable, start: CameraStarts) -> list[int]:
+    """Pictures that the starting values predict so much worse than most that no fit may begin with them: those of two
+    cameras that were exchanged, mirrored, or of another moment."""
+    worst = np.array([_off(table, p, start, start.boards[p]) for p in range(len(table.pictures))])
+    return np.flatnonzero(worst > AWAY * np.median(worst)).tolist()
+
+
+def _off(table: CornerTable, picture: int, start: CameraStarts, board: np.ndarray) -> float:
+    """Median distance [pixel] of corners from where a board's pose (7,) puts them, of the worst camera."""
+    worst = 0.0
+    for c in np.unique(table.camera[table.picture == picture]):
+        own = (table.camera == c) & (table.picture == picture)
+        seen = composed(start.cameras[c][None], board[None])
+        uv, status = project(table.X[own] @ matrices_of(seen)[0].T + seen[0, 4:], start.lenses[c])
+        off = np.linalg.norm(uv - table.uv[own], axis=1)
+        worst = max(worst, float(np.median(np.where((status == 0) & np.isfinite(off), off, np.inf))))
+    return worst
 
 
 def without_gross_errors(
     table: CornerTable, start: CameraStarts, fit: CameraFit, stop: Callable[[], bool] | None
 ) -> tuple[CameraStarts, GrossErrors]:
-    """Robust fits until the noise settles: where they end, and what is left out after them."""
+    """Robust fits until the noise settles: where they end, and what is left out after them. Pictures that starting
+    values speak against are judged when the others have placed the cameras."""
+    away = suspects(table, start)
+    rest = [p for p in range(len(table.pictures)) if p not in away]
+    if not away or len(rest) < LEFT:
+        return _settled(table, start, fit, stop)
+    known, bad = _settled(_pictures(table, rest), replace(start, boards=start.boards[rest]), fit, stop)
+    boards = start.boards.copy()
+    boards[rest] = known.boards
+    sigma = 1.0 if table.sigma is None else float(np.median(table.sigma))
+    wrong = []
+    for p in away:
+        placed = []
+        for c in np.unique(table.camera[table.picture == p]):
+            own = (table.camera == c) & (table.picture == p)
+            if own.sum() >= LEAST:
+                seen = board_pose(table.X[own], table.uv[own], known.lenses[c])
+                placed.append(composed(inverse_poses(known.cameras[c][None]), seen[None])[0])
+        boards[p] = min(placed, key=lambda board: _off(table, p, known, board), default=boards[p])
+        if _off(table, p, known, boards[p]) > SPREAD * fit.gross * bad.noise * sigma:
+            wrong.append(p)
+    right = [p for p in range(len(table.pictures)) if p not in wrong]
+    if right != rest:
+        known, bad = _settled(_pictures(table, right), replace(known, boards=boards[right]), fit, stop)
+    boards[right] = known.boards
+    corners = np.isin(table.picture, wrong)
+    corners[~corners] = bad.corners
+    pictures = sorted([*wrong, *(right[p] for p in bad.pictures)])
+    return replace(known, boards=boards), replace(bad, corners=corners, pictures=tuple(pictures))
+
+
+def _pictures(table: CornerTable, which: list[int]) -> CornerTable:
+    gone = [name for p, name in enumerate(table.pictures) if p not in which]
+    return table.rows(np.flatnonzero(np.isin(table.picture, which))).without(gone)
+
+
+def _settled(
+    table: CornerTable, start: CameraStarts, fit: CameraFit, stop: Callable[[], bool] | None
+) -> tuple[CameraStarts, GrossErrors]:
     plain = calibrated(table, start, replace(fit, limit=ROUGH), loss_sigma=PLAIN, stop=stop)
     noise = 0.0
     for _ in range(ROUNDS):

@@ -20,8 +20,8 @@ from ..intersection import MOVES, intersect
 from ..picture_test import LEAST, PictureTest, picture_test
 from ..pinhole import LENS
 from ..rigid_poses import composed, matrices_of
-from .calibrated import calibrated, camera_starts
-from .gross_errors import GrossErrors, gross_errors, without_gross_errors
+from .calibrated import CameraStarts, calibrated, camera_starts
+from .gross_errors import GrossErrors, gross_errors, suspects, without_gross_errors
 from .options import BoardPictures, CameraFit, StereoStart
 from .result import StereoStudy
 
@@ -31,6 +31,7 @@ REMOVED = 0.2  # share of corners; more are no outliers
 FIRES = 1e-3  # chance of a false alarm of the test over the picture, over all cameras
 NAMED = 10  # corners that a note lists
 OFF = 0.2  # of a side of the picture, from its middle to the principal point: farther is seen in cropped pictures only
+TILTED = 10.0  # degrees: below, focal lengths and distances are hardly told apart
 TILT = (
     "tilt the board by 20 degrees or more in some pictures: where it faces the camera, focal length and distance "
     "cannot be told apart"
@@ -78,9 +79,17 @@ def stereo_study(
     begin = camera_starts(table, board, start)
     removed: GrossErrors | None = None
     kept = np.arange(table.n)
-    if fit.gross_errors == "removed":
+    away = suspects(table, begin)
+    if fit.gross_errors == "removed" or away:
         work.step("gross errors", 0.3)
-        begin, removed = without_gross_errors(table, begin, fit, work.interrupted)
+        again, removed = without_gross_errors(table, begin, fit, work.interrupted)
+        if fit.gross_errors == "named":
+            if removed.pictures and not work.interrupted():
+                return _wrong(corners, removed, title)
+            removed = None
+        else:
+            begin = again
+    if removed is not None:
         kept = np.flatnonzero(~removed.corners)
         table, begin = _left(table, kept, begin)
     work.step("fit", 0.6)
@@ -89,7 +98,10 @@ def stereo_study(
     except ArgumentError as error:
         raise ArgumentError(f"{error.message}; {TILT}", "corners") from error
     if not end.status.ok or end.estimate is None:
-        return StereoStudy(status=end.status, message=_failed(end), title=title, iterations=end.iterations)
+        if removed is None and end.status is not SolveStatus.INTERRUPTED:
+            work.step("gross errors", 0.8)
+            removed = without_gross_errors(table, begin, fit, work.interrupted)[1]
+        return _failed(end, corners, begin, removed, title)
     named = removed or gross_errors(table, end.residuals["corners"], fit.gross)
     tests = _tests(table, end, board)
     checks, notes = _judged(corners, table, end, named, removed is not None, tests)
@@ -100,8 +112,7 @@ def stereo_study(
     return StereoStudy(
         status=end.status, message=end.message, title=title, iterations=end.iterations, objective=end.cost,
         estimate=end.estimate, checks=checks, notes=notes, **values,
-        gross_corners=[corners.label(int(k)) for k in np.flatnonzero(named.corners)],
-        wrong_pictures=[corners.pictures[p] for p in named.pictures], removed=removed is not None,
+        removed=removed is not None, **_named(corners, named),
         quadratic_p={n: t.quadratic for n, t in tests.items()}, radius_p={n: t.radius for n, t in tests.items()},
         map_rms={n: t.size for n, t in tests.items()},
         figures={"residuals": partial(_figure, drawn, (board.width_pixel, board.height_pixel), title)},
@@ -189,8 +200,36 @@ def _left(table: CornerTable, kept: np.ndarray, begin: Any) -> tuple[CornerTable
     return table.rows(kept).without(gone), replace(begin, boards=begin.boards[left])
 
 
-def _failed(end: BundleFit) -> str:
-    return f"{end.message}; give a focal length to start from, look for wrong pictures, or {TILT}"
+def _failed(
+    end: BundleFit, corners: CornerTable, begin: CameraStarts, bad: GrossErrors | None, title: str
+) -> StereoStudy:
+    """A fit that did not end, with the pictures and corners that a robust one finds wrong."""
+    if bad is not None and bad.pictures:
+        return replace(_wrong(corners, bad, title), iterations=end.iterations)
+    tilt = np.degrees(_tilt(begin.cameras, begin.boards))
+    advice = f"give a focal length to start from, look for wrong pictures, or {TILT}"
+    if tilt < TILTED:
+        advice = f"the board is tilted by {tilt:.2g} degrees at most: {TILT}"
+    named = {} if bad is None else _named(corners, bad)
+    message = f"{end.message}; {advice}"
+    return StereoStudy(status=end.status, message=message, title=title, iterations=end.iterations, **named)
+
+
+def _wrong(corners: CornerTable, bad: GrossErrors, title: str) -> StereoStudy:
+    """No fit of all corners ends where a picture belongs to none of the others."""
+    named = _named(corners, bad)
+    message = (
+        f"wrong as a whole: picture {', '.join(named['wrong_pictures'])}, exchanged with another, mirrored, shifted or "
+        'counted otherwise; look at it, leave it out, or take gross_errors = "removed"'
+    )
+    return StereoStudy(status=SolveStatus.FAILED, message=message, title=title, **named)
+
+
+def _named(corners: CornerTable, bad: GrossErrors) -> dict[str, Any]:
+    return {
+        "gross_corners": [corners.label(int(k)) for k in np.flatnonzero(bad.corners)],
+        "wrong_pictures": [corners.pictures[p] for p in bad.pictures],
+    }
 
 
 def _tests(table: CornerTable, end: BundleFit, board: BoardPictures) -> dict[str, PictureTest]:
@@ -281,7 +320,7 @@ def _values(table: CornerTable, end: BundleFit, metres: bool) -> dict[str, Any]:
         "rms_by_picture": {n: rms(table.picture == p) for p, n in enumerate(table.pictures)},
         "noise": float(np.sqrt(np.sum(square) / max(e.degrees_of_freedom, 1.0))),
         "lens": lens, "lens_std": {n: {k: spread(f"{n}.{k}") for k in LENS} for n in table.cameras},
-        "tilt": _tilt(end),
+        "tilt": _tilt(end.values["camera"], end.values["board"]),
     }  # fmt: skip
     rotation, translation, interval = dict[str, list[float]](), dict[str, list[float]](), dict[str, list[float]]()
     baseline = dict[str, float]()
@@ -297,12 +336,9 @@ def _values(table: CornerTable, end: BundleFit, metres: bool) -> dict[str, Any]:
     return values | {"rotation": rotation} | {k if metres else f"{k}_squares": v for k, v in lengths.items()}
 
 
-def _tilt(end: BundleFit) -> float:
+def _tilt(cameras: np.ndarray, boards: np.ndarray) -> float:
     """Largest angle between a board and a picture plane [rad]."""
-    boards = end.values["board"]
-    cosines = [
-        np.abs(matrices_of(composed(np.tile(c, (len(boards), 1)), boards))[:, 2, 2]) for c in end.values["camera"]
-    ]
+    cosines = [np.abs(matrices_of(composed(np.tile(c, (len(boards), 1)), boards))[:, 2, 2]) for c in cameras]
     return float(np.arccos(np.clip(np.min(cosines), 0.0, 1.0)))
 
 

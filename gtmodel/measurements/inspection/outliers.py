@@ -1,0 +1,106 @@
+"""Outliers of a fit: each residual against its own deviation, and a threshold for how many there are."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .suspicion import Suspicion
+
+LOOKED_AT = 0.25  # share of a group's degrees of freedom that outliers may take; more are no outliers
+HIDDEN = 3  # so many deletions in a row that change nothing end the search
+CHANCE = 0.5  # probability from which on a deletion changes nothing
+EXACT = 1e-9  # of a residual's deviation: a smaller one is fixed by the fit and says nothing
+
+
+@dataclass(frozen=True, eq=False)
+class Outliers:
+    """p (n,): probability that any of n clean residuals lies as far off as this one, 1 for those not suspected;
+    times (n,): its length in its own deviations, as the others of its group say it."""
+
+    p: np.ndarray
+    times: np.ndarray
+
+    def beyond(self, level: float) -> np.ndarray:
+        """Indices of the outliers at this level, the most unlikely first, those of one p by their lengths."""
+        found = np.flatnonzero(self.p <= level)
+        return found[np.lexsort((found, -self.times[found], self.p[found]))]
+
+    def suspicion(self, name: str, evidence: str, remedy: str) -> Suspicion:
+        """Of the most unlikely of them."""
+        return Suspicion(name, evidence, float(np.min(self.p, initial=1.0)), remedy)
+
+
+def outliers(residuals: np.ndarray, basis: np.ndarray | None = None, groups: np.ndarray | None = None) -> Outliers:
+    """Which residuals of a least-squares fit are no noise, by deleted residuals: each is judged by a fit without it.
+
+    Args:
+        residuals: (n,) or (n, k), k numbers each, such as u and v; divided by their deviations where these differ and
+            are known but for a factor. Those that are not finite are left out.
+        basis: orthonormal columns of the fit's Jacobian, (n, p) or (n, k, p), in the same units: they say how much of
+            its own error each residual shows, and what deleting it does to the others. Without them a residual shows
+            its whole error.
+        groups: (n,) numbers of groups, each with a noise of its own, such as views or links; one if left out.
+
+    A deleted residual has the F distribution with k and the rest of its group's degrees of freedom, for normal errors;
+    the probability is that of any of the n (Bonferroni). The largest are deleted one by one and judged last to first,
+    so that one does not hide another. Sources: Cook and Weisberg 1982, "Residuals and influence in regression",
+    section 2.2; Rosner 1983, Technometrics 25.
+
+    >>> from gtmodel.measurements.inspection.outliers import outliers
+    >>> x, e = np.linspace(0.0, 1.0, 30), np.random.default_rng(1).normal(size=30)  # synthetic: seed 1
+    >>> e[[4, 20]] = 8.0, -7.0
+    >>> U = np.linalg.qr(np.column_stack([np.ones(30), x]))[0]
+    >>> outliers(e - U @ (U.T @ e), U).beyond(0.01)
+    array([ 4, 20])
+    """
+    from scipy import stats  # here: it alone takes as long to import as all of gtmodel
+
+    e = np.array(residuals, float)
+    e = e.reshape(len(e), -1)
+    n, k = e.shape
+    U = np.zeros((n, k, 0)) if basis is None else np.asarray(basis, float).reshape(n, k, -1)
+    group = np.zeros(n, int) if groups is None else np.unique(np.asarray(groups), return_inverse=True)[1].reshape(-1)
+    every = int(group.max(initial=-1)) + 1
+    M, left = np.eye(U.shape[2]), np.all(np.isfinite(e), axis=1)
+    tests = max(int(left.sum()), 1)
+    p, times = np.ones(n), np.zeros(n)
+    own = np.eye(k) - np.einsum("nia,nja->nij", U, U)  # covariance of a residual, of noise of size 1
+    freedom = np.bincount(group[left], np.einsum("nii->n", own)[left], every)
+    budget, taken = LOOKED_AT * freedom, np.zeros(every)
+    found: list[tuple[int, float]] = []
+    first = True
+    while left.any():
+        known = left & (np.linalg.eigvalsh(own)[:, 0] > EXACT)
+        square = np.zeros(n)
+        square[known] = np.einsum("ni,ni->n", e[known], np.linalg.solve(own[known], e[known][:, :, None])[:, :, 0])
+        total = np.bincount(group[left], np.sum(e[left] ** 2, axis=1), every)
+        rest = freedom[group] - k
+        judged = known & (rest > 0) & (taken[group] + k <= budget[group])
+        size = np.zeros(n)
+        size[judged] = np.maximum(total[group[judged]] - square[judged], 0.0) / rest[judged]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            F = np.where(judged, np.nan_to_num(square / size / k, nan=0.0, posinf=np.inf), 0.0)
+        if first:
+            times, first = np.sqrt(F * k), False
+        chance = np.minimum(tests * stats.f.sf(F, k, np.maximum(rest, 1.0)), 1.0)
+        worst = int(np.argmin(np.where(judged, chance, 2.0)))
+        if not judged[worst]:
+            break
+        found.append((worst, float(chance[worst])))
+        times[worst] = np.sqrt(F[worst] * k)
+        u, by = U[worst], np.linalg.inv(own[worst])
+        moved = U @ M @ u.T  # (n, k, k)
+        e = e + (moved @ by @ e[worst][:, None])[:, :, 0]
+        own = own - moved @ by @ moved.transpose(0, 2, 1)
+        M = M + M @ u.T @ by @ u @ M
+        left[worst] = False
+        freedom[group[worst]] -= k
+        taken[group[worst]] += k
+        if len(found) > HIDDEN and min(chance for _, chance in found[-HIDDEN:]) > CHANCE:
+            break
+    least = np.ones(every)
+    for worst, chance in reversed(found):  # what had to be deleted before another one showed is an outlier like it
+        least[group[worst]] = p[worst] = min(least[group[worst]], chance)
+    return Outliers(p, times)
