@@ -9,6 +9,7 @@ import scipy
 
 from ..lang import ModelError
 from ..results.estimate import Estimate
+from ..results.refusal import ArgumentError
 from ..robots import SerialArm
 from ..robots.serial.bodies import six_of, tensor
 from .base_parameters import BaseRegressor, parameters_of
@@ -70,7 +71,9 @@ def consistent_inertias(
 
     Least squares on the cone of positive definite pseudo-inertias P, which is convex: the estimate with its covariance,
     and the bodies' distance from the model's, |P0^(-1/2) (P - P0) P0^(-1/2)| / width, by Newton's method with the
-    barrier -log det P, whose weight falls to 1e-5. Raises ModelError for a model's body that cannot exist.
+    barrier -log det P, whose weight falls to 1e-5. Raises ModelError for a model's body that cannot exist, ArgumentError
+    for base parameters of another arm, an estimate without any of these or with what is no finite number, and a width
+    that is none above zero.
 
     >>> arm = gt.robots.serial_arm(a=[0.5], alpha=0.0, base_rpy=[np.pi / 2, 0, 0], m=[2.0], c=[[-0.25, 0, 0]],
     ...                            I=[np.diag([0.01, 0.04, 0.04])])
@@ -82,6 +85,7 @@ def consistent_inertias(
     (True, True)
     """
     n = len(arm.structure.joints)
+    _refuse(arm, base, estimate, width)
     before, notes = _bodies_before(arm)
     values = parameters_of(arm)
     given = np.array([values[name] for name in base.everything])
@@ -110,6 +114,20 @@ def consistent_inertias(
         )
     consistent = arm.with_(m=m, mc=mc, J=J, **more)
     return ConsistentInertias(consistent, m, mc, J, moved, tuple(notes))
+
+
+def _refuse(arm: SerialArm, base: BaseRegressor, estimate: Estimate, width: float) -> None:
+    if not (np.isfinite(width) and width > 0):
+        raise ArgumentError(f"expected a finite number above 0; got {width!r}", "width")
+    own = {name for name in base.everything if name.startswith(("J[", "mc[", "m["))}
+    if len(own) != 10 * len(arm.structure.joints) or not own <= parameters_of(arm).keys():
+        raise ArgumentError(
+            f"has {len(own)} numbers of bodies, the arm {10 * len(arm.structure.joints)}; make it of this arm", "base"
+        )
+    if not set(estimate.names) & set(base.names):
+        raise ArgumentError(f"has none of the base parameters, such as '{base.names[0]}'", "estimate")
+    if not (np.all(np.isfinite(estimate.values)) and np.all(np.isfinite(estimate.covariance))):
+        raise ArgumentError("holds values or a covariance that are no finite numbers", "estimate")
 
 
 def _nearest(

@@ -20,6 +20,7 @@ from gtmodel.problem_files import Context
 from gtmodel.problem_files.load import load
 from gtmodel.problem_files.robots import resolve
 from gtmodel.problem_files.run import answer
+from gtmodel.results import ArgumentError
 from tests.robots.arm_oracle import URDF, Pinocchio
 
 pin = pytest.importorskip("pinocchio", reason="pinocchio, the oracle of serial arms, is not installed")
@@ -308,3 +309,20 @@ def test_negligible_nominal_values_have_the_size_of_others_of_their_unit() -> No
     values, units = np.array([1.9, -2.9e-16, 0.05, 0.0, 0.0]), ["kg.m2"] * 4 + ["N"]
     assert negligible(values, units).tolist() == [False, True, False, True, True]
     assert nominal_sizes(values, units).tolist() == [1.9, 0.05, 0.05, 0.05, 0.0]
+
+
+@pytest.mark.parametrize("case", ["width 0", "width inf", "width nan", "another arm", "other names", "no number"])
+def test_bodies_are_not_sought_for_what_does_not_belong_together(case: str) -> None:
+    one, two = (gt.robots.serial_arm(a=[0.5] * n, alpha=[0.0] * n, base_rpy=[np.pi / 2, 0, 0], m=[2.0] * n,
+                                     c=[[-0.25, 0, 0]] * n, I=[np.diag([0.01, 0.04, 0.04])] * n) for n in (1, 2))  # fmt: skip
+    base = BaseRegressor(one)
+    e = gt.inference.linear_fit(np.eye(base.size), base.nominal, base.names, sigma=1e-3)
+    other = gt.inference.linear_fit(np.eye(1), [1.0], ["x"], sigma=1.0)
+    bad = replace(e, values=np.full(base.size, np.nan))
+    width = float(case.partition(" ")[2]) if case.startswith("width") else 1.0
+    arm, estimate, argument = {
+        "another arm": (two, e, "base"), "other names": (one, other, "estimate"), "no number": (one, bad, "estimate"),
+    }.get(case, (one, e, "width"))  # fmt: skip
+    with pytest.raises(ArgumentError) as caught:
+        consistent_inertias(arm, base, estimate, width=width)
+    assert caught.value.argument == argument
