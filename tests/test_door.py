@@ -21,6 +21,7 @@ import gtmodel
 import gtmodel as gt
 from gtmodel.problem_files import InputError
 from gtmodel.results import ArgumentError, Long, Options, Study, Within
+from gtmodel.results.door import ended
 
 CLOCK: dict[str, Iterable[Any]] = {  # what every study takes, and what it refuses
     "max_seconds": (math.nan, math.inf, -1.0, 0, "5", True),
@@ -170,6 +171,13 @@ def test_a_study_refuses_what_its_annotations_do_not_say(name: str) -> None:
 def test_options_refuse_what_their_annotations_do_not_say(name: str) -> None:
     options = OPTIONS[name]
     assert wrongly_blamed(options, {a: bad_ones(hint) for a, hint in declared(options).items()}) == []
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_a_study_that_was_ended_before_it_had_values_is_shown(name: str) -> None:
+    """Some classes cannot be without their numbers, and a stop within their first step ended in a TypeError."""
+    s = ended(get_type_hints(STUDIES[name])["return"], "stopped before it began", "a title")
+    assert s.status is gt.SolveStatus.INTERRUPTED and s.title == "a title" and str(s) is not None
 
 
 def test_a_study_still_shows_its_signature() -> None:

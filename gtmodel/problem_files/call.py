@@ -35,7 +35,8 @@ class Call:
             name = str(error).rpartition("'")[0].rpartition("'")[2]
             raise ArgumentError(f"{self.study.__name__}(): {error}", name) from None
         study = self.study(*self.arguments, **self.options, **work)
-        return study if self.finish is None else self.finish(study)
+        # what was ended before it had values is a plain study, to which a file has nothing to add
+        return study if self.finish is None or type(study) is Study else self.finish(study)
 
     def __repr__(self) -> str:
         name = f"{self.study.__module__}.{self.study.__qualname__}"

@@ -4,15 +4,24 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable
+from dataclasses import MISSING, fields
 from functools import cache, wraps
 from typing import Any, ParamSpec, TypeVar, get_type_hints
 
 from .agreement import agree
 from .status import SolveStatus
+from .study import Study
 from .work import KEPT, Interrupted, Work
 
 P = ParamSpec("P")
 R = TypeVar("R")
+
+
+def ended(kind: type[R], message: str, title: str = "") -> R:
+    """An interrupted study without values: of its own class, or a plain one where that class cannot be without them."""
+    needed = [f.name for f in fields(kind) if f.default is MISSING and f.default_factory is MISSING]  # type: ignore[arg-type]
+    made: Any = kind if needed == ["status"] else Study
+    return made(status=SolveStatus.INTERRUPTED, message=message, title=title)
 
 
 def study_function(function: Callable[P, R]) -> Callable[P, R]:
@@ -45,8 +54,7 @@ def study_function(function: Callable[P, R]) -> Callable[P, R]:
         except Interrupted as stopped:
             if kept:
                 return kept[-1]()
-            texts = {"message": str(stopped), "title": given.get("title", "")}
-            return hints["return"](status=SolveStatus.INTERRUPTED, **texts)
+            return ended(hints["return"], str(stopped), given.get("title", ""))
         finally:
             KEPT.reset(opened)
 
