@@ -71,9 +71,9 @@ def consistent_inertias(
 
     Least squares on the cone of positive definite pseudo-inertias P, which is convex: the estimate with its covariance,
     and the bodies' distance from the model's, |P0^(-1/2) (P - P0) P0^(-1/2)| / width, by Newton's method with the
-    barrier -log det P, whose weight falls to 1e-5. Raises ModelError for a model's body that cannot exist, ArgumentError
-    for base parameters of another arm, an estimate without any of these or with what is no finite number, and a width
-    that is none above zero.
+    barrier -log det P, whose weight falls to 1e-5. Raises ModelError for a model's body that cannot exist, and
+    ArgumentError for base parameters of another arm, an estimate without any of these or with what is no finite
+    number, and a width that is none above zero.
 
     >>> arm = gt.robots.serial_arm(a=[0.5], alpha=0.0, base_rpy=[np.pi / 2, 0, 0], m=[2.0], c=[[-0.25, 0, 0]],
     ...                            I=[np.diag([0.01, 0.04, 0.04])])

@@ -313,8 +313,13 @@ def test_negligible_nominal_values_have_the_size_of_others_of_their_unit() -> No
 
 @pytest.mark.parametrize("case", ["width 0", "width inf", "width nan", "another arm", "other names", "no number"])
 def test_bodies_are_not_sought_for_what_does_not_belong_together(case: str) -> None:
-    one, two = (gt.robots.serial_arm(a=[0.5] * n, alpha=[0.0] * n, base_rpy=[np.pi / 2, 0, 0], m=[2.0] * n,
-                                     c=[[-0.25, 0, 0]] * n, I=[np.diag([0.01, 0.04, 0.04])] * n) for n in (1, 2))  # fmt: skip
+    body = {"m": 2.0, "c": [-0.25, 0, 0], "I": np.diag([0.01, 0.04, 0.04])}
+    one, two = (
+        gt.robots.serial_arm(
+            a=[0.5] * n, alpha=[0.0] * n, base_rpy=[np.pi / 2, 0, 0], **{k: [x] * n for k, x in body.items()}
+        )
+        for n in (1, 2)
+    )
     base = BaseRegressor(one)
     e = gt.inference.linear_fit(np.eye(base.size), base.nominal, base.names, sigma=1e-3)
     other = gt.inference.linear_fit(np.eye(1), [1.0], ["x"], sigma=1.0)
