@@ -312,6 +312,9 @@ def loop(
         float | None,
         typer.Option(metavar="M_S2", help="Braking of a lost robot; the largest that the reference asks if left out."),
     ] = None,
+    following: Annotated[
+        float | None, typer.Option(metavar="M", help="Cart from its last command, beyond which it brakes; 0.25.")
+    ] = None,
     out: Annotated[
         Path | None, typer.Option("--out", metavar="OUT", help="Results; DIR/loop by default.", callback=_folder)
     ] = None,
@@ -329,6 +332,7 @@ def loop(
             answer.finished = loop_run.run(
                 folder, out or folder / "loop", job, reference=reference, plant=plant, peer=peer, seconds=seconds,
                 law=law, in_lockstep=lockstep, elastic=elastic, deceleration=deceleration,
+                **({} if following is None else {"following": following}),
             )  # fmt: skip
 
 

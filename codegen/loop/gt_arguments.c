@@ -28,6 +28,7 @@ static void gt_arguments_default(gt_arguments *a)
     a->ramp_cycles = 50U;
     a->limits.step_m = 0.02;
     a->limits.path_m = 0.01;
+    a->limits.following_m = 0.25;
     a->fewest = GT_AXES;
     for (n = 0U; n < GT_AXES; n++) {
         a->limits.lowest_m[n] = -10.0;
@@ -110,13 +111,14 @@ static double *gt_number_option(gt_arguments *a, const char *name, uint32_t *mos
 {
     *most = GT_AXES;
     if (gt_is(name, "--step") || gt_is(name, "--path-limit") || gt_is(name, "--gain") ||
-        gt_is(name, "--deceleration")) {
+        gt_is(name, "--deceleration") || gt_is(name, "--following")) {
         *most = 1U;
     }
     return gt_is(name, "--lowest")       ? a->limits.lowest_m
            : gt_is(name, "--highest")    ? a->limits.highest_m
            : gt_is(name, "--step")       ? &a->limits.step_m
            : gt_is(name, "--path-limit") ? &a->limits.path_m
+           : gt_is(name, "--following")  ? &a->limits.following_m
            : gt_is(name, "--a")          ? a->a
            : gt_is(name, "--b")          ? a->b
            : gt_is(name, "--kp")         ? a->kp_N_m
@@ -168,8 +170,8 @@ static const char *gt_ranges(const gt_arguments *a)
             return "--lowest is above --highest";
         }
     }
-    if (!(a->limits.step_m > 0.0) || !(a->limits.path_m >= 0.0)) {
-        return "--step has to be above zero, --path-limit not below";
+    if (!(a->limits.step_m > 0.0) || !(a->limits.following_m > 0.0) || !(a->limits.path_m >= 0.0)) {
+        return "--step has to be above zero, and so has --following; --path-limit not below";
     }
     if (!(a->deceleration_m_s2 >= 0.0)) {
         return "--deceleration has to be above zero, or 0 for --ramp";

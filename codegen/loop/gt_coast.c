@@ -15,19 +15,43 @@ static double gt_clamped(double value, double lowest, double highest)
     return (value > highest) ? highest : value;
 }
 
+static double gt_coast_cycle_s(const gt_loop *loop)
+{
+    return (double)loop->peer.cycle_ms / 1000.0;
+}
+
+void gt_coast_follow(gt_loop *loop, const gt_command *command)
+{
+    const double seconds = (double)(uint32_t)gt_pace_moved(&loop->pace) * gt_coast_cycle_s(loop);
+    /* behind cycles without the law that way is a correction too, at which nothing may go on */
+    const int plain = (loop->pace.held == 0U) && (loop->pace.cycles <= 1U);
+    const gt_command before = loop->command;
+    uint32_t n;
+
+    loop->command = *command;
+    for (n = 0U; n < loop->peer.axes; n++) {
+        loop->command.speed_m_s[n] = (command->position_m[n] - before.position_m[n]) / seconds;
+        loop->going_m_s[n] = (plain != 0) ? loop->command.speed_m_s[n] : command->speed_m_s[n];
+        loop->coasting_m[n] = 0.0;
+    }
+}
+
 void gt_coast(gt_loop *loop, const double *speed, double share)
 {
     const gt_limits *limits = &loop->settings.limits;
-    const double seconds = (double)loop->peer.cycle_ms / 1000.0;
+    const double seconds = gt_coast_cycle_s(loop);
     uint32_t n;
 
     for (n = 0U; n < loop->peer.axes; n++) {
+        const double from = loop->command.position_m[n];
         const double now = speed[n] * share;
+        const double wanted = from + (now * seconds);
+        const double near = gt_clamped(wanted, loop->sent_m[n] - limits->step_m, loop->sent_m[n] + limits->step_m);
+        const double to = gt_clamped(near, limits->lowest_m[n], limits->highest_m[n]);
 
-        loop->command.position_m[n] = gt_clamped(loop->command.position_m[n] + (now * seconds), limits->lowest_m[n],
-                                                 limits->highest_m[n]);
-        loop->command.speed_m_s[n] = now;
-        loop->coasting_m[n] += fabs(now * seconds);
+        loop->command.position_m[n] = to;
+        loop->command.speed_m_s[n] = (fabs(to - wanted) > 0.0) ? ((to - from) / seconds) : now;
+        loop->coasting_m[n] += fabs(loop->command.speed_m_s[n] * seconds);
         if (loop->coasting_m[n] > loop->coasted_m) {
             loop->coasted_m = loop->coasting_m[n];
         }
@@ -37,7 +61,7 @@ void gt_coast(gt_loop *loop, const double *speed, double share)
 /* Cycles of a ramp to zero: the fastest cart at the declared deceleration, and never fewer than that takes. */
 static uint32_t gt_coast_cycles(const gt_loop *loop)
 {
-    const double lost_m_s = loop->settings.deceleration_m_s2 * ((double)loop->peer.cycle_ms / 1000.0);
+    const double lost_m_s = loop->settings.deceleration_m_s2 * gt_coast_cycle_s(loop);
     double fastest = 0.0;
     double cycles;
     uint32_t n;
@@ -46,7 +70,7 @@ static uint32_t gt_coast_cycles(const gt_loop *loop)
         return loop->settings.ramp_cycles;
     }
     for (n = 0U; n < loop->peer.axes; n++) {
-        const double speed = fabs(loop->command.speed_m_s[n]);
+        const double speed = fabs(loop->going_m_s[n]);
 
         fastest = (speed > fastest) ? speed : fastest;
     }
@@ -59,7 +83,7 @@ void gt_coast_begin_ramp(gt_loop *loop)
     loop->state = GT_LOOP_RAMPING;
     loop->ramp_cycles = gt_coast_cycles(loop);
     loop->ramp_left = loop->ramp_cycles;
-    gt_copy(loop->ramp_from, loop->command.speed_m_s, (int)GT_AXES);
+    gt_copy(loop->ramp_from, loop->going_m_s, (int)GT_AXES);
 }
 
 void gt_coast_ramp(gt_loop *loop)

@@ -1,4 +1,4 @@
-/* Motion of the loop without commands of its law: on at the last speed, then ramped to a stop. */
+/* Motion of the carts from cycle to cycle: to the law's commands, without them on at the last speed, then to a stop. */
 #ifndef GT_COAST_H
 #define GT_COAST_H
 
@@ -8,10 +8,14 @@
 extern "C" {
 #endif
 
-/* The carts go on for a cycle at these speeds times `share`, within the limits. */
+/* The law's command counts; its speeds are the way there over the robot's time for it. */
+void gt_coast_follow(gt_loop *loop, const gt_command *command);
+
+/* The carts go on for a cycle at these speeds times `share`, within the limits, and no further than a step from what
+ * was answered last: without answers a robot stands. */
 void gt_coast(gt_loop *loop, const double *speed, double share);
 
-/* The ramp to zero starts at the speed of the last command. */
+/* The ramp to zero starts at the speed at which the carts go on. */
 void gt_coast_begin_ramp(gt_loop *loop);
 
 /* One cycle of the ramp; behind its last one the loop is stopped. */

@@ -14,6 +14,7 @@ const char *gt_arguments_help(void)
            "  --beyond-loopback           allow other addresses; needs the limits below\n"
            "  --lowest M,.. --highest M,..  of each cart [m]\n"
            "  --step M --path-limit M     change of a cart in a cycle, path correction [m]; 0.02, 0.01\n"
+           "  --following M               of a cart from its last command, else it is braked [m]; 0.25\n"
            "  --cycle-ms N                of the robot; 4\n"
            "  --hold N --ramp N           cycles; 5, 50\n"
            "  --deceleration A            of the fastest cart [m/s2], in place of --ramp\n"

@@ -1,12 +1,15 @@
 /* gt_loop: see gt_loop.h. */
 #include "gt_loop.h"
 
+#include "gt_bounds.h"
 #include "gt_coast.h"
 #include "gt_guard.h"
 #include "gt_record.h"
 
 #include <math.h>
 #include <string.h>
+
+#define GT_SLEPT_MOST 100000U /* cycles */
 
 void gt_loop_init(gt_loop *loop, const gt_loop_settings *settings, const gt_peer *peer, const gt_law *law)
 {
@@ -34,6 +37,7 @@ static int gt_loop_is_newer(gt_loop *loop, gt_feedback *feedback)
 
 void gt_loop_datagram(gt_loop *loop, const uint8_t *data, uint32_t length)
 {
+    const int known = loop->sequence.started;
     gt_feedback feedback;
 
     loop->datagrams++;
@@ -42,49 +46,12 @@ void gt_loop_datagram(gt_loop *loop, const uint8_t *data, uint32_t length)
         return;
     }
     if (gt_loop_is_newer(loop, &feedback)) {
+        if (known != 0) {
+            gt_pace_note(&loop->pace, &loop->feedback, &feedback, loop->peer.cycle_ms);
+        }
         loop->feedback = feedback;
         loop->fresh = 1;
     }
-}
-
-/* Cycles of the robot's clock since the last command; no more than may be held, whatever the clock says. */
-static double gt_loop_passed(const gt_loop *loop)
-{
-    const uint64_t most = (uint64_t)loop->settings.hold_cycles + 1U;
-    uint64_t cycles = 1U;
-
-    if (loop->feedback.time_ms > loop->command_ms) {
-        cycles = (loop->feedback.time_ms - loop->command_ms) / loop->peer.cycle_ms;
-    }
-    if (cycles > most) {
-        cycles = most;
-    }
-    return (cycles > 0U) ? (double)cycles : 1.0;
-}
-
-static int gt_loop_allowed(const gt_loop *loop, const gt_command *command)
-{
-    const gt_limits *limits = &loop->settings.limits;
-    const double furthest = limits->step_m * gt_loop_passed(loop);
-    uint32_t n;
-
-    if (command->along_path) {
-        for (n = 0U; n < 3U; n++) {
-            if (!(fabs(command->path_m[n]) <= limits->path_m)) {
-                return 0;
-            }
-        }
-        return 1;
-    }
-    for (n = 0U; n < loop->peer.axes; n++) {
-        const double step = command->position_m[n] - loop->command.position_m[n];
-
-        if (!(command->position_m[n] >= limits->lowest_m[n]) || !(command->position_m[n] <= limits->highest_m[n]) ||
-            !(fabs(step) <= furthest) || !gt_all_finite(&command->speed_m_s[n], 1)) {
-            return 0;
-        }
-    }
-    return 1;
 }
 
 /* The robot stands where it stands; once it runs, the law begins. */
@@ -92,59 +59,80 @@ static void gt_loop_wait(gt_loop *loop)
 {
     gt_peer_begin(&loop->peer, &loop->feedback);
     gt_copy(loop->command.position_m, loop->peer.start_m, (int)GT_AXES);
-    if (loop->feedback.running) {
-        loop->first_ms = loop->feedback.time_ms;
-        loop->command_ms = loop->feedback.time_ms;
+    gt_copy(loop->sent_m, loop->peer.start_m, (int)GT_AXES);
+    if (loop->feedback.running && gt_bounds_apart(loop)) {
+        loop->apart++;
+        loop->status = GT_OUT_OF_RANGE;
+        loop->state = GT_LOOP_STOPPED;
+    } else if (loop->feedback.running) {
+        gt_pace_begin(&loop->pace, &loop->feedback);
         loop->status = loop->law.init(loop->law.state, &loop->feedback);
         loop->state = (loop->status == GT_OK) ? GT_LOOP_RUNNING : GT_LOOP_STOPPED;
+    } else {
+        /* it is waited for */
     }
 }
 
 /* Running, or on the way to the stop that the law makes; without its next command the ramp begins at once. */
 static void gt_loop_take(gt_loop *loop, const gt_command *command)
 {
+    int moves = 0;
     uint32_t n;
 
-    loop->command = *command;
-    loop->command_ms = loop->feedback.time_ms;
-    (void)memset(loop->coasting_m, 0, sizeof(loop->coasting_m));
+    for (n = 0U; n < loop->peer.axes; n++) {
+        moves = (moves || (fabs(command->speed_m_s[n]) > 0.0)) ? 1 : 0;
+    }
+    gt_coast_follow(loop, command);
+    gt_pace_take(&loop->pace, &loop->feedback, loop->peer.cycle_ms);
     loop->misses = 0U;
     loop->state = GT_LOOP_RUNNING;
     if (command->braking) {
         loop->misses = loop->settings.hold_cycles;
-        loop->state = GT_LOOP_STOPPED;
-        for (n = 0U; n < loop->peer.axes; n++) {
-            if (fabs(command->speed_m_s[n]) > 0.0) {
-                loop->state = GT_LOOP_BRAKING;
-            }
-        }
+        loop->state = (moves != 0) ? GT_LOOP_BRAKING : GT_LOOP_STOPPED;
     }
+}
+
+/* GT_OK if the law may be asked; else why not, and whether the ramp begins at once. */
+static gt_status gt_loop_asks(gt_loop *loop)
+{
+    const gt_pace_verdict pace = gt_pace_of(&loop->pace, &loop->feedback, loop->peer.cycle_ms,
+                                            loop->settings.hold_cycles, (loop->peer.protocol == GT_PEER_EGM) ? 1 : 0);
+    gt_status status = GT_OK;
+
+    if (gt_bounds_apart(loop) != 0) {
+        loop->apart++;
+        status = GT_OUT_OF_RANGE;
+        loop->misses = loop->settings.hold_cycles;
+    } else if (!loop->feedback.running || (pace == GT_PACE_FALSE)) {
+        /* what it would do with commands when it runs again, or how far it is, is not known */
+        status = GT_STALE_INPUT;
+        loop->misses = loop->settings.hold_cycles;
+    } else if (pace == GT_PACE_MISS) {
+        status = GT_STALE_INPUT;
+    } else {
+        /* a datagram to answer */
+    }
+    return status;
 }
 
 /* 1 if the law gave a command that counts. */
 static int gt_loop_law(gt_loop *loop)
 {
     gt_command command = loop->command;
-    int given;
+    int given = 0;
 
-    if (!loop->feedback.running) {
-        /* what it would do with commands when it runs again is not known: the ramp begins at once */
-        loop->status = GT_STALE_INPUT;
-        loop->misses = loop->settings.hold_cycles;
-        return 0;
-    }
-    if (loop->feedback.time_ms < loop->command_ms) {
-        loop->status = GT_STALE_INPUT; /* the robot's clock went back */
-        return 0;
-    }
-    command.braking = 0;
-    loop->status = loop->law.step(loop->law.state, &loop->feedback, loop->feedback.time_ms - loop->first_ms, &command);
-    given = (loop->status == GT_OK) || command.braking;
-    if (given && !gt_loop_allowed(loop, &command)) {
-        /* a wrong command is no hiccup: the ramp begins at once */
-        loop->status = GT_OUT_OF_RANGE;
-        loop->misses = loop->settings.hold_cycles;
-        given = 0;
+    loop->status = gt_loop_asks(loop);
+    if (loop->status == GT_OK) {
+        command.braking = 0;
+        loop->status = loop->law.step(loop->law.state, &loop->feedback,
+                                      loop->pace.elapsed_ms + (loop->pace.cycles * loop->peer.cycle_ms), &command);
+        given = (loop->status == GT_OK) || command.braking;
+        if (given && !gt_bounds_allow(loop, &command)) {
+            /* a wrong command is no hiccup: the ramp begins at once */
+            loop->status = GT_OUT_OF_RANGE;
+            loop->misses = loop->settings.hold_cycles;
+            given = 0;
+        }
     }
     if (given) {
         gt_loop_take(loop, &command);
@@ -156,9 +144,10 @@ static int gt_loop_law(gt_loop *loop)
 static void gt_loop_miss(gt_loop *loop)
 {
     loop->misses++;
+    loop->pace.held++;
     if (loop->misses <= loop->settings.hold_cycles) {
         loop->state = GT_LOOP_HOLDING;
-        gt_coast(loop, loop->command.speed_m_s, 1.0);
+        gt_coast(loop, loop->going_m_s, 1.0);
     } else {
         gt_coast_begin_ramp(loop);
     }
@@ -189,6 +178,9 @@ uint32_t gt_loop_cycle(gt_loop *loop, uint8_t *answer)
     uint32_t length;
 
     loop->cycles++;
+    if (loop->state == GT_LOOP_STOPPED) {
+        (void)memset(loop->command.speed_m_s, 0, sizeof(loop->command.speed_m_s));
+    }
     if (fresh && (loop->state == GT_LOOP_WAITING)) {
         gt_loop_wait(loop);
     }
@@ -205,10 +197,28 @@ uint32_t gt_loop_cycle(gt_loop *loop, uint8_t *answer)
     }
     loop->late += (!fresh && loop->sequence.started) ? 1U : 0U;
     length = gt_loop_answer(loop, fresh, answer);
+    if (fresh || (loop->peer.protocol == GT_PEER_EGM)) {
+        gt_copy(loop->sent_m, loop->command.position_m, (int)GT_AXES); /* in a dry run as well */
+    }
     gt_record(loop, answer, length);
     loop->fresh = 0;
     loop->datagrams = 0U;
     return length;
+}
+
+int gt_loop_is_due(const gt_loop *loop)
+{
+    const int asked = (loop->state == GT_LOOP_RUNNING) || (loop->state == GT_LOOP_HOLDING);
+    const int ahead = gt_pace_is_ahead(&loop->pace, &loop->feedback);
+
+    return loop->fresh && (ahead || !asked || (loop->peer.protocol == GT_PEER_RSI));
+}
+
+void gt_loop_slept(gt_loop *loop, int64_t cycles)
+{
+    if (cycles > 0) {
+        loop->pace.slept = (cycles < (int64_t)GT_SLEPT_MOST) ? (uint32_t)cycles : GT_SLEPT_MOST;
+    }
 }
 
 void gt_loop_stop(gt_loop *loop)

@@ -113,29 +113,34 @@ static void gt_go_round(gt_run *run, const sigset_t *ends)
     uint8_t answer[GT_DATAGRAM_MAX];
     const int64_t cycle_ns = (int64_t)run->arguments.cycle_ms * GT_MS_NS;
     const int64_t patience_ns = (3 * cycle_ns) / 2; /* then a cycle is over also without a newer datagram */
-    int64_t last = gt_clock_ns();
+    int64_t last = gt_clock_ns(); /* when the robot's cycle began; those without a datagram follow like its own */
     int64_t heard = last;
+    int64_t ended_ns = last;
 
     (void)memset(data, 0, sizeof(data));
     while (!gt_is_over(run, ends)) {
         const int there = gt_socket_wait(&run->socket, gt_wait_ms(run, (last + patience_ns) - gt_clock_ns()));
         const int64_t now = gt_clock_ns();
+        const int64_t before_ns = run->arrived_ns;
         const int ended = there ? gt_drain(run, data) : 0;
+        const int arrived = run->arrived_ns != before_ns;
+        const int due = gt_loop_is_due(&run->loop);
         const int late = run->loop.sequence.started && ((now - last) >= patience_ns);
 
         if (run->loop.fresh || (there && run->arguments.lockstep)) {
             heard = now;
         }
-        if (run->arguments.lockstep ? ended : (run->loop.fresh || late)) {
-            const int64_t from = run->loop.fresh ? run->arrived_ns : now;
-            int64_t sent;
+        if (run->arguments.lockstep ? ended : (due || late)) {
+            const int64_t from = due ? run->arrived_ns : now;
+            const int64_t asleep = run->arguments.lockstep ? 0 : (((now - last) / cycle_ns) - 1);
 
+            gt_loop_slept(&run->loop, asleep);
             gt_end_cycle(run, answer);
-            sent = gt_clock_ns();
-            gt_histogram_add(&run->reply, sent - from);
-            gt_histogram_add(&run->period, now - last);
-            run->missed += ((sent - from) > cycle_ns) ? 1U : 0U;
-            last = now;
+            gt_report_count(run, gt_clock_ns() - from, now - ended_ns, cycle_ns);
+            ended_ns = now;
+            last = (due || (asleep > 0)) ? now : (last + cycle_ns);
+        } else {
+            last = arrived ? now : last; /* the robot's next cycle counts from a datagram also where it makes none */
         }
         if ((now - heard) >= ((int64_t)run->arguments.idle_ms * GT_MS_NS)) {
             if (run->ended_by == NULL) {

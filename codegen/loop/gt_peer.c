@@ -16,13 +16,15 @@ static int gt_peer_read_egm(const gt_peer *peer, const uint8_t *data, uint32_t l
     gt_egm_robot robot;
     uint32_t n;
 
-    if (!gt_egm_read_robot(data, length, &robot) || (robot.feedback.external_count < peer->axes)) {
+    if (!gt_egm_read_robot(data, length, &robot) || (robot.feedback.external_count < peer->axes) ||
+        ((robot.type != GT_EGM_TYPE_DATA) && (robot.type != GT_EGM_TYPE_UNDEFINED))) {
         return 0;
     }
     feedback->sequence = robot.sequence;
     feedback->time_ms = robot.time_ms;
     feedback->has_planned = (robot.planned.external_count >= peer->axes) ? 1 : 0;
-    feedback->running = (robot.mci_state == GT_EGM_MCI_RUNNING) ? 1 : 0;
+    feedback->running =
+        ((robot.mci_state == GT_EGM_MCI_RUNNING) && (robot.motor_state != GT_EGM_MOTORS_OFF)) ? 1 : 0;
     for (n = 0U; n < peer->axes; n++) {
         feedback->position_m[n] = robot.feedback.external_mm[n] / GT_MM;
         feedback->planned_m[n] = robot.planned.external_mm[n] / GT_MM;

@@ -18,7 +18,8 @@ typedef struct gt_peer {
     double start_m[GT_AXES]; /* RSI corrections count from here */
 } gt_peer;
 
-/* 1 and `feedback`, or 0 for a datagram that is not of this protocol or lacks a cart. Wrenches that are wanted and not
+/* 1 and `feedback`, or 0 for a datagram that is not of this protocol, lacks a cart, or names another type of message
+ * than a robot's data (EGM). A robot whose motors are off does not run; one that does not say may. Wrenches that are wanted and not
  * there leave has_wrenches at 0. */
 int gt_peer_read(const gt_peer *peer, const uint8_t *data, uint32_t length, gt_feedback *feedback);
 

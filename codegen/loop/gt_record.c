@@ -42,4 +42,6 @@ void gt_record(gt_loop *loop, const uint8_t *answer, uint32_t length)
     }
     gt_copy(&r[33], loop->command.path_m, 3);
     r[36] = (double)loop->settings.dry;
+    r[37] = (double)loop->pace.faults;
+    r[38] = (double)loop->apart;
 }

@@ -37,6 +37,13 @@ static void gt_report_histogram(const char *name, const gt_histogram *histogram)
     (void)printf("}");
 }
 
+void gt_report_count(gt_run *run, int64_t reply_ns, int64_t period_ns, int64_t cycle_ns)
+{
+    gt_histogram_add(&run->reply, reply_ns);
+    gt_histogram_add(&run->period, period_ns);
+    run->missed += (reply_ns > cycle_ns) ? 1U : 0U;
+}
+
 void gt_report(const gt_run *run, int log_complete)
 {
     const gt_loop *loop = &run->loop;
@@ -51,7 +58,8 @@ void gt_report(const gt_run *run, int log_complete)
                  ", \"log_dropped\": %" PRIu64 ", \"log_complete\": %d",
                  run->arguments.live ? 0 : 1, run->realtime.locked, run->realtime.fifo, run->missed,
                  run->log.dropped, log_complete);
-    (void)printf(", \"coasted_m\": %.17g", loop->coasted_m);
+    (void)printf(", \"clock_faults\": %" PRIu64 ", \"following_faults\": %" PRIu64 ", \"coasted_m\": %.17g",
+                 loop->pace.faults, loop->apart, loop->coasted_m);
     gt_report_histogram("reply", &run->reply);
     gt_report_histogram("period", &run->period);
     gt_report_histogram("compute", &run->compute);

@@ -43,6 +43,9 @@ int gt_fail(const char *about, const char *sentence, const char *reason);
 int gt_run_law(gt_run *run, gt_law *law);
 void gt_run_close(gt_run *run);
 
+/* Counts a cycle that is over: its answer, and how long it is since the one before. */
+void gt_report_count(gt_run *run, int64_t reply_ns, int64_t period_ns, int64_t cycle_ns);
+
 /* For the other end to read: where the loop listens, and at the end one line of JSON. */
 void gt_report_port(const gt_run *run);
 void gt_report(const gt_run *run, int log_complete);

@@ -15,12 +15,16 @@ extern "C" {
 #define GT_EGM_JOINTS 6U
 
 /* EgmHeader.mtype */
+#define GT_EGM_TYPE_UNDEFINED 0U /* also where the header does not say */
 #define GT_EGM_TYPE_DATA 2U
 #define GT_EGM_TYPE_CORRECTION 3U
 #define GT_EGM_TYPE_PATH_CORRECTION 4U
 
 /* EgmMCIState.state */
 #define GT_EGM_MCI_RUNNING 3U
+
+/* EgmMotorState.state */
+#define GT_EGM_MOTORS_OFF 2U
 
 /* Numbers of EgmFeedBack or EgmPlanned; further joints than GT_EGM_JOINTS are not kept. */
 typedef struct gt_egm_pose {

@@ -33,6 +33,8 @@ ELASTIC_HZ, ELASTIC_DAMPING = (0.5, 1000.0), 0.05
 SLOWER = {"path": 10.0}
 # as long as the C program holds by itself
 HOLD_CYCLES = 5
+# of a cart from its last command: a slow drive under its inverse is further behind than the robot itself would allow
+FOLLOWING_M = 0.25
 
 
 @dataclass(frozen=True)
@@ -63,7 +65,7 @@ class Bench:
 
     program: the loop, built in `place`, the folder of the work, this user's alone.
     elastic_Hz: of an arm on springs; None for a rigid one. plant: gives that of a run; None for the one of the law.
-    servo: what the law dynamics knows of it.
+    servo: what the law dynamics knows of it. following_m: as far a cart may be from its last command [m].
     """
 
     peer: Peer
@@ -80,6 +82,7 @@ class Bench:
     work: Work
     plant: PlantSource | None = None
     servo: Servo = field(default_factory=Servo)
+    following_m: float = FOLLOWING_M
 
     @property
     def carts_m(self) -> np.ndarray:

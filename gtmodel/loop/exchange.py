@@ -71,7 +71,7 @@ class Exchange:
         self.reads_wrenches = False
 
     def read(self, data: bytes) -> RobotFeedback | None:
-        """Feedback, or None for a datagram that is not of this protocol or lacks a cart."""
+        """Feedback, or None for a datagram that is not of this protocol, lacks a cart, or is no robot's data (EGM)."""
         try:
             feedback = self._read_egm(data) if self.protocol == "egm" else self._read_rsi(data)
         except (WireError, rsi.TelegramError):
@@ -95,7 +95,7 @@ class Exchange:
 
     def _read_egm(self, data: bytes) -> RobotFeedback | None:
         robot = egm.decode_robot(data)
-        if len(robot.feedback.external_mm) < self.axes:
+        if len(robot.feedback.external_mm) < self.axes or robot.type not in (egm.TYPE_DATA, egm.TYPE_UNDEFINED):
             return None
         planned = len(robot.planned.external_mm) >= self.axes
         same = len(robot.planned.joints_deg) == len(robot.feedback.joints_deg)
@@ -105,7 +105,7 @@ class Exchange:
             position_m=self._metres(robot.feedback.external_mm),
             planned_m=self._metres(robot.planned.external_mm),
             has_planned=planned,
-            running=robot.mci_state == egm.MCI_RUNNING,
+            running=robot.mci_state == egm.MCI_RUNNING and robot.motor_state != egm.MOTORS_OFF,
             joints_deg=robot.planned.joints_deg if same else robot.feedback.joints_deg,
         )
 

@@ -18,7 +18,7 @@ from ..results.door import study_function
 from ..results.options import Within
 from ..results.refusal import naming
 from ..results.work import Progress, never, silent
-from .bench import ELASTIC_HZ, LAWS, LONGEST_S, SLOWER, Bench, Reference, Stop
+from .bench import ELASTIC_HZ, FOLLOWING_M, LAWS, LONGEST_S, SLOWER, Bench, Reference, Stop
 from .build import build, built_before
 from .exchange import CYCLE_MS
 from .lead_through.options import Guiding
@@ -53,6 +53,7 @@ def study(
     in_lockstep: bool = False,
     elastic: Annotated[float | None, Within(least=ELASTIC_HZ[0], most=ELASTIC_HZ[1])] = None,
     deceleration: Annotated[float | None, Within(above=0.0)] = None,
+    following: Annotated[float, Within(above=0.0)] = FOLLOWING_M,
     built: str | Path | None = None,
     title: str = "",
     progress: Progress = silent,
@@ -78,6 +79,8 @@ def study(
         elastic: the arm hangs on the carts by springs of this frequency [Hz], which no law knows; None: it is rigid.
         deceleration: of the fastest cart when the robot is lost [m/s2], behind the cycles that are held; the largest
             that the reference asks of a cart if None, the law's limit for lead_through.
+        following: as far a cart may be from its last command [m]; beyond that the loop brakes. The law path commands no
+            carts.
         built: folder of an earlier run, whose program is used again if it was built from the same files.
         progress, max_seconds, stop: see `gtmodel.results.Work`.
 
@@ -119,7 +122,18 @@ def study(
             if lead_through is not None and law == "lead_through":
                 slowing = deceleration or lead_through.gains.acceleration_limit
                 led = GuidedBench(
-                    peer, lead_through, robot, forward, program, place, cycles, in_lockstep, elastic, slowing, work
+                    peer,
+                    lead_through,
+                    robot,
+                    forward,
+                    program,
+                    place,
+                    cycles,
+                    in_lockstep,
+                    elastic,
+                    slowing,
+                    following,
+                    work,
                 )
                 outcome = guided(led, title)
             else:
@@ -130,6 +144,7 @@ def study(
                 lost = Stop.of(table.rows[:cycles], deceleration)
                 bench = Bench(
                     peer, law, robot, forward, program, place, table, cycles, in_lockstep, elastic, lost, work, plant,
+                    following_m=following,
                 )  # fmt: skip
                 if known is not None:
                     _begins_there(known, bench)

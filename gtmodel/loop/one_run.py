@@ -174,6 +174,7 @@ def _options(bench: Bench, active: bool) -> list[str]:
         "--lowest": _text(lowest),
         "--highest": _text(highest),
         "--step": repr(STEP_LIMIT_M),
+        "--following": repr(bench.following_m),
         "--path-limit": repr(PATH_LIMIT_M),
         "--delay-ms": str(CYCLE_MS * drives["delay"]),
         "--a": _text(drives["a"]),

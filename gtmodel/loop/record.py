@@ -9,6 +9,7 @@ from .exchange import AXES
 
 STATES = ("waiting", "running", "holding", "ramping", "stopped", "braking")
 COUNTERS = ("late", "lost", "repeated", "reordered", "stale", "garbage")
+WATCHES = ("clock_faults", "following_faults")  # datagrams, cycles
 COLUMNS = (
     "cycle",
     "sequence",
@@ -25,6 +26,7 @@ COLUMNS = (
     *(f"speed[{n}]" for n in range(AXES)),
     *(f"path[{n}]" for n in range(3)),
     "dry",
+    *WATCHES,
 )
 
 
@@ -42,6 +44,6 @@ def trajectory_of(log: bytes, axes: int, cycle_s: float, title: str = "") -> Tra
     column = {name: rows[:, n] for n, name in enumerate(COLUMNS)}
     units = {"measured": "m", "command": "m", "speed": "m/s"}
     values = {name: np.stack([column[f"{name}[{n}]"] for n in range(axes)], axis=1) for name in units}
-    counted = ("state", *COUNTERS)
+    counted = ("state", *COUNTERS, *WATCHES)
     values |= {name: column[name] for name in counted}
     return Trajectory(cycle_s * (column["cycle"] - 1), values, units | dict.fromkeys(counted, "1"), title=title)

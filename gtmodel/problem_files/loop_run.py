@@ -32,7 +32,7 @@ REFERENCE = "reference.csv"
 _PROBLEM = "l1_min_time.toml"
 _ROBOT_KEYS = {"robot", "inertia", "payload_kg", "parameters", "friction"}
 # how an argument of the study is called in a sentence of the command
-_SAID = {name: f"--{name}" for name in ("peer", "law", "plant", "seconds", "elastic", "deceleration")}
+_SAID = {name: f"--{name}" for name in ("peer", "law", "plant", "seconds", "elastic", "deceleration", "following")}
 _SAID |= {"reference": "the reference"}
 
 

@@ -42,7 +42,8 @@ EXPECTED = {
 
 @dataclass(frozen=True)
 class GuidedBench:
-    """What both runs share; see `Bench`. deceleration [m/s2]: of the fastest cart when the robot is lost."""
+    """What both runs share; see `Bench`. deceleration [m/s2]: of the fastest cart when the robot is lost.
+    following_m: as far a cart may be from its last command [m]."""
 
     peer: Literal["egm", "rsi"]
     guiding: Guiding
@@ -54,6 +55,7 @@ class GuidedBench:
     in_lockstep: bool
     elastic_Hz: float | None
     deceleration: float
+    following_m: float
     work: Work
 
     @property
@@ -169,6 +171,7 @@ def _options(bench: GuidedBench, start: np.ndarray) -> list[str]:
         "--lowest": ",".join(repr(float(x)) for x in start - REACH_LIMIT_M),
         "--highest": ",".join(repr(float(x)) for x in start + REACH_LIMIT_M),
         "--step": repr(STEP_LIMIT_M),
+        "--following": repr(bench.following_m),
         "--deceleration": repr(bench.deceleration),
     }
     return [*(word for pair in options.items() for word in pair), "--live"]
