@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -28,6 +28,11 @@ MIRROR_SPREADS = (0.002, 0.02, 0.05)
 # change with a branch stays as it is
 AS_NEAR = 0.1
 CROSSINGS = 4
+CROSSING_STEPS = 20
+CROSSED = 1e-3  # a step as short as this, in nominals, ends a crossing: the equations left out are still to come
+# a combination of branches that moves by less than this part of the one that moves most is left to the equations: six
+# rods on three carts cannot all be mirrored, and what is left of them would turn the plate right over
+DAMPED = 0.1
 STILL = 1e-3  # how readily a known variable is moved, or one that need not move
 
 
@@ -147,22 +152,19 @@ def _with_moved_home(plan: CausalPlan, sampler: Sampler, wanted: Mapping[str, in
 
     samples = [w for w in plan.samples if right(w)]
     if not samples:
-        now = _row(sides(plan.samples[0], p, sampler.time)[0])
         # first without the equations that bend in what branches are made of, such as a rod's length: they would push
         # back all the way over
-        across = ca.vertcat(*[flat.scope.symbol(*p) for p in sorted(set().union(*inside.values()))])
-        bent = ca.which_depends(sampler.stages[0], across, 2, True)
+        within = ca.vertcat(*[flat.scope.symbol(*p) for p in sorted(set().union(*inside.values()))])
+        bent = ca.which_depends(sampler.stages[0], within, 2, True)
         straight = [row for row, b in zip(ca.vertsplit(sampler.stages[0]), bent, strict=True) if not b]
-        wrong = ca.DM((now * signs < 0).astype(float))
-        # each on its own, and where that asks for more than the degrees of freedom allow: all wrong ones on average
-        goals = (column - signs * np.abs(now), ca.dot(wrong * signs, column - signs * np.abs(now)))
-        overs = [replace(sampler, stages=[ca.vertcat(*straight, goal)]) for goal in goals]
+        rows = [_column(straight), column]
+        linear = ca.Function("linear", arguments, [*rows, *(ca.densify(ca.jacobian(r, sampler.w)) for r in rows)])
         nominal = np.array([flat.variables[index].nominal for index, _ in sampler.pairs])
         still = np.array([STILL if index in sampler.known else 1.0 for index, _ in sampler.pairs])
         for seed in range(MIRROR_TRIES):
             noise = np.random.default_rng(seed).standard_normal(len(nominal))
-            spread = MIRROR_SPREADS[seed % len(MIRROR_SPREADS)]
-            w = _cross(overs[seed % 2], plan.samples[0] + spread * nominal * noise, nominal, still)
+            start = plan.samples[0] + MIRROR_SPREADS[seed % len(MIRROR_SPREADS)] * nominal * noise
+            w = _cross(lambda w: linear.call([w, p, sampler.time]), start, signs, nominal, still)
             if sampler.correct(w) <= RESIDUAL_TOLERANCE and right(w):
                 samples.append(w)
             if len(samples) == MIRRORED:
@@ -178,18 +180,42 @@ def _with_moved_home(plan: CausalPlan, sampler: Sampler, wanted: Mapping[str, in
     return replace(plan, samples=np.array(samples))
 
 
-def _cross(over: Sampler, start: np.ndarray, nominal: np.ndarray, ease: np.ndarray) -> np.ndarray:
+def _cross(
+    linear: Callable[[np.ndarray], list[ca.DM]],
+    start: np.ndarray,
+    signs: np.ndarray,
+    nominal: np.ndarray,
+    ease: np.ndarray,
+) -> np.ndarray:
     """A point on the other side that differs from the start in as few variables as possible.
 
-    What moved little in one solution of least norm may move even less in the next: a cart changes sides rather than
-    the plate its orientation.
+    linear: point -> residuals of equations, values of the branches, and the derivatives of both. The equations hold,
+    the branches come as near to their opposites as DAMPED allows. What moved little may move even less the next time:
+    a cart changes sides rather than the plate its orientation.
     """
+    now = np.abs(_row(linear(start)[1]))
+    part = np.where(now > 0, now, 1.0)
     w = start
     for _ in range(CROSSINGS):
-        w = start.copy()
-        over.correct(w)  # as near as it goes: more signs than degrees of freedom contradict each other
+        w, reach = start, nominal * ease
+        for _ in range(CROSSING_STEPS):
+            r, side, by_w, side_by_w = (x.full() for x in linear(w))
+            equations, slopes = by_w * reach, side_by_w * reach / part[:, None]
+            if not (np.all(np.isfinite(equations)) and np.all(np.isfinite(slopes))):
+                return w
+            # from the start: onto the equations, and from there along them
+            gone, inverse = (w - start) / reach, np.linalg.pinv(equations, rcond=1e-10)
+            onto = inverse @ (equations @ gone - r[:, 0])
+            along = slopes - slopes @ inverse @ equations
+            damping = (DAMPED * np.linalg.norm(along, 2)) ** 2 * np.eye(len(side))
+            asked = (signs * now - side[:, 0]) / part + slopes @ (gone - onto)
+            found = start + reach * (onto + along.T @ np.linalg.pinv(along @ along.T + damping) @ asked)
+            step = np.max(np.abs(found - w) / nominal)
+            w = found
+            if step <= CROSSED:
+                break
         moved = np.abs(w - start) / nominal * ease
-        over = replace(over, ease=np.maximum(moved / max(float(np.max(moved)), 1e-300), STILL))
+        ease = np.maximum(moved / max(float(np.max(moved)), 1e-300), STILL)
     return w
 
 

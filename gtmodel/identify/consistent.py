@@ -20,6 +20,9 @@ WIDTH = 1.0  # of a body, as a share of itself: how far the model is believed wh
 MOVED = 5.0  # standard deviations: measured numbers that move farther are those of no body
 LEAST = 1e-6  # of the other links: mass and size of a body of which the model says nothing
 SIZE = 0.1  # m, radius of gyration of such a body
+# of the model's body: no body is thinner than this, else round-off decides whether it can exist; a tenth of the
+# smallest standard deviation that an estimate counts with
+THINNEST = 1e-7
 # weights of the barrier: the sum of squares ends within eight times the last one, by links, of its minimum
 WEIGHTS = 10.0 ** np.arange(1, -6, -1)
 STEPS, STILL = 60, 1e-9  # of Newton's method for each, and the decrement at which it stands
@@ -135,8 +138,8 @@ def _nearest(
 ) -> Array:
     """All parameters with the bodies that minimise |whiten (K p - target)|^2 and their distance from those before.
 
-    Newton's steps are least squares themselves: with P0^(-1/2) P P0^(-1/2) = L L' the barrier's Hessian has the root
-    L^-1 B L'^-1, a row for each entry, and its gradient is that root times the unit matrix.
+    Newton's steps are least squares themselves: with P0^(-1/2) P P0^(-1/2) - THINNEST = L L' the barrier's Hessian has
+    the root L^-1 B L'^-1, a row for each entry, and its gradient is that root times the unit matrix.
     """
     roots = [np.linalg.inv(np.linalg.cholesky(P)) for P in before]
     basis = [np.array([R @ E @ R.T for E in _BASIS]) for R in roots]
@@ -152,7 +155,8 @@ def _nearest(
     def factors(x: Array) -> list[Array] | None:
         try:
             return [
-                np.linalg.cholesky(np.tensordot(own, B, 1)) for own, B in zip(x.reshape(-1, 10), basis, strict=True)
+                np.linalg.cholesky(np.tensordot(own, B, 1) - THINNEST * np.eye(4))
+                for own, B in zip(x.reshape(-1, 10), basis, strict=True)
             ]
         except np.linalg.LinAlgError:
             return None
