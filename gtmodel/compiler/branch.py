@@ -141,14 +141,14 @@ def _with_moved_home(plan: CausalPlan, sampler: Sampler, wanted: Mapping[str, in
     names = [n for n in expressions if n in wanted and all(s in sampler.position for s in inside[n])]
     if not names:
         return plan
-    column, signs = _column([expressions[n] for n in names]), np.array([wanted[n] for n in names])
-    roots = [r for b in plan.blocks for r in b.roots]
+    # roots keep their signs
+    column = _column([*(expressions[n] for n in names), *(r.slope * r.value for b in plan.blocks for r in b.roots)])
+    signs = np.array([wanted[n] for n in names] + [1] * (column.numel() - len(names)))
     arguments = [sampler.w, flat.p, flat.scope.time]
-    sides = ca.Function("sides", arguments, [column, _column([r.slope * r.value for r in roots])])
+    sides = ca.Function("sides", arguments, [column])
 
     def right(w: np.ndarray) -> bool:
-        side, root = (_row(x) for x in sides.call([w, p, sampler.time]))
-        return bool(np.all(side * signs > 0) and np.all(root > 0))
+        return bool(np.all(_row(sides(w, p, sampler.time)) * signs > 0))
 
     samples = [w for w in plan.samples if right(w)]
     if not samples:
