@@ -90,11 +90,7 @@ def _read(keys: MeasuredSection, key: str, held_out: Path | None, context: Conte
         held_out = context.file(keys.held_out_file, f"{key}.held_out_file", source=keys.source)
     path = context.file(keys.file, f"{key}.file", source=keys.source)
     try:
-        asked = keys.options()
-    except ArgumentError as error:
-        raise InputError(error.message, f"{key}.{error.argument}") from error
-    try:
-        return calibrate.read_poses(path, asked, held_out, keys.form())
+        return calibrate.read_poses(path, keys.options(), held_out, keys.form())
     except ArgumentError as error:
         own = f"{key}.held_out_file" if keys.held_out_file else "held_out.file"
         at = f"{key}.{error.argument.removeprefix('measured.')}"
