@@ -9,7 +9,7 @@ from typing import Any
 from .declare import Port
 from .expression import Expr, Relation
 from .model import Connector
-from .slips import named
+from .slips import CallError, named
 from .source import ModelError, SourceLocation, here
 from .units import si_unit
 
@@ -172,7 +172,7 @@ def connect(a: Any, b: Any, *more: Any) -> Connection | list[Any]:
     """
     if more:
         count = len(more) + 2
-        raise ModelError(
+        raise CallError(
             f"connect() joins two ports; found {count}: yield {count - 1} connections, of the first with each other",
             here(),
         )
