@@ -6,6 +6,10 @@ import gc
 
 import pytest
 
+from tests.shaking import pytest_addoption, pytest_configure, pytest_report_header
+
+__all__ = ["pytest_addoption", "pytest_configure", "pytest_report_header"]
+
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """The notebooks first: what takes longest would keep one process waiting for the other at the end."""
