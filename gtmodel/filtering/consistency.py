@@ -9,6 +9,7 @@ import numpy as np
 
 from ..inference.residuals import autocorrelation, portmanteau
 from ..results.refusal import ArgumentError
+from .faults import Suspect, noise_in_doubt
 from .filtered import Filtered
 from .system import System
 
@@ -69,7 +70,9 @@ class Consistency:
     nis: mean normalised innovation squared of an instant; numbers: how many numbers of the readings it is made of on
     the average; expected: its mean, that number but for gates and weights of outliers, which make it smaller; band: of
     nis, exact for a linear filter with true noise. sensors: each by itself. message: the verdict
-    in a sentence, with what to do.
+    in a sentence, with what to do. doubtful: where nis lies outside or innovations are coloured, the deviations and
+    noise that alone explain that best, the likeliest first; several where the log cannot tell them apart, none of a run
+    that cannot be made again (of interacting models, particles).
     """
 
     nis: float
@@ -78,6 +81,7 @@ class Consistency:
     sensors: dict[str, SensorConsistency]
     message: str
     expected: float
+    doubtful: tuple[Suspect, ...] = ()
 
     @property
     def consistent(self) -> bool:
@@ -106,7 +110,7 @@ def consistency(run: Filtered, *, skip: float = 0.0, level: float = LEVEL) -> Co
     True
     >>> doubtful = gt.filtering.ErrorState(system.with_(deviations={"tape": 0.1})).run(drawn.log, initial)
     >>> print(gt.filtering.consistency(doubtful).message)
-    innovations are 16.4 times too small for tape: deviations are too large; see `tune`, which asks the likelihood; ...
+    innovations are 16.4 times too small for tape: tape.deviation 0.1 times as large explains that best; see `tune`; ...
     """
     kept = run.time >= run.time[0] + skip if len(run.time) else np.zeros(0, bool)
     total = int(run.count[kept].sum())
@@ -124,7 +128,10 @@ def consistency(run: Filtered, *, skip: float = 0.0, level: float = LEVEL) -> Co
         spread = 2 * total - sum(n * (2 * k - one.variance) for n, k, one in left.values())
         band = _scaled_band(mean, spread, instants, level)
     sensors = {name: _of_sensor(values, left[name][1:], level) for name, values in white.items()}
-    return Consistency(nis, numbers, band, sensors, _verdict(nis, expected, band, sensors), expected)
+    right = nis in band and all(s.white for s in sensors.values())
+    doubtful = () if right or nis == 0.0 else noise_in_doubt(run)
+    message = _verdict(nis, expected, band, sensors, doubtful)
+    return Consistency(nis, numbers, band, sensors, message, expected, doubtful)
 
 
 class _Squares(NamedTuple):
@@ -204,7 +211,13 @@ def _of_sensor(white: np.ndarray, left: tuple[int, _Squares], level: float) -> S
     return SensorConsistency(ratio, band, mean, limit, most, at, worst >= (1 - level) / size)
 
 
-def _verdict(nis: float, expected: float, band: Band, sensors: dict[str, SensorConsistency]) -> str:
+def _verdict(
+    nis: float,
+    expected: float,
+    band: Band,
+    sensors: dict[str, SensorConsistency],
+    doubtful: tuple[Suspect, ...],
+) -> str:
     low = [name for name, s in sensors.items() if s.ratio < s.band.low]
     high = [name for name, s in sensors.items() if s.ratio > s.band.high]
     coloured = {name: s for name, s in sensors.items() if not s.white}
@@ -220,12 +233,13 @@ def _verdict(nis: float, expected: float, band: Band, sensors: dict[str, SensorC
     elif nis < band.low:
         said.append(
             f"innovations are {_times(expected / nis)} too small for {_listed(low or list(sensors))}: "
-            "deviations are too large; see `tune`, which asks the likelihood"
+            f"{_blamed(doubtful) or 'deviations or the noise of the process are too large'}; see `tune`"
         )
     elif nis > band.high:
         said.append(
             f"innovations are {_times(nis / expected)} too large for {_listed(high or list(sensors))}: "
-            "noise is set too small, or the model is wrong; see `tune` and `find_faults`"
+            f"{_blamed(doubtful) or 'deviations or the noise of the process are too small'}, or the model is wrong; "
+            "see `tune` and `find_faults`"
         )
     if shifted:
         name, s = max(shifted.items(), key=lambda item: abs(item[1].mean))
@@ -237,9 +251,20 @@ def _verdict(nis: float, expected: float, band: Band, sensors: dict[str, SensorC
         name, s = max(coloured.items(), key=lambda item: abs(item[1].correlation))
         said.append(
             f"innovations of {name} are coloured (correlation {s.correlation:.2f} at lag {s.lag}): the filter leaves "
-            "something unsaid, as an offset, a delay or too little noise of the process"
+            "something unsaid, as an offset, a delay or wrong noise of the process"
+            + (f": {_blamed(doubtful)}" if doubtful and nis in band else "")
         )
     return "; ".join(said)
+
+
+def _blamed(doubtful: tuple[Suspect, ...]) -> str:
+    """Which noise explains it, in words; empty where none does."""
+    if not doubtful:
+        return ""
+    each = [f"{s.name} {float(s.value[0]):.2g} times as large" for s in doubtful]
+    if len(each) == 1:
+        return f"{each[0]} explains that best"
+    return f"{' or '.join(each)} explain that alike, which this log cannot tell apart"
 
 
 def _times(ratio: float) -> str:

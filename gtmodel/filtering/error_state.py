@@ -42,6 +42,8 @@ class ErrorState(Filter):
     (np.float64(0.5), np.float64(0.102))
     """
 
+    repeatable = True
+
     def __init__(self, system: System, *, iterations: int = 1) -> None:
         super().__init__(system)
         if not isinstance(iterations, int) or iterations < 1:

@@ -13,16 +13,19 @@ from ..results.trajectory import Trajectory
 from .belief import InitialState
 from .error_state import ErrorState
 from .filter import values_of
+from .filtered import Filtered
 from .process import AnyProcess
 from .readings import Readings, instants, readings_of
 from .sensors import ESTIMATE, Sensor
-from .system import System
+from .system import SAME_INSTANT, System
 
 P_LIMIT = 1e-6  # a suspect less likely than that by chance is evidence; of a dozen suspects one in 1e5 logs is
 SEEN = 0.5  # the share of its first deviation below which a constant counts as determined by the log
 ALIKE = 20.0  # suspects whose improvement is within this of the best, a ratio of likelihoods of e^10, are alike
 LOG_RANGE = 4.0  # a density or deviation is sought within e^-4 to e^4 of the declared one
 NOISE = ("deviation", "density")
+LOOKED = 512  # instants of a log that say which noise is wrong: by three times shows within a hundred
+COARSE = 0.2  # of the logarithm of that factor
 
 
 @dataclass(frozen=True)
@@ -196,6 +199,7 @@ def _noise(
     log: Mapping[str, Any],
     initial: InitialState,
     inputs: Trajectory | None,
+    tolerance: float = 0.05,
 ) -> Suspect:
     """A factor on the deviation of a sensor, or on a density of the process, by the likelihood of the innovations."""
     owner, _, what = name.rpartition(".")
@@ -215,7 +219,7 @@ def _noise(
 
     from scipy.optimize import minimize_scalar
 
-    best = minimize_scalar(loss, bounds=(-LOG_RANGE, LOG_RANGE), method="bounded", options={"xatol": 0.05})
+    best = minimize_scalar(loss, bounds=(-LOG_RANGE, LOG_RANGE), method="bounded", options={"xatol": tolerance})
     improvement = max(0.0, 2 * (loss(0.0) - float(best.fun)))
     h = 0.1
     curvature = (loss(best.x + h) - 2 * float(best.fun) + loss(best.x - h)) / h**2
@@ -224,6 +228,29 @@ def _noise(
     return Suspect(
         name, np.array([factor]), np.array([deviation]), improvement, _chance(improvement, 1), curvature > 1.0
     )
+
+
+def noise_in_doubt(run: Filtered) -> tuple[Suspect, ...]:
+    """Of all deviations of sensors and all noise of the process those that alone explain the innovations of a run best,
+    the likeliest first; several where the log cannot tell them apart. By its first `LOOKED` instants, coarsely.
+
+    None where nothing helps, and of a run that cannot be made again.
+    """
+    if run.replay is None or not len(run.time):
+        return ()
+    end = run.time[min(len(run.time), LOOKED) - 1]
+    log = {}
+    for name, given in run.replay.log.items():
+        readings = _earlier(name, given, 0.0)
+        rows = int(np.searchsorted(readings.time, end + run.system.sensors[name].lag + SAME_INSTANT))
+        if rows:
+            log[name] = Readings(readings.time[:rows], readings.values[..., :rows, :])
+    noise = [n for n, value in run.system.process.noise.items() if np.any(np.asarray(value, float))]
+    names = [*(f"{n}.deviation" for n in log), *(f"{n}.density" for n in noise)]
+    rows_ = [_noise(run.system, n, log, run.replay.start, run.replay.inputs, COARSE) for n in names]
+    rows_.sort(key=lambda s: -s.improvement)
+    strong = [s for s in rows_ if s.p < P_LIMIT]
+    return tuple(s for s in strong if s.improvement >= strong[0].improvement - ALIKE)
 
 
 def _chance(improvement: float, numbers: int) -> float:

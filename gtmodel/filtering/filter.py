@@ -11,7 +11,7 @@ import numpy as np
 from ..results.refusal import ArgumentError
 from ..results.trajectory import Trajectory
 from .belief import Belief, InitialState, Innovation
-from .filtered import Filtered, RunRecord
+from .filtered import Filtered, Replay, RunRecord
 from .readings import Moment, Readings, instants, readings_of, size_of_runs
 from .system import System
 
@@ -23,6 +23,8 @@ class Filter(ABC):
 
     A belief may hold several runs at once, as rows: Monte Carlo goes through the same code as a single run.
     """
+
+    repeatable = False  # whether an error-state filter of the same system says how likely a log is under other noise
 
     def __init__(self, system: System) -> None:
         self.system = system
@@ -95,6 +97,8 @@ class Filter(ABC):
             sentence = f"the filter starts at {first:g} s, after the first reading of {plan[0].time:g} s"
             raise ArgumentError(sentence, "start.time")
         record = RunRecord(system, len(plan), runs, runs == 1 if keep is None else keep, truth)
+        if self.repeatable:
+            record.replay = Replay(log, start, inputs)
         u, last = system.inputs_at(inputs, first), first
         for k, instant in enumerate(plan):
             if progress is not None and k % BETWEEN == 0 and progress(k / len(plan)):

@@ -12,7 +12,7 @@ from ..results.refusal import ArgumentError
 from ..results.status import SolveStatus
 from ..results.study import to_inherit
 from ..results.trajectory import Trajectory
-from .belief import Belief, Innovation
+from .belief import Belief, InitialState, Innovation
 from .system import System
 
 MOST_WEIGHED = 1 / 3  # of the readings of a sensor: 18 % of right ones lie beyond Huber's k, and all outliers
@@ -26,6 +26,15 @@ class Kept:
     step: Any
     before: Belief
     after: Belief
+
+
+@dataclass(frozen=True, eq=False)
+class Replay:
+    """What a run was made of, so that it can be made again with other noise: log, start and known inputs."""
+
+    log: Mapping[str, Any]
+    start: InitialState
+    inputs: Trajectory | None
 
 
 @to_inherit
@@ -103,6 +112,7 @@ class Filtered(Estimates):
     nees: normalised estimation error squared (K, m), where the truth was given; chi-squared with `dimension` degrees of
         freedom over independent runs, not over instants of one run.
     notes: sentences on what limits the numbers, such as a gate that left out more than one reading in fifty.
+    replay: what a Kalman filter ran over, for `consistency`; None of other filters.
     mode_probabilities: of interacting models (K, m, modes). effective: size of the cloud of a particle filter after
         each instant's readings, before it was drawn anew (K, m). None of other filters.
 
@@ -123,6 +133,7 @@ class Filtered(Estimates):
     mode_probabilities: np.ndarray | None = None
     effective: np.ndarray | None = None
     weighed: Mapping[str, np.ndarray] = field(default_factory=dict)
+    replay: Replay | None = None
 
     @property
     def covariances(self) -> np.ndarray:
@@ -155,6 +166,7 @@ class RunRecord:
         self.gated = {name: np.zeros(runs, int) for name in system.sensors}
         self.weighed = {name: np.zeros(runs, int) for name, s in system.sensors.items() if s.outliers}
         self.details: dict[str, list[np.ndarray]] = {}
+        self.replay: Replay | None = None
         self.kept: list[Kept] | None = [] if keep else None
         self.truth = None if truth is None else true_points(system, truth, instants, runs)
         self.nees = None if truth is None else np.empty((instants, runs))
@@ -215,7 +227,8 @@ class RunRecord:
         return Filtered(
             self.system, self.time[:n], self.x[:n], np.sqrt(self.variances[:n]), errors, status, message, cut,
             self.nis[:n], self.count[:n], self.log_likelihood, self.gated, nees, kept, self._notes(),
-            weighed=self.weighed, **{name: np.array(values) for name, values in self.details.items()},
+            weighed=self.weighed, replay=self.replay,
+            **{name: np.array(values) for name, values in self.details.items()},
         )  # fmt: skip
 
     def _notes(self) -> tuple[str, ...]:

@@ -45,6 +45,8 @@ class ScheduledNoise(ErrorState):
     [0.0027, 0.0099]
     """
 
+    repeatable = False
+
     def __init__(self, systems: Sequence[System], time: Any, modes: Any, *, iterations: int = 1) -> None:
         self.systems = (*systems,)
         if not self.systems:

@@ -34,6 +34,8 @@ class AdditiveQuaternion(ErrorState):
     19
     """
 
+    repeatable = False
+
     def __init__(self, system: System, *, quaternions: Sequence[str], iterations: int = 1) -> None:
         super().__init__(system, iterations=iterations)
         self._places = []
