@@ -23,7 +23,8 @@ SHAKEN = {
     np.linalg: ("cholesky", "eig", "eigh", "eigvals", "eigvalsh", "inv", "lstsq", "pinv", "qr", "solve", "svd"),
     scipy.linalg: (
         "cho_factor", "cho_solve", "cholesky", "eig", "eigh", "eigvals", "eigvalsh", "expm", "inv", "lstsq",
-        "lu_factor", "lu_solve", "null_space", "orth", "pinv", "qr", "schur", "solve", "solve_triangular", "svd", "svdvals",
+        "lu_factor", "lu_solve", "null_space", "orth", "pinv", "qr", "schur", "solve", "solve_triangular",
+        "svd", "svdvals",
     ),
 }  # fmt: skip
 MIXERS = np.array([0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9], dtype=np.uint64)
