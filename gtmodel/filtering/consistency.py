@@ -110,7 +110,7 @@ def consistency(run: Filtered, *, skip: float = 0.0, level: float = LEVEL) -> Co
     True
     >>> doubtful = gt.filtering.ErrorState(system.with_(deviations={"tape": 0.1})).run(drawn.log, initial)
     >>> print(gt.filtering.consistency(doubtful).message)
-    innovations are 16.4 times too small for tape: tape.deviation 0.09... times as large explains that best; see `tune`; ...
+    innovations are 16.4 times too small for tape: tape.deviation 0.09... times as large explains that best; see ...
     """
     kept = run.time >= run.time[0] + skip if len(run.time) else np.zeros(0, bool)
     total = int(run.count[kept].sum())
