@@ -73,6 +73,13 @@ def gross_errors(table: CornerTable, residuals: np.ndarray, gross: float) -> Gro
     return GrossErrors(corners, tuple(wrong.tolist()), noise, p)
 
 
+def uneven(table: CornerTable, residuals: np.ndarray) -> bool:
+    """Whether a picture has so much larger residuals than most that a robust fit must say which are wrong."""
+    length = np.linalg.norm(residuals, axis=1)
+    size = [float(np.median(length[table.picture == p])) for p in np.unique(table.picture)]
+    return max(size) > SPREAD * float(np.median(size))
+
+
 def suspects(table: CornerTable, start: CameraStarts) -> list[int]:
     """Pictures that the starting values predict so much worse than most that no fit may begin with them: those of two
     cameras that were exchanged, mirrored, or of another moment."""

@@ -21,7 +21,7 @@ from ..picture_test import LEAST, PictureTest, picture_test
 from ..pinhole import LENS
 from ..rigid_poses import composed, matrices_of
 from .calibrated import CameraStarts, calibrated, camera_starts
-from .gross_errors import GrossErrors, gross_errors, suspects, without_gross_errors
+from .gross_errors import GrossErrors, gross_errors, suspects, uneven, without_gross_errors
 from .options import BoardPictures, CameraFit, StereoStart
 from .result import StereoStudy
 
@@ -103,6 +103,8 @@ def stereo_study(
             removed = without_gross_errors(table, begin, fit, work.interrupted)[1]
         return _failed(end, corners, begin, removed, title)
     named = removed or gross_errors(table, end.residuals["corners"], fit.gross)
+    if removed is None and uneven(table, end.residuals["corners"]):  # a wrong picture spoils a fit of all corners
+        named = without_gross_errors(table, begin, fit, work.interrupted)[1]
     tests = _tests(table, end, board)
     checks, notes = _judged(corners, table, end, named, removed is not None, tests)
     notes += _doubts(table, end, board)
