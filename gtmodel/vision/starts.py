@@ -15,7 +15,6 @@ from .pinhole import undistort
 from .rigid_poses import matrices_of, poses_of
 
 FLAT = 1e-6  # of the spread of points: thinner than this they lie in a plane
-CERTAIN = 1.0  # times its standard deviation: a smaller 1 / f^2 is what noise and distortion make of boards in parallel
 TILT = 1e-4  # of Zhang's equations: a smallest singular value below this part determines no focal length
 
 
@@ -66,8 +65,7 @@ def focal_length(H: Sequence[np.ndarray], principal: Sequence[float]) -> float:
         right += [-a[2] * b[2], -(a[2] ** 2) + b[2] ** 2]
     A, y = np.array(rows), np.array(right)
     inverse = float(A @ y) / max(float(A @ A), 1e-300)  # 1 / f^2
-    spread = np.linalg.norm(y - A * inverse) / np.sqrt(max(len(y) - 1, 1)) / max(np.linalg.norm(A), 1e-300)
-    if not np.linalg.norm(A) > TILT or not inverse > CERTAIN * spread:
+    if not np.linalg.norm(A) > TILT or not inverse > 0:
         raise ArgumentError(
             "no board is tilted against the picture plane: the focal length and the distances cannot be told apart; "
             "tilt it by 20 degrees or more in some pictures, or give a starting value"

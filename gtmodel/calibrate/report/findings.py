@@ -275,15 +275,15 @@ def _of_part(
     return CalibrationFindings(
         c.problem, data, c, before, _predicted(c, data.fitted, data),
         {} if kept is None else _predicted(held, kept, data),
-        prior, outliers(c.residuals, _basis(c)), _sensitivity(fit, c), _repeatability(data), fit.loss, alarms, (),
-        None if held is c else held, kept,
+        prior, outliers(c.residuals, _basis(c, fit.loss)), _sensitivity(fit, c), _repeatability(data), fit.loss, alarms,
+        (), None if held is c else held, kept,
     )  # fmt: skip
 
 
-def _basis(c: Calibration) -> np.ndarray | None:
-    """Orthonormal columns (N, m, p) of the lengths' Jacobian; None where latent values leave the lengths open, and of
-    priors and robust losses, which no residual of theirs shows, no account is taken."""
-    if c.problem.implicit or not len(c.x):
+def _basis(c: Calibration, loss: str) -> np.ndarray | None:
+    """Orthonormal columns (N, m, p) of the lengths' Jacobian; None where latent values leave the lengths open, and of a
+    robust loss, by which outliers do not bend the fit."""
+    if c.problem.implicit or loss != "linear" or not len(c.x):
         return None
     J = c.problem.jacobian(c.x) * c.problem.unknowns.sizes
     U, s, _ = np.linalg.svd(J.reshape(-1, J.shape[2]), full_matrices=False)

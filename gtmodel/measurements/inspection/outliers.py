@@ -8,7 +8,7 @@ import numpy as np
 
 from .suspicion import Suspicion
 
-LOOKED_AT = 0.25  # share of a group's degrees of freedom that outliers may take; more are no outliers
+LOOKED_AT = 0.5  # share of a group's degrees of freedom that outliers may take; more are no outliers
 HIDDEN = 3  # so many deletions in a row that change nothing end the search
 CHANCE = 0.5  # probability from which on a deletion changes nothing
 EXACT = 1e-9  # of a residual's deviation: a smaller one is fixed by the fit and says nothing
