@@ -14,8 +14,6 @@ from contextlib import contextmanager, nullcontext, redirect_stdout, suppress
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from gtmodel.results.work import Interrupted
-
 if TYPE_CHECKING:
     from gtmodel.problem_files import Context
     from gtmodel.results import Study
@@ -119,6 +117,8 @@ def _flush_c() -> None:
 def _late(context: Context) -> Callable[[int, Any], None]:
     """What an alarm does: it ends a study that was to end and does not ask. Not at the first one, which may come right
     before a solver's callback asks, and not again before what was kept could be made."""
+    from gtmodel.results.work import Interrupted  # here: `--help` does without numpy
+
     alarms = 0
 
     def late(_number: int, _frame: Any) -> None:
