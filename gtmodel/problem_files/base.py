@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import math
-import time
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Protocol, Self, runtime_checkable
 
 import pydantic
 
-from gtmodel.results import Check, Row, Study, Trajectory, Work, at_least, at_most
+from gtmodel.results import Check, Row, Study, Trajectory, at_least, at_most
 from gtmodel.results.marks import is_marked
 from gtmodel.results.trajectory_files import TRAJECTORY
-from gtmodel.results.work import Progress, silent
+from gtmodel.results.work import Progress, RunClock, silent
 
 from .call import Call
 from .input_error import InputError
@@ -24,9 +21,6 @@ __all__ = [
     "TRAJECTORY", "Check", "Context", "FileSection", "Generating", "InputError", "Kind", "Problem", "Progress",
     "Row", "Source", "at_least", "at_most", "silent", "unnoticed",
 ]  # fmt: skip
-
-
-SOON = 1e-9  # s: what is left of a time limit that reading the file took
 
 
 class FileSection(pydantic.BaseModel):
@@ -68,77 +62,28 @@ def unnoticed(sentence: str) -> None:
 
 
 @dataclass(kw_only=True)
-class Context:
-    """What a kind knows besides its problem.
+class Context(RunClock):
+    """What a kind knows besides its problem, and when its run is to end.
 
     name: of the problem, its file name without ending.
     folder: of the problem file; relative paths in the file start there.
     notice: tells a person one sentence beside the result, such as what an earlier run left undone.
-    max_seconds: time limit [s] from the making of the context on; None for none.
     start: an earlier result.json to start from.
     inputs: files that were read besides the problem, name -> path; a kind enters them by `take`, run.toml keeps their
         hash.
     notes: sentences that stay in the result, said by `note`.
     distrusted: names of files among `inputs` that say of themselves that they are not to be used.
     models: those that the problem names; what is to be said of them stands in the notes of the result.
-    ends: when the run is to end, by its limit or as it was asked; asked: when it last asked for that [s of monotonic].
-    running: true while a study may be ended within a step that does not ask.
     """
 
     name: str = "problem"
     folder: Path = field(default_factory=Path)
-    progress: Progress = silent
     notice: Callable[[str], object] = unnoticed
-    max_seconds: float | None = None
     start: Mapping[str, Any] | None = None
     inputs: dict[str, Path] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
     distrusted: list[str] = field(default_factory=list)
     models: list[Any] = field(default_factory=list)
-    stop_requested: bool = False
-    began: float = field(default_factory=time.monotonic)
-    ends: float = math.inf
-    asked: float = -math.inf
-    running: bool = False
-
-    def __post_init__(self) -> None:
-        if self.max_seconds is not None:
-            self.ends = self.began + self.max_seconds
-
-    def request_stop(self) -> None:
-        """Ask the running solve to end with its best iterate, as Ctrl-C does."""
-        self.stop_requested, self.ends = True, min(self.ends, time.monotonic())
-
-    def overdue(self) -> bool:
-        """True while a study runs that was to end and has not asked since."""
-        return self.running and self.asked < self.ends <= time.monotonic()
-
-    @contextmanager
-    def under_way(self) -> Iterator[None]:
-        """While a study runs, which may be ended within a step that does not ask."""
-        self.running = True
-        try:
-            yield
-        finally:
-            self.running = False
-
-    def _stop(self) -> bool:
-        self.asked = time.monotonic()
-        return self.stop_requested
-
-    def clock(self) -> Work:
-        """Progress and end of the run."""
-        return Work(progress=self.progress, max_seconds=self.max_seconds, stop=self._stop, began=self.began)
-
-    def work(self) -> dict[str, Any]:
-        """What every study takes of it: progress, max_seconds, stop."""
-        clock = self.clock()
-        left = clock.seconds_left()
-        return {
-            "progress": clock.progress,
-            "max_seconds": left if left is None else max(left, SOON),
-            "stop": clock.stop,
-        }
 
     def note(self, sentence: str) -> None:
         """Tell a person one sentence that stays in the result; said again it stays one."""

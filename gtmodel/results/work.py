@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 from typing import Annotated, Any, Protocol
 
 from .agreement import Within
+
+SOON = 1e-9  # s: what is left of a time limit that was over before the study began
 
 
 class Progress(Protocol):
@@ -91,3 +95,60 @@ class Work:
         if self.max_seconds is None:
             return None
         return max(0.0, self.max_seconds - (time.monotonic() - self.began))
+
+
+@dataclass(kw_only=True)
+class RunClock:
+    """When a run is to end, and whether it asks for that: what a watchdog in a signal handler looks at.
+
+    max_seconds: time limit [s] from the making of the clock on; None for none.
+    ends: when the run is to end, by its limit or as it was asked; asked: when it last asked for that [s of monotonic].
+    running: true while a study may be ended within a step that does not ask.
+    """
+
+    progress: Progress = silent
+    max_seconds: float | None = None
+    stop_requested: bool = False
+    began: float = field(default_factory=time.monotonic)
+    ends: float = math.inf
+    asked: float = -math.inf
+    running: bool = False
+
+    def __post_init__(self) -> None:
+        if self.max_seconds is not None:
+            self.ends = self.began + self.max_seconds
+
+    def request_stop(self) -> None:
+        """Ask the running solve to end with its best iterate, as Ctrl-C does."""
+        self.stop_requested, self.ends = True, min(self.ends, time.monotonic())
+
+    def overdue(self) -> bool:
+        """True while a study runs that was to end and has not asked since."""
+        return self.running and self.asked < self.ends <= time.monotonic()
+
+    @contextmanager
+    def under_way(self) -> Iterator[None]:
+        """While a study runs, which may be ended within a step that does not ask."""
+        self.running = True
+        try:
+            yield
+        finally:
+            self.running = False
+
+    def _stop(self) -> bool:
+        self.asked = time.monotonic()
+        return self.stop_requested
+
+    def clock(self) -> Work:
+        """Progress and end of the run."""
+        return Work(progress=self.progress, max_seconds=self.max_seconds, stop=self._stop, began=self.began)
+
+    def work(self) -> dict[str, Any]:
+        """What every study takes of it: progress, max_seconds, stop."""
+        clock = self.clock()
+        left = clock.seconds_left()
+        return {
+            "progress": clock.progress,
+            "max_seconds": left if left is None else max(left, SOON),
+            "stop": clock.stop,
+        }
