@@ -79,9 +79,9 @@ def outliers(residuals: np.ndarray, basis: np.ndarray | None = None) -> list[Out
     basis: (N, m, p), orthonormal columns of the residuals' Jacobian. Residuals that are not finite are none.
     """
     N, m = residuals.shape
-    found = outlying(residuals.reshape(-1), None if basis is None else basis.reshape(N * m, -1), np.tile(range(m), N))
+    judged = outlying(residuals.reshape(-1), None if basis is None else basis.reshape(N * m, -1), np.tile(range(m), N))
     listed = [
-        Outlier(k // m, k % m, float(residuals[k // m, k % m]), float(found.times[k]))
-        for k in found.beyond(RUN_LEVEL / TESTS).tolist()
+        Outlier(k // m, k % m, float(residuals[k // m, k % m]), float(judged.times[k]))
+        for k in judged.beyond(RUN_LEVEL / TESTS).tolist()
     ]
     return sorted(listed, key=lambda o: (-o.times, o.pose, o.link))

@@ -209,9 +209,9 @@ def _cross(
             along = slopes - slopes @ inverse @ equations
             damping = (DAMPED * np.linalg.norm(along, 2)) ** 2 * np.eye(len(side))
             asked = (signs * now - side[:, 0]) / part + slopes @ (gone - onto)
-            found = start + reach * (onto + along.T @ np.linalg.pinv(along @ along.T + damping) @ asked)
-            step = np.max(np.abs(found - w) / nominal)
-            w = found
+            nearest = start + reach * (onto + along.T @ np.linalg.pinv(along @ along.T + damping) @ asked)
+            step = np.max(np.abs(nearest - w) / nominal)
+            w = nearest
             if step <= CROSSED:
                 break
         moved = np.abs(w - start) / nominal * ease

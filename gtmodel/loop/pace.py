@@ -19,7 +19,7 @@ class Verdict(Enum):
 
 
 @dataclass
-class Pace:
+class LoopPace:
     """The robot's numbers and its stamps, from the law's last command on.
 
     elapsed_ms: time of the law [ms]; cycles: by which it goes on now. faults: datagrams whose stamp stands, goes back,

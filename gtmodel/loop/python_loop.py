@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from ..results.status import Status
 from .exchange import AXES, Command, Exchange, RobotFeedback
 from .laws import LoopLaw
-from .pace import Pace, Verdict
+from .pace import LoopPace, Verdict
 from .record import COLUMNS
 from .sequence import Sequence, near
 from .wire import DATAGRAM_MAX
@@ -59,7 +59,7 @@ class PythonLoop:
         self.state, self.status = WAITING, Status.STALE_INPUT
         self.fresh: RobotFeedback | None = None
         self.feedback: RobotFeedback | None = None
-        self.pace = Pace()
+        self.pace = LoopPace()
         self.cycles = self.late = self.garbage = self.apart = self.datagrams = self.misses = 0
         self.ramp_left = self.ramp_cycles = 0
         self.ramp_from = [0.0] * AXES

@@ -16,7 +16,7 @@ from ...measurements.inspection.suspicion import Suspicion, alarms, suspicion_ch
 from ...results import ArgumentError, Estimate, naming
 from .options import WrenchAlarm
 from .status import WrenchStatus
-from .suspect import Fitted, beside_the_weight, far_centre, suspicions_of
+from .suspect import FittedReadings, beside_the_weight, far_centre, suspicions_of
 from .synthetic_sensor import GRAVITY
 from .wrench import axes, rows_of, sigma_of, turns_of, vector_of
 
@@ -169,7 +169,7 @@ def calibrate_wrench(
 def _fitted(
     word: Literal["force", "moment"], load: str | Sequence[str], values: np.ndarray, g: np.ndarray, time: np.ndarray,
     sigma: float | None, drift: bool,
-) -> Fitted:  # fmt: skip
+) -> FittedReadings:  # fmt: skip
     """Readings (poses, 3) by a bias, the columns of the load and, where asked for, a drift until the last one."""
     force = word == "force"
     unit = "N" if force else "N m"
@@ -188,10 +188,10 @@ def _fitted(
         units += [f"{unit}/s"] * 3
     J = np.concatenate(columns, axis=2)
     estimate = linear_fit(J.reshape(values.size, -1), values.reshape(-1), names, sigma=sigma, units=units)
-    return Fitted(word, estimate, sigma, J, values, slice(3, 4 if force else 6), load_of)
+    return FittedReadings(word, estimate, sigma, J, values, slice(3, 4 if force else 6), load_of)
 
 
-def _honest(part: Fitted, outcomes: Sequence[Suspicion]) -> Estimate:
+def _honest(part: FittedReadings, outcomes: Sequence[Suspicion]) -> Estimate:
     """The estimate, with the covariance of coloured residuals where they are."""
     p = next(s.p for s in outcomes if s.name == f"{part.word}_coloured")
     if not p < SMALL_P:

@@ -23,7 +23,7 @@ FRAMES = "give turns whose columns are the sensor's axes in the world frame, and
 
 
 @dataclass(frozen=True, eq=False)
-class Fitted:
+class FittedReadings:
     """A linear fit of readings `values` (poses, 3) by J (poses, 3, n), in SI. Its columns `load` are those of the load,
     `load_of` makes them of gravity in the sensor's frame (poses, 3)."""
 
@@ -46,7 +46,7 @@ class Fitted:
         return ROUNDING * float(np.abs(self.values).max())
 
 
-def suspicions_of(part: Fitted, turns: np.ndarray, time: np.ndarray, gravity: np.ndarray) -> list[Suspicion]:
+def suspicions_of(part: FittedReadings, turns: np.ndarray, time: np.ndarray, gravity: np.ndarray) -> list[Suspicion]:
     """All tests of the forces or of the moments; `time` (poses,) may be the numbers of the poses."""
     word, e, J, left = part.word, part.estimate, part.J, part.left
     unit = e.units[0]
@@ -69,7 +69,7 @@ def suspicions_of(part: Fitted, turns: np.ndarray, time: np.ndarray, gravity: np
     return outcomes
 
 
-def beside_the_weight(part: Fitted, mass: float, gravity: np.ndarray) -> Suspicion:
+def beside_the_weight(part: FittedReadings, mass: float, gravity: np.ndarray) -> Suspicion:
     """Whether forces leave too large a share of the weight; where their noise was stated it is judged by that."""
     weight = abs(mass) * float(np.linalg.norm(gravity)) / np.sqrt(3)
     share = float(np.sqrt(np.sum(part.left**2) / max(part.estimate.degrees_of_freedom, 1))) / weight
@@ -91,26 +91,26 @@ def far_centre(centre: Estimate) -> Suspicion:
     )
 
 
-def _held_out(part: Fitted) -> Suspicion:
+def _held_out(part: FittedReadings) -> Suspicion:
     """The last poses by a fit of the first ones."""
     word, J, y = part.word, part.J, part.values
     n, first = J.shape[2], round(KEPT * len(J))
     A, b = J[:first].reshape(-1, n), y[:first].reshape(-1)
     C, d = J[first:].reshape(-1, n), y[first:].reshape(-1)
     spare = len(A) - n
-    growth, freedom, ratio = np.nan, 0.0, np.nan
+    growth, degrees, ratio = np.nan, 0.0, np.nan
     x, _, rank, _ = np.linalg.lstsq(A, b, rcond=None)
     own = float(np.sum((b - A @ x) ** 2)) / max(spare, 1)
     if spare > 0 and rank == n and own > part.least**2:
         extra = C @ np.linalg.pinv(A)
         S = extra @ extra.T + np.eye(len(C))
-        growth, freedom = float(np.trace(S)) / len(C), freedom_of(float(np.trace(S)), float(np.sum(S**2)))
+        growth, degrees = float(np.trace(S)) / len(C), freedom_of(float(np.trace(S)), float(np.sum(S**2)))
         ratio = float(np.sqrt(np.mean((d - C @ x) ** 2) / own))
     remedy = "the last poses contradict the first ones: look for another load, a drift, a changed bias or contact"
-    return residual_tests.held_out_worse(ratio, growth, spare, freedom, remedy, name=f"{word}_held_out")
+    return residual_tests.held_out_worse(ratio, growth, spare, degrees, remedy, name=f"{word}_held_out")
 
 
-def _other_frame(part: Fitted, turns: np.ndarray, gravity: np.ndarray) -> Suspicion:
+def _other_frame(part: FittedReadings, turns: np.ndarray, gravity: np.ndarray) -> Suspicion:
     """Turns read as transposed, readings as those of the world frame, or both: what is left by the same unknowns."""
     world = turns.transpose(0, 2, 1)
     readings = {
@@ -131,7 +131,7 @@ def _other_frame(part: Fitted, turns: np.ndarray, gravity: np.ndarray) -> Suspic
     )  # fmt: skip
 
 
-def _other_axes(part: Fitted, turns: np.ndarray, gravity: np.ndarray) -> Suspicion:
+def _other_axes(part: FittedReadings, turns: np.ndarray, gravity: np.ndarray) -> Suspicion:
     """Sensor's axes that are turned against those of the turns, or scaled: gravity acts by a full matrix."""
     g = turns.transpose(0, 2, 1) @ gravity
     every = np.einsum("nk,ij->nijk", g, np.eye(3)).reshape(len(g), 3, 9)

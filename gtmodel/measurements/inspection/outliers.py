@@ -24,8 +24,8 @@ class Outliers:
 
     def beyond(self, level: float) -> np.ndarray:
         """Indices of the outliers at this level, the most unlikely first, those of one p by their lengths."""
-        found = np.flatnonzero(self.p <= level)
-        return found[np.lexsort((found, -self.times[found], self.p[found]))]
+        far = np.flatnonzero(self.p <= level)
+        return far[np.lexsort((far, -self.times[far], self.p[far]))]
 
     def suspicion(self, name: str, evidence: str, remedy: str) -> Suspicion:
         """Of the most unlikely of them."""
@@ -67,16 +67,16 @@ def outliers(residuals: np.ndarray, basis: np.ndarray | None = None, groups: np.
     tests = max(int(left.sum()), 1)
     p, times = np.ones(n), np.zeros(n)
     own = np.eye(k) - np.einsum("nia,nja->nij", U, U)  # covariance of a residual, of noise of size 1
-    freedom = np.bincount(group[left], np.einsum("nii->n", own)[left], every)
-    budget, taken = LOOKED_AT * freedom, np.zeros(every)
-    found: list[tuple[int, float]] = []
+    spare = np.bincount(group[left], np.einsum("nii->n", own)[left], every)
+    budget, taken = LOOKED_AT * spare, np.zeros(every)
+    deletions: list[tuple[int, float]] = []
     first = True
     while left.any():
         known = left & (np.linalg.eigvalsh(own)[:, 0] > EXACT)
         square = np.zeros(n)
         square[known] = np.einsum("ni,ni->n", e[known], np.linalg.solve(own[known], e[known][:, :, None])[:, :, 0])
         total = np.bincount(group[left], np.sum(e[left] ** 2, axis=1), every)
-        rest = freedom[group] - k
+        rest = spare[group] - k
         judged = known & (rest > 0) & (taken[group] + k <= budget[group])
         size = np.zeros(n)
         size[judged] = np.maximum(total[group[judged]] - square[judged], 0.0) / rest[judged]
@@ -88,7 +88,7 @@ def outliers(residuals: np.ndarray, basis: np.ndarray | None = None, groups: np.
         worst = int(np.argmin(np.where(judged, chance, 2.0)))
         if not judged[worst]:
             break
-        found.append((worst, float(chance[worst])))
+        deletions.append((worst, float(chance[worst])))
         times[worst] = np.sqrt(F[worst] * k)
         u, by = U[worst], np.linalg.inv(own[worst])
         moved = U @ M @ u.T  # (n, k, k)
@@ -96,11 +96,11 @@ def outliers(residuals: np.ndarray, basis: np.ndarray | None = None, groups: np.
         own = own - moved @ by @ moved.transpose(0, 2, 1)
         M = M + M @ u.T @ by @ u @ M
         left[worst] = False
-        freedom[group[worst]] -= k
+        spare[group[worst]] -= k
         taken[group[worst]] += k
-        if len(found) > HIDDEN and min(chance for _, chance in found[-HIDDEN:]) > CHANCE:
+        if len(deletions) > HIDDEN and min(chance for _, chance in deletions[-HIDDEN:]) > CHANCE:
             break
     least = np.ones(every)
-    for worst, chance in reversed(found):  # what had to be deleted before another one showed is an outlier like it
+    for worst, chance in reversed(deletions):  # what had to be deleted before another one showed is an outlier like it
         least[group[worst]] = p[worst] = min(least[group[worst]], chance)
     return Outliers(p, times)

@@ -49,7 +49,7 @@ class Bag:
         )
         return [stream for stream in made if len(stream.heads.names) > 1]
 
-    def messages(self, topic: str) -> Iterator[tuple[int, Source, Any]]:
+    def messages(self, topic: str) -> Iterator[tuple[int, MessageSource, Any]]:
         """Of each message of a topic: when it was received [ns], of what it is, and its content."""
         with self.opened() as reader:
             of_topic = [c for c in reader.connections if c.topic == topic]
@@ -57,13 +57,13 @@ class Bag:
             for connection, received, raw in reader.messages(connections=of_topic):
                 message = reader.deserialize(raw, connection.msgtype)
                 names = _names(message, f"{self.source} topic {topic}")
-                yield int(received), Source(callers[connection.id], tuple(sorted(names))), message
+                yield int(received), MessageSource(callers[connection.id], tuple(sorted(names))), message
 
-    def _of(self, topic: str) -> Iterator[tuple[Source, bool]]:
+    def _of(self, topic: str) -> Iterator[tuple[MessageSource, bool]]:
         """What the messages of a topic are of, and whether that is several: publishers, or sets of joints."""
         with self.opened() as reader:
             several = len({getattr(c.ext, "callerid", None) for c in reader.connections if c.topic == topic}) > 1
-        sources = dict[Source, None]()
+        sources = dict[MessageSource, None]()
         for _, source, _ in self.messages(topic):
             sources[source] = None
             if not (several or source.names):
@@ -71,7 +71,7 @@ class Bag:
         yield from ((source, len(sources) > 1) for source in sources)
 
 
-class Source(NamedTuple):
+class MessageSource(NamedTuple):
     """What a message is of: the node that sent it, where the bag says so (ROS 1), and the names in it, sorted."""
 
     publisher: str
@@ -114,7 +114,7 @@ class TopicStream(Stream):
     row: ClassVar[str] = "message"
     cell: ClassVar[str] = "field"
 
-    def __init__(self, bag: Bag, topic: str, of: Source, several: bool) -> None:
+    def __init__(self, bag: Bag, topic: str, of: MessageSource, several: bool) -> None:
         self._bag, self._topic, self._source = bag, topic, of
         names: list[str] = [RECEIVED]
         clock = RECEIVED

@@ -69,8 +69,8 @@ class LogForm(Options):
     most_growth: Annotated[
         float,
         Within(above=0),
-        "how many times larger than its file what is read of it may be, where that is more than 268 MB: a damaged or "
-        "made-up file may declare any size",
+        "how many times larger than its file what is read of it may be, where that is more than 268 MB: a damaged file "
+        "may declare any size",
     ] = GROWTH
 
 

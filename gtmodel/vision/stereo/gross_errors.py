@@ -66,10 +66,10 @@ def gross_errors(table: CornerTable, residuals: np.ndarray, gross: float) -> Gro
     view = table.camera * len(table.pictures) + table.picture
     seen = np.bincount(view[left], minlength=view.max(initial=0) + 1)[view[left]]
     single = outliers(scaled[left], groups=np.where(seen < FEW, -1 - table.camera[left], view[left]))
-    found = single.beyond(RUN_LEVEL / TESTS)
-    found = found[single.times[found] > gross]
-    corners[left[found]] = True
-    p = float(np.min(single.p[found], initial=1.0))
+    odd = single.beyond(RUN_LEVEL / TESTS)
+    odd = odd[single.times[odd] > gross]
+    corners[left[odd]] = True
+    p = float(np.min(single.p[odd], initial=1.0))
     return GrossErrors(corners, tuple(wrong.tolist()), noise, p)
 
 
