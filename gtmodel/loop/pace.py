@@ -10,7 +10,7 @@ from .exchange import RobotFeedback
 SKEW_MOST = 1_000_000  # ms: any more says no more
 
 
-class Verdict(Enum):
+class Arrival(Enum):
     """Whether the law may answer a datagram."""
 
     GOOD = auto()
@@ -53,7 +53,7 @@ class LoopPace:
         self.skew_ms = 0 if disagrees else skew - (skew > 0) + (skew < 0)
         self.faults += disagrees or clock <= 0
 
-    def verdict(self, now: RobotFeedback, cycle_ms: int, hold_cycles: int, *, answered: bool) -> Verdict:
+    def verdict(self, now: RobotFeedback, cycle_ms: int, hold_cycles: int, *, answered: bool) -> Arrival:
         """Whether the law may answer this datagram; then `cycles` says how far it goes on.
 
         hold_cycles: as many may go on without a command. answered: a cycle without a datagram got an answer (EGM).
@@ -61,19 +61,19 @@ class LoopPace:
         numbers, own = now.sequence - self.number, self.held + 1
         self.cycles = own if numbers else 0  # 0: the law's first cycle
         if numbers == 0:
-            return Verdict.GOOD
+            return Arrival.GOOD
         if now.time_ms <= self.time_ms:
-            return Verdict.MISS
+            return Arrival.MISS
         if self.false_stamp:
-            return Verdict.FALSE
+            return Arrival.FALSE
         if numbers > self.lead + self.held:
             lesser = min(numbers, (now.time_ms - self.time_ms) // cycle_ms)
             self.cycles = max(lesser, self.lead + own) - self.lead
-            return Verdict.FALSE if self.cycles > own + hold_cycles else Verdict.GOOD
+            return Arrival.FALSE if self.cycles > own + hold_cycles else Arrival.GOOD
         if not answered:  # what was not sent is not ahead
             self.cycles = numbers
-            return Verdict.GOOD
-        return Verdict.MISS if self.lead + own > numbers + hold_cycles else Verdict.GOOD
+            return Arrival.GOOD
+        return Arrival.MISS if self.lead + own > numbers + hold_cycles else Arrival.GOOD
 
     @property
     def moved(self) -> int:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from ..results.status import Status
 from .exchange import AXES, Command, Exchange, RobotFeedback
 from .laws import LoopLaw
-from .pace import LoopPace, Verdict
+from .pace import LoopPace, Arrival
 from .record import COLUMNS
 from .sequence import Sequence, near
 from .wire import DATAGRAM_MAX
@@ -146,10 +146,10 @@ class PythonLoop:
             self.apart += 1
             self.misses = hold
             return Status.OUT_OF_RANGE
-        if not feedback.running or pace is Verdict.FALSE:
+        if not feedback.running or pace is Arrival.FALSE:
             self.misses = hold
             return Status.STALE_INPUT
-        return Status.STALE_INPUT if pace is Verdict.MISS else Status.OK
+        return Status.STALE_INPUT if pace is Arrival.MISS else Status.OK
 
     def _law(self, feedback: RobotFeedback) -> bool:
         """True if the law gave a command that counts."""
