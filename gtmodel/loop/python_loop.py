@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from ..results.status import Status
 from .exchange import AXES, Command, Exchange, RobotFeedback
 from .laws import LoopLaw
-from .pace import LoopPace, Arrival
+from .pace import Arrival, LoopPace
 from .record import COLUMNS
 from .sequence import Sequence, near
 from .wire import DATAGRAM_MAX
