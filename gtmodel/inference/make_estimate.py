@@ -54,7 +54,11 @@ def scales(values: np.ndarray | None, n: int, J: np.ndarray) -> np.ndarray:
 
 
 def negligible(nominal: np.ndarray, units: Sequence[str]) -> np.ndarray:
-    """Which nominal values (p,) are zero or beside the largest of their unit the rounding of a file or of a sum."""
+    """Which nominal values (p,) are zero, or rounding beside the largest of their unit, as a file or a sum leaves it.
+
+    >>> gt.inference.negligible(np.array([1.9, -2.9e-16, 0.05, 0.0]), ["kg m2"] * 4)
+    array([False,  True, False,  True])
+    """
     sizes = np.abs(np.asarray(nominal, float))
     largest = [max(x for x, of in zip(sizes, units, strict=True) if of == unit) for unit in units]
     return sizes <= NO_SIZE * np.array(largest)

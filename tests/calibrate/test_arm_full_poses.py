@@ -27,7 +27,7 @@ frame = "device"
 orientation = "e"
 [measurements.signals]
 q = {{ column = "q", unit = "deg" }}
-T = {{ column = "T", unit = "mm", noise = {NOISE} }}
+T = {{ column = "T", unit = "mm", deviation = {1e3 * NOISE} }}
 e = {{ column = ["e[0]", "e[1]", "e[2]", "e[3]"], unit = "1", noise = {TURN_NOISE} }}
 [held_out]
 every = 3

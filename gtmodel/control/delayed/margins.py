@@ -81,7 +81,7 @@ def margin_limit(loop: DelayedLoop, margins: GainMargins) -> float:
     >>> P = gt.control.delayed.margin_limit(loop, gt.control.delayed.GainMargins(gain=1.2, phase=np.pi / 4))
     >>> margins = gt.control.delayed.loop_margins(loop, P)
     >>> round(P, 4), round(margins.gain, 2), round(np.rad2deg(margins.phase))
-    (0.1752, 1.39, 45)
+    (0.1518, 1.6, 45)
     """
     limit = gain_limit(loop).gain / margins.gain
     nearest = largest_in_sector(loop, margins.phase)

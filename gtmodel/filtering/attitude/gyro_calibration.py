@@ -158,23 +158,25 @@ def turns_enough(
     part: str, time: np.ndarray, reading: np.ndarray, at: np.ndarray, reference: Rotation, offset: float = 0.0
 ) -> None:
     """Raises ArgumentError for a part of a recording that hardly turns about some axis, which leaves the matrix open:
-    where turns about it are below what gyro and references disagree by, or a hundredth of those about others.
+    where the gyro explains less than half of the turns about it, or they are a hundredth of those about others.
     """
     turn = (reference[:-1].inv() * reference[1:]).as_rotvec()
     read = gyro_path(time, reading, at, RateCorrection(np.eye(3), np.zeros(3), offset)).between.as_rotvec()
     fitted = read @ np.linalg.lstsq(read, turn, rcond=None)[0]
     _, size, axes = np.linalg.svd(turn, full_matrices=False)
-    apart = float(np.sqrt(np.mean((turn - fitted) ** 2)))
+    off = turn - fitted
+    related = float(np.sqrt(np.mean(off**2)))
+    apart = float(np.sqrt(np.mean((off @ axes[-1]) ** 2)))
     weak, strong = size[-1] / np.sqrt(len(turn)), size[0] / np.sqrt(len(turn))
-    if weak > max(LEAST_TURN * strong, apart if apart < RELATED * strong else 0.0):
+    if weak > max(LEAST_TURN * strong, np.sqrt(2) * apart if related < RELATED * strong else 0.0):
         return
     axis = axes[-1] * np.sign(axes[-1][np.argmax(np.abs(axes[-1]))])
     named = ", ".join(f"{v:.2f}" for v in axis)
     raise ArgumentError(
         f"{part}, {at[0]:.4g} .. {at[-1]:.4g} s, hardly turns about the axis ({named}) of the body: "
         f"{np.degrees(weak):.2g} deg between two references, {np.degrees(strong):.2g} deg about others, where gyro and "
-        f"references disagree by {np.degrees(apart):.2g} deg; a gyro is calibrated where the body turns about all "
-        "axes: divide the recording at another time, or record more",
+        f"references disagree by {np.degrees(apart):.2g} deg about it; a gyro is calibrated where a body turns "
+        "about all axes: divide the recording at another time, or record more",
         "judging.calibrate_until",
     )
 

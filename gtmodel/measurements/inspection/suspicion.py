@@ -6,7 +6,7 @@ import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
-from ...results.check import Check
+from ...results.check import Check, at_least
 
 # probability that a run on clean data raises any alarm at all, over all of its tests together; 2 % are promised
 RUN_LEVEL = 0.01
@@ -42,7 +42,7 @@ def alarms(outcomes: Sequence[Suspicion], level: float = RUN_LEVEL) -> list[Susp
     """
     ordered = sorted(outcomes, key=lambda s: 1.0 if math.isnan(s.p) else s.p)
     for k, suspicion in enumerate(ordered):
-        if not suspicion.p <= level / (len(ordered) - k):
+        if not suspicion.p < level / (len(ordered) - k):
             return ordered[:k]
     return ordered
 
@@ -50,15 +50,17 @@ def alarms(outcomes: Sequence[Suspicion], level: float = RUN_LEVEL) -> list[Susp
 def suspicion_checks(
     outcomes: Sequence[Suspicion], accept: Collection[str] = (), level: float = RUN_LEVEL
 ) -> tuple[dict[str, Check], list[str]]:
-    """A check for each test, its p-value and whether it is no alarm; and the sentences of the alarms.
+    """A check for each test, its p-value and what Holm's procedure asks of it; and the sentences of the alarms.
 
     Alarms named in `accept` are sentences only. Two suspicions of one name are one check, that of the smaller p-value.
+    Where there was too little to test there is no check.
     """
     raised = alarms(outcomes, level)
+    tested = sorted((s for s in outcomes if not math.isnan(s.p)), key=lambda s: s.p)
     checks = {
-        s.name: Check(s.p, judged=s not in raised, advice=s.remedy)
-        for s in sorted(outcomes, key=lambda s: -s.p)
-        if not (s in raised and s.name in accept)
+        s.name: at_least(s.p, level / (len(outcomes) - min(k, len(raised))), s.remedy)
+        for k, s in reversed(list(enumerate(tested)))
+        if not (k < len(raised) and s.name in accept)
     }
     sentences = [
         f"accepted ({s.name}): {s.evidence}" if s.name in accept else f"{s.evidence}; {s.remedy}" for s in raised
