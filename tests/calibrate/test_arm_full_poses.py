@@ -101,8 +101,9 @@ def test_orientations_say_more_than_positions_alone(study: Any, folder: Path) ->
 
 
 def test_angles_of_a_kuka_are_the_same_poses(study: Any, folder: Path) -> None:
-    column = 'e = { column = ["A", "B", "C"], unit = "deg", representation = "KUKA A B C"'
-    by_angles = PROBLEM.replace('e = { column = ["e[0]", "e[1]", "e[2]", "e[3]"], unit = "1"', column)
+    column = 'e = { column = ["A", "B", "C"], unit = "deg", representation = "KUKA A B C", '
+    quaternion = f'e = {{ column = ["e[0]", "e[1]", "e[2]", "e[3]"], unit = "1", noise = {TURN_NOISE}'
+    by_angles = PROBLEM.replace(quaternion, f"{column}deviation = {np.rad2deg(TURN_NOISE)}")
     other = solved(folder, by_angles)
     assert other.estimate.values == pytest.approx(study.estimate.values, abs=1e-8)
 
