@@ -15,6 +15,7 @@ pytest.importorskip("lark")
 
 # x = t, in the models below
 CLOCK = "Real x(start = 0, fixed = true); equation der(x) = 1;"
+EXACT = 1e-9  # of motions that are linear between events: what an instant that is found by Newton leaves
 
 
 def made(tmp_path: Path, text: str) -> Any:
@@ -198,6 +199,25 @@ def test_starts_of_discrete_variables(tmp_path: Path) -> None:
     simulation = run(tmp_path, text)
     assert history(simulation, "n") == [(0.25, 5)] and history(simulation, "y") == [(0.25, 12)]
     assert history(simulation, "b") == [(0.5, 1)]
+
+
+def test_initial_beside_other_conditions_is_true_at_the_start_alone(tmp_path: Path) -> None:
+    """A brake that slides at the start, as the standard library's frictions say it: 1 - 2 t until it rests."""
+    text = """model M Real w(start = 1, fixed = true); Boolean forward(start = false, fixed = true);
+      Integer mode(start = 3, fixed = true); Boolean first = initial() and w > 0; equation
+      forward = first or pre(forward) and w > 0; mode = if first then 1 else pre(mode);
+      der(w) = if forward then -2 else 0; end M;"""
+    simulation = run(tmp_path, text)
+    time, w = simulation.trajectory.time, simulation.trajectory["w"]
+    assert np.interp([0.25, 1.0], time, w) == pytest.approx([0.5, 0.0], abs=EXACT)
+    assert simulation.trajectory["mode"][-1] == 1
+
+
+def test_what_was_zero_before_an_event_may_be_a_denominator_after_it(tmp_path: Path) -> None:
+    """The library's point-to-point source: s is 0 before the event, and another name of m after it."""
+    text = """model M parameter Real q = 2; Real aux, m, T, s, x(start = 0, fixed = true); equation
+      aux = q; m = 1/aux; T = sqrt(1/m); s = if time < 0.5 then 0 else if time < T then m else 0; der(x) = s; end M;"""
+    assert run(tmp_path, text).trajectory["x"][-1] == pytest.approx(0.25, abs=EXACT)
 
 
 REFUSED = {

@@ -49,6 +49,7 @@ class _Settling:
         self.wholes: dict[str, Flat] = {}
         self.whens: list[ScalarWhen] = []
         self._known: dict[int, tuple[Any, Any]] = {}
+        self._initial: Flat | None = None
 
     def run(self) -> None:
         out = self.out
@@ -156,7 +157,9 @@ class _Settling:
             return operation("or", sides, at)
         if x.name == "pre":
             return self._is_true(self._memory(x.arguments[0], at), at)
-        if x.name in ("initial", "sample"):
+        if x.name == "initial":
+            return Operation(">=", (self._initially(), 0.5), at)
+        if x.name == "sample":
             return x
         if x.name in ("edge", "change"):
             raise ModelicaError(f"{x.name}() is taken as the whole condition of a when clause alone", at)
@@ -203,6 +206,18 @@ class _Settling:
             self._remember(x.flat)
         return Symbol(self.memories[id(x.flat)])
 
+    def _initially(self) -> Symbol:
+        """initial() beside other conditions: a variable that begins at 1, and that the event at the start makes 0."""
+        if self._initial is None:
+            at = self.out.at
+            self._initial = flat = Flat("initial()", "discrete", "Integer", at, lambda _: None, lambda: None)
+            flat.cache["start"] = 1
+            self.out.flats.append(flat)
+            action = ScalarEquation(Symbol(flat), 0.0, at)
+            branch = WhenBranch(Operation("initial", (), at), (action,), (), None, at)
+            self.whens.append(ScalarWhen((branch,), at, own=True))
+        return Symbol(self._initial)
+
     def _remember(self, flat: Flat) -> None:
         if flat.base not in ("Boolean", "Integer"):
             raise ModelicaError(f"pre() of '{flat.name}', which is {flat.base}, is not taken", flat.at)
@@ -211,6 +226,7 @@ class _Settling:
             flat.attribute, lambda: None, description=flat.description,
         )  # fmt: skip
         memory.cache["start"] = flat.get("start")
+        flat.cache["fixed"] = None  # which says what pre() begins with
         self.memories[id(flat)] = memory
         self.out.flats.append(memory)
         where = flat.at
@@ -301,6 +317,8 @@ class _Settling:
     def _when(self, e: ScalarWhen) -> ScalarWhen | None:
         branches = []
         for b in e.branches:
+            if not (e.own or _is_initial(b.condition)) and any(map(_is_initial, operations(b.condition))):
+                raise ModelicaError("initial() stands alone as a condition of when, or in a vector of them", b.at)
             try:
                 conditions = self._conditions(self.resolved(b.condition, b.at), b.at, e.own)
             except ModelicaError as error:
@@ -322,11 +340,11 @@ class _Settling:
                 raise ModelicaError(f"{x.name}() is taken of Boolean variables alone; write relations", x.at or at)
             truth = self.condition(inside, at)
             return [truth] if x.name == "edge" else [truth, _no(truth, at)]
-        truth = self.condition(x, at)
-        alone = isinstance(truth, Operation) and truth.name == "initial"
-        if not own and not alone and any(o.name == "initial" for o in operations(x)):
-            raise ModelicaError("initial() stands alone as a condition of when, or in a vector of them", at)
-        return [truth]
+        if _is_initial(x):
+            return [x]
+        if own and x.name == "and" and _is_initial(x.arguments[0]):
+            return [operation("and", (x.arguments[0], self.condition(x.arguments[1], at)), at)]
+        return [self.condition(x, at)]
 
     def value(self, x: Any, at: Place) -> Any:
         """The right side of an action as a number: true is 1. Relations are those of the instant."""
@@ -345,7 +363,9 @@ class _Settling:
             before = self._memory(inside, at)
             before = before.arguments[0] if isinstance(before, Operation) else before
             return Operation("pre", (before,), at) if isinstance(before, Symbol) else self.value(before, at)
-        if x.name in ("initial", "sample", "edge", "change"):
+        if x.name == "initial":
+            return Operation("pre", (self._initially(),), at)
+        if x.name in ("sample", "edge", "change"):
             raise ModelicaError(f"{x.name}() belongs into the condition of a when clause", at)
         if x.name == "if":
             condition, then, other = x.arguments
@@ -398,6 +418,10 @@ class _Settling:
         sign = operation("-", (operation("*", (2.0, Operation("step", (share, 0.0), at)), at), 1.0), at)
         quotient = operation("*", (sign, whole(size)), at)
         return quotient if name == "div" else operation("-", (x, operation("*", (quotient, y), at)), at)
+
+
+def _is_initial(x: Any) -> bool:
+    return isinstance(x, Operation) and x.name == "initial"
 
 
 def _minus(x: Any, at: Place) -> Any:

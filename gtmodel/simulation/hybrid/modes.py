@@ -281,7 +281,7 @@ class SimulatedModes:
         for pair, number in anew.items():
             if pair in place:
                 w[place[pair]] = number
-        system = systems.at(w, time, settings)
+        system = systems.at(w, time, settings) or self._at_states_alone(systems, settings, w, time, p)
         if system is None:
             raise _ended(f"at {time:.6g} s no choice of states describes the motion after the event")
         for pair in [] if struck else anew:
@@ -303,6 +303,21 @@ class SimulatedModes:
         moved |= {pair for pair in continuous if old.plan.alias.resolve(*pair)[1:] in struck}
         self._refuse_jumps(old, before, continuous, system, at, {*anew, *struck}, moved, time)
         return system, x, z
+
+    def _at_states_alone(
+        self, systems: Systems, settings: IntegratorSettings, w: np.ndarray, time: float, p: np.ndarray
+    ) -> SimulatedSystem | None:
+        """A system where what follows from the states is computed: its values before the event, which `w` has, may make
+        the new equations singular, as a denominator that was 0 does."""
+        for sample in systems.samples:
+            if (other := systems.at(sample, time, settings)) is None:
+                continue
+            x, z = other.reduced.from_point(w)
+            z = self._unknowns(other, x, z, time, p) if z.size else z
+            point = other.reduced.point(x[None, :], z[None, :], np.array([[time]]), p)[0][0]
+            if np.all(np.isfinite(point)):
+                return systems.at(point, time, settings)
+        return None
 
     def struck(
         self, systems: Systems, system: SimulatedSystem, point: np.ndarray, time: float, changes: Changes
