@@ -66,7 +66,7 @@ def build(
     closed = ca.Function(f"{name}_closed", [*args, *unknowns], results, [*names_in, *z_names], names_out)
     residuals = express(plan, [ca.vertcat(*b.residuals) for b in plan.newton])
     # kernels take all that is given as one column: inputs, then the unknowns of earlier blocks
-    kernels = []
+    kernels, quaternions = [], _quaternions(plan, [p for _, pairs in inputs for p in pairs])
     for k, (block, r) in enumerate(zip(plan.newton, residuals, strict=True)):
         a, z = ca.vertcat(*args, *unknowns[:k]), unknowns[k]
         kernels.append(
@@ -77,9 +77,17 @@ def build(
                 a0=_sample(plan, a),
                 scale=block.scale,
                 label=", ".join(block.labels),
+                even=quaternions,
             )
         )
     return Built(closed, kernels, followed(closed, kernels, facts, sizes, name, names_in, with_status))
+
+
+def _quaternions(plan: CausalPlan, given: Sequence[Pair]) -> tuple[tuple[int, ...], ...]:
+    """Places of vectors of four, each with its derivatives: they may be quaternions, which turn as their opposites."""
+    vectors = [set(indices) for shape, indices in plan.flat.groups.values() if shape == (4,)]
+    places = [tuple(n for n, (index, _) in enumerate(given) if index in vector) for vector in vectors]
+    return tuple(found for found in places if found)
 
 
 def _distinct(names: Sequence[str], taken: Sequence[str] = ()) -> list[str]:

@@ -24,6 +24,9 @@ TRUST = 0.1
 CORNER = 1e-3
 SHORTEST_STEP = 1.0 / 4096
 MOST_STEPS = 2000
+# random points, and part of its size, by which a residual is found to be even
+EVEN_POINTS = 3
+EVEN = 1e-9
 # columns at once: their matrices stay near the core, and memory does not grow with the rows
 CHUNK = 4096
 # smallest over largest singular value below which a solution is called singular: half of the digits are lost
@@ -34,7 +37,8 @@ SINGULAR = 1e-8
 class NewtonKernel:
     """r(z, a) == 0 with z (m,) unknown and a (k,) given; `start` = (z0, a0) solves it.
 
-    `residual`: (z, a) -> r, dr/dz; `sensitivity`: (z, a) -> dr/da.
+    `residual`: (z, a) -> r, dr/dz; `sensitivity`: (z, a) -> dr/da. `even`: places in `a` of numbers that mean the same
+    with the opposite sign, as all four of a quaternion do.
     """
 
     residual: ca.Function
@@ -43,6 +47,21 @@ class NewtonKernel:
     a0: np.ndarray
     scale: np.ndarray
     label: str
+    even: tuple[tuple[int, ...], ...] = ()
+
+    def __post_init__(self) -> None:
+        self.even = tuple(places for places in self.even if self._is_even(places))
+
+    def _is_even(self, places: tuple[int, ...]) -> bool:
+        """Whether the residual is the same with the opposite sign of these numbers."""
+        rng, turned = np.random.default_rng(0), np.ones(len(self.a0))
+        turned[list(places)] = -1.0
+        for _ in range(EVEN_POINTS):
+            z, a = (x + rng.standard_normal(len(x)) for x in (self.z0, self.a0))
+            here, there = (self.residual(z, signs * a)[0].full() for signs in (1.0, turned))
+            if not np.all(np.abs(here - there) <= EVEN * (1.0 + np.abs(here))):
+                return False
+        return True
 
     @property
     def functions(self) -> tuple[ca.Function, ca.Function]:
@@ -68,7 +87,7 @@ class NewtonKernel:
 
     def _solve(self, a: np.ndarray, guess: np.ndarray | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The same of few enough columns at once."""
-        a = np.ascontiguousarray(a)  # sums follow the memory, see _by_given
+        a = self._as_at_home(np.ascontiguousarray(a))  # sums follow the memory, see _by_given
         n = a.shape[1]
         z = np.repeat(self.z0[:, None], n, axis=1)
         done = np.zeros(n)
@@ -113,6 +132,14 @@ class NewtonKernel:
             _, jacobian = self._evaluate(z[:, ok], a[:, ok])
             singular[ok] = is_singular(jacobian * self.scale)
         return z, converged, singular
+
+    def _as_at_home(self, a: np.ndarray) -> np.ndarray:
+        """`a` with the signs of a0 where the opposite ones mean the same: else the way there is half a turn longer."""
+        for places in map(list, self.even):
+            signs = np.where(self.a0[places] @ a[places] < 0, -1.0, 1.0)
+            a = a.copy()
+            a[places] *= signs
+        return a
 
     def _evaluate(self, z: np.ndarray, a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Residuals (m, n) and Jacobians (n, m, m)."""

@@ -38,9 +38,8 @@ class F1(gt.Model):
     below the carts (branch `below` of link 1, which selects the root of the one closed form of the inverse kinematics).
     Forward kinematics and arms 2 and 3 of the inverse are Newton blocks that continue the home pose; where an arm has
     several inverse solutions, that is the one on the straight line from there, or the one near a guess.
-    The line is drawn in the numbers of T and e: give e the sign of home_e, dot(e, home_e) > 0. With -e, the same
-    attitude, Newton goes another way and may not converge. Forward kinematics may so reach another assembly mode than
-    a pose that was commanded, with status OK.
+    e and -e are one attitude with one answer. Forward kinematics may reach another assembly mode than a pose that was
+    commanded, with status OK.
 
     The axes for the home pose moved down by 0.1 m; carts move along z:
 

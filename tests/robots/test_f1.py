@@ -12,6 +12,7 @@ import pytest
 
 import gtmodel as gt
 from gtmodel import Status
+from gtmodel.filtering.manifold import product
 from gtmodel.robots import clusters, f1_geometry
 from tests.mechanics.balance import power_balance
 from tests.oracle.f1_by_hand import F1ByHand, from_quaternion
@@ -351,3 +352,20 @@ class TestGeometry:
     def test_another_name_is_refused(self):
         with pytest.raises(gt.ModelError, match="there is no F1 robot 'f2'; there is f1"):
             gt.robots.f1_gantry_tau("f2")
+
+
+def test_opposite_quaternions_are_one_attitude():
+    """Up to half a turn from the home pose: Newton went a longer way for -e, which did not always end."""
+    rng, r = np.random.default_rng(23), robot()
+    axes = rng.standard_normal((COUNT, 3))
+    half = np.radians(90) * rng.uniform(0.0, 1.0, COUNT)
+    turn = np.column_stack([np.cos(half), np.sin(half)[:, None] * axes / np.linalg.norm(axes, axis=1)[:, None]])
+    e = np.array([product(r.home_e, t).full()[:, 0] for t in turn])
+    T = r.home + rng.uniform(-HALF_BOX_M, HALF_BOX_M, (COUNT, 3))
+    q, status = inverse()(T, e)
+    other, opposite = inverse()(T, -e)
+    assert np.array_equal(status, opposite) and np.array_equal(q, other, equal_nan=True)
+    assert np.sum(status == Status.OK) > COUNT / 2
+    k = int(np.argmin(np.where(status == Status.OK, half, np.inf)))
+    (one, said, _), (mirrored, again, _) = (inverse().casadi(T[k], sign * e[k]) for sign in (1, -1))
+    assert int(said) == int(again) == Status.OK and np.array_equal(one.full(), mirrored.full())

@@ -95,6 +95,10 @@ def _followed(kernel: NewtonKernel, a: Any, name: str) -> tuple[Any, Any]:
     least = ca.mmin(pivots) / ca.mmax(pivots)
     at = ca.Function(f"{name}_at", [z, p], [residual, jacobian, kernel.sensitivity(z, p), least])
     home, start, scale = ca.MX(ca.DM(kernel.a0)), ca.MX(ca.DM(kernel.z0)), ca.MX(ca.DM(kernel.scale))
+    for places in map(list, kernel.even):
+        sign = ca.DM.ones(len(kernel.a0))
+        sign[places] = -1.0
+        a = ca.if_else(ca.dot(ca.DM(kernel.a0[places]), a[places]) < 0, sign * a, a)
     way = a - home
     here = start
     _, slope, by_a, _ = at.call([here, home])
