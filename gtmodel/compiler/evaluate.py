@@ -86,8 +86,8 @@ def build(
 def _quaternions(plan: CausalPlan, given: Sequence[Pair]) -> tuple[tuple[int, ...], ...]:
     """Places of vectors of four, each with its derivatives: they may be quaternions, which turn as their opposites."""
     vectors = [set(indices) for shape, indices in plan.flat.groups.values() if shape == (4,)]
-    places = [tuple(n for n, (index, _) in enumerate(given) if index in vector) for vector in vectors]
-    return tuple(found for found in places if found)
+    places = (tuple(n for n, (index, _) in enumerate(given) if index in vector) for vector in vectors)
+    return tuple(filter(None, places))
 
 
 def _distinct(names: Sequence[str], taken: Sequence[str] = ()) -> list[str]:
