@@ -10,7 +10,7 @@ from ..lang.slips import near
 from . import builtin, functions
 from .arrays import RecordValue, Values, array, binary, each, entries, matrix_of, negative, scalar, stacked
 from .instances import FieldOf, Instance, NameScope
-from .members import constant, declares, field, member
+from .members import constant, declares, field, member, shown
 from .modifications import Given
 from .scalars import EnumerationLiteral, Operation, is_literal, is_number, number_of, operation
 from .scopes import LANGUAGE, Space
@@ -230,7 +230,7 @@ class Evaluator:
             raise ModelicaError(f"'{first.name}' is used before it is assigned", node.at)
         for part in rest:
             outer = value.ndim if isinstance(value, np.ndarray) else 0  # of an array of components: in each of them
-            value = self.subscripted(field(value, part.name, node.at), part, scope, node.at, outer)
+            value = self.subscripted(shown(value, part.name, node.at), part, scope, node.at, outer)
         return value
 
     def first(self, part: ReferencePart, node: Reference, scope: NameScope) -> Any:
@@ -279,7 +279,7 @@ class Evaluator:
             if space.text.literals is not None:
                 return self.literal(space, names[n], node.at)
             if declares(space, names[n]):
-                return self.walk(constant(space, names[n], node.at, self), node, n, scope)
+                return self.walk(constant(space, names[n], node.at, self, n > 0), node, n, scope)
             following = space.member(names[n])
             if following is None:
                 raise ModelicaError(f"{space.name or 'the text'} has no '{names[n]}'", node.at)
@@ -298,7 +298,7 @@ class Evaluator:
         value = self.subscripted(value, node.parts[begin], scope, node.at)
         for part in node.parts[begin + 1 :]:
             outer = value.ndim if isinstance(value, np.ndarray) else 0  # of an array of components: in each of them
-            value = self.subscripted(field(value, part.name, node.at), part, scope, node.at, outer)
+            value = self.subscripted(shown(value, part.name, node.at), part, scope, node.at, outer)
         return value
 
     @staticmethod

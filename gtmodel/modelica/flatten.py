@@ -39,7 +39,7 @@ from .scopes import Space
 from .settled.events import settle_events
 from .settled.macros import settle_macros
 from .settled.static import settle_static
-from .settled.whens import apart, watched, when_of
+from .settled.whens import apart, refuse_two_clauses, watched, when_of
 from .syntax import (
     Binary,
     Calls,
@@ -114,6 +114,7 @@ class _Flattening:
         self._bounded()
         settle_macros(self.out)
         self._header()
+        refuse_two_clauses(self.out.equations)
         if not self.out.optimization:
             settle_events(self.out)
         if self.out.static and self.out.parts:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import Any
 
@@ -12,37 +12,28 @@ import numpy as np
 
 from ..lang.slips import near
 from .arrays import Values, array, entries
-from .modifications import NOTHING, Given, Modifier, merged, modifier, same
+from .meanings import (
+    DEEPEST,
+    LONGEST_CHAIN,
+    NameScope,
+    TypeMeaning,
+    kind_of,
+    refuse_another,
+    refuse_other_type,
+    refuse_redeclared,
+)
+from .modifications import Given, Modifier, merged, modifier, same
 from .multibody.library import part_name, pictures
 from .scalars import Flat, Symbol, fits, number_of
 from .scopes import PREDEFINED, Space
-from .syntax import ClassText, Component, Extends, ModelicaError, Place, Reference, SyntaxNode
+from .syntax import ClassText, Component, ModelicaError, Place, SyntaxNode
 
 ATTRIBUTES = {
     "quantity", "unit", "displayUnit", "min", "max", "start", "fixed", "nominal", "stateSelect", "unbounded",
     "free", "initialGuess", "absoluteValue",
 }  # fmt: skip
 HEADER = ("objective", "objectiveIntegrand", "startTime", "finalTime")
-LONGEST_CHAIN = 200  # types that are names of one another, classes that extend one another
 LONGEST = 100_000  # entries along one dimension of an array
-DEEPEST = 60  # components in one another; a class that holds itself would never end
-
-
-@dataclass(eq=False)
-class NameScope:
-    """Where an expression stands: in an instance, in a class, with local names."""
-
-    instance: Instance | None
-    space: Space
-    model: Any  # what is flattened: warnings, and the evaluator
-    locals: dict[str, Any] = field(default_factory=dict)
-
-    def holds(self, name: str) -> bool:
-        """Is it a component that this class, not one that extends it, declares or inherits?"""
-        return self.instance is not None and name in self.instance.elements and name in self.space.declared
-
-    def inner(self, names: dict[str, Any]) -> NameScope:
-        return NameScope(self.instance, self.space, self.model, {**self.locals, **names})
 
 
 @dataclass(eq=False, slots=True)
@@ -51,76 +42,6 @@ class FieldOf(SyntaxNode):
 
     given: Given
     name: str
-
-
-@dataclass(eq=False)
-class TypeMeaning:
-    """What a type name means: a predefined type with its attributes, or a class."""
-
-    base: str
-    space: Space | None
-    modifier: Modifier
-    dimensions: list[tuple[SyntaxNode, NameScope]]
-    prefixes: frozenset[str]
-    connector: bool
-    literals: tuple[str, ...] = ()
-
-
-def kind_of(reference: Reference, scope: NameScope) -> TypeMeaning:
-    """What a type name means in a scope. Raises ModelicaError for one that means nothing."""
-    said, dimensions, prefixes, connector = NOTHING, [], frozenset[str](), False
-    first = reference.parts[0].name
-    if len(reference.parts) == 1 and first in PREDEFINED:
-        return TypeMeaning(first, None, said, dimensions, prefixes, connector)
-    space: Space = scope.space.find(reference)
-    for _ in range(LONGEST_CHAIN):
-        text = space.text
-        if text.refused:
-            raise ModelicaError(f"{space.name} is not taken: {text.refused}", reference.at)
-        connector = connector or text.restriction.endswith("connector")
-        said = merged(said, space.said)
-        if text.literals is not None:
-            return TypeMeaning("enumeration", space, said, dimensions, prefixes, connector, tuple(text.literals))
-        extends = [e for e in text.elements if isinstance(e, Extends)]
-        simple = text.short or (len(extends) == 1 and len(text.elements) == 1 and not text.equations)
-        if not text.short:
-            said = _limited(said, space, scope)
-        if not simple or not extends:
-            return TypeMeaning("", space, said, dimensions, prefixes, connector)
-        builtin = len(extends[0].base.parts) == 1 and extends[0].base.parts[0].name in PREDEFINED
-        if not text.short and not builtin and not _ends_predefined(space, extends[0]):
-            return TypeMeaning("", space, said, dimensions, prefixes, connector)
-        around = space.outer if text.short and space.outer is not None else space
-        own = NameScope(space.holder, around, scope.model)
-        said = merged(said, modifier(extends[0].modification, own))
-        if text.short:
-            said = _limited(said, space, scope)
-        dimensions = [*dimensions, *[(d, own) for d in text.dimensions]]
-        prefixes |= text.type_prefixes
-        if builtin:
-            return TypeMeaning(extends[0].base.parts[0].name, None, said, dimensions, prefixes, connector)
-        space = space.base(extends[0])
-    raise ModelicaError(f"'{reference}' is another name of itself, or of more than {LONGEST_CHAIN}", reference.at)
-
-
-def _limited(said: Modifier, space: Space, scope: NameScope) -> Modifier:
-    """With what stands behind constrainedby, where nothing else is said."""
-    for written, around in space.bounds:
-        said = merged(said, modifier(written, NameScope(None, around, scope.model)))
-    return said
-
-
-def _ends_predefined(space: Space, extends: Extends) -> bool:
-    """Is a class in the end one of Modelica's own types?"""
-    for _ in range(DEEPEST):
-        if extends.base.parts[0].name in PREDEFINED:
-            return True
-        space = space.base(extends)
-        inside = [e for e in space.text.elements if isinstance(e, Extends)]
-        if len(inside) != 1 or len(space.text.elements) != 1:
-            return False
-        extends = inside[0]
-    return False
 
 
 @dataclass(eq=False)
@@ -162,8 +83,8 @@ class Instance:
     def full(self, name: str) -> str:
         return f"{self.path}.{name}" if self.path else name
 
-    def _take(self, space: Space, said: Modifier) -> None:
-        """Elements and sections of a class and of those it extends, in the order of the text."""
+    def _take(self, space: Space, said: Modifier, protected: bool = False) -> None:
+        """Elements and sections of a class and of those it extends, in the order of the text; protected: all of it."""
         text = space.text
         if text.refused:
             raise ModelicaError(f"{space.name} is not taken: {text.refused}", text.at)
@@ -186,7 +107,8 @@ class Instance:
                 written = modifier(element.modification, scope)
                 if "final" in element.prefixes:
                     written = replace(written, final=True)
-                written = merged(written, modifier(element.constraining, scope))
+                if element.constraint is not None:
+                    written = merged(written, modifier(element.constraint.modification, scope))
                 own = merged(said.get(element.name), written)
                 self.used.add(element.name)
                 before = self.elements.get(element.name)
@@ -196,7 +118,8 @@ class Instance:
                         element.at,
                     )
                 if before is None:
-                    self.elements[element.name] = TextElement(element, own, scope, self)
+                    hidden = protected or element.protected
+                    self.elements[element.name] = TextElement(element, own, scope, self, hidden)
                 elif not same(before.said, own):
                     raise ModelicaError(f"'{element.name}' is inherited twice, modified in two ways", self.at)
             elif element.base.parts[0].name in PREDEFINED and len(element.base.parts) == 1:
@@ -208,10 +131,12 @@ class Instance:
                     if name in base.declared:
                         new = replace(modifier(item.modification, scope), at=item.at, redeclared=(item, scope))
                         said_here = merged(Modifier(inside={name: new}), said_here)
-                self._take(base, merged(merged(said, said_here), base.said))
+                self._take(base, merged(merged(said, said_here), base.said), protected or element.protected)
                 self._refuse_unknown(base, said_here)
         if lost := [e for n, e in again.items() if n not in self.elements]:
             raise ModelicaError(f"nothing that {space.name} extends has a '{lost[0].name}' to redeclare", lost[0].at)
+        if text.redeclares:
+            refuse_redeclared(space, scope)
         self.below -= 1
         self.used |= set(text.classes) | pictures(text)
         if not any(s.text is text for s in self.sections):  # of a class that is inherited on two ways
@@ -277,10 +202,15 @@ def _replacement(space: Space, name: str, said: Modifier) -> Space | None:
     if said.redeclared is not None and isinstance(said.redeclared[0], ClassText):
         written, scope = said.redeclared
         assert isinstance(written, ClassText)
-        if original is not None and original.text is not written and "replaceable" not in original.text.prefixes:
+        if original is None:
+            return Space(written, scope.space, holder=scope.instance)
+        if original.text is not written and "replaceable" not in original.text.prefixes:
             raise ModelicaError(f"'{name}' of {space.name} is not replaceable", said.at)
-        limits = original.bounds if original is not None else ()
-        return Space(written, scope.space, holder=scope.instance, limits=limits)
+        limit = original.interface
+        new = Space(written, scope.space, holder=scope.instance, limits=original.bounds, limit=limit)
+        if original.text is not written:
+            refuse_another(new, limit, scope, said.at or written.at)
+        return new
     return original.with_said(said) if original is not None and said.redeclared is None else None
 
 
@@ -295,9 +225,19 @@ class TextElement:
     said: Modifier
     scope: NameScope
     owner: Instance
+    protected: bool = False
     _made: Any = None
     _state: str = ""
     explicit: Modifier | None = None  # of a field of a record that is bound as a whole: said outside of the record
+
+    def refuse_from_outside(self, at: Place) -> None:
+        """Raises ModelicaError if the component is protected: what names or modifies it stands outside of its owner."""
+        if self.protected:
+            inside, line = self.owner.path or self.owner.space.name, self.text.at.line
+            raise ModelicaError(
+                f"'{self.text.name}' of '{inside}' is protected since line {line}; only its class, and those that "
+                "extend it, name it", at,
+            )  # fmt: skip
 
     @property
     def made(self) -> Any:
@@ -334,6 +274,9 @@ class TextElement:
             if not {"replaceable"} & text.prefixes:
                 raise ModelicaError(f"'{text.name}' is not replaceable", said.at)
         kind = kind_of(declared.type_name, scope)
+        if declared is not text:
+            limit = kind_of(text.type_name if text.constraint is None else text.constraint.base, self.scope)
+            refuse_other_type(kind, limit, declared, text, said.at or declared.at)
         said = merged(said, kind.modifier)
         prefixes = text.prefixes | declared.prefixes | kind.prefixes
         prefixes |= owner.prefixes & {"constant", "parameter", "input", "output", "discrete"}
@@ -389,6 +332,9 @@ class TextElement:
             passed = prefixes & {"constant", "parameter", "input", "output", "discrete"}
             made = Instance(kind.space, own, path, self.owner, self.owner.model, passed)  # type: ignore[arg-type]
             made.connector = kind.connector
+            for name, item in self.said.inside.items():
+                if item.at is not None and name in made.elements:
+                    made.elements[name].refuse_from_outside(item.at)
             if own.value is not None:
                 for name, element in made.elements.items():
                     element.explicit = outside.get(name)

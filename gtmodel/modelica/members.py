@@ -34,10 +34,12 @@ def package(space: Space, model: Evaluator) -> Instance:
     return space.package
 
 
-def constant(space: Space, name: str, at: Place, model: Evaluator) -> Any:
-    """A constant of a class that is named from outside of any component of it."""
+def constant(space: Space, name: str, at: Place, model: Evaluator, dotted: bool = False) -> Any:
+    """A constant of a class that is named from outside of any component of it; dotted: behind the class's name."""
     holder = package(space, model)
     element = holder.elements.get(name)
+    if element is not None and dotted:
+        element.refuse_from_outside(at)
     if element is not None and "static" in holder.prefixes:
         known = {"constant", "parameter"} if holder.restriction == "package" else {"constant"}
         if not known & element.text.prefixes:
@@ -55,6 +57,14 @@ def member(instance: Instance, name: str, at: Place) -> Any:
     if made is None:
         raise Missing(f"'{instance.full(name)}' is not there: its condition is false", at)
     return made.symbols if isinstance(made, Declared) else made
+
+
+def shown(value: Any, name: str, at: Place) -> Any:
+    """As `field`, of what a text names with a dot: protected elements are the component's own."""
+    first = value.ravel()[0] if isinstance(value, np.ndarray) and value.size else value
+    if isinstance(first, Instance) and (element := first.elements.get(name)) is not None:
+        element.refuse_from_outside(at)
+    return field(value, name, at)
 
 
 def field(value: Any, name: str, at: Place) -> Any:

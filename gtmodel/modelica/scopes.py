@@ -43,6 +43,7 @@ class Space:
     _busy: set[str] = field(default_factory=set)
     said: Modifier = NOTHING  # what `m(Class(k = 3))` says about it
     limits: tuple[tuple[Modification, Space], ...] = ()  # modifications behind constrainedby of what it replaces
+    limit: Space | None = None  # the interface of what it replaces
     holder: Any = None  # the instance in which a redeclaration stands
     derived: Space | None = None  # of a class as it is inherited: the one that inherits, and may change, it
     original: Space | None = None  # of such a class: itself
@@ -159,7 +160,7 @@ class Space:
             if argument.name[0] != name or key in self.made:
                 continue
             if isinstance(argument.redeclared, ClassText):
-                self.made[key] = Space(argument.redeclared, self, limits=inherited.bounds)
+                self.made[key] = Space(argument.redeclared, self, limits=inherited.bounds, limit=inherited.interface)
             elif argument.redeclared is None:
                 said = argument.modification
                 if len(argument.name) > 1:
@@ -173,9 +174,17 @@ class Space:
     @property
     def bounds(self) -> tuple[tuple[Modification, Space], ...]:
         """Modifications behind constrainedby, which hold for whatever takes the place of this class."""
-        if self.text.constraining is not None and self.outer is not None:
-            return ((self.text.constraining, self.outer),)
+        written = self.text.constraint
+        if written is not None and written.modification is not None and self.outer is not None:
+            return ((written.modification, self.outer),)
         return self.limits
+
+    @property
+    def interface(self) -> Space:
+        """The class of which whatever takes the place of this one is a subtype."""
+        if self.text.constraint is not None and self.outer is not None:
+            return self.outer.find(self.text.constraint.base)
+        return self if self.limit is None else self.limit
 
     def member(self, name: str, skip: Extends | None = None) -> Space | None:
         """A class of this one, declared or inherited; where this one is inherited itself, as it is there."""

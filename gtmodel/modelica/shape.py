@@ -100,7 +100,6 @@ class Shaping(Transformer_NonRecursive[Any, Any]):
     element_prefix = _keep("prefix")
     type_prefix = _keep("type_prefix")
     argument_prefix = _keep("prefix")
-    constraining = _keep("constraining")
     comment = _keep("comment")
     row = _keep("row")
     subscripts = _keep("subscripts")
@@ -115,7 +114,7 @@ class Shaping(Transformer_NonRecursive[Any, Any]):
     def protected_section(self, meta: Meta, children: list[Any]) -> Several:
         for c in children:
             for item in c if isinstance(c, Several) else [c]:
-                if isinstance(item, Component):
+                if isinstance(item, (Component, s.Extends)):
                     item.protected = True
         return Several("composition", children, _place(meta))
 
@@ -220,6 +219,10 @@ class Shaping(Transformer_NonRecursive[Any, Any]):
         result.absolute = children[0].type == "DOT"
         return result
 
+    def constraining(self, meta: Meta, children: list[Any]) -> Several:
+        base: s.Reference = _typed(children, s.Reference)
+        return Several("constraint", [s.Extends(base.at, base, _typed(children, s.Modification))])
+
     def extends_clause(self, meta: Meta, children: list[Any]) -> s.Extends:
         return s.Extends(_place(meta), children[0], _typed(children[1:], s.Modification))
 
@@ -228,7 +231,7 @@ class Shaping(Transformer_NonRecursive[Any, Any]):
         declared: Several = _of(children, "components") if inside is None else Several("classes", [inside])
         for item in declared:
             item.prefixes |= _words(children, "prefix")
-            item.constraining = _typed(_of(children, "constraining") or [], s.Modification)
+            item.constraint = _typed(_of(children, "constraint") or [], s.Extends)
         return declared
 
     def component_clause(self, meta: Meta, children: list[Any]) -> Several:
@@ -268,7 +271,7 @@ class Shaping(Transformer_NonRecursive[Any, Any]):
         prefixes = _words(children, "prefix")
         redeclared = _typed(children, ClassText) or next(iter(_of(children, "components")))
         redeclared.prefixes |= prefixes & {"replaceable"}
-        redeclared.constraining = _typed(_of(children, "constraining") or [], s.Modification)
+        redeclared.constraint = _typed(_of(children, "constraint") or [], s.Extends)
         return Argument(_place(meta), (redeclared.name,), None, prefixes, redeclared)
 
     def string_comment(self, meta: Meta, children: list[Any]) -> Several:

@@ -263,13 +263,14 @@ class Component(SyntaxNode):
     condition: SyntaxNode | None
     description: str
     protected: bool = False
-    constraining: Modification | None = None  # behind constrainedby
+    constraint: Extends | None = None  # behind constrainedby
 
 
 @dataclass(eq=False, slots=True)
 class Extends(SyntaxNode):
     base: Reference
     modification: Modification | None
+    protected: bool = False
 
 
 @dataclass(eq=False, slots=True)
@@ -305,7 +306,7 @@ class ClassText(SyntaxNode):
     type_prefixes: frozenset[str] = frozenset()
     short: bool = False
     annotation: Modification | None = None
-    constraining: Modification | None = None  # behind constrainedby
+    constraint: Extends | None = None  # behind constrainedby
     redeclares: bool = False  # a class inside
     scope: ClassText | None = None
     within: tuple[str, ...] = ()

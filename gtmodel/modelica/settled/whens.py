@@ -102,6 +102,19 @@ def _sentence(x: SyntaxNode) -> str:
     return text.strip() or "the model ends the simulation"
 
 
+def refuse_two_clauses(equations: Sequence[Any]) -> None:
+    """Raises ModelicaError if two when clauses assign one variable: elsewhen says which of them holds."""
+    first: dict[int, ScalarWhen] = {}
+    for when in equations:
+        for action in when.actions if isinstance(when, ScalarWhen) and not when.own else ():
+            other = first.setdefault(id(action.left.flat), when)
+            if other is not when:
+                raise ModelicaError(
+                    f"'{action.left.flat.name}' is assigned by two when clauses, first in line {other.at.line}; write "
+                    "elsewhen", action.at,
+                )  # fmt: skip
+
+
 # assert
 
 
