@@ -6,7 +6,6 @@ import re
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -37,24 +36,16 @@ def named(page: Path) -> str:
     return page.relative_to(DOCS).as_posix()
 
 
-def pages_with(long: bool) -> list[Any]:
-    return [pytest.param(p, id=named(p)) for p in PAGES if any(f.long is long for f in fences(p))]
+RUNS = [
+    pytest.param(p, long, id=named(p) + ", long" * long, marks=pytest.mark.proof if long else ())
+    for long in (False, True) for p in PAGES if any(f.long is long for f in fences(p))
+]  # fmt: skip
 
 
-def check(page: Path, folder: Path, long: bool) -> None:
-    for fence, command, code, text in run_page(page, folder, long=long):
+@pytest.mark.parametrize(("page", "long"), RUNS)
+def test_what_a_page_shows_runs(page: Path, long: bool, tmp_path: Path) -> None:
+    for fence, command, code, text in run_page(page, tmp_path, long=long):
         assert code == fence.status, f"{page.name} line {fence.line}: {command}\n{text[-2000:]}"
-
-
-@pytest.mark.parametrize("page", pages_with(False))
-def test_what_a_page_shows_runs(page: Path, tmp_path: Path) -> None:
-    check(page, tmp_path, long=False)
-
-
-@pytest.mark.proof
-@pytest.mark.parametrize("page", pages_with(True))
-def test_what_takes_long_on_a_page_runs(page: Path, tmp_path: Path) -> None:
-    check(page, tmp_path, long=True)
 
 
 @pytest.mark.proof

@@ -34,13 +34,7 @@ def test_there_are_enough_rows_and_no_id_is_used_twice() -> None:
 
 
 @pytest.mark.parametrize("row", ROWS)
-def test_a_row_is_whole_its_verdict_follows_and_its_command_is_there(row: dict[str, Any]) -> None:
-    check_fields(row)
-    check_verdict(row)
-    check_command(row)
-
-
-def check_fields(row: dict[str, Any]) -> None:
+def test_a_row_is_whole(row: dict[str, Any]) -> None:
     assert set(row) >= FIELDS and set(row) <= FIELDS | {"ours", "value"}
     assert row["verdict"] in VERDICTS and row["tolerance"] >= 0 and row["unit"]
     assert re.search(r"Table|Fig\.|section|appendix|\(\d", row["where"])
@@ -48,10 +42,14 @@ def check_fields(row: dict[str, Any]) -> None:
     assert row["note"] or row["verdict"] == "reproduced"
 
 
-def check_verdict(row: dict[str, Any]) -> None:
-    printed, ours = numbers(row["printed"]), numbers(row.get("ours"))
-    if printed is None or ours is None or row["verdict"] == "not checkable":
-        return
+def compared(row: dict[str, Any]) -> bool:
+    """Whether a row has numbers of both sides."""
+    return row["verdict"] != "not checkable" and not any(numbers(row.get(n)) is None for n in ("printed", "ours"))
+
+
+@pytest.mark.parametrize("row", [pytest.param(r, id=name) for name, r in rows().items() if compared(r)])
+def test_its_verdict_follows(row: dict[str, Any]) -> None:
+    printed, ours = np.atleast_1d(row["printed"]), np.atleast_1d(row["ours"])
     assert printed.shape == ours.shape
     within = np.abs(ours - printed) <= row["tolerance"] * np.abs(printed) + 1e-12
     assert within.all() if row["verdict"] == "reproduced" else not within.all()
@@ -78,7 +76,8 @@ def functions_of(file: str) -> dict[str, bool]:
     return found
 
 
-def check_command(row: dict[str, Any]) -> None:
+@pytest.mark.parametrize("row", ROWS)
+def test_its_command_is_there(row: dict[str, Any]) -> None:
     program, *arguments = shlex.split(row["command"])
     if program == "gtmodel":
         problem = problem_of(row["command"])
@@ -110,29 +109,17 @@ def value(name: str, of: Any) -> float:
     return of
 
 
-def with_values(long: bool) -> list[Any]:
-    return [
-        pytest.param(row, id=name)
-        for name, row in rows().items()
-        if "value" in row and (problem_of(row["command"]) in LONG) is long
-    ]
+WITH_VALUES = [
+    pytest.param(row, id=name, marks=pytest.mark.proof if problem_of(row["command"]) in LONG else ())
+    for name, row in rows().items() if "value" in row
+]  # fmt: skip
 
 
-def check_values(row: dict[str, Any]) -> None:
+@pytest.mark.parametrize("row", WITH_VALUES)
+def test_the_problem_gives_the_number(row: dict[str, Any]) -> None:
     names, found = row["value"], values(str(problem_of(row["command"])))
     computed = value(names, found) if isinstance(names, str) else [value(name, found) for name in names]
     np.testing.assert_allclose(computed, row["ours"], rtol=SHOWN)
-
-
-@pytest.mark.parametrize("row", with_values(long=False))
-def test_the_problem_gives_the_number(row: dict[str, Any]) -> None:
-    check_values(row)
-
-
-@pytest.mark.proof
-@pytest.mark.parametrize("row", with_values(long=True))
-def test_the_long_problem_gives_the_number(row: dict[str, Any]) -> None:
-    check_values(row)
 
 
 def test_the_page_shows_every_row() -> None:

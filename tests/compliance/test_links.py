@@ -56,6 +56,12 @@ def f1():
     return robot, LinkGeometry(robot)(robot.home + np.array([0.1, -0.05, 0.2]))
 
 
+@pytest.fixture
+def d1():
+    robot = gt.robots.six_link_gantry_tau()
+    return robot, LinkGeometry(robot)(robot.home + np.array([0.1, 0.1, -0.1]))
+
+
 STIFF = LinkSprings(link=1e-7, joint=1e-8, drive=[1e-7, 2e-7, 3e-7], axis=[1e-6, 2e-6, 3e-6], cart=1e-8,
                     frame_along=2e-8, frame_across=[5e-8, 1e-7, 1.5e-7])  # fmt: skip
 
@@ -116,24 +122,18 @@ def energy_hessian(robot, p, springs):
     return structure, np.array(ca.Function("H", [z], [ca.hessian(energy, z)[0]])(0))
 
 
-def check_energy(robot, p, springs=STIFF):
-    structure, H = energy_hessian(robot, p, springs)
+@pytest.mark.parametrize(
+    ("posed", "springs"), [("f1", STIFF), pytest.param("d1", replace(STIFF, axis=0.0), marks=pytest.mark.proof)]
+)
+def test_stiffness_is_the_curvature_of_the_springs_energy(posed, springs, request):
+    robot, poses = request.getfixturevalue(posed)
+    structure, H = energy_hessian(robot, poses, springs)
     np.testing.assert_allclose(structure.stiffness()[0], H, rtol=0, atol=ROUNDING * np.abs(H).max())
     C = structure.compliance()[0]
     np.testing.assert_allclose(C, C.T, rtol=0, atol=ROUNDING * np.abs(C).max())  # reciprocity
     condensed = np.linalg.inv(H)[:6, :6]
     np.testing.assert_allclose(C, condensed, rtol=0, atol=1e-7 * np.abs(C).max())
     assert np.linalg.eigvalsh(C)[0] > 0 and np.linalg.eigvalsh(H)[0] > 0
-
-
-def test_stiffness_is_the_curvature_of_the_springs_energy(f1):
-    check_energy(*f1)
-
-
-@pytest.mark.proof
-def test_stiffness_is_the_curvature_of_the_springs_energy_of_d1():
-    robot = gt.robots.six_link_gantry_tau()
-    check_energy(robot, LinkGeometry(robot)(robot.home + np.array([0.1, 0.1, -0.1])), replace(STIFF, axis=0.0))
 
 
 def test_springs_in_series_and_in_parallel(f1):

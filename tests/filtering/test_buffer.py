@@ -20,13 +20,16 @@ def arrivals(log, jitter, seed):
     return [each[k] for k in np.argsort([t + rng.uniform(0.0, jitter) for _, t, _ in each], kind="stable")]
 
 
-def same(a, b):
-    for name in ("time", "x", "deviations", "nis", "count", "log_likelihood"):
-        assert np.array_equal(getattr(a, name), getattr(b, name)), name
+def differing(a, b):
+    """What of two runs is not the same to the bit."""
+    whole = ("time", "x", "deviations", "nis", "count", "log_likelihood", "covariances")
+    names = [name for name in whole if not np.array_equal(getattr(a, name), getattr(b, name))]
     for name in a.innovations:
-        assert np.array_equal(a.innovations[name], b.innovations[name], equal_nan=True)
-        assert np.array_equal(a.gated[name], b.gated[name])
-    assert np.array_equal(a.covariances, b.covariances)
+        if not np.array_equal(a.innovations[name], b.innovations[name], equal_nan=True):
+            names.append(f"innovations of {name}")
+        if not np.array_equal(a.gated[name], b.gated[name]):
+            names.append(f"gated of {name}")
+    return names
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +46,7 @@ def test_any_order_within_the_horizon_gives_the_bits_of_sorted_data(system, seed
     horizon = whole if seed >= 4 else jitter + 0.2
     buffer = F.Buffer(F.ErrorState(system), BEGIN, horizon)
     said = [buffer.push(*reading) for reading in arrivals(log, jitter, seed)]
-    same(buffer.filtered(), F.ErrorState(system).run(log, BEGIN))
+    assert differing(buffer.filtered(), F.ErrorState(system).run(log, BEGIN)) == []
     assert set(said) <= {"applied", "went back"}
     assert said.count("went back") == sum(buffer.late.values())
     assert sum(buffer.refused.values()) == 0
@@ -61,7 +64,7 @@ def test_readings_of_one_instant_may_come_in_any_order(system):
         buffer = F.Buffer(F.ErrorState(system), BEGIN, 5.0)
         for k in rng.permutation(len(each)):
             buffer.push(*each[k])
-        same(buffer.filtered(), expected)
+        assert differing(buffer.filtered(), expected) == []
 
 
 def test_two_readings_of_one_sensor_with_one_stamp_are_both_used(system):
@@ -71,7 +74,7 @@ def test_two_readings_of_one_sensor_with_one_stamp_are_both_used(system):
     order = [("tape", 4), ("unit", 0), ("tape", 0), ("tape", 1), ("unit", 1), ("tape", 2), ("unit", 2), ("tape", 3)]
     for name, k in order:
         buffer.push(name, log[name].time[k], log[name].values[k])
-    same(buffer.filtered(), F.ErrorState(system).run(log, BEGIN))
+    assert differing(buffer.filtered(), F.ErrorState(system).run(log, BEGIN)) == []
 
 
 def test_a_trajectory_shows_the_state_after_the_last_reading_of_an_instant(system):
@@ -89,7 +92,7 @@ def test_a_turning_body_with_quaternions_is_the_same_too():
     buffer = F.Buffer(F.ErrorState(run.system), begin, 1.0)
     for reading in arrivals(log, 0.1, 4):
         buffer.push(*reading)
-    same(buffer.filtered(), F.ErrorState(run.system).run(log, begin))
+    assert differing(buffer.filtered(), F.ErrorState(run.system).run(log, begin)) == []
 
 
 def test_memory_is_bounded_by_the_horizon(system):
@@ -113,7 +116,7 @@ def test_what_is_too_old_is_refused_and_counted(system):
     assert buffer.belief is before
     assert buffer.push("unit", 0.25, 0.0) == "went back"
     log = {"tape": F.Readings([0.0, 0.1, 0.5], [0.0] * 3), "unit": F.Readings([0.25], [0.0])}
-    same(buffer.filtered(), F.ErrorState(system).run(log, BEGIN))
+    assert differing(buffer.filtered(), F.ErrorState(system).run(log, BEGIN)) == []
 
 
 def test_a_known_delay_is_one_of_augmented_states(system):
@@ -174,7 +177,7 @@ def test_known_inputs_may_come_from_a_function_of_time():
         buffer = F.Buffer(F.ErrorState(system), begin, 5.0, inputs=given)
         for reading in arrivals(log, 0.35, 2):
             buffer.push(*reading)
-        same(buffer.filtered(), expected)
+        assert differing(buffer.filtered(), expected) == []
     with pytest.raises(gt.results.ArgumentError, match="known inputs"):
         F.Buffer(F.ErrorState(system), begin, 5.0)
 

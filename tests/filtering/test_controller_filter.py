@@ -295,8 +295,9 @@ def test_a_hundred_thousand_hostile_inputs(real: str, libraries: dict) -> None:
     assert tried(made, loaded, 100_000, seed=7)[Status.OK] > 1000
 
 
-def kept_on(made: ControllerFilter, loaded: LoadedStep, steps: int) -> None:
-    """So many steps, the covariance positive at the end."""
+@pytest.mark.parametrize("steps", [10_000, pytest.param(1_000_000, marks=pytest.mark.proof)])
+def test_the_covariance_stays_positive(steps: int, libraries: dict) -> None:
+    made, loaded = libraries["body", "double"]
     rows = a_run(made, 200, seed=8)
     start, state, out = states_of(loaded)
     assert loaded.init(state, start) == Status.OK
@@ -308,15 +309,6 @@ def kept_on(made: ControllerFilter, loaded: LoadedStep, steps: int) -> None:
     P = covariance(made, state)
     scale = 1 / np.sqrt(np.diag(P))
     assert np.linalg.eigvalsh(P * scale[:, None] * scale)[0] > 1e-9
-
-
-def test_the_covariance_stays_positive(libraries: dict) -> None:
-    kept_on(*libraries["body", "double"], steps=10_000)
-
-
-@pytest.mark.proof
-def test_the_covariance_stays_positive_over_a_million_steps(libraries: dict) -> None:
-    kept_on(*libraries["body", "double"], steps=1_000_000)
 
 
 def test_a_sensor_that_is_silent_or_beyond_its_gate_for_too_long_is_said(tmp_path: Path) -> None:

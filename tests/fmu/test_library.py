@@ -103,7 +103,10 @@ for name in sys.argv[3:]:
 """
 
 
-def same_bytes(names: tuple[str, ...]) -> None:
+@pytest.mark.parametrize(
+    "names", [("block",), pytest.param(("fk", "forward", "d1_fk", "block", "filter"), marks=pytest.mark.proof)]
+)
+def test_the_same_bytes_in_two_processes_at_two_dates_with_two_umasks(names):
     environment = {**os.environ, "PYTHONPATH": str(CLONE)}
     outputs = []
     for umask, zone, seed in (("022", "UTC", "1"), ("077", "Asia/Tokyo", "2")):
@@ -113,15 +116,6 @@ def same_bytes(names: tuple[str, ...]) -> None:
         assert outputs[-1].returncode == 0, outputs[-1].stderr
     assert outputs[0].stdout == outputs[1].stdout
     assert len(outputs[0].stdout.splitlines()) == 2 * len(names)
-
-
-def test_the_same_bytes_in_two_processes_at_two_dates_with_two_umasks():
-    same_bytes(("block",))
-
-
-@pytest.mark.proof
-def test_the_same_bytes_of_every_sort_in_two_processes():
-    same_bytes(("fk", "forward", "d1_fk", "block", "filter"))
 
 
 @pytest.mark.parametrize("name", ["fk", "filter"])

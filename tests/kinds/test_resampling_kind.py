@@ -110,12 +110,31 @@ def test_clocks_that_are_not_brought_together_have_nothing_in_common(folder: Pat
     assert done.code == 2 and "0 instants are common to all signals" in done.sentence and ": log" in done.sentence
 
 
-def check_imu(file: Path, folder: Path, gtmodel: Commands) -> None:
-    """Resampled by TOML alone it is what numpy.interp gives on columns that were read by hand, and rests at 1 g."""
-    (folder / "p.toml").write_text(IMU_PROBLEM.read_text().replace("data/abb_imu/V1000_path3_MPU9150.mat", str(file)))
-    done = gtmodel("solve", folder / "p.toml", "--json", "--out", folder / "out")
+@pytest.fixture
+def twin(tmp_path: Path) -> Path:
+    """A synthetic recording with the variables of the measured one."""
+    imu_twin(tmp_path / "twin.mat")
+    raw = {k: v for k, v in scipy.io.loadmat(tmp_path / "twin.mat").items() if k[0] != "_"}
+    scipy.io.savemat(tmp_path / "twin.mat", {**raw, "ABBposition": np.zeros((3, 1200))})
+    return tmp_path / "twin.mat"
+
+
+def imu_problem(file: Path, folder: Path) -> Path:
+    problem = folder / "p.toml"
+    problem.write_text(IMU_PROBLEM.read_text().replace("data/abb_imu/V1000_path3_MPU9150.mat", str(file)))
+    return problem
+
+
+MEASURED = pytest.mark.skipif(not IMU.is_file(), reason="the IMU recording may not be shipped")
+
+
+@pytest.mark.parametrize("of", [pytest.param("measured", marks=MEASURED), "twin"])
+def test_an_imu_is_interpolated_as_by_hand(of: str, twin: Path, tmp_path: Path, gtmodel: Commands) -> None:
+    """Resampled by TOML alone it is what numpy.interp gives on columns that were read by hand."""
+    file = IMU if of == "measured" else twin
+    done = gtmodel("solve", imu_problem(file, tmp_path), "--json", "--out", tmp_path / "out")
     assert done.code == 0 and done.json["values"]["rows_left_out"] == [1]
-    lines = [line for line in (folder / "out" / "trajectory.csv").read_text().splitlines() if line[0] != "#"]
+    lines = [line for line in (tmp_path / "out" / "trajectory.csv").read_text().splitlines() if line[0] != "#"]
     written = dict(zip(lines[0].split(","), np.loadtxt(lines[1:], delimiter=",").T, strict=True))
     raw = scipy.io.loadmat(file)
     time, gyro, acceleration = raw["MATLABtime"][0], raw["SENSgyro"], raw["SENSacc"]
@@ -129,17 +148,9 @@ def check_imu(file: Path, folder: Path, gtmodel: Commands) -> None:
         assert written[f"acceleration[{k}] [1]"] == pytest.approx(by_hand, abs=1e-12)
 
 
-@pytest.mark.skipif(not IMU.is_file(), reason="the IMU recording may not be shipped")
-def test_the_measured_imu(tmp_path: Path, gtmodel: Commands) -> None:
-    check_imu(IMU, tmp_path, gtmodel)
-    values = gtmodel("solve", tmp_path / "p.toml", "--json", "--set", "grid.end_s=1.3").json["values"]
-    assert values["length"]["acceleration"] == pytest.approx(1.0, abs=2e-3)  # at rest, before the robot moves
-    assert values["length"]["rate"] < np.deg2rad(0.5)
-
-
-def test_the_twin_of_the_imu(tmp_path: Path, gtmodel: Commands) -> None:
-    imu_twin(tmp_path / "twin.mat")
-    raw = scipy.io.loadmat(tmp_path / "twin.mat")
-    scipy.io.savemat(tmp_path / "twin.mat", {**{k: v for k, v in raw.items() if k[0] != "_"},
-                                             "ABBposition": np.zeros((3, 1200))})  # fmt: skip
-    check_imu(tmp_path / "twin.mat", tmp_path, gtmodel)
+@MEASURED
+def test_the_measured_imu_rests_at_1_g(tmp_path: Path, gtmodel: Commands) -> None:
+    done = gtmodel("solve", imu_problem(IMU, tmp_path), "--json", "--set", "grid.end_s=1.3")
+    length = done.json["values"]["length"]
+    assert length["acceleration"] == pytest.approx(1.0, abs=2e-3)  # before the robot moves
+    assert length["rate"] < np.deg2rad(0.5)

@@ -47,19 +47,11 @@ def stopped(kind: str, k: int, out: Path) -> tuple[Stopped, Study]:
     name, *settings = PROBLEMS[kind]
     loaded = load(f"problems/{name}.toml", settings)
     run = Stopped(k, name, loaded.path.parent)
-    study = solve(loaded, run, out=out).outcome
-    assert study.status is SolveStatus.INTERRUPTED or run.asks < k or study.status.ok
-    assert str(study)
-    return run, study
+    return run, solve(loaded, run, out=out).outcome
 
 
 def test_every_kind_is_stopped_here() -> None:
     assert set(names()) - {"codegen"} == set(PROBLEMS)
-
-
-@pytest.mark.parametrize("kind", CHEAP)
-def test_a_study_that_is_stopped_can_be_shown_and_written(kind: str, tmp_path: Path) -> None:
-    stopped(kind, ASK, tmp_path / "out")
 
 
 def asks() -> Iterator[int]:
@@ -69,13 +61,16 @@ def asks() -> Iterator[int]:
         k += 1 + k // 8
 
 
-@pytest.mark.proof
-@pytest.mark.parametrize("kind", PROBLEMS)
-def test_wherever_a_study_is_stopped_it_can_be_shown_and_written(kind: str, tmp_path: Path) -> None:
-    for k in asks():
+@pytest.mark.parametrize(
+    ("kind", "asked"),
+    [*((kind, [ASK]) for kind in CHEAP), *(pytest.param(k, list(asks()), marks=pytest.mark.proof) for k in PROBLEMS)],
+    ids=lambda of: of if isinstance(of, str) else f"{len(of)} times",
+)
+def test_wherever_a_study_is_stopped_it_can_be_shown_and_written(kind: str, asked: list[int], tmp_path: Path) -> None:
+    for k in asked:
         run, study = stopped(kind, k, tmp_path / str(k))
-        for figure in study.figures:
-            assert study.figure(figure)
+        assert study.status is SolveStatus.INTERRUPTED or run.asks < k or study.status.ok
+        assert str(study) and all(study.figure(figure) for figure in study.figures)
         if run.asks < k:
             break
 
@@ -83,7 +78,8 @@ def test_wherever_a_study_is_stopped_it_can_be_shown_and_written(kind: str, tmp_
 def test_a_law_that_has_learned_nothing_yet_is_kept(tmp_path: Path) -> None:
     """A trajectory of no signals was asked for where a stop came before the first run of learning."""
     kept = [stopped("learning_control", k, tmp_path / str(k))[1] for k in (3, 4)]
-    assert [len(s.values["axes"]) for s in kept] == [1, 2] and all(s.trajectory is None for s in kept)
+    assert [s.status for s in kept] == [SolveStatus.INTERRUPTED] * 2 and all(s.trajectory is None for s in kept)
+    assert [len(s.values["axes"]) for s in kept] == [1, 2]
 
 
 def test_gain_limits_are_kept_when_the_worst_case_is_not_waited_for(tmp_path: Path) -> None:

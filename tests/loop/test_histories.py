@@ -10,7 +10,7 @@ import pytest
 
 from gtmodel.loop import egm, expected_counters, rsi
 from gtmodel.loop.record import COLUMNS, COUNTERS, STATES, WATCHES
-from tests.loop.histories import CYCLE_MS, DECELERATION, STEP_M, History, LoopLibrary, drawn, python_loop
+from tests.loop.histories import CYCLE_MS, DECELERATION, STEP_M, LoopLibrary, drawn, python_loop
 
 ORDINARY, PROOF, TWINS = 60, 10_000, 20
 PERIOD = CYCLE_MS / 1000.0
@@ -24,37 +24,44 @@ def library(tmp_path_factory: pytest.TempPathFactory) -> LoopLibrary:
     return LoopLibrary.made(tmp_path_factory.mktemp("histories"))
 
 
-def _judge(protocol: str, seed: int, history: History, rows: np.ndarray, answers: list[bytes]) -> None:
-    about = f"{protocol} {seed}: {history.planted}"
-    column = {name: rows[:, n] for n, name in enumerate(COLUMNS)}
-    counted = {name: int(column[name][-1]) for name in (*COUNTERS, *WATCHES)}
-    expected = expected_counters(history.numbers) | {
-        "clock_faults": history.clock_faults, "following_faults": history.following_faults,
-    }  # fmt: skip
-    assert counted == expected, about
-    state = column["state"].astype(int)
-    assert STATES[state[-1]] == ("stopped" if history.stops else "running"), about
-    position, speed = rows[:, 21:24], rows[:, 27:30]
-    way = np.diff(position, axis=0)
-    assert np.abs(way).max() <= STEP_M + ROUND_M, about
-    passed = np.array([history.jumps.get(n, 1) for n in range(1, len(rows))])[:, None]
-    assert np.abs(speed[1:] * PERIOD * passed - way).max() <= ROUND_M, about
-    lost = np.abs(np.diff(speed, axis=0)).max(axis=1)
-    brakes = np.isin(state[1:], BRAKES)
-    sent = _sent(protocol, answers)
-    if protocol == "rsi":  # nothing is sent in a silent cycle: the loop goes no further than a step from what was
-        last = np.where(np.isnan(sent[:, :1]), np.nan, position)
-        for n in range(1, len(last)):
-            last[n] = last[n - 1] if np.isnan(last[n, 0]) else last[n]
-        at_its_end = np.abs(position[1:] - last[:-1]).max(axis=1) >= STEP_M - ROUND_M
-        brakes &= ~at_its_end & ~np.append(False, at_its_end[:-1])
-    assert lost[brakes].max(initial=0.0) <= DECELERATION * PERIOD * (1 + 1e-9), about
-    held = state[1:] == STATES.index("holding")
-    assert lost[held & brakes].max(initial=0.0) <= 1e-12, about
-    there = sent[~np.isnan(sent[:, 0])]
-    assert np.abs(np.diff(there, axis=0)).max() <= STEP_M + 2 * SENT_M, f"{about}: from answer to answer"
-    assert np.nanmax(np.abs(sent - position)) <= SENT_M, about
-    assert np.all(speed[state == STATES.index("stopped")][1:] == 0.0), about
+@pytest.mark.parametrize("seeds", [ORDINARY, pytest.param(PROOF, marks=pytest.mark.proof)])
+@pytest.mark.parametrize("protocol", ["egm", "rsi"])
+def test_drawn_histories_keep_step_speed_and_deceleration_and_are_counted(
+    library: LoopLibrary, protocol: str, seeds: int
+) -> None:
+    for seed in range(seeds):
+        history = drawn(protocol, seed)
+        rows, answers = library.run(protocol, history)
+        about = f"{protocol} {seed}: {history.planted}"
+        column = {name: rows[:, n] for n, name in enumerate(COLUMNS)}
+        counted = {name: int(column[name][-1]) for name in (*COUNTERS, *WATCHES)}
+        expected = expected_counters(history.numbers) | {
+            "clock_faults": history.clock_faults, "following_faults": history.following_faults,
+        }  # fmt: skip
+        assert counted == expected, about
+        state = column["state"].astype(int)
+        assert STATES[state[-1]] == ("stopped" if history.stops else "running"), about
+        position, speed = rows[:, 21:24], rows[:, 27:30]
+        way = np.diff(position, axis=0)
+        assert np.abs(way).max() <= STEP_M + ROUND_M, about
+        passed = np.array([history.jumps.get(n, 1) for n in range(1, len(rows))])[:, None]
+        assert np.abs(speed[1:] * PERIOD * passed - way).max() <= ROUND_M, about
+        lost = np.abs(np.diff(speed, axis=0)).max(axis=1)
+        brakes = np.isin(state[1:], BRAKES)
+        sent = _sent(protocol, answers)
+        if protocol == "rsi":  # nothing is sent in a silent cycle: the loop goes no further than a step from what was
+            last = np.where(np.isnan(sent[:, :1]), np.nan, position)
+            for n in range(1, len(last)):
+                last[n] = last[n - 1] if np.isnan(last[n, 0]) else last[n]
+            at_its_end = np.abs(position[1:] - last[:-1]).max(axis=1) >= STEP_M - ROUND_M
+            brakes &= ~at_its_end & ~np.append(False, at_its_end[:-1])
+        assert lost[brakes].max(initial=0.0) <= DECELERATION * PERIOD * (1 + 1e-9), about
+        held = state[1:] == STATES.index("holding")
+        assert lost[held & brakes].max(initial=0.0) <= 1e-12, about
+        there = sent[~np.isnan(sent[:, 0])]
+        assert np.abs(np.diff(there, axis=0)).max() <= STEP_M + 2 * SENT_M, f"{about}: from answer to answer"
+        assert np.nanmax(np.abs(sent - position)) <= SENT_M, about
+        assert np.all(speed[state == STATES.index("stopped")][1:] == 0.0), about
 
 
 def _sent(protocol: str, answers: list[bytes]) -> np.ndarray:
@@ -68,24 +75,9 @@ def _sent(protocol: str, answers: list[bytes]) -> np.ndarray:
 
 
 @pytest.mark.parametrize("protocol", ["egm", "rsi"])
-def test_drawn_histories_keep_step_speed_and_deceleration_and_are_counted(library: LoopLibrary, protocol: str) -> None:
-    for seed in range(ORDINARY):
-        history = drawn(protocol, seed)
-        _judge(protocol, seed, history, *library.run(protocol, history))
-
-
-@pytest.mark.parametrize("protocol", ["egm", "rsi"])
 def test_the_twin_in_python_gives_the_same_bytes(library: LoopLibrary, protocol: str) -> None:
     for seed in range(TWINS):
         history, twin = drawn(protocol, seed), python_loop(protocol)
         rows, answers = library.run(protocol, history)
         assert [b"".join(twin.exchange(cycle)) for cycle in history.cycles] == answers
         assert rows.tobytes() == bytes(twin.log)
-
-
-@pytest.mark.proof
-@pytest.mark.parametrize("protocol", ["egm", "rsi"])
-def test_ten_thousand_drawn_histories(library: LoopLibrary, protocol: str) -> None:
-    for seed in range(PROOF):
-        history = drawn(protocol, seed)
-        _judge(protocol, seed, history, *library.run(protocol, history))

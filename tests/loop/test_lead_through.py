@@ -248,8 +248,23 @@ def _hostile(rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarr
     return rows, cause
 
 
-def _only_brakes(library: Library, count: int, compared: int) -> None:
+SANITIZED = ("-g", "-O1", "-fsanitize=undefined", "-fno-sanitize-recover=all")
+
+
+@pytest.mark.parametrize(
+    ("count", "compared", "flags"),
+    [
+        (5000, 1000, ()),
+        pytest.param(100_000, 100_000, (), marks=pytest.mark.proof),
+        pytest.param(100_000, 0, SANITIZED, marks=pytest.mark.proof),
+    ],
+    ids=["few", "many", "many under sanitizers"],
+)
+def test_hostile_wrenches_only_brake(
+    library: Library, tmp_path: Path, count: int, compared: int, flags: tuple[str, ...]
+) -> None:
     """Each bad reading from one motion: the state brakes along it; then good and bad ones: it rests."""
+    library = Library.made(tmp_path, *flags) if flags else library
     rng, law = np.random.default_rng(6), _law(level=0.0)
     before = _rows(rng, 50)
     before[:, 6:12], before[:, :3], before[:, 14:] = 0.0, [9.0, 8.0, 7.0], np.eye(3).ravel()
@@ -268,21 +283,6 @@ def _only_brakes(library: Library, count: int, compared: int) -> None:
     at_rest = 50 + int(np.ceil(fast / step))
     assert not out[at_rest:, :6].any() and not out[at_rest:, 19:25].any() and np.all(np.isfinite(out))
     assert np.all(out[50:, 17] == cause[0]), "the first cause stays"
-
-
-def test_hostile_wrenches_only_brake(library: Library) -> None:
-    _only_brakes(library, 5000, 1000)
-
-
-@pytest.mark.proof
-def test_a_hundred_thousand_hostile_wrenches_only_brake(library: Library) -> None:
-    _only_brakes(library, 100_000, 100_000)
-
-
-@pytest.mark.proof
-def test_a_hundred_thousand_hostile_wrenches_under_sanitizers(tmp_path: Path) -> None:
-    flags = ("-g", "-O1", "-fsanitize=undefined", "-fno-sanitize-recover=all")
-    _only_brakes(Library.made(tmp_path, *flags), 100_000, 0)
 
 
 def test_denormal_readings_are_zeros_that_do_not_stop_it(library: Library) -> None:

@@ -3,6 +3,7 @@ runs."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,14 @@ def there(name: str) -> Path:
     if not path.is_file():
         pytest.skip(f"{name} is not there; GTMODEL_RECORDINGS names the folder of recordings")
     return path
+
+
+def at_hand(source: str | Callable[[Path], object], folder: Path) -> Path:
+    """The recording of this name, or the synthetic twin that this function writes into the folder."""
+    if isinstance(source, str):
+        return there(source)
+    source(folder / "twin.mat")
+    return folder / "twin.mat"
 
 
 # -- an inertial sensor on an arm: two clocks, a lost sample, rows in place of columns ----
@@ -47,7 +56,11 @@ def imu_twin(path: Path) -> None:
     )  # fmt: skip
 
 
-def check_imu(path: Path, rows: int, slow: int) -> None:
+@pytest.mark.parametrize(
+    ("source", "rows", "slow"), [("abb_imu/V1000_path3_MPU9150.mat", 2138, 219), (imu_twin, 1199, 124)]
+)
+def test_imu(source: str | Callable[[Path], object], rows: int, slow: int, tmp_path: Path) -> None:
+    path = at_hand(source, tmp_path)
     columns = {
         "rate": Column("SENSgyro", "deg/s", SECONDS),
         "acceleration": Column("SENSacc", "1", SECONDS),
@@ -73,16 +86,6 @@ def check_imu(path: Path, rows: int, slow: int) -> None:
     assert any("goes back once" in note for note in study.notes)
 
 
-def test_imu() -> None:
-    check_imu(there("abb_imu/V1000_path3_MPU9150.mat"), 2138, 219)
-
-
-def test_twin_of_imu(tmp_path: Path) -> None:
-    imu_twin(tmp_path / "twin.mat")
-    (stream,) = (s for s in open_log(tmp_path / "twin.mat") if "ABBtime" in s.heads.names)
-    check_imu(tmp_path / "twin.mat", 1199, len(stream.read({"t": ["ABBtime"]}).lines))
-
-
 # -- a heavy arm: a struct of matrices with a row for each axis ----
 
 
@@ -94,7 +97,9 @@ def arm_twin(path: Path) -> None:
     savemat(path, {"rec": rec, "n_axis": 6.0, "name": "arm"})
 
 
-def check_arm(path: Path) -> None:
+@pytest.mark.parametrize("source", ["kr300/data_A.mat", arm_twin])
+def test_arm(source: str | Callable[[Path], object], tmp_path: Path) -> None:
+    path = at_hand(source, tmp_path)
     columns = {"q": Column("rec.act_pos_se_deg", "deg"), "force": Column("rec.act_torque_abs_nm", "N.m")}
     (session,) = read_log(path, columns, time=Column("rec.time_cont", "s"), sample_time=0.004)
     assert session.trajectory["q"].shape == (2501, 6) and session.sample_time == pytest.approx(0.004, rel=1e-6)
@@ -106,19 +111,18 @@ def check_arm(path: Path) -> None:
     assert {c.unit for c in stream.clocks if c.name == "rec.time_cont"} == {"s"}
 
 
-def test_arm() -> None:
-    check_arm(there("kr300/data_A.mat"))
-
-
-def test_twin_of_arm(tmp_path: Path) -> None:
-    arm_twin(tmp_path / "twin.mat")
-    check_arm(tmp_path / "twin.mat")
-
-
 # -- a drive: vectors at 1 kHz with printed digits ----
 
 
-def check_drive(path: Path, rows: int) -> None:
+@pytest.mark.parametrize(
+    ("source", "rows"),
+    [
+        pytest.param("emps/DATA_EMPS.mat", 24841, marks=pytest.mark.skipif(not EMPS.is_file(), reason=NO_EMPS)),
+        (write_synthetic_emps, 4001),
+    ],
+)
+def test_drive(source: str | Callable[[Path], object], rows: int, tmp_path: Path) -> None:
+    path = at_hand(source, tmp_path)
     columns = {"q": Column("qm", "m"), "u": Column("vir", "V")}
     (session,) = read_log(path, columns, time=Column("t", "s"))
     assert len(session.trajectory) == rows and session.sample_time == pytest.approx(1e-3, rel=1e-4)
@@ -126,24 +130,7 @@ def check_drive(path: Path, rows: int) -> None:
     assert stream.clock is not None and stream.clock.sampling.even(0.01)
 
 
-def test_drive() -> None:
-    if not EMPS.is_file():
-        pytest.skip(NO_EMPS)
-    check_drive(EMPS, 24841)
-
-
-def test_twin_of_drive(tmp_path: Path) -> None:
-    write_synthetic_emps(tmp_path / "twin.mat")
-    check_drive(tmp_path / "twin.mat", 4001)
-
-
 # -- tables of poses: CSV without units and without time ----
-
-
-def check_poses(path: Path, columns: dict[str, tuple[list[str], str]], rows: int) -> None:
-    table = read_table(path, columns)
-    assert all(values.shape == (rows, len(columns[name][0])) for name, values in table.values.items())
-    assert any("no column of time" in note for note in inspect(path).notes)
 
 
 LEGS = {
@@ -155,24 +142,34 @@ TOWERS = {"heights.csv": {"q": (["a", "b", "c"], "mm"), "h": (["height"], "mm")}
 TOWERS |= {"dist.csv": {f"q{n}": ([f"{x}{n}" for x in "abc"], "mm") for n in (1, 2)} | {"d": (["dist"], "mm")}}
 
 
-@pytest.mark.parametrize("name", ["108_calibration_poses.csv", "rosbag_108_offset_origins.csv"])
+PLATFORM = ["108_calibration_poses.csv", "rosbag_108_offset_origins.csv"]
+
+
+def table_twin(path: Path, columns: dict[str, tuple[list[str], str]]) -> Path:
+    """Synthetic, seed 4: 20 rows of these columns."""
+    names = [name for members, _ in columns.values() for name in members]
+    rows = np.random.default_rng(4).uniform(-1, 1, (20, len(names)))
+    path.write_text("\n".join([",".join(names), *(",".join(map(repr, row)) for row in rows.tolist())]) + "\n")
+    return path
+
+
+@pytest.mark.parametrize("name", PLATFORM)
 def test_platform(name: str) -> None:
-    path = there(f"hexapod/{name}")
-    check_poses(path, LEGS, 108)
-    (stream,) = inspect(path).inspected
+    (stream,) = inspect(there(f"hexapod/{name}")).inspected
     guesses = {c.name: g for c, g in zip(stream.columns, stream.guesses, strict=True)}
     assert guesses["position_x"].unit == "mm" and "quaternion" in guesses["orientation_x"].why
 
 
-@pytest.mark.parametrize(("name", "rows"), [("heights.csv", 7), ("dist.csv", 12)])
-def test_towers(name: str, rows: int) -> None:
-    check_poses(there(f"klipper_v400/{name}"), TOWERS[name], rows)
-
-
-@pytest.mark.parametrize("columns", [LEGS, *TOWERS.values()], ids=["platform", "heights", "distances"])
-def test_twins_of_tables(tmp_path: Path, columns: dict[str, tuple[list[str], str]]) -> None:
-    names = [name for members, _ in columns.values() for name in members]
-    rows = np.random.default_rng(4).uniform(-1, 1, (20, len(names)))  # synthetic: seed 4
-    text = "\n".join([",".join(names), *(",".join(map(repr, row)) for row in rows.tolist())])
-    (tmp_path / "twin.csv").write_text(text + "\n")
-    check_poses(tmp_path / "twin.csv", columns, 20)
+@pytest.mark.parametrize(
+    ("columns", "name", "rows"),
+    [
+        *((LEGS, f"hexapod/{name}", 108) for name in PLATFORM),
+        (TOWERS["heights.csv"], "klipper_v400/heights.csv", 7), (TOWERS["dist.csv"], "klipper_v400/dist.csv", 12),
+        *((columns, "twin", 20) for columns in (LEGS, *TOWERS.values())),
+    ],
+)  # fmt: skip
+def test_tables(columns: dict[str, tuple[list[str], str]], name: str, rows: int, tmp_path: Path) -> None:
+    path = table_twin(tmp_path / "twin.csv", columns) if name == "twin" else there(name)
+    shapes = {name: values.shape for name, values in read_table(path, columns).values.items()}
+    assert shapes == {name: (rows, len(members)) for name, (members, _) in columns.items()}
+    assert any("no column of time" in note for note in inspect(path).notes)

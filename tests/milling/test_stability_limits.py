@@ -38,8 +38,10 @@ def drawn(rng: np.random.Generator, number: int) -> tuple[Oscillators, Cutter, s
     return o, cutter, mode, radial, rng.uniform(2000, 12000) / 60, [np.cos(turn), np.sin(turn), 0.0]
 
 
-def check(rng: np.random.Generator, numbers: range) -> None:
-    for number in numbers:
+@pytest.mark.parametrize(("seed", "draws"), [(15, 12), pytest.param(16, 60, marks=pytest.mark.proof)])
+def test_the_limit_is_never_above_what_is_proven(seed: int, draws: int) -> None:
+    rng = np.random.default_rng(seed)
+    for number in range(draws):
         o, cutter, mode, radial, speed, feed = drawn(rng, number)
         lobes = stability_lobes(o, cutter, mode, radial, feed)
         depth, mean = (float(x[0]) for x in (lobes.depth_at([speed]), lobes.zeroth_order_at([speed])))
@@ -53,15 +55,6 @@ def check(rng: np.random.Generator, numbers: range) -> None:
         if depth < 0.99 * mean:  # and no less than it must be
             above = replace(at, axial_depth=at.axial_depth * OVER)
             assert spectral_radius(o, cutter, above, speed, feed) > 1, case
-
-
-def test_the_limit_is_never_above_what_is_proven() -> None:
-    check(np.random.default_rng(15), range(12))
-
-
-@pytest.mark.proof
-def test_the_limit_is_never_above_what_is_proven_in_many_draws() -> None:
-    check(np.random.default_rng(16), range(60))
 
 
 def test_one_tooth_in_a_slot_between_two_close_modes() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 
 import gtmodel as gt
@@ -61,10 +63,11 @@ class Fall(gt.Optimization):
         return gt.integral(self.u**2)
 
 
-def refused(sentence: str, order: tuple[str, ...] = ("event 1",), **body: object) -> None:
-    model = type("Wrong", (Fall,), body)
-    with pytest.raises(gt.ModelError, match=sentence):
-        gt.phases_of_events(model(), list(order))
+def refusal(**body: object) -> str:
+    """The sentence about a fall that is changed so."""
+    with pytest.raises(gt.ModelError) as caught:
+        gt.phases_of_events(type("Wrong", (Fall,), body)(), ["event 1"])
+    return str(caught.value)
 
 
 def test_what_joins_phases_is_refused() -> None:
@@ -86,12 +89,12 @@ def test_what_joins_phases_is_refused() -> None:
     def branch(self):
         return gt.integral(gt.If(self.x >= 0.5, self.u, 2 * self.u))
 
-    refused(r"lies between the ends", objective=at)
-    refused(r"multiplies what is at the start with what is at the end.*test_events", objective=product)
-    refused(r"no weighted sum of gt.integral.*test_events", objective=squared)
-    refused(r"holds both ends of the whole.*test_events", constraints=both)
-    refused(r"holds an integral over the whole.*test_events", constraints=total)
-    refused(r"gt.If stands in objective\(\) or constraints\(\).*test_events", objective=branch)
+    assert re.search(r"lies between the ends", refusal(objective=at))
+    assert re.search(r"at the start with what is at the end.*test_events", refusal(objective=product))
+    assert re.search(r"no weighted sum of gt.integral.*test_events", refusal(objective=squared))
+    assert re.search(r"holds both ends of the whole.*test_events", refusal(constraints=both))
+    assert re.search(r"holds an integral over the whole.*test_events", refusal(constraints=total))
+    assert re.search(r"gt.If stands in objective\(\) or constraints\(\).*test_events", refusal(objective=branch))
 
 
 def test_conditions_that_no_order_tells_are_refused() -> None:
@@ -109,9 +112,9 @@ def test_conditions_that_no_order_tells_are_refused() -> None:
         yield self.f == 0.0
         yield gt.when(self.x <= 0.0, gt.reinit(self.v, -0.5 * self.v, impulse=self.f), self.n == 1.0)
 
-    refused(r"joins what moves independently.*test_events", equations=joined)
-    refused(r"gt.sample\(\) or gt.initial\(\), whose instants are many.*test_events", equations=clock)
-    refused(r"acts by an impulse.*test_events", equations=impulse, v=gt.variable(), f=gt.variable())
+    assert re.search(r"joins what moves independently.*test_events", refusal(equations=joined))
+    assert re.search(r"gt.sample\(\) or gt.initial\(\), whose instants are many.*test_events", refusal(equations=clock))
+    assert re.search(r"acts by an impulse.*test_events", refusal(equations=impulse, v=gt.variable(), f=gt.variable()))
 
 
 def test_a_sampled_block_is_refused() -> None:
@@ -127,7 +130,8 @@ def test_a_sampled_block_is_refused() -> None:
         yield self.law.e == -self.x
         yield gt.when(self.x <= 0.0, self.n == 1.0)
 
-    refused(r"a sampled block, whose instants are many.*test_events", equations=looped, law=gt.part(Law, period=0.1))
-    Looped = type("Looped", (Fall,), {"equations": looped, "law": gt.part(Law, period=0.1)})
+    law = gt.part(Law, period=0.1)
+    assert re.search(r"a sampled block, whose instants are many.*test_events", refusal(equations=looped, law=law))
+    Looped = type("Looped", (Fall,), {"equations": looped, "law": law})
     with pytest.raises(gt.ModelError, match=r"the sampled block 'law', whose steps are no equations.*test_events"):
         gt.solve(Looped())

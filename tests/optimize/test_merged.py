@@ -27,6 +27,7 @@ MESHES = {
     "linear control": Mesh(4, 2, control="linear"),
     "free lengths": Mesh(4, 2, control="constant", length_ratio=(0.5, 2.0)),
 }
+TWO = Mesh(2, 3)
 
 
 class AcrossAnEdge(features.Tank):
@@ -43,22 +44,19 @@ def both(cls, mesh) -> tuple[Nlp, Merged]:
     return nlp, one
 
 
-@pytest.mark.parametrize("mesh", MESHES.values(), ids=list(MESHES))
-@pytest.mark.parametrize("cls", [features.Tank, features.FreeTimes, features.FreeConstants, VanDerPol])
+CLASSES = [features.Tank, features.FreeTimes, features.FreeConstants, VanDerPol]
+
+
+@pytest.mark.parametrize(
+    ("cls", "mesh"),
+    [
+        *(pytest.param(c, m, id=f"{c.__name__}, {name}") for c in CLASSES for name, m in MESHES.items()),
+        (AcrossAnEdge, TWO),
+    ],
+)
 def test_derivatives_and_rows(cls, mesh):
-    check_derivatives(*both(cls, mesh))
-
-
-def test_entries_of_both_unknowns_of_an_edge_are_summed():
-    nlp, one = both(AcrossAnEdge, Mesh(2, 3))
-    i, j = (np.array(a) for a in nlp.functions["hess_lag"].sparsity_out(0).get_triplet())
-    place = one.pairs.place
-    assert np.any((i != j) & (place[i] == place[j]))  # the case is there
-    check_derivatives(nlp, one)
-
-
-def check_derivatives(nlp: Nlp, one: Merged) -> None:
     """Against CasADi's own of the merged program, which is the NLP at X = E z without the rows of the edges."""
+    nlp, one = both(cls, mesh)
     rng, p = np.random.default_rng(0), one.pairs
     E, guess = p.spread.dm.full(), initial_guess(nlp, None)
     assert np.allclose(p.taken(guess), E.T @ guess)
@@ -79,6 +77,13 @@ def check_derivatives(nlp: Nlp, one: Merged) -> None:
     for a, b in zip(own, theirs, strict=True):
         a, b = np.asarray(ca.densify(a)), np.asarray(ca.densify(b))
         assert np.max(np.abs(a - b), initial=0.0) <= ROUND_OFF * (1 + np.max(np.abs(b), initial=0.0))
+
+
+def test_entries_of_both_unknowns_of_an_edge_are_there_to_be_summed():
+    nlp, one = both(AcrossAnEdge, TWO)
+    i, j = (np.array(a) for a in nlp.functions["hess_lag"].sparsity_out(0).get_triplet())
+    place = one.pairs.place
+    assert np.any((i != j) & (place[i] == place[j]))
 
 
 class Bounded(gt.Optimization):

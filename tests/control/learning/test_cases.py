@@ -12,7 +12,7 @@ from gtmodel.results.refusal import ArgumentError
 from tests.control.learning import by_hand
 
 CASES: tuple[Case, ...] = ("1", "2A", "2B", "3")
-FEW = 2  # seeds of the ordinary suite; 20 with -m proof
+FEW, MANY = 2, 20  # seeds of the ordinary suite, and with -m proof
 FLOOR = 0.2  # share by which floor and what is reached may differ
 ABOVE = 1.1  # case 3 over case 2B in a single seed
 ROBOT = learning.LearningRobot()
@@ -32,23 +32,15 @@ def left(seed: int) -> tuple[np.ndarray, np.ndarray, float]:
     return np.array(tools), np.array(ratios), bound
 
 
-def judge(seeds: range) -> None:
-    all_of = [left(seed) for seed in seeds]
+@pytest.mark.parametrize("seeds", [FEW, pytest.param(MANY, marks=pytest.mark.proof)])
+def test_the_order_of_the_cases_and_the_floor(seeds: int) -> None:
+    all_of = [left(seed) for seed in range(seeds)]
     tools, ratios = np.array([a[0] for a in all_of]), np.array([a[1] for a in all_of])
     one, two_a, two_b, three = (tools[:, k, 1] for k in range(4))
     assert np.all(one > two_a) and np.all(two_a > two_b)
     assert np.all(three < ABOVE * two_b) and np.median(three / two_b) <= 1
     assert max(a[2] for a in all_of) < 1
     assert np.abs(ratios - 1).max() < FLOOR, ratios
-
-
-def test_the_order_of_the_cases_and_the_floor() -> None:
-    judge(range(FEW))
-
-
-@pytest.mark.proof
-def test_the_order_of_the_cases_and_the_floor_over_twenty_seeds() -> None:
-    judge(range(20))
 
 
 @pytest.mark.parametrize("case", ["2A", "2B", "3"])

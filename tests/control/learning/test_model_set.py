@@ -37,8 +37,15 @@ def draw(robot: Any, design: Any, rng: np.random.Generator) -> learning.AxisPlan
     return robot.plant(0, 1 + f * rng.uniform(-1, 1), np.exp(rng.uniform(np.log(low), np.log(high))))
 
 
-def judge(box: tuple[Any, Any, Any], draws: int) -> None:
-    robot, design, axis = box
+@pytest.mark.parametrize(
+    ("box", "draws"),
+    [
+        pytest.param(b, n, id=f"{b[0]}-{b[2]:g}-{b[3]:g}-{n}", marks=pytest.mark.proof if n == MANY else ())
+        for n in (DRAWS, MANY) for b in BOXES if n == MANY or b[3] > LIGHT
+    ],
+)  # fmt: skip
+def test_nothing_diverges_over_the_box(box: tuple[str, dict[str, Any], float, float], draws: int) -> None:
+    robot, design, axis = boxed(*box)
     # Q and L as they are realised: rows of the maps in the middle of the run, over frequency
     f = np.linspace(0.0, 80.0, 8001)
     k = np.arange(N) - N // 2
@@ -56,22 +63,10 @@ def judge(box: tuple[Any, Any, Any], draws: int) -> None:
             size = np.linalg.norm(run.errors[:, 100:725], axis=1)
             assert size[RUNS // 2 :].max() < LEFT * size[0], n
             change = np.linalg.norm(np.diff(run.inputs, axis=0), axis=1)
-            assert change[-1] < 0.5 * change[RUNS // 2] + ROUNDING * np.abs(run.inputs).max(), (
-                n
-            )  # it still comes nearer
+            # it still comes nearer
+            assert change[-1] < 0.5 * change[RUNS // 2] + ROUNDING * np.abs(run.inputs).max(), n
     assert worst < 1, worst
     assert worst < axis.bound.value + 0.02  # and the bound that was said is that of the draws
-
-
-@pytest.mark.parametrize("box", [b for b in BOXES if b[3] > LIGHT], ids=lambda b: f"{b[0]}-{b[2]:g}-{b[3]:g}")
-def test_nothing_diverges_over_the_box(box: tuple[str, dict[str, Any], float, float]) -> None:
-    judge(boxed(*box), DRAWS)
-
-
-@pytest.mark.proof
-@pytest.mark.parametrize("box", BOXES, ids=lambda b: f"{b[0]}-{b[2]:g}-{b[3]:g}")
-def test_nothing_diverges_over_many_draws_of_the_box(box: tuple[str, dict[str, Any], float, float]) -> None:
-    judge(boxed(*box), MANY)
 
 
 def test_a_box_of_narrow_modes_that_its_filter_does_not_cover_is_refused() -> None:

@@ -77,21 +77,13 @@ def rectified(ron: float, goff: float, time: float) -> float:
     return float(run.y[1, -1])
 
 
-def check(ron: float, goff: float) -> None:
+@pytest.mark.parametrize(
+    ("ron", "goff"), [p if p in FAILED_BEFORE else pytest.param(*p, marks=pytest.mark.proof) for p in PAIRS]
+)
+def test_a_diode_of_stiff_modes_goes_on_in_the_mode_that_its_current_wants(ron: float, goff: float):
     run = Rectifier(Ron=ron, Goff=goff).simulate(0.1)
     assert len(run.events) == 9
     assert run.trajectory["v"][-1] == pytest.approx(rectified(ron, goff, 0.1), rel=CLOSE)
-
-
-@pytest.mark.parametrize(("ron", "goff"), FAILED_BEFORE)
-def test_a_diode_of_stiff_modes_goes_on_in_the_mode_that_its_current_wants(ron: float, goff: float):
-    check(ron, goff)
-
-
-@pytest.mark.proof
-@pytest.mark.parametrize(("ron", "goff"), [p for p in PAIRS if p not in FAILED_BEFORE])
-def test_so_do_diodes_of_other_resistances(ron: float, goff: float):
-    check(ron, goff)
 
 
 class Pushed(gt.Model):
