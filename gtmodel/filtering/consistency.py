@@ -89,7 +89,7 @@ class Consistency:
         return self.nis in self.band and all(s.white and abs(s.mean) <= s.mean_limit for s in self.sensors.values())
 
 
-def consistency(run: Filtered, *, skip: float = 0.0, level: float = LEVEL) -> Consistency:
+def consistency(run: Filtered, *, skip: float = 0.0, level: float = LEVEL, blame: bool = True) -> Consistency:
     """Innovations of a filtered log against what the filter expects of them.
 
     The sum of the normalised innovations squared of all instants and runs is chi-squared with as many degrees of
@@ -99,6 +99,7 @@ def consistency(run: Filtered, *, skip: float = 0.0, level: float = LEVEL) -> Co
     band is then that of a scaled chi-squared number with the mean and the variance that are left.
 
     skip: instants within this time of the first are left out [s]. Raises ArgumentError where nothing is left.
+    blame: whether the noise at fault is looked for, which takes some ten runs for each of them.
 
     >>> parts = [gt.filtering.StatePart("x", unit="m")]
     >>> process = gt.filtering.DiscreteProcess(parts, 0.1, lambda s: {"x": s.x}, [1e-4])
@@ -129,7 +130,7 @@ def consistency(run: Filtered, *, skip: float = 0.0, level: float = LEVEL) -> Co
         band = _scaled_band(mean, spread, instants, level)
     sensors = {name: _of_sensor(values, left[name][1:], level) for name, values in white.items()}
     right = nis in band and all(s.white for s in sensors.values())
-    doubtful = () if right or nis == 0.0 else noise_in_doubt(run)
+    doubtful = () if right or nis == 0.0 or not blame else noise_in_doubt(run)
     message = _verdict(nis, expected, band, sensors, doubtful)
     return Consistency(nis, numbers, band, sensors, message, expected, doubtful)
 

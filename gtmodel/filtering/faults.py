@@ -200,8 +200,10 @@ def _noise(
     initial: InitialState,
     inputs: Trajectory | None,
     tolerance: float = 0.05,
+    declared: float | None = None,
 ) -> Suspect:
-    """A factor on the deviation of a sensor, or on a density of the process, by the likelihood of the innovations."""
+    """A factor on the deviation of a sensor, or on a density of the process, by the likelihood of the innovations;
+    `declared` is its negative logarithm with a factor of 1, where that is known."""
     owner, _, what = name.rpartition(".")
     if what == "density" and owner not in system.process.noise:
         raise ArgumentError(f"the process has no noise '{owner}'", "suspects")
@@ -219,8 +221,8 @@ def _noise(
 
     from scipy.optimize import minimize_scalar
 
-    best = minimize_scalar(loss, bounds=(-LOG_RANGE, LOG_RANGE), method="bounded", options={"xatol": tolerance})
-    improvement = max(0.0, 2 * (loss(0.0) - float(best.fun)))
+    best: Any = minimize_scalar(loss, bounds=(-LOG_RANGE, LOG_RANGE), method="bounded", options={"xatol": tolerance})
+    improvement = max(0.0, 2 * ((loss(0.0) if declared is None else declared) - float(best.fun)))
     h = 0.1
     curvature = (loss(best.x + h) - 2 * float(best.fun) + loss(best.x - h)) / h**2
     factor = float(np.exp(best.x))
@@ -232,22 +234,28 @@ def _noise(
 
 def noise_in_doubt(run: Filtered) -> tuple[Suspect, ...]:
     """Of all deviations of sensors and all noise of the process those that alone explain the innovations of a run best,
-    the likeliest first; several where the log cannot tell them apart. By its first `LOOKED` instants, coarsely.
+    the likeliest first; several where the log cannot tell them apart. By its first `LOOKED` instants, those of all
+    runs together, coarsely.
 
     None where nothing helps, and of a run that cannot be made again.
     """
     if run.replay is None or not len(run.time):
         return ()
-    end = run.time[min(len(run.time), LOOKED) - 1]
+    count = min(len(run.time), LOOKED)
+    end, runs = run.time[count - 1], LOOKED // count
     log = {}
     for name, given in run.replay.log.items():
         readings = _earlier(name, given, 0.0)
         rows = int(np.searchsorted(readings.time, end + run.system.sensors[name].lag + SAME_INSTANT))
         if rows:
-            log[name] = Readings(readings.time[:rows], readings.values[..., :rows, :])
+            values = readings.values[..., :rows, :]
+            log[name] = Readings(readings.time[:rows], values[:runs] if values.ndim == 3 else values)
     noise = [n for n, value in run.system.process.noise.items() if np.any(np.asarray(value, float))]
     names = [*(f"{n}.deviation" for n in log), *(f"{n}.density" for n in noise)]
-    rows_ = [_noise(run.system, n, log, run.replay.start, run.replay.inputs, COARSE) for n in names]
+    start, inputs = run.replay.start, run.replay.inputs
+    again = ErrorState(run.system).run(log, start, inputs=inputs, keep=False)
+    declared = -float(again.log_likelihood.sum()) if again.status.ok else np.inf
+    rows_ = [_noise(run.system, n, log, start, inputs, COARSE, declared) for n in names]
     rows_.sort(key=lambda s: -s.improvement)
     strong = [s for s in rows_ if s.p < P_LIMIT]
     return tuple(s for s in strong if s.improvement >= strong[0].improvement - ALIKE)

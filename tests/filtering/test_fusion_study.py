@@ -162,6 +162,17 @@ def test_a_study_can_be_stopped():
     assert study.status.value == "interrupted" and str(study)
 
 
+def test_a_study_is_stopped_while_it_compares_densities():
+    """Six runs of the whole log, in which nobody asked."""
+    said: list[str] = []
+    study = F.fusion_study(
+        F.TrackedPath(duration=0.3), filter=F.FusionFilter(printed=True),
+        progress=lambda what, *_: said.append(what), stop=lambda: "likelihood of other densities" in said,
+    )  # fmt: skip
+    assert said[-1] == "likelihood of other densities" and study.nis is not None
+    assert study.status.value == "interrupted" and study.preferred_jerk_density is None
+
+
 def test_outliers_of_the_tracker_are_weighed():
     """One position of ten off by twenty deviations: next to no loss with weights, three times the error without."""
     path, sensors = F.TrackedPath(duration=2.0), F.FusionSensors(outlier_share=0.1)

@@ -128,8 +128,9 @@ def spoilt(pictures: int, share: float) -> tuple[CornerTable, np.ndarray, set[st
     return bad, lenses, {"05"}, {bad.label(int(k)) for k in single}, table
 
 
-def test_a_wrong_picture_of_125_and_wrong_corners_are_named_and_do_no_harm() -> None:
-    bad, lenses, pictures, single, _ = spoilt(125, 0.05)
+@pytest.mark.parametrize("count", [20, pytest.param(125, marks=pytest.mark.proof)])
+def test_a_wrong_picture_and_wrong_corners_are_named_and_do_no_harm(count: int) -> None:
+    bad, lenses, pictures, single, _ = spoilt(count, 0.05)
     s = stereo_study(bad, BOARD, CameraFit(gross_errors="removed"))
     assert s.status.ok and set(s.wrong_pictures) == pictures
     missed = single - set(s.gross_corners)

@@ -79,7 +79,6 @@ def fusion_study(
     work.step("filters", 0.1)
     one = _filtered(scene, design, work)
     swept = {} if sweep is None else _swept(path, sensors, design, sweep, seed, work)
-    status = SolveStatus.INTERRUPTED if one.stopped or swept.pop("stopped", False) else SolveStatus.SOLVED
     if not one.run.status.ok and not one.stopped:
         return FusionStudy(status=one.run.status, message=one.run.message, title=title, axes=path.axes)
     said = (
@@ -93,9 +92,11 @@ def fusion_study(
     preferred = None
     if c is not None and c.nis not in c.band and path.axes == 3:
         work.progress("likelihood of other densities", 0.9)
-        preferred = _preferred(scene, design)
+        preferred = _preferred(scene, design, work)
+    stopped = one.stopped or swept.pop("stopped", False) or work.interrupted()
     return FusionStudy(
-        status=status, title=title, axes=path.axes, synthetic=said.removeprefix("SYNTHETIC: "),
+        status=SolveStatus.INTERRUPTED if stopped else SolveStatus.SOLVED, title=title, axes=path.axes,
+        synthetic=said.removeprefix("SYNTHETIC: "),
         nis=None if c is None else c.nis, nis_band=() if c is None else tuple(c.band),
         nis_numbers=None if c is None else c.expected, verdict="" if c is None else c.message,
         trajectory=_trajectory(scene, one, said), figures=_figures(scene, one, swept, sweep, title),
@@ -119,7 +120,7 @@ class _One:
     stopped: bool
 
 
-def _filtered(scene: Scene, design: FusionFilter, work: Work) -> _One:
+def _filtered(scene: Scene, design: FusionFilter, work: Work, blame: bool = True) -> _One:
     systems = systems_of(scene, design)
     judge = work.fractions("filter")
     keep = design.smooth
@@ -132,13 +133,15 @@ def _filtered(scene: Scene, design: FusionFilter, work: Work) -> _One:
     stopped = SolveStatus.INTERRUPTED in (run.status, tracker.status)
     judged, smoothed = run, None
     if len(systems) > 1 and run.status.ok:
-        judged = _scheduled(systems, run, scene, design)
-    if design.smooth and judged.status.ok:
+        judged = _scheduled(systems, run, scene, design, judge)
+        if judged.status is SolveStatus.INTERRUPTED:
+            judged, stopped = run, True
+    if design.smooth and judged.status.ok and not stopped:
         work.progress("smoothing", 0.6)
         smoothed = smooth(judged)
-    whole = run.status.ok and judged.status.ok and tracker.status.ok
+    whole = run.status.ok and judged.status.ok and tracker.status.ok and not stopped
     errors = _errors(scene, run, smoothed, tracker, slope) if whole else {}
-    said = consistency(judged, skip=settled(scene)) if whole else None
+    said = consistency(judged, skip=settled(scene), blame=blame) if whole else None
     return _One(run, judged, smoothed, tracker, slope, errors, said, stopped)
 
 
@@ -179,14 +182,16 @@ def filter_of(systems: Sequence[System], design: FusionFilter) -> Filter:
     return ErrorState(systems[0], iterations=ITERATIONS if design.kind == "iterated" else 1)
 
 
-def _scheduled(systems: Sequence[System], run: Filtered, scene: Scene, design: FusionFilter) -> Filtered:
+def _scheduled(
+    systems: Sequence[System], run: Filtered, scene: Scene, design: FusionFilter, progress: Callable[[float], bool]
+) -> Filtered:
     """One filter with the noise that was likeliest in the light of the whole log: it can be smoothed, and its
     innovations have an exact band, which those of a mixture have not."""
     assert run.mode_probabilities is not None
     stay = design.stay
     modes = likely_modes(run.mode_probabilities[:, 0], [[stay, 1 - stay], [1 - stay, stay]])
     one = ScheduledNoise(systems, run.time, modes)
-    return one.run(scene.log, scene.initial, truth=scene.truth, keep=design.smooth)
+    return one.run(scene.log, scene.initial, truth=scene.truth, keep=design.smooth, progress=progress)
 
 
 def _probabilities(run: Filtered) -> np.ndarray | None:
@@ -269,7 +274,7 @@ def _swept(
             stopped = True
             break
         changed = sensors.with_value(sweep.parameter, value)
-        one = _filtered(scene_of(path, changed, seed), plain, Work(stop=work.interrupted))
+        one = _filtered(scene_of(path, changed, seed), plain, Work(stop=work.interrupted), blame=False)
         if one.stopped:
             stopped = True
             break
@@ -308,17 +313,18 @@ def _crossing(values: Sequence[float], ours: Sequence[float], theirs: Sequence[f
     return None
 
 
-def _preferred(scene: Scene, design: FusionFilter) -> float:
-    """Of the decades, the density of white jerk in the plane that the likelihood of the log prefers."""
+def _preferred(scene: Scene, design: FusionFilter, work: Work) -> float | None:
+    """Of the decades, the density of white jerk in the plane that the log's likelihood prefers; None if stopped."""
     plain = replace(design, printed=False)
     system = System(process_of(scene.path, scene.sensors, plain), sensors_of(scene.path, scene.sensors, plain))
 
     def likelihood(density: float) -> float:
         other = system.with_(noise={"jerk": (density, plain.jerk_density[1], density)})
-        run = ErrorState(other).run(scene.log, scene.initial, keep=False)
+        run = ErrorState(other).run(scene.log, scene.initial, keep=False, progress=lambda _: work.interrupted())
         return float(run.log_likelihood[0]) if run.status.ok else -np.inf
 
-    return max(DECADES, key=likelihood)
+    best = max(DECADES, key=likelihood)
+    return None if work.interrupted() else best
 
 
 def _notes(scene: Scene, preferred: float | None) -> list[str]:

@@ -55,7 +55,7 @@ def outliers(residuals: np.ndarray, basis: np.ndarray | None = None, groups: np.
     >>> outliers(e - U @ (U.T @ e), U).beyond(0.01)
     array([ 4, 20])
     """
-    from scipy import stats  # here: it alone takes as long to import as all of gtmodel
+    from scipy.special import fdtrc  # here: it alone takes as long to import as all of gtmodel
 
     e = np.array(residuals, float)
     e = e.reshape(len(e), -1)
@@ -70,11 +70,13 @@ def outliers(residuals: np.ndarray, basis: np.ndarray | None = None, groups: np.
     spare = np.bincount(group[left], np.einsum("nii->n", own)[left], every)
     budget, taken = LOOKED_AT * spare, np.zeros(every)
     deletions: list[tuple[int, float]] = []
-    first = True
+    first, square, shown = True, np.zeros(n), np.zeros(n, bool)
     while left.any():
-        known = left & (np.linalg.eigvalsh(own)[:, 0] > EXACT)
-        square = np.zeros(n)
-        square[known] = np.einsum("ni,ni->n", e[known], np.linalg.solve(own[known], e[known][:, :, None])[:, :, 0])
+        if first or U.shape[2]:  # without a basis a deletion moves no other residual
+            shown, square = np.linalg.eigvalsh(own)[:, 0] > EXACT, np.zeros(n)
+            at = left & shown
+            square[at] = np.einsum("ni,ni->n", e[at], np.linalg.solve(own[at], e[at][:, :, None])[:, :, 0])
+        known = left & shown
         total = np.bincount(group[left], np.sum(e[left] ** 2, axis=1), every)
         rest = spare[group] - k
         judged = known & (rest > 0) & (taken[group] + k <= budget[group])
@@ -84,17 +86,18 @@ def outliers(residuals: np.ndarray, basis: np.ndarray | None = None, groups: np.
             F = np.where(judged, np.nan_to_num(square / size / k, nan=0.0, posinf=np.inf), 0.0)
         if first:
             times, first = np.sqrt(F * k), False
-        chance = np.minimum(tests * stats.f.sf(F, k, np.maximum(rest, 1.0)), 1.0)
+        chance = np.minimum(tests * fdtrc(k, np.maximum(rest, 1.0), F), 1.0)
         worst = int(np.argmin(np.where(judged, chance, 2.0)))
         if not judged[worst]:
             break
         deletions.append((worst, float(chance[worst])))
         times[worst] = np.sqrt(F[worst] * k)
-        u, by = U[worst], np.linalg.inv(own[worst])
-        moved = U @ M @ u.T  # (n, k, k)
-        e = e + (moved @ by @ e[worst][:, None])[:, :, 0]
-        own = own - moved @ by @ moved.transpose(0, 2, 1)
-        M = M + M @ u.T @ by @ u @ M
+        if U.shape[2]:
+            u, by = U[worst], np.linalg.inv(own[worst])
+            moved = U @ M @ u.T  # (n, k, k)
+            e = e + (moved @ by @ e[worst][:, None])[:, :, 0]
+            own = own - moved @ by @ moved.transpose(0, 2, 1)
+            M = M + M @ u.T @ by @ u @ M
         left[worst] = False
         spare[group[worst]] -= k
         taken[group[worst]] += k
