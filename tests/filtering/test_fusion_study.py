@@ -82,7 +82,12 @@ def test_printed_errors_stand_beside_ours_where_the_numbers_are_the_same(consist
     assert printed_errors(path, F.FusionSensors(arm_error=1e-3)) == ("", {})
 
 
-def point_6(study: F.FusionStudy) -> None:
+@pytest.mark.parametrize(
+    ("duration", "seed"),
+    [(2.0, 1), *(pytest.param(F.TrackedPath().duration, seed, marks=pytest.mark.proof) for seed in range(1, 9))],
+)  # the densities were chosen on 1 to 4
+def test_five_axes_by_two_interacting_filters(duration, seed):
+    study = F.fusion_study(F.TrackedPath(axes=5, duration=duration), filter=TWO_FILTERS, seed=seed)
     off, at = study.velocity_fused
     assert at <= study.velocity_tracker[1]
     assert 1 - at / study.velocity_slope[1] >= 0.60
@@ -90,16 +95,6 @@ def point_6(study: F.FusionStudy) -> None:
     assert max(study.velocity_smoothed) <= 0.3e-3
     assert study.fast_share[1] > 0.9 and study.fast_share[0] < 0.1
     assert any("ideal" in note for note in study.notes)
-
-
-def test_five_axes_by_two_interacting_filters():
-    point_6(F.fusion_study(F.TrackedPath(axes=5, duration=2.0), filter=TWO_FILTERS, seed=1))
-
-
-@pytest.mark.proof
-@pytest.mark.parametrize("seed", range(1, 9))  # the densities were chosen on 1 to 4
-def test_five_axes_over_seeds(seed):
-    point_6(F.fusion_study(F.TrackedPath(axes=5), filter=TWO_FILTERS, seed=seed))
 
 
 def test_one_slow_filter_fails_at_the_bend():

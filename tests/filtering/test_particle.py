@@ -44,10 +44,8 @@ def distances(
     return np.array(made)
 
 
-def check_slope(numbers: list[int], distance: np.ndarray) -> None:
-    assert np.all(distance < MOST / np.sqrt(numbers))
-    slope = np.polynomial.Polynomial.fit(np.log(numbers), np.log(distance), 1).convert().coef[1]
-    assert abs(slope - SLOPE) < SLOPE_OFF
+def slope(numbers: list[int], distance: np.ndarray) -> float:
+    return float(np.polynomial.Polynomial.fit(np.log(numbers), np.log(distance), 1).convert().coef[1])
 
 
 def tracked() -> System:
@@ -112,29 +110,29 @@ def axis(count: int) -> tuple[System, dict[str, Readings]]:
 START_AXIS = InitialState({}, {"x": 1e-5, "v": 3e-4, "a": 0.1})
 
 
-def test_distance_to_the_kalman_filter():
-    # a smaller draw of what `make proof` measures
-    numbers = [1000, 2000, 4000, 8000]
-    check_slope(numbers, distances(*axis(25), START_AXIS, numbers, SEEDS))
+LONG = pytest.param(60, [1000, 2000, 4000, 8000, 16000, 32000], [*SEEDS, *range(109, 113)], marks=pytest.mark.proof)
 
 
-@pytest.mark.proof
-def test_distance_to_the_kalman_filter_at_length():
-    numbers = [1000, 2000, 4000, 8000, 16000, 32000]
-    check_slope(numbers, distances(*axis(60), START_AXIS, numbers, [*SEEDS, *range(109, 113)]))
+@pytest.mark.parametrize(("count", "numbers", "seeds"), [(25, [1000, 2000, 4000, 8000], SEEDS), LONG])
+def test_distance_to_the_kalman_filter(count: int, numbers: list[int], seeds: list[int]):
+    distance = distances(*axis(count), START_AXIS, numbers, seeds)
+    assert np.all(distance < MOST / np.sqrt(numbers))
+    assert abs(slope(numbers, distance) - SLOPE) < SLOPE_OFF
 
 
 def test_distance_in_three_axes_with_the_position_marginalised():
     # all drawn it is 6 to 11 / sqrt(N): readings of one axis weigh the particles of the others
     numbers = [1000, 4000]
-    distance = distances(*three_axes(25), START_THREE, numbers, SEEDS[:2], marginalised=["p"])
+    distance = distances(*three_axes(25), START_THREE, numbers, SEEDS[:4], marginalised=["p"])
     assert np.all(distance < MOST / np.sqrt(numbers))
 
 
 @pytest.mark.proof
 def test_distance_in_three_axes_at_length():
     numbers = [1000, 2000, 4000, 8000, 16000]
-    check_slope(numbers, distances(*three_axes(60), START_THREE, numbers, SEEDS, marginalised=["p"]))
+    distance = distances(*three_axes(60), START_THREE, numbers, SEEDS, marginalised=["p"])
+    assert np.all(distance < MOST / np.sqrt(numbers))
+    assert abs(slope(numbers, distance) - SLOPE) < SLOPE_OFF
 
 
 def test_marginalised_states_are_those_of_kalman_filters():

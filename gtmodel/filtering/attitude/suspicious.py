@@ -5,7 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+import scipy
 
+from ...measurements.inspection.suspicion import Suspicion
+from ...results.estimate import Estimate
 from ...results.refusal import ArgumentError
 from .conventions import ORDERS, RATE_UNITS, Convention, conventions, rotations, wide_offset
 from .options import AttitudeJudging
@@ -97,6 +100,33 @@ def as_declared(tried: Sequence[Convention], unit: str, sure: float) -> list[Con
             "recording",
         )
     return own
+
+
+def differing_parts(first: Estimate, second: Estimate) -> Suspicion:
+    """Whether two parts of a recording give the same numbers, by Student's t with Welch's degrees of freedom; any of so
+    many (Bonferroni)."""
+    a, b = first.std**2, second.std**2
+    dof = (a + b) ** 2 / (a**2 / first.degrees_of_freedom + b**2 / second.degrees_of_freedom)
+    p = _of_any((first.values - second.values) / np.sqrt(a + b), dof)
+    k = int(np.argmin(p))
+    name = first.names[k]
+    return Suspicion(
+        "parts_agree", f"{name} is {first.values[k]:.4g} in the first part and {second.values[k]:.4g} in the second",
+        float(p[k]), f"{name} differs between the parts: the gyro has more faults than a calibration removes",
+    )  # fmt: skip
+
+
+def far_from_truth(estimate: Estimate, true: np.ndarray) -> Suspicion:
+    """Whether the estimate of what was made lies further from the truth than its deviations say."""
+    p = _of_any((estimate.values - true) / estimate.std, estimate.degrees_of_freedom)
+    k = int(np.argmin(p))
+    evidence = f"{estimate.names[k]} is {estimate.values[k]:.4g} where {true[k]:.4g} was made"
+    return Suspicion("true_numbers", evidence, float(p[k]), "the intervals are too narrow")
+
+
+def _of_any(t: np.ndarray, dof: np.ndarray | float) -> np.ndarray:
+    """Probabilities that any of so many numbers lies as far off, by Student's t."""
+    return np.minimum(2 * len(t) * scipy.special.stdtr(dof, -np.abs(t)), 1.0)
 
 
 def _mirrored_residual(c: Convention) -> float:

@@ -5,12 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 
 from .suspicion import Suspicion
 
 LOOKED_AT = 0.5  # share of a group's degrees of freedom that outliers may take; more are no outliers
 HIDDEN = 3  # so many deletions in a row that change nothing end the search
 CHANCE = 0.5  # probability from which on a deletion changes nothing
+MANY = 10  # groups; of fewer the noise does not say how alike it is
+SURELY = 1e6  # degrees of freedom: noise as good as known
 EXACT = 1e-9  # of a residual's deviation: a smaller one is fixed by the fit and says nothing
 
 
@@ -41,12 +44,13 @@ def outliers(residuals: np.ndarray, basis: np.ndarray | None = None, groups: np.
         basis: orthonormal columns of the fit's Jacobian, (n, p) or (n, k, p), in the same units: they say how much of
             its own error each residual shows, and what deleting it does to the others. Without them a residual shows
             its whole error.
-        groups: (n,) numbers of groups, each with a noise of its own, such as views or links; one if left out.
+        groups: (n,) numbers of groups, each with a noise of its own, such as views or links; one if left out. Where
+            there are MANY, the noise of each is also judged by how alike they are.
 
     A deleted residual has the F distribution with k and the rest of its group's degrees of freedom, for normal errors;
     the probability is that of any of the n (Bonferroni). The largest are deleted one by one and judged last to first,
     so that one does not hide another. Sources: Cook and Weisberg 1982, "Residuals and influence in regression",
-    section 2.2; Rosner 1983, Technometrics 25.
+    section 2.2; Rosner 1983, Technometrics 25; Smyth 2004, Stat. Appl. Genet. Mol. Biol. 3 (1), section 6.2.
 
     >>> from gtmodel.measurements.inspection.outliers import outliers
     >>> x, e = np.linspace(0.0, 1.0, 30), np.random.default_rng(1).normal(size=30)  # synthetic: seed 1
@@ -55,8 +59,6 @@ def outliers(residuals: np.ndarray, basis: np.ndarray | None = None, groups: np.
     >>> outliers(e - U @ (U.T @ e), U).beyond(0.01)
     array([ 4, 20])
     """
-    from scipy.special import fdtrc  # here: it alone takes as long to import as all of gtmodel
-
     e = np.array(residuals, float)
     e = e.reshape(len(e), -1)
     n, k = e.shape
@@ -80,13 +82,15 @@ def outliers(residuals: np.ndarray, basis: np.ndarray | None = None, groups: np.
         total = np.bincount(group[left], np.sum(e[left] ** 2, axis=1), every)
         rest = spare[group] - k
         judged = known & (rest > 0) & (taken[group] + k <= budget[group])
-        size = np.zeros(n)
-        size[judged] = np.maximum(total[group[judged]] - square[judged], 0.0) / rest[judged]
+        usual, weight = _alike(total, spare)
+        worth, size = rest + weight, np.zeros(n)
+        own_sum = np.maximum(total[group[judged]] - square[judged], 0.0)
+        size[judged] = (own_sum + weight * usual) / worth[judged]
         with np.errstate(divide="ignore", invalid="ignore"):
             F = np.where(judged, np.nan_to_num(square / size / k, nan=0.0, posinf=np.inf), 0.0)
         if first:
             times, first = np.sqrt(F * k), False
-        chance = np.minimum(tests * fdtrc(k, np.maximum(rest, 1.0), F), 1.0)
+        chance = np.minimum(tests * scipy.special.fdtrc(k, np.maximum(worth, 1.0), F), 1.0)
         worst = int(np.argmin(np.where(judged, chance, 2.0)))
         if not judged[worst]:
             break
@@ -107,3 +111,17 @@ def outliers(residuals: np.ndarray, basis: np.ndarray | None = None, groups: np.
     for worst, chance in reversed(deletions):  # what had to be deleted before another one showed is an outlier like it
         least[group[worst]] = p[worst] = min(least[group[worst]], chance)
     return Outliers(p, times)
+
+
+def _alike(total: np.ndarray, spare: np.ndarray) -> tuple[float, float]:
+    """The usual variance of groups with these sums of squares, and as how many degrees of freedom it counts in each:
+    those of the scaled inverse chi-squared distribution that the variances come from, by the moments of their logs."""
+    d, z = spare / 2, np.log(np.maximum(total, np.finfo(float).tiny) / np.maximum(spare, 1.0))
+    used = (spare > 2) & (total > 0)
+    if used.sum() < MANY:
+        return 0.0, 0.0
+    d, z = d[used], z[used]
+    centred = z - scipy.special.digamma(d) + np.log(d)
+    spread = float(np.var(centred, ddof=1) - np.mean(scipy.special.polygamma(1, d)))
+    weight = min(SURELY, 1 + 2 / spread) if spread > 0 else SURELY  # trigamma(x) is 1 / (x - 1/2) nearly
+    return float(np.exp(centred.mean() + scipy.special.digamma(weight / 2) - np.log(weight / 2))), weight
