@@ -10,6 +10,9 @@ from typing import Any, cast
 import casadi as ca
 import numpy as np
 
+# of the right side: a solution of linear equations that leaves less solves them
+SOLVED = 1e-6
+
 
 def nonzeros(m: ca.SX) -> list[ca.SX]:
     """Structural nonzeros, column by column."""
@@ -52,6 +55,19 @@ def product(a: ca.SX, b: ca.SX) -> ca.SX:
 def quotient(a: ca.SX, b: ca.SX) -> ca.SX:
     """a / b, as `total`."""
     return ca.SX.binary(ca.OP_DIV, a, b)
+
+
+def left_over(a: np.ndarray, b: np.ndarray, rank: float) -> np.ndarray:
+    """What is left of a x = b after a least-norm solution with weights, solved with columns of equal size.
+
+    Weights of columns say which of several solutions is taken. Where they differ by many orders of magnitude, some
+    directions fall below the rank that the weighted matrix is cut at, although the equations have a solution there.
+    Zero where they have none.
+    """
+    size = np.max(np.abs(a), axis=0, initial=0.0)
+    own = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
+    x = own * np.linalg.lstsq(a * own, b, rcond=rank)[0]
+    return x if np.linalg.norm(b - a @ x) <= SOLVED * np.linalg.norm(b) else np.zeros_like(x)
 
 
 def pivoted_qr(a: np.ndarray, mode: str = "full") -> tuple[np.ndarray, np.ndarray, np.ndarray]:

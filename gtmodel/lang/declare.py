@@ -136,6 +136,7 @@ class Discrete(_Quantity):
                 self.where,
             )
         self.output = output
+        self.helper = False  # made by a translator for its own use, and recorded only where an output asks for it
 
 
 class Part(Declaration):

@@ -147,6 +147,7 @@ _DERIVED = {
     "C": "A.s",
     "V": "W/A",
     "Ohm": "V/A",
+    "S": "A/V",
     "F": "C/V",
     "Wb": "V.s",
     "H": "Wb/A",
@@ -356,7 +357,7 @@ def _parse(text: str) -> ParsedUnit:
 def parse_unit(text: str) -> ParsedUnit:
     """Read a unit text, SI or scaled.
 
-    Symbols: kg m s A K mol cd rad, N Pa J W V Ohm F H Hz C Wb T, and with a scale um mm km us ms min g deg
+    Symbols: kg m s A K mol cd rad, N Pa J W V Ohm S F H Hz C Wb T, and with a scale um mm km us ms min g deg
     rpm kN MN kPa MPa GPa bar. Products by ".", "*" or a space, quotients by "/", powers "m2", "m^2", "s-1",
     "m^(1/2)", parentheses. "" and "1" are dimensionless. A product after "/" is refused as ambiguous.
 

@@ -11,7 +11,7 @@ import numpy as np
 from .arrays import Values, array, each, entries, identity, joined, product, scalar, stacked, summed
 from .multibody import terms as multibody
 from .scalars import EnumerationLiteral, Operation, is_literal, number_of, operation
-from .syntax import FunctionCall, Literal, ModelicaError, Place, SyntaxNode
+from .syntax import FunctionCall, Literal, ModelicaError, Place, Reference, SyntaxNode
 
 if TYPE_CHECKING:
     from .expressions import Evaluator
@@ -23,9 +23,11 @@ _ONE = (
 )  # fmt: skip
 _TWO = ("atan2", "mod", "rem", "div")
 _EVENTS = {
-    "terminal": "terminal() asks for the end of a simulation", "reinit": "reinit() stands in a when clause",
-    "terminate": "terminate() stands in a when clause",
-    "spliceFunction": "spliceFunction() is of another tool", "cardinality": "cardinality() is not taken",
+    "terminal": "terminal() asks for the end of a simulation, which is not taken",
+    "reinit": "reinit() stands in a when clause, and is no value",
+    "terminate": "terminate() stands in a when clause, and is no value",
+    "spliceFunction": "spliceFunction() is of another tool, and is not taken",
+    "cardinality": "cardinality() counts connections, which is not taken; decide by a Boolean parameter",
     "inStream": "stream connectors are not taken", "actualStream": "stream connectors are not taken",
 }  # fmt: skip
 MATHEMATICAL = {name: name for name in (*_ONE, "atan2")}
@@ -64,7 +66,7 @@ def called(name: str, node: FunctionCall, scope: NameScope, model: Evaluator) ->
     if node.named and name not in ("smooth", "delay", "homotopy", "assert", "String"):
         raise ModelicaError(f"{name}() takes arguments without names", node.at)
     if name in _EVENTS:
-        raise ModelicaError(f"{_EVENTS[name]}, which is not taken here", node.at)
+        raise ModelicaError(_EVENTS[name], node.at)
     try:
         return _called(name, node, scope, model)
     except ModelicaError:
@@ -117,7 +119,12 @@ def _sum(name: str) -> Callable[[FunctionCall, NameScope, Evaluator], Values]:
 
 
 def _size(node: FunctionCall, scope: NameScope, model: Evaluator) -> Values:
-    x = model.evaluate(node.arguments[0], scope) if node.arguments else None
+    first = node.arguments[0] if node.arguments else None
+    if isinstance(first, Reference) and len(first.parts) == 1 and first.parts[0].subscripts is None:
+        x = scope.locals.get(first.parts[0].name)  # which has its size before it has values
+        x = model.evaluate(first, scope) if x is None else x
+    else:
+        x = model.evaluate(first, scope) if first is not None else None
     if not isinstance(x, np.ndarray) or len(node.arguments) > 2:
         raise ModelicaError("size() takes an array, and which of its dimensions", node.at)
     if len(node.arguments) == 1:

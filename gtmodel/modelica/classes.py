@@ -48,6 +48,7 @@ class Written:
     description: str
     body: list[tuple[Place, ast.stmt]] = field(default_factory=list)
     methods: dict[str, list[tuple[Place, ast.stmt]]] = field(default_factory=dict)
+    helpers: list[str] = field(default_factory=list)  # discrete variables that results leave out
 
 
 def _method(name: str, statements: list[ast.stmt], line: int) -> ast.FunctionDef:
@@ -124,6 +125,8 @@ def class_of(written: Written, more: dict[str, Any] | None = None) -> type[Model
     for source, statements in _runs(written.body):
         code = compile(ast.Module(statements, []), source.name, "exec")
         exec(code, world, namespace)
+    for name in written.helpers:
+        namespace[name].helper = True
     for name, lines in written.methods.items():
         parts = []
         for source, statements in _runs(lines):

@@ -59,6 +59,7 @@ class Writer:
             if is_declared(flat):
                 self._put("", flat.at, ast.Assign([ast.Name(self.names[id(flat)], ast.Store())],
                                                   self._declaration(flat, numbers)))  # fmt: skip
+        self.written.helpers += [self.names[id(f)] for f in self.flat.flats if f.helper and is_declared(f)]
         for part in self.flat.parts:
             self._put("", part.at, self.parts.declared(part, self.resolved, self._expression))
         for name, value, place in header:

@@ -30,6 +30,7 @@ class Flat:
     description: str = ""
     frozen: bool = False  # a number of it decides about the structure
     free: bool = False
+    helper: bool = False  # what events remember: no name of the text, and not in results
     computed: bool = False  # a parameter that initial equations determine
     replaced: Any = None  # what stands for it everywhere
     cache: dict[str, Any] = field(default_factory=dict)

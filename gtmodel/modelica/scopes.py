@@ -13,7 +13,17 @@ from ..lang.slips import near
 from . import reader
 from .modifications import NOTHING, Modifier, merged
 from .multibody import library as multibody
-from .syntax import Argument, ClassText, Component, Extends, ModelicaError, Modification, Place, Reference
+from .syntax import (
+    Argument,
+    ClassText,
+    Component,
+    Extends,
+    ModelicaError,
+    Modification,
+    Place,
+    Reference,
+    ReferencePart,
+)
 
 PREDEFINED = ("Real", "Integer", "Boolean", "String")
 LANGUAGE = ("StateSelect", "AssertionLevel")  # types that every scope knows, encapsulated ones too
@@ -90,7 +100,7 @@ class Space:
             for names in self.waiting.values():
                 if file in names:
                     names.remove(file)
-            _enter(self, reader.read(file))
+            _enter(self, [c for c in reader.read(file) if c.within or self.made.get(c.name) is None])
 
     def bases(self) -> Iterator[tuple[Space, Extends]]:
         """The classes that this one extends. Raises ModelicaError for a name that is none."""
@@ -327,7 +337,27 @@ def of_text(text: str, paths: Iterable[str | os.PathLike[str]] = (), path: str =
     root = library(paths)
     classes = reader.known(text, path)
     _enter(root, classes)
+    file = Path(path)
+    if file.name == "package.mo":
+        for item in classes:
+            name = tuple(ReferencePart(n, None) for n in (*item.within, item.name))
+            root.inside(Reference(item.at, name), 0).folder = file.parent
+    elif file.suffix == ".mop":
+        _wait(root, sorted(file.parent.glob("*.mo")))
     return root, classes
+
+
+def _wait(root: Space, files: list[Path]) -> list[Path]:
+    """Classes of files are read when their names are asked for; the files that belong to packages are given back."""
+    others: list[Path] = []
+    for file in files:
+        text = reader.content_of(file)
+        if _WITHIN.match(text):  # of another package, which then is to have it
+            others.append(file)
+            continue
+        for name in dict.fromkeys(_CLASS.findall(text)):
+            root.waiting.setdefault(name, []).append(file)
+    return others
 
 
 def _add(root: Space, path: Path) -> None:
@@ -339,15 +369,7 @@ def _add(root: Space, path: Path) -> None:
         for folder in inside[:1] if inside and inside[0] == path else inside:
             name = folder.name.split(" ")[0]
             root.made[name] = _loaded(folder, root, name)
-        inside_others: list[Path] = []
-        for file in files:
-            text = reader.content_of(file)
-            if _WITHIN.match(text):  # of another package, which then is to have it
-                inside_others.append(file)
-                continue
-            for name in dict.fromkeys(_CLASS.findall(text)):
-                root.waiting.setdefault(name, []).append(file)
-        read = [reader.read(file) for file in inside_others]
+        read = [reader.read(file) for file in _wait(root, files)]
         for classes in sorted(read, key=lambda classes: len(classes[0].within) if classes else 0):
             _enter(root, classes)  # packages before what stands in them
     elif path.is_file():

@@ -101,15 +101,24 @@ def chosen(text: Text, name: str) -> tuple[str, Space]:
         tails = [n for n in everything if n.rpartition(".")[2] == name or n.endswith(f".{name}")]
         if len(tails) > 1:
             raise ModelicaError(f"{file} holds several classes '{name}': {', '.join(tails)}")
+        if not tails:  # of a package in folders
+            inside = (name, *(f"{top.full_name}.{name}" for top in text.classes))
+            tails = [n for n in inside if _at(text.root, n) is not None]
         if not tails:
             close = near(name, there) or f"; it has {', '.join(there) or 'none'}"
             raise ModelicaError(f"{file} holds no class '{name}'{close}")
         name = tails[0]
-    space: Space | None = text.root
-    for word in name.split("."):
-        space = space.own(word) if space is not None else None
+    space = _at(text.root, name)
     assert space is not None
     return name, space
+
+
+def _at(root: Space, name: str) -> Space | None:
+    """The class of a dotted name that is declared, or lies in a folder, there."""
+    space: Space | None = root
+    for word in name.split("."):
+        space = space.own(word) if space is not None else None
+    return space
 
 
 def _said(parameters: Mapping[str, Any]) -> Modifier:

@@ -17,6 +17,12 @@ def drawn(seed: int, rows: int, columns: int) -> tuple[np.ndarray, np.ndarray, n
     return J + np.eye(rows, columns), 0.1 + rng.random(columns), rng.standard_normal(rows)
 
 
+def test_weights_choose_a_solution_and_not_whether_there_is_one():
+    """One equation twice, so that the normal equations are singular, beside an unknown of a tiny weight."""
+    J, reach = np.array([[1.0, 0.0], [1.0, 0.0], [0.0, 1.0]]), np.array([1.0, 1e-11])
+    assert _least_norm(J, reach, np.ones(3)) == pytest.approx([-1.0, -1.0], rel=ROUND_OFF)
+
+
 @pytest.mark.parametrize("rows, columns", [(3, 5), (40, 45), (150, 160)])
 @pytest.mark.parametrize("case", ["regular", "held", "dependent"])
 def test_dense_and_sparse_steps_are_the_least_norm_solution(rows, columns, case):

@@ -180,3 +180,25 @@ def test_a_model_with_inputs_is_simulated_with_their_start_values(
     assert code == 0 and "der(x)  from" in out
     code, _, err = said(capsys, "explain", f"{file}:Card", "--known", "u", "--targets", "x")
     assert code == 2 and "did you mean 'Cart'" in err
+
+
+def test_a_class_of_a_package_in_folders_is_named_by_its_file(tmp_path: Path) -> None:
+    """`package.mo:P.A.B`, where A lies in a folder of its own and B in a file there."""
+    (tmp_path / "P" / "A").mkdir(parents=True)
+    (tmp_path / "P" / "package.mo").write_text("package P constant Real k = 2; end P;")
+    (tmp_path / "P" / "A" / "package.mo").write_text("within P; package A end A;")
+    (tmp_path / "P" / "A" / "B.mo").write_text("within P.A; model B Real x = k; end B;")
+    for name in ("P.A.B", "A.B"):
+        model = gt.modelica.load(f"{tmp_path}/P/package.mo:{name}")()
+        assert model.causal(targets="x")()[0] == 2.0
+
+
+def test_a_text_finds_the_classes_of_the_files_beside_it(tmp_path: Path) -> None:
+    """Its own class of a name has precedence over one of a file beside it."""
+    text = "model Plant Real x = k; parameter Real k = 3; end Plant; model Own Real x = 0; end Own;"
+    (tmp_path / "plant.mo").write_text(text)
+    (tmp_path / "own.mop").write_text("model Own Plant p; Real x = 1; end Own;")
+    translation = gt.modelica.translate.translated(tmp_path / "own.mop")
+    values = translation.model().causal(targets=["p.x", "x"])()
+    assert [float(v) for v in values[:2]] == [3.0, 1.0]
+    assert [f.name for f in translation.libraries] == ["plant.mo"]

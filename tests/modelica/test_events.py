@@ -284,3 +284,31 @@ def test_an_output_that_chooses_between_states_jumps_and_they_go_on(tmp_path: Pa
     y, z = np.where(t > first, b, t), np.where(t > first, -t, b)
     for name, exact in (("y", y), ("z", z), ("w", np.where(t > second, -z, y)), ("b", b)):
         np.testing.assert_allclose(simulation.trajectory[name], exact, atol=1e-8)
+
+
+def test_what_events_remember_for_themselves_is_no_result(tmp_path: Path) -> None:
+    """initial(), floor() and pre() of an Integer make variables that only a person who asks for them sees."""
+    text = """model M Real x(start = 1, fixed = true); Integer mode(start = 0, fixed = true); Boolean b; equation
+      der(x) = -floor(x + time); b = initial() and x > 0.5; mode = if b then 3 else pre(mode); end M;"""
+    model = made(tmp_path, text)
+    simulation = gt.simulate(model, 0.1)
+    assert set(simulation.trajectory.names) == {"x", "der(x)", "mode"}
+    assert {name for e in simulation.events for name in e.discrete} == set()
+    asked = gt.simulate(model, 0.1, outputs=["pre(mode)", "initial()"]).trajectory
+    assert (asked["pre(mode)"][-1], asked["initial()"][-1]) == (3, 0)
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("model M Real x(start = 1, fixed = true); Real y;\nequation der(x) = -1; y = 2*x;\n"
+         "when x < 0.5 then\nreinit(y, 1); end when; end M;", 3),
+        ("model M parameter Real c = 0;\nReal x(start = 1, fixed = true); equation\n\nder(x) = -x/c; end M;", 4),
+    ],
+    ids=["reinit", "division by zero"],
+)  # fmt: skip
+def test_errors_of_a_simulation_name_the_line_of_the_clause(tmp_path: Path, text: str, line: int) -> None:
+    with pytest.raises(gt.ModelError) as caught:
+        run(tmp_path, text)
+    assert caught.value.where is not None
+    assert caught.value.where.line == line

@@ -230,3 +230,13 @@ def test_a_delayed_input_is_the_language_s(tmp_path: Path) -> None:
     )
     solution = gt.solve(gt.modelica.load(file)(), gt.Mesh(4))
     assert solution.objective == pytest.approx(0.5 + np.tanh(1.5), rel=1e-3)  # until 0.5 s nothing can be done
+
+
+def test_an_array_of_a_function_has_a_size_before_it_has_values(tmp_path: Path) -> None:
+    """As the filters of the standard library are written: protected arrays sized by one another."""
+    text = """model M function f input Real a[:]; output Real y; protected Real b[size(a, 1) + 1]; Real c[size(b, 1)];
+      algorithm b := cat(1, a, {1}); c := 2*b; y := sum(c); end f;
+      Real y = f({time, 2}); end M;"""
+    file = tmp_path / "m.mo"
+    file.write_text(text)
+    assert gt.modelica.load(f"{file}:M")().causal(targets="y")(5.0)[0] == 16.0

@@ -84,6 +84,7 @@ class BlockSignal:
     shape: tuple[int, ...]
     places: list[int]
     unit: str | None
+    helper: bool = False  # recorded only where an output asks for it
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,7 +137,7 @@ def collect_events(tree: Tree, whens: Sequence[tuple[When, Model]], equations: l
             made.append(collector.when(branch, component, len(made), tuple(range(first, len(made)))))
     flat_blocks = [_block(tree, b) for b in blocks]
     _refuse_unset(records, made, flat_blocks)
-    shown = [BlockSignal(r.name, r.shape, r.indices, r.item.unit) for r in records]
+    shown = [BlockSignal(r.name, r.shape, r.indices, r.item.unit, r.item.helper) for r in records]
     return FlatEvents(
         collector.comparisons, collector.samples, modes, made, flat_blocks, collector.places, collector.before, shown
     )

@@ -15,7 +15,7 @@ from ...lang.source import ModelError, about
 from ..branch import root_derivatives
 from ..differentiation import condition_order
 from ..emit import substituted
-from ..matrices import pivoted_qr
+from ..matrices import left_over, pivoted_qr
 from ..plan import CausalPlan
 from ..point_function import PointFunction
 
@@ -93,7 +93,9 @@ def initial_point(
         if point is not None:
             break
     else:
-        raise ModelError(equations.contradiction(at_rest, fixed))
+        kept, (point, stage) = {}, equations.straight(at_rest, fixed)
+        if stage is not None:
+            raise ModelError(equations.contradiction(point, stage, fixed))
     if not equations.on_branch(point):  # the way led through a singular pose to the other side of a root
         from_starts = at_rest.copy()
         for n, value in (hoped | fixed).items():
@@ -294,6 +296,9 @@ class _Equations:
         used = np.any(a != 0.0, axis=0)  # an early stage holds few of the symbols
         x = np.zeros(columns.size)
         x[used] = reach[used] * np.linalg.lstsq(a[:, used] * reach[used], b, rcond=RANK)[0]
+        left = b - a @ x
+        if np.linalg.norm(left) > TOLERANCE * np.linalg.norm(b):
+            x[used] += left_over(a[:, used], left, RANK)
         return x
 
     def _size(self, step: np.ndarray, w: np.ndarray) -> float:
@@ -359,13 +364,18 @@ class _Equations:
     def _free(self, fixed: Set[int]) -> np.ndarray:
         return np.array([n for n in range(len(self._plan.pairs)) if n not in fixed], dtype=int)
 
-    def contradiction(self, w: np.ndarray, fixed: Mapping[int, float]) -> str:
-        """A sentence naming the equations and prescribed values that cannot hold together."""
+    def straight(self, w: np.ndarray, fixed: Mapping[int, float]) -> tuple[np.ndarray, int | None]:
+        """The point that Newton reaches from w with the prescribed values at once, and the first stage that it does not
+        solve; None if it solves all."""
         w, columns = w.copy(), self._free(fixed.keys())
         w[list(fixed)] = list(fixed.values())
         with np.errstate(all="ignore"):
             stages = range(len(self._counts))
-            stage = next((n for n in stages if not self._solve(w, columns, set(), np.inf, n)), stages[-1])
+            return w, next((n for n in stages if not self._solve(w, columns, set(), np.inf, n)), None)
+
+    def contradiction(self, w: np.ndarray, stage: int, fixed: Mapping[int, float]) -> str:
+        """A sentence naming the equations and prescribed values that cannot hold together: of a stage at a point where
+        Newton does not solve it."""
         r, jacobian = self(w, self._counts[stage])
         flat, labels = self._plan.flat, self._labels()
         if not np.all(np.isfinite(jacobian)) and np.all(np.isfinite(self._f(w)[0])):

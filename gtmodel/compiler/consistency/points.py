@@ -12,7 +12,7 @@ import numpy as np
 
 from ...lang.source import ModelError
 from ..flat import FlatModel
-from ..matrices import called
+from ..matrices import SOLVED, called, left_over
 
 if TYPE_CHECKING:
     import scipy
@@ -41,6 +41,8 @@ SHORTEST_PART = 1e-12
 DRAWS = 30
 # s; some models have no solution at time 0; no round numbers, where roots may meet
 OTHER_TIMES = (1.1, 11.3, 0.13, 97.0)
+# singular values below this fraction of the largest are directions that the equations leave free
+RANK = 1e-10
 # rows or columns up to which a dense matrix costs less than the sparse one's bookkeeping
 DENSE = 200
 
@@ -90,9 +92,12 @@ def _least_norm(jacobian: Jacobian, reach: np.ndarray, r: np.ndarray) -> np.ndar
         scaled, r = (scaled if isinstance(scaled, np.ndarray) else scaled.tocsr())[rows], r[rows]
     step = _through_normal_equations(scaled, r)
     left = np.linalg.norm(scaled @ step + r)
-    if not left <= 1e-6 * np.linalg.norm(r):
+    if not left <= SOLVED * np.linalg.norm(r):
         whole = scaled if isinstance(scaled, np.ndarray) else scaled.toarray()
-        step = np.linalg.lstsq(whole, -r, rcond=1e-10)[0]
+        step = np.linalg.lstsq(whole, -r, rcond=RANK)[0]
+        left = whole @ step + r
+        if np.linalg.norm(left) > SOLVED * np.linalg.norm(r):
+            step += left_over(whole, -left, RANK)
     return reach * step
 
 
@@ -168,11 +173,27 @@ class Sampler:
             # a later stage may bind what an earlier one left free: the system is singular then, and its rank shows it
             points, _ = replace(self, stages=[ca.vertcat(*self.stages)], time=0.0)._points(count)
         if not points:
+            if not np.isfinite(closest):
+                self._refuse_numberless()
             raise ModelError(
                 f"{self.flat.title}: the equations have no common solution near the start values (closest residual "
                 f"{closest:.2g}); check parameters and start values"
             )
         return np.array(sorted(points, key=self._distance))
+
+    def _refuse_numberless(self) -> None:
+        """Raises ModelError for an equation out of which no number comes, whatever its variables are."""
+        flat, rng = self.flat, np.random.default_rng(0)
+        for e in flat.equations:
+            symbols = [flat.scope.symbol(*pair) for pair in flat.scope.symbols_in(e.residual)]
+            column = ca.vertcat(*symbols) if symbols else ca.SX(0, 1)
+            function = ca.Function("equation", [column, flat.p, flat.scope.time], [e.residual])
+            draws = [rng.standard_normal(len(symbols)) for _ in range(HOPELESS)]
+            if not any(np.isfinite(float(function(x, flat.require_values(), self.time))) for x in draws):
+                raise ModelError(
+                    f"{flat.title}: no number comes out of {e.label}, whatever its variables are; does it divide by a "
+                    "parameter that is 0?", e.where,
+                )  # fmt: skip
 
     def keeps(self, held: Collection[tuple[int, int]]) -> bool:
         """Whether some point has exactly these start values, whatever the others are."""

@@ -210,7 +210,9 @@ class _Settling:
         """initial() beside other conditions: a variable that begins at 1, and that the event at the start makes 0."""
         if self._initial is None:
             at = self.out.at
-            self._initial = flat = Flat("initial()", "discrete", "Integer", at, lambda _: None, lambda: None)
+            self._initial = flat = Flat(
+                "initial()", "discrete", "Integer", at, lambda _: None, lambda: None, helper=True
+            )
             flat.cache["start"] = 1
             self.out.flats.append(flat)
             action = ScalarEquation(Symbol(flat), 0.0, at)
@@ -223,7 +225,7 @@ class _Settling:
             raise ModelicaError(f"pre() of '{flat.name}', which is {flat.base}, is not taken", flat.at)
         memory = Flat(
             flat.name if flat.base == "Boolean" else f"pre({flat.name})", "discrete", flat.base, flat.at,
-            flat.attribute, lambda: None, description=flat.description,
+            flat.attribute, lambda: None, description=flat.description, helper=flat.base == "Integer",
         )  # fmt: skip
         memory.cache["start"] = flat.get("start")
         flat.cache["fixed"] = None  # which says what pre() begins with
@@ -270,7 +272,7 @@ class _Settling:
         text = text_of(x)
         name = f"floor({text[1:-1] if text.startswith('(') and text.count('(') == 1 else text})"
         if name not in self.wholes:
-            flat = Flat(name, "discrete", "Integer", at, lambda _: None, lambda: None)
+            flat = Flat(name, "discrete", "Integer", at, lambda _: None, lambda: None, helper=True)
             flat.cache["start"] = math.floor(self._at_start(x))  # an event at the start corrects it
             self.wholes[name] = flat
             self.out.flats.append(flat)

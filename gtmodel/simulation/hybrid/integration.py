@@ -431,11 +431,12 @@ class HybridIntegration(WatchedIntegration):
         self._book(change, declared, impacts)
         self._record(*self._one_row())
         name = self._actions.name_of
+        helpers = {place for s in self._modes.events.shown if s.helper for place in s.places}
         self.events.append(
             Event(
                 self._time,
                 tuple(causes),
-                {name(k): v for k, v in discrete.items() if v[0] != v[1]},
+                {name(k): v for k, v in discrete.items() if v[0] != v[1] and k not in helpers},
                 {name(k): v for k, v in restarted.items()},
                 change,
                 impulses,

@@ -288,9 +288,11 @@ class SimulatedModes:
             if pair not in system.plan.states:
                 name = flat.symbol_name(*pair)
                 states = ", ".join(system.states)
+                asked = [w.where for w in self.events.whens for q, _ in w.reinits if plan.alias.resolve(*q)[1:] == pair]
                 raise ModelError(
                     f"'{name}' cannot start anew at {time:.6g} s: it is no state there but follows from {states}; give "
-                    f"reinit() one of these, or the force whose impulse does it, reinit(..., impulse=...)"
+                    f"reinit() one of these, or the force whose impulse does it, reinit(..., impulse=...)",
+                    asked[0],
                 )
         x, z = system.reduced.from_point(w)
         if z.size:
@@ -469,7 +471,7 @@ def _recorded(flat: FlatModel, events: FlatEvents, outputs: tuple[str, ...], pai
     """Rows of a model with events: discrete variables too, and after the energies' terms what events look at."""
     discrete = {s.name for s in events.shown}
     base = Recorded.of(flat, tuple(name for name in outputs if name not in discrete))
-    shown = [s for s in events.shown if s.name.count(".") <= 1 or s.name in outputs]
+    shown = [s for s in events.shown if (s.name.count(".") <= 1 and not s.helper) or s.name in outputs]
     entries, symbols = list(base.entries), list(base.expressions[: len(base.expressions) - base.terms])
     for s in shown:
         entries += _quantities(s)
