@@ -281,7 +281,7 @@ class SimulatedModes:
         for pair, number in anew.items():
             if pair in place:
                 w[place[pair]] = number
-        system = systems.at(w, time, settings) or self._at_states_alone(systems, settings, w, time, p)
+        system, w = self._beside(systems, settings, w, time, p)
         if system is None:
             raise _ended(f"at {time:.6g} s no choice of states describes the motion after the event")
         for pair in [] if struck else anew:
@@ -306,20 +306,41 @@ class SimulatedModes:
         self._refuse_jumps(old, before, continuous, system, at, {*anew, *struck}, moved, time)
         return system, x, z
 
-    def _at_states_alone(
+    def _beside(
         self, systems: Systems, settings: IntegratorSettings, w: np.ndarray, time: float, p: np.ndarray
-    ) -> SimulatedSystem | None:
-        """A system where what follows from the states is computed: its values before the event, which `w` has, may make
-        the new equations singular, as a denominator that was 0 does."""
-        for sample in systems.samples:
-            if (other := systems.at(sample, time, settings)) is None:
-                continue
-            x, z = other.reduced.from_point(w)
-            z = self._unknowns(other, x, z, time, p) if z.size else z
-            point = other.reduced.point(x[None, :], z[None, :], np.array([[time]]), p)[0][0]
-            if np.all(np.isfinite(point)):
-                return systems.at(point, time, settings)
-        return None
+    ) -> tuple[SimulatedSystem | None, np.ndarray]:
+        """The system that suits a point after an event, of which `w` has the states, and with the values before it what
+        follows from them; and the point that it was chosen at.
+
+        Old values may make the new equations singular, as a denominator that was 0 does, and may give a root the slope
+        of its other side: what follows from the states is computed, and roots alone are taken near their old values.
+        """
+        for sample in (w, *systems.samples):
+            if (system := systems.at(sample, time, settings)) is not None and (
+                np.all(np.isfinite(point := self._computed(system, w, time, p)))
+            ):
+                break
+        else:
+            return systems.at(w, time, settings), w
+        if sample is not w and (system := systems.at(point, time, settings)) is None:
+            return None, w
+        for _ in range(TRIES if any(b.roots for b in system.plan.blocks) else 0):
+            point = self._computed(system, w, time, p)
+            owner, place = system.plan.flat.scope.owner, {pair: n for n, pair in enumerate(system.plan.pairs)}
+            roots = [owner(s) for b in system.plan.blocks if b.roots for s, _ in b.assignments]
+            own = [place[pair] for pair in roots if pair in place]
+            point[own] = w[own]
+            again = systems.at(point, time, settings) if np.all(np.isfinite(point)) else None
+            if again is None or again is system:
+                break
+            system = again
+        return system, w
+
+    def _computed(self, system: SimulatedSystem, w: np.ndarray, time: float, p: np.ndarray) -> np.ndarray:
+        """A point with what a system computes from its states in w."""
+        x, z = system.reduced.from_point(w)
+        z = self._unknowns(system, x, z, time, p) if z.size else z
+        return system.reduced.point(x[None, :], z[None, :], np.array([[time]]), p)[0][0].copy()
 
     def struck(
         self, systems: Systems, system: SimulatedSystem, point: np.ndarray, time: float, changes: Changes

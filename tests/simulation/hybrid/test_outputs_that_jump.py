@@ -220,3 +220,24 @@ def test_a_state_that_an_equation_moves_is_refused_whatever_its_other_names() ->
         gt.ModelError, match=r"at 1 s .* want b = 7, and it is 1\.1\d*: a state does not jump by itself"
     ):
         gt.simulate(Moved(), 2.0)
+
+
+def test_a_root_goes_on_beside_its_old_value_where_its_coefficient_jumps() -> None:
+    """a y^2 + 0.01 y = a x has two solutions; the slope 2 a y + 0.01 changes its sign with a, and y does not."""
+
+    class Jump(gt.Model):
+        c = gt.variable(start=0.0, fixed=True)
+        x = gt.variable(start=1.0, fixed=True)
+        a = gt.variable(start=1.0)
+        y = gt.variable(start=1.0)
+
+        def equations(self):
+            yield gt.der(self.c) == 1.0
+            yield gt.der(self.x) == 0.1
+            yield self.a == gt.If(self.c < 0.5, 1.0 + 0.1 * self.x, -1.0 - 0.1 * self.x)
+            yield self.a * self.y * self.y + 0.01 * self.y == self.a * self.x
+
+    trajectory = gt.simulate(Jump(), 1.0).trajectory
+    a, x = trajectory["a"], trajectory["x"]
+    exact = -0.005 / a + np.sqrt((0.005 / a) ** 2 + x)  # the positive solution, on both sides of the event
+    np.testing.assert_allclose(trajectory["y"], exact, rtol=TOLERANCE)
