@@ -343,7 +343,7 @@ def of_text(text: str, paths: Iterable[str | os.PathLike[str]] = (), path: str =
             name = tuple(ReferencePart(n, None) for n in (*item.within, item.name))
             root.inside(Reference(item.at, name), 0).folder = file.parent
     elif file.suffix == ".mop":
-        _wait(root, sorted(file.parent.glob("*.mo")))
+        _wait(root, [p for p in sorted(file.parent.glob("*.mo")) if p.is_file() and p.stat().st_size <= reader.LARGEST])
     return root, classes
 
 
