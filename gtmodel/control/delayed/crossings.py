@@ -2,62 +2,19 @@
 
 from __future__ import annotations
 
+import cmath
+import math
 from collections.abc import Callable
 
 import numpy as np
 import scipy
 
+from .grid import APART, WIDTH, off_poles
 from .loop import DelayedLoop
 
-EVEN = 1200  # frequencies up to the Nyquist frequency
-LOW = 200  # more of them, by equal ratios, towards zero and towards the Nyquist frequency
-LOWEST = 1e-6  # of the Nyquist frequency or the slowest pole
-TURN = 24  # about each resonance, by equal turns of it
-TAIL = 12  # of a decade of distance from a resonance
-NARROW = 1e-10  # of the Nyquist frequency: the least width of a resonance
-ON_A_POLE = 1e-13  # distance of a frequency from a pole at which the response is not asked
-APART = 0.25  # relative change of the response from one frequency to the next at most
-ROUNDS = 12  # of halving
 CLOSE = 0.5  # rad: a phase that turns back this near to the negative real axis is looked at
 EXACT = 1e-15  # relative, of a frequency
 SAME = 0.05  # relative: L at zero and at the lowest frequency
-WIDTH = 1e-12  # relative, of where a phase turns back
-
-
-def frequencies(loop: DelayedLoop) -> np.ndarray:
-    """Angular frequencies (w,) [rad/s] up to the Nyquist one, close where the response turns fast."""
-    top = np.pi / loop.cycle
-    z = _poles(loop)
-    poles = np.log(z[np.abs(z) > 1e-12].astype(complex)) / loop.cycle
-    slow = np.abs(poles[np.abs(poles) > WIDTH * top])
-    low = LOWEST * min(top, float(slow.min(initial=top)))
-    towards = np.geomspace(low / top, 1.0, LOW)
-    grids = [np.linspace(0, top, max(EVEN, 40 * (loop.split[0] + 2)) + 1)[1:], top * towards,
-             top * (1 - np.geomspace(LOWEST, 0.1, LOW // 4))]  # fmt: skip
-    for pole in poles[poles.imag > 0]:
-        wide = max(np.abs(pole.real), NARROW * top)
-        tails = wide * np.geomspace(10.0, max(20.0, top / wide), 2 + int(TAIL * np.log10(max(20.0, top / wide))))
-        grids += [pole.imag + wide * np.tan(np.pi / 2 * np.linspace(-1, 1, 2 * TURN + 1)[1:-1]),
-                  pole.imag + tails, pole.imag - tails]  # fmt: skip
-    w = np.unique(np.concatenate(grids))
-    return _off_poles(loop, w[(w >= low) & (w <= top)])
-
-
-def sampled_response(loop: DelayedLoop) -> tuple[np.ndarray, np.ndarray]:
-    """Angular frequencies (w,) [rad/s] and the response (w,) there, halved where it changes much."""
-    w = frequencies(loop)
-    g = loop.response(w)
-    for _ in range(ROUNDS):
-        size = np.abs(g)
-        far = np.flatnonzero(np.abs(np.diff(g)) > APART * np.minimum(size[:-1], size[1:]))
-        between = (w[far] + w[far + 1]) / 2
-        between = _off_poles(loop, between[(between > w[far]) & (between < w[far + 1])])
-        if not len(between):
-            break
-        w, g = np.concatenate([w, between]), np.concatenate([g, loop.response(between)])
-        order = np.argsort(w, kind="stable")
-        w, g = w[order], g[order]
-    return w, g
 
 
 def gain_crossings(loop: DelayedLoop) -> np.ndarray:
@@ -67,14 +24,14 @@ def gain_crossings(loop: DelayedLoop) -> np.ndarray:
     At such a gain P L = -1, and a pole moves outwards with the gain where the imaginary part of L rises with the
     frequency: d ln z / dP = -1 / (P z L'(z)).
     """
-    w, g = sampled_response(loop)
+    w, g = loop.sampled
     real, imaginary = np.real(g), np.imag(g)
     rows = []
 
     def add(low: float, high: float, rises: bool) -> None:
-        at = _root(lambda x: _at(loop, x).imag, low, high)
-        value = _at(loop, at).real
-        if value < 0:
+        at = _root(lambda x: loop.response_at(x).imag, low, high)
+        value = loop.response_at(at).real
+        if value < 0 and len(off_poles(loop, np.array([at]))):  # an undamped pole is on the circle at a gain of zero
             rows.append((-1 / value, at, 2.0 if rises else -2.0))
 
     ends = np.minimum(real[:-1], real[1:]) < 0
@@ -94,13 +51,13 @@ def gain_crossings(loop: DelayedLoop) -> np.ndarray:
 
 def size_crossings(loop: DelayedLoop, gain: float) -> np.ndarray:
     """Angular frequencies (n,) [rad/s], rising, at which P L has a size of one."""
-    w, g = sampled_response(loop)
+    w, g = loop.sampled
     with np.errstate(divide="ignore"):
         sizes = np.log(np.abs(gain * g))
     above = sizes > 0
 
     def log_size(x: float) -> float:
-        return float(np.log(max(np.abs(gain * _at(loop, x)), 1e-300)))
+        return math.log(max(abs(gain * loop.response_at(x)), 1e-300))
 
     roots = [_root(log_size, float(w[i]), float(w[i + 1])) for i in np.flatnonzero(above[:-1] != above[1:])]
     # a size that comes near to one between two frequencies may pass it
@@ -115,17 +72,17 @@ def size_crossings(loop: DelayedLoop, gain: float) -> np.ndarray:
 def largest_in_sector(loop: DelayedLoop, phase: float) -> float:
     """The largest size of the response where it is nearer than `phase` [rad] to the negative real axis; 0 if it never
     is. At gains below its inverse every frequency at which P L has a size of one keeps at least this phase margin."""
-    w, g = sampled_response(loop)
+    w, g = loop.sampled
     apart = np.abs(np.angle(-g))
     inside = apart <= phase
     sizes = np.abs(g)
     largest = float(sizes[inside].max(initial=0.0))
 
     def beyond(x: float) -> float:
-        return abs(float(np.angle(-_at(loop, x)))) - phase
+        return abs(cmath.phase(-loop.response_at(x))) - phase
 
     def smallness(x: float) -> float:
-        return -abs(_at(loop, x)) if beyond(x) <= 0 else 0.0
+        return -abs(loop.response_at(x)) if beyond(x) <= 0 else 0.0
 
     edges = [(float(w[i]), float(w[i + 1])) for i in np.flatnonzero(inside[:-1] != inside[1:])]
     for i in turns(np.abs(apart - phase), inside, CLOSE):  # in and out again between two frequencies
@@ -134,7 +91,7 @@ def largest_in_sector(loop: DelayedLoop, phase: float) -> float:
         )
         edges += [(float(w[i - 1]), x), (x, float(w[i + 1]))] if value < 0 else []
     for low, high in edges:
-        largest = max(largest, abs(_at(loop, _root(beyond, low, high))))
+        largest = max(largest, abs(loop.response_at(_root(beyond, low, high))))
     peak = np.concatenate([[False], (sizes[1:-1] >= sizes[:-2]) & (sizes[1:-1] >= sizes[2:]), [False]]) & inside
     for i in np.flatnonzero(peak & (sizes > largest * (1 - APART))).tolist():
         largest = max(largest, -least_of(smallness, float(w[i - 1]), float(w[i + 1]))[1])
@@ -158,7 +115,7 @@ def _turned_back(
         side = int(sign[i])
 
         def imaginary(x: float, side: int = side) -> float:
-            value = _at(loop, x)
+            value = loop.response_at(x)
             return side * value.imag / max(abs(value), 1e-300)
 
         x, value = least_of(imaginary, float(w[i - 1]), float(w[i + 1]))
@@ -175,25 +132,12 @@ def turns(distance: np.ndarray, side: np.ndarray, near: float) -> list[int]:
     return (1 + np.flatnonzero(least & same)).tolist()
 
 
-def _poles(loop: DelayedLoop) -> np.ndarray:
-    """Of plant and law, without corrections."""
-    return np.concatenate([np.linalg.eigvals(loop.transition[0]), np.linalg.eigvals(loop.law_matrices[0])])
-
-
-def _off_poles(loop: DelayedLoop, w: np.ndarray) -> np.ndarray:
-    """Those of the frequencies (w,) at which the response is finite."""
-    return w[np.abs(np.exp(1j * w * loop.cycle)[:, None] - _poles(loop)).min(axis=1) > ON_A_POLE]
-
-
-def _at(loop: DelayedLoop, omega: float) -> complex:
-    return complex(loop.response(np.array([omega]))[0])
-
-
 def _root(f: Callable[[float], float], low: float, high: float) -> float:
-    if f(low) == 0:
+    before, behind = f(low), f(high)
+    if before == 0:
         return low
-    if np.sign(f(low)) == np.sign(f(high)):  # a root on the grid, up to rounding
-        return high if abs(f(high)) < abs(f(low)) else low
+    if np.sign(before) == np.sign(behind):  # a root on the grid, up to rounding
+        return high if abs(behind) < abs(before) else low
     return float(scipy.optimize.brentq(f, low, high, xtol=EXACT * high, rtol=4 * EXACT))
 
 
@@ -201,7 +145,7 @@ def _static(loop: DelayedLoop, near: complex) -> float:
     """L at frequency zero; 0 where it has no end there, for then no real pole crosses at one. near: L close by."""
     a, early, late = loop.transition
     la, lb, lc, ld = loop.law_matrices
-    if np.abs(_poles(loop) - 1).min() < WIDTH:
+    if np.abs(np.concatenate(loop.poles) - 1).min() < WIDTH:
         return 0.0
     value = float(loop.plant.C @ np.linalg.solve(np.eye(len(a)) - a, early + late))
     value *= ld + float(lc @ np.linalg.solve(np.eye(len(la)) - la, lb)) if len(la) else ld

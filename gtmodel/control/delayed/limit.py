@@ -85,11 +85,10 @@ def _check_that_motions_are_seen(loop: DelayedLoop) -> None:
     """Raises ArgumentError for a motion that stays at every gain."""
     a, early, late = loop.transition
     la, lb, lc, _ = loop.law_matrices
-    for name, A, entries, leaves in (
-        ("plant", a, np.stack([early, late], axis=1), loop.plant.C[None]),
-        ("law", la, lb[:, None], lc[None]),
+    for name, A, poles, entries, leaves in (
+        ("plant", a, loop.poles[0], np.stack([early, late], axis=1), loop.plant.C[None]),
+        ("law", la, loop.poles[1], lb[:, None], lc[None]),
     ):
-        poles = np.linalg.eigvals(A)
         for pole in poles[np.abs(poles) > 1 - AT_REST]:
             turned = pole * np.eye(len(A)) - A
             for rows, said in (

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import cmath
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,7 +14,9 @@ from gtmodel.simulation.hybrid.clock import exact
 from ..._lazy import hint
 from ...results import ArgumentError
 from ..sampled_poles import held_input
+from .grid import sampled_response
 from .plants import MOST_CYCLES, CorrectedPlant
+from .transfer import Transfer
 
 if TYPE_CHECKING:
     from control import StateSpace
@@ -150,18 +153,36 @@ class DelayedLoop:
 
         The exact response from sample to sample, hold and split delay included.
         """
-        z = np.exp(1j * np.asarray(omega, float).reshape(-1) * self.cycle)
-        whole, _ = self.split
-        a, early, late = self.transition
-        size = z[:, None, None] * np.eye(len(a)) - a
-        moved = np.linalg.solve(size, np.stack([early, late], axis=1).astype(complex)[None])
-        g = np.einsum("i,wij->wj", self.plant.C, moved)
-        g = g[:, 0] / z ** (whole + 1) + g[:, 1] / z**whole
-        la, lb, lc, ld = self.law_matrices
-        if not len(la):
-            return ld * g
-        inside = np.linalg.solve(z[:, None, None] * np.eye(len(la)) - la, lb.astype(complex)[:, None])
-        return g * (ld + inside[..., 0] @ lc)
+        return self._at(np.exp(1j * np.asarray(omega, float).reshape(-1) * self.cycle))
+
+    def response_at(self, omega: float) -> complex:
+        """L at one angular frequency [rad/s], as `response`; infinite on a pole."""
+        try:
+            return self._at(cmath.exp(1j * omega * self.cycle))
+        except ZeroDivisionError:
+            return complex(np.inf)
+
+    @cached_property
+    def poles(self) -> tuple[np.ndarray, np.ndarray]:
+        """Those of the plant (n,) and of the law (q,), from sample to sample, without corrections."""
+        return np.linalg.eigvals(self.transition[0]), np.linalg.eigvals(self.law_matrices[0])
+
+    @cached_property
+    def sampled(self) -> tuple[np.ndarray, np.ndarray]:
+        """Angular frequencies (w,) [rad/s] and the response (w,) there, as close as the response asks for."""
+        return sampled_response(self)
+
+    @cached_property
+    def _transfers(self) -> tuple[Transfer, Transfer | None]:
+        (a, early, late), (la, lb, lc, _) = self.transition, self.law_matrices
+        plant = Transfer(a, np.stack([early, late], axis=1), self.plant.C)
+        return plant, Transfer(la, lb[:, None], lc) if len(la) else None
+
+    def _at(self, z: Any) -> Any:
+        plant, law = self._transfers
+        g = plant.at(z, [1 / z, 1.0]) / z ** self.split[0]
+        through = self.law_matrices[3]
+        return g * (through + law.at(z, [1.0]) if law else through)
 
 
 def _checked(gain: float) -> None:

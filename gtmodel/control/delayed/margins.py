@@ -9,7 +9,8 @@ import numpy as np
 import scipy
 
 from ...results import ArgumentError
-from .crossings import APART, EXACT, largest_in_sector, least_of, sampled_response, size_crossings
+from .crossings import EXACT, largest_in_sector, least_of, size_crossings
+from .grid import APART
 from .limit import LARGE, gain_limit, stability_ranges
 from .loop import DelayedLoop
 from .options import GainMargins
@@ -189,7 +190,7 @@ def disk_margin(loop: DelayedLoop, gain: float) -> float:
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(L == 1, np.inf, 2 * np.abs(1 + L) / np.abs(1 - L))
 
-    w, _ = sampled_response(loop)
+    w, _ = loop.sampled
     d = distance(w)
     low = np.concatenate([[True], d[1:] <= d[:-1]]) & np.concatenate([d[:-1] <= d[1:], [True]])
     least = float(d.min())
@@ -208,4 +209,4 @@ def _check_stable(loop: DelayedLoop, gain: float, asked: str) -> None:
 def _small_for_every_delay(loop: DelayedLoop, gain: float) -> bool:
     """Whether |P L| < 1 at every frequency, looked at for all parts of a cycle: then no delay matters."""
     parts = [loop.late_by(loop.cycle * part) for part in np.arange(PARTS) / PARTS]
-    return all(float(np.abs(gain * sampled_response(p)[1]).max()) < 1 for p in parts)
+    return all(float(np.abs(gain * p.sampled[1]).max()) < 1 for p in parts)
