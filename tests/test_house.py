@@ -126,6 +126,30 @@ def test_no_folder_is_crowded(folder):
     assert len(list(folder.glob("*.py"))) <= 30
 
 
+def without_assertion(text: str) -> list[int]:
+    """Lines of tests without `assert`, and without a call of raises, warns or of a name with "assert" in it."""
+    tests = (n for n in ast.walk(ast.parse(text)) if isinstance(n, ast.FunctionDef) and n.name.startswith("test_"))
+    return [test.lineno for test in tests if not any(_asserts(n) for n in ast.walk(test))]
+
+
+def _asserts(node: ast.AST) -> bool:
+    called = getattr(node.func, "attr", getattr(node.func, "id", "")) if isinstance(node, ast.Call) else ""
+    return isinstance(node, ast.Assert) or called in ("raises", "warns") or "assert" in called
+
+
+def test_every_test_holds_its_own_assertion():
+    """A helper returns what it found, and the test compares it: whoever reads the test sees what it says."""
+    files = sorted(Path(__file__).parent.rglob("test_*.py"))
+    assert [f"{path}:{line}" for path in files for line in without_assertion(path.read_text())] == []
+
+
+def test_a_test_without_an_assertion_is_found():
+    helper = "def test_a():\n    check(1)\ndef test_b():\n    np.testing.assert_allclose(1, 1)\n"
+    assert without_assertion(helper + "class T:\n    def test_c(self): self.judge()\n") == [1, 6]
+    assert without_assertion("def test_a():\n    with pytest.raises(ValueError):\n        int('')\n") == []
+    assert without_assertion("def check(a): a.b\ndef test_a(): assert check(1) == []\n") == []
+
+
 KIND_FILES = {"__init__.py", "keys.py", "kind.py", "page.py"}
 
 
