@@ -79,10 +79,10 @@ def test_a_law_that_has_learned_nothing_yet_is_kept(tmp_path: Path) -> None:
     """A trajectory of no signals was asked for where a stop came before the first run of learning."""
     kept = [stopped("learning_control", k, tmp_path / str(k))[1] for k in (3, 4)]
     assert [s.status for s in kept] == [SolveStatus.INTERRUPTED] * 2 and all(s.trajectory is None for s in kept)
-    assert [len(s.values["axes"]) for s in kept] == [1, 2]
+    assert [len(s.values["axes"]) for s in kept] == [1, 2] and all(map(str, kept))
 
 
 def test_gain_limits_are_kept_when_the_worst_case_is_not_waited_for(tmp_path: Path) -> None:
     _, s = stopped("delayed_feedback", 3, tmp_path / "out")
     assert s.status is SolveStatus.INTERRUPTED and set(s.values["limit"]) == {"x", "y"}
-    assert s.values["recommended"] is None
+    assert s.values["recommended"] is None and str(s)
