@@ -120,11 +120,11 @@ def _sum(name: str) -> Callable[[FunctionCall, NameScope, Evaluator], Values]:
 
 def _size(node: FunctionCall, scope: NameScope, model: Evaluator) -> Values:
     first = node.arguments[0] if node.arguments else None
+    x = None
     if isinstance(first, Reference) and len(first.parts) == 1 and first.parts[0].subscripts is None:
         x = scope.locals.get(first.parts[0].name)  # which has its size before it has values
-        x = model.evaluate(first, scope) if x is None else x
-    else:
-        x = model.evaluate(first, scope) if first is not None else None
+    if x is None and first is not None:
+        x = model.evaluate(first, scope)
     if not isinstance(x, np.ndarray) or len(node.arguments) > 2:
         raise ModelicaError("size() takes an array, and which of its dimensions", node.at)
     if len(node.arguments) == 1:

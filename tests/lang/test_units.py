@@ -108,6 +108,7 @@ def test_cube_root_as_a_float() -> None:
         ("C", dim(s=1, A=1)),
         ("V", dim(kg=1, m=2, s=-3, A=-1)),
         ("Ohm", dim(kg=1, m=2, s=-3, A=-2)),
+        ("S", dim(kg=-1, m=-2, s=3, A=2)),
         ("F", dim(kg=-1, m=-2, s=4, A=2)),
         ("H", dim(kg=1, m=2, s=-2, A=-2)),
         ("Wb", dim(kg=1, m=2, s=-2, A=-1)),
@@ -237,7 +238,7 @@ GRAMMAR = "expected symbols joined by '.', '*', a space or '/', with powers such
         (
             "parsec",
             "unit 'parsec' holds the unknown symbol 'parsec'; known are kg, m, s, A, K, mol, cd, rad, N, "
-            "Pa, J, W, C, V, Ohm, F, Wb, H, T, Hz, um, mm, km, ns, us, ms, min, g, deg, urad, rpm, kN, MN, kPa, "
+            "Pa, J, W, C, V, Ohm, S, F, Wb, H, T, Hz, um, mm, km, ns, us, ms, min, g, deg, urad, rpm, kN, MN, kPa, "
             "MPa, GPa, bar",
         ),
         (

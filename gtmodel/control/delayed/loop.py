@@ -151,9 +151,11 @@ class DelayedLoop:
     def response(self, omega: np.ndarray) -> np.ndarray:
         """L (w,) at a gain of one and angular frequencies (w,) [rad/s] up to pi / cycle, y = -P L y around the loop.
 
-        The exact response from sample to sample, hold and split delay included.
+        The exact response from sample to sample, hold and split delay included; infinite on a pole.
         """
-        return self._at(np.exp(1j * np.asarray(omega, float).reshape(-1) * self.cycle))
+        with np.errstate(all="ignore"):
+            g = self._at(np.exp(1j * np.asarray(omega, float).reshape(-1) * self.cycle))
+        return np.where(np.isfinite(g), g, np.inf)
 
     def response_at(self, omega: float) -> complex:
         """L at one angular frequency [rad/s], as `response`; infinite on a pole."""

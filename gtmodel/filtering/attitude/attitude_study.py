@@ -341,13 +341,14 @@ def _study(
     doubts = [differing_parts(*estimates)]
     if truth is not None:
         doubts.append(far_from_truth(estimates[0], gyro_parts.parts(truth.numbers)))
-    checks |= suspicion_checks(doubts)[0]
+    alarms, sentences = suspicion_checks(doubts)
+    checks |= alarms
     checks["corrected_over_spline"] = at_most(
         max(m["corrected"] / s for m, s in zip(means, splines, strict=True)), 1.0,
         "the gyro does not help here: the references are closer than the motion needs",
     )  # fmt: skip
     return AttitudeStudy(
-        status=SolveStatus.SOLVED, title=title, checks=checks, notes=tuple(notes),
+        status=SolveStatus.SOLVED, title=title, checks=checks, notes=(*notes, *sentences),
         message="; ".join(
             f"gaps of {gap:g} s: {np.degrees(m['carried']):.2f} deg carried, {np.degrees(m['corrected']):.2f} deg "
             f"corrected, {np.degrees(m['slerp']):.1f} deg by slerp"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -193,7 +194,7 @@ class _Near:
         from scipy.optimize import minimize_scalar
 
         bounds = (convention.offset - reach, convention.offset + reach)
-        there = minimize_scalar(
+        there: Any = minimize_scalar(
             lambda o: -self.at_offset(replace(convention, offset=float(o))).either,
             bounds=bounds, method="bounded", options={"xatol": 2e-4},
         )  # fmt: skip

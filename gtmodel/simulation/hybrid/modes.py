@@ -288,11 +288,11 @@ class SimulatedModes:
             if pair not in system.plan.states:
                 name = flat.symbol_name(*pair)
                 states = ", ".join(system.states)
-                asked = [w.where for w in self.events.whens for q, _ in w.reinits if plan.alias.resolve(*q)[1:] == pair]
+                clauses = [(c.where, q) for c in self.events.whens for q, _ in c.reinits]
                 raise ModelError(
                     f"'{name}' cannot start anew at {time:.6g} s: it is no state there but follows from {states}; give "
                     f"reinit() one of these, or the force whose impulse does it, reinit(..., impulse=...)",
-                    asked[0],
+                    next((where for where, q in clauses if plan.alias.resolve(*q)[1:] == pair), None),
                 )
         x, z = system.reduced.from_point(w)
         if z.size:
