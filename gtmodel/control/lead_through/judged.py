@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import scipy
 
-from ...results import Check, at_most
+from ...results import Check, at_least, at_most
 from .gains import SurfaceGains
 from .guiding import LeadThroughLaw
 from .options import GuideSetup, ServoChain
@@ -106,9 +106,11 @@ def aligned(
     run: ToolRun, hole: SyntheticHole, law: LeadThroughLaw, gains: SurfaceGains, setup: GuideSetup,
     tool: SyntheticSensor,
 ) -> Answers:  # fmt: skip
-    """How far torque and misalignment went down, and the turn about the axis that the contact does not determine."""
+    """Whether a peg touched its hole and arrived: its depth, and a tilt within the play that it has there; how far the
+    torque went down, and the turn about the axis that the contact does not determine."""
     torque = np.linalg.norm(run.moment, axis=1)
-    last = float(np.sqrt(np.mean(torque[-round(1.0 / gains.cycle) :] ** 2)))
+    second = round(1.0 / gains.cycle)
+    last = float(np.sqrt(np.mean(torque[-second:] ** 2)))
     off = misaligned(run, hole)
     turning, cycles = law.rotation.gains, int(np.count_nonzero(run.contact))
     along = tool.matrix.T @ np.array(law.rotation.axis)
@@ -117,10 +119,24 @@ def aligned(
     expected = turning.torque_gain * float(noise) * gains.cycle * np.sqrt(cycles) if free else 0.0
     each = float(np.hypot(tool.moment_noise, tool.force_noise * float(np.linalg.norm(tool.point))))
     unseen = max(np.sqrt(3.0) * each, 1e-6)  # of the noise about the tip, all three axes together
-    checks = {"torque_left_Nm": at_most(last, unseen, "raise the gain of the torque, or push longer")}
+    touched = gains.cycle * int(np.count_nonzero(np.any(run.force != 0.0, axis=1)))
+    depth, goal = float(-hole.axis @ run.position[-1]), setup.goal * hole.depth
+    pressed = float(np.sqrt(np.mean(np.sum(run.force[-second:] ** 2, axis=1))))
+    play = 2 * (hole.clearance + pressed / hole.stiffness) / goal  # at two points, where the contacts give way
+    checks = {
+        "contact_s": at_least(touched, gains.cycle, "the peg never touched: begin above the hole, or push longer"),
+        "depth_mm": at_least(
+            1e3 * depth, 1e3 * goal, "the peg did not arrive: it jams, misses the hole, or was pushed too short a time"
+        ),
+        "misalignment_deg": at_most(
+            float(np.rad2deg(off[-1])), float(np.rad2deg(play)), "the peg is not turned into the hole: push longer, or "
+            "raise the gain of the torque",
+        ),
+        "torque_left_Nm": at_most(last, unseen, "raise the gain of the torque, or push longer"),
+    }  # fmt: skip
     answers = {
         "largest_torque": float(torque.max()), "last_torque": last, "misalignment": [float(off[0]), float(off[-1])],
-        "depth": float(-hole.axis @ run.position[-1]), "turned_about": float(run.about[-1]),
+        "depth": depth, "turned_about": float(run.about[-1]),
         "expected_about": float(expected), "peak_force": float(np.linalg.norm(run.force, axis=1).max()),
         "gain_share": float(run.share[-1]),
     }  # fmt: skip

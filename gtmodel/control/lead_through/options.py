@@ -64,6 +64,7 @@ class GuideSetup(Options):
     readings: Annotated[int, Within(least=1), "of which each is a mean"] = 250
     settled: Annotated[float, Unit("s"), Within(least=0.0), "of contact, before forces are judged"] = 1.0
     tolerance: Annotated[float, Unit("N"), Within(above=0.0), "of the mean force"] = 0.02
+    goal: Annotated[float, Within(above=0.0, most=1.0), "share of a hole's depth that a peg is to reach"] = 0.9
     seed: Annotated[int, Within(least=0), "of all noise"] = 1
 
 

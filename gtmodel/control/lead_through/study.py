@@ -78,7 +78,8 @@ def study(
         progress, max_seconds, stop: see `gtmodel.results.Work`.
 
     Checks: mean force, losses of contact, loop gains below the limit, limits by eigenvalues and by runs, energy at the
-    handle over any window, hands; of a peg the torque that is left. Raises ArgumentError for what does not fit.
+    handle over any window, hands; of a peg its time in contact, its depth, its tilt and the torque that is left. Raises
+    ArgumentError for what does not fit.
 
     >>> L = gt.control.lead_through
     >>> s = L.study(L.SyntheticSurface(), [L.GuidePhase(1.0, force=(0.0, 0.0, -3.0)), L.GuidePhase(

@@ -12,7 +12,7 @@ rate, floor, learn    the rate in words, what learning will leave, and runs; abo
 delayed_lag, ACTUATORS, pulse_response, frequency_response    plants, (6.11) among them
 AxisPlant        motor, tool and acceleration of an axis; flexible_axis: a synthetic one; tool_model: its tool
 ModelledRobot    a robot by plants of its axes; lag_robot: of printed numbers; linear_axis: from a model;
-                 identified_axis, identified_tool, begin (of a pulse response): from a log
+                 identified_robot, identified_axis, identified_tool, begin (of a pulse response): from a log
 SquarePath       the reference of the experiments
 kinematic, measured, complementary_estimate, kalman_estimate    where the tool is: cases 1, 3, 2A, 2B
 ExtendedKalman, most_likely_filter    the filter of (7.21), and its noise by the likelihood of its innovations
@@ -58,6 +58,7 @@ if TYPE_CHECKING:
         measured as measured,
     )
     from .experiment import RepeatedMotion as RepeatedMotion, SyntheticExperiment as SyntheticExperiment
+    from .from_log import identified_robot as identified_robot
     from .identified import begin as begin, identified_axis as identified_axis, identified_tool as identified_tool
     from .kalman import ExtendedKalman as ExtendedKalman, most_likely_filter as most_likely_filter
     from .law import (

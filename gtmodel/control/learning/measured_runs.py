@@ -8,6 +8,7 @@ import numpy as np
 import scipy
 
 from ...results import ArgumentError, Trajectory
+from .given import JUDGED
 from .lifted import Array
 
 EVEN = 0.01  # of a period
@@ -18,14 +19,26 @@ NEEDS = {"1": ("motor",), "2A": ("motor", "acceleration"), "2B": ("motor", "acce
 
 
 def check_run(run: Trajectory, sample_time: float, ramp: int) -> None:
-    """Raises ArgumentError for another clock, and for a run that is no longer than lead-in and lead-out."""
+    """Raises ArgumentError for another clock, and for a run too short to be judged between lead-in and lead-out."""
     check_clock(run, sample_time, "run")
-    if len(run) <= 2 * ramp:
+    check_judged(len(run), ramp, "ramp")
+
+
+def check_judged(size: int, ramp: int, argument: str) -> None:
+    """Raises ArgumentError where fewer than JUDGED samples of a run lie between lead-in and lead-out."""
+    if size - 2 * ramp < JUDGED:
         raise ArgumentError(
-            f"lead-in and lead-out take {2 * ramp} samples; the run has {len(run)}: record a longer one, at rest "
-            "before and behind the motion, or shorten both",
-            "ramp",
+            f"lead-in and lead-out take {2 * ramp} samples of {size}, which leaves {max(size - 2 * ramp, 0)} to judge; "
+            f"expected {JUDGED} or more: record a longer run, at rest before and behind the motion, or shorten both",
+            argument,
         )
+
+
+def moves_outside(reference: Array, corrected: slice) -> float:
+    """The largest share of the way of any axis (N, axes) that lies in lead-in and lead-out; 0 of one that stands."""
+    way = np.abs(np.diff(reference, axis=0))
+    whole, inside = way.sum(axis=0), way[corrected].sum(axis=0)
+    return float(np.max(1 - np.divide(inside, whole, out=np.ones_like(whole), where=whole > 0)))
 
 
 def check_clock(run: Trajectory, sample_time: float, argument: str) -> None:

@@ -16,6 +16,7 @@ from .estimators import ToolEstimate, complementary_estimate, kalman_estimate, k
 from .kalman import most_likely_filter
 from .law import RAMP
 from .lifted import Array
+from .measured_runs import check_judged
 from .plants import SAMPLE_TIME
 from .words import micrometres
 
@@ -72,8 +73,9 @@ def mismatch(
         raise ArgumentError(f"has no {', '.join(missing)}; the errors are those of all three", "run")
     signals = {name: np.asarray(run[name], float) for name in ("motor", "acceleration", "tool")}
     size = len(signals["motor"])
-    if any(x.shape != (size,) or not np.all(np.isfinite(x)) for x in signals.values()) or size <= 2 * ramp:
-        raise ArgumentError(f"expected signals of one length, finite and longer than {2 * ramp} samples", "run")
+    if any(x.shape != (size,) or not np.all(np.isfinite(x)) for x in signals.values()):
+        raise ArgumentError("expected signals of one length, all of them finite", "run")
+    check_judged(size, ramp, "run")
     if any(not d > -1 for d in off) or not len(off):
         raise ArgumentError("expected one share or more above -1", "off")
     corrected = slice(ramp, size - ramp)

@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Annotated
 
 import numpy as np
 
-from ...results import SolveStatus, Trajectory, Within, Work, at_most
+from ...measurements.inspection.suspicion import Suspicion, suspicion_checks
+from ...results import Check, SolveStatus, Trajectory, Within, Work, at_most
 from ...results.door import study_function
 from ...results.made_files import MadeFiles
 from ...results.work import Progress, never, silent
 from .course import Floor
 from .designed import AxisLearning, design_axis
+from .identified import accelerometer
 from .law import RAMP
 from .lifted import Array
-from .measured_runs import check_repeats, check_run, columns, drift, signals_of
+from .measured_runs import check_repeats, check_run, columns, drift, moves_outside, signals_of
 from .modelled import ModelledRobot
 from .options import LearningDesign, LearningRobot
 from .result import NextInputStudy
@@ -26,6 +28,8 @@ from .words import micrometres
 AT_THE_FLOOR = 1.2  # times the floor: what is predicted is within 20 % of what is reached
 SCATTERS = 3.0  # times the error of a run: repeats that differ by more are not of one motion
 EXPLAINED = 0.5  # of the error before learning: what the model must make of a run, or rate and floor say nothing of it
+OUTSIDE = 0.5  # of the way of the reference: the part that is judged holds the greater one
+SHORTEN = "most of the motion lies in lead-in and lead-out, where it is not judged; shorten them"
 ANOTHER = (
     "the run is not what the model makes of reference and input: look at columns, units, signs and the input that ran, "
     "or identify the robot anew"
@@ -58,8 +62,10 @@ def next_input(
         progress, max_seconds, stop: see `gtmodel.results.Work`.
 
     Where the error has come near the floor in every axis the input stays as it is, and the message says so. A check
-    fails where the run is not what the model makes of its reference and input. Raises ArgumentError where signals are
-    missing or do not match, where repeats differ in more than their scatter, and for a law that would diverge.
+    fails where the run is not what the model makes of its reference and input, where the accelerometer reads another
+    motion than the tool does (that of the model where no tool was measured), and where most of the motion lies in
+    lead-in and lead-out. Raises ArgumentError where signals are missing or do not match, where fewer than 50 samples
+    are left to judge, where repeats differ in more than their scatter, and for a law that would diverge.
 
     >>> learning = gt.control.learning
     >>> t, r = 0.004 * np.arange(825), learning.SquarePath().samples(0.004)[:, 0]
@@ -77,8 +83,10 @@ def next_input(
     signals, bias = signals_of(run, reference, u, design.case, len(names), "run")
     check_repeats(repeats, run, robot.sample_time)
     others = [signals_of(r, reference, u, design.case, len(names), f"repeats[{k}]")[0] for k, r in enumerate(repeats)]
+    tool = columns(run, "tool", len(names), size, "run") if "tool" in run.names else None
     reference = reference - reference[0]
     corrected = slice(ramp, size - ramp)
+    doubts: list[Suspicion] = []
     axes: list[AxisLearning] = []
     errors, floors, bests, unexplained, slides = [], [], [], [], []
     for k, name in enumerate(names):
@@ -86,6 +94,13 @@ def next_input(
         mine = {s: v[:, k] for s, v in signals.items()}
         axis = design_axis(robot, k, design, size, ramp, [mine], acceleration_noise)
         hat = axis.estimate(mine)
+        if "acceleration" in mine:
+            moved = robot.plant(k).maps(size)["acceleration"](reference[:, k] + u[:, k])
+            doubts.append(
+                accelerometer(
+                    f" of {name}", mine["acceleration"], None if tool is None else tool[:, k], moved, robot.sample_time
+                )
+            )
         e = reference[:, k] - hat
         seen = np.array([axis.estimate({s: v[:, k] for s, v in other.items()}) for other in others])
         floors.append(axis.floor(e + axis.seen(u[:, k]), corrected, 1, seen if len(seen) else None))
@@ -96,6 +111,8 @@ def next_input(
         off = _rms((hat - axis.seen(reference[:, k] + u[:, k]))[corrected])
         unexplained.append(off / before if before else (0.0 if off <= floors[-1].total else np.inf))
         slides.append(drift(seen[:, corrected]) if len(seen) else False)
+    wrong, sentences = suspicion_checks(doubts)
+    judged = {"moves_outside": at_most(moves_outside(reference, corrected), OUTSIDE, SHORTEN), **wrong}
     learned = all(e <= AT_THE_FLOOR * f.total for e, f in zip(errors, floors, strict=True))
     after = u if learned else np.column_stack(bests)
     notes = [f"{name}: {axis.rate.words}" for name, axis in zip(names, axes, strict=True) if not axis.rate.monotone]
@@ -109,13 +126,16 @@ def next_input(
         f"{name}: the repeats slide one way from run to run, which a law can follow: the floor may be lower"
         for name, slide in zip(names, slides, strict=True) if slide
     ]  # fmt: skip
-    return _answer(run, names, design, axes, errors, floors, bool(repeats), learned, after, unexplained, notes, title)
+    return _answer(
+        run, names, design, axes, errors, floors, bool(repeats), learned, after, unexplained, notes + sentences,
+        title, judged,
+    )  # fmt: skip
 
 
 def _answer(
     run: Trajectory, names: Sequence[str], design: LearningDesign, axes: Sequence[AxisLearning],
     errors: Sequence[float], floors: Sequence[Floor], repeated: bool, learned: bool, after: Array,
-    unexplained: Sequence[float], notes: Sequence[str], title: str,
+    unexplained: Sequence[float], notes: Sequence[str], title: str, judged: Mapping[str, Check],
 ) -> NextInputStudy:  # fmt: skip
     scattering = {}
     if repeated:
@@ -139,7 +159,7 @@ def _answer(
         checks={
             "bound": at_most(max(a.bound.value for a in axes), 1 + 1e-9, "lower the cutoff or the contraction"),
             "unexplained": at_most(max(unexplained), EXPLAINED, ANOTHER),
-            **scattering,
+            **scattering, **judged,
         },
         files=MadeFiles({"next_input.csv": partial(input_csv, run.time, names, after, run.synthetic)}),
         machine_files=("next_input.csv",), figures={"filter": partial(filter_picture, names, axes, shown)},

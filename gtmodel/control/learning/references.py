@@ -9,7 +9,7 @@ import numpy as np
 
 from ...results import ArgumentError
 from ...results.options import Options, Unit, Within
-from .given import RAMP
+from .given import JUDGED, RAMP
 
 ACCELERATING = 0.25  # of a side's time, of the trapezoidal profile
 
@@ -31,7 +31,7 @@ class SquarePath(Options):
         Literal["smooth", "trapezoidal"], "of the speed along a side: continuous acceleration, or its steps"
     ] = "smooth"
     ramp: Annotated[int, Within(least=1), "samples of lead-in, and of lead-out"] = RAMP
-    corrected: Annotated[int, Within(least=10), "samples between them, which are fully corrected"] = 625
+    corrected: Annotated[int, Within(least=JUDGED), "samples between them, which are fully corrected"] = 625
 
     @property
     def size(self) -> int:

@@ -34,10 +34,10 @@ class SimulatedMotion:
 
     >>> learning = gt.control.learning
     >>> robot = gt.robots.gantry_tau("l1_tape", inertia="model_2")
-    >>> path = learning.SquarePath(corrected=20, ramp=5)
-    >>> run = learning.SimulatedMotion(robot, learning.ElasticTip(), path).run(np.zeros((30, 2)))
+    >>> path = learning.SquarePath(corrected=50, ramp=5)
+    >>> run = learning.SimulatedMotion(robot, learning.ElasticTip(), path).run(np.zeros((60, 2)))
     >>> run["tool"].shape
-    (30, 2)
+    (60, 2)
     """
 
     names = AXES[:2]

@@ -68,7 +68,7 @@ class LearnedPlantSection(RecordingFiles):
         """The axes identified. Raises InputError."""
         import numpy as np  # here, as below: the keys alone need none of it
 
-        from gtmodel.control.learning import ModelledRobot, identified_axis
+        from gtmodel.control.learning import identified_robot
 
         if self.signals is None:
             raise InputError("is missing; name the columns of reference and motor", "plant.signals")
@@ -85,15 +85,7 @@ class LearnedPlantSection(RecordingFiles):
                     f"has {values.shape[1]} columns; the reference {u.shape[1]}, one for each axis",
                     f"plant.signals.{name}",
                 )
-        return ModelledRobot(
-            [
-                identified_axis(
-                    u[:, k], {name: values[:, k] for name, values in columns.items()}, period, self.order,
-                    self.delay_samples,
-                )
-                for k in range(u.shape[1])
-            ]
-        )  # fmt: skip
+        return identified_robot(u, columns, period, self.order, self.delay_samples)
 
     def of_a_model(self, context: Context) -> ModelledRobot:
         """The axes of the model, linear where it starts. Raises InputError."""

@@ -66,6 +66,28 @@ def test_never_in_contact_is_said() -> None:
 
 
 @pytest.mark.parametrize(
+    ("friction", "start", "failed"),
+    [
+        (1.5, 2e-3, {"depth_mm", "misalignment_deg"}),
+        (0.1, 0.2, {"contact_s", "depth_mm", "misalignment_deg"}),
+    ],
+    ids=["jams", "never touches"],
+)
+def test_a_peg_that_does_not_arrive_is_no_success(friction: float, start: float, failed: set[str]) -> None:
+    gains = L.SurfaceGains(
+        any_direction=True, force_gain=0.002, force_reference=0.0, enter_force=0.3, leave_force=0.05, least_force=0.05,
+        contact_arm=0.01, normal_filter=0.0, dwell=0.02,
+    )  # fmt: skip
+    hole = L.SyntheticHole(np.radians(5.0), 0.25e-3, 0.08, stiffness=5e3, friction=friction)
+    s = L.study(
+        hole, [L.GuidePhase(5.0, force=(0.0, 0.0, -1.0)), L.GuidePhase(2.0)], gains, L.TurningGains(torque_gain=1.0),
+        setup=L.GuideSetup(start=(0.0, 0.0, start)), hands=None,
+    )  # fmt: skip
+    assert s.status is gt.SolveStatus.CHECK_FAILED
+    assert failed == {name for name in ("contact_s", "depth_mm", "misalignment_deg") if not s.checks[name].passed}
+
+
+@pytest.mark.parametrize(
     ("given", "argument"),
     [
         ({"phases": []}, "phases"),

@@ -106,6 +106,31 @@ def test_the_origin_of_positions_and_the_bias_of_the_accelerometer_do_not_count(
     assert any("accelerometer" in note for note in there.notes) == (case in ("2A", "2B"))
 
 
+@pytest.mark.parametrize("case", ["2A", "2B"])
+@pytest.mark.parametrize("tool", [True, False], ids=["tool in the log", "by the model"])
+def test_an_accelerometer_that_reads_another_motion_fails_its_check(case: Case, tool: bool) -> None:
+    design, measured = learning.LearningDesign(case=case), {"tool": CLEAN["tool"]} if tool else {}
+    felt = CLEAN["acceleration"] + 0.07 * np.random.default_rng(5).normal(size=N)
+    for wrong in (-felt, felt / 9.81):
+        s = learning.next_input(ROBOT, run(acceleration=wrong, **measured), design)
+        assert s.status is SolveStatus.CHECK_FAILED and not s.checks["accelerometer"].passed
+        assert any("accelerometer's reading of x is" in note for note in s.notes)
+    clean = learning.next_input(ROBOT, run(acceleration=felt, **measured), design)
+    assert clean.status is SolveStatus.SOLVED and clean.checks["accelerometer"].passed
+
+
+def test_a_run_is_judged_by_enough_samples_and_by_most_of_its_motion() -> None:
+    for ramp in (412, 388):
+        with pytest.raises(ArgumentError, match="expected 50 or more") as error:
+            learning.next_input(ROBOT, run(), ramp=ramp)
+        assert error.value.argument == "ramp"
+    s = learning.next_input(ROBOT, run(), ramp=387)
+    assert s.status is SolveStatus.CHECK_FAILED and s.checks["moves_outside"].value > 0.8
+    with pytest.raises(ArgumentError, match="expected 50 or more") as error:
+        learning.mismatch({name: CLEAN[name] for name in ("motor", "tool", "acceleration")}, 7.4, 0.2, ramp=400)
+    assert error.value.argument == "run"
+
+
 def test_an_axis_that_stands_still_divides_nothing_by_nothing() -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
