@@ -118,7 +118,7 @@ def test_a_command_outside_the_limits_ramps_at_once(bench: Bench) -> None:
 
 @pytest.mark.parametrize("protocol", ["egm", "rsi"])
 def test_a_robot_that_stands_outside_of_the_limits_is_not_moved(bench: Bench, protocol: str) -> None:
-    """The first command is refused, and the ramp from rest ends where the robot stands, half a metre above the limit."""
+    """The first command is refused; the ramp from rest ends where the robot stands, half a metre above the limit."""
     start = bench.reference.rows[0, :3]
     lowest, highest = [float(min(start)) - 2.0] * 6, [*(start - 0.5).tolist(), 0.0, 0.0, 0.0]
     python_loop = bench.python_loop(protocol, "trajectory")
