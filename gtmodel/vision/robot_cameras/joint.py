@@ -22,7 +22,7 @@ from .pictures import RobotPictures, SecondDevice
 from .projection import CAMERA, TARGET, TURN, corner_function, device_function, links_function
 from .redundancies import redundancies
 from .robot_side import RobotLinks, robot_side
-from .robust import Kept, kept
+from .robust import RobustFit, robust_fit
 from .starts import camera_starts, quaternion, target_start
 
 INTRINSICS = {"focal": ("fx", "fy"), "principal_point": ("cx", "cy"), "distortion": ("k1", "k2", "p1", "p2")}
@@ -123,14 +123,14 @@ def joint_fit(
     setting = setting or RobotCameras()
     ready = Prepared.of(robot, pictures, cameras, setting)
     if setting.removal == 0:
-        return ready.joint(Kept(pictures, ready.fit(pictures, stop=stop)))
-    found = kept(ready, pictures, stop)
-    if not found.fit.status.ok:
-        said = f"{found.fit.message}; most corners lie {found.noise:.2g} times their stated sigma off"
+        return ready.joint(RobustFit(pictures, ready.fit(pictures, stop=stop)))
+    robust = robust_fit(ready, pictures, stop)
+    if not robust.fit.status.ok:
+        said = f"{robust.fit.message}; most corners lie {robust.noise:.2g} times their stated sigma off"
         remedy = "state it as it is, or look whether target, pictures and rows of the actuators belong together"
-        fit = found.fit if found.noise < MATTERS else replace(found.fit, message=f"{said}: {remedy}")
-        return ready.joint(replace(found, fit=fit))
-    return ready.joint(replace(found, fit=ready.fit(found.pictures, values=found.fit.values, stop=stop)))
+        fit = robust.fit if robust.noise < MATTERS else replace(robust.fit, message=f"{said}: {remedy}")
+        return ready.joint(replace(robust, fit=fit))
+    return ready.joint(replace(robust, fit=ready.fit(robust.pictures, values=robust.fit.values, stop=stop)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -246,10 +246,12 @@ class Prepared:
         return bundle_fit(groups, blocks, motions=redundancies(side, q, on_tool), limit=limit, covariance=covariance,
                           stop=stop)  # fmt: skip
 
-    def joint(self, found: Kept) -> JointFit:
+    def joint(self, robust: RobustFit) -> JointFit:
         """The result."""
-        return JointFit(found.fit, self.side, self.setting, found.pictures, found.wrong_pictures, found.wrong_corners,
-                        found.wrong_poses, self.first)  # fmt: skip
+        return JointFit(
+            robust.fit, self.side, self.setting, robust.pictures, robust.wrong_pictures, robust.wrong_corners,
+            robust.wrong_poses, self.first,
+        )  # fmt: skip
 
 
 def _require_near(device: SecondDevice, here: np.ndarray) -> None:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...inference.bundle import BundleFit
-from ...measurements.inspection.outliers import Outliers, outliers
+from ...measurements.inspection.outliers import outliers
 from ...measurements.inspection.residual_tests import coloured, over_stated
 from ...measurements.inspection.suspicion import RUN_LEVEL, Suspicion
 from ...results.status import SolveStatus
@@ -31,7 +31,7 @@ LEAST = 1e-9  # deviations: a smaller noise is rounding
 
 
 @dataclass(frozen=True, eq=False)
-class Kept:
+class RobustFit:
     """What was left, and in words what was not: pictures that are wrong as a whole, corners, and poses none of whose
     pictures belongs to their row of the actuators. `fit`: of what was left, or one that failed; `noise`: of most
     corners, in units of their sigma."""
@@ -44,12 +44,12 @@ class Kept:
     wrong_poses: tuple[str, ...] = ()
 
 
-def kept(ready: Prepared, p: RobotPictures, stop: Callable[[], bool] | None) -> Kept:
+def robust_fit(ready: Prepared, p: RobotPictures, stop: Callable[[], bool] | None) -> RobustFit:
     """A robust fit, then fits without what lies beside the others, the most unlikely of each pose first."""
     gross, N = ready.setting.removal, len(p.poses)
     fit, bad = _robust(ready, p, gross, stop)
     if bad is None:
-        return Kept(p, fit)
+        return RobustFit(p, fit)
     wrong, poses = set(bad.pictures), set[int]()
     single = [p.where(int(k)) for k in np.flatnonzero(bad.corners & ~np.isin(p.picture, bad.pictures))]
     left = p.corners(~bad.corners)
@@ -68,7 +68,7 @@ def kept(ready: Prepared, p: RobotPictures, stop: Callable[[], bool] | None) -> 
             break
         left = left.corners(~far)
     pictures, lost = _named(p, wrong, poses)
-    return Kept(left, fit, bad.noise, pictures, tuple(single), lost)
+    return RobustFit(left, fit, bad.noise, pictures, tuple(single), lost)
 
 
 def _robust(
@@ -92,16 +92,16 @@ def _robust(
 def _beside(p: RobotPictures, residuals: np.ndarray) -> list[int]:
     """Numbers of the pictures that lie beside the others as a whole; of each pose the most unlikely: it moves the pose
     and so the others."""
-    found, pictures = shifted_pictures(p, residuals)
-    order = found.beyond(RUN_LEVEL / TESTS)
+    beside, pictures = shifted_pictures(p, residuals)
+    order = beside.beyond(RUN_LEVEL / TESTS)
     worst = {int(pictures[k]) % len(p.poses): int(pictures[k]) for k in order[::-1]}
     return sorted(worst.values())
 
 
 def _off(links: np.ndarray) -> list[int]:
     """Poses at which the closure equations, each by the size it has at the others, do not hold."""
-    found: Outliers = outliers(links.reshape(-1), groups=np.tile(np.arange(links.shape[1]), len(links)))
-    return sorted({int(k) // links.shape[1] for k in found.beyond(RUN_LEVEL / TESTS)})
+    beside = outliers(links.reshape(-1), groups=np.tile(np.arange(links.shape[1]), len(links)))
+    return sorted({int(k) // links.shape[1] for k in beside.beyond(RUN_LEVEL / TESTS)})
 
 
 def _named(p: RobotPictures, wrong: set[int], poses: set[int]) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -125,16 +125,16 @@ def suspicions(joint: JointFit) -> list[Suspicion]:
         far = joint.fit.residuals["device"] / p.device.noise
         worst = p.poses[int(p.device.pose[np.argmax(np.linalg.norm(far, axis=1))])]
         kinds["device_over_noise"] = far, "second_device_noise", f", largest at pose {worst},"
-    found, free = [], joint.estimate.degrees_of_freedom / sum(r.size for r, _, _ in kinds.values())
+    tests, free = list[Suspicion](), joint.estimate.degrees_of_freedom / sum(r.size for r, _, _ in kinds.values())
     for name, (r, key, more) in kinds.items():
         remedy = f"state {key} as it is{more} or look for what the models of robot and cameras leave out"
         judged = over_stated(float(np.sum(r**2)), free * r.size, remedy, name=name)
-        found.append(replace(judged, evidence=f"{name.replace('_', ' ')}: {judged.evidence}"))
+        tests.append(replace(judged, evidence=f"{name.replace('_', ' ')}: {judged.evidence}"))
     means, which, camera = picture_means(p, e)
     steady = "has the camera, or what stands, moved between poses? calibrate the parts before and after by themselves"
     for k, name in enumerate(p.cameras):
         own = means[camera == k][np.argsort(which[camera == k])]
         least = ROUNDING * float(np.sqrt(len(p) / len(means))) / float(np.mean(p.sigma[p.camera == k]))
-        test = coloured(np.zeros((*own.shape, 0)), own, steady, name=f"steady_{name}", least=least)
-        found.append(replace(test, evidence=f"pictures of {name}, in the order of the poses: {test.evidence}"))
-    return found
+        colour = coloured(np.zeros((*own.shape, 0)), own, steady, name=f"steady_{name}", least=least)
+        tests.append(replace(colour, evidence=f"pictures of {name}, in the order of the poses: {colour.evidence}"))
+    return tests

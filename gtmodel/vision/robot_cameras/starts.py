@@ -149,10 +149,10 @@ def target_start(
             "show three or more that do not",
             "target",
         )
-    said, found = (float(np.linalg.norm(x[seen] - x[seen].mean(axis=0))) for x in (p.target, marks))
-    if known and not SIZES[0] < said / max(found, 1e-12) < SIZES[1]:
+    said, shown = (float(np.linalg.norm(x[seen] - x[seen].mean(axis=0))) for x in (p.target, marks))
+    if known and not SIZES[0] < said / max(shown, 1e-12) < SIZES[1]:
         raise ArgumentError(
-            f"the target is stated {said / max(found, 1e-12):.3g} times as large as the pictures show it at the poses "
+            f"the target is stated {said / max(shown, 1e-12):.3g} times as large as the pictures show it at the poses "
             "of the robot; check its unit and that of the actuators",
             "target",
         )

@@ -238,8 +238,8 @@ def _held_out_notes(joint: JointFit, unseen: RobotPictures, pixels: np.ndarray) 
         return []
     bad = gross_errors(seen, pixels, joint.setting.removal)  # one corner far off is no wrong picture
     left = np.flatnonzero(~bad.corners)
-    found, numbers = shifted_pictures(seen.corners(left), pixels[left])
-    wrong = [*bad.pictures, *(int(numbers[k]) for k in found.beyond(RUN_LEVEL))]
+    beside, numbers = shifted_pictures(seen.corners(left), pixels[left])
+    wrong = [*bad.pictures, *(int(numbers[k]) for k in beside.beyond(RUN_LEVEL))]
     if not wrong:
         return []
     some = ", ".join(seen.picture_name(k) for k in wrong[:3]) + (" and others" if len(wrong) > 3 else "")
