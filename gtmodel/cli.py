@@ -385,6 +385,7 @@ def _load(problem: str, settings: Sequence[str] | None, answer: Answer) -> Any:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code."""
     words = list(sys.argv[1:] if arguments is None else arguments)
+    terminal.opened()
     terminal.printable()
     try:
         terminal.interruptible()

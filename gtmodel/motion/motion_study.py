@@ -88,9 +88,11 @@ def study(
     return solved(problem, Work(progress=progress, max_seconds=max_seconds, stop=stop), earlier)
 
 
-def solved(problem: MotionProblem, work: Work, earlier: Trajectory | None = None) -> MotionStudy:
+def solved(
+    problem: MotionProblem, work: Work, earlier: Trajectory | None = None, number: int | None = None
+) -> MotionStudy:
     """Optimise, re-simulate, and make the exported motion whose force is bounded at every instant; on a finer mesh
-    where a check fails that it can mend. Raises ArgumentError."""
+    where a check fails that it can mend. number: of one motion of several. Raises ArgumentError."""
     work.progress("equations")
     plan = plan_of(problem, earlier)
     work.progress("first guess")
@@ -117,7 +119,7 @@ def solved(problem: MotionProblem, work: Work, earlier: Trajectory | None = None
     if trouble:
         notes.append(trouble)
     finer = refinement_note(problem.mesh.elements, outcome.plan.problem.mesh.elements, failed)
-    return _study_of(problem, outcome, search.iterations, finer, notes)
+    return _study_of(problem, outcome, search.iterations, finer, notes, number)
 
 
 def _different(solutions: list[Solution]) -> list[float]:
@@ -143,7 +145,7 @@ def _failed(search: MotionSearch, missed: MotionFailure) -> MotionStudy:
 
 
 def _study_of(
-    asked: MotionProblem, outcome: MotionOutcome, iterations: int, finer: str, more: list[str]
+    asked: MotionProblem, outcome: MotionOutcome, iterations: int, finer: str, more: list[str], number: int | None
 ) -> MotionStudy:
     """finer: what is to be said of a refined mesh. more: further sentences of the message."""
     plan, solution, exported = outcome.plan, outcome.solution, outcome.exported
@@ -161,7 +163,7 @@ def _study_of(
         )
         files = {
             "reference.csv": reference_text(reference, problem.title),
-            "motion.mod": rapid_text(targets, problem.title),
+            "motion.mod": rapid_text(plan.robot, targets, problem.title, number),
         }
     except NotReached as missed:
         left_out = at_most(missed.samples, 0, "the motion leaves the reach between its rows: use more mesh.elements")
