@@ -123,8 +123,6 @@ def test_parameters_of_joined_connectors_are_equal(tmp_path: Path) -> None:
         "if x < 2 then y := 1; else y := f(x - 1) + f(x - 2); end if; end f; end M;",
         "model A0 Real x = 1; end A0; " + "".join(f"model A{i + 1} A{i} a, b; end A{i + 1}; " for i in range(30))
         + "model M A30 a; end M;",
-        f"{DOUBLED.format(step='y + y')} model M Real u; equation der(u) = -f(u); end M;",
-        f"{DOUBLED.format(step='if y > i then y + 1 else y*2')} model M Real u; equation der(u) = -f(u); end M;",
         f"{DOUBLED.format(step='y*y + 1')} model M parameter Real u = 2; Real x[integer(f(u))]; end M;",
         'function f output String s; algorithm s := "a"; for i in 1:60 loop s := s + s; end for; end f; '
         'model M constant String s = f(); Real y = if s == "a" then 1 else 2; end M;',
