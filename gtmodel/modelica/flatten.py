@@ -81,20 +81,26 @@ class _Flattening:
             self.root = Instance(space, said, "", None, self.model, frozenset())
         except RecursionError:
             raise ModelicaError(f"{space.name} holds itself", text.at) from None
+        for name in said.inside.keys() & self.root.elements.keys():
+            self.root.elements[name].refuse_from_outside(None)
         self.out = Flattened(text.name, text.at, text.description, self.model.horizon)
         self.connections = Connections()
         self.uncertain = False  # inside an if whose condition is known while the model runs
 
     def result(self) -> Flattened:
         instances = list(self.root.walk())
+        places = declared_places(instances)
         for instance in instances:
             if "expandable" in instance.space.text.prefixes:
-                raise ModelicaError(f"'{instance.path}' is an expandable connector, which is not taken", instance.at)
+                raise ModelicaError(
+                    f"'{instance.path}' is an expandable connector, whose variables are those that others connect to "
+                    "it, which is not taken; write a connector that declares its variables",
+                    places.get(id(instance), instance.at),
+                )
             if instance is not self.root and instance.restriction == "optimization":
                 raise ModelicaError(f"'{instance.path}' is an optimization and no component", instance.at)
             self._declared(instance)
         self._variability()
-        places = declared_places(instances)
         for instance in instances:
             for section in instance.sections:
                 first = len(self.out.equations)

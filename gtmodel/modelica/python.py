@@ -438,7 +438,10 @@ class Writer:
         source, tau = x.arguments
         assert x.at is not None
         if not self.flat.optimization or not isinstance(source, Symbol) or source.flat.kind != "input":
-            raise ModelicaError("delay() is taken of an input of an optimization alone: v = delay(u, 0.1)", x.at)
+            raise ModelicaError(
+                "delay() is taken of an input of an optimization alone, v = delay(u, 0.1); in a model, shift discrete "
+                f"values at each sample(0, T), or approximate it by a lag, {tau:g}*der(v) = x - v", x.at,
+            )  # fmt: skip
         held = source.flat.get("start")
         history = 0.0 if held is None else number_of(held, x.at, "what delay() begins with")
         key = (self.names[id(source.flat)], tau)

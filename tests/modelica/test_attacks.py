@@ -262,3 +262,25 @@ end P;
     )
     solution = gt.solve(gt.modelica.load(file)(), gt.Mesh(2))
     assert solution.objective == pytest.approx(1.0, rel=1e-6)  # x stays at its largest, 1
+
+
+HIDDEN = """model Inner parameter Real open = 1; protected parameter Real k = 2; end Inner;
+model M parameter Real open = 1; Inner a; Real y = open + a.open;
+protected
+  parameter Real k = 2; Inner b; end M;
+"""
+
+
+@pytest.mark.parametrize(("name", "line"), [("k", 4), ("a.k", 1), ("b.open", 4)])
+def test_parameters_from_outside_do_not_reach_what_is_protected(tmp_path: Path, name: str, line: int) -> None:
+    (tmp_path / "m.mo").write_text(HIDDEN)
+    with pytest.raises(gt.modelica.ModelicaError, match=r"parameters give a value from outside.*protected") as caught:
+        gt.modelica.load(f"{tmp_path / 'm.mo'}:M", parameters={name: 3.0})
+    assert caught.value.where is not None and caught.value.where.line == line
+
+
+def test_parameters_from_outside_reach_what_is_open(tmp_path: Path) -> None:
+    (tmp_path / "m.mo").write_text(HIDDEN)
+    model = gt.modelica.load(f"{tmp_path / 'm.mo'}:M", parameters={"open": 3.0, "a.open": 4.0})()
+    y, status = model.causal(targets=["y"])()
+    assert status.ok and float(y) == 7.0
