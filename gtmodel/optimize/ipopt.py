@@ -18,11 +18,14 @@ if TYPE_CHECKING:
 
 HESSIANS = {"exact": "exact", "lbfgs": "limited-memory"}
 STRATEGIES = ("adaptive", "monotone")  # IPOPT's mu_strategy; where one fails the other may need a tenth of iterations
-BARRIERS = ("auto", *STRATEGIES)
+BARRIERS = ("auto", *STRATEGIES, "low")
 FATROP = {True: "Solve_Succeeded", False: "fatrop did not converge"}
 # a warm start trusts its point: the barrier begins near where it ended. The best of some tried on four problems; a
 # larger change of parameters may take more iterations than a cold start
 WARM_PUSH, WARM_BARRIER = 1e-3, 1e-6
+# a guess near the optimum without multipliers, as that of a coarser mesh: pushed off its bounds no further than the
+# barrier asks for
+NEAR_PUSH = 1e-6
 # iterations without progress after which a first try makes room for the second; converging runs stay below a third
 LOST = 150
 # from so many unknowns on MUMPS takes the order QAMD, which knows the dense rows of free constants, and asks for twice
@@ -138,7 +141,7 @@ def _once(
     ipopt: dict[str, Any] = {
         "tol": options.tolerance,
         "max_iter": options.max_iterations - watch.done,
-        "mu_strategy": strategy,
+        "mu_strategy": "monotone" if strategy == "low" else strategy,
         "print_level": 0,
         "sb": "yes",
         "hessian_approximation": HESSIANS[options.hessian],
@@ -155,6 +158,8 @@ def _once(
         ipopt |= {"warm_start_init_point": "yes", "mu_init": WARM_BARRIER}
         ipopt |= {f"warm_start_{n}": WARM_PUSH for n in (
             "bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac", "mult_bound_push")}  # fmt: skip
+    elif strategy == "low":
+        ipopt |= {"mu_init": WARM_BARRIER, "bound_push": NEAR_PUSH, "bound_frac": NEAR_PUSH}
     settings = {
         "ipopt": ipopt,
         "print_time": False,
