@@ -39,10 +39,13 @@ class MotionSearch:
     """Attempts in turn, until one is solved and keeps its links off the edge of reach.
 
     First without that bound, which an optimum seldom feels; then with it, and with it and the other barrier strategy;
+    on a finer mesh before these with the barrier begun near its end;
     then from the bare line, since the forces of a profile may lie far outside the limits; then along a continuation
     from a heavier weight of the energy. An attempt that gets nowhere makes room for the next. All attempts, those from
     further starts and at the exported motion too, share `solver.max_iterations`, which `iterations` counts, and the
     time limit.
+
+    bounded: whether an attempt without the bound of the links failed, so that none is made again.
     """
 
     problem: MotionProblem
@@ -52,6 +55,7 @@ class MotionSearch:
     guard: MotionConstraints = NO_GUARD
     path: Path | None = None
     iterations: int = 0
+    bounded: bool = False
     started: int = field(default=0, init=False)
 
     @cached_property
@@ -70,14 +74,18 @@ class MotionSearch:
         """The optimum with the control that the problem asks for; where none is found, the best attempt."""
         problem, control = self.problem, self.problem.mesh.control
         tried: list[Solution] = []
-        ways = [(False, self.guess, "adaptive"), (True, self.guess, "adaptive"), (True, self.guess, "monotone"),
-                (True, self.bare, "adaptive")]  # fmt: skip
+        ways = [(True, self.guess, "adaptive"), (True, self.guess, "monotone"), (True, self.bare, "adaptive")]
         if problem.solver.barrier != "auto":
-            ways.pop(2)
+            ways.pop(1)
+        if isinstance(self.guess, Solution):  # of a coarser mesh
+            ways.insert(0, (self.bounded, self.guess, "low"))
+        elif not self.bounded:
+            ways.insert(0, (False, self.guess, "adaptive"))
         for guarded, guess, barrier in ways:
             tried.append(self._attempt(self.guarded if guarded else self.plain, control, guess, barrier))
             if self._done(tried[-1]):
                 return self._best(tried)
+            self.bounded = True
         start: Trajectory | Solution = self.bare
         for weight in CONTINUATION:
             energy = weight * (problem.cost.time or 1.0)
@@ -124,7 +132,9 @@ class MotionSearch:
                 break
             lower = search.problem.limits.force * (limit / peak) * (1 - TIGHTENED)
             problem = replace(self.problem, limits=replace(self.problem.limits, force=lower))
-            search = MotionSearch(problem, self.work, self.guess, self.bare, self.guard, self.path, self.iterations)
+            search = MotionSearch(
+                problem, self.work, self.guess, self.bare, self.guard, self.path, self.iterations, self.bounded
+            )
             solution = search.exportable(optimum)
             self.iterations = search.iterations
             run = resimulate(solution) if solution.status.converged else run
@@ -133,12 +143,14 @@ class MotionSearch:
     def exportable(self, optimum: Solution) -> Solution:
         """The optimum among forces that are constant on each element: the best of some attempts."""
         best: Solution | None = None
-        for guarded, guess in ((False, optimum), (True, optimum), (True, self.guess)):
-            solution = self._attempt(self.guarded if guarded else self.plain, "constant", guess)
+        ways = [(self.bounded, optimum, "low"), (True, optimum, "auto"), (True, self.guess, "auto")]
+        for guarded, guess, barrier in ways:
+            solution = self._attempt(self.guarded if guarded else self.plain, "constant", guess, barrier)
             if best is None or _better(solution, best):
                 best = solution
             if self._over(solution) or (self._done(solution) and _loss(solution, optimum) <= EXPORT_LOSS):
                 break
+            self.bounded = True
         assert best is not None
         return best
 
