@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal, cast
@@ -12,8 +13,10 @@ from .._lazy import hint
 from ..lang import Optimization
 from ..optimize import Mesh, Solution, SolverOptions, solve as collocate
 from ..optimize.judgement.resimulate import Resimulation, resimulate
+from ..optimize.starts import Starts
 from ..results import SolveStatus, Trajectory, Work
 from .constraints import NO_GUARD, MotionConstraints
+from .guesses import Start
 from .problem import MotionProblem
 from .task import motion
 
@@ -25,6 +28,7 @@ else:
 # iterations without progress after which an attempt has lost its way, and another one is the better bet: of 200 drawn
 # attempts that ended in an optimum one waited longer, those that ended in none mostly never came back
 PATIENCE = 60
+REPEATED = 4  # so many starts without a new optimum, of every kind at first, end the search for others
 RESERVE = 200  # iterations that further starts leave to the exported motion; it takes 10 to 70
 EXPORT_LOSS = 0.05  # a constant force per element costs less than this; more is a sign of another, worse optimum
 TIGHTENINGS = 3
@@ -57,6 +61,7 @@ class MotionSearch:
     iterations: int = 0
     bounded: bool = False
     started: int = field(default=0, init=False)
+    found: Starts = field(default_factory=Starts, init=False)
 
     @cached_property
     def plain(self) -> Optimization:
@@ -97,15 +102,20 @@ class MotionSearch:
                 start = step if step.status.converged else start
         return self._best([*tried, self._attempt(self.guarded, control, start)])
 
-    def from_starts(self, guesses: list[Trajectory]) -> list[Solution]:
-        """Optima from further starts, links kept off the edge of reach; those that end in none are left out, and those
-        for which there is no time or no iteration left."""
+    def from_starts(self, starts: Iterable[Start]) -> list[Solution]:
+        """Optima from further starts, links kept off the edge of reach, noted in `found`.
+
+        Starts that end in none are left out, and those for which there is no time or no iteration left, and all further
+        ones after `REPEATED` in a row that only repeat.
+        """
         solutions: list[Solution] = []
-        for guess in guesses:
-            if self.work.interrupted() or self.left <= RESERVE:
+        for start in starts:
+            if self.work.interrupted() or self.left <= RESERVE or self.found.repeated >= REPEATED:
                 break
-            solution = self._attempt(self.guarded, self.problem.mesh.control, guess, "adaptive", self.left - RESERVE)
+            control, most = self.problem.mesh.control, self.left - RESERVE
+            solution = self._attempt(self.guarded, control, start.guess, start.barrier, most)
             self.started += 1
+            self.found.add(solution.objective if solution.status.converged else None)
             if solution.status.converged:
                 solutions.append(solution)
         return solutions
