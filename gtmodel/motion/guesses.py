@@ -16,7 +16,7 @@ GUESS_TIME_S = 1.0
 
 
 @dataclass(frozen=True, eq=False)
-class Start:
+class FurtherStart:
     """A guess, and the barrier strategy that it is tried with where the problem leaves that open."""
 
     guess: Trajectory
@@ -64,16 +64,16 @@ def bent_guess(start: np.ndarray, goal: np.ndarray, rng: np.random.Generator, be
 
 def further_starts(
     start: np.ndarray, goal: np.ndarray, line: Trajectory, rng: np.random.Generator, bend: float
-) -> Iterator[Start]:
+) -> Iterator[FurtherStart]:
     """Starts without end: bent to a drawn side and to the other one; the line of the first start, for the other barrier
     strategy; the bare line; then bent by further draws, with one strategy and the other."""
-    straight = [Start(line, "monotone"), Start(bare_guess(start, goal))]
+    straight = [FurtherStart(line, "monotone"), FurtherStart(bare_guess(start, goal))]
     for barrier in cycle(("adaptive", "monotone")):
         bent = bent_guess(start, goal, rng, bend)
         _, s, _, _ = trapezoid()
         other = 2 * (start + s[:, None] * (goal - start)) - bent["robot.T"]
-        yield Start(bent, barrier)
-        yield Start(bent.with_values({"robot.T": other}, {"robot.T": "m"}), barrier)
+        yield FurtherStart(bent, barrier)
+        yield FurtherStart(bent.with_values({"robot.T": other}, {"robot.T": "m"}), barrier)
         yield from straight
         straight = []
 

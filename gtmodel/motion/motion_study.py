@@ -10,7 +10,7 @@ import numpy as np
 
 from ..lang import Model
 from ..optimize.judgement.overshoot import control_curves
-from ..optimize.starts import SAME_COST
+from ..optimize.judgement.reached_optima import SAME_COST
 from ..results import SolveStatus, Trajectory, Work, at_most
 from ..results.check import failed_of
 from ..results.door import study_function
@@ -97,16 +97,17 @@ def solved(problem: MotionProblem, work: Work, earlier: Trajectory | None = None
     if not solution.status.converged:
         stopped = solution.status is SolveStatus.INTERRUPTED
         return _failed(search, MotionFailure(solution, solution.message + ("" if stopped else plan.likely_cause())))
-    found, starts = search.found, plan.further_starts()
-    found.add(solution.objective)
+    reached, starts = search.reached, plan.further_starts()
+    reached.add(solution.objective)
     best = min([solution, *search.from_starts(starts)], key=lambda s: s.objective)
     if best.objective < solution.objective * (1 - SAME_COST):
         solution = best
-    notes = [found.message(solution.objective)]
+    notes = [reached.message(solution.objective)]
     if search.started < len(starts) and not work.interrupted():
-        why = f"as {found.repeated} found nothing new" if found.repeated >= REPEATED else "for solver.max_iterations"
+        repeated = reached.repeated >= REPEATED
+        why = f"as {reached.repeated} found nothing new" if repeated else "for solver.max_iterations"
         notes.append(f"{len(starts) - search.started} of {len(starts)} further starts left out, {why}")
-    outcome = on_this_mesh(plan, search, solution, found.different)
+    outcome = on_this_mesh(plan, search, solution, reached.different)
     if isinstance(outcome, MotionFailure):
         return _failed(search, outcome)
     failed = failed_of(outcome.checks)

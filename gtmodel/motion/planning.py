@@ -16,7 +16,7 @@ from ..optimize.path import PathMotion
 from ..results import ArgumentError, Status, Trajectory, Work
 from ..robots.links import link_names, links_of
 from .constraints import Carrier, MotionConstraints, guard_of
-from .guesses import Start, bare_guess, further_starts, line_guess, progress_of, trapezoid
+from .guesses import FurtherStart, bare_guess, further_starts, line_guess, progress_of, trapezoid
 from .links import along_guideways, link_ends, motion_function
 from .path_parametrization import PathParametrization
 from .problem import MotionProblem
@@ -99,7 +99,7 @@ class MotionPlan:
             )
         return ""
 
-    def further_starts(self) -> list[Start]:
+    def further_starts(self) -> list[FurtherStart]:
         """So many as are asked for; none along a path."""
         starts = self.problem.starts
         rng = np.random.default_rng(starts.seed)

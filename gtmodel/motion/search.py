@@ -12,11 +12,11 @@ import numpy as np
 from .._lazy import hint
 from ..lang import Optimization
 from ..optimize import Mesh, Solution, SolverOptions, solve as collocate
+from ..optimize.judgement.reached_optima import ReachedOptima
 from ..optimize.judgement.resimulate import Resimulation, resimulate
-from ..optimize.starts import Starts
 from ..results import SolveStatus, Trajectory, Work
 from .constraints import NO_GUARD, MotionConstraints
-from .guesses import Start
+from .guesses import FurtherStart
 from .problem import MotionProblem
 from .task import motion
 
@@ -61,7 +61,7 @@ class MotionSearch:
     iterations: int = 0
     bounded: bool = False
     started: int = field(default=0, init=False)
-    found: Starts = field(default_factory=Starts, init=False)
+    reached: ReachedOptima = field(default_factory=ReachedOptima, init=False)
 
     @cached_property
     def plain(self) -> Optimization:
@@ -102,20 +102,20 @@ class MotionSearch:
                 start = step if step.status.converged else start
         return self._best([*tried, self._attempt(self.guarded, control, start)])
 
-    def from_starts(self, starts: Iterable[Start]) -> list[Solution]:
-        """Optima from further starts, links kept off the edge of reach, noted in `found`.
+    def from_starts(self, starts: Iterable[FurtherStart]) -> list[Solution]:
+        """Optima from further starts, links kept off the edge of reach, noted in `reached`.
 
         Starts that end in none are left out, and those for which there is no time or no iteration left, and all further
         ones after `REPEATED` in a row that only repeat.
         """
         solutions: list[Solution] = []
         for start in starts:
-            if self.work.interrupted() or self.left <= RESERVE or self.found.repeated >= REPEATED:
+            if self.work.interrupted() or self.left <= RESERVE or self.reached.repeated >= REPEATED:
                 break
             control, most = self.problem.mesh.control, self.left - RESERVE
             solution = self._attempt(self.guarded, control, start.guess, start.barrier, most)
             self.started += 1
-            self.found.add(solution.objective if solution.status.converged else None)
+            self.reached.add(solution.objective if solution.status.converged else None)
             if solution.status.converged:
                 solutions.append(solution)
         return solutions

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..results.status import SolveStatus
 from .casadi_warnings import without_warnings
-from .watch import FEASIBLE, NEARER, Iterate, IterationWatch, Multipliers, Program, Progress
+from .watch import FEASIBLE, NEARER, RUNAWAY, Iterate, IterationWatch, Multipliers, Program, Progress
 
 if TYPE_CHECKING:
     from .solve import SolverOptions
@@ -102,13 +102,16 @@ def run_ipopt(
     order = STRATEGIES[::-1] if warm is not None else STRATEGIES
     strategy = order[0] if options.barrier == "auto" else options.barrier
     patience = options.patience if options.patience is not None or options.barrier != "auto" else LOST
-    first = _once(program, x0, options, strategy, IterationWatch(program, progress, stop_at, patience), warm, scale)
+    # multipliers of an infeasible problem run away too, and a run that nobody hurries may prove that it is one
+    runaway = np.inf if options.patience is None else RUNAWAY
+    watch = IterationWatch(program, progress, stop_at, patience, runaway=runaway)
+    first = _once(program, x0, options, strategy, watch, warm, scale)
     left = options.max_iterations - first.iterations
     # at iteration 0 it is the start that is no number, for both alike; fatrop has no such strategies
     again = options.barrier == "auto" and first.barrier and first.status in TRIED_AGAIN
     if not again or first.iterations == 0 or left <= 0:
         return first
-    watch = IterationWatch(program, progress, stop_at, options.patience, first.iterations)
+    watch = IterationWatch(program, progress, stop_at, options.patience, first.iterations, runaway)
     second = _once(program, x0, options, order[1], watch, None, scale)
     return _either(program, first, second)
 

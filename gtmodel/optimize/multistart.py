@@ -10,10 +10,10 @@ import numpy as np
 
 from ..results.agreement import Within, agree
 from ..results.trajectory import Trajectory
+from .judgement.reached_optima import SAME_COST, local_optimum
 from .nlp import Nlp
 from .solution import Solution
 from .solve import NotSolved, SolverOptions, solve_nlp
-from .starts import SAME_COST, local_optimum
 from .transcription import Transcription
 
 WAVES = 3  # a perturbation is a sum of so many half waves over the horizon: smooth, as motions are

@@ -23,13 +23,13 @@ from .ipopt import SolverRun, run_ipopt
 from .judgement.diagnosis import failure, named_row, solved_word, violated, worst_of
 from .judgement.discretisation import judged
 from .judgement.places import Remark
+from .judgement.reached_optima import ReachedOptima
 from .linking import Joined, Link, join
 from .mesh import Mesh, given_mesh
 from .nlp import Nlp, make_nlp
 from .objective_scaling import objective_scale
 from .solution import Solution, read_solution
 from .solve import NotSolved, SolverOptions
-from .starts import Starts
 from .watch import Multipliers, Progress
 
 
@@ -203,7 +203,7 @@ def _best_of(
     """The best of what several guesses lead to, within one limit of iterations and time."""
     stop_at = None if options.max_seconds is None else time.monotonic() + options.max_seconds
     solutions: list[PhasesSolution] = []
-    starts = Starts()
+    reached = ReachedOptima()
     for guess in guesses:
         if solutions:
             left = None if stop_at is None else max(0.0, stop_at - time.monotonic())
@@ -213,14 +213,14 @@ def _best_of(
                 break
         x0 = np.concatenate([initial_guess(nlp, guess.get(name)) for name, nlp in joined.nlps.items()])
         scale = objective_scale(joined, x0, [m for n in joined.nlps.values() for m in n.problem.misfits])
-        found = _read(model, joined, run_ipopt(joined, x0, options, progress, scale=scale), options, scale)
-        solutions.append(found)
-        starts.add(found.objective if found.status.ok else None)
+        solution = _read(model, joined, run_ipopt(joined, x0, options, progress, scale=scale), options, scale)
+        solutions.append(solution)
+        reached.add(solution.objective if solution.status.ok else None)
     best = max(solutions, key=lambda s: (s.status.ok, s.status.converged, -s.objective if s.status.ok else 0.0))
     iterations = sum(s.iterations for s in solutions)
     seconds = {name: sum(s.seconds[name] for s in solutions) for name in best.seconds}
     best = replace(best, iterations=iterations, seconds=seconds)
-    if not best.status.ok or not (said := starts.message(best.objective)):
+    if not best.status.ok or not (said := reached.message(best.objective)):
         return best
     message = f"{best.message}; {said}"
     return replace(best, message=message, phases={n: replace(s, message=message) for n, s in best.phases.items()})

@@ -12,7 +12,7 @@ import pytest
 from scipy.stats import binom
 
 from gtmodel.motion import Starts
-from gtmodel.motion.guesses import Start, bent_guess, further_starts
+from gtmodel.motion.guesses import FurtherStart, bent_guess, further_starts
 from gtmodel.motion.motion_study import solved
 from gtmodel.motion.planning import plan_of
 from gtmodel.motion.search import PATIENCE, REPEATED, RESERVE
@@ -36,7 +36,7 @@ def searched(changes: dict[str, Any], starts: int, seed: int) -> tuple[bool, flo
     search = plan.search(Work())
     solution = search.optimum()
     rng = np.random.default_rng(seed)
-    others = search.from_starts([Start(bent_guess(plan.start, plan.goal, rng, BEND_M)) for _ in range(starts)])
+    others = search.from_starts([FurtherStart(bent_guess(plan.start, plan.goal, rng, BEND_M)) for _ in range(starts)])
     gap = solution.objective / min(s.objective for s in [solution, *others]) - 1
     told = f"{solution.status.value} {solution.objective:.6f} {search.iterations} {gap:.1e} {solution.message}"
     return solution.status.converged and on_the_branch(plan, solution), gap, told
@@ -106,7 +106,7 @@ def test_an_attempt_may_take_as_long_as_it_gets_anywhere(monkeypatch):
 
     monkeypatch.setattr("gtmodel.motion.search.collocate", collocated)
     with pytest.raises(Handed):
-        search.from_starts([Start(bent_guess(plan.start, plan.goal, np.random.default_rng(0), BEND_M))])
+        search.from_starts([FurtherStart(bent_guess(plan.start, plan.goal, np.random.default_rng(0), BEND_M))])
     (solver,) = given
     assert solver.max_iterations == plan.problem.solver.max_iterations - RESERVE
     slow, lost = Patience(), Patience()
@@ -129,8 +129,8 @@ def test_two_hundred_studies():
     assert max(seconds) <= MOST_MEDIANS * float(np.median(seconds)), (int(np.argmax(seconds)), max(seconds))
 
 
-# iterations seen: 278 of the first, whose exported motion was sought beyond the edge of reach first, where a step cost as
-# much as thirty (555); 191 of the second, whose finer mesh began with the barrier far from its end (517)
+# iterations seen: 278 of the first, whose exported motion was sought beyond the edge of reach first, where a step cost
+# as much as thirty (555); 191 of the second, whose finer mesh began with the barrier far from its end (517)
 @pytest.mark.parametrize(("n", "most"), [(74, 400), (3, 400)])
 def test_attempts_that_lead_nowhere_are_not_made_again(n, most):
     study = solved(asked(**draws(n + 1, suite()["study_seed"])[n]), Work())
@@ -183,5 +183,5 @@ def test_starts_that_lead_nowhere_are_given_up():
     plan = plan_of(asked(**draws(16)[15]))
     search = plan.search(Work())
     rng = np.random.default_rng(15)
-    assert search.from_starts([Start(bent_guess(plan.start, plan.goal, rng, BEND_M))]) == []
+    assert search.from_starts([FurtherStart(bent_guess(plan.start, plan.goal, rng, BEND_M))]) == []
     assert search.started == 1 and search.iterations <= 2 * PATIENCE

@@ -56,13 +56,13 @@ def simulated_pieces(
     last = times[len(wanted) - 1]
     stop = times[len(wanted)] if len(times) > len(wanted) else float(whole.time[-1])
     ends = _zeros(flat, _part(whole, (whole.time > last) & (whole.time <= stop)), conditions)
-    found = []
+    made = []
     for one in [end if last < end < stop else stop, *(ends if len(ends) > 1 else [])]:
         edges = [-np.inf, *times[: len(wanted)], one]
         rows = [(whole.time > a) & (whole.time <= b) for a, b in pairwise(edges)]
         if all(np.count_nonzero(r) > 1 for r in rows):
-            found.append({name: _part(whole, r) for name, r in zip(names, rows, strict=False)})
-    return found
+            made.append({name: _part(whole, r) for name, r in zip(names, rows, strict=False)})
+    return made
 
 
 def _zeros(flat: FlatModel, run: Trajectory, conditions: Sequence[ca.SX]) -> list[float]:

@@ -18,15 +18,15 @@ def local_optimum(here: int, starts: int) -> str:
 
 
 @dataclass
-class Starts:
+class ReachedOptima:
     """Costs of the optima that starts ended in, one after the other, None for a start that ended in none.
 
     repeated: how many of the last ones brought no optimum that was not known.
 
-    >>> starts = Starts()
+    >>> reached = ReachedOptima()
     >>> for cost in (2.0, None, 1.0, 2.0, 2.0):
-    ...     starts.add(cost)
-    >>> starts.different, starts.repeated, starts.message(2.0)
+    ...     reached.add(cost)
+    >>> reached.different, reached.repeated, reached.message(2.0)
     ([1.0, 2.0], 2, 'local optimum; 3 of 5 starts ended here')
     """
 
@@ -45,11 +45,11 @@ class Starts:
     @property
     def different(self) -> list[float]:
         """Costs of the different optima, best first."""
-        found: list[float] = []
+        optima: list[float] = []
         for cost in sorted(c for c in self.costs if c is not None):
-            if not found or cost - found[-1] > SAME_COST * max(abs(cost), abs(found[-1])):
-                found.append(cost)
-        return found
+            if not optima or cost - optima[-1] > SAME_COST * max(abs(cost), abs(optima[-1])):
+                optima.append(cost)
+        return optima
 
     def message(self, cost: float) -> str:
         """Of the optimum with this cost; empty after a single start."""
