@@ -130,12 +130,12 @@ def multi_start(
         raise NotSolved(failures[0])
     distinct.sort(key=lambda pair: pair[0].objective)
     best = distinct[0][0]
-    optima = tuple(Optimum(_told(s, times, count), times, distance(s, best)) for s, times in distinct)
+    optima = tuple(Optimum(_with_count(s, times, count), times, distance(s, best)) for s, times in distinct)
     return MultiStart(optima, tuple(s.message for s in failures), seed)
 
 
-def _told(solution: Solution, here: int, starts: int) -> Solution:
-    """With what several starts tell of it in its message."""
+def _with_count(solution: Solution, here: int, starts: int) -> Solution:
+    """Its message says how many of the starts ended there."""
     said = f"{solution.message}; {local_optimum(here, starts)}"
     return replace(solution, message=said) if starts > 1 else solution
 
