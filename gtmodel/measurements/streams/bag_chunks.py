@@ -64,7 +64,7 @@ def _parts(file: Path) -> Iterator[tuple[str, bytes]]:
 def _of_ros1(file: BinaryIO, end: int) -> Iterator[tuple[str, bytes]]:
     """The chunks of a bag of ROS 1: records of a header and data, each behind its length."""
     while (head := _sized(file, "<I", end)) is not None:
-        fields = dict(field.partition(b"=")[::2] for field in _fields(head))
+        fields = {name: value for name, _, value in (field.partition(b"=") for field in _fields(head))}
         if fields.get(b"op") == _CHUNK_1:
             data = _sized(file, "<I", end)
             if data is None:
