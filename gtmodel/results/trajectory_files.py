@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from .nesting import json_of
+from .swollen import swollen
 from .trajectory_checks import json_text
 from .trajectory_errors import COLUMN, TrajectoryError, columns
 from .whole_file import PathLike, write_whole
@@ -57,14 +59,17 @@ def read_npz(cls: type[Trajectory], path: PathLike) -> Trajectory:
     """Read what `write_npz` wrote; see `Trajectory.from_npz`."""
     try:
         with np.load(path, allow_pickle=False) as data:
-            header = json.loads(str(data["header"]))
+            said = swollen(os.fspath(path), sum(entry.file_size for entry in data.zip.infolist()))
+            if said:
+                raise TrajectoryError(f"it {said}")
+            header = json_of(str(data["header"]))
             signals = dict(header["signals"])
             return cls(
                 data["time"],
                 {name: data[f"value_{i}"] for i, name in enumerate(signals)},
                 signals,
                 title=header["title"],
-                provenance=json.loads(header["provenance"]),
+                provenance=json_of(header["provenance"]),
                 synthetic=header["synthetic"],
             )
     except FileNotFoundError:
