@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import scipy
 
-
 ON_A_POLE = 4 * np.finfo(float).eps  # of z: an eigenvalue is known no closer, so that a pole is met or not by chance
 
 
