@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from .whole_file import PathLike
+
 GROWTH, SMALL = 200.0, 1 << 28  # how many times larger than the file numbers may be; bytes that always may
 
 
-def swollen(path: str | Path, size: float, most_growth: float = GROWTH) -> str:
+def swollen(path: PathLike, size: float, most_growth: float = GROWTH) -> str:
     """What is said of data of so many bytes in this file, "" where it may hold them."""
     own = Path(path).stat().st_size
     if size <= max(SMALL, most_growth * own):

@@ -59,7 +59,7 @@ def read_npz(cls: type[Trajectory], path: PathLike) -> Trajectory:
     """Read what `write_npz` wrote; see `Trajectory.from_npz`."""
     try:
         with np.load(path, allow_pickle=False) as data:
-            said = swollen(os.fspath(path), sum(entry.file_size for entry in data.zip.infolist()))
+            said = swollen(path, sum(entry.file_size for entry in data.zip.infolist()))
             if said:
                 raise TrajectoryError(f"it {said}")
             header = json_of(str(data["header"]))
