@@ -227,7 +227,7 @@ def test_pictures_are_drawn() -> None:
 def test_a_stopped_study_has_the_gain_of_the_axes_that_it_judged() -> None:
     asks = iter(range(3))  # both limits, and the worst case of x
     s = gt.control.delayed_feedback(
-        {"x": X, "y": Y}, box=D.FeedbackBox(draws=1), path=None, stop=lambda: next(asks, None) is None
+        {"x": X, "y": Y}, box=D.FeedbackBox(draws=20), path=None, stop=lambda: next(asks, None) is None
     )
     assert s.status is gt.SolveStatus.INTERRUPTED
     assert s.limit == pytest.approx({"x": X.limit, "y": Y.limit}, rel=1e-9)  # as they are declared
