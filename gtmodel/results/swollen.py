@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 GROWTH, SMALL = 200.0, 1 << 28  # how many times larger than the file numbers may be; bytes that always may
 
 
-def swollen(path: str | Path, size: float, most_growth: float = GROWTH) -> str:
+def swollen(path: str | os.PathLike[str], size: float, most_growth: float = GROWTH) -> str:
     """What is said of data of so many bytes in this file, "" where it may hold them."""
     own = Path(path).stat().st_size
     if size <= max(SMALL, most_growth * own):
