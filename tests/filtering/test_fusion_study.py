@@ -223,7 +223,7 @@ def test_a_stopped_study_has_the_numbers_of_the_rows_it_got_to(asked: int) -> No
         error[settled & ~bend].mean(), rel=1e-12
     )  # the same sum, in another order
     assert len(motion) == 1501 or "numbers are of these alone" in s.notes[-1]
-    assert all(s.figure(name) for name in s.figures)
+    assert all(s.figure(name) for name in s.figures) and "fused" in str(s)
 
 
 def test_a_study_that_is_ended_while_it_smooths_has_its_filters_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -235,4 +235,5 @@ def test_a_study_that_is_ended_while_it_smooths_has_its_filters_numbers(monkeypa
     monkeypatch.setattr("gtmodel.filtering.fusion.study.smooth", late)
     s = F.fusion_study(path, filter=F.FusionFilter(smooth=True), seed=2)
     assert s.status is gt.SolveStatus.INTERRUPTED
+    assert "fused" in str(s)
     assert (s.velocity_fused, s.below_tracker) == (whole.velocity_fused, whole.below_tracker)
