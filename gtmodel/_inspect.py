@@ -31,7 +31,7 @@ def run(file: str, asked: dict[str, Any], job: Context, *, out: Path | None = No
     try:
         form = LogForm(**asked)
     except ArgumentError as error:
-        raise InputError(f"--{error.argument} {error.message}") from error
+        raise InputError(f"--{error.argument.replace('_', '-')} {error.message}") from error
     if out is None:
         return _inspected(path, form, job)
     with output.held(out, job) as mine:
@@ -49,7 +49,8 @@ def run(file: str, asked: dict[str, Any], job: Context, *, out: Path | None = No
 
 def _inspected(path: Path, form: LogForm, job: Context) -> Finished:
     try:
-        outcome = inspect(path, form, **job.work())
+        with job.under_way():
+            outcome = inspect(path, form, **job.work())
     except ArgumentError as error:
         # the command names the file itself
         said = error.message.removeprefix(shown(path))

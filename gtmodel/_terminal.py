@@ -25,6 +25,21 @@ GRACE_S, EVERY_S = 1.4, 0.2
 SECOND, AGAIN = 2, 20  # which of the alarms ends it
 
 
+def opened() -> None:
+    """A standard stream that is closed (`>&-`) leads nowhere from here on: else the next file that is opened would take
+    its number, and what a solver prints would stand in a result."""
+    for number, name, mode in ((0, "stdin", "r"), (1, "stdout", "w"), (2, "stderr", "w")):
+        try:
+            os.fstat(number)
+        except OSError:
+            free = os.open(os.devnull, os.O_RDWR)
+            if free != number:
+                os.dup2(free, number)
+                os.close(free)
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(number, mode, encoding="utf-8", closefd=False))  # noqa: SIM115
+
+
 def printable() -> None:
     """From here on what the terminal's encoding lacks is spelled with what it has: a result is never lost to a sign."""
     codecs.register_error("spelled", _spelled)

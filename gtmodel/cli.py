@@ -236,6 +236,9 @@ def inspect(
     samples: Annotated[
         str | None, typer.Option(metavar="NAME", help="rows or columns: where the samples of a matrix are.")
     ] = None,
+    most_growth: Annotated[
+        float | None, typer.Option(metavar="TIMES", help="How many times its size may be read of the file; 200.")
+    ] = None,
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Write the result into this folder.", callback=_folder)
     ] = None,
@@ -250,7 +253,7 @@ def inspect(
 
     given = {
         "delimiter": delimiter, "decimal": decimal, "header": header, "encoding": encoding, "stream": stream,
-        "samples": samples,
+        "samples": samples, "most_growth": most_growth,
     }  # fmt: skip
     with answering(context, as_json, file) as answer:
         answer.kind, answer.title = _inspect.KIND, Path(file).name
@@ -385,6 +388,7 @@ def _load(problem: str, settings: Sequence[str] | None, answer: Answer) -> Any:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code."""
     words = list(sys.argv[1:] if arguments is None else arguments)
+    terminal.opened()
     terminal.printable()
     try:
         terminal.interruptible()

@@ -2,7 +2,7 @@
 
 `pytest --shake SEED` moves every number that numpy.linalg and scipy.linalg give by one unit in the last place up or
 down, or leaves it, by a hash of seed and number: the same call gives the same result, as on one machine. Subprocesses
-inherit the seed as GTMODEL_SHAKE, but shake only if they are pytest themselves.
+inherit the seed as GTMODEL_SHAKE, but shake only if they are pytest themselves or call `shake_as_inherited`.
 """
 
 from __future__ import annotations
@@ -64,6 +64,12 @@ def shake(seed: int) -> None:
     for module, names in SHAKEN.items():
         for name in names:
             setattr(module, name, shaking(getattr(module, name)))
+
+
+def shake_as_inherited() -> None:
+    """In a subprocess whose numbers are compared with those of the tests: shake by the seed of these, if they shake."""
+    if VARIABLE in os.environ:
+        shake(int(os.environ[VARIABLE]))
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

@@ -64,6 +64,27 @@ def test_a_full_disk_behind_stdout_is_a_sentence(words: tuple[str, ...], tmp_pat
     assert "printed" in done.stderr.splitlines()[-1]
 
 
+@pytest.mark.skipif(os.name == "nt", reason="no closed streams by a shell there")
+@pytest.mark.parametrize("closed", [">&-", "<&- >&- 2>&-"])
+def test_closed_streams_cost_no_result(closed: str, tmp_path: Path) -> None:
+    """What a solver prints by its own means must not land in a file that has got the number of a closed stream."""
+    (tmp_path / "pendulum.py").write_text(PENDULUM)
+    (tmp_path / "swing.toml").write_text(f"{SWING}tau = 0.0\n")
+    words = f"'{sys.executable}' -m gtmodel solve swing.toml --out out {closed}"
+    done = subprocess.run(words, shell=True, cwd=tmp_path, env=environment(), stderr=subprocess.PIPE, timeout=120)
+    assert done.returncode == 0 and b"Traceback" not in done.stderr
+    assert json.loads((tmp_path / "out" / "result.json").read_text())["kind"] == "simulation"
+
+
+@pytest.mark.skipif(os.name == "nt", reason="links need a right of their own there")
+def test_a_link_to_no_folder_is_named(gtmodel: Commands) -> None:
+    Path("pendulum.py").write_text(PENDULUM)
+    Path("swing.toml").write_text(f"{SWING}tau = 0.0\n")
+    Path("out").symlink_to("nowhere")
+    done = gtmodel("solve", "swing.toml", "--out", "out")
+    assert done.code == 2 and "is a link to nowhere" in done.sentence and not Path("nowhere").exists()
+
+
 @pytest.mark.skipif(os.name == "nt", reason="SIGINT cannot be sent to one process there")
 @pytest.mark.parametrize("after_s", [0.4, 0.8])
 def test_ctrl_c_during_the_imports_shows_no_traceback(after_s: float, tmp_path: Path) -> None:

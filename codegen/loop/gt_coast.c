@@ -47,7 +47,10 @@ void gt_coast(gt_loop *loop, const double *speed, double share)
         const double now = speed[n] * share;
         const double wanted = from + (now * seconds);
         const double near = gt_clamped(wanted, loop->sent_m[n] - limits->step_m, loop->sent_m[n] + limits->step_m);
-        const double to = gt_clamped(near, limits->lowest_m[n], limits->highest_m[n]);
+        /* a robot may stand outside of the limits: from there it goes no further out, and never jumps to them */
+        const double lowest = (from < limits->lowest_m[n]) ? from : limits->lowest_m[n];
+        const double highest = (from > limits->highest_m[n]) ? from : limits->highest_m[n];
+        const double to = gt_clamped(near, lowest, highest);
 
         loop->command.position_m[n] = to;
         loop->command.speed_m_s[n] = (fabs(to - wanted) > 0.0) ? ((to - from) / seconds) : now;

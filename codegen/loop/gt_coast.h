@@ -12,7 +12,7 @@ extern "C" {
 void gt_coast_follow(gt_loop *loop, const gt_command *command);
 
 /* The carts go on for a cycle at these speeds times `share`, within the limits, and no further than a step from what
- * was answered last: without answers a robot stands. */
+ * was answered last: without answers a robot stands. From outside of the limits they go no further out. */
 void gt_coast(gt_loop *loop, const double *speed, double share);
 
 /* The ramp to zero starts at the speed at which the carts go on. */

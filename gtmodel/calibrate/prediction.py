@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..measurements.inspection.outliers import outliers as outlying
+from ..inference.make_estimate import RANK
+from ..measurements.inspection.outliers import Outliers, outliers as outlying
 from ..measurements.inspection.suspicion import RUN_LEVEL
 
 TESTS = 5  # of a run: held-out poses, size of the noise, colour, recordings against each other, outliers
@@ -64,7 +65,8 @@ class Prediction:
 
 @dataclass(frozen=True)
 class Outlier:
-    """A residual far beyond the others of its link: pose and link (from 0), residual [m], in its own deviations."""
+    """A residual far beyond the others of its link, or the largest of a pose that is far off as a whole: pose and link
+    (from 0), residual [m], in its own deviations."""
 
     pose: int
     link: int
@@ -72,16 +74,38 @@ class Outlier:
     times: float
 
 
-def outliers(residuals: np.ndarray, basis: np.ndarray | None = None) -> list[Outlier]:
+def outliers(
+    residuals: np.ndarray, basis: np.ndarray | None = None, noise: tuple[np.ndarray, np.ndarray] | None = None
+) -> list[Outlier]:
     """Of residuals (N, m) per pose and link, the farthest first: those that normal ones of so many hardly show, each
     against its own deviation, see gtmodel.measurements.inspection.outliers. Links have a noise each.
 
-    basis: (N, m, p), orthonormal columns of the residuals' Jacobian. Residuals that are not finite are none.
+    basis: (N, m, p), orthonormal columns of the residuals' Jacobian. noise: that Jacobian (N, m, n), without columns
+    where outliers do not bend the fit, and the covariance (N, m, m) of a pose's lengths but for a factor. By it the
+    lengths of a pose are judged together too: an error of its position is in all of them. Residuals that are not finite
+    are none.
     """
     N, m = residuals.shape
+    level = RUN_LEVEL / TESTS / (1 if noise is None else 2)
     judged = outlying(residuals.reshape(-1), None if basis is None else basis.reshape(N * m, -1), np.tile(range(m), N))
-    listed = [
-        Outlier(k // m, k % m, float(residuals[k // m, k % m]), float(judged.times[k]))
-        for k in judged.beyond(RUN_LEVEL / TESTS).tolist()
-    ]
+    found = {divmod(k, m): float(judged.times[k]) for k in judged.beyond(level).tolist()}
+    if noise is not None:
+        together = _of_poses(residuals, *noise)
+        named = {pose for pose, _ in found}
+        for pose in together.beyond(level).tolist():
+            if pose not in named:
+                found[pose, int(np.argmax(np.abs(residuals[pose])))] = float(together.times[pose])
+    listed = [Outlier(*at, float(residuals[at]), times) for at, times in found.items()]
     return sorted(listed, key=lambda o: (-o.times, o.pose, o.link))
+
+
+def _of_poses(residuals: np.ndarray, jacobian: np.ndarray, covariance: np.ndarray) -> Outliers:
+    """Each pose by all its lengths, in units of their noise, at the unknowns that are best by these units: one step."""
+    root = np.linalg.cholesky(covariance)
+    N, m = residuals.shape
+    rows = np.linalg.solve(root, jacobian).reshape(N * m, -1)
+    size = np.linalg.norm(rows, axis=0)
+    U, s, _ = np.linalg.svd(rows / np.where(size > 0, size, 1.0), full_matrices=False)
+    U = U[:, s > RANK * s.max(initial=0.0)]
+    e = np.linalg.solve(root, residuals[:, :, None]).reshape(-1)
+    return outlying((e - U @ (U.T @ e)).reshape(N, m), U.reshape(N, m, -1))

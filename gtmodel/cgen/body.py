@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import re
-import tempfile
 from collections.abc import Collection, Sequence
 from pathlib import Path
 
 import casadi as ca
 
 from ..compiler.causal import CausalFunction
+from ..results.scratch import scratch
 from .interface import Interface, macro
 from .loops import SOLVER, loop_text
 from .text import GenerationError, comment
@@ -82,7 +82,7 @@ def body(name: str, faces: list[Interface], kernels: Sequence[ca.Function] = ())
             generator.add(function)
     for kernel in kernels:
         generator.add(kernel)
-    with tempfile.TemporaryDirectory() as folder:
+    with scratch() as folder:
         source = Path(generator.generate(f"{folder}/"))
         text, declarations = source.read_text(), source.with_suffix(".h").read_text()
         # CasADi does not tell of a disk that is full

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import nullcontext
 from functools import partial
@@ -14,6 +13,7 @@ from ..results import Check, SolveStatus, Work
 from ..results.door import study_function
 from ..results.folder import Held, others
 from ..results.marks import marked
+from ..results.scratch import scratch
 from ..results.work import Progress, never, silent
 from . import measurement
 from .code_result import COSTS, CodeStudy, Verification
@@ -92,9 +92,9 @@ def study(
         if check is None:
             outcome = CodeStudy(status=SolveStatus.SOLVED, title=title, real=real)
         else:
-            with tempfile.TemporaryDirectory(prefix=_PREFIX) as place:
-                scratch = Path(place) / "code"
-                outcome, cost = _compared(make(scratch), scratch, functions, check, work)
+            with scratch(_PREFIX) as place:
+                code = place / "code"
+                outcome, cost = _compared(make(code), code, functions, check, work)
             outcome = outcome.with_(folder=str(mine.path))
         outcome = outcome.judged(checks)
         if not outcome.status.ok and not write_failed:

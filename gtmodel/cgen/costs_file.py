@@ -8,6 +8,7 @@ from typing import Any
 
 from ..compiler.toolchain import STANDARD
 from ..results.folder import FolderError, Held, holding
+from ..results.nesting import json_of
 from .code_result import COSTS
 from .manifest import read
 from .measurement import Costs
@@ -57,6 +58,6 @@ def write_costs(out: Path | Held, costs: Costs) -> Path:
 def ours(path: Path) -> bool:
     """True for costs that gtmodel wrote; another file of that name is somebody's."""
     try:
-        return json.loads(path.read_text(encoding="utf-8")).get("format") == _FORMAT
+        return json_of(path.read_text(encoding="utf-8")).get("format") == _FORMAT
     except (OSError, ValueError, AttributeError):
         return False

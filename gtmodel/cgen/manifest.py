@@ -12,6 +12,7 @@ import casadi as ca
 
 from .._version import __version__
 from ..results.folder import unfinished
+from ..results.nesting import json_of
 from ..results.status import Status
 from .body import casadi_functions
 from .interface import Interface, Member
@@ -165,7 +166,7 @@ def read(folder: Path) -> dict[str, Any] | None:
 def _content(folder: Path) -> dict[str, Any] | None:
     """What the file of that name holds; None where it is no dictionary in JSON."""
     try:
-        content = json.loads((folder / FILE).read_text(encoding="utf-8"))
+        content = json_of((folder / FILE).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return None
     return content if isinstance(content, dict) else None

@@ -67,10 +67,18 @@ class Stages:
 
 
 def stages(f: CausalFunction, symbol: str, real: Real = DOUBLE) -> Stages:
-    """Cut `f` for the C name `symbol`; limits are those of `real`.
+    """Cut `f` for the C name `symbol`; limits are those of `real`. The function keeps the answer: generating its C,
+    checking and measuring it each ask for it.
 
     What a block needs of the inputs is computed once before its steps, and a margin as soon as it can be.
     """
+    kept: dict[tuple[str, Real], Stages] = f.__dict__.setdefault("_stages", {})
+    if (symbol, real) not in kept:
+        kept[symbol, real] = _stages(f, symbol, real)
+    return kept[symbol, real]
+
+
+def _stages(f: CausalFunction, symbol: str, real: Real) -> Stages:
     plan, flat = f.plan, f.flat
     args = [ca.vertcat(*[flat.scope.symbol(*p) for p in s.pairs]) for s in f.inputs]
     args += [flat.scope.time] if plan.uses_time else []

@@ -5,13 +5,13 @@ from __future__ import annotations
 import re
 import shutil
 import subprocess
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from ..compiler.causal import CausalFunction
 from ..compiler.toolchain import SECONDS
+from ..results.scratch import scratch
 from .interface import Interface, interfaces
 from .manifest import read
 from .text import GenerationError, decimal
@@ -82,10 +82,10 @@ def prove(
     unproved: list[Box] = []
     texts: dict[str, None] = {}
     outputs: list[tuple[float, float]] = []
-    with tempfile.TemporaryDirectory() as place:
+    with scratch() as place:
         while waiting:
             cell, left = waiting.pop()
-            count, alarms, ranges = _run(face, content["name"], folder, cell, Path(place))
+            count, alarms, ranges = _run(face, content["name"], folder, cell, place)
             runs += 1
             if count == 0:
                 cells.append(cell)

@@ -17,6 +17,10 @@ PARAMETER_COST = 50
 DIGIT_COST = 10
 
 POSITIVE, NEGATIVE, NONZERO, UNKNOWN = "+", "-", "n", "?"
+# operations whose sign follows from those of what they act on
+_SIGNED = frozenset(
+    [ca.OP_MUL, ca.OP_DIV, ca.OP_ADD, ca.OP_SUB, ca.OP_NEG, ca.OP_SQ, ca.OP_SQRT, ca.OP_INV, ca.OP_TWICE]
+)
 
 
 def median(values: np.ndarray) -> np.ndarray:
@@ -43,8 +47,6 @@ class SignAnalysis:
         """ "constant" or "parameter" if the scalar may be divided by, else None."""
         if e.is_constant():
             return "constant" if float(e) != 0.0 else None
-        if any(s.element_hash() not in self._symbols for s in ca.symvar(e)):
-            return None
         return "parameter" if self.sign(e) != UNKNOWN else None
 
     def sizes(self, expressions: Sequence[ca.SX]) -> list[float]:
@@ -61,25 +63,24 @@ class SignAnalysis:
         return sizes
 
     def sign(self, e: ca.SX) -> str:
+        """Sign of a scalar; unknown as soon as a symbol of unknown sign stands in it, such as a variable."""
         if e.is_constant():
             value = float(e)
             return POSITIVE if value > 0 else NEGATIVE if value < 0 else UNKNOWN
         if e.is_symbolic():
             return self._symbols.get(e.element_hash(), UNKNOWN)
         op = e.op()
+        if op not in _SIGNED or (first := self.sign(e.dep(0))) == UNKNOWN:
+            return UNKNOWN
         if op in (ca.OP_MUL, ca.OP_DIV):
-            return _product(self.sign(e.dep(0)), self.sign(e.dep(1)))
+            return _product(first, self.sign(e.dep(1)))
         if op == ca.OP_ADD:
-            return _sum(self.sign(e.dep(0)), self.sign(e.dep(1)))
+            return _sum(first, self.sign(e.dep(1)))
         if op == ca.OP_SUB:
-            return _sum(self.sign(e.dep(0)), _product(NEGATIVE, self.sign(e.dep(1))))
+            return _sum(first, _product(NEGATIVE, self.sign(e.dep(1))))
         if op == ca.OP_NEG:
-            return _product(NEGATIVE, self.sign(e.dep(0)))
-        if op == ca.OP_SQ:
-            return UNKNOWN if self.sign(e.dep(0)) == UNKNOWN else POSITIVE
-        if op in (ca.OP_SQRT, ca.OP_INV, ca.OP_TWICE):
-            return self.sign(e.dep(0))
-        return UNKNOWN
+            return _product(NEGATIVE, first)
+        return POSITIVE if op == ca.OP_SQ else first
 
 
 def pivot_cost(kind: str, fill: int, size: float, largest: float) -> float:

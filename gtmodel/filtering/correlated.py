@@ -55,7 +55,7 @@ def mixing(R: np.ndarray) -> np.ndarray:
         root = np.linalg.cholesky(unit)
     except np.linalg.LinAlgError:
         values, vectors = np.linalg.eigh(unit)
-        root = vectors * np.sqrt(np.maximum(values, 0.0))
+        root = (vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T  # whatever signs the vectors have
     return safe[:, None] * root / safe
 
 

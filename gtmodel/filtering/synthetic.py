@@ -120,11 +120,14 @@ def draw(
 
 
 def root_of(Q: np.ndarray) -> np.ndarray:
-    """A root L of covariances (m, n, n), L L' = Q, also where they are singular or of entries that differ by 1e18."""
+    """A root L of covariances (m, n, n), L L' = Q, also where they are singular or of entries that differ by 1e18.
+
+    Of the correlations, the symmetric root: signs and order of eigenvectors, which a processor chooses, do not matter.
+    """
     scale = np.sqrt(np.einsum("mii->mi", Q))
     safe = np.where(scale > 0, scale, 1.0)
     values, vectors = np.linalg.eigh(Q / safe[:, :, None] / safe[:, None, :])
-    return scale[:, :, None] * vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]
+    return scale[:, :, None] * ((vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]) @ vectors.swapaxes(1, 2))
 
 
 def _rows(time: np.ndarray, period: float | None, name: str) -> np.ndarray:

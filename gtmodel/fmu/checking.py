@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import io
-import tempfile
 import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -23,6 +22,7 @@ from ..cgen.steps.function import StepFunction
 from ..cgen.steps.records import dtype_of, record
 from ..compiler.causal import CausalFunction
 from ..results.check import Check, at_least, at_most
+from ..results.scratch import scratch
 from ..results.status import Status
 from .caller import UnitCaller
 from .export import Fmu
@@ -65,8 +65,8 @@ def check(unit: Fmu, *, points: int = POINTS, seed: int = 0) -> UnitReport:
     """
     key = f"{unit.table.name}_fmi{unit.version}"
     notes: list[str] = []
-    with tempfile.TemporaryDirectory(prefix="gtmodel-fmu-") as place:
-        caller = UnitCaller(unit, Path(place))
+    with scratch("gtmodel-fmu-") as place:
+        caller = UnitCaller(unit, place)
         try:
             if isinstance(unit.function, StepFunction):
                 checks = _steps(unit, unit.function, caller, points, seed)

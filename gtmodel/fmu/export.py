@@ -18,6 +18,7 @@ from ..cgen.text import GenerationError
 from ..compiler.causal import CausalFunction, c_name, compile_causal
 from ..lang.model import Model
 from ..results.refusal import ArgumentError
+from ..results.whole_file import write_whole
 from .archive import archive, is_ours
 from .causal_content import causal_content
 from .content import FmuContent, model_files, without_parameters
@@ -144,7 +145,7 @@ def export(
     if place is not None:
         try:
             place.parent.mkdir(parents=True, exist_ok=True)
-            place.write_bytes(unit.data)
+            write_whole(place, unit.data, overwrite=True)
         except OSError as error:
             raise ArgumentError(f"'{place}' cannot be written: {error.strerror}", "path") from error
     return replace(unit, path=place)

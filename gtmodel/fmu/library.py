@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import platform
 import subprocess
-import tempfile
 from collections.abc import Mapping
-from pathlib import Path
 
 from ..cgen.text import GenerationError
 from ..compiler.toolchain import SECONDS, STANDARD, find
+from ..results.scratch import scratch
 
 # one folder, relative names, no time, no build number: the same bytes wherever it is made. Only what the standard
 # names is seen from outside, so that two units in one program share nothing. Nothing runs at loading: no start files.
@@ -48,8 +47,7 @@ def windows_library(compiler: str, files: Mapping[str, str]) -> bytes:
 
 
 def _compiled(compiler: str, files: Mapping[str, str], link: tuple[str, ...]) -> bytes:
-    with tempfile.TemporaryDirectory(prefix="gtmodel-fmu-") as place:
-        folder = Path(place)
+    with scratch("gtmodel-fmu-") as folder:
         for name, text in files.items():
             (folder / name).write_text(text, encoding="utf-8")
         sources = sorted(name for name in files if name.endswith(".c"))

@@ -120,11 +120,11 @@ def _direction(v: np.ndarray) -> Fault | None:
 
 def _semidefinite(K: np.ndarray) -> Fault | None:
     expected, largest = "must be symmetric and positive semidefinite", float(np.max(np.abs(K)))
-    skew = float(np.max(np.abs(K - K.T)))
+    skew = 2.0 * float(np.max(np.abs(K / 2 - K.T / 2)))
     if skew > PRINTED_ENTRY * largest:
         misfit = f"whose transpose differs by {skew:.3g}"
         return expected, misfit, "check the signs beside the diagonal, or give the mean of both"
-    least = float(np.linalg.eigvalsh((K + K.T) / 2)[0])
+    least = float(np.linalg.eigvalsh(K / 2 + K.T / 2)[0])
     if least < -PRINTED_ENTRY * largest:
         return expected, f"with the eigenvalue {least:.4g}", "check its signs and units"
     return None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
@@ -17,6 +16,7 @@ from ..results import ArgumentError, Check, SolveStatus, Status, Trajectory, Wor
 from ..results.door import study_function
 from ..results.options import Within
 from ..results.refusal import naming
+from ..results.scratch import scratch
 from ..results.work import Progress, never, silent
 from .bench import ELASTIC_HZ, FOLLOWING_M, LAWS, LONGEST_S, SLOWER, Bench, Reference, Stop
 from .build import build, built_before
@@ -111,8 +111,7 @@ def study(
         raise ArgumentError("the law lead_through needs its numbers: give the problem a table [lead_through]", "law")
     if law != "lead_through" and reference is None:
         raise ArgumentError(f"the law {law} needs a motion to follow; give one", "reference")
-    with tempfile.TemporaryDirectory(prefix="gtmodel-loop-") as name:
-        place = Path(name)
+    with scratch("gtmodel-loop-") as place:
         work.progress("building the loop")
         if built is not None:
             built_before(Path(built), place)

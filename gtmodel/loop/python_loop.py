@@ -211,13 +211,16 @@ class PythonLoop:
         )
 
     def _coast(self, speed: list[float], share: float) -> None:
-        """The carts go on, within the limits, and no further than a step from what was answered last."""
+        """The carts go on, within the limits, and no further than a step from what was answered last.
+
+        A robot may stand outside of the limits: from there it goes no further out, and never jumps to them.
+        """
         limits, seconds = self.settings.limits, self._cycle_s
         for n in range(self.peer.axes):
             before, now = self.command.position_m[n], speed[n] * share
             wanted = before + now * seconds
             near = _clamped(wanted, self.sent_m[n] - limits.step_m, self.sent_m[n] + limits.step_m)
-            moved = _clamped(near, limits.lowest_m[n], limits.highest_m[n])
+            moved = _clamped(near, min(before, limits.lowest_m[n]), max(before, limits.highest_m[n]))
             self.command.position_m[n] = moved
             self.command.speed_m_s[n] = (moved - before) / seconds if moved != wanted else now
             self.coasting_m[n] += abs(self.command.speed_m_s[n] * seconds)

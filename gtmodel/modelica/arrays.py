@@ -120,18 +120,31 @@ def _raised(a: Values, b: Values, at: Place | None) -> Values:
     return result
 
 
+# terms of a chain; beyond, its expression would be deeper than what follows it goes
+LONG_CHAIN = 200
+
+
 def identity(n: int) -> Values:
     return array([int(i == j) for i in range(n) for j in range(n)], (n, n))
 
 
 def summed(items: Sequence[Scalar], at: Place | None) -> Scalar:
     """From the left; 0 of nothing."""
-    if not items:
-        return 0
-    total = items[0]
-    for x in items[1:]:
-        total = operation("+", (total, x), at)
-    return total
+    return chained([("+", scalar(x), at) for x in items])[()] if items else 0
+
+
+def chained(terms: Sequence[tuple[str, Values, Place | None]]) -> Values:
+    """a + b - c ... from the left, each term with the operator before it; one of many terms is halved, again and again,
+    for an expression that is less deep. A chain of other operators likewise."""
+    if len(terms) <= LONG_CHAIN:
+        total = terms[0][1]
+        for name, x, at in terms[1:]:
+            total = binary(name, total, x, at)
+        return total
+    half = len(terms) // 2
+    name, _, at = terms[half]
+    other = {"+": "-", "-": "+"} if name == "-" else {}  # a - b + c is a - (b - c)
+    return binary(name, chained(terms[:half]), chained([(other.get(n, n), x, p) for n, x, p in terms[half:]]), at)
 
 
 def dotted(a: Sequence[Scalar], b: Sequence[Scalar], at: Place | None) -> Scalar:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from .flat import Flattened, ScalarEquation, ScalarIf, ScalarWhen
-from .scalars import Flat, Operation, Symbol, operation, symbols
+from .scalars import Flat, Operation, Symbol, nodes, operation, operations, symbols
 from .syntax import Place
 
 
@@ -35,31 +35,36 @@ def sides(e: Any) -> list[Any]:
 
 
 def _instants(x: Any) -> bool:
-    return isinstance(x, Operation) and (x.name == "at" or any(map(_instants, x.arguments)))
+    return any(o.name == "at" for o in operations(x))
 
 
 def _moves(x: Any) -> bool:
     """Does it hold anything along the path?"""
-    if isinstance(x, Symbol):
-        return x.flat.kind not in ("parameter", "constant")
-    if not isinstance(x, Operation) or x.name == "at":
-        return False
-    return x.name == "time" or any(map(_moves, x.arguments))
+    return any(
+        e.flat.kind not in ("parameter", "constant") if isinstance(e, Symbol) else getattr(e, "name", "") == "time"
+        for e in nodes(x, closed=("at",))
+    )
 
 
 def _separated(e: ScalarEquation, out: Flattened, constants: dict[str, Flat]) -> list[ScalarEquation]:
     if not any(map(_instants, (e.left, e.right))) or not any(map(_moves, (e.left, e.right))):
         return [e]
     more: list[ScalarEquation] = []
-    left, right = (_with_constants(x, e.at, out, constants, more) for x in (e.left, e.right))
+    known: dict[int, Any] = {}
+    left, right = (_with_constants(x, e.at, out, constants, more, known) for x in (e.left, e.right))
     return [*more, ScalarEquation(left, right, e.at, e.relation)]
 
 
-def _with_constants(x: Any, at: Place, out: Flattened, constants: dict[str, Flat], more: list[ScalarEquation]) -> Any:
+def _with_constants(
+    x: Any, at: Place, out: Flattened, constants: dict[str, Flat], more: list[ScalarEquation], known: dict[int, Any]
+) -> Any:
     if not isinstance(x, Operation):
         return x
     if x.name != "at":
-        return operation(x.name, tuple(_with_constants(a, at, out, constants, more) for a in x.arguments), x.at)
+        if id(x) not in known:
+            given = tuple(_with_constants(a, at, out, constants, more, known) for a in x.arguments)
+            known[id(x)] = operation(x.name, given, x.at)
+        return known[id(x)]
     inside, time = x.arguments
     name = f"{_text(inside)}({_text(time)})"
     if name not in constants:

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..lang.slips import near
 from . import builtin, functions
-from .arrays import RecordValue, Values, array, binary, each, entries, matrix_of, negative, scalar, stacked
+from .arrays import RecordValue, Values, array, chained, each, entries, matrix_of, negative, scalar, stacked
 from .instances import FieldOf, Instance, NameScope
 from .members import constant, declares, field, member, shown
 from .modifications import Given
@@ -38,6 +38,7 @@ from .syntax import (
 
 LONGEST = 1_000_000  # entries of a range or of an array
 MOST = 2_000_000  # entries of one model; a turn of a loop, a call and a component count for several
+_CHAINS = (("+", "-"), ("*",), ("and",), ("or",))  # whose terms may be taken together in any way
 _HORIZON = {"startTime": "start_time", "finalTime": "final_time"}
 
 
@@ -121,12 +122,7 @@ class Evaluator:
         if isinstance(node, Reference):
             return self.reference(node, scope)
         if isinstance(node, Binary):
-            a, b = self.evaluate(node.left, scope), self.evaluate(node.right, scope)
-            if not isinstance(a, np.ndarray) or not isinstance(b, np.ndarray):
-                raise ModelicaError(f"'{node.operator}' takes numbers; found a record", node.at)
-            if a.ndim and b.ndim:
-                self.spend(int(a.size * b.size / max(1, a.shape[-1])), node.at)
-            return binary(node.operator, a, b, node.at)
+            return self.binary(node, scope)
         if isinstance(node, Unary):
             value = self.array(node.operand, scope)
             if node.operator == "not":
@@ -153,6 +149,24 @@ class Evaluator:
         if isinstance(node, FunctionArgument):
             raise ModelicaError("functions as arguments are not taken", node.at)
         raise ModelicaError(f"{type(node).__name__.lower()} is not taken here", node.at)
+
+    def binary(self, node: Binary, scope: NameScope) -> Values:
+        """a + b - c + ... without recursion along the chain."""
+        alike = next((x for x in _CHAINS if node.operator in x), (node.operator,))
+        chain = [node]
+        while isinstance(left := chain[-1].left, Binary) and left.operator in alike:
+            chain.append(left)
+        terms: list[tuple[str, Values, Place | None]] = []
+        for one in reversed(chain):
+            for side in (one.left, one.right) if not terms else (one.right,):
+                value = self.evaluate(side, scope)
+                if not isinstance(value, np.ndarray):
+                    raise ModelicaError(f"'{one.operator}' takes numbers; found a record", one.at)
+                terms.append((one.operator, value, one.at))
+            a, b = terms[-2][1], terms[-1][1]
+            if a.ndim and b.ndim:
+                self.spend(int(a.size * b.size / max(1, a.shape[-1])), one.at)
+        return chained(terms)
 
     def conditional(self, node: Conditional, scope: NameScope) -> Values:
         branches: list[tuple[Any, Values]] = []

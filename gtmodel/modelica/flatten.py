@@ -21,12 +21,11 @@ from .modifications import Modifier
 from .multibody.assembly import declared_places
 from .multibody.library import is_own
 from .multibody.parts import is_frame
-from .resolved import LONGEST
+from .resolved import LONGEST, TOO_LONG
 from .scalars import (
     Flat,
     Operation,
     Symbol,
-    extent,
     is_constant,
     is_literal,
     is_number,
@@ -82,20 +81,26 @@ class _Flattening:
             self.root = Instance(space, said, "", None, self.model, frozenset())
         except RecursionError:
             raise ModelicaError(f"{space.name} holds itself", text.at) from None
+        for name in said.inside.keys() & self.root.elements.keys():
+            self.root.elements[name].refuse_from_outside(None)
         self.out = Flattened(text.name, text.at, text.description, self.model.horizon)
         self.connections = Connections()
         self.uncertain = False  # inside an if whose condition is known while the model runs
 
     def result(self) -> Flattened:
         instances = list(self.root.walk())
+        places = declared_places(instances)
         for instance in instances:
             if "expandable" in instance.space.text.prefixes:
-                raise ModelicaError(f"'{instance.path}' is an expandable connector, which is not taken", instance.at)
+                raise ModelicaError(
+                    f"'{instance.path}' is an expandable connector, whose variables are those that others connect to "
+                    "it, which is not taken; write a connector that declares its variables",
+                    places.get(id(instance), instance.at),
+                )
             if instance is not self.root and instance.restriction == "optimization":
                 raise ModelicaError(f"'{instance.path}' is an optimization and no component", instance.at)
             self._declared(instance)
         self._variability()
-        places = declared_places(instances)
         for instance in instances:
             for section in instance.sections:
                 first = len(self.out.equations)
@@ -343,12 +348,10 @@ class _Flattening:
     # the whole
 
     def _bounded(self) -> None:
-        """Refuses what would be written out without end: twice itself, sixty times."""
-        known: dict[int, tuple[Any, int]] = {}
+        """Refuses what is longer than whoever writes or reads it has patience for."""
         for e in (*self.out.equations, *self.out.initial, *self.out.constraints):
-            for x in sides(e):
-                if extent(x, known) > LONGEST:
-                    raise ModelicaError("this expression is too long to be taken; write it in several equations", e.at)
+            if any(sum(1 for _ in operations(x)) > LONGEST for x in sides(e)):
+                raise ModelicaError(TOO_LONG, e.at)
 
     def _header(self) -> None:
         for name, given in self.root.header.items():
@@ -404,9 +407,20 @@ def _ifs(items: Sequence[Any]) -> bool:
 
 
 def _same(a: Any, b: Any) -> bool:
-    if isinstance(a, Symbol) and isinstance(b, Symbol):
-        return a.flat is b.flat
-    if isinstance(a, Operation) and isinstance(b, Operation):
-        return a.name == b.name and len(a.arguments) == len(b.arguments) and all(
-            _same(x, y) for x, y in zip(a.arguments, b.arguments, strict=True))  # fmt: skip
-    return False
+    """Are two expressions the same operations on the same variables?"""
+    pairs, seen = [(a, b)], set[tuple[int, int]]()
+    while pairs:
+        x, y = pairs.pop()
+        if (id(x), id(y)) in seen:
+            continue
+        seen.add((id(x), id(y)))
+        if isinstance(x, Symbol) and isinstance(y, Symbol):
+            if x.flat is not y.flat:
+                return False
+        elif isinstance(x, Operation) and isinstance(y, Operation):
+            if x.name != y.name or len(x.arguments) != len(y.arguments):
+                return False
+            pairs += zip(x.arguments, y.arguments, strict=True)
+        else:
+            return False
+    return True

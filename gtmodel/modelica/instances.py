@@ -18,8 +18,8 @@ from .meanings import (
     NameScope,
     TypeMeaning,
     kind_of,
-    refuse_another,
     refuse_other_type,
+    refuse_redeclaration,
     refuse_redeclared,
 )
 from .modifications import Given, Modifier, merged, modifier, same
@@ -204,12 +204,9 @@ def _replacement(space: Space, name: str, said: Modifier) -> Space | None:
         assert isinstance(written, ClassText)
         if original is None:
             return Space(written, scope.space, holder=scope.instance)
-        if original.text is not written and "replaceable" not in original.text.prefixes:
-            raise ModelicaError(f"'{name}' of {space.name} is not replaceable", said.at)
-        limit = original.interface
-        new = Space(written, scope.space, holder=scope.instance, limits=original.bounds, limit=limit)
-        if original.text is not written:
-            refuse_another(new, limit, scope, said.at or written.at)
+        new = Space(written, scope.space, holder=scope.instance, limits=original.bounds, limit=original.interface)
+        new.instead = original if original.text is not written else original.instead
+        refuse_redeclaration(new, said.at or written.at)
         return new
     return original.with_said(said) if original is not None and said.redeclared is None else None
 
@@ -230,13 +227,17 @@ class TextElement:
     _state: str = ""
     explicit: Modifier | None = None  # of a field of a record that is bound as a whole: said outside of the record
 
-    def refuse_from_outside(self, at: Place) -> None:
-        """Raises ModelicaError if the component is protected: what names or modifies it stands outside of its owner."""
+    def refuse_from_outside(self, at: Place | None) -> None:
+        """Raises ModelicaError if the component is protected: what names or modifies it stands outside of its owner.
+
+        at: where that stands; None of `parameters` of a problem file or a call, for which the declaration is named.
+        """
         if self.protected:
             inside, line = self.owner.path or self.owner.space.name, self.text.at.line
+            by = "" if at is not None else "parameters give a value from outside: "
             raise ModelicaError(
-                f"'{self.text.name}' of '{inside}' is protected since line {line}; only its class, and those that "
-                "extend it, name it", at,
+                f"{by}'{self.text.name}' of '{inside}' is protected since line {line}; only its class, and those that "
+                "extend it, name it", at or self.text.at,
             )  # fmt: skip
 
     @property
@@ -333,7 +334,7 @@ class TextElement:
             made = Instance(kind.space, own, path, self.owner, self.owner.model, passed)  # type: ignore[arg-type]
             made.connector = kind.connector
             for name, item in self.said.inside.items():
-                if item.at is not None and name in made.elements:
+                if name in made.elements:
                     made.elements[name].refuse_from_outside(item.at)
             if own.value is not None:
                 for name, element in made.elements.items():

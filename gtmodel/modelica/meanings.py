@@ -59,6 +59,8 @@ def kind_of(reference: Reference, scope: NameScope) -> TypeMeaning:
 def meaning_of(space: Space, scope: NameScope, reference: Reference) -> TypeMeaning:
     """What a class means that a reference names."""
     said, dimensions, prefixes, connector = NOTHING, [], frozenset[str](), False
+    if space.outer is not None:
+        refuse_redeclaration(space.outer, space.outer.text.at)
     for _ in range(LONGEST_CHAIN):
         text = space.text
         if text.refused:
@@ -118,6 +120,18 @@ def refuse_another(new: Space, limit: Space, scope: NameScope, at: Place) -> Non
     if lack := _lack(kinds[0], kinds[1]):
         said, wanted = (k.space.name if k is not None and k.space is not None else k and k.base for k in kinds)
         raise ModelicaError(f"'{new.text.name}' is redeclared, and takes a subtype of {wanted}; {said} {lack}", at)
+
+
+def refuse_redeclaration(new: Space, at: Place) -> None:
+    """Raises ModelicaError if a modification puts a class in place of one that is not replaceable, or of which it is no
+    subtype."""
+    old = new.instead
+    if old is None:
+        return
+    if "replaceable" not in old.text.prefixes:
+        owner = old.outer.name if old.outer is not None else "the text"
+        raise ModelicaError(f"'{old.text.name}' of {owner} is not replaceable", at)
+    refuse_another(new, old.interface, NameScope(None, new, None), at)
 
 
 def refuse_redeclared(space: Space, scope: NameScope) -> None:

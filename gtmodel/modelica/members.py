@@ -9,6 +9,7 @@ import numpy as np
 from ..lang.slips import near
 from .arrays import RecordValue, array, stacked
 from .instances import Declared, Instance
+from .meanings import refuse_redeclaration
 from .modifications import NOTHING
 from .scopes import Space
 from .syntax import ModelicaError, Place
@@ -28,6 +29,7 @@ def declares(space: Space, name: str) -> bool:
 
 def package(space: Space, model: Evaluator) -> Instance:
     """A class as the holder of its constants."""
+    refuse_redeclaration(space, space.text.at)
     space = space.derived or space
     if space.package is None or space.package.model is not model:
         space.package = Instance(space, NOTHING, space.name, None, model, frozenset({"static"}))

@@ -9,8 +9,8 @@ from typing import Any
 from .classes import exact
 from .flat import Flattened, ScalarEquation, ScalarIf, ScalarWhen
 from .python import Writer
-from .resolved import Resolver, is_declared
-from .scalars import EnumerationLiteral, Flat, Operation, Symbol, is_literal, number_of, operations
+from .resolved import LONGEST, Resolver, is_declared
+from .scalars import EnumerationLiteral, Flat, Operation, Symbol, extent, is_literal, number_of, operations
 from .syntax import ModelicaError, Place, Source
 
 # how tightly an expression holds together; a sum stands in a product in parentheses only
@@ -36,7 +36,7 @@ def flat_text(flat: Flattened, naming: Callable[[str], str] = str) -> str:
 
 class _Printer:
     def __init__(self, naming: Callable[[str], str]) -> None:
-        self.naming, self.resolved = naming, Resolver()
+        self.naming, self.resolved, self._extents = naming, Resolver(), dict[int, tuple[Any, int]]()
 
     def lines(self, flat: Flattened) -> list[str]:
         word = "optimization" if flat.optimization else "model"
@@ -98,13 +98,13 @@ class _Printer:
             return f"if {self._of(e.condition, e.at)} then {sides[0]}; else {sides[1]}; end if"
         if isinstance(e, ScalarWhen):
             return self._when(e)
-        left, right = (self.resolved(x, e.at) for x in (e.left, e.right))
+        left, right = (self._whole(x, e.at) for x in (e.left, e.right))
         return "" if is_literal(left) and is_literal(right) else self._relation(e)
 
     def _when(self, e: ScalarWhen) -> str:
         last = e.branches[-1]
         if e.own and last.end is not None and last.end[1]:  # an assertion ends the simulation where it ceases to hold
-            x = self.resolved(last.condition, last.at)
+            x = self._whole(last.condition, last.at)
             held = x.arguments[0] if isinstance(x, Operation) and x.name == "not" else Operation("not", (x,), last.at)
             return f"assert({self._text(held, _IF)}, {_quoted(last.end[0])})"
         parts: list[str] = []
@@ -118,8 +118,8 @@ class _Printer:
     def _relation(self, e: ScalarEquation) -> str:
         # what events remember stands on the left of its own equation
         of = isinstance(e.left, Symbol) and e.left.flat.replaced is not None
-        left = self._name(e.left.flat.name) if of else self._text(self.resolved(e.left, e.at), _OR)
-        right = self._text(self.resolved(e.right, e.at), _OR)
+        left = self._name(e.left.flat.name) if of else self._text(self._whole(e.left, e.at), _OR)
+        right = self._text(self._whole(e.right, e.at), _OR)
         return f"{left} {'=' if e.relation == '==' else e.relation} {right}"
 
     # expressions
@@ -129,7 +129,14 @@ class _Printer:
         return name if _PLAIN.fullmatch(name) else f"'{name}'"
 
     def _of(self, x: Any, at: Place) -> str:
-        return self._text(self.resolved(x, at), _IF)
+        return self._text(self._whole(x, at), _IF)
+
+    def _whole(self, x: Any, at: Place) -> Any:
+        """An expression with nothing that it shares, as flat text holds it."""
+        result = self.resolved(x, at)
+        if extent(result, self._extents) > LONGEST:
+            raise ModelicaError("written out, this expression is too long for flat text; --python prints it", at)
+        return result
 
     def _text(self, x: Any, least: int) -> str:
         text, held = self._held(x)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import math
+from collections import Counter
 from collections.abc import Callable, Iterable
 from typing import Any
 
@@ -11,18 +12,20 @@ from ..lang.units import UnitError, si_unit
 from .classes import Written
 from .flat import Flattened, ScalarEquation, ScalarIf, ScalarWhen, WhenBranch
 from .multibody.writing import PartWriter
-from .resolved import Resolver, is_declared
+from .resolved import LONGEST, TOO_LONG, Resolver, is_declared
 from .scalars import (
     EnumerationLiteral,
     Flat,
     Operation,
     Symbol,
+    extent,
     is_constant,
     is_literal,
     is_number,
     number_of,
     operation,
     operations,
+    ordered,
     symbols,
     value_of,
 )  # fmt: skip
@@ -38,6 +41,9 @@ _FUNCTIONS = {
 _HORIZON = {"start_time": "startTime", "final_time": "finalTime"}
 _PREFERENCE = {"never": -2, "avoid": -1, "prefer": 1, "always": 2}
 _ATTRIBUTES = ("min", "max", "start", "initialGuess")
+_ORDER = ("<", "<=", ">", ">=")
+_TRUTHS = (*_ORDER, "==", "<>", "and", "or", "not", "initial", "sample", "refused")
+LONG = 400  # words of a statement in which what stands several times is named
 _MOVING = ("floor", "ceil", "integer", "mod", "div", "rem")
 
 
@@ -49,6 +55,8 @@ class Writer:
         self.names, self.naming, self._late = _unique(flat.flats, naming), naming, dict[tuple[str, float], str]()
         self.parts = PartWriter(flat.parts, naming, self.names.values(), units)
         self.resolved = Resolver()
+        self._terms: dict[int, str] = {}  # expressions that stand several times in a statement, by id
+        self._count = 0
         self.written = Written(flat.name, flat.at, flat.optimization, flat.description)
 
     def write(self) -> Written:
@@ -61,6 +69,9 @@ class Writer:
                                                   self._declaration(flat, numbers)))  # fmt: skip
         self.written.helpers += [self.names[id(f)] for f in self.flat.flats if f.helper and is_declared(f)]
         for part in self.flat.parts:
+            for value in part.options.values():
+                for x in value.ravel() if hasattr(value, "ravel") else ():
+                    self._bounded(self.resolved(x, part.at), part.at, {})
             self._put("", part.at, self.parts.declared(part, self.resolved, self._expression))
         for name, value, place in header:
             self._put("", place, ast.Assign([ast.Name(name, ast.Store())], value))
@@ -69,6 +80,7 @@ class Writer:
         for e in self.flat.equations:
             self._equation(e)
         for name, value, place in self.flat.branches:
+            self._named("equations", place, [value])
             expression = self._of(value, place)
             self._put("equations", place, _yield(_call("branch", [ast.Constant(name), expression])))
         for e in self.flat.initial:
@@ -195,6 +207,8 @@ class Writer:
             return
         if any(f.kind not in ("parameter", "constant") for f in symbols(value)):
             raise ModelicaError(f"{name} of '{flat.name}' is made of numbers and parameters", flat.at)
+        self._terms = {}
+        self._bounded(value, flat.at, {})
         arguments = ast.arguments(posonlyargs=[], args=[ast.arg("self")], kwonlyargs=[], kw_defaults=[], defaults=[])
         options[name] = ast.Lambda(arguments, self._expression(value))
 
@@ -230,6 +244,9 @@ class Writer:
         if isinstance(e, ScalarEquation):
             self._relation("equations", e)
         elif isinstance(e, ScalarIf):
+            self._named(
+                "equations", e.at, [e.condition, *(s for x in (*e.then, *e.otherwise) for s in (x.left, x.right))]
+            )
             if self.flat.optimization:
                 sides = [Operation("-", (x[0].left, x[0].right), e.at) for x in (e.then, e.otherwise)]
                 self._relation("equations", ScalarEquation(Operation("if", (e.condition, *sides), e.at), 0, e.at))
@@ -242,6 +259,9 @@ class Writer:
             self._put("equations", e.at, _yield(_call("If", [condition, *sides])))
         else:
             made: Any = None
+            parts = [(b.condition, *(s for a in b.actions for s in (a.left, a.right)), *(v for _, v in b.restarts))
+                     for b in e.branches]  # fmt: skip
+            self._named("equations", e.at, [x for part in parts for x in part])
             for b in e.branches:
                 given = [self._condition(self.resolved(b.condition, b.at), b.at), *self._actions(b)]
                 made = (
@@ -274,6 +294,7 @@ class Writer:
             if not holds:
                 raise ModelicaError(f"this says {left} {e.relation.replace('==', '=')} {right}", e.at)
             return
+        self._named(method, e.at, [left, right])
         self._put(
             method, e.at,
             _yield(ast.Compare(self._expression(left), [_RELATIONS[e.relation]()], [self._expression(right)])),
@@ -295,6 +316,7 @@ class Writer:
                 continue
             at = self.flat.header_at[name]
             value = self.resolved(self.flat.header[name], at)
+            self._named("objective", at, [value])
             if is_literal(value) and is_number(value) and value == 0:
                 continue
             expression = self._expression(value)
@@ -328,7 +350,37 @@ class Writer:
 
     # expressions
 
+    def _named(self, method: str, at: Place, given: list[Any]) -> None:
+        """Local variables of the method for what stands several times in a long statement of these expressions."""
+        self._terms = {}
+        given = [self.resolved(x, at) for x in given]
+        extents: dict[int, tuple[Any, int]] = {}
+        if sum(extent(x, extents) for x in given) > LONG:
+            extents = {}
+            inside = ordered(*given)
+            uses = Counter(id(x) for x in given)
+            for o in inside:
+                twice = (self.flat.optimization and o.name in _ORDER) or o.name in ("sinh", "cosh")
+                uses.update(id(a) for a in o.arguments for _ in range(2 if twice else 1))
+            for o in inside:
+                if uses[id(o)] > 1 and o.name not in _TRUTHS and extent(o, extents) > 2:
+                    self._bounded(o, at, extents)
+                    self._count += 1
+                    name = f"term_{self._count}"
+                    self._put(method, at, ast.Assign([ast.Name(name, ast.Store())], self._expression(o)))
+                    self._terms[id(o)] = name
+                    extents[id(o)] = o, 1
+        for x in given:
+            self._bounded(x, at, extents)
+
+    @staticmethod
+    def _bounded(x: Any, at: Place, extents: dict[int, tuple[Any, int]]) -> None:
+        if extent(x, extents) > LONGEST:
+            raise ModelicaError(TOO_LONG, at)
+
     def _expression(self, x: Any) -> ast.expr:
+        if isinstance(x, Operation) and id(x) in self._terms:
+            return ast.Name(self._terms[id(x)], ast.Load())
         if isinstance(x, Symbol):
             return _own(self.names[id(x.flat)])
         if not isinstance(x, Operation):
@@ -386,7 +438,10 @@ class Writer:
         source, tau = x.arguments
         assert x.at is not None
         if not self.flat.optimization or not isinstance(source, Symbol) or source.flat.kind != "input":
-            raise ModelicaError("delay() is taken of an input of an optimization alone: v = delay(u, 0.1)", x.at)
+            raise ModelicaError(
+                "delay() is taken of an input of an optimization alone, v = delay(u, 0.1); in a model, shift discrete "
+                f"values at each sample(0, T), or approximate it by a lag, {tau:g}*der(v) = x - v", x.at,
+            )  # fmt: skip
         held = source.flat.get("start")
         history = 0.0 if held is None else number_of(held, x.at, "what delay() begins with")
         key = (self.names[id(source.flat)], tau)

@@ -4,10 +4,21 @@ from __future__ import annotations
 
 from typing import Any
 
-from .scalars import EnumerationLiteral, Flat, Symbol, extent, is_literal, number_of, operation, value_of, whole
+from .scalars import (
+    EnumerationLiteral,
+    Flat,
+    Symbol,
+    is_literal,
+    number_of,
+    operation,
+    ordered,
+    value_of,
+    whole,
+)
 from .syntax import ModelicaError, Place
 
-LONGEST = 100_000  # words of one expression, written out
+LONGEST = 100_000  # operations of one expression
+TOO_LONG = "this expression is too long to be taken; write it in several equations"
 
 
 class Resolver:
@@ -16,17 +27,15 @@ class Resolver:
     def __init__(self) -> None:
         self._known: dict[int, Any] = {}
         self._busy: list[Flat] = []
-        self._extents: dict[int, tuple[Any, int]] = {}
 
     def __call__(self, x: Any, at: Place) -> Any:
         """Raises ModelicaError for parameters that depend on themselves and for what is too deep."""
         try:
-            result = self._resolved(x)
+            for inner in ordered(x):  # so that nothing is deep
+                self._resolved(inner)
+            return self._resolved(x)
         except RecursionError:
-            result = None
-        if result is None or extent(result, self._extents) > LONGEST:
-            raise ModelicaError("this expression is too long to be taken; write it in several equations", at)
-        return result
+            raise ModelicaError(TOO_LONG, at) from None
 
     def _resolved(self, x: Any) -> Any:
         if isinstance(x, EnumerationLiteral):

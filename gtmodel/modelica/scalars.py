@@ -208,16 +208,17 @@ def computed(name: str, arguments: tuple[Any, ...], at: Place | None) -> Any:
 
 def symbols(x: Scalar) -> Iterator[Flat]:
     """Variables and parameters in an expression; without recursion, and what it shares but once."""
-    for e in _nodes(x):
+    for e in nodes(x):
         if isinstance(e, Symbol):
             yield e.flat
 
 
 def operations(x: Scalar) -> Iterator[Operation]:
-    return (e for e in _nodes(x) if isinstance(e, Operation))
+    return (e for e in nodes(x) if isinstance(e, Operation))
 
 
-def _nodes(x: Scalar) -> Iterator[Any]:
+def nodes(x: Scalar, closed: tuple[str, ...] = ()) -> Iterator[Any]:
+    """An expression and all inside it, what it shares but once, and nothing inside operations of these names."""
     stack, seen = [x], set[int]()
     while stack:
         e = stack.pop()
@@ -225,8 +226,22 @@ def _nodes(x: Scalar) -> Iterator[Any]:
             if id(e) in seen:
                 continue
             seen.add(id(e))
-            stack.extend(reversed(e.arguments))
+            stack.extend(reversed(e.arguments) if e.name not in closed else ())
         yield e
+
+
+def ordered(*given: Scalar) -> list[Operation]:
+    """Operations in expressions, each once and behind those inside it; without recursion."""
+    result: list[Operation] = []
+    stack, seen = [(x, False) for x in reversed(given)], set[int]()
+    while stack:
+        e, open_now = stack.pop()
+        if open_now:
+            result.append(e)
+        elif isinstance(e, Operation) and id(e) not in seen:
+            seen.add(id(e))
+            stack += [(e, True), *((a, False) for a in reversed(e.arguments))]
+    return result
 
 
 def extent(x: Scalar, known: dict[int, tuple[Any, int]]) -> int:

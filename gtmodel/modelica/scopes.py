@@ -54,6 +54,7 @@ class Space:
     said: Modifier = NOTHING  # what `m(Class(k = 3))` says about it
     limits: tuple[tuple[Modification, Space], ...] = ()  # modifications behind constrainedby of what it replaces
     limit: Space | None = None  # the interface of what it replaces
+    instead: Space | None = None  # what a modification puts it in place of
     holder: Any = None  # the instance in which a redeclaration stands
     derived: Space | None = None  # of a class as it is inherited: the one that inherits, and may change, it
     original: Space | None = None  # of such a class: itself
@@ -117,6 +118,8 @@ class Space:
                 raise ModelicaError(f"{self.text.name} extends itself", extends.at)
             self._busy.add(key)
             try:
+                if first == "ExternalObject":
+                    raise ModelicaError(f"{self.name} is kept by another language, and is not taken", extends.at)
                 around = self.outer if self.text.short and self.outer is not None else self
                 space = around.find(extends.base, skip=extends if around is self else None)
                 if space is self:
@@ -170,7 +173,9 @@ class Space:
             if argument.name[0] != name or key in self.made:
                 continue
             if isinstance(argument.redeclared, ClassText):
-                self.made[key] = Space(argument.redeclared, self, limits=inherited.bounds, limit=inherited.interface)
+                new = Space(argument.redeclared, self, limits=inherited.bounds, limit=inherited.interface)
+                new.instead = inherited if argument.redeclared is not inherited.text else None
+                self.made[key] = new
             elif argument.redeclared is None:
                 said = argument.modification
                 if len(argument.name) > 1:

@@ -1,6 +1,11 @@
-"""Guesses of a motion: the line with a trapezoidal profile, bare, and bent."""
+"""Guesses of a motion: the line with a trapezoidal profile, bare, and bent; further starts that differ in kind."""
 
 from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import cycle
+from typing import Literal
 
 import numpy as np
 
@@ -8,6 +13,14 @@ from ..compiler.causal import CausalFunction
 from ..results import ArgumentError, Status, Trajectory
 
 GUESS_TIME_S = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class FurtherStart:
+    """A guess, and the barrier strategy that it is tried with where the problem leaves that open."""
+
+    guess: Trajectory
+    barrier: Literal["adaptive", "monotone"] = "adaptive"
 
 
 def trapezoid(rows: int = 201) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -47,6 +60,22 @@ def bent_guess(start: np.ndarray, goal: np.ndarray, rng: np.random.Generator, be
     offset = side / np.linalg.norm(side) * rng.uniform(0.3, 1.0) * bend
     T = start + s[:, None] * step + np.sin(np.pi * s)[:, None] * offset
     return Trajectory(t, {"robot.T": T}, {"robot.T": "m"})
+
+
+def further_starts(
+    start: np.ndarray, goal: np.ndarray, line: Trajectory, rng: np.random.Generator, bend: float
+) -> Iterator[FurtherStart]:
+    """Starts without end: bent to a drawn side and to the other one; the line of the first start, for the other barrier
+    strategy; the bare line; then bent by further draws, with one strategy and the other."""
+    straight = [FurtherStart(line, "monotone"), FurtherStart(bare_guess(start, goal))]
+    for barrier in cycle(("adaptive", "monotone")):
+        bent = bent_guess(start, goal, rng, bend)
+        _, s, _, _ = trapezoid()
+        other = 2 * (start + s[:, None] * (goal - start)) - bent["robot.T"]
+        yield FurtherStart(bent, barrier)
+        yield FurtherStart(bent.with_values({"robot.T": other}, {"robot.T": "m"}), barrier)
+        yield from straight
+        straight = []
 
 
 def progress_of(earlier: Trajectory) -> Trajectory:

@@ -9,8 +9,8 @@ from typing import Annotated, Any
 import numpy as np
 
 from ..lang import Model
-from ..optimize import Solution
 from ..optimize.judgement.overshoot import control_curves
+from ..optimize.judgement.reached_optima import SAME_COST
 from ..results import SolveStatus, Trajectory, Work, at_most
 from ..results.check import failed_of
 from ..results.door import study_function
@@ -33,9 +33,7 @@ from .path_parametrization import NotReached
 from .planning import MotionPlan, plan_of
 from .problem import MotionProblem
 from .reference import at_rest, rapid_text, reference_text
-from .search import MotionSearch
-
-SAME_OPTIMUM = 1e-5  # relative: costs nearer than that are one optimum
+from .search import REPEATED, MotionSearch
 
 
 @study_function
@@ -88,9 +86,11 @@ def study(
     return solved(problem, Work(progress=progress, max_seconds=max_seconds, stop=stop), earlier)
 
 
-def solved(problem: MotionProblem, work: Work, earlier: Trajectory | None = None) -> MotionStudy:
+def solved(
+    problem: MotionProblem, work: Work, earlier: Trajectory | None = None, number: int | None = None
+) -> MotionStudy:
     """Optimise, re-simulate, and make the exported motion whose force is bounded at every instant; on a finer mesh
-    where a check fails that it can mend. Raises ArgumentError."""
+    where a check fails that it can mend. number: of one motion of several. Raises ArgumentError."""
     work.progress("equations")
     plan = plan_of(problem, earlier)
     work.progress("first guess")
@@ -99,33 +99,25 @@ def solved(problem: MotionProblem, work: Work, earlier: Trajectory | None = None
     if not solution.status.converged:
         stopped = solution.status is SolveStatus.INTERRUPTED
         return _failed(search, MotionFailure(solution, solution.message + ("" if stopped else plan.likely_cause())))
-    guesses = plan.further_guesses()
-    others = search.from_starts(guesses)
-    optima = _different([solution, *others])
-    best = min([solution, *others], key=lambda s: s.objective)
-    if best.objective < solution.objective * (1 - SAME_OPTIMUM):
+    reached, starts = search.reached, plan.further_starts()
+    reached.add(solution.objective)
+    best = min([solution, *search.from_starts(starts)], key=lambda s: s.objective)
+    if best.objective < solution.objective * (1 - SAME_COST):
         solution = best
-    outcome = on_this_mesh(plan, search, solution, optima)
+    notes = [reached.message(solution.objective)]
+    if search.started < len(starts) and not work.interrupted():
+        repeated = reached.repeated >= REPEATED
+        why = f"as {reached.repeated} found nothing new" if repeated else "for solver.max_iterations"
+        notes.append(f"{len(starts) - search.started} of {len(starts)} further starts left out, {why}")
+    outcome = on_this_mesh(plan, search, solution, reached.different)
     if isinstance(outcome, MotionFailure):
         return _failed(search, outcome)
-    notes = []
-    if search.started < len(guesses) and not work.interrupted():
-        left_out = len(guesses) - search.started
-        notes.append(f"{left_out} of {len(guesses)} further starts left out, for solver.max_iterations")
     failed = failed_of(outcome.checks)
     outcome, trouble = on_finer_meshes(outcome, search)
     if trouble:
         notes.append(trouble)
     finer = refinement_note(problem.mesh.elements, outcome.plan.problem.mesh.elements, failed)
-    return _study_of(problem, outcome, search.iterations, finer, notes)
-
-
-def _different(solutions: list[Solution]) -> list[float]:
-    costs: list[float] = []
-    for cost in sorted(s.objective for s in solutions):
-        if not costs or cost > costs[-1] * (1 + SAME_OPTIMUM):
-            costs.append(cost)
-    return costs
+    return _study_of(problem, outcome, search.iterations, finer, notes, number)
 
 
 def _failed(search: MotionSearch, missed: MotionFailure) -> MotionStudy:
@@ -143,7 +135,7 @@ def _failed(search: MotionSearch, missed: MotionFailure) -> MotionStudy:
 
 
 def _study_of(
-    asked: MotionProblem, outcome: MotionOutcome, iterations: int, finer: str, more: list[str]
+    asked: MotionProblem, outcome: MotionOutcome, iterations: int, finer: str, more: list[str], number: int | None
 ) -> MotionStudy:
     """finer: what is to be said of a refined mesh. more: further sentences of the message."""
     plan, solution, exported = outcome.plan, outcome.solution, outcome.exported
@@ -161,7 +153,7 @@ def _study_of(
         )
         files = {
             "reference.csv": reference_text(reference, problem.title),
-            "motion.mod": rapid_text(targets, problem.title),
+            "motion.mod": rapid_text(plan.robot, targets, problem.title, number),
         }
     except NotReached as missed:
         left_out = at_most(missed.samples, 0, "the motion leaves the reach between its rows: use more mesh.elements")

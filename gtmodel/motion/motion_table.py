@@ -55,7 +55,7 @@ def table_study(
     done: list[MotionStudy] = []
     for n, row in enumerate(rows):
         work.progress(f"row {n + 1} of {len(rows)}: {row.name}", n / len(rows), None)
-        done.append(solved(row.problem, work))
+        done.append(solved(row.problem, work, number=n + 1))
         if not done[-1].status.converged:
             break
     return _study_of(rows, done, title)

@@ -279,7 +279,11 @@ class Cost(Options):
 
 @dataclass(frozen=True)
 class Starts(Options):
-    """Further starts of the search, from lines that are bent sideways; of all optima found the best one counts.
+    """Further starts of the search; of all optima found the best one counts, and the message says how many starts ended
+    there.
+
+    In turn from the line bent to a drawn side, bent to the other side, with the other barrier strategy, and without a
+    profile of speed; then from further bends. They end early where the last four found no new optimum.
 
     >>> gt.motion.Starts(count=4).bend  # [m]
     0.15

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import islice
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,7 +16,7 @@ from ..optimize.path import PathMotion
 from ..results import ArgumentError, Status, Trajectory, Work
 from ..robots.links import link_names, links_of
 from .constraints import Carrier, MotionConstraints, guard_of
-from .guesses import bare_guess, bent_guess, line_guess, progress_of, trapezoid
+from .guesses import FurtherStart, bare_guess, further_starts, line_guess, progress_of, trapezoid
 from .links import along_guideways, link_ends, motion_function
 from .path_parametrization import PathParametrization
 from .problem import MotionProblem
@@ -71,9 +72,15 @@ class MotionPlan:
         if self.path is not None:
             guess = self.follower.guess()
             return MotionSearch(self.problem, work, self.earlier or guess, guess, self.guard, self.path)
+        return MotionSearch(
+            self.problem, work, self.earlier or self.line, bare_guess(self.start, self.goal), self.guard
+        )
+
+    @cached_property
+    def line(self) -> Trajectory:
+        """The trapezoid along the straight line, with its forces."""
         inverse = motion_function(self.robot, self.guard)
-        guess = self.earlier or line_guess(inverse, self.start, self.goal, self.problem.limits.force)
-        return MotionSearch(self.problem, work, guess, bare_guess(self.start, self.goal), self.guard)
+        return line_guess(inverse, self.start, self.goal, self.problem.limits.force)
 
     def likely_cause(self) -> str:
         """What may be wrong with a problem that was not solved; empty where nothing shows."""
@@ -92,12 +99,12 @@ class MotionPlan:
             )
         return ""
 
-    def further_guesses(self) -> list[Trajectory]:
-        """Lines bent sideways by drawn amounts; none along a path."""
+    def further_starts(self) -> list[FurtherStart]:
+        """So many as are asked for; none along a path."""
         starts = self.problem.starts
         rng = np.random.default_rng(starts.seed)
         count = starts.count if self.path is None else 0
-        return [bent_guess(self.start, self.goal, rng, starts.bend) for _ in range(count)]
+        return list(islice(further_starts(self.start, self.goal, self.line, rng, starts.bend), count))
 
     def followed(self, work: Work) -> PathMotion:
         """The exported motion along the path."""

@@ -14,6 +14,7 @@ from ..optimize.solution import constants
 from ..results import Trajectory
 from ..results.interpolation import CubicHermite
 from ..results.table import csv_text
+from . import rapid
 from .constraints import MotionConstraints
 from .path_parametrization import sampled
 
@@ -109,49 +110,35 @@ def reference_text(reference: Trajectory, title: str) -> str:
         for k in range(3):
             head = f"{name}[{k}] [{unit}]"
             columns[f'"{head}"' if "," in head else head] = reference[name][:, k]
-    return (f"# title: {title}\n" if title else "") + csv_text(columns, digits=12)
+    return csv_text(columns, digits=12, notes=[f"title: {title}"] if title else [])
 
 
-def rapid_text(reference: Trajectory, title: str, name: str = "GtMotion") -> str:
+def rapid_text(robot: Model, reference: Trajectory, title: str, number: int | None = None) -> str:
     """A RAPID module: robtargets in mm, carts as external axes a, b, c in mm, one MoveL with its time per target.
 
-    The orientation is the constant one of the plate. Text only: tested against no controller.
+    The orientation is that of the plate; [1, 0, 0, 0] where it does not turn. number: of one motion of several, whose
+    modules may all be loaded at once.
     """
     step = float(reference.time[1] - reference.time[0]) if len(reference) > 1 else 0.0
-    n = len(reference)
-    lines = [
-        f"MODULE {name}",
-        f"  ! {title or 'optimal motion'}",
-        "  ! Written by gtmodel; tested against no controller. Check workspace, work object and tool first.",
-        "  ! Positions in mm; external axes a, b, c are the carts in mm; one target every "
-        f"{step:g} s, the first at the start.",
-        f"  CONST num GtStep := {step:g};",
-        f"  CONST num GtCount := {n};",
-        f"  LOCAL CONST robtarget GtTargets{{{n}}} := [",
-    ]
-    lines += robtargets(reference["T"], reference["q"])
-    lines += [
-        "  ];",
-        "  PROC GtMove(PERS tooldata tool, PERS wobjdata wobj)",
-        "    MoveL GtTargets{1}, v100, fine, tool \\WObj:=wobj;",
-        "    FOR i FROM 2 TO GtCount - 1 DO",
-        "      MoveL GtTargets{i}, v1000 \\T:=GtStep, z1, tool \\WObj:=wobj;",
-        "    ENDFOR",
-        "    MoveL GtTargets{GtCount}, v1000 \\T:=GtStep, fine, tool \\WObj:=wobj;",
-        "  ENDPROC",
-        "ENDMODULE",
-    ]
-    return "\n".join(lines) + "\n"
-
-
-def robtargets(T: np.ndarray, q: np.ndarray) -> list[str]:
-    """Lines of a RAPID array of robtargets: T (n, 3) [m], with a quaternion behind where the plate turns (n, 7); as
-    external axes carts q (n, 3) [m] in mm, and rotary ones behind (n, 6) [rad] in degrees."""
-    lines = []
-    for k, (pose, actuators) in enumerate(zip(T, q, strict=True)):
-        x, carts = (", ".join(f"{1e3 * v:.4f}" for v in values[:3]) for values in (pose, actuators))
-        turn = ", ".join(f"{v:.9f}" for v in pose[3:]) or "1, 0, 0, 0"
-        rotary = ", ".join(f"{np.degrees(v):.4f}" for v in actuators[3:]) or "9E9, 9E9, 9E9"
-        end = "," if k < len(T) - 1 else ""
-        lines.append(f"    [[{x}], [{turn}], [0, 0, 0, 0], [{carts}, {rotary}]]{end}")
-    return lines
+    more = "" if number is None else str(number)
+    return rapid.module(
+        f"GtMotion{more}",
+        [
+            title or "optimal motion",
+            "Written by gtmodel; tested against no controller. Check workspace, work object and tool first.",
+            f"Positions in mm; external axes a, b, c are the carts in mm; one target every {step:g} s, the first at "
+            "the start.",
+        ],
+        [f"LOCAL CONST num GtStep := {rapid.number(step)};", f"LOCAL CONST num GtCount := {len(reference)};"],
+        "GtTargets",
+        rapid.robtargets(rapid.poses(robot, reference["T"]), reference["q"]),
+        [
+            f"PROC GtMove{more}(PERS tooldata tool, PERS wobjdata wobj)",
+            "  MoveL GtTargets{1}, v100, fine, tool \\WObj:=wobj;",
+            "  FOR i FROM 2 TO GtCount - 1 DO",
+            "    MoveL GtTargets{i}, v1000 \\T:=GtStep, z1, tool \\WObj:=wobj;",
+            "  ENDFOR",
+            "  MoveL GtTargets{GtCount}, v1000 \\T:=GtStep, fine, tool \\WObj:=wobj;",
+            "ENDPROC",
+        ],
+    )

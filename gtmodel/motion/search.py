@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal, cast
@@ -11,9 +12,11 @@ import numpy as np
 from .._lazy import hint
 from ..lang import Optimization
 from ..optimize import Mesh, Solution, SolverOptions, solve as collocate
+from ..optimize.judgement.reached_optima import ReachedOptima
 from ..optimize.judgement.resimulate import Resimulation, resimulate
 from ..results import SolveStatus, Trajectory, Work
 from .constraints import NO_GUARD, MotionConstraints
+from .guesses import FurtherStart
 from .problem import MotionProblem
 from .task import motion
 
@@ -25,6 +28,7 @@ else:
 # iterations without progress after which an attempt has lost its way, and another one is the better bet: of 200 drawn
 # attempts that ended in an optimum one waited longer, those that ended in none mostly never came back
 PATIENCE = 60
+REPEATED = 4  # so many starts without a new optimum, of every kind at first, end the search for others
 RESERVE = 200  # iterations that further starts leave to the exported motion; it takes 10 to 70
 EXPORT_LOSS = 0.05  # a constant force per element costs less than this; more is a sign of another, worse optimum
 TIGHTENINGS = 3
@@ -39,10 +43,13 @@ class MotionSearch:
     """Attempts in turn, until one is solved and keeps its links off the edge of reach.
 
     First without that bound, which an optimum seldom feels; then with it, and with it and the other barrier strategy;
+    on a finer mesh before these with the barrier begun near its end;
     then from the bare line, since the forces of a profile may lie far outside the limits; then along a continuation
     from a heavier weight of the energy. An attempt that gets nowhere makes room for the next. All attempts, those from
     further starts and at the exported motion too, share `solver.max_iterations`, which `iterations` counts, and the
     time limit.
+
+    bounded: whether an attempt without the bound of the links failed, so that none is made again.
     """
 
     problem: MotionProblem
@@ -52,7 +59,9 @@ class MotionSearch:
     guard: MotionConstraints = NO_GUARD
     path: Path | None = None
     iterations: int = 0
+    bounded: bool = False
     started: int = field(default=0, init=False)
+    reached: ReachedOptima = field(default_factory=ReachedOptima, init=False)
 
     @cached_property
     def plain(self) -> Optimization:
@@ -70,14 +79,18 @@ class MotionSearch:
         """The optimum with the control that the problem asks for; where none is found, the best attempt."""
         problem, control = self.problem, self.problem.mesh.control
         tried: list[Solution] = []
-        ways = [(False, self.guess, "adaptive"), (True, self.guess, "adaptive"), (True, self.guess, "monotone"),
-                (True, self.bare, "adaptive")]  # fmt: skip
+        ways = [(True, self.guess, "adaptive"), (True, self.guess, "monotone"), (True, self.bare, "adaptive")]
         if problem.solver.barrier != "auto":
-            ways.pop(2)
+            ways.pop(1)
+        if isinstance(self.guess, Solution):  # of a coarser mesh
+            ways.insert(0, (self.bounded, self.guess, "low"))
+        elif not self.bounded:
+            ways.insert(0, (False, self.guess, "adaptive"))
         for guarded, guess, barrier in ways:
             tried.append(self._attempt(self.guarded if guarded else self.plain, control, guess, barrier))
             if self._done(tried[-1]):
                 return self._best(tried)
+            self.bounded = True
         start: Trajectory | Solution = self.bare
         for weight in CONTINUATION:
             energy = weight * (problem.cost.time or 1.0)
@@ -89,15 +102,20 @@ class MotionSearch:
                 start = step if step.status.converged else start
         return self._best([*tried, self._attempt(self.guarded, control, start)])
 
-    def from_starts(self, guesses: list[Trajectory]) -> list[Solution]:
-        """Optima from further starts, links kept off the edge of reach; those that end in none are left out, and those
-        for which there is no time or no iteration left."""
+    def from_starts(self, starts: Iterable[FurtherStart]) -> list[Solution]:
+        """Optima from further starts, links kept off the edge of reach, noted in `reached`.
+
+        Starts that end in none are left out, and those for which there is no time or no iteration left, and all further
+        ones after `REPEATED` in a row that only repeat.
+        """
         solutions: list[Solution] = []
-        for guess in guesses:
-            if self.work.interrupted() or self.left <= RESERVE:
+        for start in starts:
+            if self.work.interrupted() or self.left <= RESERVE or self.reached.repeated >= REPEATED:
                 break
-            solution = self._attempt(self.guarded, self.problem.mesh.control, guess, "adaptive", self.left - RESERVE)
+            control, most = self.problem.mesh.control, self.left - RESERVE
+            solution = self._attempt(self.guarded, control, start.guess, start.barrier, most)
             self.started += 1
+            self.reached.add(solution.objective if solution.status.converged else None)
             if solution.status.converged:
                 solutions.append(solution)
         return solutions
@@ -124,7 +142,9 @@ class MotionSearch:
                 break
             lower = search.problem.limits.force * (limit / peak) * (1 - TIGHTENED)
             problem = replace(self.problem, limits=replace(self.problem.limits, force=lower))
-            search = MotionSearch(problem, self.work, self.guess, self.bare, self.guard, self.path, self.iterations)
+            search = MotionSearch(
+                problem, self.work, self.guess, self.bare, self.guard, self.path, self.iterations, self.bounded
+            )
             solution = search.exportable(optimum)
             self.iterations = search.iterations
             run = resimulate(solution) if solution.status.converged else run
@@ -133,12 +153,14 @@ class MotionSearch:
     def exportable(self, optimum: Solution) -> Solution:
         """The optimum among forces that are constant on each element: the best of some attempts."""
         best: Solution | None = None
-        for guarded, guess in ((False, optimum), (True, optimum), (True, self.guess)):
-            solution = self._attempt(self.guarded if guarded else self.plain, "constant", guess)
+        ways = [(self.bounded, optimum, "low"), (True, optimum, "auto"), (True, self.guess, "auto")]
+        for guarded, guess, barrier in ways:
+            solution = self._attempt(self.guarded if guarded else self.plain, "constant", guess, barrier)
             if best is None or _better(solution, best):
                 best = solution
             if self._over(solution) or (self._done(solution) and _loss(solution, optimum) <= EXPORT_LOSS):
                 break
+            self.bounded = True
         assert best is not None
         return best
 

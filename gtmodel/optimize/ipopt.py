@@ -11,18 +11,21 @@ import numpy as np
 
 from ..results.status import SolveStatus
 from .casadi_warnings import without_warnings
-from .watch import FEASIBLE, NEARER, Iterate, IterationWatch, Multipliers, Program, Progress
+from .watch import FEASIBLE, NEARER, RUNAWAY, Iterate, IterationWatch, Multipliers, Program, Progress
 
 if TYPE_CHECKING:
     from .solve import SolverOptions
 
 HESSIANS = {"exact": "exact", "lbfgs": "limited-memory"}
 STRATEGIES = ("adaptive", "monotone")  # IPOPT's mu_strategy; where one fails the other may need a tenth of iterations
-BARRIERS = ("auto", *STRATEGIES)
+BARRIERS = ("auto", *STRATEGIES, "low")
 FATROP = {True: "Solve_Succeeded", False: "fatrop did not converge"}
 # a warm start trusts its point: the barrier begins near where it ended. The best of some tried on four problems; a
 # larger change of parameters may take more iterations than a cold start
 WARM_PUSH, WARM_BARRIER = 1e-3, 1e-6
+# a guess near the optimum without multipliers, as that of a coarser mesh: pushed off its bounds no further than the
+# barrier asks for
+NEAR_PUSH = 1e-6
 # iterations without progress after which a first try makes room for the second; converging runs stay below a third
 LOST = 150
 # from so many unknowns on MUMPS takes the order QAMD, which knows the dense rows of free constants, and asks for twice
@@ -99,13 +102,16 @@ def run_ipopt(
     order = STRATEGIES[::-1] if warm is not None else STRATEGIES
     strategy = order[0] if options.barrier == "auto" else options.barrier
     patience = options.patience if options.patience is not None or options.barrier != "auto" else LOST
-    first = _once(program, x0, options, strategy, IterationWatch(program, progress, stop_at, patience), warm, scale)
+    # multipliers of an infeasible problem run away too, and a run that nobody hurries may prove that it is one
+    runaway = np.inf if options.patience is None else RUNAWAY
+    watch = IterationWatch(program, progress, stop_at, patience, runaway=runaway)
+    first = _once(program, x0, options, strategy, watch, warm, scale)
     left = options.max_iterations - first.iterations
     # at iteration 0 it is the start that is no number, for both alike; fatrop has no such strategies
     again = options.barrier == "auto" and first.barrier and first.status in TRIED_AGAIN
     if not again or first.iterations == 0 or left <= 0:
         return first
-    watch = IterationWatch(program, progress, stop_at, options.patience, first.iterations)
+    watch = IterationWatch(program, progress, stop_at, options.patience, first.iterations, runaway)
     second = _once(program, x0, options, order[1], watch, None, scale)
     return _either(program, first, second)
 
@@ -138,7 +144,7 @@ def _once(
     ipopt: dict[str, Any] = {
         "tol": options.tolerance,
         "max_iter": options.max_iterations - watch.done,
-        "mu_strategy": strategy,
+        "mu_strategy": "monotone" if strategy == "low" else strategy,
         "print_level": 0,
         "sb": "yes",
         "hessian_approximation": HESSIANS[options.hessian],
@@ -155,6 +161,8 @@ def _once(
         ipopt |= {"warm_start_init_point": "yes", "mu_init": WARM_BARRIER}
         ipopt |= {f"warm_start_{n}": WARM_PUSH for n in (
             "bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac", "mult_bound_push")}  # fmt: skip
+    elif strategy == "low":
+        ipopt |= {"mu_init": WARM_BARRIER, "bound_push": NEAR_PUSH, "bound_frac": NEAR_PUSH}
     settings = {
         "ipopt": ipopt,
         "print_time": False,

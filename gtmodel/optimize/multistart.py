@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Any
 
 import numpy as np
 
 from ..results.agreement import Within, agree
 from ..results.trajectory import Trajectory
+from .judgement.reached_optima import SAME_COST, local_optimum
 from .nlp import Nlp
 from .solution import Solution
 from .solve import NotSolved, SolverOptions, solve_nlp
@@ -18,7 +19,7 @@ from .transcription import Transcription
 WAVES = 3  # a perturbation is a sum of so many half waves over the horizon: smooth, as motions are
 # optima are one where their costs, their states and constants, and their controls agree to this part; the cost tells
 # controls less sharply than the states that they move
-SAME_COST, SAME_PATH, SAME_CONTROL = 1e-5, 1e-3, 1e-2
+SAME_PATH, SAME_CONTROL = 1e-3, 1e-2
 NOTHING = 1e-3  # of its room: a constant below this has no size of its own
 
 
@@ -41,7 +42,7 @@ class Optimum:
 
 @dataclass(frozen=True, eq=False)
 class MultiStart:
-    """What `multi_start` returns: distinct optima, the best first.
+    """What `multi_start` returns: distinct optima, the best first, each with its starts in its message.
 
     `failures` are the messages of the starts that led nowhere; print the object for a table.
     """
@@ -129,8 +130,14 @@ def multi_start(
         raise NotSolved(failures[0])
     distinct.sort(key=lambda pair: pair[0].objective)
     best = distinct[0][0]
-    optima = tuple(Optimum(s, times, distance(s, best)) for s, times in distinct)
+    optima = tuple(Optimum(_with_count(s, times, count), times, distance(s, best)) for s, times in distinct)
     return MultiStart(optima, tuple(s.message for s in failures), seed)
+
+
+def _with_count(solution: Solution, here: int, starts: int) -> Solution:
+    """Its message says how many of the starts ended there."""
+    said = f"{solution.message}; {local_optimum(here, starts)}"
+    return replace(solution, message=said) if starts > 1 else solution
 
 
 def distance(a: Solution, b: Solution) -> float:

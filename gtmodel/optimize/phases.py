@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import time
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -22,6 +23,7 @@ from .ipopt import SolverRun, run_ipopt
 from .judgement.diagnosis import failure, named_row, solved_word, violated, worst_of
 from .judgement.discretisation import judged
 from .judgement.places import Remark
+from .judgement.reached_optima import ReachedOptima
 from .linking import Joined, Link, join
 from .mesh import Mesh, given_mesh
 from .nlp import Nlp, make_nlp
@@ -75,9 +77,9 @@ class Phases:
                 if name not in later:
                     raise ModelError(f"no phase '{name}' begins after another one; these do: {', '.join(later)}")
 
-    def guesses(self) -> Mapping[str, Trajectory | Solution]:
-        """Of phases by name, for a solve that is given none."""
-        return {}
+    def guesses(self) -> Sequence[Mapping[str, Trajectory | Solution]]:
+        """Starts of a solve that is given no guess, each of phases by name."""
+        return ()
 
     def doubts(self, joined: Joined, x: np.ndarray) -> list[str]:
         """Sentences on what speaks against a solution x that the solver has found; none where nothing does."""
@@ -182,18 +184,49 @@ def solve_phases(
         nlps[name] = make_nlp(problem, own, options.compile)
         check_equalities(problem, nlps[name].element)
     joined = join(model, nlps)
-    earlier = guess.phases if isinstance(guess, PhasesSolution) else guess or model.guesses()
-    if not isinstance(earlier, Mapping):
+    if guess is not None and not isinstance(guess, (PhasesSolution, Mapping)):
         raise ModelError(f"a guess is a trajectory for each phase by its name, or an earlier solution; found {guess!r}")
-    x0 = np.concatenate([initial_guess(nlp, earlier.get(name)) for name, nlp in nlps.items()])
-    scale = objective_scale(joined, x0, [m for n in nlps.values() for m in n.problem.misfits])
-    run = run_ipopt(joined, x0, options, progress, scale=scale)
-    return _read(model, joined, run, options, throw, scale)
+    given = guess.phases if isinstance(guess, PhasesSolution) else guess
+    solution = _best_of(model, joined, [given] if given else model.guesses() or [{}], options, progress)
+    if throw and not solution.status.converged:  # a failed check raises nothing
+        raise NotSolved(solution)
+    return solution
 
 
-def _read(
-    model: Phases, joined: Joined, run: SolverRun, options: SolverOptions, throw: bool, scale: float
+def _best_of(
+    model: Phases,
+    joined: Joined,
+    guesses: Sequence[Mapping[str, Trajectory | Solution]],
+    options: SolverOptions,
+    progress: Progress | None,
 ) -> PhasesSolution:
+    """The best of what several guesses lead to, within one limit of iterations and time."""
+    stop_at = None if options.max_seconds is None else time.monotonic() + options.max_seconds
+    solutions: list[PhasesSolution] = []
+    reached = ReachedOptima()
+    for guess in guesses:
+        if solutions:
+            left = None if stop_at is None else max(0.0, stop_at - time.monotonic())
+            spent = options.max_iterations - solutions[-1].iterations
+            options = replace(options, max_iterations=max(0, spent), max_seconds=left)
+            if spent <= 0 or left == 0.0 or solutions[-1].status is SolveStatus.INTERRUPTED:
+                break
+        x0 = np.concatenate([initial_guess(nlp, guess.get(name)) for name, nlp in joined.nlps.items()])
+        scale = objective_scale(joined, x0, [m for n in joined.nlps.values() for m in n.problem.misfits])
+        solution = _read(model, joined, run_ipopt(joined, x0, options, progress, scale=scale), options, scale)
+        solutions.append(solution)
+        reached.add(solution.objective if solution.status.ok else None)
+    best = max(solutions, key=lambda s: (s.status.ok, s.status.converged, -s.objective if s.status.ok else 0.0))
+    iterations = sum(s.iterations for s in solutions)
+    seconds = {name: sum(s.seconds[name] for s in solutions) for name in best.seconds}
+    best = replace(best, iterations=iterations, seconds=seconds)
+    if not best.status.ok or not (said := reached.message(best.objective)):
+        return best
+    message = f"{best.message}; {said}"
+    return replace(best, message=message, phases={n: replace(s, message=message) for n, s in best.phases.items()})
+
+
+def _read(model: Phases, joined: Joined, run: SolverRun, options: SolverOptions, scale: float) -> PhasesSolution:
     status = run.status
     said = Remark(solved_word(run)) if status.ok else failure(run, [*_infinite(joined, run), _worst(joined, run)])
     if status.ok:
@@ -223,13 +256,10 @@ def _read(
         solutions = {n: replace(s, status=status, message=message, where=where) for n, s in solutions.items()}
     values = run.multipliers.rows[joined.rows[-1] :] / np.array([r.scale for r in joined.links])
     links = dict(zip((r.label for r in joined.links), values.tolist(), strict=True))
-    solution = PhasesSolution(
+    return PhasesSolution(
         status, message, run.objective, run.iterations, solutions, links, run.seconds, joined, run.x,
         run.multipliers.rows, run.multipliers.bounds, where,
     )  # fmt: skip
-    if throw and not status.converged:  # a failed check raises nothing
-        raise NotSolved(solution)
-    return solution
 
 
 def _infinite(joined: Joined, run: SolverRun) -> list[Remark]:

@@ -54,9 +54,10 @@ class SolverOptions:
         hessian: "exact", or "lbfgs" from gradients alone.
         barrier: how IPOPT lowers its barrier, "adaptive" or "monotone": where one fails, the other may solve in a tenth
             of the iterations. "auto" tries the adaptive one and, where it fails or gets nowhere, the monotone one from
-            the same guess; the message says so, and `max_iterations` and `max_seconds` hold for both together.
-        patience: iterations without progress, in violation or objective, after which a try fails; None: none does, but
-            for the first of "auto", after 150.
+            the same guess; the message says so, and `max_iterations` and `max_seconds` hold for both together. "low"
+            begins near the end, for a guess near the optimum, such as that of a coarser mesh.
+        patience: iterations without progress, in violation or objective, after which a try fails; one with multipliers
+            beyond 1e10 counts as ten. None: no try fails so, but for the first of "auto", after 150.
         solver: "ipopt"; or "fatrop", where states alone link the elements (no free constants, a horizon that is given),
             without progress and time limit.
         error_bound: of the check `discretisation_error` of each solution: the largest estimated error of a state at a
@@ -83,7 +84,7 @@ class SolverOptions:
     formulation: Literal["auto", "inverse", "explicit", "torn", "dae"] = "auto"
     prefer: tuple[str, ...] = ()
     hessian: Literal["exact", "lbfgs"] = "exact"
-    barrier: Literal["auto", "adaptive", "monotone"] = "auto"
+    barrier: Literal["auto", "adaptive", "monotone", "low"] = "auto"
     patience: int | None = None
     solver: Literal["ipopt", "fatrop"] = "ipopt"
     compile: bool = False

@@ -9,11 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from gtmodel._files import problems_dir
+from gtmodel.results.nesting import TooDeepError, toml_of
 
 from .input_error import InputError
 from .toml_slips import shown_line, slip
-
-TOO_DEEP = "holds arrays or tables inside one another, hundreds deep; no key of any kind goes deeper than five"
 
 
 def find(path: str | Path) -> tuple[Path, bool]:
@@ -57,12 +56,12 @@ def read(path: Path) -> bytes:
 def parse(content: bytes) -> dict[str, Any]:
     """TOML as plain data. Raises InputError with the line."""
     try:
-        return tomllib.loads(content.decode("utf-8-sig"))
+        return toml_of(content.decode("utf-8-sig"))
     except UnicodeDecodeError as error:
         line = content[: error.start].count(b"\n") + 1
         raise InputError(f"line {line}: not UTF-8 text; save the file as UTF-8") from error
-    except RecursionError:
-        raise InputError(TOO_DEEP) from None
+    except TooDeepError as error:
+        raise InputError(str(error)) from None
     except tomllib.TOMLDecodeError as error:
         reason = str(error).partition(" (at ")[0]
         place = re.search(r"at line (\d+)", str(error))  # else at the end

@@ -11,9 +11,10 @@ from typing import Any, TypeVar
 import pydantic
 
 from gtmodel.modelica.reference import is_reference, problem_of as of_text
+from gtmodel.results.nesting import TooDeepError, not_deep
 
 from .base import InputError, Kind, Problem
-from .files import TOO_DEEP, find, parse, read
+from .files import find, parse, read
 from .registry import get
 from .sentences import sentence_for, shown
 from .settings import apply
@@ -49,12 +50,12 @@ def load(path: str | Path, settings: Iterable[str] = ()) -> Loaded:
     file, shipped = (written[0], False) if written else find(path)
     try:
         content = read(file)
-        data = apply(written[1] if written else parse(content), settings)
+        data = not_deep(apply(written[1] if written else parse(content), settings))
         kind, problem = check(data)
     except InputError as error:
         raise error.within(str(path)) from None
-    except RecursionError:
-        raise InputError(TOO_DEEP, file=str(path)) from None
+    except TooDeepError as error:
+        raise InputError(str(error), file=str(path)) from None
     return Loaded(file, content, settings, kind, problem, shipped)
 
 

@@ -12,7 +12,7 @@ from pydantic import Field, PositiveFloat
 
 from gtmodel.lang import ModelError
 from gtmodel.robots import clusters, f1_geometry
-from gtmodel.robots.plausible_lengths import implausible_length
+from gtmodel.robots.plausible_lengths import implausible_arm, implausible_length
 from gtmodel.robots.serial.bodies import moments
 
 from .base import FileSection, InputError
@@ -33,7 +33,6 @@ LinkMasses = Annotated[list[NotNegativeFloat], Field(min_length=6, max_length=6)
 
 # links of a cluster this far from parallel at the best orientation [m]: a sign or a row is wrong, not a calibration
 MISFIT = 0.05
-LONGEST_DH = 20.0  # m; longer links of an arm are millimetres
 PYTHON_KEYS = {"title", "source", "note", "robot", "parameters"}  # of another robot with parameters
 
 
@@ -196,10 +195,8 @@ class SerialFile(FileSection):
 
     def modifiers(self) -> dict[str, Any]:
         """Arguments of `robots.serial_arm`. Raises InputError."""
-        for key in ("a_m", "d_m", "tool_m", "base_m"):
-            far = np.max(np.abs(getattr(self, key) or [0.0]))
-            if far > LONGEST_DH:
-                raise InputError(f"look like millimetres, {far:g} m is the longest; give metres", key)
+        if wrong := implausible_arm(self.model_dump()):
+            raise InputError(wrong[1], wrong[0])
         turning = self.joints if isinstance(self.joints, str) else "".join(k[:1] for k in self.joints)
         if self.limits_deg is not None and (self.limits is not None or "p" in turning):
             raise InputError("is for arms whose joints all turn; give limits alone, in rad and m", "limits_deg")

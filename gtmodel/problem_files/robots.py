@@ -39,6 +39,7 @@ def resolve(
     smoothing: str | None = None,
     velocity_scale: float | None = None,
     payload: float | None = None,
+    named_by: tuple[str, ...] = (),
 ) -> Model:
     """The model that a problem file means.
 
@@ -49,6 +50,7 @@ def resolve(
         parameters: modifiers of the model, by the names of its declarations.
         inertia, smoothing, velocity_scale [m/s], payload [kg]: of a robot of the catalogue or a robot file;
             None leaves the catalogue's own.
+        named_by: the robot files that led here, one naming the next.
 
     Raises InputError.
     """
@@ -75,7 +77,7 @@ def resolve(
 
         data = _file(reference, context, key)
         if is_python_robot(data):
-            return _calibrated(reference, data, context, key, given, modifiers)
+            return _calibrated(reference, data, context, key, given, modifiers, named_by)
         family, modifiers = _from_file(reference, data, context, key, modifiers)
     elif reference in names():
         name, family = reference, entries()[reference].family
@@ -89,6 +91,11 @@ def resolve(
     except ModelError as error:
         at = _WORDS["inertia"] if "inertia model" in str(error) else "parameters" if parameters else key
         raise InputError(python_models.sentence_of(error), at) from error
+    if parameters and family != "serial":
+        from gtmodel.robots.plausible_lengths import implausible_model  # here: it knows the robots of six links
+
+        if wrong := implausible_model(model):
+            raise InputError(wrong[1], f"parameters.{wrong[0]}")
     context.models.append(model)
     return model
 
@@ -136,7 +143,7 @@ def _file(reference: str, context: Context, key: str) -> dict[str, Any]:
 
 def _calibrated(
     reference: str, data: Mapping[str, Any], context: Context, key: str, given: dict[str, Any],
-    modifiers: dict[str, Any],
+    modifiers: dict[str, Any], named_by: tuple[str, ...],
 ) -> Model:  # fmt: skip
     """Another robot with the parameters of a file, as a calibration writes it. Raises InputError."""
     own = data.get("parameters", {})
@@ -146,10 +153,16 @@ def _calibrated(
         raise InputError(f"applies to robots of the catalogue and their files only; '{reference}' is a model in Python",
                          _WORDS[next(iter(given))])  # fmt: skip
     path = context.find(reference)
+    place = str(path.resolve()) if path is not None else reference
+    if place in named_by:
+        raise InputError(
+            f"'{reference}' is named as its own robot; name a robot that is no file of parameters of it", key
+        )
     beside = replace(context, folder=path.resolve().parent) if path is not None else context
-    place = data["robot"].rpartition(":")[0] or data["robot"]
-    near = beside if (beside.folder / place).is_file() else context
-    return resolve(data["robot"], near, key=key, parameters=merged(own, modifiers), **given)
+    named = data["robot"].rpartition(":")[0] or data["robot"]
+    near = beside if (beside.folder / named).is_file() else context
+    more = merged(own, modifiers)
+    return resolve(data["robot"], near, key=key, parameters=more, named_by=(*named_by, place), **given)
 
 
 def _from_file(

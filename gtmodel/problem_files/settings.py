@@ -7,6 +7,8 @@ import tomllib
 from collections.abc import Iterable
 from typing import Any
 
+from gtmodel.results.nesting import toml_of
+
 from .base import InputError
 from .sentences import shown
 
@@ -43,7 +45,7 @@ def refuse_twice(settings: Iterable[str]) -> None:
 
 def _value(text: str) -> Any:
     try:
-        read = tomllib.loads(f"value = {text}")
+        read = toml_of(f"value = {text}")
     except tomllib.TOMLDecodeError:
         return text.strip()
     return read["value"] if len(read) == 1 else text.strip()

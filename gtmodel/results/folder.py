@@ -114,6 +114,8 @@ def holding(folder: Path) -> Iterator[Held]:
     """
     if folder.exists() and not folder.is_dir():
         raise FolderError("is a file; name a folder")
+    if folder.is_symlink() and not folder.exists():
+        raise FolderError(f"is a link to {os.readlink(folder)}, which is not there; make that folder, or name another")
     missing = [p for p in (folder, *folder.parents) if not p.exists()]
     held = Held(folder)
     lock = None

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from .check import Check
+from .nesting import json_of
 from .refusal import ArgumentError
 from .status import SolveStatus
 from .study import Study
@@ -64,7 +64,7 @@ def read(folder: str | Path) -> Stored:
             status=SolveStatus(data["status"]),
             message=_kind(data["message"], str),
             objective=_number(data["objective"]),
-            iterations=_number(data["iterations"]),
+            iterations=_number(data["iterations"], int),
             checks={name: _check(c) for name, c in data["checks"].items()},
             trajectory=trajectory,
             notes=[_kind(note, str) for note in _kind(data["values"].get("notes", []), list)],
@@ -72,16 +72,13 @@ def read(folder: str | Path) -> Stored:
         )
     except OSError as error:
         raise ArgumentError(f"{file} cannot be read: {error.strerror}", "folder") from error
-    except (ValueError, KeyError, TypeError, AttributeError, TrajectoryError) as error:
+    except (ValueError, KeyError, TypeError, AttributeError, OverflowError, TrajectoryError) as error:
         raise ArgumentError(f"{file} is no result.json of gtmodel", "folder") from error
 
 
 def document(content: bytes) -> Mapping[str, Any]:
     """A JSON object. Raises TypeError or ValueError for anything else, and where it goes too deep."""
-    try:
-        return _kind(json.loads(content), dict)
-    except RecursionError:
-        raise ValueError("holds lists or objects inside one another, hundreds deep") from None
+    return _kind(json_of(content), dict)
 
 
 def _check(data: Mapping[str, Any]) -> Check:
@@ -95,8 +92,10 @@ def _kind(value: Any, kind: Any) -> Any:
     return value
 
 
-def _number(value: Any) -> Any:
-    """A number, or None; a text or a truth value in its place is no result."""
+def _number(value: Any, kind: Any = (int, float)) -> Any:
+    """A number, or None; a text, a truth value or a number that no double holds is no result."""
     if isinstance(value, bool):
         raise TypeError("expected a number; found a truth value")
-    return value if value is None else _kind(value, (int, float))
+    if value is not None:
+        float(_kind(value, kind))
+    return value

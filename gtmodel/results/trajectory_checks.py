@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from gtmodel.lang.units import UnitError, si_unit
 
+from .nesting import not_deep
 from .trajectory_errors import Array, TrajectoryError, columns
 
 
@@ -101,7 +102,7 @@ def one_line(what: str, text: str) -> str:
 
 def json_text(provenance: Mapping[str, Any]) -> str:
     try:
-        return json.dumps(dict(provenance), sort_keys=True, allow_nan=False)
+        return json.dumps(not_deep(dict(provenance)), sort_keys=True, allow_nan=False)
     except (TypeError, ValueError) as error:
         raise TrajectoryError(
             f"provenance cannot be written as JSON ({error}); give texts, finite numbers, lists and dictionaries"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import json
 import math
 import re
 from array import array
@@ -15,6 +14,7 @@ import numpy.typing as npt
 
 from gtmodel.lang.units import UnitError, convert, parse_unit
 
+from .nesting import json_of
 from .trajectory_checks import check_name
 from .trajectory_errors import COLUMN, Array, TrajectoryError
 from .trajectory_files import PathLike
@@ -138,8 +138,8 @@ def _read_provenance(notes: list[str]) -> dict[str, Any]:
     if not notes:
         return {}
     try:
-        origin = json.loads(notes[0])
-    except json.JSONDecodeError as error:
+        origin = json_of(notes[0])
+    except ValueError as error:
         raise TrajectoryError(f"the note '# provenance:' is no JSON ({error}); correct or remove it") from error
     if len(notes) > 1 or not isinstance(origin, dict):
         raise TrajectoryError("the note '# provenance:' must hold one JSON dictionary in one line")

@@ -4,25 +4,25 @@ from __future__ import annotations
 
 import io
 import json
-import os
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from .nesting import json_of
+from .swollen import swollen
 from .trajectory_checks import json_text
 from .trajectory_errors import COLUMN, TrajectoryError, columns
+from .whole_file import PathLike, write_whole
 
 if TYPE_CHECKING:
     from .trajectory import Trajectory
 
-PathLike = str | os.PathLike[str]
 TRAJECTORY = "trajectory.csv"  # of every study with a trajectory
 
 
 def write_csv(trajectory: Trajectory, path: PathLike, overwrite: bool) -> None:
     """Write a CSV file; see `Trajectory.to_csv`."""
-    _write(path, csv_bytes(trajectory), overwrite)
+    write_whole(path, csv_bytes(trajectory), overwrite=overwrite)
 
 
 def csv_bytes(trajectory: Trajectory) -> bytes:
@@ -52,21 +52,24 @@ def write_npz(trajectory: Trajectory, path: PathLike, overwrite: bool) -> None:
     arrays: dict[str, Any] = {f"value_{i}": trajectory[name] for i, name in enumerate(trajectory.names)}
     buffer = io.BytesIO()
     np.savez(buffer, header=np.array(json.dumps(header)), time=trajectory.time, **arrays)
-    _write(path, buffer.getvalue(), overwrite)
+    write_whole(path, buffer.getvalue(), overwrite=overwrite)
 
 
 def read_npz(cls: type[Trajectory], path: PathLike) -> Trajectory:
     """Read what `write_npz` wrote; see `Trajectory.from_npz`."""
     try:
         with np.load(path, allow_pickle=False) as data:
-            header = json.loads(str(data["header"]))
+            said = swollen(path, sum(entry.file_size for entry in data.zip.infolist()))
+            if said:
+                raise TrajectoryError(f"it {said}")
+            header = json_of(str(data["header"]))
             signals = dict(header["signals"])
             return cls(
                 data["time"],
                 {name: data[f"value_{i}"] for i, name in enumerate(signals)},
                 signals,
                 title=header["title"],
-                provenance=json.loads(header["provenance"]),
+                provenance=json_of(header["provenance"]),
                 synthetic=header["synthetic"],
             )
     except FileNotFoundError:
@@ -78,25 +81,3 @@ def read_npz(cls: type[Trajectory], path: PathLike) -> Trajectory:
 def _quoted(cell: str) -> str:
     """A header cell as CSV; names such as der(T,2) hold a comma."""
     return f'"{cell}"' if "," in cell else cell
-
-
-def _write(path: PathLike, data: bytes, overwrite: bool) -> None:
-    """What breaks off leaves the earlier file; only a process that is killed while it makes a new one leaves a part."""
-    place = Path(os.path.realpath(path))
-    beside = overwrite and (place.is_file() or not place.exists())  # a device is no file to be replaced
-    part = place.with_name(f".{place.name}.{os.getpid()}.part") if beside else place
-    try:
-        file = open(part, "wb" if overwrite else "xb")  # noqa: SIM115
-    except FileExistsError:
-        raise FileExistsError(
-            f"{path} is already there and was left alone; choose another path or pass overwrite=True"
-        ) from None
-    try:
-        with file:
-            file.write(data)
-        if beside:
-            os.replace(part, place)
-    except BaseException:
-        if beside or not overwrite:
-            part.unlink(missing_ok=True)
-        raise

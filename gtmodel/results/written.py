@@ -8,7 +8,6 @@ import os
 import platform
 import sys
 import textwrap
-import tomllib
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from importlib import import_module
@@ -22,6 +21,7 @@ from .._version import __version__
 from .as_json import result
 from .folder import FolderError, Held, holding, others, refuse_impossible, unfinished
 from .marks import marked
+from .nesting import toml_of
 from .refusal import ArgumentError
 from .trajectory_files import TRAJECTORY, csv_bytes
 
@@ -83,8 +83,8 @@ def held(folder: Path, notice: Callable[[str], object]) -> Iterator[Held]:
 def _written(folder: Path) -> dict[str, str] | None:
     """File names and hashes of an earlier result; None when there is none in the folder."""
     try:
-        run = tomllib.loads((folder / RUN).read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError):
+        run = toml_of((folder / RUN).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
         return None
     files = run.get("files")
     if run.get("program") != _OURS or not isinstance(files, dict):

@@ -1,4 +1,4 @@
-"""Lengths and motions of a robot file that are far from what their keys say: metres for millimetres, lost signs."""
+"""Numbers of a robot far from what their unit says: metres for millimetres, degrees for radians, lost signs."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ..lang import Model
 from .six_link import ARM, LINKS
 
 # link lengths [m] of a robot that carts carry: shorter or longer ones are in another unit, a thousand times as large or
@@ -35,11 +36,64 @@ _HINTS = {
 }
 
 
+CENTRE = 2.0  # farthest centre of mass of a plate, in link lengths
+# angles [rad]: no joint is limited to more turns; numbers so near to a right angle are no degrees
+MOST_TURNED, RIGHT = 8 * np.pi, 1e-3
+
+
+def implausible_angle(values: Any, unit: str) -> str | None:
+    """What is wrong with angles in "rad" or "deg" that look like the other one; or None."""
+    a = np.abs(np.asarray(values, float))
+    if a.size and a.max() > (MOST_TURNED if unit == "rad" else np.degrees(MOST_TURNED)):
+        return f"angles up to {a.max():.6g} {unit} are more than four turns; " + (
+            "they look like degrees: give radians" if unit == "rad" else "give less"
+        )
+    quarters = np.abs(a[..., None] - np.pi * np.array([0.5, 1.0])) < RIGHT
+    if unit == "deg" and a.size and a.max() <= np.pi + RIGHT and np.any(quarters):
+        return f"angles up to {a.max():.6g} deg look like radians; give degrees"
+    return None
+
+
+def implausible_arm(table: Mapping[str, Any]) -> tuple[str, str] | None:
+    """As `implausible_length`, of a serial arm by Denavit-Hartenberg numbers."""
+    for key in ("a_m", "d_m", "tool_m", "base_m"):
+        far = np.max(np.abs(table.get(key) or [0.0]))
+        if far > LONGEST:
+            return key, f"look like millimetres, {far:g} m is the longest; give metres"
+    for key in ("alpha_deg", "theta_deg", "beta_deg", "limits_deg", "base_rpy_deg", "tool_rpy_deg"):
+        if wrong := implausible_angle(table.get(key) or [], "deg"):
+            return key, wrong
+    limits = table.get("limits") or []
+    joints = list(table["joints"]) or ["r"]
+    joints = joints if len(joints) == len(limits) else joints[:1] * len(limits)
+    turning = [x for x, joint in zip(limits, joints, strict=True) if joint.startswith("r")]
+    wrong = implausible_angle(turning, "rad")
+    return ("limits", f"{wrong}, or write limits_deg") if wrong else None
+
+
 def implausible_length(table: Mapping[str, Any]) -> tuple[str, str] | None:
     """The first key whose numbers are far from what the unit in its name allows, and what is wrong with it; or None.
 
     Points that are all zero are no slip of a unit.
     """
+    with np.errstate(over="ignore"):  # a coordinate whose square is no number any more is far away
+        return _implausible_length(table)
+
+
+def implausible_model(model: Model) -> tuple[str, str] | None:
+    """The same of a model that carts carry, by its parameters, in SI."""
+    f1 = hasattr(model, "A0")
+    names = {"A": "A_bj", "B": "B0"} if f1 else {}
+    table = {f"{names.get(n, n)}_m": getattr(model, n) for n in ("A0", "A", "B", "L", "r3", "home", "c_p")
+             if getattr(model, n, None) is not None}  # fmt: skip
+    if wrong := implausible_length(table | {"v": model.v}):
+        back = {new: old for old, new in names.items()}
+        stem = wrong[0].removesuffix("_m")
+        return back.get(stem, stem), wrong[1]
+    return None
+
+
+def _implausible_length(table: Mapping[str, Any]) -> tuple[str, str] | None:
     key = next(key for key in ("L_m", "L_mm") if key in table)
     unit, factor = ("m", 1.0) if key == "L_m" else ("mm", 1e-3)
     L = factor * np.array(table[key])
@@ -52,8 +106,37 @@ def implausible_length(table: Mapping[str, Any]) -> tuple[str, str] | None:
         if 0.0 < size < least or size > greatest:
             what = f"coordinates up to {np.max(np.abs(points)):.6g} {unit}"
             return f"{stem}_{unit}", f"{what} {_HINTS[unit, size < least]}"
-    motion = _implausible_motion(np.atleast_2d(np.array(table["v"])))
-    return None if motion is None else ("v", motion)
+    c_p = table.get("c_p_m")
+    centre = 0.0 if c_p is None else float(np.linalg.norm(c_p))
+    if centre > CENTRE * L.max():
+        return (
+            "c_p_m",
+            f"the plate's centre of mass is {centre:.6g} m away, links are {L.max():.6g} m long; give metres",
+        )
+    if motion := _implausible_motion(np.atleast_2d(np.array(table["v"]))):
+        return "v", motion
+    far = _unreachable_home(table, unit, factor, L.max())
+    return None if far is None else (f"home_{unit}", far)
+
+
+def _unreachable_home(table: Mapping[str, Any], unit: str, factor: float, longest: float) -> str | None:
+    """What is wrong with a home that lies farther from a guideway than what stands on it reaches, however the plate is
+    turned."""
+    home = table.get(f"home_{unit}")
+    if home is None:
+        return None
+    A = np.array(table.get(f"A0_{unit}", table.get(f"A_{unit}")))
+    v = np.broadcast_to(np.array(table["v"]), A.shape)
+    along = v / np.linalg.norm(v, axis=1, keepdims=True)
+    d = np.array(home) - A
+    away = factor * np.linalg.norm(d - along * np.sum(along * d, axis=1, keepdims=True), axis=1)
+    bodies = [np.array(table[key]) for key in (f"{stem}_{unit}" for stem in ("B", "B0", "A_bj", "r3")) if key in table]
+    reach = longest + factor * sum(float(np.max(np.linalg.norm(x, axis=-1))) for x in bodies)
+    k = int(np.argmax(away))
+    if away[k] <= reach:
+        return None
+    return (f"is {away[k]:.6g} m away from guideway {k + 1}, and what stands on it reaches {reach:.6g} m; give a point "
+            f"that can be reached, in {'metres' if unit == 'm' else 'millimetres'}")  # fmt: skip
 
 
 def _implausible_motion(v: np.ndarray) -> str | None:

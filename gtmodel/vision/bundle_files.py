@@ -15,6 +15,7 @@ import numpy as np
 
 from ..inference.bundle import ResidualBlock, UnknownGroup
 from ..results.refusal import ArgumentError
+from ..results.whole_file import write_whole
 from .rigid_poses import POSE, applied, rotation_vectors
 
 LABELS = (*POSE, "f", "k1", "k2")
@@ -88,8 +89,10 @@ def read_bal(path: str | Path) -> BundleFile:
     return BundleFile(np.hstack([_quaternions(lens[:, :3]), lens[:, 3:]]), P, camera, point, seen[:, 2:].copy())
 
 
-def write_bal(path: str | Path, bundle: BundleFile) -> None:
+def write_bal(path: str | Path, bundle: BundleFile, *, overwrite: bool = False) -> None:
     """Write a BAL file; numbers in full, so that reading gives the same.
+
+    Raises FileExistsError where the file is there, unless `overwrite`.
 
     >>> from pathlib import Path
     >>> from tempfile import TemporaryDirectory
@@ -107,7 +110,7 @@ def write_bal(path: str | Path, bundle: BundleFile) -> None:
     vectors, _ = rotation_vectors(bundle.cameras[:, :4])
     numbers = np.concatenate([np.hstack([vectors, bundle.cameras[:, 4:]]).reshape(-1), bundle.points.reshape(-1)])
     lines += [repr(float(x)) for x in numbers]
-    Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8")
+    write_whole(path, ("\n".join(lines) + "\n").encode(), overwrite=overwrite)
 
 
 def _quaternions(vectors: np.ndarray) -> np.ndarray:

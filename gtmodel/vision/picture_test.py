@@ -9,6 +9,7 @@ import numpy as np
 from ..results.refusal import ArgumentError
 
 LEAST = 30  # observations: fewer say nothing
+ROUNDING = 1e-9  # pixel: residuals of a smaller rms are where the fit ended
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,10 +37,16 @@ class PictureTest:
 
 
 def picture_test(
-    uv: np.ndarray, residuals: np.ndarray, size: tuple[float, float], centre: np.ndarray | None = None
+    uv: np.ndarray,
+    residuals: np.ndarray,
+    size: tuple[float, float],
+    centre: np.ndarray | None = None,
+    *,
+    least: float = ROUNDING,
 ) -> PictureTest:
     """Tests residuals (n, 2) [pixel] of marks at uv (n, 2) in a picture of `size` (width, height) by F tests; the
-    radius is counted from `centre` (2,) [pixel], by default the middle of the picture.
+    radius is counted from `centre` (2,) [pixel], by default the middle of the picture. Residuals whose rms is below
+    `least` are rounding: they have no pattern.
 
     The fit itself has taken a part of such patterns away, which makes the tests a little mild. Raises ArgumentError for
     fewer than 30 marks.
@@ -62,8 +69,11 @@ def picture_test(
     r = np.linalg.norm(d, axis=1)
     along = np.sum(e * d, axis=1) / np.maximum(r, 1e-9)
     r = r / np.linalg.norm(half)
+    rounding = not float(np.mean(e**2)) > least**2
     radius, _ = _chance(np.column_stack([np.ones_like(r), r, r**2, r**3]), along[:, None], stats)
     quadratic, c = _chance(_quadratic(u, v), e, stats)
+    if rounding:
+        radius = quadratic = 1.0
     return PictureTest(radius, quadratic, float(np.sqrt(np.mean(np.sum((_quadratic(u, v) @ c) ** 2, axis=1)))), c)
 
 
@@ -76,5 +86,6 @@ def _chance(B: np.ndarray, e: np.ndarray, stats: object) -> tuple[float, np.ndar
     c = np.linalg.lstsq(B, e, rcond=None)[0]
     fitted = B @ c
     rest = e.size - c.size
-    F = np.sum(fitted**2) / c.size / (np.sum((e - fitted) ** 2) / rest)
+    left = float(np.sum((e - fitted) ** 2))
+    F = np.sum(fitted**2) / c.size / (left / rest) if left > 0 else 0.0
     return float(stats.f.sf(F, c.size, rest)), c  # type: ignore[attr-defined]

@@ -12,6 +12,7 @@ from gtmodel.filtering.fusion.scene import scene_of, slope_velocity
 from gtmodel.filtering.fusion.study import _crossing
 from gtmodel.filtering.fusion.thesis import printed_errors
 from gtmodel.results.refusal import ArgumentError
+from gtmodel.results.work import Interrupted
 
 F = gt.filtering
 TWO_FILTERS = F.FusionFilter(
@@ -205,3 +206,34 @@ def test_what_changes_nothing_or_does_not_fit_is_refused(options, argument):
     with pytest.raises(ArgumentError) as caught:
         F.fusion_study(**options)
     assert caught.value.argument == argument
+
+
+@pytest.mark.parametrize("asked", (1, 2, 3, 4, 5, 6, 8))
+def test_a_stopped_study_has_the_numbers_of_the_rows_it_got_to(asked: int) -> None:
+    asks = iter(range(asked))
+    s = F.fusion_study(F.TrackedPath(duration=1.5), seed=2, stop=lambda: next(asks, None) is None)
+    assert s.status is gt.SolveStatus.INTERRUPTED
+    if s.trajectory is None:  # before the filter ran
+        assert asked <= 2 and not s.velocity_fused
+        return
+    motion = s.trajectory
+    error = np.abs(motion["velocity_fused"] - motion["velocity"])[:, [0, 2]].mean(axis=1)
+    settled, bend = motion.time >= 0.02, motion["at_bend"] > 0.5
+    assert s.velocity_fused[0] == pytest.approx(
+        error[settled & ~bend].mean(), rel=1e-12
+    )  # the same sum, in another order
+    assert len(motion) == 1501 or "numbers are of these alone" in s.notes[-1]
+    assert all(s.figure(name) for name in s.figures) and "fused" in str(s)
+
+
+def test_a_study_that_is_ended_while_it_smooths_has_its_filters_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
+    def late(_: object) -> None:
+        raise Interrupted("an alarm")
+
+    path = F.TrackedPath(duration=0.3)
+    whole = F.fusion_study(path, seed=2)
+    monkeypatch.setattr("gtmodel.filtering.fusion.study.smooth", late)
+    s = F.fusion_study(path, filter=F.FusionFilter(smooth=True), seed=2)
+    assert s.status is gt.SolveStatus.INTERRUPTED
+    assert "fused" in str(s)
+    assert (s.velocity_fused, s.below_tracker) == (whole.velocity_fused, whole.below_tracker)

@@ -97,6 +97,8 @@ if int(sys.argv[2]):  # that much later, for whatever asks Python; and files wri
 
     pathlib.Path.write_text = write_text
 from tests.fmu.makers import MAKERS
+from tests.shaking import shake_as_inherited
+shake_as_inherited()
 for name in sys.argv[3:]:
     for version in (3, 2):
         print(name, version, hashlib.sha256(MAKERS[name](version).data).hexdigest())

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from gtmodel.loop import Faults, LoopProcess, ReferenceTable, TrajectoryLaw
+from gtmodel.loop import Faults, LoopProcess, ReferenceTable, TrajectoryLaw, lockstep
 from gtmodel.loop.python_loop import STOPPED
 from gtmodel.loop.record import STATES, rows_of
 from gtmodel.results import Status
@@ -112,6 +114,27 @@ def test_a_command_outside_the_limits_ramps_at_once(bench: Bench) -> None:
     assert STATES[report["state"]] == "stopped" and report["status"] == Status.OUT_OF_RANGE
     assert "holding" not in {STATES[int(s)] for s in rows[:, 3]}
     assert rows[:, 21].max() <= bench.start_m[0] + 0.02
+
+
+@pytest.mark.parametrize("protocol", ["egm", "rsi"])
+def test_a_robot_that_stands_outside_of_the_limits_is_not_moved(bench: Bench, protocol: str) -> None:
+    """The first command is refused; the ramp from rest ends where the robot stands, half a metre above the limit."""
+    start = bench.reference.rows[0, :3]
+    lowest, highest = [float(min(start)) - 2.0] * 6, [*(start - 0.5).tolist(), 0.0, 0.0, 0.0]
+    python_loop = bench.python_loop(protocol, "trajectory")
+    python_loop.settings.limits = replace(python_loop.settings.limits, lowest_m=lowest, highest_m=highest)
+    limits = ["--lowest", text(lowest), "--highest", text(highest)]
+    robots = bench.robot(protocol), bench.robot(protocol)
+    with LoopProcess(bench.program, [*bench.options(protocol, "trajectory"), *limits, "--cycles", "60"]) as process:
+        runs = [
+            lockstep(r, answering, 60)
+            for r, answering in zip(robots, (process.exchange, python_loop.exchange), strict=True)
+        ]
+        report = process.finish()
+    assert bench.log.read_bytes() == bytes(python_loop.log)
+    assert Status(report["status"]) is Status.OUT_OF_RANGE and STATES[report["state"]] == "stopped"
+    for run in runs:
+        assert np.abs(run.measured_m - start).max() < 1e-9
 
 
 def test_a_reference_that_begins_elsewhere_is_not_followed(bench: Bench) -> None:

@@ -293,6 +293,8 @@ def test_bad_input_is_one_sentence_and_exit_code_2(
     [
         ("MODULE ServoMove\n  VAR egmident id;\n  PROC main()\n  ENDPROC\nENDMODULE\n", "RAPID"),
         ("%%%\n  VERSION:1\n  LANGUAGE:ENGLISH\n%%%\n! a, b\nMODULE Data(SYSMODULE)\nENDMODULE\n", "RAPID"),
+        ("module m\n const num a:=1;\nendmodule\n", "RAPID"),
+        ("LOCAL PROC main()\n MoveL p10,v100,z1,tool0;\n MoveL p10,v100,z1,tool0;\nENDPROC\n", "RAPID"),
         ("&ACCESS RVP\n&REL 1\nDEF main( )\nINI\nPTP HOME\nEND\n", "KRL"),
     ],
 )
@@ -302,3 +304,13 @@ def test_a_controllers_program_is_said_to_be_one(tmp_path: Path, text: str, lang
         (tmp_path / name).write_text(text)
         with pytest.raises(LogError, match=rf"program of a robot controller \({language}\), a text without a table"):
             inspect(tmp_path / name)
+
+
+@pytest.mark.parametrize(
+    ("text", "kind"),
+    [('<?xml version="1.0" ?>\n<Program>\n  <M>a</M>\n</Program>\n', "XML"), ('{"a": [1],\n "b": [3]}\n', "JSON")],
+)
+def test_a_tree_is_no_table(tmp_path: Path, text: str, kind: str) -> None:
+    (tmp_path / "log.txt").write_text(text)
+    with pytest.raises(LogError, match=f"is {kind}, a text without a table"):
+        inspect(tmp_path / "log.txt")

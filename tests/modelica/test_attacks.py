@@ -123,8 +123,6 @@ def test_parameters_of_joined_connectors_are_equal(tmp_path: Path) -> None:
         "if x < 2 then y := 1; else y := f(x - 1) + f(x - 2); end if; end f; end M;",
         "model A0 Real x = 1; end A0; " + "".join(f"model A{i + 1} A{i} a, b; end A{i + 1}; " for i in range(30))
         + "model M A30 a; end M;",
-        f"{DOUBLED.format(step='y + y')} model M Real u; equation der(u) = -f(u); end M;",
-        f"{DOUBLED.format(step='if y > i then y + 1 else y*2')} model M Real u; equation der(u) = -f(u); end M;",
         f"{DOUBLED.format(step='y*y + 1')} model M parameter Real u = 2; Real x[integer(f(u))]; end M;",
         'function f output String s; algorithm s := "a"; for i in 1:60 loop s := s + s; end for; end f; '
         'model M constant String s = f(); Real y = if s == "a" then 1 else 2; end M;',
@@ -264,3 +262,25 @@ end P;
     )
     solution = gt.solve(gt.modelica.load(file)(), gt.Mesh(2))
     assert solution.objective == pytest.approx(1.0, rel=1e-6)  # x stays at its largest, 1
+
+
+HIDDEN = """model Inner parameter Real open = 1; protected parameter Real k = 2; end Inner;
+model M parameter Real open = 1; Inner a; Real y = open + a.open;
+protected
+  parameter Real k = 2; Inner b; end M;
+"""
+
+
+@pytest.mark.parametrize(("name", "line"), [("k", 4), ("a.k", 1), ("b.open", 4)])
+def test_parameters_from_outside_do_not_reach_what_is_protected(tmp_path: Path, name: str, line: int) -> None:
+    (tmp_path / "m.mo").write_text(HIDDEN)
+    with pytest.raises(gt.modelica.ModelicaError, match=r"parameters give a value from outside.*protected") as caught:
+        gt.modelica.load(f"{tmp_path / 'm.mo'}:M", parameters={name: 3.0})
+    assert caught.value.where is not None and caught.value.where.line == line
+
+
+def test_parameters_from_outside_reach_what_is_open(tmp_path: Path) -> None:
+    (tmp_path / "m.mo").write_text(HIDDEN)
+    model = gt.modelica.load(f"{tmp_path / 'm.mo'}:M", parameters={"open": 3.0, "a.open": 4.0})()
+    y, status = model.causal(targets=["y"])()
+    assert status.ok and float(y) == 7.0

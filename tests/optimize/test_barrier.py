@@ -8,7 +8,7 @@ import pytest
 import gtmodel as gt
 from gtmodel import ModelError, SolveStatus, der
 from gtmodel.optimize import Mesh, SolverOptions, Transcription, solve, transcribe
-from gtmodel.optimize.watch import Patience
+from gtmodel.optimize.watch import RUNAWAY, WEIGHT, Patience
 
 ENOUGH = 600  # iterations: more than either strategy takes on what it solves, and a try given up before it
 
@@ -138,6 +138,12 @@ class TestPatience:
             4,
         ]
         assert p(0.5, 1.0) == 0
+
+    def test_multipliers_that_run_away_are_no_progress_and_weigh_more(self):
+        p = Patience(RUNAWAY)
+        assert [p(1.0, 0.5**k, m) for k, m in enumerate([1.0, 1e9, 1e11, 1e14, 1.0])] == [0, 0, WEIGHT, 2 * WEIGHT, 0]
+        # beside the objective; and a point that keeps its rows is not lost
+        assert p(1e6, 0.01, 1e14) == 0 and p(1.0, 1e-9, 1e14) == 0
 
     def test_points_that_keep_their_rows_are_not_lost(self):
         p = Patience()

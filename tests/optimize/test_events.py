@@ -75,6 +75,45 @@ def test_guesses_of_the_instants_may_be_poor(elements: int, instants: list[float
     assert abs(slope) < 1e-4 or abs(found.objective - cost_of_throw(v, 2)) > 1e-3
 
 
+class Drop(gt.Optimization):
+    """Least time from rest at 1 m to 0.3 m after one bounce; the guess of the time lies on the way down."""
+
+    h = gt.variable(unit="m", start=1.0, fixed=True)
+    v = gt.variable(unit="m/s", start=0.0, fixed=True)
+    final_time = gt.free(1.2, min=0.1, unit="s")
+
+    def equations(self):
+        yield gt.der(self.h) == self.v
+        yield gt.der(self.v) == -G
+        yield gt.when(self.h <= 0.0, gt.reinit(self.v, -LOSS * self.v))
+
+    def objective(self):
+        return self.final_time
+
+    def constraints(self):
+        yield self.h.at(self.final_time) == 0.3
+
+
+def test_a_height_is_reached_on_the_way_up_where_that_is_faster() -> None:
+    found = gt.solve_phases(gt.phases_of_events(Drop(), ["event 1"]), gt.Mesh(3))
+    impact = np.sqrt(2 * G)
+    up = (LOSS * impact - np.sqrt((LOSS * impact) ** 2 - 2 * G * 0.3)) / G
+    assert found.status.ok and abs(found.objective - (impact / G + up)) < EXACT
+    assert found.message == found["phase 2"].message == "solved; local optimum; 1 of 3 starts ended here"
+    # a guess that is given is the only start
+    given = {name: found[name].trajectory for name in ("phase 1", "phase 2")}
+    again = gt.solve_phases(gt.phases_of_events(Drop(), ["event 1"]), gt.Mesh(3), guess=given)
+    assert again.message == "solved" and abs(again.objective - found.objective) < EXACT
+
+
+def test_starts_share_the_limit_of_iterations() -> None:
+    phases = gt.phases_of_events(Drop(), ["event 1"])
+    whole = gt.solve_phases(phases, gt.Mesh(3)).iterations
+    for most in (1, whole - 1):
+        found = gt.solve_phases(phases, gt.Mesh(3), solver=gt.SolverOptions(max_iterations=most), throw=False)
+        assert found.iterations <= most
+
+
 class Thermostat(gt.Optimization):
     """Between 18 and 22 degrees; its power is chosen."""
 

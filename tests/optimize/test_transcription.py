@@ -179,6 +179,9 @@ class TestManyStarts:
         assert m.optima[0].distance == 0.0 < m.optima[1].distance
         assert min(o.count for o in m.optima) >= 2
         assert "0 of 12 starts failed; seed 3" in str(m)
+        assert [o.solution.message for o in m.optima] == [
+            f"solved; local optimum; {o.count} of 12 starts ended here" for o in m.optima
+        ]
 
     def test_the_seed_decides(self):
         t = transcribe(Wells(), Mesh(3, 2))

@@ -18,6 +18,8 @@ DEEP = "[" * 100_000 + "]" * 100_000
 SPOILT: list[tuple[tuple[str, ...], Any]] = [
     (("checks", "end", "value"), "small"), (("checks", "end", "bound"), "large"), (("checks", "end", "passed"), "yes"),
     (("checks", "end"), 3), (("checks",), [1]), (("message",), 7), (("objective",), "least"), (("iterations",), True),
+    (("checks", "end", "bound"), 10**400), (("objective",), 10**400),
+    (("iterations",), 2.5), (("values", "x"), json.loads("[" * 500 + "]" * 500)),
     (("values",), [1, 2]), (("values", "notes"), "a text"), (("values", "notes"), [1]), (("status",), ["solved"]),
     (("trajectory",), "none"), (("trajectory",), {"time_s": [0, 1], "values": {"x": ["a", "b"]}, "units": {"x": "m"}}),
 ]  # fmt: skip

@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from ...compiler.causal import compile_causal, flat_of
+from ...compiler.causal import compile_causal
 from ...kinematics.workspace import Limit, Poses
 from ...lang import Model, ModelError
+from ...motion.rapid import orientation
 from ...results import ArgumentError
 from ..devices import Camera, LaserTracker, LineOfSight, sampled
 from ..measurements import Measurements
@@ -123,11 +124,6 @@ class Measuring:
             by = sampled(C, rng)
             values[name] = moved(values[name], by)
         return Measurements(values, m.noise)
-
-
-def orientation(robot: Model) -> list[str]:
-    """The variable of a plate's turn, where the robot has one."""
-    return ["e"] if "e" in flat_of(robot).groups else []
 
 
 def measuring(task: Task) -> Measuring:

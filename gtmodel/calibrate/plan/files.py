@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ...motion.reference import robtargets
+from ...motion import rapid
 from ...results.table import csv_text
 
 Array = np.ndarray
@@ -35,28 +35,30 @@ def poses_csv(T: Array, q: Array, purpose: list[str], title: str) -> str:
 
 def rapid_program(T: Array, q: Array, title: str, settle: float) -> str:
     """A RAPID module that goes to each pose, stops, waits and counts. Text only: tested against no controller."""
-    n = len(T)
-    lines = [
-        "MODULE GtCalibration",
-        f"  ! {title or 'calibration poses'}",
-        "  ! Written by gtmodel; tested against no controller. Check workspace, work object and tool first.",
-        "  ! The robot is not calibrated yet: keep the speed low and a hand on the stop.",
-        "  ! Positions in mm; external axes a, b, c are the carts in mm"
-        + (", d, e, f the rotary axes in degrees." if q.shape[1] == 6 else "."),
-        f"  CONST num GtCount := {n};",
-        f"  CONST num GtSettle := {settle:g};",
-        "  PERS num GtPose := 0;",
-        f"  LOCAL CONST robtarget GtPoses{{{n}}} := [",
-        *robtargets(T, q),
-        "  ];",
-        "  PROC GtMeasure(PERS tooldata tool, PERS wobjdata wobj)",
-        "    FOR i FROM 1 TO GtCount DO",
-        "      MoveJ GtPoses{i}, v200, fine, tool \\WObj:=wobj;",
-        "      GtPose := i;",
-        "      WaitTime \\InPos, GtSettle;",
-        "    ENDFOR",
-        "    GtPose := 0;",
-        "  ENDPROC",
-        "ENDMODULE",
-    ]
-    return "\n".join(lines) + "\n"
+    rotary = ", d, e, f the rotary axes in degrees" if q.shape[1] == 6 else ""
+    return rapid.module(
+        "GtCalibration",
+        [
+            title or "calibration poses",
+            "Written by gtmodel; tested against no controller. Check workspace, work object and tool first.",
+            "The robot is not calibrated yet: keep the speed low and a hand on the stop.",
+            f"Positions in mm; external axes a, b, c are the carts in mm{rotary}.",
+        ],
+        [
+            f"LOCAL CONST num GtCount := {len(T)};",
+            f"LOCAL CONST num GtSettle := {rapid.number(settle)};",
+            "PERS num GtPose := 0;",
+        ],
+        "GtPoses",
+        rapid.robtargets(T, q),
+        [
+            "PROC GtMeasure(PERS tooldata tool, PERS wobjdata wobj)",
+            "  FOR i FROM 1 TO GtCount DO",
+            "    MoveJ GtPoses{i}, v200, fine, tool \\WObj:=wobj;",
+            "    GtPose := i;",
+            "    WaitTime \\InPos, GtSettle;",
+            "  ENDFOR",
+            "  GtPose := 0;",
+            "ENDPROC",
+        ],
+    )

@@ -187,7 +187,8 @@ def _study_of(plan: PlanState) -> PlanStudy:
     failed = failed_of(checks)
     verdict = verdict_of(plan, list(failed))
     T, purpose = in_order(plan.poses, plan.held_out, plan.task.poses.seed)
-    q, *_ = plan.measuring.placed(T)
+    q, e, _ = plan.measuring.placed(T)
+    turned = T if e is None else np.hstack([T[:, :3], e])
     return PlanStudy(
         status=SolveStatus.SOLVED,
         message=verdict,
@@ -202,7 +203,7 @@ def _study_of(plan: PlanState) -> PlanStudy:
         figures=pictures(plan),
         files={
             "poses.csv": poses_csv(T, q, purpose, title),
-            "poses.mod": rapid_program(T, q, title, plan.task.poses.settle),
+            "poses.mod": rapid_program(turned, q, title, plan.task.poses.settle),
         },
         machine_files=("poses.csv", "poses.mod"),
     )

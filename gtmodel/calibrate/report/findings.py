@@ -21,7 +21,7 @@ from ..measured.poses import SplitPoses
 from ..measurements import Measurements
 from ..options import Fit
 from ..prediction import MAD, Outlier, Prediction, outliers
-from ..problem import CalibrationProblem
+from ..problem import CalibrationProblem, noise_covariance
 from ..sensitivity import Sensitivity, sensitivity
 from ..variants import cost_of, too_few
 from .against_noise import against_noise, pattern
@@ -275,7 +275,8 @@ def _of_part(
     return CalibrationFindings(
         c.problem, data, c, before, _predicted(c, data.fitted, data),
         {} if kept is None else _predicted(held, kept, data),
-        prior, outliers(c.residuals, _basis(c, fit.loss)), _sensitivity(fit, c), _repeatability(data), fit.loss, alarms,
+        prior, outliers(c.residuals, _basis(c, fit.loss), _length_noise(c, fit.loss)), _sensitivity(fit, c),
+        _repeatability(data), fit.loss, alarms,
         (), None if held is c else held, kept,
     )  # fmt: skip
 
@@ -288,6 +289,19 @@ def _basis(c: Calibration, loss: str) -> np.ndarray | None:
     J = c.problem.jacobian(c.x) * c.problem.unknowns.sizes
     U, s, _ = np.linalg.svd(J.reshape(-1, J.shape[2]), full_matrices=False)
     return U[:, s > RANK * s.max(initial=0.0)].reshape(*J.shape[:2], -1)
+
+
+def _length_noise(c: Calibration, loss: str) -> tuple[np.ndarray, np.ndarray] | None:
+    """Jacobian (N, m, n) of the lengths, without columns for a robust loss, and their covariance (N, m, m) by the
+    stated noise; None where some of it is not stated, or does not reach every length."""
+    p = c.problem
+    if p.implicit or not p.weighed or not len(c.x):
+        return None
+    J, By, _ = p.all_jacobians("length", c.x)
+    C = By @ noise_covariance(p, "orthogonal") @ By.swapaxes(1, 2)
+    if not np.all(np.linalg.eigvalsh(C)[:, 0] > RANK * np.trace(C, axis1=1, axis2=2)):
+        return None
+    return J if loss == "linear" else J[:, :, :0], C
 
 
 def verdict(findings: CalibrationFindings, accuracy: float | None) -> tuple[bool, bool | None, list[str]]:

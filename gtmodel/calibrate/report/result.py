@@ -86,7 +86,8 @@ class CalibrationStudy(Study):
         "pairs of unknowns that correlate by more than 0.95",
     )] = None  # fmt: skip
     outliers: Annotated[Tables, Quantity("",
-        "residuals far beyond the others of their link: line, link, residual_mm, times the robust deviation",
+        "residuals far beyond the others of their link, or the largest of a pose far off as a whole: line, link, "
+        "residual_mm, times the deviation",
     )] = None  # fmt: skip
     repeatability: Annotated[float | None, Quantity("m",
         "rms distance of poses at the same actuators from their mean; null without any", written="mm",

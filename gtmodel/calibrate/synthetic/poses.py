@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from dataclasses import replace
 from pathlib import Path
 from typing import Literal
@@ -10,6 +9,7 @@ from typing import Literal
 import numpy as np
 
 from ...lang import Model
+from ...results.scratch import scratch
 from ..measured.options import Measured, MeasuredSignal
 from ..measured.poses import MeasuredPoses
 from ..measured.reading_file import read_poses
@@ -38,8 +38,8 @@ def made_poses(robot: Model, synthetic: Synthetic, held_out: Path | str | None =
     away = any([*synthetic.device_t, *synthetic.device_zyz])
     frame: Literal["robot", "device"] = "device" if away else "robot"
     measured = Measured(signals, orientation="e" if made.turns else None, frame=frame)
-    with tempfile.TemporaryDirectory() as scratch:
-        path = Path(scratch) / FILE
+    with scratch() as place:
+        path = place / FILE
         path.write_text(made.text, encoding="utf-8")
         poses = read_poses(path, measured, held_out)
     if synthetic.state_noise:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -13,6 +12,7 @@ from ..._version import __version__
 from ...compiler.causal import CausalFunction
 from ...compiler.toolchain import Toolchain, find
 from ...results import Check, at_least, at_most
+from ...results.scratch import scratch
 from ..generation import contents
 from ..interface import Interface
 from ..manifest import changed_entries, changed_files, interface_entry, lacks, parameters_hash, read, sha256
@@ -87,8 +87,8 @@ def check(
         return CheckReport(checks | {"compiler_found": at_least(0, 1, tools)}, tools, {}, {})
     rows: dict[str, int] = {}
     rows_ok: dict[str, int] = {}
-    with tempfile.TemporaryDirectory() as place:
-        library, built = _build(tools, folder, content, Path(place))
+    with scratch() as place:
+        library, built = _build(tools, folder, content, place)
         checks |= built
         if library is not None:
             failures = int(library[f"gt_{content['name']}_selftest"]())

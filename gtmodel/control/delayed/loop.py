@@ -160,9 +160,10 @@ class DelayedLoop:
     def response_at(self, omega: float) -> complex:
         """L at one angular frequency [rad/s], as `response`; infinite on a pole."""
         try:
-            return self._at(cmath.exp(1j * omega * self.cycle))
+            g = complex(self._at(cmath.exp(1j * omega * self.cycle)))
         except ZeroDivisionError:
             return complex(np.inf)
+        return g if cmath.isfinite(g) else complex(np.inf)
 
     @cached_property
     def poles(self) -> tuple[np.ndarray, np.ndarray]:

@@ -86,7 +86,7 @@ def margin_limit(loop: DelayedLoop, margins: GainMargins) -> float:
     """
     limit = gain_limit(loop).gain / margins.gain
     nearest = largest_in_sector(loop, margins.phase)
-    return min(limit, 1 / nearest) if nearest > 0 else limit
+    return min(limit, float(1 / nearest)) if nearest > 0 else limit
 
 
 def delay_margin(loop: DelayedLoop, gain: float) -> float:

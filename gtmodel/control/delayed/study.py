@@ -92,20 +92,19 @@ def delayed_feedback(
         raise ArgumentError(f"lies between the plants x and y; there are {', '.join(plants)}", "off_axis")
     tool = None if cut is None else _tool(plants, timing, cut[0])
     loops = {name: DelayedLoop(p, timing.cycle, timing.delay) for name, p in made.items()}
-    limits, worst = dict[str, GainLimit](), dict[str, WorstCase]()
-    work.keep(partial(_so_far, title, limits, worst))
+    limits, worst, kept = dict[str, GainLimit](), dict[str, WorstCase](), dict[str, WorstCase]()
+    steps = {n: p.gain_step if isinstance(p, FeedbackAxis) else gain_step for n, p in plants.items()}
+    work.keep(partial(_so_far, title, limits, worst, kept, steps))
     for name, p in plants.items():
         work.step(f"limit along {name}")
         limits[name] = _limit(name, loops[name])
         _check_gain(name, p, limits[name].gain)
     notes = [_returns(name, x) for name, x in limits.items() if x.returns]
     notes += [_aliased(n, p, timing) for n, p in plants.items() if isinstance(p, FeedbackAxis) and _fast(p, timing)]
-    kept = dict[str, WorstCase]()
     if box is not None:
         for name, plant in plants.items():
             work.step(f"worst case of {name}")
             worst[name], kept[name] = _worst(plant, made[name], timing, box, margins)
-    steps = {n: p.gain_step if isinstance(p, FeedbackAxis) else gain_step for n, p in plants.items()}
     recommended = {n: recommended_gain(w.gain, steps[n]) for n, w in kept.items()}
     gains = {n: _gain(p, limits[n].gain, recommended.get(n)) for n, p in plants.items()}
     there = {n: loop_margins(loops[n], g) for n, g in gains.items() if g > 0}
@@ -162,8 +161,11 @@ def delayed_feedback(
     )
 
 
-def _so_far(title: str, limits: Mapping[str, GainLimit], worst: Mapping[str, WorstCase]) -> DelayedFeedbackStudy:
-    """The limits and worst cases that are known when a study is ended, and no recommendation."""
+def _so_far(
+    title: str, limits: Mapping[str, GainLimit], worst: Mapping[str, WorstCase], kept: Mapping[str, WorstCase],
+    steps: Mapping[str, float],
+) -> DelayedFeedbackStudy:  # fmt: skip
+    """The limits, worst cases and recommended gains that are known when a study is ended."""
     return DelayedFeedbackStudy(
         status=SolveStatus.INTERRUPTED,
         title=title,
@@ -172,6 +174,9 @@ def _so_far(title: str, limits: Mapping[str, GainLimit], worst: Mapping[str, Wor
         returns={n: x.returns for n, x in limits.items() if x.returns},
         worst_limit={n: w.gain for n, w in worst.items()} or None,
         worst_point={n: w.point for n, w in worst.items()},
+        margin_limit={n: w.gain for n, w in kept.items()} or None,
+        margin_point={n: w.point for n, w in kept.items()},
+        recommended={n: recommended_gain(w.gain, steps[n]) for n, w in kept.items()} or None,
     )
 
 

@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 import scipy
 
+ON_A_POLE = 4 * np.finfo(float).eps  # of z: an eigenvalue is known no closer, so that a pole is met or not by chance
+
 
 class Transfer:
     """leaves (z - A)^-1 entries: A (n, n), entries (n, k), leaves (n,), by the Schur form of the balanced A.
@@ -29,8 +31,8 @@ class Transfer:
         self._leaves: list[complex] = ((leaves * scale) @ turn).tolist()
 
     def at(self, z: Any, inputs: Sequence[Any]) -> Any:
-        """The output for `inputs`, one for each column of entries; one z or an array of them. At a pole a single z
-        raises ZeroDivisionError."""
+        """The output for `inputs`, one for each column of entries; one z or an array of them. At a pole, as close as
+        rounding tells, a single z raises ZeroDivisionError, and one of an array is divided by zero."""
         x, out = [z] * len(self._rows), 0 * z
         for i in range(len(x) - 1, -1, -1):
             row = self._rows[i]
@@ -39,6 +41,7 @@ class Transfer:
                 right = right + entry * size
             for j in range(i + 1, len(x)):
                 right = right + row[j] * x[j]
-            x[i] = right / (z - row[i])
+            apart = z - row[i]
+            x[i] = right / (apart * (abs(apart) > ON_A_POLE * abs(z)))
             out = out + self._leaves[i] * x[i]
         return out

@@ -85,16 +85,14 @@ class FusionStudy(Study):
         )  # fmt: skip
         for label, (off, at) in ((label, pair) for label, pair in lines if pair):
             rows.append(Row(label, f"{1e3 * off:.3g} off the bends, {1e3 * at:.3g} at them", "mm/s"))
-        for label, share in (
-            ("  below the slope", self.below_slope),
-            ("  below the tracker's filter", self.below_tracker),
-        ):
+        below = (("  below the slope", self.below_slope), ("  below the tracker's filter", self.below_tracker))
+        for label, share in (pair for pair in below if pair[1]):
             rows.append(Row(label, ", ".join(f"{100 * s:.1f}" for s in share) + " (off, at, all)", "%"))
         rows += [row for name in self.fused for row in self._errors(name)]
-        low, high = self.nis_band
-        said = f"{self.nis:.4g} of {self.nis_numbers:.3g}, right within {low:.4g} to {high:.4g}"
-        rows.append(Row("innovations squared (NIS)", said))
-        rows.append(Row("  verdict", self.verdict))
+        if self.nis_band:
+            low, high = self.nis_band
+            said = f"{self.nis:.4g} of {self.nis_numbers:.3g}, right within {low:.4g} to {high:.4g}"
+            rows += [Row("innovations squared (NIS)", said), Row("  verdict", self.verdict)]
         if self.counted_less:
             said = ", ".join(f"{name} {100 * share:.3g}" for name, share in self.counted_less.items())
             rows.append(Row("  counted less as outliers", f"{said}  (of right readings 18)", "%"))

@@ -12,7 +12,7 @@ import numpy as np
 from ...results import SolveStatus, Work
 from ...results.door import study_function
 from ...results.trajectory import Trajectory
-from ...results.work import Progress, never, silent
+from ...results.work import Interrupted, Progress, never, silent
 from ..consistency import Consistency, consistency
 from ..error_state import ErrorState
 from ..filter import Filter
@@ -77,23 +77,40 @@ def fusion_study(
     work.step("readings", 0.02)
     scene = scene_of(path, sensors, seed)
     work.step("filters", 0.1)
-    one = _filtered(scene, design, work)
+    answer = partial(_answer, scene, path, sensors, sweep, seed, title)
+    one = _filtered(scene, design, work, keep=lambda one: work.keep(partial(answer, one)))
+    if not len(one.run.time):
+        raise Interrupted("stopped before the first readings were filtered")
+    work.keep(partial(answer, one))
     swept = {} if sweep is None else _swept(path, sensors, design, sweep, seed, work)
     if not one.run.status.ok and not one.stopped:
         return FusionStudy(status=one.run.status, message=one.run.message, title=title, axes=path.axes)
+    c, preferred = one.consistency, None
+    if c is not None and c.nis not in c.band and path.axes == 3:
+        work.progress("likelihood of other densities", 0.9)
+        preferred = _preferred(scene, design, work)
+    stopped = one.stopped or swept.pop("stopped", False) or work.interrupted()
+    return answer(one, swept, preferred, stopped=stopped)
+
+
+def _answer(
+    scene: Scene, path: TrackedPath, sensors: FusionSensors, sweep: FusionSweep | None, seed: int, title: str,
+    one: _One, swept: dict[str, Any] | None = None, preferred: float | None = None, *, stopped: bool = True,
+) -> FusionStudy:  # fmt: skip
+    """The study of what was filtered, smoothed and judged until now; of a filter that was stopped, of the rows it got
+    to."""
+    swept, c = swept or {}, one.consistency
     said = (
         f"SYNTHETIC: seed {seed}, tracker {1e3 * sensors.position_noise:.3g} mm, accelerometer "
         f"{sensors.acceleration_noise:.3g} m/s2/rtHz"
     )
     if sensors.outlier_share:
         said += f", {100 * sensors.outlier_share:g} % of the positions off by {OUTLYING:g} times its noise"
-    c = one.consistency
     table, printed = printed_errors(path, sensors)
-    preferred = None
-    if c is not None and c.nis not in c.band and path.axes == 3:
-        work.progress("likelihood of other densities", 0.9)
-        preferred = _preferred(scene, design, work)
-    stopped = one.stopped or swept.pop("stopped", False) or work.interrupted()
+    notes = [*one.run.notes, *_notes(scene, preferred)]
+    done, whole = one.run.time[-1], scene.motion.time[-1]
+    if done < whole:
+        notes.append(f"the filter was stopped after {done:.3g} of {whole:.3g} s: numbers are of these alone")
     return FusionStudy(
         status=SolveStatus.INTERRUPTED if stopped else SolveStatus.SOLVED, title=title, axes=path.axes,
         synthetic=said.removeprefix("SYNTHETIC: "),
@@ -101,7 +118,7 @@ def fusion_study(
         nis_numbers=None if c is None else c.expected, verdict="" if c is None else c.message,
         trajectory=_trajectory(scene, one, said), figures=_figures(scene, one, swept, sweep, title),
         counted_less={name: float(n.sum()) / len(one.run.time) for name, n in one.run.weighed.items()},
-        printed=printed, printed_in=table, notes=[*one.run.notes, *_notes(scene, preferred)],
+        printed=printed, printed_in=table, notes=notes,
         preferred_jerk_density=preferred, **one.errors, **swept,
     )  # fmt: skip
 
@@ -120,11 +137,14 @@ class _One:
     stopped: bool
 
 
-def _filtered(scene: Scene, design: FusionFilter, work: Work, blame: bool = True) -> _One:
+def _filtered(
+    scene: Scene, design: FusionFilter, work: Work, blame: bool = True, keep: Callable[[_One], object] | None = None
+) -> _One:
+    """keep: is given what there is before it is smoothed and judged."""
     systems = systems_of(scene, design)
     judge = work.fractions("filter")
-    keep = design.smooth
-    run = filter_of(systems, design).run(scene.log, scene.initial, truth=scene.truth, keep=keep, progress=judge)
+    smoothing = design.smooth
+    run = filter_of(systems, design).run(scene.log, scene.initial, truth=scene.truth, keep=smoothing, progress=judge)
     alone = tracker_system(scene.path, scene.sensors, design)
     log = {"tracker": scene.log["tracker"]}
     initial = replace(scene.initial, mean=_three(scene.initial.mean), deviation=_three(scene.initial.deviation))
@@ -132,6 +152,9 @@ def _filtered(scene: Scene, design: FusionFilter, work: Work, blame: bool = True
     slope = slope_velocity(scene.log["tracker"])
     stopped = SolveStatus.INTERRUPTED in (run.status, tracker.status)
     judged, smoothed = run, None
+    if keep is not None and len(run.time):
+        errors = _errors(scene, run, None, tracker, slope)
+        keep(_One(run, run, None, tracker, slope, errors, None, stopped))
     if len(systems) > 1 and run.status.ok:
         judged = _scheduled(systems, run, scene, design, judge)
         if judged.status is SolveStatus.INTERRUPTED:
@@ -140,7 +163,7 @@ def _filtered(scene: Scene, design: FusionFilter, work: Work, blame: bool = True
         work.progress("smoothing", 0.6)
         smoothed = smooth(judged)
     whole = run.status.ok and judged.status.ok and tracker.status.ok and not stopped
-    errors = _errors(scene, run, smoothed, tracker, slope) if whole else {}
+    errors = _errors(scene, run, smoothed, tracker, slope) if whole or stopped else {}
     said = consistency(judged, skip=settled(scene), blame=blame) if whole else None
     return _One(run, judged, smoothed, tracker, slope, errors, said, stopped)
 
@@ -202,8 +225,12 @@ def _probabilities(run: Filtered) -> np.ndarray | None:
 def _errors(
     scene: Scene, run: Filtered, smoothed: Smoothed | None, tracker: Filtered, slope: np.ndarray
 ) -> dict[str, Any]:
-    motion, kept = scene.motion, scene.motion.time >= settled(scene)
-    peak = scene.peak
+    """Over the rows that were filtered; without what needs more of them than there are."""
+    n = len(run.time)
+    v, peak = scene.motion.v[:n], scene.peak[:n]
+    kept = scene.motion.time[:n] >= settled(scene)
+    if not kept.any():
+        return {}
 
     def split(error: np.ndarray) -> tuple[float, float]:
         size = np.abs(error)[:, [0, 2]].mean(axis=1)
@@ -212,17 +239,17 @@ def _errors(
     def whole(error: np.ndarray) -> float:
         return float(np.abs(error[kept])[:, [0, 2]].mean())
 
-    fused, alone, slopes = run.error["v"], tracker.error["v"], slope - motion.v
-    lines = {"velocity_slope": split(slopes), "velocity_tracker": split(alone), "velocity_fused": split(fused)}
+    velocity = {"slope": slope[:n] - v, "tracker": tracker.error["v"][:n], "fused": run.error["v"]}
+    velocity = {name: error for name, error in velocity.items() if len(error) == n}
+    lines = {f"velocity_{name}": split(error) for name, error in velocity.items()}
     if smoothed is not None:
-        lines["velocity_smoothed"] = split(smoothed["v"] - motion.v)
+        lines["velocity_smoothed"] = split(smoothed["v"] - v)
+    mine = (*lines["velocity_fused"], whole(velocity["fused"]))
     below = {
-        name: tuple(1 - a / b if b > 0 else 0.0 for a, b in zip(mine, theirs, strict=True))
-        for name, mine, theirs in (
-            ("below_slope", (*lines["velocity_fused"], whole(fused)), (*lines["velocity_slope"], whole(slopes))),
-            ("below_tracker", (*lines["velocity_fused"], whole(fused)), (*lines["velocity_tracker"], whole(alone))),
-        )
-    }
+        f"below_{name}": tuple(1 - a / b if b > 0 else 0.0 for a, b in zip(mine, theirs, strict=True))
+        for name, error in velocity.items() if name != "fused"
+        for theirs in [(*lines[f"velocity_{name}"], whole(error))]
+    }  # fmt: skip
     states = {
         "position": "p",
         "orientation": "Q",
@@ -230,8 +257,8 @@ def _errors(
         "angular_velocity": "w",
         "angular_acceleration": "alpha",
     }
-    mine = {name: _metrics(run.error[state][kept]) for name, state in states.items() if state in scene.states}
-    made: dict[str, Any] = {**lines, **below, "fused": mine, "alone": _alone(scene, kept)}
+    fused = {name: _metrics(run.error[state][kept]) for name, state in states.items() if state in scene.states}
+    made: dict[str, Any] = {**lines, **below, "fused": fused, "alone": _alone(scene, kept)}
     fast = _probabilities(run)
     if fast is not None:
         made["fast_share"] = tuple(float(fast[kept & at].mean()) if np.any(kept & at) else 0.0 for at in (~peak, peak))
@@ -254,7 +281,7 @@ def _alone(scene: Scene, kept: np.ndarray) -> dict[str, tuple[float, float, floa
             continue
         right = truth.read((name,), 0.0, states, np.zeros(0))
         error = Manifold([truth.readings[name]]).minus(scene.log[name].values, right)
-        made[quantity] = _metrics(error[kept])
+        made[quantity] = _metrics(error[: len(kept)][kept])
     return made
 
 
@@ -393,7 +420,7 @@ def _velocity_errors(scene: Scene, one: _One) -> dict[str, np.ndarray]:
     estimates = {"slope of four": one.slope, "tracker alone": one.tracker["v"], "fused": one.run["v"]}
     if one.smoothed is not None:
         estimates["smoothed"] = one.smoothed["v"]
-    return {name: v[:n] - scene.motion.v[:n] for name, v in estimates.items()}
+    return {name: v[:n] - scene.motion.v[:n] for name, v in estimates.items() if len(v) >= n}
 
 
 def _innovations_figure(one: _One, title: str) -> Any:

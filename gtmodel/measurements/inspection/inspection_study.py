@@ -115,6 +115,8 @@ def inspect(
         has = f"it has {names}" if names else "it is one table, so name none"
         raise LogError(f"{shown(path)}: there is no stream '{form.stream[:40]}'; {has}")
     made, ended = list[InspectedStream](), False
+    title = title or shown(Path(path).name)
+    work.keep(partial(_answer, title, made, notes, True))
     for stream in streams:
         notes += [_on(stream, remark) for remark in stream.remarks]
         inspected, ended = _inspected(stream, work, others=len(streams) > 1)
@@ -128,7 +130,10 @@ def inspect(
     notes += [sentence for stream in made for sentence in _remarkable(stream, len(made) > 1)]
     if isinstance(content, MatFile):
         notes += _parameters(content)
-    title = title or shown(Path(path).name)
+    return _answer(title, made, notes, ended)
+
+
+def _answer(title: str, made: list[InspectedStream], notes: list[str], ended: bool) -> InspectionStudy:
     figures = {"log": partial(_picture, title, made)} if made else {}
     return InspectionStudy(
         status=SolveStatus.INTERRUPTED if ended else SolveStatus.SOLVED,

@@ -9,8 +9,9 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
+from .bag_chunks import refuse_bomb, refuse_message_bombs
 from .extra import needed
-from .form import LogError, shown
+from .form import LogError, LogForm, shown
 from .heads import Heads
 from .stream import RowBlock, Stream
 
@@ -24,14 +25,16 @@ _NAMES = ("name", "joint_names")  # fields that name the components of the array
 class Bag:
     """A ROS 1 bag, or a ROS 2 bag: its folder, the metadata.yaml in it, or a file of it (.mcap, .db3)."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, form: LogForm) -> None:
         self.source = shown(path)
         what = f"{self.source} is a ROS bag"
         self._path = path.parent if path.name == "metadata.yaml" else path
         self._reader = needed("rosbags.highlevel", what).AnyReader
         typesys = needed("rosbags.typesys", what)
         self._types = typesys.get_typestore(typesys.Stores.LATEST)
+        refuse_bomb(self._path, form)
         with self.opened() as reader:
+            refuse_message_bombs(reader.readers, self._path, form)
             self.start = int(reader.start_time)
             self.topics = {name: info for name, info in reader.topics.items() if info.msgcount}
             self.types = {name: info.msgtype or "" for name, info in self.topics.items()}

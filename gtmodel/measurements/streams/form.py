@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 from ...results.options import Options, Within
+from ...results.swollen import GROWTH, swollen
 from ...results.trajectory_errors import TrajectoryError
 from ...results.trajectory_files import PathLike
 
 Delimiter = Literal["comma", "semicolon", "tab", "blank", "bar"]
 SIGNS: dict[Delimiter, str] = {"comma": ",", "semicolon": ";", "tab": "\t", "blank": " ", "bar": "|"}
-GROWTH, SMALL = 200.0, 1 << 28  # how many times larger than the file numbers may be; bytes that always may
 LONGEST_PATH = 80  # letters of a path in a message
 
 
@@ -79,13 +79,9 @@ def refuse_swollen(path: PathLike, size: float, form: LogForm, what: str) -> Non
 
     what: whose numbers, for the message.
     """
-    own = Path(path).stat().st_size
-    if size > max(SMALL, form.most_growth * own):
-        times = size / max(own, 1)
-        raise LogError(
-            f"{shown(path)}: {what} would take {size / 1e6:.4g} MB, {times:.3g} times the size of the file; expected "
-            f"at most {form.most_growth:g} times; if it is right, say most_growth = {2 * times:.2g}"
-        )
+    if said := swollen(path, size, form.most_growth):
+        times = 2 * size / max(Path(path).stat().st_size, 1)
+        raise LogError(f"{shown(path)}: {what} {said}; if it is right, say most_growth = {times:.2g}")
 
 
 def shown(path: PathLike) -> str:

@@ -23,8 +23,15 @@ _PACKED = {
 }
 _POINTER = b"version https://git-lfs"
 _PROGRAMS = {  # by the first line that is no comment
-    "RAPID": re.compile(rb"\A\xef?\xbb?\xbf?(\s|![^\n]*\n|%%%.*?%%%)*MODULE\s+\w+\s*(\(|\n|\r|!|$)", re.S),
-    "KRL": re.compile(rb"\A\s*(&\w+[^\n]*\n\s*|;[^\n]*\n\s*)*(DEF\s+\w+\s*\(|DEFDAT\s+\w+|DEFFCT\s+\w+)"),
+    "RAPID": re.compile(
+        rb"\A\xef?\xbb?\xbf?(\s|![^\n]*\n|%%%.*?%%%)*(MODULE\s+\w+\s*(\(|\n|\r|!|$)|((LOCAL|GLOBAL)\s+)?PROC\s+\w+\s*\()",
+        re.S | re.I,
+    ),
+    "KRL": re.compile(rb"\A\s*(&\w+[^\n]*\n\s*|;[^\n]*\n\s*)*(DEF\s+\w+\s*\(|DEFDAT\s+\w+|DEFFCT\s+\w+)", re.I),
+}
+_TREES = {  # texts that hold no table, by how they begin
+    "XML": re.compile(rb"\A\xef?\xbb?\xbf?\s*<[?!A-Za-z]"),
+    "JSON": re.compile(rb"\A\xef?\xbb?\xbf?\s*(\{\s*[\"}]|\[\s*[\[{])"),
 }
 _PROGRAM_WITHIN = 4096  # bytes of a file in which its first line stands
 _BAGS = (b"#ROSBAG", b"\x89MCAP", b"SQLite format 3")
@@ -86,7 +93,7 @@ def content_of(path: PathLike, form: LogForm) -> Stream | MatFile | Bag:
     path = Path(path)
     if path.is_dir() or path.name == "metadata.yaml":
         if not path.is_dir() or (path / "metadata.yaml").is_file():
-            return _bag(path)
+            return _bag(path, form)
         raise LogError(f"{shown(path)} is a folder without a metadata.yaml, so it is no ROS 2 bag; name a file")
     if path.exists() and not path.is_file():
         raise LogError(f"{shown(path)} is a pipe or a device, which can be read only once; write it to a file first")
@@ -95,7 +102,7 @@ def content_of(path: PathLike, form: LogForm) -> Stream | MatFile | Bag:
     head = begun[: len(_POINTER)]
     suffix = path.suffix.lower()
     if head.startswith(_BAGS):
-        return _bag(path)
+        return _bag(path, form)
     if head.startswith(b"PAR1"):
         from .parquet import ParquetStream
 
@@ -117,10 +124,13 @@ def content_of(path: PathLike, form: LogForm) -> Stream | MatFile | Bag:
             f"{shown(path)} is a program of a robot controller ({program}), a text without a table; name the log that "
             "was recorded while it ran"
         )
+    tree = next((what for what, sign in _TREES.items() if sign.search(begun)), "")
+    if tree:
+        raise LogError(f"{shown(path)} is {tree}, a text without a table; save its numbers as CSV")
     return TextStream(path, form)
 
 
-def _bag(path: Path) -> Bag:
+def _bag(path: Path, form: LogForm) -> Bag:
     from .bags import Bag
 
-    return Bag(path)
+    return Bag(path, form)

@@ -12,6 +12,7 @@ from ..scalars import (
     Flat,
     Operation,
     Symbol,
+    extent,
     is_constant,
     is_literal,
     number_of,
@@ -24,7 +25,9 @@ from ..syntax import ModelicaError, Place
 from .instants import settle_instants
 
 _RELATIONS = ("<", "<=", ">", ">=")
+LONGEST_NAME = 200  # words of an expression that names a variable of gtmodel's own
 _WHOLE = ("floor", "ceil", "integer", "mod", "div", "rem")
+_OF_WHOLE = ("+", "-", "*", "neg", "min", "max", "abs", "pre", "mod", "rem")  # of whole numbers, and whole
 _LOGICAL = (*_RELATIONS, "==", "<>", "and", "or", "not", "initial", "sample", "edge", "change")
 
 
@@ -49,6 +52,8 @@ class _Settling:
         self.wholes: dict[str, Flat] = {}
         self.whens: list[ScalarWhen] = []
         self._known: dict[int, tuple[Any, Any]] = {}
+        self._conditions_known: dict[int, tuple[Any, Any]] = {}
+        self._values: dict[int, tuple[Any, Any]] = {}
         self._initial: Flat | None = None
 
     def run(self) -> None:
@@ -111,7 +116,10 @@ class _Settling:
 
     def now(self, x: Any, at: Place) -> Any:
         """An expression outside of actions: pre() is what the variable had when this round of the event began."""
-        return self._now(self.resolved(x, at), at)
+        x = self.resolved(x, at)
+        if not any(map(_speaks, operations(x))):
+            return x
+        return self._now(x, at)
 
     def _now(self, x: Any, at: Place) -> Any:
         if not isinstance(x, Operation):
@@ -137,6 +145,13 @@ class _Settling:
 
     def condition(self, x: Any, at: Place) -> Any:
         """A resolved condition: relations of numbers, and, or, not, initial, sample; or True or False."""
+        if not isinstance(x, Operation):
+            return self._condition(x, at)
+        if id(x) not in self._conditions_known:
+            self._conditions_known[id(x)] = x, self._condition(x, at)
+        return self._conditions_known[id(x)][1]
+
+    def _condition(self, x: Any, at: Place) -> Any:
         if isinstance(x, bool):
             return x
         if isinstance(x, Symbol):
@@ -269,7 +284,8 @@ class _Settling:
         return whole if name == "div" else operation("-", (x, operation("*", (whole, y), at)), at)
 
     def _floor(self, x: Any, at: Place) -> Any:
-        text = text_of(x)
+        long = extent(x, {}) > LONGEST_NAME
+        text = f"expression {len(self.wholes) + 1}" if long else text_of(x)
         name = f"floor({text[1:-1] if text.startswith('(') and text.count('(') == 1 else text})"
         if name not in self.wholes:
             flat = Flat(name, "discrete", "Integer", at, lambda _: None, lambda: None, helper=True)
@@ -295,6 +311,8 @@ class _Settling:
         """What an expression is at a start at 0 s by declared start values, as far as they say; else 0."""
         frozen = [f for f in self.out.flats if f.frozen]
 
+        done: dict[int, Any] = {}
+
         def known(e: Any) -> Any:
             if isinstance(e, Symbol):
                 constant = e.flat.kind in ("parameter", "constant")
@@ -302,7 +320,9 @@ class _Settling:
                 return known(self.resolved(0.0 if given is None else given, e.flat.at))
             if not isinstance(e, Operation):
                 return e
-            return 0.0 if e.name == "time" else operation(e.name, tuple(map(known, e.arguments)), e.at)
+            if id(e) not in done:
+                done[id(e)] = 0.0 if e.name == "time" else operation(e.name, tuple(map(known, e.arguments)), e.at)
+            return done[id(e)]
 
         try:
             value = number_of(known(x))
@@ -356,7 +376,11 @@ class _Settling:
             return x.position
         if not isinstance(x, Operation):
             return x
-        at = x.at or at
+        if id(x) not in self._values:
+            self._values[id(x)] = x, self._value(x, x.at or at)
+        return self._values[id(x)][1]
+
+    def _value(self, x: Operation, at: Place) -> Any:
         if x.name == "pre":
             inside = x.arguments[0]
             moves = isinstance(inside, Symbol) and inside.flat.kind in ("variable", "input")
@@ -455,16 +479,21 @@ def _is_boolean(x: Any) -> bool:
 
 def _is_whole(x: Any) -> bool:
     """Is it a whole number, or a literal of an enumeration?"""
-    if isinstance(x, Symbol):
-        return x.flat.base in ("Integer", "enumeration")
-    if isinstance(x, Operation):
-        if x.name == "if":
-            return all(map(_is_whole, x.arguments[1:]))
-        if x.name in ("integer", "sign", "div"):
-            return True
-        return x.name in ("+", "-", "*", "neg", "min", "max", "abs", "pre", "mod", "rem") and all(
-            map(_is_whole, x.arguments))  # fmt: skip
-    return isinstance(x, EnumerationLiteral) or (isinstance(x, (int, float)) and float(x).is_integer())
+    stack, seen = [x], set[int]()
+    while stack:
+        e = stack.pop()
+        if isinstance(e, Symbol):
+            if e.flat.base not in ("Integer", "enumeration"):
+                return False
+        elif isinstance(e, Operation):
+            if e.name not in _OF_WHOLE and e.name not in ("if", "integer", "sign", "div"):
+                return False
+            if id(e) not in seen and e.name in (*_OF_WHOLE, "if"):
+                seen.add(id(e))
+                stack += e.arguments[1:] if e.name == "if" else e.arguments
+        elif not isinstance(e, EnumerationLiteral) and not (isinstance(e, (int, float)) and float(e).is_integer()):
+            return False
+    return True
 
 
 def text_of(x: Any) -> str:

@@ -8,7 +8,7 @@ from typing import Any
 
 from ..causality import augmented
 from ..flat import Flattened, ScalarEquation, ScalarIf, ScalarWhen, WhenBranch
-from ..scalars import Flat, Operation, Symbol, operation, symbols
+from ..scalars import Flat, Operation, Symbol, nodes, operation, operations, symbols
 from ..syntax import ModelicaError, Place
 
 
@@ -42,6 +42,7 @@ class _Instants:
         for e in self.equations:
             self._join(e)
         self._definitions: dict[int, Any] | None = None
+        self._written: dict[int, tuple[Any, Any]] = {}
 
     # what follows from what
 
@@ -104,9 +105,11 @@ class _Instants:
             return self._out(self.definitions()[id(x.flat)], at, (*busy, id(x.flat)))
         if not isinstance(x, Operation) or x.name in ("pre", "earlier", "der"):
             return x
-        arguments = tuple(self._out(a, at, busy) for a in x.arguments)
-        same = all(a is b for a, b in zip(arguments, x.arguments, strict=True))
-        return x if same else operation(x.name, arguments, x.at)
+        if id(x) not in self._written:
+            arguments = tuple(self._out(a, at, busy) for a in x.arguments)
+            same = all(a is b for a, b in zip(arguments, x.arguments, strict=True))
+            self._written[id(x)] = x, x if same else operation(x.name, arguments, x.at)
+        return self._written[id(x)][1]
 
     def definitions(self) -> dict[int, Any]:
         """Of each variable that an equation v = ... determines the other side."""
@@ -188,31 +191,19 @@ def _values(b: WhenBranch) -> list[Any]:
 
 def _under_der(x: Any) -> Iterator[Flat]:
     """Variables that are differentiated."""
-    if isinstance(x, Operation):
-        if x.name == "der":
-            yield from symbols(x.arguments[0])
-        else:
-            for a in x.arguments:
-                yield from _under_der(a)
+    for o in operations(x):
+        if o.name == "der":
+            yield from symbols(o.arguments[0])
 
 
 def _now(x: Any) -> Iterator[Flat]:
     """Variables that stand in an expression outside pre(), which outside of actions is called earlier."""
-    if isinstance(x, Symbol):
-        yield x.flat
-    elif isinstance(x, Operation) and x.name not in ("pre", "earlier"):
-        for a in x.arguments:
-            yield from _now(a)
+    return (e.flat for e in nodes(x, closed=("pre", "earlier")) if isinstance(e, Symbol))
 
 
 def _earlier(b: WhenBranch) -> Iterator[Flat]:
     """Variables whose values before the event the actions read."""
     for x in _values(b):
-        stack = [x]
-        while stack:
-            e = stack.pop()
-            if isinstance(e, Operation):
-                if e.name == "pre":
-                    yield from symbols(e)
-                else:
-                    stack += e.arguments
+        for e in operations(x):
+            if e.name == "pre":
+                yield from symbols(e)

@@ -25,6 +25,7 @@ class _Static:
     def __init__(self, out: Flattened) -> None:
         self.out = out
         self.rates: dict[int, Flat] = {}
+        self._known: dict[int, tuple[Any, Any]] = {}
         start = out.header.get("startTime", 0.0)
         for name, at in out.header_at.items():
             if name == "objectiveIntegrand":
@@ -79,9 +80,11 @@ class _Static:
             return self._still(x.arguments[0])
         if x.name == "delay":
             raise ModelicaError("a static optimization has no delay()", x.at)
-        arguments = tuple(map(self._still, x.arguments))
-        same = all(a is b for a, b in zip(arguments, x.arguments, strict=True))
-        return x if same else operation(x.name, arguments, x.at)
+        if id(x) not in self._known:
+            arguments = tuple(map(self._still, x.arguments))
+            same = all(a is b for a, b in zip(arguments, x.arguments, strict=True))
+            self._known[id(x)] = x, x if same else operation(x.name, arguments, x.at)
+        return self._known[id(x)][1]
 
     def _rate(self, f: Flat) -> Flat:
         if id(f) not in self.rates:

@@ -75,7 +75,7 @@ def _complaints(written: Any) -> dict[tuple[str, str, int], Exception]:
     trial = _copied(written)
     for method, statements in trial.methods.items():
         for place, statement in statements:
-            holder: Any = statement if isinstance(statement, ast.Return) else statement.value
+            holder: Any = statement if isinstance(statement, (ast.Return, ast.Assign)) else statement.value
             value: ast.expr = holder.value
             key = [ast.Constant(k) for k in (method, place.source.path, place.line)]
             call = ast.Call(

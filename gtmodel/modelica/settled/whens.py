@@ -103,16 +103,20 @@ def _sentence(x: SyntaxNode) -> str:
 
 
 def refuse_two_clauses(equations: Sequence[Any]) -> None:
-    """Raises ModelicaError if two when clauses assign one variable: elsewhen says which of them holds."""
+    """Raises ModelicaError if two when clauses assign one variable, or reinit() it: elsewhen says which of them holds
+    (Modelica 3.6, 8.3.5.2 and 8.3.6)."""
     first: dict[int, ScalarWhen] = {}
     for when in equations:
-        for action in when.actions if isinstance(when, ScalarWhen) and not when.own else ():
-            other = first.setdefault(id(action.left.flat), when)
-            if other is not when:
-                raise ModelicaError(
-                    f"'{action.left.flat.name}' is assigned by two when clauses, first in line {other.at.line}; write "
-                    "elsewhen", action.at,
-                )  # fmt: skip
+        for branch in when.branches if isinstance(when, ScalarWhen) and not when.own else ():
+            said = [(a.left, "assigned", a.at) for a in branch.actions]
+            said += [(x, "set by reinit()", branch.at) for x, _ in branch.restarts]
+            for x, how, at in said:
+                other = first.setdefault(id(x.flat), when) if isinstance(x, Symbol) else when
+                if other is not when:
+                    raise ModelicaError(
+                        f"'{x.flat.name}' is {how} in two when clauses, first in line {other.at.line}; write elsewhen",
+                        at,
+                    )
 
 
 # assert

@@ -1,4 +1,4 @@
-"""A guess of each phase by a simulation with events."""
+"""Guesses of each phase by a simulation with events."""
 
 from __future__ import annotations
 
@@ -6,11 +6,13 @@ from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any
 
+import casadi as ca
 import numpy as np
 
 from ...compiler.analysis.events import FlatEvents
 from ...compiler.analysis.switching import in_mode
 from ...compiler.flat import FlatModel
+from ...compiler.matrices import stacked
 from ...compiler.plan import make_plan
 from ...lang.optimization import Optimization
 from ...lang.source import ModelError
@@ -22,10 +24,19 @@ LONGEST = 3.0
 
 
 def simulated_pieces(
-    model: Optimization, flat: FlatModel, names: Sequence[str], pieces: Sequence[Piece], horizon: tuple[float, float]
-) -> dict[str, Trajectory]:
-    """By the names of the phases, the pieces of a simulation from start values under guessed inputs; nothing where its
-    events are others, or in another order."""
+    model: Optimization,
+    flat: FlatModel,
+    names: Sequence[str],
+    pieces: Sequence[Piece],
+    horizon: tuple[float, float],
+    conditions: Sequence[ca.SX] = (),
+) -> list[dict[str, Trajectory]]:
+    """By the names of the phases, the pieces of a simulation from start values under guessed inputs; none where its
+    events are others, or in another order.
+
+    conditions: scalars that are 0 at the end. If they become 0 at several instants after the last event, as a height is
+    reached on the way up and on the way down, then further guesses end at each of these.
+    """
     from ...simulation.run import simulate
 
     events = flat.events
@@ -36,22 +47,35 @@ def simulated_pieces(
         until = begin + LONGEST * (end - begin)
         run = simulate(model, until, start_time=begin, inputs=_inputs(flat), start=start, throw=False)
     except ModelError:
-        return {}
+        return []
     wanted = [_causes(events, a, b) for a, b in pairwise(pieces)]
-    if [set(e.causes) for e in run.events[: len(wanted)]] != wanted or len(run.trajectory.time) < 2:
-        return {}
+    whole = run.trajectory
+    if [set(e.causes) for e in run.events[: len(wanted)]] != wanted or len(whole.time) < 2:
+        return []
     times = [e.time for e in run.events]
-    stop = times[len(wanted)] if len(times) > len(wanted) else float(run.trajectory.time[-1])
-    if times[len(wanted) - 1] < end < stop:
-        stop = end
-    edges = [-np.inf, *times[: len(wanted)], stop]
-    made = {}
-    for name, a, b in zip(names, edges, edges[1:], strict=False):
-        rows = (run.trajectory.time > a) & (run.trajectory.time <= b)
-        if np.count_nonzero(rows) < 2:
-            return {}
-        made[name] = _part(run.trajectory, rows)
+    last = times[len(wanted) - 1]
+    stop = times[len(wanted)] if len(times) > len(wanted) else float(whole.time[-1])
+    ends = _zeros(flat, _part(whole, (whole.time > last) & (whole.time <= stop)), conditions)
+    made = []
+    for one in [end if last < end < stop else stop, *(ends if len(ends) > 1 else [])]:
+        edges = [-np.inf, *times[: len(wanted)], one]
+        rows = [(whole.time > a) & (whole.time <= b) for a, b in pairwise(edges)]
+        if all(np.count_nonzero(r) > 1 for r in rows):
+            made.append({name: _part(whole, r) for name, r in zip(names, rows, strict=False)})
     return made
+
+
+def _zeros(flat: FlatModel, run: Trajectory, conditions: Sequence[ca.SX]) -> list[float]:
+    """First rows at which one of the conditions has another sign than in the row before."""
+    pairs = sorted(flat.scope.symbols_in(stacked(list(conditions))))
+    names = [flat.symbol_name(*pair) for pair in pairs]
+    if not pairs or any(name not in run for name in names):
+        return []
+    symbols = stacked([flat.scope.symbol(*pair) for pair in pairs])
+    f = ca.Function("conditions", [symbols, flat.scope.time, flat.p], [stacked(list(conditions))])
+    rows, values = len(run.time), np.array([run[name] for name in names])
+    sides = np.sign(f.map(rows)(values, run.time[None], np.tile(flat.p0[:, None], rows)).full())
+    return run.time[1:][np.any(sides[:, 1:] * sides[:, :-1] < 0, axis=0)].tolist()
 
 
 def _part(whole: Trajectory, rows: np.ndarray) -> Trajectory:

@@ -13,6 +13,7 @@ from ...compiler.analysis.event_names import listing
 from ...compiler.analysis.events import Pair
 from ...compiler.analysis.switching import with_switching_signs
 from ...compiler.flat import FlatModel, FlatParameter, flatten
+from ...compiler.matrices import stacked
 from ...compiler.other_values import with_values
 from ...lang.expression import Relation
 from ...lang.optimization import Optimization
@@ -45,9 +46,10 @@ class EventPhases(Phases):
         symbols = [flat.scope.new_parameter(f"instant {k}") for k in range(1, len(pieces))]
         ends, times = [start, *symbols, end], _times(flat, len(symbols), instants)
         phases: dict[str, Optimization] = {}
-        for k, (name, piece, share) in enumerate(
-            zip(names, pieces, shares(flat, [p.modes for p in pieces]), strict=True)
-        ):
+        parts = shares(flat, [p.modes for p in pieces])
+        free = stacked([q.symbol for q in flat.parameters if q.free])
+        self._conditions = parts[-1].conditions() if ca.depends_on(end, free) else []
+        for k, (name, piece, share) in enumerate(zip(names, pieces, parts, strict=True)):
             own = [(s, t) for s, t in zip(symbols, times, strict=True) if any(s is e for e in ends[k : k + 2])]
             phase_flat = self._flat_of(piece, own, first=k == 0)
             for t, side in piece.ends.items():
@@ -79,12 +81,16 @@ class EventPhases(Phases):
         symbols = ca.vertcat(*[m.symbol for m in events.modes])
         return ca.substitute(expression, symbols, ca.DM([float(v) for v in piece.modes]))
 
-    def guesses(self) -> dict[str, Trajectory]:
-        """Of each phase, by a simulation with the guessed inputs, where the events come in this order; else nothing."""
+    def guesses(self) -> list[dict[str, Trajectory]]:
+        """Of each phase, by a simulation with the guessed inputs, where the events come in this order; else nothing.
+
+        Several where it meets what holds at the end more than once after the last event.
+        """
         if not self._simulates:
-            return {}
+            return []
         flat = self.order.flat
-        return simulated_pieces(self._model, flat, list(self.phases), self.pieces, _horizon(flat))
+        horizon = _horizon(flat)
+        return simulated_pieces(self._model, flat, list(self.phases), self.pieces, horizon, self._conditions)
 
     def doubts(self, joined: Joined, x: np.ndarray) -> list[str]:
         return doubts_about(self, joined, x)
@@ -182,7 +188,8 @@ def phases_of_events(
         held: names of all conditions that hold at the start. Left out, fixed start values decide, and where they do
             not, the start of a gt.when is open; that of a gt.If has to be said.
         instants: guesses of the instants [s]; left out, a simulation with events under the guessed inputs gives
-            them, with a guess of the motion, where its events come in this order; else they are evenly spread.
+            them, with a guess of the motion, where its events come in this order; else they are evenly spread. Where it
+            meets the conditions of a free end several times, on the way up and on the way down, each is a start.
 
     Phase k, named "phase k", has the equations of its mode. It ends where event k happens, at an instant that is
     found, and is linked to the next one by what the event does: `gt.reinit`, new values of discrete variables; all
@@ -192,7 +199,7 @@ def phases_of_events(
     No other event may happen. Conditions that are known not to hold are kept so inside of the phases, and the solution
     is looked through between its points too: where another event happens, or touches its threshold, or a given one
     does not happen, the status is CHECK_FAILED, and the message names it. So a solved result is the optimum, a local
-    one as always, among the motions with this order of events.
+    one as always, among the motions with this order of events; of several starts the message says how many ended there.
 
     Raises ModelError for an order that cannot be, for conditions of several moving quantities, impulses, sampled blocks
     and delays, and for objectives or constraints that join several phases and are no sum.

@@ -46,6 +46,12 @@ class Share:
         self.instants.append(Instant(symbol, expression, end))
         return symbol
 
+    def conditions(self) -> list[ca.SX]:
+        """What relations between values at an end compare, as expressions that are 0 where they just hold."""
+        at = [i for i in self.instants if i.time is not None]
+        old, new = stacked([ca.vec(i.symbol) for i in at]), stacked([ca.vec(i.expression) for i in at])
+        return [ca.substitute(r.residual, old, new) for r in self.rows if at and ca.depends_on(r.residual, old)]
+
 
 def phase_root(share: Share, start: ca.SX, end: ca.SX, whole: FlatModel) -> PhaseOfWhole:
     """An Optimization of a share of the whole between two times."""

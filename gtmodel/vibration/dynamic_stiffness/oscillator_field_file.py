@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import tomllib
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import tomli_w
 
+from ...results.nesting import toml_of
 from .gaussian_process import GaussianProcess
 from .gaussian_process_kernel import KernelInputs
 from .oscillator_field import DIRECTIONS, QUANTITIES, OscillatorField
@@ -69,8 +69,8 @@ def load_oscillator_field(path: str | Path) -> OscillatorField:
     """
     name = Path(path).name
     try:
-        content = tomllib.loads(Path(path).read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        content = toml_of(Path(path).read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
         raise ValueError(f"{name} cannot be read as an oscillator field: {error}") from error
     if content.get("format") != FORMAT:
         raise ValueError(

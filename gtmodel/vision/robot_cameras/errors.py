@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .starts import rigid
+from ...calibrate.measured.column_checks import aligned
 
 
 def aligned_errors(positions: np.ndarray, truth: np.ndarray, scale: bool = False) -> np.ndarray:
@@ -19,7 +19,7 @@ def aligned_errors(positions: np.ndarray, truth: np.ndarray, scale: bool = False
     """
     good = np.all(np.isfinite(positions), axis=1)
     a, b = positions[good], truth[good]
-    R, _ = rigid(a, b)
+    _, R, _ = aligned(a, b)
     da, db = (a - a.mean(axis=0)) @ R.T, b - b.mean(axis=0)
     s = float(np.vdot(da, db) / np.vdot(da, da)) if scale else 1.0
     out = np.full(len(positions), np.nan)

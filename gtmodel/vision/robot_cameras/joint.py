@@ -2,29 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ...calibrate.choice import Choice
+from ...calibrate.measured.column_checks import aligned, swapped_axes
 from ...inference.bundle import BundleFit, ResidualBlock, UnknownGroup, bundle_fit
+from ...inference.held_out import MATTERS
 from ...lang.model import Model
 from ...results.estimate import Estimate
 from ...results.refusal import ArgumentError
 from ...robots.links import family_of
 from .options import CameraStart, RobotCameras
-from .pictures import RobotPictures
+from .pictures import RobotPictures, SecondDevice
 from .projection import CAMERA, TARGET, TURN, corner_function, device_function, links_function
 from .redundancies import redundancies
 from .robot_side import RobotLinks, robot_side
-from .starts import camera_starts, quaternion, rigid, target_start
+from .robust import RobustFit, robust_fit
+from .starts import camera_starts, quaternion, target_start
 
 INTRINSICS = {"focal": ("fx", "fy"), "principal_point": ("cx", "cy"), "distortion": ("k1", "k2", "p1", "p2")}
 HUBER = 2.0  # standard deviations
-WRONG = 10.0  # median length of a picture's whitened residuals: all of it is wrong
+FAR = 0.2  # of the spread of positions: a second device that is farther off measured others
 CAMERA_UNITS = ("pixel",) * 4 + ("1",) * 5 + ("rad",) * 3 + ("m",) * 3
 
 
@@ -32,8 +35,9 @@ CAMERA_UNITS = ("pixel",) * 4 + ("1",) * 5 + ("rad",) * 3 + ("m",) * 3
 class JointFit:
     """The calibrated robot and cameras.
 
-    `pictures`: what was left; `removed`: words for corners and for whole pictures that were not. `first`: how many
-    corners there were. `fit`: the bundle's end.
+    `pictures`: what was left; `wrong_pictures`, `wrong_corners`, `wrong_poses`: words for what was not, the last for
+    poses none of whose pictures belongs to their row of the actuators. `first`: how many corners there were. `fit`:
+    the bundle's end.
     """
 
     fit: BundleFit
@@ -42,6 +46,7 @@ class JointFit:
     pictures: RobotPictures
     wrong_pictures: tuple[str, ...]
     wrong_corners: tuple[str, ...]
+    wrong_poses: tuple[str, ...]
     first: int
 
     @property
@@ -103,9 +108,10 @@ def joint_fit(
     """Robot parameters, cameras and the target's place from all corners at once.
 
     Unknown are what `setting` frees, the target's place on its carrier, and the pose at each row of the actuators,
-    which is eliminated. Corners count by their sigma, actuators by their noise through the closure equations. A picture
-    that is wrong as a whole and single corners far off are removed and named. Raises ArgumentError for what the
-    pictures leave open, in words with the remedy, and for pictures that no start fits.
+    which is eliminated. Corners count by their sigma, actuators by their noise through the closure equations. Pictures
+    that are wrong as a whole, single corners far off, and poses none of whose pictures belongs to their row of the
+    actuators are removed and named. Raises ArgumentError for what the pictures leave open, in words with the remedy,
+    for pictures that no start fits, and for a second device that measured quite other positions.
 
     >>> V = gt.vision.robot_cameras
     >>> made = V.made_pictures(V.SyntheticRobotCameras(counts=[3, 3, 3], seed=1))
@@ -115,31 +121,16 @@ def joint_fit(
     (True, True)
     """
     setting = setting or RobotCameras()
-    fit_on = Prepared.of(robot, pictures, cameras, setting)
+    ready = Prepared.of(robot, pictures, cameras, setting)
     if setting.removal == 0:
-        return fit_on.joint(pictures, fit_on.fit(pictures, stop=stop), (), ())
-    rough = fit_on.fit(pictures, loss="huber", covariance=False, stop=stop)
-    if not rough.status.ok:
-        return fit_on.joint(pictures, rough, (), ())
-    length = np.linalg.norm(rough.residuals["corners"], axis=1) / pictures.sigma / np.sqrt(2)
-    wrong = [int(k) for k in np.unique(pictures.picture) if np.median(length[pictures.picture == k]) > WRONG]
-    left = pictures.corners(~np.isin(pictures.picture, wrong))
-    names, single = tuple(pictures.picture_name(k) for k in wrong), list[str]()
-    values = rough.values
-    for _ in range(4):
-        fit = fit_on.fit(left, values=values, covariance=False, stop=stop)
-        if not fit.status.ok:
-            return fit_on.joint(left, fit, names, tuple(single))
-        values = fit.values
-        each = np.abs(fit.residuals["corners"] / left.sigma[:, None])
-        # corners are judged against the stated noise, or the larger one that most of them show
-        size = max(1.0, float(np.median(each)) / 0.6745)
-        far = each.max(axis=1) > setting.removal * size
-        if not far.any():
-            break
-        single += [left.where(int(k)) for k in np.flatnonzero(far)]
-        left = left.corners(~far)
-    return fit_on.joint(left, fit_on.fit(left, values=values, stop=stop), names, tuple(single))
+        return ready.joint(RobustFit(pictures, ready.fit(pictures, stop=stop)))
+    robust = robust_fit(ready, pictures, stop)
+    if not robust.fit.status.ok:
+        said = f"{robust.fit.message}; most corners lie {robust.noise:.2g} times their stated sigma off"
+        remedy = "state it as it is, or look whether target, pictures and rows of the actuators belong together"
+        fit = robust.fit if robust.noise < MATTERS else replace(robust.fit, message=f"{said}: {remedy}")
+        return ready.joint(replace(robust, fit=fit))
+    return ready.joint(replace(robust, fit=ready.fit(robust.pictures, values=robust.fit.values, stop=stop)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,6 +148,9 @@ class Prepared:
     @classmethod
     def of(cls, robot: Model, p: RobotPictures, cameras: list[CameraStart], setting: RobotCameras) -> Prepared:
         by_name = {c.name: c for c in cameras}
+        twice = [c.name for k, c in enumerate(cameras) if c.name in [other.name for other in cameras[:k]]]
+        if twice:
+            raise ArgumentError(f"'{twice[0]}' has two entries; leave one out", "cameras")
         missing = [n for n in p.cameras if n not in by_name]
         if missing:
             raise ArgumentError(f"'{missing[0]}' has corners but no entry; give its width and height", "cameras")
@@ -182,10 +176,12 @@ class Prepared:
                 "mounted",
             )
         poses = side.start(p.actuators)
+        if p.device is not None and len(p.device.pose):
+            _require_near(p.device, poses[p.device.pose, :3])
         given = np.array([by_name[n].start for n in p.cameras])
         known = np.array([by_name[n].focal_pixel is not None for n in p.cameras])
         start = camera_starts(p, poses[:, :3] if on_tool else -poses[:, :3], given, known)
-        target = target_start(p, start, poses, on_tool)
+        target = target_start(p, start, poses, on_tool, setting.scale == "target")
         if on_tool and not side.turns:  # the target's origin is the tool centre point, and all else moves with it
             start[:, 13:], target[4:7] = start[:, 13:] - target[4:7], 0.0
         values = {"camera": start, "target": target[None], "robot": side.unknowns.start[None], "pose": poses}
@@ -201,11 +197,16 @@ class Prepared:
         target_fixed = np.array([False] * 3 + [tool_centre] * 3 + [setting.scale == "target"])
         return cls(side, setting, values, fixed, target_fixed, tuple(p.cameras), len(p))
 
+    def corner_residuals(self, p: RobotPictures) -> np.ndarray:
+        """Residuals (n, 2) [pixel] at the start; what a camera cannot see is infinitely far."""
+        e = corner_residuals(p, self.start, self.start["pose"], self.side, self.setting.mounted == "fixed")
+        return np.where(np.isfinite(e), e, np.inf)
+
     def fit(
-        self, p: RobotPictures, *, values: dict[str, np.ndarray] | None = None, loss: str = "linear",
-        covariance: bool = True, stop: Callable[[], bool] | None = None,
+        self, p: RobotPictures, *, values: dict[str, np.ndarray] | None = None, noise: float | None = None,
+        limit: int = 100, covariance: bool = True, stop: Callable[[], bool] | None = None,
     ) -> BundleFit:  # fmt: skip
-        """The bundle on some of the corners."""
+        """The bundle on some of the corners; with `noise`, in units of their sigma, by Huber's loss of that noise."""
         v, side, on_tool = values or self.start, self.side, self.setting.mounted == "fixed"
         n, q = len(p.poses), p.actuators
         pose_labels = ["x", "y", "z", "qw", "qx", "qy", "qz"][: side.pose_size]
@@ -229,7 +230,7 @@ class Prepared:
             ResidualBlock(
                 "corners", corner_function(side.pose_size, on_tool),
                 [("camera", p.camera), ("target", 0), ("pose", p.pose)], np.column_stack([p.target[p.mark], p.uv]),
-                sigma=p.sigma, loss=loss, width=HUBER,
+                sigma=p.sigma, loss="linear" if noise is None else "huber", width=HUBER * (noise or 1.0),
             ),
             ResidualBlock("links", links_function(side.residual, self.setting.actuator_noise, self.setting.late),
                           sees, data, sigma=1.0),
@@ -237,16 +238,34 @@ class Prepared:
         if p.device is not None and len(p.device.pose):
             frame = v.get("device")
             if frame is None:
-                R, t = rigid(p.device.T, v["pose"][p.device.pose, :3])
+                t, R, _ = aligned(p.device.T, v["pose"][p.device.pose, :3])
                 frame = np.concatenate([quaternion(R), t])[None]
             groups.append(UnknownGroup("device", frame, TARGET[:7], turn=0, units=("rad",) * 3 + ("m",) * 3))
             f, seen_by = device_function(side.pose_size), [("device", 0), ("pose", p.device.pose)]
             blocks.append(ResidualBlock("device", f, seen_by, p.device.T, sigma=p.device.noise))
-        return bundle_fit(groups, blocks, motions=redundancies(side, q, on_tool), covariance=covariance, stop=stop)
+        return bundle_fit(groups, blocks, motions=redundancies(side, q, on_tool), limit=limit, covariance=covariance,
+                          stop=stop)  # fmt: skip
 
-    def joint(self, p: RobotPictures, fit: BundleFit, pictures: tuple[str, ...], corners: tuple[str, ...]) -> JointFit:
+    def joint(self, robust: RobustFit) -> JointFit:
         """The result."""
-        return JointFit(fit, self.side, self.setting, p, pictures, corners, self.first)
+        return JointFit(
+            robust.fit, self.side, self.setting, robust.pictures, robust.wrong_pictures, robust.wrong_corners,
+            robust.wrong_poses, self.first,
+        )  # fmt: skip
+
+
+def _require_near(device: SecondDevice, here: np.ndarray) -> None:
+    """Raises ArgumentError where no rotation and shift brings a second device's positions near `here` (k, 3) [m], those
+    of the robot as it was known before."""
+    off, spread = aligned(device.T, here)[2], float(np.sqrt(np.mean(np.sum((here - here.mean(axis=0)) ** 2, axis=1))))
+    if off > FAR * spread:
+        mirrored = swapped_axes("device", device.T, here, spread, free_frame=True)
+        hint = "check its unit, and which poses they belong to" if mirrored is None else mirrored.message
+        raise ArgumentError(
+            f"positions of the second device lie {off:.3g} m beside those of the robot, which spread over {spread:.3g} "
+            f"m, wherever its frame is; {hint}",
+            "device",
+        )
 
 
 def held_out_pixels(joint: JointFit, pictures: RobotPictures) -> np.ndarray:
@@ -254,8 +273,14 @@ def held_out_pixels(joint: JointFit, pictures: RobotPictures) -> np.ndarray:
     values = joint.fit.values
     q = pictures.actuators if pictures.rates is None else pictures.actuators + joint.delay * pictures.rates
     poses = joint.side.forward(values["robot"][0], q, joint.side.start(q))
-    f = corner_function(joint.side.pose_size, joint.setting.mounted == "fixed")
-    n = len(pictures)
-    columns = [values["camera"][pictures.camera].T, np.repeat(values["target"].T, n, axis=1), poses[pictures.pose].T,
-               np.column_stack([pictures.target[pictures.mark], pictures.uv]).T]  # fmt: skip
+    return corner_residuals(pictures, values, poses, joint.side, joint.setting.mounted == "fixed")
+
+
+def corner_residuals(
+    p: RobotPictures, values: Mapping[str, np.ndarray], poses: np.ndarray, side: RobotLinks, on_tool: bool
+) -> np.ndarray:
+    """Where corners are seen, less where they were measured (n, 2) [pixel], of a target at these poses."""
+    f, n = corner_function(side.pose_size, on_tool), len(p)
+    columns = [values["camera"][p.camera].T, np.repeat(values["target"].T, n, axis=1), poses[p.pose].T,
+               np.column_stack([p.target[p.mark], p.uv]).T]  # fmt: skip
     return np.asarray(f.map(n)(*columns)[0]).T

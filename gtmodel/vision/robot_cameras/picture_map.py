@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...results.refusal import ArgumentError
-from ..picture_test import LEAST, picture_test
+from ..picture_test import LEAST, ROUNDING, PictureTest, picture_test
 from .pictures import RobotPictures
 
 
@@ -44,7 +44,7 @@ def picture_map(pictures: RobotPictures, residuals: np.ndarray) -> PictureMap:
     >>> V.picture_map(pictures, noise).fires(), V.picture_map(pictures, noise + 1e-6 * pictures.uv**2).fires()
     ((), ('left', 'right'))
     """
-    tests = []
+    tests, sigma = list[PictureTest](), list[float]()
     for k, name in enumerate(pictures.cameras):
         own = pictures.camera == k
         if own.sum() < LEAST:
@@ -52,8 +52,9 @@ def picture_map(pictures: RobotPictures, residuals: np.ndarray) -> PictureMap:
         uv = pictures.uv[own] - pictures.uv[own].min(axis=0)
         width, height = np.ptp(uv, axis=0) + 1.0
         size = float(width), float(height)
-        tests.append(picture_test(uv, residuals[own] / pictures.sigma[own, None], size, uv.mean(axis=0)))
-    sigma = [float(np.mean(pictures.sigma[pictures.camera == k])) for k in range(len(tests))]
+        sigma.append(float(np.mean(pictures.sigma[own])))
+        e, least = residuals[own] / pictures.sigma[own, None], ROUNDING / sigma[-1]
+        tests.append(picture_test(uv, e, size, uv.mean(axis=0), least=least))
     return PictureMap(
         tuple(pictures.cameras), np.array([t.radius for t in tests]), np.array([t.quadratic for t in tests]),
         np.array([s * t.coefficients for s, t in zip(sigma, tests, strict=True)]),

@@ -30,7 +30,8 @@ class RobotPictures:
     stand. `target` (M, 3) [m]: marks in the target's own frame.
     `truth` (N, 3): true positions of synthetic pictures. `synthetic`: seed and noise in words; "" for measured ones.
 
-    Raises ArgumentError for shapes that do not fit, and for corners that are seen twice.
+    Raises ArgumentError for shapes that do not fit, numbers that are not finite, a name or a corner that is there
+    twice, and an index that is none of the names.
     """
 
     cameras: Sequence[str]
@@ -63,13 +64,36 @@ class RobotPictures:
             )
         if self.rates is not None and np.shape(self.rates) != np.shape(self.actuators):
             raise ArgumentError(f"rates have the shape {np.shape(self.rates)}; expected that of the actuators", "rates")
-        if not (np.all(np.isfinite(self.uv)) and np.all(self.sigma > 0) and np.all(np.isfinite(self.actuators))):
-            raise ArgumentError("corners and actuators must be finite, and sigma positive", "corners")
+        given = {"corners": self.uv, "actuators": self.actuators, "target": self.target, "truth": self.truth,
+                 "rates": self.rates, "device": None if self.device is None else self.device.T}  # fmt: skip
+        wrong = [name for name, x in given.items() if x is not None and not np.all(np.isfinite(x))]
+        if wrong:
+            raise ArgumentError("expected finite numbers; found one that is not", wrong[0])
+        if not np.all(np.isfinite(self.sigma) & (self.sigma > 0)):
+            raise ArgumentError("expected a finite sigma above zero of each corner", "corners")
+        self._require_names()
         key = (self.camera * len(self.poses) + self.pose) * len(self.marks) + self.mark
         values, count = np.unique(key, return_counts=True)
         if np.any(count > 1):
             k = int(np.flatnonzero(key == values[np.argmax(count)])[0])
             raise ArgumentError(f"{self.where(k)} is given twice; keep one", "corners")
+
+    def _require_names(self) -> None:
+        """Raises ArgumentError for a name that stands twice, and for an index that is none of the names."""
+        columns = (
+            ("camera", self.camera, self.cameras),
+            ("pose", self.pose, self.poses),
+            ("mark", self.mark, self.marks),
+        )
+        for what, index, names in columns:
+            if len(set(names)) < len(names):
+                twice = next(n for k, n in enumerate(names) if n in names[:k])
+                raise ArgumentError(f"there are two {what}s named '{twice}'; give each its own name", "corners")
+            low, high = np.min(index), np.max(index)
+            if not np.issubdtype(np.asarray(index).dtype, np.integer) or low < 0 or high >= len(names):
+                raise ArgumentError(
+                    f"expected whole numbers of the {len(names)} {what}s, from 0; found {low} to {high}", "corners"
+                )
 
     def __len__(self) -> int:
         return len(self.camera)

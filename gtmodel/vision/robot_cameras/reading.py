@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ...results.refusal import ArgumentError
+from ...results.whole_file import write_whole
 from ..detection.corner_rows import CornerRow, corners_csv
 from ..detection.targets import Target
 from .pictures import RobotPictures, SecondDevice
@@ -94,10 +95,12 @@ def _device(path: str | Path | None, factor: float, noise: float, poses: dict[st
     return SecondDevice(np.array([poses[n] for n, *_ in rows]), factor * np.array([r for _, r, _ in rows]), noise)
 
 
-def write_pictures(pictures: RobotPictures, corners: str | Path, actuators: str | Path) -> None:
+def write_pictures(
+    pictures: RobotPictures, corners: str | Path, actuators: str | Path, *, overwrite: bool = False
+) -> None:
     """The two files of read_pictures(), actuators in metres.
 
-    See read_pictures().
+    See read_pictures(). Raises FileExistsError where a file is there, unless `overwrite`.
 
     >>> from pathlib import Path
     >>> from tempfile import TemporaryDirectory
@@ -110,12 +113,12 @@ def write_pictures(pictures: RobotPictures, corners: str | Path, actuators: str 
     """
     p = pictures
     text = corners_csv(corner_rows(p), p.synthetic.removeprefix("synthetic, "))
-    Path(corners).write_text(text, encoding="utf-8")
+    write_whole(corners, text.encode(), overwrite=overwrite)
     table, names = p.actuators, [f"q{k + 1}" for k in range(p.actuators.shape[1])]
     if p.rates is not None:
         table, names = np.column_stack([table, p.rates]), [*names, *(f"rate{k + 1}" for k in range(len(names)))]
     lines = [f"{pose},{','.join(f'{x:.7f}' for x in q)}" for pose, q in zip(p.poses, table, strict=True)]
-    Path(actuators).write_text("\n".join([f"pose,{','.join(names)}", *lines, ""]), encoding="utf-8")
+    write_whole(actuators, "\n".join([f"pose,{','.join(names)}", *lines, ""]).encode(), overwrite=overwrite)
 
 
 def corner_rows(p: RobotPictures) -> list[CornerRow]:

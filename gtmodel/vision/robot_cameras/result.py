@@ -28,6 +28,9 @@ class RobotCamerasStudy(Study):
     )] = None  # fmt: skip
     poses: Annotated[Numbers, Quantity("", "number of poses fitted and held out, and of corners used and given")] = None
     removed_pictures: Annotated[Sequence[str] | None, "pictures that were wrong as a whole"] = None
+    removed_poses: Annotated[
+        Sequence[str] | None, "poses none of whose pictures belongs to their row of the actuators"
+    ] = None
     removed_corners: Annotated[Sequence[str] | None, "single corners far off"] = None
     held_out_pixel: Annotated[float | None, Quantity("",
         "1.48 times the median of |residual| of held-out corners, at the poses that the calibrated robot predicts",

@@ -5,10 +5,14 @@ from __future__ import annotations
 import numpy as np
 import scipy
 
+from ...calibrate.measured.column_checks import aligned
 from ...results.refusal import ArgumentError
 from .pictures import RobotPictures
 
 LEAST = 8  # pictures of a camera: two more than the direct linear transformation needs
+SIZES = (0.5, 2.0)  # of a target as it is stated, over the one that is seen
+ON_A_LINE = 1e-3  # width of a target over its length
+LOOSE = 0.15  # of the spread of a picture's middles: farther off, these are not the poses at which they were taken
 PLAUSIBLE = (0.2, 20.0)  # focal length in widths of the picture
 
 
@@ -47,7 +51,19 @@ def camera_starts(p: RobotPictures, places: np.ndarray, intrinsics: np.ndarray, 
         if not known[k] and PLAUSIBLE[0] * width < K[0, 0] < PLAUSIBLE[1] * width:
             start[:2] = (K[0, 0] + K[1, 1]) / 2
         # place and turn go with the focal length that is kept: from there the middle of the target is seen alike
-        cameras.append(np.concatenate([start, *_placed(start, places[rows], uv, R, c)]))
+        turn, place = _placed(start, places[rows], uv, R, c)
+        ray = (places[rows] - place) @ matrix(turn)
+        with np.errstate(all="ignore"):
+            off = np.linalg.norm(start[:2] * ray[:, :2] / ray[:, 2:] + start[2:4] - uv, axis=1)
+        spread = float(np.median(np.linalg.norm(uv - np.median(uv, axis=0), axis=1)))
+        if not float(np.median(off)) < LOOSE * spread:
+            raise ArgumentError(
+                f"no place of {name} shows the target where its pictures have it: half of them are off by "
+                f"{np.median(off):.3g} pixel or more, of a spread of {spread:.3g}; the rows of the actuators do not "
+                "belong to its pictures, or the robot is quite another one",
+                "actuators",
+            )
+        cameras.append(np.concatenate([start, turn, place]))
     return np.array(cameras)
 
 
@@ -95,10 +111,13 @@ def _placed(start: np.ndarray, X: np.ndarray, uv: np.ndarray, R: np.ndarray, c: 
     return [quaternion(R @ Rotation.from_rotvec(x[:3]).as_matrix()), c + x[3:]]
 
 
-def target_start(p: RobotPictures, cameras: np.ndarray, poses: np.ndarray, on_tool: bool) -> np.ndarray:
+def target_start(
+    p: RobotPictures, cameras: np.ndarray, poses: np.ndarray, on_tool: bool, known: bool = False
+) -> np.ndarray:
     """The target (8,): turn, place and scale 1, from where the rays to each mark meet in the target's carrier.
 
-    Corners far off, as of a picture counted from the other end, are outvoted by the median over poses.
+    Corners far off, as of a picture counted from the other end, are outvoted by the median over poses. Raises
+    ArgumentError for marks on one line, and for a target whose size is `known` and that is seen in quite another one.
     """
     c, R = cameras[p.camera, 13:], matrix(cameras[p.camera, 9:13])
     f = cameras[p.camera]
@@ -113,7 +132,7 @@ def target_start(p: RobotPictures, cameras: np.ndarray, poses: np.ndarray, on_to
         origin, ray = T + np.einsum("nij,nj->ni", turn, c), np.einsum("nij,nj->ni", turn, ray)
     across = np.eye(3) - ray[:, :, None] * ray[:, None, :]
     marks = np.zeros((len(p.marks), 3))
-    for k in range(len(marks)):
+    for k in np.unique(p.mark):
         own = np.flatnonzero(p.mark == k)
         weight = np.ones(len(own))
         for _ in range(8):
@@ -123,13 +142,19 @@ def target_start(p: RobotPictures, cameras: np.ndarray, poses: np.ndarray, on_to
             off = np.linalg.norm(np.einsum("nij,nj->ni", across[own], marks[k] - origin[own]), axis=1)
             weight = 1 / np.maximum(off, 0.1 * np.median(off) + 1e-12)
     seen = np.isin(np.arange(len(marks)), p.mark)
-    Rt, t = rigid(p.target[seen], marks[seen])
+    across = np.linalg.svd(p.target[seen] - p.target[seen].mean(axis=0), compute_uv=False)
+    if seen.sum() < 3 or across[1] < ON_A_LINE * across[0]:
+        raise ArgumentError(
+            f"the {int(seen.sum())} marks of the target that are seen lie on one line, about which its turn is open; "
+            "show three or more that do not",
+            "target",
+        )
+    said, shown = (float(np.linalg.norm(x[seen] - x[seen].mean(axis=0))) for x in (p.target, marks))
+    if known and not SIZES[0] < said / max(shown, 1e-12) < SIZES[1]:
+        raise ArgumentError(
+            f"the target is stated {said / max(shown, 1e-12):.3g} times as large as the pictures show it at the poses "
+            "of the robot; check its unit and that of the actuators",
+            "target",
+        )
+    t, Rt, _ = aligned(p.target[seen], marks[seen])
     return np.concatenate([quaternion(Rt), t, [1.0]])
-
-
-def rigid(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Rotation and shift that bring points a (n, 3) on b, by least squares."""
-    ma, mb = a.mean(axis=0), b.mean(axis=0)
-    U, _, Vt = np.linalg.svd((b - mb).T @ (a - ma))
-    R = U @ np.diag([1, 1, np.sign(np.linalg.det(U @ Vt))]) @ Vt
-    return R, mb - R @ ma

@@ -9,12 +9,14 @@ from typing import Annotated, Any
 import numpy as np
 
 from ...lang.model import Model
+from ...measurements.inspection.suspicion import RUN_LEVEL, suspicion_checks
 from ...results import ArgumentError, Check, SolveStatus, Work, at_least, at_most
 from ...results.door import study_function
 from ...results.made_files import MadeFiles
 from ...results.options import Within
 from ...results.work import Progress, never, silent
 from ..detection.corner_rows import corners_csv
+from ..gross_errors import gross_errors, shifted_pictures
 from .errors import aligned_errors
 from .joint import JointFit, held_out_pixels, joint_fit
 from .options import CameraPlaces, CameraStart, RobotCameras, SyntheticRobotCameras
@@ -25,6 +27,7 @@ from .predicted import predicted_positions
 from .projection import CAMERA
 from .reading import corner_rows
 from .result import RobotCamerasStudy
+from .robust import suspicions
 from .synthetic import made_pictures
 from .two_step import TwoStepFit, two_step_fit
 
@@ -58,7 +61,8 @@ def study(
         progress, max_seconds, stop: see `gtmodel.results.Work`.
 
     A quadratic map in the residuals over a camera's picture is a failed check: the camera is another one than its
-    model. Raises ArgumentError for what the pictures leave open, with the remedy.
+    model. So are residuals larger than the stated noise, and pictures of a camera that move slowly from pose to pose.
+    Raises ArgumentError for what the pictures leave open, with the remedy.
 
     >>> V = gt.vision.robot_cameras
     >>> s = V.study(gt.robots.gantry_tau("l1_tape"), V.SyntheticRobotCameras(counts=[4, 4, 4]))
@@ -101,6 +105,8 @@ def _study(
         "residuals_over_picture": at_least(least, setting.quiet / len(test.cameras), "estimate what is held of the "
             f"cameras: residuals of {' and '.join(test.fires(setting.quiet)) or 'no camera'} are a map of the picture"),
     }  # fmt: skip
+    doubts, said = suspicion_checks(suspicions(joint))
+    checks |= doubts
     if accuracy is not None:
         if errors is None:
             raise ArgumentError(
@@ -118,7 +124,7 @@ def _study(
         objective=joint.fit.cost,
         iterations=joint.fit.iterations,
         checks=checks,
-        notes=_notes(joint, test, two, setting),
+        notes=[*_notes(joint, test, two, setting), *said, *_held_out_notes(joint, unseen, pixels)],
         figures=_figures(joint, predicted.positions, predicted.covariance, title),
         machine_files=("parameters.csv",),
         files=MadeFiles({"parameters.csv": partial(_table, joint), "corners.csv": partial(_corners, p)}),
@@ -131,6 +137,7 @@ def _study(
             "corners_given": joint.first,
         },
         removed_pictures=joint.wrong_pictures,
+        removed_poses=joint.wrong_poses,
         removed_corners=joint.wrong_corners,
         held_out_pixel=float(1.4826 * np.nanmedian(np.abs(pixels))),
         held_out=_sizes(errors),
@@ -201,6 +208,11 @@ def places_study(
 
 def _notes(joint: JointFit, test: PictureMap, two: TwoStepFit | None, setting: RobotCameras) -> list[str]:
     notes = [f"removed: {name}, wrong as a whole" for name in joint.wrong_pictures]
+    notes += [
+        f"removed: pose {name}, none of whose pictures belongs to its row of the actuators: rows or cameras exchanged, "
+        "or a robot that still moved"
+        for name in joint.wrong_poses
+    ]
     if joint.wrong_corners:
         some = ", ".join(joint.wrong_corners[:3]) + (" and others" if len(joint.wrong_corners) > 3 else "")
         notes.append(f"{len(joint.wrong_corners)} corners removed as far off: {some}")
@@ -216,6 +228,22 @@ def _notes(joint: JointFit, test: PictureMap, two: TwoStepFit | None, setting: R
             "than what repeated experiments show"
         )
     return notes
+
+
+def _held_out_notes(joint: JointFit, unseen: RobotPictures, pixels: np.ndarray) -> list[str]:
+    """Pictures of held-out poses that the calibrated robot predicts far worse than the others."""
+    closed = np.flatnonzero(np.all(np.isfinite(pixels), axis=1))
+    seen, pixels = unseen.corners(closed), pixels[closed]
+    if not len(seen):
+        return []
+    bad = gross_errors(seen, pixels, joint.setting.removal)  # one corner far off is no wrong picture
+    left = np.flatnonzero(~bad.corners)
+    beside, numbers = shifted_pictures(seen.corners(left), pixels[left])
+    wrong = [*bad.pictures, *(int(numbers[k]) for k in beside.beyond(RUN_LEVEL))]
+    if not wrong:
+        return []
+    some = ", ".join(seen.picture_name(k) for k in wrong[:3]) + (" and others" if len(wrong) > 3 else "")
+    return [f"held-out pictures or their rows of the actuators lie beside the others: {some}; errors count them"]
 
 
 def _delay(joint: JointFit) -> dict[str, float] | None:

@@ -16,14 +16,15 @@ from ...results.table import csv_text
 from ...results.work import Progress, never, silent
 from ..board import Board
 from ..corner_table import CornerTable
+from ..gross_errors import GrossErrors, gross_errors
 from ..intersection import MOVES, intersect
 from ..picture_test import LEAST, PictureTest, picture_test
 from ..pinhole import LENS
 from ..rigid_poses import composed, matrices_of
 from .calibrated import CameraStarts, calibrated, camera_starts
-from .gross_errors import GrossErrors, gross_errors, suspects, uneven, without_gross_errors
 from .options import BoardPictures, CameraFit, StereoStart
 from .result import StereoStudy
+from .robust import suspects, uneven, without_gross_errors
 
 FEW = 3  # pictures
 FOCAL = 0.05  # of a focal length, its standard deviation: beyond, it is hardly known

@@ -222,3 +222,15 @@ def test_pictures_are_drawn() -> None:
     assert set(study.figures) == {"limits", "box", "runs", "directions"}
     for name in study.figures:
         assert study.figure(name).axes
+
+
+def test_a_stopped_study_has_the_gain_of_the_axes_that_it_judged() -> None:
+    asks = iter(range(3))  # both limits, and the worst case of x
+    s = gt.control.delayed_feedback(
+        {"x": X, "y": Y}, box=D.FeedbackBox(draws=20), path=None, stop=lambda: next(asks, None) is None
+    )
+    assert s.status is gt.SolveStatus.INTERRUPTED
+    assert s.limit == pytest.approx({"x": X.limit, "y": Y.limit}, rel=1e-9)  # as they are declared
+    assert s.worst_limit is not None and s.margin_limit is not None and s.recommended is not None
+    assert 0 < s.margin_limit["x"] <= s.worst_limit["x"] / 2 < s.limit["x"] / 2  # a gain margin of 2
+    assert s.recommended == {"x": D.recommended_gain(s.margin_limit["x"], X.gain_step)}

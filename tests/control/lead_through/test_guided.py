@@ -18,6 +18,7 @@ K, STIFFNESS, SPEED = 0.01, 5000.0, 0.1
 PRESSED = (0.0, 0.0, -2.0 / STIFFNESS)  # starts at the reference
 THREE_PERCENT, FIVE_PERCENT = 0.03, 0.05
 NOISE = 0.1  # [N], synthetic
+AT_REST_M = 1e-15  # rounding of positions of 0.4 mm by the servo's matrices
 
 
 def law_of(**gains: Any) -> Any:
@@ -63,7 +64,7 @@ def test_friction_tilts_the_normal_by_its_angle(mu: float) -> None:
 def test_a_wrong_sign_is_detected_before_anything_moves() -> None:
     run = L.guide(law_of(), ALONG, start=PRESSED, sensor_sign=-1)
     assert run.status is S.WRONG_SIGN
-    assert not run.command.any() and np.ptp(run.position, axis=0).max() == 0
+    assert not run.command.any() and np.ptp(run.position, axis=0).max() < AT_REST_M
 
 
 def test_the_servo_is_that_of_python_control() -> None:

@@ -1,15 +1,14 @@
-"""Wrong corners and wrong pictures: told from noise, and left out."""
+"""Robust fits of the board's pictures, until it is settled which corners and pictures are wrong."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from ...measurements.inspection.outliers import outliers
-from ...measurements.inspection.suspicion import RUN_LEVEL
 from ..corner_table import CornerTable
+from ..gross_errors import SETTLED, SPREAD, GrossErrors, gross_errors
 from ..pinhole import project
 from ..rigid_poses import composed, inverse_poses, matrices_of
 from ..starts import board_pose
@@ -19,58 +18,8 @@ from .options import CameraFit
 ROUNDS = 8
 # iterations of a first fit of all corners alike, by a noise [pixel] that no error reaches
 ROUGH, PLAIN = 6, 1e3
-SETTLED = 0.01  # relative change of the noise between two robust fits
-# median of the length of a pair of normal errors, in standard deviations: sqrt(2 ln 2)
-MEDIAN = float(np.sqrt(2 * np.log(2)))
-WRONG = 0.5  # a picture of which more corners than this are off by SPREAD times a gross error is wrong as a whole
-SPREAD = 3.0  # pictures of a board that is far, tilted or out of focus have up to so many times the noise of the others
-TESTS = 4  # of a run on two cameras: corners, pictures, and the map of each camera
 AWAY = 5.0  # times what starting values leave of most pictures, which is the distortion of the lens
 LEFT = 3  # pictures; fewer determine no lens
-FEW = 10  # corners of a view: with fewer the noise of its camera is theirs
-
-
-@dataclass(frozen=True, eq=False)
-class GrossErrors:
-    """corners (n,): a mask of gross errors; pictures: numbers of those that are wrong as a whole, whose corners are all
-    in the mask; noise: standard deviation of the others' coordinates [pixel], or in units of their sigma; p: how often
-    clean corners have one as far off as the worst of those that belong to no wrong picture."""
-
-    corners: np.ndarray
-    pictures: tuple[int, ...]
-    noise: float
-    p: float = 1.0
-
-
-def gross_errors(table: CornerTable, residuals: np.ndarray, gross: float) -> GrossErrors:
-    """Of residuals (n, 2) [pixel]. Pictures first, by the median of all lengths, which up to half of the corners may
-    not spoil; then corners, each by the noise of its own view, which tilt and distance make larger: those that clean
-    corners hardly ever show in any, and that lie `gross` standard deviations off.
-
-    >>> board = gt.vision.BoardPictures(width_pixel=640, height_pixel=480, columns=9, rows=6)
-    >>> table, lenses, cameras = gt.vision.stereo.made_corners(gt.vision.stereo.SyntheticBoards(), board)
-    >>> residuals = 0.1 * np.random.default_rng(1).standard_normal((table.n, 2))
-    >>> residuals[7] = 2.0
-    >>> bad = gt.vision.stereo.gross_errors(table, residuals, 5.0)
-    >>> np.flatnonzero(bad.corners), bad.pictures, round(bad.noise, 2)
-    (array([7]), (), 0.1)
-    """
-    scaled = residuals if table.sigma is None else residuals / table.sigma[:, None]
-    length = np.linalg.norm(scaled, axis=1)
-    noise = float(np.median(length)) / MEDIAN
-    far = length > SPREAD * gross * max(noise, 1e-12)
-    own = np.bincount(table.picture, minlength=len(table.pictures))
-    wrong = np.flatnonzero(np.bincount(table.picture, far, len(table.pictures)) > WRONG * own)
-    corners = np.isin(table.picture, wrong)
-    left = np.flatnonzero(~corners)
-    view = table.camera * len(table.pictures) + table.picture
-    seen = np.bincount(view[left], minlength=view.max(initial=0) + 1)[view[left]]
-    single = outliers(scaled[left], groups=np.where(seen < FEW, -1 - table.camera[left], view[left]))
-    odd = single.beyond(RUN_LEVEL / TESTS)
-    odd = odd[single.times[odd] > gross]
-    corners[left[odd]] = True
-    p = float(np.min(single.p[odd], initial=1.0))
-    return GrossErrors(corners, tuple(wrong.tolist()), noise, p)
 
 
 def uneven(table: CornerTable, residuals: np.ndarray) -> bool:

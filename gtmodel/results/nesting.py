@@ -1,0 +1,66 @@
+"""JSON and TOML of files, however deep they claim to go: one bound for both, asked before anything else is."""
+
+from __future__ import annotations
+
+import json
+import re
+import tomllib
+from typing import Any, TypeVar
+
+MOST_NESTED = 100  # lists and tables in one another, and parts of a dotted key
+# texts and comments of TOML; what nothing closes goes up to the end of its line or of the file
+_TEXTS = re.compile(
+    r'"""(?:\\.|[^\\])*?(?:"""|\Z)|\'\'\'.*?(?:\'\'\'|\Z)|"(?:\\.|[^"\\\n])*"?|\'[^\'\n]*\'?|#[^\n]*', re.S
+)
+_LONG_KEY = re.compile(rf"(?<![\w-])(?:[\w-]+[ \t]*\.[ \t]*){{{MOST_NESTED}}}")
+_INSIDE = (dict, list, tuple)
+_T = TypeVar("_T")
+
+
+class TooDeepError(ValueError):
+    """Lists and tables stand in one another deeper than anything that gtmodel writes or asks for."""
+
+    def __init__(self) -> None:
+        super().__init__(
+            f"holds lists or tables inside one another, more than {MOST_NESTED} deep; take levels out, nothing that "
+            "gtmodel reads needs more than a few"
+        )
+
+
+def json_of(content: str | bytes) -> Any:
+    """The data in a JSON text. Raises ValueError for what is none, TooDeepError among them.
+
+    >>> from gtmodel.results.nesting import json_of
+    >>> json_of('{"a": [1, 2]}')
+    {'a': [1, 2]}
+    """
+    try:
+        data = json.loads(content)
+    except RecursionError:
+        raise TooDeepError from None
+    return not_deep(data)
+
+
+def toml_of(text: str) -> dict[str, Any]:
+    """The tables in a TOML text. Raises ValueError for what is none, TooDeepError and TOMLDecodeError among them.
+
+    A key of very many parts is refused before the parser, whose time grows with their square.
+    """
+    if text.count(".") >= MOST_NESTED and _LONG_KEY.search(_TEXTS.sub("text", text)):
+        raise TooDeepError
+    try:
+        data = tomllib.loads(text)
+    except RecursionError:
+        raise TooDeepError from None
+    return not_deep(data)
+
+
+def not_deep(data: _T) -> _T:
+    """The same data. Raises TooDeepError where lists and tables stand too deep in one another."""
+    level: list[Any] = [data]
+    for _ in range(MOST_NESTED):
+        inner = (x.values() if isinstance(x, dict) else x for x in level if isinstance(x, _INSIDE))
+        level = [x for values in inner for x in values if isinstance(x, _INSIDE)]
+        if not level:
+            return data
+    raise TooDeepError
