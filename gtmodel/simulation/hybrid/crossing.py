@@ -21,9 +21,9 @@ EXPLAINED = 0.3
 Signed = Callable[[float], tuple[np.ndarray, np.ndarray] | None]
 
 
-def dips(h: np.ndarray, s: np.ndarray, ds: np.ndarray) -> np.ndarray:
+def dips(h: np.ndarray, s: np.ndarray, ds: np.ndarray, least: np.ndarray) -> np.ndarray:
     """For intervals of length h (n,), the share at which the cubic through signed values s (n + 1, m) with rates ds has
-    its minimum where that is lower than 0; NaN elsewhere."""
+    its minimum where that lies more than the round-off `least` (m,) below 0; NaN elsewhere."""
     a, b, da, db = s[:-1], s[1:], ds[:-1] * h[:, None], ds[1:] * h[:, None]
     # derivative of the cubic: c0 + c1 u + c2 u^2
     c0, c1, c2 = da, 6 * (b - a) - 4 * da - 2 * db, 6 * (a - b) + 3 * (da + db)
@@ -31,7 +31,7 @@ def dips(h: np.ndarray, s: np.ndarray, ds: np.ndarray) -> np.ndarray:
         root = np.sqrt(c1**2 - 4 * c0 * c2)
         u = np.where(np.abs(c2) > 1e-12 * np.abs(c1), (-c1 + root) / (2 * c2), -c0 / c1)
         lowest = (1 + 2 * u) * (1 - u) ** 2 * a + u * (1 - u) ** 2 * da + u**2 * (3 - 2 * u) * b + u**2 * (u - 1) * db
-        inside = (u > 0) & (u < 1) & (lowest < 0) & (a >= 0) & (b >= 0)
+        inside = (u > 0) & (u < 1) & (lowest < -least) & (a >= 0) & (b >= 0)
     return np.where(inside, u, np.nan)
 
 

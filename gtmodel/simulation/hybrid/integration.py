@@ -218,10 +218,10 @@ class HybridIntegration(WatchedIntegration):
         at_end = signed(high)
         if at_end is None:
             return False
-        if not np.any(at_end[0] < (0.0 if dip else -self._zero)):
+        changing = at_end[0] < -(self._round_off if dip else self._zero)
+        if not changing.any():
             # the dip of the interpolation is none of the motion: go there, and look on
             return self._go(high, step(high), begin + high)
-        changing = at_end[0] < (0.0 if dip else -self._zero)
         n = -1
         while changing.any():
             n = int(np.flatnonzero(changing)[0])

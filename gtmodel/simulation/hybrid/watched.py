@@ -104,7 +104,12 @@ class WatchedIntegration(Integration):
     @property
     def _zero(self) -> np.ndarray:
         """So near to zero no comparison shows a side."""
-        return np.maximum(ZERO * self._size, LEAST * self._largest)
+        return np.maximum(ZERO * self._size, self._round_off)
+
+    @property
+    def _round_off(self) -> np.ndarray:
+        """Of the comparisons: a value that stays at its threshold dips so far below it."""
+        return LEAST * self._largest
 
     def _signs(self) -> np.ndarray:
         return np.where(self.truth, 1.0, -1.0)
@@ -120,7 +125,7 @@ class WatchedIntegration(Integration):
         changes and changes back, else 0."""
         s, ds = values * self._signs(), rates * self._signs()
         over = s[1:] < -self._zero
-        share = dips(np.diff(at), s, ds)
+        share = dips(np.diff(at), s, ds, self._round_off)
         candidates = over.any(axis=1) | np.isfinite(share).any(axis=1)
         for interval in np.flatnonzero(candidates).tolist():
             if over[interval].any():

@@ -7,6 +7,7 @@ import pytest
 from scipy.optimize import brentq
 
 import gtmodel as gt
+from gtmodel.simulation.hybrid.crossing import dips
 
 PERIOD = 2 * np.pi
 
@@ -246,3 +247,11 @@ def test_several_comparisons_that_an_input_changes_at_once() -> None:
     for r in rows[:5]:
         s = solve_ivp(rate, (0, 2), s, args=(r,), rtol=1e-10, atol=1e-11, max_step=2e-3, method="DOP853").y[:, -1]
     assert [run.trajectory[n][-1] for n in ("y", "integral")] == pytest.approx(s, abs=1e-6)
+
+
+@pytest.mark.parametrize(("rate", "dips_there"), [(1e-3, True), (1e-15, False)])
+def test_a_dip_within_round_off_is_none(rate: float, dips_there: bool) -> None:
+    """A force that stays at its threshold dips below it by the last bit: an event at one instant for ever."""
+    share = dips(np.ones(1), np.zeros((2, 1)), np.array([[-rate], [rate]]), np.full(1, 1e-13))
+    assert np.isfinite(share).all() == dips_there
+    assert not dips_there or share == pytest.approx(0.5)
