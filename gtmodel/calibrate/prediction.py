@@ -95,7 +95,7 @@ def outliers(
         for pose in together.beyond(level).tolist():
             if pose not in named:
                 found[pose, int(np.argmax(np.abs(residuals[pose])))] = float(together.times[pose])
-    listed = [Outlier(*at, float(residuals[at]), times) for at, times in found.items()]
+    listed = [Outlier(pose, link, float(residuals[pose, link]), times) for (pose, link), times in found.items()]
     return sorted(listed, key=lambda o: (-o.times, o.pose, o.link))
 
 
