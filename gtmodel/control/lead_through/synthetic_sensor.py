@@ -10,6 +10,7 @@ import numpy as np
 
 from ...results.options import Options, Unit, Within
 from .hand import ZEROS, Three
+from .vectors import cross
 
 GRAVITY = (0.0, 0.0, -9.81)  # [m/s2], in the world frame, z up
 
@@ -52,8 +53,9 @@ class SyntheticSensor(Options):
         R = turn @ self.matrix
         g = R.T @ np.array(GRAVITY)
         f = R.T @ force
-        m = R.T @ moment + np.cross(self.point, f) + np.cross(self.centre, self.mass * g)
-        f = self.sign * (f + self.mass * g) + self.force_bias
+        weight = self.mass * g
+        m = R.T @ moment + cross(self.point, f.tolist()) + cross(self.centre, weight.tolist())
+        f = self.sign * (f + weight) + self.force_bias
         return f + self.force_noise * rng.standard_normal(3), (
             self.sign * m + self.moment_bias + self.moment_noise * rng.standard_normal(3)
         )

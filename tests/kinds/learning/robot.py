@@ -6,7 +6,6 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from scipy.signal import lfilter
 
 TS, N = 0.004, 825
 
@@ -28,7 +27,9 @@ def main(log: Path, seed: int, learned: Path | None) -> None:
         u = np.loadtxt(learned, delimiter=",", skiprows=2)[:, 1]
     r = reference()
     a = np.exp(-TS / 0.02)
-    motor = lfilter([0.0] * 6 + [1 - a], [1.0, -a], r + u)
+    motor, wanted = np.zeros(N), r + u
+    for k in range(6, N):  # without SciPy, which takes longer to import than this to run
+        motor[k] = a * motor[k - 1] + (1 - a) * wanted[k - 6]
     motor = motor + 1e-6 * np.random.default_rng(seed).normal(size=N)
     rows = np.column_stack([TS * np.arange(N), 1e3 * r, 1e3 * u, 1e3 * motor])
     head = (
