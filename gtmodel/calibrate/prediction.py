@@ -88,14 +88,14 @@ def outliers(
     N, m = residuals.shape
     level = RUN_LEVEL / TESTS / (1 if noise is None else 2)
     judged = outlying(residuals.reshape(-1), None if basis is None else basis.reshape(N * m, -1), np.tile(range(m), N))
-    found = {divmod(k, m): float(judged.times[k]) for k in judged.beyond(level).tolist()}
+    far = {divmod(k, m): float(judged.times[k]) for k in judged.beyond(level).tolist()}
     if noise is not None:
         together = _of_poses(residuals, *noise)
-        named = {pose for pose, _ in found}
+        named = {pose for pose, _ in far}
         for pose in together.beyond(level).tolist():
             if pose not in named:
-                found[pose, int(np.argmax(np.abs(residuals[pose])))] = float(together.times[pose])
-    listed = [Outlier(*at, float(residuals[at]), times) for at, times in found.items()]
+                far[pose, int(np.argmax(np.abs(residuals[pose])))] = float(together.times[pose])
+    listed = [Outlier(pose, link, float(residuals[pose, link]), times) for (pose, link), times in far.items()]
     return sorted(listed, key=lambda o: (-o.times, o.pose, o.link))
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import casadi as ca
 
 from ..compiler.causal import CausalFunction
-from ..results.scratch import scratch
+from ..results.disk import scratch
 from .interface import Interface, macro
 from .loops import SOLVER, loop_text
 from .text import GenerationError, comment

@@ -10,10 +10,10 @@ from typing import Any, Literal
 
 from ..compiler.causal import CausalFunction
 from ..results import Check, SolveStatus, Work
+from ..results.disk import scratch
 from ..results.door import study_function
 from ..results.folder import Held, others
 from ..results.marks import marked
-from ..results.scratch import scratch
 from ..results.work import Progress, never, silent
 from . import measurement
 from .code_result import COSTS, CodeStudy, Verification

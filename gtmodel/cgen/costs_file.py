@@ -8,7 +8,7 @@ from typing import Any
 
 from ..compiler.toolchain import STANDARD
 from ..results.folder import FolderError, Held, holding
-from ..results.nesting import json_of
+from ..results.read_bounds import json_of
 from .code_result import COSTS
 from .manifest import read
 from .measurement import Costs

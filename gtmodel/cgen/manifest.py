@@ -12,7 +12,7 @@ import casadi as ca
 
 from .._version import __version__
 from ..results.folder import unfinished
-from ..results.nesting import json_of
+from ..results.read_bounds import json_of
 from ..results.status import Status
 from .body import casadi_functions
 from .interface import Interface, Member

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from ..compiler.causal import CausalFunction
 from ..compiler.toolchain import SECONDS
-from ..results.scratch import scratch
+from ..results.disk import scratch
 from .interface import Interface, interfaces
 from .manifest import read
 from .text import GenerationError, decimal

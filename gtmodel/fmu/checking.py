@@ -22,7 +22,7 @@ from ..cgen.steps.function import StepFunction
 from ..cgen.steps.records import dtype_of, record
 from ..compiler.causal import CausalFunction
 from ..results.check import Check, at_least, at_most
-from ..results.scratch import scratch
+from ..results.disk import scratch
 from ..results.status import Status
 from .caller import UnitCaller
 from .export import Fmu

@@ -17,8 +17,8 @@ from ..cgen.steps.function import StepFunction
 from ..cgen.text import GenerationError
 from ..compiler.causal import CausalFunction, c_name, compile_causal
 from ..lang.model import Model
+from ..results.disk import write_whole
 from ..results.refusal import ArgumentError
-from ..results.whole_file import write_whole
 from .archive import archive, is_ours
 from .causal_content import causal_content
 from .content import FmuContent, model_files, without_parameters

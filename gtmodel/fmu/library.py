@@ -8,7 +8,7 @@ from collections.abc import Mapping
 
 from ..cgen.text import GenerationError
 from ..compiler.toolchain import SECONDS, STANDARD, find
-from ..results.scratch import scratch
+from ..results.disk import scratch
 
 # one folder, relative names, no time, no build number: the same bytes wherever it is made. Only what the standard
 # names is seen from outside, so that two units in one program share nothing. Nothing runs at loading: no start files.

@@ -13,10 +13,10 @@ import numpy as np
 from ..compiler.causal import compile_causal
 from ..lang import Model
 from ..results import ArgumentError, Check, SolveStatus, Status, Trajectory, Work, at_least, at_most
+from ..results.disk import scratch
 from ..results.door import study_function
 from ..results.options import Within
 from ..results.refusal import naming
-from ..results.scratch import scratch
 from ..results.work import Progress, never, silent
 from .bench import ELASTIC_HZ, FOLLOWING_M, LAWS, LONGEST_S, SLOWER, Bench, Reference, Stop
 from .build import build, built_before

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from gtmodel._files import problems_dir
-from gtmodel.results.nesting import TooDeepError, toml_of
+from gtmodel.results.read_bounds import TooDeepError, toml_of
 
 from .input_error import InputError
 from .toml_slips import shown_line, slip

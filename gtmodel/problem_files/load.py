@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 import pydantic
 
 from gtmodel.modelica.reference import is_reference, problem_of as of_text
-from gtmodel.results.nesting import TooDeepError, not_deep
+from gtmodel.results.read_bounds import TooDeepError, not_deep
 
 from .base import InputError, Kind, Problem
 from .files import find, parse, read

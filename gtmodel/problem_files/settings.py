@@ -7,7 +7,7 @@ import tomllib
 from collections.abc import Iterable
 from typing import Any
 
-from gtmodel.results.nesting import toml_of
+from gtmodel.results.read_bounds import toml_of
 
 from .base import InputError
 from .sentences import shown

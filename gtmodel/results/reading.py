@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from .check import Check
-from .nesting import json_of
+from .read_bounds import json_of
 from .refusal import ArgumentError
 from .status import SolveStatus
 from .study import Study

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from gtmodel.lang.units import UnitError, si_unit
 
-from .nesting import not_deep
+from .read_bounds import not_deep
 from .trajectory_errors import Array, TrajectoryError, columns
 
 

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from gtmodel.lang.units import UnitError, convert, parse_unit
 
-from .nesting import json_of
+from .read_bounds import json_of
 from .trajectory_checks import check_name
 from .trajectory_errors import COLUMN, Array, TrajectoryError
 from .trajectory_files import PathLike

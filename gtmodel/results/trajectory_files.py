@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .nesting import json_of
-from .swollen import swollen
+from .disk import PathLike, write_whole
+from .read_bounds import json_of, swollen
 from .trajectory_checks import json_text
 from .trajectory_errors import COLUMN, TrajectoryError, columns
-from .whole_file import PathLike, write_whole
 
 if TYPE_CHECKING:
     from .trajectory import Trajectory

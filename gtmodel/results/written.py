@@ -21,7 +21,7 @@ from .._version import __version__
 from .as_json import result
 from .folder import FolderError, Held, holding, others, refuse_impossible, unfinished
 from .marks import marked
-from .nesting import toml_of
+from .read_bounds import toml_of
 from .refusal import ArgumentError
 from .trajectory_files import TRAJECTORY, csv_bytes
 

@@ -14,8 +14,8 @@ import casadi as ca
 import numpy as np
 
 from ..inference.bundle import ResidualBlock, UnknownGroup
+from ..results.disk import write_whole
 from ..results.refusal import ArgumentError
-from ..results.whole_file import write_whole
 from .rigid_poses import POSE, applied, rotation_vectors
 
 LABELS = (*POSE, "f", "k1", "k2")

@@ -12,7 +12,7 @@ import pytest
 import gtmodel as gt
 from gtmodel.measurements import LogForm, open_log
 from gtmodel.measurements.streams.form import LogError
-from gtmodel.results import swollen
+from gtmodel.results import read_bounds
 
 SMALL = 1 << 18  # bytes that always may, in place of 268 MB: a bomb of two megabytes is made and read in no time
 MESSAGES, NUMBERS = 4, 1 << 16
@@ -24,7 +24,7 @@ BAGS = [
 
 @pytest.fixture(autouse=True)
 def small(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(swollen, "SMALL", SMALL)
+    monkeypatch.setattr(read_bounds, "SMALL", SMALL)
 
 
 def bag(folder: Path, kind: str, compression: str) -> Path:

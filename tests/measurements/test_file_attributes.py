@@ -14,7 +14,7 @@ import pytest
 from scipy.io import savemat
 
 from gtmodel.measurements import Column, LogError, LogForm, open_log, read_log
-from gtmodel.measurements.streams.form import GROWTH, SMALL
+from gtmodel.results.read_bounds import GROWTH, SMALL
 
 T = 0.004 * np.arange(40)
 STORED = np.arange(40, dtype=np.int16) - 20

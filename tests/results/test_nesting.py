@@ -12,7 +12,7 @@ import pytest
 import gtmodel as gt
 from gtmodel.problem_files import InputError
 from gtmodel.problem_files.load import load
-from gtmodel.results.nesting import MOST_NESTED, TooDeepError, json_of, toml_of
+from gtmodel.results.read_bounds import MOST_NESTED, TooDeepError, json_of, toml_of
 
 N = MOST_NESTED
 

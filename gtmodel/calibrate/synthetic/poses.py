@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from ...lang import Model
-from ...results.scratch import scratch
+from ...results.disk import scratch
 from ..measured.options import Measured, MeasuredSignal
 from ..measured.poses import MeasuredPoses
 from ..measured.reading_file import read_poses

@@ -12,7 +12,7 @@ from ..._version import __version__
 from ...compiler.causal import CausalFunction
 from ...compiler.toolchain import Toolchain, find
 from ...results import Check, at_least, at_most
-from ...results.scratch import scratch
+from ...results.disk import scratch
 from ..generation import contents
 from ..interface import Interface
 from ..manifest import changed_entries, changed_files, interface_entry, lacks, parameters_hash, read, sha256

@@ -122,7 +122,7 @@ def aligned(
     touched = gains.cycle * int(np.count_nonzero(np.any(run.force != 0.0, axis=1)))
     depth, goal = float(-hole.axis @ run.position[-1]), setup.goal * hole.depth
     pressed = float(np.sqrt(np.mean(np.sum(run.force[-second:] ** 2, axis=1))))
-    play = 2 * (hole.clearance + pressed / hole.stiffness) / goal  # at two points, with what the contacts yield
+    play = 2 * (hole.clearance + pressed / hole.stiffness) / goal  # at two points, where the contacts are compliant
     checks = {
         "contact_s": at_least(touched, gains.cycle, "the peg never touched: begin above the hole, or push longer"),
         "depth_mm": at_least(

@@ -30,7 +30,7 @@ def gain_off(
     >>> [bool(gain_off(sign * felt, a, a, "the reading", "the model's", "turn it").p < 1e-9) for sign in (1, -1)]
     [False, True]
     """
-    y, x, z = (a - a.mean() for a in (np.asarray(rows, float) for rows in (measured, expected, by)))
+    y, x, z = (rows - rows.mean() for rows in (np.asarray(given, float) for given in (measured, expected, by)))
     common = float(z @ x)
     moved = np.cumsum(z**2)
     ends = np.unique(np.searchsorted(moved, moved[-1] * np.arange(1, STRETCHES) / STRETCHES))

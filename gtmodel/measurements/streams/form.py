@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 from ...results.options import Options, Within
-from ...results.swollen import GROWTH, swollen
+from ...results.read_bounds import GROWTH, swollen
 from ...results.trajectory_errors import TrajectoryError
 from ...results.trajectory_files import PathLike
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import tomli_w
 
-from ...results.nesting import toml_of
+from ...results.read_bounds import toml_of
 from .gaussian_process import GaussianProcess
 from .gaussian_process_kernel import KernelInputs
 from .oscillator_field import DIRECTIONS, QUANTITIES, OscillatorField

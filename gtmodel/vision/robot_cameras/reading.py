@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
+from ...results.disk import write_whole
 from ...results.refusal import ArgumentError
-from ...results.whole_file import write_whole
 from ..detection.corner_rows import CornerRow, corners_csv
 from ..detection.targets import Target
 from .pictures import RobotPictures, SecondDevice

@@ -1,9 +1,15 @@
-"""One file, written whole: what breaks off leaves what was there, and nobody's file is replaced unasked."""
+"""Writing to a disk: a file whole or not at all, nobody's file replaced unasked, and temporary folders."""
 
 from __future__ import annotations
 
+import errno
 import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+
+from .refusal import ArgumentError
 
 PathLike = str | os.PathLike[str]
 
@@ -30,4 +36,22 @@ def write_whole(path: PathLike, data: bytes, *, overwrite: bool) -> None:
     except BaseException:
         if beside or not overwrite:
             part.unlink(missing_ok=True)
+        raise
+
+
+_NO_ROOM = {errno.ENOSPC, errno.EFBIG, errno.EDQUOT, errno.EROFS}
+
+
+@contextmanager
+def scratch(prefix: str = "gtmodel-") -> Iterator[Path]:
+    """A temporary folder that goes again. Raises ArgumentError where there is none, or where it is full."""
+    place = "of this machine"
+    try:
+        with tempfile.TemporaryDirectory(prefix=prefix) as place:
+            yield Path(place)
+    except OSError as error:
+        if error.errno in _NO_ROOM or not Path(place).parent.is_dir():
+            raise ArgumentError(
+                f"the temporary folder {place} does not take the files ({error.strerror}); free space, or set TMPDIR"
+            ) from error
         raise

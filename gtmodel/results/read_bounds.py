@@ -1,11 +1,14 @@
-"""JSON and TOML of files, however deep they claim to go: one bound for both, asked before anything else is."""
+"""Bounds of what is read: how deep JSON and TOML may go, asked before anything else is, and how large data may be."""
 
 from __future__ import annotations
 
 import json
 import re
 import tomllib
+from pathlib import Path
 from typing import Any, TypeVar
+
+from .disk import PathLike
 
 MOST_NESTED = 100  # lists and tables in one another, and parts of a dotted key
 # texts and comments of TOML; what nothing closes goes up to the end of its line or of the file
@@ -30,7 +33,7 @@ class TooDeepError(ValueError):
 def json_of(content: str | bytes) -> Any:
     """The data in a JSON text. Raises ValueError for what is none, TooDeepError among them.
 
-    >>> from gtmodel.results.nesting import json_of
+    >>> from gtmodel.results.read_bounds import json_of
     >>> json_of('{"a": [1, 2]}')
     {'a': [1, 2]}
     """
@@ -64,3 +67,16 @@ def not_deep(data: _T) -> _T:
         if not level:
             return data
     raise TooDeepError
+
+
+GROWTH, SMALL = 200.0, 1 << 28  # how many times larger than the file numbers may be; bytes that always may
+
+
+def swollen(path: PathLike, size: float, most_growth: float = GROWTH) -> str:
+    """What is said of data of so many bytes in this file, "" where it may hold them."""
+    own = Path(path).stat().st_size
+    if size <= max(SMALL, most_growth * own):
+        return ""
+    times = size / max(own, 1)
+    most = f"expected at most {most_growth:g} times"
+    return f"would take {size / 1e6:.4g} MB, {times:.3g} times the size of the file; {most}"
