@@ -110,11 +110,11 @@ def _unexplained(name: str, share: float, values: np.ndarray, where: str) -> str
     steps = np.abs(np.diff(values))
     k = int(np.argmax(steps))
     unit = "m/s2" if name == "acceleration" else "m"
-    jump = f" ('{name}' jumps by {steps[k]:.3g} {unit} behind row {k})" if steps[k] > JUMPS * np.median(steps) else ""
+    jump = f", which jumps by {steps[k]:.3g} {unit} behind row {k}" if steps[k] > JUMPS * np.median(steps) else ""
     return (
-        f"the reference explains {100 * max(share, 0.0):.0f} % of the variance of '{name}' ({where}); expected "
-        f"{100 * EXPLAINED:.0f} % or more: {COLUMNS}, at jumps{jump}, and at whether the robot followed this "
-        "reference; leave out a signal that is noise, or excite more"
+        f"the reference explains {100 * max(share, 0.0):.0f} % of the variance of '{name}'{jump} ({where}); expected "
+        f"{100 * EXPLAINED:.0f} % or more: {COLUMNS}, and at whether the robot followed this reference; leave out a "
+        "signal that is noise, or excite more"
     )
 
 

@@ -106,10 +106,10 @@ def test_the_origin_of_positions_and_the_bias_of_the_accelerometer_do_not_count(
     assert any("accelerometer" in note for note in there.notes) == (case in ("2A", "2B"))
 
 
-@pytest.mark.parametrize("case", ["2A", "2B"])
-@pytest.mark.parametrize("tool", [True, False], ids=["tool in the log", "by the model"])
+@pytest.mark.parametrize(("case", "tool"), [("2A", True), ("2B", False)], ids=["tool in the log", "by the model"])
 def test_an_accelerometer_that_reads_another_motion_fails_its_check(case: Case, tool: bool) -> None:
-    design, measured = learning.LearningDesign(case=case), {"tool": CLEAN["tool"]} if tool else {}
+    design = learning.LearningDesign(case=case)
+    measured: dict[str, Any] = {"tool": CLEAN["tool"]} if tool else {}
     felt = CLEAN["acceleration"] + 0.07 * np.random.default_rng(5).normal(size=N)
     for wrong in (-felt, felt / 9.81):
         s = learning.next_input(ROBOT, run(acceleration=wrong, **measured), design)
