@@ -199,6 +199,7 @@ def test_smooth_friction_of_the_l1_converges_to_its_stiction() -> None:
         run = gt.simulate(model, 1.0, inputs={"tau": tau}, start={"T": POSE, "der(T)": 0.0}, tolerance=tolerance)
         assert run.status.ok
         assert run.checks["energy_balance"].value < 1e-7
+        assert all(event.discrete for event in run.events)
         return run.trajectory["T"][-1]
 
     exact = end(l1(), 1e-11)
@@ -208,6 +209,19 @@ def test_smooth_friction_of_the_l1_converges_to_its_stiction() -> None:
         # of the first order: a regularised friction creeps where it should stick
         assert np.log10(errors[0] / errors[1]) == pytest.approx(1.0, abs=0.15)
         assert np.log10(errors[1] / errors[2]) == pytest.approx(1.0, abs=0.15)
+
+
+def test_a_cart_of_the_l1_breaks_away_once() -> None:
+    """Its speed, exactly zero until then, rises with a last bit of either sign: each such bit was an event."""
+    rng = np.random.default_rng(7)
+    for _ in range(5):
+        levels, pace = np.array([300, 200, 250]) * rng.uniform(0.8, 1.3, 3), [6, 4, 5] * rng.uniform(0.8, 1.2, 3)
+        inputs = {"tau": lambda t, level=levels, pace=pace: held() + level * np.sin(pace * t)}
+        run = gt.simulate(l1(), 0.1, inputs=inputs, start={"T": POSE, "der(T)": 0.0}, tolerance=TOLERANCE)
+        assert run.status.ok
+        changed = [name for event in run.events for name in event.discrete or {"nothing": None}]
+        assert len(changed) == len(set(changed))
+        assert "nothing" not in changed
 
 
 # -- end stops -------------------------------------------------------------------------------------

@@ -23,7 +23,7 @@ Signed = Callable[[float], tuple[np.ndarray, np.ndarray] | None]
 
 def dips(h: np.ndarray, s: np.ndarray, ds: np.ndarray, least: np.ndarray) -> np.ndarray:
     """For intervals of length h (n,), the share at which the cubic through signed values s (n + 1, m) with rates ds has
-    its minimum where that lies more than the round-off `least` (m,) below 0; NaN elsewhere."""
+    its minimum where that lies more than the round-off `least` (m,) or (n, m) below 0; NaN elsewhere."""
     a, b, da, db = s[:-1], s[1:], ds[:-1] * h[:, None], ds[1:] * h[:, None]
     # derivative of the cubic: c0 + c1 u + c2 u^2
     c0, c1, c2 = da, 6 * (b - a) - 4 * da - 2 * db, 6 * (a - b) + 3 * (da + db)

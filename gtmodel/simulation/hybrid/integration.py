@@ -116,7 +116,7 @@ class HybridIntegration(WatchedIntegration):
             at = np.array([self._time])
             values, rates = self._comparisons(self._x[None, :], self._z[None, :], at)
             s, ds = values[0] * self._signs(), rates[0] * self._signs()
-            if (flips := np.flatnonzero((np.abs(s) <= self._zero) & (ds < 0))).size:
+            if (flips := np.flatnonzero((np.abs(s) <= self._zero) & (ds < -self._slow(self._zero)))).size:
                 self._event(flips.tolist())
 
     def _row_at(self, time: float) -> float:
@@ -155,7 +155,8 @@ class HybridIntegration(WatchedIntegration):
             self._grow(values[1 : int(np.searchsorted(at, self._time, side="right"))])
         if good < interval or not changes:
             return good
-        self._grow(values[1 : place + 1])
+        # what dips is at the interval's end on the side where it was
+        self._grow(values[1 : place + 1 + (dip > 0)])
         near = None if way is None else partial(self._near, way, self._time - origin)
         done = self._to_change(float(at[place]), float(at[place + 1]), dip, near)
         return max(good, 1) if done else good
@@ -234,7 +235,8 @@ class HybridIntegration(WatchedIntegration):
             changing = at_end[0] < -self._zero
             changing[n] = False
         falls = -np.minimum(at_end[1], 0.0)
-        at_zero = (np.abs(at_end[0]) <= np.maximum(self._zero, falls * self._slack)) & (falls > 0.0)
+        zero = np.maximum(self._zero, falls * self._slack)
+        at_zero = (np.abs(at_end[0]) <= zero) & (falls > self._slow(self._zero))
         # times are floats: at the last one before the root its comparison may be farther from zero than others are
         at_zero[n] = True
         flips = np.flatnonzero(at_zero).tolist()
@@ -465,7 +467,7 @@ class HybridIntegration(WatchedIntegration):
             return self.truth, was
         values, rates = (a[0] for a in self._comparisons(self._x[None, :], self._z[None, :], np.array([self._time])))
         self._largest = np.maximum(self._largest, np.abs(values))
-        slow = zero / (SLOW * (self._end - self._begin))
+        slow = self._slow(zero)
         # what the rate makes up for within one instant is of the instant: a mode may show it a million times larger
         zero = np.maximum(zero, np.abs(rates) * self._slack)
         near = np.abs(values) <= zero
@@ -480,6 +482,10 @@ class HybridIntegration(WatchedIntegration):
         for n in forced:
             truth[n] = not self.truth[n]
         return truth, values
+
+    def _slow(self, zero: np.ndarray) -> np.ndarray:
+        """Rates of the comparisons that do not decide on a side, where nearer to 0 than `zero` no value does."""
+        return zero / (SLOW * (self._end - self._begin))
 
     def _compared_anew(self, changes: Changes) -> np.ndarray:
         """Which comparisons read what starts anew."""

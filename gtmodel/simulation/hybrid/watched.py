@@ -125,7 +125,8 @@ class WatchedIntegration(Integration):
         changes and changes back, else 0."""
         s, ds = values * self._signs(), rates * self._signs()
         over = s[1:] < -self._zero
-        share = dips(np.diff(at), s, ds, self._round_off)
+        # what was zero so far has its round-off from the size that it grows to
+        share = dips(np.diff(at), s, ds, np.maximum(self._round_off, LEAST * np.maximum(s[:-1], s[1:])))
         candidates = over.any(axis=1) | np.isfinite(share).any(axis=1)
         for interval in np.flatnonzero(candidates).tolist():
             if over[interval].any():
