@@ -202,7 +202,8 @@ def descend(
             there, prior_there, cost_new = at(trial)
             evaluations += 1
             finite = there.finite
-            if finite and (cost_new <= cost or (flat and damping == 0.0)):
+            rounded = full <= ROUNDING * reach and full < before and cost_new - cost <= SETTLED * cost
+            if finite and (cost_new <= cost or (damping == 0.0 and (flat or rounded))):
                 quiet = cost - cost_new < QUIET * cost
                 x, here, prior, cost, before = trial, there, prior_there, cost_new, full
                 damping = 0.0 if quiet or damping <= least else damping * EASIER

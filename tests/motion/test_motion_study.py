@@ -8,9 +8,20 @@ from scipy.optimize import brentq
 
 import gtmodel as gt
 from gtmodel import SolveStatus
-from gtmodel.motion import Cost, End, Limits, MotionMesh, MotionStudy, Obstacle, motion, motion_result, study
+from gtmodel.motion import (
+    Cost,
+    End,
+    Limits,
+    MotionMesh,
+    MotionStudy,
+    Obstacle,
+    motion,
+    motion_result,
+    motion_study,
+    study,
+)
 from gtmodel.motion.motion_study import solved
-from gtmodel.motion.path_parametrization import NotReached
+from gtmodel.motion.path_parametrization import NotReached, sampled
 from gtmodel.motion.planning import plan_of
 from gtmodel.optimize import Mesh, SolverOptions, solve as collocate
 from gtmodel.results import ArgumentError, Work
@@ -325,11 +336,22 @@ class TestShown:
         assert (run.unit("T"), run.unit("der(T)"), run.unit("tau")) == ("m", "m/s", "N")
 
 
-def test_a_motion_that_leaves_the_reach_between_its_rows_is_a_failed_check():
-    """A mesh so coarse that the re-simulated motion runs along the edge of the workspace."""
-    study = gt.load("l1_min_time", "limits.force_N=500", "mesh.elements=20", "mesh.most_elements=20")()
+def test_a_motion_that_leaves_the_reach_between_its_rows_is_a_failed_check(monkeypatch):
+    """Its own rows are within reach; one sample of the reference, on the cubic between two of them, is moved out."""
+    at_rest, far = motion_study.at_rest, np.array([0.0, 0.0, 10.0])  # carts go as far along x as one likes
+
+    def moved(robot, guard, final_time, step, moving):
+        def beyond(times):
+            run = moving(times)
+            return sampled(robot, times, run["T"] + far * (np.arange(len(times)) == 5)[:, None],
+                           run["der(T)"], run["der(T,2)"], guard)  # fmt: skip
+
+        return at_rest(robot, guard, final_time, step, beyond)
+
+    monkeypatch.setattr(motion_study, "at_rest", moved)
+    study = gt.load("l1_min_time", "mesh.elements=15", "mesh.most_elements=15", "cost.energy=0.01")()
     assert study.status is gt.SolveStatus.CHECK_FAILED
-    assert study.checks["reference_samples_out_of_reach"].value > 0
+    assert study.checks["reference_samples_out_of_reach"].value == 1
     assert not study.files
 
 

@@ -110,10 +110,10 @@ def test_a_warm_start_that_fails_is_tried_cold():
 
 
 def test_patience_gives_up_what_gets_nowhere():
-    lost = swing_up(2.9, 20, barrier="adaptive", max_iterations=300, formulation="auto")
-    assert lost.status is SolveStatus.ITERATION_LIMIT
+    lost = swing_up(1.5, 10, barrier="adaptive", formulation="auto")  # too weak
+    assert lost.status is SolveStatus.INFEASIBLE
     for patience in (10, 30):
-        s = swing_up(2.9, 20, barrier="adaptive", patience=patience, formulation="auto")
+        s = swing_up(1.5, 10, barrier="adaptive", patience=patience, formulation="auto")
         assert s.status is SolveStatus.FAILED and s.iterations < lost.iterations
         assert f"no progress in {patience} iterations" in s.message
 

@@ -45,7 +45,7 @@ def spectral_radius(step: Lifted, *, dense: bool | None = None) -> float:
     dense: as of `largest_gain`; by Arnoldi's method for long runs.
 
     >>> learning = gt.control.learning
-    >>> learning.spectral_radius(learning.weighted([0.2, -0.7]))
+    >>> round(learning.spectral_radius(learning.weighted([0.2, -0.7])), 12)
     0.7
     """
     if (step.size <= DENSE) if dense is None else dense:

@@ -21,7 +21,7 @@ from ..intersection import MOVES, intersect
 from ..picture_test import LEAST, PictureTest, picture_test
 from ..pinhole import LENS
 from ..rigid_poses import composed, matrices_of
-from .calibrated import CameraStarts, calibrated, camera_starts
+from .calibrated import calibrated, camera_starts
 from .options import BoardPictures, CameraFit, StereoStart
 from .result import StereoStudy
 from .robust import suspects, uneven, without_gross_errors
@@ -80,8 +80,8 @@ def stereo_study(
     begin = camera_starts(table, board, start)
     removed: GrossErrors | None = None
     kept = np.arange(table.n)
-    away = suspects(table, begin)
-    if fit.gross_errors == "removed" or away:
+    tilt = np.degrees(_tilt(begin.cameras, begin.boards))
+    if fit.gross_errors == "removed" or (tilt >= TILTED and suspects(table, begin)):
         work.step("gross errors", 0.3)
         again, removed = without_gross_errors(table, begin, fit, work.interrupted)
         if fit.gross_errors == "named":
@@ -102,7 +102,7 @@ def stereo_study(
         if removed is None and end.status is not SolveStatus.INTERRUPTED:
             work.step("gross errors", 0.8)
             removed = without_gross_errors(table, begin, fit, work.interrupted)[1]
-        return _failed(end, corners, begin, removed, title)
+        return _failed(end, corners, tilt, removed, title)
     named = removed or gross_errors(table, end.residuals["corners"], fit.gross)
     if removed is None and uneven(table, end.residuals["corners"]):  # a wrong picture spoils a fit of all corners
         named = without_gross_errors(table, begin, fit, work.interrupted)[1]
@@ -203,18 +203,16 @@ def _left(table: CornerTable, kept: np.ndarray, begin: Any) -> tuple[CornerTable
     return table.rows(kept).without(gone), replace(begin, boards=begin.boards[left])
 
 
-def _failed(
-    end: BundleFit, corners: CornerTable, begin: CameraStarts, bad: GrossErrors | None, title: str
-) -> StereoStudy:
-    """A fit that did not end, with the pictures and corners that a robust one finds wrong."""
+def _failed(end: BundleFit, corners: CornerTable, tilt: float, bad: GrossErrors | None, title: str) -> StereoStudy:
+    """A fit that did not end, with the pictures and corners that a robust one finds wrong; of boards that never tilt it
+    would name any, as nothing is determined."""
+    if tilt < TILTED:
+        message = f"{end.message}; the board is tilted by {tilt:.2g} degrees at most: {TILT}"
+        return StereoStudy(status=end.status, message=message, title=title, iterations=end.iterations)
     if bad is not None and bad.pictures:
         return replace(_wrong(corners, bad, title), iterations=end.iterations)
-    tilt = np.degrees(_tilt(begin.cameras, begin.boards))
-    advice = f"give a focal length to start from, look for wrong pictures, or {TILT}"
-    if tilt < TILTED:
-        advice = f"the board is tilted by {tilt:.2g} degrees at most: {TILT}"
     named = {} if bad is None else _named(corners, bad)
-    message = f"{end.message}; {advice}"
+    message = f"{end.message}; give a focal length to start from, look for wrong pictures, or {TILT}"
     return StereoStudy(status=end.status, message=message, title=title, iterations=end.iterations, **named)
 
 
