@@ -2,19 +2,27 @@
 
 python tests/bench/shipped_results.py OUT [PROBLEM ...]     solve into OUT/PROBLEM, what was printed beside it
 python tests/bench/shipped_results.py --compare A B         exit 1 where any file but run.toml differs
+
+Problems of kind codegen generate code, which is compared byte for byte; of other texts the words are compared, and the
+numbers to a relative EQUAL.
 """
 
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 # another number of BLAS threads sums in another order and moves the last digits
 ONE_THREAD = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 CLONE = Path(__file__).resolve().parents[2]
 PROBLEMS = CLONE / "problems"
+EQUAL = 1e-9
+TEXTS = {".json", ".csv", ".txt", ".mod"}
+NUMBER = re.compile(r"(?<![\w.])[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\w.])")
 sys.path.insert(0, str(CLONE))
 
 from tests.support.recordings import NOT_SHIPPED  # noqa: E402
@@ -26,8 +34,10 @@ SETTINGS = {name: ["--set", f"log.files=['{file}']"] for name, (file, _) in NOT_
 def solve(out: Path, names: list[str]) -> None:
     for name in names or sorted(p.stem for p in PROBLEMS.glob("*.toml")):
         folder = out / name
-        command = [sys.executable, "-m", "gtmodel.cli", "solve", str(PROBLEMS / f"{name}.toml"), "--out", str(folder)]
-        command += SETTINGS.get(name, [])
+        problem = PROBLEMS / f"{name}.toml"
+        code = tomllib.loads(problem.read_text())["kind"] == "codegen"
+        command = [sys.executable, "-m", "gtmodel.cli", "codegen" if code else "solve", str(problem)]
+        command += ["-o" if code else "--out", str(folder), *SETTINGS.get(name, [])]
         done = subprocess.run(command, capture_output=True, text=True, check=False, env=ONE_THREAD)
         folder.mkdir(parents=True, exist_ok=True)
         (folder / "printed.txt").write_text(done.stdout.replace(str(folder), "OUT"))
@@ -35,13 +45,26 @@ def solve(out: Path, names: list[str]) -> None:
 
 
 def differences(a: Path, b: Path) -> list[str]:
-    """Files, below both folders, that one lacks or that hold other bytes; run.toml holds times and is left out."""
+    """Files, below both folders, that one lacks or that differ; run.toml holds times and is left out."""
     files = {p.relative_to(root) for root in (a, b) for p in root.rglob("*") if p.is_file() and p.name != "run.toml"}
+    return [f"{n}: {how}" for n in sorted(files) if (how := difference(a / n, b / n))]
 
-    def content(path: Path) -> bytes | None:
-        return path.read_bytes() if path.is_file() else None
 
-    return sorted(str(n) for n in files if content(a / n) != content(b / n))
+def difference(a: Path, b: Path) -> str:
+    """How two files differ; empty where they do not."""
+    if not (a.is_file() and b.is_file()):
+        return "in one only"
+    one, other = a.read_bytes(), b.read_bytes()
+    if one == other or a.suffix not in TEXTS:
+        return "" if one == other else "other bytes"
+    texts = (one.decode(), other.decode())
+    words, numbers = [NUMBER.split(t) for t in texts], [[float(n) for n in NUMBER.findall(t)] for t in texts]
+    if words[0] != words[1]:
+        return "other words: " + next(
+            (f"{u!r} / {v!r}" for u, v in zip(*words, strict=False) if u != v), "more of them"
+        )
+    worst = max((abs(u - v) / max(abs(u), abs(v)), u, v) for u, v in zip(*numbers, strict=True) if u != v)
+    return f"{worst[1]!r} / {worst[2]!r}, the worst number" if worst[0] > EQUAL else ""
 
 
 def main(words: list[str]) -> int:
