@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 else:
     Servo, FmuPlant = hint("gtmodel.loop", "Servo"), hint("gtmodel.fmu", "FmuPlant")
 
+TIMEOUT_S, LONGEST_S = 60.0, 86_400.0  # of a call of a unit; the slowest instantiations take seconds
 Names = tuple[str, ...] | list[str]
 
 
@@ -62,6 +63,12 @@ class PlantUnit(Options):
         Within(least=1, most=1000),
         "communication steps of the unit in a cycle of 4 ms; 1 if left out, 8 with force",
     ] = None
+    timeout: Annotated[
+        float,
+        Unit("s"),
+        Within(above=0.0, most=LONGEST_S),
+        "of a call of the unit, which runs in a process of its own: one that takes longer hangs, and is ended",
+    ] = TIMEOUT_S
 
     def __post_init__(self) -> None:
         from .plant import QUANTITIES, named
@@ -92,7 +99,7 @@ class PlantUnit(Options):
             return FmuPlant(
                 self.file, self.position, command=self.command, command_speed=self.command_speed, force=self.force,
                 speed=self.speed, arm=self.arm, servo=self.servo, start=self.start, cycle_s=cycle_s, units=self.units,
-                steps=self.steps,
+                steps=self.steps, timeout=self.timeout,
             )  # fmt: skip
         except ArgumentError as error:
             raise ArgumentError(error.message, "file" if error.argument == "path" else error.argument) from error
