@@ -229,11 +229,12 @@ class _Host:
                 library, version, unit, token, resources, said=self._said, proxy=proxy, running=self._running
             )
             return 0, None
-        assert self._caller is not None
         if name == "close":
-            self._caller.close()
+            if self._caller is not None:
+                self._caller.close()
             c.CDLL(None).fflush(None)
             return 0, None
+        assert self._caller is not None
         done = getattr(self._caller, name)(*given)
         if name == "get":
             return done[0], done[1].tobytes()

@@ -17,7 +17,7 @@ from typing import Any
 
 from ..results.child_process import parents_signals
 from . import caller
-from .caller import SHOWN, look, message, received
+from .caller import LOADING, SHOWN, look, message, received
 
 FREE_S = 2.0  # in which a unit lets its memory go
 END_S = 1.0  # between the end of the channel and that of the process
@@ -45,7 +45,7 @@ class UnitProcess:
 
     def __init__(self, folder: Path, timeout: float) -> None:
         self._timeout, self._shown, self._rest = timeout, folder / "running-call", bytearray()
-        self._shown.write_bytes(bytes(SHOWN))
+        self._shown.write_bytes(LOADING.encode().ljust(SHOWN))
         self.said: deque[tuple[int, str]] = deque(maxlen=_KEPT)
         self._ended: UnitEnded | None = None
         self._socket, far = socket.socketpair()
@@ -96,14 +96,18 @@ class UnitProcess:
             self._ended = UnitEnded("it was ended where the run was broken off", self._function())
             self._kill()
             raise
-        self._ended = ended
+        texts = [plain for _, text in self.said if (plain := one_line(text))]
+        self._ended = UnitEnded(f"{ended}; it said last: {texts[-1]}", ended.function) if texts else ended
         self._kill()
-        raise ended
+        raise self._ended
 
     def _function(self) -> str:
+        """Where it is: the name of the call that it made last, which it may have overwritten."""
         with suppress(OSError):
-            return self._shown.read_bytes().rstrip(b"\0 ").decode(errors="replace") or "its start"
-        return "its start"
+            name = self._shown.read_bytes().rstrip(b"\0 ").decode(errors="replace")
+            if name.isalnum() or name == LOADING:
+                return name
+        return "one of its calls"
 
     def _hangs(self, limit: float) -> UnitEnded:
         where = self._function()
@@ -117,7 +121,7 @@ class UnitProcess:
         try:
             code = self._process.wait(END_S)
         except subprocess.TimeoutExpired:
-            return UnitEnded(f"it closed files that are not its own in {where}; {_RETURNS}", where)
+            return UnitEnded(f"it wrote to files that are not its own in {where}; {_RETURNS}", where)
         if code >= 0:
             return UnitEnded(f"it ended its process by itself in {where}, with exit code {code}; {_RETURNS}", where)
         name = next((s.name for s in signal.Signals if s == -code), f"signal {-code}")
@@ -138,6 +142,11 @@ class UnitProcess:
                 self.ask([("close",)], FREE_S)
                 self._ended = UnitEnded("it was closed", "")
                 self._kill()
+
+
+def one_line(text: str) -> str:
+    """Without what moves a terminal."""
+    return " ".join("".join(c if c.isprintable() else " " for c in text).split())
 
 
 def _is_open(number: int) -> bool:

@@ -18,7 +18,7 @@ from ..results.refusal import ArgumentError
 from .archive import ArchiveFault, unpack
 from .export import Fmu
 from .plant_unit import LONGEST_S, TIMEOUT_S
-from .process import UnitEnded, UnitProcess
+from .process import UnitEnded, UnitProcess, one_line
 from .signals import UnitSignals
 
 NEEDS_FMPY = "running a unit needs FMPy; install it by pip install 'gtmodel[fmi]'"
@@ -95,7 +95,7 @@ class RunningUnit:
         try:
             wrong = _sentence(self._process.ask(calls)[1])
         except UnitEnded as ended:
-            raise ArgumentError(f"'{self.name}' {what}: {self._last(ended)}", argument) from ended
+            raise ArgumentError(f"'{self.name}' {what}: {ended}", argument) from ended
         if wrong:
             raise ArgumentError(f"'{self.name}' {what}: {self._own(wrong)}", argument)
 
@@ -152,7 +152,11 @@ class RunningUnit:
         try:
             results, fault = self._process.ask(calls)
         except UnitEnded as ended:
-            raise UnitStopped(f"'{self.name}' stopped at {self.time:.6g} s: {self._last(ended)}", self.time) from ended
+            stepping = length is not None and ended.function.endswith("DoStep")
+            when = (
+                f"between {self.time:.6g} and {self.time + (length or 0.0):.6g}" if stepping else f"at {self.time:.6g}"
+            )
+            raise UnitStopped(f"'{self.name}' stopped {when} s: {ended}", self.time) from ended
         wrong, at = _sentence(fault), len(results) - 1 if fault else len(calls)
         if at < len(given):
             raise self._stopped(f"takes no {', '.join(given[at][0])} at {self.time:.6g} s", wrong)
@@ -195,13 +199,8 @@ class RunningUnit:
 
     def _own(self, otherwise: str) -> str:
         """What the unit itself said last of what went wrong."""
-        bad = [said for status, text in self._said if status >= _DISCARD and (said := _text(text))]
+        bad = [said for status, text in self._said if status >= _DISCARD and (said := one_line(text))]
         return bad[-1] if bad else otherwise
-
-    def _last(self, ended: UnitEnded) -> str:
-        """Why its process ended, and what it said last."""
-        texts = [said for _, text in self._said if (said := _text(text))]
-        return f"{ended}; it said last: {texts[-1]}" if texts else str(ended)
 
 
 def _read(path: Path, folder: Path) -> Any:
@@ -214,8 +213,8 @@ def _read(path: Path, folder: Path) -> Any:
     try:
         return fmpy.read_model_description(str(folder))
     except Exception as error:
-        line = next(iter(str(error).splitlines()), type(error).__name__)
-        raise ArgumentError(f"FMPy cannot read '{path}': {line}", "path") from error
+        lines = [line.strip(" -") for line in str(error).splitlines() if line.strip()] or [type(error).__name__]
+        raise ArgumentError(f"FMPy cannot read '{path}': {' '.join(lines[:2])}", "path") from error
 
 
 def _making(folder: Path, description: Any, three: bool) -> tuple[Any, ...]:
@@ -235,15 +234,10 @@ def _making(folder: Path, description: Any, three: bool) -> tuple[Any, ...]:
 def _sentence(fault: Any) -> str:
     """Of a call that went wrong: its function and status, or a sentence; empty for none."""
     if fault is None or len(fault) == 1:
-        return _text(fault[0]) or "it said nothing" if fault else ""
+        return one_line(fault[0]) or "it said nothing" if fault else ""
     function, status = fault
     word = _STATUS[status] if 0 <= status < len(_STATUS) else f"the status {status}, which there is not"
     return f"{function} gave {word}, and it said nothing"
-
-
-def _text(text: str) -> str:
-    """As one line without what moves a terminal."""
-    return " ".join("".join(c if c.isprintable() else " " for c in text).split())
 
 
 def _freed(process: UnitProcess, folder: Path) -> None:
