@@ -37,8 +37,9 @@ _SAID |= {"reference": "the reference"}
 
 
 def run(
-    folder: Path, out: Path, job: Context, *, reference: Path | None = None, plant: Path | None = None, **asked: Any
-) -> Finished:
+    folder: Path, out: Path, job: Context, *, reference: Path | None = None, plant: Path | None = None,
+    plant_timeout: float | None = None, **asked: Any,
+) -> Finished:  # fmt: skip
     """`gtmodel.loop.study` with the robot of a generated folder, written into `out`.
 
     Args:
@@ -47,6 +48,7 @@ def run(
             written or none; no other run may write there meanwhile.
         reference: CSV of the motion; the time-optimal one of l1_min_time if None.
         plant: unit that the problem's table [plant] is about; the one that it names if None.
+        plant_timeout: of a call of the unit [s]; that of the table if None.
         asked: further arguments of the study.
 
     Raises InputError, one sentence.
@@ -78,8 +80,11 @@ def run(
             robot = problem.model(job)  # pyright: ignore[reportAttributeAccessIssue]
             motion = partial(_motion, problem, reference, job, made)
             unit = problem.plant_unit(folder, plant)  # pyright: ignore[reportAttributeAccessIssue]
+            if plant_timeout is not None:
+                unit = _within(unit, plant_timeout)
             declared = options_of(problem, "lead_through") | {"plant": unit}
-            result = study(robot, folder, motion, built=mine.path, **declared, **asked, **job.work())
+            with job.under_way():
+                result = study(robot, folder, motion, built=mine.path, **declared, **asked, **job.work())
         except ArgumentError as error:
             raise _by_option(error) from error
         if result.status is SolveStatus.INTERRUPTED:
@@ -88,6 +93,16 @@ def run(
         result = noted(result.with_(files=made | dict(result.files)), job)
         inputs = {"folder": str(folder), "seconds": asked["seconds"], "peer": asked["peer"]}
         return _written(mine, result, job, wall_s, inputs | {"law": asked["law"], "lockstep": asked["in_lockstep"]})
+
+
+def _within(unit: Any, seconds: float) -> Any:
+    """The unit with another time limit for its calls. Raises InputError."""
+    if unit is None:
+        raise InputError("--plant-timeout: the folder's problem has no table [plant]; leave it out")
+    try:
+        return replace(unit, timeout=seconds)
+    except ArgumentError as error:
+        raise InputError(f"--plant-timeout {error.message}") from error
 
 
 def _by_option(error: ArgumentError) -> InputError:

@@ -129,11 +129,11 @@ class RunClock:
     @contextmanager
     def under_way(self) -> Iterator[None]:
         """While a study runs, which may be ended within a step that does not ask."""
-        self.running = True
+        before, self.running = self.running, True
         try:
             yield
         finally:
-            self.running = False
+            self.running = before
 
     def _stop(self) -> bool:
         self.asked = time.monotonic()
