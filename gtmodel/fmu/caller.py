@@ -18,6 +18,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import Any
 
+TIMEOUT_S, LONGEST_S = 60.0, 86_400.0  # of a call; the slowest instantiations take seconds
 WARNING = 1  # the worst status of a call that did what it was to do
 SHOWN = 40  # bytes for the name of the call that runs
 LONGEST = 2000  # characters of a sentence of its log
@@ -159,15 +160,16 @@ class UnitCaller:
             status = self._do("DoStep", *given)
             return status, (*[bool(f.value) for f in flags], last.value)  # type: ignore[return-value]
         status = self._do("DoStep", c.c_double(time), c.c_double(length), 1)
-        ends, last = c.c_int(), c.c_double(float("nan"))
+        ends, reached = False, float("nan")
         if status > WARNING:
-            called = self.last
-            for name, kind, value in (("GetBooleanStatus", _TERMINATED, ends), ("GetRealStatus", _LAST_TIME, last)):
-                with suppress(AttributeError):  # a unit may lack the call
-                    if self._do(name, kind, c.byref(value)) > WARNING:
-                        value.value = type(value)().value
+            called, flag, last = self.last, c.c_int(), c.c_double()
+            with suppress(AttributeError):  # a unit may lack the call
+                ends = self._do("GetBooleanStatus", _TERMINATED, c.byref(flag)) <= WARNING and bool(flag.value)
+            with suppress(AttributeError):
+                if self._do("GetRealStatus", _LAST_TIME, c.byref(last)) <= WARNING:
+                    reached = last.value
             self.last = called
-        return status, (False, bool(ends.value), False, last.value)
+        return status, (False, ends, False, reached)
 
     def close(self) -> None:
         """Frees the instance."""

@@ -9,8 +9,8 @@ import numpy as np
 
 from ..loop.plant import Servo
 from ..results.refusal import ArgumentError
+from .caller import TIMEOUT_S
 from .export import Fmu
-from .plant_unit import TIMEOUT_S
 from .running import WHOLE, RunningUnit, UnitStopped
 from .signals import Scaling, scaling
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from .._lazy import hint
 from ..results.options import Options, Unit, Within
 from ..results.refusal import ArgumentError
+from .caller import LONGEST_S, TIMEOUT_S
 
 if TYPE_CHECKING:
     from ..loop.plant import Servo
@@ -16,7 +17,6 @@ if TYPE_CHECKING:
 else:
     Servo, FmuPlant = hint("gtmodel.loop", "Servo"), hint("gtmodel.fmu", "FmuPlant")
 
-TIMEOUT_S, LONGEST_S = 60.0, 86_400.0  # of a call of a unit; the slowest instantiations take seconds
 Names = tuple[str, ...] | list[str]
 
 

@@ -15,7 +15,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from ..results.child_process import parents_signals
+from ..results.work import parents_signals
 from . import caller
 from .caller import LOADING, SHOWN, look, message, received
 
@@ -80,12 +80,12 @@ class UnitProcess:
             self._socket.settimeout(limit)
             self._socket.sendall(message(calls))
             while True:
-                found = received(read, self._rest)
-                if found is None:
+                came = received(read, self._rest)
+                if came is None:
                     raise ConnectionResetError
-                if len(found) == 3:  # an answer; a sentence of the log has two parts
-                    return found[0], found[1]
-                self.said.append(found)
+                if len(came) == 3:  # an answer; a sentence of the log has two parts
+                    return came[0], came[1]
+                self.said.append(came)
                 if time.monotonic() > end:
                     raise TimeoutError
         except TimeoutError:

@@ -16,8 +16,8 @@ import numpy as np
 from ..loop.plant import PlantStopped
 from ..results.refusal import ArgumentError
 from .archive import ArchiveFault, unpack
+from .caller import LONGEST_S, TIMEOUT_S
 from .export import Fmu
-from .plant_unit import LONGEST_S, TIMEOUT_S
 from .process import UnitEnded, UnitProcess, one_line
 from .signals import UnitSignals
 

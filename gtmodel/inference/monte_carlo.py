@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from ..results.child_process import parents_signals
 from ..results.refusal import ArgumentError
+from ..results.work import parents_signals
 
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 LOOK = 0.2  # s between looks at `interrupted`

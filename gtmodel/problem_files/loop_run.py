@@ -33,7 +33,7 @@ _PROBLEM = "l1_min_time.toml"
 _ROBOT_KEYS = {"robot", "inertia", "payload_kg", "parameters", "friction"}
 # how an argument of the study is called in a sentence of the command
 _SAID = {name: f"--{name}" for name in ("peer", "law", "plant", "seconds", "elastic", "deceleration", "following")}
-_SAID |= {"reference": "the reference"}
+_SAID |= {"reference": "the reference", "timeout": "--plant-timeout"}
 
 
 def run(
@@ -47,8 +47,7 @@ def run(
         out: for the loop's sources, logs and the picture. Nothing changes in it before the end, when all files are
             written or none; no other run may write there meanwhile.
         reference: CSV of the motion; the time-optimal one of l1_min_time if None.
-        plant: unit that the problem's table [plant] is about; the one that it names if None.
-        plant_timeout: of a call of the unit [s]; that of the table if None.
+        plant, plant_timeout: unit of the problem's table [plant], its longest call [s]; what the table says if None.
         asked: further arguments of the study.
 
     Raises InputError, one sentence.
@@ -73,15 +72,11 @@ def run(
                 if name.endswith((".c", ".h")) and _warned(folder / name, job):
                     break
             if not content["problem"]:
-                raise InputError(
-                    f"'{folder}' does not say which problem it was made from; make it with gtmodel codegen"
-                )
+                raise InputError(f"'{folder}' does not say which problem it is of; make it with gtmodel codegen")
             problem = validate(get("codegen").Schema, content["problem"])
             robot = problem.model(job)  # pyright: ignore[reportAttributeAccessIssue]
             motion = partial(_motion, problem, reference, job, made)
-            unit = problem.plant_unit(folder, plant)  # pyright: ignore[reportAttributeAccessIssue]
-            if plant_timeout is not None:
-                unit = _within(unit, plant_timeout)
+            unit = problem.plant_unit(folder, plant, plant_timeout)  # pyright: ignore[reportAttributeAccessIssue]
             declared = options_of(problem, "lead_through") | {"plant": unit}
             with job.under_way():
                 result = study(robot, folder, motion, built=mine.path, **declared, **asked, **job.work())
@@ -93,16 +88,6 @@ def run(
         result = noted(result.with_(files=made | dict(result.files)), job)
         inputs = {"folder": str(folder), "seconds": asked["seconds"], "peer": asked["peer"]}
         return _written(mine, result, job, wall_s, inputs | {"law": asked["law"], "lockstep": asked["in_lockstep"]})
-
-
-def _within(unit: Any, seconds: float) -> Any:
-    """The unit with another time limit for its calls. Raises InputError."""
-    if unit is None:
-        raise InputError("--plant-timeout: the folder's problem has no table [plant]; leave it out")
-    try:
-        return replace(unit, timeout=seconds)
-    except ArgumentError as error:
-        raise InputError(f"--plant-timeout {error.message}") from error
 
 
 def _by_option(error: ArgumentError) -> InputError:
