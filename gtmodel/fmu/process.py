@@ -20,7 +20,7 @@ from . import caller
 from .caller import LOADING, SHOWN, look, message, received
 
 FREE_S = 2.0  # in which a unit lets its memory go
-END_S = 1.0  # between the end of the channel and that of the process
+END_S = 5.0  # between the end of the channel and that of the process, which may write its memory to a disk
 _KEPT = 64  # last sentences of its log
 _FAULTS = {"SIGABRT": ", as abort() does", "SIGKILL": ", as the system does where memory is short"}
 _RETURNS = "a unit has to return a status from every call; ask its maker for one that does"
@@ -90,8 +90,10 @@ class UnitProcess:
                     raise TimeoutError
         except TimeoutError:
             ended = self._end() if self._process.poll() is not None else self._hangs(limit)
-        except (OSError, ValueError, EOFError, TypeError):  # the other end is closed, or what came is no message
+        except OSError:  # the other end is closed
             ended = self._end()
+        except (ValueError, EOFError, TypeError):  # what came is no message
+            ended = self._scribbles()
         except BaseException:  # what comes next would be taken for the answer of another call
             self._ended = UnitEnded("it was ended where the run was broken off", self._function())
             self._kill()
@@ -115,13 +117,17 @@ class UnitProcess:
             f"it did not return from {where} within {limit:g} s; give it longer by timeout, or ask its maker", where
         )
 
+    def _scribbles(self) -> UnitEnded:
+        where = self._function()
+        return UnitEnded(f"it wrote to or closed files that are not its own in {where}; {_RETURNS}", where)
+
     def _end(self) -> UnitEnded:
         """Of a process whose channel is closed."""
         where = self._function()
         try:
             code = self._process.wait(END_S)
         except subprocess.TimeoutExpired:
-            return UnitEnded(f"it wrote to files that are not its own in {where}; {_RETURNS}", where)
+            return self._scribbles()
         if code >= 0:
             return UnitEnded(f"it ended its process by itself in {where}, with exit code {code}; {_RETURNS}", where)
         name = next((s.name for s in signal.Signals if s == -code), f"signal {-code}")
