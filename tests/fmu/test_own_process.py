@@ -121,14 +121,15 @@ def test_what_a_unit_prints_is_no_output_of_ours(path, capfd):
     assert printed.out == "" and all(words in printed.err for words in ("no JSON", "nor I", "late"))
 
 
-def test_a_unit_ends_with_whoever_runs_it(path):
+def test_a_unit_ends_with_whoever_runs_it(path, tmp_path):
     """Also where that is killed while the unit hangs; a stop that is asked for reaches the parent alone."""
     program = (
         "import sys, gtmodel as gt\n"
         f"unit = gt.fmu.RunningUnit({str(path)!r}, {starts(How.HANGS)!r})\n"
         "unit.step(0.004)\nprint(unit._process._process.pid, flush=True)\nunit.step(0.004)\n"
     )
-    with subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True) as parent:
+    own = os.environ | {"TMPDIR": str(tmp_path)}  # a process that is killed leaves its files
+    with subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True, env=own) as parent:
         assert parent.stdout is not None
         child = int(parent.stdout.readline())
         os.kill(child, signal.SIGTERM)
