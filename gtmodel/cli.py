@@ -306,6 +306,9 @@ def loop(
     plant: Annotated[
         Path | None, typer.Option(metavar="FMU", help="Unit that is moved, of the problem's table [plant].")
     ] = None,
+    plant_timeout: Annotated[
+        float | None, typer.Option(metavar="S", help="Longest call of the unit; plant.timeout_s, or 60 s.")
+    ] = None,
     lockstep: Annotated[bool, typer.Option("--lockstep", help="Cycle by cycle as fast as it goes.")] = False,
     elastic: Annotated[
         float | None,
@@ -334,7 +337,7 @@ def loop(
         with terminal.watching(job, "stopping the loop, nothing will be compared", quiet=quiet):
             answer.finished = loop_run.run(
                 folder, out or folder / "loop", job, reference=reference, plant=plant, peer=peer, seconds=seconds,
-                law=law, in_lockstep=lockstep, elastic=elastic, deceleration=deceleration,
+                law=law, plant_timeout=plant_timeout, in_lockstep=lockstep, elastic=elastic, deceleration=deceleration,
                 **({} if following is None else {"following": following}),
             )  # fmt: skip
 

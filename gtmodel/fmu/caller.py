@@ -1,99 +1,290 @@
-"""A unit of ours called by ctypes, for comparison with Python: co-simulation, both versions, no other package."""
+"""A unit called by ctypes, in co-simulation, FMI 2.0 and 3.0: in this process where it is ours, and as a program, whose
+process a unit of anybody may end (`process.py`). It imports the standard library only, so that the program starts soon.
+"""
 
 from __future__ import annotations
 
+import _thread
 import ctypes as c
-import io
-import zipfile
-from collections.abc import Sequence
-from pathlib import Path
+import marshal
+import mmap
+import os
+import select
+import struct
+import sys
+import time
+from array import array
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from typing import Any
 
-import numpy as np
+TIMEOUT_S, LONGEST_S = 60.0, 86_400.0  # of a call; the slowest instantiations take seconds
+WARNING = 1  # the worst status of a call that did what it was to do
+SHOWN = 40  # bytes for the name of the call that runs
+LONGEST = 2000  # characters of a sentence of its log
+LOADING = "the loading of its library"
+LOOK_S = 1e-4
+SIZE = struct.Struct("<I")  # of a message, before it
+_FALSE, _TRUE = c.c_bool(False), c.c_bool(True)
+_TERMINATED, _LAST_TIME = 3, 2  # kinds of status of FMI 2.0
+_SAME = ("Reset", "EnterInitializationMode", "ExitInitializationMode", "DoStep", "FreeInstance")
+_NEEDED = {
+    2: (*_SAME, "Instantiate", "SetupExperiment", "SetReal", "GetReal"),
+    3: (*_SAME, "InstantiateCoSimulation", "SetFloat64", "GetFloat64"),
+}
+_LOG2 = c.CFUNCTYPE(None, c.c_void_p, c.c_char_p, c.c_int, c.c_char_p, c.c_char_p)
+_LOG3 = c.CFUNCTYPE(None, c.c_void_p, c.c_int, c.c_char_p, c.c_char_p)
 
-from .export import Fmu
-
-_NO = c.c_bool(False)
+Said = Callable[[int, bytes], None]
 
 
 class _Callbacks(c.Structure):
-    _fields_ = [(name, c.c_void_p) for name in ("logger", "allocate", "free", "finished", "environment")]
+    _fields_ = [
+        ("logger", _LOG2),
+        *[(name, c.c_void_p) for name in ("allocate", "free", "finished", "environment")],
+    ]
 
 
 class UnitCaller:
-    """One instance for co-simulation of the library in the archive, unpacked into `place`.
+    """One instance for co-simulation of a shared library.
 
-    Statuses are those of the standard: 0 OK, 2 Discard, 3 Error.
+    library: its path. version: 2 or 3. resources: where its resources are, as its version asks. said: takes status and
+    text of its log, which is off if left out. proxy: path of FMPy's library that puts the numbers into the texts of a
+    log of FMI 2.0. running: takes the name of each call before it is made, at its first bytes.
+
+    Statuses are those of the standard: 0 OK, 1 warning, 2 Discard, 3 Error; `last` is the function that gave the last
+    one. References and values: sequences of numbers, or bytes of unsigned integers and doubles of this machine. Raises
+    OSError for what is no library, AttributeError for one without a function, RuntimeError where it gives no instance.
     """
 
-    def __init__(self, unit: Fmu, place: Path) -> None:
-        with zipfile.ZipFile(io.BytesIO(unit.data)) as archive:
-            archive.extractall(place)
-        self._three = unit.version == 3
-        self._prefix = f"fmi{unit.version}"
-        self._library = c.CDLL(str(next((place / "binaries").rglob("*.so"))))
-        token = unit.token.encode()
+    def __init__(
+        self, library: str, version: int, name: str, token: str, resources: str = "", *, said: Said | None = None,
+        proxy: str = "", running: Any = None,
+    ) -> None:  # fmt: skip
+        self._running: Any = bytearray(SHOWN) if running is None else running
+        self._three, self._prefix, self.last = version == 3, f"fmi{version}", LOADING
+        self._running[:SHOWN] = LOADING.encode().ljust(SHOWN)
+        here = os.getcwd()
+        os.chdir(os.path.dirname(library))  # where libraries look for those that they need
+        try:
+            self._library = c.CDLL(library)
+        finally:
+            os.chdir(here)
+        self._functions = {n: self._function(n) for n in _NEEDED[version]}
+        log = said is not None
         if self._three:
-            make = self._function("InstantiateCoSimulation", c.c_void_p)
-            instance = make(b"gt", token, b"", _NO, _NO, _NO, _NO, None, c.c_size_t(0), None, None, None)
+            self._log: Any = _LOG3(lambda _, status, category, text: said(status, text or b"")) if said else _LOG3()
+            # visible, logging, events, early return; required intermediate variables; environment
+            given = [_FALSE, c.c_bool(log), _FALSE, _FALSE, None, c.c_size_t(0), None, self._log, None]
+            self._instance = self._made("InstantiateCoSimulation", name, token, resources, given)
         else:
-            self._callbacks = _Callbacks()
-            instance = self._function("Instantiate", c.c_void_p)(b"gt", 1, token, b"", c.byref(self._callbacks), 0, 0)
-        self._instance = c.c_void_p(instance)
+            own = c.CDLL(None)
+            logger = _LOG2(lambda _, name, status, category, text: said(status, text or b"")) if said else _LOG2()
+            memory = [c.cast(f, c.c_void_p) for f in (own.calloc, own.free)]
+            self._log = _Callbacks(logger, *memory, None, None), logger
+            if proxy and said:
+                self._proxy = c.CDLL(proxy)
+                self._proxy.addLoggerProxy(c.byref(self._log[0]))
+            self._instance = self._made("Instantiate", name, token, resources, [c.byref(self._log[0]), 0, int(log)])
 
     def _function(self, name: str, result: Any = c.c_int) -> Any:
         function = self._library[f"{self._prefix}{name}"]
-        function.restype = result
+        function.restype = c.c_void_p if name.startswith("Instantiate") else result
         return function
 
+    def _made(self, call: str, name: str, token: str, place: str, more: list[Any]) -> c.c_void_p:
+        self._begins(call)
+        kind = [] if self._three else [1]  # co-simulation
+        instance = self._functions[call](name.encode(), *kind, token.encode(), place.encode(), *more)
+        if not instance:
+            raise RuntimeError(f"{self.last} gave no instance")
+        return c.c_void_p(instance)
+
+    def _begins(self, name: str) -> None:
+        self.last = self._prefix + name
+        self._running[:SHOWN] = self.last.encode().ljust(SHOWN)
+
     def _do(self, name: str, *arguments: Any) -> int:
-        return int(self._function(name)(self._instance, *arguments))
+        if name not in self._functions:
+            self._functions[name] = self._function(name)
+        self._begins(name)
+        return int(self._functions[name](self._instance, *arguments))
 
-    def begin(self, references: Sequence[int], values: Sequence[float], time: float = 0.0) -> int:
-        """Anew from these start values and this time. The worst status on the way."""
-        status = self._do("Reset")
-        if len(references):
-            status = max(status, self.set(references, values))
+    def reset(self) -> int:
+        """As it was made."""
+        return self._do("Reset")
+
+    def begin(self, references: Sequence[int] | bytes, values: Sequence[float] | bytes, time: float = 0.0) -> int:
+        """From these start values and this time to the first step. The first status that is none of success."""
         start, none = c.c_double(time), c.c_double()
+        steps: list[Callable[[], int]] = [lambda: self.set(references, values)] if len(references) else []
         if self._three:
-            status = max(status, self._do("EnterInitializationMode", _NO, none, start, _NO, none))
+            steps.append(lambda: self._do("EnterInitializationMode", _FALSE, none, start, _FALSE, none))
         else:
-            status = max(status, self._do("SetupExperiment", 0, none, start, 0, none))
-            status = max(status, self._do("EnterInitializationMode"))
-        return max(status, self._do("ExitInitializationMode"))
+            steps.append(lambda: self._do("SetupExperiment", 0, none, start, 0, none))
+            steps.append(lambda: self._do("EnterInitializationMode"))
+        steps.append(lambda: self._do("ExitInitializationMode"))
+        return next((bad for step in steps if (bad := step()) > WARNING), 0)
 
-    def set(self, references: Sequence[int], values: Sequence[float]) -> int:
+    def set(self, references: Sequence[int] | bytes, values: Sequence[float] | bytes) -> int:
         """Sets numbers."""
-        return self._values("SetFloat64" if self._three else "SetReal", references, np.array(values, float))
+        return self._values("SetFloat64" if self._three else "SetReal", references, array("d", values))
 
     def set_integers(self, references: Sequence[int], values: Sequence[int]) -> int:
         """Sets integers."""
-        return self._values("SetInt32" if self._three else "SetInteger", references, np.array(values, np.int32))
+        return self._values("SetInt32" if self._three else "SetInteger", references, array("i", values))
 
-    def get(self, references: Sequence[int]) -> tuple[int, np.ndarray]:
+    def get(self, references: Sequence[int] | bytes) -> tuple[int, array[float]]:
         """Status, and numbers; NaN where none were written."""
-        values = np.full(len(references), np.nan)
-        return self._values("GetFloat64" if self._three else "GetReal", references, values), values
+        where = array("I", references)
+        values = array("d", [float("nan")]) * len(where)
+        return self._values("GetFloat64" if self._three else "GetReal", where, values), values
 
-    def get_integers(self, references: Sequence[int]) -> tuple[int, np.ndarray]:
+    def get_integers(self, references: Sequence[int]) -> tuple[int, array[int]]:
         """Status, and integers."""
-        values = np.full(len(references), -1, np.int32)
+        values = array("i", [-1]) * len(references)
         return self._values("GetInt32" if self._three else "GetInteger", references, values), values
 
-    def _values(self, name: str, references: Sequence[int], values: np.ndarray) -> int:
-        where = np.array(references, np.uint32)
-        size = c.c_size_t(len(where))
+    def _values(self, name: str, references: Sequence[int] | bytes, values: array[Any]) -> int:
+        where = array("I", references)
         more = [c.c_size_t(len(values))] if self._three else []
-        return self._do(name, c.c_void_p(where.ctypes.data), size, c.c_void_p(values.ctypes.data), *more)
+        pointers = [c.c_void_p(a.buffer_info()[0]) for a in (where, values)]
+        return self._do(name, pointers[0], c.c_size_t(len(where)), pointers[1], *more)
 
-    def step(self, time: float, length: float) -> int:
-        """Goes on from `time` by `length` [s]."""
+    def step(self, time: float, length: float) -> tuple[int, tuple[bool, bool, bool, float]]:
+        """Goes on from `time` by `length` [s]: status; whether it wants an event, to end, returned early; and the time
+        that it reached, NaN where it does not say."""
         if self._three:
-            flags, last = [c.c_bool() for _ in range(3)], c.c_double()
-            given = [c.c_double(time), c.c_double(length), c.c_bool(True), *map(c.byref, flags), c.byref(last)]
-            return self._do("DoStep", *given)
-        return self._do("DoStep", c.c_double(time), c.c_double(length), 1)
+            flags, last = [c.c_bool() for _ in range(3)], c.c_double(float("nan"))
+            given = [c.c_double(time), c.c_double(length), _TRUE, *map(c.byref, flags), c.byref(last)]
+            status = self._do("DoStep", *given)
+            return status, (*[bool(f.value) for f in flags], last.value)  # type: ignore[return-value]
+        status = self._do("DoStep", c.c_double(time), c.c_double(length), 1)
+        ends, reached = False, float("nan")
+        if status > WARNING:
+            called, flag, last = self.last, c.c_int(), c.c_double()
+            with suppress(AttributeError):  # a unit may lack the call
+                ends = self._do("GetBooleanStatus", _TERMINATED, c.byref(flag)) <= WARNING and bool(flag.value)
+            with suppress(AttributeError):
+                if self._do("GetRealStatus", _LAST_TIME, c.byref(last)) <= WARNING:
+                    reached = last.value
+            self.last = called
+        return status, (False, ends, False, reached)
 
     def close(self) -> None:
         """Frees the instance."""
-        self._function("FreeInstance", None)(self._instance)
+        self._begins("FreeInstance")
+        free = self._function("FreeInstance", None)
+        free(self._instance)
+
+
+def look(waiting: select.poll) -> None:
+    """Looks for a message for a moment before the process sleeps: another processor takes longer to wake it than a step
+    of a unit takes."""
+    until = time.perf_counter() + LOOK_S
+    while not waiting.poll(0) and time.perf_counter() < until:
+        os.sched_yield()
+
+
+def received(read: Callable[[int], bytes], rest: bytearray) -> Any:
+    """The next message, None at the end. rest: bytes that came with the one before."""
+    size = SIZE.size
+    while len(rest) < size or len(rest) < (whole := size + SIZE.unpack_from(rest)[0]):
+        if not (more := read(1 << 16)):
+            return None
+        rest += more
+    message = marshal.loads(rest[size:whole])
+    del rest[:whole]
+    return message
+
+
+def message(content: Any) -> bytes:
+    """What `received` reads."""
+    data = marshal.dumps(content)
+    return SIZE.pack(len(data)) + data
+
+
+class _Host:
+    """The program: requests are tuples of calls, an answer is (results, function and status of a call that went wrong,
+    or None); between them come sentences of the log, (status, text)."""
+
+    def __init__(self, channel: int, shown: str) -> None:
+        self._channel, self._lock = channel, _thread.allocate_lock()
+        with open(shown, "r+b") as file:
+            self._running = mmap.mmap(file.fileno(), SHOWN)
+        self._caller: UnitCaller | None = None
+
+    def _send(self, content: Any) -> None:
+        data = memoryview(message(content))
+        with self._lock:  # the log may come from threads of the unit
+            while data:
+                data = data[os.write(self._channel, data) :]
+
+    def _said(self, status: int, text: bytes) -> None:
+        self._send((status, text[: 4 * LONGEST].decode("utf-8", "replace")[:LONGEST]))
+
+    def _call(self, name: str, *given: Any) -> tuple[int, Any]:
+        """Status and result."""
+        if name == "make":
+            library, version, unit, token, resources, proxy = given
+            self._caller = UnitCaller(
+                library, version, unit, token, resources, said=self._said, proxy=proxy, running=self._running
+            )
+            return 0, None
+        if name == "close":
+            if self._caller is not None:
+                self._caller.close()
+            c.CDLL(None).fflush(None)
+            return 0, None
+        assert self._caller is not None
+        done = getattr(self._caller, name)(*given)
+        if name == "get":
+            return done[0], done[1].tobytes()
+        return done if isinstance(done, tuple) else (done, None)
+
+    def serve(self) -> None:
+        """Answers until the channel is closed."""
+        rest, waiting = bytearray(), select.poll()
+        waiting.register(self._channel, select.POLLIN)
+
+        def read(size: int) -> bytes:
+            look(waiting)
+            return os.read(self._channel, size)
+
+        while (calls := received(read, rest)) is not None:
+            results: list[Any] = []
+            wrong: tuple[str, int] | tuple[str] | None = None
+            try:
+                for call in calls:
+                    status, result = self._call(*call)
+                    results.append(result)
+                    if status > WARNING:
+                        assert self._caller is not None
+                        wrong = (self._caller.last, status)
+                        break
+            except (OSError, AttributeError, RuntimeError) as error:
+                wrong = (str(error),)
+            self._send((results, wrong, None))
+
+
+def _follow(channel: int) -> None:
+    """Ends the process when the other side is gone, in whatever call the unit is."""
+    waiting = select.poll()
+    waiting.register(channel, 0)
+    waiting.poll()
+    os._exit(1)
+
+
+def main() -> None:
+    """The program: `caller.py CHANNEL FILE`, a socket that it inherits and a file for the name of the call."""
+    channel, shown = int(sys.argv[1]), sys.argv[2]
+    os.set_inheritable(channel, False)
+    with suppress(AttributeError, ValueError):  # what it prints is there when it crashes
+        own = c.CDLL(None)
+        own.setvbuf(c.c_void_p.in_dll(own, "stdout"), None, 1, c.c_size_t(0))
+    _thread.start_new_thread(_follow, (channel,))
+    _Host(channel, shown).serve()
+
+
+if __name__ == "__main__":
+    main()

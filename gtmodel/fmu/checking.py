@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import io
-import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
@@ -24,6 +23,7 @@ from ..compiler.causal import CausalFunction
 from ..results.check import Check, at_least, at_most
 from ..results.disk import scratch
 from ..results.status import Status
+from .archive import unpack
 from .caller import UnitCaller
 from .export import Fmu
 from .table import FmuVariable, fmi_name, texts_of
@@ -66,7 +66,9 @@ def check(unit: Fmu, *, points: int = POINTS, seed: int = 0) -> UnitReport:
     key = f"{unit.table.name}_fmi{unit.version}"
     notes: list[str] = []
     with scratch("gtmodel-fmu-") as place:
-        caller = UnitCaller(unit, place)
+        (file := place / "unit.fmu").write_bytes(unit.data)
+        unpack(file, folder := place / "unit")
+        caller = UnitCaller(str(next((folder / "binaries").rglob("*.so"))), unit.version, unit.table.name, unit.token)
         try:
             if isinstance(unit.function, StepFunction):
                 checks = _steps(unit, unit.function, caller, points, seed)
@@ -77,9 +79,9 @@ def check(unit: Fmu, *, points: int = POINTS, seed: int = 0) -> UnitReport:
         if find_spec("fmpy") is None:
             notes.append(WITHOUT_FMPY)
         else:
-            checks |= _by_fmpy(unit, Path(place))
+            checks |= _by_fmpy(unit, file)
         if isinstance(unit.function, CausalFunction) and not unit.table.integers:
-            checks |= _by_casadi(unit, unit.function, Path(place))
+            checks |= _by_casadi(unit, unit.function, folder)
         else:
             notes.append(WITHOUT_IMPORT.format(key))
     return UnitReport({f"{key}_{name}": c for name, c in checks.items()}, notes)
@@ -114,16 +116,17 @@ def _values(unit: Fmu, f: CausalFunction, caller: UnitCaller, points: int, seed:
     different = statuses = good = 0
     for row, value, status in zip(rows, expected, wanted, strict=True):
         time = float(row[face.input_size - 1]) if f.plan.uses_time else 0.0
-        answer = caller.begin([*settings, *guesses], row[columns], time)
-        got = np.full(len(known), np.nan)
+        answer = caller.begin([*settings, *guesses], row[columns].tolist(), time) if caller.reset() == 0 else 3
+        got = b""
         if answer == 0:
-            answer, got = caller.get([r for _, r in known])
+            answer, numbers = caller.get([r for _, r in known])
+            got = numbers.tobytes()
         if unit.table.hold and answer == 0:  # outputs are held, and an integer says so
             answer = int(caller.get_integers([unit.table.integers[0].reference])[1][0])
         ok = status == Status.OK
         statuses += (answer == 0) != ok
         good += answer == 0 and ok
-        different += ok and answer == 0 and got.tobytes() != value[[n for n, _ in known]].tobytes()
+        different += ok and answer == 0 and got != value[[n for n, _ in known]].tobytes()
     return {
         "values_different": at_most(int(different), 0, f"of {points} points, bit for bit"),
         "statuses_different": at_most(int(statuses), 0, f"of {points} points"),
@@ -145,7 +148,7 @@ def _steps(unit: Fmu, f: StepFunction, caller: UnitCaller, points: int, seed: in
     twin = f.twin(DOUBLE)
     state, out = record(f.state, DOUBLE), np.zeros((), dtype_of(f.outputs, DOUBLE))
     begun = twin.init(state, record(f.start, DOUBLE, f.defaults)) == Status.OK
-    different = int(begun != (caller.begin([], []) == 0))
+    different = int(begun != (caller.reset() == 0 and caller.begin([], []) == 0))
     statuses = 0
 
     def places(members: Sequence[Any], integer: bool) -> list[tuple[str, int]]:
@@ -164,7 +167,7 @@ def _steps(unit: Fmu, f: StepFunction, caller: UnitCaller, points: int, seed: in
             continue
         wanted = twin.step(state, row, out)
         worst = max(caller.set(numbers, values.tolist()), caller.set_integers(integers, flags.tolist()))
-        worst = max(worst, caller.step(time, f.period))
+        worst = max(worst, caller.step(time, f.period)[0])
         statuses += (worst == 0) != (wanted == Status.OK)
         if worst == 0:
             time += f.period
@@ -177,12 +180,10 @@ def _steps(unit: Fmu, f: StepFunction, caller: UnitCaller, points: int, seed: in
     }
 
 
-def _by_fmpy(unit: Fmu, place: Path) -> dict[str, Check]:
+def _by_fmpy(unit: Fmu, path: Path) -> dict[str, Check]:
     """Schema and validator, and a run of each interface from the start."""
     fmpy: Any = import_module("fmpy")
     validation: Any = import_module("fmpy.validation")
-    path = place / "unit.fmu"
-    path.write_bytes(unit.data)
     problems = list(validation.validate_fmu(str(path)))
     fixed = unit.table.period or unit.table.step
     stop = min(unit.table.stop, LONGEST_RUN * fixed)
@@ -211,11 +212,8 @@ def _settings(unit: Fmu) -> list[dict[str, float]]:
     return [{}, others] if others else [{}]
 
 
-def _by_casadi(unit: Fmu, f: CausalFunction, place: Path) -> dict[str, Check]:
+def _by_casadi(unit: Fmu, f: CausalFunction, folder: Path) -> dict[str, Check]:
     """Rates and outputs at the start by CasADi's importer, with other parameters too."""
-    folder = place / "casadi"
-    with zipfile.ZipFile(io.BytesIO(unit.data)) as archive:
-        archive.extractall(folder)
     far = 0.0
     for values in _settings(unit):
         try:

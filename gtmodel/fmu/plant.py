@@ -1,4 +1,4 @@
-"""A unit of anybody as the plant of a loop, run by FMPy: behind a simulated controller, and for learning control."""
+"""A unit of anybody as the plant of a loop: behind a simulated controller, and for learning control."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 
 from ..loop.plant import Servo
 from ..results.refusal import ArgumentError
+from .caller import TIMEOUT_S
 from .export import Fmu
 from .running import WHOLE, RunningUnit, UnitStopped
 from .signals import Scaling, scaling
@@ -31,6 +32,7 @@ class FmuPlant:
         units: by "position", "command", "command_speed", "force", "speed", "arm" the unit, such as "mm", of variables
             whose description says none.
         steps: communication steps in a cycle; 1 if left out, with forces as many as the servo has substeps.
+        timeout: of a call of the unit [s].
 
     Within a cycle a commanded position goes on at the commanded speed from step to step. Numbers become SI by the units
     of the description. Raises ArgumentError as `RunningUnit`, and unless either command or force is given, one for each
@@ -53,6 +55,7 @@ class FmuPlant:
         cycle_s: float = 0.004,
         units: Mapping[str, str] | None = None,
         steps: int | None = None,
+        timeout: float = TIMEOUT_S,
     ) -> None:
         given = {
             "position": position, "command": command, "command_speed": command_speed, "force": force,
@@ -65,7 +68,7 @@ class FmuPlant:
             raise ArgumentError(f"expected 1 to {MOST_STEPS} communication steps in a cycle; found {steps!r}", "steps")
         for name in set(units or {}) - set(QUANTITIES):
             raise ArgumentError(f"'{name}' is none of {', '.join(QUANTITIES)}", "units")
-        self.unit = RunningUnit(path, start)
+        self.unit = RunningUnit(path, start, timeout=timeout)
         self._names = {name: list(variables) for name, variables in given.items() if variables}
         self._scales: dict[str, Scaling] = {}
         for name, variables in self._names.items():
@@ -96,23 +99,24 @@ class FmuPlant:
         """One cycle under a commanded position [m] and speed [m/s]. Raises UnitStopped."""
         u, du = np.array(position_m, float), np.array(speed_m_s, float)
         h = self.cycle_s / self.steps
+        servo = self.servo if "force" in self._names else None
+        seen = [name for name in ("position", "speed") if name == "position" or servo is not None]
+        outputs = [variable for name in seen for variable in self._names[name]]
+        q, dq = (self._read("position"), self._read("speed")) if servo is not None else (self.position_m, du)
         for k in range(self.steps):
             now = u + k * h * du if k else u
-            if self.servo is not None and "force" in self._names:
-                q, dq = self._read("position"), self._read("speed")
-                self._write("force", self.servo.kp_N_m * (now - q) + self.servo.kd_N_s_m * (du - dq))
+            if servo is not None:
+                given = {"force": servo.kp_N_m * (now - q) + servo.kd_N_s_m * (du - dq)}
             else:
-                self._write("command", now)
-                if "command_speed" in self._names:
-                    self._write("command_speed", du)
-            self.unit.step(h)
-        self.position_m = self._read("position")
+                given = {"command": now} | ({"command_speed": du} if "command_speed" in self._names else {})
+            values = [(self._names[name], self._scales[name].own(x)) for name, x in given.items()]
+            got = np.split(self.unit.advance(values, h, outputs), len(seen))
+            q, *rest = (self._scales[name].si(x) for name, x in zip(seen, got, strict=True))
+            dq = rest[0] if rest else du
+        self.position_m = q
 
     def _read(self, name: str) -> np.ndarray:
         return self._scales[name].si(self.unit.get(self._names[name]))
-
-    def _write(self, name: str, values: np.ndarray) -> None:
-        self.unit.set(self._names[name], self._scales[name].own(values).tolist())
 
     def _fits(self, step: float) -> None:
         """Raises ArgumentError where the unit's own step and that of the communication are no multiples."""
@@ -158,7 +162,7 @@ class FmuExperiment:
         names: of the axes. reference: (N, axes) [m]. sample_time: [s].
         inputs: its variables that take reference plus learned input, one for each axis.
         outputs: signal ("motor", "tool", "acceleration") = its variables, one for each axis.
-        corrected: the samples that count, all if left out. start: start values by name.
+        corrected: the samples that count, all if left out. start: start values by name. timeout: of a call [s].
 
     A run is sampled before the inputs of each sample act. Raises ArgumentError as `RunningUnit`, for another number of
     names than axes, a name twice, inputs that are none and outputs that are not computed.
@@ -175,6 +179,7 @@ class FmuExperiment:
         sample_time: float,
         corrected: slice | None = None,
         start: Mapping[str, float] | None = None,
+        timeout: float = TIMEOUT_S,
     ) -> None:
         self.names, self.sample_time = tuple(names), float(sample_time)
         self.reference = np.array(reference, float)
@@ -190,7 +195,7 @@ class FmuExperiment:
                 raise ArgumentError(f"expected {len(self.names)} names, one for each axis; found {len(given)}", name)
             if twice := [n for n in given if list(given).count(n) > 1]:
                 raise ArgumentError(f"'{twice[0]}' is there twice", name)
-        self.unit = RunningUnit(path, start)
+        self.unit = RunningUnit(path, start, timeout=timeout)
         self.inputs, self.outputs = list(inputs), {signal: list(given) for signal, given in outputs.items()}
         self.unit.signals.taken(self.inputs, "inputs")
         self.unit.signals.computed([n for given in self.outputs.values() for n in given], "outputs")
@@ -201,10 +206,11 @@ class FmuExperiment:
         if np.shape(inputs) != self.reference.shape:
             raise ArgumentError(f"expected {self.reference.shape} numbers; found {np.shape(inputs)}", "inputs")
         self.unit.restart()
-        rows: dict[str, list[np.ndarray]] = {signal: [] for signal in self.outputs}
-        for at in self.reference + inputs:
-            for signal, given in self.outputs.items():
-                rows[signal].append(self.unit.get(given))
-            self.unit.set(self.inputs, at.tolist())
-            self.unit.step(self.sample_time)
-        return {signal: np.array(values) for signal, values in rows.items()}
+        outputs = [variable for given in self.outputs.values() for variable in given]
+        rows = [self.unit.get(outputs)]
+        ats = self.reference + inputs
+        for at in ats[:-1]:
+            rows.append(self.unit.advance([(self.inputs, at)], self.sample_time, outputs))
+        self.unit.set(self.inputs, ats[-1])
+        self.unit.step(self.sample_time)
+        return dict(zip(self.outputs, np.split(np.array(rows), len(self.outputs), axis=1), strict=True))

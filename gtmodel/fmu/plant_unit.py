@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from .._lazy import hint
 from ..results.options import Options, Unit, Within
 from ..results.refusal import ArgumentError
+from .caller import LONGEST_S, TIMEOUT_S
 
 if TYPE_CHECKING:
     from ..loop.plant import Servo
@@ -62,6 +63,12 @@ class PlantUnit(Options):
         Within(least=1, most=1000),
         "communication steps of the unit in a cycle of 4 ms; 1 if left out, 8 with force",
     ] = None
+    timeout: Annotated[
+        float,
+        Unit("s"),
+        Within(above=0.0, most=LONGEST_S),
+        "of a call of the unit, which runs in a process of its own: one that takes longer hangs, and is ended",
+    ] = TIMEOUT_S
 
     def __post_init__(self) -> None:
         from .plant import QUANTITIES, named
@@ -92,7 +99,7 @@ class PlantUnit(Options):
             return FmuPlant(
                 self.file, self.position, command=self.command, command_speed=self.command_speed, force=self.force,
                 speed=self.speed, arm=self.arm, servo=self.servo, start=self.start, cycle_s=cycle_s, units=self.units,
-                steps=self.steps,
+                steps=self.steps, timeout=self.timeout,
             )  # fmt: skip
         except ArgumentError as error:
             raise ArgumentError(error.message, "file" if error.argument == "path" else error.argument) from error

@@ -1,15 +1,11 @@
-"""One instance of a unit in co-simulation, run by FMPy."""
+"""One instance of a unit in co-simulation, in a process of its own; FMPy reads its description."""
 
 from __future__ import annotations
 
-import contextlib
-import io
-import os
 import shutil
 import tempfile
 import weakref
-from collections import deque
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
@@ -19,17 +15,20 @@ import numpy as np
 
 from ..loop.plant import PlantStopped
 from ..results.refusal import ArgumentError
+from .archive import ArchiveFault, unpack
+from .caller import LONGEST_S, TIMEOUT_S
 from .export import Fmu
+from .process import UnitEnded, UnitProcess, one_line
 from .signals import UnitSignals
 
 NEEDS_FMPY = "running a unit needs FMPy; install it by pip install 'gtmodel[fmi]'"
 WHOLE = 1e-9  # how near a ratio of steps is to a whole number: decimals of the description
-_KEPT = 64  # last sentences of its log
 _SAME_TIME = 1e-9  # of a time that a unit says it reached, over it or one second
 _DISCARD = 2  # statuses: OK, warning, discard, error, fatal, pending
 _STATUS = ("OK", "Warning", "Discard", "Error", "Fatal", "Pending")
 _SHORT = 0.01  # of a step: a unit that ends farther from its end, and than its own step, did not make it
-_LAST_TIME, _TERMINATED = 2, 3  # kinds of status of FMI 2.0
+
+Values = Sequence[float] | np.ndarray
 
 
 class UnitStopped(PlantStopped):
@@ -38,30 +37,30 @@ class UnitStopped(PlantStopped):
 
 
 class RunningUnit:
-    """One instance of a unit in co-simulation, by FMPy; variables by their names in the description.
+    """One instance of a unit in co-simulation, in a process of its own; variables by their names in the description.
 
     path: of the archive, FMI 2.0 or 3.0, or what `export` gave. start: values by name in the unit's own units, set
-    before it begins.
+    before it begins. timeout: of a call of the unit [s], beyond which its process is ended.
 
     Raises ArgumentError without FMPy, for an archive that it cannot read, that has no co-simulation or nothing for this
     machine, for names that are no real variables of it, near names said, for a start of what has none and one that the
-    unit refuses; UnitStopped where a step ends without an answer.
+    unit refuses; UnitStopped where a step ends without an answer, and where the unit crashes, ends its process or does
+    not return.
     """
 
-    def __init__(self, path: str | Path | Fmu, start: Mapping[str, float] | None = None) -> None:
+    def __init__(
+        self, path: str | Path | Fmu, start: Mapping[str, float] | None = None, *, timeout: float = TIMEOUT_S
+    ) -> None:
         if find_spec("fmpy") is None:
             raise ArgumentError(NEEDS_FMPY, "path")
-        fmpy: Any = import_module("fmpy")
-        folder = tempfile.mkdtemp(prefix="gtmodel-fmu-")
+        if not 0.0 < timeout <= LONGEST_S:
+            raise ArgumentError(f"expected a time above zero and at most {LONGEST_S:g} s; found {timeout!r}", "timeout")
+        folder = Path(tempfile.mkdtemp(prefix="gtmodel-fmu-"))
         self._free = weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
         if isinstance(path, Fmu):
-            (own := Path(folder) / f"{path.table.name}.fmu").write_bytes(path.data)
+            (own := folder / f"{path.table.name}.fmu").write_bytes(path.data)
             path = own
-        try:
-            description = fmpy.read_model_description(str(path))
-            fmpy.extract(str(path), folder)
-        except Exception as error:
-            raise ArgumentError(f"FMPy cannot read '{path}': {_first(error)}", "path") from error
+        description = _read(Path(path), folder / "unit")
         stepping = description.coSimulation
         if stepping is None:
             raise ArgumentError(
@@ -76,175 +75,172 @@ class RunningUnit:
         own = 0.0 if inner is None else float(inner)
         self.inner_step = own if 0.0 < own < np.inf else None  # NaN and INF are numbers of its schema too
         self._three = self.version.startswith("3")
-        self._said: deque[tuple[int, str]] = deque(maxlen=_KEPT)
         self._start = dict(start or {})
         self._references = {name: s.reference for name, s in self.signals.all.items()}
         self.signals.settable(list(self._start), "start")
-        with _at_home():
-            self._unit: Any = self._made(folder, description)
+        try:
+            self._process = UnitProcess(folder, timeout)
+        except OSError as error:
+            raise ArgumentError(f"no process can be started for '{self.name}': {error.strerror}", "path") from error
+        self._said = self._process.said
         self._free.detach()
-        self._free = weakref.finalize(self, _freed, self._unit, folder)
+        self._free = weakref.finalize(self, _freed, self._process, folder)
+        self._begun([_making(folder / "unit", description, self._three)], "cannot be run here", "path")
         self.time = 0.0
         self._begin()
 
-    def _made(self, folder: str, description: Any) -> Any:
-        simulation: Any = import_module("fmpy.simulation")
-        said = self._said  # not self: the callback lives as long as the instance
-
-        def two(component: Any, name: bytes, status: int, category: bytes, message: bytes) -> None:
-            said.append((status, _text(message)))
-
-        def three(environment: Any, status: int, category: bytes, message: bytes) -> None:
-            said.append((status, _text(message)))
-
-        # FMPy prints what it cannot do; stdout belongs to whoever called
+    def _begun(self, calls: Sequence[tuple[Any, ...]], what: str, argument: str) -> None:
+        """Raises ArgumentError where a call before the first step goes wrong."""
+        self._said.clear()
         try:
-            with contextlib.redirect_stdout(io.StringIO()):
-                return simulation.instantiate_fmu(
-                    folder, description, "CoSimulation", debug_logging=True, logger=three if self._three else two
-                )
-        except Exception as error:
-            raise ArgumentError(f"'{self.name}' cannot be run here: {self._sentence(_first(error))}", "path") from error
+            wrong = _sentence(self._process.ask(calls)[1])
+        except UnitEnded as ended:
+            raise ArgumentError(f"'{self.name}' {what}: {ended}", argument) from ended
+        if wrong:
+            raise ArgumentError(f"'{self.name}' {what}: {self._own(wrong)}", argument)
 
     def _begin(self) -> None:
         """From instantiated to the first step."""
-        self._said.clear()
-        try:
-            if self._start:
-                self._set(list(self._start), list(self._start.values()))
-            if self._three:
-                self._unit.enterInitializationMode(startTime=0.0)
-            else:
-                self._unit.setupExperiment(startTime=0.0)
-                self._unit.enterInitializationMode()
-            self._unit.exitInitializationMode()
-        except Exception as error:
-            argument = "start" if self._start else "path"
-            raise ArgumentError(f"'{self.name}' does not begin: {self._sentence(_first(error))}", argument) from error
+        values = np.array(list(self._start.values()), float).tobytes()
+        argument = "start" if self._start else "path"
+        self._begun([("begin", self._places(list(self._start)), values)], "does not begin", argument)
         self.time = 0.0
 
     def restart(self) -> None:
         """Back to the start, with the same start values."""
-        self._unit.reset()
+        self._begun([("reset",)], "does not go back to its start", "path")
         self._begin()
 
-    def places(self, names: Sequence[str], argument: str) -> list[int]:
-        """Value references of variables. Raises ArgumentError for a name that is none."""
-        return [s.reference for s in self.signals.of(names, argument)]
+    def _places(self, names: Sequence[str]) -> bytes:
+        return np.array([self._references[name] for name in names], np.uintc).tobytes()
 
-    def set(self, names: Sequence[str], values: Sequence[float] | np.ndarray) -> None:
+    def set(self, names: Sequence[str], values: Values) -> None:
         """Sets variables by name. Raises UnitStopped where the unit refuses them."""
-        self.signals.of(names, "inputs")
-        self._said.clear()
-        try:
-            self._set(names, values)
-        except Exception as error:
-            raise self._stopped(f"takes no {', '.join(names)} at {self.time:.6g} s", _first(error)) from error
-
-    def _set(self, names: Sequence[str], values: Sequence[float] | np.ndarray) -> None:
-        references = [self._references[name] for name in names]
-        (self._unit.setFloat64 if self._three else self._unit.setReal)(references, list(map(float, values)))
+        self._run([(names, values)], None, None)
 
     def get(self, names: Sequence[str]) -> np.ndarray:
         """Values of variables by name. Raises UnitStopped where there are none, or no finite ones."""
-        references = self.places(names, "outputs")
-        self._said.clear()
-        try:
-            values = np.array((self._unit.getFloat64 if self._three else self._unit.getReal)(references))
-        except Exception as error:
-            raise self._stopped(f"has no {', '.join(names)} at {self.time:.6g} s", _first(error)) from error
-        if not np.all(np.isfinite(values)):
-            bad = [f"{n} = {x:g}" for n, x in zip(names, values, strict=True) if not np.isfinite(x)]
-            raise self._stopped(f"has {', '.join(bad)} at {self.time:.6g} s", "that is no number")
-        return values
+        return self._run([], None, names)
 
     def step(self, length: float) -> None:
         """Goes on by `length` [s]. Raises UnitStopped where it cannot, or asks to end."""
+        self._run([], length, None)
+
+    def advance(
+        self, given: Sequence[tuple[Sequence[str], Values]], length: float, outputs: Sequence[str]
+    ) -> np.ndarray:
+        """Sets each (names, values), goes on by `length` [s] and gets outputs, in one message to the unit's process.
+
+        The same as `set`, `step` and `get` one after another. Raises UnitStopped as they do.
+        """
+        return self._run(given, length, outputs)
+
+    def _run(
+        self, given: Sequence[tuple[Sequence[str], Values]], length: float | None, outputs: Sequence[str] | None
+    ) -> np.ndarray:
+        """What is set, a step if there is a length, outputs if they are asked for."""
+        calls: list[tuple[Any, ...]] = []
+        for names, values in given:
+            self.signals.of(names, "inputs")
+            calls.append(("set", self._places(names), np.array(values, float).tobytes()))
+        if length is not None:
+            calls.append(("step", self.time, length))
+        if outputs is not None:
+            self.signals.of(outputs, "outputs")
+            calls.append(("get", self._places(outputs)))
         self._said.clear()
+        try:
+            results, fault = self._process.ask(calls)
+        except UnitEnded as ended:
+            stepping = length is not None and ended.function.endswith("DoStep")
+            when = (
+                f"between {self.time:.6g} and {self.time + (length or 0.0):.6g}" if stepping else f"at {self.time:.6g}"
+            )
+            raise UnitStopped(f"'{self.name}' stopped {when} s: {ended}", self.time) from ended
+        wrong, at = _sentence(fault), len(results) - 1 if fault else len(calls)
+        if at < len(given):
+            raise self._stopped(f"takes no {', '.join(given[at][0])} at {self.time:.6g} s", wrong)
+        if length is not None:
+            self._stepped(length, results[len(given)], wrong if at == len(given) else "")
+        return self._got(outputs, results[-1], wrong) if outputs is not None else np.zeros(0)
+
+    def _got(self, names: Sequence[str], values: bytes, wrong: str) -> np.ndarray:
+        if wrong:
+            raise self._stopped(f"has no {', '.join(names)} at {self.time:.6g} s", wrong)
+        numbers = np.frombuffer(values).copy()
+        if not np.all(np.isfinite(numbers)):
+            bad = [f"{n} = {x:g}" for n, x in zip(names, numbers, strict=True) if not np.isfinite(x)]
+            raise self._stopped(f"has {', '.join(bad)} at {self.time:.6g} s", "that is no number")
+        return numbers
+
+    def _stepped(self, length: float, result: tuple[bool, bool, bool, float], wrong: str) -> None:
+        """Goes on where the step went well. wrong: the status of the call in words, where it was none of success."""
+        event, ends, early, reached = result
         end = self.time + length
-        fault, reached = (self._step_three if self._three else self._step_two)(length)
-        if fault:
+        if ends and (not wrong or not self._three):
+            wrong = "it asked to end"
+        if not wrong and early:
+            wrong = "it returned early, which was not allowed"
+        if not wrong and event:
+            wrong = "it wants an event to be handled, which co-simulation without events does not"
+        if not wrong and self._three and abs(reached - end) > max(self.inner_step or 0.0, _SHORT * length):
+            wrong = "it says it ended elsewhere"
+        if wrong:
             inside = self.time + _SAME_TIME * max(1.0, end) < reached <= end
             well = f", well until {reached:.6g} s" if inside else ""
             where = f"stopped between {self.time:.6g} and {end:.6g} s{well}"
-            raise self._stopped(where, fault, reached if inside else None)
+            raise self._stopped(where, wrong, reached if inside else None)
         self.time = end
-
-    def _step_three(self, length: float) -> tuple[str, float]:
-        """What is wrong, empty if nothing is, and the time that was reached."""
-        fmi3: Any = import_module("fmpy.fmi3")
-        ctypes: Any = import_module("ctypes")
-        event, ends, early = (fmi3.fmi3Boolean() for _ in range(3))
-        last = fmi3.fmi3Float64(np.nan)
-        fault = ""
-        try:
-            self._unit.fmi3DoStep(
-                self._unit.component, self.time, length, fmi3.fmi3Boolean(True),
-                *map(ctypes.byref, (event, ends, early, last)),
-            )  # fmt: skip
-        except Exception as error:
-            fault = _first(error)
-        if not fault and ends.value:
-            fault = "it asked to end"
-        if not fault and early.value:
-            fault = "it returned early, which was not allowed"
-        if not fault and event.value:
-            fault = "it wants an event to be handled, which co-simulation without events does not"
-        end, reached = self.time + length, float(last.value)
-        if not fault and abs(reached - end) > max(self.inner_step or 0.0, _SHORT * length):
-            fault = "it says it ended elsewhere"
-        return fault, reached
-
-    def _step_two(self, length: float) -> tuple[str, float]:
-        try:
-            self._unit.doStep(currentCommunicationPoint=self.time, communicationStepSize=length)
-        except Exception as error:
-            fault, reached = _first(error), self.time
-            with contextlib.suppress(Exception):  # a unit may lack the call
-                if self._unit.getBooleanStatus(_TERMINATED):
-                    fault = "it asked to end"
-            with contextlib.suppress(Exception):
-                reached = float(self._unit.getRealStatus(_LAST_TIME))
-            return fault, reached
-        return "", self.time
 
     def _stopped(self, what: str, fault: str, time: float | None = None) -> UnitStopped:
         """The exception of a fault; time: until which it was well."""
         at = self.time if time is None else time
-        return UnitStopped(f"'{self.name}' {what}: {self._sentence(fault)}", at)
+        return UnitStopped(f"'{self.name}' {what}: {self._own(fault)}", at)
 
-    def _sentence(self, otherwise: str) -> str:
+    def _own(self, otherwise: str) -> str:
         """What the unit itself said last of what went wrong."""
-        bad = [text for status, text in self._said if status >= _DISCARD and text]
+        bad = [said for status, text in self._said if status >= _DISCARD and (said := one_line(text))]
         return bad[-1] if bad else otherwise
 
 
-def _first(error: Exception) -> str:
-    """One line of an exception, statuses by their words."""
-    status = getattr(error, "status", None)
-    if isinstance(status, int) and 0 <= status < len(_STATUS):
-        return f"{getattr(error, 'function', 'a call')} gave {_STATUS[status]}, and it said nothing"
-    return next(iter(str(error).splitlines()), type(error).__name__)
-
-
-def _text(message: bytes | None) -> str:
-    """As one line without what moves a terminal."""
-    text = (message or b"").decode("utf-8", "replace")
-    return " ".join("".join(c if c.isprintable() else " " for c in text).split())
-
-
-def _freed(unit: Any, folder: str) -> None:
-    """The end of an instance and of its files."""
-    with contextlib.suppress(Exception):
-        unit.freeInstance()
-    shutil.rmtree(folder, ignore_errors=True)
-
-
-@contextlib.contextmanager
-def _at_home() -> Iterator[None]:
-    """FMPy loads a library from its folder, and stays there where that fails."""
-    here = os.getcwd()
+def _read(path: Path, folder: Path) -> Any:
+    """The description of an archive, which is unpacked into the folder."""
+    fmpy: Any = import_module("fmpy")
     try:
-        yield
-    finally:
-        os.chdir(here)
+        unpack(path, folder)
+    except ArchiveFault as fault:
+        raise ArgumentError(f"'{path}' {fault}", "path") from fault
+    try:
+        return fmpy.read_model_description(str(folder))
+    except Exception as error:
+        lines = [line.strip(" -") for line in str(error).splitlines() if line.strip()] or [type(error).__name__]
+        raise ArgumentError(f"FMPy cannot read '{path}': {' '.join(lines[:2])}", "path") from error
+
+
+def _making(folder: Path, description: Any, three: bool) -> tuple[Any, ...]:
+    """The call that makes the instance: library, version, name, token, resources, FMPy's library for texts of logs."""
+    fmpy: Any = import_module("fmpy")
+    name = description.coSimulation.modelIdentifier
+    place = folder / "binaries" / (fmpy.platform_tuple if three else fmpy.platform)
+    resources = f"{folder / 'resources'}/" if three else (folder / "resources").as_uri()
+    try:
+        proxy = "" if three else str(import_module("fmpy.logging").logging._name)
+    except (OSError, AttributeError):  # FMPy has it for some machines only
+        proxy = ""
+    library = str(place / f"{name}{fmpy.sharedLibraryExtension}")
+    return ("make", library, 3 if three else 2, name, str(description.guid), resources, proxy)
+
+
+def _sentence(fault: Any) -> str:
+    """Of a call that went wrong: its function and status, or a sentence; empty for none."""
+    if fault is None or len(fault) == 1:
+        return one_line(fault[0]) or "it said nothing" if fault else ""
+    function, status = fault
+    word = _STATUS[status] if 0 <= status < len(_STATUS) else f"the status {status}, which there is not"
+    return f"{function} gave {word}, and it said nothing"
+
+
+def _freed(process: UnitProcess, folder: Path) -> None:
+    """The end of an instance and of its files."""
+    process.close()
+    shutil.rmtree(folder, ignore_errors=True)

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from ..results.refusal import ArgumentError
+from ..results.work import parents_signals
 
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 LOOK = 0.2  # s between looks at `interrupted`
@@ -120,7 +121,7 @@ def _handed_out(
         while True:
             while len(waiting) < AHEAD * workers and (following := next(rest, None)) is not None:
                 k, s = following
-                with _parents_signals():  # submitting starts workers
+                with parents_signals():  # submitting starts workers
                     waiting[pool.submit(_run, task, s, k)] = k
             if not waiting:
                 break
@@ -151,20 +152,6 @@ def _named(k: int, run: Callable[[], Any]) -> Any:
         return run()
     except Exception as error:
         raise RuntimeError(f"run {k}: {type(error).__name__}: {error}") from error
-
-
-@contextmanager
-def _parents_signals() -> Iterator[None]:
-    """A process that is started meanwhile never gets what asks to stop: the parent answers for all. Batch systems send
-    it to the whole group, to workers too that are still starting."""
-    if not hasattr(signal, "pthread_sigmask"):
-        yield
-        return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM, signal.SIGHUP})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _follow_the_parent() -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, field
 
+from ..results.read_bounds import walk_xml
 from .decimals import read_decimal, read_digits, write_decimal
 from .wire import DATAGRAM_MAX
 
@@ -76,6 +77,7 @@ def decode_sensor(data: bytes) -> RsiSensor:
     from xml.etree import ElementTree
 
     try:
+        walk_xml(data)
         root = ElementTree.fromstring(data)
         places = (("AK", _JOINTS), ("EK", _EXTERNAL), ("RKorr", _CARTESIAN))
         corrections = {name: _six(root.find(name), names) for name, names in places}

@@ -33,12 +33,13 @@ _PROBLEM = "l1_min_time.toml"
 _ROBOT_KEYS = {"robot", "inertia", "payload_kg", "parameters", "friction"}
 # how an argument of the study is called in a sentence of the command
 _SAID = {name: f"--{name}" for name in ("peer", "law", "plant", "seconds", "elastic", "deceleration", "following")}
-_SAID |= {"reference": "the reference"}
+_SAID |= {"reference": "the reference", "timeout": "--plant-timeout"}
 
 
 def run(
-    folder: Path, out: Path, job: Context, *, reference: Path | None = None, plant: Path | None = None, **asked: Any
-) -> Finished:
+    folder: Path, out: Path, job: Context, *, reference: Path | None = None, plant: Path | None = None,
+    plant_timeout: float | None = None, **asked: Any,
+) -> Finished:  # fmt: skip
     """`gtmodel.loop.study` with the robot of a generated folder, written into `out`.
 
     Args:
@@ -46,7 +47,7 @@ def run(
         out: for the loop's sources, logs and the picture. Nothing changes in it before the end, when all files are
             written or none; no other run may write there meanwhile.
         reference: CSV of the motion; the time-optimal one of l1_min_time if None.
-        plant: unit that the problem's table [plant] is about; the one that it names if None.
+        plant, plant_timeout: unit of the problem's table [plant], its longest call [s]; what the table says if None.
         asked: further arguments of the study.
 
     Raises InputError, one sentence.
@@ -71,15 +72,14 @@ def run(
                 if name.endswith((".c", ".h")) and _warned(folder / name, job):
                     break
             if not content["problem"]:
-                raise InputError(
-                    f"'{folder}' does not say which problem it was made from; make it with gtmodel codegen"
-                )
+                raise InputError(f"'{folder}' does not say which problem it is of; make it with gtmodel codegen")
             problem = validate(get("codegen").Schema, content["problem"])
             robot = problem.model(job)  # pyright: ignore[reportAttributeAccessIssue]
             motion = partial(_motion, problem, reference, job, made)
-            unit = problem.plant_unit(folder, plant)  # pyright: ignore[reportAttributeAccessIssue]
+            unit = problem.plant_unit(folder, plant, plant_timeout)  # pyright: ignore[reportAttributeAccessIssue]
             declared = options_of(problem, "lead_through") | {"plant": unit}
-            result = study(robot, folder, motion, built=mine.path, **declared, **asked, **job.work())
+            with job.under_way():
+                result = study(robot, folder, motion, built=mine.path, **declared, **asked, **job.work())
         except ArgumentError as error:
             raise _by_option(error) from error
         if result.status is SolveStatus.INTERRUPTED:

@@ -1,16 +1,20 @@
-"""Bounds of what is read: how deep JSON and TOML may go, asked before anything else is, and how large data may be."""
+"""Bounds of what is read: how deep JSON, TOML and XML may go, asked before anything else is, and how large data may
+be."""
 
 from __future__ import annotations
 
 import json
 import re
 import tomllib
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
+from xml.parsers import expat
 
 from .disk import PathLike
 
 MOST_NESTED = 100  # lists and tables in one another, and parts of a dotted key
+DEEPEST = 50  # elements of XML inside one another; those of a robot go seven deep, of a unit six
 # texts and comments of TOML; what nothing closes goes up to the end of its line or of the file
 _TEXTS = re.compile(
     r'"""(?:\\.|[^\\])*?(?:"""|\Z)|\'\'\'.*?(?:\'\'\'|\Z)|"(?:\\.|[^"\\\n])*"?|\'[^\'\n]*\'?|#[^\n]*', re.S
@@ -67,6 +71,50 @@ def not_deep(data: _T) -> _T:
         if not level:
             return data
     raise TooDeepError
+
+
+class XmlFault(ValueError):
+    """What is wrong with XML, and in which line."""
+
+    def __init__(self, sentence: str, line: int) -> None:
+        super().__init__(sentence)
+        self.sentence, self.line = sentence, line
+
+
+def walk_xml(
+    content: bytes,
+    begin: Callable[[str, dict[str, str], int], None] = lambda tag, attributes, line: None,
+    end: Callable[[], None] = lambda: None,
+) -> None:
+    """Go through XML: `begin` takes tag, attributes and line of an element, `end` is called after what stands in it.
+
+    Raises XmlFault for what is no XML, for elements too deep in one another and for declared entities, of which a few
+    hundred bytes make gigabytes.
+    """
+    parser, depth = expat.ParserCreate(), 0
+
+    def begins(tag: str, attributes: dict[str, str]) -> None:
+        nonlocal depth
+        depth += 1
+        if depth > DEEPEST:
+            raise XmlFault(f"holds elements inside one another, more than {DEEPEST} deep", parser.CurrentLineNumber)
+        begin(tag, attributes, parser.CurrentLineNumber)
+
+    def ends(_: str) -> None:
+        nonlocal depth
+        depth -= 1
+        end()
+
+    def entity(*_: object) -> None:
+        raise XmlFault(
+            "declares an entity, which gtmodel does not read; put its text where it is used", parser.CurrentLineNumber
+        )
+
+    parser.StartElementHandler, parser.EndElementHandler, parser.EntityDeclHandler = begins, ends, entity
+    try:
+        parser.Parse(content, True)
+    except expat.ExpatError as error:
+        raise XmlFault(f"is no XML: {expat.ErrorString(error.code)}", error.lineno) from None
 
 
 GROWTH, SMALL = 200.0, 1 << 28  # how many times larger than the file numbers may be; bytes that always may

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import signal
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -129,11 +130,11 @@ class RunClock:
     @contextmanager
     def under_way(self) -> Iterator[None]:
         """While a study runs, which may be ended within a step that does not ask."""
-        self.running = True
+        before, self.running = self.running, True
         try:
             yield
         finally:
-            self.running = False
+            self.running = before
 
     def _stop(self) -> bool:
         self.asked = time.monotonic()
@@ -152,3 +153,17 @@ class RunClock:
             "max_seconds": left if left is None else max(left, SOON),
             "stop": clock.stop,
         }
+
+
+@contextmanager
+def parents_signals() -> Iterator[None]:
+    """A process that is started meanwhile never gets what asks to stop: the parent answers for all. Batch systems send
+    it to the whole group, to workers too that are still starting."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM, signal.SIGHUP})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)

@@ -115,28 +115,6 @@ def test_a_unit_with_a_factor_of_zero_is_refused(tmp_path: Path) -> None:
     assert _amiss(lambda: units.drives_plant(other)(0.004), "position", "factor") == []
 
 
-@pytest.mark.parametrize(
-    ("place", "value", "word"), [(4, True, "event"), (7, 0.002, "elsewhere"), (7, 4.0, "elsewhere")]
-)
-def test_a_step_that_went_otherwise_than_it_says(place: int, value: Any, word: str, tmp_path: Path) -> None:
-    """OK, with an event that nobody handles, or with a time that is not the end of the step."""
-    bare = units.changed(units.drives(3), tmp_path, (' fixedInternalStepSize="0.004"', ""))
-    plant = units.drives_plant(bare)(0.004)
-    step = plant.unit._unit.fmi3DoStep
-
-    def otherwise(*given: Any) -> None:
-        step(*given)
-        given[place]._obj.value = value
-
-    plant.unit._unit.fmi3DoStep = otherwise
-    with pytest.raises(gt.fmu.UnitStopped, match=word):
-        plant.step(units.start(), [0.0] * 3)
-
-
-def test_what_a_unit_says_moves_no_terminal() -> None:
-    assert running._text(b"\x1b[31m far\x07\n off \xff") == "[31m far off \ufffd"
-
-
 def test_a_plant_of_another_cycle_is_refused() -> None:
     plant = units.drives_plant(units.drives(3))(0.008)
     assert _amiss(lambda: gt.loop.RobotSide("egm", plant), "plant", "8 ms", "4 ms") == []
@@ -167,30 +145,11 @@ def test_a_unit_with_model_exchange_alone_says_so(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("version", [2, 3])
-def test_what_a_unit_does_wrong_ends_the_run(version: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """It asks to end, it gives no number, it refuses a number: each is a sentence with the time."""
-    unit = units.drives(version)
-    running_unit = gt.fmu.RunningUnit(unit)
+def test_a_number_that_a_unit_refuses_ends_the_run(version: int) -> None:
+    """A sentence with the time; what else a unit may do wrong stands in tests/fmu/test_own_process.py."""
+    running_unit = gt.fmu.RunningUnit(units.drives(version))
     running_unit.step(0.004)
     with pytest.raises(gt.fmu.UnitStopped, match=r"takes no command\[1\] at 0.004 s.*finite") as stopped:
         running_unit.set(["command[1]"], [float("nan")])
     assert stopped.value.time == 0.004
-
-    plant = units.drives_plant(unit)(0.004)
-    getter = "getFloat64" if version == 3 else "getReal"
-    monkeypatch.setattr(plant.unit._unit, getter, lambda references: [float("nan")] * len(references))
-    with pytest.raises(gt.fmu.UnitStopped, match=r"position\[1\] = nan"):
-        plant.step(units.start(), [0.0] * 3)
-
-    def ends(*given: Any) -> None:
-        if version == 2:
-            raise RuntimeError("fmi2DoStep gave Discard")
-        given[5]._obj.value = True  # terminateSimulation
-
-    plant = units.drives_plant(unit)(0.004)
-    plant.step(units.start(), [0.0] * 3)
-    monkeypatch.setattr(plant.unit._unit, f"fmi{version}DoStep", ends)
-    monkeypatch.setattr(plant.unit._unit, "getBooleanStatus", lambda kind: kind == 3, raising=False)
-    with pytest.raises(gt.fmu.UnitStopped, match=r"between 0.004 and 0.008 s: it asked to end") as stopped:
-        plant.step(units.start(), [0.0] * 3)
-    assert stopped.value.time == 0.004
+    assert running_unit.get(POSITIONS).tolist() == units.start()  # it goes on

@@ -16,6 +16,7 @@ from gtmodel.loop.record import rows_of
 from gtmodel.results import ArgumentError, SolveStatus, Trajectory
 from tests.loop import units
 from tests.loop.smooth import smooth
+from tests.support import wild_units
 
 pytest.importorskip("fmpy")
 if isinstance(find(), str):
@@ -120,6 +121,24 @@ def test_a_unit_without_an_answer_ends_the_run_and_keeps_it(run: Any, tmp_path: 
         assert twin.plant_stopped == pytest.approx(s.plant_stopped, abs=1e-9)
         assert twin.runs[0]["cart_largest_mm"] == pytest.approx(s.runs[0]["cart_largest_mm"], rel=1e-6)
         assert len(log) == rows
+
+
+@pytest.mark.parametrize("lockstep", [True, False])
+def test_a_unit_that_ends_its_process_ends_the_run_and_keeps_it(run: Any, tmp_path: Path, lockstep: bool) -> None:
+    """The robot falls silent, and the loop brakes until it stands; status, time and log are there."""
+    (path := tmp_path / "wild.fmu").write_bytes(wild_units.wild(2))
+    given = wild_units.starts(wild_units.How.EXITS, when=0.4, carts=units.start())
+    s = run("egm", gt.fmu.PlantUnit(path, POSITIONS, command=COMMANDS, start=given), in_lockstep=lockstep)
+    assert s.status is SolveStatus.FAILED and len(s.runs) == 1
+    assert "ended its process by itself in fmi2DoStep, with exit code 0" in s.message
+    assert s.plant_stopped == pytest.approx(0.4, abs=1e-9)
+    rows = rows_of(s.files["loop_off.log"])[:, 21:24]  # commands [m]
+    if lockstep:  # up to the last datagram, 100 cycles after the first
+        speed = np.diff(rows, axis=0) / 0.004
+        assert len(rows) == 101 and np.max(np.abs(speed[-1])) > 0.1
+        assert np.max(np.abs(np.diff(speed, axis=0))) / 0.004 <= s.deceleration * (1 + 1e-6)
+    else:  # it goes on alone until it stands, in rows whose times depend on the machine
+        assert np.max(np.abs(rows[-1] - rows[-2])) < 1e-9
 
 
 def test_a_loop_in_python_keeps_what_was_measured_too() -> None:

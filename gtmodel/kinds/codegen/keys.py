@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
@@ -152,14 +153,16 @@ class Schema(RobotProblem):
         default=None, description="for gtmodel loop: a unit (FMI) in place of the simulated robot"
     )
 
-    def plant_unit(self, folder: Path, plant: Path | None) -> PlantUnit | None:
+    def plant_unit(self, folder: Path, plant: Path | None, timeout: float | None = None) -> PlantUnit | None:
         """The plant of `gtmodel loop`: the unit that --plant names, or the one of the table [plant], from which this
-        folder was made. Raises InputError where one of both is missing, ArgumentError for what does not fit."""
+        folder was made; timeout: that of --plant-timeout [s]. Raises InputError where one of both is missing,
+        ArgumentError for what does not fit."""
         if self.plant is None:
-            if plant is not None:
-                raise InputError(
-                    f"--plant {plant}: the folder's problem has no table [plant], which maps its variables"
-                )
+            for option, value in (("--plant", plant), ("--plant-timeout", timeout)):
+                if value is not None:
+                    raise InputError(
+                        f"{option} {value}: the folder's problem has no table [plant], which maps the unit's variables"
+                    )
             return None
         path = plant or (folder / self.plant.file if self.plant.file else None)
         if path is None:
@@ -169,7 +172,8 @@ class Schema(RobotProblem):
                 f"--plant {path}: there is no such file" if plant else f"plant.file '{path}': there is no such file; "
             )
             raise InputError(said if plant else f"{said}give it by --plant")
-        return self.plant.unit(path)
+        unit = self.plant.unit(path)
+        return unit if timeout is None else replace(unit, timeout=timeout)
 
 
 def keys_of_units(problem: Schema) -> dict[str, str]:

@@ -12,9 +12,10 @@ import numpy as np
 import scipy
 
 from ...lang import ModelError
+from ...results.read_bounds import XmlFault
 from .bodies import moved, six_of
 from .rotations import rotation_of_rpy, rpy_of_rotation
-from .xml_lines import XmlElement, XmlFault, parsed
+from .xml_lines import XmlElement, parsed
 
 Array = np.ndarray
 MOVING = {"revolute", "continuous", "prismatic"}

@@ -3,17 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from xml.parsers import expat
 
-DEEPEST = 50  # elements inside one another; those of a robot go seven deep
-
-
-class XmlFault(ValueError):
-    """What is wrong with a file, and in which line."""
-
-    def __init__(self, sentence: str, line: int) -> None:
-        super().__init__(sentence)
-        self.sentence, self.line = sentence, line
+from ...results.read_bounds import XmlFault, walk_xml
 
 
 @dataclass
@@ -39,26 +30,16 @@ class XmlElement:
 
 def parsed(content: bytes) -> XmlElement:
     """The outermost element. Raises XmlFault for what is no XML, and for declared entities."""
-    parser = expat.ParserCreate()
     outside = XmlElement("", {}, 1)
     stack = [outside]
 
-    def begin(tag: str, attributes: dict[str, str]) -> None:
-        if len(stack) > DEEPEST:
-            raise XmlFault(f"holds elements inside one another, more than {DEEPEST} deep", parser.CurrentLineNumber)
-        element = XmlElement(tag, attributes, parser.CurrentLineNumber)
+    def begin(tag: str, attributes: dict[str, str], line: int) -> None:
+        element = XmlElement(tag, attributes, line)
         stack[-1].inside.append(element)
         stack.append(element)
 
-    def end(_: str) -> None:
+    def end() -> None:
         stack.pop()
 
-    def entity(*_: object) -> None:
-        raise XmlFault("declares an entity, which no robot needs and gtmodel does not read", parser.CurrentLineNumber)
-
-    parser.StartElementHandler, parser.EndElementHandler, parser.EntityDeclHandler = begin, end, entity
-    try:
-        parser.Parse(content, True)
-    except expat.ExpatError as error:
-        raise XmlFault(f"is no XML: {expat.ErrorString(error.code)}", error.lineno) from None
+    walk_xml(content, begin, end)
     return outside.inside[0]
