@@ -168,6 +168,9 @@ class _Printer:
         if name == "if":
             condition, then, otherwise = (self._text(a, _OR) for a in given)
             return f"if {condition} then {then} else {otherwise}", _IF
+        if name == "share":
+            a, b = (self._text(a, _SUM) for a in given)
+            return f"noEvent(if {a} >= {b} then 1 else 0)", _ATOM
         if name in _WORDS:
             return _WORDS[name], _ATOM
         if name == "at":

@@ -393,7 +393,7 @@ class HybridIntegration(SidesAtInstant):
         was = self._compared() if was is None else was
         # the last float before the root may leave more
         zero[forced] = np.maximum(zero[forced], 2 * np.abs(was[forced]))
-        begun = anew = jumped = np.zeros(len(events.comparisons), dtype=bool)
+        begun, anew, jumped = np.zeros((3, len(events.comparisons)), dtype=bool)
         acted, impacts, ends = False, False, list[int]()
         for turn in range(ROUNDS + len(events.whens) + len(events.modes)):
             before = was
@@ -547,7 +547,7 @@ class HybridIntegration(SidesAtInstant):
         self._last_recorded = max(self._next_row, float(times[-1]))
 
     def _shown(self, times: np.ndarray) -> np.ndarray:
-        return np.append(self._next_row, times[1:])
+        return np.append(self._next_row, times[1:]) if times.size else times
 
 
 def renumbered(flat: FlatModel, numbers: Mapping[int, float]) -> FlatModel:
