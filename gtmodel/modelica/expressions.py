@@ -9,12 +9,12 @@ import numpy as np
 from ..lang.slips import near
 from . import builtin, functions
 from .arrays import RecordValue, Values, array, chained, each, entries, matrix_of, negative, scalar, stacked
-from .eventless import Eventless
 from .instances import FieldOf, Instance, NameScope
 from .members import constant, declares, field, member, shown
 from .modifications import Given
 from .scalars import EnumerationLiteral, Operation, is_literal, is_number, number_of, operation
 from .scopes import LANGUAGE, Space
+from .settled.eventless import Eventless
 from .syntax import (
     Array,
     Binary,

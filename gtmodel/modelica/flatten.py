@@ -10,7 +10,6 @@ import numpy as np
 
 from . import functions
 from .arrays import RecordValue, each, entries, same_shape
-from .causality import settle_inputs
 from .connections import Connections
 from .constraints import constraints_settled, sides
 from .expandable import drop_unused, give_variables
@@ -36,6 +35,7 @@ from .scalars import (
     symbols,
 )
 from .scopes import Space
+from .settled.causality import settle_inputs
 from .settled.events import settle_events
 from .settled.macros import settle_macros
 from .settled.static import settle_static

@@ -76,11 +76,12 @@ class SidesAtInstant(WatchedIntegration):
             try:
                 self._restart(values, Changes())
                 self.truth = truth
-                found, _ = self._sides((), zero, self._compared(), anew)
+                reached, _ = self._sides((), zero, self._compared(), anew)
+                agrees = values == tuple(holds(m.logic, reached) for m in self._declared.modes)
             except (Ended, ModelError):
-                found = ~truth
+                agrees = False
             self._put_back(begin)
-            if values == tuple(holds(m.logic, found) for m in self._declared.modes):
+            if agrees:
                 self.truth = truth
                 return values
         return None

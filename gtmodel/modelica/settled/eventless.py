@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from .scalars import Operation, Symbol, is_constant, is_literal, is_number, operation
-from .syntax import Place
+from ..scalars import Operation, Symbol, is_constant, is_literal, is_number, operation
+from ..syntax import Place
 
 # of finite arguments these are finite: a side may be computed where it does not count
 _DEFINED = ("+", "-", "*", "neg", "sin", "cos", "atan", "atan2", "tanh", "abs", "min", "max", "share", "time", "der")
