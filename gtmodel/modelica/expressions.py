@@ -14,6 +14,7 @@ from .members import constant, declares, field, member, shown
 from .modifications import Given
 from .scalars import EnumerationLiteral, Operation, is_literal, is_number, number_of, operation
 from .scopes import LANGUAGE, Space
+from .settled.eventless import Eventless
 from .syntax import (
     Array,
     Binary,
@@ -50,6 +51,7 @@ class Evaluator:
         self.horizon = False  # an optimization, which has startTime and finalTime
         self.calls = 0  # of functions in one another
         self.spent = 0
+        self._eventless = Eventless()
 
     def warn(self, sentence: str, place: Place) -> None:
         """Something a person should know, once for each place."""
@@ -182,8 +184,14 @@ class Evaluator:
         for truth, value in reversed(branches):
             if value.shape != last.shape:
                 raise ModelicaError(f"the branches have shapes {value.shape} and {last.shape}", node.at)
-            last = each(lambda a, b, c=truth: operation("if", (c, a, b), node.at), value, last)
+            last = each(lambda a, b, c=truth: self.chosen(c, a, b, node.at), value, last)
         return last
+
+    def chosen(self, condition: Any, then: Any, otherwise: Any, at: Place) -> Any:
+        """One of two scalars by a condition that is not known yet; inside of a function without an event."""
+        if self.calls and not self.horizon:
+            return self._eventless.chosen(condition, then, otherwise, at)
+        return operation("if", (condition, then, otherwise), at)
 
     def truth(self, node: SyntaxNode, scope: NameScope) -> Any:
         """True or False where parameters decide, else the condition."""

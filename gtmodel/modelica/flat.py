@@ -54,6 +54,16 @@ class ScalarWhen:
         return [a for b in self.branches for a in b.actions]
 
 
+def expressions(e: ScalarEquation | ScalarIf | ScalarWhen) -> list[Any]:
+    """What an equation reads, conditions included; of a when clause not the variables that it sets."""
+    if isinstance(e, ScalarWhen):
+        values = [x for b in e.branches for x in (b.condition, *(v for _, v in b.restarts))]
+        return [*values, *(a.right for a in e.actions)]
+    if isinstance(e, ScalarIf):
+        return [e.condition, *(x for part in (*e.then, *e.otherwise) for x in (part.left, part.right))]
+    return [e.left, e.right]
+
+
 @dataclass(eq=False)
 class Flattened:
     """A class without components: variables, parameters and equations in the order of the text."""

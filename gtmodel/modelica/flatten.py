@@ -10,9 +10,9 @@ import numpy as np
 
 from . import functions
 from .arrays import RecordValue, each, entries, same_shape
-from .causality import settle_inputs
 from .connections import Connections
 from .constraints import constraints_settled, sides
+from .expandable import drop_unused, give_variables
 from .expressions import Evaluator
 from .flat import Flattened, ScalarEquation, ScalarIf
 from .instances import Declared, Instance, NameScope
@@ -35,6 +35,7 @@ from .scalars import (
     symbols,
 )
 from .scopes import Space
+from .settled.causality import settle_inputs
 from .settled.events import settle_events
 from .settled.macros import settle_macros
 from .settled.static import settle_static
@@ -88,15 +89,10 @@ class _Flattening:
         self.uncertain = False  # inside an if whose condition is known while the model runs
 
     def result(self) -> Flattened:
+        give_variables(self.root, self.model)
         instances = list(self.root.walk())
         places = declared_places(instances)
         for instance in instances:
-            if "expandable" in instance.space.text.prefixes:
-                raise ModelicaError(
-                    f"'{instance.path}' is an expandable connector, whose variables are those that others connect to "
-                    "it, which is not taken; write a connector that declares its variables",
-                    places.get(id(instance), instance.at),
-                )
             if instance is not self.root and instance.restriction == "optimization":
                 raise ModelicaError(f"'{instance.path}' is an optimization and no component", instance.at)
             self._declared(instance)
@@ -110,6 +106,7 @@ class _Flattening:
                     self.out.equations[first:] = [replace(e, at=at) for e in self.out.equations[first:]]
         if self.root.space.text.restriction != "optimization" and self.out.constraints:
             raise ModelicaError("a constraint section belongs into an optimization", self.out.constraints[0].at)
+        drop_unused(instances, self.out, self.connections)
         for a, b, place in self.connections.equalities:
             self.out.equations.append(ScalarEquation(Symbol(a), Symbol(b), place))
         self.connections.complete(instances, self.root)

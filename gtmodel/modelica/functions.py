@@ -14,7 +14,7 @@ from .arrays import RecordValue, array, each, entries
 from .instances import Instance, NameScope, kind_of
 from .members import member
 from .modifications import Modifier, modifier
-from .scalars import Symbol, is_literal, operation, replaced
+from .scalars import Symbol, is_literal, replaced
 from .scopes import Space
 from .syntax import (
     Assign,
@@ -363,19 +363,19 @@ def _choose(statement: If, scope: NameScope, model: Evaluator) -> None:
         for name in sides[0].keys() | sides[1].keys():
             a, b = (side.get(name, scope.locals.get(name)) for side in sides)
             if a is not b:
-                scope.locals[name] = joined(truth, a, b, name, statement.at)
+                scope.locals[name] = joined(truth, a, b, name, statement.at, model)
         return
     if statement.otherwise is not None:
         carry_out(statement.otherwise, scope, model)
 
 
-def joined(truth: Any, a: Any, b: Any, name: str, at: Place) -> Any:
+def joined(truth: Any, a: Any, b: Any, name: str, at: Place, model: Evaluator) -> Any:
     """What a name holds after an if whose condition is only known later."""
     if isinstance(a, RecordValue) and isinstance(b, RecordValue) and a.keys() == b.keys():
-        return RecordValue({k: joined(truth, a[k], b[k], f"{name}.{k}", at) for k in a})
+        return RecordValue({k: joined(truth, a[k], b[k], f"{name}.{k}", at, model) for k in a})
     if not isinstance(a, np.ndarray) or not isinstance(b, np.ndarray) or a.shape != b.shape:
         raise ModelicaError(f"'{name}' has other shapes on the two sides of this if", at)
-    return each(lambda x, y: x if x is y else None if x is None or y is None else operation("if", (truth, x, y), at),
+    return each(lambda x, y: x if x is y else None if x is None or y is None else model.chosen(truth, x, y, at),
                 a, b)  # fmt: skip
 
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from .classes import exact
-from .flat import Flattened, ScalarEquation, ScalarIf, ScalarWhen
+from .flat import Flattened, ScalarEquation, ScalarIf, ScalarWhen, expressions
 from .python import Writer
 from .resolved import LONGEST, Resolver, is_declared
 from .scalars import EnumerationLiteral, Flat, Operation, Symbol, extent, is_literal, number_of, operations
@@ -57,7 +57,7 @@ class _Printer:
     def _remembered(self, equations: list[Any], initial: list[Any]) -> set[int]:
         """Ids of the Boolean variables whose values before an event are asked for."""
         result: set[int] = set()
-        left: list[Any] = [x for e in (*equations, *initial) for x in _expressions(e)]
+        left: list[Any] = [x for e in (*equations, *initial) for x in expressions(e)]
         while left:
             for o in operations(self.resolved(left.pop(), _NOWHERE)):
                 inside = o.arguments[0] if o.name == "pre" else None
@@ -168,20 +168,14 @@ class _Printer:
         if name == "if":
             condition, then, otherwise = (self._text(a, _OR) for a in given)
             return f"if {condition} then {then} else {otherwise}", _IF
+        if name == "share":
+            a, b = (self._text(a, _SUM) for a in given)
+            return f"noEvent(if {a} >= {b} then 1 else 0)", _ATOM
         if name in _WORDS:
             return _WORDS[name], _ATOM
         if name == "at":
             return f"{self._text(given[0], _ATOM)}({self._text(given[1], _IF)})", _ATOM
         return f"{name}({', '.join(self._text(a, _IF) for a in given)})", _ATOM
-
-
-def _expressions(e: Any) -> list[Any]:
-    if isinstance(e, ScalarWhen):
-        values = [x for b in e.branches for x in (b.condition, *(v for _, v in b.restarts))]
-        return [*values, *(a.right for a in e.actions)]
-    if isinstance(e, ScalarIf):
-        return [e.condition, *(x for part in (*e.then, *e.otherwise) for x in (part.left, part.right))]
-    return [e.left, e.right]
 
 
 def _comment(words: str) -> str:

@@ -427,6 +427,9 @@ class Writer:
             return self._delayed(x)
         if name == "earlier":
             return self._expression(x.arguments[0])  # each round of an event begins with the values before
+        if name == "share":
+            number = ast.Call(ast.Name("step", ast.Load()), [self._expression(a) for a in x.arguments], [])
+            return ast.Call(ast.Name("plain", ast.Load()), [number], [])
         if name in ("step", "whole"):
             return ast.Call(ast.Name(name, ast.Load()), [self._expression(a) for a in x.arguments], [])
         if name in _RELATIONS or name in ("and", "or", "not", "<>", "initial", "sample"):
@@ -438,9 +441,13 @@ class Writer:
         source, tau = x.arguments
         assert x.at is not None
         if not self.flat.optimization or not isinstance(source, Symbol) or source.flat.kind != "input":
+            t = f"{tau:g}"
             raise ModelicaError(
-                "delay() is taken of an input of an optimization alone, v = delay(u, 0.1); in a model, shift discrete "
-                f"values at each sample(0, T), or approximate it by a lag, {tau:g}*der(v) = x - v", x.at,
+                "delay() is taken of an input of an optimization alone, v = delay(u, 0.1): the integrators keep no "
+                "past of others; shift discrete values at each sample(0, T), or write a Pade chain of second order in "
+                f"place of v = delay(x, {t}), for an x that moves little in {t} s: Real p(start = x0, fixed = true), "
+                f"q(start = 0, fixed = true); {t}*der(p) = q; {t}*der(q) = 12*(x - p) - 6*q; v = x - q",
+                x.at,
             )  # fmt: skip
         held = source.flat.get("start")
         history = 0.0 if held is None else number_of(held, x.at, "what delay() begins with")

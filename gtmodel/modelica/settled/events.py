@@ -226,8 +226,9 @@ class _Settling:
         if self._initial is None:
             at = self.out.at
             self._initial = flat = Flat(
-                "initial()", "discrete", "Integer", at, lambda _: None, lambda: None, helper=True
-            )
+                "initial()", "discrete", "Integer", at, lambda _: None, lambda: None, helper=True,
+                description="initial(): 1 at the event at the start, then 0",
+            )  # fmt: skip
             flat.cache["start"] = 1
             self.out.flats.append(flat)
             action = ScalarEquation(Symbol(flat), 0.0, at)
@@ -240,7 +241,8 @@ class _Settling:
             raise ModelicaError(f"pre() of '{flat.name}', which is {flat.base}, is not taken", flat.at)
         memory = Flat(
             flat.name if flat.base == "Boolean" else f"pre({flat.name})", "discrete", flat.base, flat.at,
-            flat.attribute, lambda: None, description=flat.description, helper=flat.base == "Integer",
+            flat.attribute, lambda: None, helper=flat.base == "Integer",
+            description=flat.description if flat.base == "Boolean" else f"{flat.name} before the event",
         )  # fmt: skip
         memory.cache["start"] = flat.get("start")
         flat.cache["fixed"] = None  # which says what pre() begins with
@@ -288,7 +290,8 @@ class _Settling:
         text = f"expression {len(self.wholes) + 1}" if long else text_of(x)
         name = f"floor({text[1:-1] if text.startswith('(') and text.count('(') == 1 else text})"
         if name not in self.wholes:
-            flat = Flat(name, "discrete", "Integer", at, lambda _: None, lambda: None, helper=True)
+            words = f"{name}, which events count"
+            flat = Flat(name, "discrete", "Integer", at, lambda _: None, lambda: None, helper=True, description=words)
             flat.cache["start"] = math.floor(self._at_start(x))  # an event at the start corrects it
             self.wholes[name] = flat
             self.out.flats.append(flat)
@@ -486,7 +489,7 @@ def _is_whole(x: Any) -> bool:
             if e.flat.base not in ("Integer", "enumeration"):
                 return False
         elif isinstance(e, Operation):
-            if e.name not in _OF_WHOLE and e.name not in ("if", "integer", "sign", "div"):
+            if e.name not in _OF_WHOLE and e.name not in ("if", "integer", "sign", "div", "share"):
                 return False
             if id(e) not in seen and e.name in (*_OF_WHOLE, "if"):
                 seen.add(id(e))

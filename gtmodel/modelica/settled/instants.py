@@ -6,10 +6,10 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
-from ..causality import augmented
 from ..flat import Flattened, ScalarEquation, ScalarIf, ScalarWhen, WhenBranch
 from ..scalars import Flat, Operation, Symbol, nodes, operation, operations, symbols
 from ..syntax import ModelicaError, Place
+from .causality import augmented
 
 
 def settle_instants(out: Flattened, memories: set[int]) -> None:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..causality import augmented
 from ..flat import Flattened, ScalarEquation
 from ..scalars import Flat, Operation, Symbol, is_number, number_of, operation, symbols
 from ..syntax import ModelicaError, Place
+from .causality import augmented
 
 _ENDS = ("start_time", "final_time")
 

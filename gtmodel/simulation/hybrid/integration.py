@@ -26,15 +26,14 @@ from .blocks import RunningBlock
 from .clock import Due, SampleClock, exact
 from .crossing import Signed, corrected_root
 from .event import Event
-from .watched import ZERO, WatchedIntegration
+from .sides import SidesAtInstant, Unsettled
+from .watched import ZERO
 
 if TYPE_CHECKING:
     from .modes import ReadyInMode, SimulatedModes
 
 Pair = tuple[int, int]
 
-# rates that would move a comparison by less than ZERO of its size in this part of the run do not decide on its side
-SLOW = 1e-6
 # so many of the shortest intervals are gone over by the rates where the integrator cannot go over the switch
 EDGE = 100.0
 # of the energy that moved: what an impact takes, by its formula and by the stored energies before and after it
@@ -43,7 +42,7 @@ DECLARED_LOSS = 1e-9
 ROUNDS = 30
 
 
-class HybridIntegration(WatchedIntegration):
+class HybridIntegration(SidesAtInstant):
     """Where a simulation with events is. `events` are those so far; `blocks` the sampled blocks with their samples.
 
     held: of each condition of gt.when.
@@ -368,7 +367,21 @@ class HybridIntegration(WatchedIntegration):
 
     def _event(self, forced: Sequence[int], samples: Sequence[int] = (), was: np.ndarray | None = None) -> None:
         """What happens now: comparisons `forced` change, samples are due; until nothing changes any more. was: values
-        of the comparisons just before, where something has jumped already."""
+        of the comparisons just before, where something has jumped already.
+
+        Modes switch and gt.when acts together, round by round. Where this does not settle, gt.when waits in each round
+        for modes that agree with what they lead to, as the equations of one instant hold together.
+        """
+        begin = self._kept()
+        try:
+            self._rounds(forced, samples, was, waits=False)
+        except Unsettled:
+            if not self._declared.modes:
+                raise
+            self._put_back(begin)
+            self._rounds(forced, samples, was, waits=True)
+
+    def _rounds(self, forced: Sequence[int], samples: Sequence[int], was: np.ndarray | None, waits: bool) -> None:
         events, causes = self._declared, dict[str, None]()
         discrete: dict[int, tuple[float, float]] = {}
         restarted: dict[Pair, tuple[float, float]] = {}
@@ -380,16 +393,21 @@ class HybridIntegration(WatchedIntegration):
         was = self._compared() if was is None else was
         # the last float before the root may leave more
         zero[forced] = np.maximum(zero[forced], 2 * np.abs(was[forced]))
-        begun = anew = np.zeros(len(events.comparisons), dtype=bool)
+        begun, anew, jumped = np.zeros((3, len(events.comparisons)), dtype=bool)
         acted, impacts, ends = False, False, list[int]()
         for turn in range(ROUNDS + len(events.whens) + len(events.modes)):
+            before = was
             truth, was = self._sides(forced if turn == 0 else (), zero, was, anew)
             values = tuple(holds(m.logic, truth) for m in events.modes)
-            conditions = np.array([holds(w.logic, truth, due if turn == 0 else ()) for w in events.whens], dtype=bool)
-            fired = acting(events.whens, np.flatnonzero(conditions & ~self.held).tolist())
             begun |= truth != self.truth
-            self.truth, self.held = truth, conditions
+            jumped = jumped | ((truth != self.truth) & (np.abs(was - before) > zero))
+            self.truth = truth
             switched = values != self._values
+            fired: list[int] = []
+            if not (waits and switched):
+                conditions = np.array([holds(w.logic, truth, due) for w in events.whens], dtype=bool)
+                fired = acting(events.whens, np.flatnonzero(conditions & ~self.held).tolist())
+                self.held, due, jumped = conditions, [], np.zeros_like(jumped)
             if not fired and not switched:
                 break
             if not acted:
@@ -414,7 +432,10 @@ class HybridIntegration(WatchedIntegration):
             impacts = impacts or bool(changes.restarted)
             state = values, tuple(sorted((self._inputs.parameters | changes.discrete).items()))
             if state in seen and not changes.restarted:
-                raise self._unsettled(list(causes))
+                agreeing = self._agreeing(np.flatnonzero(jumped).tolist(), zero, anew) if waits and not fired else None
+                if agreeing is None:
+                    raise self._unsettled(list(causes))
+                values = agreeing
             seen.add(state)
             for force, impulse in self._restart(values, changes).items():
                 impulses[force] = impulses.get(force, 0.0) + impulse
@@ -457,54 +478,6 @@ class HybridIntegration(WatchedIntegration):
         status = SolveStatus.FAILED if one.failed else SolveStatus.SOLVED
         return Ended(status, f"at {self._time:.6g} s {one.sentence} ({one.where})")
 
-    def _sides(
-        self, forced: Sequence[int], zero: np.ndarray, was: np.ndarray, anew: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Truth of the comparisons from now on, and their values: by these, at zero by their rates, where these are
-        zero too by those a moment later. Where nothing shows it, what jumped to zero from the values that there `was`
-        or was set there `anew` is equal there, and what else is there is as it was."""
-        if not self._declared.comparisons:
-            return self.truth, was
-        values, rates = (a[0] for a in self._comparisons(self._x[None, :], self._z[None, :], np.array([self._time])))
-        self._largest = np.maximum(self._largest, np.abs(values))
-        slow = self._slow(zero)
-        # what the rate makes up for within one instant is of the instant: a mode may show it a million times larger
-        zero = np.maximum(zero, np.abs(rates) * self._slack)
-        near = np.abs(values) <= zero
-        near[list(forced)] = False
-        if near.any() and not self._z.size:
-            moment, later = self._rates_later()
-            # a rate that moves nothing beyond round-off is round-off
-            still = np.abs(rates) * moment <= zero
-            rates = np.where(near & still & (np.abs(later) > 2 * np.abs(rates)), later, rates)
-        before = np.where(near & (anew | (np.abs(values - was) > zero)), self._modes.at_equality, self.truth)
-        truth = self._modes.sides(values, rates, zero, slow, before)
-        for n in forced:
-            truth[n] = not self.truth[n]
-        return truth, values
-
-    def _slow(self, zero: np.ndarray) -> np.ndarray:
-        """Rates of the comparisons that do not decide on a side, where nearer to 0 than `zero` no value does."""
-        return zero / (SLOW * (self._end - self._begin))
-
-    def _compared_anew(self, changes: Changes) -> np.ndarray:
-        """Which comparisons read what starts anew."""
-        resolve = self.system.plan.alias.resolve
-        states = {resolve(*pair)[1:] for pair in changes.restarted}
-        read = [self._flat.scope.symbols_in(c.expression) if states else () for c in self._declared.comparisons]
-        return np.array([any(resolve(*pair)[1:] in states for pair in pairs) for pairs in read], dtype=bool)
-
-    def _rates_later(self) -> tuple[float, np.ndarray]:
-        """A moment [s], and rates of the comparisons then: a force that grows through what friction holds accelerates
-        by nothing at the instant itself."""
-        moment = min(SLOW * (self._end - self._begin), self._stepper.likely / 100)
-        x = self._straight_on(moment)
-        return moment, self._comparisons(x[None, :], self._z[None, :], np.array([self._time + moment]))[1][0]
-
-    def _left_over(self) -> np.ndarray:
-        """Of each comparison twice by how much its value is still on the side that it leaves; else 0."""
-        return 2 * np.maximum(-self._compared() * self._signs(), 0.0)
-
     def _changes(self, fired: Sequence[int], modes: tuple[bool, ...]) -> Changes:
         if not fired:
             return Changes()
@@ -542,16 +515,6 @@ class HybridIntegration(WatchedIntegration):
         """Of a variable's derivative that actions read, now."""
         return float(self._row()[self._modes.read_columns][self._modes.pairs.index(pair)])
 
-    def _unsettled(self, causes: list[str]) -> Ended:
-        shown = "; ".join(causes[-4:])
-        # a sign() that switches is the law of dry friction
-        between = ", as stuck is between two directions of sliding" if "sign()" in shown else ""
-        return Ended(
-            SolveStatus.FAILED,
-            f"at {self._time:.6g} s events never settle: {shown} call each other for ever; where both sides of a "
-            f"switch push back to it, give it a hysteresis, or a mode of its own in between{between}",
-        )
-
     # -- rows and energies -------------------------------------------------------------------------
 
     def _row(self) -> np.ndarray:
@@ -584,7 +547,7 @@ class HybridIntegration(WatchedIntegration):
         self._last_recorded = max(self._next_row, float(times[-1]))
 
     def _shown(self, times: np.ndarray) -> np.ndarray:
-        return np.append(self._next_row, times[1:])
+        return np.append(self._next_row, times[1:]) if times.size else times
 
 
 def renumbered(flat: FlatModel, numbers: Mapping[int, float]) -> FlatModel:

@@ -241,3 +241,20 @@ def test_a_root_goes_on_beside_its_old_value_where_its_coefficient_jumps() -> No
     a, x = trajectory["a"], trajectory["x"]
     exact = -0.005 / a + np.sqrt((0.005 / a) ** 2 + x)  # the positive solution, on both sides of the event
     np.testing.assert_allclose(trajectory["y"], exact, rtol=TOLERANCE)
+
+
+class OverAJump(gt.Model):
+    """What is compared jumps over its threshold and has no rate there."""
+
+    x = gt.variable(start=0.0, fixed=True)
+    y = gt.variable(start=0.0, fixed=True)
+
+    def equations(self):
+        yield gt.der(self.x) == 1.0
+        yield gt.der(self.y) == gt.If(gt.piecewise(self.x, [0.0, 0.5, 2.0], [[1.0, 2.0]]) > 1.5, 1.0, 0.0)
+
+
+def test_a_comparison_that_jumps_over_its_threshold_stays_there():
+    s = gt.simulate(OverAJump(), 2.0)
+    assert s.trajectory["y"][-1] == pytest.approx(1.5, abs=1e-9)
+    assert [round(e.time, 9) for e in s.events] == [0.5]

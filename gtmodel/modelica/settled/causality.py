@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from .multibody.terms import PART
-from .scalars import Flat, operations, symbols
+from ..multibody.terms import PART
+from ..scalars import Flat, operations, symbols
 
 
 def _parts(equation: Any) -> list[Any]:

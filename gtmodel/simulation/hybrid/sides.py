@@ -1,0 +1,153 @@
+"""The sides of comparisons at one instant, and the modes that agree with them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import product
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...compiler.analysis.events import Logic, holds
+from ...compiler.flat import FlatModel
+from ...lang.source import ModelError
+from ...results.status import SolveStatus
+from ..ending import Ended
+from .actions import Changes
+from .watched import WatchedIntegration
+
+# rates that would move a comparison by less than ZERO of its size in this part of the run do not decide on its side
+SLOW = 1e-6
+# different comparisons of one instant whose sides are looked for together
+MOST_TOGETHER = 10
+# what an event changes beside rows and books, put back where its rounds do not settle
+CHANGED = ("truth", "held", "system", "audit", "_x", "_z", "_p", "_systems", "_values", "_pace", "_calls", "_audited",
+           "_broken")  # fmt: skip
+
+
+class Unsettled(Ended):
+    """Events of one instant call each other for ever."""
+
+
+class SidesAtInstant(WatchedIntegration):
+    """Where a simulation is at an instant at which something changes."""
+
+    if TYPE_CHECKING:
+        _flat: FlatModel
+        _values: tuple[bool, ...]
+
+        def _restart(self, values: tuple[bool, ...], changes: Changes) -> dict[str, float]: ...
+        def _straight_on(self, span: float) -> np.ndarray: ...
+
+    def _kept(self) -> dict[str, Any]:
+        """What the rounds of an event change."""
+        return {name: getattr(self, name) for name in CHANGED} | {"parameters": dict(self._inputs.parameters)}
+
+    def _put_back(self, kept: dict[str, Any]) -> None:
+        for name in CHANGED:
+            setattr(self, name, kept[name])
+        self._inputs.parameters.update(kept["parameters"])
+
+    def _agreeing(self, jumped: Sequence[int], zero: np.ndarray, anew: np.ndarray) -> tuple[bool, ...] | None:
+        """Modes that their own comparisons lead to, looked for among the sides of those that jumped; None without any.
+
+        A mode may set the force that decides on it, as dry friction does: then going from mode to mode ends nowhere,
+        and the sides are unknowns of the instant's equations. All of them false, which is where nothing breaks away,
+        is tried first. What jumped and reads the same has one side.
+        """
+        groups: dict[str, list[int]] = {}
+        deciding = set[int]().union(*(_atoms(m.logic) for m in self._declared.modes))
+        for n in jumped:
+            c = self._declared.comparisons[n]
+            if n not in deciding or not self._flat.scope.symbols_in(c.expression):
+                continue
+            groups.setdefault(f"{c.expression} {c.strict}", []).append(n)
+        if not groups or len(groups) > MOST_TOGETHER:
+            return None
+        begin, tried = self._kept(), set[tuple[bool, ...]]()
+        for choice in product((False, True), repeat=len(groups)):
+            truth = begin["truth"].copy()
+            for numbers, side in zip(groups.values(), choice, strict=True):
+                truth[numbers] = side
+            values = tuple(holds(m.logic, truth) for m in self._declared.modes)
+            if values in tried:
+                continue
+            tried.add(values)
+            try:
+                self._restart(values, Changes())
+                self.truth = truth
+                reached, _ = self._sides((), zero, self._compared(), anew)
+                agrees = values == tuple(holds(m.logic, reached) for m in self._declared.modes)
+            except (Ended, ModelError):
+                agrees = False
+            self._put_back(begin)
+            if agrees:
+                self.truth = truth
+                return values
+        return None
+
+    def _sides(
+        self, forced: Sequence[int], zero: np.ndarray, was: np.ndarray, anew: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Truth of the comparisons from now on, and their values: by these, at zero by their rates, where these are
+        zero too by those a moment later. Where nothing shows it, what jumped to zero from the values that there `was`
+        or was set there `anew` is equal there, and what else is there is as it was."""
+        if not self._declared.comparisons:
+            return self.truth, was
+        values, rates = (a[0] for a in self._comparisons(self._x[None, :], self._z[None, :], np.array([self._time])))
+        self._largest = np.maximum(self._largest, np.abs(values))
+        slow = self._slow(zero)
+        # what the rate makes up for within one instant is of the instant: a mode may show it a million times larger
+        zero = np.maximum(zero, np.abs(rates) * self._slack)
+        near = np.abs(values) <= zero
+        near[list(forced)] = False
+        if near.any() and not self._z.size:
+            moment, later = self._rates_later()
+            # a rate that moves nothing beyond round-off is round-off
+            still = np.abs(rates) * moment <= zero
+            rates = np.where(near & still & (np.abs(later) > 2 * np.abs(rates)), later, rates)
+        before = np.where(near & (anew | (np.abs(values - was) > zero)), self._modes.at_equality, self.truth)
+        truth = self._modes.sides(values, rates, zero, slow, before)
+        for n in forced:
+            truth[n] = not self.truth[n]
+        return truth, values
+
+    def _slow(self, zero: np.ndarray) -> np.ndarray:
+        """Rates of the comparisons that do not decide on a side, where nearer to 0 than `zero` no value does."""
+        return zero / (SLOW * (self._end - self._begin))
+
+    def _compared_anew(self, changes: Changes) -> np.ndarray:
+        """Which comparisons read what starts anew."""
+        resolve = self.system.plan.alias.resolve
+        states = {resolve(*pair)[1:] for pair in changes.restarted}
+        read = [self._flat.scope.symbols_in(c.expression) if states else () for c in self._declared.comparisons]
+        return np.array([any(resolve(*pair)[1:] in states for pair in pairs) for pairs in read], dtype=bool)
+
+    def _rates_later(self) -> tuple[float, np.ndarray]:
+        """A moment [s], and rates of the comparisons then: a force that grows through what friction holds accelerates
+        by nothing at the instant itself."""
+        moment = min(SLOW * (self._end - self._begin), self._stepper.likely / 100)
+        x = self._straight_on(moment)
+        return moment, self._comparisons(x[None, :], self._z[None, :], np.array([self._time + moment]))[1][0]
+
+    def _left_over(self) -> np.ndarray:
+        """Of each comparison twice by how much its value is still on the side that it leaves; else 0."""
+        return 2 * np.maximum(-self._compared() * self._signs(), 0.0)
+
+    def _unsettled(self, causes: list[str]) -> Unsettled:
+        shown = "; ".join(causes[-4:])
+        # a sign() that switches is the law of dry friction
+        between = ", as stuck is between two directions of sliding" if "sign()" in shown else ""
+        return Unsettled(
+            SolveStatus.FAILED,
+            f"at {self._time:.6g} s events never settle: {shown} call each other for ever; where both sides of a "
+            f"switch push back to it, give it a hysteresis, or a mode of its own in between{between}",
+        )
+
+
+def _atoms(logic: Logic) -> set[int]:
+    """Numbers of the comparisons that a condition is made of."""
+    operation, *parts = logic
+    if operation in ("atom", "sample"):
+        return set(parts) if operation == "atom" else set()
+    return set[int]().union(*map(_atoms, parts))
