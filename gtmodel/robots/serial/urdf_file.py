@@ -12,6 +12,7 @@ import numpy as np
 import scipy
 
 from ...lang import ModelError
+from ...results.disk import path_of
 from .bodies import moved, six_of
 from .rotations import rotation_of_rpy, rpy_of_rotation
 from .xml_lines import XmlElement, XmlFault, parsed
@@ -99,6 +100,7 @@ class Urdf:
 
 def read_urdf(source: str | Path) -> Urdf:
     """A file, or its text where it begins with "<". Raises ModelError with file and line."""
+    path_of(source, "source")
     text = str(source)
     if text.lstrip().startswith("<"):
         file, content = "URDF text", text.encode()
