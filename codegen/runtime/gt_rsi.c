@@ -103,17 +103,18 @@ static int gt_rsi_attributes(gt_scanner *s, uint32_t element, double *numbers, u
     }
 }
 
-/* digits</IPOC>, up to and including '>'; spaces round the digits are not part of them */
+/* digits</IPOC>, up to and including '>'; spaces and comments round the digits are not part of them */
 static int gt_rsi_ipoc(gt_scanner *s, gt_rsi_robot *robot)
 {
     gt_piece digits;
     gt_piece name;
     uint32_t n;
 
-    gt_scan_spaces(s);
+    if (!gt_scan_blank(s)) {
+        return 0;
+    }
     digits = gt_scan_word(s);
-    gt_scan_spaces(s);
-    if (!gt_scan_over(s, '<') || !gt_scan_over(s, '/')) {
+    if (!gt_scan_blank(s) || !gt_scan_over(s, '<') || !gt_scan_over(s, '/')) {
         return 0;
     }
     name = gt_scan_word(s);
@@ -193,12 +194,15 @@ int gt_rsi_read_robot(const uint8_t *data, uint32_t length, gt_rsi_robot *robot)
                 return 0;
             }
             if (depth == 0U) {
-                gt_scan_spaces(&s);
-                return (s.at == s.end) && ((robot->present & GT_RSI_IPOC) != 0U);
+                return gt_scan_blank(&s) && (s.at == s.end) && ((robot->present & GT_RSI_IPOC) != 0U);
             }
         } else if (gt_scan_over(&s, '?')) {
             gt_scan_to(&s, '>');
             if (!gt_scan_over(&s, '>')) {
+                return 0;
+            }
+        } else if (gt_scan_over(&s, '!')) {
+            if (!gt_scan_comment(&s)) {
                 return 0;
             }
         } else if (!gt_rsi_open(&s, robot, &depth)) {

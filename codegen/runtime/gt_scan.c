@@ -44,6 +44,37 @@ void gt_scan_spaces(gt_scanner *s)
     }
 }
 
+int gt_scan_comment(gt_scanner *s)
+{
+    int open = 0;
+
+    if (gt_scan_over(s, '-') != 0) {
+        open = gt_scan_over(s, '-');
+    }
+    while (open != 0) {
+        gt_scan_to(s, '-');
+        open = gt_scan_over(s, '-'); /* 0 at the end of the datagram */
+        if ((open != 0) && (gt_scan_over(s, '-') != 0)) {
+            return gt_scan_over(s, '>');
+        }
+    }
+    return 0;
+}
+
+int gt_scan_blank(gt_scanner *s)
+{
+    int good = 1;
+
+    gt_scan_spaces(s);
+    while ((good != 0) && (gt_scan_here(s) == (uint8_t)'<') &&
+           (gt_byte_at(s->data, s->at + 1U, s->end) == (uint8_t)'!')) {
+        s->at += 2U;
+        good = gt_scan_comment(s);
+        gt_scan_spaces(s);
+    }
+    return good;
+}
+
 gt_piece gt_scan_word(gt_scanner *s)
 {
     gt_piece word;

@@ -31,6 +31,12 @@ void gt_scan_to(gt_scanner *s, char byte);
 
 void gt_scan_spaces(gt_scanner *s);
 
+/* Behind "<!": 1 and past a comment, "--" up to the next "--", behind which stands ">"; 0 for anything else. */
+int gt_scan_comment(gt_scanner *s);
+
+/* Spaces and comments: 1 unless a comment does not end as one. */
+int gt_scan_blank(gt_scanner *s);
+
 /* Letters, digits and underscores; may be empty. */
 gt_piece gt_scan_word(gt_scanner *s);
 

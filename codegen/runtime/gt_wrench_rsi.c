@@ -124,6 +124,8 @@ int gt_rsi_read_wrenches(const uint8_t *data, uint32_t length, gt_wrench *handle
             }
         } else if (gt_scan_over(&s, '?') != 0) {
             gt_scan_to(&s, '>');
+        } else if (gt_scan_over(&s, '!') != 0) {
+            good = gt_scan_comment(&s);
         } else {
             good = gt_wrench_element(&s, &depth, wrenches, given);
         }

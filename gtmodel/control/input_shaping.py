@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..measurements.nature import nature_of
 from ..results import Trajectory
+from ..results.interpolation import nature_of, smooth_rows
 
 Array = np.ndarray
 AT_REST = 1e-6  # of the greatest speed: a motion that begins or ends faster is not from rest to rest
@@ -54,17 +54,19 @@ class Shaper:
         """The shaped signals of a motion from rest to rest, on its own time step, longer by the last impulse.
 
         signals: positions and their derivatives by name, such as "T", "der(T)"; forces are not linear in these and are
-        to be computed anew. Before and after the motion, positions stand and derivatives are zero. Raises KeyError for
-        a signal that is not there and ValueError for a derivative that does not begin and end at zero speed, and for
-        a unit quaternion, another direction of unit length or a rotation matrix: sums of them are none.
+        to be computed anew. Before and after the motion, positions stand and derivatives are zero; wrapped angles are
+        unwrapped. Raises KeyError for a signal that is not there and ValueError for a derivative that does not begin
+        and end at zero speed, and for a unit quaternion, another direction of unit length or a rotation matrix: sums of
+        them are none.
         """
         t = trajectory.time
         values: dict[str, Array] = {}
+        wrapped = [n for n in signals if nature_of(trajectory[n], trajectory.unit(n)) == "angle"]
         step = float(np.min(np.diff(t)))
         end = t[-1] + self.times[-1]
         new = np.linspace(t[0], end, int(np.ceil((end - t[0]) / step)) + 1)
         for name in signals:
-            rows = trajectory[name]
+            rows = smooth_rows(t, trajectory[name], "angle", name) if name in wrapped else trajectory[name]
             _refuse_rotation(trajectory, name)
             first_rate = name.startswith("der(") and not name.endswith(",2)")
             if first_rate and np.abs(rows[[0, -1]]).max() > AT_REST * np.abs(rows).max():

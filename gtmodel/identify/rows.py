@@ -22,8 +22,8 @@ from gtmodel.measurements import (
     position_noise,
 )
 from gtmodel.measurements.filters import WIDEST
-from gtmodel.measurements.nature import smooth
 from gtmodel.results import Status, Trajectory, TrajectoryError
+from gtmodel.results.interpolation import smooth
 
 from .options import Processing
 from .regressor import Regressor
@@ -344,7 +344,7 @@ def _further(
             continue
         name, _, order = signal.name.removeprefix("der(").removesuffix(")").partition(",")
         values = raw[name].reshape(len(raw), *signal.shape)
-        values = values if low_pass is None else low_pass(values, step)
+        values = values if low_pass is None else low_pass.linear(values, step)
         rates = velocity_and_acceleration(values, step)
         yield signal.name, values if signal.name == name else rates[int(order or 1) - 1]
 

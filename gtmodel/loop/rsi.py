@@ -14,6 +14,7 @@ from .wire import DATAGRAM_MAX
 
 _SPACES = re.compile(rb"[ \t\r\n]*")
 _WORD = re.compile(rb"[A-Za-z0-9_]*")
+COMMENT = re.compile(rb"--(?:[^-]|-(?!-))*-->")  # behind "<!"; two hyphens end it
 _CARTESIAN = (b"X", b"Y", b"Z", b"A", b"B", b"C")
 _JOINTS = tuple(b"A%d" % n for n in range(1, 7))
 _EXTERNAL = tuple(b"E%d" % n for n in range(1, 7))
@@ -113,7 +114,7 @@ class _Scanner:
                 if depth < 0 or (name == b"Rob") != (depth == 0):
                     raise TelegramError("an element ends that was not open")
                 if depth == 0:
-                    self._spaces()
+                    self._blank()
                     if self.at < len(self.data):
                         raise TelegramError("there is more behind </Rob>")
                     if not robot.stamp:
@@ -122,6 +123,8 @@ class _Scanner:
             elif self._over(b"?"):
                 self._to(b">")
                 self._need(b">")
+            elif self._over(b"!"):
+                self._comment()
             else:
                 depth += self._open(robot, depth)
         raise TelegramError("the telegram is not complete")
@@ -185,9 +188,9 @@ class _Scanner:
         return self.data[begin : self.at - 1]
 
     def _ipoc(self, robot: RsiRobot) -> None:
-        self._spaces()
+        self._blank()
         digits = self._word()
-        self._spaces()
+        self._blank()
         self._need(b"<")
         self._need(b"/")
         ipoc = read_digits(digits)
@@ -201,6 +204,18 @@ class _Scanner:
         self._spaces()
         self._need(b">")
         return name
+
+    def _blank(self) -> None:
+        """Spaces and comments."""
+        self._spaces()
+        while self.data.startswith(b"<!", self.at):
+            self.at += 2
+            self._comment()
+            self._spaces()
+
+    def _comment(self) -> None:
+        if not self._past(COMMENT):
+            raise TelegramError("what begins as a comment does not end as one")
 
     def _spaces(self) -> None:
         self._past(_SPACES)
@@ -224,9 +239,8 @@ class _Scanner:
     def _past(self, pattern: re.Pattern[bytes]) -> bytes:
         """What of the pattern, which may be nothing, stands here."""
         match = pattern.match(self.data, self.at)
-        assert match is not None
-        self.at = match.end()
-        return match[0]
+        self.at = self.at if match is None else match.end()
+        return b"" if match is None else match[0]
 
 
 def _element(name: bytes, attributes: tuple[bytes, ...], values: list[float]) -> bytes:

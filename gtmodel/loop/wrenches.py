@@ -10,6 +10,7 @@ import struct
 from dataclasses import dataclass, field
 
 from .decimals import read_decimal, read_digits, write_decimal
+from .rsi import COMMENT
 from .wire import BYTES, FIXED64, VARINT, WireError, double_field, fields, message_field, varint_field
 
 EGM_HANDLE, EGM_TOOL = 100, 101
@@ -97,6 +98,8 @@ def read_rsi(data: bytes) -> tuple[Wrench, Wrench] | None:
             depth, at = depth - 1, data.find(b">", at)
         elif data[at : at + 1] == b"?":
             at = data.find(b">", at)
+        elif comment := COMMENT.match(data, at + 1):
+            at = comment.end()
         else:
             name, pairs, ended, at = _element(data, at)
             if depth == 1 and name in (RSI_HANDLE, RSI_TOOL):

@@ -59,6 +59,7 @@ from typing import TYPE_CHECKING
 from .._lazy import public
 
 if TYPE_CHECKING:
+    from ..results.interpolation import smooth as smooth
     from .alignment.align import Alignment as Alignment, align as align
     from .alignment.delay_study import DelayStudy as DelayStudy, delay_study as delay_study
     from .alignment.options import Search as Search, SyntheticDelay as SyntheticDelay
@@ -88,7 +89,6 @@ if TYPE_CHECKING:
         read_log as read_log,
         session_of as session_of,
     )
-    from .nature import smooth as smooth
     from .recording import read_recording as read_recording
     from .resampling import Resampled as Resampled, resample as resample
     from .sampling import Gap as Gap, SamplingReport as SamplingReport, sampling_of as sampling_of

@@ -11,10 +11,10 @@ import numpy as np
 import scipy
 
 from ..lang.units import rate_unit
+from ..results.interpolation import nature_of, natures, rotation_rows, rotations_again, smooth, smooth_rows
 from ..results.trajectory import Trajectory
 from ..results.trajectory_errors import Array, TrajectoryError
 from .log import Session
-from .nature import natures, rotations_again, smooth
 
 BAND_FACTOR = 2.5  # cut-off over excitation band; 2 to 3 leaves the motion and takes most of the noise
 BAND_SHARE = 0.999  # of the velocity's power
@@ -36,7 +36,8 @@ class ZeroPhase:
         cutoff_Hz: of one pass [Hz].
         order: of one pass.
 
-    Called with rows (n,) or (n, k) and their sample time [s] it returns them filtered.
+    Called with rows (n,) or (n, k) and their sample time [s] it returns them filtered: rows that are an orientation or
+    a direction stay one, and with unit="rad" wrapped angles are unwrapped. `linear` takes all rows as plain numbers.
 
     >>> low_pass = gt.measurements.ZeroPhase(20.0)
     >>> low_pass.amplitude(np.array([5.0, 20.0, 60.0]), sample_time=0.004).round(3).tolist()
@@ -46,11 +47,20 @@ class ZeroPhase:
     cutoff_Hz: float
     order: int = ORDER
 
-    def __call__(self, rows: Array, sample_time: float) -> Array:
-        """Filtered rows, (n,) or (n, k), sampled at sample_time [s].
+    def __call__(self, rows: Array, sample_time: float, unit: str = "1") -> Array:
+        """Filtered rows, (n,) or (n, k), sampled at sample_time [s]; `unit` is their SI unit.
 
-        Raises TrajectoryError for a cut-off that the sampling cannot carry, and for too few rows.
+        Quaternions, directions and rotation matrices are recognised by their lengths where the unit is "1", wrapped
+        angles where it is "rad". Raises TrajectoryError for a cut-off that the sampling cannot carry, for too few rows,
+        and for a turn of more than 90 deg from row to row.
         """
+        rows = np.asarray(rows, dtype=float)
+        nature = nature_of(rows, unit)
+        rows = smooth_rows(sample_time * np.arange(len(rows)), rows, nature, nature or "")
+        return rotation_rows(self.linear(rows, sample_time), nature)
+
+    def linear(self, rows: Array, sample_time: float) -> Array:
+        """Filtered rows (n, ...) of plain numbers, each by itself. Raises as the call does."""
         rows = np.asarray(rows, dtype=float)
         need = 3 * (2 * math.ceil(self.order / 2) + 1)
         if len(rows) <= need:
@@ -72,7 +82,7 @@ class ZeroPhase:
         reach = self.end_rows(sample_time)
         impulse = np.zeros(6 * reach + 1)
         impulse[3 * reach] = 1.0
-        weights = self(impulse, sample_time)[2 * reach : 4 * reach + 1]
+        weights = self.linear(impulse, sample_time)[2 * reach : 4 * reach + 1]
         weights = weights + weights[::-1]  # the edges far off leave 1e-8 of a phase
         return weights / weights.sum()
 
@@ -220,7 +230,7 @@ def motion(session: Session, position: str, low_pass: ZeroPhase | None) -> Traje
     """
     of = natures(session.trajectory)
     raw, step = smooth(session.trajectory, of), session.sample_time
-    rows = {name: raw[name] if low_pass is None else low_pass(raw[name], step) for name in raw.names}
+    rows = {name: raw[name] if low_pass is None else low_pass.linear(raw[name], step) for name in raw.names}
     rows = rotations_again(rows, of)
     unit = raw.unit(position)
     first, second = f"der({position})", f"der({position},2)"

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..lang.units import UnitError, convert, parse_unit
 from ..results.trajectory import Trajectory
+from ..results.trajectory_checks import put_in_order
 from ..results.trajectory_errors import Array
 from ..results.trajectory_files import PathLike
 from ..results.work import Progress, silent
@@ -277,8 +278,8 @@ def _refuse_backward(time: Array, begin: int, lines: Lines, stream: Stream, colu
     here, before = (float(f"{convert(float(t), 's', unit):.12g}") for t in (time[i], time[i - 1]))
     raise LogError(
         f"{stream.source} {stream.row} {lines[begin + i]}, {stream.cell} '{_one_name(column)}': {here!r} {unit} does "
-        f"not come after {before!r} {unit} in {stream.row} {lines[begin + i - 1]}; time must increase strictly, so "
-        'sort the rows, or say late_rows = "drop" or "sort"'
+        f"not come after {before!r} {unit} in {stream.row} {lines[begin + i - 1]}; {put_in_order(time)}, "
+        'or say late_rows = "drop" or "sort", which leave out all but the first of one time'
     )
 
 

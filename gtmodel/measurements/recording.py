@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from ..results.disk import path_of
 from ..results.trajectory import Trajectory
 from ..results.trajectory_files import PathLike
 from ..results.work import Progress, silent
@@ -54,7 +55,7 @@ def read_recording(
     >>> recording["sensor.csv"].time.tolist()
     [0.003, 0.016, 0.031, 0.044]
     """
-    files = [Path(one) for one in ([paths] if isinstance(paths, (str, os.PathLike)) else paths)]
+    files = [path_of(one, "paths") for one in ([paths] if isinstance(paths, (str, os.PathLike)) else paths)]
     if not columns or not files:
         raise LogError("a recording needs a file and a column; none was given")
     groups: dict[tuple[Path, str, Column | None], dict[str, Column]] = {}

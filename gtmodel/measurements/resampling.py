@@ -8,11 +8,11 @@ from typing import Literal
 
 import numpy as np
 
+from ..results.interpolation import Nature, natures, rotations_again, smooth
 from ..results.refusal import ArgumentError
 from ..results.trajectory import Trajectory
 from ..results.trajectory_errors import Array
 from .log import LogError, Session
-from .nature import Nature, natures, rotations_again, smooth
 from .sampling import Gap, sampling_of
 
 Method = Literal["cubic", "linear", "monotone"]
@@ -125,9 +125,10 @@ def resample(
                 f"'{name}': a sample time of {step:g} s leaves {len(grid)} rows; expected at least 3", "sample_time"
             )
         values, stretch = dict[str, Array](), smooth(_rows(trajectory, part), of)
+        straight = stretch.resample(grid) if method == "linear" else None
         for signal in trajectory.names:
             y = np.asarray(stretch[signal], float)
-            values[signal] = _curve(method)(time[part], y)(grid)
+            values[signal] = straight[signal] if straight is not None else _curve(method)(time[part], y)(grid)
             rows.setdefault(signal, []).append(_left_out(method, time[part], y))
         values = rotations_again(values, of)
         label = name if not len(breaks) else f"{name} from {time[begin]:.6g} s"

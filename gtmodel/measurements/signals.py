@@ -9,11 +9,11 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from ..lang.units import convert, parse_unit
+from ..results.interpolation import natures, rotations_again, smooth
 from ..results.trajectory import Trajectory
 from ..results.trajectory_errors import Array
 from ..results.trajectory_files import PathLike
 from .log import JITTER, TIME, Column, LogError, Session, read_log, si_unit_of
-from .nature import natures, rotations_again, smooth
 
 Estimate = Literal["estimate"]
 ESTIMATE: Estimate = "estimate"

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ..lang.slips import near
+from ..results.disk import path_of
 from . import kept
 from .syntax import ClassText, ModelicaError, Place, Source
 
@@ -79,7 +80,7 @@ def _not_too_deep(classes: list[ClassText]) -> list[ClassText]:
 
 def read(path: str | os.PathLike[str]) -> list[ClassText]:
     """The classes of a file; see `parse`. Raises ModelicaError where it cannot be read."""
-    return known(content_of(path), str(Path(path)))
+    return known(content_of(path), str(path))
 
 
 def known(text: str, path: str) -> list[ClassText]:
@@ -94,7 +95,7 @@ def known(text: str, path: str) -> list[ClassText]:
 
 def content_of(path: str | os.PathLike[str]) -> str:
     """The text of a file. Raises ModelicaError where it cannot be read."""
-    file = Path(path)
+    file = path_of(path)
     try:
         if not file.is_file():
             raise ModelicaError(f"{path} cannot be read: " + ("it is no file" if file.exists() else "there is no file"))

@@ -10,6 +10,7 @@ from typing import Any
 
 from ..lang.model import Model
 from ..lang.slips import near
+from ..results.disk import path_of
 from .classes import identifier, text_of
 from .flat import Flattened
 from .flatten import flattened
@@ -66,7 +67,7 @@ def opened(path: str | os.PathLike[str], libraries: Iterable[str | os.PathLike[s
     """Read a file and its libraries. Raises ModelicaError."""
     from .reader import content_of
 
-    file = Path(path)
+    file = path_of(path)
     root, classes = of_text(content_of(path), libraries, str(file))
     return Text(root, classes, str(file))
 

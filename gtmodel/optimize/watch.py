@@ -16,7 +16,8 @@ NEARER = 0.5  # of the violation: an earlier iterate of a failed run is kept if 
 # an iterate is progress where no earlier one is within this of both its violation and its objective, or better
 CLOSER, CHEAPER = 0.9, 1e-4
 # multipliers beyond this, beside the objective, belong to rows that nearly depend on each other where the iterate is:
-# a step then costs as much as thirty, in pivots that are put off. Of 418 runs that solved their problem none had 1e9
+# pivots are put off there, so that a step costs many others, and products of the multipliers with derivatives round off
+# by 1e-6, which is more than the 1e-8 that ends a run
 RUNAWAY = 1e10
 WEIGHT = 10  # so many iterations without progress is one with such multipliers
 

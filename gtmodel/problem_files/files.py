@@ -11,13 +11,14 @@ from typing import Any
 from gtmodel._files import problems_dir
 from gtmodel.results.read_bounds import TooDeepError, toml_of
 
+from ..results.disk import path_of
 from .input_error import InputError
 from .toml_slips import shown_line, slip
 
 
 def find(path: str | Path) -> tuple[Path, bool]:
     """The file, and True when it is one shipped with gtmodel: "problems/NAME.toml", "NAME.toml" or "NAME"."""
-    asked = Path(path)
+    asked = path_of(path)
     if not asked.stem.isprintable():  # it titles files and pictures
         raise InputError("the name of a problem file has to be one line of printable characters", file=repr(str(path)))
     try:

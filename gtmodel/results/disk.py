@@ -14,6 +14,22 @@ from .refusal import ArgumentError
 PathLike = str | os.PathLike[str]
 
 
+def path_of(value: PathLike, argument: str = "path") -> Path:
+    """The path of a file or folder. Raises ArgumentError for what is no text and no path, such as an open file.
+
+    >>> from gtmodel.results.disk import path_of
+    >>> path_of(3)
+    Traceback (most recent call last):
+        ...
+    gtmodel.results.agreement.WrongKind: path: expected text or os.PathLike; found 3
+    """
+    if not isinstance(value, (str, os.PathLike)):
+        from .agreement import WrongKind
+
+        raise WrongKind(value, PathLike, argument)
+    return Path(value)
+
+
 def write_whole(path: PathLike, data: bytes, *, overwrite: bool) -> None:
     """Write a file; only a process that is killed while it makes a new one leaves a part.
 

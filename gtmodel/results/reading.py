@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from .check import Check
+from .disk import path_of
 from .read_bounds import json_of
 from .refusal import ArgumentError
 from .status import SolveStatus
@@ -54,7 +55,7 @@ def read(folder: str | Path) -> Stored:
     >>> again.status.ok, again.checks["residual"].value
     (True, 1e-09)
     """
-    path = Path(folder)
+    path = path_of(folder, "folder")
     file = path / "result.json" if path.is_dir() else path
     try:
         data = document(file.read_bytes())

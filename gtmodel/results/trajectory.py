@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .._lazy import hint
-from .interpolation import Kind, interpolate
+from .interpolation import Kind, Natures, interpolate, natures, smooth_rows
 from .trajectory_checks import checked_time, checked_unit, checked_values, json_text, one_line
 from .trajectory_csv import read_csv
 from .trajectory_errors import COLUMN, Array, TrajectoryError, UnknownNameError, columns, unknown
@@ -58,7 +58,7 @@ class Trajectory:
     [0.25, 0.05]
     """
 
-    __slots__ = ("_provenance", "_synthetic", "_time", "_title", "_units", "_values")
+    __slots__ = ("_known", "_provenance", "_synthetic", "_time", "_title", "_units", "_values")
     __hash__ = None  # type: ignore[assignment]  # equality compares arrays
     __iter__ = None  # len() counts rows, so iterating could mean two things: use names or time
     _time: Array
@@ -67,6 +67,7 @@ class Trajectory:
     _title: str
     _provenance: str
     _synthetic: str | None
+    _known: Natures | None  # what its signals are, once somebody asks for values between the rows
 
     def __init__(
         self,
@@ -93,6 +94,7 @@ class Trajectory:
             ("_title", one_line("title", title)),
             ("_provenance", json_text(provenance or {})),
             ("_synthetic", None if synthetic is None else one_line("synthetic", synthetic)),
+            ("_known", None),
         ):
             object.__setattr__(self, attribute, value)
 
@@ -180,13 +182,18 @@ class Trajectory:
         name : signal or component.
         kind : "linear"; "pchip", monotone cubic; or "previous", constant from a row up to the next one.
 
-        Returns a float or (k,) for a scalar t, (m,) or (m, k) for an array; at the rows the values are exact.
-        Raises TrajectoryError for a t outside the grid or an unknown kind, UnknownNameError for the name.
+        Returns a float or (k,) for a scalar t, (m,) or (m, k) for an array; at the rows the values are exact. Except
+        for "previous", wrapped angles are unwrapped, and quaternions, directions and rotation matrices stay what they
+        are, the sign of a quaternion without jumps: "linear" turns from row to row about one axis at one speed.
+        Raises TrajectoryError for a t outside the grid or an unknown kind, and for a turn of more than 90 deg from row
+        to row, UnknownNameError for the name.
         """
         times = np.asarray(t, dtype=float)
         if times.ndim > 1:
             raise TrajectoryError(f"t has shape {times.shape}; expected a scalar or a one-dimensional array")
-        value = interpolate(self._time, self[name], self._inside(times), kind)
+        signal, index = self._find(name)
+        value = self._at(self._inside(times), [signal], kind)[signal]
+        value = value if index is None else value[..., index]
         return float(value) if value.ndim == 0 else value
 
     def __eq__(self, other: object) -> bool:
@@ -218,7 +225,7 @@ class Trajectory:
         t : (m,) new times [s], strictly increasing and inside the grid; or
         dt : step [s] > 0 from the first time on. The last time is kept when the duration is a multiple of dt,
             otherwise the new grid ends before it.
-        kind : as for calling the trajectory.
+        kind : as for calling the trajectory, rotations and wrapped angles among the signals likewise.
 
         Raises TrajectoryError unless exactly one of t and dt is given, and as calling does.
         """
@@ -228,7 +235,7 @@ class Trajectory:
         if times.ndim != 1:
             raise TrajectoryError(f"t has shape {times.shape}; expected (m,) new times, or a step as dt={t!r}")
         times = self._inside(times)
-        return self._derived(times, {name: interpolate(self._time, v, times, kind) for name, v in self._values.items()})
+        return self._derived(times, self._at(times, self.names, kind))
 
     def select(self, names: str | Iterable[str]) -> Trajectory:
         """Only these signals or components, in this order; a component "T[0]" becomes a scalar signal.
@@ -382,6 +389,25 @@ class Trajectory:
         if not match or value is None or value.ndim == 1 or int(match["index"]) >= value.shape[1]:
             return None
         return match["base"], int(match["index"])
+
+    def _at(self, times: Array, names: Iterable[str], kind: Kind) -> dict[str, Array]:
+        """Values of whole signals at times inside the grid; those that are one rotation together."""
+        if kind == "previous":
+            return {name: interpolate(self._time, self._values[name], times, kind) for name in names}
+        if self._known is None:
+            object.__setattr__(self, "_known", natures(self))
+        groups = {name: group for group in self._known or {} for name in group}
+        made = dict[str, Array]()
+        for name in names:
+            if name in made:
+                continue
+            group = groups.get(name, (name,))
+            nature = (self._known or {}).get(group)
+            rows = self._values[name] if len(group) == 1 else np.column_stack([self._values[n] for n in group])
+            rows = smooth_rows(self._time, rows, nature, " ".join(group))
+            value = interpolate(self._time, rows, times, kind, nature)
+            made |= {name: value} if len(group) == 1 else {n: value[..., k] for k, n in enumerate(group)}
+        return {name: made[name] for name in names}
 
     def _inside(self, times: Array) -> Array:
         """Times clipped to the grid when outside by rounding only; raises TrajectoryError when really out."""

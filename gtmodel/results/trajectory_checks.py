@@ -41,9 +41,16 @@ def checked_time(time: npt.ArrayLike) -> Array:
         i = int(bad[0]) + 1
         raise TrajectoryError(
             f"time[{i}] = {float(grid[i])!r} s does not come after time[{i - 1}] = {float(grid[i - 1])!r} "
-            "s; time must increase strictly, so sort the rows or remove the repeated one"
+            f"s; {put_in_order(grid)}"
         )
     return grid
+
+
+def put_in_order(time: Array) -> str:
+    """What to do with times that do not increase strictly: sorting cures no repeated one."""
+    late, repeated = np.any(np.diff(time) < 0), np.unique(time).size < time.size
+    cures = ["sort the rows"] * bool(late) + ["average the rows of one time or keep the first"] * bool(repeated)
+    return f"time must increase strictly, so {', and '.join(cures)}"
 
 
 def checked_values(values: Mapping[str, npt.ArrayLike], rows: int) -> dict[str, Array]:

@@ -14,8 +14,9 @@ import numpy.typing as npt
 
 from gtmodel.lang.units import UnitError, convert, parse_unit
 
+from .disk import path_of
 from .read_bounds import json_of
-from .trajectory_checks import check_name
+from .trajectory_checks import check_name, put_in_order
 from .trajectory_errors import COLUMN, Array, TrajectoryError
 from .trajectory_files import PathLike
 
@@ -69,7 +70,7 @@ def read_table(path: PathLike, header_of: Callable[[Sequence[str], str], Header]
     # eight bytes for each number, whatever the file takes: a list of lists takes ten times that
     numbers, places = array("d"), array("q")
     blank = 0  # the first of the blank lines that only the end of the file may follow
-    with open(path, "rb") as file:
+    with open(path_of(path), "rb") as file:
         for number, line in enumerate(_decoded(file, path), 1):
             where = f"{path} line {number}"
             if not line.strip():
@@ -230,8 +231,7 @@ def check_increasing(time: Array, read: TrajectoryCsv, path: PathLike) -> None:
         written = read.values[:, 0].tolist()
         raise TrajectoryError(
             f"{path} line {read.lines[i]}, column {name!r}: {written[i]!r} {unit} does not come after "
-            f"{written[i - 1]!r} {unit} in line {read.lines[i - 1]}; time must increase strictly, so sort the "
-            "rows or remove the repeated one"
+            f"{written[i - 1]!r} {unit} in line {read.lines[i - 1]}; {put_in_order(time)}"
         )
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .disk import PathLike, write_whole
+from .disk import PathLike, path_of, write_whole
 from .read_bounds import json_of, swollen
 from .trajectory_checks import json_text
 from .trajectory_errors import COLUMN, TrajectoryError, columns
@@ -56,6 +56,7 @@ def write_npz(trajectory: Trajectory, path: PathLike, overwrite: bool) -> None:
 
 def read_npz(cls: type[Trajectory], path: PathLike) -> Trajectory:
     """Read what `write_npz` wrote; see `Trajectory.from_npz`."""
+    path_of(path)
     try:
         with np.load(path, allow_pickle=False) as data:
             said = swollen(path, sum(entry.file_size for entry in data.zip.infolist()))

@@ -15,7 +15,8 @@ from ..lang.expression import Expr, gathered
 from ..lang.slips import floats, line_of, shortened
 from ..lang.source import ModelError, about
 from ..lang.units import si_unit
-from ..results.trajectory import Trajectory, UnknownNameError
+from ..results.interpolation import nature_of, smooth_rows
+from ..results.trajectory import Trajectory, TrajectoryError, UnknownNameError
 from .table import INTERPOLATIONS, InputTable
 
 Shape = tuple[int, ...]
@@ -134,7 +135,8 @@ def read_inputs(
     (``lambda t: [0.0, np.sin(3 * t)]``); a pair (times, values); or a Trajectory that holds the name. A table is
     "linear" between its rows unless ((times, values), interpolation) or (trajectory, interpolation) says otherwise:
     "previous" holds each row up to the next (a recorded row on a discontinuity shows what was before it), "cubic" is
-    a spline, which has two derivatives. Before its first and after its last row every table keeps its end value.
+    a spline, which has two derivatives. Of a trajectory, wrapped angles are unwrapped for these two and the sign of a
+    quaternion does not jump. Before its first and after its last row every table keeps its end value.
 
     Raises ModelError for a wrong name, shape or unit, and for a function that cannot be evaluated symbolically.
     """
@@ -189,6 +191,11 @@ def _table(flat: FlatModel, name: str, index: int, value: Any) -> tuple[np.ndarr
         expected = flat.variables[index].unit
         if expected is not None and si_unit(expected).dimension != si_unit(unit).dimension:
             raise ModelError(f"input '{name}' is in {expected}; the trajectory gives it in {unit}")
+        if interpolation != "previous":
+            try:
+                values = smooth_rows(value.time, values, nature_of(values, unit), name)
+            except TrajectoryError as error:
+                raise ModelError(f"input '{name}': {error}") from None
         return value.time, values, interpolation
     if isinstance(value, tuple) and len(value) == 2:
         try:

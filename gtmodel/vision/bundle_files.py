@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 
 from ..inference.bundle import ResidualBlock, UnknownGroup
-from ..results.disk import write_whole
+from ..results.disk import path_of, write_whole
 from ..results.refusal import ArgumentError
 from .rigid_poses import POSE, applied, rotation_vectors
 
@@ -71,7 +71,7 @@ def read_bal(path: str | Path) -> BundleFile:
     >>> one.points, one.cameras[0, 7]
     (array([[0.1, 0.2, 0.3]]), np.float64(400.0))
     """
-    path = Path(path)
+    path = path_of(path)
     try:
         words = path.read_text(encoding="utf-8").split()
         cameras, points, n = (int(w) for w in words[:3])

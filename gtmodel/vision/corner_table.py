@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..results.disk import path_of
 from ..results.refusal import ArgumentError
 
 PICTURE, MARK = ("picture", "pair", "pose"), ("mark", "corner")
@@ -96,7 +97,7 @@ def read_corners(path: str | Path) -> CornerTable:
     >>> table.cameras, table.n, table.uv[1]
     (('left', 'right'), 2, array([127.9, 110.3]))
     """
-    path = Path(path)
+    path = path_of(path)
     try:
         with path.open(newline="", encoding="utf-8") as file:
             reader = csv.DictReader(file)

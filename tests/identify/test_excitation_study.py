@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import time
 from dataclasses import replace
 from typing import Any
@@ -117,6 +118,7 @@ class TestChoices:
     def test_splines(self, l1) -> None:
         s = small(l1, replace(SMALL, family="spline", intervals=6))
         assert s.status is SolveStatus.SOLVED and set(s.coefficients) == {"controls_m"}
+        assert re.search(r"; local optimum; [123] of 3 starts ended here$", s.message)
         assert s.checks["limits_excess_on_fine_grid"].passed and s.coverage is None
         assert all(s.figure(name).axes for name in ("motion", "information", "workspace"))
 

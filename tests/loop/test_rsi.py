@@ -106,6 +106,14 @@ IPOC = b"<IPOC>00004208163634</IPOC>"
         ("an element that is not closed", b"</ProgStatus>", b""),
         ("an end too many", b"</ProgStatus>", b"</ProgStatus></ProgStatus>"),
         ("a stroke before an attribute", b"<Delay D", b"<Delay /D"),
+        ("a comment that does not end", b"<Delay", b"<!-- <Delay"),
+        ("a comment with two hyphens", b"<Delay", b"<!-- a -- b --><Delay"),
+        ("a comment that three hyphens end", b"<Delay", b"<!-- a ---><Delay"),
+        ("a comment of one hyphen", b"<Delay", b"<!- a --><Delay"),
+        ("a comment within the digits", b"4208163634", b"42<!-- -->08163634"),
+        ("a comment behind the end that does not end", b"</Rob>", b"</Rob><!-- "),
+        ("a declaration", b"<Delay", b"<!DOCTYPE Rob><Delay"),
+        ("what only a comment holds", IPOC, b"<!--" + IPOC + b"-->"),
     ],
 )
 def test_telegrams_of_another_shape_are_refused(runtime: ctypes.CDLL, what: str, old: bytes, new: bytes) -> None:
@@ -123,6 +131,10 @@ def test_telegrams_of_another_shape_are_refused(runtime: ctypes.CDLL, what: str,
         (IPOC, b"<IPOC> 00004208163634 </IPOC >"),
         (IPOC, b'<Tech C11="1"><A><B/></A>text</Tech>' + IPOC),
         (b"<?xml", b" <?xml"),
+        (b"<Rob ", b"<!-- of the cell, <Rob> - not yet --><Rob "),
+        (b"<EIPos", b'<!--<EIPos E1="9"/> </Rob> " > --><!-- --><EIPos'),
+        (IPOC, b"<IPOC><!--was 3--> 00004208163634 <!----></IPOC>"),
+        (b"</Rob>", b"<!-- - --></Rob> <!-- end -->\n<!---->"),
     ],
 )
 def test_telegrams_of_the_same_meaning_are_read(runtime: ctypes.CDLL, old: bytes, new: bytes) -> None:
@@ -133,10 +145,13 @@ def test_telegrams_of_the_same_meaning_are_read(runtime: ctypes.CDLL, old: bytes
 
 def test_c_and_python_agree_on_spoilt_telegrams(runtime: ctypes.CDLL) -> None:
     accepted = 0
-    for data in spoilt(TELEGRAM, 4000, 2, b"<>/=\"'?. -+0123456789eERobIPOCAEX"):
+    for data in spoilt(TELEGRAM, 4000, 2, b"<>/=\"'?!. -+0123456789eERobIPOCAEX"):
         found = _python(data)
         assert decode_rsi(runtime, data) == found
         accepted += found is not None
+    commented = TELEGRAM.replace(b"<EIPos", b"<!-- a - b --><EIPos").replace(b"</Rob>", b"</Rob><!---->")
+    for data in spoilt(commented, 2000, 3, b"<>/=\"'?!. -+0123456789eERobIPOCAEX"):
+        assert decode_rsi(runtime, data) == _python(data)
     assert 200 < accepted < 3800, "both verdicts occur"
 
 

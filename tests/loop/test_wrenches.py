@@ -133,6 +133,7 @@ def _message(wrench: Wrench) -> bytes:
         (b' State="0"', b"", 3),
         (b"<FtHandle", b"<In><FtHandle", None),
         (b"<FtHandle", b"<FtTool A='1'/><FtHandle", 3),
+        (b"<FtHandle", b"<!-- <FtHandle FX='9' Age='1'/> <In> --><FtHandle", 3),
     ],
 )
 def test_a_wrench_of_a_telegram_stands_once_in_rob(

@@ -191,3 +191,25 @@ def test_decimal_commas_between_blanks_are_asked_about(tmp_path: Path) -> None:
             open_log(path)
         (stream,) = open_log(path, LogForm(decimal="comma"))
         assert stream.read({"x": [stream.heads.names[1]]}).values["x"][:, 0].tolist() == [1.5, 1.7, 1.6]
+
+
+def test_links_of_hdf5_are_named_with_where_they_lead(tmp_path: Path) -> None:
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "numbers.h5", "w") as file:
+        file["t"], file["x"] = T, STORED
+    for name, link, said in (
+        ("elsewhere", h5py.ExternalLink("numbers.h5", "/x"), r"'x' is a link to '/x' of numbers.h5; read that file"),
+        ("nowhere", h5py.SoftLink("/in/y"), r"'x' is a link to '/in/y', where this file holds nothing"),
+        ("round", h5py.SoftLink("/x"), r"'x' is a link to '/x', where this file holds nothing"),
+    ):
+        with h5py.File(tmp_path / f"{name}.h5", "w") as file:
+            file["x"] = link
+        with pytest.raises(LogError, match=r"holds no array of numbers; " + said):
+            open_log(tmp_path / f"{name}.h5")
+        with h5py.File(tmp_path / f"{name}.h5", "a") as file:
+            file["t"], file["raw/z"], file["z"] = T, STORED, h5py.SoftLink("/raw/z")
+        read = {"z": Column("raw.z", "1")}
+        assert len(read_log(tmp_path / f"{name}.h5", read, time=Column("t", "s"))) == 1
+        for column, words in (("x", said), ("z", "'z' is a link to 'raw.z' of this file; take that name")):
+            with pytest.raises(LogError, match=words):
+                read_log(tmp_path / f"{name}.h5", {"q": Column(column, "1")}, time=Column("t", "s"))

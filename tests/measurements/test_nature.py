@@ -11,9 +11,9 @@ import pytest
 from scipy.spatial.transform import Rotation, RotationSpline
 
 import gtmodel as gt
-from gtmodel.measurements import AlignBy, EvenGrid, LogError, resample, resampling_study, smooth
-from gtmodel.measurements.nature import natures
-from gtmodel.results import ArgumentError
+from gtmodel.measurements import AlignBy, EvenGrid, resample, resampling_study, smooth
+from gtmodel.results import ArgumentError, TrajectoryError
+from gtmodel.results.interpolation import natures
 
 ROWS, STEP = 400, 0.01
 CLEAN, DAMAGED = range(4000, 4400), range(5000, 5200)
@@ -126,16 +126,16 @@ def test_plain_numbers_stay_as_they_are() -> None:
 def test_a_turn_whose_sense_is_not_clear_is_refused_with_its_time() -> None:
     t = 0.1 * np.arange(40)
     fast = gt.Trajectory(t, {"a": np.radians((110.0 * np.arange(40) + 180) % 360 - 180)}, {"a": "rad"})
-    with pytest.raises(LogError, match=r"'a' turns by 110 deg from [\d.]+ s to [\d.]+ s") as told:
+    with pytest.raises(TrajectoryError, match=r"'a' turns by 110 deg from [\d.]+ s to [\d.]+ s") as told:
         resample(fast)
     assert "90 deg" in str(told.value)
     q = np.tile([0.0, 0.0, 0.0, 1.0], (40, 1))
     q[20:] = [0.0, 0.0, np.sin(1.0), np.cos(1.0)]  # 2 rad at once
-    with pytest.raises(LogError, match=r"'q' turns by 114.6 deg from 1.9 s to 2 s"):
+    with pytest.raises(TrajectoryError, match=r"'q' turns by 114.6 deg from 1.9 s to 2 s"):
         resample(gt.Trajectory(t, {"q": q}, {"q": "1"}))
     q[20:] = q[0]
     q[7] *= 0.004
-    with pytest.raises(LogError, match=r"1 of its 40 rows .* at 0.7 s, the worst 0.004"):
+    with pytest.raises(TrajectoryError, match=r"1 of its 40 rows .* at 0.7 s, the worst 0.004"):
         resample(gt.Trajectory(t, {"q": q + 1e-4 * np.sin(t)[:, None]}, {"q": "1"}))
 
 

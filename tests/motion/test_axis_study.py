@@ -172,6 +172,11 @@ def test_stopped_it_holds_the_best_iterate():
     def progress(stage=None, fraction=None, numbers=None) -> None:
         iterations.append(int((numbers or {}).get("iteration", 0)))
 
+    told: list[str | None] = []
+    late = studied(free(mesh=AxisMesh(3), progress=lambda stage=None, *_: told.append(stage),
+                        stop=lambda: "moving all six axes by the forces" in told))  # fmt: skip
+    assert late.status is SolveStatus.INTERRUPTED and "stopped before the forces were tried" in late.message
+    assert late.final_time and late.end_error is None and "end_error_m" not in late.checks
     stopped = studied(free(mesh=AxisMesh(3), progress=progress, stop=lambda: iterations[-1] >= 2))
     assert stopped.status is SolveStatus.INTERRUPTED and stopped.trajectory is not None
     assert stopped.final_time is not None and [row.label for row in stopped.rows] == ["final time"]

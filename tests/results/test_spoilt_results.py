@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -51,3 +52,18 @@ def test_what_is_no_object_is_refused_by_both_doors(written: Path, text: str) ->
         read(written)
     with pytest.raises(InputError, match="--start"):
         start_of(written, "trajectory")
+
+
+READERS: dict[str, Callable[[Any], object]] = {
+    "read": read, "load": gt.load, "csv": gt.Trajectory.from_csv, "npz": gt.Trajectory.from_npz,
+    "inspect": gt.measurements.inspect, "log": lambda x: gt.measurements.read_log(x, {}),
+    "recording": lambda x: gt.measurements.read_recording([x], {}), "urdf": gt.robots.from_urdf,
+    "points": gt.motion.read_points, "bundle": gt.vision.read_bal, "modelica": gt.modelica.listing,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("what", READERS)
+def test_no_path_is_a_sentence_to_every_reader(what: str) -> None:
+    for none in (3, None, 2.5):
+        with pytest.raises(ArgumentError, match="expected text or os.PathLike; found " + str(none)):
+            READERS[what](none)

@@ -200,7 +200,7 @@ def test_npz_of_another_program(tmp_path: Path) -> None:
         (
             "time [ms],x [m]\n0,1\n# pause\n4,1\n4,2\n",
             "FILE line 5, column 'time': 4.0 ms does not come after 4.0 ms in line 4; time must increase "
-            "strictly, so sort the rows or remove the repeated one",
+            "strictly, so average the rows of one time or keep the first",
         ),
         (
             "# synthetic:\ntime [s],x [m]\n0,1\n",

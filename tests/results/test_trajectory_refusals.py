@@ -20,8 +20,17 @@ SIX[2, 1] = NAN
     [
         (
             {"time": [0.0, 0.2, 0.2, 0.3]},
-            "time[2] = 0.2 s does not come after time[1] = 0.2 s; time must increase strictly, so sort the "
-            "rows or remove the repeated one",
+            "time[2] = 0.2 s does not come after time[1] = 0.2 s; time must increase strictly, so average "
+            "the rows of one time or keep the first",
+        ),
+        (
+            {"time": [0.0, 0.3, 0.2, 0.4]},
+            "time[2] = 0.2 s does not come after time[1] = 0.3 s; time must increase strictly, so sort the rows",
+        ),
+        (
+            {"time": [0.0, 0.3, 0.2, 0.3]},
+            "time[2] = 0.2 s does not come after time[1] = 0.3 s; time must increase strictly, so sort the rows, and "
+            "average the rows of one time or keep the first",
         ),
         ({"time": [0.0, INF, 2.0, 3.0]}, "time[1] is inf; expected finite seconds"),
         ({"time": []}, "time has shape (0,); expected (n,) with n at least 1"),

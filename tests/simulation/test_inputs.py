@@ -205,3 +205,21 @@ def test_prescribed_motion_by_a_table_without_acceleration_is_refused():
     table = (np.array([0.0, 1.0]), np.array([T0, T0]))
     with pytest.raises(ModelError, match=r"needs der\(T\[0\],2\), .*'linear' interpolation.*'cubic' interpolation"):
         simulate(l1(), 1.0, inputs={"T": table})
+
+
+@pytest.mark.parametrize("interpolation", ["linear", "cubic"])
+def test_a_wrapped_angle_of_a_trajectory_goes_on_across_pi(interpolation):
+    class Angle(gt.Model):
+        u = gt.input(unit="rad")
+        x = gt.variable(start=0.0, fixed=True, unit="rad.s")
+
+        def equations(self):
+            yield der(self.x) == self.u
+
+    t = np.linspace(0.0, 4.0, 81)
+    log = Trajectory(t, {"u": (2.0 * t + np.pi) % (2 * np.pi) - np.pi}, {"u": "rad"})
+    run = simulate(Angle(), 4.0, inputs={"u": (log, interpolation)}, tolerance=1e-10)
+    assert run.trajectory["x"][-1] == pytest.approx(16.0, abs=1e-8)  # the integral of 2 t
+    log = Trajectory(t, {"u": (40.0 * t + np.pi) % (2 * np.pi) - np.pi}, {"u": "rad"})  # 2 rad from row to row
+    with pytest.raises(ModelError, match=r"input 'u': 'u' turns by 114\.6 deg"):
+        simulate(Angle(), 4.0, inputs={"u": (log, interpolation)})

@@ -12,6 +12,7 @@ from ...lang.units import parse_unit
 from ...measurements import LogForm, signal_table
 from ...measurements.signal_table import SignalTable
 from ...results import ArgumentError
+from ...results.disk import path_of
 from ...results.refusal import naming
 from ..measurements import Correction, FixedPoint, Measurements, Pose
 from .options import ESTIMATE, Measured, MeasuredSignal, Sag
@@ -44,11 +45,11 @@ def read_poses(
     array([[ 0.5 , -0.6 , 0.5 ],
            [ 0.503, -0.601, 0.502]])
     """
-    sources = [Path(path)]
+    sources = [path_of(path)]
     tables = [_table(sources[0], measured, form)]
     held = None
     if held_out is not None:
-        sources.append(Path(held_out))
+        sources.append(path_of(held_out, "held_out"))
         tables.append(_table(sources[1], measured, form, "held_out.file"))
         held = np.repeat([False, True], [len(t.lines) for t in tables])
     measurements = _measurements(tables, measured, sources)

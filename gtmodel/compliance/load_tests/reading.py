@@ -11,6 +11,7 @@ import numpy as np
 from ...lang import Model
 from ...measurements import signal_table
 from ...results import ArgumentError
+from ...results.disk import path_of
 from ..arm_poses import ArmPoses, arm_poses
 from ..complementary import Compensator, complementary_stiffness
 from ..options import Load
@@ -82,7 +83,7 @@ def read_load_tests(path: Path | str, tests: LoadTests) -> MeasuredTests:
     """
     wanted = {n: (c.column, c.unit) for n in UNITS if (c := getattr(tests, n)) is not None}
     try:
-        table = signal_table.read(Path(path), wanted)
+        table = signal_table.read(path_of(path), wanted)
     except ArgumentError as error:
         at = error.argument.removeprefix("signals.") if error.argument else "file"
         raise ArgumentError(error.message, f"tests.{at}") from error

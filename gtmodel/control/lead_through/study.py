@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 else:
     PassivityBook = hint("gtmodel.control.lead_through", "PassivityBook")
 
+SO_FAR = "stopped before the end: this is what was found so far"
 AGREES = 0.05  # relative: limits by eigenvalues and by runs
 SEEN = 5.0  # times the noise: what noise alone does not reach
 POINTS = 13  # of the range of stiffnesses
@@ -113,6 +114,23 @@ def study(
     range_of = np.geomspace(*ends, POINTS)
     answers |= {"stiffnesses": range_of.tolist(), "gain_limits": (limit.gain / range_of).tolist()}
     notes: list[str] = []
+    run: ToolRun | None = None
+    book: PassivityBook | None = None
+    good, files = False, dict[str, str | bytes]()
+    shown = _synthetic(title or "lead-through")
+
+    def answer(status: SolveStatus = SolveStatus.INTERRUPTED) -> LeadThroughStudy:
+        said = SO_FAR if status is SolveStatus.INTERRUPTED or run is None else _message(answers, peg, good, run)
+        judged = run if good else None
+        return LeadThroughStudy(
+            status=status, message=said, title=shown, notes=notes, checks=checks, files=files,
+            run=judged, book=book,
+            figures={} if judged is None else
+            _figures(judged, book, answers, contact, gains, servo, setup, cones, hands, shown),
+            **answers,
+        )  # fmt: skip
+
+    work.keep(answer)
     try:
         simulated, swings = simulated_limit(gains, servo, limit.gain)
     except ArgumentError as unseen:
@@ -124,14 +142,13 @@ def study(
         )
     notes += _limit_notes(answers, contact, stiffness, watch) + _noise_notes(gains, tool)
     work.step("run")
-    law, run, blind = _run(contact, phases, gains, turning, watch, servo, handle, tool, hand, setup)
+    law, made, blind = _run(contact, phases, gains, turning, watch, servo, handle, tool, hand, setup)
     notes += _not_seen(blind)
-    good = run.allowed
-    checks["sensors_usable"] = Check(float(run.status), judged=run.allowed, advice=run.status.message)
+    checks["sensors_usable"] = Check(float(made.status), judged=made.allowed, advice=made.status.message)
+    run = made
     if run.stopped is not None:
         notes.append(f"the motion was stopped at {run.stopped:.4g} s, and is not judged: {run.status.message}")
-    book, files, seen = None, {}, None
-    if good:
+    if run.allowed:
         book = at_the_handle(run, gains, turning, servo)
         answers |= {"energy_passed": book.passed, "least_window": book.worst, "energy_deficit": book.deficit}
         notes.append(f"energy at the handle: {book}")
@@ -140,7 +157,7 @@ def study(
         )
         files["samples.csv"] = _table(run)
         more, said, judged = (aligned if peg else forces)(run, contact, law, gains, setup, tool)  # type: ignore[arg-type]
-        answers, notes, checks = answers | more, notes + said, checks | judged
+        answers, notes, checks, good = answers | more, notes + said, checks | judged, True
     if hands is not None:
         work.step("hands")
         seen = hand_stability(gains, servo, hands, turning, float(np.linalg.norm(setup.grip)))
@@ -150,13 +167,7 @@ def study(
     if cones is not None:
         work.step("cones")
         answers["cone_deviations"] = cone_deviations(gains, servo, cones)
-    shown = _synthetic(title or "lead-through")
-    return LeadThroughStudy(
-        status=SolveStatus.SOLVED, message=_message(answers, peg, good, run), title=shown, notes=notes, checks=checks,
-        files=files, run=run if good else None, book=book,
-        figures=_figures(run, book, answers, contact, gains, servo, setup, cones, hands, shown) if good else {},
-        **answers,
-    )  # fmt: skip
+    return answer(SolveStatus.SOLVED)
 
 
 def _loop_gain(contact: SyntheticSurface | SyntheticHole, gains: SurfaceGains, turning: TurningGains) -> dict[str, Any]:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import scipy
 
+from ...results.interpolation import smooth
 from ...results.refusal import ArgumentError
 from ...results.trajectory import Trajectory
 
@@ -28,7 +29,8 @@ def complementary(
         order: of the Butterworth filter. zero_phase: it runs forward and backward over the log, which halves its gain
             at the cutoff; off, it is causal.
 
-    Returns a trajectory of the same name and unit as `slow`. Raises ArgumentError for signals that do not match.
+    Returns a trajectory of the same name and unit as `slow`, a wrapped angle unwrapped. Raises ArgumentError where the
+    signals do not match.
 
     >>> t = 0.004 * np.arange(500)
     >>> truth = 0.01 * np.sin(2 * np.pi * 10 * t)
@@ -38,7 +40,7 @@ def complementary(
     >>> bool(np.abs(z - truth)[100:400].max() < 0.05 * 0.01)
     True
     """
-    name, z_c = _single(slow, "slow")
+    name, z_c = _single(smooth(slow), "slow")
     _, a = _single(acceleration, "acceleration")
     t = slow.time
     if a.shape != z_c.shape or not np.array_equal(t, acceleration.time):

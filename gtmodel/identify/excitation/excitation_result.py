@@ -11,6 +11,7 @@ import numpy as np
 
 from ...inference import FALSE_ALARM, Coverage, binomial_band
 from ...motion.links import link_ends
+from ...optimize.judgement.reached_optima import ReachedOptima
 from ...results import SolveStatus, Trajectory, at_most
 from ...results.trajectory_files import TRAJECTORY
 from .basis import FourierSeries
@@ -54,8 +55,10 @@ def study_of_motion(
         low, high = binomial_band(seen.runs, seen.level, 1 - FALSE_ALARM / len(seen.names))
         checks["coverage_outside_band"] = at_most(float(np.count_nonzero((seen.hits < low) | (seen.hits > high))), 0.0)
     status = SolveStatus.INTERRUPTED if SolveStatus.INTERRUPTED in [e.status for e in runs] else best.status
+    reached = ReachedOptima([e.objective if e.status.ok else None for e in runs])
+    sentences = [best.message, reached.message(best.objective) if best.status.ok else ""]
     return ExcitationStudy(
-        status=status, message=best.message, title=title, objective=best.objective,
+        status=status, message="; ".join(filter(None, sentences)), title=title, objective=best.objective,
         iterations=sum(e.iterations for e in runs), checks=checks, **values, trajectory=trajectory,
         machine_files=(TRAJECTORY,),
         figures={

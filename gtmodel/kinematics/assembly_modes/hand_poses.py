@@ -10,6 +10,7 @@ import scipy
 
 from ...measurements.csv_table import CsvTable
 from ...results import ArgumentError, naming
+from ...results.disk import path_of
 from ..causality.conditions import UNIT_LENGTH
 from .options import COLUMNS, CommandedPose
 from .six_links import Hands, SixLinks
@@ -24,7 +25,7 @@ def read_poses(path: str | Path) -> list[CommandedPose]:
     >>> read_poses("poses.csv")[0].axes
     [1.5707963267948966, 0.0, 0.0]
     """
-    path = Path(path)
+    path = path_of(path)
     with naming("poses", ArgumentError):
         table = CsvTable(path)
     head = table.names

@@ -10,12 +10,12 @@ import numpy as np
 from ...inference.covariance import automatic_lag, newey_west, white
 from ...inference.residuals import SMALL_P, Verdict, autocorrelation, portmanteau
 from ...results.estimate import Estimate
+from ...results.interpolation import smooth
 from ...results.refusal import ArgumentError
 from ...results.trajectory import Trajectory
 from ...results.trajectory_errors import Array
 from ...results.work import Progress, silent
 from ..log import LogError
-from ..nature import smooth
 from .coarse import OVERLAP, Series, coarse_offset
 from .common_curve import PROBES, CurveFit, Freed, Warp, fit_curve, shown
 

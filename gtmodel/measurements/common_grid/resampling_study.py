@@ -12,13 +12,13 @@ import numpy as np
 from ...results import ArgumentError, SolveStatus, Work, at_least
 from ...results.door import study_function
 from ...results.estimate import Estimate
+from ...results.interpolation import said
 from ...results.trajectory import Trajectory
 from ...results.trajectory_errors import Array
 from ...results.work import Progress, never, silent
 from ..alignment.align import Alignment, align
 from ..alignment.delay_study import RELATED
 from ..log import LEFT_OUT
-from ..nature import said
 from ..resampling import Resampled, resample
 from ..sampling import SamplingReport, sampling_of
 from .options import AlignBy, EvenGrid

@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...results.interpolation import NEAR, nature_of
 from ...results.trajectory_errors import Array
 from ...results.unit_names import unit_of
-from ..nature import NEAR, nature_of
 from ..streams.heads import is_unit, spelled
 from .columns import ColumnFacts
 

@@ -315,7 +315,7 @@ def _parameters(file: MatFile) -> list[str]:
     if short:
         notes.append("short vectors: " + _listed(short))
     if file.skipped:
-        notes.append("no numbers in " + _listed(file.skipped))
+        notes.append("no numbers in " + _listed(list(file.skipped)))
     return notes
 
 

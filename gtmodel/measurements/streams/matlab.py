@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -19,6 +19,7 @@ from .stream import ArrayStream
 MOST_COMPONENTS = 64  # of a signal; a matrix with more both ways is a picture or a map
 SHORTEST = 3  # samples: shorter vectors are parameters
 MOST_STRUCTS = 100  # of an array of structs
+NO_NUMBERS = "holds no numbers; of a text, a cell or an object such as a timetable save the numbers as arrays"
 
 
 class MatVariable(NamedTuple):
@@ -34,16 +35,17 @@ class MatFile:
 
     The components of a matrix of matrices, (4, 4, n), are numbered row by row.
 
-    `skipped`: names of what is no array of numbers. Raises LogError for what cannot be read.
+    `skipped`: by the name of what is no array of numbers, what it is. Raises LogError for what cannot be read.
     """
 
     def __init__(self, path: Path, form: LogForm) -> None:
         self.source, self.form = shown(path), form
-        self.skipped: list[str] = []
+        self.skipped: dict[str, str] = {}
         read = _of_hdf5 if is_hdf5(path) else _of_old
         self.variables: dict[str, MatVariable] = dict(self._kept(read(path, form)))
         if not self.variables:
-            raise LogError(f"{self.source} holds no array of numbers")
+            linked = next((f"; '{name}' {said}" for name, said in self.skipped.items() if said != NO_NUMBERS), "")
+            raise LogError(f"{self.source} holds no array of numbers{linked}")
 
     def streams(self) -> list[ArrayStream]:
         """The variables of each length as a table, the longest one first; what is shorter than a recording is no
@@ -59,7 +61,7 @@ class MatFile:
         if variable is None:
             raise LogError(
                 Heads(list(self.variables), self.source).missing(time)
-                + ("" if time not in self.skipped else "; it holds no numbers")
+                + (f"; '{time}' {self.skipped[time]}" if time in self.skipped else "")
             )
         if not _is_vector(variable.shape):
             raise LogError(f"{self.source}: the time '{time}' is a matrix {_size(variable.shape)}; expected a vector")
@@ -112,10 +114,10 @@ class MatFile:
             return axis if shape[axis] == length else None
         return max((k for k, n in enumerate(shape) if n == length), default=None)
 
-    def _kept(self, arrays: Iterator[tuple[str, MatVariable | None]]) -> Iterator[tuple[str, MatVariable]]:
+    def _kept(self, arrays: Iterator[tuple[str, MatVariable | str]]) -> Iterator[tuple[str, MatVariable]]:
         for name, variable in arrays:
-            if variable is None:
-                self.skipped.append(name)
+            if isinstance(variable, str):
+                self.skipped[name] = variable
             elif int(np.prod(variable.shape)):
                 yield name, variable
 
@@ -128,10 +130,7 @@ class MatFile:
                 "as the time has"
             )
         if name in self.skipped:
-            raise LogError(
-                f"{self.source}: the variable '{name}' holds no numbers; of a text, a cell or an object such as a "
-                "timetable save the numbers as arrays"
-            )
+            raise LogError(f"{self.source}: the variable '{name}' {self.skipped[name]}")
 
 
 class _MatHeads(Heads):
@@ -162,7 +161,7 @@ def is_hdf5(path: Path) -> bool:
     return head.startswith(b"\x89HDF") or head[512:516] == b"\x89HDF"
 
 
-def _of_old(path: Path, form: LogForm) -> Iterator[tuple[str, MatVariable | None]]:
+def _of_old(path: Path, form: LogForm) -> Iterator[tuple[str, MatVariable | str]]:
     from scipy.io import loadmat
 
     refuse_damaged(path, form)
@@ -182,11 +181,11 @@ def _of_old(path: Path, form: LogForm) -> Iterator[tuple[str, MatVariable | None
             yield from _flat(str(name), value)
 
 
-def _flat(name: str, value: Any) -> Iterator[tuple[str, MatVariable | None]]:
+def _flat(name: str, value: Any) -> Iterator[tuple[str, MatVariable | str]]:
     from scipy.io.matlab import MatlabFunction, MatlabObject, MatlabOpaque
 
     if isinstance(value, (MatlabFunction, MatlabObject, MatlabOpaque)):  # their fields are not what the object shows
-        yield name, None
+        yield name, NO_NUMBERS
         return
     value = np.asarray(value)
     if value.dtype.names and value.size <= MOST_STRUCTS:
@@ -196,18 +195,19 @@ def _flat(name: str, value: Any) -> Iterator[tuple[str, MatVariable | None]]:
     elif value.dtype.kind in "biuf":
         yield name, MatVariable(value.shape or (1,), lambda: value)
     else:
-        yield name, None
+        yield name, NO_NUMBERS
 
 
 _NUMBERS = {b"double", b"single", b"logical"} | {f"{u}int{n}".encode() for u in ("u", "") for n in (8, 16, 32, 64)}
 
 
-def _of_hdf5(path: Path, form: LogForm) -> Iterator[tuple[str, MatVariable | None]]:
+def _of_hdf5(path: Path, form: LogForm) -> Iterator[tuple[str, MatVariable | str]]:
     h5py = needed("h5py", f"{shown(path)} is a MATLAB 7.3 or HDF5 file")
     try:
         with h5py.File(path) as file:
             names: list[str] = []
             file.visit(names.append)
+            yield from _links(h5py, file, names)
             for name in names:
                 node = file[name]
                 if name.startswith("#") or not hasattr(node, "shape"):
@@ -216,7 +216,7 @@ def _of_hdf5(path: Path, form: LogForm) -> Iterator[tuple[str, MatVariable | Non
                 dotted = name.replace("/", ".")
                 other = own is not None and (own not in _NUMBERS or "MATLAB_object_decode" in node.attrs)
                 if node.dtype.kind not in "biuf" or node.attrs.get("MATLAB_empty") or other or node.shape is None:
-                    yield dotted, None
+                    yield dotted, NO_NUMBERS
                     continue
                 said = {key: node.attrs[key] for key in node.attrs if own is None}
                 attributes = attributes_of(said, f"{shown(path)}, variable '{dotted}'")
@@ -224,6 +224,35 @@ def _of_hdf5(path: Path, form: LogForm) -> Iterator[tuple[str, MatVariable | Non
                 yield dotted, MatVariable(shape, _loader(h5py, path, form, name, own is not None), attributes)
     except _DAMAGED as error:
         raise _damaged(path, error) from error
+
+
+def _links(h5py: Any, file: Any, names: Sequence[str]) -> Iterator[tuple[str, str]]:
+    """Names that stand for something else, and what each leads to; an array of this file is read under its own name."""
+    for group in ("", *names):
+        node = file[group] if group else file
+        if not isinstance(node, h5py.Group):
+            continue
+        for name in node:
+            link = node.get(name, getlink=True)
+            if isinstance(link, h5py.HardLink):
+                continue
+            dotted, path = f"{group}/{name}".strip("/").replace("/", "."), str(link.path)
+            if isinstance(link, h5py.ExternalLink):
+                said = f"is a link to '{path}' of {link.filename}"
+                yield dotted, f"{said}; read that file, or write the numbers into this one"
+            elif _leads(node, name):
+                own = (path if path.startswith("/") else f"{group}/{path}").strip("/").replace("/", ".")
+                yield dotted, f"is a link to '{own}' of this file; take that name"
+            else:
+                yield dotted, f"is a link to '{path}', where this file holds nothing; write the numbers into it"
+
+
+def _leads(group: Any, name: str) -> bool:
+    """Whether a link leads anywhere; links in a circle do not."""
+    try:
+        return name in group and group.get(name) is not None
+    except _DAMAGED:
+        return False
 
 
 _DAMAGED = (OSError, RuntimeError, KeyError, ValueError, TypeError)  # what h5py raises of damaged files

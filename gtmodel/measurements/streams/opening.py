@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ...results.disk import path_of
 from ...results.trajectory_files import PathLike
 from .form import LogError, LogForm, shown
 from .matlab import MatFile
@@ -90,7 +91,7 @@ def stream_of(path: PathLike, form: LogForm, name: str = "", time: str = "", hol
 
 def content_of(path: PathLike, form: LogForm) -> Stream | MatFile | Bag:
     """The file, opened by what reads it."""
-    path = Path(path)
+    path = path_of(path)
     if path.is_dir() or path.name == "metadata.yaml":
         if not path.is_dir() or (path / "metadata.yaml").is_file():
             return _bag(path, form)

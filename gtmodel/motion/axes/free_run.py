@@ -16,6 +16,7 @@ from ..followed_branch import FollowedBranch
 Array = np.ndarray
 TOLERANCE = 1e-8  # relative and absolute, far below what the sampled forces leave
 AXES = 6
+INTERRUPTED = "interrupted"
 
 
 @dataclass(frozen=True)
@@ -71,7 +72,7 @@ def free_run(
             forward.kept(row[:AXES], row[AXES:], force(t))
         times += done.t.tolist()
         if interrupted():
-            trouble.append("interrupted")
+            trouble.append(INTERRUPTED)
         if trouble or not done.success:
             return FreeRun(y[:AXES], y[AXES:], np.inf, (trouble or [str(done.message)])[0])
         y = done.y[:, -1]

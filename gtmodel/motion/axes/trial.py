@@ -18,7 +18,7 @@ from ...results.trajectory_files import TRAJECTORY
 from ..constraints import MARGIN_TOLERANCE, clearances
 from ..finer_mesh import how
 from ..motion_result import SATURATED, at_points
-from .free_run import free_run
+from .free_run import INTERRUPTED, free_run
 from .options import AxisMesh
 from .plan import AxisPlan
 from .planning import LINKS
@@ -154,6 +154,9 @@ def _tried(
         "end_error_deg": (converted(angle, "rad", "deg"), END_ERROR_DEG),
         "pose_apart_m": (pose_apart, POSE_APART_M),
     }
+    stopped = free.message == INTERRUPTED
+    if stopped:  # what was not reached is not judged
+        bounds = {name: bound for name, bound in bounds.items() if np.isfinite(bound[0])}
     if followed:
         bounds["path_error_m"] = (followed["path_error"], PATH_M)
     if margins:
@@ -167,9 +170,10 @@ def _tried(
     if not free.message and mesh.control != "linear":
         trouble += ' or mesh.control = "linear"'
     checks: dict[str, Any] = {"constraint_violation": solution.checks["constraint_violation"]}
-    said = f"{how(solution)}, re-simulated, and tried on all six axes"
+    tried = "stopped before the forces were tried" if stopped else "tried"
+    said = f"{how(solution)}, re-simulated, and {tried} on all six axes"
     return AxisStudy(
-        status=SolveStatus.SOLVED,
+        status=SolveStatus.INTERRUPTED if stopped else SolveStatus.SOLVED,
         message="; ".join(filter(None, [said, solution.reservation])),
         title=problem.title,
         objective=solution.objective,

@@ -12,6 +12,7 @@ import numpy as np
 import scipy
 
 from ...lang import ModelError
+from ...results.disk import path_of
 from ...results.read_bounds import XmlFault
 from .bodies import moved, six_of
 from .rotations import rotation_of_rpy, rpy_of_rotation
@@ -100,6 +101,7 @@ class Urdf:
 
 def read_urdf(source: str | Path) -> Urdf:
     """A file, or its text where it begins with "<". Raises ModelError with file and line."""
+    path_of(source, "source")
     text = str(source)
     if text.lstrip().startswith("<"):
         file, content = "URDF text", text.encode()

@@ -11,6 +11,7 @@ import numpy as np
 from ...lang.units import UnitError, convert, parse_unit
 from ...measurements.csv_table import CsvTable
 from ...results import ArgumentError
+from ...results.disk import path_of
 from .frequency_response import ORDER, UNITS, FrequencyResponse, frequency_response
 from .options import ModalFitting
 
@@ -43,7 +44,7 @@ def read_experiments(index: str | Path, fit: ModalFitting | None = None) -> list
     direction are hits of one experiment, unless a column experiment separates them. Files are looked for beside it,
     then in the working directory. fit: estimator and windows of hits. Raises ArgumentError.
     """
-    path, fit = Path(index), fit or ModalFitting()
+    path, fit = path_of(index, "index"), fit or ModalFitting()
     table = CsvTable(path)
     for name in (*_PLACE, "direction", "file"):
         if name not in table.names:

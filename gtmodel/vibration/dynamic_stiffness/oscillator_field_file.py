@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import tomli_w
 
+from ...results.disk import path_of
 from ...results.read_bounds import toml_of
 from .gaussian_process import GaussianProcess
 from .gaussian_process_kernel import KernelInputs
@@ -67,7 +68,7 @@ def load_oscillator_field(path: str | Path) -> OscillatorField:
     >>> np.array_equal(again.at(poses[0]), field.at(poses[0]))
     True
     """
-    name = Path(path).name
+    name = path_of(path).name
     try:
         content = toml_of(Path(path).read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:

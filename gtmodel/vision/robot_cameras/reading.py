@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...results.disk import write_whole
+from ...results.disk import path_of, write_whole
 from ...results.refusal import ArgumentError
 from ..detection.corner_rows import CornerRow, corners_csv
 from ..detection.targets import Target
@@ -40,39 +40,36 @@ def read_pictures(
     >>> len(pictures), pictures.cameras
     (1080, ('left', 'right'))
     """
+    corners, actuators = path_of(corners, "corners"), path_of(actuators, "actuators")
     readings: dict[str, list[float]] = {}
-    for name, row, line in _rows(Path(actuators), "actuators"):
+    for name, row, line in _rows(actuators, "actuators"):
         if name in readings:
-            raise ArgumentError(
-                f"{Path(actuators).name}, line {line}: pose {name} is there twice; keep one", "actuators"
-            )
+            raise ArgumentError(f"{actuators.name}, line {line}: pose {name} is there twice; keep one", "actuators")
         readings[name] = row
-    head = _table(Path(actuators), "actuators")[0][1:]
+    head = _table(actuators, "actuators")[0][1:]
     moving = sum(name.startswith("rate") for name in head)
     if moving not in (0, len(head) / 2):
-        raise ArgumentError(
-            f"{Path(actuators).name} has {moving} rates for {len(head) - moving} actuators", "actuators"
-        )
+        raise ArgumentError(f"{actuators.name} has {moving} rates for {len(head) - moving} actuators", "actuators")
     factor = _factor(unit)
-    rows = list(_corner_rows(Path(corners), sigma))
+    rows = list(_corner_rows(corners, sigma))
     if not rows:
-        raise ArgumentError(f"{Path(corners).name} has no corner", "corners")
+        raise ArgumentError(f"{corners.name} has no corner", "corners")
     cameras = tuple(dict.fromkeys(r[0] for r in rows))
     poses = tuple(dict.fromkeys(r[1] for r in rows))
     missing = [p for p in poses if p not in readings]
     if missing:
-        raise ArgumentError(f"pose {missing[0]} has corners but no row in {Path(actuators).name}", "actuators")
+        raise ArgumentError(f"pose {missing[0]} has corners but no row in {actuators.name}", "actuators")
     marks = {m: k for k, m in enumerate(target.marks)}
     strange = [r for r in rows if r[2] not in marks]
     if strange:
         raise ArgumentError(
-            f"{Path(corners).name}, line {strange[0][6]}: the target has no mark '{strange[0][2]}'; it has "
+            f"{corners.name}, line {strange[0][6]}: the target has no mark '{strange[0][2]}'; it has "
             f"{target.marks[0]} to {target.marks[-1]}",
             "corners",
         )
     index = [{n: k for k, n in enumerate(names)} for names in (cameras, poses)]
     table = factor * np.array([readings[p] for p in poses])
-    with Path(corners).open(encoding="utf-8") as file:
+    with corners.open(encoding="utf-8") as file:
         first = file.readline().strip()
     return RobotPictures(
         cameras, poses, target.marks,
@@ -87,11 +84,12 @@ def read_pictures(
 def _device(path: str | Path | None, factor: float, noise: float, poses: dict[str, int]) -> SecondDevice | None:
     if path is None:
         return None
-    rows = [(name, row, line) for name, row, line in _rows(Path(path), "device") if name in poses]
+    path = path_of(path, "device")
+    rows = [(name, row, line) for name, row, line in _rows(path, "device") if name in poses]
     wrong = [line for _, row, line in rows if len(row) != 3]
     if wrong or not rows:
         where = f"line {wrong[0]}: expected pose, x, y, z" if wrong else "no pose of the pictures is in it"
-        raise ArgumentError(f"{Path(path).name}, {where}", "device")
+        raise ArgumentError(f"{path.name}, {where}", "device")
     return SecondDevice(np.array([poses[n] for n, *_ in rows]), factor * np.array([r for _, r, _ in rows]), noise)
 
 

@@ -212,3 +212,13 @@ def test_a_run_that_a_sensor_stops_on_the_way_says_when() -> None:
     assert not s.checks["sensors_usable"].passed and s.run is None
     assert any("stopped at 4 s" in n for n in s.notes)
     assert not any("stopped at" in n for n in of(tool=L.SyntheticSensor(sign=-1.0)).notes)
+
+
+@pytest.mark.parametrize("asked", [1, 2])
+def test_stopped_it_keeps_the_limits_and_the_run(asked: int) -> None:
+    looks = iter(range(100))
+    s, whole = of(hands=L.HandRange(), stop=lambda: next(looks) >= asked), of()
+    assert s.status is gt.SolveStatus.INTERRUPTED and "so far" in s.message
+    assert (s.limit, s.simulated_limit, s.gain_limits) == (whole.limit, whole.simulated_limit, whole.gain_limits)
+    assert (s.mean_force, s.least_window) == ((None, None) if asked == 1 else (whole.mean_force, whole.least_window))
+    assert s.hand_damping is None and set(s.checks) < {*whole.checks, "hand_damping"}
