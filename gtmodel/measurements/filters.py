@@ -56,7 +56,7 @@ class ZeroPhase:
         """
         rows = np.asarray(rows, dtype=float)
         nature = nature_of(rows, unit)
-        rows = smooth_rows(sample_time * np.arange(len(rows)), rows, nature, nature or "")
+        rows = smooth_rows(sample_time * np.arange(len(rows), dtype=float), rows, nature, nature or "")
         return rotation_rows(self.linear(rows, sample_time), nature)
 
     def linear(self, rows: Array, sample_time: float) -> Array:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -168,49 +168,55 @@ def feedback_map(
     axes = [np.linspace(low[i], high[i], options.points) for i in (0, 1)]
     grid = np.stack(np.meshgrid(*axes), axis=-1)
     times: dict[str, Any] = {"cycle": timing.cycle, "delay": timing.delay, "draws": options.draws}
-    drawn, maps, recommended = dict[str, np.ndarray](), dict[str, np.ndarray](), dict[str, list[float]]()
-    for d in directions:
-        work.step(f"limits along {d}")
-        drawn[d] = limits_over(field, table, d, **times) if len(table) else np.empty((0, options.draws))
-        if len(table):
-            kept = limits_over(field, table, d, **times, margins=margins)
-            recommended[d] = recommended_over(kept, gain_steps[d]).tolist()
-        over = limits_over(field, grid.reshape(-1, 2), d, **times)
-        maps[d] = np.quantile(over, options.quantile, axis=1).reshape(grid.shape[:2])
     notes = [f"plants are synthetic: {field.synthetic}"] if field.synthetic else []
     beyond = np.any((table < low) | (table > high), axis=1)
     if beyond.any():
         rows = ", ".join(str(1 + i) for i in np.flatnonzero(beyond).tolist())
         notes.append(f"rows {rows} of the table lie outside of the measured joints: predictions are wide there")
-    quantile = {d: np.quantile(x, options.quantile, axis=1).tolist() for d, x in drawn.items() if len(x)}
-    true = _true(field, truth, table, timing) if truth is not None else {}
-    median = {d: np.median(x, axis=1).tolist() for d, x in drawn.items() if len(x)}
+    maps = dict[str, np.ndarray]()
+    median, quantile, recommended, true = (dict[str, list[float]]() for _ in range(4))
 
     def picture() -> Any:
         from ...plot.delayed.limits import map_figure
 
         return map_figure(axes[0], axes[1], maps, measured.joints, table, title=title)
 
-    least = {d: float(v.min()) for d, v in maps.items()}
-    return FeedbackMapStudy(
-        status=SolveStatus.SOLVED,
-        message="; ".join(
-            f"along {d} 95 % of the limits lie above {v:.3g} in every pose of the map" for d, v in least.items()
-        ),
-        title=title,
-        notes=notes,
-        figures={"map": picture},
-        files={"map.csv": _map_table(grid, maps)}
-        | ({"table.csv": _table(table, median, quantile, recommended, true)} if len(table) else {}),
-        poses=len(measured.joints),
-        asked=table.tolist(),
-        median=median,
-        quantile=quantile,
-        recommended=recommended,
-        true_limit=true or None,
-        least=least,
-        inside=inside,
-    )
+    def so_far() -> FeedbackMapStudy:
+        files = {"map.csv": _map_table(grid, maps)} if maps else {}
+        if median:
+            files["table.csv"] = _table(table, median, quantile, recommended, true)
+        return FeedbackMapStudy(
+            status=SolveStatus.INTERRUPTED,
+            title=title,
+            notes=notes,
+            figures={"map": picture} if maps else {},
+            files=files,
+            poses=len(measured.joints),
+            asked=table.tolist(),
+            median=median,
+            quantile=quantile,
+            recommended=recommended,
+            true_limit=true or None,
+            least={d: float(v.min()) for d, v in maps.items()},
+            inside=inside,
+        )
+
+    work.keep(so_far)
+    for d in directions if len(table) else ():  # of few poses: soon there
+        work.step(f"limits along {d}")
+        drawn = limits_over(field, table, d, **times)
+        median[d] = np.median(drawn, axis=1).tolist()
+        quantile[d] = np.quantile(drawn, options.quantile, axis=1).tolist()
+        kept = limits_over(field, table, d, **times, margins=margins)
+        recommended[d] = recommended_over(kept, gain_steps[d]).tolist()
+    true |= _true(field, truth, table, timing) if truth is not None else {}
+    for d in directions:
+        work.step(f"map along {d}")
+        over = limits_over(field, grid.reshape(-1, 2), d, **times)
+        maps[d] = np.quantile(over, options.quantile, axis=1).reshape(grid.shape[:2])
+    whole = so_far()
+    said = (f"along {d} 95 % of the limits lie above {v:.3g} in every pose of the map" for d, v in whole.least.items())
+    return replace(whole, status=SolveStatus.SOLVED, message="; ".join(said))
 
 
 def _true(

@@ -63,8 +63,10 @@ def study(
     if tuple(runs.names) != tuple(robot.axes):
         raise ArgumentError(f"its axes are {', '.join(runs.names)}; of the robot {', '.join(robot.axes)}", "experiment")
     size, reference, corrected = len(runs.reference), runs.reference, runs.corrected
-    work.step("identical runs")
-    repeats = [runs.run(np.zeros_like(reference)) for _ in range(noise.repeats)]
+    repeats = list[dict[str, Array]]()
+    for n in range(noise.repeats):
+        work.step("identical runs", n / noise.repeats)
+        repeats.append(runs.run(np.zeros_like(reference)))
     axes: list[AxisLearning] = []
     work.keep(partial(_designed, design, runs.names, axes, title))
     for k, name in enumerate(runs.names):

@@ -103,6 +103,19 @@ def test_a_map_of_synthetic_commands_holds_its_truth() -> None:
     assert "map.csv" in study.files and "table.csv" in study.files
 
 
+def test_a_map_that_is_stopped_keeps_the_table() -> None:
+    joints = np.deg2rad(np.random.default_rng(4).uniform([-65.0, 60.0], [-20.0, 115.0], (12, 2)))
+    measured = D.MeasuredPlants(joints, *D.true_plants(joints, D.SyntheticCommands()), ("x", "y"))
+    asked: dict[str, Any] = {"asked": joints[:1].tolist(), "gain_steps": {"x": 0.1, "y": 0.01}}
+    asks = iter(range(3))  # the field, and the table of both directions
+    options = D.GainMap(points=3, draws=50)
+    s = D.feedback_map(measured, **asked, options=options, stop=lambda: next(asks, None) is None)
+    whole = D.feedback_map(measured, **asked, options=options)
+    assert s.status is gt.SolveStatus.INTERRUPTED and whole.status.ok
+    assert s.median == whole.median and s.recommended == whole.recommended
+    assert not s.least and list(s.files) == ["table.csv"] and s.files["table.csv"] == whole.files["table.csv"]
+
+
 def test_a_map_of_measured_plants() -> None:
     joints = np.deg2rad(np.random.default_rng(4).uniform([-65.0, 60.0], [-20.0, 115.0], (12, 2)))
     m, c, k = D.true_plants(joints, D.SyntheticCommands())
