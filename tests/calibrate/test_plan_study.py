@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import scipy
 from scipy.spatial.transform import Rotation
 
 import gtmodel as gt
@@ -255,3 +256,18 @@ def test_too_few_poses_are_refused_before_the_work(plan: Planner):
         plan(poses=replace(FEW, number=4), curve=[20, 30], progress=reported)
     assert caught.value.argument == "poses.number"
     assert "number of poses" not in stages and "poses" not in stages
+
+
+def test_targets_of_a_plate_that_turns_by_itself_have_its_orientation():
+    """By the rotation matrix of the D1, which computes it on its own; the plan asks for positions only."""
+    robot, middle = gt.robots.make("d1_six_link"), np.array([-1.6, -4.4, -0.1])
+    done = plan_study(
+        robot, Tracker([-1.6, -8.0, 0.5]), Room(middle - 0.15, middle + 0.15, step=0.05),
+        poses=replace(FEW, number=18), curve=(), simulation=NONE, criteria=accuracy(10.0),
+    )  # fmt: skip
+    R, status = robot.causal(known="T", targets="R")(done.commanded)
+    rows = [line.split("[")[3] for line in str(done.files["poses.mod"]).splitlines() if line.startswith("    [[")]
+    e = np.array([[float(x) for x in row.split("]")[0].split(",")] for row in rows])
+    turned = scipy.spatial.transform.Rotation.from_quat(e, scalar_first=True).as_matrix()
+    assert done.approved and np.all(status == 0) and np.ptp(e[:, 0]) > 1e-4
+    np.testing.assert_allclose(turned, R, atol=1e-8)  # nine digits
