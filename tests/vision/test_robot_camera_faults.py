@@ -188,3 +188,10 @@ def test_a_second_device_in_another_unit_or_hand_is_refused(
     with pytest.raises(gt.results.ArgumentError, match=word) as refusal:
         V.joint_fit(ROBOT, other, measured.cameras, V.RobotCameras(scale="second_device"))
     assert refusal.value.argument == "device"
+
+
+@pytest.mark.parametrize("larger", [1.0, 1.02, 0.98])
+def test_a_target_of_another_size_than_stated_is_seen_by_the_actuators(larger: float) -> None:
+    p = made().pictures
+    s = V.study(ROBOT, replace(p, target=larger * p.target), made().cameras)
+    assert s.status.ok and any(f"moves {larger:.2f}" in note for note in s.notes) == (larger != 1.0)

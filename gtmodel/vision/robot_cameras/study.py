@@ -31,6 +31,9 @@ from .robust import suspicions
 from .synthetic import made_pictures
 from .two_step import TwoStepFit, two_step_fit
 
+FRAME_AXIS = "v[2,0]"  # the length of the last guideway, which is the x-axis of the base
+UNIT = 5e-3  # by which a guideway's unit may miss a metre: scales and screws miss a hundredth of that
+
 
 @study_function
 def study(
@@ -221,6 +224,12 @@ def _notes(joint: JointFit, test: PictureMap, two: TwoStepFit | None, setting: R
         notes.append(
             f"residuals of {' and '.join(fired)} are a quadratic map of the picture, which a wrong principal point "
             "makes; a test along the radius alone may miss it"
+        )
+    length = joint.parameters.get(FRAME_AXIS, 1.0)
+    if setting.scale == "target" and abs(abs(length) - 1) > UNIT:
+        notes.append(
+            f"by the target the last guideway moves {abs(length):.4f} m per metre of its actuator: the target is "
+            "smaller or larger than stated, or the actuator's unit is wrong; measure the target again"
         )
     if two is not None:
         notes.append(
