@@ -16,6 +16,7 @@ import pytest
 
 import gtmodel as gt
 from gtmodel.measurements.inspection.suspicion import RUN_LEVEL, alarms
+from gtmodel.results import ArgumentError
 from gtmodel.vision.robot_cameras.robust import suspicions
 
 V = gt.vision.robot_cameras
@@ -195,3 +196,14 @@ def test_a_target_of_another_size_than_stated_is_seen_by_the_actuators(larger: f
     p = made().pictures
     s = V.study(ROBOT, replace(p, target=larger * p.target), made().cameras)
     assert s.status.ok and any(f"moves {larger:.2f}" in note for note in s.notes) == (larger != 1.0)
+
+
+@pytest.mark.parametrize(("thickness", "taken"), [(12e-3, True), (3.6e-3, False)])
+def test_poses_in_a_plane_are_refused(thickness: float, taken: bool) -> None:
+    flat = V.made_pictures(V.SyntheticRobotCameras(counts=[4, 4, 4], size=[thickness, 0.8, 1.0]))
+    if taken:
+        assert V.joint_fit(ROBOT, flat.pictures, flat.cameras).fit.status.ok
+        return
+    with pytest.raises(ArgumentError) as error:
+        V.joint_fit(ROBOT, flat.pictures, flat.cameras)
+    assert error.value.argument == "corners"

@@ -12,6 +12,7 @@ from .pictures import RobotPictures
 LEAST = 8  # pictures of a camera: two more than the direct linear transformation needs
 SIZES = (0.5, 2.0)  # of a target as it is stated, over the one that is seen
 ON_A_LINE = 1e-3  # width of a target over its length
+FLAT = 5e-3  # thickness of the poses over their size: thinner, focal length and distance go together
 LOOSE = 0.15  # of the spread of a picture's middles: farther off, these are not the poses at which they were taken
 PLAUSIBLE = (0.2, 20.0)  # focal length in widths of the picture
 
@@ -70,7 +71,7 @@ def camera_starts(p: RobotPictures, places: np.ndarray, intrinsics: np.ndarray, 
 def _resection(X: np.ndarray, uv: np.ndarray, name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Intrinsics, rotation (camera to base) and place of the camera that sees points X at uv."""
     middle, size = X.mean(axis=0), np.linalg.norm(X - X.mean(axis=0), axis=1).mean()
-    if np.linalg.svd(X - middle, compute_uv=False)[-1] < 1e-3 * size * np.sqrt(len(X)):
+    if np.linalg.svd(X - middle, compute_uv=False)[-1] < FLAT * size * np.sqrt(len(X)):
         raise ArgumentError(f"the poses that {name} sees lie in a plane; measure at other distances too", "corners")
     centre, spread = uv.mean(axis=0), np.abs(uv - uv.mean(axis=0)).mean()
     Y = np.column_stack([(X - middle) / size, np.ones(len(X))])
