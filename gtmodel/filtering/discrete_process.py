@@ -100,12 +100,12 @@ class DiscreteProcess:
             def value(t: Any, x: Any, u: Any, p: Any, name: str = name) -> Any:
                 if name not in self._outputs:
                     return getattr(self._state(x), name)
-                return _column(self._of(self._outputs[name], t, x, u), None, f"outputs.{name}")
+                return _column(self._of(f"outputs.{name}", t, x, u), None, f"outputs.{name}")
 
             outputs[name] = value
 
         def rates(t: Any, x: Any, u: Any, w: Any, p: Any) -> Any:
-            after = self._of(self._step, t, x, u)
+            after = self._of("step", t, x, u)
             if not isinstance(after, Mapping):
                 given = ", ".join(f"'{n}': ..." for n in names)
                 raise ArgumentError(f"expected a mapping {{{given}}}; found a {type(after).__name__}", "step")
@@ -120,12 +120,30 @@ class DiscreteProcess:
     def _state(self, x: Any) -> SimpleNamespace:
         return SimpleNamespace(**{part.name: x[at] for part, at, _ in self.space.places()})
 
-    def _of(self, function: Callable[..., Any], t: Any, x: Any, u: Any) -> Any:
+    def _of(self, argument: str, t: Any, x: Any, u: Any) -> Any:
+        """What the step or an output gives. Raises ArgumentError for names that are not there, and for an `if`."""
+        function = self._step if argument == "step" else self._outputs[argument.removeprefix("outputs.")]
         given, first = SimpleNamespace(), 0
         for name, size in self.inputs.items():
             setattr(given, name, u[first : first + size])
             first += size
-        return function(*(self._state(x), given, t)[: _takes(function, "step")])
+        state = self._state(x)
+        try:
+            return function(*(state, given, t)[: _takes(function, argument)])
+        except AttributeError as error:
+            if error.obj is not state and error.obj is not given:
+                raise
+            there = ", ".join(vars(error.obj)) or "none"
+            kind = "state" if error.obj is state else "known input"
+            raise ArgumentError(f"reads '{error.name}', which is no {kind}; there are {there}", argument) from error
+        except RuntimeError as error:
+            if "truth value" not in str(error):
+                raise
+            raise ArgumentError(
+                "decides by a state or an input, which are symbols here; write casadi.if_else(condition, then, "
+                "otherwise) in place of an if",
+                argument,
+            ) from error
 
 
 def _takes(function: Callable[..., Any], argument: str) -> int:

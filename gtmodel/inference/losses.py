@@ -31,11 +31,14 @@ class Loss:
         return np.sqrt(self.slope((r / width) ** 2))
 
     def variance_factor(self, r: np.ndarray, width: float, degrees_of_freedom: float) -> float:
-        """Huber's variance for a Jacobian of one: sum psi^2 / degrees of freedom / (mean psi')^2, psi = r rho'."""
+        """Huber's variance for a Jacobian of one: sum psi^2 / degrees of freedom / (mean psi')^2, psi = r rho'.
+
+        Infinite where psi' is not positive in the mean: of residuals that all lie beyond the width none holds the fit.
+        """
         z = (r / width) ** 2
         psi = r * self.slope(z)
         sharp = float(np.mean(self.slope(z) + 2 * z * self.bend(z)))
-        return float(psi @ psi) / degrees_of_freedom / sharp**2
+        return float(psi @ psi) / degrees_of_freedom / sharp**2 if sharp > 0 else np.inf
 
 
 LOSSES = {

@@ -111,6 +111,10 @@ def nonlinear_fit(
     estimate = worth.estimate(d.x, r)
     if loss != "linear" and estimate.degrees_of_freedom:
         factor = loss_named(loss).variance_factor(r, width, estimate.degrees_of_freedom)
+        if not np.isfinite(factor):
+            said = f"next to all residuals lie beyond the width {width:g} of the {loss} loss, and nothing holds the fit"
+            d = replace(d, status=SolveStatus.FAILED, message=f"{said}; take a larger width or a larger noise")
+            return NonlinearFit(**vars(d), r=r, J=J)
         estimate = replace(estimate, covariance=estimate.covariance / (1.0 if w.known else estimate.noise**2) * factor)
     return NonlinearFit(**vars(d), r=r, J=J, estimate=estimate)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import operator
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -328,6 +328,8 @@ def vector(parts: Sequence[Any]) -> Expr:
     >>> gt.vector([[x, y], [y, x]]).shape
     (2, 2)
     """
+    if not isinstance(parts, Iterable):
+        raise ModelError(f"gt.vector takes the parts of a vector, [a, b, c]; found {parts!r}", here())
     if written_out(*parts):  # in a step or an output of a filter, which has no units
         return ca.vertcat(*parts)  # type: ignore[return-value]
     parts = [gathered(p) for p in parts]

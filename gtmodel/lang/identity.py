@@ -26,6 +26,15 @@ MOST = 4000
 _FIXED = frozenset({*sys.stdlib_module_names, "gtmodel", "numpy", "casadi", "scipy"}) - {"__main__"}
 # calls that read by a name that no code object shows
 _UNSEEN = frozenset({"globals", "locals", "vars", "eval", "exec", "__import__", "import_module"})
+# what reads the world: files, environment, clock, chance, modules by a text; by module, or by names within one
+_WORLD = frozenset({
+    "io", "_io", "os", "posix", "sys", "time", "datetime", "random", "pathlib", "glob", "subprocess", "socket",
+    "urllib", "sqlite3", "secrets", "uuid", "tempfile", "importlib",
+})  # fmt: skip
+_READERS = frozenset({
+    "load", "loadtxt", "genfromtxt", "fromfile", "memmap", "loadmat", "random", "from_csv", "from_npz", "read_log",
+    "read_recording",
+})  # fmt: skip
 _LEFT_OUT = frozenset({"__dict__", "__weakref__", "__doc__", "__module__", "__firstlineno__", "__static_attributes__"})
 
 
@@ -101,12 +110,12 @@ class Content:
             closed = [_cell(c) for c in f.__closure__ or ()]
             return (same, tuple(map(self._of, closed)))
         read = _read_by(f.__code__)
-        if read.unseen:
-            self.whole = False
         defaults = (f.__defaults__, f.__kwdefaults__, tuple(map(_cell, f.__closure__ or ())))
         named = [f.__globals__.get(n, vars(builtins).get(n, _MISSING)) for n in read.names]
         named += [sys.modules.get(m, _MISSING) for m in _absolute(read.imported, f)]
         modules = [*named, *defaults[2]]
+        if read.unseen or any(_reads_the_world(value, read.names) for value in modules):
+            self.whole = False
         inside = tuple(content for m in modules if isinstance(m, ModuleType) for content in self._named(m, read.names))
         return (same, f.__code__, self._of(defaults), tuple(map(self._of, named)), inside)
 
@@ -173,6 +182,15 @@ class _Read:
 @lru_cache(maxsize=4096)
 def _read_by(code: CodeType) -> _Read:
     return _Read(code)
+
+
+def _reads_the_world(value: Any, names: Iterable[str]) -> bool:
+    """Whether a module, class or function may give something else at the next call, to a code of these names."""
+    module = value.__name__ if isinstance(value, ModuleType) else getattr(value, "__module__", None)
+    if not isinstance(module, str) or not _fixed_name(module):
+        return False
+    root = module.partition(".")[0]
+    return root in _WORLD or not _READERS.isdisjoint(set(names) - ({"load"} if root == "gtmodel" else set()))
 
 
 def _absolute(imported: Iterable[str], f: FunctionType) -> Iterator[str]:

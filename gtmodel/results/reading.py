@@ -74,7 +74,10 @@ def read(folder: str | Path) -> Stored:
     except OSError as error:
         raise ArgumentError(f"{file} cannot be read: {error.strerror}", "folder") from error
     except (ValueError, KeyError, TypeError, AttributeError, OverflowError, TrajectoryError) as error:
-        raise ArgumentError(f"{file} is no result.json of gtmodel", "folder") from error
+        found = f"it has no {error}" if isinstance(error, KeyError) else str(error)
+        raise ArgumentError(
+            f"{file} is no result.json of gtmodel: {found}; expected what `gtmodel solve --out` writes", "folder"
+        ) from error
 
 
 def document(content: bytes) -> Mapping[str, Any]:
@@ -89,7 +92,7 @@ def _check(data: Mapping[str, Any]) -> Check:
 
 def _kind(value: Any, kind: Any) -> Any:
     if not isinstance(value, kind):
-        raise TypeError(f"expected {kind}; found {type(value).__name__}")
+        raise TypeError(f"expected {kind.__name__}; found {type(value).__name__}")
     return value
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import types
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -52,6 +53,20 @@ READ: dict[str, tuple[str, str, str]] = {
         "write(3.0)",
     ),
     "partial": ("from functools import partial\nK = [2.0]\nk = partial(max, K)", "k()", "K[0] = 3.0"),
+    "file": ("open('k', 'w').write('2.0')", "float(open('k').read())", "open('k', 'w').write('3.0')"),
+    "path": (
+        "from pathlib import Path\nP = Path('k')\nP.write_text('2.0')",
+        "float(P.read_text())",
+        "P.write_text('3.0')",
+    ),
+    "array of a file": ("np.save('k', 2.0)", "float(np.load('k.npy'))", "np.save('k', 3.0)"),
+    "function of numpy": ("from numpy import load\nnp.save('k', 2.0)", "float(load('k.npy'))", "np.save('k', 3.0)"),
+    "environment": ("import os\nos.environ['GT_K'] = '2'", "float(os.environ['GT_K'])", "os.environ['GT_K'] = '3'"),
+    "module by a text": (
+        "import sys, types\nm = sys.modules['gt_of_a_text'] = types.ModuleType('gt_of_a_text')\nm.k = 2.0",
+        "sys.modules['gt_of_a_text'].k",
+        "m.k = 3.0",
+    ),
     "iterator": ("K = [2.0]\ndef g():\n    while True:\n        yield K[0]\ni = g()", "next(i)", "K[0] = 3.0"),
 }
 
@@ -61,7 +76,10 @@ def answer(model: gt.Model) -> float:
 
 
 @pytest.mark.parametrize("case", READ)
-def test_a_new_instance_reads_what_stands_there_now(case: str):
+def test_a_new_instance_reads_what_stands_there_now(case: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("GT_K", "")
+    monkeypatch.setitem(sys.modules, "gt_of_a_text", types.ModuleType("gt_of_a_text"))
     before, factor, change = READ[case]
     names: dict[str, Any] = {"__name__": "a_persons_module"}
     exec(HEAD + before + BODY.format(factor=factor), names)

@@ -239,3 +239,24 @@ def test_a_quaternion_is_not_measured_as_four_numbers():
     with pytest.raises(ArgumentError, match="kind='quaternion'") as caught:  # a change of its sign would count as noise
         System(process, [Sensor("tracker", "Q", deviation=0.01)])
     assert caught.value.argument == "tracker.kind"
+
+
+@pytest.mark.parametrize(
+    "step",
+    [
+        lambda s, u: {"x": s.y},
+        lambda s, u: {"x": s.x + u.speed},
+        lambda s, u: {"x": s.x if s.x > 0 else -s.x},
+    ],
+)
+def test_a_step_that_reads_what_is_not_there_or_decides_by_a_symbol_is_refused(step):
+    process = DiscreteProcess([StatePart("x")], 0.1, step, [1e-4], inputs={"push": 1})
+    with pytest.raises(ArgumentError) as caught:
+        System(process, [Sensor("tape", "x", deviation=0.1)])
+    assert caught.value.argument == "step"
+
+
+def test_an_error_within_a_step_is_left_as_it_is():
+    process = DiscreteProcess([StatePart("x")], 0.1, lambda s: {"x": s.x + [].nothing}, [1e-4])
+    with pytest.raises(AttributeError, match="list"):
+        System(process, [Sensor("tape", "x", deviation=0.1)])

@@ -105,3 +105,11 @@ def test_wrong_arguments_get_a_sentence():
         nonlinear_fit(decay, [1.0, 1.0, 0.0], "abc", loss="l1")
     with pytest.raises(ValueError, match="priors need the size of the noise"):
         nonlinear_fit(decay, [1.0, 1.0, 0.0], "abc", priors=[Prior("a", 0.0, 1.0)])
+
+
+def test_residuals_that_all_lie_beyond_the_width_hold_nothing():
+    A, b = np.ones((4, 1)), np.array([-100.0, -90.0, 110.0, 130.0])
+    fit = nonlinear_fit(lambda x: (A @ x - b, A), [0.0], ["a"], sigma=1.0, loss="huber", width=1.0)
+    assert fit.status is SolveStatus.FAILED and fit.estimate is None
+    wide = nonlinear_fit(lambda x: (A @ x - b, A), [0.0], ["a"], sigma=1.0, loss="huber", width=100.0)
+    assert wide.status.ok and wide.estimate is not None

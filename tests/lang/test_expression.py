@@ -348,3 +348,9 @@ class TestRelations:
     def test_index_out_of_range(self):
         with pytest.raises(IndexError, match="index 3 is out of range"):
             Symbols().u[3]
+
+
+@pytest.mark.parametrize("parts", [3, None, "ab"])
+def test_a_vector_of_what_are_no_parts_is_refused(parts):
+    with pytest.raises(gt.ModelError):
+        gt.vector(parts)
