@@ -114,7 +114,7 @@ class Content:
         named = [f.__globals__.get(n, vars(builtins).get(n, _MISSING)) for n in read.names]
         named += [sys.modules.get(m, _MISSING) for m in _absolute(read.imported, f)]
         modules = [*named, *defaults[2]]
-        if read.unseen or any(_reads_the_world(value, read.names) for value in modules):
+        if read.unseen or any(_reads_world(value, read.names) for value in modules):
             self.whole = False
         inside = tuple(content for m in modules if isinstance(m, ModuleType) for content in self._named(m, read.names))
         return (same, f.__code__, self._of(defaults), tuple(map(self._of, named)), inside)
@@ -184,7 +184,7 @@ def _read_by(code: CodeType) -> _Read:
     return _Read(code)
 
 
-def _reads_the_world(value: Any, names: Iterable[str]) -> bool:
+def _reads_world(value: Any, names: Iterable[str]) -> bool:
     """Whether a module, class or function may give something else at the next call, to a code of these names."""
     module = value.__name__ if isinstance(value, ModuleType) else getattr(value, "__module__", None)
     if not isinstance(module, str) or not _fixed_name(module):

@@ -74,9 +74,9 @@ def read(folder: str | Path) -> Stored:
     except OSError as error:
         raise ArgumentError(f"{file} cannot be read: {error.strerror}", "folder") from error
     except (ValueError, KeyError, TypeError, AttributeError, OverflowError, TrajectoryError) as error:
-        found = f"it has no {error}" if isinstance(error, KeyError) else str(error)
+        why = f"it has no {error}" if isinstance(error, KeyError) else str(error)
         raise ArgumentError(
-            f"{file} is no result.json of gtmodel: {found}; expected what `gtmodel solve --out` writes", "folder"
+            f"{file} is no result.json of gtmodel: {why}; expected what `gtmodel solve --out` writes", "folder"
         ) from error
 
 
