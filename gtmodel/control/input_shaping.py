@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..results import Trajectory
-from ..results.interpolation import nature_of, smooth_rows
+from ..results.interpolation import Natures, natures
 
 Array = np.ndarray
 AT_REST = 1e-6  # of the greatest speed: a motion that begins or ends faster is not from rest to rest
@@ -61,13 +61,13 @@ class Shaper:
         """
         t = trajectory.time
         values: dict[str, Array] = {}
-        wrapped = [n for n in signals if nature_of(trajectory[n], trajectory.unit(n)) == "angle"]
+        of = natures(trajectory)
         step = float(np.min(np.diff(t)))
         end = t[-1] + self.times[-1]
         new = np.linspace(t[0], end, int(np.ceil((end - t[0]) / step)) + 1)
         for name in signals:
-            rows = smooth_rows(t, trajectory[name], "angle", name) if name in wrapped else trajectory[name]
-            _refuse_rotation(trajectory, name)
+            _refuse_rotation(of, name)
+            rows = trajectory(t, name)
             first_rate = name.startswith("der(") and not name.endswith(",2)")
             if first_rate and np.abs(rows[[0, -1]]).max() > AT_REST * np.abs(rows).max():
                 raise ValueError(f"'{name}' does not begin and end at rest; shape a motion from rest to rest")
@@ -178,17 +178,13 @@ _ROTATIONS = {
 }
 
 
-def _refuse_rotation(trajectory: Trajectory, name: str) -> None:
+def _refuse_rotation(of: Natures, name: str) -> None:
     """Raises ValueError for rows, or derivatives or entries of rows, that lie on a sphere or are rotation matrices."""
-    base = name.partition("[")[0].removeprefix("der(").removesuffix(")").removesuffix(",2")
-    if base not in trajectory or trajectory.unit(base) != "1":
-        return
-    rows = trajectory[base]
-    what = _ROTATIONS.get(nature_of(rows, "1") or "", "")
-    if what:
+    names = [n.removeprefix("der(").removesuffix(")").removesuffix(",2") for n in (name, name.partition("[")[0])]
+    for group, base in ((group, base) for group in of for base in names if base in group and of[group] in _ROTATIONS):
         raise ValueError(
-            f"'{base}' is {what}, and the sum of delayed parts of it would be none; shape an angle or a rotation "
-            "vector from the pose at the start, and make the orientation of that"
+            f"'{base}' is {_ROTATIONS[of[group]]}, and the sum of delayed parts of it would be none; shape an "
+            "angle or a rotation vector from the pose at the start, and make the orientation of that"
         )
 
 

@@ -230,8 +230,9 @@ def motion(session: Session, position: str, low_pass: ZeroPhase | None) -> Traje
     """
     of = natures(session.trajectory)
     raw, step = smooth(session.trajectory, of), session.sample_time
-    rows = {name: raw[name] if low_pass is None else low_pass.linear(raw[name], step) for name in raw.names}
-    rows = rotations_again(rows, of)
+    rows = {name: raw[name] for name in raw.names}
+    if low_pass is not None:
+        rows = rotations_again({name: low_pass.linear(row, step) for name, row in rows.items()}, of)
     unit = raw.unit(position)
     first, second = f"der({position})", f"der({position},2)"
     rows[first], rows[second] = derivative(rows[position], step), second_derivative(rows[position], step)

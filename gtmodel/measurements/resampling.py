@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from ..results.interpolation import Nature, natures, rotations_again, smooth
-from ..results.refusal import ArgumentError
+from ..results.refusal import ArgumentError, naming
 from ..results.trajectory import Trajectory
 from ..results.trajectory_errors import Array
 from .log import LogError, Session
@@ -96,10 +96,14 @@ def resample(
     if method not in METHODS:
         raise ArgumentError(f"there is no method '{method}'; there are {', '.join(METHODS)}", "method")
     sampling = sampling_of(trajectory.time)
-    step = sampling.step if sample_time is None else float(sample_time)
+    with naming("sample_time", TypeError, ValueError):
+        step = sampling.step if sample_time is None else float(sample_time)
+    with naming("longest_gap", TypeError, ValueError):
+        longest = LONGEST_GAP * sampling.step if longest_gap is None else float(longest_gap)
+    with naming("start", TypeError, ValueError):
+        origin = float(trajectory.time[0] if start is None else start)
     if not (np.isfinite(step) and step > 0):
         raise ArgumentError(f"the sample time is {step:g} s; expected more than zero", "sample_time")
-    longest = LONGEST_GAP * sampling.step if longest_gap is None else float(longest_gap)
     if not longest >= sampling.step:
         raise ArgumentError(
             f"the longest gap to bridge is {longest:g} s, and rows are {sampling.step:g} s apart; expected more",
@@ -108,7 +112,6 @@ def resample(
     time = trajectory.time
     steps = np.diff(time)
     breaks = np.flatnonzero(steps > longest) + 1
-    origin = float(time[0]) if start is None else float(start)
     sessions, rows, of = list[Session](), dict[str, list[Array]](), natures(trajectory)
     for begin, end in zip([0, *breaks.tolist()], [*breaks.tolist(), len(time)], strict=True):
         part = slice(begin, end)

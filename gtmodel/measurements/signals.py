@@ -179,13 +179,14 @@ class Corrections:
         if 2 * cut + 3 > len(raw):
             raise LogError(f"'{session.name}' lasts {raw.duration:g} s, too short for delays of {reach:g} s")
         time = raw.time[cut : len(raw) - cut]
-        quantities, units, late = {}, {}, dict[str, Array]()
+        quantities, units, late, moved = {}, {}, dict[str, Array](), set[str]()
         for name, signal in [(n, s) for n, s in self.signals.items() if n in raw]:
             width = 1 if raw[name].ndim == 1 else raw[name].shape[1]
             rows, delay = raw[name].reshape(len(raw), width), self._values(name, signal, "delay", k, width, values)
             columns = [_at(raw.time, rows[:, j], time, cut, float(delay[j])) for j in range(width)]
             late[name] = columns[0] if raw[name].ndim == 1 else np.column_stack(columns)
-        late = rotations_again(late, of)
+            moved |= {name} if np.any(delay != 0) else set()
+        late = rotations_again(late, {group: nature for group, nature in of.items() if moved.intersection(group)})
         for name in raw.names:
             signal = self.signals.get(name)
             if signal is None:

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .._lazy import hint
-from .interpolation import Kind, Natures, interpolate, natures, smooth_rows
+from .interpolation import Kind, SmoothRows, interpolate
 from .trajectory_checks import checked_time, checked_unit, checked_values, json_text, one_line
 from .trajectory_csv import read_csv
 from .trajectory_errors import COLUMN, Array, TrajectoryError, UnknownNameError, columns, unknown
@@ -58,7 +58,7 @@ class Trajectory:
     [0.25, 0.05]
     """
 
-    __slots__ = ("_known", "_provenance", "_synthetic", "_time", "_title", "_units", "_values")
+    __slots__ = ("_provenance", "_smooth", "_synthetic", "_time", "_title", "_units", "_values")
     __hash__ = None  # type: ignore[assignment]  # equality compares arrays
     __iter__ = None  # len() counts rows, so iterating could mean two things: use names or time
     _time: Array
@@ -67,7 +67,7 @@ class Trajectory:
     _title: str
     _provenance: str
     _synthetic: str | None
-    _known: Natures | None  # what its signals are, once somebody asks for values between the rows
+    _smooth: SmoothRows | None  # once somebody asks for values between the rows
 
     def __init__(
         self,
@@ -94,7 +94,7 @@ class Trajectory:
             ("_title", one_line("title", title)),
             ("_provenance", json_text(provenance or {})),
             ("_synthetic", None if synthetic is None else one_line("synthetic", synthetic)),
-            ("_known", None),
+            ("_smooth", None),
         ):
             object.__setattr__(self, attribute, value)
 
@@ -184,11 +184,12 @@ class Trajectory:
 
         Returns a float or (k,) for a scalar t, (m,) or (m, k) for an array; at the rows the values are exact. Except
         for "previous", wrapped angles are unwrapped, and quaternions, directions and rotation matrices stay what they
-        are, the sign of a quaternion without jumps: "linear" turns from row to row about one axis at one speed.
+        are, the sign of a quaternion without jumps: "linear" turns from row to row about one axis at one speed. A
+        component is taken with its whole signal; one that was selected alone is a plain number.
         Raises TrajectoryError for a t outside the grid or an unknown kind, and for a turn of more than 90 deg from row
         to row, UnknownNameError for the name.
         """
-        times = np.asarray(t, dtype=float)
+        times = _seconds(t, "t")
         if times.ndim > 1:
             raise TrajectoryError(f"t has shape {times.shape}; expected a scalar or a one-dimensional array")
         signal, index = self._find(name)
@@ -231,7 +232,7 @@ class Trajectory:
         """
         if (t is None) == (dt is None):
             raise TrajectoryError("resample() takes either times t or a step dt; give exactly one of them")
-        times = self._steps(dt) if dt is not None else np.asarray(t, dtype=float)
+        times = self._steps(dt) if dt is not None else _seconds(t, "t")
         if times.ndim != 1:
             raise TrajectoryError(f"t has shape {times.shape}; expected (m,) new times, or a step as dt={t!r}")
         times = self._inside(times)
@@ -394,19 +395,14 @@ class Trajectory:
         """Values of whole signals at times inside the grid; those that are one rotation together."""
         if kind == "previous":
             return {name: interpolate(self._time, self._values[name], times, kind) for name in names}
-        if self._known is None:
-            object.__setattr__(self, "_known", natures(self))
-        groups = {name: group for group in self._known or {} for name in group}
+        if self._smooth is None:
+            object.__setattr__(self, "_smooth", SmoothRows(self))
         made = dict[str, Array]()
         for name in names:
-            if name in made:
-                continue
-            group = groups.get(name, (name,))
-            nature = (self._known or {}).get(group)
-            rows = self._values[name] if len(group) == 1 else np.column_stack([self._values[n] for n in group])
-            rows = smooth_rows(self._time, rows, nature, " ".join(group))
-            value = interpolate(self._time, rows, times, kind, nature)
-            made |= {name: value} if len(group) == 1 else {n: value[..., k] for k, n in enumerate(group)}
+            if name not in made and self._smooth is not None:
+                group, nature, rows = self._smooth(self, name)
+                value = interpolate(self._time, rows, times, kind, nature)
+                made |= {name: value} if len(group) == 1 else {n: value[..., k] for k, n in enumerate(group)}
         return {name: made[name] for name in names}
 
     def _inside(self, times: Array) -> Array:
@@ -421,9 +417,10 @@ class Trajectory:
             )
         return np.clip(times, first, last)
 
-    def _steps(self, dt: float) -> Array:
-        if not (math.isfinite(dt) and dt > 0 and math.isfinite(self.duration / dt)):
-            raise TrajectoryError(f"dt is {dt!r}; expected a positive finite step in seconds")
+    def _steps(self, step: float) -> Array:
+        dt = _seconds(step, "dt")
+        if dt.ndim or not (math.isfinite(dt) and dt > 0 and math.isfinite(self.duration / dt)):
+            raise TrajectoryError(f"dt is {step!r}; expected a positive finite step in seconds")
         count = math.floor(self.duration / dt + GRID_SLACK)
         times = self._time[0] + dt * np.arange(count + 1)
         if abs(times[-1] - self._time[-1]) <= GRID_SLACK * dt:
@@ -453,6 +450,13 @@ def _rebuild(
 ) -> Trajectory:
     """What pickle and copy call."""
     return Trajectory(time, values, units, title=title, provenance=provenance, synthetic=synthetic)
+
+
+def _seconds(value: Any, what: str) -> Array:
+    try:
+        return np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        raise TrajectoryError(f"{what} is {value!r}; expected seconds, as numbers") from None
 
 
 def _span(trajectory: Trajectory) -> str:

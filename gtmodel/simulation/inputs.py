@@ -15,7 +15,6 @@ from ..lang.expression import Expr, gathered
 from ..lang.slips import floats, line_of, shortened
 from ..lang.source import ModelError, about
 from ..lang.units import si_unit
-from ..results.interpolation import nature_of, smooth_rows
 from ..results.trajectory import Trajectory, TrajectoryError, UnknownNameError
 from .table import INTERPOLATIONS, InputTable
 
@@ -193,7 +192,7 @@ def _table(flat: FlatModel, name: str, index: int, value: Any) -> tuple[np.ndarr
             raise ModelError(f"input '{name}' is in {expected}; the trajectory gives it in {unit}")
         if interpolation != "previous":
             try:
-                values = smooth_rows(value.time, values, nature_of(values, unit), name)
+                values = value(value.time, name)
             except TrajectoryError as error:
                 raise ModelError(f"input '{name}': {error}") from None
         return value.time, values, interpolation

@@ -111,7 +111,7 @@ def _of_vector(lower: str, group: Array) -> UnitGuess | None:
     length = np.linalg.norm(whole, axis=1)
     middle = float(np.median(length))
     off = np.abs(length - 1.0) > NEAR
-    if nature_of(whole, "1") == "quaternion":
+    if nature_of(whole, "1", near=NEAR) == "quaternion":
         but = f", but {off.sum()} rows are off, the worst of length {length[np.argmax(np.abs(length - 1))]:.2g}"
         return UnitGuess("1", f"four columns of length 1: a quaternion{but if off.any() else ''}")
     if group.shape[1] == 3 and re.search(_ACCELERATIONS, lower):
