@@ -141,6 +141,7 @@ class RunningUnit:
 
     def step(self, length: float) -> None:
         """Goes on by `length` [s]. Raises UnitStopped where it cannot, or asks to end."""
+        agree(length, float, "length", ABOVE_ZERO)
         self._run([], length, None)
 
     def advance(
@@ -150,14 +151,13 @@ class RunningUnit:
 
         The same as `set`, `step` and `get` one after another. Raises UnitStopped as they do.
         """
+        agree(length, float, "length", ABOVE_ZERO)
         return self._run(given, length, outputs)
 
     def _run(
         self, given: Sequence[tuple[Sequence[str], Values]], length: float | None, outputs: Sequence[str] | None
     ) -> np.ndarray:
         """What is set, a step if there is a length, outputs if they are asked for."""
-        if length is not None:
-            agree(length, float, "length", ABOVE_ZERO)
         sets: list[tuple[Any, ...]] = []
         for names, values in given:
             self.signals.of(names, "inputs")
