@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 
 from ..loop.plant import Servo
-from ..results.agreement import Within, agree
+from ..results.agreement import Within, agree, numbers_of
 from ..results.refusal import ArgumentError
 from .caller import TIMEOUT_S
 from .export import Fmu
 from .running import ABOVE_ZERO, WHOLE, RunningUnit, UnitStopped
-from .signals import Scaling, numbers_of, scaling
+from .signals import Scaling, scaling
 
 MOST_STEPS = 1000
 QUANTITIES = {"position": "m", "command": "m", "command_speed": "m/s", "force": "N", "speed": "m/s", "arm": "m"}

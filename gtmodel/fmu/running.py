@@ -13,14 +13,14 @@ from typing import Any
 import numpy as np
 
 from ..loop.plant import PlantStopped
-from ..results.agreement import Within, agree
+from ..results.agreement import Within, agree, numbers_of
 from ..results.disk import path_of, scratch
 from ..results.refusal import ArgumentError
 from .archive import ArchiveFault, unpack
 from .caller import LONGEST_S, TIMEOUT_S
 from .export import Fmu
 from .process import UnitEnded, UnitProcess, one_line
-from .signals import UnitSignals, numbers_of
+from .signals import UnitSignals
 
 NEEDS_FMPY = "running a unit needs FMPy; install it by pip install 'gtmodel[fmi]'"
 WHOLE = 1e-9  # how near a ratio of steps is to a whole number: decimals of the description

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from ..lang.units import UnitError, parse_unit
-from ..results.kind_names import described
 from ..results.refusal import ArgumentError
 
 SHOWN = 12  # names in a sentence
@@ -91,20 +90,6 @@ class UnitSignals:
     def _some(self, good: Callable[[UnitSignal], bool]) -> str:
         names = [s.name for s in self.all.values() if good(s)]
         return ", ".join(names[:SHOWN]) + (", ..." if names[SHOWN:] else "") if names else "none"
-
-
-def numbers_of(names: Sequence[str], values: Sequence[float] | np.ndarray, argument: str) -> np.ndarray:
-    """Values of scalars as an array. Raises ArgumentError unless they are numbers, one for each name."""
-    try:
-        numbers = np.asarray(values)
-    except ValueError:  # rows of several lengths
-        numbers = np.array(None)
-    if numbers.shape != (len(names),) or numbers.dtype.kind not in "fiu":
-        count = "one number" if len(names) == 1 else f"{len(names)} numbers"
-        shown = ", ".join(names[:SHOWN]) + (", ..." if names[SHOWN:] else "")
-        found = f"{len(numbers)}: " if numbers.ndim else ""
-        raise ArgumentError(f"expected a list of {count}, for {shown}; found {found}{described(values)}", argument)
-    return numbers.astype(float)
 
 
 @dataclass(frozen=True)

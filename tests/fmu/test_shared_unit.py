@@ -75,8 +75,8 @@ FAR = {
     "fewer": ([1.0], "3 numbers, for command[1], command[2], command[3]; found 1: [1.0]"),
     "one": (1.0, "found 1.0"),
     "more": ([1.0] * 5, "found 5: "),
-    "column": (np.ones((3, 1)), "an array of shape (3, 1)"),
-    "texts": (["1", "2", "3"], "found 3: ['1', '2', '3']"),
+    "column": (np.ones((3, 1)), "found an array of shape (3, 1)"),
+    "texts": (["1", "2", "3"], "found ['1', '2', '3']"),
     "uneven": ([1.0, [2.0], 3.0], "[1.0, [2.0], 3.0]"),
 }
 
