@@ -129,8 +129,8 @@ def numbers_of(names: Sequence[str], values: Sequence[float] | np.ndarray, argum
     if numbers.shape != (len(names),) or numbers.dtype.kind not in "fiu":
         count = "one number" if len(names) == 1 else f"{len(names)} numbers"
         shown = ", ".join(names[:_SHOWN]) + (", ..." if names[_SHOWN:] else "")
-        found = f"{len(numbers)}: " if numbers.ndim == 1 and len(numbers) != len(names) else ""
-        raise ArgumentError(f"expected a list of {count}, for {shown}; found {found}{described(values)}", argument)
+        number = f"{len(numbers)}: " if numbers.ndim == 1 and len(numbers) != len(names) else ""
+        raise ArgumentError(f"expected a list of {count}, for {shown}; found {number}{described(values)}", argument)
     return numbers.astype(float)
 
 
