@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import shutil
-import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,6 +12,7 @@ import numpy as np
 
 from ..compiler.causal import CausalFunction
 from ..compiler.toolchain import LINK, STANDARD, Toolchain, find
+from ..results.disk import scratch
 from ..results.status import Status
 from .interface import Interface
 from .manifest import read
@@ -81,8 +81,7 @@ def costs(folder: Path, functions: Mapping[str, CausalFunction | StepFunction]) 
         return Costs(missing="" if content is None else str(tools))
     name = content["name"]
     faces, steps = faces_of(functions, name, (), real_of(content["real"]), None)
-    with tempfile.TemporaryDirectory() as scratch:
-        place = Path(scratch)
+    with scratch() as place:
         sizes, frames, symbols = _compiled(tools, folder, name, place)
         parts = {f.symbol: [f.symbol, *f.bodies, *[f"solve_{f.key}{k}" for k in range(len(f.newton))]] for f in faces}
         # Newton's method is there once, and counts in the first function that calls it

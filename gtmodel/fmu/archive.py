@@ -61,9 +61,9 @@ def unpack(path: Path, folder: Path) -> None:
     except KeyError:
         raise ArchiveFault(f"holds no {DESCRIPTION}: it is no unit") from None
     except _DAMAGED as error:
-        raise ArchiveFault(
-            f"cannot be unpacked: {next(iter(str(error).splitlines()), type(error).__name__)}"
-        ) from error
+        what = "unpacked" if path.is_file() else "read"
+        why = getattr(error, "strerror", None) or next(iter(str(error).splitlines()), type(error).__name__)
+        raise ArchiveFault(f"cannot be {what}: {why}") from error
 
 
 def is_ours(path: Path) -> bool:

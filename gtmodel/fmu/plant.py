@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from ..loop.plant import Servo
+from ..results.agreement import Within, agree, numbers_of
 from ..results.refusal import ArgumentError
 from .caller import TIMEOUT_S
 from .export import Fmu
-from .running import WHOLE, RunningUnit, UnitStopped
+from .running import ABOVE_ZERO, WHOLE, RunningUnit, UnitStopped
 from .signals import Scaling, scaling
 
 MOST_STEPS = 1000
@@ -62,10 +63,8 @@ class FmuPlant:
             "speed": speed, "arm": arm,
         }  # fmt: skip
         named(given)
-        if not 0.0 < cycle_s < np.inf:
-            raise ArgumentError(f"expected a finite time above zero; found {cycle_s!r}", "cycle_s")
-        if steps is not None and not 1 <= steps <= MOST_STEPS:
-            raise ArgumentError(f"expected 1 to {MOST_STEPS} communication steps in a cycle; found {steps!r}", "steps")
+        agree(cycle_s, float, "cycle_s", ABOVE_ZERO)
+        agree(steps, int | None, "steps", (Within(least=1, most=MOST_STEPS),))
         for name in set(units or {}) - set(QUANTITIES):
             raise ArgumentError(f"'{name}' is none of {', '.join(QUANTITIES)}", "units")
         self.unit = RunningUnit(path, start, timeout=timeout)
@@ -96,8 +95,10 @@ class FmuPlant:
         return self._read("arm") if "arm" in self._names else self.position_m
 
     def step(self, position_m: Sequence[float], speed_m_s: Sequence[float]) -> None:
-        """One cycle under a commanded position [m] and speed [m/s]. Raises UnitStopped."""
-        u, du = np.array(position_m, float), np.array(speed_m_s, float)
+        """One cycle under a commanded position [m] and speed [m/s]. Raises UnitStopped, and
+        ArgumentError for other than one number for each cart."""
+        carts = self._names["position"]
+        u, du = numbers_of(carts, position_m, "position_m"), numbers_of(carts, speed_m_s, "speed_m_s")
         h = self.cycle_s / self.steps
         servo = self.servo if "force" in self._names else None
         seen = [name for name in ("position", "speed") if name == "position" or servo is not None]
@@ -181,6 +182,7 @@ class FmuExperiment:
         start: Mapping[str, float] | None = None,
         timeout: float = TIMEOUT_S,
     ) -> None:
+        agree(sample_time, float, "sample_time", ABOVE_ZERO)
         self.names, self.sample_time = tuple(names), float(sample_time)
         self.reference = np.array(reference, float)
         self.corrected = corrected or slice(0, len(self.reference))
@@ -188,8 +190,6 @@ class FmuExperiment:
             raise ArgumentError(f"expected (N, {len(self.names)}) numbers; found {self.reference.shape}", "reference")
         if not np.all(np.isfinite(self.reference)):
             raise ArgumentError("expected finite numbers", "reference")
-        if not 0.0 < self.sample_time < np.inf:
-            raise ArgumentError(f"expected a finite time above zero; found {sample_time!r}", "sample_time")
         for name, given in (("inputs", inputs), *(("outputs", o) for o in outputs.values())):
             if len(given) != len(self.names):
                 raise ArgumentError(f"expected {len(self.names)} names, one for each axis; found {len(given)}", name)

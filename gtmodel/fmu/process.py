@@ -8,13 +8,15 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 from collections import deque
-from collections.abc import Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+from ..results.refusal import ArgumentError
 from ..results.work import parents_signals
 from . import caller
 from .caller import LOADING, SHOWN, look, message, received
@@ -22,8 +24,13 @@ from .caller import LOADING, SHOWN, look, message, received
 FREE_S = 2.0  # in which a unit lets its memory go
 END_S = 5.0  # between the end of the channel and that of the process, which may write its memory to a disk
 _KEPT = 64  # last sentences of its log
-_FAULTS = {"SIGABRT": ", as abort() does", "SIGKILL": ", as the system does where memory is short"}
+_POLL_S = 1e-3
 _RETURNS = "a unit has to return a status from every call; ask its maker for one that does"
+_FAULTS = {
+    "SIGABRT": f", as abort() does; {_RETURNS}",
+    "SIGKILL": ", as the system does where memory is short; free memory, or look for who ended it in the system's log",
+    "SIGXCPU": ", as the system does at a limit of computing time; raise it (ulimit -t)",
+}
 
 
 class UnitEnded(RuntimeError):
@@ -40,14 +47,16 @@ class UnitProcess:
     folder: where it may write. timeout: of a call [s].
 
     What the unit prints goes to the standard error stream. Signals that ask to stop reach this process only; the other
-    one ends with it. Raises OSError where no process can be started.
+    one ends with it. A process that is forked from this one leaves the unit alone. Raises OSError where no process can
+    be started.
     """
 
     def __init__(self, folder: Path, timeout: float) -> None:
         self._timeout, self._shown, self._rest = timeout, folder / "running-call", bytearray()
         self._shown.write_bytes(LOADING.encode().ljust(SHOWN))
         self.said: deque[tuple[int, str]] = deque(maxlen=_KEPT)
-        self._ended: UnitEnded | None = None
+        self._owner, self._lock = os.getpid(), threading.RLock()
+        self._ended: tuple[str, str] | None = None  # no exception: its traceback would hold whoever called
         self._socket, far = socket.socketpair()
         self._waiting = select.poll()
         self._waiting.register(self._socket, select.POLLIN)
@@ -63,11 +72,22 @@ class UnitProcess:
             self._socket.close()
             raise
 
+    @contextmanager
+    def held(self) -> Iterator[None]:
+        """The unit for one thread; others wait. Raises ArgumentError in a process that is forked from its owner."""
+        if os.getpid() != self._owner:
+            raise ArgumentError(
+                f"a unit answers the process that made it, {self._owner}; this is process {os.getpid()}: make a unit "
+                "in each process"
+            )
+        with self._lock:
+            yield
+
     def ask(self, calls: Sequence[tuple[Any, ...]], timeout: float | None = None) -> tuple[list[Any], Any]:
         """Results of calls up to the first that went wrong, and of that one the function and the status, or a sentence
-        alone. Raises UnitEnded where the process ends, or has ended, or a call takes too long."""
+        alone; where it is held. Raises UnitEnded where the process ends, or has ended, or a call takes too long."""
         if self._ended is not None:
-            raise self._ended
+            raise UnitEnded(*self._ended)
         limit = self._timeout if timeout is None else timeout
         end = time.monotonic() + limit
 
@@ -89,19 +109,19 @@ class UnitProcess:
                 if time.monotonic() > end:
                     raise TimeoutError
         except TimeoutError:
-            ended = self._end() if self._process.poll() is not None else self._hangs(limit)
+            sentence, where = self._end(0.0, self._hangs(limit))
         except OSError:  # the other end is closed
-            ended = self._end()
+            sentence, where = self._end(END_S, self._scribbles())
         except (ValueError, EOFError, TypeError):  # what came is no message
-            ended = self._scribbles()
+            sentence, where = self._scribbles()
         except BaseException:  # what comes next would be taken for the answer of another call
-            self._ended = UnitEnded("it was ended where the run was broken off", self._function())
+            self._ended = "it was ended where the run was broken off", self._function()
             self._kill()
             raise
         texts = [plain for _, text in self.said if (plain := one_line(text))]
-        self._ended = UnitEnded(f"{ended}; it said last: {texts[-1]}", ended.function) if texts else ended
+        self._ended = f"{sentence}; it said last: {texts[-1]}" if texts else sentence, where
         self._kill()
-        raise self._ended
+        raise UnitEnded(*self._ended)
 
     def _function(self) -> str:
         """Where it is: the name of the call that it made last, which it may have overwritten."""
@@ -111,28 +131,33 @@ class UnitProcess:
                 return name
         return "one of its calls"
 
-    def _hangs(self, limit: float) -> UnitEnded:
+    def _hangs(self, limit: float) -> tuple[str, str]:
         where = self._function()
-        return UnitEnded(
-            f"it did not return from {where} within {limit:g} s; give it longer by timeout, or ask its maker", where
-        )
+        return f"it did not return from {where} within {limit:g} s; give it longer by timeout, or ask its maker", where
 
-    def _scribbles(self) -> UnitEnded:
+    def _scribbles(self) -> tuple[str, str]:
         where = self._function()
-        return UnitEnded(f"it wrote to or closed files that are not its own in {where}; {_RETURNS}", where)
+        return f"it wrote to or closed files that are not its own in {where}; {_RETURNS}", where
 
-    def _end(self) -> UnitEnded:
-        """Of a process whose channel is closed."""
-        where = self._function()
-        try:
-            code = self._process.wait(END_S)
-        except subprocess.TimeoutExpired:
-            return self._scribbles()
+    def _end(self, seconds: float, otherwise: tuple[str, str]) -> tuple[str, str]:
+        """How the process ended; `otherwise` where it still runs after some seconds."""
+        until, number, status = time.monotonic() + seconds, 0, 0
+        while not number:
+            try:
+                number, status = os.waitpid(self._process.pid, os.WNOHANG)
+            except ChildProcessError:  # SIGCHLD is ignored, or somebody else has waited
+                where = self._function()
+                return f"its process ended in {where}, exit code unknown; {_RETURNS}", where
+            if not number and time.monotonic() >= until:
+                return otherwise
+            time.sleep(0.0 if number else _POLL_S)
+        where, code = self._function(), os.waitstatus_to_exitcode(status)
+        self._process.returncode = code
         if code >= 0:
-            return UnitEnded(f"it ended its process by itself in {where}, with exit code {code}; {_RETURNS}", where)
+            return f"it ended its process by itself in {where}, with exit code {code}; {_RETURNS}", where
         name = next((s.name for s in signal.Signals if s == -code), f"signal {-code}")
-        why = _FAULTS.get(name, ", a fault of its own code")
-        return UnitEnded(f"its process was ended by {name} in {where}{why}; {_RETURNS}", where)
+        why = _FAULTS.get(name, f", a fault of its own code; {_RETURNS}")
+        return f"its process was ended by {name} in {where}{why}", where
 
     def _kill(self) -> None:
         """The process and those that it started."""
@@ -142,12 +167,20 @@ class UnitProcess:
         self._process.wait()
 
     def close(self) -> None:
-        """Frees the unit and ends its process."""
-        if self._ended is None:
-            with suppress(UnitEnded):
-                self.ask([("close",)], FREE_S)
-                self._ended = UnitEnded("it was closed", "")
-                self._kill()
+        """Frees the unit and ends its process, in the process that made it."""
+        if os.getpid() != self._owner:
+            return
+        free = self._lock.acquire(timeout=FREE_S)  # a thread may be in a call of it when the program ends
+        try:
+            if self._ended is None:
+                with suppress(UnitEnded):
+                    if free:
+                        self.ask([("close",)], FREE_S)
+                    self._ended = "it was closed", ""
+                    self._kill()
+        finally:
+            if free:
+                self._lock.release()
 
 
 def one_line(text: str) -> str:

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import shutil
-import tempfile
 import weakref
 from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
@@ -14,6 +13,8 @@ from typing import Any
 import numpy as np
 
 from ..loop.plant import PlantStopped
+from ..results.agreement import Within, agree, numbers_of
+from ..results.disk import path_of, scratch
 from ..results.refusal import ArgumentError
 from .archive import ArchiveFault, unpack
 from .caller import LONGEST_S, TIMEOUT_S
@@ -26,6 +27,7 @@ WHOLE = 1e-9  # how near a ratio of steps is to a whole number: decimals of the 
 _SAME_TIME = 1e-9  # of a time that a unit says it reached, over it or one second
 _DISCARD = 2  # statuses: OK, warning, discard, error, fatal, pending
 _STATUS = ("OK", "Warning", "Discard", "Error", "Fatal", "Pending")
+ABOVE_ZERO = (Within(above=0.0),)
 _SHORT = 0.01  # of a step: a unit that ends farther from its end, and than its own step, did not make it
 
 Values = Sequence[float] | np.ndarray
@@ -42,10 +44,12 @@ class RunningUnit:
     path: of the archive, FMI 2.0 or 3.0, or what `export` gave. start: values by name in the unit's own units, set
     before it begins. timeout: of a call of the unit [s], beyond which its process is ended.
 
+    Threads may share it: a call waits for that of another. A process that is forked may not: make one in each process.
+
     Raises ArgumentError without FMPy, for an archive that it cannot read, that has no co-simulation or nothing for this
-    machine, for names that are no real variables of it, near names said, for a start of what has none and one that the
-    unit refuses; UnitStopped where a step ends without an answer, and where the unit crashes, ends its process or does
-    not return.
+    machine, for names that are no real variables of it, near names said, for values other than a number for each name,
+    for a step of no length, for a start of what has none and one that the unit refuses; UnitStopped where a step ends
+    without an answer, and where the unit crashes, ends its process or does not return.
     """
 
     def __init__(
@@ -53,14 +57,24 @@ class RunningUnit:
     ) -> None:
         if find_spec("fmpy") is None:
             raise ArgumentError(NEEDS_FMPY, "path")
-        if not 0.0 < timeout <= LONGEST_S:
-            raise ArgumentError(f"expected a time above zero and at most {LONGEST_S:g} s; found {timeout!r}", "timeout")
-        folder = Path(tempfile.mkdtemp(prefix="gtmodel-fmu-"))
-        self._free = weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
-        if isinstance(path, Fmu):
-            (own := folder / f"{path.table.name}.fmu").write_bytes(path.data)
-            path = own
-        description = _read(Path(path), folder / "unit")
+        agree(timeout, float, "timeout", (Within(above=0.0, most=LONGEST_S),))
+        agree(start, Mapping[str, Any] | None, "start")
+        self._start = dict(start or {})
+        for name, value in self._start.items():
+            agree(value, float, f"start.{name}")
+        given = path if isinstance(path, Fmu) else path_of(path)
+        with ExitStack() as files:
+            folder = files.enter_context(scratch("gtmodel-fmu-"))
+            self._made(given, folder, timeout, files)
+            self._free = weakref.finalize(self, files.pop_all().close)
+
+    def _made(self, given: Path | Fmu, folder: Path, timeout: float, files: ExitStack) -> None:
+        """Up to the first step. files: takes what is to be freed."""
+        if isinstance(given, Fmu):
+            (path := folder / f"{given.table.name}.fmu").write_bytes(given.data)
+        else:
+            path = given
+        description = _read(path, folder / "unit")
         stepping = description.coSimulation
         if stepping is None:
             raise ArgumentError(
@@ -75,18 +89,15 @@ class RunningUnit:
         own = 0.0 if inner is None else float(inner)
         self.inner_step = own if 0.0 < own < np.inf else None  # NaN and INF are numbers of its schema too
         self._three = self.version.startswith("3")
-        self._start = dict(start or {})
         self._references = {name: s.reference for name, s in self.signals.all.items()}
         self.signals.settable(list(self._start), "start")
         try:
             self._process = UnitProcess(folder, timeout)
         except OSError as error:
             raise ArgumentError(f"no process can be started for '{self.name}': {error.strerror}", "path") from error
-        self._said = self._process.said
-        self._free.detach()
-        self._free = weakref.finalize(self, _freed, self._process, folder)
+        files.callback(self._process.close)
+        self._said, self._astray = self._process.said, ""
         self._begun([_making(folder / "unit", description, self._three)], "cannot be run here", "path")
-        self.time = 0.0
         self._begin()
 
     def _begun(self, calls: Sequence[tuple[Any, ...]], what: str, argument: str) -> None:
@@ -101,15 +112,21 @@ class RunningUnit:
 
     def _begin(self) -> None:
         """From instantiated to the first step."""
-        values = np.array(list(self._start.values()), float).tobytes()
-        argument = "start" if self._start else "path"
-        self._begun([("begin", self._places(list(self._start)), values)], "does not begin", argument)
+        names, argument = list(self._start), "start" if self._start else "path"
+        values = numbers_of(names, list(self._start.values()), "start").tobytes()
+        self._begun([("begin", self._places(names), values)], "does not begin", argument)
         self.time = 0.0
 
     def restart(self) -> None:
-        """Back to the start, with the same start values."""
-        self._begun([("reset",)], "does not go back to its start", "path")
-        self._begin()
+        """Back to the start, with the same start values. Where the unit refuses, it is not run on."""
+        with self._process.held():
+            try:
+                self._begun([("reset",)], "does not go back to its start", "path")
+                self._begin()
+            except ArgumentError as error:
+                self._astray = error.message
+                raise
+            self._astray = ""
 
     def _places(self, names: Sequence[str]) -> bytes:
         return np.array([self._references[name] for name in names], np.uintc).tobytes()
@@ -124,6 +141,7 @@ class RunningUnit:
 
     def step(self, length: float) -> None:
         """Goes on by `length` [s]. Raises UnitStopped where it cannot, or asks to end."""
+        agree(length, float, "length", ABOVE_ZERO)
         self._run([], length, None)
 
     def advance(
@@ -133,21 +151,36 @@ class RunningUnit:
 
         The same as `set`, `step` and `get` one after another. Raises UnitStopped as they do.
         """
+        agree(length, float, "length", ABOVE_ZERO)
         return self._run(given, length, outputs)
 
     def _run(
         self, given: Sequence[tuple[Sequence[str], Values]], length: float | None, outputs: Sequence[str] | None
     ) -> np.ndarray:
         """What is set, a step if there is a length, outputs if they are asked for."""
-        calls: list[tuple[Any, ...]] = []
+        sets: list[tuple[Any, ...]] = []
         for names, values in given:
             self.signals.of(names, "inputs")
-            calls.append(("set", self._places(names), np.array(values, float).tobytes()))
-        if length is not None:
-            calls.append(("step", self.time, length))
+            sets.append(("set", self._places(names), numbers_of(names, values, "values").tobytes()))
         if outputs is not None:
             self.signals.of(outputs, "outputs")
+        with self._process.held():
+            return self._answered(given, sets, length, outputs)
+
+    def _answered(
+        self,
+        given: Sequence[tuple[Sequence[str], Values]],
+        sets: Sequence[tuple[Any, ...]],
+        length: float | None,
+        outputs: Sequence[str] | None,
+    ) -> np.ndarray:
+        calls = [*sets]
+        if length is not None:
+            calls.append(("step", self.time, float(length)))
+        if outputs is not None:
             calls.append(("get", self._places(outputs)))
+        if self._astray:
+            raise UnitStopped(self._astray, self.time)
         self._said.clear()
         try:
             results, fault = self._process.ask(calls)
@@ -238,9 +271,3 @@ def _sentence(fault: Any) -> str:
     function, status = fault
     word = _STATUS[status] if 0 <= status < len(_STATUS) else f"the status {status}, which there is not"
     return f"{function} gave {word}, and it said nothing"
-
-
-def _freed(process: UnitProcess, folder: Path) -> None:
-    """The end of an instance and of its files."""
-    process.close()
-    shutil.rmtree(folder, ignore_errors=True)

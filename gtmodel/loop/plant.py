@@ -14,6 +14,7 @@ import numpy as np
 import scipy
 
 from ..compiler.causal import CausalFunction
+from ..results.agreement import numbers_of
 
 
 class PlantStopped(RuntimeError):
@@ -26,7 +27,7 @@ class PlantStopped(RuntimeError):
 
 class Plant(Protocol):
     """Carts [m] as the motors measure them; `step` moves them on by one cycle under a commanded position [m] and speed
-    [m/s]. `arm_m` is where their other side stands, which the motors do not see."""
+    [m/s], one number for each. `arm_m` is where their other side stands, which the motors do not see."""
 
     @property
     def position_m(self) -> np.ndarray: ...
@@ -66,7 +67,7 @@ class DrivePlant:
         return self.position_m
 
     def step(self, position_m: Sequence[float], speed_m_s: Sequence[float]) -> None:
-        self._pipe.append(np.array(position_m, dtype=float) - self.start_m)
+        self._pipe.append(_per_cart(position_m, len(self.start_m), "position_m") - self.start_m)
         moved = self.a * (self.position_m - self.start_m) + self.b * self._pipe.popleft()
         self.position_m = self.start_m + moved
 
@@ -119,7 +120,8 @@ class RigidBodyPlant:
         return self._state[:3]
 
     def step(self, position_m: Sequence[float], speed_m_s: Sequence[float]) -> None:
-        self._state = np.array(self._step(self._state, np.array(position_m), np.array(speed_m_s))).ravel()
+        u, du = _per_cart(position_m, 3, "position_m"), _per_cart(speed_m_s, 3, "speed_m_s")
+        self._state = np.array(self._step(self._state, u, du)).ravel()
         self.position_m = np.array(self._carts(self._state)).ravel()
 
 
@@ -160,6 +162,11 @@ class ElasticPlant:
         self._deflection[1] -= slope - self._slope  # m'' of a polygon is a step of its rate
         self._deflection = self._passes @ self._deflection
         self._slope = slope
+
+
+def _per_cart(values: Sequence[float], carts: int, argument: str) -> np.ndarray:
+    """Commands as an array. Raises ArgumentError unless they are numbers, one for each cart."""
+    return numbers_of([f"cart {k + 1}" for k in range(carts)], values, argument)
 
 
 def _cycle(

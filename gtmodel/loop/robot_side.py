@@ -135,5 +135,5 @@ class RobotSide:
             self.path_m = [x / MM for x in sensor.path_mm]
         elif len(sensor.external_mm) >= n and self.programme is None:
             self.planned_m = [x / MM for x in sensor.external_mm[:n]]
-            self.speed_m_s = [x / MM for x in sensor.external_speeds_mm_s[:n]]
+            self.speed_m_s = [x / MM for x in (sensor.external_speeds_mm_s + [0.0] * n)[:n]]  # of no speed: it stands
         return sensor.sequence == self.number & UINT32

@@ -7,7 +7,6 @@ import time
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any, get_type_hints
 
 from gtmodel._files import problems_dir
@@ -15,6 +14,7 @@ from gtmodel.loop import study
 from gtmodel.loop.build import PROGRAM, manifest_of
 from gtmodel.results import ArgumentError, SolveStatus, Study, Trajectory, as_json, written
 from gtmodel.results.agreement import agree
+from gtmodel.results.disk import scratch
 from gtmodel.results.folder import Held, unfinished
 from gtmodel.results.marks import is_marked
 
@@ -118,8 +118,8 @@ def _motion(problem: Any, path: Path | None, job: Context, made: dict[str, bytes
     if not solved.status.ok:
         raise InputError(f"there is no time-optimal motion for this robot ({solved.message}); give one by --reference")
     made[REFERENCE] = str(solved.files[REFERENCE]).encode()
-    with TemporaryDirectory() as place:
-        file = Path(place) / REFERENCE
+    with scratch() as place:
+        file = place / REFERENCE
         file.write_bytes(made[REFERENCE])
         return Trajectory.from_csv(file)
 

@@ -22,6 +22,7 @@ from .refusal import ArgumentError
 
 Marks = tuple[Any, ...]
 UNEQUAL = "expected rows of one length"
+_SHOWN = 12  # names in a sentence
 _NUMBERS: dict[Any, Any] = {float: numbers.Real, int: numbers.Integral}
 
 
@@ -110,6 +111,27 @@ def agree(value: Any, hint: Any, argument: str, marks: Marks = ()) -> None:
         _listed(value, hint, argument, marks)
     elif not isinstance(value, kind):
         raise WrongKind(value, hint, argument)
+
+
+def numbers_of(names: Sequence[str], values: Sequence[float] | np.ndarray, argument: str) -> np.ndarray:
+    """Values as an array, one for each name; they need not be finite. Raises ArgumentError for others.
+
+    >>> from gtmodel.results.agreement import numbers_of
+    >>> numbers_of(["x", "y"], [1.0], "values")
+    Traceback (most recent call last):
+        ...
+    gtmodel.results.refusal.ArgumentError: values: expected a list of 2 numbers, for x, y; found 1: [1.0]
+    """
+    try:
+        numbers = np.asarray(values)
+    except ValueError:  # rows of several lengths
+        numbers = np.array(None)
+    if numbers.shape != (len(names),) or numbers.dtype.kind not in "fiu":
+        count = "one number" if len(names) == 1 else f"{len(names)} numbers"
+        shown = ", ".join(names[:_SHOWN]) + (", ..." if names[_SHOWN:] else "")
+        number = f"{len(numbers)}: " if numbers.ndim == 1 and len(numbers) != len(names) else ""
+        raise ArgumentError(f"expected a list of {count}, for {shown}; found {number}{described(values)}", argument)
+    return numbers.astype(float)
 
 
 def _listed(value: Any, hint: Any, argument: str, marks: Marks) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import shutil
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -60,14 +61,20 @@ _NO_ROOM = {errno.ENOSPC, errno.EFBIG, errno.EDQUOT, errno.EROFS}
 
 @contextmanager
 def scratch(prefix: str = "gtmodel-") -> Iterator[Path]:
-    """A temporary folder that goes again. Raises ArgumentError where there is none, or where it is full."""
-    place = "of this machine"
+    """A temporary folder that goes again, with the process that made it, not with one that is forked meanwhile. Raises
+    ArgumentError where there is none, or where it is full."""
+    place, owner = "", os.getpid()
     try:
-        with tempfile.TemporaryDirectory(prefix=prefix) as place:
+        place = tempfile.mkdtemp(prefix=prefix)
+        try:
             yield Path(place)
+        finally:
+            if os.getpid() == owner:
+                shutil.rmtree(place, ignore_errors=True)
     except OSError as error:
-        if error.errno in _NO_ROOM or not Path(place).parent.is_dir():
+        if not place or error.errno in _NO_ROOM or not Path(place).parent.is_dir():
+            named = place or tempfile.tempdir or "of this machine"
             raise ArgumentError(
-                f"the temporary folder {place} does not take the files ({error.strerror}); free space, or set TMPDIR"
+                f"the temporary folder {named} does not take the files ({error.strerror}); free space, or set TMPDIR"
             ) from error
         raise

@@ -8,7 +8,7 @@ from scipy.signal import cont2discrete, lfilter
 
 import gtmodel as gt
 from gtmodel.loop import DrivePlant, ElasticPlant, RigidBodyPlant, Servo
-from gtmodel.results import Status
+from gtmodel.results import ArgumentError, Status
 from tests.loop.bench import DRIVES
 
 START = [-1.30, -1.39, -1.57]
@@ -34,6 +34,19 @@ def _rigid(servo: Servo, tcp: np.ndarray) -> tuple[RigidBodyPlant, gt.CausalFunc
     forward = robot.causal("tau", "der(T,2)", prefer="T")
     plant = RigidBodyPlant(forward, robot.causal("T", ["q", "der(q)"]), tcp.tolist(), servo)
     return plant, robot.causal("T", "tau")
+
+
+def test_a_plant_takes_one_number_for_each_cart() -> None:
+    """One number, which NumPy and CasADi would give to all carts, is refused."""
+    drives, robot = DrivePlant(START, DRIVES["a"], DRIVES["b"], 5), _rigid(Servo(), np.array([0.0, -0.9, 0.1]))[0]
+    for plant in (drives, robot, ElasticPlant(drives, 8.0), ElasticPlant(robot, 8.0)):
+        before = plant.position_m.tolist()
+        for position in ([0.1], [0.1] * 4, 0.1):
+            with pytest.raises(ArgumentError, match="3 numbers, for cart 1, cart 2, cart 3; found") as refusal:
+                plant.step(position, [0.0] * 3)  # type: ignore[arg-type]
+            assert refusal.value.argument == "position_m" and plant.position_m.tolist() == before
+    with pytest.raises(ArgumentError, match="speed_m_s"):
+        robot.step(START, [0.0])
 
 
 def test_robot_comes_to_rest_where_servo_and_weight_balance() -> None:

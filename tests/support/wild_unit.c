@@ -7,7 +7,8 @@
 #include <string.h>
 #include <unistd.h>
 
-enum { GOOD, ABORTS, EXITS, CRASHES, HANGS, PRINTS, ASKS_TO_END, WANTS_EVENT, ELSEWHERE, NO_NUMBER, DISCARDS, SCRIBBLES };
+enum { GOOD, ABORTS, EXITS, CRASHES, HANGS, PRINTS, ASKS_TO_END, WANTS_EVENT, ELSEWHERE, NO_NUMBER, DISCARDS, SCRIBBLES,
+       STAYS };
 enum { HOW, CODE, WHEN, COMMAND, POSITION = 6, TIME = 9, SIZE };
 typedef void *Any;
 typedef struct {
@@ -61,7 +62,7 @@ static int set(Unit *u, const unsigned *r, size_t n, const double *x) {
     for (size_t k = 0; k < n; k++) u->x[r[k]] = x[k];
     return 0;
 }
-static int reset(Unit *u) { memset(u->x, 0, sizeof u->x); return 0; }
+static int reset(Unit *u) { if (u->x[HOW] == STAYS) return 3; memset(u->x, 0, sizeof u->x); return 0; }
 
 #if VERSION == 2
 typedef struct { void (*log)(Any, const char *, int, const char *, const char *, ...); } Callbacks;

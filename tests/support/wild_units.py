@@ -14,7 +14,7 @@ from pathlib import Path
 SOURCE = Path(__file__).with_name("wild_unit.c")
 How = IntEnum(
     "How",
-    "ABORTS EXITS CRASHES HANGS PRINTS ASKS_TO_END WANTS_EVENT ELSEWHERE NO_NUMBER DISCARDS SCRIBBLES",
+    "ABORTS EXITS CRASHES HANGS PRINTS ASKS_TO_END WANTS_EVENT ELSEWHERE NO_NUMBER DISCARDS SCRIBBLES STAYS",
 )
 COMMANDS, POSITIONS = [[f"{name}[{k}]" for k in (1, 2, 3)] for name in ("command", "position")]
 _NAMES = [("how", "parameter"), ("code", "parameter"), ("when", "parameter")]

@@ -163,16 +163,15 @@ def fit_oscillator_field(
 
 
 def _generated(f: Any, name: str) -> str:
-    import tempfile
-    from pathlib import Path
-
     import casadi as ca
+
+    from ...results.disk import scratch
 
     generator = ca.CodeGenerator(f"{name}.c")
     generator.add(f)
-    with tempfile.TemporaryDirectory() as folder:
+    with scratch() as folder:
         generator.generate(f"{folder}/")
-        text = (Path(folder) / f"{name}.c").read_text(encoding="utf-8")
+        text = (folder / f"{name}.c").read_text(encoding="utf-8")
     if not text.endswith("#endif\n"):  # CasADi does not report a disk that is full
         raise OSError(f"the temporary folder {folder} does not take the code; free space, or set TMPDIR")
     return text
