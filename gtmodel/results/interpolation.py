@@ -8,10 +8,13 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 import numpy.typing as npt
 
+from .._lazy import hint
 from .trajectory_errors import Array, TrajectoryError, columns
 
 if TYPE_CHECKING:
     from .trajectory import Trajectory
+else:
+    Trajectory = hint("gtmodel.results.trajectory", "Trajectory")
 
 Kind = Literal["linear", "pchip", "previous"]
 KINDS = ("linear", "pchip", "previous")

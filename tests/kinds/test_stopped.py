@@ -77,7 +77,7 @@ def test_wherever_a_study_is_stopped_it_can_be_shown_and_written(kind: str, aske
 
 def test_a_law_that_has_learned_nothing_yet_is_kept(tmp_path: Path) -> None:
     """A trajectory of no signals was asked for where a stop came before the first run of learning."""
-    kept = [stopped("learning_control", k, tmp_path / str(k))[1] for k in (3, 4)]
+    kept = [stopped("learning_control", k, tmp_path / str(k))[1] for k in (7, 8)]
     assert [s.status for s in kept] == [SolveStatus.INTERRUPTED] * 2 and all(s.trajectory is None for s in kept)
     assert [len(s.values["axes"]) for s in kept] == [1, 2] and all(map(str, kept))
 
