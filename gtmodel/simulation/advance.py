@@ -177,6 +177,8 @@ class Integration:
                 self._last_span = max(self._last_span, span) if all_of_it else good * length
                 self._likely = len(self._grid) if all_of_it else good
                 return
+            if result is None and self._over_failure():
+                return
             whole = False
             if len(times) > 1:
                 most = max(1, len(times) // FEWER) if result is None else 1
@@ -184,6 +186,10 @@ class Integration:
                 span = 0.5 * length
             if span < self._shortest:
                 raise self._wall()
+
+    def _over_failure(self) -> bool:
+        """Whether it goes on although the integrator failed just now: it has gone on then."""
+        return False
 
     def _creeps(self) -> bool:
         """Whether many calls of the integrator together led nowhere."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import casadi as ca
 import numpy as np
 
@@ -17,6 +19,8 @@ CLOSE = 100.0
 KEPT = 0.25
 # and the rates at the two ends must explain the change between them up to this part of the larger one
 EXPLAINED = 0.3
+# of a number that has been computed
+ROUND_OFF = 8 * np.finfo(float).eps
 
 
 class Watched:
@@ -34,6 +38,7 @@ class Watched:
         moved = ca.densify(ca.jacobian(r, t) + ca.mtimes(ca.jacobian(r, x), f))
         by_z, rz = ca.densify(ca.jacobian(d, z)), ca.densify(ca.jacobian(r, z))
         self.moved_by_inputs = bool(ca.jacobian(d, reduced.p).nnz())
+        self._arguments, self._watched = arguments, d
         uses_z = bool(ca.jacobian(d, z).nnz())
         self._through_z = ca.Function("through", arguments, [by_z, rz, moved]) if uses_z else None
 
@@ -51,6 +56,21 @@ class Watched:
                 except np.linalg.LinAlgError:
                     rates[n] = np.nan
         return values, rates
+
+    @cached_property
+    def _by_unknowns(self) -> ca.Function:
+        x, z = self._arguments[:2]
+        derivatives = ca.horzcat(ca.jacobian(self._watched, x), ca.jacobian(self._watched, z))
+        return ca.Function("by_unknowns", self._arguments, [ca.fabs(ca.densify(derivatives))])
+
+    def round_off(
+        self, x: np.ndarray, z: np.ndarray, time: float, p: np.ndarray, x_scale: np.ndarray, z_scale: np.ndarray
+    ) -> np.ndarray:
+        """Of the values at one point: what round-off of states and Newton unknowns, which are of the size of their
+        nominals or larger, moves them by; 0 for those whose slope is not finite there."""
+        sizes = np.maximum(np.abs(np.append(x, z)), np.append(x_scale, z_scale))
+        moved = np.asarray(self._by_unknowns(x, z, time, p).full()) @ (ROUND_OFF * sizes)
+        return np.where(np.isfinite(moved), moved, 0.0)
 
     def values(self, x: np.ndarray, z: np.ndarray, time: float, p: np.ndarray) -> np.ndarray:
         """Values at one point for columns of table pieces, one row for each column."""

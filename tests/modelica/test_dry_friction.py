@@ -102,3 +102,72 @@ def test_a_clutch_and_a_brake_stick_and_break_away_when_they_should(drive: gt.Si
     # both integrate to 1e-9; an instant is a speed over an acceleration of the order of one
     np.testing.assert_allclose(found, times, atol=1e-7)
     np.testing.assert_allclose([drive.trajectory[n][-1] for n in ("w1", "w2")], speeds, atol=1e-7)
+
+
+FACE = TEXT[: TEXT.index("model Drive")]
+
+
+def _run(folder: Path, body: str, end: float) -> gt.Simulation:
+    file = folder / "drive.mo"
+    file.write_text(f"{FACE}model Drive {body} end Drive;", encoding="utf-8")
+    return gt.simulate(gt.modelica.load(f"{file}:Drive")(), end, tolerance=1e-8)
+
+
+@pytest.mark.parametrize("speed", [0.0, 1.0, 1234.567])
+@pytest.mark.parametrize(("slip", "rates"), [(2.0, (0.25, 0.25)), (0.1, (0.4, 0.1))])
+def test_bodies_at_one_speed_stick_or_slip(
+    tmp_path: Path, speed: float, slip: float, rates: tuple[float, float]
+) -> None:
+    run = _run(
+        tmp_path,
+        f"Real w1(start={speed}, fixed=true), w2(start={speed}, fixed=true); Dry c(slip={slip}); "
+        "equation der(w1) = 0.5 - c.tau; c.w = w1 - w2; der(w2) = c.tau;",
+        1.0,
+    )
+    # constant rates: round-off of the speed
+    ends = [float(run.trajectory[n][-1]) - speed for n in ("w1", "w2")]
+    np.testing.assert_allclose(ends, rates, atol=1e-12 * max(speed, 1.0))
+
+
+# load, what the clutch and the brake hold, and what each inertia of 1 then gains in 1 s
+AT_REST = [(0.0, 2.0, 1.0, 0.0, 0.0), (0.5, 2.0, 1.0, 0.0, 0.0), (2.0, 1.0, 4.0, 1.0, 0.0), (2.0, 4.0, 1.0, 0.5, 0.5)]
+
+
+@pytest.mark.parametrize(("load", "clutch", "brake", "first", "second"), AT_REST)
+def test_a_clutch_and_a_brake_at_rest(
+    tmp_path: Path, load: float, clutch: float, brake: float, first: float, second: float
+) -> None:
+    run = _run(
+        tmp_path,
+        f"Real w1(start=0, fixed=true), w2(start=0, fixed=true); Dry c1(slip={clutch}), c2(slip={brake}); "
+        f"equation der(w1) = {load} - c1.tau; c1.w = w1 - w2; der(w2) = c1.tau - c2.tau; c2.w = w2;",
+        1.0,
+    )
+    np.testing.assert_allclose([run.trajectory[n][-1] for n in ("w1", "w2")], [first, second], atol=1e-12)
+
+
+@pytest.mark.parametrize("seed", [6, 8, *(pytest.param(n, marks=pytest.mark.proof) for n in (0, 1, 2, 3, 4, 5, 7, 9))])
+def test_drawn_chains_of_three(tmp_path: Path, seed: int) -> None:
+    """Synthetic chains, drawn with this seed and without noise; by a regularised friction too."""
+    rng = np.random.default_rng(seed)
+    j, slip = rng.uniform(0.1, 0.6, 3).tolist(), rng.uniform(1.0, 5.0, 3).tolist()
+    size, w, mean = rng.uniform(4.0, 12.0), rng.uniform(2.0, 6.0), rng.uniform(-3.0, 3.0)
+    start = (rng.uniform(-6.0, 6.0, 3) * (rng.uniform(size=3) > 0.3)).tolist()
+    end, soft = 1.5, 1e-5
+
+    def rates(t: float, y: np.ndarray) -> list[float]:
+        t1, t2, t3 = slip * np.tanh(np.append(y[:2] - y[1:], y[2]) / soft)
+        return [(size * np.sin(w * t) + mean - t1) / j[0], (t1 - t2) / j[1], (t2 - t3) / j[2]]
+
+    there = scipy.integrate.solve_ivp(rates, (0.0, end), start, method="Radau", rtol=1e-7, atol=1e-8, max_step=0.02)
+    speeds = ", ".join(f"w{n + 1}(start={v!r}, fixed=true)" for n, v in enumerate(start))
+    faces = ", ".join(f"c{n + 1}(slip={v!r})" for n, v in enumerate(slip))
+    run = _run(
+        tmp_path,
+        f"Real {speeds}; Dry {faces}; equation "
+        f"{j[0]!r}*der(w1) = {size!r}*sin({w!r}*time) + ({mean!r}) - c1.tau; c1.w = w1 - w2; "
+        f"{j[1]!r}*der(w2) = c1.tau - c2.tau; c2.w = w2 - w3; {j[2]!r}*der(w3) = c2.tau - c3.tau; c3.w = w3;",
+        end,
+    )
+    # what sticks creeps in the regularised one by some widths of the step of its tanh
+    np.testing.assert_allclose([run.trajectory[f"w{n + 1}"][-1] for n in range(3)], there.y[:, -1], atol=20 * soft)

@@ -25,8 +25,9 @@ from .actions import Actions, Changes
 from .blocks import RunningBlock
 from .clock import Due, SampleClock, exact
 from .crossing import Signed, corrected_root
+from .edges import OverEdges, Restarted
 from .event import Event
-from .sides import SidesAtInstant, Unsettled
+from .sides import Unsettled
 from .watched import ZERO
 
 if TYPE_CHECKING:
@@ -34,15 +35,13 @@ if TYPE_CHECKING:
 
 Pair = tuple[int, int]
 
-# so many of the shortest intervals are gone over by the rates where the integrator cannot go over the switch
-EDGE = 100.0
 # of the energy that moved: what an impact takes, by its formula and by the stored energies before and after it
 DECLARED_LOSS = 1e-9
 # rounds of what follows from what at one instant, beside one for each event and switch
 ROUNDS = 30
 
 
-class HybridIntegration(SidesAtInstant):
+class HybridIntegration(OverEdges):
     """Where a simulation with events is. `events` are those so far; `blocks` the sampled blocks with their samples.
 
     held: of each condition of gt.when.
@@ -167,28 +166,6 @@ class HybridIntegration(SidesAtInstant):
         except Ended as error:
             if error.status is not SolveStatus.FAILED or not self._over_edge():
                 raise
-
-    def _over_edge(self) -> bool:
-        """Whether a comparison changes within a few of the shortest intervals; then its event has happened."""
-        if not self._declared.comparisons or self._z.size:
-            return False
-        at = np.array([self._time])
-        values, rates = self._comparisons(self._x[None, :], self._z[None, :], at)
-        s, ds = values[0] * self._signs(), rates[0] * self._signs()
-        with np.errstate(all="ignore"):
-            left = np.where(ds < 0, s / -ds, np.inf)
-        if not np.any(left <= EDGE * self._shortest):
-            return False
-        n = int(np.nanargmin(left))
-        span = max(float(left[n]), 0.0)
-        self._take(self._time + span, self._straight_on(span), self._z, self._work)
-        self._event([n])
-        return True
-
-    def _straight_on(self, span: float) -> np.ndarray:
-        """The states after so short a span [s]."""
-        rate = self.system.reduced.rate(self._x, self._z, self._time, self._p)
-        return self._x + span * np.asarray(rate.full()).reshape(-1)
 
     def _to_change(self, start: float, end: float, dip: float, near: Signed | None = None) -> bool:
         """Go to the first change between two times and do what it leads to; False where the integrator does not get
@@ -389,6 +366,7 @@ class HybridIntegration(SidesAtInstant):
         stored, declared, modes = self._stored(), None, self._values
         before_it = self._one_row()
         seen: set[tuple[object, ...]] = set()
+        self._see_round_off()
         due, zero = [n in samples for n in range(len(events.samples))], self._zero
         was = self._compared() if was is None else was
         # the last float before the root may leave more
@@ -499,10 +477,14 @@ class HybridIntegration(SidesAtInstant):
         systems = self._systems if values == self._values else self._modes.systems(values)
         self._renumber(systems)
         self._p = self._inputs.with_parameters(self._p, changes.discrete)
-        self.system, self._x, self._z = self._modes.restart(
-            self._systems, self._settings, old, point, self._time, self._p, changes.restarted, struck,
-            (self._values, values),
-        )  # fmt: skip
+
+        def restart(point: np.ndarray, time: float) -> Restarted:
+            return self._modes.restart(
+                self._systems, self._settings, old, point, time, self._p, changes.restarted, struck,
+                (self._values, values),
+            )  # fmt: skip
+
+        self._time, (self.system, self._x, self._z) = self._on_new_side(restart, point)
         if values != self._values:
             self._values = values
             if values not in self._paces:

@@ -34,6 +34,8 @@ class OneStep:
         """remembers: `way` is kept."""
         self._stepper, self._remembers = stepper, remembers
         self.way: Way | None = None  # of the last call; None where it was one of CVODES or IDAS
+        # of the last call where it came to the end of no interval: how far it came [s], states and energies there
+        self.far: tuple[float, np.ndarray, np.ndarray] | None = None
         self.x_scale, self.z_scale = stepper.x_scale, stepper.z_scale
         self._bounded = bounded
         # as a call of CVODES over few intervals, for the same reason: errors of many short pieces add up
@@ -69,7 +71,7 @@ class OneStep:
         likely: int = 1,
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
         """As a `Stepper`'s, or fewer of the intervals."""
-        self.way = None
+        self.way = self.far = None
         if not self._stiff:
             made = self._steps(x, time, length, p, count, min(longest, length if self._bounded else np.inf))
             if made is not None or not self._stiff:
@@ -102,6 +104,7 @@ class OneStep:
                 solver.step()
                 steps += 1
                 if solver.status == "failed" or not np.all(np.isfinite(solver.y)):
+                    self._came_to(solver, n, ends, between)
                     return None
                 last = int(np.searchsorted(at, solver.t, side="right")) if solver.status == "running" else count
                 if last > done or self._remembers:
@@ -118,6 +121,7 @@ class OneStep:
                 if steps > MOST_STEPS or (self._remembers and done and steps >= WATCHED_STEPS):
                     break
             if not done:
+                self._came_to(solver, n, ends, between)
                 return None
             if solver.status == "finished":
                 rows[-1] = solver.y
@@ -126,9 +130,18 @@ class OneStep:
         self._last = max(float(solver.h_abs), wanted if steps == 1 and np.isfinite(wanted) else 0.0)
         if not np.all(np.isfinite(rows)):
             return None
-        if self._remembers:
-            self.way = Way(np.array(ends), scipy.integrate.OdeSolution(ends, between), self.x_scale)
+        self.way = self._way(ends, between)
         return rows[:, :n] * self.x_scale, np.zeros((done, 0)), rows[:, n:]
+
+    def _came_to(self, solver: scipy.integrate.DOP853, n: int, ends: list[float], between: list[Any]) -> None:
+        if np.all(np.isfinite(solver.y)):
+            self.far = float(solver.t), solver.y[:n] * self.x_scale, solver.y[n:].copy()
+            self.way = self._way(ends, between)
+
+    def _way(self, ends: list[float], between: list[Any]) -> Way | None:
+        if not self._remembers or not between:
+            return None
+        return Way(np.array(ends), scipy.integrate.OdeSolution(ends, between), self.x_scale)
 
 
 def _stiffness(solver: scipy.integrate.DOP853) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from itertools import product
 from typing import TYPE_CHECKING, Any
 
@@ -21,8 +21,8 @@ SLOW = 1e-6
 # different comparisons of one instant whose sides are looked for together
 MOST_TOGETHER = 10
 # what an event changes beside rows and books, put back where its rounds do not settle
-CHANGED = ("truth", "held", "system", "audit", "_x", "_z", "_p", "_systems", "_values", "_pace", "_calls", "_audited",
-           "_broken")  # fmt: skip
+CHANGED = ("truth", "held", "system", "audit", "_time", "_x", "_z", "_p", "_systems", "_values", "_pace", "_calls",
+           "_audited", "_broken")  # fmt: skip
 
 
 class Unsettled(Ended):
@@ -53,14 +53,14 @@ class SidesAtInstant(WatchedIntegration):
 
         A mode may set the force that decides on it, as dry friction does: then going from mode to mode ends nowhere,
         and the sides are unknowns of the instant's equations. All of them false, which is where nothing breaks away,
-        is tried first. What jumped and reads the same has one side.
+        is tried first. What jumped and reads the same has one side; what decides on no mode, whatever the others are,
+        as the torque of another clutch that slides on, is none of them.
         """
         groups: dict[str, list[int]] = {}
-        deciding = set[int]().union(*(_atoms(m.logic) for m in self._declared.modes))
-        for n in jumped:
+        free = {n for n in jumped if self._flat.scope.symbols_in(self._declared.comparisons[n].expression)}
+        logics = (_deciding(m.logic, self.truth, free) for m in self._declared.modes)
+        for n in sorted(set[int]().union(*(decide for decide in logics if isinstance(decide, set)))):
             c = self._declared.comparisons[n]
-            if n not in deciding or not self._flat.scope.symbols_in(c.expression):
-                continue
             groups.setdefault(f"{c.expression} {c.strict}", []).append(n)
         if not groups or len(groups) > MOST_TOGETHER:
             return None
@@ -145,9 +145,18 @@ class SidesAtInstant(WatchedIntegration):
         )
 
 
-def _atoms(logic: Logic) -> set[int]:
-    """Numbers of the comparisons that a condition is made of."""
+def _deciding(logic: Logic, truth: np.ndarray, free: Container[int]) -> bool | set[int]:
+    """Whether a condition is true where its comparisons are; the numbers of those that decide on it where that depends
+    on what is free."""
     operation, *parts = logic
-    if operation in ("atom", "sample"):
-        return set(parts) if operation == "atom" else set()
-    return set[int]().union(*map(_atoms, parts))
+    if operation == "atom":
+        return {parts[0]} if parts[0] in free else bool(truth[parts[0]])
+    if operation == "sample":
+        return False
+    made = [_deciding(part, truth, free) for part in parts]
+    if operation == "not":
+        return made[0] if isinstance(made[0], set) else not made[0]
+    alone = operation == "or"  # what one part alone makes of it
+    if any(part is alone for part in made):
+        return alone
+    return set[int]().union(*(part for part in made if isinstance(part, set))) or not alone

@@ -48,7 +48,8 @@ class WatchedIntegration(Integration):
         self._declared: FlatEvents = modes.events
         self._watched: dict[SimulatedSystem, Watched] = {}
         self.truth = ready.truth.copy()
-        self._size = self._largest = np.zeros(len(self._declared.comparisons))
+        self._size = self._largest = self._least = np.zeros(len(self._declared.comparisons))
+        self._see_round_off()
 
     @property
     def _stepper(self) -> OneStep:
@@ -101,6 +102,12 @@ class WatchedIntegration(Integration):
             largest = np.max(np.abs(values), axis=0)
             self._size, self._largest = np.maximum(self._size, largest), np.maximum(self._largest, largest)
 
+    def _see_round_off(self) -> None:
+        """Round-off of the comparisons by that of the states, whose difference they may be, from here on."""
+        if self._declared.comparisons:
+            s, watched = self._stepper, self._watching
+            self._least = watched.round_off(self._x, self._z, self._time, self._p, s.x_scale, s.z_scale)
+
     @property
     def _zero(self) -> np.ndarray:
         """So near to zero no comparison shows a side."""
@@ -109,16 +116,20 @@ class WatchedIntegration(Integration):
     @property
     def _round_off(self) -> np.ndarray:
         """Of the comparisons: a value that stays at its threshold dips so far below it."""
-        return LEAST * self._largest
+        return np.maximum(LEAST * self._largest, self._least)
 
     def _signs(self) -> np.ndarray:
         return np.where(self.truth, 1.0, -1.0)
 
     def _comparisons(self, xs: np.ndarray, zs: np.ndarray, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Values and rates, one row for each time."""
+        return self._watching(xs, zs, times, self._p)
+
+    @property
+    def _watching(self) -> Watched:
         if self.system not in self._watched:
             self._watched[self.system] = self._modes.watched(self.system)
-        return self._watched[self.system](xs, zs, times, self._p)
+        return self._watched[self.system]
 
     def _first_change(self, at: np.ndarray, values: np.ndarray, rates: np.ndarray) -> tuple[int, float]:
         """The first interval in which a comparison changes, their number where none does; and where inside of it one
