@@ -45,7 +45,7 @@ static int wild(Unit *u, double t, int *ends, int *event, double *last) {
     case ELSEWHERE: *last = u->x[CODE]; break;
     case NO_NUMBER: u->x[POSITION] = 0.0 / 0.0; break;
     case DISCARDS: say(u, 2, "\033[31m far\007\n off \377"); return 2;
-    case SCRIBBLES: for (int n = 3; n < 64; n++) (void)!write(n, "\1\0\0\0?", 5); for (;;) sleep(1);
+    case SCRIBBLES: for (int n = 3; n < 4096; n++) (void)!write(n, "\1\0\0\0?", 5); for (;;) sleep(1);
     }
     return 0;
 }
