@@ -11,10 +11,10 @@ import numpy as np
 
 from ..lang import Model
 from ..results import ArgumentError, SolveStatus, Work
-from ..results.alarms import Alarms
 from ..results.door import study_function
 from ..results.made_files import MadeFiles
 from ..results.options import Within
+from ..results.suspicion import Inspection
 from ..results.work import Progress, never, silent
 from .measured.cart_points import on_cart_points
 from .measured.options import CartPoints, Refit
@@ -98,13 +98,13 @@ def study(
     plain, robot = robot, with_measured_orientation(robot, poses)
     data = split_all(poses, robot, held_out if method == "every" else 0, refit)
     in_turn = [] if method == "every" else _in_turn(data, folds if method == "folds" else None)
-    alarms = Alarms(fit.accept)
+    inspection = Inspection(fit.accept)
     work.progress("looking at the poses", 0.3)
     witnesses = [witness_of(plain, d) for d in data]
     placed = []
     for k, (d, w) in enumerate(zip(data, witnesses, strict=True)):
         with _among(data, k):
-            placed.append(recognise_sessions(d, w, alarms))
+            placed.append(recognise_sessions(d, w, inspection))
     data = [d.with_device(p) if p and d.pose.device_start is None else d for d, p in zip(data, placed, strict=True)]
     title = title or f"calibration of {origin.name}"
     if any(d.synthetic for d in data) and "synthetic" not in title.lower():
@@ -114,29 +114,26 @@ def study(
     work.progress("fitting", 0.5)
     ready = prepared(fit, robot, data, carts, on_points)
     if len(data) > 1:
-        _look_at_each(data, ready, witnesses, alarms)
+        _look_at_each(data, ready, witnesses, inspection)
     before = [a_priori(d, w, p) for d, w, p in zip(data, witnesses, placed, strict=True)]
-    findings = findings_of(fit, data, ready, before, work.interrupted, alarms, refit, in_turn)
+    findings = findings_of(fit, data, ready, before, work.interrupted, inspection, refit, in_turn)
     c = findings.calibration
     # where all lengths are known by themselves, and something was fitted
     looked = c.status is not SolveStatus.INTERRUPTED and len(data) == 1 and not ready.implicit and len(c.x) > 0
-    misread = misread_after(data[0], ready, c, witnesses[0]) if looked else None
-    if misread is not None:
-        alarms.raised(*misread, f"poses.values.{data[0].actuators}")
+    if looked:
+        inspection.refuse(misread_after(data[0], ready, c, witnesses[0]), f"poses.values.{data[0].actuators}")
     work.progress("telling", 0.9)
     return _study_of(findings, robot, fit, origin, title)
 
 
 def _look_at_each(
-    data: Sequence[SplitPoses], ready: CalibrationProblem, witnesses: Sequence[Witness], alarms: Alarms
+    data: Sequence[SplitPoses], ready: CalibrationProblem, witnesses: Sequence[Witness], inspection: Inspection
 ) -> None:
     """Raises ArgumentError where columns of one of several measurements were read wrong: by the robot as it was, before
     the fit of all, which bends to each and does not say which one is wrong."""
     for k, (own, part, witness) in enumerate(zip(data, ready.parts, witnesses, strict=True)):
-        misread = misread_by_lengths(own, part, witness)
-        if misread is not None:
-            with _among(data, k):
-                alarms.raised(*misread, f"poses.values.{own.actuators}")
+        with _among(data, k):
+            inspection.refuse(misread_by_lengths(own, part, witness), f"poses.values.{own.actuators}")
 
 
 @contextmanager

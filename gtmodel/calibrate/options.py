@@ -6,8 +6,11 @@ from dataclasses import dataclass, field
 from typing import Annotated, Literal, get_args
 
 from ..results.options import Options, Unit, Within
-from .measured.alarms import Alarm
 
+Alarm = Literal[
+    "unit", "scale", "exchanged_signals", "stuck_columns", "exchanged_columns", "swapped_axes", "scalar_last",
+    "out_of_reach", "moved_too_far",
+]  # fmt: skip
 Cost = Literal["squared", "length", "inverse", "forward", "orthogonal"]
 COSTS = get_args(Cost)
 COST_WORDS: dict[str, Cost] = {"closure": "squared", "linear": "length", "inverse": "inverse", "forward": "forward",

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..inference.make_estimate import RANK
 from ..measurements.inspection.outliers import Outliers, outliers as outlying
-from ..measurements.inspection.suspicion import RUN_LEVEL
+from ..results.suspicion import RUN_LEVEL
 
 TESTS = 5  # of a run: held-out poses, size of the noise, colour, recordings against each other, outliers
 MAD = 1.4826022185  # standard deviation of a normal variable over its median absolute deviation

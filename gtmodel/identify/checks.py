@@ -11,7 +11,7 @@ from ..results import Check, at_least, at_most
 from ..results.check import bound_in_words
 from ..results.unit_names import split
 from .asked import Asked
-from .exchanged import exchanged_efforts
+from .exchanged import exchanged_efforts, leaves
 from .inertia import Identification, Validation
 from .recordings import Recordings
 from .repeated import Repeated
@@ -59,7 +59,7 @@ def judged(
     ]
     order = exchanged_efforts(identification)
     if order is not None and not order.passed:
-        said.append(order.message(rows.targets))
+        said.append(leaves(order).sentence)
     work = work_of(identification)
     if work is not None:
         if np.any(work.friction):  # some friction is free

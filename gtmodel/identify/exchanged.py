@@ -3,88 +3,44 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
 
 import numpy as np
 
-from gtmodel.inference import FALSE_ALARM
-from gtmodel.measurements.orders import orders
+from gtmodel.measurements.inspection.readings import Compared, Reading, compared, exchanges, in_order, reversals
+from gtmodel.results.suspicion import Suspicion
 
 from .inertia import Identification
 
 Array = np.ndarray
+Exchanged = Compared
 
-# another order is believed when it leaves so many times less: no error of a model, only one of columns, falls so
-NEARER = 1.5
 ROUND_OFF = 1e-9  # of the efforts: what is left is nothing
 
 
-class Exchanged(NamedTuple):
-    """How the columns of efforts as given compare with the best other reading of them.
-
-    `given` and `other` are the residuals, rms in the unit of the efforts, of the columns as they are and of column
-    `order[k]` with the sign `signs[k]` in place of the k-th; both are at least round-off. The columns as given are not
-    believed where they leave more than `bound` times what the other reading leaves.
-    """
-
-    order: list[int]
-    signs: list[int]
-    given: float
-    other: float
-    bound: float
-
-    @property
-    def ratio(self) -> float:
-        """Residuals as given over those of the other reading."""
-        return self.given / self.other
-
-    @property
-    def passed(self) -> bool:
-        """Whether the columns are believed as they are given."""
-        return self.ratio <= self.bound
-
-    @property
-    def decisive(self) -> bool:
-        """Whether another reading would have been seen."""
-        return self.other > self.bound * self.given
-
-    def message(self, names: Sequence[str], unit: str = "") -> str:
-        """How the columns of these names are to be read."""
-        given, other = (f"{left:.3g}{unit and f' {unit}'}" for left in (self.given, self.other))
-        left = f"as given the model leaves {given} rms of the efforts, and {other}"
-        reversed_ = [name for name, sign in zip(names, self.signs, strict=True) if sign < 0]
-        if reversed_:
-            return f"{reversed_[0]} looks reversed: {left} with the other sign"
-        changed = [k for k, m in enumerate(self.order) if m != k]
-        read = ", ".join(names[self.order[k]] for k in changed)
-        return f"{' and '.join(names[k] for k in changed)} look exchanged: {left} when read as {read}"
-
-
-def exchanged(
-    left: Callable[[list[int], list[int]], float], columns: int, degrees_of_freedom: float, size: float
-) -> Exchanged | None:
-    """Compare columns as given with all other orders, and with one of them reversed; None for a single column.
-
-    `left` is the sum of squares that is left with an order and signs, `degrees_of_freedom` the residuals' degrees of
-    freedom, `size` the rms of the efforts.
-    """
-    if columns < 2 or degrees_of_freedom < 1:
+def columns_compared(
+    names: Sequence[str], efforts: Array, left: Callable[[Array], float], degrees_of_freedom: float
+) -> Compared | None:
+    """Columns of efforts (n, m) as given beside all other orders, and beside one of them reversed; None for a single
+    column. `left` is the sum of squares that efforts leave, `degrees_of_freedom` that of the residuals."""
+    if len(names) < 2 or degrees_of_freedom < 1:
         return None
-    from scipy import stats  # here: it alone takes as long to import as all of gtmodel
 
-    whole, same = list(range(columns)), [1] * columns
-    trials = [(order, same) for order in orders(columns, [whole])]
-    trials += [(whole, [-1 if k == r else 1 for k in whole]) for r in whole]
-    order, signs = min(trials, key=lambda trial: left(*trial))
-    least = ROUND_OFF * max(size, np.finfo(float).tiny)
-    given, other = (
-        max(float(np.sqrt(max(left(*t), 0.0) / degrees_of_freedom)), least) for t in ((whole, same), (order, signs))
-    )
-    chance = float(stats.f.isf(FALSE_ALARM / len(trials), degrees_of_freedom, degrees_of_freedom))
-    return Exchanged(order, signs, given, other, max(NEARER, float(np.sqrt(chance))))
+    def rms(reading: Reading) -> float:
+        return float(np.sqrt(max(left(reading(efforts)), 0.0) / degrees_of_freedom))
+
+    least = ROUND_OFF * float(np.sqrt(np.mean(efforts**2)))
+    given = rms(in_order(names, range(len(names))))
+    readings = [*exchanges(names), *reversals(names)]
+    return compared(given, readings, rms, degrees_of_freedom, least=least)
 
 
-def exchanged_efforts(identification: Identification) -> Exchanged | None:
+def leaves(comparison: Compared, unit: str = "") -> Suspicion:
+    """How the columns are to be read, in words."""
+    given, left = (f"{rms:.3g}{unit and f' {unit}'}" for rms in (comparison.given, comparison.left))
+    return comparison.suspicion(f"as given the model leaves {given} rms of the efforts, and", left)
+
+
+def exchanged_efforts(identification: Identification) -> Compared | None:
     """Whether another order or sign of the columns of efforts would fit far better; None for a single column.
 
     The parameters that were free in the identification are free in every reading.
@@ -101,8 +57,8 @@ def exchanged_efforts(identification: Identification) -> Exchanged | None:
     >>> exchanged = {"q": log["q"], "tau": log["tau"][:, ::-1]}
     >>> s = gt.identify.study(Stage(), gt.Trajectory(time, exchanged, {"q": "m", "tau": "N"}), ["m", "d"])
     >>> order = gt.identify.exchanged_efforts(s.fit)
-    >>> order.passed, order.order, order.message(["tau[0]", "tau[1]"], "N")
-    (False, [1, 0], 'tau[0] and tau[1] look exchanged: as given the model leaves 13.4 N rms of the efforts, and ...')
+    >>> order.passed, order.reading.looks, round(order.given, 1), order.reading.when
+    (False, 'the columns tau[0], tau[1] look exchanged', 13.4, 'when read as tau[1], tau[0]')
     """
     rows, e = identification.rows, identification.estimate
     n, m = rows.effort.shape
@@ -112,8 +68,8 @@ def exchanged_efforts(identification: Identification) -> Exchanged | None:
     Q, R = np.linalg.qr(Y / np.maximum(np.linalg.norm(Y, axis=0), np.finfo(float).tiny))
     Q = Q[:, np.abs(np.diag(R)) > ROUND_OFF]
 
-    def left(order: list[int], signs: list[int]) -> float:
-        b = (rows.effort[:, order] * signs - known).reshape(-1)
+    def left(efforts: Array) -> float:
+        b = (efforts - known).reshape(-1)
         return float(np.sum((b - Q @ (Q.T @ b)) ** 2))
 
-    return exchanged(left, m, n * m - Q.shape[1], float(np.sqrt(np.mean(rows.effort**2))))
+    return columns_compared(rows.targets, rows.effort, left, n * m - Q.shape[1])

@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from ..measurements.inspection.outliers import Outliers, outliers
-from ..measurements.inspection.suspicion import RUN_LEVEL
+from ..results.suspicion import RUN_LEVEL
 
 SETTLED = 0.01  # relative change of the noise between two robust fits
 # median of the length of a pair of normal errors, in standard deviations: sqrt(2 ln 2)

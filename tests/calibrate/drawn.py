@@ -171,7 +171,7 @@ class Fault:
 
 
 EXCHANGED = ("look exchanged", "look swapped", "left-handed")
-REVERSED = ("look reversed", "look swapped", "left-handed")
+REVERSED = ("look reversed", "looks reversed", "look swapped", "left-handed")
 UNIT = ("probably in", "check its unit", "check the units", "check their units", "looks like degrees")
 
 

@@ -7,8 +7,10 @@ import pytest
 
 import gtmodel as gt
 from gtmodel.calibrate import Fit, Measurements, study
-from gtmodel.calibrate.measured.column_checks import much_nearer, nearest
+from gtmodel.calibrate.measured.column_checks import NEARER
+from gtmodel.measurements.inspection.readings import Reading, compared
 from gtmodel.results import ArgumentError, SolveStatus
+from gtmodel.results.suspicion import FIRST
 from tests.calibrate.shipped import measured, solved, written
 from tests.calibrate.synthetic import disturbed
 from tests.calibrate.test_misread import order
@@ -36,13 +38,20 @@ def test_correct_data_of_nine_parameters_and_few_poses_raise_no_alarm(seed: int)
 
 
 def test_another_order_must_be_better_than_chance_makes_it() -> None:
-    assert much_nearer(1.0, 3.1, 5, 60.0) and not much_nearer(1.0, 2.9, 5, 60.0)
-    assert not much_nearer(1.0, 3.1, 5, 3.0) and much_nearer(1.0, 100.0, 5, 3.0)
-    assert not much_nearer(0.0, 1.0, 5, 0.0)  # no equation is left beyond the unknowns
+    def believed(given: float, left: list[float], beyond: float) -> bool:
+        """By the bound and by p alike."""
+        trials = [Reading("exchanged_columns", "looks", str(k)) for k in range(len(left))]
+        best = compared(given, trials, lambda r: left[int(r.when)], beyond, nearer=NEARER)
+        assert (best.p < FIRST) == (not best.passed)
+        return not best.passed
+
+    assert believed(3.1, [1.0] * 5, 60.0) and not believed(2.9, [1.0] * 5, 60.0)
+    assert not believed(3.1, [1.0] * 5, 3.0) and believed(100.0, [1.0] * 5, 3.0)
+    assert not believed(1.0, [0.0] * 5, 0.0)  # no equation is left beyond the unknowns
     rng, alarms, runs, beyond = np.random.default_rng(5), 0, 400, 4
     for _ in range(runs):  # of five readings that are all as good the best looks much better now and then
         rms = np.sqrt(rng.chisquare(beyond, 6) / beyond)
-        alarms += nearest(float(rms[0]), lambda k, rms=rms: float(rms[k]), range(1, 6), beyond)[1] is not None
+        alarms += believed(float(rms[0]), rms[1:].tolist(), beyond)
     assert alarms <= 4  # 1 in 1000 each; the fixed factor of three claims 50
 
 

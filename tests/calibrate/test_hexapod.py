@@ -209,13 +209,14 @@ def read_right():
 def test_legs_in_another_order_are_recognised_in_one_sentence(order, read_right):
     data, p = read_right
     wrong = Measurements(data | {"n": data["n"][:, order]}, poses=FRAMES)
-    alarm, sentence = misread_columns(p.on(wrong), ["T"]) or ("", "")
-    assert alarm == "exchanged_columns"
+    found = misread_columns(p.on(wrong), ["T"])
+    assert found is not None and found.name == "exchanged_columns"
+    sentence = found.sentence
     moved = [k for k in range(6) if order[k] != k]
     meant = [order.index(k) for k in moved]
     assert sentence.count(". ") == 0
     assert sentence.startswith(f"the columns {', '.join(f'n[{k}]' for k in moved)} look exchanged: links miss by ")
-    assert sentence.endswith(f"mm when they are read as {', '.join(f'n[{k}]' for k in meant)}")
+    assert sentence.endswith(f"mm when read as {', '.join(f'n[{k}]' for k in meant)}")
 
 
 @pytest.mark.parametrize(("name", "order"), [(FIRST, (0, 2, 1, 3, 4, 5)), (SECOND, (1, 2, 3, 4, 5, 0))])
@@ -224,22 +225,24 @@ def test_measured_legs_in_another_order_are_recognised(name, order):
     assert misread_columns(p, ["T"]) is None
     wrong = p.on(Measurements(recording(name) | {"n": recording(name)["n"][:, order]}, NOISE, poses=FRAMES))
     moved = [k for k in range(6) if order[k] != k]
-    _, said = misread_columns(wrong, ["T"]) or ("", "")
-    assert f"n[{moved[0]}], n[{moved[1]}]" in said
-    assert f"read as {', '.join(f'n[{order.index(k)}]' for k in moved)}" in said
+    found = misread_columns(wrong, ["T"])
+    assert found is not None and f"n[{moved[0]}], n[{moved[1]}]" in found.sentence
+    assert f"read as {', '.join(f'n[{order.index(k)}]' for k in moved)}" in found.sentence
 
 
 def test_a_quaternion_with_its_scalar_last_is_recognised(read_right):
     data, p = read_right
     wrong = p.on(Measurements(data | {"e": np.roll(data["e"], -1, axis=1)}, poses=FRAMES))
-    alarm, said = misread_columns(wrong, ["T"]) or ("", "")
-    assert alarm == "scalar_last" and said.startswith("'e' looks written with its scalar last: links miss by ")
+    found = misread_columns(wrong, ["T"])
+    assert found is not None and found.name == "scalar_last"
+    assert found.sentence.startswith("'e' looks written with its scalar last: links miss by ")
 
 
 @pytest.mark.parametrize(("factor", "text"), [(1e3, "1000 times too large"), (1e-3, "1000 times too small")])
 def test_millimetres_for_metres_are_recognised(factor, text):
     p = prepare(hexapod(), measured(FIRST, poses=FRAMES), aligned(), actuators="n")
     wrong = p.on(Measurements(recording(FIRST) | {"T": factor * recording(FIRST)["T"]}, NOISE, poses=FRAMES))
-    alarm, sentence = misread_columns(wrong, ["T"]) or ("", "")
-    assert alarm == "unit" and sentence.startswith(f"'T' looks {text}: links miss by ")
-    assert ("millimetres" if factor > 1 else "in metres") in sentence
+    found = misread_columns(wrong, ["T"])
+    assert found is not None and found.name == "unit"
+    assert found.sentence.startswith(f"'T' looks {text}: links miss by ")
+    assert ("millimetres" if factor > 1 else "in metres") in found.sentence

@@ -12,7 +12,7 @@ from gtmodel.calibrate.report import movement
 from gtmodel.calibrate.report.values import _notes
 from gtmodel.inference import identifiability
 from gtmodel.results import ArgumentError, SolveStatus
-from gtmodel.results.alarms import Alarms
+from gtmodel.results.suspicion import Inspection
 from tests.calibrate.shipped import L1, fit, measured, robot, shipped, solved, written
 
 
@@ -49,7 +49,7 @@ def test_two_directions_in_one_sentence_are_one_note() -> None:
         status=SolveStatus.SOLVED,
     )  # fmt: skip
     silent = SimpleNamespace(reasons=(), notes=())
-    nothing_else = {"priors": [], "outliers": [], "parts": (), "refitted": None, "far": [], "alarms": Alarms()}
+    nothing_else = {"priors": [], "outliers": [], "parts": (), "refitted": None, "far": [], "inspection": Inspection()}
     nothing_else |= {"after": None, "apart": None}
     findings = SimpleNamespace(calibration=c, confidence=silent, lines=range(9), **nothing_else)
     assert _notes(findings) == [said]  # type: ignore[arg-type]
@@ -69,7 +69,7 @@ def test_scales_that_cannot_be(q, sentence) -> None:
 
 def test_one_cart_that_counts_the_other_way(tmp_path: Path) -> None:
     path = written(tmp_path, "l1", lambda r: [r[0], str(-float(r[1])), *r[2:]])
-    with pytest.raises(ArgumentError, match=r"the columns q\[1\] look reversed"):
+    with pytest.raises(ArgumentError, match=r"the column q\[1\] looks reversed"):
         solved("l1", path)
 
 

@@ -221,7 +221,7 @@ def test_forces_in_exchanged_columns_are_recognised_and_no_others(poses: int, al
         try:
             identify_friction(exchanged, pattern)
         except ArgumentError as error:
-            seen += "force 1 and force 2 look exchanged" in str(error)
+            seen += "force 1, force 2 look exchanged" in str(error)
     assert seen >= 57  # one pattern of 60 may be alike for two carts
 
 

@@ -63,7 +63,7 @@ def test_the_other_recording_is_judged_with_six_offsets_and_frames_refitted():
             'measurements.signals.n.column=["leg_length_4","leg_length_2","leg_length_6","leg_length_1","leg_length_3",'
             '"leg_length_5"]',
             "the columns leg_length_4, leg_length_6, leg_length_1, leg_length_3, leg_length_5 look exchanged: .* when "
-            "they are read as leg_length_1, leg_length_3, leg_length_4, leg_length_5, leg_length_6",
+            "read as leg_length_1, leg_length_3, leg_length_4, leg_length_5, leg_length_6",
         ),
     ],
 )

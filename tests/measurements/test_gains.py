@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gtmodel.measurements.inspection.gains import LEAST, MOST, gain_off
-from gtmodel.measurements.inspection.suspicion import RUN_LEVEL
+from gtmodel.results.suspicion import RUN_LEVEL
 
 RUNS, N = 200, 1500
 LEVEL = 0.05  # at which false alarms are counted at the bound itself, where they are the most

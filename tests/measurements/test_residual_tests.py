@@ -7,6 +7,7 @@ import pytest
 from scipy import stats
 
 from gtmodel.inference import binomial_band
+from gtmodel.measurements.inspection.readings import Reading, compared
 from gtmodel.measurements.inspection.residual_tests import (
     coloured,
     drifts,
@@ -14,9 +15,8 @@ from gtmodel.measurements.inspection.residual_tests import (
     held_out_worse,
     one_far_off,
     over_stated,
-    reads_better,
 )
-from gtmodel.measurements.inspection.suspicion import Suspicion
+from gtmodel.results.suspicion import Suspicion
 
 LEVEL = 0.05  # at which false alarms are counted; six exact tests share chance 1 - 0.999 with any seed
 RUNS = 400
@@ -104,9 +104,10 @@ def test_nothing_is_tested_of_rounding_and_of_too_few_rows() -> None:
 def test_sizes_that_do_not_matter_are_no_alarm_however_sure() -> None:
     assert over_stated(1.4**2 * 10_000, 10_000, REMEDY).p == 1.0
     assert over_stated(15.0**2 * 60, 60, REMEDY).p < TINY
-    assert reads_better(1.4**2 * 10_000, 10_000.0, 10_000, "otherwise", REMEDY).p == 1.0
-    assert reads_better(16.3**2 * 60, 60.0, 60, "otherwise", REMEDY, tests=3).p < TINY
+    otherwise = [Reading("reading", "they look", "otherwise")]
+    assert compared(1.4, otherwise, lambda _: 1.0, 10_000).p == 1.0
+    assert compared(16.3, otherwise, lambda _: 1.0, 60, tests=2).p < TINY
     assert held_out_worse(1.4, 1.0, 1e4, 1e4, REMEDY).p == 1.0
     assert held_out_worse(3.0, 1.2, 30, 30, REMEDY, tests=2).p < 1e-5
     assert np.isnan(held_out_worse(3.0, 1.2, 0, 30, REMEDY).p)
-    assert np.isnan(over_stated(3.0, 0, REMEDY).p) and np.isnan(reads_better(3.0, 1.0, 0, "otherwise", REMEDY).p)
+    assert np.isnan(over_stated(3.0, 0, REMEDY).p) and np.isnan(compared(3.0, otherwise, lambda _: 1.0, 0).p)

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gtmodel.calibrate.measured.column_checks import unit_sentence
+from gtmodel.calibrate.measured.column_checks import other_unit
 from gtmodel.measurements.csv_table import CsvTable
 from gtmodel.results import Check, Study
 from gtmodel.results.refusal import ArgumentError
@@ -39,11 +39,11 @@ def test_one_bad_cell_is_a_pose_and_no_unit() -> None:
     rows = np.random.default_rng(3).uniform(0.0, 1.0, (20, 3))
     wrong = rows.copy()
     wrong[6, 1] *= 1000.0
-    said = unit_sentence("X", wrong, 1.0, "m")
-    assert said is not None and "pose 7" in said and "mm" not in said
-    said = unit_sentence("X", rows * 1000.0, 1.0, "m")
-    assert said is not None and "probably in mm" in said
-    assert unit_sentence("X", rows, 1.0, "m") is None
+    found = other_unit("X", wrong, 1.0, "m")
+    assert found is not None and "pose 7" in found.sentence and "mm" not in found.sentence
+    found = other_unit("X", rows * 1000.0, 1.0, "m")
+    assert found is not None and "probably in mm" in found.sentence
+    assert other_unit("X", rows, 1.0, "m") is None
 
 
 @pytest.mark.parametrize(("value", "shown"), [(0.1837, False), (0.5, True)])

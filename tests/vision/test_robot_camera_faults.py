@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 
 import gtmodel as gt
-from gtmodel.measurements.inspection.suspicion import RUN_LEVEL, alarms
 from gtmodel.results import ArgumentError
+from gtmodel.results.suspicion import RUN_LEVEL, alarms
 from gtmodel.vision.robot_cameras.robust import suspicions
 
 V = gt.vision.robot_cameras

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,30 +12,24 @@ from ...compiler.causal import CausalFunction, compile_causal, flat_of
 from ...inference import over_noise
 from ...lang import Model, ModelError
 from ...lang.units import parse_unit
-from ...measurements.orders import orders
+from ...measurements.inspection.readings import Reading, axes, compared, exchanges, mirrored, reversals, scalar_last
 from ...results import ArgumentError
-from ...results.alarms import Alarms
+from ...results.suspicion import Inspection, Suspicion
 from ..calibration import Calibration, calibrate
 from ..choice import Choice
 from ..prediction import Prediction
 from ..problem import CalibrationProblem, prepare
-from .alarms import Alarm
 from .column_checks import (
     CLOSE,
     NEARER,
     aligned,
-    angle_sentence,
     degrees_of_freedom,
     distance,
-    exchanged,
     length,
-    nearest,
-    other_columns,
-    scale_sentence,
-    signals_exchanged,
+    other_scale,
+    other_unit,
     stuck_columns,
-    swapped_axes,
-    unit_sentence,
+    too_many_turns,
 )
 from .misread_columns import misread_columns
 from .poses import SplitPoses
@@ -88,7 +82,7 @@ def witness_of(model: Model, data: SplitPoses) -> Witness:
     return Witness(forward, size)
 
 
-def recognise(data: SplitPoses, witness: Witness, alarms: Alarms) -> tuple[np.ndarray, np.ndarray] | None:
+def recognise(data: SplitPoses, witness: Witness, inspection: Inspection) -> tuple[np.ndarray, np.ndarray] | None:
     """The frame of the device (t, quaternion) by alignment with the model, None without a witness.
 
     Raises ArgumentError in one sentence with the numbers seen, unless the alarm is accepted: wrong units, exchanged
@@ -96,7 +90,7 @@ def recognise(data: SplitPoses, witness: Witness, alarms: Alarms) -> tuple[np.nd
     """
     pose = data.pose
     at_actuators, at_position = (f"poses.values.{n}" for n in (data.actuators, pose.position))
-    _units(data, witness.size, alarms)
+    _units(data, witness.size, inspection)
     if witness.forward is None:
         return None
     rows = np.unique(np.round(np.linspace(0, len(data.q) - 1, min(MOST, len(data.q)))).astype(int))
@@ -110,48 +104,62 @@ def recognise(data: SplitPoses, witness: Witness, alarms: Alarms) -> tuple[np.nd
 
     names, groups = _columns(data)
     before, beyond = misfit(predicted, e, good), degrees_of_freedom(len(T), T.shape[1], pose.device)
-    if q.shape == T.shape and before > CLOSE * witness.size:
-        other = misfit(*witness.positions(T), q)
-        sentence = signals_exchanged(data.actuators, pose.position, before, other, beyond, witness.size)
-        alarms.raised("exchanged_signals", sentence, at_actuators)
-    alarms.raised("stuck_columns", stuck_columns(names, data.q, before, witness.size), at_actuators)
+
+    def left(r: Reading) -> float:
+        if not r.order:
+            return misfit(*witness.positions(T), q)
+        if r.signal:
+            return misfit(predicted, e, good, r(T))
+        return misfit(*witness.positions(r(q)))
+
+    def other(readings: Sequence[Reading]) -> Suspicion | None:
+        """What fits better, where poses are not near to the model's; those out of reach are off by the robot's size."""
+        if not readings or before <= CLOSE * witness.size:
+            return None
+        best = compared(min(before, witness.size), readings, left, beyond, nearer=NEARER)
+        said = f"poses miss the model's by {length(before)} rms as given, and by"
+        return best.suspicion(said, length(best.left))
+
+    signals = [Reading("exchanged_signals", f"'{data.actuators}' and '{pose.position}' look exchanged",
+                       "when each is read from the columns of the other")]  # fmt: skip
+    inspection.refuse(other(signals if q.shape == T.shape else []), at_actuators)
+    inspection.refuse(stuck_columns(names, data.q, before, witness.size), at_actuators)
     if len(good) >= REACHED * len(q) and len(good) > 3:
-        alarms.raised("scale", scale_sentence(pose.position, T[good], predicted), at_position)
-        alarms.raised("scalar_last", _upright(data, rows[good], e), f"poses.values.{pose.orientation}")
-    columns = None
-    if before > CLOSE * witness.size:
-        columns = other_columns(
-            names, groups, q, before, lambda trial: misfit(*witness.positions(trial)), beyond, witness.size
-        )
-    if len(good) < max(4, REACHED * len(q)):
-        alarms.raised("exchanged_columns", None if columns is None else columns.message, at_actuators)
+        inspection.refuse(other_scale(pose.position, T[good], predicted), at_position)
+        inspection.refuse(_upright(data, rows[good], e), f"poses.values.{pose.orientation}")
+    readings = [*exchanges(names, groups), *reversals(names, [*groups, range(len(names))])]
+    reached = len(good) >= max(4, REACHED * len(q))
+    if reached:
+        k = T.shape[1]
+        readings += [mirrored(pose.position, k)] if pose.device else axes(pose.position, k)
+    found = other(readings)
+    swapped = found is not None and found.name == "swapped_axes"
+    inspection.refuse(found, at_position if swapped else at_actuators)
+    if not reached:
         if len(q) < 4:
             raise ArgumentError(f"found {len(q)} poses; expected at least 4, better several tens", at_actuators)
         far = (
             f"the robot's model reaches {len(good)} of {len(q)} poses with these actuators; check their units, order "
             "and zero, or the robot"
         )
-        alarms.raised("out_of_reach", far, at_actuators)
+        inspection.refuse(Suspicion("out_of_reach", far), at_actuators)
         return None
-    axes = swapped_axes(pose.position, T[good], predicted, witness.size, pose.device)
-    if columns is not None and (axes is None or columns.left < axes.left):
-        alarms.raised("exchanged_columns", columns.message, at_actuators)
-    elif axes is not None:
-        alarms.raised("swapped_axes", axes.message, at_position)
     if pose.device:
         t, R, _ = aligned(T[good], predicted)
         return t, scipy.spatial.transform.Rotation.from_matrix(R).as_quat(scalar_first=True)
     return None
 
 
-def recognise_sessions(data: SplitPoses, witness: Witness, alarms: Alarms) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+def recognise_sessions(
+    data: SplitPoses, witness: Witness, inspection: Inspection
+) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """recognise(), session by session where the device stood elsewhere in each: its frames, of one for all under "";
     empty without."""
     m, frames = data.all, {}
     for s in m.session_names if data.pose.device_per_session else ("",):
         rows = np.ones(len(m), bool) if m.sessions is None or not s else np.array([x == s for x in m.sessions])
         placed = recognise(
-            replace(data, all=m.part(rows), lines=data.lines[rows], held_out=data.held_out[rows]), witness, alarms
+            replace(data, all=m.part(rows), lines=data.lines[rows], held_out=data.held_out[rows]), witness, inspection
         )
         if placed is not None:
             frames[s] = placed
@@ -176,9 +184,9 @@ def a_priori(
     return Prediction(errors) if len(good) else None
 
 
-def misread_by_lengths(data: SplitPoses, prepared: CalibrationProblem, witness: Witness) -> tuple[Alarm, str] | None:
-    """The alarm, and in a sentence how columns are read otherwise, by the lengths of the robot as it was, which no fit
-    has bent to the readings; for robots without forward kinematics."""
+def misread_by_lengths(data: SplitPoses, prepared: CalibrationProblem, witness: Witness) -> Suspicion | None:
+    """How columns are read otherwise, by the lengths of the robot as it was, which no fit has bent to the readings; for
+    robots without forward kinematics."""
     if witness.forward is not None or prepared.implicit:
         return None
     alone = _alone(prepared)
@@ -188,10 +196,8 @@ def misread_by_lengths(data: SplitPoses, prepared: CalibrationProblem, witness: 
     return misread_columns(alone, [data.position], _columns(data)[0], axes_of)
 
 
-def misread_after(
-    data: SplitPoses, prepared: CalibrationProblem, c: Calibration, witness: Witness
-) -> tuple[Alarm, str] | None:
-    """After a fit: the alarm, and in a sentence how columns are read otherwise.
+def misread_after(data: SplitPoses, prepared: CalibrationProblem, c: Calibration, witness: Witness) -> Suspicion | None:
+    """After a fit: how columns are read otherwise.
 
     Without forward kinematics by the lengths of the robot as it was, which no fit has bent to the readings. Where a fit
     leaves length errors, whether it is of another order of the actuators' columns, by fits of all of them: arms do not
@@ -214,23 +220,22 @@ def misread_after(
     m = data.fitted
     q = np.asarray(m.values[data.actuators])
 
-    def left(order: list[int]) -> float:
-        other = replace(m, values={**m.values, data.actuators: q[:, order]})
+    def left(r: Reading) -> float:
+        other = replace(m, values={**m.values, data.actuators: r(q)})
         try:
             return _rms(calibrate(prepared.on(other), cost="length", limit=TRIALS, confidence=False).residuals)
         except (ModelError, ValueError):
             return np.inf
 
-    best, order = nearest(given, left, orders(len(names), groups), c.residuals.size - len(c.x))
-    # a fit that did not end leaves what another start might not: another order must then be right, not only nearer
-    if order is None or not (c.status.ok or best <= RIGHT * witness.size):
+    readings = exchanges(names, groups)
+    if not readings:
         return None
-    which, read = exchanged(names, order)
+    best = compared(given, readings, left, c.residuals.size - len(c.x), nearer=NEARER)
+    # a fit that did not end leaves what another start might not: another order must then be right, not only nearer
+    if not (c.status.ok or best.left <= RIGHT * witness.size):
+        return None
     before = f"{length(given)} rms" if np.isfinite(given) else "no solution"
-    return "exchanged_columns", (
-        f"the columns {which} look exchanged: links are left with {before} as given and with {length(best)} rms when "
-        f"read as {read}"
-    )
+    return best.suspicion(f"links are left with {before} as given and with", f"{length(best.left)} rms")
 
 
 def _alone(prepared: CalibrationProblem) -> CalibrationProblem:
@@ -243,7 +248,7 @@ def _rms(residuals: np.ndarray) -> float:
     return rms if np.isfinite(rms) else np.inf
 
 
-def _units(data: SplitPoses, size: float, alarms: Alarms) -> None:
+def _units(data: SplitPoses, size: float, inspection: Inspection) -> None:
     scaled = {c.signal for c in data.all.corrections if c.scale}
     for name, columns in data.columns.items():
         if name == data.pose.orientation or name in scaled or "(" in name:
@@ -253,10 +258,9 @@ def _units(data: SplitPoses, size: float, alarms: Alarms) -> None:
         lengths, angles = ([k for k, u in enumerate(si) if u == unit] for unit in ("m", "rad"))
         whole = name in (data.actuators, data.pose.position)
         if lengths and (whole or np.ptp(rows[:, lengths]) > size):  # heights of a level bed, one distance: hardly any
-            sentence = unit_sentence(name, rows[:, lengths], size, units[lengths[0]])
-            alarms.raised("unit", sentence, f"poses.values.{name}")
+            inspection.refuse(other_unit(name, rows[:, lengths], size, units[lengths[0]]), f"poses.values.{name}")
         if angles:
-            alarms.raised("unit", angle_sentence(name, rows[:, angles], units[angles[0]]), f"poses.values.{name}")
+            inspection.refuse(too_many_turns(name, rows[:, angles], units[angles[0]]), f"poses.values.{name}")
 
 
 def _columns(data: SplitPoses) -> tuple[list[str], list[list[int]]]:
@@ -265,19 +269,18 @@ def _columns(data: SplitPoses) -> tuple[list[str], list[list[int]]]:
     return list(names), [[k for k, unit in enumerate(units) if unit == u] for u in dict.fromkeys(units)]
 
 
-def _upright(data: SplitPoses, rows: np.ndarray, predicted: np.ndarray) -> str | None:
+def _upright(data: SplitPoses, rows: np.ndarray, predicted: np.ndarray) -> Suspicion | None:
     """Quaternions whose scalar stands last."""
     pose = data.pose
     if pose.orientation is None or pose.device or pose.target or not predicted.shape[1]:
         return None
     e = np.asarray(data.all.values[pose.orientation])[rows]
-    given, rolled = (_turn(x, predicted) for x in (e, np.roll(e, 1, axis=1)))
-    if given <= TURNED or rolled * NEARER > given:
+    given = _turn(e, predicted)
+    if given <= TURNED:
         return None
-    return (
-        f"'{pose.orientation}' is {np.degrees(given):.3g} deg rms from the model's orientation as given and "
-        f"{np.degrees(rolled):.3g} deg with its last column as the scalar; name the columns scalar first"
-    )
+    best = compared(given, [scalar_last(pose.orientation)], lambda r: _turn(r(e), predicted), 3 * len(e), nearer=NEARER)
+    said = f"orientations miss the model's by {np.degrees(given):.3g} deg rms as given, and by"
+    return best.suspicion(said, f"{np.degrees(best.left):.3g} deg")
 
 
 def _turn(a: np.ndarray, b: np.ndarray) -> float:

@@ -13,7 +13,7 @@ from ...inference.make_estimate import RANK
 from ...lang import ModelError
 from ...lang.units import parse_unit
 from ...results import ArgumentError, SolveStatus
-from ...results.alarms import Alarms
+from ...results.suspicion import Inspection, Suspicion
 from ..calibration import Calibration, calibrate
 from ..held_out import judge_held_out
 from ..measured.options import Refit
@@ -61,7 +61,7 @@ class CalibrationFindings:
     sensitivity: Sensitivity | None
     repeatability: float | None
     loss: str = "linear"
-    alarms: Alarms = field(default_factory=Alarms)
+    inspection: Inspection = field(default_factory=Inspection)
     beside: Sequence[CalibrationFindings] = field(default=())
     refitted: Calibration | None = None
     kept: Measurements | None = None
@@ -97,10 +97,10 @@ class CalibrationFindings:
     def far(self) -> list[str]:
         """What moved too far, in sentences, unless that is accepted."""
         moved = moved_too_far(self.calibration)
-        if "moved_too_far" not in self.alarms.accepted:
+        if "moved_too_far" not in self.inspection.accepted:
             return moved
         for sentence in moved:
-            self.alarms.raised("moved_too_far", sentence, "fit.accept")
+            self.inspection.refuse(Suspicion("moved_too_far", sentence), "fit.accept")
         return []
 
     @cached_property
@@ -205,7 +205,7 @@ class CalibrationFindings:
 
 def findings_of(
     fit: Fit, data: Sequence[SplitPoses], prepared: CalibrationProblem, a_priori: Sequence[Prediction | None],
-    stop: Callable[[], bool], alarms: Alarms, refit: Refit | None = None, folds: Sequence[np.ndarray] = (),
+    stop: Callable[[], bool], inspection: Inspection, refit: Refit | None = None, folds: Sequence[np.ndarray] = (),
 ) -> CalibrationFindings:  # fmt: skip
     """Fit and look at it; `a_priori`: errors of the robot as it was, at all poses of each of the measurements; `stop`:
     see calibrate(); `folds` of poses that are left out in turn.
@@ -228,7 +228,7 @@ def findings_of(
     if fit.loss == "linear" and len(data) == 1:
         c, near = near_start(c, data[0].kept, partial(calibrate, cost=cost, limit=ITERATIONS, stop=stop))
     first, *others = (
-        _of_part(fit, c if k == 0 else part, own, before, prior, alarms, refit)
+        _of_part(fit, c if k == 0 else part, own, before, prior, inspection, refit)
         for k, (part, own, prior) in enumerate(zip(c.parts, data, a_priori, strict=True))
     )
     first = replace(first, near=near)
@@ -261,7 +261,7 @@ def _of_part(
     data: SplitPoses,
     before: Identifiability | None,
     a_priori: Prediction | None,
-    alarms: Alarms,
+    inspection: Inspection,
     refit: Refit | None = None,
 ) -> CalibrationFindings:
     part = data.held_out if data.held_out.any() else ~data.held_out
@@ -276,7 +276,7 @@ def _of_part(
         c.problem, data, c, before, _predicted(c, data.fitted, data),
         {} if kept is None else _predicted(held, kept, data),
         prior, outliers(c.residuals, _basis(c, fit.loss), _length_noise(c, fit.loss)), _sensitivity(fit, c),
-        _repeatability(data), fit.loss, alarms,
+        _repeatability(data), fit.loss, inspection,
         (), None if held is c else held, kept,
     )  # fmt: skip
 

@@ -110,16 +110,16 @@ def _unknowns(findings: CalibrationFindings) -> list[dict[str, Any]]:
 def _notes(findings: CalibrationFindings) -> list[str]:
     c = findings.calibration
     if not c.status.ok:
-        return [*findings.alarms.notes]
+        return [*findings.inspection.notes]
     absent = [_absent(part) for part in findings.parts if part.problem.implicit]
     absent += [_refit_said(part) for part in findings.parts if part.refitted is not None]
     if c.estimate is None:
-        return [*findings.alarms.notes, *absent]
+        return [*findings.inspection.notes, *absent]
     intervals = [*findings.confidence.reasons, *findings.confidence.notes]
     drift = [] if findings.after is None else drifted(c, findings.after)
     drift += [] if findings.apart is None else [findings.apart.message]
     notes = [*findings.priors, *c.estimate.notes, *drift, *intervals, *_crowded(findings), *findings.far]
-    notes += [*findings.alarms.notes, *absent]
+    notes += [*findings.inspection.notes, *absent]
     return list(dict.fromkeys(notes))  # two null directions may move the same names: one sentence
 
 

@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 
 from ...inference import linear_fit, newey_west
 from ...inference.residuals import SMALL_P
-from ...measurements.inspection.suspicion import Suspicion, alarms, suspicion_checks
 from ...results import ArgumentError, Estimate, naming
+from ...results.suspicion import Suspicion, alarms, suspicion_checks
 from .options import WrenchAlarm
 from .status import WrenchStatus
 from .suspect import FittedReadings, beside_the_weight, far_centre, suspicions_of

@@ -9,9 +9,11 @@ import numpy as np
 import scipy
 
 from ...inference import freedom_of
+from ...inference.residuals import shown_p
 from ...measurements.inspection import residual_tests
-from ...measurements.inspection.suspicion import Suspicion
+from ...measurements.inspection.readings import NEARER, Reading, compared
 from ...results import Estimate
+from ...results.suspicion import Suspicion
 
 ROUNDING = 1e-9  # of the largest reading: below it residuals are no noise
 SAME = 3  # equal readings at an end: noise does not repeat itself
@@ -72,7 +74,7 @@ def suspicions_of(part: FittedReadings, turns: np.ndarray, time: np.ndarray, gra
 def beside_the_weight(part: FittedReadings, mass: float, gravity: np.ndarray) -> Suspicion:
     """Whether forces leave too large a share of the weight; where their noise was stated it is judged by that."""
     weight = abs(mass) * float(np.linalg.norm(gravity)) / np.sqrt(3)
-    share = float(np.sqrt(np.sum(part.left**2) / max(part.estimate.degrees_of_freedom, 1))) / weight
+    share = _rms(part.left, part.estimate.degrees_of_freedom) / weight
     beyond = part.sigma is None and share > UNEXPLAINED
     return Suspicion(
         "force_unexplained_share", f"the forces leave {100 * share:.3g} % of the weight", 0.0 if beyond else 1.0,
@@ -113,22 +115,28 @@ def _held_out(part: FittedReadings) -> Suspicion:
 def _other_frame(part: FittedReadings, turns: np.ndarray, gravity: np.ndarray) -> Suspicion:
     """Turns read as transposed, readings as those of the world frame, or both: what is left by the same unknowns."""
     world = turns.transpose(0, 2, 1)
-    readings = {
+    given = {
         "with transposed turns": (world, part.values),
         "read in the world frame": (turns, np.einsum("nji,nj->ni", turns, part.values)),
         "with transposed turns and read in the world frame": (world, np.einsum("nij,nj->ni", turns, part.values)),
     }
-    left: dict[str, float] = {}
-    for said, (R, values) in readings.items():
+    dof = part.estimate.degrees_of_freedom
+
+    def left(r: Reading) -> float:
+        R, values = given[r.when]
         A, y = part.J.copy(), values.reshape(-1)
         A[:, :, part.load] = part.load_of(R.transpose(0, 2, 1) @ gravity)
         A = A.reshape(len(y), -1)
-        left[said] = float(np.sum((y - A @ np.linalg.lstsq(A, y, rcond=None)[0]) ** 2))
-    said = min(left, key=lambda name: left[name])
-    return residual_tests.reads_better(
-        float(np.sum(part.left**2)), left[said], part.estimate.degrees_of_freedom, f"{part.word}s {said}:", FRAMES,
-        tests=len(readings), name=f"{part.word}_frame", least=part.least,
-    )  # fmt: skip
+        return _rms(y - A @ np.linalg.lstsq(A, y, rcond=None)[0], dof)
+
+    readings = [Reading(f"{part.word}_frame", f"{part.word}s {said}", said) for said in given]
+    best = compared(_rms(part.left, dof), readings, left, dof, least=part.least)
+    evidence = f"{best.reading.looks}: they fit {best.ratio:.3g} times better ({shown_p(best.p)})"
+    return Suspicion(best.reading.name, evidence, best.p, FRAMES)
+
+
+def _rms(left: np.ndarray, degrees_of_freedom: float) -> float:
+    return float(np.sqrt(np.sum(left**2) / max(degrees_of_freedom, 1)))
 
 
 def _other_axes(part: FittedReadings, turns: np.ndarray, gravity: np.ndarray) -> Suspicion:
@@ -142,7 +150,7 @@ def _other_axes(part: FittedReadings, turns: np.ndarray, gravity: np.ndarray) ->
         before = float(np.sum(part.left**2)) / (test.more + test.rest)
         after = float(np.sum((part.left - test.moved) ** 2)) / test.rest
         times = float(np.sqrt(before / max(after, part.least**2, np.finfo(float).tiny)))
-        p = p if times > residual_tests.NEARER else 1.0
+        p = p if times > NEARER else 1.0
         evidence = f"with axes of its own the sensor's {part.word}s fit {times:.3g} times better"
         if part.word == "force":
             modelled = part.J @ part.estimate.values + test.moved

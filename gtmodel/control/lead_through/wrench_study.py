@@ -9,10 +9,10 @@ import numpy as np
 import scipy
 
 from ...inference import coverage
-from ...measurements.inspection.suspicion import suspicion_checks
 from ...results import ArgumentError, Check, Estimate, SolveStatus, Trajectory, Work
 from ...results.door import study_function
 from ...results.options import Within
+from ...results.suspicion import suspicion_checks
 from ...results.work import Progress, never, silent
 from .calibration import WrenchCalibration, calibrate_wrench
 from .lever import LeverArm, lever_arm

@@ -10,8 +10,8 @@ import numpy as np
 from ..._lazy import hint
 from ...measurements.filters import second_derivative
 from ...measurements.inspection.gains import LEAST as LEAST_GAIN, MOST as MOST_GAIN, gain_off
-from ...measurements.inspection.suspicion import Suspicion, alarms
 from ...results import ArgumentError
+from ...results.suspicion import Suspicion, alarms
 from .axis import AxisPlant, delayed
 from .plants import SAMPLE_TIME
 

@@ -8,10 +8,10 @@ from typing import Annotated
 
 import numpy as np
 
-from ...measurements.inspection.suspicion import Suspicion, suspicion_checks
 from ...results import Check, SolveStatus, Trajectory, Within, Work, at_most
 from ...results.door import study_function
 from ...results.made_files import MadeFiles
+from ...results.suspicion import Suspicion, suspicion_checks
 from ...results.work import Progress, never, silent
 from .course import Floor
 from .designed import AxisLearning, design_axis

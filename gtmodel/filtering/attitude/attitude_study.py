@@ -10,11 +10,11 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ...measurements.inspection.columns import ColumnScan
-from ...measurements.inspection.suspicion import suspicion_checks
 from ...results import ArgumentError, Check, SolveStatus, Work, at_least, at_most
 from ...results.door import study_function
 from ...results.estimate import Estimate
 from ...results.made_files import MadeFiles
+from ...results.suspicion import suspicion_checks
 from ...results.work import Interrupted, Progress, never, silent
 from ..smoother import smooth
 from . import gyro_parts

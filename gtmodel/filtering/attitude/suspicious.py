@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 import scipy
 
-from ...measurements.inspection.suspicion import Suspicion
 from ...results.estimate import Estimate
 from ...results.refusal import ArgumentError
+from ...results.suspicion import Suspicion
 from .conventions import ORDERS, RATE_UNITS, Convention, conventions, rotations, wide_offset
 from .options import AttitudeJudging
 

@@ -10,7 +10,7 @@ import numpy as np
 from ...inference import linear_fit
 from ...inference.make_estimate import carried
 from ...results import ArgumentError, Estimate
-from ...results.alarms import Alarms
+from ...results.suspicion import Inspection
 from ...results.trajectory_errors import Array
 from .constant_velocity import Runs
 from .gravity import PARALLEL, Gravity, MassByNorm, mass_by_norm
@@ -105,8 +105,8 @@ def identify_friction(
     """
     pattern = np.atleast_2d(np.asarray(pattern, dtype=float))
     poses, carts = pattern.shape
-    alarms = Alarms(accept)
-    check(runs, pattern, alarms)
+    inspection = Inspection(accept)
+    check(runs, pattern, inspection)
     lines = tuple(_line(runs, cart, poses, symmetric) for cart in range(carts))
     names = lines[0].names
     # all lines as one vector, actuator after actuator
@@ -145,9 +145,9 @@ def identify_friction(
         False, residuals, (), units=tuple({"m": "kg", "c": "N", "v": "kg/s"}[name[0]] for name in rows),
     )  # fmt: skip
 
-    refuse_driving(runs, estimate, carts, symmetric, alarms)
-    columns_certain = refuse_exchanged(runs, pattern, symmetric, alarms)
-    refuse_no_mass(estimate, carts, symmetric, gravity, alarms)
+    refuse_driving(runs, estimate, carts, symmetric, inspection)
+    columns_certain = refuse_exchanged(runs, pattern, symmetric, inspection)
+    refuse_no_mass(estimate, carts, symmetric, gravity, inspection)
 
     def each(name: str) -> Array:
         return np.array([coefficients[f"{name}[{i}]"] for i in range(carts)])
@@ -164,7 +164,11 @@ def identify_friction(
         levels,
         pattern,
         mass_by_norm(levels, pattern),
-        (*_in_words(pattern, symmetric, gravity), *([] if columns_certain or symmetric else [COLUMNS]), *alarms.notes),
+        (
+            *_in_words(pattern, symmetric, gravity),
+            *([] if columns_certain or symmetric else [COLUMNS]),
+            *inspection.notes,
+        ),
         np.array([np.sqrt(np.mean(line.residuals**2)) for line in lines]),
     )
 

@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ...inference import FALSE_ALARM
 from ...measurements.copies import SAME, copies
 from ...results import ArgumentError, Estimate
-from ...results.alarms import Alarms
+from ...results.suspicion import Inspection, Suspicion
 from ...results.trajectory_errors import Array
-from ..exchanged import exchanged
+from ..exchanged import columns_compared, leaves
 from .constant_velocity import Runs
 from .gravity import PARALLEL, Gravity
 
 DIGITS, FEW = 6, 1e-12  # of a force that was written down, not a mean; how far the rounding of that is off
 
 
-def check(runs: Runs, pattern: Array, alarms: Alarms) -> None:
+def check(runs: Runs, pattern: Array, inspection: Inspection) -> None:
     """Raises ArgumentError for runs of other shapes and without numbers, and for copies that are not accepted."""
     poses, carts = pattern.shape
     for name, part in (("velocities", runs.velocity), ("forces", runs.force)):
@@ -40,12 +42,9 @@ def check(runs: Runs, pattern: Array, alarms: Alarms) -> None:
     pairs = _copies(runs)
     if len(pairs):
         again, first = pairs[0] + 1
-        alarms.raised(
-            "copied_runs",
-            f"{len(pairs)} of {len(runs.pose)} runs are copies of others, run {again} of run {first} to begin with; "
-            "noise does not repeat itself, and a copy counts twice and narrows the intervals: take copies out",
-            "runs",
-        )
+        copied = f"{len(pairs)} of {len(runs.pose)} runs are copies of others, run {again} of run {first} to begin with"
+        why = "noise does not repeat itself, and a copy counts twice and narrows the intervals: take copies out"
+        inspection.refuse(Suspicion("copied_runs", copied, remedy=why), "runs")
 
 
 def _copies(runs: Runs) -> np.ndarray:
@@ -65,7 +64,7 @@ def _rounded(values: Array) -> Array:
     return np.round(values / size) * size
 
 
-def refuse_exchanged(runs: Runs, pattern: Array, symmetric: bool, alarms: Alarms) -> bool:
+def refuse_exchanged(runs: Runs, pattern: Array, symmetric: bool, inspection: Inspection) -> bool:
     """Raises ArgumentError, unless that is accepted, where the forces in another order of columns, or one of them
     reversed, follow motion and gravity far better; False where nothing decides."""
     count, carts = runs.force.shape
@@ -81,20 +80,21 @@ def refuse_exchanged(runs: Runs, pattern: Array, symmetric: bool, alarms: Alarms
     gravity = without_friction(pattern[runs.pose])
     mass_determined = float(gravity @ gravity) > PARALLEL * float(np.sum(pattern[runs.pose] ** 2))
 
-    def left(order: list[int], signs: list[int]) -> float:
-        f = without_friction(runs.force[:, order] * signs)
+    def left(force: Array) -> float:
+        f = without_friction(force)
         return float(f @ f - ((f @ gravity) ** 2 / (gravity @ gravity) if mass_determined else 0.0))
 
     degrees_of_freedom = count * carts - sum(Q.shape[1] for Q in bases) - int(mass_determined)
-    comparison = exchanged(left, carts, degrees_of_freedom, float(np.sqrt(np.mean(runs.force**2))))
-    if comparison is not None and not comparison.passed:
-        names = [f"force {k + 1}" for k in range(carts)]
-        sentence = f"{comparison.message(names, 'N')}; check order and signs of the columns"
-        alarms.raised("exchanged_columns", sentence, "runs")
-    return comparison is None or comparison.decisive
+    names = [f"force {k + 1}" for k in range(carts)]
+    comparison = columns_compared(names, runs.force, left, degrees_of_freedom)
+    if comparison is None:
+        return True
+    found = replace(leaves(comparison, "N"), remedy="check order and signs of the columns")
+    inspection.refuse(found, "runs")
+    return comparison.decisive
 
 
-def refuse_driving(runs: Runs, estimate: Estimate, carts: int, symmetric: bool, alarms: Alarms) -> None:
+def refuse_driving(runs: Runs, estimate: Estimate, carts: int, symmetric: bool, inspection: Inspection) -> None:
     """Raises ArgumentError, unless that is accepted, for friction that drives beyond noise."""
     level = 1 - 2 * FALSE_ALARM / (2 * carts + 1)
     for cart in range(carts):
@@ -107,15 +107,12 @@ def refuse_driving(runs: Runs, estimate: Estimate, carts: int, symmetric: bool, 
                 weights = {f"coulomb_plus[{cart}]": 2.0, f"viscous_plus[{cart}]": 2 * v}
             value, _, high = estimate.combination(weights, level)
             if high < 0:
-                alarms.raised(
-                    "driving_friction",
-                    f"cart {cart + 1}: friction would drive it instead of braking it, by {-value / 2:.3g} N at "
-                    f"{v:.3g} m/s; check the sign of this force or of its position, and the order of the columns",
-                    "runs",
-                )
+                drives = f"cart {cart + 1}: friction would drive it instead of braking it, by {-value / 2:.3g} N at"
+                look = "check the sign of this force or of its position, and the order of the columns"
+                inspection.refuse(Suspicion("driving_friction", f"{drives} {v:.3g} m/s", remedy=look), "runs")
 
 
-def refuse_no_mass(estimate: Estimate, carts: int, symmetric: bool, gravity: Gravity, alarms: Alarms) -> None:
+def refuse_no_mass(estimate: Estimate, carts: int, symmetric: bool, gravity: Gravity, inspection: Inspection) -> None:
     """Raises ArgumentError, unless that is accepted, for a mass that is negative beyond noise."""
     level = 1 - 2 * FALSE_ALARM / (2 * carts + 1)
     mass, high = estimate.value("m"), estimate.interval("m", level)[1]
@@ -125,4 +122,5 @@ def refuse_no_mass(estimate: Estimate, carts: int, symmetric: bool, gravity: Gra
             why += (
                 '; or friction differs by direction more than gravity does, then let poses determine the mass ("poses")'
             )
-        alarms.raised("negative_mass", f"the mass would be {mass:.4g} kg, which none can be; {why}", "pattern")
+        evidence = f"the mass would be {mass:.4g} kg, which none can be"
+        inspection.refuse(Suspicion("negative_mass", evidence, remedy=why), "pattern")

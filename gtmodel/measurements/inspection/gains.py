@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ...inference.residuals import shown_p
-from .suspicion import Suspicion
+from ...results.suspicion import Suspicion
 
 LEAST, MOST = 0.5, 2.0  # gains that still count as 1: models and lags are not told by this test, signs and units are
 STRETCHES = 16  # of rows, whose sums are tested, each with the same part of the motion

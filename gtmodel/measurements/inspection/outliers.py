@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from .suspicion import Suspicion
+from ...results.suspicion import Suspicion
 
 LOOKED_AT = 0.5  # share of a group's degrees of freedom that outliers may take; more are no outliers
 HIDDEN = 3  # so many deletions in a row that change nothing end the search

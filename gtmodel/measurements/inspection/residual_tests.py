@@ -14,9 +14,8 @@ import numpy as np
 
 from ...inference.held_out import MATTERS, chi_squared_over_noise
 from ...inference.residuals import autocorrelation, shown_p
-from .suspicion import Suspicion
+from ...results.suspicion import Suspicion
 
-NEARER = 1.5  # another reading leaves so many times less, or it is not believed: errors of a model are not told by it
 WIDER = 1.2  # slow residuals so many times as large as white ones: below, intervals are too narrow by less than matters
 OCTAVES = 6  # of slow waves, 1, 2 to 3, 4 to 7, ... half periods over all rows
 MOST_ROWS = 1024  # longer series are averaged over neighbours first, which slow waves survive
@@ -141,35 +140,6 @@ def over_stated(chi_squared: float, degrees_of_freedom: float, remedy: str, *, n
     judged = chi_squared_over_noise(chi_squared, degrees_of_freedom)
     p = judged.p if not judged.ratio <= MATTERS else 1.0
     return Suspicion(name, judged.extent, p, remedy)
-
-
-def reads_better(
-    given: float,
-    other: float,
-    degrees_of_freedom: float,
-    reading: str,
-    remedy: str,
-    *,
-    tests: int = 1,
-    name: str = "reading",
-    least: float = 0.0,
-) -> Suspicion:
-    """Whether another reading of the columns, the best of `tests`, is to be believed: it leaves so much less.
-
-    given, other: sums of squares that both readings leave, with about `degrees_of_freedom` each; `least`: the rms of
-    residuals that is rounding. `reading`: the other reading in words, "turns read as transposed".
-
-    >>> from gtmodel.measurements.inspection.residual_tests import reads_better
-    >>> reads_better(160.0, 0.6, 60, "read in the base frame", "transform them", tests=3).evidence
-    'read in the base frame they fit 16.3 times better (p = 2.4e-56)'
-    """
-    if not degrees_of_freedom > 0:
-        return Suspicion(name, f"{reading}: {TOO_FEW}", np.nan, remedy)
-    small = max(degrees_of_freedom * least**2, np.finfo(float).tiny)
-    ratio = float(np.sqrt(max(given, small) / max(other, small)))
-    p = min(1.0, tests * _f_tail(ratio**2, degrees_of_freedom, degrees_of_freedom))
-    evidence = f"{reading} they fit {ratio:.3g} times better ({shown_p(p)})"
-    return Suspicion(name, evidence, p if ratio > NEARER else 1.0, remedy)
 
 
 def held_out_worse(

@@ -14,8 +14,8 @@ import numpy as np
 from ...inference.bundle import BundleFit
 from ...measurements.inspection.outliers import outliers
 from ...measurements.inspection.residual_tests import coloured, over_stated
-from ...measurements.inspection.suspicion import RUN_LEVEL, Suspicion
 from ...results.status import SolveStatus
+from ...results.suspicion import RUN_LEVEL, Suspicion
 from ..gross_errors import SETTLED, GrossErrors, gross_errors, noise_of, picture_means, scaled, shifted_pictures
 from ..picture_test import ROUNDING
 from .pictures import RobotPictures

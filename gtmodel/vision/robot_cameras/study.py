@@ -9,11 +9,11 @@ from typing import Annotated, Any
 import numpy as np
 
 from ...lang.model import Model
-from ...measurements.inspection.suspicion import RUN_LEVEL, suspicion_checks
 from ...results import ArgumentError, Check, SolveStatus, Work, at_least, at_most
 from ...results.door import study_function
 from ...results.made_files import MadeFiles
 from ...results.options import Within
+from ...results.suspicion import RUN_LEVEL, suspicion_checks
 from ...results.work import Progress, never, silent
 from ..detection.corner_rows import corners_csv
 from ..gross_errors import gross_errors, shifted_pictures

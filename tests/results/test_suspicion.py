@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gtmodel.measurements.inspection.suspicion import RUN_LEVEL, Suspicion, alarms, suspicion_checks
+from gtmodel.results.suspicion import RUN_LEVEL, Suspicion, alarms, suspicion_checks
 
 
 def named(p: float, name: str = "drift") -> Suspicion:

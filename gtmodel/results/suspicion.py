@@ -1,15 +1,18 @@
-"""Tests of data: what each found, and which of one run's findings are alarms at one common level."""
+"""Suspicion about data: what each test found, and which findings of one run are alarms at one common level."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
-from ...results.check import Check, at_least
+from .check import Check, at_least
+from .refusal import ArgumentError
 
 # probability that a run on clean data raises any alarm at all, over all of its tests together; 2 % are promised
 RUN_LEVEL = 0.01
+TESTS = 10  # of a run, for what is decided before all of them are known: so the first step of Holm's procedure has it
+FIRST = RUN_LEVEL / TESTS
 
 
 @dataclass(frozen=True)
@@ -25,8 +28,33 @@ class Suspicion:
 
     name: str
     evidence: str
-    p: float
-    remedy: str
+    p: float = 0.0
+    remedy: str = ""
+
+    @property
+    def sentence(self) -> str:
+        """Evidence and remedy."""
+        return f"{self.evidence}; {self.remedy}" if self.remedy else self.evidence
+
+
+@dataclass(frozen=True, eq=False)
+class Inspection:
+    """What a run refuses of its data before it goes on. `accepted`: names of suspicions that are notes and refuse
+    nothing; `notes`: what those said."""
+
+    accepted: Collection[str] = ()
+    notes: list[str] = field(default_factory=list)
+
+    def refuse(self, found: Suspicion | None, argument: str) -> None:
+        """Raises ArgumentError with the sentence of an alarm and what accepts it; an accepted one is noted. Nothing for
+        None, and for a p of FIRST or more: what the other tests find cannot make an alarm of it."""
+        if found is None or not found.p < FIRST:
+            return
+        if found.name not in self.accepted:
+            raise ArgumentError(f'{found.sentence}; if it is right, accept = ["{found.name}"]', argument)
+        note = f"accepted ({found.name}): {found.sentence}"
+        if note not in self.notes:
+            self.notes.append(note)
 
 
 def alarms(outcomes: Sequence[Suspicion], level: float = RUN_LEVEL) -> list[Suspicion]:
@@ -34,7 +62,7 @@ def alarms(outcomes: Sequence[Suspicion], level: float = RUN_LEVEL) -> list[Susp
 
     All tests of a run belong into one call, the ones that found nothing too. Source: Holm 1979, Scand. J. Statist. 6.
 
-    >>> from gtmodel.measurements.inspection.suspicion import Suspicion, alarms
+    >>> from gtmodel.results.suspicion import Suspicion, alarms
     >>> drift = Suspicion("drift", "the bias moves by 2 N", 1e-6, "estimate a drift")
     >>> colour = Suspicion("colour", "neighbours have a correlation of 0.1", 0.008, "average fewer readings")
     >>> [s.name for s in alarms([colour, drift])], [s.name for s in alarms([colour, drift] + 3 * [colour])]
@@ -62,7 +90,5 @@ def suspicion_checks(
         for k, s in reversed(list(enumerate(tested)))
         if not (k < len(raised) and s.name in accept)
     }
-    sentences = [
-        f"accepted ({s.name}): {s.evidence}" if s.name in accept else f"{s.evidence}; {s.remedy}" for s in raised
-    ]
+    sentences = [f"accepted ({s.name}): {s.evidence}" if s.name in accept else s.sentence for s in raised]
     return {name: checks[name] for name in dict.fromkeys(s.name for s in outcomes) if name in checks}, sentences

@@ -1,0 +1,163 @@
+"""Columns that may be read otherwise: exchanged, reversed, in another unit; whether another reading fits far better."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from itertools import combinations, permutations, product
+
+import numpy as np
+
+from ...inference.held_out import chance_ratio
+from ...results.suspicion import Suspicion
+
+NEARER = 1.5  # another reading leaves so many times less, or it is not believed: errors of a model are not told by it
+AXES = "xyz"
+THOUSANDS = ((1e-3, "large", "divided", "in millimetres"), (1e3, "small", "multiplied", "in metres"))
+
+
+@dataclass(frozen=True)
+class Reading:
+    """Columns of a signal in another order, each times a factor: (n, k) in, (n, k) out.
+
+    name: of the suspicion. looks: what the columns look like. when: read how, in words, such as "when read as b, a".
+    """
+
+    name: str
+    looks: str
+    when: str
+    order: tuple[int, ...] = ()
+    factors: tuple[float, ...] = ()
+    signal: str = ""
+
+    def __call__(self, rows: np.ndarray) -> np.ndarray:
+        return rows[:, list(self.order)] * self.factors
+
+
+def in_order(names: Sequence[str], order: Sequence[int], signal: str = "") -> Reading:
+    """Column `order[k]` in place of the k-th."""
+    changed = [k for k, j in enumerate(order) if j != k]
+    looks = f"the columns {', '.join(names[k] for k in changed)} look exchanged"
+    when = f"when read as {', '.join(names[order[k]] for k in changed)}"
+    return Reading("exchanged_columns", looks, when, tuple(order), (1.0,) * len(names), signal)
+
+
+def exchanges(names: Sequence[str], groups: Iterable[Sequence[int]] = ()) -> list[Reading]:
+    """All orders of groups of three columns and less, single exchanges within larger ones; one group if left out.
+
+    >>> [r.when for r in exchanges(["a", "b", "c", "d"], [[0, 1], [2, 3]])]
+    ['when read as b, a', 'when read as d, c']
+    """
+    every = list(range(len(names)))
+    readings = []
+    for group in groups or [every]:
+        swaps = [{a: b, b: a} for a, b in combinations(group, 2)]
+        if len(group) <= 3:
+            swaps = [dict(zip(group, p, strict=True)) for p in permutations(group)][1:]
+        readings += [in_order(names, [swap.get(k, k) for k in every]) for swap in swaps]
+    return readings
+
+
+def reversals(names: Sequence[str], groups: Iterable[Sequence[int]] = (), signal: str = "") -> list[Reading]:
+    """Columns that count the other way: single ones, and groups of them."""
+    every = tuple(range(len(names)))
+    readings = []
+    for turned in dict.fromkeys([*((k,) for k in every), *map(tuple, groups)]):
+        factors = tuple(-1.0 if k in turned else 1.0 for k in every)
+        which = ", ".join(names[k] for k in turned)
+        looks = f"the columns {which} look reversed" if len(turned) > 1 else f"the column {which} looks reversed"
+        when = "with the other sign; is a scale -1?"
+        readings.append(Reading("exchanged_columns", looks, when, every, factors, signal))
+    return readings
+
+
+def axes(signal: str, count: int) -> list[Reading]:
+    """Axes of a position in another order or reversed, also as they are given."""
+    readings = []
+    for order, signs in product(permutations(range(count)), product((1.0, -1.0), repeat=count)):
+        read = ", ".join(("-" if s < 0 else "") + AXES[k] for k, s in zip(order, signs, strict=True))
+        when = f"when ({read}) is read as ({', '.join(AXES[:count])})"
+        if np.linalg.det(np.eye(count)[list(order)]) * np.prod(signs) < 0:
+            when += "; as given they are left-handed"
+        readings.append(Reading("swapped_axes", f"the axes of '{signal}' look swapped", when, order, signs, signal))
+    return readings
+
+
+def mirrored(signal: str, count: int) -> Reading:
+    """What no turn makes of a position in an unknown frame: the other handedness."""
+    return Reading("swapped_axes", f"'{signal}' is left-handed", "when mirrored; an axis is reversed or two are "
+                   "exchanged", tuple(range(count)), (*(1.0,) * (count - 1), -1.0), signal)  # fmt: skip
+
+
+def thousands(signal: str, count: int) -> list[Reading]:
+    """Lengths in another unit."""
+    return [
+        Reading("unit", f"'{signal}' looks 1000 times too {size}",
+                f"when it is {done} by 1000; the column is probably {unit}", tuple(range(count)), (factor,) * count,
+                signal)
+        for factor, size, done, unit in THOUSANDS
+    ]  # fmt: skip
+
+
+def scalar_last(signal: str) -> Reading:
+    """A quaternion whose scalar stands in its last column."""
+    return Reading("scalar_last", f"'{signal}' looks written with its scalar last", "when its last column is read as "
+                   "the first; name the columns scalar first", (3, 0, 1, 2), (1.0,) * 4, signal)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Compared:
+    """Columns as given beside the best other `reading`.
+
+    given, left: what both leave, rms. bound: of given over left, beyond which the columns are not believed as they are
+    given. p: how often the best of so many readings is so much better by chance; 1 where no chance is needed.
+    """
+
+    reading: Reading
+    given: float
+    left: float
+    bound: float
+    p: float
+
+    @property
+    def ratio(self) -> float:
+        """What is left as given over that of the other reading."""
+        return self.given / self.left
+
+    @property
+    def passed(self) -> bool:
+        """Whether the columns are believed as they are given."""
+        return not self.ratio > self.bound
+
+    @property
+    def decisive(self) -> bool:
+        """Whether another reading would have been seen."""
+        return self.left > self.bound * self.given
+
+    def suspicion(self, said: str, left: str) -> Suspicion:
+        """said: what is left as given, in words, and what then follows the number `left` of the other reading."""
+        return Suspicion(self.reading.name, f"{self.reading.looks}: {said} {left} {self.reading.when}", self.p)
+
+
+def compared(
+    given: float, readings: Sequence[Reading], left: Callable[[Reading], float], degrees_of_freedom: float,
+    *, nearer: float = NEARER, tests: int = 0, least: float = 0.0,
+) -> Compared:  # fmt: skip
+    """The best of several readings by what each leaves, rms, beside columns as given: it is to be believed where it
+    leaves `nearer` times less or more, and less than chance explains in any of so many, by an F test.
+
+    degrees_of_freedom: of what either leaves; with none nothing can be judged. tests: how many more readings were
+    looked at. least: what is rounding.
+
+    >>> trials = exchanges(["a", "b"])
+    >>> [compared(5.0, trials, lambda r: 1.0, n, nearer=3.0).passed for n in (60, 3)]
+    [False, True]
+    """
+    from scipy import special  # here: keys of kinds import what judges a fit
+
+    rms = [left(r) for r in readings]
+    best, small, n = int(np.argmin(rms)), max(least, np.finfo(float).tiny), degrees_of_freedom
+    given, other, tests = max(given, small), max(rms[best], small), len(readings) + tests
+    p = min(1.0, tests * float(special.fdtrc(n, n, min(given / other, 1e150) ** 2))) if n > 0 else np.nan
+    p = 1.0 if n > 0 and not given > nearer * other else p
+    return Compared(readings[best], given, other, max(nearer, chance_ratio(n, n, tests=tests)), p)
