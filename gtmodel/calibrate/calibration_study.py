@@ -96,9 +96,9 @@ def study(
     fit, origin = fit or Fit(), origin or Origin(type(robot).__name__)
     robot, on_points = on_cart_points(by_dh_numbers(fit, robot), carts)
     plain, robot = robot, with_measured_orientation(robot, poses)
-    data = split_all(poses, robot, held_out if method == "every" else 0, refit)
-    in_turn = [] if method == "every" else _in_turn(data, folds if method == "folds" else None)
     inspection = Inspection(fit.accept)
+    data = split_all(poses, robot, held_out if method == "every" else 0, refit, inspection)
+    in_turn = [] if method == "every" else _in_turn(data, folds if method == "folds" else None)
     work.progress("looking at the poses", 0.3)
     witnesses = [witness_of(plain, d) for d in data]
     placed = []

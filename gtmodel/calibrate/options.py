@@ -6,10 +6,11 @@ from dataclasses import dataclass, field
 from typing import Annotated, Literal, get_args
 
 from ..results.options import Options, Unit, Within
+from ..results.suspicion import EveryAlarm
 
 Alarm = Literal[
     "unit", "scale", "exchanged_signals", "stuck_columns", "exchanged_columns", "swapped_axes", "scalar_last",
-    "out_of_reach", "moved_too_far",
+    "out_of_reach", "moved_too_far", EveryAlarm,
 ]  # fmt: skip
 Cost = Literal["squared", "length", "inverse", "forward", "orthogonal"]
 COSTS = get_args(Cost)

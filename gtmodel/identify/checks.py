@@ -7,15 +7,17 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..inference import FALSE_ALARM, binomial_band, negligible
+from ..measurements.inspection.data_tests import Data, tested
 from ..results import Check, at_least, at_most
 from ..results.check import bound_in_words
+from ..results.suspicion import suspicion_checks
 from ..results.unit_names import split
 from .asked import Asked
 from .exchanged import exchanged_efforts, leaves
 from .inertia import Identification, Validation
 from .recordings import Recordings
 from .repeated import Repeated
-from .rows import COPIED, copied_rows
+from .rows import recorded
 from .work import DEVIATIONS, work_of
 
 LOOK = "the notes say what to look at"
@@ -89,8 +91,10 @@ def judged(
         low, high = binomial_band(seen.runs, seen.level, 1 - FALSE_ALARM / len(seen.names))
         outside = int(np.count_nonzero((seen.hits < low) | (seen.hits > high))) + len(seen.biased)
         checks["parameters_outside_the_binomial_band"] = at_most(float(outside), 0.0)
-    if COPIED in asked.how.accept and (copy := copied_rows(data.fitted, asked.names)):
-        said.append(f"accepted ({COPIED}): {copy}")
+    left = Data(residuals=identification.residuals / identification.noise, jacobian=rows.columns(
+        [rows.names.index(n) for n in identification.estimate.names], identification.noise))  # fmt: skip
+    more, sentences = suspicion_checks(tested(recorded(data.fitted, asked.names), left), asked.how.accept)
+    checks, said = checks | more, [*said, *sentences]
     return _accepted(checks, asked.how.accept, said), said
 
 

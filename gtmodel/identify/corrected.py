@@ -10,10 +10,11 @@ import numpy as np
 from gtmodel.lang import ModelError
 from gtmodel.measurements import ESTIMATE, Corrections, Session, cutoff_for
 
+from ..results.suspicion import EVERY
 from .options import Processing
 from .parameter_names import among
 from .regressor import Regressor
-from .rows import COPIED, rows_of, with_offsets
+from .rows import rows_of, with_offsets
 
 
 def corrected(
@@ -72,7 +73,7 @@ def corrected(
     rest = [k for k in range(regressor.size) if k not in at]
 
     def residual(sessions: tuple[Session, ...]) -> np.ndarray:
-        rows = rows_of(sessions, regressor, steady, known, targets, accept=[COPIED])  # copies are for the fit itself
+        rows = rows_of(sessions, regressor, steady, known, targets, accept=EVERY)  # looked at by the fit itself
         A = rows.Y[:, :, at].reshape(-1, len(at))
         if offsets:
             A = np.hstack([A, with_offsets(rows, targets).Y[:, :, regressor.size :].reshape(len(A), -1)])

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from .._lazy import hint
 from ..results.options import Options, Unit, Within
+from ..results.suspicion import EveryAlarm
 
 if TYPE_CHECKING:
     from ..lang import Model
@@ -22,7 +23,7 @@ LogAlarm = Literal[
     "parameters_far_off",
     "saturated_share",
     "delay_moves_a_parameter",
-    "copied_rows",
+    EveryAlarm,
 ]
 MASK_STEPS = 3.0  # quantisation steps per sample: below, the sign of a velocity is not known
 

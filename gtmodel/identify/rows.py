@@ -13,17 +13,17 @@ from gtmodel.lang import ModelError
 from gtmodel.lang.units import rate_unit
 from gtmodel.measurements import (
     Session,
-    Stretch,
     ZeroPhase,
-    copied_stretch,
     cutoff_for,
     moving,
     offset_columns,
     position_noise,
 )
 from gtmodel.measurements.filters import WIDEST
+from gtmodel.measurements.inspection.data_tests import Data, tested
 from gtmodel.results import Status, Trajectory, TrajectoryError
 from gtmodel.results.interpolation import smooth
+from gtmodel.results.suspicion import alarms
 
 from .options import Processing
 from .regressor import Regressor
@@ -36,12 +36,10 @@ INDEPENDENT = 0.57
 # velocity behind it is as sharp as the filter allows
 WIDER = 4.0
 NOISE_STEPS = 4 / 3  # three such steps are four standard deviations of the velocity
-DISTINCT = 0.5  # of a stretch of efforts that is taken for a copy: a coarse reading repeats itself
 # three-point differences of a 2.5 Hz motion at 4 ms are 7e-4 off, as much as the noise of the masses; these 5e-7
 FIRST = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12
 SECOND = np.array([-1.0, 16.0, -30.0, 16.0, -1.0]) / 12
 HALF = 2
-COPIED = "copied_rows"  # what accepts recordings that hold a stretch twice
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,8 +160,9 @@ def rows_of(
     ((58, 1, 3), (58, 1), 5.0, 28)
     """
     sessions = [sessions] if isinstance(sessions, Session) else list(sessions)
-    if COPIED not in accept and (copy := copied_rows(sessions, (known, targets))):
-        raise TrajectoryError(f'{copy}; if it is right, accept = ["{COPIED}"]')
+    for found in alarms(tested(recorded(sessions, (known, targets)))):
+        if found.name not in accept:
+            raise TrajectoryError(found.refusal)
     sessions = [s._replace(trajectory=smooth(s.trajectory)) for s in sessions]
     processing = processing or Processing()
     cutoff = processing.cutoff
@@ -201,23 +200,13 @@ def rows_of(
     )
 
 
-def copied_rows(sessions: Sequence[Session], signals: Sequence[str]) -> str | None:
-    """A sentence where a stretch of these signals repeats an earlier one in every digit; or of the last one alone, the
-    efforts: positions that were moved by a constant differ in their digits."""
-    copy = _copied(sessions, signals, 0.0) or _copied(sessions, signals[-1:], DISTINCT)
-    if copy is None:
-        return None
-    again, first = sessions[copy.again], sessions[copy.first]
-    return (
-        f"'{again.name}' repeats from {again.trajectory.time[copy.at]:g} s on, in {copy.rows} samples and every "
-        f"digit, what '{first.name}' holds from {first.trajectory.time[copy.of]:g} s on; noise does not repeat "
-        "itself, and a copy counts twice and narrows the intervals: take it out"
-    )
-
-
-def _copied(sessions: Sequence[Session], signals: Sequence[str], distinct: float) -> Stretch | None:
-    wide = [np.column_stack([s.trajectory[n].reshape(len(s.trajectory), -1) for n in signals]) for s in sessions]
-    return copied_stretch(wide, distinct=distinct) if len({w.shape[1] for w in wide}) == 1 else None
+def recorded(sessions: Sequence[Session], signals: Sequence[str]) -> Data:
+    """These signals of the recordings, the last of them the efforts: positions may have been moved by a constant."""
+    widths = {tuple(s.trajectory[n].shape[1:]) for n in signals[-1:] for s in sessions}
+    if len(widths) > 1:
+        return Data()
+    columns = {n: np.concatenate([s.trajectory[n] for s in sessions]) for n in signals}
+    return Data(columns, signals[-1:], recordings=[(s.name, s.trajectory.time) for s in sessions])
 
 
 def with_offsets(rows: Rows, signal: str, *, per_session: bool = True) -> Rows:

@@ -67,7 +67,6 @@ if TYPE_CHECKING:
     from .common_grid.options import AlignBy as AlignBy, EvenGrid as EvenGrid
     from .common_grid.resampling_study import resampling_study as resampling_study
     from .common_grid.result import ResamplingStudy as ResamplingStudy
-    from .copies import Stretch as Stretch, copied_stretch as copied_stretch, copies as copies
     from .filters import (
         Moving as Moving,
         ZeroPhase as ZeroPhase,
@@ -81,6 +80,7 @@ if TYPE_CHECKING:
         second_derivative as second_derivative,
         smooth_motion as smooth_motion,
     )
+    from .inspection.copies import Stretch as Stretch, copied_stretch as copied_stretch, copies as copies
     from .inspection.inspection_study import InspectionStudy as InspectionStudy, inspect as inspect
     from .log import (
         Column as Column,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
+from typing import Literal, get_args
 
 from .check import Check, at_least
 from .refusal import ArgumentError
@@ -13,6 +14,9 @@ from .refusal import ArgumentError
 RUN_LEVEL = 0.01
 TESTS = 10  # of a run, for what is decided before all of them are known: so the first step of Holm's procedure has it
 FIRST = RUN_LEVEL / TESTS
+# of the tests that look at the data of every run, gtmodel.measurements.inspection.data_tests
+EveryAlarm = Literal["copied_rows"]
+EVERY = get_args(EveryAlarm)
 
 
 @dataclass(frozen=True)
@@ -36,6 +40,11 @@ class Suspicion:
         """Evidence and remedy."""
         return f"{self.evidence}; {self.remedy}" if self.remedy else self.evidence
 
+    @property
+    def refusal(self) -> str:
+        """The sentence, and what accepts it."""
+        return f'{self.sentence}; if it is right, accept = ["{self.name}"]'
+
 
 @dataclass(frozen=True, eq=False)
 class Inspection:
@@ -51,7 +60,7 @@ class Inspection:
         if found is None or not found.p < FIRST:
             return
         if found.name not in self.accepted:
-            raise ArgumentError(f'{found.sentence}; if it is right, accept = ["{found.name}"]', argument)
+            raise ArgumentError(found.refusal, argument)
         note = f"accepted ({found.name}): {found.sentence}"
         if note not in self.notes:
             self.notes.append(note)

@@ -10,8 +10,9 @@ import numpy as np
 import scipy
 
 from gtmodel.inference import nonlinear_fit, whiteness
-from gtmodel.measurements import copied_stretch
+from gtmodel.measurements.inspection.data_tests import Data, tested
 from gtmodel.results import Estimate
+from gtmodel.results.suspicion import alarms
 
 from .._lazy import hint
 from ..results import ArgumentError
@@ -200,13 +201,10 @@ def _check(given: Sequence[Record], delay: int | None, longest: int) -> None:
                 f"{n + 1}, expected at least {wanted + AFTER}; record longer, or lower the delay"
             )
 
-    copy = copied_stretch([np.hstack([r.u, r.y]) for r in given])
-    if copy is not None:
-        raise ArgumentError(
-            f"{copy.rows} samples of recording {copy.again + 1}, from sample {copy.at} on, are copies of recording "
-            f"{copy.first + 1} from sample {copy.of} on; noise does not repeat itself, and a copy counts twice and "
-            "narrows the intervals: take it out"
-        )
+    columns = {"u": np.concatenate([r.u for r in given]), "y": np.concatenate([r.y for r in given])}
+    recordings = [(f"recording {n}", r.time) for n, r in enumerate(given, 1)]
+    for found in alarms(tested(Data(columns, list(columns), recordings=recordings))):
+        raise ArgumentError(found.sentence)
 
 
 def _unit(r: Record, a: float, delay: int) -> np.ndarray:

@@ -148,12 +148,12 @@ def test_displacements_with_the_sign_turned_are_told_in_a_sentence(robot, made) 
     assert shown["joint 1"].endswith("(negative, no interval)")
 
 
-def test_copied_tests_are_told(robot, made, shipped) -> None:
+def test_copied_rows_are_told(robot, made, shipped) -> None:
     twice = replace(part(made, np.r_[0:30, 0:30]), lines=np.arange(2, 62))
     copied = stiffness_study(robot, twice, SETUP)
-    assert not copied.checks["copied_tests"].passed and "copied_tests" not in shipped.checks
-    assert copied.notes[0].startswith("30 of 60 tests repeat an earlier one to the last digit, as line 32 does line 2")
-    assert "negative_compliances" not in shipped.checks and "repeat" not in "".join(shipped.notes)
+    assert not copied.checks["copied_rows"].passed and "copied_rows" not in shipped.checks
+    assert copied.notes[0].startswith("30 of 60 tests are copies of others in every digit, the first line 32 of line 2")
+    assert "negative_compliances" not in shipped.checks and "copies" not in "".join(shipped.notes)
 
 
 def test_stopped_it_claims_nothing(robot, made) -> None:

@@ -11,9 +11,10 @@ import numpy as np
 
 from ...compiler.causal import flat_of
 from ...lang import Model, ModelError
-from ...measurements import copies
+from ...measurements.inspection.data_tests import Data, tested
 from ...measurements.signal_table import Columns
 from ...results import ArgumentError
+from ...results.suspicion import Inspection
 from ..closure import left_open
 from ..measurements import Measurements, Pose, SignalName
 from ..reading import variables_of
@@ -134,6 +135,7 @@ def split_all(
     model: Model,
     every: int,
     refit: Refit | None = None,
+    inspection: Inspection | None = None,
 ) -> list[SplitPoses]:
     """Each of the measurements with its poses held out. Raises ArgumentError as split(), and for names that are there
     twice."""
@@ -149,7 +151,8 @@ def split_all(
             whole = replace(whole, measurements=replace(whole.measurements, name=name))
         try:
             # of several, those whose held-out poses are a recording of their own, if any are
-            data.append(split(whole, model, every, refit if recorded[k - 1] or not any(recorded) else None))
+            own = refit if recorded[k - 1] or not any(recorded) else None
+            data.append(split(whole, model, every, own, inspection or Inspection()))
         except ArgumentError as error:
             at = error.argument
             if len(several) > 1 and at.startswith("poses"):
@@ -166,7 +169,9 @@ def split_all(
     return data
 
 
-def split(poses: MeasuredPoses | Measurements, model: Model, every: int, refit: Refit | None = None) -> SplitPoses:
+def split(
+    poses: MeasuredPoses | Measurements, model: Model, every: int, refit: Refit | None, inspection: Inspection
+) -> SplitPoses:
     """The poses with those held out: the given ones, or every k-th (Dressler 2012, eq. (5.5)), none for 0.
 
     Raises ArgumentError where they do not fit the model or each other.
@@ -188,7 +193,8 @@ def split(poses: MeasuredPoses | Measurements, model: Model, every: int, refit: 
     lines = np.arange(1, len(m) + 1) if poses.lines is None else poses.lines
     columns = _fit_the_model(m, poses, model, partly)
     m = _with_latent(m, model)
-    _refuse_copies(m, lines, poses.held_out is not None)
+    for found in tested(Data(m.values, list(m.values), "pose", "line", lines)):
+        inspection.refuse(found, "poses.file")
     repeated = _repeated(np.asarray(m.values[poses.actuators]))
     held = np.zeros(len(lines), bool)
     if poses.held_out is not None:
@@ -259,20 +265,6 @@ def _refuse_unknown_sessions(m: Measurements, held: np.ndarray) -> None:
             f"{what} in session '{lost[0]}' cannot be known, all its poses are held out; "
             f"let some of them be fitted{', or give the offset as a number' if offsets else ''}",
             "held_out",
-        )
-
-
-def _refuse_copies(m: Measurements, lines: np.ndarray, two_files: bool) -> None:
-    """Raises ArgumentError for rows that are the same in all digits: copies, which no device measures."""
-    everything = np.column_stack([np.asarray(a) for a in m.values.values()])
-    pairs = copies(everything)
-    if len(pairs):
-        again, original = lines[pairs[0]]
-        place = "line (of either file)" if two_files else "line"
-        raise ArgumentError(
-            f"{len(pairs)} of {len(everything)} poses are copies of others in every digit, the first {place} {again} "
-            f"of line {original}; a copy counts twice and would be fitted and held out, take it out",
-            "poses.file",
         )
 
 

@@ -12,8 +12,9 @@ from ...inference import BetweenRecordings, HeldOut, Identifiability, OverNoise,
 from ...inference.make_estimate import RANK
 from ...lang import ModelError
 from ...lang.units import parse_unit
-from ...results import ArgumentError, SolveStatus
-from ...results.suspicion import Inspection, Suspicion
+from ...measurements.inspection.data_tests import Data, tested
+from ...results import ArgumentError, Check, SolveStatus
+from ...results.suspicion import Inspection, Suspicion, suspicion_checks
 from ..calibration import Calibration, calibrate
 from ..held_out import judge_held_out
 from ..measured.options import Refit
@@ -102,6 +103,13 @@ class CalibrationFindings:
         for sentence in moved:
             self.inspection.refuse(Suspicion("moved_too_far", sentence), "fit.accept")
         return []
+
+    @cached_property
+    def left(self) -> tuple[dict[str, Check], list[str]]:
+        """What tests of every run find in the residuals: checks and sentences."""
+        c = self.calibration
+        J = None if c.problem.implicit or not len(c.x) else c.problem.jacobian(c.x) * c.problem.unknowns.sizes
+        return suspicion_checks(tested(Data(residuals=c.residuals, jacobian=J)), self.inspection.accepted)
 
     @cached_property
     def over_noise(self) -> OverNoise | None:

@@ -78,6 +78,7 @@ def checks_of(accuracy: float | None, findings: CalibrationFindings) -> dict[str
             checks[f"held_out_over_fitted{of}"] = Check(judged.ratio, bound, LOOK, judged=judged.passed)
         if part.lost:
             checks[f"held_out_poses_lost{of}"] = at_most(float(part.lost), 0.0, LOOK)
+    checks |= findings.left[0]
     if findings.far:
         checks["moved_too_far"] = at_most(float(len(findings.far)), 0.0, LOOK)
     over = findings.over_noise
@@ -119,7 +120,7 @@ def _notes(findings: CalibrationFindings) -> list[str]:
     drift = [] if findings.after is None else drifted(c, findings.after)
     drift += [] if findings.apart is None else [findings.apart.message]
     notes = [*findings.priors, *c.estimate.notes, *drift, *intervals, *_crowded(findings), *findings.far]
-    notes += [*findings.inspection.notes, *absent]
+    notes += [*findings.left[1], *findings.inspection.notes, *absent]
     return list(dict.fromkeys(notes))  # two null directions may move the same names: one sentence
 
 

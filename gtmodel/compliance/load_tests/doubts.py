@@ -1,12 +1,8 @@
-"""What a reader must know before using joint stiffness from load tests: signs, unbounded values, repeated lines."""
+"""What a reader must know before using joint stiffness from load tests: signs, unbounded values."""
 
 from __future__ import annotations
 
-import numpy as np
-
-from ...measurements import copies
 from ..joint_stiffness import StiffnessFit
-from ..static_tests import StaticTests
 
 
 def negative(fit: StiffnessFit) -> list[str]:
@@ -31,18 +27,6 @@ def negative(fit: StiffnessFit) -> list[str]:
             "distinguish it from a rigid joint, use the lower end of its interval"
         )
     return notes
-
-
-def repeated(tests: StaticTests, q: np.ndarray, lines: np.ndarray) -> list[str]:
-    """Sentences on lines that repeat an earlier one in every number, noise included."""
-    again = copies(np.column_stack([q, tests.wrench, tests.displacement]))
-    if not len(again):
-        return []
-    (line, first), count = lines[again[0]].tolist(), len(again)
-    return [
-        f"{count} of {len(lines)} tests repeat an earlier one to the last digit, as line {line} does line {first}: a "
-        "measurement never does, and counted twice it makes intervals too narrow; take copies out"
-    ]
 
 
 def _joints(numbers: list[int]) -> str:

@@ -11,16 +11,17 @@ import numpy as np
 
 from ...inference import FALSE_ALARM
 from ...lang import Model
-from ...measurements import copies
+from ...measurements.inspection.data_tests import Data, tested
 from ...results import ArgumentError, Check, Quantity, Row, SolveStatus, Study, Work, at_least, at_most, listed
 from ...results.door import study_function
+from ...results.suspicion import suspicion_checks
 from ...results.work import Progress, never, silent
 from ..cartesian import softest_and_stiffest, translational_compliance
 from ..compensated import RATE, with_compensator
 from ..joint_stiffness import StiffnessFit, complete_pose, decoupled, stiffness_names
 from ..selection import select
 from ..static_tests import StaticTests
-from .doubts import negative, repeated
+from .doubts import negative
 from .options import Setup
 from .reading import MeasuredTests, static_tests
 
@@ -179,9 +180,7 @@ def _checks(tests: MeasuredTests, static: StaticTests, fit: StiffnessFit) -> dic
     small = fit.adequacy.statistic <= fit.estimate.degrees_of_freedom
     least = min(FALSE_ALARM, fit.adequacy.p) if small else FALSE_ALARM
     checks = {"chi_squared_p": at_least(fit.adequacy.p, least, "the notes say what the residuals may hold")}
-    again = copies(np.column_stack([tests.q, static.wrench, static.displacement]))
-    if len(again):
-        checks["copied_tests"] = at_most(float(len(again)), 0.0, "take copies out")
+    checks |= _suspicions(tests, static, fit)[0]
     below = int(np.sum(fit.compliance <= 0))
     if below:
         checks["negative_compliances"] = at_most(float(below), 0.0, "the notes name the joints")
@@ -199,6 +198,12 @@ def _checks(tests: MeasuredTests, static: StaticTests, fit: StiffnessFit) -> dic
     return checks
 
 
+def _suspicions(tests: MeasuredTests, static: StaticTests, fit: StiffnessFit) -> tuple[dict[str, Check], list[str]]:
+    columns = {"q": tests.q, "wrench": static.wrench, "displacement": static.displacement}
+    left = np.reshape(fit.estimate.residuals, (-1, 1))
+    return suspicion_checks(tested(Data(columns, list(columns), "test", "line", tests.numbered, residuals=left)))
+
+
 def _values(
     setup: Setup, tests: MeasuredTests, static: StaticTests, fits: dict[str, StiffnessFit], best: tuple[int, ...]
 ) -> dict[str, Any]:
@@ -209,7 +214,7 @@ def _values(
     sound = bool(np.all(fit.compliance > 0))
     stiffness, _ = softest_and_stiffest(translational_compliance(static.J, fit.compliance))
     doubts = [s for f in (fit, other) if f is not None for s in negative(f)]
-    doubts += repeated(static, tests.q, tests.numbered)
+    doubts += _suspicions(tests, static, fit)[1]
     rate = None
     if RATE in fit.estimate.names:
         at = fit.estimate.names.index(RATE)

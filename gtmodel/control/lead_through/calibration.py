@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from ...inference import linear_fit, newey_west
 from ...inference.residuals import SMALL_P
+from ...measurements.inspection.data_tests import Data, tested
 from ...results import ArgumentError, Estimate, naming
 from ...results.suspicion import Suspicion, alarms, suspicion_checks
 from .options import WrenchAlarm
@@ -144,6 +145,7 @@ def calibrate_wrench(
         of_force = _fitted("force", "mass", f, g, at, sigma_force, drift)
         of_moment = _fitted("moment", axes("first_moment"), m, g, at, sigma_moment, drift)
     outcomes = [*suspicions_of(of_force, R, at, down), *suspicions_of(of_moment, R, at, down)]
+    outcomes += tested(Data({"turn": R, "force": f, "moment": m}, row="pose"))
     force, moment = (_honest(part, outcomes) for part in (of_force, of_moment))
     low, high = force.interval("mass", LEVEL)
     status = WrenchStatus.OK if low > 0 else WrenchStatus.WRONG_SIGN if high < 0 else WrenchStatus.NO_FORCE

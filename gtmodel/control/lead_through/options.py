@@ -11,6 +11,7 @@ import numpy as np
 from ..._lazy import hint
 from ...results import ArgumentError
 from ...results.options import Options, Unit, Within
+from ...results.suspicion import EveryAlarm
 from .hand import ZEROS, Three
 from .synthetic_sensor import SyntheticSensor
 
@@ -23,7 +24,7 @@ else:
 WrenchAlarm = Literal[
     "force_drift", "force_coloured", "force_largest_residual", "force_held_out", "force_frame", "force_axes",
     "force_over_noise", "force_unexplained_share", "moment_drift", "moment_coloured", "moment_largest_residual",
-    "moment_held_out", "moment_frame", "moment_axes", "moment_over_noise", "moment_unit",
+    "moment_held_out", "moment_frame", "moment_axes", "moment_over_noise", "moment_unit", EveryAlarm,
 ]  # fmt: skip
 Between = tuple[float, float]
 HANDS_BY = ("mass", "damping", "stiffness")

@@ -11,6 +11,7 @@ import scipy
 from ...inference import freedom_of
 from ...inference.residuals import shown_p
 from ...measurements.inspection import residual_tests
+from ...measurements.inspection.data_tests import Data, tested
 from ...measurements.inspection.readings import NEARER, Reading, compared
 from ...results import Estimate
 from ...results.suspicion import Suspicion
@@ -63,6 +64,7 @@ def suspicions_of(part: FittedReadings, turns: np.ndarray, time: np.ndarray, gra
         _held_out(part),
         _other_frame(part, turns, gravity),
         _other_axes(part, turns, gravity),
+        *tested(Data(residuals=left, jacobian=J, row="pose")),
     ]  # fmt: skip
     if part.sigma is not None:
         squares = float(np.sum(np.square(left))) / part.sigma**2

@@ -9,8 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from ...measurements.inspection.data_tests import Data, tested
 from ...results import SolveStatus, Work
 from ...results.door import study_function
+from ...results.suspicion import suspicion_checks
 from ...results.trajectory import Trajectory
 from ...results.work import Interrupted, Progress, never, silent
 from ..consistency import Consistency, consistency
@@ -108,11 +110,13 @@ def _answer(
         said += f", {100 * sensors.outlier_share:g} % of the positions off by {OUTLYING:g} times its noise"
     table, printed = printed_errors(path, sensors)
     notes = [*one.run.notes, *_notes(scene, preferred)]
+    checks, doubts = suspicion_checks(tested(*_read(scene, one.run)))
+    notes += doubts
     done, whole = one.run.time[-1], scene.motion.time[-1]
     if done < whole:
         notes.append(f"the filter was stopped after {done:.3g} of {whole:.3g} s: numbers are of these alone")
     return FusionStudy(
-        status=SolveStatus.INTERRUPTED if stopped else SolveStatus.SOLVED, title=title, axes=path.axes,
+        status=SolveStatus.INTERRUPTED if stopped else SolveStatus.SOLVED, title=title, axes=path.axes, checks=checks,
         synthetic=said.removeprefix("SYNTHETIC: "),
         nis=None if c is None else c.nis, nis_band=() if c is None else tuple(c.band),
         nis_numbers=None if c is None else c.expected, verdict="" if c is None else c.message,
@@ -121,6 +125,16 @@ def _answer(
         printed=printed, printed_in=table, notes=notes,
         preferred_jerk_density=preferred, **one.errors, **swept,
     )  # fmt: skip
+
+
+def _read(scene: Scene, run: Filtered) -> list[Data]:
+    """What each sensor read, and its innovations."""
+    read = []
+    for name, readings in scene.log.items():
+        values, white = np.atleast_3d(readings.values.T).T[0], run.innovations.get(name)
+        left = None if white is None else white[:, 0][np.isfinite(white[:, 0]).all(axis=1)]
+        read.append(Data({name: values}, [name], "reading", recordings=[(name, readings.time)], residuals=left))
+    return read
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 from typing import Annotated, Literal
 
 from ...results.options import Options, Unit, Within
+from ...results.suspicion import EveryAlarm
 
 # alarms about how runs and their columns were read; each can be accepted
-FrictionAlarm = Literal["copied_runs", "exchanged_columns", "driving_friction", "negative_mass"]
+FrictionAlarm = Literal["copied_runs", "exchanged_columns", "driving_friction", "negative_mass", EveryAlarm]
 CUTOFF_HZ = (
     10.0  # of the low pass that separates rows at constant velocity from others; means are taken of unfiltered ones
 )

@@ -7,15 +7,13 @@ from dataclasses import replace
 import numpy as np
 
 from ...inference import FALSE_ALARM
-from ...measurements.copies import SAME, copies
+from ...measurements.inspection.data_tests import Data, tested
 from ...results import ArgumentError, Estimate
 from ...results.suspicion import Inspection, Suspicion
 from ...results.trajectory_errors import Array
 from ..exchanged import columns_compared, leaves
 from .constant_velocity import Runs
 from .gravity import PARALLEL, Gravity
-
-DIGITS, FEW = 6, 1e-12  # of a force that was written down, not a mean; how far the rounding of that is off
 
 
 def check(runs: Runs, pattern: Array, inspection: Inspection) -> None:
@@ -39,29 +37,9 @@ def check(runs: Runs, pattern: Array, inspection: Inspection) -> None:
         )
     if np.any((runs.pose < 0) | (runs.pose >= poses)):
         raise ArgumentError(f"a run names pose {int(np.max(runs.pose)) + 1}; the pattern has {poses}", "runs")
-    pairs = _copies(runs)
-    if len(pairs):
-        again, first = pairs[0] + 1
-        copied = f"{len(pairs)} of {len(runs.pose)} runs are copies of others, run {again} of run {first} to begin with"
-        why = "noise does not repeat itself, and a copy counts twice and narrows the intervals: take copies out"
-        inspection.refuse(Suspicion("copied_runs", copied, remedy=why), "runs")
-
-
-def _copies(runs: Runs) -> np.ndarray:
-    """Pairs of runs that are the same, also where positions of one were moved by a constant."""
-    motion = np.column_stack([runs.velocity, runs.force])
-    pairs = copies(np.column_stack([motion, runs.position]), SAME)
-    if len(pairs):
-        return pairs
-    # a mean of noise has all digits; where forces are given in few, two runs may well agree
-    fine = np.any(np.abs(runs.force - _rounded(runs.force)) > FEW * np.abs(runs.force), axis=1)
-    rows = np.flatnonzero(fine)
-    return rows[copies(motion[rows], SAME)] if len(rows) else pairs
-
-
-def _rounded(values: Array) -> Array:
-    size = 10.0 ** (np.floor(np.log10(np.maximum(np.abs(values), np.finfo(float).tiny))) - DIGITS + 1)
-    return np.round(values / size) * size
+    columns = {"velocity": runs.velocity, "force": runs.force, "position": runs.position}
+    for found in tested(Data(columns, ["force"], "run")):
+        inspection.refuse(found, "runs")
 
 
 def refuse_exchanged(runs: Runs, pattern: Array, symmetric: bool, inspection: Inspection) -> bool:

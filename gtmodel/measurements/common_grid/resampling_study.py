@@ -13,11 +13,13 @@ from ...results import ArgumentError, SolveStatus, Work, at_least
 from ...results.door import study_function
 from ...results.estimate import Estimate
 from ...results.interpolation import said
+from ...results.suspicion import suspicion_checks
 from ...results.trajectory import Trajectory
 from ...results.trajectory_errors import Array
 from ...results.work import Progress, never, silent
 from ..alignment.align import Alignment, align
 from ..alignment.delay_study import RELATED
+from ..inspection.data_tests import Data, tested
 from ..log import LEFT_OUT
 from ..resampling import Resampled, resample
 from ..sampling import SamplingReport, sampling_of
@@ -259,6 +261,9 @@ def _study(
             min(fit.explained for fit in fits.values()), RELATED,
             "look at the residuals in the picture: the two signals do not show the same motion",
         )  # fmt: skip
+    data = [Data({n: t[n] for n in t.names}, recordings=[(clock, t.time)]) for clock, t in clocks.items()]
+    doubtful, sentences = suspicion_checks(tested(*data))
+    checks |= doubtful
     drifting = {clock: fit for clock, fit in fits.items() if "drift" in fit.estimate.names}
     text = title or "resampling"
     figures = {
@@ -272,7 +277,7 @@ def _study(
         status=SolveStatus.SOLVED,
         message=f"{len(rows)} rows of {len(names)} signal{'s' if len(names) > 1 else ''} every {1e3 * step:.6g} ms by "
         f"{grid.method} interpolation",
-        title=text, checks=checks, notes=_notes(clocks, reference, fits, sampling, even, step),
+        title=text, checks=checks, notes=[*_notes(clocks, reference, fits, sampling, even, step), *sentences],
         estimate=_estimate(fits), trajectory=rows, figures=figures,
         clocks=order, rows_read=[len(clocks[c]) for c in order],
         rows_left_out=[sum(clocks[c].provenance.get(why, 0) for why in LEFT_OUT) for c in order],

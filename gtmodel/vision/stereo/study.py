@@ -10,8 +10,10 @@ from typing import Any
 import numpy as np
 
 from ...inference.bundle import BundleFit
+from ...measurements.inspection.data_tests import Data, tested
 from ...results import ArgumentError, Check, SolveStatus, Work, at_least, at_most
 from ...results.door import study_function
+from ...results.suspicion import suspicion_checks
 from ...results.table import csv_text
 from ...results.work import Progress, never, silent
 from ..board import Board
@@ -268,6 +270,9 @@ def _judged(corners: CornerTable, table: CornerTable, end: BundleFit, bad: Gross
         advice = 'look at them, leave them out, or take gross_errors = "removed"'
         checks["wrong_pictures"] = at_most(len(bad.pictures), 0, advice)
         checks["gross_errors"] = at_most(len(single), 0, advice)
+    data = Data({"uv": table.uv}, row="corner", residuals=end.residuals["corners"])
+    more_checks, doubts = suspicion_checks(tested(data))
+    checks, notes = checks | more_checks, [*notes, *doubts]
     for name, test in tests.items():
         if test.fires(FIRES / len(tests)):
             notes.append(
