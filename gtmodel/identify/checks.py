@@ -50,8 +50,7 @@ def judged(
         )
     if validation is not None:
         held_out = max(validation.judged, key=lambda h: h.ratio / h.bound)
-        bound = held_out.bound if np.isfinite(held_out.bound) else None
-        checks["held_out_over_fitted_noise"] = Check(held_out.ratio, bound, LOOK, judged=held_out.passed)
+        checks["held_out_over_fitted_noise"] = held_out.check(LOOK)
     shares = np.sqrt(np.mean(identification.residuals**2, axis=0) / np.mean(rows.effort**2, axis=0))
     checks["unexplained_share"] = at_most(float(np.max(shares)), UNEXPLAINED, READ)
     said += [

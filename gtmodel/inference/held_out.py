@@ -3,31 +3,48 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
 import numpy as np
 
+from ..results.check import Check
 from ..results.estimate import Estimate
 from ..results.refusal import ArgumentError
+from ..results.suspicion import FIRST, Suspicion
 from .residuals import SMALL_P, shown_p
 
 # probability that a sound model fails one verdict: seldom enough for an exit code that scripts rely on
-FALSE_ALARM = 1e-3
+FALSE_ALARM = FIRST
 # a ratio that matters: two halves of one recording or grid differ by some tenths where the model lacks a little, and
 # the noise of a device is seldom known to better than 30 %; beyond 1.41 more than half of the mean square is no noise
 MATTERS = 1.5
 
 
-class _Bounded:
-    """A ratio that is judged by a bound."""
+class _Bounded(ABC):
+    """A ratio that is judged by a bound; `p`: how often a sound model has one as large as this or larger."""
 
     ratio: float
     bound: float
+    p: float
+
+    @property
+    @abstractmethod
+    def extent(self) -> str:
+        """The ratio in words."""
 
     @property
     def passed(self) -> bool:
         """Within the bound; not where nothing can be judged, whose bound is infinite."""
         return bool(np.isfinite(self.bound)) and self.ratio <= self.bound
+
+    def check(self, advice: str) -> Check:
+        """The ratio against its bound."""
+        return Check(self.ratio, self.bound if np.isfinite(self.bound) else None, advice, judged=self.passed)
+
+    def suspicion(self, name: str, remedy: str) -> Suspicion:
+        """Whether it is larger than a sound model has it, by more than matters."""
+        return Suspicion(name, self.extent, 1.0 if self.ratio <= MATTERS and np.isfinite(self.p) else self.p, remedy)
 
 
 @dataclass(frozen=True)
@@ -41,6 +58,15 @@ class HeldOut(_Bounded):
     expected: float
     bound: float
     false_alarm: float
+    p: float = np.nan
+
+    @property
+    def extent(self) -> str:
+        """The ratio in words, without what it may come from."""
+        return (
+            f"held-out errors are {self.ratio:.3g} times the fitted ones; a sound model has {self.expected:.3g} on "
+            f"average ({shown_p(self.p)})"
+        )
 
     @property
     def message(self) -> str:
@@ -193,7 +219,10 @@ def held_out_ratio(
         return HeldOut(ratio, np.inf, np.inf, false_alarm)
     with np.errstate(over="ignore"):  # a bound beyond all numbers is infinite: nothing can be judged
         chance = float(np.sqrt(growth * _chance(held_out_freedom, fitted_freedom, false_alarm / tests)))
-    return HeldOut(ratio, float(np.sqrt(growth)), max(matters, chance), false_alarm)
+    from scipy import special  # here: keys of kinds import this module
+
+    p = min(1.0, tests * float(special.fdtrc(held_out_freedom, fitted_freedom, min(ratio**2 / growth, 1e300))))
+    return HeldOut(ratio, float(np.sqrt(growth)), max(matters, chance), false_alarm, p)
 
 
 def freedom_of(trace: float, trace_of_square: float) -> float:

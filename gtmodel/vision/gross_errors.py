@@ -8,14 +8,12 @@ from typing import Protocol
 import numpy as np
 
 from ..measurements.inspection.outliers import Outliers, outliers
-from ..results.suspicion import RUN_LEVEL
 
 SETTLED = 0.01  # relative change of the noise between two robust fits
 # median of the length of a pair of normal errors, in standard deviations: sqrt(2 ln 2)
 MEDIAN = float(np.sqrt(2 * np.log(2)))
 WRONG = 0.5  # a picture of which more corners than this are off by SPREAD times a gross error is wrong as a whole
 SPREAD = 3.0  # pictures of a board that is far, tilted or out of focus have up to so many times the noise of the others
-TESTS = 4  # of a run on two cameras: corners, pictures, and the map of each camera
 FEW = 10  # corners of a view: with fewer the noise of its camera is theirs
 
 
@@ -66,7 +64,7 @@ def gross_errors(table: Corners, residuals: np.ndarray, gross: float) -> GrossEr
     view = table.camera * len(own) + table.picture
     seen = np.bincount(view[left], minlength=view.max(initial=0) + 1)[view[left]]
     single = outliers(e[left], groups=np.where(seen < FEW, -1 - table.camera[left], view[left]))
-    odd = single.beyond(RUN_LEVEL / TESTS)
+    odd = single.beyond()
     odd = odd[single.times[odd] > gross]
     corners[left[odd]] = True
     p = 0.0 if np.any(far & ~of_wrong) else float(np.min(single.p[odd], initial=1.0))

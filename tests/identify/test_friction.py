@@ -249,9 +249,7 @@ def test_copied_runs_are_refused_wherever_they_are_said_to_be(shift: float) -> N
     data, pattern = drawn(4, 2, alike=False)
     copied = Runs(*(np.concatenate([part, part[5:9]]) for part in data))
     copied.position[20:] += shift
-    with pytest.raises(
-        ArgumentError, match="4 of 24 runs are copies of .* the first run 21 of run 6"
-    ):
+    with pytest.raises(ArgumentError, match=r"4 of 24 runs are copies of .* the first run 21 of run 6"):
         identify_friction(copied, pattern)
 
 

@@ -1,5 +1,5 @@
-"""A new suspicion is one function: calibration, force sensors, identification, cameras, filters, friction, tables and load
-tests make it without a line of their own."""
+"""A new suspicion is one function: calibration, force sensors, identification, cameras, filters, friction, tables and
+load tests make it without a line of their own."""
 
 from __future__ import annotations
 

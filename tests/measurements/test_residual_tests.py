@@ -6,15 +6,13 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from gtmodel.inference import binomial_band
+from gtmodel.inference import binomial_band, chi_squared_over_noise, held_out_ratio
 from gtmodel.measurements.inspection.readings import Reading, compared
 from gtmodel.measurements.inspection.residual_tests import (
     coloured,
     drifts,
     explained_by,
-    held_out_worse,
     one_far_off,
-    over_stated,
 )
 from gtmodel.results.suspicion import Suspicion
 
@@ -102,12 +100,18 @@ def test_nothing_is_tested_of_rounding_and_of_too_few_rows() -> None:
 
 
 def test_sizes_that_do_not_matter_are_no_alarm_however_sure() -> None:
-    assert over_stated(1.4**2 * 10_000, 10_000, REMEDY).p == 1.0
-    assert over_stated(15.0**2 * 60, 60, REMEDY).p < TINY
+    def over_stated(chi_squared: float, freedom: float) -> float:
+        return chi_squared_over_noise(chi_squared, freedom).suspicion("over_noise", REMEDY).p
+
+    def held_out_worse(*numbers: float, tests: int = 1) -> float:
+        return held_out_ratio(*numbers, tests=tests).suspicion("held_out", REMEDY).p
+
+    assert over_stated(1.4**2 * 10_000, 10_000) == 1.0
+    assert over_stated(15.0**2 * 60, 60) < TINY
     otherwise = [Reading("reading", "they look", "otherwise")]
     assert compared(1.4, otherwise, lambda _: 1.0, 10_000).p == 1.0
     assert compared(16.3, otherwise, lambda _: 1.0, 60, tests=2).p < TINY
-    assert held_out_worse(1.4, 1.0, 1e4, 1e4, REMEDY).p == 1.0
-    assert held_out_worse(3.0, 1.2, 30, 30, REMEDY, tests=2).p < 1e-5
-    assert np.isnan(held_out_worse(3.0, 1.2, 0, 30, REMEDY).p)
-    assert np.isnan(over_stated(3.0, 0, REMEDY).p) and np.isnan(compared(3.0, otherwise, lambda _: 1.0, 0).p)
+    assert held_out_worse(1.4, 1.0, 1e4, 1e4) == 1.0
+    assert held_out_worse(3.0, 1.2, 30, 30, tests=2) < 1e-5
+    assert np.isnan(held_out_worse(3.0, 1.2, 0, 30))
+    assert np.isnan(over_stated(3.0, 0)) and np.isnan(compared(3.0, otherwise, lambda _: 1.0, 0).p)

@@ -74,8 +74,7 @@ def checks_of(accuracy: float | None, findings: CalibrationFindings) -> dict[str
         of = f" of {part.data.name}" if findings.beside else ""
         judged = part.judged if len(part.calibration.x) else None
         if judged is not None:
-            bound = judged.bound if np.isfinite(judged.bound) else None
-            checks[f"held_out_over_fitted{of}"] = Check(judged.ratio, bound, LOOK, judged=judged.passed)
+            checks[f"held_out_over_fitted{of}"] = judged.check(LOOK)
         if part.lost:
             checks[f"held_out_poses_lost{of}"] = at_most(float(part.lost), 0.0, LOOK)
     checks |= findings.left[0]
@@ -83,7 +82,7 @@ def checks_of(accuracy: float | None, findings: CalibrationFindings) -> dict[str
         checks["moved_too_far"] = at_most(float(len(findings.far)), 0.0, LOOK)
     over = findings.over_noise
     if over is not None:
-        checks["residuals_over_noise"] = Check(over.ratio, over.bound, LOOK, judged=over.passed)
+        checks["residuals_over_noise"] = over.check(LOOK)
     if accuracy is not None and name in findings.headline[0]:
         mean = findings.headline[0][name].mean
         # what was fitted proves nothing

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from ...inference import freedom_of
+from ...inference import chi_squared_over_noise, freedom_of, held_out_ratio
 from ...inference.residuals import shown_p
 from ...measurements.inspection import residual_tests
 from ...measurements.inspection.data_tests import Data, tested
@@ -68,8 +68,8 @@ def suspicions_of(part: FittedReadings, turns: np.ndarray, time: np.ndarray, gra
     ]  # fmt: skip
     if part.sigma is not None:
         squares = float(np.sum(np.square(left))) / part.sigma**2
-        name = f"{word}_over_noise"
-        outcomes.append(residual_tests.over_stated(squares, e.degrees_of_freedom, LOOK, name=name))
+        judged = chi_squared_over_noise(squares, e.degrees_of_freedom)
+        outcomes.append(judged.suspicion(f"{word}_over_noise", LOOK))
     return outcomes
 
 
@@ -111,7 +111,7 @@ def _held_out(part: FittedReadings) -> Suspicion:
         growth, degrees = float(np.trace(S)) / len(C), freedom_of(float(np.trace(S)), float(np.sum(S**2)))
         ratio = float(np.sqrt(np.mean((d - C @ x) ** 2) / own))
     remedy = "the last poses contradict the first ones: look for another load, a drift, a changed bias or contact"
-    return residual_tests.held_out_worse(ratio, growth, spare, degrees, remedy, name=f"{word}_held_out")
+    return held_out_ratio(ratio, growth, spare, degrees).suspicion(f"{word}_held_out", remedy)
 
 
 def _other_frame(part: FittedReadings, turns: np.ndarray, gravity: np.ndarray) -> Suspicion:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from ...results.suspicion import Suspicion
+from ...results.suspicion import FIRST, Suspicion
 
 LOOKED_AT = 0.5  # share of a group's degrees of freedom that outliers may take; more are no outliers
 HIDDEN = 3  # so many deletions in a row that change nothing end the search
@@ -25,7 +25,7 @@ class Outliers:
     p: np.ndarray
     times: np.ndarray
 
-    def beyond(self, level: float) -> np.ndarray:
+    def beyond(self, level: float = FIRST) -> np.ndarray:
         """Indices of the outliers at this level, the most unlikely first, those of one p by their lengths."""
         far = np.flatnonzero(self.p <= level)
         return far[np.lexsort((far, -self.times[far], self.p[far]))]

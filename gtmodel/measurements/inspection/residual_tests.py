@@ -1,4 +1,4 @@
-"""Tests of what a fit leaves: colour, drift, other columns, other readings, one far off, larger than stated, held out.
+"""Tests of what a fit leaves: colour, drift, other columns, one far off.
 
 Arrays in, a `Suspicion` out; all tests of one run go into one `suspicion_checks`, which sets their common level. Of a
 fit, `J` (rows, channels, n) is the Jacobian at its optimum and `r` (rows, channels) what it leaves, in the order of
@@ -12,7 +12,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...inference.held_out import MATTERS, chi_squared_over_noise
 from ...inference.residuals import autocorrelation, shown_p
 from ...results.suspicion import Suspicion
 
@@ -132,38 +131,6 @@ def coloured(J: np.ndarray, r: np.ndarray, remedy: str, *, name: str = "coloured
         p if times > WIDER else 1.0,
         remedy,
     )
-
-
-def over_stated(chi_squared: float, degrees_of_freedom: float, remedy: str, *, name: str = "over_noise") -> Suspicion:
-    """Whether residuals in units of the noise that was stated for them are larger than it, by more than matters: the
-    sum of their squares and its degrees of freedom, see gtmodel.inference.chi_squared_over_noise."""
-    judged = chi_squared_over_noise(chi_squared, degrees_of_freedom)
-    p = judged.p if not judged.ratio <= MATTERS else 1.0
-    return Suspicion(name, judged.extent, p, remedy)
-
-
-def held_out_worse(
-    ratio: float,
-    growth: float,
-    fitted_freedom: float,
-    held_out_freedom: float,
-    remedy: str,
-    *,
-    tests: int = 1,
-    name: str = "held_out",
-) -> Suspicion:
-    """Whether errors held out are larger than a sound model has them: the numbers of gtmodel.inference.held_out_ratio.
-
-    `tests`: how many such ratios were looked at, of which this is the one with the smallest p.
-    """
-    if not (growth > 0 and np.isfinite(growth) and fitted_freedom > 0 and held_out_freedom > 0):
-        return Suspicion(name, f"held out: {TOO_FEW}", np.nan, remedy)
-    p = min(1.0, tests * _f_tail(ratio**2 / growth, held_out_freedom, fitted_freedom))
-    evidence = (
-        f"held-out errors are {ratio:.3g} times the fitted ones; a sound model has {np.sqrt(growth):.3g} on average "
-        f"({shown_p(p)})"
-    )
-    return Suspicion(name, evidence, p if not ratio <= MATTERS else 1.0, remedy)
 
 
 def one_far_off(

@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...inference import chi_squared_over_noise
 from ...inference.bundle import BundleFit
 from ...measurements.inspection.outliers import outliers
-from ...measurements.inspection.residual_tests import coloured, over_stated
+from ...measurements.inspection.residual_tests import coloured
 from ...results.status import SolveStatus
-from ...results.suspicion import RUN_LEVEL, Suspicion
+from ...results.suspicion import Suspicion
 from ..gross_errors import SETTLED, GrossErrors, gross_errors, noise_of, picture_means, scaled, shifted_pictures
 from ..picture_test import ROUNDING
 from .pictures import RobotPictures
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
 ROUNDS = 8  # of robust fits, until the noise settles
 ROUGH = 20  # steps of each
 AGAIN = 12  # fits without what the one before found
-TESTS = 4  # of a run: corners, pictures, poses, and the residuals as a whole
 LEAST = 1e-9  # deviations: a smaller noise is rounding
 
 
@@ -93,7 +93,7 @@ def _beside(p: RobotPictures, residuals: np.ndarray) -> list[int]:
     """Numbers of the pictures that lie beside the others as a whole; of each pose the most unlikely: it moves the pose
     and so the others."""
     beside, pictures = shifted_pictures(p, residuals)
-    order = beside.beyond(RUN_LEVEL / TESTS)
+    order = beside.beyond()
     worst = {int(pictures[k]) % len(p.poses): int(pictures[k]) for k in order[::-1]}
     return sorted(worst.values())
 
@@ -101,7 +101,7 @@ def _beside(p: RobotPictures, residuals: np.ndarray) -> list[int]:
 def _off(links: np.ndarray) -> list[int]:
     """Poses at which the closure equations, each by the size it has at the others, do not hold."""
     beside = outliers(links.reshape(-1), groups=np.tile(np.arange(links.shape[1]), len(links)))
-    return sorted({int(k) // links.shape[1] for k in beside.beyond(RUN_LEVEL / TESTS)})
+    return sorted({int(k) // links.shape[1] for k in beside.beyond()})
 
 
 def _named(p: RobotPictures, wrong: set[int], poses: set[int]) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -128,7 +128,7 @@ def suspicions(joint: JointFit) -> list[Suspicion]:
     tests, free = list[Suspicion](), joint.estimate.degrees_of_freedom / sum(r.size for r, _, _ in kinds.values())
     for name, (r, key, more) in kinds.items():
         remedy = f"state {key} as it is{more} or look for what the models of robot and cameras leave out"
-        judged = over_stated(float(np.sum(r**2)), free * r.size, remedy, name=name)
+        judged = chi_squared_over_noise(float(np.sum(r**2)), free * r.size).suspicion(name, remedy)
         tests.append(replace(judged, evidence=f"{name.replace('_', ' ')}: {judged.evidence}"))
     means, which, camera = picture_means(p, e)
     steady = "has the camera, or what stands, moved between poses? calibrate the parts before and after by themselves"

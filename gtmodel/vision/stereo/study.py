@@ -13,7 +13,7 @@ from ...inference.bundle import BundleFit
 from ...measurements.inspection.data_tests import Data, tested
 from ...results import ArgumentError, Check, SolveStatus, Work, at_least, at_most
 from ...results.door import study_function
-from ...results.suspicion import suspicion_checks
+from ...results.suspicion import FIRST, suspicion_checks
 from ...results.table import csv_text
 from ...results.work import Progress, never, silent
 from ..board import Board
@@ -31,7 +31,6 @@ from .robust import suspects, uneven, without_gross_errors
 FEW = 3  # pictures
 FOCAL = 0.05  # of a focal length, its standard deviation: beyond, it is hardly known
 REMOVED = 0.2  # share of corners; more are no outliers
-FIRES = 1e-3  # chance of a false alarm of the test over the picture, over all cameras
 NAMED = 10  # corners that a note lists
 OFF = 0.2  # of a side of the picture, from its middle to the principal point: farther is seen in cropped pictures only
 TILTED = 10.0  # degrees: below, focal lengths and distances are hardly told apart
@@ -274,7 +273,7 @@ def _judged(corners: CornerTable, table: CornerTable, end: BundleFit, bad: Gross
     more_checks, doubts = suspicion_checks(tested(data))
     checks, notes = checks | more_checks, [*notes, *doubts]
     for name, test in tests.items():
-        if test.fires(FIRES / len(tests)):
+        if test.fires(FIRST / len(tests)):
             notes.append(
                 f"residuals of {name} depend on the place in the picture: a quadratic map of {test.size:.2g} pixel rms "
                 f"(chance {test.quadratic:.1g}; along the radius alone {test.radius:.1g}): the lens has more than is "
