@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..results.refusal import ArgumentError
+from ..results.suspicion import Suspicion
 from ..results.trajectory import Trajectory
 from .belief import InitialState
 from .error_state import ErrorState
@@ -28,8 +29,8 @@ LOOKED = 512  # instants of a log that say which noise is wrong: by three times 
 COARSE = 0.2  # of the logarithm of that factor
 
 
-@dataclass(frozen=True)
-class Suspect:
+@dataclass(frozen=True, kw_only=True)
+class Suspect(Suspicion):
     """One possible fault, and what the log says of it.
 
     name: as in "acc.offset", "tracker.delay", "arm", "acc.deviation" (its noise), "jerk.density".
@@ -38,12 +39,19 @@ class Suspect:
     likely so much is by chance. seen: whether the log determines it at all; where not, the motion does not show it.
     """
 
-    name: str
     value: np.ndarray
     deviation: np.ndarray
     improvement: float
-    p: float
     seen: bool
+
+
+def _suspect(name: str, value: np.ndarray, deviation: np.ndarray, improvement: float, seen: bool) -> Suspect:
+    from scipy.stats import chi2
+
+    factor = "factor " if name.endswith(NOISE) else ""
+    evidence = f"{name} explains the log best: {factor}{', '.join(f'{v:.3g}' for v in value)}"
+    p = float(chi2.sf(improvement, value.size))
+    return Suspect(name, evidence, p, value=value, deviation=deviation, improvement=improvement, seen=seen)
 
 
 @dataclass(frozen=True)
@@ -154,7 +162,7 @@ def _constants(
         improvement = float(b[at] @ value)
         relative = np.linalg.eigvalsh(spread * np.sqrt(np.outer(prior, prior)))
         seen = bool(np.all(np.isfinite(said)) and np.sqrt(relative[0]) < SEEN)
-        rows.append(Suspect(name, value, np.sqrt(np.diag(spread)), improvement, _chance(improvement, part.size), seen))
+        rows.append(_suspect(name, value, np.sqrt(np.diag(spread)), improvement, seen))
     return rows
 
 
@@ -227,9 +235,7 @@ def _noise(
     curvature = (loss(best.x + h) - 2 * float(best.fun) + loss(best.x - h)) / h**2
     factor = float(np.exp(best.x))
     deviation = factor / np.sqrt(curvature) if curvature > 0 else np.inf
-    return Suspect(
-        name, np.array([factor]), np.array([deviation]), improvement, _chance(improvement, 1), curvature > 1.0
-    )
+    return _suspect(name, np.array([factor]), np.array([deviation]), improvement, curvature > 1.0)
 
 
 def noise_in_doubt(run: Filtered) -> tuple[Suspect, ...]:
@@ -261,12 +267,6 @@ def noise_in_doubt(run: Filtered) -> tuple[Suspect, ...]:
     return tuple(s for s in strong if s.improvement >= strong[0].improvement - ALIKE)
 
 
-def _chance(improvement: float, numbers: int) -> float:
-    from scipy.stats import chi2
-
-    return float(chi2.sf(improvement, numbers))
-
-
 def _earlier(name: str, given: Any, lag: float) -> Any:
     if isinstance(given, Trajectory):
         given = Readings(given.time, given[name if name in given.names else given.names[0]])
@@ -276,11 +276,7 @@ def _earlier(name: str, given: Any, lag: float) -> Any:
 def _message(rows: Sequence[Suspect], named: tuple[str, ...], unseen: tuple[str, ...]) -> str:
     by_name = {s.name: s for s in rows}
     if named:
-        s = by_name[named[0]]
-        value = ", ".join(f"{v:.3g}" for v in s.value)
-        said = (
-            f"{named[0]} explains the log best: {'factor ' if s.name.endswith(('deviation', 'density')) else ''}{value}"
-        )
+        said = by_name[named[0]].evidence
         if len(named) > 1:
             said += f"; {', '.join(named[1:])} cannot be distinguished from it on this log"
     else:

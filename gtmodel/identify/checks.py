@@ -9,9 +9,7 @@ import numpy as np
 from ..inference import FALSE_ALARM, binomial_band, negligible
 from ..measurements.inspection.data_tests import Data, tested
 from ..results import Check, at_least, at_most
-from ..results.check import bound_in_words
-from ..results.suspicion import suspicion_checks
-from ..results.unit_names import split
+from ..results.suspicion import accepted_checks, suspicion_checks
 from .asked import Asked
 from .exchanged import exchanged_efforts, leaves
 from .inertia import Identification, Validation
@@ -94,17 +92,8 @@ def judged(
         [rows.names.index(n) for n in identification.estimate.names], identification.noise))  # fmt: skip
     more, sentences = suspicion_checks(tested(recorded(data.fitted, asked.names), left), asked.how.accept)
     checks, said = checks | more, [*said, *sentences]
-    return _accepted(checks, asked.how.accept, said), said
-
-
-def _accepted(checks: dict[str, Check], names: Sequence[str], said: list[str]) -> dict[str, Check]:
-    """The checks without those that failed and are accepted, which are said instead."""
-    failed = [name for name, check in checks.items() if split(name)[0] in names and not check.passed]
-    for name in failed:
-        bare, unit = split(name)
-        check = checks[name]
-        said.append(f"accepted ({bare}): {check.value:.4g}{unit and f' {unit}'}, {bound_in_words(check)}")
-    return {name: check for name, check in checks.items() if name not in failed}
+    checks, accepted = accepted_checks(checks, asked.how.accept)
+    return checks, [*said, *accepted]
 
 
 def _far_off(identification: Identification, base: Sequence[str]) -> list[str]:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, get_args
 
-from .check import Check, at_least
+from .check import Check, at_least, bound_in_words
 from .refusal import ArgumentError
+from .unit_names import split
 
 # probability that a run on clean data raises any alarm at all, over all of its tests together; 2 % are promised
 RUN_LEVEL = 0.01
@@ -82,6 +83,17 @@ def alarms(outcomes: Sequence[Suspicion], level: float = RUN_LEVEL) -> list[Susp
         if not suspicion.p < level / (len(ordered) - k):
             return ordered[:k]
     return ordered
+
+
+def accepted_checks(checks: Mapping[str, Check], accept: Collection[str]) -> tuple[dict[str, Check], list[str]]:
+    """The checks without those that failed and are accepted, by their names without unit; these in sentences."""
+    failed = [name for name, check in checks.items() if split(name)[0] in accept and not check.passed]
+    said = []
+    for name in failed:
+        bare, unit = split(name)
+        value = f"{checks[name].value:.4g}{unit and f' {unit}'}"
+        said.append(f"accepted ({bare}): {value}, {bound_in_words(checks[name])}")
+    return {name: check for name, check in checks.items() if name not in failed}, said
 
 
 def suspicion_checks(

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...inference import FALSE_ALARM, chance_ratio
+from ...measurements.inspection.residual_tests import explained_by
+from ...results.suspicion import FIRST
 from ..problem import CalibrationProblem
 
 MOST = 0.5  # of the squared errors: offsets that explain less are not what the errors are
@@ -50,9 +51,6 @@ def shift_of(problem: CalibrationProblem, x: np.ndarray, refitted: bool, positio
     r = problem.residuals(x).reshape(-1)
     J, By, _ = problem.all_jacobians("length", x)
     free = J.reshape(len(r), -1) if refitted else np.zeros((len(r), 0))
-    before, rank = _left(free, r)
-    if not before > 0:
-        return None
     m, best = problem.measurements, None
     names = m.session_names
     sessions = np.array(m.sessions if m.sessions is not None else [""] * len(m))
@@ -61,13 +59,10 @@ def shift_of(problem: CalibrationProblem, x: np.ndarray, refitted: bool, positio
             continue
         own = By[:, :, problem.reading.places[signal]]
         each = np.concatenate([own * (sessions == s)[:, None, None] for s in names], axis=2).reshape(len(r), -1)
-        after, both = _left(np.hstack([free, each]), r)
-        gained, left = both - rank, len(r) - both
-        if gained <= 0 or left <= 0 or after >= (1 - MOST) * before:
+        test = explained_by(free, r, each)
+        share = 1 - test.rest / (test.F * test.more + test.rest)
+        if not (share > MOST and test.p < FIRST):
             continue
-        if (before - after) / gained <= chance_ratio(gained, left, false_alarm=FALSE_ALARM) ** 2 * after / left:
-            continue
-        share = 1 - after / before
         if best is None or share > best.share:
             offsets = np.linalg.lstsq(np.hstack([free, each]), -r, rcond=None)[0][free.shape[1] :]
             units = tuple(problem.closure.flat.variables[k].unit or "" for k in _indices(problem, signal))
@@ -79,14 +74,3 @@ def shift_of(problem: CalibrationProblem, x: np.ndarray, refitted: bool, positio
 def _indices(problem: CalibrationProblem, signal: str) -> list[int]:
     _, indices, _ = problem.closure.flat.lookup(signal)
     return list(indices)
-
-
-def _left(A: np.ndarray, r: np.ndarray) -> tuple[float, int]:
-    """Squares of r that the columns of A leave, and their rank."""
-    if not A.shape[1]:
-        return float(r @ r), 0
-    norms = np.linalg.norm(A, axis=0)
-    U, s, _ = np.linalg.svd(A / np.where(norms > 0, norms, 1.0), full_matrices=False)
-    U = U[:, s > 1e-9 * s[0]]
-    rest = r - U @ (U.T @ r)
-    return float(rest @ rest), U.shape[1]

@@ -21,7 +21,6 @@ from ..compensated import RATE, with_compensator
 from ..joint_stiffness import StiffnessFit, complete_pose, decoupled, stiffness_names
 from ..selection import select
 from ..static_tests import StaticTests
-from .doubts import negative
 from .options import Setup
 from .reading import MeasuredTests, static_tests
 
@@ -198,6 +197,24 @@ def _checks(tests: MeasuredTests, static: StaticTests, fit: StiffnessFit) -> dic
     return checks
 
 
+def _negative(fit: StiffnessFit) -> list[str]:
+    """Sentences on joints with a compliance below zero: beyond noise, or within it."""
+    below = {
+        "beyond noise, which no joint can be: look for a sign turned, a column swapped or a wrong unit in "
+        "displacements, forces or angles": lambda c, high: high <= 0,
+        "within its noise: the tests do not distinguish it from a rigid joint, use the lower end of its interval":
+        lambda c, high: c <= 0 < high,
+    }  # fmt: skip
+    highest = [fit.estimate.interval(f"compliance[{j}]")[1] for j in range(len(fit.compliance))]
+    notes = []
+    for how, of in below.items():
+        joints = [str(j) for j, pair in enumerate(zip(fit.compliance, highest, strict=True), 1) if of(*pair)]
+        if joints:
+            which = f"joint{'s' if len(joints) > 1 else ''} {', '.join(joints)}"
+            notes.append(f"by {fit.method} the compliance of {which} is negative {how}")
+    return notes
+
+
 def _suspicions(tests: MeasuredTests, static: StaticTests, fit: StiffnessFit) -> tuple[dict[str, Check], list[str]]:
     columns = {"q": tests.q, "wrench": static.wrench, "displacement": static.displacement}
     left = np.reshape(fit.estimate.residuals, (-1, 1))
@@ -213,7 +230,7 @@ def _values(
     # a negative compliance leaves no direction a stiffness: null, not infinite
     sound = bool(np.all(fit.compliance > 0))
     stiffness, _ = softest_and_stiffest(translational_compliance(static.J, fit.compliance))
-    doubts = [s for f in (fit, other) if f is not None for s in negative(f)]
+    doubts = [s for f in (fit, other) if f is not None for s in _negative(f)]
     doubts += _suspicions(tests, static, fit)[1]
     rate = None
     if RATE in fit.estimate.names:

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ...results.suspicion import Suspicion
 from .copies import SAME, copied_stretch, copies
@@ -30,7 +31,7 @@ class Data:
     residuals: (n, k), what a fit leaves, in units of their noise where that differs; jacobian: (n, k, p) of that fit.
     """
 
-    columns: Mapping[str, np.ndarray] = field(default_factory=dict)
+    columns: Mapping[str, ArrayLike] = field(default_factory=dict)
     noise: Sequence[str] = ()
     row: str = "row"
     place: str = ""
