@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from gtmodel.measurements.inspection.readings import Compared, Reading, compared, exchanges, in_order, reversals
+from gtmodel.measurements.inspection.readings import Compared, OtherReading, compared, exchanges, in_order, reversals
 from gtmodel.results.suspicion import Suspicion
 
 from .inertia import Identification
@@ -25,7 +25,7 @@ def columns_compared(
     if len(names) < 2 or degrees_of_freedom < 1:
         return None
 
-    def rms(reading: Reading) -> float:
+    def rms(reading: OtherReading) -> float:
         return float(np.sqrt(max(left(reading(efforts)), 0.0) / degrees_of_freedom))
 
     least = ROUND_OFF * float(np.sqrt(np.mean(efforts**2)))

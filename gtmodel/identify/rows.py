@@ -160,9 +160,9 @@ def rows_of(
     ((58, 1, 3), (58, 1), 5.0, 28)
     """
     sessions = [sessions] if isinstance(sessions, Session) else list(sessions)
-    for found in alarms(tested(recorded(sessions, (known, targets)))):
-        if found.name not in accept:
-            raise TrajectoryError(found.refusal)
+    for suspicion in alarms(tested(recorded(sessions, (known, targets)))):
+        if suspicion.name not in accept:
+            raise TrajectoryError(suspicion.refusal)
     sessions = [s._replace(trajectory=smooth(s.trajectory)) for s in sessions]
     processing = processing or Processing()
     cutoff = processing.cutoff

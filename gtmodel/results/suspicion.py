@@ -55,14 +55,14 @@ class Inspection:
     accepted: Collection[str] = ()
     notes: list[str] = field(default_factory=list)
 
-    def refuse(self, found: Suspicion | None, argument: str) -> None:
+    def refuse(self, suspicion: Suspicion | None, argument: str) -> None:
         """Raises ArgumentError with the sentence of an alarm and what accepts it; an accepted one is noted. Nothing for
         None, and for a p of FIRST or more: what the other tests find cannot make an alarm of it."""
-        if found is None or not found.p < FIRST:
+        if suspicion is None or not suspicion.p < FIRST:
             return
-        if found.name not in self.accepted:
-            raise ArgumentError(found.refusal, argument)
-        note = f"accepted ({found.name}): {found.sentence}"
+        if suspicion.name not in self.accepted:
+            raise ArgumentError(suspicion.refusal, argument)
+        note = f"accepted ({suspicion.name}): {suspicion.sentence}"
         if note not in self.notes:
             self.notes.append(note)
 

@@ -203,8 +203,8 @@ def _check(given: Sequence[Record], delay: int | None, longest: int) -> None:
 
     columns = {"u": np.concatenate([r.u for r in given]), "y": np.concatenate([r.y for r in given])}
     recordings = [(f"recording {n}", r.time) for n, r in enumerate(given, 1)]
-    for found in alarms(tested(Data(columns, list(columns), recordings=recordings))):
-        raise ArgumentError(found.sentence)
+    for suspicion in alarms(tested(Data(columns, list(columns), recordings=recordings))):
+        raise ArgumentError(suspicion.sentence)
 
 
 def _unit(r: Record, a: float, delay: int) -> np.ndarray:

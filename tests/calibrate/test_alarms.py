@@ -8,7 +8,7 @@ import pytest
 import gtmodel as gt
 from gtmodel.calibrate import Fit, Measurements, study
 from gtmodel.calibrate.measured.column_checks import NEARER
-from gtmodel.measurements.inspection.readings import Reading, compared
+from gtmodel.measurements.inspection.readings import OtherReading, compared
 from gtmodel.results import ArgumentError, SolveStatus
 from gtmodel.results.suspicion import FIRST
 from tests.calibrate.shipped import measured, solved, written
@@ -40,7 +40,7 @@ def test_correct_data_of_nine_parameters_and_few_poses_raise_no_alarm(seed: int)
 def test_another_order_must_be_better_than_chance_makes_it() -> None:
     def believed(given: float, left: list[float], beyond: float) -> bool:
         """By the bound and by p alike."""
-        trials = [Reading("exchanged_columns", "looks", str(k)) for k in range(len(left))]
+        trials = [OtherReading("exchanged_columns", "looks", str(k)) for k in range(len(left))]
         best = compared(given, trials, lambda r: left[int(r.when)], beyond, nearer=NEARER)
         assert (best.p < FIRST) == (not best.passed)
         return not best.passed

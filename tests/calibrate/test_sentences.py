@@ -49,7 +49,15 @@ def test_two_directions_in_one_sentence_are_one_note() -> None:
         status=SolveStatus.SOLVED,
     )  # fmt: skip
     silent = SimpleNamespace(reasons=(), notes=())
-    nothing_else = {"priors": [], "outliers": [], "parts": (), "refitted": None, "far": [], "inspection": Inspection()}
+    nothing_else = {
+        "priors": [],
+        "outliers": [],
+        "parts": (),
+        "refitted": None,
+        "far": [],
+        "inspection": Inspection(),
+        "left": ({}, []),
+    }
     nothing_else |= {"after": None, "apart": None}
     findings = SimpleNamespace(calibration=c, confidence=silent, lines=range(9), **nothing_else)
     assert _notes(findings) == [said]  # type: ignore[arg-type]

@@ -134,7 +134,7 @@ def test_each_alarm_has_a_key_that_makes_it_a_note() -> None:
     exchanged = data._replace(force=data.force[:, [1, 0, 2]])
     one = data._replace(force=data.force * [1, 1, -1])
     for wrong, names in (
-        (copied, ["copied_runs"]),
+        (copied, ["copied_rows"]),
         (both, ["negative_mass"]),
         (exchanged, ["exchanged_columns"]),
         (one, ["driving_friction", "exchanged_columns"]),
@@ -143,6 +143,8 @@ def test_each_alarm_has_a_key_that_makes_it_a_note() -> None:
             identify_friction(wrong, PATTERN, gravity="poses")
         fit = identify_friction(wrong, PATTERN, gravity="poses", accept=names)
         assert all(any(note.startswith(f"accepted ({name}): ") for note in fit.notes) for name in names)
+    old = identify_friction(copied, PATTERN, gravity="poses", accept=["copied_runs"])  # the name of before
+    assert any(note.startswith("accepted (copied_rows): ") for note in old.notes)
 
 
 def test_friction_and_masses_about_zero_are_not_refused() -> None:

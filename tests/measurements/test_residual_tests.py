@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 from gtmodel.inference import binomial_band, chi_squared_over_noise, held_out_ratio
-from gtmodel.measurements.inspection.readings import Reading, compared
+from gtmodel.measurements.inspection.readings import OtherReading, compared
 from gtmodel.measurements.inspection.residual_tests import (
     coloured,
     drifts,
@@ -100,15 +100,15 @@ def test_nothing_is_tested_of_rounding_and_of_too_few_rows() -> None:
 
 
 def test_sizes_that_do_not_matter_are_no_alarm_however_sure() -> None:
-    def over_stated(chi_squared: float, freedom: float) -> float:
-        return chi_squared_over_noise(chi_squared, freedom).suspicion("over_noise", REMEDY).p
+    def over_stated(chi_squared: float, degrees_of_freedom: float) -> float:
+        return chi_squared_over_noise(chi_squared, degrees_of_freedom).suspicion("over_noise", REMEDY).p
 
     def held_out_worse(*numbers: float, tests: int = 1) -> float:
         return held_out_ratio(*numbers, tests=tests).suspicion("held_out", REMEDY).p
 
     assert over_stated(1.4**2 * 10_000, 10_000) == 1.0
     assert over_stated(15.0**2 * 60, 60) < TINY
-    otherwise = [Reading("reading", "they look", "otherwise")]
+    otherwise = [OtherReading("reading", "they look", "otherwise")]
     assert compared(1.4, otherwise, lambda _: 1.0, 10_000).p == 1.0
     assert compared(16.3, otherwise, lambda _: 1.0, 60, tests=2).p < TINY
     assert held_out_worse(1.4, 1.0, 1e4, 1e4) == 1.0

@@ -11,7 +11,15 @@ import numpy as np
 import scipy
 
 from ...lang.source import ModelError
-from ...measurements.inspection.readings import Reading, axes, compared, in_order, reversals, scalar_last, thousands
+from ...measurements.inspection.readings import (
+    OtherReading,
+    axes,
+    compared,
+    in_order,
+    reversals,
+    scalar_last,
+    thousands,
+)
 from ...results.suspicion import Suspicion
 from ..calibration import calibrate
 from ..measurements import Measurements
@@ -46,7 +54,7 @@ def misread_columns(
     readings += axes(axes_of, of[axes_of].shape[1]) if axes_of else []
     steps = len(names) * (len(names) - 1) - 1  # pairs of columns, and as many steps of the search
 
-    def left(r: Reading) -> float:
+    def left(r: OtherReading) -> float:
         return _misfit(problem, m, {r.signal: r(of[r.signal])})
 
     best = compared(given, readings, left, beyond, nearer=NEARER, tests=steps)

@@ -152,7 +152,7 @@ def split_all(
         try:
             # of several, those whose held-out poses are a recording of their own, if any are
             own = refit if recorded[k - 1] or not any(recorded) else None
-            data.append(split(whole, model, every, own, inspection or Inspection()))
+            data.append(split(whole, model, every, own, inspection))
         except ArgumentError as error:
             at = error.argument
             if len(several) > 1 and at.startswith("poses"):
@@ -170,7 +170,11 @@ def split_all(
 
 
 def split(
-    poses: MeasuredPoses | Measurements, model: Model, every: int, refit: Refit | None, inspection: Inspection
+    poses: MeasuredPoses | Measurements,
+    model: Model,
+    every: int,
+    refit: Refit | None = None,
+    inspection: Inspection | None = None,
 ) -> SplitPoses:
     """The poses with those held out: the given ones, or every k-th (Dressler 2012, eq. (5.5)), none for 0.
 
@@ -193,8 +197,8 @@ def split(
     lines = np.arange(1, len(m) + 1) if poses.lines is None else poses.lines
     columns = _fit_the_model(m, poses, model, partly)
     m = _with_latent(m, model)
-    for found in tested(Data(m.values, list(m.values), "pose", "line", lines)):
-        inspection.refuse(found, "poses.file")
+    for suspicion in tested(Data(m.values, list(m.values), "pose", "line", lines)):
+        (inspection or Inspection()).refuse(suspicion, "poses.file")
     repeated = _repeated(np.asarray(m.values[poses.actuators]))
     held = np.zeros(len(lines), bool)
     if poses.held_out is not None:

@@ -12,7 +12,15 @@ from ...compiler.causal import CausalFunction, compile_causal, flat_of
 from ...inference import over_noise
 from ...lang import Model, ModelError
 from ...lang.units import parse_unit
-from ...measurements.inspection.readings import Reading, axes, compared, exchanges, mirrored, reversals, scalar_last
+from ...measurements.inspection.readings import (
+    OtherReading,
+    axes,
+    compared,
+    exchanges,
+    mirrored,
+    reversals,
+    scalar_last,
+)
 from ...results import ArgumentError
 from ...results.suspicion import Inspection, Suspicion
 from ..calibration import Calibration, calibrate
@@ -105,14 +113,14 @@ def recognise(data: SplitPoses, witness: Witness, inspection: Inspection) -> tup
     names, groups = _columns(data)
     before, beyond = misfit(predicted, e, good), degrees_of_freedom(len(T), T.shape[1], pose.device)
 
-    def left(r: Reading) -> float:
+    def left(r: OtherReading) -> float:
         if not r.order:
             return misfit(*witness.positions(T), q)
         if r.signal:
             return misfit(predicted, e, good, r(T))
         return misfit(*witness.positions(r(q)))
 
-    def other(readings: Sequence[Reading]) -> Suspicion | None:
+    def other(readings: Sequence[OtherReading]) -> Suspicion | None:
         """What fits better, where poses are not near to the model's; those out of reach are off by the robot's size."""
         if not readings or before <= CLOSE * witness.size:
             return None
@@ -120,7 +128,7 @@ def recognise(data: SplitPoses, witness: Witness, inspection: Inspection) -> tup
         said = f"poses miss the model's by {length(before)} rms as given, and by"
         return best.suspicion(said, length(best.left))
 
-    signals = [Reading("exchanged_signals", f"'{data.actuators}' and '{pose.position}' look exchanged",
+    signals = [OtherReading("exchanged_signals", f"'{data.actuators}' and '{pose.position}' look exchanged",
                        "when each is read from the columns of the other")]  # fmt: skip
     inspection.refuse(other(signals if q.shape == T.shape else []), at_actuators)
     inspection.refuse(stuck_columns(names, data.q, before, witness.size), at_actuators)
@@ -132,9 +140,9 @@ def recognise(data: SplitPoses, witness: Witness, inspection: Inspection) -> tup
     if reached:
         k = T.shape[1]
         readings += [mirrored(pose.position, k)] if pose.device else axes(pose.position, k)
-    found = other(readings)
-    swapped = found is not None and found.name == "swapped_axes"
-    inspection.refuse(found, at_position if swapped else at_actuators)
+    suspicion = other(readings)
+    swapped = suspicion is not None and suspicion.name == "swapped_axes"
+    inspection.refuse(suspicion, at_position if swapped else at_actuators)
     if not reached:
         if len(q) < 4:
             raise ArgumentError(f"found {len(q)} poses; expected at least 4, better several tens", at_actuators)
@@ -220,7 +228,7 @@ def misread_after(data: SplitPoses, prepared: CalibrationProblem, c: Calibration
     m = data.fitted
     q = np.asarray(m.values[data.actuators])
 
-    def left(r: Reading) -> float:
+    def left(r: OtherReading) -> float:
         other = replace(m, values={**m.values, data.actuators: r(q)})
         try:
             return _rms(calibrate(prepared.on(other), cost="length", limit=TRIALS, confidence=False).residuals)

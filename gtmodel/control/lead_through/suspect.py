@@ -12,7 +12,7 @@ from ...inference import chi_squared_over_noise, freedom_of, held_out_ratio
 from ...inference.residuals import shown_p
 from ...measurements.inspection import residual_tests
 from ...measurements.inspection.data_tests import Data, tested
-from ...measurements.inspection.readings import NEARER, Reading, compared
+from ...measurements.inspection.readings import NEARER, OtherReading, compared
 from ...results import Estimate
 from ...results.suspicion import Suspicion
 
@@ -124,14 +124,14 @@ def _other_frame(part: FittedReadings, turns: np.ndarray, gravity: np.ndarray) -
     }
     dof = part.estimate.degrees_of_freedom
 
-    def left(r: Reading) -> float:
+    def left(r: OtherReading) -> float:
         R, values = given[r.when]
         A, y = part.J.copy(), values.reshape(-1)
         A[:, :, part.load] = part.load_of(R.transpose(0, 2, 1) @ gravity)
         A = A.reshape(len(y), -1)
         return _rms(y - A @ np.linalg.lstsq(A, y, rcond=None)[0], dof)
 
-    readings = [Reading(f"{part.word}_frame", f"{part.word}s {said}", said) for said in given]
+    readings = [OtherReading(f"{part.word}_frame", f"{part.word}s {said}", said) for said in given]
     best = compared(_rms(part.left, dof), readings, left, dof, least=part.least)
     evidence = f"{best.reading.looks}: they fit {best.ratio:.3g} times better ({shown_p(best.p)})"
     return Suspicion(best.reading.name, evidence, best.p, FRAMES)

@@ -148,8 +148,8 @@ def identify_friction(
     )  # fmt: skip
 
     left = np.column_stack([line.residuals for line in lines])
-    for found in tested(Data(residuals=left, row="run")):
-        inspection.refuse(found, "runs")
+    for suspicion in tested(Data(residuals=left, row="run")):
+        inspection.refuse(suspicion, "runs")
     refuse_driving(runs, estimate, carts, symmetric, inspection)
     columns_certain = refuse_exchanged(runs, pattern, symmetric, inspection)
     refuse_no_mass(estimate, carts, symmetric, gravity, inspection)

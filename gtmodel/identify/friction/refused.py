@@ -38,8 +38,8 @@ def check(runs: Runs, pattern: Array, inspection: Inspection) -> None:
     if np.any((runs.pose < 0) | (runs.pose >= poses)):
         raise ArgumentError(f"a run names pose {int(np.max(runs.pose)) + 1}; the pattern has {poses}", "runs")
     columns = {"velocity": runs.velocity, "force": runs.force, "position": runs.position}
-    for found in tested(Data(columns, ["force"], "run")):
-        inspection.refuse(found, "runs")
+    for suspicion in tested(Data(columns, ["force"], "run")):
+        inspection.refuse(suspicion, "runs")
 
 
 def refuse_exchanged(runs: Runs, pattern: Array, symmetric: bool, inspection: Inspection) -> bool:
@@ -67,8 +67,8 @@ def refuse_exchanged(runs: Runs, pattern: Array, symmetric: bool, inspection: In
     comparison = columns_compared(names, runs.force, left, degrees_of_freedom)
     if comparison is None:
         return True
-    found = replace(leaves(comparison, "N"), remedy="check order and signs of the columns")
-    inspection.refuse(found, "runs")
+    suspicion = replace(leaves(comparison, "N"), remedy="check order and signs of the columns")
+    inspection.refuse(suspicion, "runs")
     return comparison.decisive
 
 

@@ -41,7 +41,7 @@ class Schema(RobotProblem):
     )
     accept: list[options.FrictionAlarm] = Field(
         default=[],
-        description="alarms about runs and columns that are notes and refuse nothing: copied_runs, exchanged_columns, "
+        description="alarms about runs and columns that are notes and refuse nothing: copied_rows, exchanged_columns, "
         "driving_friction, negative_mass",
     )
     pose: list[HeldPoseSection] = Field(min_length=1, description="one table for each; the first is the picture's")

@@ -65,7 +65,7 @@ def tested(*data: Data) -> list[Suspicion]:
     >>> [found.evidence for found in tested(Data({"q": q}, noise=["q"], row="pose"))]
     ['1 of 20 poses are copies of others in every digit, the first pose 8 of pose 5']
     """
-    return [found for test in TESTS for one in data for found in test(one)]
+    return [suspicion for test in TESTS for one in data for suspicion in test(one)]
 
 
 @every_run

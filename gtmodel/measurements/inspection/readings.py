@@ -17,7 +17,7 @@ THOUSANDS = ((1e-3, "large", "divided", "in millimetres"), (1e3, "small", "multi
 
 
 @dataclass(frozen=True)
-class Reading:
+class OtherReading:
     """Columns of a signal in another order, each times a factor: (n, k) in, (n, k) out.
 
     name: of the suspicion. looks: what the columns look like. when: read how, in words, such as "when read as b, a".
@@ -34,15 +34,15 @@ class Reading:
         return rows[:, list(self.order)] * self.factors
 
 
-def in_order(names: Sequence[str], order: Sequence[int], signal: str = "") -> Reading:
+def in_order(names: Sequence[str], order: Sequence[int], signal: str = "") -> OtherReading:
     """Column `order[k]` in place of the k-th."""
     changed = [k for k, j in enumerate(order) if j != k]
     looks = f"the columns {', '.join(names[k] for k in changed)} look exchanged"
     when = f"when read as {', '.join(names[order[k]] for k in changed)}"
-    return Reading("exchanged_columns", looks, when, tuple(order), (1.0,) * len(names), signal)
+    return OtherReading("exchanged_columns", looks, when, tuple(order), (1.0,) * len(names), signal)
 
 
-def exchanges(names: Sequence[str], groups: Iterable[Sequence[int]] = ()) -> list[Reading]:
+def exchanges(names: Sequence[str], groups: Iterable[Sequence[int]] = ()) -> list[OtherReading]:
     """All orders of groups of three columns and less, single exchanges within larger ones; one group if left out.
 
     >>> [r.when for r in exchanges(["a", "b", "c", "d"], [[0, 1], [2, 3]])]
@@ -58,7 +58,7 @@ def exchanges(names: Sequence[str], groups: Iterable[Sequence[int]] = ()) -> lis
     return readings
 
 
-def reversals(names: Sequence[str], groups: Iterable[Sequence[int]] = (), signal: str = "") -> list[Reading]:
+def reversals(names: Sequence[str], groups: Iterable[Sequence[int]] = (), signal: str = "") -> list[OtherReading]:
     """Columns that count the other way: single ones, and groups of them."""
     every = tuple(range(len(names)))
     readings = []
@@ -67,11 +67,11 @@ def reversals(names: Sequence[str], groups: Iterable[Sequence[int]] = (), signal
         which = ", ".join(names[k] for k in turned)
         looks = f"the columns {which} look reversed" if len(turned) > 1 else f"the column {which} looks reversed"
         when = "with the other sign; is a scale -1?"
-        readings.append(Reading("exchanged_columns", looks, when, every, factors, signal))
+        readings.append(OtherReading("exchanged_columns", looks, when, every, factors, signal))
     return readings
 
 
-def axes(signal: str, count: int) -> list[Reading]:
+def axes(signal: str, count: int) -> list[OtherReading]:
     """Axes of a position in another order or reversed, also as they are given."""
     readings = []
     for order, signs in product(permutations(range(count)), product((1.0, -1.0), repeat=count)):
@@ -79,30 +79,34 @@ def axes(signal: str, count: int) -> list[Reading]:
         when = f"when ({read}) is read as ({', '.join(AXES[:count])})"
         if np.linalg.det(np.eye(count)[list(order)]) * np.prod(signs) < 0:
             when += "; as given they are left-handed"
-        readings.append(Reading("swapped_axes", f"the axes of '{signal}' look swapped", when, order, signs, signal))
+        readings.append(
+            OtherReading("swapped_axes", f"the axes of '{signal}' look swapped", when, order, signs, signal)
+        )
     return readings
 
 
-def mirrored(signal: str, count: int) -> Reading:
+def mirrored(signal: str, count: int) -> OtherReading:
     """What no turn makes of a position in an unknown frame: the other handedness."""
-    return Reading("swapped_axes", f"'{signal}' is left-handed", "when mirrored; an axis is reversed or two are "
-                   "exchanged", tuple(range(count)), (*(1.0,) * (count - 1), -1.0), signal)  # fmt: skip
+    when = "when mirrored; an axis is reversed or two are exchanged"
+    factors = (*(1.0,) * (count - 1), -1.0)
+    return OtherReading("swapped_axes", f"'{signal}' is left-handed", when, tuple(range(count)), factors, signal)
 
 
-def thousands(signal: str, count: int) -> list[Reading]:
+def thousands(signal: str, count: int) -> list[OtherReading]:
     """Lengths in another unit."""
     return [
-        Reading("unit", f"'{signal}' looks 1000 times too {size}",
+        OtherReading("unit", f"'{signal}' looks 1000 times too {size}",
                 f"when it is {done} by 1000; the column is probably {unit}", tuple(range(count)), (factor,) * count,
                 signal)
         for factor, size, done, unit in THOUSANDS
     ]  # fmt: skip
 
 
-def scalar_last(signal: str) -> Reading:
+def scalar_last(signal: str) -> OtherReading:
     """A quaternion whose scalar stands in its last column."""
-    return Reading("scalar_last", f"'{signal}' looks written with its scalar last", "when its last column is read as "
-                   "the first; name the columns scalar first", (3, 0, 1, 2), (1.0,) * 4, signal)  # fmt: skip
+    looks = f"'{signal}' looks written with its scalar last"
+    when = "when its last column is read as the first; name the columns scalar first"
+    return OtherReading("scalar_last", looks, when, (3, 0, 1, 2), (1.0,) * 4, signal)
 
 
 @dataclass(frozen=True)
@@ -113,7 +117,7 @@ class Compared:
     given. p: how often the best of so many readings is so much better by chance; 1 where no chance is needed.
     """
 
-    reading: Reading
+    reading: OtherReading
     given: float
     left: float
     bound: float
@@ -140,7 +144,7 @@ class Compared:
 
 
 def compared(
-    given: float, readings: Sequence[Reading], left: Callable[[Reading], float], degrees_of_freedom: float,
+    given: float, readings: Sequence[OtherReading], left: Callable[[OtherReading], float], degrees_of_freedom: float,
     *, nearer: float = NEARER, tests: int = 0, least: float = 0.0,
 ) -> Compared:  # fmt: skip
     """The best of several readings by what each leaves, rms, beside columns as given: it is to be believed where it

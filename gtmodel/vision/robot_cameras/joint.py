@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ...calibrate.choice import Choice
-from ...calibrate.measured.column_checks import aligned, swapped_axes
+from ...calibrate.measured.column_checks import NEARER, aligned, degrees_of_freedom, length
 from ...inference.bundle import BundleFit, ResidualBlock, UnknownGroup, bundle_fit
 from ...inference.held_out import MATTERS
 from ...lang.model import Model
+from ...measurements.inspection.readings import compared, mirrored
 from ...results.estimate import Estimate
 from ...results.refusal import ArgumentError
 from ...robots.links import family_of
@@ -259,8 +260,12 @@ def _require_near(device: SecondDevice, here: np.ndarray) -> None:
     of the robot as it was known before."""
     off, spread = aligned(device.T, here)[2], float(np.sqrt(np.mean(np.sum((here - here.mean(axis=0)) ** 2, axis=1))))
     if off > FAR * spread:
-        mirrored = swapped_axes("device", device.T, here, spread, free_frame=True)
-        hint = "check its unit, and which poses they belong to" if mirrored is None else mirrored.message
+        beyond = degrees_of_freedom(len(here), free_frame=True)
+        best = compared(off, [mirrored("device", 3)], lambda r: aligned(r(device.T), here)[2], beyond, nearer=NEARER)
+        turned = best.suspicion(
+            f"no turn brings it nearer than {length(off)} rms, and it is as near as", length(best.left)
+        )
+        hint = "check its unit, and which poses they belong to" if best.passed else turned.evidence
         raise ArgumentError(
             f"positions of the second device lie {off:.3g} m beside those of the robot, which spread over {spread:.3g} "
             f"m, wherever its frame is; {hint}",
