@@ -19,7 +19,7 @@ def is_column(v: Any) -> bool:
     return hasattr(v, "numel")
 
 
-def entries(v: Any) -> Sequence[Any]:
+def entries(v: Any) -> Any:
     """The entries of a vector: of rows (..., k) k arrays (...)."""
     if isinstance(v, np.ndarray):
         return v if v.ndim == 1 else np.moveaxis(v, -1, 0)

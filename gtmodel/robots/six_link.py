@@ -8,8 +8,9 @@ from typing import Any, ClassVar
 import numpy as np
 
 from .. import lang as gt
-from ..geometry.quaternions import quaternion_matrix, zyz_quaternion
+from ..geometry.quaternions import zyz_quaternion
 from ..mechanics import Flange, Guideway, MidpointRod, PointFrame, RigidPlate
+from ..mechanics.rotation import quaternion_matrix
 from .cart import Cart, behind_and_ahead, cart_friction
 from .tables import printed
 

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ...geometry.rotations import inverse_right_jacobian
+from ...geometry.rotations import cross_matrix
 from ...inference.make_estimate import carried
 from ...inference.nonlinear import nonlinear_fit
 from ...inference.residuals import Verdict, whiteness
@@ -236,7 +236,8 @@ class _Turns:
         r, path = self.residual(x, self.path(x, derivative=True))
         assert path.derivative is not None
         moved = np.swapaxes(path.turn[1:].as_matrix(), 1, 2) @ np.diff(path.derivative, axis=0)
-        J = -inverse_right_jacobian(-r) @ moved
+        K = cross_matrix(r)  # inverse left Jacobian of r, to what residuals of a tenth of a radian need
+        J = -(np.eye(3) - K / 2 + K @ K / 12) @ moved
         return r.ravel(), J.reshape(-1, len(x))
 
 
