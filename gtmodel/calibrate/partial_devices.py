@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..geometry.quaternions import quaternion_matrix
 from ..lang import Model, ModelError, dot, parameter, part, variable
-from ..mechanics.rotation import quaternion_matrix
 
 
 class SeenByDistance(Model):

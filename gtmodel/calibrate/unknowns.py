@@ -11,10 +11,10 @@ import casadi as ca
 import numpy as np
 
 from ..compiler.flat import FlatModel
+from ..geometry.quaternions import turned
 from ..inference import Prior
 from ..lang.source import ModelError
 from .choice import Choice
-from .quaternions import turned
 
 # expected size of a parameter's error before calibration, by its unit: a millimetre, and as much at a metre's distance
 SIZE = 1e-3

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import casadi as ca
 
+from ..geometry.expressions import applied
 from .pinhole import LENS, pixel
-from .rigid_poses import applied
 
 
 def board_view() -> ca.Function:

@@ -9,6 +9,7 @@ import numpy as np
 import scipy
 
 from ...compiler.causal import CausalFunction, compile_causal, flat_of
+from ...geometry.quaternions import angle_between, quaternion_of
 from ...inference import over_noise
 from ...lang import Model, ModelError
 from ...lang.units import parse_unit
@@ -140,7 +141,7 @@ def recognise(data: SplitPoses, witness: Witness, alarms: Alarms) -> tuple[np.nd
         alarms.raised("swapped_axes", axes.message, at_position)
     if pose.device:
         t, R, _ = aligned(T[good], predicted)
-        return t, scipy.spatial.transform.Rotation.from_matrix(R).as_quat(scalar_first=True)
+        return t, quaternion_of(R)
     return None
 
 
@@ -271,15 +272,11 @@ def _upright(data: SplitPoses, rows: np.ndarray, predicted: np.ndarray) -> str |
     if pose.orientation is None or pose.device or pose.target or not predicted.shape[1]:
         return None
     e = np.asarray(data.all.values[pose.orientation])[rows]
-    given, rolled = (_turn(x, predicted) for x in (e, np.roll(e, 1, axis=1)))
+    turns = (angle_between(x, predicted) for x in (e, np.roll(e, 1, axis=1)))
+    given, rolled = (float(np.sqrt(np.mean(turn**2))) for turn in turns)
     if given <= TURNED or rolled * NEARER > given:
         return None
     return (
         f"'{pose.orientation}' is {np.degrees(given):.3g} deg rms from the model's orientation as given and "
         f"{np.degrees(rolled):.3g} deg with its last column as the scalar; name the columns scalar first"
     )
-
-
-def _turn(a: np.ndarray, b: np.ndarray) -> float:
-    c = np.abs(np.sum(a * b, axis=1)) / np.linalg.norm(a, axis=1) / np.linalg.norm(b, axis=1)
-    return float(np.sqrt(np.mean((2 * np.arccos(np.minimum(c, 1.0))) ** 2)))

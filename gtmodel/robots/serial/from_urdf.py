@@ -9,10 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from ...geometry.angles import rotation_of_rpy, rpy_of_rotation
+from ...geometry.rotations import rotation_about
 from ...lang import ModelError
 from .arm import FRICTION, SerialArm, arm_class
 from .bodies import moved, with_payload
-from .rotations import rotation_of_rpy, rpy_of_rotation
 from .structure import ArmJoint, ArmStructure
 from .urdf_file import MOVING, Urdf, UrdfJoint, read_urdf
 
@@ -110,10 +111,7 @@ def _pose(j: UrdfJoint, coordinate: float = 0.0) -> Pose:
         return R, j.xyz + R @ (coordinate * j.axis)
     if j.kind == "fixed" or coordinate == 0.0:
         return R, j.xyz
-    x, y, z = j.axis
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    turn = np.eye(3) + np.sin(coordinate) * cross + (1 - np.cos(coordinate)) * cross @ cross
-    return R @ turn, j.xyz
+    return R @ rotation_about(j.axis, coordinate), j.xyz
 
 
 def _behind(first: Pose, second: Pose) -> Pose:
