@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
+from math import isfinite
 from typing import Any, Literal
 
 import numpy as np
@@ -62,28 +63,27 @@ def quaternion_of(R: np.ndarray, positive: Literal["scalar", "largest"] = "scala
     R = np.asarray(R, float)
     q = _nearest(R)[None] if R.ndim == 2 else _of_rows(R.reshape(-1, 3, 3))
     half = np.abs(q[:, 0]) < HALF_TURN
-    q[half, 0] = 0.0
-    rows = np.arange(len(q))
+    some = half.any()
+    if some:
+        q[half, 0] = 0.0
+    first = q[:, 0]
     if positive == "largest":
-        first = q[rows, np.argmax(np.abs(q), axis=1)]
-    elif half.any():
-        first = np.where(half, q[rows, 1 + np.argmax(np.abs(q[:, 1:]) > HALF_TURN, axis=1)], q[:, 0])
-    else:
-        first = q[:, 0]
-    q[first < 0] *= -1.0
-    return q.reshape(*R.shape[:-2], 4)
+        first = q[np.arange(len(q)), np.abs(q).argmax(axis=1)]
+    elif some:
+        first = np.where(half, q[np.arange(len(q)), 1 + np.argmax(np.abs(q[:, 1:]) > HALF_TURN, axis=1)], first)
+    return np.where(first[:, None] < 0, -q, q).reshape(*R.shape[:-2], 4)
 
 
 def _nearest(R: np.ndarray) -> np.ndarray:
     """Of one matrix the quaternion of the nearest rotation, an eigenvector (Bar-Itzhack 2000)."""
-    if not np.isfinite(R).all():
+    (a, b, c), (d, e, f), (g, h, i) = R.tolist()
+    if not isfinite(a + b + c + d + e + f + g + h + i):
         return np.full(4, np.nan)
-    K = np.array([
-        [R[0, 0] + R[1, 1] + R[2, 2], R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]],
-        [0.0, R[0, 0] - R[1, 1] - R[2, 2], R[0, 1] + R[1, 0], R[0, 2] + R[2, 0]],
-        [0.0, 0.0, R[1, 1] - R[0, 0] - R[2, 2], R[1, 2] + R[2, 1]],
-        [0.0, 0.0, 0.0, R[2, 2] - R[0, 0] - R[1, 1]],
-    ])  # fmt: skip
+    # the lower triangle is not read
+    K = np.array(
+        [[a + e + i, h - f, c - g, d - b], [0.0, a - e - i, b + d, c + g], [0.0, 0.0, e - a - i, f + h],
+         [0.0, 0.0, 0.0, i - a - e]]
+    )  # fmt: skip
     return np.linalg.eigh(K, UPLO="U")[1][:, -1]
 
 

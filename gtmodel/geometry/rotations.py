@@ -66,8 +66,9 @@ def left_jacobian(v: np.ndarray) -> np.ndarray:
     angle = np.linalg.norm(v, axis=1)
     near = angle < SMALL
     safe = np.where(near, 1.0, angle)
-    first = np.where(near, 0.5 - angle**2 / 24 + angle**4 / 720, (1 - np.cos(safe)) / safe**2)
-    second = np.where(near, 1 / 6 - angle**2 / 120, (safe - np.sin(safe)) / safe**3)
+    square, squared = angle**2, safe**2
+    first = np.where(near, 0.5 - square / 24 * (1 - square / 30), (1 - np.cos(safe)) / squared)
+    second = np.where(near, 1 / 6 - square / 120, (safe - np.sin(safe)) / (squared * safe))
     K = cross_matrix(v)
     return UNIT + first[:, None, None] * K + second[:, None, None] * (K @ K)
 
