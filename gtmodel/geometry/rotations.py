@@ -14,7 +14,12 @@ SMALL = 1e-2  # rad: below it the Jacobians of rotation vectors are their series
 
 
 def cross_matrix(v: Any) -> Any:
-    """The matrix (..., 3, 3) that gives v x b for any b; v (..., 3)."""
+    """The matrix (..., 3, 3) that gives v x b for any b; v (..., 3).
+
+    >>> from gtmodel.geometry.rotations import cross_matrix
+    >>> cross_matrix(np.array([1.0, 0.0, 0.0])) @ [0.0, 1.0, 0.0]  # x by y is z
+    array([0., 0., 1.])
+    """
     x, y, z = entries(v)
     return matrix([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
