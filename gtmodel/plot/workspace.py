@@ -13,7 +13,7 @@ from matplotlib.path import Path
 from .style import SHADES, key_below, styled, with_panels
 
 
-class Region(Protocol):
+class Outlined(Protocol):
     """A region of a plane, such as `gt.kinematics.region` gives."""
 
     @property
@@ -29,7 +29,7 @@ class Region(Protocol):
 
 @styled
 def section_figure(
-    layers: Mapping[str, Region], guideways: np.ndarray, *, title: str = "", names: tuple[str, str] = ("u", "v")
+    layers: Mapping[str, Outlined], guideways: np.ndarray, *, title: str = "", names: tuple[str, str] = ("u", "v")
 ) -> Figure:
     """Regions of a section, drawn in the order given, their boundaries, and the guideways as numbered squares.
 
