@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..geometry.quaternions import quaternion_matrix
 from ..lang import Model, ModelError, dot, parameter, part, variable
-from ..mechanics.rotation import quaternion_matrix
 
 
 class SeenByDistance(Model):
@@ -117,4 +117,4 @@ def _extended(device: type[Model], robot: Model, **own: np.ndarray) -> Model:
     if "T" not in type(robot)._declared:
         raise ModelError(f"{type(robot).__name__} declares no position 'T', which the device could see")
     cls = type(f"{type(robot).__name__}{device.__name__}", (device, type(robot)), {})
-    return cls(**robot.__dict__["_modifiers"], **own)
+    return cls(**robot._modifiers, **own)

@@ -10,13 +10,13 @@ from numpy.typing import ArrayLike
 
 from ..compiler.flat import FlatModel
 from ..compiler.rows import map_columns
+from ..geometry.quaternions import turned
 from ..lang.builder import Builder
 from ..lang.model import Model
 from ..lang.source import ModelError
 from .choice import Choice
 from .measurements import Measurements
 from .problem import prepare
-from .quaternions import turned
 
 ROUNDS = 50
 ARRIVED = 1e-12  # m and rad: the last Newton step, of lengths of metres

@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..compiler.flat import FlatModel
+from ..geometry.expressions import rotated
+from ..geometry.quaternions import conjugate, product, turned
 from ..lang.source import ModelError
 from .closure import Closure
 from .measurements import Correction, Measurements, Pose, SignalName
-from .quaternions import product, rotated, turned
 from .unknowns import Parameters
 
 IDENTITY = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
@@ -297,7 +298,7 @@ class _Reader:
             if pose.sag:
                 p = p + self.sagged(pose)
             if pose.device:
-                back = [(inside, rotated(ca.vertcat(u[0], -u[1:]), p - t)) for inside, t, u in self.device(pose)]
+                back = [(inside, rotated(conjugate(u), p - t)) for inside, t, u in self.device(pose)]
                 p = _sum(inside * part for inside, part in back)
         return p if s.component is None else p[s.component]
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ..geometry.rotations import cross_matrix
 from .link_structure import LinkStructure
 
 Array = np.ndarray
@@ -106,7 +107,7 @@ class LinkMasses:
         plate = np.zeros((n, 3, d + supports))
         plate[:, range(3), range(3)] = 1.0
         if p.R is not None:
-            plate[:, :, 3:d] = np.moveaxis(np.cross(np.eye(3)[:, None], p.R @ self.c_p), 0, -1)
+            plate[:, :, 3:d] = -cross_matrix(p.R @ self.c_p)
         mid = np.concatenate([s.plate, s.support], axis=3) / 2
         carts = np.zeros((n, p.carts, 3, d + supports))
         for i in range(p.carts):

@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..geometry.rotations import cross_matrix
 from .link_poses import LinkPoses
 from .link_springs import GROUPS, LinkSprings
 
@@ -47,8 +48,7 @@ class LinkStructure:
         n, m, _ = p.a.shape
         plate = np.tile(np.eye(3), (n, m, 1, 1))
         if p.R is not None:
-            turned = np.cross(np.eye(3)[:, None, None], p.arms)  # of each joint per rotation about an axis
-            plate = np.concatenate([plate, np.moveaxis(turned, 0, -1)], axis=3)
+            plate = np.concatenate([plate, -cross_matrix(p.arms)], axis=3)
         if m != plate.shape[3]:
             raise ValueError(
                 f"found {m} links on a plate with {plate.shape[3]} degrees of freedom; expected as many of both"

@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..geometry.rotations import cross_matrix
+
 
 @dataclass(frozen=True, eq=False)
 class StaticTests:
@@ -59,7 +61,7 @@ class StaticTests:
         displacement, tool by wrist (n, 3, 3)."""
         if self.wrist_displacement is not None and self.wrist_covariance is not None:
             return self.wrist_displacement, self.wrist_covariance, np.zeros((len(self.J), 3, 3))
-        B = np.concatenate([np.tile(np.eye(3), (len(self.J), 1, 1)), -skew(self.lever)], axis=2)
+        B = np.concatenate([np.tile(np.eye(3), (len(self.J), 1, 1)), -cross_matrix(self.lever)], axis=2)
         moved = np.einsum("nij,nj->ni", B, self.displacement)
         with_pose = self.covariance @ np.swapaxes(B, 1, 2)
         return moved, B @ with_pose, with_pose[:, :3]
@@ -75,8 +77,3 @@ def at_tool(J: ArrayLike, arm: ArrayLike) -> np.ndarray:
     J, arm = np.asarray(J, float), np.asarray(arm, float)
     linear = J[:, :3] + np.cross(J[:, 3:], arm[:, :, None], axis=1)
     return np.concatenate([linear, J[:, 3:]], axis=1)
-
-
-def skew(r: np.ndarray) -> np.ndarray:
-    """Matrices (n, 3, 3) of the cross product r x."""
-    return np.cross(r[:, None, :], np.eye(3)).swapaxes(1, 2)

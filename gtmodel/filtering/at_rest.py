@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from ..geometry.quaternions import quaternion_matrix, rpy_quaternion
+from ..geometry.rotations import cross_matrix
 from ..results.refusal import ArgumentError
 from .allan import LEAST, AllanFit, allan_fit
 
@@ -45,7 +47,7 @@ class AtRest:
     @property
     def tilt_deviation(self) -> float:
         """Standard deviation of the direction of gravity about its worse horizontal axis [rad]."""
-        up = _up(self.attitude)
+        up = quaternion_matrix(self.attitude)[2]
         level = np.eye(3) - np.outer(up, up)
         return float(np.sqrt(np.linalg.eigvalsh(level @ self.attitude_covariance @ level)[-1]))
 
@@ -125,7 +127,7 @@ def from_rest(
     noise_w, noise_f = (tuple(allan_fit(v[:, k], period) for k in range(3)) for v in (w, f))
     up = force / length
     spread = np.array([n.mean_deviation(duration) ** 2 for n in noise_f]) + accelerometer_bias**2
-    across = np.array([[0.0, -up[2], up[1]], [up[2], 0.0, -up[0]], [-up[1], up[0], 0.0]])
+    across = cross_matrix(up)
     tilt = across @ np.diag(spread) @ across.T / length**2
     deviation = np.array([n.mean_deviation(duration) for n in noise_w])
     return AtRest(
@@ -190,14 +192,4 @@ def _require_still(rows: np.ndarray, period: float, still: float, name: str, uni
 
 def _attitude(up: np.ndarray, heading: float) -> np.ndarray:
     """The unit quaternion, body to world, with this direction up in the body's axes and this heading of its x axis."""
-    roll, pitch = np.arctan2(up[1], up[2]), -np.arcsin(np.clip(up[0], -1.0, 1.0))
-    (a, b), (c, d), (e, g) = ((np.cos(v / 2), np.sin(v / 2)) for v in (roll, pitch, heading))
-    return np.array(
-        [a * c * e + b * d * g, b * c * e - a * d * g, a * d * e + b * c * g, a * c * g - b * d * e]
-    )  # about z, y, x in turn
-
-
-def _up(q: np.ndarray) -> np.ndarray:
-    """The vertical in the axes of the body."""
-    s, x, y, z = q
-    return np.array([2 * (x * z - s * y), 2 * (y * z + s * x), s * s - x * x - y * y + z * z])
+    return rpy_quaternion(np.arctan2(up[1], up[2]), -np.arcsin(np.clip(up[0], -1.0, 1.0)), heading)

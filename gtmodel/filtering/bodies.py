@@ -4,16 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
+from ..geometry.expressions import quaternion_kinematics, rotated_back
 from ..lang.declare import input as known, parameter, variable
 from ..lang.expression import vector
 from ..lang.functions import cross, der, dot, sqrt
 from ..lang.model import Model
-
-
-def turned_back(q: Any, v: Any) -> Any:
-    """R' v of the rotation R of a unit quaternion q, scalar first."""
-    u = q[1:4]
-    return v - 2 * q[0] * cross(u, v) + 2 * cross(u, cross(u, v))
 
 
 class TranslatingBody(Model):
@@ -84,15 +79,15 @@ class TurningBody(Model):
 
     def equations(self) -> Any:
         q, w = self.Q, self.w
-        u = q[1:4]
+        scalar, rates = quaternion_kinematics(q, w)
         yield der(self.p) == self.v
         yield der(self.v) == self.a
         yield der(self.a) == self.jerk
-        yield der(q[0]) == -0.5 * dot(u, w)
-        yield der(u) == 0.5 * (q[0] * w + cross(u, w))
+        yield der(q[0]) == scalar
+        yield der(q[1:4]) == rates
         yield der(w) == self.alpha
         yield der(self.alpha) == self.angular_jerk
-        at_body = turned_back(q, self.a - self.gravity)
+        at_body = rotated_back(q, self.a - self.gravity)
         at_unit = at_body + cross(self.alpha, self.arm) + cross(w, cross(w, self.arm))
         yield self.specific_force == _in_unit(self, at_unit)
         yield self.rate == _in_unit(self, w)
@@ -103,4 +98,4 @@ def _in_unit(body: Any, v: Any) -> Any:
     e = body.misalignment
     length = sqrt(1 + dot(e, e) / 4)
     small = vector([1 / length, e[0] / 2 / length, e[1] / 2 / length, e[2] / 2 / length])
-    return turned_back(small, turned_back(body.mount, v))
+    return rotated_back(small, rotated_back(body.mount, v))

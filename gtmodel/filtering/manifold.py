@@ -10,13 +10,12 @@ from typing import Any, Literal
 import casadi as ca
 import numpy as np
 
+from ..geometry.quaternions import conjugate, exponential, guarded, logarithm, product, turn_matrix
 from ..results.refusal import ArgumentError
 from .rowwise import RowsFunction
 
 PartKind = Literal["vector", "quaternion", "direction"]
 UNIT_LENGTH = 1e-6  # a quaternion or direction further from unit length is no rounded one
-# below this square of an angle [rad2] sine and arc tangent are their series: the next term is 1e-16 of the first
-SMALL_SQUARE = 1e-8
 DIMENSION = {"quaternion": 3, "direction": 2}
 SIZE = {"quaternion": 4, "direction": 3}
 
@@ -246,59 +245,16 @@ def _zero(part: StatePart) -> np.ndarray:
 # -- quaternions ----------------------------------------------------------------------------------------
 
 
-def product(p: Any, q: Any) -> Any:
-    """p * q of two quaternions, scalar first, on CasADi columns."""
-    return ca.vertcat(
-        p[0] * q[0] - p[1] * q[1] - p[2] * q[2] - p[3] * q[3],
-        p[0] * q[1] + p[1] * q[0] + p[2] * q[3] - p[3] * q[2],
-        p[0] * q[2] - p[1] * q[3] + p[2] * q[0] + p[3] * q[1],
-        p[0] * q[3] + p[1] * q[2] - p[2] * q[1] + p[3] * q[0],
-    )
-
-
-def conjugate(q: Any) -> Any:
-    """The inverse of a unit quaternion, on CasADi columns."""
-    return ca.vertcat(q[0], -q[1], -q[2], -q[3])
-
-
-def _square(v: Any) -> Any:
-    return ca.dot(v, v)
-
-
-def _guarded(square: Any) -> tuple[Any, Any]:
-    """Whether a square is small, and one that is safe to take the root of."""
-    small = square < SMALL_SQUARE
-    return small, ca.if_else(small, 1.0, square)
-
-
 def _plus_quaternion(q: Any, d: Any) -> Any:
-    square = _square(d) / 4
-    small, safe = _guarded(square)
-    half = ca.sqrt(safe)
-    scalar = ca.if_else(small, 1 - square / 2, ca.cos(half))
-    factor = ca.if_else(small, 1 - square / 6, ca.sin(half) / half) / 2
-    return product(q, ca.vertcat(scalar, factor * d))
+    return product(q, exponential(d))
 
 
 def _minus_quaternion(q: Any, q0: Any) -> Any:
-    d = product(conjugate(q0), q)
-    sign = ca.if_else(d[0] < 0, -1.0, 1.0)
-    scalar, v = sign * d[0], sign * d[1:4]
-    square = _square(v)
-    small, safe = _guarded(square)
-    sine = ca.sqrt(safe)
-    whole = ca.if_else(small, scalar, 1.0)
-    near = (2 - 2 * square / (3 * whole * whole)) / whole
-    return ca.if_else(small, near, 2 * ca.atan2(sine, scalar) / sine) * v
-
-
-def _from_quaternion(q: Any) -> Any:
-    rows = [[-q[1], -q[2], -q[3]], [q[0], -q[3], q[2]], [q[3], q[0], -q[1]], [-q[2], q[1], q[0]]]
-    return ca.vertcat(*[ca.horzcat(*row) for row in rows]) / 2
+    return logarithm(product(conjugate(q0), q))
 
 
 def _to_quaternion(q: Any) -> Any:
-    return 4 * _from_quaternion(q).T
+    return 4 * turn_matrix(q).T
 
 
 # -- directions -----------------------------------------------------------------------------------------
@@ -315,8 +271,8 @@ def _axes(n: Any) -> Any:
 
 
 def _plus_direction(n: Any, d: Any) -> Any:
-    square = _square(d)
-    small, safe = _guarded(square)
+    square = ca.dot(d, d)
+    small, safe = guarded(square)
     angle = ca.sqrt(safe)
     scalar = ca.if_else(small, 1 - square / 2, ca.cos(angle))
     factor = ca.if_else(small, 1 - square / 6, ca.sin(angle) / angle)
@@ -327,8 +283,8 @@ def _minus_direction(n: Any, n0: Any) -> Any:
     n = _unit(n)  # a reading of another length; of none it is no direction, and no number
     v = ca.mtimes(_axes(n0).T, n)
     scalar = ca.dot(n, n0)
-    square = _square(v)
-    small, safe = _guarded(square)
+    square = ca.dot(v, v)
+    small, safe = guarded(square)
     sine = ca.sqrt(safe)
     return ca.if_else(small, 1 + square / 6, ca.atan2(sine, scalar) / sine) * v
 
@@ -342,10 +298,10 @@ def _to_direction(n: Any) -> Any:
 
 
 def _unit(x: Any) -> Any:
-    return x / ca.sqrt(_square(x))
+    return x / ca.sqrt(ca.dot(x, x))
 
 
 _PLUS = {"vector": lambda x, d: x + d, "quaternion": _plus_quaternion, "direction": _plus_direction}
 _MINUS = {"vector": lambda y, x: y - x, "quaternion": _minus_quaternion, "direction": _minus_direction}
-_FROM = {"vector": lambda x: ca.DM.eye(x.numel()), "quaternion": _from_quaternion, "direction": _from_direction}
+_FROM = {"vector": lambda x: ca.DM.eye(x.numel()), "quaternion": turn_matrix, "direction": _from_direction}
 _TO = {"vector": lambda x: ca.DM.eye(x.numel()), "quaternion": _to_quaternion, "direction": _to_direction}

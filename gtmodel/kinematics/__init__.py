@@ -31,6 +31,7 @@ from typing import TYPE_CHECKING
 from .._lazy import public
 
 if TYPE_CHECKING:
+    from ..geometry.angles import rotation_vector as rotation_vector, zyz as zyz
     from . import (
         accuracy as accuracy,
         assembly_modes as assembly_modes,
@@ -49,7 +50,6 @@ if TYPE_CHECKING:
     )
     from .maps import MotionMaps as MotionMaps
     from .orientation import OrientationMap as OrientationMap, grid as grid, orientation_map as orientation_map
-    from .rotations import rotation_vector as rotation_vector, zyz as zyz
     from .transmission import (
         Backlash as Backlash,
         CyclicTerm as CyclicTerm,

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from ..compiler.causal import compile_causal
+from ..geometry.angles import matrices, rotation_vector, zyz
 from ..results import Status
-from .rotations import matrices, rotation_vector, zyz
 
 
 def grid(center: Any, half_width: Any, counts: Sequence[int], directions: Any = None) -> np.ndarray:

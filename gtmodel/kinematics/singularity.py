@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gtmodel.compiler.causal import CausalFunction
+from gtmodel.geometry.rotations import cross_matrix
 from gtmodel.lang import ModelError
 
 Array = np.ndarray
@@ -98,7 +99,7 @@ def platform(d: Any, arms: Any) -> Array:
     u = d / _sizes(d, "link vector")[..., None]
     arms = arms - arms.mean(axis=-2, keepdims=True)
     rows = np.concatenate([u, np.cross(arms, u)], axis=-1)  # length rates per twist
-    moves = np.concatenate([np.broadcast_to(np.eye(3), (*arms.shape, 3)), -_cross_matrices(arms)], axis=-1)
+    moves = np.concatenate([np.broadcast_to(np.eye(3), (*arms.shape, 3)), -cross_matrix(arms)], axis=-1)
     moves = moves.reshape(*arms.shape[:-2], 3 * n, 6)  # joint velocities per twist
     good = np.asarray(np.isfinite(rows).all(axis=(-2, -1)))
     result = np.full(good.shape, np.nan)
@@ -143,9 +144,3 @@ def _sizes(x: Array, name: str) -> Array:
         where = f" in row {row[0]} (counted from 0)" if row else ""
         raise ModelError(f"{name} {number + 1}{where} has length zero and no direction; give its two ends apart")
     return sizes
-
-
-def _cross_matrices(a: Array) -> Array:
-    zero = np.zeros(a.shape[:-1])
-    x, y, z = np.moveaxis(a, -1, 0)
-    return np.stack([np.stack([zero, -z, y], -1), np.stack([z, zero, -x], -1), np.stack([-y, x, zero], -1)], axis=-2)

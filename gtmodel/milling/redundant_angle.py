@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
 from numpy.typing import ArrayLike
 
+from ..geometry.rotations import rotation_by
 from ..kinematics.wrist_partition import WristPartition
 
 ANGLES = np.deg2rad(np.arange(-180.0, 181.0))  # 361, one degree apart
@@ -69,7 +69,7 @@ def tool_rotations(angles: ArrayLike, axis: ArrayLike, spindle: ArrayLike, zero:
     frame_world, frame_flange = _frame(axis, (1, 0, 0), (0, 1, 0)), _frame(spindle, (0, 0, 1), (1, 0, 0))
     start = frame_world @ frame_flange.T
     turns = (np.asarray(angles, float).reshape(-1, 1) + zero) * -frame_world[:, 0]
-    return scipy.spatial.transform.Rotation.from_rotvec(turns).as_matrix() @ start
+    return rotation_by(turns) @ start
 
 
 def angle_sweep(

@@ -2,21 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import Any, Protocol
 
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path
 
-from ..kinematics.workspace.cross_section import Region
 from .style import SHADES, key_below, styled, with_panels
+
+
+class Outlined(Protocol):
+    """A region of a plane, such as `gt.kinematics.region` gives."""
+
+    @property
+    def area(self) -> float:
+        """[m2]"""
+        ...
+
+    @property
+    def loops(self) -> Sequence[np.ndarray]:
+        """Closed boundaries (k, 2) [m], holes the other way round."""
+        ...
 
 
 @styled
 def section_figure(
-    layers: Mapping[str, Region], guideways: np.ndarray, *, title: str = "", names: tuple[str, str] = ("u", "v")
+    layers: Mapping[str, Outlined], guideways: np.ndarray, *, title: str = "", names: tuple[str, str] = ("u", "v")
 ) -> Figure:
     """Regions of a section, drawn in the order given, their boundaries, and the guideways as numbered squares.
 
@@ -31,7 +44,7 @@ def section_figure(
         if not region.loops:
             axes.plot([], [], color=shade, label=f"{label}: none")
             continue
-        patch = PathPatch(_path(region), facecolor=shade, edgecolor="black", linewidth=0.8)
+        patch = PathPatch(_path(region.loops), facecolor=shade, edgecolor="black", linewidth=0.8)
         patch.set_label(f"{label}: {region.area:.2f} m²")
         axes.add_patch(patch)
     mark_guideways(axes, guideways)
@@ -51,10 +64,10 @@ def mark_guideways(axes: Any, guideways: np.ndarray) -> None:
                       bbox=dict(boxstyle="round,pad=0.1", facecolor="white", edgecolor="none", alpha=0.7))  # fmt: skip
 
 
-def _path(region: Region) -> Path:
+def _path(loops: Sequence[np.ndarray]) -> Path:
     """All loops as one path; holes run the other way round and stay empty."""
     vertices, codes = [], []
-    for loop in region.loops:
+    for loop in loops:
         vertices += [loop, loop[:1]]
         codes += [Path.MOVETO, *[Path.LINETO] * (len(loop) - 1), Path.CLOSEPOLY]
     return Path(np.vstack(vertices), codes)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from abc import abstractmethod
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal, cast
@@ -10,11 +9,13 @@ from typing import Annotated, Any, Literal, cast
 import numpy as np
 from pydantic import Field, PositiveFloat
 
+from gtmodel.geometry.quaternions import quaternion_of, zyz_quaternion
 from gtmodel.lang import ModelError
 from gtmodel.robots import clusters, f1_geometry
 from gtmodel.robots.plausible_lengths import implausible_arm, implausible_length
 from gtmodel.robots.serial.bodies import moments
 
+from .._near import near
 from .base import FileSection, InputError
 from .load import validate
 from .python_models import is_reference, is_urdf, sentence_of
@@ -127,11 +128,10 @@ class SixLinkFile(_SixLinks):
         A, v, L, B = (np.array(x) for x in (self.A_m, self.v, self.L_m, self.B_m))
         home = A.mean(axis=0) + 0.85 * L.mean() * v.mean(axis=0) if self.home_m is None else self.home_m
         if self.home_zyz_deg is not None:
-            e = clusters.zyz_quaternion(*np.radians(self.home_zyz_deg))
+            e = zyz_quaternion(*np.radians(self.home_zyz_deg))
         else:
-            R, misfit = clusters.orientation(A, B)
+            e, misfit = clusters.attitude(A, B)
             _refuse(misfit, "B_m", "; where clusters are not meant to be parallel, give home_zyz_deg")
-            e = clusters.quaternion_of(R)
         return {"A": A, "v": v, "L": L, "B": B, "home": home, "home_e": e}
 
 
@@ -158,7 +158,7 @@ class F1File(_SixLinks):
         R, misfit = f1_geometry.home_rotation(table)
         _refuse(misfit, "u1_2", ", or of u1_3, u2_3, A_bj_mm and B0_mm")
         home = f1_geometry.home(table) if self.home_mm is None else np.array(self.home_mm) / 1e3
-        return {**table, "home": home, "home_e": clusters.quaternion_of(R)}
+        return {**table, "home": home, "home_e": quaternion_of(R, positive="largest")}
 
     def more(self) -> dict[str, Any]:
         return {**super().more(), "J": self.J_kg_m2}
@@ -237,8 +237,7 @@ def checked(data: Mapping[str, Any]) -> tuple[str, _Robot | SerialFile]:
     """The family of a robot file, three_link where it names none, and its checked keys. Raises InputError."""
     family = data.get("family", "three_link")
     if not isinstance(family, str) or family not in FAMILIES:
-        close = difflib.get_close_matches(str(family), FAMILIES, n=1)
-        hint = f"; did you mean '{close[0]}'?" if close else ""
+        hint = near(family, FAMILIES)
         raise InputError(f"expected one of {', '.join(FAMILIES)}; found {shown(family)}{hint}", "family")
     if "family" not in data:
         own = {k for k in ("B_m", "A0_mm", "B0_mm", "u1_2") if k in data}

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
+from .._near import meant
 from ..lang import Model, ModelError
 from ..mechanics import PiecewiseLinearFriction, SignFriction, StictionFriction, TanhFriction
 from . import clusters
@@ -64,7 +64,7 @@ def make(name: str, **options: Any) -> Model:
     >>> gt.robots.make("l1_tap")
     Traceback (most recent call last):
         ...
-    gtmodel.lang.source.ModelError: there is no robot 'l1_tap'; did you mean l1_tape or l1_tracker?
+    gtmodel.lang.source.ModelError: there is no robot 'l1_tap'; did you mean 'l1_tape' or 'l1_tracker'?
     """
     return family_member(_pick(name, entries(), "robot").family, name, **options)
 
@@ -212,7 +212,6 @@ def _masses(geometry: dict[str, Any], inertia: str | None) -> dict[str, Any]:
 
 def _pick(name: str, table: dict[str, Any], what: str) -> Any:
     if name not in table:
-        close = difflib.get_close_matches(name, table, n=2)
-        hint = f"did you mean {' or '.join(close)}?" if close else f"there are {', '.join(sorted(table))}"
+        hint = meant(name, table, f"there are {', '.join(sorted(table))}", most=2)
         raise ModelError(f"there is no {what} '{name}'; {hint}")
     return table[name]

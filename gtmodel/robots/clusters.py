@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..geometry.quaternions import quaternion_of
+
 Array = np.ndarray
 LINKS = ("1", "2a", "2b", "3a", "3b", "3c")
 ROWS = ([0], [1, 2], [3, 4, 5])  # links of each arm
@@ -27,22 +29,7 @@ def orientation(cart: Array, plate: Array) -> tuple[Array, float]:
     return R, float(np.max(np.linalg.norm(a - b @ R.T, axis=1)))
 
 
-def quaternion_of(R: Array) -> Array:
-    """Unit quaternion, scalar first, of a rotation (3, 3); its largest entry is positive."""
-    K = np.array([
-        [R[0, 0] + R[1, 1] + R[2, 2], R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]],
-        [0.0, R[0, 0] - R[1, 1] - R[2, 2], R[0, 1] + R[1, 0], R[0, 2] + R[2, 0]],
-        [0.0, 0.0, R[1, 1] - R[0, 0] - R[2, 2], R[1, 2] + R[2, 1]],
-        [0.0, 0.0, 0.0, R[2, 2] - R[0, 0] - R[1, 1]],
-    ])  # fmt: skip
-    e = np.linalg.eigh(K, UPLO="U")[1][:, -1]
-    return e if e[np.argmax(np.abs(e))] > 0 else -e
-
-
-def zyz_quaternion(alpha: float, beta: float, gamma: float) -> Array:
-    """Unit quaternion, scalar first, of rotations about z, the new y and the new z [rad]."""
-    half_sum, half_difference = (alpha + gamma) / 2, (alpha - gamma) / 2
-    c, s = np.cos(beta / 2), np.sin(beta / 2)
-    return np.array(
-        [c * np.cos(half_sum), -s * np.sin(half_difference), s * np.cos(half_difference), c * np.sin(half_sum)]
-    )
+def attitude(cart: Array, plate: Array) -> tuple[Array, float]:
+    """The same rotation as a unit quaternion, scalar first, its largest entry positive."""
+    R, misfit = orientation(cart, plate)
+    return quaternion_of(R, positive="largest"), misfit

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from .. import lang as gt
+from ..geometry.quaternions import quaternion_matrix, quaternion_of
 from ..mechanics import MidpointRod, RigidPlate, RotationalTanhFriction, Shaft, TorqueMotor
-from ..mechanics.rotation import quaternion_matrix
 from . import clusters, f1_geometry
 from .cart import PointCart, behind_and_ahead, cart_friction
 from .f1_closed_form import F1FiveDof, F1Rotation
@@ -180,7 +180,7 @@ def f1_gantry_tau(name: str = "f1", parallel: bool = False, **modifiers: Any) ->
     [1.9226 1.5031 1.5031 1.5028 1.5028 1.5028]
     """
     geometry = _geometry(name, parallel)
-    home_e = clusters.quaternion_of(f1_geometry.home_rotation(geometry)[0])
+    home_e = quaternion_of(f1_geometry.home_rotation(geometry)[0], positive="largest")
     return F1(**{**EXAMPLE, **geometry, "home": np.array(HOME), "home_e": home_e, **modifiers})
 
 

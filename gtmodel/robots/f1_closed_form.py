@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from .. import lang as gt
-from ..mechanics.rotation import quaternion_matrix, rotation_about
+from ..geometry.quaternions import product, quaternion_matrix
+from ..geometry.rotations import rotation_about
 from .joint_plates import X, Y
 
 
@@ -59,7 +60,7 @@ class F1FiveDof(gt.Model):
         yield self.R == (((R13 @ outer) @ R23) @ inner) @ (quaternion_matrix(self.e_c) / scale)
         about_y = gt.vector([gt.cos(q4 / 2), 0.0, -gt.sin(q4 / 2), 0.0])
         about_x = gt.vector([gt.cos(q6 / 2), gt.sin(q6 / 2), 0.0, 0.0])
-        e = _product(_product(_product(_product(self.u1_3, about_y), self.u2_3), about_x), self.e_c)
+        e = product(product(product(product(self.u1_3, about_y), self.u2_3), about_x), self.e_c)
         yield self.e == e / gt.sqrt(scale)
         joints = [self.A[0], R12 @ (turn @ self.A[1]), R13 @ (outer @ (self.r3 + R23 @ (inner @ self.A[2])))]
         for i in range(3):
@@ -119,9 +120,3 @@ def _transposed(M):
 
 def _column(M):
     return gt.vector([M[i, 0] for i in range(3)])
-
-
-def _product(a, b):
-    """Quaternion product, scalar first: the rotation b, then a."""
-    vector = a[0] * b[1:] + b[0] * a[1:] + gt.cross(a[1:], b[1:])
-    return gt.vector([a[0] * b[0] - gt.dot(a[1:], b[1:]), vector[0], vector[1], vector[2]])

@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from ..mechanics.rotation import quaternion_matrix
+from ..geometry.quaternions import quaternion_matrix, quaternion_of
+from ..geometry.rotations import shortest_rotation
 from . import clusters
 
 Array = np.ndarray
@@ -44,7 +45,7 @@ def home(f1: Table) -> Array:
 def five_dof(f1: Table) -> Table:
     """Parameters of F1FiveDof without `home`: means over the clusters, and e_c from the fit at home."""
     _, R13, R23 = _rotations(f1)
-    e_c = clusters.quaternion_of((R13 @ R23).T @ home_rotation(f1)[0])
+    e_c = quaternion_of((R13 @ R23).T @ home_rotation(f1)[0], positive="largest")
     means = {k: np.array([f1[k][rows].mean(axis=0) for rows in clusters.ROWS]) for k in ("A", "B", "L")}
     return {**{k: f1[k] for k in ("A0", "v", "r3", *QUATERNIONS)}, **means, "e_c": e_c}
 
@@ -58,7 +59,7 @@ def parallel(f1: Table) -> Table:
     R12, R13, R23 = _rotations(f1)
     C = (R13 @ R23).T @ home_rotation(f1)[0]
     s12, s13, s23 = (float(f1[name] @ f1[name]) for name in QUATERNIONS)
-    R12 = _shortest(R12[:, 1], -R13[:, 1]) @ R12
+    R12 = shortest_rotation(R12[:, 1], -R13[:, 1]) @ R12
     spread = np.linalg.norm(f1["A"][2] - f1["A"][1]) * np.array([[-0.5], [0.5]])
     A, B, L = (f1[k].copy() for k in "ABL")
     A[1:3] = A[1:3].mean(axis=0) + spread * (R12.T @ R13 @ R23[:, 0])
@@ -66,16 +67,9 @@ def parallel(f1: Table) -> Table:
     B[3:] = B[3:].mean(axis=0) + s13 * s23 * clusters.centred(A[3:]) @ C
     for rows in clusters.ROWS:
         L[rows] = L[rows].mean()
-    return {**f1, "A": A, "B": B, "L": L, "u1_2": np.sqrt(s12) * clusters.quaternion_of(R12)}
+    return {**f1, "A": A, "B": B, "L": L, "u1_2": np.sqrt(s12) * quaternion_of(R12, positive="largest")}
 
 
 def _rotations(f1: Table, raw: bool = False) -> list[Array]:
     us = [f1[name] for name in QUATERNIONS]
     return [np.array(quaternion_matrix(u), dtype=float) / (1.0 if raw else u @ u) for u in us]
-
-
-def _shortest(a: Array, b: Array) -> Array:
-    """The smallest rotation that takes the unit vector a to b, which is not -a."""
-    w = np.cross(a, b)
-    k = np.array([[0.0, -w[2], w[1]], [w[2], 0.0, -w[0]], [-w[1], w[0], 0.0]])
-    return np.eye(3) + k + k @ k / (1.0 + a @ b)

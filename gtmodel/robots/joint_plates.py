@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from .. import lang as gt
+from ..geometry.quaternions import quaternion_matrix
+from ..geometry.rotations import rotation_about
 from ..mechanics import PointFrame, Shaft
-from ..mechanics.rotation import quaternion_matrix, rotation_about
 
 X, Y = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
 

@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .. import lang as gt
+from ..geometry.quaternions import quaternion_matrix
 from ..mechanics import Guideway, MeasuredGuideway
-from ..mechanics.rotation import quaternion_matrix
 
 # straight pieces, arm by arm, of models 1 to 5: three links up to model 2, six from model 3 on
 D1_MODELS = {1: (), 2: (0, 1, 2), 3: (), 4: (0, 1, 2), 5: (1,)}

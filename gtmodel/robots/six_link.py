@@ -8,10 +8,10 @@ from typing import Any, ClassVar
 import numpy as np
 
 from .. import lang as gt
+from ..geometry.quaternions import zyz_quaternion
 from ..mechanics import Flange, Guideway, MidpointRod, PointFrame, RigidPlate
 from ..mechanics.rotation import quaternion_matrix
 from .cart import Cart, behind_and_ahead, cart_friction
-from .clusters import zyz_quaternion
 from .tables import printed
 
 LINKS = ("1", "2a", "2b", "3a", "3b", "3c")

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ..mechanics.rotation import quaternion_matrix
+from ..geometry.quaternions import quaternion_matrix
 from .six_link import SixLink, six_link_gantry_tau
 
 

@@ -13,10 +13,12 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 
+from ..geometry.expressions import applied
+from ..geometry.quaternions import exponential, logarithm
 from ..inference.bundle import ResidualBlock, UnknownGroup
 from ..results.disk import path_of, write_whole
 from ..results.refusal import ArgumentError
-from .rigid_poses import POSE, applied, rotation_vectors
+from .rigid_poses import POSE
 
 LABELS = (*POSE, "f", "k1", "k2")
 
@@ -86,7 +88,7 @@ def read_bal(path: str | Path) -> BundleFile:
     camera, point = seen[:, 0].astype(int), seen[:, 1].astype(int)
     if n and not (0 <= camera.min() <= camera.max() < cameras and 0 <= point.min() <= point.max() < points):
         raise ArgumentError(f"{path.name} has observations of cameras or points that it does not have", "path")
-    return BundleFile(np.hstack([_quaternions(lens[:, :3]), lens[:, 3:]]), P, camera, point, seen[:, 2:].copy())
+    return BundleFile(np.hstack([exponential(lens[:, :3]), lens[:, 3:]]), P, camera, point, seen[:, 2:].copy())
 
 
 def write_bal(path: str | Path, bundle: BundleFile, *, overwrite: bool = False) -> None:
@@ -107,15 +109,7 @@ def write_bal(path: str | Path, bundle: BundleFile, *, overwrite: bool = False) 
     lines = [f"{len(bundle.cameras)} {len(bundle.points)} {len(bundle.uv)}"]
     for c, p, (u, v) in zip(bundle.camera, bundle.point, bundle.uv, strict=True):
         lines.append(f"{c} {p} {u!r} {v!r}".replace("np.float64(", "").replace(")", ""))
-    vectors, _ = rotation_vectors(bundle.cameras[:, :4])
+    vectors = logarithm(bundle.cameras[:, :4])
     numbers = np.concatenate([np.hstack([vectors, bundle.cameras[:, 4:]]).reshape(-1), bundle.points.reshape(-1)])
     lines += [repr(float(x)) for x in numbers]
     write_whole(path, ("\n".join(lines) + "\n").encode(), overwrite=overwrite)
-
-
-def _quaternions(vectors: np.ndarray) -> np.ndarray:
-    angle = np.linalg.norm(vectors, axis=1, keepdims=True)
-    safe = np.where(angle > 0, angle, 1.0)
-    sine = np.where(angle > 1e-8, np.sin(angle / 2) / safe, 0.5)
-    q = np.hstack([np.cos(angle / 2), sine * vectors])
-    return q / np.linalg.norm(q, axis=1, keepdims=True)

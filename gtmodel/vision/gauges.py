@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from ..geometry.poses import matrices_of
 from ..inference.bundle.undetermined import GaugeMotion
-from .rigid_poses import matrices_of
 
 AXES = "xyz"
 FIX = "fix a camera, or measure where a mark is"

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import casadi as ca
 
-from .pinhole import LENS, pixel
-from .rigid_poses import applied
+from ..geometry.expressions import applied
+from ..geometry.pinhole import LENS, pixel
 
 
 def board_view() -> ca.Function:

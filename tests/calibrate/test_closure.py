@@ -7,7 +7,7 @@ import pytest
 import gtmodel as gt
 from gtmodel.calibrate import Choice, Measurements, closure_equations, prepare
 from gtmodel.compiler.causal import flat_of
-from gtmodel.mechanics.rotation import quaternion_matrix
+from gtmodel.geometry.quaternions import quaternion_matrix
 from tests.calibrate.synthetic import poses, true_robot
 
 

@@ -9,7 +9,7 @@ from gtmodel.calibrate.perturbed_kinematics import rows_of, true_poses
 from gtmodel.calibrate.prediction import Prediction, outliers
 from gtmodel.calibrate.sensitivity import sensitivity
 from gtmodel.calibrate.synthetic.guideway_errors import GuidewayError
-from gtmodel.mechanics.rotation import quaternion_matrix
+from gtmodel.geometry.quaternions import quaternion_matrix
 from tests.calibrate.synthetic import poses, true_robot
 
 SAME = 1e-12  # m: rounding of lengths of metres

@@ -10,7 +10,8 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from gtmodel.filtering.attitude.gyro_path import RateCorrection, gyro_path, left_jacobian, picked, turns
+from gtmodel.filtering.attitude.gyro_path import RateCorrection, gyro_path, picked, turns
+from gtmodel.geometry.rotations import left_jacobian
 
 PLAIN = RateCorrection(np.eye(3), np.zeros(3))
 

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from gtmodel.geometry.rotations import angle_between
 from gtmodel.kinematics.assembly_modes import start_systems
 from gtmodel.kinematics.assembly_modes.homotopy import HomotopyParameters, straight_line
 from gtmodel.kinematics.assembly_modes.kantorovich import BASIS_MATRICES, isolate
 from gtmodel.kinematics.assembly_modes.make_start_systems import SEEDS, make
 from gtmodel.kinematics.assembly_modes.newton import newton_step, solve_rows
 from gtmodel.kinematics.assembly_modes.projective import distance_to_conjugate, distances
-from gtmodel.kinematics.assembly_modes.result import rotation_angle
 from gtmodel.kinematics.assembly_modes.self_motion import on_a_curve
 from gtmodel.kinematics.assembly_modes.sorting import residuals
 from gtmodel.kinematics.assembly_modes.start_system import FILE, from_text, to_text
@@ -176,7 +176,7 @@ def test_the_pose_of_a_self_motion_is_on_a_curve() -> None:
 def test_rotation_angles_are_accurate_near_zero_and_at_half_a_turn() -> None:
     for angle in (0.0, 1e-9, 1.0, np.pi):
         R = Rotation.from_rotvec([0.0, angle, 0.0]).as_matrix()
-        assert rotation_angle(R, np.eye(3)) == pytest.approx(angle, rel=1e-6, abs=1e-15)
+        assert angle_between(R, np.eye(3)) == pytest.approx(angle, rel=1e-6, abs=1e-15)
 
 
 def test_words_of_the_status_are_fixed() -> None:

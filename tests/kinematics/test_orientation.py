@@ -12,9 +12,9 @@ from scipy.optimize import fsolve
 from scipy.spatial.transform import Rotation
 
 import gtmodel as gt
+from gtmodel.geometry.angles import matrices
 from gtmodel.kinematics import grid, orientation_map, rotation_vector, zyz
 from gtmodel.kinematics.orientation import OrientationMap
-from gtmodel.kinematics.rotations import matrices
 from gtmodel.robots.six_link import D1_ZYZ_DEG, six_link_gantry_tau
 
 ROUND_OFF = 1e-12

@@ -11,10 +11,10 @@ import pytest
 import gtmodel as gt
 from gtmodel import mechanics, robots
 from gtmodel.compiler.causal import flat_of
+from gtmodel.geometry.rotations import rotation_about
 from gtmodel.lang.declare import Parameter
 from gtmodel.lang.values import check_parameter
 from gtmodel.mechanics import LinkBody
-from gtmodel.mechanics.rotation import rotation_about
 from gtmodel.robots import cart, inverse_model, joint_plates, six_link, three_link, with_wrist
 
 MODULES = (mechanics, robots, cart, inverse_model, joint_plates, six_link, three_link, with_wrist)

@@ -7,7 +7,7 @@ import pytest
 
 from gtmodel import robots
 from gtmodel.calibrate.plan.files import rapid_program
-from gtmodel.mechanics.rotation import quaternion_matrix
+from gtmodel.geometry.quaternions import quaternion_matrix
 from gtmodel.motion import rapid
 from gtmodel.motion.reference import COLUMNS, rapid_text, reference_text
 from gtmodel.results import ArgumentError, Trajectory

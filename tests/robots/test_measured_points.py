@@ -7,7 +7,7 @@ import pytest
 
 import gtmodel as gt
 from gtmodel import ModelError, Status
-from gtmodel.mechanics.rotation import quaternion_matrix
+from gtmodel.geometry.quaternions import quaternion_matrix
 from gtmodel.robots.measured_guideways import on_measured_points
 
 AT = np.linspace(-2.0, 2.0, 21)

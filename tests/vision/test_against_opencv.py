@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from gtmodel.inference.bundle.unknown_group import rotation_vectors
+from gtmodel.geometry.poses import matrices_of, poses_of
+from gtmodel.geometry.quaternions import logarithm
 from gtmodel.vision import intersect, project, undistort
-from gtmodel.vision.rigid_poses import matrices_of, poses_of
 from gtmodel.vision.views import board_view
 
 cv2 = pytest.importorskip("cv2", reason="OpenCV is not installed: pip install 'gtmodel[vision]'")
@@ -57,7 +57,7 @@ def test_derivatives_are_opencv_s(scene) -> None:
 
 def test_increments_are_rotation_vectors_as_opencv_has_them(scene) -> None:
     q = poses_of(Rotation.from_rotvec([scene[1][:3]]).as_matrix(), np.zeros((1, 3)))
-    assert np.allclose(rotation_vectors(q[:, :4])[0][0], cv2.Rodrigues(matrices_of(q)[0])[0].ravel(), atol=1e-12)
+    assert np.allclose(logarithm(q[:, :4])[0], cv2.Rodrigues(matrices_of(q)[0])[0].ravel(), atol=1e-12)
 
 
 def test_exact_pixels_intersect_where_opencv_says(scene) -> None:

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 import gtmodel as gt
+from gtmodel.geometry.quaternions import quaternion_matrix, quaternion_of
 from gtmodel.inference import binomial_band
 from gtmodel.inference.bundle import bundle_fit
 from gtmodel.vision.robot_cameras import joint as joint_module, redundancies as motions
 from gtmodel.vision.robot_cameras.joint import Prepared
 from gtmodel.vision.robot_cameras.robot_side import robot_side
-from gtmodel.vision.robot_cameras.starts import matrix, quaternion
 
 V = gt.vision.robot_cameras
 
@@ -202,7 +202,7 @@ def test_motions_are_those_of_a_finite_turn():
     h = 1e-4
 
     def turned(angle: float) -> np.ndarray:
-        R = matrix(np.array([np.cos(angle / 2), 0, 0, np.sin(angle / 2)]))
+        R = quaternion_matrix(np.array([np.cos(angle / 2), 0, 0, np.sin(angle / 2)]))
         return ready.start["camera"][:, 13:] @ R.T
 
     np.testing.assert_allclose(step["camera"][:, 12:], (turned(h) - turned(-h)) / (2 * h), atol=1e-7)
@@ -472,9 +472,11 @@ def test_quaternions_turn_as_their_matrices():
     rng = np.random.default_rng(1)
     q = rng.standard_normal(4)
     q /= np.linalg.norm(q) * np.sign(q[0])
-    np.testing.assert_allclose(quaternion(matrix(q)), q, atol=1e-12)
+    np.testing.assert_allclose(quaternion_of(quaternion_matrix(q)), q, atol=1e-12)
     w, x, y, z = q
-    np.testing.assert_allclose(matrix(q)[0], [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)])
+    np.testing.assert_allclose(
+        quaternion_matrix(q)[0], [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)]
+    )
 
 
 def test_the_robots_side_closes_where_its_causal_function_does():

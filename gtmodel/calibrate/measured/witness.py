@@ -9,6 +9,7 @@ import numpy as np
 import scipy
 
 from ...compiler.causal import CausalFunction, compile_causal, flat_of
+from ...geometry.quaternions import angle_between, quaternion_of
 from ...inference import over_noise
 from ...lang import Model, ModelError
 from ...lang.units import parse_unit
@@ -154,7 +155,7 @@ def recognise(data: SplitPoses, witness: Witness, inspection: Inspection) -> tup
         return None
     if pose.device:
         t, R, _ = aligned(T[good], predicted)
-        return t, scipy.spatial.transform.Rotation.from_matrix(R).as_quat(scalar_first=True)
+        return t, quaternion_of(R)
     return None
 
 
@@ -283,14 +284,13 @@ def _upright(data: SplitPoses, rows: np.ndarray, predicted: np.ndarray) -> Suspi
     if pose.orientation is None or pose.device or pose.target or not predicted.shape[1]:
         return None
     e = np.asarray(data.all.values[pose.orientation])[rows]
-    given = _turn(e, predicted)
+
+    def turned(rows: np.ndarray) -> float:
+        return float(np.sqrt(np.mean(angle_between(rows, predicted) ** 2)))
+
+    given = turned(e)
     if given <= TURNED:
         return None
-    best = compared(given, [scalar_last(pose.orientation)], lambda r: _turn(r(e), predicted), 3 * len(e), nearer=NEARER)
+    best = compared(given, [scalar_last(pose.orientation)], lambda r: turned(r(e)), 3 * len(e), nearer=NEARER)
     said = f"orientations miss the model's by {np.degrees(given):.3g} deg rms as given, and by"
     return best.suspicion(said, f"{np.degrees(best.left):.3g} deg")
-
-
-def _turn(a: np.ndarray, b: np.ndarray) -> float:
-    c = np.abs(np.sum(a * b, axis=1)) / np.linalg.norm(a, axis=1) / np.linalg.norm(b, axis=1)
-    return float(np.sqrt(np.mean((2 * np.arccos(np.minimum(c, 1.0))) ** 2)))

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...geometry.rotations import right_handed
+
 WAVES = 5  # of the smooth part: the longest is twice the range, the shortest two fifths of it
 FINE = 2001  # points over the range at which sizes are set
 
@@ -37,14 +39,11 @@ class GuidewayError:
         for k in range(3):
             line = np.polynomial.Polynomial.fit(fine, base[k], 1)
             smooth[k], base[k] = smooth[k] - line(q), base[k] - line(fine)
-        u = self.direction / np.linalg.norm(self.direction)
-        first = np.cross(u, np.eye(3)[np.argmin(np.abs(u))])
-        first /= np.linalg.norm(first)
-        axes = np.array([u, first, np.cross(u, first)])
+        axes = right_handed(self.direction)
         sizes = np.mean(np.abs(base[0])), np.mean(np.hypot(base[1], base[2]))
         scale = np.array([self.along / sizes[0], *[self.across / sizes[1]] * 2])
         turn = 2 * np.pi * np.asarray(q, float) / self.period + phase[0, WAVES]
-        return (scale[:, None] * smooth).T @ axes + self.cyclic * np.sin(turn)[:, None] * u
+        return (scale[:, None] * smooth).T @ axes + self.cyclic * np.sin(turn)[:, None] * axes[0]
 
     def _waves(self, q: np.ndarray, amplitude: np.ndarray, phase: np.ndarray) -> np.ndarray:
         s = np.pi * (np.asarray(q, float) - self.low) / (self.high - self.low)

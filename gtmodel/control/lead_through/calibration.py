@@ -10,6 +10,7 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
+from ...geometry.rotations import cross_matrix
 from ...inference import linear_fit, newey_west
 from ...inference.residuals import SMALL_P
 from ...measurements.inspection.data_tests import Data, tested
@@ -180,7 +181,7 @@ def _fitted(
     units += ["kg"] if force else ["kg m"] * 3
 
     def load_of(g: np.ndarray) -> np.ndarray:
-        return g[:, :, None] if force else -cross_matrices(g)
+        return g[:, :, None] if force else -cross_matrix(g)
 
     one = np.broadcast_to(np.eye(3), (len(g), 3, 3))
     columns = [one, load_of(g)]
@@ -206,13 +207,6 @@ def _rising(time: ArrayLike, count: int) -> np.ndarray:
     if t.shape != (count,) or not np.all(np.isfinite(t)) or not np.all(np.diff(t) > 0):
         raise ArgumentError(f"expected {count} finite numbers that rise, one a pose", "time")
     return t
-
-
-def cross_matrices(vectors: np.ndarray) -> np.ndarray:
-    """(n, 3, 3) matrices X of vectors (n, 3) with X b = vector x b."""
-    x, y, z = vectors.T
-    zero = np.zeros_like(x)
-    return np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=1).reshape(-1, 3, 3)
 
 
 def _centre(force: Estimate, moment: Estimate) -> Estimate:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import scipy
 
+from ...geometry.rotations import rotation_by
 from ...results import Check, at_least, at_most
 from .gains import SurfaceGains
 from .guiding import LeadThroughLaw
@@ -96,7 +97,7 @@ def peg_stiffness(hole: SyntheticHole) -> np.ndarray:
         both = []
         for sign in (1.0, -1.0):
             x = sign * STEP * np.eye(6)[n]
-            turn = scipy.spatial.transform.Rotation.from_rotvec(x[3:]).as_matrix()
+            turn = rotation_by(x[3:])
             both.append(np.concatenate(tight.wrench(at + x[:3], turn, np.zeros(3), np.zeros(3), 0.0)))
         columns.append((both[1] - both[0]) / (2 * STEP))
     return np.column_stack(columns)

@@ -8,9 +8,10 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
+from ...geometry.rotations import cross_matrix
 from ...inference import linear_fit
 from ...results import ArgumentError, Estimate
-from .calibration import WrenchCalibration, cross_matrices
+from .calibration import WrenchCalibration
 from .status import WrenchStatus
 from .wrench import axes, rows_of, sigma_of, turns_of
 
@@ -63,7 +64,7 @@ def lever_arm(
     m = rows_of(moments, "moments", len(f))
     sigma_of(sigma_force, "sigma_force")
     sigma_of(sigma_moment, "sigma_moment")
-    A = -cross_matrices(f)
+    A = -cross_matrix(f)
     least = len(f) * (ABOVE_NOISE * sigma_force) ** 2
     if np.sum(f**2) < least:
         return LeverArm(None, WrenchStatus.NO_FORCE)
@@ -73,7 +74,7 @@ def lever_arm(
         raise ArgumentError("calibration and turns are given together", "turns")
     arm, estimate, white = np.zeros(3), None, np.eye(3)
     for _ in range(PASSES):
-        through = cross_matrices(arm[None])[0]
+        through = cross_matrix(arm)
         white = np.linalg.inv(np.linalg.cholesky(sigma_moment**2 * np.eye(3) + sigma_force**2 * through @ through.T))
         estimate = linear_fit(
             (white @ A).reshape(-1, 3), (m @ white.T).reshape(-1), axes("arm"), sigma=1.0, units=["m"] * 3
@@ -90,9 +91,9 @@ def lever_arm(
 
 def _common(known: WrenchCalibration, g: np.ndarray, A: np.ndarray, white: np.ndarray, arm: np.ndarray) -> np.ndarray:
     """Covariance (3, 3) of the arm from errors of bias, mass and first moment, to first order."""
-    through = cross_matrices(arm[None])[0]
+    through = cross_matrix(arm)
     by_force = np.concatenate([np.broadcast_to(through, (len(g), 3, 3)), (through @ g.T).T[:, :, None]], axis=2)
-    by_moment = np.concatenate([np.broadcast_to(-np.eye(3), (len(g), 3, 3)), cross_matrices(g)], axis=2)
+    by_moment = np.concatenate([np.broadcast_to(-np.eye(3), (len(g), 3, 3)), cross_matrix(g)], axis=2)
     slopes = white @ np.concatenate([by_force, by_moment], axis=2)
     own = white @ A
     gain = np.linalg.solve(np.einsum("nij,nik->jk", own, own), np.einsum("nij,nik->jk", own, slopes))

@@ -7,9 +7,9 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import scipy
 
 from ..._lazy import hint
+from ...geometry.rotations import rotation_by
 from ...results import ArgumentError, Check, SolveStatus, Work, at_least, at_most
 from ...results.door import study_function
 from ...results.table import csv_text
@@ -191,7 +191,7 @@ def _run(
 ) -> tuple[LeadThroughLaw, ToolRun, list[str]]:  # fmt: skip
     """The law, its run, and which sensors were tested in a way that leaves a turn about the vertical unseen."""
     rng = np.random.default_rng(setup.seed)
-    turn = scipy.spatial.transform.Rotation.from_rotvec(setup.turn).as_matrix()
+    turn = rotation_by(setup.turn)
     of_tool = calibrated(tool, setup.poses, setup.readings, turn, rng)
     of_handle = calibrated(handle, setup.poses, setup.readings, turn, rng)
     law = LeadThroughLaw(SurfaceLaw(gains, watch=watch), TurningLaw(turning), of_handle[1], of_tool[1])

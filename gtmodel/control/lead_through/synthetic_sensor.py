@@ -42,9 +42,9 @@ class SyntheticSensor(Options):
     @cached_property
     def matrix(self) -> np.ndarray:
         """(3, 3), columns are the sensor's axes in the tool's frame."""
-        import scipy
+        from ...geometry.rotations import rotation_by
 
-        return scipy.spatial.transform.Rotation.from_rotvec(self.turn).as_matrix()
+        return rotation_by(self.turn)
 
     def reading(
         self, force: np.ndarray, moment: np.ndarray, turn: np.ndarray, rng: np.random.Generator

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
 from numpy.typing import ArrayLike
 
+from ...geometry.rotations import rotation_by
 from .guiding import LeadThroughLaw
 from .hand import GuidePhase, Hand, rows_of_phases
 from .options import ServoChain
@@ -132,7 +132,7 @@ def guide_tool(
         turns.advance(np.array(state.rate))
         by = turns.position - before
         if by.any():
-            R = scipy.spatial.transform.Rotation.from_rotvec(by).as_matrix() @ R
+            R = rotation_by(by) @ R
     return ToolRun(
         cycle * np.arange(count),
         turn=orientation,

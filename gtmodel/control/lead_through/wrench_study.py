@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import numpy as np
 import scipy
 
+from ...geometry.rotations import rotation_by
 from ...inference import coverage
 from ...results import ArgumentError, Check, Estimate, SolveStatus, Trajectory, Work
 from ...results.door import study_function
@@ -74,8 +75,8 @@ def wrench_study(
         noise = force_noise, moment_noise
         rows = [_signal(readings, name, "readings") for name in SIGNALS]
         known = calibrate_wrench(
-            _turns(rows[0]), *rows[1:], sigma_force=noise[0], sigma_moment=noise[1], time=readings.time, drift=drift,
-            accept=accept,
+            rotation_by(rows[0]), *rows[1:], sigma_force=noise[0], sigma_moment=noise[1], time=readings.time,
+            drift=drift, accept=accept,
         )  # fmt: skip
         arm = _measured_arm(known, pushes, force_noise, moment_noise)
         notes += ends_of_range(rows[1], "force") + ends_of_range(rows[2], "moment")
@@ -133,10 +134,6 @@ def _signal(readings: Trajectory, name: str, argument: str) -> np.ndarray:
     return rows
 
 
-def _turns(vectors: np.ndarray) -> np.ndarray:
-    return scipy.spatial.transform.Rotation.from_rotvec(vectors).as_matrix()
-
-
 def _measured_arm(
     known: WrenchCalibration, pushes: Trajectory | None, force_noise: float | None, moment_noise: float | None
 ) -> LeverArm | None:
@@ -149,8 +146,10 @@ def _measured_arm(
         return LeverArm(None, WrenchStatus.WRONG_SIGN)
     assert force_noise is not None and moment_noise is not None
     turn, force, moment = (_signal(pushes, name, "pushes") for name in SIGNALS)
-    own = known.contact(_turns(turn), force, moment)
-    return lever_arm(*own, sigma_force=force_noise, sigma_moment=moment_noise, calibration=known, turns=_turns(turn))
+    own = known.contact(rotation_by(turn), force, moment)
+    return lever_arm(
+        *own, sigma_force=force_noise, sigma_moment=moment_noise, calibration=known, turns=rotation_by(turn)
+    )
 
 
 def _synthetic(

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from ...geometry.expressions import quaternion_kinematics
 from ...lang.declare import input as known, parameter, variable
-from ...lang.functions import cross, der, dot, sqrt
+from ...lang.functions import der, dot, sqrt
 from ...lang.model import Model
 from ...results.trajectory import Trajectory
 from ..belief import InitialState
@@ -44,10 +45,10 @@ class GyroCarriedBody(Model):
     drift = known(3, unit="1/s")
 
     def equations(self) -> Any:
-        q, u = self.Q, self.Q[1:4]
         w = self.rate + self.e * sqrt(dot(self.rate, self.rate) + SLOW**2)
-        yield der(q[0]) == -0.5 * dot(u, w)
-        yield der(u) == 0.5 * (q[0] * w + cross(u, w))
+        scalar, rates = quaternion_kinematics(self.Q, w)
+        yield der(self.Q[0]) == scalar
+        yield der(self.Q[1:4]) == rates
         yield der(self.e) == -self.e / self.persistence + self.drift
 
 

@@ -37,6 +37,7 @@ RESTING = 2e-3  # rad between two references: at rest
 SETTLE = 0.15  # s of a rest that are left out: the arm swings out
 WIDE_STEP = 0.02  # s, of offsets beyond those that were asked for: turns last some tenths
 MOST_OFFSETS = 5000  # of these
+LIKELIHOOD_DIGITS = 6  # beyond them a likelihood is round-off, and the convention that was tried first stays first
 REFINED = 2  # of the most likely conventions: their clock offset is refined; two differ by axes only
 
 
@@ -110,9 +111,12 @@ def conventions(
                     paths[unit, offset] = near.turned(offset)
                 one = Convention(unit, order, direction, 0.0, 0.0, offset, (0, 0, 0))
                 tried.append((near, near.at_offset(one, paths[unit, offset])))
-    tried.sort(key=lambda pair: -pair[1].either)
+    tried.sort(key=lambda pair: -round(pair[1].either, LIKELIHOOD_DIGITS))
     best = [near.refined(convention, step) for near, convention in tried[:REFINED]]
-    return sorted([*best, *(convention for _, convention in tried[REFINED:])], key=lambda c: -c.log_likelihood)
+    return sorted(
+        [*best, *(convention for _, convention in tried[REFINED:])],
+        key=lambda c: -round(c.log_likelihood, LIKELIHOOD_DIGITS),
+    )
 
 
 def started(

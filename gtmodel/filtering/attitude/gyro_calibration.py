@@ -9,13 +9,14 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from ...geometry.rotations import cross_matrix
 from ...inference.make_estimate import carried
 from ...inference.nonlinear import nonlinear_fit
 from ...inference.residuals import Verdict, whiteness
 from ...results.estimate import Estimate
 from ...results.refusal import ArgumentError
 from ...results.status import SolveStatus
-from .gyro_path import GyroPath, RateCorrection, crossing, gyro_path
+from .gyro_path import GyroPath, RateCorrection, gyro_path
 from .reference_noise import START, ReferenceNoise, factors, likeliest_noise, whitened
 
 NAMES = (*(f"matrix[{i}][{j}]" for i in range(3) for j in range(3)), *(f"bias[{i}]" for i in range(3)), "offset")
@@ -235,7 +236,7 @@ class _Turns:
         r, path = self.residual(x, self.path(x, derivative=True))
         assert path.derivative is not None
         moved = np.swapaxes(path.turn[1:].as_matrix(), 1, 2) @ np.diff(path.derivative, axis=0)
-        K = crossing(r)  # inverse left Jacobian of r, to what residuals of a tenth of a radian need
+        K = cross_matrix(r)  # inverse left Jacobian of r, to what residuals of a tenth of a radian need
         J = -(np.eye(3) - K / 2 + K @ K / 12) @ moved
         return r.ravel(), J.reshape(-1, len(x))
 

@@ -8,6 +8,9 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from ...geometry.quaternions import product
+from ...geometry.rotations import cross_matrix, left_jacobian
+
 SMALL = 1e-2  # rad; below it sines over angles are their series, whose next term is 1e-14 of the first
 
 
@@ -80,7 +83,7 @@ def gyro_path(
     turn = turns(Rotation.from_rotvec(step))
     if not derivative:
         return GyroPath(picked(turn, own), rate[own])
-    h, A, B, unit = h[:, :, None], crossing(a), crossing(b), np.eye(3)
+    h, A, B, unit = h[:, :, None], cross_matrix(a), cross_matrix(b), np.eye(3)
     r0, r1 = read[:-1, None, None, :], read[1:, None, None, :]  # against (n, 3, row of the matrix, column of it)
     by_matrix = h[..., None] / 2 * unit[..., None] * (r0 + r1) + h[..., None] ** 2 / 12 * (
         A[..., None] * r1 - B[..., None] * r0
@@ -101,42 +104,17 @@ def turns(steps: Rotation) -> Rotation:
     """The turns (n + 1) after 0, 1, ... n of these steps, each step in the axes that those before have led to."""
     n = len(steps) + 1
     rows = int(np.ceil(np.sqrt(n)))
-    q = np.tile([0.0, 0.0, 0.0, 1.0], (rows * rows, 1))
-    q[1:n] = steps.as_quat()
+    q = np.tile([1.0, 0.0, 0.0, 0.0], (rows * rows, 1))
+    q[1:n] = steps.as_quat(scalar_first=True)
     q = q.reshape(rows, rows, 4)
     for k in range(1, rows):  # along all rows at once, then what comes before each row
-        q[:, k] = _product(q[:, k - 1], q[:, k])
+        q[:, k] = product(q[:, k - 1], q[:, k])
     before = q[:, -1].copy()
     for k in range(1, rows):
-        before[k] = _product(before[k - 1], before[k])
-    q[1:] = _product(before[:-1, None], q[1:])
-    return Rotation.from_quat(q.reshape(-1, 4)[:n])
-
-
-def _product(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """a * b of quaternions (..., 4), scalar last as scipy has them."""
-    u, v, s, t = a[..., :3], b[..., :3], a[..., 3:], b[..., 3:]
-    scalar = s * t - np.sum(u * v, axis=-1, keepdims=True)
-    return np.concatenate([s * v + t * u + _cross(u, v), scalar], axis=-1)
+        before[k] = product(before[k - 1], before[k])
+    q[1:] = product(before[:-1, None], q[1:])
+    return Rotation.from_quat(q.reshape(-1, 4)[:n], scalar_first=True)
 
 
 def _cross(u: np.ndarray, v: np.ndarray) -> np.ndarray:
     return u[..., [1, 2, 0]] * v[..., [2, 0, 1]] - u[..., [2, 0, 1]] * v[..., [1, 2, 0]]
-
-
-def crossing(v: np.ndarray) -> np.ndarray:
-    """Matrices (n, 3, 3) that cross v (n, 3) with what they multiply."""
-    K = np.zeros((len(v), 3, 3))
-    K[:, 0, 1], K[:, 0, 2], K[:, 1, 2] = -v[:, 2], v[:, 1], -v[:, 0]
-    return K - np.swapaxes(K, 1, 2)
-
-
-def left_jacobian(v: np.ndarray) -> np.ndarray:
-    """d log(exp(v + d) exp(-v)) / dd at d = 0, (n, 3, 3) for rotation vectors (n, 3)."""
-    angle = np.linalg.norm(v, axis=1)
-    near = angle < SMALL
-    safe = np.where(near, 1.0, angle)
-    first = np.where(near, 0.5 - angle**2 / 24, (1 - np.cos(safe)) / safe**2)
-    second = np.where(near, 1 / 6 - angle**2 / 120, (safe - np.sin(safe)) / safe**3)
-    K = crossing(v)
-    return np.eye(3) + first[:, None, None] * K + second[:, None, None] * (K @ K)

@@ -10,6 +10,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ...geometry.quaternions import logarithm, small_turn, turned
+from ...geometry.rotations import inverse_right_jacobian
 from ...results.refusal import ArgumentError
 
 AXES = ("x", "y", "z")
@@ -112,11 +114,7 @@ class UnknownGroup:
         t = self.turn
         new = np.empty_like(values)
         new[:, :t], new[:, t + 4 :] = values[:, :t] + step[:, :t], values[:, t + 4 :] + step[:, t + 3 :]
-        q, half = values[:, t : t + 4], step[:, t : t + 3] / 2
-        turned = np.empty_like(q)
-        turned[:, 0] = q[:, 0] - np.sum(q[:, 1:] * half, axis=1)
-        turned[:, 1:] = q[:, 1:] + q[:, :1] * half + np.cross(q[:, 1:], half)
-        new[:, t : t + 4] = turned / np.linalg.norm(turned, axis=1, keepdims=True)
+        new[:, t : t + 4] = turned(values[:, t : t + 4], step[:, t : t + 3])
         return new
 
     def moved_sx(self, values: ca.SX, step: ca.SX) -> ca.SX:
@@ -124,9 +122,8 @@ class UnknownGroup:
         if self.turn is None:
             return values + step
         t = self.turn
-        q, half = values[t : t + 4], step[t : t + 3] / 2
-        turned = ca.vertcat(q[0] - ca.dot(q[1:], half), q[1:] + q[0] * half + ca.cross(q[1:], half))
-        return ca.vertcat(values[:t] + step[:t], turned, values[t + 4 :] + step[t + 3 :])
+        changed = small_turn(values[t : t + 4], step[t : t + 3] / 2)
+        return ca.vertcat(values[:t] + step[:t], changed, values[t + 4 :] + step[t + 3 :])
 
     def reported(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
         """Numbers (count, moves) for people, quaternions as rotation vectors [rad], and how these move with the
@@ -134,21 +131,5 @@ class UnknownGroup:
         if self.turn is None:
             return values, None
         t = self.turn
-        vectors, slopes = rotation_vectors(values[:, t : t + 4])
-        return np.hstack([values[:, :t], vectors, values[:, t + 4 :]]), slopes
-
-
-def rotation_vectors(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Rotation vectors (n, 3) of unit quaternions (n, 4), and d vector / d increment in the own frame (n, 3, 3)."""
-    q = np.where(q[:, :1] < 0, -q, q)
-    sine = np.linalg.norm(q[:, 1:], axis=1)
-    angle = 2 * np.arctan2(sine, q[:, 0])
-    small = angle < 1e-4
-    safe = np.where(small, 1.0, angle)
-    vector = q[:, 1:] * np.where(small, 2 / q[:, 0], safe / np.where(small, 1.0, sine))[:, None]
-    cross = np.zeros((len(q), 3, 3))
-    cross[:, 2, 1], cross[:, 0, 2], cross[:, 1, 0] = vector.T
-    cross -= cross.transpose(0, 2, 1).copy()
-    half = safe / 2
-    factor = np.where(small, 1 / 12, (1 - half / np.tan(half)) / safe**2)
-    return vector, np.eye(3) + cross / 2 + factor[:, None, None] * (cross @ cross)
+        vectors = logarithm(values[:, t : t + 4])
+        return np.hstack([values[:, :t], vectors, values[:, t + 4 :]]), inverse_right_jacobian(vectors)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...geometry.rotations import right_handed
 from .corners import SIGNS, Array
 
 ITERATIONS = 50
@@ -28,13 +29,7 @@ class Ellipsoids:
     @classmethod
     def about_guideways(cls, directions: Array, along: Array, across: Array) -> Ellipsoids:
         """One half-axis `along` each guideway, two equal ones `across` it, (3,) each [m] (Dressler 2012, Table 4.2)."""
-        axes = []
-        for v in np.asarray(directions, dtype=float):
-            # completed to a right-handed basis by the axis that lies least along v
-            n = v / np.linalg.norm(v)
-            second = np.cross(n, np.eye(3)[int(np.argmin(np.abs(n)))])
-            second /= np.linalg.norm(second)
-            axes.append([n, second, np.cross(n, second)])
+        axes = [right_handed(v) for v in directions]
         return cls(np.array(axes), np.stack([along, across, across], axis=1).astype(float))
 
     def support(self, u: Array) -> Array:

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-import scipy
 
+from ...geometry.quaternions import zyz_quaternion
 from ...measurements.csv_table import CsvTable
 from ...results import ArgumentError, naming
 from ...results.disk import path_of
@@ -82,7 +82,7 @@ def _orientation(pose: CommandedPose, left_out: np.ndarray, argument: str, head:
             )
         return e / length
     if pose.zyz is not None:
-        return scipy.spatial.transform.Rotation.from_euler("ZYZ", pose.zyz).as_quat(scalar_first=True)
+        return zyz_quaternion(*pose.zyz)
     return left_out
 
 

@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ...geometry.rotations import angle_between
 from .certificate import Certificate
 from .kantorovich import Isolation
 from .newton import newton_step
 from .platform import Real, ScaledLegs
 from .projective import distance_to_conjugate, distances, projective_distance
-from .result import AssemblyModes, rotation_angle
+from .result import AssemblyModes
 from .search import ModesSearch
 from .sorting import are_same, residuals
 from .study import MODES, Array, rotation_and_position
@@ -117,7 +118,7 @@ def _nearest_others(R: Real, T: Real) -> tuple[NDArray[np.intp], Real, Real]:
     if m < 2:
         return np.full(m, -1, dtype=np.intp), np.full(m, np.inf), np.full(m, np.inf)
     distance = np.linalg.norm(T[:, None] - T[None], axis=2)
-    angle = rotation_angle(R[:, None], R[None])
+    angle = angle_between(R[:, None], R[None])
     measure = distance**2 + angle**2
     measure[np.arange(m), np.arange(m)] = np.inf
     nearest = np.argmin(measure, axis=1)

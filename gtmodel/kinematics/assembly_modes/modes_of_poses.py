@@ -9,8 +9,8 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-import scipy
 
+from ...geometry.quaternions import quaternion_of
 from ...lang import Model, ModelError
 from ...results import ArgumentError, Check, SolveStatus, Work, at_most
 from ...results.door import study_function
@@ -135,7 +135,7 @@ def _pose_values(judged: Judged, i: int) -> dict[str, Any]:
         "q_m": hands.q[i, :3],
         "q_rad": hands.q[i, 3:],
         "tcp_m": hands.T[i],
-        "quaternion": _quaternion(hands.R[i]),
+        "quaternion": quaternion_of(hands.R[i]),
         "modes": [
             {
                 "mode": k + 1,
@@ -149,13 +149,6 @@ def _pose_values(judged: Judged, i: int) -> dict[str, Any]:
             for k in range(c.real)
         ],
     }
-
-
-def _quaternion(R: np.ndarray) -> np.ndarray:
-    """Scalar first, that one positive; NaN for a rotation that is not known."""
-    if not np.isfinite(R).all():
-        return np.full(4, np.nan)
-    return scipy.spatial.transform.Rotation.from_matrix(R).as_quat(canonical=True, scalar_first=True)
 
 
 def _summary(judged: Judged, each: list[dict[str, Any]], done: list[int]) -> dict[str, Any]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ...geometry.rotations import angle_between
 from ...results.status import ModesStatus
 from .certificate import Certificate
 from .platform import Real
@@ -69,7 +70,7 @@ class AssemblyModes:
         if not len(self.T):
             return -1, np.inf, np.inf
         distance = np.linalg.norm(self.T - np.asarray(T, dtype=float), axis=1)
-        angle = rotation_angle(self.R, np.asarray(R, dtype=float))
+        angle = angle_between(self.R, np.asarray(R, dtype=float))
         k = int(np.argmin((distance / self.size) ** 2 + angle**2))
         return k, float(distance[k]), float(np.degrees(angle[k]))
 
@@ -82,8 +83,3 @@ def without_modes(status: ModesStatus, message: str, size: float, certificate: C
         status, message, R, T, np.zeros((0, 4)), np.zeros(0, dtype=np.intp), none, none,
         Rc, Tc, np.zeros((0, 4), dtype=complex), Rc, Tc, size, certificate,
     )  # fmt: skip
-
-
-def rotation_angle(R: Real, S: Real) -> Real:
-    """Angle [rad] of the rotations between R (..., 3, 3) and S (..., 3, 3); accurate near zero too."""
-    return 2 * np.arcsin(np.minimum(np.linalg.norm(R - S, axis=(-2, -1)) / np.sqrt(8), 1.0))

@@ -7,9 +7,9 @@ from functools import cached_property
 
 import casadi as ca
 import numpy as np
-import scipy
 
 from ...compiler.causal import CausalFunction, compile_causal, flat_of
+from ...geometry.angles import matrices
 from ...lang import Model, ModelError
 from ...results import ArgumentError, Status
 from ...robots.links import rod_names
@@ -162,7 +162,7 @@ def bare(A: Array, B: Array, L: Array, T: Array | None = None, e: Array | None =
     A, B, L = A.reshape(-1, LINKS, 3), B.reshape(-1, LINKS, 3), L.reshape(-1, LINKS)
     n = len(L)
     positions = np.full((n, 3), np.nan) if T is None else T.reshape(n, 3)
-    rotations = np.full((n, 3, 3), np.nan) if e is None else _rotations(e.reshape(n, 4))
+    rotations = np.full((n, 3, 3), np.nan) if e is None else matrices(e.reshape(n, 4))
     return Hands(A, B, L, positions, rotations, np.zeros((n, 0)), {})
 
 
@@ -188,8 +188,3 @@ def draw(count: int, seed: int) -> Hands:
         synthetic=f"synthetic platforms, seed {seed}",
         L=np.linalg.norm(T[:, None] + B @ np.swapaxes(hands.R, 1, 2) - A, axis=2),
     )
-
-
-def _rotations(e: Array) -> Array:
-    """Rotation matrices (n, 3, 3) of quaternions (n, 4), scalar first, of any length but zero."""
-    return np.asarray(scipy.spatial.transform.Rotation.from_quat(e, scalar_first=True).as_matrix())

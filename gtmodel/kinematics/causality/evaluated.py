@@ -10,13 +10,13 @@ from typing import Annotated, Any
 import numpy as np
 
 from ...compiler.causal import CausalFunction, CausalSignal, compile_causal, flat_of
+from ...geometry.angles import matrices
 from ...lang import Model, ModelError
 from ...results import ArgumentError, SolveStatus, Status, Work
 from ...results.agreement import AnyNumber
 from ...results.door import study_function
 from ...results.work import Progress, never, silent
 from ..orientation import OrientationMap, grid
-from ..rotations import matrices
 from . import point_table
 from .conditions import Conditions
 from .options import Orientation, PointGrid

@@ -44,11 +44,10 @@ class SensorNumbers(Options):
 
     def mounted(self) -> MountedSensor:
         """The sensor of the law."""
-        import scipy
-
         from ...control.lead_through import MountedSensor
+        from ...geometry.rotations import rotation_by
 
-        x, y, z = scipy.spatial.transform.Rotation.from_rotvec(self.turn).as_matrix().tolist()
+        x, y, z = rotation_by(self.turn).tolist()
         a, b, c = self.centre
         return MountedSensor(
             (_vector(x), _vector(y), _vector(z)), _vector(self.point), _vector(self.force_bias),

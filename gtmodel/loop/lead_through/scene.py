@@ -9,6 +9,7 @@ import numpy as np
 
 from ...control.lead_through import MountedSensor, ServoChain
 from ...control.lead_through.servo import ServoRun
+from ...geometry.rotations import right_handed
 from ..plant import Plant
 from ..wrenches import Wrench
 from .options import Guiding
@@ -53,7 +54,7 @@ class PlateScene:
     ) -> None:  # fmt: skip
         self.guiding, self.forward, self.plant, self.fault_from = guiding, forward, plant, fault_from
         self.law, self.rng = guiding.law(), np.random.default_rng(guiding.scene.seed)
-        self.along = _across(np.array(guiding.normal))
+        self.along = right_handed(np.array(guiding.normal))[1:]
         self.origin = forward(plant.arm_m) - guiding.scene.gap * guiding.scene.plate.normal
         self.force: list[np.ndarray] = []
         self.tip: list[np.ndarray] = []
@@ -101,11 +102,3 @@ class PlateScene:
         moment = np.array(sensor.moment_bias) + np.cross(sensor.first_moment, down) + np.cross(sensor.point, own)
         moment += scene.noise_moment * self.rng.standard_normal(3)
         return Wrench(read.tolist(), moment.tolist())
-
-
-def _across(normal: np.ndarray) -> np.ndarray:
-    """(2, 3): two directions across a direction."""
-    least = np.eye(3)[int(np.argmin(np.abs(normal)))]
-    first = np.cross(normal, least)
-    first /= np.linalg.norm(first)
-    return np.array([first, np.cross(normal, first)])

@@ -8,12 +8,13 @@ from typing import Any
 
 import numpy as np
 
+from ...geometry.quaternions import quaternion_of
 from ..flat import Flattened, ScalarEquation
 from ..instances import Declared, Instance
 from ..scalars import Operation, operation
 from ..syntax import ModelicaError, Place
 from .library import NAME, is_own, part_name
-from .parts import MappedComponent, MechanicsPart, component, in_turn, is_frame, kind, numbers, values
+from .parts import ROUND_OFF, MappedComponent, MechanicsPart, component, in_turn, is_frame, kind, numbers, values
 from .terms import PART, quantity, turned, vector
 
 PARALLEL = 1e-9  # of unit vectors: what round-off leaves of a direction
@@ -292,7 +293,8 @@ def _starts(part: MechanicsPart, out: Flattened) -> None:
     body = part.instance
     assert body is not None
     R = in_turn(numbers(body, "sequence_start"), numbers(body, "angles_start"))
-    e = quaternion(R)
+    e = quaternion_of(R, positive="largest")
+    e[np.abs(e) < ROUND_OFF] = 0.0
     part.options["attitude"] = {"e": {"start": e.tolist()}}
     if _true(part, "angles_fixed"):
         for k in np.argsort(np.abs(e))[:3]:  # the largest follows
@@ -301,17 +303,6 @@ def _starts(part: MechanicsPart, out: Flattened) -> None:
     if _true(part, "w_0_fixed") or not out.optimization:
         for k, value in enumerate(values(body, "w_0_start")):
             out.initial.append(ScalarEquation(quantity(part.name, "frame.w", (k,), part.at), value, part.at))
-
-
-def quaternion(R: np.ndarray) -> np.ndarray:
-    """Of a rotation, scalar first, its largest entry positive."""
-    K = np.empty((4, 4))  # symmetric, with the quaternion as eigenvector of the largest eigenvalue
-    K[0, 0] = np.trace(R)
-    K[0, 1:] = K[1:, 0] = R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]
-    K[1:, 1:] = R + R.T - np.trace(R) * np.eye(3)
-    e = np.linalg.eigh(K)[1][:, -1]
-    e = e * np.sign(e[np.argmax(np.abs(e))])
-    return np.where(np.abs(e) < 1e-15, 0.0, e)
 
 
 def declared_places(instances: list[Instance]) -> dict[int, Place]:

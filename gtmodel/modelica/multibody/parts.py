@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ...geometry.rotations import right_handed, rotation_about
 from ..arrays import Values, array, each
 from ..instances import Declared, Instance
 from ..scalars import EnumerationLiteral, number_of, operation
@@ -16,6 +17,7 @@ from ..syntax import ModelicaError, Place
 from .library import part_name
 
 X, Y, Z = np.eye(3)
+ROUND_OFF = 1e-15  # of a rotation: below it an entry is zero
 STANDARD_GRAVITY = 9.80665  # default of the library from version 4; before it 9.81
 
 
@@ -89,8 +91,8 @@ def _unit(instance: Instance, name: str, at: Place) -> np.ndarray:
 
 def rotation(axis: np.ndarray, angle: float) -> np.ndarray:
     """From coordinates of the turned frame to those of the one it was turned from."""
-    cross = np.cross(axis, np.eye(3)).T  # of axis x
-    return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+    R = rotation_about(axis, angle)
+    return np.where(np.abs(R) < ROUND_OFF, 0.0, R)
 
 
 def in_turn(sequence: np.ndarray, angles: np.ndarray) -> np.ndarray:
@@ -151,9 +153,8 @@ def _spherical(instance: Instance, at: Place) -> MappedComponent:
 
 def _planar_loop(instance: Instance, at: Place) -> MappedComponent:
     n = _unit(instance, "n", at)
-    first = np.cross(n, np.eye(3)[np.argmin(np.abs(n))])
-    first = first / np.linalg.norm(first)
-    plane = {"first": _plain(first), "second": _plain(np.cross(n, first))}
+    _, first, second = right_handed(n)
+    plane = {"first": _plain(first), "second": _plain(second)}
     return MappedComponent(instance, [_between(instance, "PlanarLoopClosure", at, options=plane)])
 
 

@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import scipy
 
 from ...compiler.causal import CausalFunction, compile_causal
-from ...mechanics.rotation import quaternion_matrix, rotation_about
+from ...geometry.quaternions import quaternion_matrix, quaternion_of
+from ...geometry.rotations import rotation_about
 from ...results import ArgumentError, Status, Trajectory
 from ...robots import F1
 from ..constraints import NO_GUARD, Carrier, MotionConstraints, check_strokes, guard_of
@@ -137,7 +137,7 @@ def _course(problem: AxisProblem, robot: F1) -> PathOrientation:
             )
         R = [place.R if end.tcp is None else other.R for place, end, other in
              ((start, problem.start, goal), (goal, problem.goal, start))]  # fmt: skip
-        e = scipy.spatial.transform.Rotation.from_matrix(np.array(R)).as_quat(scalar_first=True)
+        e = quaternion_of(np.array(R))
         return PathOrientation(path_of(shape, start.T, goal.T), turning(np.array([0.0, 1.0]), e, "goal"), None)
     ends = [place.direction if end.tcp is not None else place.R @ tool for place, end in
             ((start, problem.start), (goal, problem.goal))]  # fmt: skip

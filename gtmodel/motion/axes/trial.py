@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ...compiler.causal import compile_causal
+from ...geometry.quaternions import angle_between
 from ...optimize import Mesh as CollocationMesh, Solution, SolverOptions, solve as collocate
 from ...optimize.judgement.resimulate import SUBSTEPS, resimulate
 from ...results import Check, SolveStatus, Status, Trajectory, Work, at_most
@@ -127,12 +128,6 @@ def _energy(plan: AxisPlan, solution: Solution) -> float:
     return float(weights @ np.sum((tau / plan.motors) ** 2, axis=1))
 
 
-def _angle(a: np.ndarray, b: np.ndarray) -> float:
-    """Angle between two orientations by their unit quaternions [rad]."""
-    nearer = min(float(np.linalg.norm(a - b)), float(np.linalg.norm(a + b)))
-    return float(4 * np.arcsin(min(1.0, nearer / 2)))
-
-
 def _tried(
     plan: AxisPlan, mesh: AxisMesh, solution: Solution, trajectory: Trajectory, pose_apart: float, defect: float,
     work: Work,
@@ -143,7 +138,7 @@ def _tried(
     (T0, T1, T), (e0, e1, e), status = plan.poses(np.array([plan.start, plan.goal, free.q]))
     reached = not free.message and status[2] == Status.OK
     share = np.abs(trajectory["tau"]) / plan.motors
-    end, angle = (float(np.linalg.norm(T - T1)), _angle(e, e1)) if reached else (np.inf, np.inf)
+    end, angle = (float(np.linalg.norm(T - T1)), float(angle_between(e, e1))) if reached else (np.inf, np.inf)
     # at the start what is no state is extrapolated
     margins = plan.guard.least(trajectory["margin"][1:]) if plan.guard.margins else {}
     followed = _along(plan, trajectory, work)
@@ -185,7 +180,7 @@ def _tried(
         saturation=np.mean(share[1:] >= SATURATED, axis=0).tolist(),  # rows are equally spaced
         peak_share=peaks,
         tcp=np.array([T0, T1]),
-        turned=_angle(e0, e1),
+        turned=float(angle_between(e0, e1)),
         end_error=end if reached else None,
         end_angle=angle if reached else None,
         uncoupled=free.uncoupled if problem.degrees_of_freedom == 5 and reached else None,

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from ...geometry.angles import rotation_of_rpy, rpy_of_rotation
 from .arm import SerialArm, arm_class
 from .bodies import moved
 from .geometry import NEARLY_PARALLEL
-from .rotations import rotation_of_rpy, rpy_of_rotation
 
 Array = np.ndarray
 Pose = tuple[Array, Array]

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from ..._near import meant
+from ...geometry.angles import rotation_of_rpy, rpy_of_rotation
+from ...geometry.rotations import rotation_about
 from ...lang import ModelError
 from .arm import FRICTION, SerialArm, arm_class
 from .bodies import moved, with_payload
-from .rotations import rotation_of_rpy, rpy_of_rotation
 from .structure import ArmJoint, ArmStructure
 from .urdf_file import MOVING, Urdf, UrdfJoint, read_urdf
 
@@ -71,8 +72,7 @@ def tips_of(urdf: Urdf) -> list[str]:
 def _tip(urdf: Urdf, tip: str | None) -> str:
     if tip is not None:
         if tip not in urdf.links:
-            close = difflib.get_close_matches(tip, urdf.links, n=2)
-            hint = f"did you mean {' or '.join(close)}?" if close else f"there are {', '.join(list(urdf.links)[:8])}"
+            hint = meant(tip, urdf.links, f"there are {', '.join(list(urdf.links)[:8])}", most=2)
             raise ModelError(f"{urdf.file} has no link '{tip}'; {hint}")
         if not any(j.kind in MOVING for j in _way(urdf, tip)):
             raise ModelError(f"no joint of {urdf.file} moves between '{urdf.root}' and '{tip}'")
@@ -110,10 +110,7 @@ def _pose(j: UrdfJoint, coordinate: float = 0.0) -> Pose:
         return R, j.xyz + R @ (coordinate * j.axis)
     if j.kind == "fixed" or coordinate == 0.0:
         return R, j.xyz
-    x, y, z = j.axis
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    turn = np.eye(3) + np.sin(coordinate) * cross + (1 - np.cos(coordinate)) * cross @ cross
-    return R @ turn, j.xyz
+    return R @ rotation_about(j.axis, coordinate), j.xyz
 
 
 def _behind(first: Pose, second: Pose) -> Pose:

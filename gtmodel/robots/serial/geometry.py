@@ -6,10 +6,10 @@ from collections.abc import Callable
 
 import numpy as np
 
+from ...geometry.angles import rotation_of_rpy
 from ...inference import dependencies
 from ...lang import ModelError
 from .arm import DH_NAMES, SerialArm
-from .rotations import rotation_of_rpy
 from .to_urdf import dh_step
 
 Array = np.ndarray

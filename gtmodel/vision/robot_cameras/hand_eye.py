@@ -9,10 +9,11 @@ from typing import Literal
 import casadi as ca
 import numpy as np
 
+from ...geometry.poses import inverse_poses, matrices_of, poses_of
+from ...geometry.quaternions import conjugate, logarithm, product, quaternion_of
 from ...inference.bundle import BundleFit, ResidualBlock, UnknownGroup, bundle_fit
 from ...results.estimate import Estimate
 from ...results.refusal import ArgumentError
-from ..rigid_poses import inverse_poses, matrices_of, poses_of
 from ..starts import board_pose
 from .joint import CAMERA_UNITS, HUBER, INTRINSICS
 from .options import CameraStart, Estimated
@@ -108,8 +109,7 @@ def hand_eye(
 def _arm_function() -> ca.Function:
     """(pose, data) -> pose less what the controller says: place [m], and turn [rad] in the plate's frame."""
     z, d = ca.SX.sym("z", 7), ca.SX.sym("d", 7)
-    a, b = d[3:], z[3:]
-    turn = 2 * (a[0] * b[1:] - b[0] * a[1:] - ca.cross(a[1:], b[1:]))
+    turn = 2 * product(conjugate(d[3:]), z[3:])[1:]
     return ca.Function("arm", [z, d], [ca.vertcat(z[:3] - d[:3], turn)])
 
 
@@ -126,7 +126,7 @@ def _started(p: RobotPictures, poses: np.ndarray, lens: np.ndarray, on_tool: boo
     B = np.array(seen) if on_tool else inverse_poses(np.array(seen))
     A = np.column_stack([poses[rows, 3:], poses[rows, :3]])
     RA, RB = matrices_of(A), matrices_of(B)
-    axes = _turn_axes(RA)
+    axes = logarithm(quaternion_of(RA[0].T @ RA[1:]))  # rotation vectors from the first to the others
     if np.linalg.svd(axes, compute_uv=False)[1] < ALIKE:
         raise ArgumentError(
             "the arm turns about one axis at most between the pictures, which leaves the place of what it carries open "
@@ -145,10 +145,3 @@ def _started(p: RobotPictures, poses: np.ndarray, lens: np.ndarray, on_tool: boo
     t = np.linalg.lstsq(left, right, rcond=None)[0]
     out = poses_of(turns, t.reshape(2, 3))
     return out[0], out[1]
-
-
-def _turn_axes(R: np.ndarray) -> np.ndarray:
-    """Rotation vectors (n - 1, 3) [rad] from the first to the others."""
-    from scipy.spatial.transform import Rotation
-
-    return Rotation.from_matrix(R[0].T @ R[1:]).as_rotvec()

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from ...calibrate.choice import Choice
 from ...calibrate.measured.column_checks import NEARER, aligned, degrees_of_freedom, length
+from ...geometry.quaternions import quaternion_of
 from ...inference.bundle import BundleFit, ResidualBlock, UnknownGroup, bundle_fit
 from ...inference.held_out import MATTERS
 from ...lang.model import Model
@@ -24,7 +25,7 @@ from .projection import CAMERA, TARGET, TURN, corner_function, device_function, 
 from .redundancies import redundancies
 from .robot_side import RobotLinks, robot_side
 from .robust import RobustFit, robust_fit
-from .starts import camera_starts, quaternion, target_start
+from .starts import camera_starts, target_start
 
 INTRINSICS = {"focal": ("fx", "fy"), "principal_point": ("cx", "cy"), "distortion": ("k1", "k2", "p1", "p2")}
 HUBER = 2.0  # standard deviations
@@ -240,7 +241,7 @@ class Prepared:
             frame = v.get("device")
             if frame is None:
                 t, R, _ = aligned(p.device.T, v["pose"][p.device.pose, :3])
-                frame = np.concatenate([quaternion(R), t])[None]
+                frame = np.concatenate([quaternion_of(R), t])[None]
             groups.append(UnknownGroup("device", frame, TARGET[:7], turn=0, units=("rad",) * 3 + ("m",) * 3))
             f, seen_by = device_function(side.pose_size), [("device", 0), ("pose", p.device.pose)]
             blocks.append(ResidualBlock("device", f, seen_by, p.device.T, sigma=p.device.noise))

@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ...calibrate.positioning import PredictedErrors
+from ...geometry.quaternions import turn_matrix
+from ...geometry.rotations import cross_matrix
 from ...results.refusal import ArgumentError
 from .joint import JointFit
 
@@ -45,14 +47,11 @@ def predicted_positions(joint: JointFit, actuators: ArrayLike) -> PredictedPosit
         # increments of the quaternion in its own frame
         G = np.zeros((len(e), 7, 6))
         G[:, :3, :3] = np.eye(3)
-        for k in range(3):
-            half = 0.5 * np.eye(3)[k]
-            G[:, 3, 3 + k] = -e[:, 1:] @ half
-            G[:, 4:, 3 + k] = e[:, :1] * half + np.cross(e[:, 1:], half)
+        G[:, 3:, 3:] = turn_matrix(e)
         by_z = by_z @ G
     P = -np.linalg.solve(by_z, by_x)[:, :3]
     T = poses[:, :3] - poses[:, :3].mean(axis=0)
-    turns = np.cross(np.eye(3)[None], T[:, None]).transpose(0, 2, 1)
+    turns = -cross_matrix(T)
     frame = np.concatenate([np.broadcast_to(np.eye(3), turns.shape), turns], axis=2)
     Q = np.linalg.qr(frame.reshape(-1, 6))[0]
     flat = P.reshape(len(T) * 3, -1)

@@ -4,36 +4,27 @@ from __future__ import annotations
 
 import casadi as ca
 
-from ..pinhole import LENS, pixel
+from ...geometry.pinhole import LENS, pixel
+from ...geometry.quaternions import quaternion_matrix
 
 CAMERA = (*LENS, "qw", "qx", "qy", "qz", "x", "y", "z")
 TARGET = ("qw", "qx", "qy", "qz", "x", "y", "z", "scale")
 TURN = 9  # where a camera's quaternion begins
 
 
-def rotation(q: ca.SX) -> ca.SX:
-    """Of a unit quaternion, scalar first."""
-    w, x, y, z = ca.vertsplit(q)
-    return ca.vertcat(
-        ca.horzcat(1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
-        ca.horzcat(2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
-        ca.horzcat(2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
-    )
-
-
 def seen(camera: ca.SX, X: ca.SX) -> tuple[ca.SX, ca.SX]:
     """u, v [pixel] of a point, and margins that are positive where the camera's model holds: in front of it, and within
     the radius at which the lens folds the picture over."""
-    return pixel(rotation(camera[TURN : TURN + 4]).T @ (X - camera[13:16]), camera[:TURN])
+    return pixel(quaternion_matrix(camera[TURN : TURN + 4]).T @ (X - camera[13:16]), camera[:TURN])
 
 
 def mark(target: ca.SX, pose: ca.SX, p: ca.SX, on_tool: bool) -> ca.SX:
     """A mark where cameras are: of a target on the tool, in the base; of one that stands, in the tool's frame."""
-    own = target[4:7] + target[7] * (rotation(target[:4]) @ p)
+    own = target[4:7] + target[7] * (quaternion_matrix(target[:4]) @ p)
     T = pose[:3]
     if pose.numel() == 3:
         return T + own if on_tool else own - T
-    R = rotation(pose[3:])
+    R = quaternion_matrix(pose[3:])
     return T + R @ own if on_tool else R.T @ (own - T)
 
 
@@ -47,7 +38,7 @@ def corner_function(pose_size: int, on_tool: bool) -> ca.Function:
 def device_function(pose_size: int) -> ca.Function:
     """(device frame, pose, data) -> position less measured, in the device's frame [m]; data: what was measured (3)."""
     f, z, d = ca.SX.sym("f", 7), ca.SX.sym("z", pose_size), ca.SX.sym("d", 3)
-    return ca.Function("device", [f, z, d], [rotation(f[:4]).T @ (z[:3] - f[4:]) - d])
+    return ca.Function("device", [f, z, d], [quaternion_matrix(f[:4]).T @ (z[:3] - f[4:]) - d])
 
 
 def links_function(residual: ca.Function, noise: float, late: bool = False) -> ca.Function:

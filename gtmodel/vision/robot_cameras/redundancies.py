@@ -6,9 +6,9 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
+from ...geometry.quaternions import quaternion_matrix, turn_matrix
 from ...inference.bundle import GaugeMotion
 from .robot_side import RobotLinks
-from .starts import matrix
 
 Values = Mapping[str, np.ndarray]
 AXES = "xyz"
@@ -23,7 +23,7 @@ def redundancies(side: RobotLinks, q: np.ndarray, on_tool: bool) -> list[GaugeMo
         dz = moved["pose"]
         if side.turns:  # increments of a quaternion in its own frame
             e = values["pose"][:, 3:]
-            dz = np.column_stack([dz[:, :3], _increment(e, dz[:, 3:])])
+            dz = np.column_stack([dz[:, :3], np.einsum("nij,nj->ni", turn_matrix(e), dz[:, 3:])])
         rhs = np.einsum("nmz,nz->nm", by_z, dz).reshape(-1)
         moved["robot"] = -np.linalg.lstsq(by_x.reshape(len(rhs), -1), rhs, rcond=None)[0][None]
         return moved
@@ -49,12 +49,12 @@ def redundancies(side: RobotLinks, q: np.ndarray, on_tool: bool) -> list[GaugeMo
             w, out = np.eye(3)[k], still(values)
             out["pose"][:, :3] = np.cross(w, values["pose"][:, :3])
             if side.turns:
-                out["pose"][:, 3:] = w @ matrix(values["pose"][:, 3:])
+                out["pose"][:, 3:] = w @ quaternion_matrix(values["pose"][:, 3:])
             if on_tool or not side.turns:
-                out["camera"][:, 9:12] = w @ matrix(values["camera"][:, 9:13])
+                out["camera"][:, 9:12] = w @ quaternion_matrix(values["camera"][:, 9:13])
                 out["camera"][:, 12:] = np.cross(w, values["camera"][:, 13:])
             if not (on_tool and side.turns):
-                out["target"][0, :3] = w @ matrix(values["target"][0, :4])
+                out["target"][0, :3] = w @ quaternion_matrix(values["target"][0, :4])
                 out["target"][0, 3:6] = np.cross(w, values["target"][0, 4:7])
             return _device(values, with_robot(values, out), turn=w)
 
@@ -63,7 +63,7 @@ def redundancies(side: RobotLinks, q: np.ndarray, on_tool: bool) -> list[GaugeMo
     def centred(k: int) -> Callable[[Values], Values]:
         def direction(values: Values) -> Values:
             d, out = np.eye(3)[k], still(values)
-            out["pose"][:, :3] = matrix(values["pose"][:, 3:]) @ d if side.turns else d
+            out["pose"][:, :3] = quaternion_matrix(values["pose"][:, 3:]) @ d if side.turns else d
             if on_tool:
                 out["target"][0, 3:6] = -d
             else:
@@ -101,13 +101,7 @@ def _device(values: Values, out: dict[str, np.ndarray], shift: np.ndarray | None
         if shift is not None:
             step[0, 3:] = shift
         if turn is not None:
-            step[0, :3] = turn @ matrix(values["device"][0, :4])
+            step[0, :3] = turn @ quaternion_matrix(values["device"][0, :4])
             step[0, 3:] = np.cross(turn, values["device"][0, 4:])
         out["device"] = step
     return out
-
-
-def _increment(e: np.ndarray, d: np.ndarray) -> np.ndarray:
-    """Changes of quaternions (n, 4) by increments (n, 3) in their own frames."""
-    half = d / 2
-    return np.column_stack([-np.sum(e[:, 1:] * half, axis=1), e[:, :1] * half + np.cross(e[:, 1:], half)])

@@ -6,6 +6,8 @@ import numpy as np
 import scipy
 
 from ...calibrate.measured.column_checks import aligned
+from ...geometry.quaternions import quaternion_matrix, quaternion_of
+from ...geometry.rotations import rotation_by
 from ...results.refusal import ArgumentError
 from .pictures import RobotPictures
 
@@ -15,22 +17,6 @@ ON_A_LINE = 1e-3  # width of a target over its length
 FLAT = 5e-3  # thickness of the poses over their size: thinner, focal length and distance go together
 LOOSE = 0.15  # of the spread of a picture's middles: farther off, these are not the poses at which they were taken
 PLAUSIBLE = (0.2, 20.0)  # focal length in widths of the picture
-
-
-def quaternion(R: np.ndarray) -> np.ndarray:
-    """Unit quaternion, scalar first, of a rotation (3, 3)."""
-    from scipy.spatial.transform import Rotation
-
-    x, y, z, w = Rotation.from_matrix(R).as_quat()
-    return np.array([w, x, y, z]) * (1.0 if w >= 0 else -1.0)
-
-
-def matrix(q: np.ndarray) -> np.ndarray:
-    """Rotations (..., 3, 3) of unit quaternions (..., 4), scalar first."""
-    from scipy.spatial.transform import Rotation
-
-    q = np.asarray(q, float)
-    return Rotation.from_quat(np.roll(q, -1, axis=-1).reshape(-1, 4)).as_matrix().reshape(*q.shape[:-1], 3, 3)
 
 
 def camera_starts(p: RobotPictures, places: np.ndarray, intrinsics: np.ndarray, known: np.ndarray) -> np.ndarray:
@@ -53,7 +39,7 @@ def camera_starts(p: RobotPictures, places: np.ndarray, intrinsics: np.ndarray, 
             start[:2] = (K[0, 0] + K[1, 1]) / 2
         # place and turn go with the focal length that is kept: from there the middle of the target is seen alike
         turn, place = _placed(start, places[rows], uv, R, c)
-        ray = (places[rows] - place) @ matrix(turn)
+        ray = (places[rows] - place) @ quaternion_matrix(turn)
         with np.errstate(all="ignore"):
             off = np.linalg.norm(start[:2] * ray[:, :2] / ray[:, 2:] + start[2:4] - uv, axis=1)
         spread = float(np.median(np.linalg.norm(uv - np.median(uv, axis=0), axis=1)))
@@ -101,15 +87,14 @@ def _resection(X: np.ndarray, uv: np.ndarray, name: str) -> tuple[np.ndarray, np
 def _placed(start: np.ndarray, X: np.ndarray, uv: np.ndarray, R: np.ndarray, c: np.ndarray) -> list[np.ndarray]:
     """Quaternion and place under intrinsics that may differ from those of the resection."""
     from scipy.optimize import least_squares
-    from scipy.spatial.transform import Rotation
 
     def rest(x: np.ndarray) -> np.ndarray:
-        p = (X - c - x[3:]) @ (R @ Rotation.from_rotvec(x[:3]).as_matrix())
+        p = (X - c - x[3:]) @ (R @ rotation_by(x[:3]))
         z = np.where(np.abs(p[:, 2:]) < 1e-6, 1e-6, p[:, 2:])
         return (start[:2] * p[:, :2] / z + start[2:4] - uv).reshape(-1)
 
     x = least_squares(rest, np.zeros(6), x_scale=[0.1] * 3 + [1.0] * 3).x
-    return [quaternion(R @ Rotation.from_rotvec(x[:3]).as_matrix()), c + x[3:]]
+    return [quaternion_of(R @ rotation_by(x[:3])), c + x[3:]]
 
 
 def target_start(
@@ -120,13 +105,13 @@ def target_start(
     Corners far off, as of a picture counted from the other end, are outvoted by the median over poses. Raises
     ArgumentError for marks on one line, and for a target whose size is `known` and that is seen in quite another one.
     """
-    c, R = cameras[p.camera, 13:], matrix(cameras[p.camera, 9:13])
+    c, R = cameras[p.camera, 13:], quaternion_matrix(cameras[p.camera, 9:13])
     f = cameras[p.camera]
     ray = np.column_stack([(p.uv[:, 0] - f[:, 2]) / f[:, 0], (p.uv[:, 1] - f[:, 3]) / f[:, 1], np.ones(len(p))])
     ray = np.einsum("nij,nj->ni", R, ray)
     ray /= np.linalg.norm(ray, axis=1, keepdims=True)
     T = poses[p.pose, :3]
-    turn = matrix(poses[p.pose, 3:]) if poses.shape[1] == 7 else np.broadcast_to(np.eye(3), (len(p), 3, 3))
+    turn = quaternion_matrix(poses[p.pose, 3:]) if poses.shape[1] == 7 else np.broadcast_to(np.eye(3), (len(p), 3, 3))
     if on_tool:  # base: T + turn m = c + s ray
         origin, ray = np.einsum("nji,nj->ni", turn, c - T), np.einsum("nji,nj->ni", turn, ray)
     else:  # tool: turn' (m - T) = c + s ray
@@ -158,4 +143,4 @@ def target_start(
             "target",
         )
     t, Rt, _ = aligned(p.target[seen], marks[seen])
-    return np.concatenate([quaternion(Rt), t, [1.0]])
+    return np.concatenate([quaternion_of(Rt), t, [1.0]])

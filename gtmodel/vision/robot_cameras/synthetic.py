@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 
 from ...calibrate.choice import Choice
+from ...geometry.quaternions import quaternion_matrix, quaternion_of
 from ...lang.model import Model
 from ...results.refusal import ArgumentError
 from ..detection.targets import FiveSquares
@@ -16,7 +17,6 @@ from .options import CameraStart, SyntheticRobotCameras
 from .pictures import RobotPictures, SecondDevice
 from .projection import TARGET, mark, seen
 from .robot_side import robot_side
-from .starts import matrix, quaternion
 
 NAMES = ("left", "right")
 BASE_FRAME = ("A[2]", "v[2]", "A[0,1]")  # of the true robot as of the one known before
@@ -105,7 +105,7 @@ def _looking(at: np.ndarray, to: np.ndarray) -> np.ndarray:
     forward = (to - at) / np.linalg.norm(to - at)
     right = np.cross(forward, [0.0, 0.0, 1.0])
     right /= np.linalg.norm(right)
-    return quaternion(np.column_stack([right, np.cross(forward, right), forward]))
+    return quaternion_of(np.column_stack([right, np.cross(forward, right), forward]))
 
 
 def _target(asked: SyntheticRobotCameras) -> np.ndarray:
@@ -113,9 +113,9 @@ def _target(asked: SyntheticRobotCameras) -> np.ndarray:
     facing = -1.0 if asked.mounted == "fixed" else 1.0
     R = np.column_stack([[0.0, -facing, 0.0], [0.0, 0.0, -1.0], [facing, 0.0, 0.0]])
     small = np.array([1.0, 0.01, -0.015, 0.005])
-    R = R @ matrix(small / np.linalg.norm(small))
+    R = R @ quaternion_matrix(small / np.linalg.norm(small))
     at = np.zeros(3) if asked.mounted == "fixed" else np.array(asked.centre) + np.array([asked.distance, 0.0, 0.0])
-    return np.array([*quaternion(R), *at, 1.0])
+    return np.array([*quaternion_of(R), *at, 1.0])
 
 
 def _seen(cameras: np.ndarray, target: np.ndarray, T: np.ndarray, marks: np.ndarray, on_tool: bool) -> np.ndarray:
@@ -143,7 +143,7 @@ def _pictures(asked: SyntheticRobotCameras, rng: np.random.Generator, uv: np.nda
     device = None
     if asked.second_device:
         rows = np.sort(rng.permutation(N)[: asked.second_device])
-        turn, shift = matrix(_unit(rng.standard_normal(4))), rng.standard_normal(3)
+        turn, shift = quaternion_matrix(_unit(rng.standard_normal(4))), rng.standard_normal(3)
         device = SecondDevice(rows, (T[rows] - shift) @ turn + 10e-6 * rng.standard_normal((len(rows), 3)), 10e-6)
     camera, pose, number = (a.ravel() for a in np.meshgrid(np.arange(K), np.arange(N), np.arange(M), indexing="ij"))
     sigma = np.full(len(camera), max(asked.pixel_noise, 1e-6))
@@ -174,8 +174,8 @@ def made_hand_eye(
     """
     from scipy.spatial.transform import Rotation
 
+    from ...geometry.poses import composed, inverse_poses
     from ...robots.catalogue import gantry_tau
-    from ..rigid_poses import composed, inverse_poses
 
     rng = np.random.default_rng(seed)
     tool, on_tool = FiveSquares(side=0.04), mounted == "fixed"

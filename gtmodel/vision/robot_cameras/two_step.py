@@ -12,6 +12,7 @@ import numpy as np
 from ...calibrate.calibration import Calibration, calibrate
 from ...calibrate.choice import Choice
 from ...calibrate.measurements import Measurements, Pose
+from ...geometry.quaternions import quaternion_matrix
 from ...inference.bundle import BundleFit, ResidualBlock, UnknownGroup, bundle_fit
 from ...lang.model import Model
 from ...results.refusal import ArgumentError
@@ -19,9 +20,8 @@ from ...robots.links import family_of
 from .joint import CAMERA_UNITS, Prepared, held_by_default
 from .options import CameraStart, RobotCameras
 from .pictures import RobotPictures
-from .projection import CAMERA, TARGET, TURN, rotation, seen
+from .projection import CAMERA, TARGET, TURN, seen
 from .robot_side import RobotLinks
-from .starts import matrix
 
 POSE = ("x", "y", "z")
 
@@ -117,7 +117,7 @@ def two_step_fit(
 def _free_poses(ready: Prepared, p: RobotPictures, stop: Callable[[], bool] | None) -> Intersected:
     """The position of the known target is free at every pose; its turn is one for all, as the plate never turns."""
     c, t, z, d = (ca.SX.sym(n, k) for n, k in (("c", 16), ("t", 4), ("z", 3), ("d", 5)))
-    uv, margin = seen(c, z + rotation(t) @ d[:3])
+    uv, margin = seen(c, z + quaternion_matrix(t) @ d[:3])
     f = ca.Function("corners", [c, t, z, d], [uv - d[3:], margin])
     block = ResidualBlock("corners", f, [("camera", p.camera), ("target", 0), ("pose", p.pose)],
                           np.column_stack([p.target[p.mark], p.uv]), sigma=p.sigma)  # fmt: skip
@@ -126,7 +126,7 @@ def _free_poses(ready: Prepared, p: RobotPictures, stop: Callable[[], bool] | No
     poses = UnknownGroup("pose", ready.start["pose"], POSE, names, local=True)
     fit = _with_cameras(ready, [turn, poses], block, stop)
     still = _cameras_held(ready, fit, [turn, poses], block)
-    middle = matrix(fit.values["target"][0]) @ p.target.mean(axis=0)
+    middle = quaternion_matrix(fit.values["target"][0]) @ p.target.mean(axis=0)
     return Intersected(fit, fit.residuals["corners"], fit.values["pose"] + middle, still.local_covariance)
 
 
@@ -138,7 +138,7 @@ def _free_corners(ready: Prepared, p: RobotPictures, stop: Callable[[], bool] | 
     key, point = np.unique(p.pose * len(p.marks) + p.mark, return_inverse=True)
     if np.any(np.bincount(point) < 2):
         raise ArgumentError("a corner is seen by one camera alone; leave it out to intersect", "corners")
-    own = matrix(ready.start["target"][0, :4])
+    own = quaternion_matrix(ready.start["target"][0, :4])
     start = ready.start["pose"][key // len(p.marks), :3] + p.target[key % len(p.marks)] @ own.T
     block = ResidualBlock("corners", f, [("camera", p.camera), ("point", point)], p.uv, sigma=p.sigma)
     labels = [f"point {k}" for k in range(len(start))]

@@ -6,13 +6,13 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-import scipy
 
+from ...geometry.pinhole import project
+from ...geometry.poses import composed, matrices_of, poses_of
+from ...geometry.rotations import rotation_by
 from ...results.options import Options, Within
 from ..board import Board
 from ..corner_table import CornerTable
-from ..pinhole import project
-from ..rigid_poses import composed, matrices_of, poses_of
 from .options import BoardPictures
 
 LEFT = (540.0, 541.0, 325.0, 236.0, -0.28, 0.08, 1e-3, -5e-4, 0.0)
@@ -46,7 +46,7 @@ def made_corners(wanted: SyntheticBoards, board: BoardPictures) -> tuple[CornerT
     lenses = np.array([LEFT, RIGHT])
     size = board.square or 1.0
     cameras = np.vstack(
-        [np.eye(1, 7), poses_of(_turns([[0.007, 0.004, -0.003]]), np.array([[-3.3, 0.04, 0.0]]) * size)]
+        [np.eye(1, 7), poses_of(rotation_by([[0.007, 0.004, -0.003]]), np.array([[-3.3, 0.04, 0.0]]) * size)]
     )
     X = Board(board.columns, board.rows, None, board.identified).points
     middle = X.mean(axis=0) * size
@@ -54,7 +54,7 @@ def made_corners(wanted: SyntheticBoards, board: BoardPictures) -> tuple[CornerT
     while len(uv) < wanted.pictures:
         turn = np.deg2rad(wanted.tilt_deg) * rng.uniform(-1, 1, 3)
         place = size * np.array([rng.uniform(-3, 6), rng.uniform(-3, 3), rng.uniform(11, 18)])
-        R = _turns([turn])
+        R = rotation_by([turn])
         pose = poses_of(R, (place - R[0] @ middle)[None])
         both = []
         for c in range(2):
@@ -72,7 +72,3 @@ def made_corners(wanted: SyntheticBoards, board: BoardPictures) -> tuple[CornerT
         tuple(str(x) for x in m), source=f"synthetic, seed {wanted.seed}, noise {wanted.noise_pixel:g} pixel",
     )  # fmt: skip
     return table, lenses, cameras
-
-
-def _turns(vectors: object) -> np.ndarray:
-    return np.asarray(scipy.spatial.transform.Rotation.from_rotvec(np.asarray(vectors, float)).as_matrix())

@@ -1,15 +1,18 @@
-"""Angles of rotation matrices, many at once: ZYZ, and rotation vectors from a reference. All in rad."""
+"""Angles of rotations, many at once: ZYZ, roll pitch yaw, and rotation vectors from a reference. All in rad."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
+
+from .quaternions import logarithm, quaternion_matrix, quaternion_of
+from .rotations import rotation_about
 
 # below this sine of the second angle ZYZ keeps fewer than ten digits of the other two: round-off over the sine
 SINGULAR_SINE = 1e-6
-# below this cosine of half the angle the sense of a turn is round-off
-HALF_TURN = 1e-15
+X, Y, Z = np.eye(3)
 
 
 def matrices(orientation: Any) -> np.ndarray:
@@ -23,13 +26,7 @@ def matrices(orientation: Any) -> np.ndarray:
     if o.ndim < 1 or o.shape[-1] != 4:
         raise ValueError(f"expected quaternions (..., 4) or rotation matrices (..., 3, 3); found shape {o.shape}")
     with np.errstate(invalid="ignore", divide="ignore"):
-        a, b, c, d = np.moveaxis(o / np.linalg.norm(o, axis=-1, keepdims=True), -1, 0)
-    rows = [
-        [a * a + b * b - c * c - d * d, 2 * (b * c - a * d), 2 * (a * c + b * d)],
-        [2 * (b * c + a * d), a * a - b * b + c * c - d * d, 2 * (c * d - a * b)],
-        [2 * (b * d - a * c), 2 * (a * b + c * d), a * a - b * b - c * c + d * d],
-    ]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+        return quaternion_matrix(o / np.linalg.norm(o, axis=-1, keepdims=True))
 
 
 def zyz(orientation: Any, about: Any = None) -> tuple[np.ndarray, np.ndarray]:
@@ -79,30 +76,17 @@ def rotation_vector(orientation: Any, reference: Any) -> np.ndarray:
     >>> np.degrees(gt.kinematics.rotation_vector(turned, np.eye(3))).round(6)
     array([ 0.,  0., 30.])
     """
-    scalar, vector = _quaternions(matrices(orientation) @ matrices(reference).T)
-    length = np.linalg.norm(vector, axis=-1)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        factor = np.where(length > 0, 2 * np.arctan2(length, scalar) / length, 2.0)  # -> 2 at no turn
-    return factor[..., None] * vector
+    return logarithm(quaternion_of(matrices(orientation) @ matrices(reference).T))
 
 
-def _quaternions(D: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Scalar (...), not negative, and vector (..., 3) of unit quaternions, from the largest of their components: all
-    four to round-off at any angle. Of half turns the first component of the vector that is not zero is positive."""
-    diagonal = np.diagonal(D, axis1=-2, axis2=-1)
-    trace = diagonal.sum(axis=-1)
-    skew = np.stack([D[..., 2, 1] - D[..., 1, 2], D[..., 0, 2] - D[..., 2, 0], D[..., 1, 0] - D[..., 0, 1]], axis=-1)
-    # four times the quaternion by each of its components
-    Q = np.empty((*D.shape[:-2], 4, 4))
-    Q[..., 0, 0], Q[..., 0, 1:], Q[..., 1:, 0] = 1 + trace, skew, skew
-    Q[..., 1:, 1:] = D + np.swapaxes(D, -1, -2) + (1 - trace)[..., None, None] * np.eye(3)
-    largest = np.argmax(np.diagonal(Q, axis1=-2, axis2=-1), axis=-1)
-    q = np.take_along_axis(Q, largest[..., None, None], axis=-2)[..., 0, :]
-    with np.errstate(invalid="ignore", divide="ignore"):
-        q = q / np.linalg.norm(q, axis=-1, keepdims=True)
-    half = np.abs(q[..., 0]) < HALF_TURN
-    q[..., 0] = np.where(half, 0.0, q[..., 0])
-    there = np.abs(q[..., 1:]) > HALF_TURN
-    first = np.take_along_axis(q[..., 1:], np.argmax(there, axis=-1)[..., None], axis=-1)[..., 0]
-    q = np.where((np.where(half, first, q[..., 0]) < 0)[..., None], -q, q)
-    return q[..., 0], q[..., 1:]
+def rotation_of_rpy(rpy: ArrayLike) -> np.ndarray:
+    """Rz(yaw) Ry(pitch) Rx(roll), (3, 3): rotations about fixed axes, as URDF has them."""
+    roll, pitch, yaw = (float(x) for x in np.asarray(rpy, float))
+    return np.asarray(rotation_about(Z, yaw) @ rotation_about(Y, pitch) @ rotation_about(X, roll))
+
+
+def rpy_of_rotation(R: np.ndarray) -> np.ndarray:
+    """Roll, pitch, yaw (3,) of a rotation; at a pitch of 90 degrees, where only their difference counts, yaw is 0."""
+    yaw = float(np.arctan2(R[1, 0], R[0, 0])) if np.hypot(R[0, 0], R[1, 0]) > 1e-12 else 0.0
+    rest = rotation_about(Z, -yaw) @ R
+    return np.array([np.arctan2(-rest[1, 2], rest[1, 1]), np.arctan2(-rest[2, 0], rest[0, 0]), yaw])

@@ -1,0 +1,59 @@
+"""Vectors and matrices entry by entry: of rows of NumPy, of CasADi columns, and of expressions of the language.
+
+CasADi and the language are imported when something of theirs comes: who has numbers alone does not wait for them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+NUMBERS = {float, int, np.float64}
+ROWS = {*NUMBERS, np.ndarray}
+
+
+def is_column(v: Any) -> bool:
+    """Whether this is a CasADi column."""
+    return hasattr(v, "numel")
+
+
+def entries(v: Any) -> Any:
+    """The entries of a vector: of rows (..., k) k arrays (...)."""
+    if isinstance(v, np.ndarray):
+        return v if v.ndim == 1 else np.moveaxis(v, -1, 0)
+    return [v[k] for k in range(v.numel())] if is_column(v) else tuple(v)
+
+
+def vector(parts: Sequence[Any]) -> Any:
+    """The vector of these entries; of arrays (...) rows (..., k)."""
+    kinds = {type(x) for x in parts}
+    if kinds <= NUMBERS:
+        return np.array(parts)
+    return np.stack(np.broadcast_arrays(*parts), axis=-1) if kinds <= ROWS else _symbols(parts)
+
+
+def matrix(rows: Sequence[Sequence[Any]]) -> Any:
+    """The matrix of these entries, row by row; of arrays (...) matrices (..., m, k)."""
+    parts = [x for row in rows for x in row]
+    kinds = {type(x) for x in parts}
+    if kinds <= NUMBERS:
+        return np.array(rows)
+    if not kinds <= ROWS:
+        return _symbols(rows)
+    made = np.empty((*np.broadcast_shapes(*map(np.shape, parts)), len(rows), len(rows[0])))
+    for i, row in enumerate(rows):
+        for k, x in enumerate(row):
+            made[..., i, k] = x
+    return made
+
+
+def _symbols(parts: Sequence[Any]) -> Any:
+    import casadi as ca
+
+    from ..lang.expression import vector, written_out
+
+    if isinstance(parts[0], list) and written_out(*parts[0], *parts[1]):
+        return ca.vertcat(*[ca.horzcat(*row) for row in parts])
+    return vector(parts)

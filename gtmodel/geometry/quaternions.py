@@ -1,0 +1,201 @@
+"""Quaternions, scalar first: products, matrices, rotation vectors, small turns, turned vectors."""
+
+from __future__ import annotations
+
+from functools import cache
+from math import isfinite
+from typing import Any, Literal
+
+import numpy as np
+
+from .entries import entries, is_column, matrix, vector
+
+# below this square of an angle [rad2] sine and arc tangent are their series: the next term is 1e-16 of the first
+SMALL_SQUARE = 1e-8
+# below this cosine of half the angle the sense of a turn is round-off
+HALF_TURN = 1e-15
+
+
+def product(p: Any, q: Any) -> Any:
+    """Hamilton's product p q of quaternions (..., 4): first the turn q, then p, both in outer coordinates."""
+    (a, b, c, d), (e, f, g, h) = entries(p), entries(q)
+    return vector(
+        [
+            a * e - b * f - c * g - d * h,
+            a * f + b * e + c * h - d * g,
+            a * g - b * h + c * e + d * f,
+            a * h + b * g - c * f + d * e,
+        ]
+    )
+
+
+def conjugate(q: Any) -> Any:
+    """The inverse of a unit quaternion (..., 4)."""
+    a, b, c, d = entries(q)
+    return vector([a, -b, -c, -d])
+
+
+def quaternion_matrix(q: Any) -> Any:
+    """Rotation (..., 3, 3) of a quaternion (..., 4); times |q|^2 if q is not of length 1."""
+    e = entries(q)
+
+    def p(i: int, k: int) -> Any:
+        return e[i] * e[k]
+
+    if isinstance(q, np.ndarray) and q.ndim > 1:  # each product once; derivatives of symbols keep the order of sums
+        p = cache(p)
+    return matrix(
+        [
+            [p(0, 0) + p(1, 1) - p(2, 2) - p(3, 3), 2 * (p(1, 2) - p(0, 3)), 2 * (p(1, 3) + p(0, 2))],
+            [2 * (p(1, 2) + p(0, 3)), p(0, 0) - p(1, 1) + p(2, 2) - p(3, 3), 2 * (p(2, 3) - p(0, 1))],
+            [2 * (p(1, 3) - p(0, 2)), 2 * (p(2, 3) + p(0, 1)), p(0, 0) - p(1, 1) - p(2, 2) + p(3, 3)],
+        ]
+    )
+
+
+def quaternion_of(R: np.ndarray, positive: Literal["scalar", "largest"] = "scalar") -> np.ndarray:
+    """Unit quaternions (..., 4) of rotations (..., 3, 3), all four entries to round-off at any angle.
+
+    positive: which entry is: the scalar, or the one that is largest by its absolute value. Of half turns the scalar is
+    zero, and with "scalar" the first entry of the vector that is not zero is positive. Rows that are not finite become
+    NaN.
+    """
+    R = np.asarray(R, float)
+    q = _nearest(R)[None] if R.ndim == 2 else _of_rows(R.reshape(-1, 3, 3))
+    half = np.abs(q[:, 0]) < HALF_TURN
+    some = half.any()
+    if some:
+        q[half, 0] = 0.0
+    first = q[:, 0]
+    if positive == "largest":
+        first = q[np.arange(len(q)), np.abs(q).argmax(axis=1)]
+    elif some:
+        first = np.where(half, q[np.arange(len(q)), 1 + np.argmax(np.abs(q[:, 1:]) > HALF_TURN, axis=1)], first)
+    return np.where(first[:, None] < 0, -q, q).reshape(*R.shape[:-2], 4)
+
+
+def _nearest(R: np.ndarray) -> np.ndarray:
+    """Of one matrix the quaternion of the nearest rotation, an eigenvector (Bar-Itzhack 2000)."""
+    (a, b, c), (d, e, f), (g, h, i) = R.tolist()
+    if not isfinite(a + b + c + d + e + f + g + h + i):
+        return np.full(4, np.nan)
+    # the lower triangle is not read
+    K = np.array(
+        [[a + e + i, h - f, c - g, d - b], [0.0, a - e - i, b + d, c + g], [0.0, 0.0, e - a - i, f + h],
+         [0.0, 0.0, 0.0, i - a - e]]
+    )  # fmt: skip
+    return np.linalg.eigh(K, UPLO="U")[1][:, -1]
+
+
+def _of_rows(R: np.ndarray) -> np.ndarray:
+    """Of rotations (n, 3, 3), from the largest entry of each quaternion: many rows take a third of the time."""
+    diagonal = R[:, 0, 0], R[:, 1, 1], R[:, 2, 2]
+    trace = diagonal[0] + diagonal[1] + diagonal[2]
+    Q = np.empty((len(R), 4, 4))  # four times the quaternion by each of its entries
+    Q[:, 0, 0] = 1 + trace
+    for k, (i, j) in enumerate(((2, 1), (0, 2), (1, 0)), 1):
+        Q[:, k, k] = 1 - trace + 2 * diagonal[k - 1]
+        Q[:, 0, k] = Q[:, k, 0] = R[:, i, j] - R[:, j, i]
+        Q[:, i + 1, j + 1] = Q[:, j + 1, i + 1] = R[:, i, j] + R[:, j, i]
+    q = Q[np.arange(len(Q)), np.argmax(np.einsum("nkk->nk", Q), axis=1)]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return q / np.sqrt(np.sum(q * q, axis=1, keepdims=True))
+
+
+def zyz_quaternion(alpha: float, beta: float, gamma: float) -> np.ndarray:
+    """Unit quaternion, scalar first, of rotations about z, the new y and the new z [rad]."""
+    half_sum, half_difference = (alpha + gamma) / 2, (alpha - gamma) / 2
+    c, s = np.cos(beta / 2), np.sin(beta / 2)
+    return np.array(
+        [c * np.cos(half_sum), -s * np.sin(half_difference), s * np.cos(half_difference), c * np.sin(half_sum)]
+    )
+
+
+def rpy_quaternion(roll: float, pitch: float, yaw: float) -> np.ndarray:
+    """Unit quaternion, scalar first, of rotations about the fixed x, y and z in turn [rad]."""
+    (a, b), (c, d), (e, g) = ((np.cos(v / 2), np.sin(v / 2)) for v in (roll, pitch, yaw))
+    return np.array([a * c * e + b * d * g, b * c * e - a * d * g, a * d * e + b * c * g, a * c * g - b * d * e])
+
+
+def exponential(v: Any) -> Any:
+    """The unit quaternion (..., 4) that turns by a rotation vector (..., 3) [rad]; of symbols smooth at zero."""
+    if not is_column(v):
+        import scipy
+
+        return scipy.spatial.transform.Rotation.from_rotvec(np.asarray(v, float)).as_quat(scalar_first=True)
+    import casadi as ca
+
+    square = ca.dot(v, v) / 4
+    small, safe = guarded(square)
+    half = ca.sqrt(safe)
+    scalar = ca.if_else(small, 1 - square / 2, ca.cos(half))
+    factor = ca.if_else(small, 1 - square / 6, ca.sin(half) / half) / 2
+    return ca.vertcat(scalar, factor * v)
+
+
+def logarithm(q: Any) -> Any:
+    """The rotation vector (..., 3) [rad], of at most half a turn, of a unit quaternion (..., 4) of either sign."""
+    if is_column(q):
+        import casadi as ca
+
+        sign = ca.if_else(q[0] < 0, -1.0, 1.0)
+        scalar, v = sign * q[0], sign * q[1:4]
+        square = ca.dot(v, v)
+        small, safe = guarded(square)
+        sine = ca.sqrt(safe)
+        whole = ca.if_else(small, scalar, 1.0)
+        near = (2 - 2 * square / (3 * whole * whole)) / whole
+        return ca.if_else(small, near, 2 * ca.atan2(sine, scalar) / sine) * v
+    q = np.where(q[..., :1] < 0, -q, q)
+    sine = np.linalg.norm(q[..., 1:], axis=-1, keepdims=True)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.where(sine > 0, 2 * np.arctan2(sine, q[..., :1]) / sine, 2.0) * q[..., 1:]
+
+
+def guarded(square: Any) -> tuple[Any, Any]:
+    """Whether the square of an angle, in symbols, is small, and one that is safe to take the root of."""
+    import casadi as ca
+
+    small = square < SMALL_SQUARE
+    return small, ca.if_else(small, 1.0, square)
+
+
+def angle_between(p: np.ndarray, q: np.ndarray) -> np.ndarray:
+    """Angle [rad] between two orientations by their quaternions (..., 4), of any length but zero; accurate near zero
+    too."""
+    p, q = (x / np.linalg.norm(x, axis=-1, keepdims=True) for x in (p, q))
+    nearer = np.minimum(np.linalg.norm(p - q, axis=-1), np.linalg.norm(p + q, axis=-1))
+    return 4 * np.arcsin(np.minimum(nearer / 2, 1.0))
+
+
+def small_turn(q: Any, half: Any) -> Any:
+    """q (1, half): q turned by a small rotation vector, twice `half` (..., 3) [rad], about axes of its own frame;
+    longer than q in the second order of the turn."""
+    (a, b, c, d), (x, y, z) = entries(q), entries(half)
+    return vector(
+        [
+            a - (b * x + c * y + d * z),
+            a * x + b + (c * z - d * y),
+            a * y + c + (d * x - b * z),
+            a * z + d + (b * y - c * x),
+        ]
+    )
+
+
+def turned(q: Any, turn: Any) -> Any:
+    """A unit quaternion turned by a small rotation vector (..., 3) [rad] of its own frame: q (1, turn / 2) over its
+    length, smooth up to half a turn."""
+    half = turn / 2
+    made = small_turn(q, half)
+    if isinstance(made, np.ndarray):
+        return made / np.linalg.norm(made, axis=-1, keepdims=True)
+    import casadi as ca
+
+    return made / ca.sqrt(1 + ca.dot(half, half))
+
+
+def turn_matrix(q: Any) -> Any:
+    """(..., 4, 3) that gives the change of a quaternion (..., 4) by a small turn [rad] about axes of its own frame; the
+    transpose, times 4, gives the turn by a change."""
+    a, b, c, d = entries(q)
+    return matrix([[-b, -c, -d], [a, -d, c], [d, a, -b], [-c, b, a]]) / 2
