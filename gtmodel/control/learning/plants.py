@@ -5,9 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy
 
 from ..._lazy import hint
+from ...linear import response
+from ...linear.response import Transfer
 from ...results import ArgumentError
 from .given import ACTUATOR_DELAY as ACTUATOR_DELAY, ACTUATORS as ACTUATORS, SAMPLE_TIME as SAMPLE_TIME
 
@@ -92,21 +93,7 @@ def pulse_response(plant: Plant, size: int) -> np.ndarray:
     [0.0, 0.5, 0.25, 0.125]
     """
     p = discrete(plant)
-    A, B, C, D = (np.asarray(m, float) for m in (p.A, p.B, p.C, p.D))
-    made = np.zeros(size)
-    made[:1] = D[0, 0]
-    # C A^k B in blocks: the powers A^0 to A^(m-1) once, then jumps of m
-    if len(A) and size > 1:
-        block = max(1, int(np.sqrt(size)))
-        rows = [C[0]]
-        for _ in range(block - 1):
-            rows.append(rows[-1] @ A)
-        observed, jump, x = np.array(rows), np.linalg.matrix_power(A, block), B[:, 0]
-        for k in range(1, size, block):
-            part = observed @ x
-            made[k : k + block] = part[: size - k]
-            x = jump @ x
-    return made
+    return response.pulse_response(*(np.asarray(m, float) for m in (p.A, p.B, p.C, p.D)), size)[:, 0]
 
 
 def frequency_response(plant: Plant, frequency: np.ndarray) -> np.ndarray:
@@ -120,12 +107,4 @@ def frequency_response(plant: Plant, frequency: np.ndarray) -> np.ndarray:
     p = discrete(plant)
     A, B, C, D = (np.asarray(m, float) for m in (p.A, p.B, p.C, p.D))
     z = np.exp(2j * np.pi * np.asarray(frequency, float) * float(p.dt or 1.0))
-    if not len(A):
-        return np.full(z.shape, D[0, 0], complex)
-    # along a Schur form: a triangular solve for each frequency, safe for defective matrices
-    T, U = scipy.linalg.schur(A, "complex")
-    b, c = U.conj().T @ B[:, 0], C[0] @ U
-    x = np.zeros((len(A), len(z)), complex)
-    for i in range(len(A) - 1, -1, -1):
-        x[i] = (b[i] + T[i, i + 1 :] @ x[i + 1 :]) / (z - T[i, i])
-    return c @ x + D[0, 0]
+    return Transfer(A, B, C[0]).at(z, [1.0]) + D[0, 0]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import gtmodel as gt
-from gtmodel.control.delayed.transfer import Transfer
+from gtmodel.linear.response import Transfer
 
 D = gt.control.delayed
 ROUNDING = 1e-12  # relative, of a response away from its poles
