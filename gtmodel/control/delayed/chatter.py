@@ -26,7 +26,7 @@ STEPS = 20  # of a cycle
 MOST_STEPS = 40_000  # until tooth and cycle meet again
 FEWEST = 4  # steps of the period of a tooth
 UNEVEN = 1e-9  # rad
-NEAR = 1e-3  # relative, of a depth
+NEAR = 1e-6  # relative, of a depth: Brent's method needs no more radii for it than halving for a thousandth
 
 
 @dataclass(frozen=True)
