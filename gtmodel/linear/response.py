@@ -51,12 +51,6 @@ def free_responses(A: np.ndarray, C: np.ndarray, samples: int) -> np.ndarray:
     return responses
 
 
-def pulse_response(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, samples: int) -> np.ndarray:
-    """The first `samples` outputs (samples, p) after 1, 0, 0, ... in the one input, from rest."""
-    later = free_responses(A, C, max(samples - 1, 0)) @ B
-    return np.concatenate([D[None], later])[:samples, :, 0]
-
-
 def late_lag(u: np.ndarray, a: float, b: float, delay: int) -> np.ndarray:
     """b q^-delay / (1 - a q^-1) of u (N,) from rest (N,); delay in samples."""
     late = np.concatenate([np.zeros(delay), u])[: len(u)]

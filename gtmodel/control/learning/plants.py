@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..._lazy import hint
-from ...linear import response
 from ...linear.response import Transfer
 from ...results import ArgumentError
 from .given import ACTUATOR_DELAY as ACTUATOR_DELAY, ACTUATORS as ACTUATORS, SAMPLE_TIME as SAMPLE_TIME
@@ -93,7 +92,21 @@ def pulse_response(plant: Plant, size: int) -> np.ndarray:
     [0.0, 0.5, 0.25, 0.125]
     """
     p = discrete(plant)
-    return response.pulse_response(*(np.asarray(m, float) for m in (p.A, p.B, p.C, p.D)), size)[:, 0]
+    A, B, C, D = (np.asarray(m, float) for m in (p.A, p.B, p.C, p.D))
+    made = np.zeros(size)
+    made[:1] = D[0, 0]
+    # C A^k B in blocks: the powers A^0 to A^(m-1) once, then jumps of m
+    if len(A) and size > 1:
+        block = max(1, int(np.sqrt(size)))
+        rows = [C[0]]
+        for _ in range(block - 1):
+            rows.append(rows[-1] @ A)
+        observed, jump, x = np.array(rows), np.linalg.matrix_power(A, block), B[:, 0]
+        for k in range(1, size, block):
+            part = observed @ x
+            made[k : k + block] = part[: size - k]
+            x = jump @ x
+    return made
 
 
 def frequency_response(plant: Plant, frequency: np.ndarray) -> np.ndarray:
