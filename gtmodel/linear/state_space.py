@@ -60,12 +60,12 @@ def second_order(
     return A, B, np.eye(p, 2 * p)
 
 
-def continuous_poles(z: Any, sample_time: float) -> np.ndarray:
+def continuous_poles(z: Any, sample_time: float) -> Any:
     """s = log(z) / T [1/s], those below the Nyquist frequency; z other than 0."""
     return np.log(np.asarray(z, complex)) / sample_time
 
 
-def frequency_and_damping(s: Any) -> tuple[np.ndarray, np.ndarray]:
+def frequency_and_damping(s: Any) -> tuple[Any, Any]:
     """Undamped frequency |s| / 2 pi [Hz] and damping ratio -Re s / |s|, 0 of a pole at zero, below 0 of one that grows.
 
     >>> from gtmodel.linear.state_space import frequency_and_damping

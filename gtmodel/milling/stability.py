@@ -24,7 +24,8 @@ STEP = 1.2  # ratio of one depth that is tried to the next
 # steps, up to some multiples, beyond which the force hardly changes with the angle any more
 HELIX_STEPS, HELIX_PITCHES = 16, 4
 PROBES = 6  # of such a peak
-TOLERANCE = 1e-3  # relative, of a limit
+TOLERANCE = 1e-3  # relative, of the place of such a peak
+CLOSE = 1e-5  # relative, of a limit
 EDGE = 1e-9  # rad, beside an angle where a tooth enters or leaves
 
 
@@ -123,8 +124,8 @@ def proven_depth(
 
     Depths are tried by their spectral radius from `certain_depth` on, each a fifth or, with a helix, a 16th of the
     teeth's axial pitch deeper than the one before, and between them where the radius peaks near 1; the first that is
-    unstable is approached to a thousandth. For a spindle too slow for that it is `certain_depth`. Raises ValueError for
-    impossible values.
+    unstable is approached to a part in 100,000. For a spindle too slow for that it is `certain_depth`. Raises
+    ValueError for impossible values.
 
     >>> from gtmodel.milling import CuttingCoefficients, Cutter
     >>> cutter = Cutter(0.02, 2, CuttingCoefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
@@ -152,7 +153,7 @@ def proven_depth(
             return tried[-1][0] if tried else low
         if high is not None:
             below = [depth for depth, _ in tried if depth < high[0]]
-            return crossing(lambda x: np.log(radius(x)), below[-1], high[0], TOLERANCE)[0] if below else low
+            return crossing(lambda x: np.log(radius(x)), below[-1], high[0], CLOSE)[0] if below else low
     return deepest
 
 

@@ -186,5 +186,6 @@ def natural_modes(system: StateSpace) -> list[Mode]:
             continue
         share = np.abs(vector) / max(1e-300, float(np.max(np.abs(vector))))
         moving = tuple(str(n) for n, s in zip(system.state_labels, share, strict=True) if s > 0.5)
-        result.append(Mode(complex(value), *map(float, frequency_and_damping(value)), moving))
+        frequency, damping = frequency_and_damping(value)
+        result.append(Mode(complex(value), float(frequency), float(damping), moving))
     return sorted(result, key=lambda m: (m.frequency_Hz, m.eigenvalue.real))
