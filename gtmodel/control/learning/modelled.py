@@ -86,7 +86,10 @@ class ModelledRobot:
             frequency_and_damping(continuous_poles(pole, self.sample_time))
             for pole in _light(stable(signals["tool"]), self.sample_time)
         ]
-        return min(modes, key=lambda m: m[0] * m[1]) if modes else None
+        if not modes:
+            return None
+        frequency, damping = min(modes, key=lambda m: m[0] * m[1])
+        return float(frequency), float(damping)
 
     def tool(self, axis: int) -> StateSpace:
         """The model from the motor side to the tool."""
