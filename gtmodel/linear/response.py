@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import scipy
 
-ON_A_POLE = 4 * np.finfo(float).eps  # of z: an eigenvalue is known no closer, so that a pole is met or not by chance
+ON_A_POLE = 4 * sys.float_info.epsilon  # of z: an eigenvalue is known no closer, so that a pole is met or not by chance
 
 
 def states(A: np.ndarray, drive: np.ndarray, x0: np.ndarray) -> np.ndarray:
