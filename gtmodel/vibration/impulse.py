@@ -13,6 +13,7 @@ from gtmodel.inference import nonlinear_fit, whiteness
 from gtmodel.results import Estimate
 
 from .._lazy import hint
+from ..linear.state_space import continuous_poles, frequency_and_damping
 from ..results import ArgumentError
 from .continuous import NEAR
 from .hankel import block_hankel
@@ -109,7 +110,7 @@ def identify_impulse(
     for _ in wanted:
         go_on(interrupted)
         poles = next(realised)[3]
-        s = np.log(poles[np.imag(poles) > 0].astype(complex)) / record.sample_time
+        s = continuous_poles(poles[np.imag(poles) > 0], record.sample_time)
         s = s[(s.real < 0) & (s.imag > 2 * np.pi / (record.sample_time * len(record)))]
         fit = _Sines.fit(record, s) if len(s) else None
         if fit is not None and (len(s) not in fits or fit.criterion < fits[len(s)].criterion):
@@ -186,7 +187,7 @@ class _Sines:
     def _fit(cls, record: Record, s: np.ndarray, weights: np.ndarray) -> _Sines | None:
         """As `fit`, with the residuals of each output times its weight."""
         s = s[np.argsort(np.abs(s))]
-        start = np.column_stack([np.abs(s) / (2 * np.pi), -np.real(s) / np.abs(s)]).ravel()
+        start = np.column_stack(frequency_and_damping(s)).ravel()
         t, live = record.time, _live(record.y)
         y = (record.y * weights)[:, live]
 

@@ -12,10 +12,11 @@ from gtmodel.inference import nonlinear_fit, whiteness
 from gtmodel.inference.make_estimate import carried, moved_together
 from gtmodel.results import Estimate
 
+from ..linear.response import free_responses, simulate
+from ..linear.state_space import held, second_order
 from ..results import ArgumentError
 from .known_force import SecondOrder
 from .record import Record, go_on
-from .response import free_responses, held, simulate
 
 Form = Literal["symmetric", "free"]
 
@@ -168,21 +169,11 @@ def too_far(rows: int, n: int) -> tuple[np.ndarray, np.ndarray]:
     return np.full(rows, np.inf), np.full((rows, n), np.inf)
 
 
-def second_order_states(
-    M: np.ndarray, D: np.ndarray, K: np.ndarray, F: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A, B, C in continuous time with the states (x, x') and the outputs x."""
-    p, m = F.shape
-    X = np.linalg.solve(M, np.hstack([K, D, F]))
-    A = np.block([[np.zeros((p, p)), np.eye(p)], [-X[:, : 2 * p]]])
-    return A, np.vstack([np.zeros((p, m)), X[:, 2 * p :]]), np.eye(p, 2 * p)
-
-
 def _predict(
     record: Record, M: np.ndarray, D: np.ndarray, K: np.ndarray, F: np.ndarray, weights: np.ndarray
 ) -> np.ndarray:
     """Positions (N, p) from the input and the initial state and rest positions that fit best, by weights (p,)."""
-    A, B, C = second_order_states(M, D, K, F)
+    A, B, C = second_order(M, D, K, F)
     if np.linalg.eigvals(A).real.max() * record.sample_time * len(record) > 100:
         raise ValueError("diverges")
     Ad, Bd = held(A, B, record.sample_time)

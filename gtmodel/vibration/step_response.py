@@ -15,6 +15,7 @@ from gtmodel.results import Estimate
 from gtmodel.results.suspicion import alarms
 
 from .._lazy import hint
+from ..linear.response import late_lag
 from ..results import ArgumentError
 from .options import LONGEST
 from .output_error import central, too_far
@@ -210,8 +211,7 @@ def _check(given: Sequence[Record], delay: int | None, longest: int) -> None:
 def _unit(r: Record, a: float, delay: int) -> np.ndarray:
     """Response (N,) for b = 1, from rest."""
     u = r.u[:, 0] - r.u[0, 0]
-    late = np.concatenate([np.zeros(delay), u[: len(u) - delay]])
-    return np.asarray(scipy.signal.lfilter([1.0], [1.0, -a], late))
+    return late_lag(u, a, 1.0, delay)
 
 
 def _without_mean(x: np.ndarray) -> np.ndarray:
