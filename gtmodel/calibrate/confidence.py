@@ -9,9 +9,9 @@ from itertools import pairwise
 import numpy as np
 
 from ..inference import Identifiability, identifiability
+from ..inference.descent import Descent
 from ..inference.losses import Loss
 from ..inference.make_estimate import carried, effective_parameters, moved_together, spectrum
-from ..inference.nonlinear import Descent
 from ..inference.normal_equations import triangle
 from ..results.estimate import Estimate
 from .block_rows import JointRows, parts

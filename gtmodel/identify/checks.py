@@ -9,6 +9,7 @@ import numpy as np
 from ..inference import FALSE_ALARM, binomial_band, negligible
 from ..results import Check, at_least, at_most
 from ..results.check import bound_in_words
+from ..results.estimate import half_width
 from ..results.unit_names import split
 from .asked import Asked
 from .exchanged import exchanged_efforts
@@ -120,9 +121,7 @@ def _far_off(identification: Identification, base: Sequence[str]) -> list[str]:
 
 def _student(tests: int, degrees_of_freedom: float) -> float:
     """Bound on the largest of so many errors in standard deviations."""
-    from scipy import stats  # here: it alone takes as long to import as all of gtmodel
-
-    return float(stats.t.isf(FALSE_ALARM / 2 / max(tests, 1), degrees_of_freedom))
+    return half_width(1 - FALSE_ALARM / max(tests, 1), degrees_of_freedom)
 
 
 def _piled(data: Recordings, targets: str) -> list[tuple[float, str]]:

@@ -64,7 +64,7 @@ def linear_fit(
     w = weighting(len(b), sigma=sigma, weights=weights, covariance=covariance)
     Aw, bw = w(A), w(b)
     size = scales(None if scale is None else np.asarray(scale, float), len(names), Aw)
-    low, high = _limits(bounds or {}, names)
+    low, high = limits(bounds or {}, names)
     P, p = prior_rows(priors, names)
     noise = 1.0
     for _ in range(NOISE_ROUNDS):
@@ -203,7 +203,8 @@ def _solve(A: np.ndarray, b: np.ndarray, low: np.ndarray, high: np.ndarray, tole
     return x
 
 
-def _limits(bounds: Mapping[str, tuple[float, float]], names: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
+def limits(bounds: Mapping[str, tuple[float, float]], names: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
+    """Lower and upper bounds (n,) of the names, infinite where there are none. Raises ArgumentError."""
     unknown = [n for n in bounds if n not in names]
     if unknown:
         raise ArgumentError(f"bounds name '{unknown[0]}', which is not free; these are: {', '.join(names)}")

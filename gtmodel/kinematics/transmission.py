@@ -9,6 +9,7 @@ import numpy as np
 import scipy
 
 from ..results import ArgumentError
+from ..results.estimate import half_width
 from .guideways import LONGEST, GuidewayFit, MeasurementError, checked, fit_guideway
 from .periodogram import strongest
 
@@ -43,13 +44,11 @@ class Backlash:
 
     def interval(self, name: str = "width", level: float = 0.95) -> tuple[float, float]:
         """Confidence interval of the width [m], by Student's t. Raises ArgumentError for another name or no level."""
-        from scipy.stats import t as student  # here: it alone takes as long to import as all of gtmodel
-
         if name != "width":
             raise ArgumentError(f"'{name}' was not estimated; it is the width that has an interval", "name")
         if not 0 < level < 1:
             raise ArgumentError(f"a confidence level lies between 0 and 1; found {level:g}", "level")
-        reach = float(student.ppf(0.5 + level / 2, self.degrees_of_freedom)) * self.standard_error
+        reach = half_width(level, self.degrees_of_freedom) * self.standard_error
         return self.width - reach, self.width + reach
 
 

@@ -12,6 +12,7 @@ import scipy
 from gtmodel.inference import nonlinear_fit, whiteness
 from gtmodel.measurements import copied_stretch
 from gtmodel.results import Estimate
+from gtmodel.results.estimate import half_width
 
 from .._lazy import hint
 from ..results import ArgumentError
@@ -114,7 +115,7 @@ def identify_step(
     near = [scans[d][1] for d in (best - 1, best + 1) if d in scans]
     ratio = count * np.log((min(near) + floor) / (scans[best][1] + floor)) if near else np.inf
     at_end = delay is None and best == longest
-    sure = bool(ratio > scipy.stats.chi2.isf(SURE, 1)) and not at_end
+    sure = bool(ratio > half_width(1 - SURE) ** 2) and not at_end
 
     def misfit(x: np.ndarray) -> np.ndarray:
         return np.concatenate([_without_mean(x[1] * _unit(r, x[0], best) - r.y[:, 0]) for r in given])
@@ -247,5 +248,5 @@ def _through(e: Estimate, function, level: float) -> tuple[float, tuple[float, f
     """A function of (a, b) and its confidence interval by its derivatives."""
     value = float(function(e.values))
     slope = central(lambda x: np.array([function(x)]), e.values)[0]
-    half = float(scipy.stats.t.ppf((1 + level) / 2, e.degrees_of_freedom) * np.sqrt(slope @ e.covariance @ slope))
+    half = half_width(level, e.degrees_of_freedom) * float(np.sqrt(slope @ e.covariance @ slope))
     return value, (value - half, value + half)
