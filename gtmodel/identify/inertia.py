@@ -23,7 +23,7 @@ from gtmodel.inference import (
     nominal_sizes,
     whiteness,
 )
-from gtmodel.inference.chance import f_chance
+from gtmodel.inference.chance import f_chance, f_test
 from gtmodel.lang import ModelError
 from gtmodel.results.estimate import Estimate
 
@@ -381,6 +381,5 @@ def _left_out(
         covariance = newey_west(W.reshape(*residuals.shape, k), left, starts=rows.starts)
         F = float(along @ np.linalg.solve(covariance, along)) / k
     else:
-        explained = float(np.sum(along**2))
-        F = explained / k / max(float(r @ r - explained) / degrees_of_freedom, np.finfo(float).tiny)
+        F, _ = f_test(float(r @ r), float(r @ r - along @ along), k, degrees_of_freedom)
     return LeftOut(names, F, float(f_chance(F, k, degrees_of_freedom)), tests)

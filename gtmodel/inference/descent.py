@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -41,17 +41,6 @@ class Step:
     undamped: bool
 
 
-class Point(Protocol):
-    """Half the sum of squares at some x, whether all there is finite, and the step from there at some damping, None
-    where nothing measured moves."""
-
-    @property
-    def cost(self) -> float: ...
-    @property
-    def finite(self) -> bool: ...
-    def step(self, damping: float) -> Step | None: ...
-
-
 @dataclass(frozen=True, eq=False)
 class Descent:
     """Where the iteration ended: x, and how it went."""
@@ -65,7 +54,7 @@ class Descent:
 
 
 def minimised(
-    at: Callable[[Any], Point],
+    at: Callable[[Any], Any],
     x: Any,
     *,
     limit: int,
@@ -74,7 +63,10 @@ def minimised(
     stuck: str = "are the derivatives right?",
     unended: str = "scale the parameters",
 ) -> Descent:
-    """The descent from x. It ends with a step that changes the residuals by less than `tolerance` of their length, or
+    """The descent from x; `at(x)` is a point with its `cost`, half the sum of squares, whether it is `finite`, and the
+    `step(damping)` from there, None where nothing measured moves.
+
+    It ends with a step that changes the residuals by less than `tolerance` of their length, or
     where rounding hides what a step gains; `stop` is asked before each iteration and ends it with the best x so far,
     status INTERRUPTED. `stuck` and `unended` advise where it does not arrive."""
     here = at(x)

@@ -6,12 +6,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
 from numpy.typing import ArrayLike
 
 from ..results.estimate import Estimate
 from ..results.refusal import ArgumentError
-from .make_estimate import RANK, effective_parameters, moved_together, scales, spectrum
+from .make_estimate import RANK, freedom_left, moved_together, scales, spectrum
 from .weighting import Prior, prior_rows, weighting
 
 # with priors and an unknown noise, the two weigh each other: rounds until the noise stands still to this part
@@ -169,9 +168,7 @@ def fit_worth(
     null = moved_together(s.null, own)
     if null and not hold_undetermined:
         raise ArgumentError("; ".join(null))
-    degrees_of_freedom = len(J) - effective_parameters(data, s.inverse)
-    if abs(degrees_of_freedom - round(degrees_of_freedom)) < 1e-6:  # a whole number but for rounding
-        degrees_of_freedom = float(round(degrees_of_freedom))
+    degrees_of_freedom = freedom_left(len(J), data, s.inverse)
     if degrees_of_freedom < 0 or (degrees_of_freedom == 0 and not known):
         raise ArgumentError(f"{len(J)} measured values for {len(kept)} unknowns; measure more, or give sigma")
     null_space = np.where(np.abs(s.null) > PART, s.null, 0.0) * size[:, None] if null else np.zeros((0, 0))
@@ -199,6 +196,8 @@ def _solve(A: np.ndarray, b: np.ndarray, low: np.ndarray, high: np.ndarray, tole
         if len(rest) > rest.shape[1]:
             Q, R = np.linalg.qr(rest)
             rest, right = R, Q.T @ right
+        import scipy  # here: what reads a log by its keys imports this module and fits nothing
+
         x[~fixed] = scipy.optimize.lsq_linear(rest, right, (low[~fixed], high[~fixed]), method="bvls", tol=BVLS).x
     return x
 

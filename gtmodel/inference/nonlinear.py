@@ -21,6 +21,7 @@ from .weighting import Prior, Weighting, prior_rows, weighting
 
 Residuals = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
+SLOPE = 1e-6  # relative step of central differences: errors of 1e-12 from the step, 1e-10 from rounding
 # damping begins below the smallest singular value, or weak directions would creep; relative to the largest
 DAMPING = 0.1
 
@@ -123,6 +124,25 @@ class _Dense:
 
     def _whitened(self, r: np.ndarray, J: np.ndarray) -> np.ndarray:
         return np.column_stack([self.w(np.asarray(J, float)), self.w(np.asarray(r, float))])
+
+
+def central(function: Callable[[np.ndarray], np.ndarray], x: np.ndarray) -> np.ndarray:
+    """Jacobian (rows, n) of a function of x (n,) by central differences of a relative step (of 1 where x is small)."""
+    steps = np.diag(SLOPE * np.maximum(np.abs(x), 1.0))
+    return np.column_stack([(function(x + e) - function(x - e)) / (2 * e[k]) for k, e in enumerate(steps)])
+
+
+def by_differences(misfit: Callable[[np.ndarray], np.ndarray], rows: int) -> Residuals:
+    """Residuals (rows,) for nonlinear_fit() whose derivatives are central differences; where `misfit` raises ValueError
+    or LinAlgError x is too far off, and the iteration takes a shorter step."""
+
+    def residuals(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        try:
+            return misfit(x), central(misfit, x)
+        except (np.linalg.LinAlgError, ValueError):
+            return np.full(rows, np.inf), np.full((rows, len(x)), np.inf)
+
+    return residuals
 
 
 def descend(

@@ -10,6 +10,7 @@ import numpy as np
 import scipy
 
 from gtmodel.inference import nonlinear_fit, whiteness
+from gtmodel.inference.nonlinear import by_differences, central
 from gtmodel.measurements import copied_stretch
 from gtmodel.results import Estimate
 from gtmodel.results.estimate import half_width
@@ -17,7 +18,6 @@ from gtmodel.results.estimate import half_width
 from .._lazy import hint
 from ..results import ArgumentError
 from .options import LONGEST
-from .output_error import central, too_far
 from .record import Record, go_on
 
 if TYPE_CHECKING:
@@ -118,15 +118,12 @@ def identify_step(
     sure = bool(ratio > half_width(1 - SURE) ** 2) and not at_end
 
     def misfit(x: np.ndarray) -> np.ndarray:
+        if abs(x[0]) >= 1:
+            raise ValueError("diverges")
         return np.concatenate([_without_mean(x[1] * _unit(r, x[0], best) - r.y[:, 0]) for r in given])
 
-    def residuals(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        if abs(x[0]) >= 1:
-            return too_far(count, 2)
-        return misfit(x), central(misfit, x)
-
     a0 = scans[best][0]
-    fit = nonlinear_fit(residuals, [a0, _gain(given, a0, best)], ("a", "b"))
+    fit = nonlinear_fit(by_differences(misfit, count), [a0, _gain(given, a0, best)], ("a", "b"))
     if fit.estimate is None:
         raise ArgumentError(
             f"the step-response fit did not arrive: {fit.message}; is it a step response of first order?"

@@ -6,6 +6,7 @@ import numpy as np
 import scipy
 
 from ...calibrate.measured.column_checks import aligned
+from ...inference.nonlinear import by_differences, nonlinear_fit
 from ...results.refusal import ArgumentError
 from .pictures import RobotPictures
 
@@ -100,7 +101,6 @@ def _resection(X: np.ndarray, uv: np.ndarray, name: str) -> tuple[np.ndarray, np
 
 def _placed(start: np.ndarray, X: np.ndarray, uv: np.ndarray, R: np.ndarray, c: np.ndarray) -> list[np.ndarray]:
     """Quaternion and place under intrinsics that may differ from those of the resection."""
-    from scipy.optimize import least_squares
     from scipy.spatial.transform import Rotation
 
     def rest(x: np.ndarray) -> np.ndarray:
@@ -108,7 +108,8 @@ def _placed(start: np.ndarray, X: np.ndarray, uv: np.ndarray, R: np.ndarray, c: 
         z = np.where(np.abs(p[:, 2:]) < 1e-6, 1e-6, p[:, 2:])
         return (start[:2] * p[:, :2] / z + start[2:4] - uv).reshape(-1)
 
-    x = least_squares(rest, np.zeros(6), x_scale=[0.1] * 3 + [1.0] * 3).x
+    scale = [0.1] * 3 + [1.0] * 3
+    x = nonlinear_fit(by_differences(rest, uv.size), np.zeros(6), "uvwxyz", scale=scale, sigma=1.0).x
     return [quaternion(R @ Rotation.from_rotvec(x[:3]).as_matrix()), c + x[3:]]
 
 
