@@ -121,7 +121,8 @@ class System:
         """Normalised innovations squared beyond which the gate of a sensor is closed, by how many numbers are used."""
         if name not in self._limits:
             sizes = np.arange(1, self.readings[name].dimension + 1)
-            self._limits[name] = np.append(np.inf, chi_squared_bound(1 - self.sensors[name].gate, sizes))
+            beyond = 1 - (self.sensors[name].gate or 1.0)
+            self._limits[name] = np.append(np.inf, chi_squared_bound(beyond, sizes))
         return self._limits[name]
 
     def huber_limits(self, name: str) -> tuple[np.ndarray, np.ndarray]:

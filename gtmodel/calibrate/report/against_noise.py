@@ -133,7 +133,7 @@ def pattern(c: Calibration, held_out: Sequence[CalibrationProblem] = ()) -> Verd
     by_block = [scipy.linalg.block_diag(*(np.kron(w, np.eye(k)) for k in equations)) for w in waves]
     columns = np.vstack([columns, *by_block])
     after, both = _left(np.hstack([A[:, :-1], columns])[closed], A[closed, -1])
-    more, rest = both - rank, np.count_nonzero(closed) - both
+    more, rest = both - rank, int(np.count_nonzero(closed)) - both
     if more < 1 or rest < 1:
         return None
     F, p = f_test(before, after, more, rest)
