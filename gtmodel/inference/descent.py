@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -22,8 +22,7 @@ LOOK_BACK, SETTLED = 10, 1e-9  # iterations that together lowered the cost by le
 QUIET = 1e-3  # a full step that changes the cost by less than this part is taken undamped
 
 
-@dataclass(frozen=True, eq=False)
-class Step:
+class Step(NamedTuple):
     """A step, and the `end` where it leads. In units of the scales `full` is its norm, `reach` that of the unknowns;
     `change` is the length of J step beside that of the residuals, `length`.
 

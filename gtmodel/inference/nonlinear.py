@@ -85,16 +85,17 @@ def nonlinear_fit(
     size = scales(None if scale is None else np.asarray(scale, float), len(x), w(J))
     P, p = prior_rows(priors, names)
     rows = _Dense(residuals, w, x, r, J)
-    low, high = limits(bounds or {}, names)
+    ends = limits(bounds, names) if bounds else None
     d = descend(
-        rows, x, size, P=P, p=p, bounds=(low, high) if bounds else None, loss=loss_named(loss), width=width,
+        rows, x, size, P=P, p=p, bounds=ends, loss=loss_named(loss), width=width,
         rank_tolerance=rank_tolerance, limit=limit,
     )  # fmt: skip
     (end,) = rows(d.x)
     r, J = end[:, -1], end[:, :-1]
     if not d.status.ok:
         return NonlinearFit(**vars(d), r=r, J=J)
-    free = (d.x > low + AT_BOUND * size) & (d.x < high - AT_BOUND * size)
+    near = AT_BOUND * size
+    free = np.ones(len(x), bool) if ends is None else (d.x > ends[0] + near) & (d.x < ends[1] - near)
     worth = fit_worth(
         J, names, size, free, P, w.known, units=tuple(units),
         hold_undetermined=hold_undetermined, rank_tolerance=rank_tolerance,
@@ -167,16 +168,17 @@ def descend(
     """
     P = np.zeros((0, len(scale))) if P is None else P
     p = np.zeros(len(P)) if p is None else p
-    problem = _AtOnce(rows, scale, P, p, bounds, loss or loss_named("linear"), width, rank_tolerance)
+    problem = _AtOnce(rows, np.append(scale, 1.0), P, p, bounds, loss or loss_named("linear"), width, rank_tolerance)
     return minimised(partial(_Here, problem), x, limit=limit, tolerance=tolerance, stop=stop)
 
 
 @dataclass(eq=False)
 class _AtOnce:
-    """Of rows [J r] and prior rows P x - p; `triangular` from the first ill-conditioned Jacobian on."""
+    """Of rows [J r], with columns in units of `size` (n + 1,), and prior rows P x - p; `triangular` from the first
+    ill-conditioned Jacobian on."""
 
     rows: Pieces
-    scale: np.ndarray
+    size: np.ndarray
     P: np.ndarray
     p: np.ndarray
     bounds: tuple[np.ndarray, np.ndarray] | None
@@ -191,7 +193,8 @@ class _Here:
 
     def __init__(self, problem: _AtOnce, x: np.ndarray) -> None:
         self.problem, self.x = problem, x
-        self.prior = np.column_stack([problem.P, problem.P @ x - problem.p])
+        P, p = problem.P, problem.p
+        self.prior = np.column_stack([P, P @ x - p]) if len(P) else np.zeros((0, len(problem.size)))
         self._sum()
 
     def _sum(self) -> None:
@@ -205,15 +208,14 @@ class _Here:
 
     @cached_property
     def directions(self) -> Directions:
-        free = self._directions(self.problem.scale)
+        free = self._directions(self.problem.size)
         if self.problem.bounds is None:
             return free
         slope, (low, high) = free.V @ (free.singular * free.projected), self.problem.bounds
         held = ((self.x <= low) & (slope > 0)) | ((self.x >= high) & (slope < 0))
-        return self._directions(np.where(held, 0.0, self.problem.scale)) if held.any() else free
+        return self._directions(np.where(np.append(held, False), 0.0, self.problem.size)) if held.any() else free
 
-    def _directions(self, scale: np.ndarray) -> Directions:
-        size = np.append(scale, 1.0)
+    def _directions(self, size: np.ndarray) -> Directions:
         d = directions(self.sums, size, self.prior)
         if d is None:
             self.problem.triangular = True
@@ -223,7 +225,7 @@ class _Here:
         return d
 
     def step(self, damping: float) -> Step | None:
-        d, scale = self.directions, self.problem.scale
+        d, scale = self.directions, self.problem.size[:-1]
         s = d.singular
         within = s > self.problem.rank_tolerance * s.max(initial=0.0)
         if not within.any():
