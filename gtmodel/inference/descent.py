@@ -22,7 +22,7 @@ LOOK_BACK, SETTLED = 10, 1e-9  # iterations that together lowered the cost by le
 QUIET = 1e-3  # a full step that changes the cost by less than this part is taken undamped
 
 
-class Step(NamedTuple):
+class DescentStep(NamedTuple):
     """A step, and the `end` where it leads. In units of the scales `full` is its norm, `reach` that of the unknowns;
     `change` is the length of J step beside that of the residuals, `length`.
 

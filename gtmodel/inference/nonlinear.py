@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from ..results.estimate import Estimate
 from ..results.refusal import ArgumentError
 from ..results.status import SolveStatus
-from .descent import Descent, Step, minimised
+from .descent import Descent, DescentStep, minimised
 from .least_squares import AT_BOUND, fit_worth, limits
 from .losses import Loss, loss_named
 from .make_estimate import RANK, scales
@@ -224,7 +224,7 @@ class _Here:
             assert d is not None, "a triangle has directions, whatever its condition"
         return d
 
-    def step(self, damping: float) -> Step | None:
+    def step(self, damping: float) -> DescentStep | None:
         d, scale = self.directions, self.problem.size[:-1]
         s = d.singular
         within = s > self.problem.rank_tolerance * s.max(initial=0.0)
@@ -236,4 +236,4 @@ class _Here:
             end = np.clip(end, *self.problem.bounds)
         full = norm(part / s)
         least = DAMPING * float(s[-1] / s[0]) ** 2
-        return Step(end, full, 1 + norm(self.x / scale), norm(part), d.size, full, least, True)
+        return DescentStep(end, full, 1 + norm(self.x / scale), norm(part), d.size, full, least, True)

@@ -11,7 +11,7 @@ import numpy as np
 from ...results.estimate import Estimate
 from ...results.refusal import ArgumentError
 from ...results.status import SolveStatus
-from ..descent import Step, minimised
+from ..descent import DescentStep, minimised
 from .elimination import BlockNormal, along, normal_equations, reduced
 from .residual_block import BlockEvaluation, Linearised, ResidualBlock
 from .shared_step import solver
@@ -176,7 +176,7 @@ class _Here:
     def finite(self) -> bool:
         return bool(np.isfinite(self.cost)) and self.normal.finite
 
-    def step(self, damping: float) -> Step | None:
+    def step(self, damping: float) -> DescentStep | None:
         r = reduced(self.s, self.normal, damping, self.dense)
         x = -solver(r)(r.g)
         z = r.back(x)
@@ -186,7 +186,7 @@ class _Here:
         change, length = float(np.sqrt(squares)), float(np.sqrt(sum(float(np.vdot(a.r, a.r)) for a in self.rows)))
         scale = np.where(r.scale > 0, r.scale, 1.0)
         full, reach = (float(np.linalg.norm(v * scale)) for v in (x, self._shared()))
-        return Step(self._moved(x, z), full, 1 + reach, change, length, change, DAMPING, damping == 0.0)
+        return DescentStep(self._moved(x, z), full, 1 + reach, change, length, change, DAMPING, damping == 0.0)
 
     def _moved(self, x: np.ndarray, z: np.ndarray) -> Values:
         s, new = self.s, {}
