@@ -44,7 +44,7 @@ def chi_squared_band(count: int, numbers: float, level: float = LEVEL) -> Band:
         raise ArgumentError(f"expected at least one number; found {count} of {numbers:g} degrees of freedom", "count")
     if not 0 < level < 1:
         raise ArgumentError(f"expected a probability between 0 and 1; found {level}", "level")
-    return Band(*(float(end) / count for end in chi_squared_ends(level, count * numbers)))
+    return _scaled_band(count * numbers, 2 * count * numbers, count, level)
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from .least_squares import AT_BOUND, fit_worth, limits
 from .losses import Loss, loss_named
 from .make_estimate import RANK, scales
 from .normal_equations import Directions, Pieces, directions, norm, sums
-from .weighting import Prior, Weighting, prior_rows, weighting
+from .weighting import Prior, prior_rows, weighting
 
 Residuals = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
@@ -84,7 +84,15 @@ def nonlinear_fit(
         raise ArgumentError("priors need the size of the noise to be weighed against: give sigma or covariance")
     size = scales(None if scale is None else np.asarray(scale, float), len(x), w(J))
     P, p = prior_rows(priors, names)
-    rows = _Dense(residuals, w, x, r, J)
+    last = [x, np.column_stack([w(J), w(r)])]
+
+    def rows(x: np.ndarray) -> tuple[np.ndarray]:
+        """All [J r] at once; the last are kept."""
+        if not np.array_equal(last[0], x):
+            r, J = (np.asarray(a, float) for a in residuals(x))
+            last[:] = x.copy(), np.column_stack([w(J), w(r)])
+        return (last[1],)
+
     ends = limits(bounds, names) if bounds else None
     d = descend(
         rows, x, size, P=P, p=p, bounds=ends, loss=loss_named(loss), width=width,
@@ -109,22 +117,6 @@ def nonlinear_fit(
             return NonlinearFit(**vars(d), r=r, J=J)
         estimate = replace(estimate, covariance=estimate.covariance / (1.0 if w.known else estimate.noise**2) * factor)
     return NonlinearFit(**vars(d), r=r, J=J, estimate=estimate)
-
-
-class _Dense:
-    """Whitened rows [J r] of a function that gives them all at once; the last are kept, at first r and J at x."""
-
-    def __init__(self, residuals: Residuals, w: Weighting, x: np.ndarray, r: np.ndarray, J: np.ndarray) -> None:
-        self.residuals, self.w = residuals, w
-        self.x, self.rows = x, self._whitened(r, J)
-
-    def __call__(self, x: np.ndarray) -> tuple[np.ndarray]:
-        if not np.array_equal(self.x, x):
-            self.x, self.rows = x.copy(), self._whitened(*self.residuals(x))
-        return (self.rows,)
-
-    def _whitened(self, r: np.ndarray, J: np.ndarray) -> np.ndarray:
-        return np.column_stack([self.w(np.asarray(J, float)), self.w(np.asarray(r, float))])
 
 
 def central(function: Callable[[np.ndarray], np.ndarray], x: np.ndarray) -> np.ndarray:

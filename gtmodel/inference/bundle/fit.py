@@ -11,7 +11,7 @@ import numpy as np
 from ...results.estimate import Estimate
 from ...results.refusal import ArgumentError
 from ...results.status import SolveStatus
-from ..descent import DescentStep, minimised
+from ..descent import Descent, DescentStep, minimised
 from .elimination import BlockNormal, along, normal_equations, reduced
 from .residual_block import BlockEvaluation, Linearised, ResidualBlock
 from .shared_step import solver
@@ -26,27 +26,25 @@ DAMPING = 1e-4  # to begin with, as a part of the squared lengths of all columns
 
 
 @dataclass(frozen=True, eq=False)
-class BundleFit:
+class BundleFit(Descent):
     """Where the fit ended.
 
-    values: by group, (count, size); local ones too.
     cost: half the sum of squares of the whitened residuals, or of their losses.
     residuals: by block, (n, m), neither whitened nor weighted, in the order of the data.
     estimate: of all shared unknowns, named "instance.label", rotations as rotation vectors [rad]; None unless solved.
     notes: sentences on what the data do not determine; undetermined: in how many directions.
     """
 
-    values: Values
-    cost: float
-    status: SolveStatus
-    message: str
-    iterations: int
-    evaluations: int
     residuals: dict[str, np.ndarray]
     estimate: Estimate | None = None
     notes: tuple[str, ...] = ()
     undetermined: int = 0
     _worth: Worth | None = field(default=None, repr=False)
+
+    @property
+    def values(self) -> Values:
+        """By group, (count, size); local ones too."""
+        return self.x
 
     @property
     def shared_covariance(self) -> np.ndarray:
@@ -127,14 +125,16 @@ def bundle_fit(
     )  # fmt: skip
     if end.status is SolveStatus.NOT_FINITE:
         end = replace(end, message=_invalid(evaluations, start))
-    residuals = _residuals(blocks, s, evaluations, end.x)
-    plain = end.x, end.cost, end.status, end.message, end.iterations, end.evaluations, residuals
+    raw = _residuals(blocks, s, evaluations, end.x)
     if not end.status.ok or not covariance:
-        return BundleFit(*plain)
+        return BundleFit(**vars(end), residuals=raw)
     worth = worth_of(s, evaluations, end.x, motions, dense)
     if worth.words and not hold_undetermined:
         raise ArgumentError("; ".join(worth.words))
-    return BundleFit(*plain, worth.estimate, tuple(worth.words), worth.null.shape[1], worth)
+    return BundleFit(
+        **vars(end), residuals=raw, estimate=worth.estimate, notes=tuple(worth.words),
+        undetermined=worth.null.shape[1], _worth=worth,
+    )  # fmt: skip
 
 
 def _residuals(blocks: Sequence[ResidualBlock], s: Structure, evaluations: Sequence[BlockEvaluation],
