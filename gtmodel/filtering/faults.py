@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ..inference.chance import chi_squared_chance
 from ..results.refusal import ArgumentError
 from ..results.suspicion import Suspicion
 from ..results.trajectory import Trajectory
@@ -46,11 +47,9 @@ class Suspect(Suspicion):
 
 
 def _suspect(name: str, value: np.ndarray, deviation: np.ndarray, improvement: float, seen: bool) -> Suspect:
-    from scipy.stats import chi2
-
     factor = "factor " if name.endswith(NOISE) else ""
     evidence = f"{name} explains the log best: {factor}{', '.join(f'{v:.3g}' for v in value)}"
-    p = float(chi2.sf(improvement, value.size))
+    p = float(chi_squared_chance(improvement, value.size))
     return Suspect(name, evidence, p, value=value, deviation=deviation, improvement=improvement, seen=seen)
 
 

@@ -98,12 +98,13 @@ class Transfer:
 
     def _along(self, z: np.ndarray, inputs: Sequence[Any]) -> np.ndarray:
         T, entries, leaves = self._arrays
-        flat, x = z.ravel(), np.empty((len(T), z.size), complex)
+        flat: Any = z.ravel()
+        x = np.empty((len(T), z.size), complex)
         near = ON_A_POLE**2 * (flat.real**2 + flat.imag**2)
         for i in range(len(T) - 1, -1, -1):
             x[i] = T[i, i + 1 :] @ x[i + 1 :]
             for entry, size in zip(entries[i], inputs, strict=True):
                 x[i] += entry * np.ravel(size)
-            apart: np.ndarray = flat - T[i, i]
+            apart = flat - T[i, i]
             x[i] /= apart * (apart.real**2 + apart.imag**2 > near)
         return (leaves @ x).reshape(z.shape)

@@ -10,6 +10,7 @@ import numpy as np
 import scipy
 
 from gtmodel.inference import nonlinear_fit, whiteness
+from gtmodel.inference.nonlinear import by_differences
 from gtmodel.results import Estimate
 
 from .._lazy import hint
@@ -18,7 +19,7 @@ from ..results import ArgumentError
 from .continuous import NEAR
 from .hankel import block_hankel
 from .options import MOST_MODES
-from .output_error import REWEIGHTED, central, settled, too_far, weights_of
+from .output_error import REWEIGHTED, settled, weights_of
 from .record import Record, columns, go_on
 
 if TYPE_CHECKING:
@@ -192,17 +193,15 @@ class _Sines:
         y = (record.y * weights)[:, live]
 
         def misfit(x: np.ndarray) -> np.ndarray:
+            if np.any(x[::2] <= 0) or np.any(np.abs(x[1::2]) >= 1):
+                raise ValueError("no decaying sines")
             Q, _ = np.linalg.qr(_columns(t, x))
             return (Q @ (Q.T @ y) - y).T.ravel()
-
-        def residuals(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            if np.any(x[::2] <= 0) or np.any(np.abs(x[1::2]) >= 1):
-                return too_far(y.size, len(x))
-            return misfit(x), central(misfit, x)
 
         names = [f"{what}[{k}]" for k in range(len(s)) for what in ("f", "zeta")]
         try:
             with np.errstate(all="ignore"):
+                residuals = by_differences(misfit, y.size)
                 fit = nonlinear_fit(residuals, start, names, scale=np.tile([0.1, 0.01], len(s)), limit=50)
         except (ValueError, np.linalg.LinAlgError):
             return None

@@ -10,6 +10,7 @@ import numpy as np
 
 from gtmodel.inference import nonlinear_fit, whiteness
 from gtmodel.inference.make_estimate import carried, moved_together
+from gtmodel.inference.nonlinear import by_differences, central
 from gtmodel.results import Estimate
 
 from ..linear.response import free_responses, simulate
@@ -21,7 +22,6 @@ from .record import Record, go_on
 Form = Literal["symmetric", "free"]
 
 PART = 1e-6  # of the largest entry of a null direction: smaller ones are rounding of the differences
-SLOPE = 1e-6  # relative step of central differences: errors of 1e-12 from the step, 1e-10 from rounding
 REWEIGHTED = 4  # fits after the first, each with the outputs weighted by their noise in the last
 SETTLED = 0.02  # a weight that changes by less changes no interval that a person reads
 QUIETEST = 1e-6  # of the mean noise: the least that an output is taken to have, a dead one too
@@ -89,15 +89,10 @@ def output_error(
     weights = np.ones(p)  # of the outputs
 
     def misfit(x: np.ndarray) -> np.ndarray:
+        go_on(interrupted)
         return (weights * (_predict(record, *packing.unpack(x), start.F, weights) - record.y)).T.ravel()
 
-    def residuals(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        go_on(interrupted)
-        try:
-            return misfit(x), central(misfit, x)
-        except (np.linalg.LinAlgError, ValueError):
-            return too_far(record.y.size, len(x))
-
+    residuals = by_differences(misfit, record.y.size)
     ones = np.ones(len(packing.scale))
     raw = [f"x[{k}]" for k in range(len(ones))]
     with np.errstate(all="ignore"):
@@ -152,21 +147,6 @@ def weights_of(y: np.ndarray, fitted: np.ndarray) -> np.ndarray:
 def settled(weights: np.ndarray, before: np.ndarray) -> bool:
     """Whether another fit with new weights would change nothing worth telling."""
     return bool(np.all(np.abs(weights / before - 1) < SETTLED))
-
-
-def central(function: Callable[[np.ndarray], np.ndarray], x: np.ndarray, step: float = SLOPE) -> np.ndarray:
-    """Jacobian (rows, n) of a function of x (n,) by central differences of a relative step (of 1 where x is 0)."""
-    columns = []
-    for k in range(len(x)):
-        e = np.zeros(len(x))
-        e[k] = step * max(abs(x[k]), 1.0)
-        columns.append((function(x + e) - function(x - e)) / (2 * e[k]))
-    return np.stack(columns, axis=1)
-
-
-def too_far(rows: int, n: int) -> tuple[np.ndarray, np.ndarray]:
-    """Residuals and Jacobian of a trial far off: the iteration takes a shorter step."""
-    return np.full(rows, np.inf), np.full((rows, n), np.inf)
 
 
 def _predict(

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...inference.chance import f_chance, f_test
 from ...inference.residuals import autocorrelation, shown_p
 from ...results.suspicion import Suspicion
 
@@ -62,9 +63,8 @@ def explained_by(J: np.ndarray, r: np.ndarray, columns: np.ndarray, *, least: fl
     if more < 1 or rest < 1 or not float(left @ left) > values.size * least**2:
         return Explained(np.nan, np.nan, more, rest, moved)
     after = left - own @ parts
-    variance = float(after @ after) / rest
-    F = float(parts @ parts) / more / variance if variance > 0 else np.inf
-    return Explained(F, _f_tail(F, more, rest), more, rest, moved)
+    explained, unexplained = float(parts @ parts), float(after @ after)
+    return Explained(*f_test(explained + unexplained, unexplained, more, rest), more, rest, moved)
 
 
 def drifts(
@@ -150,15 +150,9 @@ def one_far_off(
     others = np.maximum(total - share, np.finfo(float).tiny * total) / (rest - 1)
     k = int(np.argmax(share / others))
     t = float(np.sqrt(share[k] / others[k]))
-    p = min(1.0, values.size * _f_tail(t**2, 1, rest - 1))
+    p = min(1.0, values.size * float(f_chance(t**2, 1, rest - 1)))
     evidence = f"row {base + k // rows.shape[1]} is off by {t:.3g} deviations of the others ({shown_p(p)})"
     return Suspicion(name, evidence, p, remedy)
-
-
-def _f_tail(F: float, more: float, rest: float) -> float:
-    from scipy import special  # here: keys of kinds import what judges a fit
-
-    return float(special.fdtrc(more, rest, F)) if np.isfinite(F) else 0.0
 
 
 def _rows(r: np.ndarray) -> np.ndarray:
