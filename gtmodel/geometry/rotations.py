@@ -15,6 +15,10 @@ SMALL = 1e-2  # rad: below it the Jacobians of rotation vectors are their series
 
 def cross_matrix(v: Any) -> Any:
     """The matrix (..., 3, 3) that gives v x b for any b; v (..., 3)."""
+    if isinstance(v, np.ndarray) and v.ndim > 1:
+        K = np.zeros((*v.shape, 3))
+        K[..., 0, 1], K[..., 1, 2], K[..., 2, 0] = -v[..., 2], -v[..., 0], -v[..., 1]
+        return K - np.swapaxes(K, -1, -2)
     x, y, z = entries(v)
     return matrix([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
@@ -63,21 +67,27 @@ def angle_between(R: np.ndarray, S: np.ndarray) -> np.ndarray:
 
 def left_jacobian(v: np.ndarray) -> np.ndarray:
     """d log(exp(v + d) exp(-v)) / dd at d = 0, (n, 3, 3) for rotation vectors (n, 3)."""
-    angle = np.linalg.norm(v, axis=1)
-    near = angle < SMALL
-    safe = np.where(near, 1.0, angle)
-    square, squared = angle**2, safe**2
-    first = np.where(near, 0.5 - square / 24 * (1 - square / 30), (1 - np.cos(safe)) / squared)
-    second = np.where(near, 1 / 6 - square / 120, (safe - np.sin(safe)) / (squared * safe))
-    K = cross_matrix(v)
-    return UNIT + first[:, None, None] * K + second[:, None, None] * (K @ K)
+    square, near, angle = _small(v)
+    first = np.where(near, 0.5 - square / 24 * (1 - square / 30), (1 - np.cos(angle)) / angle**2)
+    second = np.where(near, 1 / 6 - square / 120, (angle - np.sin(angle)) / angle**3)
+    return _polynomial(v, square, first[:, None, None], second)
 
 
 def inverse_right_jacobian(v: np.ndarray) -> np.ndarray:
     """d log(exp(v) exp(d)) / dd at d = 0, (n, 3, 3) for rotation vectors (n, 3) shorter than a whole turn."""
-    angle = np.linalg.norm(v, axis=1)
-    near = angle < SMALL
-    half = np.where(near, 1.0, angle / 2)
-    second = np.where(near, 1 / 12 + angle**2 / 720, (1 - half / np.tan(half)) / (4 * half**2))
-    K = cross_matrix(v)
-    return UNIT + K / 2 + second[:, None, None] * (K @ K)
+    square, near, angle = _small(v)
+    second = np.where(near, 1 / 12 + square / 720, (1 - angle / 2 / np.tan(angle / 2)) / angle**2)
+    return _polynomial(v, square, 0.5, second)
+
+
+def _small(v: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Squares of angles (n,), whether these are small, and angles, 1 for small ones."""
+    square = np.einsum("nk,nk->n", v, v)
+    near = square < SMALL**2
+    return square, near, np.sqrt(np.where(near, 1.0, square))
+
+
+def _polynomial(v: np.ndarray, square: np.ndarray, first: Any, second: np.ndarray) -> np.ndarray:
+    """1 + first K + second K K, (n, 3, 3), of cross matrices K; K K = v v' - |v|^2."""
+    dyad = (second[:, None] * v)[:, :, None] * v[:, None, :]
+    return first * cross_matrix(v) + dyad + (1 - second * square)[:, None, None] * UNIT
