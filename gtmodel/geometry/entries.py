@@ -52,8 +52,9 @@ def matrix(rows: Sequence[Sequence[Any]]) -> Any:
 def _symbols(parts: Sequence[Any]) -> Any:
     import casadi as ca
 
-    from ..lang.expression import vector, written_out
+    from ..lang.expression import scope_of, vector
 
-    if isinstance(parts[0], list) and written_out(*parts[0], *parts[1]):
-        return ca.vertcat(*[ca.horzcat(*row) for row in parts])
+    rows = parts if isinstance(parts[0], list) else [[x] for x in parts]
+    if scope_of(*[x for row in rows for x in row]) is None:
+        return ca.vertcat(*[ca.horzcat(*row) for row in rows])
     return vector(parts)

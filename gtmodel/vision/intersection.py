@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from ..compiler.rows import map_columns
-from ..geometry.poses import matrices_of
+from ..geometry.rotations import matrices_of
 from ..results.refusal import ArgumentError
 from ..results.status import Status
 from .pinhole import LENS, undistort

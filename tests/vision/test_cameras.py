@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import gtmodel as gt
-from gtmodel.geometry.poses import composed, inverse_poses, matrices_of, poses_of
+from gtmodel.geometry.rotations import composed, inverse_poses, matrices_of, poses_of
 from gtmodel.inference.bundle import bundle_fit
 from gtmodel.results import ArgumentError, Status
 from gtmodel.vision import (

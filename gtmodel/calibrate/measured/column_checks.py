@@ -8,6 +8,7 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
+from ...geometry.rotations import nearest_rotation
 from ...inference import chance_ratio
 from ...measurements.orders import orders
 
@@ -166,7 +167,7 @@ def swapped_axes(
     """
     axes = measured.shape[1]
     if free_frame:
-        proper, mirrored = (_aligned(measured, predicted, hand)[2] for hand in (1, -1))
+        proper, mirrored = (aligned(measured, predicted, hand)[2] for hand in (1, -1))
         if proper > CLOSE * size and much_nearer(mirrored, proper, 1, degrees_of_freedom(len(measured), axes, True)):
             return ColumnReading(
                 f"'{name}' is left-handed: no turn brings it nearer than {length(proper)} rms to the model's, "
@@ -200,15 +201,10 @@ def degrees_of_freedom(poses: int, axes: int = 3, free_frame: bool = False) -> i
     return axes * poses - (axes * (axes + 1) // 2 if free_frame else 0)
 
 
-def aligned(measured: np.ndarray, predicted: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-    """t (3,), R (3, 3) with predicted = t + R measured as nearly as may be, det R = +1, and the rms distance [m]."""
-    return _aligned(measured, predicted, 1)
-
-
-def _aligned(measured: np.ndarray, predicted: np.ndarray, hand: int) -> tuple[np.ndarray, np.ndarray, float]:
+def aligned(measured: np.ndarray, predicted: np.ndarray, hand: int = 1) -> tuple[np.ndarray, np.ndarray, float]:
+    """t (3,), R (3, 3) with predicted = t + R measured as nearly as may be, det R = hand, and the rms distance [m]."""
     a, b = measured - measured.mean(axis=0), predicted - predicted.mean(axis=0)
-    U, _, Vt = np.linalg.svd(a.T @ b)
-    R = (U @ np.diag([1.0, 1.0, hand * np.sign(np.linalg.det(U @ Vt))]) @ Vt).T
+    R = nearest_rotation(b.T @ a, hand)
     return predicted.mean(axis=0) - R @ measured.mean(axis=0), R, distance(a @ R.T, b)
 
 

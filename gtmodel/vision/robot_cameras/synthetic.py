@@ -174,7 +174,7 @@ def made_hand_eye(
     """
     from scipy.spatial.transform import Rotation
 
-    from ...geometry.poses import composed, inverse_poses
+    from ...geometry.rotations import composed, inverse_poses
     from ...robots.catalogue import gantry_tau
 
     rng = np.random.default_rng(seed)

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...geometry.poses import composed, inverse_poses, matrices_of, poses_of
+from ...geometry.quaternions import angle_between
+from ...geometry.rotations import composed, inverse_poses, matrices_of, poses_of
 from ...inference.bundle import BundleFit, ResidualBlock, UnknownGroup, bundle_fit
 from ...results.refusal import ArgumentError
 from ..corner_table import CornerTable
@@ -104,7 +105,7 @@ def _between(views: dict[tuple[int, int], np.ndarray], a: int, b: int, pictures:
 
 def _angles(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Between the rotations of poses (n, 7) and (m, 7), (n, m) [rad]."""
-    return 2 * np.arccos(np.minimum(np.abs(a[:, :4] @ b[:, :4].T), 1.0))
+    return angle_between(a[:, None, :4], b[:, :4])
 
 
 def _medoid(poses: np.ndarray) -> int:

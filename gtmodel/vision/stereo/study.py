@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ...geometry.poses import composed, matrices_of
+from ...geometry.rotations import composed, matrices_of
 from ...inference.bundle import BundleFit
 from ...results import ArgumentError, Check, SolveStatus, Work, at_least, at_most
 from ...results.door import study_function
