@@ -1,6 +1,6 @@
-"""What `gtmodel.geometry` defines, products and matrices of quaternions, cross matrices, rotations by vectors and angles,
-fits of rotations, angles within pi, stands there alone: small pure functions of all other packages are called with
-arguments of each, and matrices that are written out are read."""
+"""What `gtmodel.geometry` defines stands there alone: products and matrices of quaternions, cross matrices, rotations
+by vectors, fits of rotations, angles. Small pure functions of all other packages are called with arguments of each, and
+matrices that are written out are read."""
 
 from __future__ import annotations
 
@@ -40,26 +40,12 @@ WRITTEN_OUT = re.compile(r"cross\(.*eye\(|0, -[a-z]|zero, -[a-z]")
 LONGEST = 30  # lines of a function that is called
 ROOTS = {"np", "ca", "math", "gt", "scipy", "Rotation"}
 PLAIN = {
-    "float",
-    "sum",
-    "zip",
-    "range",
-    "len",
-    "tuple",
-    "list",
-    "enumerate",
-    "abs",
-    "min",
-    "max",
-    "round",
-    "int",
-    "dot",
-    "cross",
-    "sqrt",
-    "vector",
-}
+    "float", "sum", "zip", "range", "len", "tuple", "list", "enumerate", "abs", "min", "max", "round", "int",
+    "dot", "cross", "sqrt", "vector",
+}  # fmt: skip
 NAMESPACE: dict[str, Any] = {
-    "np": np, "ca": ca, "math": math, "scipy": scipy, "Rotation": Rotation, "dot": np.dot, "cross": np.cross, "sqrt": np.sqrt, "vector": np.array,
+    "np": np, "ca": ca, "math": math, "scipy": scipy, "Rotation": Rotation,
+    "dot": np.dot, "cross": np.cross, "sqrt": np.sqrt, "vector": np.array,
     "gt": SimpleNamespace(dot=np.dot, cross=np.cross, sqrt=np.sqrt, cos=np.cos, sin=np.sin, vector=np.array),
 }  # fmt: skip
 ALIKE = 1e-9
