@@ -5,11 +5,21 @@ from __future__ import annotations
 import ast
 import re
 import sys
+import warnings
 from importlib import import_module
 from importlib.util import find_spec, resolve_name
 from pathlib import Path
 from types import ModuleType
 from typing import Any, ForwardRef
+
+from ._near import near
+
+# names of before that stand elsewhere now, read for one release: package -> name -> package
+_MOVED: dict[str, dict[str, str]] = {
+    "gtmodel.control.delayed": dict.fromkeys(
+        ("ChatterRadius", "CorrectedTool", "chatter_radius", "corrected_depth"), "gtmodel.milling"
+    )
+}
 
 
 class _NoSuchName(AttributeError):
@@ -20,8 +30,6 @@ class _NoSuchName(AttributeError):
         self.package, self.asked = package.__name__, name  # its name: an error that a worker process sends is pickled
 
     def __str__(self) -> str:
-        from .lang.slips import near
-
         there = [name for name in dir(sys.modules[self.package]) if not name.startswith("_")]
         longer = [name for name in there if _word(self.asked).search(name)]  # a name of before, made more precise
         either = "' or '".join(longer)
@@ -50,6 +58,9 @@ class _Package(ModuleType):
     _public: dict[str, tuple[str, str]]
 
     def __getattr__(self, name: str) -> Any:
+        if (there := _MOVED.get(self.__name__, {}).get(name)) is not None:
+            warnings.warn(f"{self.__name__}.{name} is {there}.{name} now", DeprecationWarning, stacklevel=2)
+            return getattr(import_module(there), name)
         own = f"{self.__name__}.{name}"
         if name not in self._public and (name.startswith("_") or not name.isidentifier() or find_spec(own) is None):
             raise _NoSuchName(self, name)

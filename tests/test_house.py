@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -11,21 +12,20 @@ import pytest
 HOUSE = Path(__file__).resolve().parents[1] / "gtmodel"
 # a line imports only lines above it, and names of its own line where no circle comes of it
 LINES = [
-    {"lang"}, {"results"}, {"geometry"}, {"compiler"}, {"measurements", "inference"},
-    {"simulation", "optimize", "cgen", "control"}, {"mechanics"}, {"robots"},
-    {"kinematics", "motion", "calibrate", "identify", "compliance", "vibration", "milling", "loop", "filtering", "fmu",
-     "vision", "modelica"},
-    {"plot"}, {"problem_files"}, {"kinds"},
+    {"lang"}, {"results"}, {"geometry"}, {"compiler"}, {"plot"}, {"measurements", "inference"},
+    {"mechanics", "vibration", "simulation", "optimize", "cgen"}, {"filtering"}, {"control"}, {"robots"},
+    {"kinematics", "motion", "calibrate", "identify", "compliance", "milling", "loop", "fmu", "vision", "modelica"},
+    {"problem_files"}, {"kinds"},
 ]  # fmt: skip
 LEVEL = {name: n for n, line in enumerate(LINES) for name in sorted(line)}
 FILES_ONLY = {"pydantic", "typer", "rich"}
 LIBRARIES = [name for name in LEVEL if LEVEL[name] < LEVEL["problem_files"]]
 
 
-def imports(path: Path, nested: bool = True) -> Iterator[tuple[str, int]]:
-    """Modules that a file imports, absolute, with the line; `nested` also inside functions."""
+def imports(path: Path, nested: bool = True, types: bool = False) -> Iterator[tuple[str, int]]:
+    """Modules that a file imports, absolute, with the line; `nested` also inside functions, `types` also for types."""
     tree = ast.parse(path.read_text())
-    skipped = {id(n) for b in ast.walk(tree) if _for_types(b) for n in ast.walk(b)}
+    skipped = set() if types else {id(n) for b in ast.walk(tree) if _for_types(b) for n in ast.walk(b)}
     inside = {id(n) for f in ast.walk(tree) if isinstance(f, ast.FunctionDef) for n in ast.walk(f)}
     package = ["gtmodel", *path.relative_to(HOUSE).with_suffix("").parts[:-1]]
     for node in ast.walk(tree):
@@ -38,6 +38,8 @@ def imports(path: Path, nested: bool = True) -> Iterator[tuple[str, int]]:
             module = ".".join([*base, *([node.module] if node.module else [])])
             yield module, node.lineno
             yield from ((f"{module}.{a.name}", node.lineno) for a in node.names)
+        elif types and isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "hint":
+            yield ast.literal_eval(node.args[0]), node.lineno
 
 
 def _for_types(node: ast.AST) -> bool:
@@ -68,9 +70,34 @@ def test_no_library_needs_matplotlib_before_a_picture(name):
 @pytest.mark.parametrize("name", LIBRARIES)
 def test_no_arrow_goes_up(name):
     for path in sorted((HOUSE / name).rglob("*.py")):
-        for module, line in imports(path, nested=False):
+        for module, line in imports(path, types=True):
             above = LEVEL.get(part_of(module), 0)
             assert above <= LEVEL[name], f"{path}:{line} imports {module}, which stands above {name}"
+
+
+def test_packages_form_no_circle():
+    """Imports inside functions, those for types and hints count; engines that `lang` names for its methods, and a
+    picture that `results` draws by its name, do not."""
+    files = {path: path.relative_to(HOUSE).parts[0] for path in HOUSE.rglob("*.py")}
+    graph: dict[str, set[str]] = {name: set() for name in LEVEL}
+    for path, name in files.items():
+        if name in graph:
+            graph[name] |= {part_of(m) for m, _ in imports(path, types=True)} & set(LEVEL) - {name}
+    assert circle_of(graph) == []
+    assert "milling" not in graph["control"]
+
+
+def test_hidden_arrows_are_read(tmp_path, monkeypatch):
+    monkeypatch.setattr("tests.test_house.HOUSE", tmp_path)
+    text = (
+        "if TYPE_CHECKING:\n    from ..milling import Cut\n"
+        "Cutter = hint('gtmodel.kinds', 'Cutter')\n"
+        "def f():\n    from .. import vision\n"
+    )
+    (tmp_path / "control").mkdir()
+    (tmp_path / "control" / "a.py").write_text(text)
+    found = {part_of(module) for module, _ in imports(tmp_path / "control" / "a.py", types=True)}
+    assert found >= {"milling", "kinds", "vision"}
 
 
 def test_robots_are_not_compared_by_name_outside_robots():
@@ -83,6 +110,23 @@ def test_robots_are_not_compared_by_name_outside_robots():
                 named = any(getattr(s, "id", getattr(s, "attr", "")) == "robot" for s in sides)
                 texts = any(isinstance(s, ast.Constant) and isinstance(s.value, str) and s.value for s in sides)
                 assert not (named and texts), f"{path}:{node.lineno} compares a robot with a name"
+
+
+POKE = re.compile(r"__dict__(\[|\.(get|pop|setdefault)\()|(?<!self)\.__dict__\.update")
+
+
+def test_the_inside_of_a_model_is_the_languages():
+    """Elsewhere attributes are read by name and written by methods."""
+    for path in sorted(HOUSE.rglob("*.py")):
+        if path.relative_to(HOUSE).parts[0] not in ("lang", "_lazy.py"):
+            found = POKE.search(path.read_text())
+            assert found is None, f"{path}: {found}"
+
+
+def test_a_poke_is_found():
+    for text in ('x.__dict__["_path"]', 'f.__dict__.get("a")', "made.__dict__.update(a=1)"):
+        assert POKE.search(text)
+    assert not POKE.search("self.__dict__.update(state)")
 
 
 def test_no_module_imports_another_that_imports_it():

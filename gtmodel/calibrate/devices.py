@@ -11,10 +11,10 @@ from typing import Protocol
 
 import numpy as np
 
+from ..geometry.pinhole import pixel_jacobian, project
 from ..kinematics.workspace import Limit, Poses
 from ..kinematics.workspace.distances import segment_to_box
 from ..lang.source import ModelError
-from ..vision.pinhole import pixel_jacobian, project
 
 Array = np.ndarray
 

@@ -117,4 +117,4 @@ def _extended(device: type[Model], robot: Model, **own: np.ndarray) -> Model:
     if "T" not in type(robot)._declared:
         raise ModelError(f"{type(robot).__name__} declares no position 'T', which the device could see")
     cls = type(f"{type(robot).__name__}{device.__name__}", (device, type(robot)), {})
-    return cls(**robot.__dict__["_modifiers"], **own)
+    return cls(**robot._modifiers, **own)

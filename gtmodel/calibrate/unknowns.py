@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -10,6 +9,7 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
+from .._near import meant
 from ..compiler.flat import FlatModel
 from ..geometry.quaternions import turned
 from ..inference import Prior
@@ -99,8 +99,7 @@ class Parameters:
         components = [k for k, n in enumerate(self.names) if n.startswith(begin)]
         if not components:
             whole = list(dict.fromkeys([*(n.partition("[")[0] for n in self.names), *self.names]))
-            close = difflib.get_close_matches(name, whole, n=3)
-            hint = f"did you mean {' or '.join(close)}?" if close else f"they hold {', '.join(whole[:12])}"
+            hint = meant(name, whole, f"they hold {', '.join(whole[:12])}", most=3)
             raise ModelError(f"the closure equations of {self.title} hold no parameter '{name}'; {hint}")
         return components
 

@@ -72,10 +72,9 @@ def stages(f: CausalFunction, symbol: str, real: Real = DOUBLE) -> Stages:
 
     What a block needs of the inputs is computed once before its steps, and a margin as soon as it can be.
     """
-    kept: dict[tuple[str, Real], Stages] = f.__dict__.setdefault("_stages", {})
-    if (symbol, real) not in kept:
-        kept[symbol, real] = _stages(f, symbol, real)
-    return kept[symbol, real]
+    if (symbol, real) not in f.kept:
+        f.kept[symbol, real] = _stages(f, symbol, real)
+    return f.kept[symbol, real]
 
 
 def _stages(f: CausalFunction, symbol: str, real: Real) -> Stages:

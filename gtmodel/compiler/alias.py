@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import casadi as ca
 
@@ -29,6 +30,7 @@ class AliasResult:
 
     equations: list[FlatEquation]
     removed: dict[int, Alias]
+    names: Any = None  # of all variables by what they stand for: made once, by who asks first
 
     def resolve(self, index: int, order: int) -> tuple[int, int, int]:
         """(sign, kept index, derivative order) of variable `index` differentiated `order` times."""

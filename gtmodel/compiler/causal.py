@@ -87,6 +87,7 @@ class CausalFunction:
         self.outputs = outputs
         self.name = name
         self.margins = plan.margins
+        self.kept: dict[Any, Any] = {}  # what others make of this function, for the next one who asks
 
     @cached_property
     def sizes(self) -> Sizes:
@@ -433,7 +434,7 @@ def compile_causal(
 
 def notes_of(model: Model | Builder) -> list[str]:
     """Notes of all functions that were made of a model so far, each once."""
-    flat = model.__dict__.get("_flat")
+    flat = getattr(model, "_flat", None)
     made = [] if flat is None else [f for f in flat.cache.values() if isinstance(f, CausalFunction)]
     return list(dict.fromkeys(note for f in made for note in f.notes))
 

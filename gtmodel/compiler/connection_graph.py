@@ -48,7 +48,7 @@ def _way(neighbours: dict[int, list[int]], start: int, end: int) -> list[int]:
 
 
 def _sentence(ports: list[Connector], through_root: bool) -> str:
-    names = " - ".join(p.__dict__["_path"] for p in ports)
-    components = list(dict.fromkeys(p.__dict__["_path"].rpartition(".")[0] or p.__dict__["_path"] for p in ports))
+    names = " - ".join(p._path for p in ports)
+    components = list(dict.fromkeys(p._path.rpartition(".")[0] or p._path for p in ports))
     what = "two components fix it in the world and here they meet" if through_root else "here it closes"
     return f"a loop of {', '.join(components)} ({names}): {what}; {ports[0].overdetermined}"

@@ -38,21 +38,21 @@ def connection_equations(
     for connection, component in connections:
         faces = []
         for port in (connection.a, connection.b):
-            owner = port.__dict__["_parent"]
+            owner = port._parent
             while isinstance(owner, Connector):  # a port inside a port belongs to the same component
-                owner = owner.__dict__["_parent"]
+                owner = owner._parent
             own = owner is component
-            if not own and (owner is None or owner.__dict__["_parent"] is not component):
+            if not own and (owner is None or owner._parent is not component):
                 raise ModelError(
-                    f"port '{port.__dict__['_path']}' is neither a port of "
-                    f"'{component.__dict__['_path'] or type(component).__name__}' nor of one of its parts",
+                    f"port '{port._path}' is neither a port of "
+                    f"'{component._path or type(component).__name__}' nor of one of its parts",
                     connection.where,
                 )
             faces.append((number[id(port)], own))
         a, b = find(faces[0]), find(faces[1])
         if a == b:
             raise ModelError(
-                f"'{connection.a.__dict__['_path']}' and '{connection.b.__dict__['_path']}' are connected twice",
+                f"'{connection.a._path}' and '{connection.b._path}' are connected twice",
                 connection.where,
             )
         parent[max(a, b)] = min(a, b)
@@ -73,12 +73,12 @@ def _set_equations(
     ports: list[Connector] = [tree.ports[i] for i, _ in faces]
     first = ports[0]
     origin = next((where[f] for f in faces if f in where), None)
-    names = " ~ ".join(p.__dict__["_path"] for p in ports)
+    names = " ~ ".join(p._path for p in ports)
     for name, item in type(first)._declared.items():
         if not isinstance(item, Variable):
             continue
         line = origin or item.where
-        component = first.__dict__["_path"].rpartition(".")[0]
+        component = first._path.rpartition(".")[0]
         columns = [row_by_row(getattr(p, name).sx) for p in ports]
         for k, element in enumerate(element_names(name, item.shape)):
             if item.role == "flow":
@@ -88,5 +88,5 @@ def _set_equations(
                 yield flow, f"flow {element} of {names}", component, line
             elif item.role == "potential":
                 for column, port in zip(columns[1:], ports[1:], strict=True):
-                    label = f"connection {first.__dict__['_path']}.{element} ~ {port.__dict__['_path']}.{element}"
+                    label = f"connection {first._path}.{element} ~ {port._path}.{element}"
                     yield difference(columns[0][k], column[k]), label, component, line

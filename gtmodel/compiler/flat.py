@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -12,6 +11,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from .._near import meant
 from ..lang.bind import ParameterRecord, Tree, bind, element_names
 from ..lang.builder import Builder
 from ..lang.connect import Branch, Connection, Energy, TreeEdge, flatten_items
@@ -162,8 +162,7 @@ class FlatModel:
             if v.name == inner:
                 return (), [v.index], order
         names = list(dict.fromkeys([*self.groups, *(v.name for v in self.variables)]))
-        close = difflib.get_close_matches(inner, names, n=3)
-        hint = f"did you mean {' or '.join(repr(c) for c in close)}?" if close else f"top-level names are {self.top()}"
+        hint = meant(inner, names, f"top-level names are {self.top()}", most=3)
         if inner in self.bindings:
             hint = "that is a parameter, whose value is given when the model is made"
         raise ModelError(f"{self.title} has no variable '{inner}'; {hint}")
@@ -191,7 +190,7 @@ def flatten(model: Model | Builder) -> FlatModel:
     edges: list[TreeEdge] = []
     whens: list[tuple[When, Model]] = []
     for component in tree.components:
-        path = component.__dict__["_path"]
+        path = component._path
         count = 0
         for item, where in _items(component, "equations"):
             if isinstance(item, Relation):

@@ -37,16 +37,19 @@ def flat_of(model: Model | Builder) -> FlatModel:
     """The flattened model, the same for equal configurations. A Builder, to which lines are added, has one of its own,
     and so have an Optimization and a model that reads what may change unseen. A model whose methods read something that
     has changed since, such as a global, is flattened anew."""
-    own: FlatModel | None = model.__dict__.get("_flat")
-    if isinstance(model, Builder) or (own is not None and "_content" not in model.__dict__):
-        own = model.__dict__["_flat"] = flatten(model) if own is None else own
+    own: FlatModel | None = getattr(model, "_flat", None)
+    kept: Content | None = getattr(model, "_content", None)
+    if isinstance(model, Builder):
+        model._flat = flatten(model) if own is None else own
+        return model._flat
+    if own is not None and kept is None:
         return own
     content = Content(model)
-    if own is None or model.__dict__["_content"].key != content.key:
+    if own is None or kept is None or kept.key != content.key:
         alone = isinstance(model, Optimization) or not content.whole
-        flat = flatten(model) if alone else shared(_Configuration(model, content))
-        model.__dict__.update(_flat=flat, _content=content)
-    return model.__dict__["_flat"]
+        own = flatten(model) if alone else shared(_Configuration(model, content))
+        model._keep(_flat=own, _content=content)
+    return own
 
 
 @lru_cache(maxsize=KEPT)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from threading import get_ident
@@ -11,6 +10,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from .._near import meant
 from ..lang.bind import ParameterRecord, VariableRecord
 from ..lang.bound import BoundParameters
 from ..lang.declare import Declaration, Parameter
@@ -41,9 +41,8 @@ def values_by_place(flat: FlatModel, given: Mapping[str, Any]) -> dict[int, floa
 def _record(flat: FlatModel, name: str) -> ParameterRecord:
     known = {r.name: r for r in flat.tree.parameters if isinstance(r.item, Parameter)}
     if name not in known:
-        close = difflib.get_close_matches(name, known, n=2)
         own = ", ".join(n for n, r in known.items() if r.indices and "." not in n) or "none"
-        hint = f"did you mean {' or '.join(map(repr, close))}?" if close else f"top-level ones are {own}"
+        hint = meant(name, known, f"top-level ones are {own}", most=2)
         raise ModelError(f"{flat.title} has no parameter '{name}'; {hint}")
     record = known[name]
     if not record.indices:

@@ -127,7 +127,7 @@ def _unbalanced(
 def remedy_of(flat: FlatModel, equations: Sequence[FlatEquation]) -> str:
     """What the first component among those of these equations says to do where its equations are too many: its
     `if_redundant`; "" where none says anything."""
-    owners = {c.__dict__["_path"]: type(c) for c in flat.tree.components}
+    owners = {c._path: type(c) for c in flat.tree.components}
     said = (getattr(owners.get(e.component), "if_redundant", "") for e in equations)
     return next(filter(None, said), "")
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 from types import SimpleNamespace
 from typing import Any
 
@@ -74,8 +75,7 @@ class DiscreteProcess:
     def with_noise(self, **noise: Any) -> DiscreteProcess:
         """The same process with another covariance `step`. Raises ArgumentError for a noise of another name."""
         only_named(noise, self.noise, "noise")
-        made = DiscreteProcess.__new__(DiscreteProcess)
-        made.__dict__.update(self.__dict__)
+        made = copy(self)
         made.noise = {name: self._covariance(value) for name, value in {**self.noise, **noise}.items()}
         return made
 

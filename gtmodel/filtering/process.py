@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -130,8 +131,8 @@ class ProcessModel:
     def with_noise(self, **noise: Any) -> ProcessModel:
         """The same process with other densities of these noises. Raises ArgumentError for a name that is not there."""
         only_named(noise, self.noise, "noise")
-        made = ProcessModel.__new__(ProcessModel)
-        made.__dict__.update(self.__dict__, noise={**self.noise, **noise})
+        made = copy(self)
+        made.noise = {**self.noise, **noise}
         for name, value in noise.items():
             own, other = (_mixing_of(v, f"noise.{name}") for v in (self.noise[name], value))
             if not same_mixing(own, other):

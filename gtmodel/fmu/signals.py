@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from .._near import meant
 from ..lang.units import UnitError, parse_unit
 from ..results.refusal import ArgumentError
 
@@ -56,8 +56,7 @@ class UnitSignals:
         """Variables by name; where there is none of that name, those with near names are said."""
         for name in names:
             if name not in self.all:
-                close = difflib.get_close_matches(name, self.all, n=3, cutoff=NEAR)
-                others = f"did you mean {' or '.join(close)}?" if close else f"it has {self._some(lambda s: True)}"
+                others = meant(name, self.all, f"it has {self._some(lambda s: True)}", most=3, cutoff=NEAR)
                 raise ArgumentError(f"'{self.name}' has no real variable '{name}'; {others}", argument)
             if not self.all[name].scalar:
                 raise ArgumentError(f"'{name}' of '{self.name}' is an array; name scalars", argument)

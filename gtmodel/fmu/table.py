@@ -97,7 +97,7 @@ class FmuTable:
 
 def texts_of(flat: FlatModel) -> tuple[str, ...]:
     """Paths of the components of a model that come from Modelica text, whose names count from one."""
-    return tuple(c.__dict__["_path"] for c in flat.tree.components if getattr(type(c), "_counts_from_one", False))
+    return tuple(c._path for c in flat.tree.components if getattr(type(c), "_counts_from_one", False))
 
 
 def fmi_name(name: str, texts: Collection[str] = ()) -> str:

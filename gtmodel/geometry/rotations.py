@@ -21,7 +21,12 @@ SMALL = 1e-2  # rad: below it the Jacobians of rotation vectors are their series
 
 
 def cross_matrix(v: Any) -> Any:
-    """The matrix (..., 3, 3) that gives v x b for any b; v (..., 3)."""
+    """The matrix (..., 3, 3) that gives v x b for any b; v (..., 3).
+
+    >>> from gtmodel.geometry.rotations import cross_matrix
+    >>> cross_matrix(np.array([1.0, 0.0, 0.0])) @ [0.0, 1.0, 0.0]  # x by y is z
+    array([0., 0., 1.])
+    """
     if isinstance(v, np.ndarray) and v.ndim > 1:
         K = np.zeros((*v.shape, 3))
         K[..., 0, 1], K[..., 1, 2], K[..., 2, 0] = -v[..., 2], -v[..., 0], -v[..., 1]

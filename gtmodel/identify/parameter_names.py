@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Sequence
 
 import casadi as ca
 
 from gtmodel.compiler.flat import FlatModel
 from gtmodel.lang import ModelError
+
+from .._near import meant
 
 
 class ParameterError(ModelError):
@@ -57,6 +58,5 @@ def _unknown(flat: FlatModel, name: str, every: list[str]) -> str:
         origin = [q.name for q in flat.parameters if q.symbol.element_hash() in inside]
         return f"parameter '{name}' of {flat.title} follows from {', '.join(origin) or 'numbers'}; name these instead"
     known = list(dict.fromkeys([*(n.partition("[")[0] for n in every), *every]))
-    close = difflib.get_close_matches(name, known, n=3)
-    hint = f"did you mean {' or '.join(repr(c) for c in close)}?" if close else f"there are {', '.join(known[:12])}"
+    hint = meant(name, known, f"there are {', '.join(known[:12])}", most=3)
     return f"{flat.title} has no parameter '{name}'; {hint}"

@@ -36,6 +36,7 @@ class Builder:
         self.title = title
         self.items: list[Any] = []
         self.where = here()
+        self._flat: Any = None  # until something is added
         items = self.items
         root = type(title, (Model,), {"equations": lambda self: tuple(items)})
         self.tree: Tree = empty_tree(root())
@@ -65,7 +66,7 @@ class Builder:
     def add(self, *items: Any) -> None:
         """Add equations (a == b), connections, branches or energies."""
         self.items.extend(flatten_items(list(items)))
-        self.__dict__.pop("_flat", None)
+        self._flat = None
 
     def _declare(self, name: str, item: Any, bind: Callable[[Any, Tree], Any]) -> Any:
         values = self.tree.root.__dict__["_values"]
@@ -75,7 +76,7 @@ class Builder:
             raise ModelError(f"'{name}' is declared twice in {self.title}", here())
         item.name = name
         values[name] = bind(item, self.tree)
-        self.__dict__.pop("_flat", None)
+        self._flat = None
         return values[name]
 
     @property

@@ -311,7 +311,7 @@ def scope_of(*values: Any) -> Any:
 
 def written_out(*values: Any) -> bool:
     """Whether there are CasADi columns among these, and no expressions of a model."""
-    return scope_of(*values) is None and any(isinstance(v, (ca.SX, ca.MX)) for v in values)
+    return scope_of(*values) is None and any(isinstance(v, (ca.SX, ca.MX, ca.DM)) for v in values)
 
 
 def vector(parts: Sequence[Any]) -> Expr:

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterable, Iterator
 from typing import Any, ClassVar
 
 import numpy as np
 
+from .._near import meant, near
 from . import functions as _functions  # noqa: F401  # fills UFUNCS: NumPy on the left of an expression
 from .declare import ATTRIBUTES, Declaration, Discrete, Each, Free, Outer, Parameter, Part, Port, Variable
 from .engine_method import EngineMethod
 from .expression import Expr
-from .slips import near
 from .source import ModelError, SourceLocation, here
 from .values import check_parameter
 
@@ -90,6 +89,10 @@ class Model:
         self.__dict__["where"] = here()
         self.__dict__["_modifiers"] = {name: _frozen(value) for name, value in modifiers.items()}
         check_modifiers(type(self), modifiers, here())
+
+    def _keep(self, **values: Any) -> None:
+        """What an engine keeps with a model; no part of what the model says."""
+        self.__dict__.update(values)
 
     def __setattr__(self, name: str, value: Any) -> None:
         raise ModelError(f"models are immutable: '{name}' cannot be assigned; use model.with_({name}=...)", here())
@@ -232,9 +235,7 @@ def check_modifiers(
     for name, value in modifiers.items():
         where = (places or {}).get(name, given_at)
         if name not in cls._declared:
-            close = difflib.get_close_matches(name, cls._declared, n=2)
-            known = ", ".join(sorted(cls._declared)) or "none"
-            hint = f"did you mean '{close[0]}'?" if close else f"it has {known}"
+            hint = meant(name, cls._declared, f"it has {', '.join(sorted(cls._declared)) or 'none'}")
             raise ModelError(f"{cls.__name__}{what} has no declaration '{name}'; {hint}", where)
         item = cls._declared[name]
         if isinstance(item, (Port, Outer)):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import functools
 import inspect
 import os
@@ -17,6 +16,7 @@ from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 
+from .._near import near
 from .source import LANG, ModelError, SourceLocation, here, of_frame
 
 P = ParamSpec("P")
@@ -36,12 +36,6 @@ def shortened(value: Any) -> str:
     """A value as it may stand in a sentence."""
     text = " ".join(repr(value).split())
     return text if len(text) <= 60 else f"{text[:57]}..."
-
-
-def near(name: str, known: Any) -> str:
-    """ "; did you mean 'known'?" for a name that is close to a known one, else ""."""
-    close = difflib.get_close_matches(name, list(known), n=1)
-    return f"; did you mean '{close[0]}'?" if close else ""
 
 
 def named(function: Callable[P, T]) -> Callable[P, T]:

@@ -14,6 +14,7 @@ refine, Start                                 the best angle near a grid point, 
 guideline, Findings, nearest_mode, frequency_sensitivity   the answer in words
 mode_coupling, critical_depth                 chatter without regeneration
 stability_lobes, spectral_radius, stable_depth, proven_depth, certain_depth   regenerative chatter
+CorrectedCut, CorrectedTool, chatter_radius, corrected_depth   while a late loop corrects the tool
 compensate, tool_error                        a path offset against the deflection
 """
 
@@ -28,6 +29,13 @@ if TYPE_CHECKING:
         compensate as compensate,
         path_offset as path_offset,
         tool_error as tool_error,
+    )
+    from .corrected_cut import (
+        ChatterRadius as ChatterRadius,
+        CorrectedCut as CorrectedCut,
+        CorrectedTool as CorrectedTool,
+        chatter_radius as chatter_radius,
+        corrected_depth as corrected_depth,
     )
     from .cutter import (
         Cut as Cut,

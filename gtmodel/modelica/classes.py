@@ -139,7 +139,7 @@ def class_of(written: Written, more: dict[str, Any] | None = None) -> type[Model
 
     def __init__(self: Any, **modifiers: Any) -> None:  # noqa: N807
         base.__init__(self, **modifiers)
-        self.__dict__["where"] = written.at.where  # of the text, not of who makes the model
+        self._keep(where=written.at.where)  # of the text, not of who makes the model
 
     own = {"__init__": __init__, "_written": written.at.where, "_counts_from_one": True}
     made: Any = type(written.name, (base,), {**namespace, **own})

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ..lang.slips import near
+from .._near import near
 from . import builtin, functions
 from .arrays import RecordValue, Values, array, chained, each, entries, matrix_of, negative, scalar, stacked
 from .instances import FieldOf, Instance, NameScope

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..lang.slips import near
+from .._near import near
 from . import builtin
 from .arrays import RecordValue, array, each, entries
 from .instances import Instance, NameScope, kind_of

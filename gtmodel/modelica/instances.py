@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..lang.slips import near
+from .._near import near
 from .arrays import Values, array, entries
 from .meanings import (
     DEEPEST,

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..lang.slips import near
+from .._near import near
 from .arrays import RecordValue, array, stacked
 from .instances import Declared, Instance
 from .meanings import refuse_redeclaration

@@ -9,7 +9,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from ..lang.slips import near
+from .._near import near
 from ..results.disk import path_of
 from . import kept
 from .syntax import ClassText, ModelicaError, Place, Source

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from ..lang.slips import near
+from .._near import near
 from . import reader
 from .modifications import NOTHING, Modifier, merged
 from .multibody import library as multibody

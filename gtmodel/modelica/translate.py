@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from .._near import near
 from ..lang.model import Model
-from ..lang.slips import near
 from ..results.disk import path_of
 from .classes import identifier, text_of
 from .flat import Flattened

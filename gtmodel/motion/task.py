@@ -105,4 +105,4 @@ def dependent(robot: gt.Model, name: str) -> gt.Model:
     item = cls._declared[name]
     attributes = {k: v for k, v in item.attributes.items() if v is not None}
     variable = gt.variable(item.shape, unit=item.unit, **attributes)
-    return type(cls.__name__, (cls,), {name: variable})(**robot.__dict__["_modifiers"])
+    return type(cls.__name__, (cls,), {name: variable})(**robot._modifiers)

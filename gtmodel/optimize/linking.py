@@ -38,10 +38,10 @@ class PhaseEnd:
     """
 
     def __init__(self, take: Callable[[str], Expr], value: Callable[[ca.SX], ca.SX]) -> None:
-        self.__dict__.update(_take=take, _value=value)
+        self._take, self._value = take, value
 
     def __getitem__(self, name: str) -> Expr:
-        return self.__dict__["_take"](name)
+        return self._take(name)
 
     def __getattr__(self, name: str) -> Expr:
         if name.startswith("_"):
@@ -51,7 +51,7 @@ class PhaseEnd:
 
 def value_at_end(end: PhaseEnd, expression: ca.SX) -> ca.SX:
     """Where phases meet, the value of a scalar of the phase's own flat model: variables, parameters, time."""
-    return end.__dict__["_value"](expression)
+    return end._value(expression)
 
 
 Link = Callable[[PhaseEnd, PhaseEnd], Iterable[Any]]

@@ -8,7 +8,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ..kinematics.orientation import OrientationMap
 from .style import AWAY_FROM_ZERO, COLOURS, key_below, styled, with_panels
 
 ANGLES = ("alpha", "beta", "gamma")
@@ -19,7 +18,7 @@ NO_SOLUTION = "0.85"
 
 @styled
 def layers_figure(
-    orientation: OrientationMap, half_width: Sequence[float], directions: Sequence[Sequence[float]], title: str = ""
+    zyz: np.ndarray, half_width: Sequence[float], directions: Sequence[Sequence[float]], title: str = ""
 ) -> Figure:
     """One row of level plots per angle, one column per layer; colours are the same along a row.
 
@@ -27,10 +26,10 @@ def layers_figure(
     panel is grey. Of more than four layers four are shown.
 
     Args:
-        orientation: of a grid (layers, n, m).
+        zyz: angles (layers, n, m, 3) [rad] on a grid, NaN where there is no solution.
         half_width, directions: of the grid; its first direction goes from layer to layer.
     """
-    degrees = np.degrees(orientation.zyz)
+    degrees = np.degrees(zyz)
     layers = np.unique(np.linspace(0, len(degrees) - 1, min(len(degrees), MOST_LAYERS)).round().astype(int))
     offsets = [
         np.linspace(-h, h, n) if n > 1 else np.zeros(1) for h, n in zip(half_width, degrees.shape[:3], strict=True)
@@ -60,25 +59,25 @@ def layers_figure(
     for axes in panels[-1]:
         axes.set_xlabel(f"{names[1]} [m]")
     what = f"ZYZ angles by layer; {names[1]} and {names[2]} from the middle of the grid"
-    what += "" if np.all(orientation.ok) else "; grey: no solution"
+    what += "" if np.all(np.isfinite(zyz)) else "; grey: no solution"
     figure.suptitle(f"{title}: {what}" if title else what, fontsize="medium")
     return figure
 
 
 @styled
-def sequence_figure(orientation: OrientationMap, title: str = "") -> Figure:
-    """The three ZYZ angles minus their means [deg] over the points (Dressler 2012, Fig. 4.7).
+def sequence_figure(zyz: np.ndarray, title: str = "") -> Figure:
+    """The three ZYZ angles (..., 3) [rad] minus their means [deg] over the points (Dressler 2012, Fig. 4.7).
 
     A grid is traversed as it is measured: within a layer row by row, back and forth, and every second layer
     backwards along the same path, so that a pattern that repeats by layer shows as mirrored copies. Layers are parted
     by lines.
     """
-    degrees = np.degrees(orientation.zyz)
+    degrees = np.degrees(zyz)
     order = _serpentine(degrees.shape[:-1])
     degrees = degrees.reshape(-1, 3)[order]
     said = f"{title}: ZYZ angles along the points" if title else "ZYZ angles along the points"
     figure, stack = with_panels(9.0, 6.0, 3, title=said, sharex=True)
-    size = len(order) // orientation.zyz.shape[0]
+    size = len(order) // zyz.shape[0]
     for angle, axes in enumerate(stack):
         mean = float(np.nanmean(degrees[:, angle]))
         axes.plot(degrees[:, angle] - mean, color=COLOURS[angle], linewidth=0.8, marker=".", markersize=2)

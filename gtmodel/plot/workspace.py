@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,29 +10,30 @@ from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path
 
-from ..kinematics.workspace.cross_section import Region
 from .style import SHADES, key_below, styled, with_panels
 
 
 @styled
 def section_figure(
-    layers: Mapping[str, Region], guideways: np.ndarray, *, title: str = "", names: tuple[str, str] = ("u", "v")
-) -> Figure:
+    layers: Mapping[str, tuple[float, Sequence[np.ndarray]]], guideways: np.ndarray, *, title: str = "",
+    names: tuple[str, str] = ("u", "v"),
+) -> Figure:  # fmt: skip
     """Regions of a section, drawn in the order given, their boundaries, and the guideways as numbered squares.
 
     Args:
-        layers: label -> region, the largest first; the area is added to the label.
+        layers: label -> area [m2] and closed boundaries (k, 2) [m] of a region, holes the other way round; the largest
+            first. The area is added to the label.
         guideways: (m, 2) where they pierce the section [m].
         names: of the two coordinates.
     """
     figure, (axes,) = with_panels(7.5, 6.5)
-    for k, (label, region) in enumerate(layers.items()):
+    for k, (label, (area, loops)) in enumerate(layers.items()):
         shade = SHADES[min(k, len(SHADES) - 1)]
-        if not region.loops:
+        if not loops:
             axes.plot([], [], color=shade, label=f"{label}: none")
             continue
-        patch = PathPatch(_path(region), facecolor=shade, edgecolor="black", linewidth=0.8)
-        patch.set_label(f"{label}: {region.area:.2f} m²")
+        patch = PathPatch(_path(loops), facecolor=shade, edgecolor="black", linewidth=0.8)
+        patch.set_label(f"{label}: {area:.2f} m²")
         axes.add_patch(patch)
     mark_guideways(axes, guideways)
     axes.autoscale_view()
@@ -51,10 +52,10 @@ def mark_guideways(axes: Any, guideways: np.ndarray) -> None:
                       bbox=dict(boxstyle="round,pad=0.1", facecolor="white", edgecolor="none", alpha=0.7))  # fmt: skip
 
 
-def _path(region: Region) -> Path:
+def _path(loops: Sequence[np.ndarray]) -> Path:
     """All loops as one path; holes run the other way round and stay empty."""
     vertices, codes = [], []
-    for loop in region.loops:
+    for loop in loops:
         vertices += [loop, loop[:1]]
         codes += [Path.MOVETO, *[Path.LINETO] * (len(loop) - 1), Path.CLOSEPOLY]
     return Path(np.vstack(vertices), codes)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from typing import Any
 
 from gtmodel import modelica
@@ -10,6 +9,7 @@ from gtmodel._files import problems_dir
 from gtmodel.modelica.reference import is_reference
 from gtmodel.robots.entries import entries
 
+from .._near import meant
 from .files import parse, read, shipped_names
 from .input_error import InputError
 
@@ -26,8 +26,7 @@ def of(what: str = "all") -> dict[str, Any]:
     if is_reference(what):
         return {"classes": modelica.listing(what)}
     if what not in ("all", "robots", "problems"):
-        close = difflib.get_close_matches(what, ("robots", "problems"), n=1)
-        hint = f"did you mean '{close[0]}'?" if close else "expected 'robots' or 'problems'"
+        hint = meant(what, ("robots", "problems"), "expected 'robots' or 'problems'")
         raise InputError(f"there is no list of '{what}'; {hint}")
     makers = {"robots": _robots, "problems": _problems}
     return {name: make() for name, make in makers.items() if what in ("all", name)}

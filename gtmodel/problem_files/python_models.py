@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import hashlib
 import importlib
 import importlib.util
@@ -21,6 +20,7 @@ from typing import Any, get_type_hints
 from gtmodel.lang import Model, ModelError
 from gtmodel.modelica import reference as modelica
 
+from .._near import meant
 from .base import Context, InputError
 
 
@@ -71,8 +71,7 @@ def resolve(
     if attribute is None:
         public = [n for n, item in vars(module).items() if isinstance(item, type) and issubclass(item, base)]
         own = [n for n in public if vars(module)[n].__module__ == module.__name__]
-        close = difflib.get_close_matches(name, own, n=1)
-        tail = f"did you mean '{close[0]}'?" if close else f"its models are {', '.join(own) or 'none'}"
+        tail = meant(name, own, f"its models are {', '.join(own) or 'none'}")
         raise InputError(f"'{place}' holds no '{name}'; {tail}", key)
     model = _made(attribute, reference, key, dict(parameters or {}), base)
     context.models.append(model)

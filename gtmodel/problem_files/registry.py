@@ -21,10 +21,10 @@ without what it computes with; nothing else is imported before it is needed.
 
 from __future__ import annotations
 
-import difflib
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from .._near import meant
 from .input_error import InputError
 
 if TYPE_CHECKING:
@@ -91,7 +91,6 @@ def results_of(name: str) -> list[type[Study]]:
 
 def _module(name: str, file: str) -> Any:
     if name not in _KINDS:
-        close = difflib.get_close_matches(name, _KINDS, n=1)
-        hint = f"did you mean '{close[0]}'?" if close else f"there are {', '.join(_KINDS)}"
+        hint = meant(name, _KINDS, f"there are {', '.join(_KINDS)}")
         raise InputError(f"there is no kind '{name}'; {hint}")
     return import_module(f"gtmodel.kinds.{name}.{file}")

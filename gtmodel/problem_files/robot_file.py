@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from abc import abstractmethod
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal, cast
@@ -16,6 +15,7 @@ from gtmodel.robots import clusters, f1_geometry
 from gtmodel.robots.plausible_lengths import implausible_arm, implausible_length
 from gtmodel.robots.serial.bodies import moments
 
+from .._near import near
 from .base import FileSection, InputError
 from .load import validate
 from .python_models import is_reference, is_urdf, sentence_of
@@ -237,8 +237,7 @@ def checked(data: Mapping[str, Any]) -> tuple[str, _Robot | SerialFile]:
     """The family of a robot file, three_link where it names none, and its checked keys. Raises InputError."""
     family = data.get("family", "three_link")
     if not isinstance(family, str) or family not in FAMILIES:
-        close = difflib.get_close_matches(str(family), FAMILIES, n=1)
-        hint = f"; did you mean '{close[0]}'?" if close else ""
+        hint = near(family, FAMILIES)
         raise InputError(f"expected one of {', '.join(FAMILIES)}; found {shown(family)}{hint}", "family")
     if "family" not in data:
         own = {k for k in ("B_m", "A0_mm", "B0_mm", "u1_2") if k in data}

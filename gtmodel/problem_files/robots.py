@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -11,6 +10,7 @@ from gtmodel.calibrate.modifiers import merged
 from gtmodel.lang import Model, ModelError
 from gtmodel.robots import entries, names
 
+from .._near import meant
 from . import python_models
 from .base import Context, InputError
 from .files import parse, read
@@ -189,7 +189,5 @@ def in_python(reference: str, context: Context) -> tuple[str, dict[str, Any]]:
 
 
 def _unknown(reference: str) -> str:
-    close = difflib.get_close_matches(reference, names(), n=1)
-    hint = f"did you mean '{close[0]}'?" if close else f"there are {', '.join(names())}"
-    python = python_models.hint(reference)
-    return f"there is no robot '{reference}'; {python or hint}"
+    hint = python_models.hint(reference) or meant(reference, names(), f"there are {', '.join(names())}")
+    return f"there is no robot '{reference}'; {hint}"

@@ -16,7 +16,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 import numpy as np
 
-from .kind_names import described, expected, near
+from .kind_names import described, expected, is_function_protocol, near
 from .quantity import marks_of
 from .refusal import ArgumentError
 
@@ -96,7 +96,7 @@ def agree(value: Any, hint: Any, argument: str, marks: Marks = ()) -> None:
         _bounded([_as_float(value)], argument, marks)
     elif kind is np.ndarray:
         _array(value, hint, argument, marks)
-    elif kind is Callable or getattr(kind, "_is_protocol", False):
+    elif kind is Callable or is_function_protocol(kind):
         if not callable(value) or isinstance(value, type):
             raise WrongKind(value, hint, argument)
     elif kind is Any or not isinstance(kind, type):  # a type variable

@@ -36,13 +36,18 @@ def expected(hint: Any, several: bool = False) -> str:
         return " or ".join(expected(one, several) for one in inside)
     if kind is Literal:
         return f"{'' if len(inside) == 1 else 'one of '}{', '.join(map(str, inside))}"
-    if kind is Callable or getattr(kind, "_is_protocol", False):
+    if kind is Callable or is_function_protocol(kind):
         return "functions" if several else "a function"
     if isinstance(kind, type) and inside and issubclass(kind, Mapping):
         return f"{'dicts' if several else 'a dict'} of {expected(inside[1], True)} by name"
     if isinstance(kind, type) and inside and issubclass(kind, Iterable):
         return f"{'lists' if several else 'a list'} of {expected(inside[0], True)}"
     return class_name(kind) if isinstance(kind, type) else str(kind)
+
+
+def is_function_protocol(kind: Any) -> bool:
+    """Whether a protocol stands for functions; one that is `runtime_checkable` stands for objects."""
+    return getattr(kind, "_is_protocol", False) and not getattr(kind, "_is_runtime_protocol", False)
 
 
 def described(value: Any) -> str:

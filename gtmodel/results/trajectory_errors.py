@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import difflib
 import re
 from collections.abc import Mapping
 
 import numpy as np
 import numpy.typing as npt
 
+from .._near import meant
 from .refusal import ArgumentError
 
 Array = npt.NDArray[np.float64]
@@ -33,8 +33,6 @@ def columns(name: str, value: Array) -> list[str]:
 
 def unknown(name: object, signals: Mapping[str, Array], lead: str) -> str:
     known = [*signals, *(c for n, v in signals.items() if v.ndim == 2 for c in columns(n, v))]
-    close = difflib.get_close_matches(str(name), known, n=3)
-    if close:
-        return f"{lead} {name!r}; close matches are {', '.join(map(repr, close))}"
     shown = ", ".join(map(repr, list(signals)[:10]))
-    return f"{lead} {name!r}; the trajectory holds {shown}{' and more' if len(signals) > 10 else ''}"
+    there = f"the trajectory holds {shown}{' and more' if len(signals) > 10 else ''}"
+    return f"{lead} {name!r}; {meant(name, known, there, most=3)}"

@@ -125,7 +125,7 @@ def inertia_variant(name: str, geometry: str = "l1_tape", smoothing: str = "sign
     elif name == "model_4":
         cls, law = GantryTauViscousByDirection, by_direction
         friction = {k: table[k] for k in ("viscous", "viscous_minus")}
-    given = catalogue.gantry_tau(geometry, inertia="model_2").__dict__["_modifiers"]
+    given = catalogue.gantry_tau(geometry, inertia="model_2")._modifiers
     return InertiaVariant(cls(**{**given, **friction, "arm": dict(friction=law), **modifiers}), free, words)
 
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
+from .._near import meant
 from ..lang import Model, ModelError
 from ..mechanics import PiecewiseLinearFriction, SignFriction, StictionFriction, TanhFriction
 from . import clusters
@@ -212,7 +212,6 @@ def _masses(geometry: dict[str, Any], inertia: str | None) -> dict[str, Any]:
 
 def _pick(name: str, table: dict[str, Any], what: str) -> Any:
     if name not in table:
-        close = difflib.get_close_matches(name, table, n=2)
-        hint = f"did you mean {' or '.join(close)}?" if close else f"there are {', '.join(sorted(table))}"
+        hint = meant(name, table, f"there are {', '.join(sorted(table))}", most=2)
         raise ModelError(f"there is no {what} '{name}'; {hint}")
     return table[name]

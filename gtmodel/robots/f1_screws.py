@@ -49,5 +49,5 @@ def f1_ball_screws(name: str = "f1", parallel: bool = False, **modifiers: Any) -
     >>> print(s.round(3))
     [ 0.719  0.262  0.208  0.    -0.005 -0.001]
     """
-    robot = f1_gantry_tau(name, parallel).__dict__["_modifiers"]
+    robot = f1_gantry_tau(name, parallel)._modifiers
     return F1BallScrews(**{**robot, **modifiers})

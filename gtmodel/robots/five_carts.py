@@ -54,7 +54,7 @@ def extra_carts(name: str = "d1_six_link", **modifiers: Any) -> ExtraCarts:
     >>> print(round(np.degrees(2 * np.arccos(abs(e[0] @ e[1]))), 2))
     2.34
     """
-    robot = six_link_gantry_tau(name).__dict__["_modifiers"]
+    robot = six_link_gantry_tau(name)._modifiers
     sizes = {"m_c": 10.0, "coulomb": 100.0, "viscous": 100.0}
     more = {name: [*robot[name], size, size] for name, size in sizes.items()}
     return ExtraCarts(**{**robot, **more, **modifiers})

@@ -86,4 +86,4 @@ def gantry_tau_wrist(name: str = "l1_tape", **modifiers: Any) -> GantryTauWrist:
     [ 0.871 -0.883  0.273] [0.5   0.    0.866]
     """
     robot = catalogue.gantry_tau(name)
-    return GantryTauWrist(**{**robot.__dict__["_modifiers"], **modifiers})
+    return GantryTauWrist(**{**robot._modifiers, **modifiers})

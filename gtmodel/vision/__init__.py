@@ -27,6 +27,7 @@ from typing import TYPE_CHECKING
 from .._lazy import public
 
 if TYPE_CHECKING:
+    from ..geometry.pinhole import LENS as LENS, project as project, undistort as undistort
     from . import detection as detection, rendering as rendering, robot_cameras as robot_cameras, stereo as stereo
     from .board import Board as Board
     from .bundle_files import (
@@ -40,7 +41,6 @@ if TYPE_CHECKING:
     from .gauges import similarity_motions as similarity_motions
     from .intersection import IntersectedPoints as IntersectedPoints, intersect as intersect
     from .picture_test import PictureTest as PictureTest, picture_test as picture_test
-    from .pinhole import LENS as LENS, project as project, undistort as undistort
     from .starts import board_pose as board_pose, focal_length as focal_length, homography as homography
     from .stereo import (
         BoardPictures as BoardPictures,

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from .. import lang as gt
+from ..geometry.pinhole import distorted, straightness
 from ..mechanics.frames import Frame, PointFrame
-from .pinhole import distorted, straightness
 
 
 class PinholeCamera(gt.Model):

@@ -10,10 +10,10 @@ import casadi as ca
 import numpy as np
 
 from ..compiler.rows import map_columns
+from ..geometry.pinhole import LENS, undistort
 from ..geometry.rotations import matrices_of
 from ..results.refusal import ArgumentError
 from ..results.status import Status
-from .pinhole import LENS, undistort
 from .views import point_view
 
 ROUNDS, ARRIVED = 20, 1e-12

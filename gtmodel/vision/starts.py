@@ -10,9 +10,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ..geometry.pinhole import undistort
 from ..geometry.rotations import nearest_rotation, poses_of
 from ..results.refusal import ArgumentError
-from .pinhole import undistort
 
 FLAT = 1e-6  # of the spread of points: thinner than this they lie in a plane
 TILT = 1e-4  # of Zhang's equations: a smallest singular value below this part determines no focal length

@@ -5,7 +5,7 @@ from __future__ import annotations
 import casadi as ca
 
 from ..geometry.expressions import applied
-from .pinhole import LENS, pixel
+from ..geometry.pinhole import LENS, pixel
 
 
 def board_view() -> ca.Function:

@@ -254,3 +254,9 @@ def test_velocity_and_kinematics_of_a_quaternion_undo_each_other() -> None:
     f = ca.Function("f", [e.sx, w.sx], [ca.substitute(velocity, gt.der(e).sx, ca.vertcat(*rates))])
     for q, v in zip(UNIT[91:100], VECTORS[91:100], strict=True):
         np.testing.assert_allclose(f(q, v).full()[:, 0], quaternions.quaternion_matrix(q) @ v, atol=10 * EXACT)
+
+
+def test_numbers_of_casadi_are_columns_too() -> None:
+    q = ca.DM([0.8, 0.6, 0.0, 0.0])
+    assert (quaternions.conjugate(q).full().ravel() == [0.8, -0.6, 0.0, 0.0]).all()
+    assert np.allclose(quaternions.quaternion_matrix(q).full(), quaternions.quaternion_matrix(np.array(q).ravel()))

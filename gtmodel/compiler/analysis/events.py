@@ -188,7 +188,7 @@ class _Collector:
         return self._known[id(relation)]
 
     def when(self, when: When, component: Model, n: int, before: tuple[int, ...]) -> FlatWhen:
-        path = component.__dict__["_path"]
+        path = component._path
         assigns: dict[int, ca.SX] = {}
         reinits: dict[Pair, ca.SX] = {}
         forces: dict[Pair, Pair] = {}
@@ -272,7 +272,7 @@ def _entries(sx: ca.SX) -> list[ca.SX]:
 
 
 def _block(tree: Tree, block: SampledBlock) -> FlatBlock:
-    path = block.__dict__["_path"]
+    path = block._path
     cls = type(block)
     if cls.step is SampledBlock.step:
         block.step(None, None)  # which says so
@@ -296,7 +296,7 @@ def _block(tree: Tree, block: SampledBlock) -> FlatBlock:
     )
     if not outputs:
         raise ModelError(f"sampled block '{path or cls.__name__}' has no output", None)
-    values = block.__dict__["_values"]
+    values = block._values
     period, delay, offset = (ca.SX(values[name].sx) for name in ("period", "delay", "offset"))
     return FlatBlock(path or cls.__name__, block, period, delay, offset, inputs, outputs, state)
 
@@ -336,12 +336,12 @@ def holds(logic: Logic, atoms: np.ndarray, samples: Sequence[bool] = ()) -> bool
 def block_numbers(block: SampledBlock, flat: FlatModel, p: np.ndarray) -> Any:
     """The block with numbers for its parameters, to call `step` on."""
     known: dict[str, Any] = {}
-    for name, value in block.__dict__["_values"].items():
+    for name, value in block._values.items():
         item = type(block)._declared.get(name)
         if isinstance(item, Discrete) or not hasattr(value, "sx") or flat.scope.symbols_in(value.sx):
             continue
         number = np.asarray(ca.Function("value", [flat.p], [ca.densify(value.sx)])(p).full())
         known[name] = float(number[0, 0]) if value.shape == () else number.reshape(value.shape)
     view = object.__new__(type(block))
-    view.__dict__.update(_path=block.__dict__["_path"], _values=known)
+    view._keep(_path=block._path, _values=known)
     return view

@@ -47,7 +47,7 @@ def refuse_events(flat: FlatModel) -> None:
         raise ModelError(
             f"{flat.title} has the sampled block '{events.blocks[0].name}', whose steps are no equations; optimise the "
             "continuous model, and try the result in gt.simulate",
-            events.blocks[0].model.__dict__.get("where"),
+            getattr(events.blocks[0].model, "where", None),
         )
     first = next(iter(named_events(events).values()), None)
     raise ModelError(

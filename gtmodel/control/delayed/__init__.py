@@ -20,7 +20,6 @@ Study
     feedback_map -> FeedbackMapStudy             limits over two joints; MeasuredPlants, SyntheticCommands, GainMap
     FeedbackTiming, FeedbackAxis, FeedbackBox, GainMargins, OffAxisRun, FeedbackCut   what it is asked for
 Machining
-    CorrectedTool, chatter_radius -> ChatterRadius, corrected_depth   regeneration and feedback in one map
 """
 
 from typing import TYPE_CHECKING
@@ -28,12 +27,6 @@ from typing import TYPE_CHECKING
 from ..._lazy import public
 
 if TYPE_CHECKING:
-    from .chatter import (
-        ChatterRadius as ChatterRadius,
-        CorrectedTool as CorrectedTool,
-        chatter_radius as chatter_radius,
-        corrected_depth as corrected_depth,
-    )
     from .command_step import command_response as command_response, fit_command_step as fit_command_step
     from .field import (
         GainField as GainField,

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -197,6 +198,18 @@ class FeedbackCut(Options):
             )
         if not len(self.shares):
             raise ArgumentError("is empty; expected one gain or more, as shares of the limit", "shares")
+
+
+@runtime_checkable
+class CutWhileCorrecting(Protocol):
+    """What cuts while the loop corrects, as `gt.milling.CorrectedCut`: its tool on plants and timing, and to which
+    depths it cuts without chatter up to the limit of the gain."""
+
+    of: FeedbackCut
+
+    def tool(self, plants: Mapping[str, Any], timing: FeedbackTiming) -> Any: ...
+
+    def depths(self, tool: Any, limit: float) -> dict[str, Any]: ...
 
 
 @dataclass(frozen=True)

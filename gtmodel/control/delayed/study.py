@@ -5,31 +5,24 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import numpy as np
 
-from ..._lazy import hint
 from ...results import ArgumentError, SolveStatus, Work
 from ...results.door import study_function
 from ...results.options import Within
 from ...results.table import csv_text
 from ...results.work import Progress, never, silent
-from .chatter import CorrectedTool, chatter_radius, corrected_depth
 from .limit import GainLimit, gain_limit
 from .loop import DelayedLoop
 from .margins import loop_margins, margin_limit
 from .off_axis import limits_that_meet, off_axis_limits, plant_of_limit
-from .options import FeedbackAxis, FeedbackBox, FeedbackCut, FeedbackTiming, GainMargins, OffAxisRun, SinePath
+from .options import CutWhileCorrecting, FeedbackAxis, FeedbackBox, FeedbackTiming, GainMargins, OffAxisRun, SinePath
 from .plants import MOST_CYCLES, CorrectedPlant, equivalent_plant
 from .result import DelayedFeedbackStudy
 from .run import DelayedRun, run_along
 from .worst_case import WorstCase, recommended_gain, worst_case
-
-if TYPE_CHECKING:
-    from ...milling import Cut, Cutter
-else:
-    Cut, Cutter = hint("gtmodel.milling", "Cut"), hint("gtmodel.milling", "Cutter")
 
 TIMING, THESIS_PATH, BOX, MARGINS = FeedbackTiming(), SinePath(), FeedbackBox(), GainMargins()
 READINGS = ((0.004, False), (0.004, True), (0.012, False), (0.012, True))  # cycles of 5.3.5 and 5.3.3
@@ -53,7 +46,7 @@ def delayed_feedback(
     path: SinePath | None = THESIS_PATH,
     noise: Annotated[float, Within(least=0.0)] = 15e-6,
     seed: Annotated[int, Within(least=0)] = 0,
-    cut: tuple[FeedbackCut, Cutter, Cut] | None = None,
+    cut: CutWhileCorrecting | None = None,
     gain_step: Annotated[float, Within(above=0.0)] = 0.01,
     title: str = "",
     progress: Progress = silent,
@@ -71,7 +64,7 @@ def delayed_feedback(
         margins: what the recommended gain keeps wherever in the box was looked.
         off_axis: directions between the plants "x" and "y", and what experiments saw along them.
         path, noise [m], seed: of the synthetic runs that show the limit in time; no runs without a path.
-        cut: a tool that cuts meanwhile, cutter and cut.
+        cut: what cuts meanwhile, a `gt.milling.CorrectedCut`.
         gain_step: of gains of a `CorrectedPlant`; a `FeedbackAxis` has its own.
         progress, max_seconds, stop: see `gtmodel.results.Work`.
 
@@ -90,7 +83,7 @@ def delayed_feedback(
     made = {name: _made(name, p, timing) for name, p in plants.items()}
     if off_axis and not {"x", "y"} <= set(plants):
         raise ArgumentError(f"lies between the plants x and y; there are {', '.join(plants)}", "off_axis")
-    tool = None if cut is None else _tool(plants, timing, cut[0])
+    tool = None if cut is None else cut.tool(plants, timing)
     loops = {name: DelayedLoop(p, timing.cycle, timing.delay) for name, p in made.items()}
     limits, worst, kept = dict[str, GainLimit](), dict[str, WorstCase](), dict[str, WorstCase]()
     steps = {n: p.gain_step if isinstance(p, FeedbackAxis) else gain_step for n, p in plants.items()}
@@ -126,7 +119,7 @@ def delayed_feedback(
     if cut is not None and tool is not None:
         work.step("chatter")
         try:
-            turned |= _chatter(tool, limits[cut[0].axis].gain, *cut)
+            turned |= cut.depths(tool, limits[cut.of.axis].gain)
         except ArgumentError as fault:
             raise ArgumentError(fault.message, f"cut.{fault.argument}") from fault
     if worst:
@@ -326,39 +319,6 @@ def _off_axis(
 
 def _degrees(run: OffAxisRun) -> str:
     return f"{np.rad2deg(run.angle):g}"
-
-
-def _tool(plants: Mapping[str, Given], timing: FeedbackTiming, of: FeedbackCut) -> CorrectedTool:
-    """What cuts and is corrected. Raises ArgumentError for what does not fit."""
-    from ...milling import Oscillators
-
-    axes = {n: p for n, p in plants.items() if isinstance(p, FeedbackAxis)}
-    if not {"x", "y"} <= set(axes) or of.axis not in ("x", "y"):
-        raise ArgumentError(
-            "a cut wants the axes x and y by frequency and damping, and is corrected along one of them", "cut.axis"
-        )
-    if timing.accumulate:
-        raise ArgumentError("the map of a cut has no arm that moves by itself; leave it out", "timing.accumulate")
-    frequency = np.array([axes["x"].frequency, axes["y"].frequency, of.z_frequency])
-    zeta = np.array([axes["x"].damping_ratio, axes["y"].damping_ratio, of.z_damping_ratio])
-    mass = np.array(of.mass)
-    return CorrectedTool(
-        Oscillators.with_damping_ratio(mass, mass * (2 * np.pi * frequency) ** 2, zeta),
-        np.array([axes["x"].equivalent_mass(timing), axes["y"].equivalent_mass(timing), 1.0]),
-        np.eye(3)["xy".index(of.axis)], timing.cycle, timing.delay,
-    )  # fmt: skip
-
-
-def _chatter(tool: CorrectedTool, limit: float, of: FeedbackCut, cutter: Cutter, engaged: Cut) -> dict[str, Any]:
-    gains = [share * limit for share in of.shares]
-    once = chatter_radius(tool, cutter, engaged, of.speed, of.feed_direction, 0.0, steps=of.steps)
-    along = partial(corrected_depth, tool, cutter, engaged, of.speed, of.feed_direction, deepest=of.deepest)
-    return {
-        "chatter_depth": {f"{g:.4g}": along(g, steps=of.steps) for g in gains},
-        "chatter_depth_finer": {f"{g:.4g}": along(g, steps=2 * of.steps) for g in gains},
-        "tooth_in_cycles": str(once.cycles_per_tooth),
-        "spindle_speed_error": once.speed_error,
-    }
 
 
 def _words(name: str, limit: GainLimit, recommended: float | None, kept: WorstCase | None) -> str:

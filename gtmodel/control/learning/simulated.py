@@ -68,7 +68,7 @@ class SimulatedMotion:
             "tool": gt.part(PointMass, m=mass),
             "equations": equations,
         }
-        self.plant = type("WithTool", (base,), members)(**robot.__dict__["_modifiers"])
+        self.plant = type("WithTool", (base,), members)(**robot._modifiers)
         self.law = ComputedTorque(robot, tip.position_gain, tip.velocity_gain)
         self.delay, self.sample_time = tip.delay, sample_time
         self.positions = robot.causal(known="T", targets="q")

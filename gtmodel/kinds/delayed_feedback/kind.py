@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from gtmodel import milling
 from gtmodel.control import delayed
 from gtmodel.kinds.loop_simulation.kind import law_of
 from gtmodel.lang import ModelError
@@ -46,7 +47,7 @@ def call(problem: Schema, context: Context) -> Call:
             parts = options_of(problem.cut, "cutter", "engagement")
         except ArgumentError as error:
             raise ArgumentError(error.message, f"cut.{error.argument}") from error
-        more["cut"] = (options_of(problem, "cut")["cut"], parts["cutter"], parts["engagement"])
+        more["cut"] = milling.CorrectedCut(options_of(problem, "cut")["cut"], parts["cutter"], parts["engagement"])
     if problem.servo is not None:
         return Call(
             delayed.delayed_feedback, _servo(problem, context), timing, gain_step=problem.servo.gain_step, **more

@@ -50,10 +50,10 @@ def _targets_figure(shown: list[tuple[str, str, Array]], ok: Array, title: str) 
 def _sequence_figure(orientation: OrientationMap, title: str) -> Any:
     from ...plot.orientation import sequence_figure
 
-    return sequence_figure(orientation, title)
+    return sequence_figure(orientation.zyz, title)
 
 
 def _layers_figure(orientation: OrientationMap, box: PointGrid, title: str) -> Any:
     from ...plot.orientation import layers_figure
 
-    return layers_figure(orientation, box.half_width, box.directions, title)
+    return layers_figure(orientation.zyz, box.half_width, box.directions, title)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import difflib
 import re
 from collections.abc import Sequence
 
+from ..._near import meant
 from ...lang.units import UnitError, parse_unit
 from .form import LogError
 
@@ -101,12 +101,10 @@ class Heads:
         ]
 
     def _hint(self, name: str) -> str:
-        close = difflib.get_close_matches(name, self.names, n=1, cutoff=0.5)
-        if close:
-            return f"did you mean '{close[0]}'?"
         there = [n for n in self.names if n]
         more = f" and {len(there) - MOST_NAMES} more" if len(there) > MOST_NAMES else ""
-        return f"it has {', '.join(n[:24] for n in there[:MOST_NAMES]) or 'none'}{more}"
+        some = f"it has {', '.join(n[:24] for n in there[:MOST_NAMES]) or 'none'}{more}"
+        return meant(name, self.names, some, cutoff=0.5)
 
 
 def _parts(cell: str) -> tuple[str, str]:

@@ -73,7 +73,7 @@ class ElasticTask:
     def _values(self, robot: Model) -> dict[str, Any]:
         ends = {"start": self.start, "goal": self.goal}
         cost = {"weight": self.cost.energy, "F_unit": self.cost.force_unit}
-        return {**robot.__dict__["_modifiers"], "F_max": self.force, **cost, **ends}
+        return {**robot._modifiers, "F_max": self.force, **cost, **ends}
 
 
 def too_coarse(tool: ElasticTool, mesh: ElasticMesh, duration: float) -> list[str]:

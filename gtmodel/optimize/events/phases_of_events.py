@@ -62,7 +62,7 @@ class EventPhases(Phases):
             for expression in self._looked_at(piece):
                 share.at_end(expression, ends[k + 1])
             root = phase_root(share, ends[k], ends[k + 1], flat)
-            root.__dict__["_flat"] = replace(phase_flat, tree=replace(phase_flat.tree, root=root), cache={})
+            root._keep(_flat=replace(phase_flat, tree=replace(phase_flat.tree, root=root), cache={}))
             phases[name] = root
         later = list(zip(names[1:], pieces, strict=False))
         super().__init__(
@@ -143,7 +143,7 @@ class EventPhases(Phases):
     def _link(self, k: int) -> Any:
         """What holds between phase k and the next one."""
         piece, after, flat = self.pieces[k], self.pieces[k + 1], self.order.flat
-        jump, where = piece.jump, flat.root.__dict__.get("where")
+        jump, where = piece.jump, getattr(flat.root, "where", None)
 
         def link(before: PhaseEnd, then: PhaseEnd) -> Iterable[Relation]:
             relations = []
@@ -236,7 +236,7 @@ def phases_of_events(
         raise ModelError(f"{flat.title} has no events; gt.solve takes it as it is")
     if events.blocks or events.samples:
         what = "a sampled block" if events.blocks else "gt.sample() or gt.initial()"
-        where = events.samples[0].where if events.samples else events.blocks[0].model.__dict__.get("where")
+        where = events.samples[0].where if events.samples else getattr(events.blocks[0].model, "where", None)
         raise ModelError(
             f"{flat.title} has {what}, whose instants are many and whose steps are no equations; optimise the "
             "continuous model, and try the result in gt.simulate",

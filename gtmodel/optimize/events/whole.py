@@ -23,12 +23,12 @@ class PhaseOfWhole(Optimization):
     """One phase: what it has of the whole, in symbols of the whole's scope."""
 
     def objective(self) -> Any:
-        own: Share = self.__dict__["_share"]
+        own: Share = self._share
         own.scope.instants.extend(own.instants)
         return Expr(own.cost, (), None, own.scope)
 
     def constraints(self) -> Iterable[Any]:
-        return list(self.__dict__["_share"].rows)
+        return list(self._share.rows)
 
 
 @dataclass(eq=False)
@@ -57,9 +57,7 @@ def phase_root(share: Share, start: ca.SX, end: ca.SX, whole: FlatModel) -> Phas
     """An Optimization of a share of the whole between two times."""
     root = object.__new__(PhaseOfWhole)
     times = {"start_time": Expr(start, (), None, share.scope), "final_time": Expr(end, (), None, share.scope)}
-    root.__dict__.update(
-        times, _share=share, _path="", _values={}, _parent=None, where=whole.root.__dict__.get("where")
-    )
+    root._keep(**times, _share=share, _path="", _values={}, _parent=None, where=getattr(whole.root, "where", None))
     return root
 
 

@@ -18,14 +18,14 @@ def names_of(flat: FlatModel, alias: AliasResult, pair: Pair) -> list[tuple[str,
 
 def _by_symbol(flat: FlatModel, alias: AliasResult) -> dict[Pair, list[tuple[str, int]]]:
     """Names and signs of all variables and their derivatives, by what they stand for; made once and kept with alias."""
-    known = alias.__dict__.get("_by_symbol")
+    known = alias.names
     if known is None or known[0] is not flat or known[1] != len(alias.removed):
         names: dict[Pair, list[tuple[str, int]]] = {}
         for v in flat.variables:
             for k in range(HIGHEST + 1):
                 sign, kept, order = alias.resolve(v.index, k)
                 names.setdefault((kept, order), []).append((derivative_name(v.name, k), sign))
-        known = alias.__dict__["_by_symbol"] = flat, len(alias.removed), names
+        known = alias.names = flat, len(alias.removed), names
     return known[2]
 
 

@@ -38,7 +38,7 @@ def delays_of(flat: FlatModel) -> dict[int, tuple[int, Delayed]]:
     """
     delays: dict[int, tuple[int, Delayed]] = {}
     for component in _components(flat.root):
-        path = component.__dict__["_path"]
+        path = component._path
         for name, item in type(component)._declared.items():
             if not isinstance(item, Delayed):
                 continue
@@ -54,9 +54,9 @@ def delays_of(flat: FlatModel) -> dict[int, tuple[int, Delayed]]:
 def _components(model: Model) -> Iterator[Model]:
     """A bound model and the parts below it."""
     yield model
-    for value in model.__dict__["_values"].values():
+    for value in model._values.values():
         for part in value if isinstance(value, (list, tuple)) else (value,):
-            if isinstance(part, Model) and not isinstance(part, Connector) and part.__dict__["_parent"] is model:
+            if isinstance(part, Model) and not isinstance(part, Connector) and part._parent is model:
                 yield from _components(part)
 
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from ..._near import meant
 from ...geometry.rotations import rotation_about, rotation_of_rpy, rpy_of_rotation
 from ...lang import ModelError
 from .arm import FRICTION, SerialArm, arm_class
@@ -71,8 +71,7 @@ def tips_of(urdf: Urdf) -> list[str]:
 def _tip(urdf: Urdf, tip: str | None) -> str:
     if tip is not None:
         if tip not in urdf.links:
-            close = difflib.get_close_matches(tip, urdf.links, n=2)
-            hint = f"did you mean {' or '.join(close)}?" if close else f"there are {', '.join(list(urdf.links)[:8])}"
+            hint = meant(tip, urdf.links, f"there are {', '.join(list(urdf.links)[:8])}", most=2)
             raise ModelError(f"{urdf.file} has no link '{tip}'; {hint}")
         if not any(j.kind in MOVING for j in _way(urdf, tip)):
             raise ModelError(f"no joint of {urdf.file} moves between '{urdf.root}' and '{tip}'")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import Any
 import numpy as np
 import scipy
 
+from ..._near import meant
 from ...geometry.rotations import rotation_of_rpy, rpy_of_rotation
 from ...lang import ModelError
 from ...results.disk import path_of
@@ -166,8 +166,7 @@ class _Reader:
             if ":" in name or name == "xmlns" or name in read:
                 continue
             if name not in idle:
-                close = difflib.get_close_matches(name.lower(), read, n=1)
-                known = f"did you mean '{close[0]}'?" if close else f"it takes {', '.join(read) or 'none'}"
+                known = meant(name.lower(), read, f"it takes {', '.join(read) or 'none'}")
                 raise XmlFault(f"<{e.tag}>{of} has the unknown attribute '{name}'; {known}", e.line)
             if name != "version":
                 self.notes.append(f"line {e.line}: '{name}' of <{e.tag}>{of} is not used")
@@ -176,11 +175,9 @@ class _Reader:
             if inner.tag in here:
                 self.refuse_unknown(inner, of)
                 continue
-            close = (
-                [] if inner.tag in LEFT_OUT else difflib.get_close_matches(inner.tag.lower(), here, n=1, cutoff=0.75)
-            )
-            if inner.tag in ATTRIBUTES or close:
-                known = f"did you mean <{close[0]}>?" if close else f"it takes {', '.join(here) or 'none'}"
+            slip = "" if inner.tag in LEFT_OUT else meant(inner.tag.lower(), here, cutoff=0.75)
+            if inner.tag in ATTRIBUTES or slip:
+                known = slip or f"it takes {', '.join(here) or 'none'}"
                 raise XmlFault(f"<{e.tag}>{of} holds <{inner.tag}>, which it does not take; {known}", inner.line)
 
     def refuse_second(

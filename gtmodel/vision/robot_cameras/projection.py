@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import casadi as ca
 
+from ...geometry.pinhole import LENS, pixel
 from ...geometry.quaternions import quaternion_matrix
-from ..pinhole import LENS, pixel
 
 CAMERA = (*LENS, "qw", "qx", "qy", "qz", "x", "y", "z")
 TARGET = ("qw", "qx", "qy", "qz", "x", "y", "z", "scale")

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...geometry.pinhole import LENS
 from ...geometry.quaternions import angle_between
 from ...geometry.rotations import composed, inverse_poses, matrices_of, poses_of
 from ...inference.bundle import BundleFit, ResidualBlock, UnknownGroup, bundle_fit
 from ...results.refusal import ArgumentError
 from ..corner_table import CornerTable
-from ..pinhole import LENS
 from ..rigid_poses import pose_group
 from ..starts import board_pose, focal_length, homography
 from ..views import board_view

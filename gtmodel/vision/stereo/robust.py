@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from ...geometry.pinhole import project
 from ...geometry.rotations import composed, inverse_poses, matrices_of
 from ..corner_table import CornerTable
 from ..gross_errors import SETTLED, SPREAD, GrossErrors, gross_errors
-from ..pinhole import project
 from ..starts import board_pose
 from .calibrated import LEAST, CameraStarts, calibrated, started_at
 from .options import CameraFit

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ...geometry.pinhole import LENS
 from ...geometry.rotations import composed, matrices_of
 from ...inference.bundle import BundleFit
 from ...results import ArgumentError, Check, SolveStatus, Work, at_least, at_most
@@ -20,7 +21,6 @@ from ..corner_table import CornerTable
 from ..gross_errors import GrossErrors, gross_errors
 from ..intersection import MOVES, intersect
 from ..picture_test import LEAST, PictureTest, picture_test
-from ..pinhole import LENS
 from .calibrated import calibrated, camera_starts
 from .options import BoardPictures, CameraFit, StereoStart
 from .result import StereoStudy

@@ -77,7 +77,8 @@ def test_a_cut_in_the_study_is_that_of_the_map() -> None:
     cutter = gt.milling.Cutter(0.0254, 2, gt.milling.CuttingCoefficients(6089.9, 9.04e8, 6601.7, 2.94e8))
     cut = gt.milling.Cut("climb", 0.00635, 0.00508, 0.000526)
     of = D.FeedbackCut("y", 32.25, [174.0, 220.0, 281.0], 10.4, 0.05, shares=[0.0], steps=8)
-    study = gt.control.delayed_feedback({"x": X, "y": Y}, box=None, path=None, cut=(of, cutter, cut))
+    both = gt.milling.CorrectedCut(of, cutter, cut)
+    study = gt.control.delayed_feedback({"x": X, "y": Y}, box=None, path=None, cut=both)
     assert study.chatter_depth is not None
     f = np.array([17.0, 12.0, 10.4])
     mass = np.array(of.mass)

@@ -26,8 +26,8 @@ SAME = 1e-6
 SPEED = 25.0  # tooth period 20 ms: five cycles
 
 
-def tool(delay: float = LATE, direction: np.ndarray = ALONG) -> gt.control.delayed.CorrectedTool:
-    return D.CorrectedTool(ROBOT, MASS, direction, CYCLE, delay)
+def tool(delay: float = LATE, direction: np.ndarray = ALONG) -> gt.milling.CorrectedTool:
+    return gt.milling.CorrectedTool(ROBOT, MASS, direction, CYCLE, delay)
 
 
 def loop(delay: float, direction: np.ndarray) -> gt.control.delayed.DelayedLoop:
@@ -40,7 +40,7 @@ def loop(delay: float, direction: np.ndarray) -> gt.control.delayed.DelayedLoop:
 @pytest.mark.parametrize("speed", [25.0, 50.0, 31.25])
 def test_without_gain_it_is_the_semi_discretised_cut(speed: float, depth: float) -> None:
     cut = replace(CUT, axial_depth=depth)
-    r = D.chatter_radius(tool(), CUTTER, cut, speed, X, 0.0)
+    r = gt.milling.chatter_radius(tool(), CUTTER, cut, speed, X, 0.0)
     assert r.speed_error == pytest.approx(0, abs=1e-12)
     alone = spectral_radius(
         ROBOT, CUTTER, cut, speed, X, intervals=int(20 * r.cycles_per_tooth)
@@ -55,10 +55,10 @@ def test_without_a_cut_it_is_the_late_loop(delay: float, direction: np.ndarray, 
     limit = D.gain_limit(loop(delay, direction)).gain
     shallow = replace(CUT, axial_depth=1e-15)
     for share in (0.7, 1.0, 1.3):
-        r = D.chatter_radius(tool(delay, direction), CUTTER, shallow, speed, X, share * limit)
+        r = gt.milling.chatter_radius(tool(delay, direction), CUTTER, shallow, speed, X, share * limit)
         assert r.radius == pytest.approx(loop(delay, direction).radius(share * limit), rel=SAME)
     gain = scipy.optimize.brentq(
-        lambda p: D.chatter_radius(tool(delay, direction), CUTTER, shallow, speed, X, p).radius - 1,
+        lambda p: gt.milling.chatter_radius(tool(delay, direction), CUTTER, shallow, speed, X, p).radius - 1,
         0.9 * limit, 1.1 * limit, xtol=1e-9 * limit,
     )  # fmt: skip
     assert gain == pytest.approx(limit, rel=SAME)
@@ -68,7 +68,7 @@ def test_without_a_cut_it_is_the_late_loop(delay: float, direction: np.ndarray, 
 def test_together_it_is_a_simulation_in_time(delay: float, speed: float) -> None:
     """Steps of the same equations forward from a random state, a power iteration of sorts: the growth in a cycle."""
     gain, cut, steps = 0.01, replace(CUT, axial_depth=0.0009), 20
-    r = D.chatter_radius(tool(delay), CUTTER, cut, speed, X, gain, steps=steps)
+    r = gt.milling.chatter_radius(tool(delay), CUTTER, cut, speed, X, gain, steps=steps)
     tooth, h = int(r.cycles_per_tooth * steps), CYCLE / steps
     P = plane(X)
     W = cut.axial_depth * np.einsum("ji,tjk,kl->til", P, mean_matrices(CUTTER, cut, tooth), P)
@@ -106,7 +106,7 @@ def test_together_it_is_a_simulation_in_time(delay: float, speed: float) -> None
 
 def test_the_rational_number_is_said_and_its_error_falls() -> None:
     speed = 27.13
-    radii = [D.chatter_radius(tool(), CUTTER, CUT, speed, X, 0.02, steps=s) for s in (10, 20, 40, 80)]
+    radii = [gt.milling.chatter_radius(tool(), CUTTER, CUT, speed, X, 0.02, steps=s) for s in (10, 20, 40, 80)]
     assert radii[1].cycles_per_tooth == Fraction(92, 20)
     assert [abs(r.speed_error) <= 1 / (2 * 4 * s) for r, s in zip(radii, (10, 20, 40, 80), strict=True)] == [True] * 4
     assert radii[-1].speed == pytest.approx(speed, rel=2e-3)
@@ -152,7 +152,7 @@ def test_it_is_the_continuous_cut_by_runge_kutta(speed: float, depth: float, sha
             sizes.append(np.abs(z * [70, 70, 70, 1, 1, 1]).max())
     growth = (max(sizes[-50:]) / max(sizes[400:450])) ** (1 / (cycles - 450))
     cut = replace(CUT, axial_depth=depth)
-    assert D.chatter_radius(tool(delay), CUTTER, cut, speed, X, gain).radius == pytest.approx(growth, abs=5e-4)
+    assert gt.milling.chatter_radius(tool(delay), CUTTER, cut, speed, X, gain).radius == pytest.approx(growth, abs=5e-4)
 
 
 @pytest.mark.parametrize("speed", [20.0, 25.0, 31.25, 40.0])
@@ -164,19 +164,19 @@ def test_without_gain_the_depth_is_that_of_the_lobes(speed: float) -> None:
     depth = float(lobes.depth_at([speed])[0])
     off = []
     for steps in (5, 40):
-        mine = D.corrected_depth(tool(), CUTTER, CUT, speed, X, 0.0, deepest=2.5 * depth, steps=steps)
+        mine = gt.milling.corrected_depth(tool(), CUTTER, CUT, speed, X, 0.0, deepest=2.5 * depth, steps=steps)
         off.append(abs(mine / depth - 1))
     assert off[0] < 0.05 and off[1] < 2e-3 and off[1] <= off[0], off
 
 
 def test_feedback_moves_the_depth() -> None:
     gain = 0.5 * D.gain_limit(loop(LATE, ALONG)).gain
-    depths = [D.corrected_depth(tool(), CUTTER, CUT, SPEED, X, g, deepest=5e-3) for g in (0.0, gain)]
+    depths = [gt.milling.corrected_depth(tool(), CUTTER, CUT, SPEED, X, g, deepest=5e-3) for g in (0.0, gain)]
     assert depths[0] == pytest.approx(0.00078, rel=0.02)
     assert abs(depths[1] / depths[0] - 1) > 0.01
-    at = D.chatter_radius(tool(), CUTTER, replace(CUT, axial_depth=depths[1]), SPEED, X, gain)
+    at = gt.milling.chatter_radius(tool(), CUTTER, replace(CUT, axial_depth=depths[1]), SPEED, X, gain)
     assert at.radius == pytest.approx(1.0, abs=1e-3) and at.radius < 1
-    assert D.corrected_depth(tool(), CUTTER, CUT, SPEED, X, 1.0, deepest=5e-3) == 0.0
+    assert gt.milling.corrected_depth(tool(), CUTTER, CUT, SPEED, X, 1.0, deepest=5e-3) == 0.0
 
 
 @pytest.mark.parametrize(
@@ -194,15 +194,15 @@ def test_maps_that_are_refused() -> None:
     for options, argument in (({"steps": 3}, "steps"), ({"gain": np.nan}, "gain")):
         given = {"gain": 0.1, **options}
         with pytest.raises(ArgumentError) as fault:
-            D.chatter_radius(tool(), CUTTER, CUT, SPEED, X, **given)
+            gt.milling.chatter_radius(tool(), CUTTER, CUT, SPEED, X, **given)
         assert fault.value.argument == argument
     with pytest.raises(ArgumentError) as fault:  # a tooth of 0.5 ms has 2.5 steps of 0.2 ms: none of 0.8 ms is taken
-        D.chatter_radius(tool(), CUTTER, CUT, 1000.0, X, 0.1, steps=20)
+        gt.milling.chatter_radius(tool(), CUTTER, CUT, 1000.0, X, 0.1, steps=20)
     assert fault.value.argument == "steps"
     uneven = replace(CUTTER, tooth_angles=np.array([0.0, 3.0]))
     with pytest.raises(ArgumentError) as fault:
-        D.chatter_radius(tool(), uneven, CUT, SPEED, X, 0.1)
+        gt.milling.chatter_radius(tool(), uneven, CUT, SPEED, X, 0.1)
     assert fault.value.argument == "cutter"
     with pytest.raises(ArgumentError) as fault:
-        D.corrected_depth(tool(), CUTTER, CUT, SPEED, X, 0.1, deepest=0.0)
+        gt.milling.corrected_depth(tool(), CUTTER, CUT, SPEED, X, 0.1, deepest=0.0)
     assert fault.value.argument == "deepest"

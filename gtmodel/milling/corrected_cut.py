@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from functools import partial
 from math import lcm
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from ..._lazy import hint
-from ...results import ArgumentError
-from ...simulation.hybrid.clock import exact
-
-if TYPE_CHECKING:
-    from ...milling import Cut, Cutter, Oscillators
-else:
-    Cut, Cutter, Oscillators = (hint("gtmodel.milling", name) for name in ("Cut", "Cutter", "Oscillators"))
+from ..control.delayed.options import FeedbackAxis, FeedbackCut, FeedbackTiming
+from ..results import ArgumentError
+from ..simulation.hybrid.clock import exact
+from .cutter import Cut, Cutter, tooth_frequency
+from .directional import plane
+from .oscillators import Oscillators
+from .semi_discretisation import mean_matrices
 
 STEPS = 20  # of a cycle
 MOST_STEPS = 40_000  # until tooth and cycle meet again
@@ -85,17 +86,13 @@ def chatter_radius(
     >>> cutter = Cutter(0.02, 2, CuttingCoefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))
     >>> cut = Cut("climb", radial_depth=0.006, axial_depth=0.0003, feed_per_tooth=1e-4)
     >>> robot = gt.milling.Oscillators.with_damping_ratio(m=[350, 350, 250], k=[2e6, 1.5e6, 3e6], zeta=[0.03] * 3)
-    >>> tool = gt.control.delayed.CorrectedTool(robot, [2.0, 0.5, 2.0], [0.0, 1.0, 0.0], cycle=0.004, delay=0.052)
+    >>> tool = gt.milling.CorrectedTool(robot, [2.0, 0.5, 2.0], [0.0, 1.0, 0.0], cycle=0.004, delay=0.052)
     >>> for gain in (0.0, 0.1):
-    ...     r = gt.control.delayed.chatter_radius(tool, cutter, cut, 25.0, [1.0, 0.0, 0.0], gain)
+    ...     r = gt.milling.chatter_radius(tool, cutter, cut, 25.0, [1.0, 0.0, 0.0], gain)
     ...     print(r.cycles_per_tooth, r.radius < 1)
     5 True
     5 False
     """
-    from ...milling import tooth_frequency
-    from ...milling.directional import plane
-    from ...milling.semi_discretisation import mean_matrices
-
     if np.ptp(cutter.pitch) > UNEVEN:
         raise ArgumentError("the pitch of the teeth is uneven; this map takes even pitch only", "cutter")
     if steps < 4:
@@ -137,8 +134,8 @@ def corrected_depth(
     >>> cutter = Cutter(0.02, 2, CuttingCoefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))
     >>> cut = Cut("climb", radial_depth=0.006, axial_depth=0.0003, feed_per_tooth=1e-4)
     >>> robot = gt.milling.Oscillators.with_damping_ratio(m=[350, 350, 250], k=[2e6, 1.5e6, 3e6], zeta=[0.03] * 3)
-    >>> tool = gt.control.delayed.CorrectedTool(robot, [2.0, 0.5, 2.0], [0.0, 1.0, 0.0], cycle=0.004, delay=0.052)
-    >>> depths = [gt.control.delayed.corrected_depth(
+    >>> tool = gt.milling.CorrectedTool(robot, [2.0, 0.5, 2.0], [0.0, 1.0, 0.0], cycle=0.004, delay=0.052)
+    >>> depths = [gt.milling.corrected_depth(
     ...     tool, cutter, cut, 25.0, [1.0, 0.0, 0.0], gain, deepest=5e-3) for gain in (0.0, 0.1)]
     >>> [round(1e3 * depth, 2) for depth in depths]  # [mm]; the second gain is beyond its limit
     [0.77, 0.0]
@@ -165,6 +162,55 @@ def corrected_depth(
         middle = (low + high) / 2
         low, high = (middle, high) if growth(middle) < 1 else (low, middle)
     return low
+
+
+@dataclass(frozen=True)
+class CorrectedCut:
+    """What cuts while late corrections act, for `cut` of `gt.control.delayed_feedback`: its numbers and the gains that
+    are asked for, cutter, and how the cutter is engaged; the axial depth of `cut` does not count.
+
+    >>> of = gt.control.delayed.FeedbackCut("y", 25.0, [350.0, 350.0, 250.0], 17.0, 0.03)
+    >>> cutter = gt.milling.Cutter(0.02, 2, gt.milling.CuttingCoefficients(6e3, 9e8, 7e3, 3e8))
+    >>> cut = gt.milling.Cut("climb", radial_depth=0.006, axial_depth=0.0003, feed_per_tooth=1e-4)
+    >>> gt.milling.CorrectedCut(of, cutter, cut).of.axis
+    'y'
+    """
+
+    of: FeedbackCut
+    cutter: Cutter
+    cut: Cut
+
+    def tool(self, plants: Mapping[str, Any], timing: FeedbackTiming) -> CorrectedTool:
+        """What cuts and is corrected. Raises ArgumentError for what does not fit."""
+        of = self.of
+        axes = {n: p for n, p in plants.items() if isinstance(p, FeedbackAxis)}
+        if not {"x", "y"} <= set(axes) or of.axis not in ("x", "y"):
+            raise ArgumentError(
+                "a cut wants the axes x and y by frequency and damping, and is corrected along one of them", "cut.axis"
+            )
+        if timing.accumulate:
+            raise ArgumentError("the map of a cut has no arm that moves by itself; leave it out", "timing.accumulate")
+        frequency = np.array([axes["x"].frequency, axes["y"].frequency, of.z_frequency])
+        zeta = np.array([axes["x"].damping_ratio, axes["y"].damping_ratio, of.z_damping_ratio])
+        mass = np.array(of.mass)
+        return CorrectedTool(
+            Oscillators.with_damping_ratio(mass, mass * (2 * np.pi * frequency) ** 2, zeta),
+            np.array([axes["x"].equivalent_mass(timing), axes["y"].equivalent_mass(timing), 1.0]),
+            np.eye(3)["xy".index(of.axis)], timing.cycle, timing.delay,
+        )  # fmt: skip
+
+    def depths(self, tool: CorrectedTool, limit: float) -> dict[str, Any]:
+        """Depths of chatter at shares of the limit of the gain, as `DelayedFeedbackStudy` names them."""
+        of = self.of
+        gains = [share * limit for share in of.shares]
+        once = chatter_radius(tool, self.cutter, self.cut, of.speed, of.feed_direction, 0.0, steps=of.steps)
+        along = partial(corrected_depth, tool, self.cutter, self.cut, of.speed, of.feed_direction, deepest=of.deepest)
+        return {
+            "chatter_depth": {f"{g:.4g}": along(g, steps=of.steps) for g in gains},
+            "chatter_depth_finer": {f"{g:.4g}": along(g, steps=2 * of.steps) for g in gains},
+            "tooth_in_cycles": str(once.cycles_per_tooth),
+            "spindle_speed_error": once.speed_error,
+        }
 
 
 def _over(tool: CorrectedTool, W: np.ndarray, steps: int, tooth: int, together: int, gain: float) -> float:
