@@ -21,7 +21,7 @@ from gtmodel.vision import (
     undistort,
 )
 from gtmodel.vision.intersection import MOVES
-from gtmodel.vision.rigid_poses import pose_group
+from gtmodel.vision.stereo.calibrated import pose_group
 from gtmodel.vision.views import board_view
 from tests.inference.synthetic_bundle import scene
 

@@ -13,7 +13,6 @@ from ...geometry.rotations import composed, inverse_poses, matrices_of, poses_of
 from ...inference.bundle import BundleFit, ResidualBlock, UnknownGroup, bundle_fit
 from ...results.refusal import ArgumentError
 from ..corner_table import CornerTable
-from ..rigid_poses import pose_group
 from ..starts import board_pose, focal_length, homography
 from ..views import board_view
 from .options import BoardPictures, CameraFit, StereoStart
@@ -24,6 +23,14 @@ CLEARLY = 0.5  # of the angles that the boards leave as they are counted: then a
 ROUGH = np.deg2rad(5.0)  # of rotations between cameras by homographies: less says nothing of how boards are counted
 LEAST = 4  # corners that place a board
 UNITS = ("pixel",) * 4 + ("1",) * 5
+POSE = ("qw", "qx", "qy", "qz", "x", "y", "z")
+POSE_UNITS = ("rad", "rad", "rad", "m", "m", "m")
+
+
+def pose_group(name: str, poses: np.ndarray, keys: tuple[str, ...] = (), *, local: bool = False,
+               fixed: np.ndarray | None = None) -> UnknownGroup:  # fmt: skip
+    """Poses (n, 7) as unknowns of a bundle."""
+    return UnknownGroup(name, poses, POSE, keys=keys, turn=0, local=local, fixed=fixed, units=POSE_UNITS)
 
 
 @dataclass(frozen=True, eq=False)
