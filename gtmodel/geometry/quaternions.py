@@ -158,7 +158,7 @@ def logarithm(q: Any) -> Any:
         whole = ca.if_else(small, scalar, 1.0)
         near = (2 - 2 * square / (3 * whole * whole)) / whole
         return ca.if_else(small, near, 2 * ca.atan2(sine, scalar) / sine) * v
-    q = q * np.copysign(1.0, q[..., :1])
+    q = q * np.where(q[..., :1] < 0, -1.0, 1.0)
     sine = np.sqrt(np.einsum("...k,...k->...", q[..., 1:], q[..., 1:]))[..., None]
     return 2 * np.arctan2(sine, q[..., :1]) / (sine + (sine == 0)) * q[..., 1:]
 

@@ -114,8 +114,8 @@ def conventions(
                 tried.append((near, near.at_offset(one, paths[unit, offset])))
     tried.sort(key=lambda pair: -round(pair[1].either, LIKELIHOOD_DIGITS))
     best = [near.refined(convention, step) for near, convention in tried[:REFINED]]
-    found = [*best, *(convention for _, convention in tried[REFINED:])]
-    return sorted(found, key=lambda c: -round(c.log_likelihood, LIKELIHOOD_DIGITS))
+    listed = [*best, *(convention for _, convention in tried[REFINED:])]
+    return sorted(listed, key=lambda c: -round(c.log_likelihood, LIKELIHOOD_DIGITS))
 
 
 def started(
