@@ -12,8 +12,6 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, ForwardRef
 
-from ._near import near
-
 # names of before that stand elsewhere now, read for one release: package -> name -> package
 _MOVED: dict[str, dict[str, str]] = {
     "gtmodel.control.delayed": dict.fromkeys(
@@ -30,6 +28,8 @@ class _NoSuchName(AttributeError):
         self.package, self.asked = package.__name__, name  # its name: an error that a worker process sends is pickled
 
     def __str__(self) -> str:
+        from ._near import near
+
         there = [name for name in dir(sys.modules[self.package]) if not name.startswith("_")]
         longer = [name for name in there if _word(self.asked).search(name)]  # a name of before, made more precise
         either = "' or '".join(longer)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -13,27 +13,39 @@ from matplotlib.path import Path
 from .style import SHADES, key_below, styled, with_panels
 
 
+class Outlined(Protocol):
+    """A region of a plane, such as `gt.kinematics.region` gives."""
+
+    @property
+    def area(self) -> float:
+        """[m2]"""
+        ...
+
+    @property
+    def loops(self) -> Sequence[np.ndarray]:
+        """Closed boundaries (k, 2) [m], holes the other way round."""
+        ...
+
+
 @styled
 def section_figure(
-    layers: Mapping[str, tuple[float, Sequence[np.ndarray]]], guideways: np.ndarray, *, title: str = "",
-    names: tuple[str, str] = ("u", "v"),
-) -> Figure:  # fmt: skip
+    layers: Mapping[str, Outlined], guideways: np.ndarray, *, title: str = "", names: tuple[str, str] = ("u", "v")
+) -> Figure:
     """Regions of a section, drawn in the order given, their boundaries, and the guideways as numbered squares.
 
     Args:
-        layers: label -> area [m2] and closed boundaries (k, 2) [m] of a region, holes the other way round; the largest
-            first. The area is added to the label.
+        layers: label -> region, the largest first; the area is added to the label.
         guideways: (m, 2) where they pierce the section [m].
         names: of the two coordinates.
     """
     figure, (axes,) = with_panels(7.5, 6.5)
-    for k, (label, (area, loops)) in enumerate(layers.items()):
+    for k, (label, region) in enumerate(layers.items()):
         shade = SHADES[min(k, len(SHADES) - 1)]
-        if not loops:
+        if not region.loops:
             axes.plot([], [], color=shade, label=f"{label}: none")
             continue
-        patch = PathPatch(_path(loops), facecolor=shade, edgecolor="black", linewidth=0.8)
-        patch.set_label(f"{label}: {area:.2f} m²")
+        patch = PathPatch(_path(region.loops), facecolor=shade, edgecolor="black", linewidth=0.8)
+        patch.set_label(f"{label}: {region.area:.2f} m²")
         axes.add_patch(patch)
     mark_guideways(axes, guideways)
     axes.autoscale_view()

@@ -64,7 +64,7 @@ def make(name: str, **options: Any) -> Model:
     >>> gt.robots.make("l1_tap")
     Traceback (most recent call last):
         ...
-    gtmodel.lang.source.ModelError: there is no robot 'l1_tap'; did you mean l1_tape or l1_tracker?
+    gtmodel.lang.source.ModelError: there is no robot 'l1_tap'; did you mean 'l1_tape' or 'l1_tracker'?
     """
     return family_member(_pick(name, entries(), "robot").family, name, **options)
 

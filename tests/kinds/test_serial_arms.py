@@ -53,7 +53,7 @@ def test_its_tip_stands_behind_a_colon(context: Context) -> None:
     assert len(context.notes) == 2
     with pytest.raises(InputError, match=r"^robot: telescope.urdf has several ends"):
         resolve("telescope.urdf", context)
-    with pytest.raises(InputError, match=r"^robot: telescope.urdf has no link 'hnad'; did you mean hand\?"):
+    with pytest.raises(InputError, match=r"^robot: telescope.urdf has no link 'hnad'; did you mean 'hand'\?"):
         resolve("telescope.urdf:hnad", context)
     with pytest.raises(InputError, match=r"^robot: there is no URDF file 'no.urdf'"):
         resolve("no.urdf", context)

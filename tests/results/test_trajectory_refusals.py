@@ -103,12 +103,12 @@ def test_ragged_data() -> None:
     [
         (
             "arm[0].rod.tensoin",
-            "there is no signal 'arm[0].rod.tensoin'; close matches are 'arm[0].rod.tension'",
+            "there is no signal 'arm[0].rod.tensoin'; did you mean 'arm[0].rod.tension'?",
         ),
         ("T[3]", "there is no component 'T[3]': signal 'T' has 3, from 'T[0]' to 'T[2]'"),
-        ("t[0]", "there is no signal 't[0]'; close matches are 'T[0]'"),
+        ("t[0]", "there is no signal 't[0]'; did you mean 'T[0]'?"),
         ("zzz", "there is no signal 'zzz'; the trajectory holds 'T', 'arm[0].rod.tension', 'count'"),
-        ("count[0]", "there is no signal 'count[0]'; close matches are 'count'"),
+        ("count[0]", "there is no signal 'count[0]'; did you mean 'count'?"),
     ],
 )
 def test_unknown_names(name: str, sentence: str) -> None:
@@ -123,7 +123,7 @@ def test_unknown_names(name: str, sentence: str) -> None:
 def test_unit_of_an_unknown_signal() -> None:
     with pytest.raises(UnknownNameError) as caught:
         example(units={"T": "m", "coumt": "1"})
-    assert str(caught.value) == "units names the signal 'coumt'; close matches are 'count'"
+    assert str(caught.value) == "units names the signal 'coumt'; did you mean 'count'?"
     with pytest.raises(UnknownNameError):
         example().with_values(units={"G": "m"})
 

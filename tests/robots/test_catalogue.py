@@ -107,7 +107,7 @@ class TestEntries:
             make("f1", I_q=1.0)
         with pytest.raises(gt.ModelError, match="masses and friction of 'kr500' are not printed"):
             make("kr500", payload=500.0)
-        with pytest.raises(gt.ModelError, match="there is no robot 'd1_nominel'; did you mean d1_nominal"):
+        with pytest.raises(gt.ModelError, match="there is no robot 'd1_nominel'; did you mean 'd1_nominal'"):
             make("d1_nominel")
 
 

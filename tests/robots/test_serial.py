@@ -86,7 +86,7 @@ def test_several_ends_are_asked_about() -> None:
         gt.ModelError, match="has several ends: finger_left, finger_right, tool_point, cabinet; name the link"
     ):
         gt.robots.from_urdf(URDF / "telescope.urdf")
-    with pytest.raises(gt.ModelError, match=r"has no link 'tool_pont'; did you mean tool_point"):
+    with pytest.raises(gt.ModelError, match=r"has no link 'tool_pont'; did you mean 'tool_point'"):
         gt.robots.from_urdf(URDF / "telescope.urdf", "tool_pont")
 
 
@@ -170,7 +170,7 @@ WRONG = {
     f'<robot name="r">{LINKS}\n<joint name="j" type="revolute">{ENDS}<limit Lower="-1" upper="1"/></joint></robot>':
         "line 2: <limit> of joint 'j' has the unknown attribute 'Lower'; did you mean 'lower'?",
     f'<robot name="r">{LINKS}<joint name="j" type="revolute">{ENDS}\n<orgin xyz="0 0 1"/></joint></robot>':
-        "line 2: <joint> of joint 'j' holds <orgin>, which it does not take; did you mean <origin>?",
+        "line 2: <joint> of joint 'j' holds <orgin>, which it does not take; did you mean 'origin'?",
     '<robot name="r">\n<link name="a"><mass value="1"/></link></robot>':
         "line 2: <link> of link 'a' holds <mass>, which it does not take; it takes inertial",
     f'<robot name="r">{LINKS}<joint name="j" type="revolute">{ENDS}<origin rpy="0 0 0" quat_xyzw="0 0 0 1"/></joint>'

@@ -273,5 +273,4 @@ def _section_figure(
     layers = dict(sorted(layers.items(), key=lambda layer: -layer[1].area))
     layers = {"inverse kinematics has a solution": bare.region, **layers}
     guideways = main.section.pierced(task.robot.anchors, task.robot.directions)
-    drawn = {label: (region.area, region.loops) for label, region in layers.items()}
-    return section_figure(drawn, guideways, title=title, names=main.section.names)
+    return section_figure(layers, guideways, title=title, names=main.section.names)
