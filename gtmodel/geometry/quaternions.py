@@ -182,7 +182,15 @@ def angle_between(p: np.ndarray, q: np.ndarray) -> np.ndarray:
 def small_turn(q: Any, half: Any) -> Any:
     """q (1, half): q turned by a small rotation vector, twice `half` (..., 3) [rad], about axes of its own frame;
     longer than q in the second order of the turn."""
-    return product(q, [1.0, *entries(half)])
+    (a, b, c, d), (x, y, z) = entries(q), entries(half)
+    return vector(
+        [
+            a - (b * x + c * y + d * z),
+            a * x + b + (c * z - d * y),
+            a * y + c + (d * x - b * z),
+            a * z + d + (b * y - c * x),
+        ]
+    )
 
 
 def turned(q: Any, turn: Any) -> Any:

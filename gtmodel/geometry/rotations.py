@@ -63,7 +63,7 @@ def nearest_rotation(M: np.ndarray, hand: float = 1.0) -> np.ndarray:
     Wahba's problem: nearest_rotation(a.T @ b) of rows a (n, 3) and b (n, 3) is the R with a = b R' as nearly as may be.
     """
     U, _, Vt = np.linalg.svd(M)
-    U[..., 2] *= hand * np.sign(np.linalg.det(U @ Vt))[..., None]
+    U[..., 2] *= hand * np.linalg.det(U @ Vt)[..., None]
     return U @ Vt
 
 
