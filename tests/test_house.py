@@ -12,7 +12,7 @@ import pytest
 HOUSE = Path(__file__).resolve().parents[1] / "gtmodel"
 # a line imports only lines above it, and names of its own line where no circle comes of it
 LINES = [
-    {"lang"}, {"results"}, {"geometry"}, {"compiler"}, {"plot"}, {"measurements", "inference"},
+    {"lang"}, {"results"}, {"geometry", "linear"}, {"compiler"}, {"plot"}, {"measurements", "inference"},
     {"mechanics", "vibration", "simulation", "optimize", "cgen"}, {"filtering"}, {"control"}, {"robots"},
     {"kinematics", "motion", "calibrate", "identify", "compliance", "milling", "loop", "fmu", "vision", "modelica"},
     {"problem_files"}, {"kinds"},

@@ -9,9 +9,9 @@ from itertools import pairwise
 import numpy as np
 
 from ..inference import Identifiability, identifiability
+from ..inference.descent import Descent
 from ..inference.losses import Loss
-from ..inference.make_estimate import carried, effective_parameters, moved_together, spectrum
-from ..inference.nonlinear import Descent
+from ..inference.make_estimate import carried, freedom_left, moved_together, spectrum
 from ..inference.normal_equations import triangle
 from ..results.estimate import Estimate
 from .block_rows import JointRows, parts
@@ -109,13 +109,10 @@ def _share(problem: CalibrationProblem, f: Fitted, loss: Loss, width: float) -> 
     slope = loss.slope(z)
     sharp = float(np.mean(slope + 2 * z * loss.bend(z)) / np.mean(slope))
     T = size[:, None] * s.V[:, : s.rank] / s.singular[: s.rank]
-    degrees_of_freedom = len(r) - effective_parameters(data, s.inverse)
-    if abs(degrees_of_freedom - round(degrees_of_freedom)) < 1e-6:  # a whole number but for rounding
-        degrees_of_freedom = float(round(degrees_of_freedom))
     psi = [own * loss.slope((own / width) ** 2) for own in residuals]
     return _Share(
         residuals, psi, R, T, sharp, (f.P @ T).T / sharp,
-        np.where(np.abs(s.null) > PART, s.null, 0.0) * size[:, None], degrees_of_freedom,
+        np.where(np.abs(s.null) > PART, s.null, 0.0) * size[:, None], freedom_left(len(r), data, s.inverse),
         moved_together(s.null, tuple(u.names[k] for k in columns)),
     )  # fmt: skip
 

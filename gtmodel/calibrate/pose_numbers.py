@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -134,8 +135,4 @@ def sufficient_number(
         if tried == high:
             return None
         low, tried = tried + 1, min(2 * tried, high)
-    high = tried
-    while low < high:
-        middle = (low + high) // 2
-        low, high = (low, middle) if enough(middle) else (middle + 1, high)
-    return low
+    return low + bisect_left(range(low, tried), True, key=enough)

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
-import scipy
 
 from gtmodel import lang as gt
 from gtmodel.simulation import linearize
 from gtmodel.simulation.hybrid.clock import exact
 
 from .._lazy import hint
+from ..linear.state_space import held_late
 from .feedforward import Law
 from .sampled_loop import INPUTS, Velocity, law_function
 from .tracking_loop import actuators
@@ -70,7 +70,7 @@ def linearize_sampled(
 
     a, b, c = (np.asarray(m) for m in (linear.A, linear.B, linear.C))
     whole, part = divmod(exact(delay), exact(period))
-    first, last = held_input(a, b, float(part)), held_input(a, b, float(exact(period) - part))
+    transition, early, latest = held_late(a, b, float(part), float(exact(period) - part))
     late = int(whole) + (part > 0)  # forces of earlier samples that still have to act
     n, m = len(a), late * count
     difference = velocity == "difference"
@@ -84,8 +84,8 @@ def linearize_sampled(
     else:
         state[:, :n] += by["velocity"] @ c[count:]
     A, B = np.zeros((size, size)), np.zeros((size, wanted.shape[1]))
-    A[:n, :n] = last[0] @ first[0]
-    for j, effect in ((int(whole), last[1]), (int(whole) + 1, last[0] @ first[1])):
+    A[:n, :n] = transition
+    for j, effect in ((int(whole), latest), (int(whole) + 1, early)):
         if j == 0:
             A[:n] += effect @ state
             B[:n] += effect @ wanted
@@ -133,10 +133,3 @@ def _measured(linear: StateSpace, count: int) -> np.ndarray:
     if np.any(values[count:] != 0.0):
         raise gt.ModelError("the point of linearize_sampled is at rest; give the derivatives in `start` the value 0")
     return values
-
-
-def held_input(a: np.ndarray, b: np.ndarray, span: float) -> tuple[np.ndarray, np.ndarray]:
-    """exp(a t), and what inputs (n, k) held for t [s] add (n, k): the exact transition of x' = a x + b u."""
-    n, k = b.shape
-    m = scipy.linalg.expm(np.block([[a, b], [np.zeros((k, n + k))]]) * span)
-    return m[:n, :n], m[:n, n:]

@@ -8,6 +8,8 @@ from typing import Any, Literal
 
 import numpy as np
 
+from ..inference.chance import chi_squared_bound
+from ..results.estimate import half_width
 from ..results.refusal import ArgumentError
 
 NoiseTerm = Literal["white", "flicker", "walk"]
@@ -138,14 +140,13 @@ class AllanFit:
         ArgumentError for a term that was not fitted.
         """
         from scipy.optimize import brentq
-        from scipy.stats import chi2
 
         if name not in self.terms:
             there = ", ".join(f"'{t}'" for t in self.terms)
             raise ArgumentError(f"'{name}' was not fitted; there are {there}", "name")
         if not 0 < level < 1:
             raise ArgumentError(f"expected a level between 0 and 1; found {level}", "level")
-        k, limit = [str(t) for t in self.terms].index(name), float(chi2.ppf(level, 1))
+        k, limit = [str(t) for t in self.terms].index(name), half_width(level) ** 2
         squares = np.array([getattr(self, term) ** 2 for term in self.terms])
 
         def beyond(root: float) -> float:
@@ -189,8 +190,6 @@ def allan_fit(values: Any, period: float, *, terms: Sequence[NoiseTerm] = TERMS)
     >>> gt.filtering.Sensor("gyro", "rate", density=fit.white, period=0.01).name
     'gyro'
     """
-    from scipy.stats import chi2
-
     y = _samples(values, period)
     chosen: tuple[NoiseTerm, ...] = tuple(term for term in TERMS if term in terms)
     if not chosen or len(chosen) != len(set(terms)):
@@ -207,7 +206,7 @@ def allan_fit(values: Any, period: float, *, terms: Sequence[NoiseTerm] = TERMS)
     fitted = curves.units @ squares
     A, y_white = curves.weighted(squares)
     notes = []
-    if np.sum((y_white - A @ squares) ** 2) > chi2.ppf(UNEXPLAINED, len(m) - len(chosen)):
+    if np.sum((y_white - A @ squares) ** 2) > chi_squared_bound(1 - UNEXPLAINED, len(m) - len(chosen)):
         at = tau[int(np.argmax(np.abs(np.log(variances / fitted))))]
         notes.append(
             f"{', '.join(chosen)} do not explain the curve, worst at {at:.3g} s: look for vibration, a filter of the "

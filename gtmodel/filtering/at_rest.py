@@ -9,6 +9,7 @@ import numpy as np
 
 from ..geometry.quaternions import quaternion_matrix, rpy_quaternion
 from ..geometry.rotations import cross_matrix
+from ..results.estimate import half_width
 from ..results.refusal import ArgumentError
 from .allan import LEAST, AllanFit, allan_fit
 
@@ -54,12 +55,10 @@ class AtRest:
     def interval(self, name: str, level: float = 0.95) -> tuple[float, float]:
         """Confidence limits of "gyro_bias[0]" to "gyro_bias[2]" [rad/s], normal. Raises ArgumentError for another
         name."""
-        from scipy.stats import norm
-
         names = [f"gyro_bias[{k}]" for k in range(3)]
         if name not in names:
             raise ArgumentError(f"there is no '{name}'; there are {', '.join(names)}", "name")
-        k, reach = names.index(name), float(norm.ppf((1 + level) / 2))
+        k, reach = names.index(name), half_width(level)
         value, deviation = float(self.gyro_bias[k]), float(self.gyro_bias_deviation[k])
         return value - reach * deviation, value + reach * deviation
 

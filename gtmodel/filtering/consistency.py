@@ -7,7 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..inference.chance import chi_squared_bound, chi_squared_chance, chi_squared_ends, chi_squared_share
 from ..inference.residuals import autocorrelation, portmanteau
+from ..results.estimate import half_width
 from ..results.refusal import ArgumentError
 from .faults import Suspect, noise_in_doubt
 from .filtered import Filtered
@@ -42,10 +44,7 @@ def chi_squared_band(count: int, numbers: float, level: float = LEVEL) -> Band:
         raise ArgumentError(f"expected at least one number; found {count} of {numbers:g} degrees of freedom", "count")
     if not 0 < level < 1:
         raise ArgumentError(f"expected a probability between 0 and 1; found {level}", "level")
-    from scipy.stats import chi2
-
-    ends = chi2.ppf([(1 - level) / 2, (1 + level) / 2], count * numbers) / count
-    return Band(float(ends[0]), float(ends[1]))
+    return _scaled_band(count * numbers, 2 * count * numbers, count, level)
 
 
 @dataclass(frozen=True)
@@ -146,15 +145,13 @@ class _Squares(NamedTuple):
 
 def _squares(size: int, gate: float | None, cut: float) -> _Squares:
     """Of right readings of this many numbers: none beyond the gate's quantile, those beyond the square `cut` there."""
-    from scipy.stats import chi2
-
     within = 1.0 if gate is None else gate
-    most = np.inf if gate is None else float(chi2.ppf(gate, size))
+    most = np.inf if gate is None else float(chi_squared_bound(1 - gate, size))
     edge = min(cut, most)
-    beyond = max(0.0, within - float(chi2.cdf(edge, size))) if cut < most else 0.0
+    beyond = max(0.0, within - float(chi_squared_share(edge, size))) if cut < most else 0.0
     k = size
-    first = (k * chi2.cdf(edge, k + 2) + (edge * beyond if beyond else 0.0)) / within
-    second = (k * (k + 2) * chi2.cdf(edge, k + 4) + (edge**2 * beyond if beyond else 0.0)) / within
+    first = (k * chi_squared_share(edge, k + 2) + (edge * beyond if beyond else 0.0)) / within
+    second = (k * (k + 2) * chi_squared_share(edge, k + 4) + (edge**2 * beyond if beyond else 0.0)) / within
     own = float(first) / k
     return _Squares(float(first), float(second - first**2), own, float(3 * second / (k * (k + 2)) - own**2))
 
@@ -171,17 +168,13 @@ def _left(system: System, name: str, white: np.ndarray) -> tuple[int, int, _Squa
 
 def _scaled_band(mean: float, variance: float, count: int, level: float) -> Band:
     """Of the mean of `count` numbers whose sum has this mean and variance, as a chi-squared number that is scaled."""
-    from scipy.stats import chi2
-
-    ends = chi2.ppf([(1 - level) / 2, (1 + level) / 2], 2 * mean**2 / variance) * variance / (2 * mean) / count
-    return Band(float(ends[0]), float(ends[1]))
+    ends = chi_squared_ends(level, 2 * mean**2 / variance)
+    return Band(*(float(end) * variance / (2 * mean) / count for end in ends))
 
 
 def _of_sensor(white: np.ndarray, left: tuple[int, _Squares], level: float) -> SensorConsistency:
     """Of normalised innovations (K, m, size), NaN where nothing was used, and what is left of their squares."""
     used = np.isfinite(white)
-    from scipy.stats import chi2, norm
-
     per_component = used.sum(axis=(0, 1))
     ratio = float(np.nansum(white**2) / used.sum())
     # components of one instant are correlated: the band is that of the one with most to say, widened to all of them
@@ -205,10 +198,10 @@ def _of_sensor(white: np.ndarray, left: tuple[int, _Squares], level: float) -> S
             if abs(correlation[k]) > abs(most):
                 most, at = float(correlation[k]), k + 1
         if summed:
-            worst = min(worst, float(chi2.sf(statistic, summed)))
+            worst = min(worst, float(chi_squared_chance(statistic, summed)))
     means = np.nansum(white, axis=(0, 1)) / np.sqrt(np.maximum(per_component, 1))
     mean = float(means[np.argmax(np.abs(means))])
-    limit = float(norm.isf((1 - level) / size / 2))
+    limit = half_width(1 - (1 - level) / size)
     return SensorConsistency(ratio, band, mean, limit, most, at, worst >= (1 - level) / size)
 
 
@@ -327,12 +320,12 @@ def judged(run: Filtered, instants: int = 10, *, level: float = LEVEL, skip: flo
         raise ArgumentError("the truth was not given to the run, so there are no errors", "run")
     if run.runs < 2:
         raise ArgumentError("expected at least 2 independent runs; found 1", "run")
-    from scipy.stats import binom, norm
+    from scipy.stats import binom
 
     first = int(np.searchsorted(run.time, run.time[0] + skip))
     at = np.unique(np.linspace(first, len(run.time) - 1, min(instants, len(run.time) - first)).round().astype(int))
     each = 1 - (1 - level) / len(at)
-    within = np.abs(run.errors[at]) <= norm.ppf(0.975) * run.deviations[at]
+    within = np.abs(run.errors[at]) <= half_width(0.95) * run.deviations[at]
     names = run.system.space.labels
     ends = binom.ppf([(1 - each) / 2 / len(names), 1 - (1 - each) / 2 / len(names)], run.runs, 0.95) / run.runs
     return JudgedErrors(

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ..inference.chance import chi_squared_chance
 from ..results.refusal import ArgumentError
 from ..results.trajectory import Trajectory
 from .belief import InitialState
@@ -154,7 +155,8 @@ def _constants(
         improvement = float(b[at] @ value)
         relative = np.linalg.eigvalsh(spread * np.sqrt(np.outer(prior, prior)))
         seen = bool(np.all(np.isfinite(said)) and np.sqrt(relative[0]) < SEEN)
-        rows.append(Suspect(name, value, np.sqrt(np.diag(spread)), improvement, _chance(improvement, part.size), seen))
+        p = chi_squared_chance(improvement, part.size)
+        rows.append(Suspect(name, value, np.sqrt(np.diag(spread)), improvement, p, seen))
     return rows
 
 
@@ -227,9 +229,8 @@ def _noise(
     curvature = (loss(best.x + h) - 2 * float(best.fun) + loss(best.x - h)) / h**2
     factor = float(np.exp(best.x))
     deviation = factor / np.sqrt(curvature) if curvature > 0 else np.inf
-    return Suspect(
-        name, np.array([factor]), np.array([deviation]), improvement, _chance(improvement, 1), curvature > 1.0
-    )
+    p = chi_squared_chance(improvement, 1)
+    return Suspect(name, np.array([factor]), np.array([deviation]), improvement, p, curvature > 1.0)
 
 
 def noise_in_doubt(run: Filtered) -> tuple[Suspect, ...]:
@@ -259,12 +260,6 @@ def noise_in_doubt(run: Filtered) -> tuple[Suspect, ...]:
     rows_.sort(key=lambda s: -s.improvement)
     strong = [s for s in rows_ if s.p < P_LIMIT]
     return tuple(s for s in strong if s.improvement >= strong[0].improvement - ALIKE)
-
-
-def _chance(improvement: float, numbers: int) -> float:
-    from scipy.stats import chi2
-
-    return float(chi2.sf(improvement, numbers))
 
 
 def _earlier(name: str, given: Any, lag: float) -> Any:

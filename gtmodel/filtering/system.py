@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
+from ..inference.chance import chi_squared_bound, chi_squared_chance, chi_squared_share
 from ..results.refusal import ArgumentError
 from .correlated import same_mixing
 from .manifold import Manifold, StatePart
@@ -119,10 +120,9 @@ class System:
     def gate_limits(self, name: str) -> np.ndarray:
         """Normalised innovations squared beyond which the gate of a sensor is closed, by how many numbers are used."""
         if name not in self._limits:
-            from scipy.stats import chi2
-
             sizes = np.arange(1, self.readings[name].dimension + 1)
-            self._limits[name] = np.concatenate([[np.inf], chi2.ppf(self.sensors[name].gate, sizes)])
+            beyond = 1 - (self.sensors[name].gate or 1.0)
+            self._limits[name] = np.append(np.inf, chi_squared_bound(beyond, sizes))
         return self._limits[name]
 
     def huber_limits(self, name: str) -> tuple[np.ndarray, np.ndarray]:
@@ -130,13 +130,12 @@ class System:
         and the mean of that distance times Huber's influence there over those numbers, 1 without a limit."""
         key = f"{name} huber"
         if key not in self._limits:
-            from scipy.stats import chi2
-
             sizes = np.arange(1, self.readings[name].dimension + 1)
-            square = chi2.ppf(chi2.cdf(HUBER**2, 1), sizes)
+            square = chi_squared_bound(chi_squared_chance(HUBER**2, 1), sizes)
             # E[min(d^2, k d)] of d^2 chi-squared: the part below k, and k times the mean of d beyond it
             mean = np.sqrt(2) * np.exp(_log_gamma((sizes + 1) / 2) - _log_gamma(sizes / 2))
-            part = sizes * chi2.cdf(square, sizes + 2) + np.sqrt(square) * mean * chi2.sf(square, sizes + 1)
+            beyond = chi_squared_chance(square, sizes + 1)
+            part = sizes * chi_squared_share(square, sizes + 2) + np.sqrt(square) * mean * beyond
             self._limits[key] = np.array([[np.inf, *np.sqrt(square)], [1.0, *(part / sizes)]])
         limits, factors = self._limits[key]
         return limits, factors

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
+from ..linear.state_space import ramped
 from ..results.refusal import ArgumentError
 from .manifold import Manifold
 from .process import ProcessEquations
@@ -53,18 +54,11 @@ class LinearTransition:
     def matrices(self, dt: float) -> tuple[np.ndarray, ...]:
         """F, those of the inputs at the begin and at the end, the constant part, and Q."""
         if dt not in self._made:
-            from scipy.linalg import expm
-
-            n, m = self.B.shape
-            driven = np.zeros((n + 2 * m + 1, n + 2 * m + 1))
-            driven[:n, :n], driven[:n, n : n + m], driven[:n, -1] = self.A, self.B, self.c
-            driven[n : n + m, n + m : n + 2 * m] = np.eye(m) / dt if dt else 0.0  # no time passes: nothing moves
-            E = expm(driven * dt)
-            held, ramp = E[:n, n : n + m], E[:n, n + m : n + 2 * m]
-            F, Q = E[:n, :n], self._covariance(dt)
+            F, first, last = ramped(self.A, np.column_stack([self.B, self.c]), dt)
+            Q = self._covariance(dt)
             if len(self._made) > MOST_STEPS:
                 self._made.pop(next(iter(self._made)))
-            self._made[dt] = F, held - ramp, ramp, E[:n, -1], (Q + Q.T) / 2
+            self._made[dt] = F, first[:, :-1], last[:, :-1], first[:, -1] + last[:, -1], (Q + Q.T) / 2
         return self._made[dt]
 
     def _covariance(self, dt: float) -> np.ndarray:

@@ -9,6 +9,7 @@ import numpy as np
 from ..inference import FALSE_ALARM, binomial_band, negligible
 from ..results import Check, at_least, at_most
 from ..results.check import bound_in_words
+from ..results.estimate import half_width
 from ..results.unit_names import split
 from .asked import Asked
 from .exchanged import exchanged_efforts
@@ -44,7 +45,7 @@ def judged(
         e = identification.estimate
         off = [abs(e.value(n) - data.truth[n]) / s for n, s in zip(e.names, e.std, strict=True) if n in data.truth]
         checks["error_in_standard_deviations"] = at_most(
-            float(max(off, default=0.0)), _student(len(off), e.degrees_of_freedom)
+            float(max(off, default=0.0)), half_width(1 - FALSE_ALARM / max(len(off), 1), e.degrees_of_freedom)
         )
     if validation is not None:
         held_out = max(validation.judged, key=lambda h: h.ratio / h.bound)
@@ -116,13 +117,6 @@ def _far_off(identification: Identification, base: Sequence[str]) -> list[str]:
     if not far:
         return []
     return [f"{far[0]} is {ratios[far[0]]:.3g} times its nominal value; check the units of time, position and efforts"]
-
-
-def _student(tests: int, degrees_of_freedom: float) -> float:
-    """Bound on the largest of so many errors in standard deviations."""
-    from scipy import stats  # here: it alone takes as long to import as all of gtmodel
-
-    return float(stats.t.isf(FALSE_ALARM / 2 / max(tests, 1), degrees_of_freedom))
 
 
 def _piled(data: Recordings, targets: str) -> list[tuple[float, str]]:

@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gtmodel.inference import FALSE_ALARM, newey_west
+from gtmodel.inference.chance import f_chance
 from gtmodel.inference.covariance import white
+from gtmodel.results.estimate import half_width
 
 from .._lazy import hint
 
@@ -74,8 +76,6 @@ def delay_of(identification: Identification) -> Delay | None:
     >>> gt.identify.delay_of(s.fit).message
     'no delay between efforts and positions is seen (... ms +- ... ms, p = ...)'
     """
-    from scipy import stats  # here: it alone takes as long to import as all of gtmodel
-
     rows, e = identification.rows, identification.unbounded
     if rows.effort_rate is None:
         return None
@@ -108,11 +108,11 @@ def delay_of(identification: Identification) -> Delay | None:
     moves = [abs(c) / own[n] if n in own and own[n] > 0 else 0.0 for n, c in zip(e.names, change[:-1], strict=True)]
     worst = int(np.argmax(moves))
     deviations = abs(float(change[-1])) / float(std[-1])
-    by_chance = float(stats.t.isf(FALSE_ALARM / 2, degrees_of_freedom)) / max(deviations, np.finfo(float).tiny)
+    by_chance = half_width(1 - FALSE_ALARM, degrees_of_freedom) / max(deviations, np.finfo(float).tiny)
     return Delay(
         float(change[-1]),
         float(std[-1]),
-        2 * float(stats.t.sf(deviations, degrees_of_freedom)),
+        float(f_chance(deviations**2, 1, degrees_of_freedom)),
         e.names[worst],
         float(moves[worst]),
         max(MATTERS, float(moves[worst]) * by_chance),

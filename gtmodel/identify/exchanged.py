@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gtmodel.inference import FALSE_ALARM
+from gtmodel.inference import FALSE_ALARM, chance_ratio
 from gtmodel.measurements.orders import orders
 
 from .inertia import Identification
@@ -70,8 +70,6 @@ def exchanged(
     """
     if columns < 2 or degrees_of_freedom < 1:
         return None
-    from scipy import stats  # here: it alone takes as long to import as all of gtmodel
-
     whole, same = list(range(columns)), [1] * columns
     trials = [(order, same) for order in orders(columns, [whole])]
     trials += [(whole, [-1 if k == r else 1 for k in whole]) for r in whole]
@@ -80,8 +78,8 @@ def exchanged(
     given, other = (
         max(float(np.sqrt(max(left(*t), 0.0) / degrees_of_freedom)), least) for t in ((whole, same), (order, signs))
     )
-    chance = float(stats.f.isf(FALSE_ALARM / len(trials), degrees_of_freedom, degrees_of_freedom))
-    return Exchanged(order, signs, given, other, max(NEARER, float(np.sqrt(chance))))
+    chance = chance_ratio(degrees_of_freedom, degrees_of_freedom, tests=len(trials), false_alarm=FALSE_ALARM)
+    return Exchanged(order, signs, given, other, max(NEARER, chance))
 
 
 def exchanged_efforts(identification: Identification) -> Exchanged | None:

@@ -23,6 +23,7 @@ from gtmodel.inference import (
     nominal_sizes,
     whiteness,
 )
+from gtmodel.inference.chance import f_chance, f_test
 from gtmodel.lang import ModelError
 from gtmodel.results.estimate import Estimate
 
@@ -366,8 +367,6 @@ def _left_out(
 ) -> LeftOut:
     """F test of the columns of a group after the fitted ones: the drop of the squares if they were free too; of
     coloured residuals Wald's with the covariance that they have."""
-    from scipy import stats  # here: it alone takes as long to import as all of gtmodel
-
     A = weighted.reshape(-1, weighted.shape[2])
     B = rows.columns(group, size).reshape(len(A), -1)
     Q = np.linalg.qr(A)[0]
@@ -382,6 +381,5 @@ def _left_out(
         covariance = newey_west(W.reshape(*residuals.shape, k), left, starts=rows.starts)
         F = float(along @ np.linalg.solve(covariance, along)) / k
     else:
-        explained = float(np.sum(along**2))
-        F = explained / k / max(float(r @ r - explained) / degrees_of_freedom, np.finfo(float).tiny)
-    return LeftOut(names, F, float(stats.f.sf(F, k, degrees_of_freedom)), tests)
+        F, _ = f_test(float(r @ r), float(r @ r - along @ along), k, degrees_of_freedom)
+    return LeftOut(names, F, float(f_chance(F, k, degrees_of_freedom)), tests)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
 
+from ..linear.response import late_lag
 from ..results import ArgumentError
 
 Array = np.ndarray
@@ -45,9 +45,5 @@ class Tracking:
                 f"tracking of {len(self.a)} axes takes references (n, {len(self.a)}); found {reference.shape}"
             )
         moved = reference - reference[0]
-        late = np.vstack([np.zeros((self.delay, len(self.a))), moved])[: len(moved)]
-        columns = [
-            scipy.signal.lfilter([b], [1.0, -a], late[:, k])
-            for k, (a, b) in enumerate(zip(self.a, self.b, strict=True))
-        ]
+        columns = [late_lag(u, a, b, self.delay) for u, a, b in zip(moved.T, self.a, self.b, strict=True)]
         return np.stack(columns, axis=1) + reference[0]

@@ -8,7 +8,7 @@ from itertools import combinations
 
 import numpy as np
 
-from ..results.estimate import Estimate
+from ..results.estimate import Estimate, half_width
 from ..results.refusal import ArgumentError
 from .held_out import FALSE_ALARM
 
@@ -62,10 +62,8 @@ def between_recordings(
     """
     if len(estimates) < 2:
         raise ArgumentError(f"expected two recordings or more; found {len(estimates)}", "estimates")
-    from scipy import special  # here: keys of kinds import modules of this package
-
     pairs = list(combinations(estimates, 2))
-    bound = float(-special.ndtri(false_alarm / 2 / max(len(pairs) * len(names), 1)))
+    bound = half_width(1 - false_alarm / max(len(pairs) * len(names), 1))
     apart, spread, best = [], {}, (0.0, "", pairs[0])
     for name in names:
         known = {s: (e.value(name), float(e.std[e.names.index(name)]), e.interval(name)) for s, e in estimates.items()

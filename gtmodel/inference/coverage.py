@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from ..results.estimate import Estimate
+from ..results.estimate import Estimate, half_width
 from ..results.refusal import ArgumentError
 
 BAND = 0.999  # two-sided: one perfect interval in a thousand falls outside
@@ -60,7 +60,7 @@ class Coverage:
     @property
     def biased(self) -> tuple[str, ...]:
         """Names whose mean error is larger than chance makes it in so many runs, at the band's level for all names."""
-        limit = float(scipy.special.ndtri(1 - (1 - BAND) / 2 / len(self.names)))
+        limit = half_width(1 - (1 - BAND) / len(self.names))
         return tuple(n for n, b in zip(self.names, self.bias, strict=True) if abs(b) > limit)
 
     @property

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..results.estimate import Estimate
 from ..results.refusal import ArgumentError
+from .chance import chi_squared_bound, chi_squared_chance, f_bound
 from .residuals import SMALL_P, shown_p
 
 # probability that a sound model fails one verdict: seldom enough for an exit code that scripts rely on
@@ -127,10 +128,8 @@ def chi_squared_over_noise(
     """
     if not degrees_of_freedom > 0:
         return OverNoise(np.nan, np.inf, degrees_of_freedom, np.nan)
-    from scipy import special  # here: keys of kinds import this module
-
-    chance = float(np.sqrt(special.chdtri(degrees_of_freedom, false_alarm) / degrees_of_freedom))
-    ratio, p = np.sqrt(chi_squared / degrees_of_freedom), special.chdtrc(degrees_of_freedom, chi_squared)
+    chance = float(np.sqrt(chi_squared_bound(false_alarm, degrees_of_freedom) / degrees_of_freedom))
+    ratio, p = np.sqrt(chi_squared / degrees_of_freedom), chi_squared_chance(chi_squared, degrees_of_freedom)
     return OverNoise(float(ratio), max(matters, chance), degrees_of_freedom, float(p))
 
 
@@ -147,14 +146,7 @@ def chance_ratio(
     """
     if not (numerator_freedom > 0 and denominator_freedom > 0):
         return np.inf
-    return float(np.sqrt(_chance(numerator_freedom, denominator_freedom, false_alarm / tests)))
-
-
-def _chance(numerator_freedom: float, denominator_freedom: float, false_alarm: float) -> float:
-    """Of mean squares."""
-    from scipy import stats  # here: it alone takes as long to import as all of gtmodel
-
-    return float(stats.f.isf(false_alarm, numerator_freedom, denominator_freedom))
+    return float(np.sqrt(f_bound(false_alarm / tests, numerator_freedom, denominator_freedom)))
 
 
 def held_out_ratio(
@@ -192,7 +184,7 @@ def held_out_ratio(
     if not (growth > 0 and np.isfinite(growth) and fitted_freedom > 0 and held_out_freedom > 0):
         return HeldOut(ratio, np.inf, np.inf, false_alarm)
     with np.errstate(over="ignore"):  # a bound beyond all numbers is infinite: nothing can be judged
-        chance = float(np.sqrt(growth * _chance(held_out_freedom, fitted_freedom, false_alarm / tests)))
+        chance = float(np.sqrt(growth * f_bound(false_alarm / tests, held_out_freedom, fitted_freedom)))
     return HeldOut(ratio, float(np.sqrt(growth)), max(matters, chance), false_alarm)
 
 

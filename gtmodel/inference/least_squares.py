@@ -6,12 +6,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
 from numpy.typing import ArrayLike
 
 from ..results.estimate import Estimate
 from ..results.refusal import ArgumentError
-from .make_estimate import RANK, effective_parameters, moved_together, scales, spectrum
+from .make_estimate import RANK, freedom_left, moved_together, scales, spectrum
 from .weighting import Prior, prior_rows, weighting
 
 # with priors and an unknown noise, the two weigh each other: rounds until the noise stands still to this part
@@ -64,7 +63,7 @@ def linear_fit(
     w = weighting(len(b), sigma=sigma, weights=weights, covariance=covariance)
     Aw, bw = w(A), w(b)
     size = scales(None if scale is None else np.asarray(scale, float), len(names), Aw)
-    low, high = _limits(bounds or {}, names)
+    low, high = limits(bounds or {}, names)
     P, p = prior_rows(priors, names)
     noise = 1.0
     for _ in range(NOISE_ROUNDS):
@@ -169,9 +168,7 @@ def fit_worth(
     null = moved_together(s.null, own)
     if null and not hold_undetermined:
         raise ArgumentError("; ".join(null))
-    degrees_of_freedom = len(J) - effective_parameters(data, s.inverse)
-    if abs(degrees_of_freedom - round(degrees_of_freedom)) < 1e-6:  # a whole number but for rounding
-        degrees_of_freedom = float(round(degrees_of_freedom))
+    degrees_of_freedom = freedom_left(len(J), data, s.inverse)
     if degrees_of_freedom < 0 or (degrees_of_freedom == 0 and not known):
         raise ArgumentError(f"{len(J)} measured values for {len(kept)} unknowns; measure more, or give sigma")
     null_space = np.where(np.abs(s.null) > PART, s.null, 0.0) * size[:, None] if null else np.zeros((0, 0))
@@ -199,11 +196,14 @@ def _solve(A: np.ndarray, b: np.ndarray, low: np.ndarray, high: np.ndarray, tole
         if len(rest) > rest.shape[1]:
             Q, R = np.linalg.qr(rest)
             rest, right = R, Q.T @ right
+        import scipy  # here: what reads a log by its keys imports this module and fits nothing
+
         x[~fixed] = scipy.optimize.lsq_linear(rest, right, (low[~fixed], high[~fixed]), method="bvls", tol=BVLS).x
     return x
 
 
-def _limits(bounds: Mapping[str, tuple[float, float]], names: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
+def limits(bounds: Mapping[str, tuple[float, float]], names: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
+    """Lower and upper bounds (n,) of the names, infinite where there are none. Raises ArgumentError."""
     unknown = [n for n in bounds if n not in names]
     if unknown:
         raise ArgumentError(f"bounds name '{unknown[0]}', which is not free; these are: {', '.join(names)}")

@@ -92,9 +92,11 @@ def carried(T: np.ndarray, C: np.ndarray) -> np.ndarray:
     return root @ root.T
 
 
-def effective_parameters(scaled_data: np.ndarray, inverse: np.ndarray) -> float:
-    """Trace of the hat matrix: how many parameters the data, not the priors, have fixed."""
-    return float(np.sum((scaled_data @ inverse) * scaled_data))
+def freedom_left(rows: int, scaled_data: np.ndarray, inverse: np.ndarray) -> float:
+    """Degrees of freedom of the residuals of so many rows: less the trace of the hat matrix, as many parameters as the
+    data, not the priors, have fixed."""
+    left = rows - float(np.sum((scaled_data @ inverse) * scaled_data))
+    return float(round(left)) if abs(left - round(left)) < 1e-6 else left  # a whole number but for rounding
 
 
 def moved_together(null: np.ndarray, names: tuple[str, ...], least: float = 0.05) -> list[str]:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,33 +12,18 @@ from numpy.typing import ArrayLike
 from ..results.estimate import Estimate
 from ..results.refusal import ArgumentError
 from ..results.status import SolveStatus
-from .least_squares import fit_worth
+from .descent import Descent, DescentStep, minimised
+from .least_squares import AT_BOUND, fit_worth, limits
 from .losses import Loss, loss_named
 from .make_estimate import RANK, scales
-from .normal_equations import Pieces, Sums, directions, norm, sums
-from .weighting import Prior, Weighting, prior_rows, weighting
+from .normal_equations import Directions, Pieces, directions, norm, sums
+from .weighting import Prior, prior_rows, weighting
 
 Residuals = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
-STEP = 1e-13  # the norm of a full step in units of the scales: the iteration has arrived
-ROUNDING = 1e-8  # likewise: a step that the rounding of the residuals alone may ask for
-LEVEL = 1e-5  # cosine of residuals and Jacobian: below, the cost is level to 1e-10 and cannot judge a step
-# damping begins below the smallest singular value, or weak directions would creep; all relative to the largest
-DAMPING, EASIER, HARDER, STUCK = 0.1, 0.1, 10.0, 1e16
-LOOK_BACK, SETTLED = 10, 1e-9  # iterations that together lowered the cost by less than this share: it has settled
-QUIET = 1e-3  # a full step that changes the cost by less than this part is taken undamped
-
-
-@dataclass(frozen=True, eq=False)
-class Descent:
-    """Where the iteration ended: x (n,), and how it went."""
-
-    x: np.ndarray
-    cost: float
-    status: SolveStatus
-    message: str
-    iterations: int
-    evaluations: int
+SLOPE = 1e-6  # relative step of central differences: errors of 1e-12 from the step, 1e-10 from rounding
+# damping begins below the smallest singular value, or weak directions would creep; relative to the largest
+DAMPING = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +45,7 @@ def nonlinear_fit(
     sigma: ArrayLike | None = None,
     weights: ArrayLike | None = None,
     covariance: ArrayLike | None = None,
+    bounds: Mapping[str, tuple[float, float]] | None = None,
     priors: Sequence[Prior] = (),
     loss: str = "linear",
     width: float = 1.0,
@@ -71,9 +57,9 @@ def nonlinear_fit(
     """Nonlinear least squares: the x (n,) that minimises half the sum of squares of the whitened residuals.
 
     `residuals(x)` returns r (rows,), in their own unit and not whitened, and the Jacobian dr/dx (rows, n). `start` (n,)
-    is where the iteration begins, `limit` how many steps it may take. Noise, priors, scales and what is not determined
-    are treated as in linear_fit(); priors need a known noise (sigma or covariance). `loss` of the whitened residuals is
-    linear, huber, soft_l1 or cauchy as in scipy, with its `width`; the covariance is then Huber's.
+    is where the iteration begins, `limit` how many steps it may take. Noise, bounds, priors, scales and what is not
+    determined are treated as in linear_fit(); priors need a known noise (sigma or covariance). `loss` of the whitened
+    residuals is linear, huber, soft_l1 or cauchy as in scipy, with its `width`; the covariance is then Huber's.
 
     The sign of r does not matter as long as its Jacobian has the same. Raises ArgumentError for shapes that do not fit;
     an iteration that fails is a `status`, and `estimate` is then None.
@@ -98,14 +84,28 @@ def nonlinear_fit(
         raise ArgumentError("priors need the size of the noise to be weighed against: give sigma or covariance")
     size = scales(None if scale is None else np.asarray(scale, float), len(x), w(J))
     P, p = prior_rows(priors, names)
-    rows = _Dense(residuals, w, x, r, J)
-    d = descend(rows, x, size, P=P, p=p, loss=loss_named(loss), width=width, rank_tolerance=rank_tolerance, limit=limit)
+    last = [x, np.column_stack([w(J), w(r)])]
+
+    def rows(x: np.ndarray) -> tuple[np.ndarray]:
+        """All [J r] at once; the last are kept."""
+        if not np.array_equal(last[0], x):
+            r, J = (np.asarray(a, float) for a in residuals(x))
+            last[:] = x.copy(), np.column_stack([w(J), w(r)])
+        return (last[1],)
+
+    ends = limits(bounds, names) if bounds else None
+    d = descend(
+        rows, x, size, P=P, p=p, bounds=ends, loss=loss_named(loss), width=width,
+        rank_tolerance=rank_tolerance, limit=limit,
+    )  # fmt: skip
     (end,) = rows(d.x)
     r, J = end[:, -1], end[:, :-1]
     if not d.status.ok:
         return NonlinearFit(**vars(d), r=r, J=J)
+    near = AT_BOUND * size
+    free = np.ones(len(x), bool) if ends is None else (d.x > ends[0] + near) & (d.x < ends[1] - near)
     worth = fit_worth(
-        J, names, size, np.ones(len(x), bool), P, w.known, units=tuple(units),
+        J, names, size, free, P, w.known, units=tuple(units),
         hold_undetermined=hold_undetermined, rank_tolerance=rank_tolerance,
     )  # fmt: skip
     estimate = worth.estimate(d.x, r)
@@ -119,20 +119,23 @@ def nonlinear_fit(
     return NonlinearFit(**vars(d), r=r, J=J, estimate=estimate)
 
 
-class _Dense:
-    """Whitened rows [J r] of a function that gives them all at once; the last are kept, at first r and J at x."""
+def central(function: Callable[[np.ndarray], np.ndarray], x: np.ndarray) -> np.ndarray:
+    """Jacobian (rows, n) of a function of x (n,) by central differences of a relative step (of 1 where x is small)."""
+    steps = np.diag(SLOPE * np.maximum(np.abs(x), 1.0))
+    return np.column_stack([(function(x + e) - function(x - e)) / (2 * e[k]) for k, e in enumerate(steps)])
 
-    def __init__(self, residuals: Residuals, w: Weighting, x: np.ndarray, r: np.ndarray, J: np.ndarray) -> None:
-        self.residuals, self.w = residuals, w
-        self.x, self.rows = x, self._whitened(r, J)
 
-    def __call__(self, x: np.ndarray) -> tuple[np.ndarray]:
-        if not np.array_equal(self.x, x):
-            self.x, self.rows = x.copy(), self._whitened(*self.residuals(x))
-        return (self.rows,)
+def by_differences(misfit: Callable[[np.ndarray], np.ndarray], rows: int) -> Residuals:
+    """Residuals (rows,) for nonlinear_fit() whose derivatives are central differences; where `misfit` raises ValueError
+    or LinAlgError x is too far off, and the iteration takes a shorter step."""
 
-    def _whitened(self, r: np.ndarray, J: np.ndarray) -> np.ndarray:
-        return np.column_stack([self.w(np.asarray(J, float)), self.w(np.asarray(r, float))])
+    def residuals(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        try:
+            return misfit(x), central(misfit, x)
+        except (np.linalg.LinAlgError, ValueError):
+            return np.full(rows, np.inf), np.full((rows, len(x)), np.inf)
+
+    return residuals
 
 
 def descend(
@@ -142,83 +145,87 @@ def descend(
     *,
     P: np.ndarray | None = None,
     p: np.ndarray | None = None,
+    bounds: tuple[np.ndarray, np.ndarray] | None = None,
     loss: Loss | None = None,
     width: float = 1.0,
     rank_tolerance: float = RANK,
     limit: int = 200,
+    tolerance: float = 0.0,
     stop: Callable[[], bool] | None = None,
 ) -> Descent:
-    """Gauss-Newton with damping only where a full step does not help; `rows` are passed through, never kept.
+    """The descent over all of x (n,) at once; `rows` are passed through, never kept.
 
-    Along null directions nothing moves: steps are of least norm in units of the scales. `stop` is asked before each
-    iteration and ends it with the best x so far, status INTERRUPTED.
+    Along null directions nothing moves: steps are of least norm in units of the scales. What stands at one of its
+    `bounds`, lower and upper ones (n,), and would leave them stays there.
     """
-    robust = loss or loss_named("linear")
-    n = len(scale)
-    P = np.zeros((0, n)) if P is None else P
+    P = np.zeros((0, len(scale))) if P is None else P
     p = np.zeros(len(P)) if p is None else p
-    size, no_prior = np.append(scale, 1.0), np.zeros((0, n + 1))
-    triangular = False  # from the first ill-conditioned Jacobian on
+    problem = _AtOnce(rows, np.append(scale, 1.0), P, p, bounds, loss or loss_named("linear"), width, rank_tolerance)
+    return minimised(partial(_Here, problem), x, limit=limit, tolerance=tolerance, stop=stop)
 
-    def prior_at(x: np.ndarray) -> np.ndarray:
-        return np.column_stack([P, P @ x - p]) if len(P) else no_prior
 
-    def at(x: np.ndarray) -> tuple[Sums, np.ndarray, float]:
-        here, prior = sums(rows(x), robust, width, triangular=triangular), prior_at(x)
-        return here, prior, here.cost + 0.5 * float(prior[:, -1] @ prior[:, -1])
+@dataclass(eq=False)
+class _AtOnce:
+    """Of rows [J r], with columns in units of `size` (n + 1,), and prior rows P x - p; `triangular` from the first
+    ill-conditioned Jacobian on."""
 
-    def ended(status: SolveStatus, message: str) -> Descent:
-        return Descent(x, cost, status, message, iterations, evaluations)
+    rows: Pieces
+    size: np.ndarray
+    P: np.ndarray
+    p: np.ndarray
+    bounds: tuple[np.ndarray, np.ndarray] | None
+    loss: Loss
+    width: float
+    rank_tolerance: float
+    triangular: bool = False
 
-    here, prior, cost = at(x)
-    damping, before, iterations, evaluations = 0.0, np.inf, 0, 1
-    earlier = deque([np.inf], maxlen=LOOK_BACK)
-    if not here.finite:
-        return ended(SolveStatus.NOT_FINITE, "the residuals or their derivatives are not finite at the start")
-    while iterations < limit:
-        if stop is not None and stop():
-            return ended(SolveStatus.INTERRUPTED, f"stopped after {iterations} iterations; the best parameters so far")
-        iterations += 1
-        earlier.append(cost)
-        d = directions(here, size, prior)
+
+class _Here:
+    """Sums of all rows at x, and the steps from there."""
+
+    def __init__(self, problem: _AtOnce, x: np.ndarray) -> None:
+        self.problem, self.x = problem, x
+        P, p = problem.P, problem.p
+        self.prior = np.column_stack([P, P @ x - p]) if len(P) else np.zeros((0, len(problem.size)))
+        self._sum()
+
+    def _sum(self) -> None:
+        q = self.problem
+        self.sums = sums(q.rows(self.x), q.loss, q.width, triangular=q.triangular)
+        self.cost = self.sums.cost + 0.5 * float(self.prior[:, -1] @ self.prior[:, -1])
+
+    @property
+    def finite(self) -> bool:
+        return self.sums.finite
+
+    @cached_property
+    def directions(self) -> Directions:
+        free = self._directions(self.problem.size)
+        if self.problem.bounds is None:
+            return free
+        slope, (low, high) = free.V @ (free.singular * free.projected), self.problem.bounds
+        held = ((self.x <= low) & (slope > 0)) | ((self.x >= high) & (slope < 0))
+        return self._directions(np.where(np.append(held, False), 0.0, self.problem.size)) if held.any() else free
+
+    def _directions(self, size: np.ndarray) -> Directions:
+        d = directions(self.sums, size, self.prior)
         if d is None:
-            triangular = True
-            here, prior, cost = at(x)
-            d = directions(here, size, prior)
+            self.problem.triangular = True
+            self._sum()
+            d = directions(self.sums, size, self.prior)
             assert d is not None, "a triangle has directions, whatever its condition"
+        return d
+
+    def step(self, damping: float) -> DescentStep | None:
+        d, scale = self.directions, self.problem.size[:-1]
         s = d.singular
-        within = s > rank_tolerance * s.max(initial=0.0)
+        within = s > self.problem.rank_tolerance * s.max(initial=0.0)
         if not within.any():
-            return ended(SolveStatus.SOLVED, "nothing measured moves with the parameters")
-        projected, V = d.projected[within], d.V[:, within]
-        least = DAMPING * float(s[within][-1] / s[0]) ** 2
-        full = norm(projected / s[within])  # of the undamped step, in units of the scales
-        reach = 1 + norm(x / scale)
-        flat = norm(projected) <= LEVEL * d.size
-        if flat and full >= before:  # the last digits no longer settle
-            return ended(SolveStatus.SOLVED, f"arrived after {iterations} iterations")
-        if full <= STEP * reach:  # taken without a look at what it gains: that is below rounding
-            x = x - V @ (projected / s[within]) * scale
-            return ended(SolveStatus.SOLVED, f"arrived after {iterations} iterations")
-        while True:
-            step = -V @ (projected * s[within] / (s[within] ** 2 + damping * s[0] ** 2)) * scale
-            trial = x + step
-            there, prior_there, cost_new = at(trial)
-            evaluations += 1
-            finite = there.finite
-            rounded = full <= ROUNDING * reach and full < before and cost_new - cost <= SETTLED * cost
-            if finite and (cost_new <= cost or (damping == 0.0 and (flat or rounded))):
-                quiet = cost - cost_new < QUIET * cost
-                x, here, prior, cost, before = trial, there, prior_there, cost_new, full
-                damping = 0.0 if quiet or damping <= least else damping * EASIER
-                break
-            if full <= ROUNDING * reach and finite:  # no better, but no further either
-                return ended(SolveStatus.SOLVED, f"arrived after {iterations} iterations, at rounding")
-            damping = max(damping * HARDER, least)
-            if damping > STUCK:
-                return ended(
-                    SolveStatus.FAILED, "no step along the gradient lowers the residuals; are the derivatives right?"
-                )
-    if earlier[0] - cost <= SETTLED * cost:  # along a valley that is bent and all but level, steps never get short
-        return ended(SolveStatus.SOLVED, f"arrived after {iterations} iterations, at what lowers the residuals no more")
-    return ended(SolveStatus.ITERATION_LIMIT, f"no end after {limit} iterations; start nearer, or scale the parameters")
+            return None
+        part, V, s = d.projected[within], d.V[:, within], s[within]
+        end = self.x - V @ (part * s / (s**2 + damping * s[0] ** 2)) * scale
+        if self.problem.bounds is not None:
+            end = np.clip(end, *self.problem.bounds)
+        full = norm(part / s)
+        least = DAMPING * float(s[-1] / s[0]) ** 2
+        return DescentStep(end, full, 1 + norm(self.x / scale), norm(part), d.size, full, least, True)

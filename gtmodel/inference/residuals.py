@@ -9,6 +9,7 @@ import numpy as np
 
 from ..results.estimate import Estimate
 from ..results.refusal import ArgumentError
+from .chance import chi_squared_chance, chi_squared_share
 
 SMALL_P = 0.01  # a test with a smaller p-value speaks against its hypothesis
 TINY_P = 1e-99  # below, a number says no more
@@ -81,8 +82,6 @@ def whiteness(r: np.ndarray, *, lags: int | None = None, parameters: int = 0) ->
     >>> gt.inference.whiteness(np.repeat(noise, 2)).message
     'residuals are coloured (correlation 0.42 at lag 1): intervals for white noise are too narrow (Ljung-Box p = ...'
     """
-    from scipy import stats  # here: it alone takes as long to import as all of gtmodel
-
     T = len(r)
     K = min(20, T // 5) if lags is None else int(lags)
     if K <= parameters:
@@ -95,7 +94,7 @@ def whiteness(r: np.ndarray, *, lags: int | None = None, parameters: int = 0) ->
     if np.ptp(r) == 0 and np.any(np.asarray(r) != 0):
         return Verdict(np.inf, 0.0, False, f"all residuals are {float(np.asarray(r)[0]):.3g}: an offset is left out")
     Q = portmanteau(c, T)
-    p = float(stats.chi2.sf(Q, K - parameters))
+    p = float(chi_squared_chance(Q, K - parameters))
     k = int(np.argmax(np.abs(c)))
     said = (
         "residuals look white"
@@ -115,8 +114,6 @@ def normality(r: np.ndarray) -> Verdict:
     >>> gt.inference.normality(noise).passed, gt.inference.normality(noise**3).passed
     (True, False)
     """
-    from scipy import stats  # here: it alone takes as long to import as all of gtmodel
-
     if not len(r):
         raise ArgumentError("0 residuals are too few to test for normality", "r")
     if np.ptp(r) <= np.finfo(float).eps * np.abs(r).max():
@@ -124,9 +121,10 @@ def normality(r: np.ndarray) -> Verdict:
             f"all residuals are {float(np.asarray(r)[0]):.3g}: without scatter there is nothing to test for normality"
         )
         return Verdict(np.nan, np.nan, False, message)
-    skew, tail = float(stats.skew(r)), float(stats.kurtosis(r))
+    z = (r - np.mean(r)) / np.std(r)
+    skew, tail = float(np.mean(z**3)), float(np.mean(z**4)) - 3
     J = len(r) / 6 * (skew**2 + tail**2 / 4)
-    p = float(stats.chi2.sf(J, 2))
+    p = float(chi_squared_chance(J, 2))
     said = (
         "residuals look normal"
         if p >= SMALL_P
@@ -147,16 +145,12 @@ def noise_size(estimate: Estimate) -> Verdict:
     >>> gt.inference.noise_size(e).message
     'residuals are 1.78 times the stated noise: the model lacks an effect, or the noise was stated too small ...'
     """
-    from scipy import stats  # here: it alone takes as long to import as all of gtmodel
-
     if not estimate.known_noise:
         raise ArgumentError("the noise was not given, so that the residuals cannot be compared with it; give sigma")
     if estimate.degrees_of_freedom <= 0:
         return Verdict(0.0, np.nan, False, "as many parameters as measured values: residuals say nothing of the noise")
     chi2 = float(estimate.residuals @ estimate.residuals)
-    p = 2 * float(
-        min(stats.chi2.sf(chi2, estimate.degrees_of_freedom), stats.chi2.cdf(chi2, estimate.degrees_of_freedom))
-    )
+    p = 2 * float(min(f(chi2, estimate.degrees_of_freedom) for f in (chi_squared_chance, chi_squared_share)))
     ratio = estimate.noise
     said = "residuals are as large as the stated noise"
     if p < SMALL_P:

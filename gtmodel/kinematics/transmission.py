@@ -6,9 +6,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import scipy
 
+from ..inference.nonlinear import by_differences, nonlinear_fit
 from ..results import ArgumentError
+from ..results.estimate import half_width
 from .guideways import LONGEST, GuidewayFit, MeasurementError, checked, fit_guideway
 from .periodogram import strongest
 
@@ -18,6 +19,7 @@ OVERSAMPLING = 10  # frequencies tried per 1/length of the guideway
 MOST_FREQUENCIES = 200_000
 MIN_CYCLIC_POINTS = 8  # five numbers are fitted: offset, slope, sine, cosine, period
 ALIASES = 5
+NUMBERS = ("offset", "slope", "sine", "cosine", "frequency")
 APART_DEG = 1.0  # between the lines of two runs: a guideway bends by a thousandth of that
 
 
@@ -43,13 +45,11 @@ class Backlash:
 
     def interval(self, name: str = "width", level: float = 0.95) -> tuple[float, float]:
         """Confidence interval of the width [m], by Student's t. Raises ArgumentError for another name or no level."""
-        from scipy.stats import t as student  # here: it alone takes as long to import as all of gtmodel
-
         if name != "width":
             raise ArgumentError(f"'{name}' was not estimated; it is the width that has an interval", "name")
         if not 0 < level < 1:
             raise ArgumentError(f"a confidence level lies between 0 and 1; found {level:g}", "level")
-        reach = float(student.ppf(0.5 + level / 2, self.degrees_of_freedom)) * self.standard_error
+        reach = half_width(level, self.degrees_of_freedom) * self.standard_error
         return self.width - reach, self.width + reach
 
 
@@ -178,30 +178,29 @@ def cyclic_term(fit: GuidewayFit, periods: tuple[float, float] | None = None) ->
     frequencies = np.linspace(1 / longest, 1 / shortest, count)
     best, false_alarm = strongest(q, e, frequencies)
 
-    def model(x: np.ndarray, offset: float, slope: float, sine: float, cosine: float, f: float) -> np.ndarray:
-        return offset + slope * x + sine * np.sin(2 * np.pi * f * x) + cosine * np.cos(2 * np.pi * f * x)
+    def columns(f: float) -> np.ndarray:
+        return np.column_stack([np.ones_like(q), q, np.sin(2 * np.pi * f * q), np.cos(2 * np.pi * f * q)])
 
     f0, size = float(frequencies[best]), float(np.max(np.abs(e)))
-    columns = [np.ones_like(q), q, np.sin(2 * np.pi * f0 * q), np.cos(2 * np.pi * f0 * q)]
-    start = np.linalg.lstsq(np.column_stack(columns), e / size, rcond=None)[0]
+    start = np.linalg.lstsq(columns(f0), e / size, rcond=None)[0]
     # residuals of order one, and within one peak of the periodogram
     reach = 1 / span
-    low, high = [-np.inf] * 4 + [f0 - reach], [np.inf] * 4 + [f0 + reach]
-    try:
-        fitted, covariance = scipy.optimize.curve_fit(
-            model, q, e / size, [*start, f0], bounds=(low, high), x_scale=[1, 1, 1, 1, reach]
-        )
-    except RuntimeError:  # sine and cosine grow against each other: few points, about two per period
-        fitted, covariance = np.array([*start, f0]), np.diag(np.full(5, np.inf))
-    sine, cosine, f = size * fitted[2], size * fitted[3], fitted[4]
-    amplitude = float(np.hypot(sine, cosine))
-    gradient = size * np.array([sine, cosine]) / max(amplitude, 1e-300)
-    determined = bool(np.all(np.isfinite(covariance)))
-    amplitude_error = float(np.sqrt(gradient @ covariance[2:4, 2:4] @ gradient)) if determined else np.inf
-    aliases = _aliases(float(f), places)
+    fitted = nonlinear_fit(
+        by_differences(lambda x: columns(x[4]) @ x[:4] - e / size, len(q)), [*start, f0], NUMBERS,
+        scale=[1, 1, 1, 1, reach], bounds={"frequency": (f0 - reach, f0 + reach)}, hold_undetermined=True,
+    )  # fmt: skip
+    known = fitted.estimate
+    # sine and cosine may grow against each other: few points, about two per period
+    if known is None or known.held or known.undetermined:
+        sine, cosine, f, amplitude_error, frequency_error = *(size * start[2:]), f0, np.inf, np.inf
+    else:
+        sine, cosine, f = *(size * fitted.x[2:4]), fitted.x[4]
+        gradient = np.array([sine, cosine]) / max(float(np.hypot(sine, cosine)), 1e-300)
+        amplitude_error = size * float(np.sqrt(gradient @ known.covariance[2:4, 2:4] @ gradient))
+        frequency_error = float(known.std[4])
     return CyclicTerm(
-        float(1 / f), float(np.sqrt(covariance[4, 4]) / f**2), amplitude, amplitude_error, float(sine), float(cosine),
-        false_alarm, aliases,
+        float(1 / f), float(frequency_error / f**2), float(np.hypot(sine, cosine)), amplitude_error, float(sine),
+        float(cosine), false_alarm, _aliases(float(f), places),
     )  # fmt: skip
 
 

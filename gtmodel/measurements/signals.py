@@ -8,6 +8,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
+from ..inference.nonlinear import by_differences, nonlinear_fit
 from ..lang.units import convert, parse_unit
 from ..results.interpolation import natures, rotations_again, smooth
 from ..results.trajectory import Trajectory
@@ -132,28 +133,23 @@ class Corrections:
 
         Raises LogError where the minimum is not found, or a delay ends at its bound.
         """
-        import scipy  # here, as below: what reads a log by its keys fits nothing
-
         if not self.free:
             return np.zeros(0)
         size = np.array([self._size(free) for free in self.free])
-        low, high = self.bounds()
-        solution = scipy.optimize.least_squares(
-            lambda z: residual(self.apply(z * size)),
-            self.start / size,
-            jac="3-point",
-            bounds=(low / size, high / size),
-            x_scale="jac",
-        )
-        if not solution.success:
-            raise LogError(f"the corrections {', '.join(f.name for f in self.free)} were not found: {solution.message}")
-        for free, z, at in zip(self.free, solution.x, solution.active_mask, strict=True):
-            if at:
-                raise LogError(
-                    f"the estimate of {free.name} runs to its bound, {1e3 * z * self._size(free):.3g} ms; "
-                    "cut the logs to a common start, or give the delay"
-                )
-        return solution.x * size
+        residuals = by_differences(lambda z: residual(self.apply(z * size)), len(residual(self.apply(self.start))))
+        names, most = [free.name for free in self.free], self.bounds()[1] / size
+        fit = nonlinear_fit(
+            residuals, self.start / size, names, bounds={n: (-m, m) for n, m in zip(names, most, strict=True)},
+            hold_undetermined=True,
+        )  # fmt: skip
+        if fit.estimate is None:
+            raise LogError(f"the corrections {', '.join(names)} were not found: {fit.message}")
+        for name in fit.estimate.held:
+            raise LogError(
+                f"the estimate of {name} runs to its bound, {1e3 * (fit.x * size)[names.index(name)]:.3g} ms; "
+                "cut the logs to a common start, or give the delay"
+            )
+        return fit.x * size
 
     def named(self, values: Array) -> dict[str, float]:
         """Free values by name; delays in s."""

@@ -87,7 +87,7 @@ def tool_error(oscillators: Oscillators, F: ArrayLike, step: float, b: ArrayLike
     for j in range(3):
         m, c, k = robot.m[0, j], robot.c[0, j], robot.k[0, j]
         # second state y' - (c/m) b: no derivative of the offset is needed
-        A, B = np.array([[0, 1], [-k / m, -c / m]]), np.array([c / m, k / m - (c / m) ** 2])
+        A, B = np.array([[0, 1], [-k / m, -c / m]]), np.array([[c / m], [k / m - (c / m) ** 2]])
         b1, a1, _ = recursion(A, B, step)
         y[:, j] += scipy.signal.lfilter(b1, a1, moved[:, j] - moved[0, j])
     return y

@@ -5,15 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from functools import partial
+from functools import cache, partial
 from math import lcm
 from typing import Any
 
 import numpy as np
-import scipy
 from numpy.typing import ArrayLike
 
 from ..control.delayed.options import FeedbackAxis, FeedbackCut, FeedbackTiming
+from ..linear.roots import crossing
+from ..linear.state_space import held, second_order
 from ..results import ArgumentError
 from ..simulation.hybrid.clock import exact
 from .cutter import Cut, Cutter, tooth_frequency
@@ -25,7 +26,7 @@ STEPS = 20  # of a cycle
 MOST_STEPS = 40_000  # until tooth and cycle meet again
 FEWEST = 4  # steps of the period of a tooth
 UNEVEN = 1e-9  # rad
-NEAR = 1e-3  # relative, of a depth
+NEAR = 1e-6  # relative, of a depth: Brent's method needs no more radii for it than halving for a thousandth
 
 
 @dataclass(frozen=True)
@@ -124,7 +125,7 @@ def corrected_depth(
     tool: CorrectedTool, cutter: Cutter, cut: Cut, speed: float, feed: ArrayLike, gain: float, *,
     deepest: float, up: ArrayLike = (0.0, 0.0, 1.0), steps: int = STEPS,
 ) -> float:  # fmt: skip
-    """The axial depth [m] at which a cut first chatters while corrections act, by steps of a fifth and bisection;
+    """The axial depth [m] at which a cut first chatters while corrections act, by steps of a fifth and Brent's method;
     `deepest` where it does not, 0 where the loop is unstable without a cut. cut: its own axial depth does not count.
 
     Raises ArgumentError as `chatter_radius`, and for a deepest cut of nothing.
@@ -141,6 +142,7 @@ def corrected_depth(
     [0.77, 0.0]
     """
 
+    @cache
     def growth(depth: float) -> float:
         deeper = replace(cut, axial_depth=depth)
         return chatter_radius(tool, cutter, deeper, speed, feed, gain, up=up, steps=steps).radius
@@ -158,10 +160,7 @@ def corrected_depth(
             low, high = high, min(1.2 * high, deepest)
         if growth(high) < 1:
             return deepest
-    while high - low > NEAR * high:
-        middle = (low + high) / 2
-        low, high = (middle, high) if growth(middle) < 1 else (low, middle)
-    return low
+    return crossing(lambda depth: np.log(growth(depth)), low, high, NEAR)[0]
 
 
 @dataclass(frozen=True)
@@ -216,7 +215,7 @@ class CorrectedCut:
 def _over(tool: CorrectedTool, W: np.ndarray, steps: int, tooth: int, together: int, gain: float) -> float:
     """Largest modulus of the multipliers of the map over so many steps that tooth and cycle meet."""
     o, step = tool.oscillators, tool.cycle / steps
-    m, c, k = o.m[0], o.c[0], o.k[0]
+    m, c, k = (np.diag(x[0]) for x in (o.m, o.c, o.k))
     push = tool.direction / (tool.equivalent_mass * tool.cycle**2)
     whole, rest = divmod(exact(tool.delay), exact(tool.cycle))
     count = int(whole) + 1  # corrections that are kept, youngest first
@@ -226,13 +225,9 @@ def _over(tool: CorrectedTool, W: np.ndarray, steps: int, tooth: int, together: 
     if left > 0:
         pieces[changes] = [(left, True), (step - left, False)]
     spans = sorted({span for p in pieces.values() for span, _ in p})
-    system = np.zeros((tooth, 10, 10))
-    system[:, :3, 3:6] = np.eye(3)
-    system[:, 3:6, :3] = (W - np.diag(k)) / m[:, None]
-    system[:, 3:6, 3:6] = -np.diag(c / m)
-    system[:, 3:6, 6:9] = -W / m[:, None]
-    system[:, 3:6, 9] = push
-    E = {span: scipy.linalg.expm(system * span) for span in spans}
+    pushed = np.broadcast_to((m @ push)[:, None], (tooth, 3, 1))
+    A, B, _ = second_order(m, c, k - W, np.concatenate([-W, pushed], axis=2))
+    E = {span: held(A, B, span) for span in spans}
     # columns: what the state now, x at the last grid times and the corrections on their way become
     size = 6 + 3 * tooth + count
     now = np.eye(6, size)
@@ -244,9 +239,9 @@ def _over(tool: CorrectedTool, W: np.ndarray, steps: int, tooth: int, together: 
         late, early = sent[int(whole)], sent[int(whole) + 1]
         delayed = (past[-1] + past[-2]) / 2
         for span, older in pieces[i % steps]:
-            e = E[span][i % tooth]
+            free, entry = (x[i % tooth] for x in E[span])
             acting = early if older else late
-            now = e[:6, :6] @ now + e[:6, 6:9] @ delayed + np.outer(e[:6, 9], acting)
+            now = free @ now + entry[:, :3] @ delayed + np.outer(entry[:, 3], acting)
         past = [now[:3], *past[:-1]]
     monodromy = np.concatenate([now, *past[1:], sent[:count]])
     return float(np.abs(np.linalg.eigvals(monodromy)).max())

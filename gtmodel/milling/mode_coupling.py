@@ -9,6 +9,7 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
+from ..linear.state_space import second_order
 from .cutter import Cut, Cutter
 from .directional import mean_directional_matrix, plane
 from .forces import to_world
@@ -88,14 +89,10 @@ def critical_depth(
     """
     P = plane(feed, up)
     D = P.T @ mean_directional_matrix(cutter, cut.mode, cut.radial_depth) @ P
-    m, c, k = oscillators.m[0], oscillators.c[0], oscillators.k[0]
+    m, c, k = (np.diag(x[0]) for x in (oscillators.m, oscillators.c, oscillators.k))
 
     def growth(depth: np.ndarray | float) -> np.ndarray:
-        a = np.atleast_1d(depth)
-        A = np.zeros((len(a), 6, 6))
-        A[:, :3, 3:] = np.eye(3)
-        A[:, 3:, :3] = (a[:, None, None] * D - np.diag(k)) / m[:, None]
-        A[:, 3:, 3:] = np.diag(-c / m)
+        A, *_ = second_order(m, c, k - np.reshape(depth, (-1, 1, 1)) * D, m[:, :0])
         return np.linalg.eigvals(A).real.max(axis=1)
 
     depths = np.geomspace(1e-6, DEEPEST, 600)

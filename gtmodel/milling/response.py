@@ -8,6 +8,7 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
+from ..linear.state_space import held, ramped, second_order
 from .cutter import tooth_frequency
 from .oscillators import Oscillators
 
@@ -32,9 +33,8 @@ def responses(oscillators: Oscillators, F: ArrayLike, step: float, *, hold: str 
         raise ValueError(f"the hold is '{hold}'; expected one of {', '.join(HOLDS)}")
     F = checked_force(F, step)
     o = oscillators
-    A, B = np.zeros((len(o), 3, 2, 2)), np.zeros((len(o), 3, 2))
-    A[..., 0, 1] = 1
-    A[..., 1, 0], A[..., 1, 1], B[..., 1] = -o.k / o.m, -o.c / o.m, 1 / o.m
+    m, c, k = (x[..., None, None] for x in (o.m, o.c, o.k))
+    A, B, _ = second_order(m, c, k, np.ones((1, 1)))
     b, a, start = recursion(A, B, step, hold)
     rows = np.ascontiguousarray(F.T)
     for pose in range(len(oscillators)):
@@ -57,15 +57,14 @@ def checked_force(F: ArrayLike, step: float) -> np.ndarray:
 
 
 def recursion(A: np.ndarray, B: np.ndarray, step: float, hold: str = "linear") -> tuple[np.ndarray, ...]:
-    """Of s' = A s + B u, A (..., 2, 2), B (..., 2): coefficients b, a (..., 3) of the first state's recursion in u,
+    """Of s' = A s + B u, A (..., 2, 2), B (..., 2, 1): coefficients b, a (..., 3) of the first state's recursion in u,
     and the initial state (..., 2) of the filter per first input for which s starts at zero."""
-    M = np.zeros((*A.shape[:-2], 4, 4))  # state; input u and its rate over the step
-    M[..., :2, :2], M[..., :2, 2], M[..., 2, 3] = A, B, 1 / step
-    E = scipy.linalg.expm(M * step)
-    D, now, later = E[..., :2, :2], E[..., :2, 2], np.zeros_like(E[..., :2, 3])
     if hold == "linear":
-        later = E[..., :2, 3]
-        now = now - later
+        D, now, later = ramped(A, B, step)
+    else:
+        D, now = held(A, B, step)
+        later = np.zeros_like(now)
+    now, later = now[..., 0], later[..., 0]
     trace, det = D[..., 0, 0] + D[..., 1, 1], np.linalg.det(D)
     # Cayley-Hamilton: x[+2] - trace x[+1] + det x = (D - trace) B u and so on
     back = D[..., 0, :] - trace[..., None] * [1.0, 0.0]

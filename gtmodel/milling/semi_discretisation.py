@@ -4,9 +4,9 @@ and independent of the collocation."""
 from __future__ import annotations
 
 import numpy as np
-import scipy
 from numpy.typing import ArrayLike
 
+from ..linear.state_space import held, second_order
 from .cutter import Cut, Cutter, immersion, tooth_frequency
 from .directional import directional_matrix, plane
 from .oscillators import Oscillators
@@ -33,14 +33,8 @@ def semi_discretised_radius(
     step, P = period / intervals, plane(feed, up)
     W = cut.axial_depth * np.einsum("ji,tjk,kl->til", P, mean_matrices(cutter, cut, intervals), P)
     m, c, k = (np.diag(x[0]) for x in (oscillators.m, oscillators.c, oscillators.k))
-    inverse = np.linalg.inv(m)
-    # M = [A, B; 0, 0] gives exp(A h) and the integral of exp(A s) B in one
-    system = np.zeros((intervals, 9, 9))
-    system[:, :3, 3:6] = np.eye(3)
-    system[:, 3:6, :3] = inverse @ (W - k)
-    system[:, 3:6, 3:6] = -inverse @ c
-    system[:, 3:6, 6:] = -inverse @ W
-    E = scipy.linalg.expm(system * step)
+    A, B, _ = second_order(m, c, k - W, -W)
+    free, regenerated = held(A, B, step)
     # columns: what the state now and x at the last `intervals` grid times becomes
     size = 6 + 3 * intervals
     now = np.eye(6, size)
@@ -48,7 +42,7 @@ def semi_discretised_radius(
     past = list(history)  # past[j] is x at j steps before
     for i in range(intervals):
         delayed = (past[-1] + past[-2]) / 2
-        now = E[i, :6, :6] @ now + E[i, :6, 6:] @ delayed
+        now = free[i] @ now + regenerated[i] @ delayed
         past = [now[:3], *past[:-1]]
     monodromy = np.concatenate([now, *past[1:]])
     return float(np.abs(np.linalg.eigvals(monodromy)).max())

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
+from ..linear.roots import crossing
 from .cutter import Cut, Cutter, immersion, tooth_frequency
 from .directional import directional_matrix, plane
 from .floquet import TooSlowError, multipliers, teeth_by_delay
@@ -22,7 +24,8 @@ STEP = 1.2  # ratio of one depth that is tried to the next
 # steps, up to some multiples, beyond which the force hardly changes with the angle any more
 HELIX_STEPS, HELIX_PITCHES = 16, 4
 PROBES = 6  # of such a peak
-TOLERANCE = 1e-3  # relative, of a limit
+TOLERANCE = 1e-3  # relative, of the place of such a peak
+CLOSE = 1e-5  # relative, of a limit
 EDGE = 1e-9  # rad, beside an angle where a tooth enters or leaves
 
 
@@ -57,7 +60,7 @@ def stable_depth(
     oscillators: Oscillators, cutter: Cutter, cut: Cut, speed: float, feed: ArrayLike, *,
     up: ArrayLike = (0.0, 0.0, 1.0), low: float, high: float, intervals: int | None = None, tolerance: float = 1e-3,
 ) -> float:  # fmt: skip
-    """Greatest axial depth [m] between low and high found stable, by bisection to a relative tolerance.
+    """Greatest axial depth [m] between low and high found stable, by Brent's method to a relative tolerance.
 
     Raises ValueError unless `low` is stable and `high` is not.
 
@@ -70,6 +73,7 @@ def stable_depth(
     0.77
     """
 
+    @cache
     def radius(depth: float) -> float:
         deeper = replace(cut, axial_depth=depth)
         return spectral_radius(oscillators, cutter, deeper, speed, feed, up=up, intervals=intervals)
@@ -77,10 +81,7 @@ def stable_depth(
     if radius(low) >= 1 or radius(high) < 1:
         raise ValueError(f"expected a stable depth and an unstable one; found {radius(low):.3g} at {low:g} m and "
                          f"{radius(high):.3g} at {high:g} m")  # fmt: skip
-    while high - low > tolerance * high:
-        middle = (low + high) / 2
-        low, high = (middle, high) if radius(middle) < 1 else (low, middle)
-    return low
+    return crossing(lambda depth: np.log(radius(depth)), low, high, tolerance)[0]
 
 
 def certain_depth(
@@ -123,8 +124,8 @@ def proven_depth(
 
     Depths are tried by their spectral radius from `certain_depth` on, each a fifth or, with a helix, a 16th of the
     teeth's axial pitch deeper than the one before, and between them where the radius peaks near 1; the first that is
-    unstable is bisected. For a spindle too slow for that it is `certain_depth`. Raises ValueError for impossible
-    values.
+    unstable is approached to a part in 100,000. For a spindle too slow for that it is `certain_depth`. Raises
+    ValueError for impossible values.
 
     >>> from gtmodel.milling import CuttingCoefficients, Cutter
     >>> cutter = Cutter(0.02, 2, CuttingCoefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
@@ -137,6 +138,7 @@ def proven_depth(
     low = certain_depth(oscillators, cutter, mode, radial_depth, feed, up=up)
     P = plane(feed, up)
 
+    @cache
     def radius(depth: float) -> float:
         return float(np.abs(multipliers(oscillators, cutter, mode, radial_depth, depth, speed, P)).max())
 
@@ -150,8 +152,8 @@ def proven_depth(
         except TooSlowError:  # too many nodes: nothing is proven from here on
             return tried[-1][0] if tried else low
         if high is not None:
-            below = [x for x in tried if x[0] < high[0]]
-            return _between(below[-1], high, radius) if below else low
+            below = [depth for depth, _ in tried if depth < high[0]]
+            return crossing(lambda x: np.log(radius(x)), below[-1], high[0], CLOSE)[0] if below else low
     return deepest
 
 
@@ -168,27 +170,6 @@ def _depths(cutter: Cutter, low: float, deepest: float) -> list[float]:
     wide = fine[(fine > low) & (fine < deepest) & (steps[np.searchsorted(depths, fine).clip(1, len(steps)) - 1]
                                                    > pitch / HELIX_STEPS)]  # fmt: skip
     return np.union1d(depths, wide).tolist()
-
-
-def _between(
-    low: tuple[float, float], high: tuple[float, float], radius: Callable[[float], float]
-) -> float:  # fmt: skip
-    """The greatest depth found stable between two with their radii, by secants that fall to both sides of the limit."""
-    (a, r), (b, s) = low, high
-    side = -1
-    for i in range(100):
-        if b - a <= TOLERANCE * b:
-            break
-        x = (a + b) / 2
-        if i % 3 < 2:
-            x = a + (b - a) * np.log(r) / np.log(r / s) + side * TOLERANCE / 3 * b
-            x, side = float(np.clip(x, a + TOLERANCE / 4 * b, b - TOLERANCE / 4 * b)), -side
-        radius_at = radius(x)
-        if radius_at < 1:
-            a, r = x, radius_at
-        else:
-            b, s = x, radius_at
-    return a
 
 
 def _unstable(tried: list[tuple[float, float]], radius: Callable[[float], float]) -> tuple[float, float] | None:

@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MultipleLocator
 
+from ..linear.state_space import continuous_poles
 from .style import BLUE, GREEN, MEASURED, MODELLED, ORANGE, colour, curve, key_below, styled, with_panels
 
 GREY = "#777777"
@@ -99,7 +100,7 @@ def response_figure(
 def _lines(poles: np.ndarray, sample_time: float, f: np.ndarray) -> np.ndarray:
     """Frequencies f (k,) [Hz] and those about the peaks of poles z (n,): a sharp one lies between even the finest."""
     with np.errstate(divide="ignore"):
-        s = np.log(poles.astype(complex)) / (2 * np.pi * sample_time)
+        s = continuous_poles(poles, sample_time) / (2 * np.pi)
     s = s[np.isfinite(s) & (s.imag > 0)]
     more = (s.imag[:, None] + np.abs(s.real)[:, None] * PEAK).ravel()
     return np.union1d(f, more[(more > f[0]) & (more < f[-1])])

@@ -110,7 +110,7 @@ class Estimate:
     def _quantile(self, level: float) -> float:
         if not isinstance(level, Real) or not 0 < level < 1:
             raise ArgumentError(f"a confidence level lies between 0 and 1; found {level!r}", "level")
-        return _of_normal_or_student(float(level), None if self.known_noise else float(self.degrees_of_freedom))
+        return half_width(float(level), None if self.known_noise else float(self.degrees_of_freedom))
 
     def __str__(self) -> str:
         width = max(len(n) for n in self.names)
@@ -126,8 +126,14 @@ class Estimate:
 
 
 @cache
-def _of_normal_or_student(level: float, degrees_of_freedom: float | None) -> float:
-    """What bounds a share `level` of the normal distribution on both sides, or of Student's."""
+def half_width(level: float, degrees_of_freedom: float | None = None) -> float:
+    """Standard deviations on either side of the mean that hold it with probability `level`: of a normal number, or by
+    Student's t where its deviation is estimated with so many degrees of freedom.
+
+    >>> from gtmodel.results.estimate import half_width
+    >>> round(half_width(0.95), 2), round(half_width(0.95, 5), 2)
+    (1.96, 2.57)
+    """
     import scipy  # here: a schema names the class and needs none of it
 
     # scipy.stats has the same two functions, but takes as long to import as all of gtmodel

@@ -6,7 +6,8 @@ columns are states. A choice goes bad where the solved columns C become singular
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from bisect import bisect_left
+from collections.abc import Collection
 from copy import copy
 
 import casadi as ca
@@ -247,17 +248,17 @@ def _good_rows(at: np.ndarray, ahead: np.ndarray, solved: list[int], below: floa
                 return row
             count = 1
         if _quality(at[:, row + count], solved, below) < below:
-            return row if between else _first(row, row + count, lambda n: _quality(at[:, n], solved, below) < below)
+            return (
+                row
+                if between
+                else row
+                + 1
+                + bisect_left(
+                    range(row + 1, row + count), True, key=lambda n: _quality(at[:, n], solved, below) < below
+                )
+            )
         row, window = row + count, 2 * count + 8
     return row
-
-
-def _first(low: int, high: int, holds: Callable[[int], bool]) -> int:
-    """The first number above `low` for which something holds, as it does for `high`, and not for what is below."""
-    while high - low > 1:
-        middle = (low + high) // 2
-        low, high = (low, middle) if holds(middle) else (middle, high)
-    return high
 
 
 def _changes(inverse: np.ndarray, matrices: np.ndarray) -> np.ndarray:

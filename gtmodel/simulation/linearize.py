@@ -15,6 +15,7 @@ from ..compiler.consistency.initial import initial_point, start_values
 from ..compiler.flat import FlatModel
 from ..lang.model import Model
 from ..lang.source import ModelError
+from ..linear.state_space import frequency_and_damping
 from .arguments import by_name, names, numbers
 from .discontinuities import refuse_discontinuities
 from .inputs import SimulationInputs
@@ -183,9 +184,8 @@ def natural_modes(system: StateSpace) -> list[Mode]:
     for value, vector in zip(values, vectors.T, strict=True):
         if value.imag < 0:
             continue
-        size = abs(value)
         share = np.abs(vector) / max(1e-300, float(np.max(np.abs(vector))))
         moving = tuple(str(n) for n, s in zip(system.state_labels, share, strict=True) if s > 0.5)
-        damping = float(-value.real / size) if size > 0 else 0.0
-        result.append(Mode(complex(value), float(size / (2 * np.pi)), damping, moving))
+        frequency, damping = frequency_and_damping(value)
+        result.append(Mode(complex(value), float(frequency), float(damping), moving))
     return sorted(result, key=lambda m: (m.frequency_Hz, m.eigenvalue.real))

@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 
+from ..linear.state_space import held
 from ..results import ArgumentError
 from .record import check_sample_time
-from .response import held
 
 NEAR = 0.8  # of the Nyquist frequency: above, these samples alone do not distinguish an alias from the mode
 ON_AXIS = 1e-6  # rad: a pole this near the negative real axis has no real logarithm

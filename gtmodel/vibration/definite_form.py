@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
 from numpy.typing import ArrayLike
 
+from ..inference.nonlinear import by_differences, nonlinear_fit
 from ..results import ArgumentError
 from .modes import REAL, matrices
 
@@ -68,7 +68,8 @@ def definite_form(M: ArrayLike, D: ArrayLike, K: ArrayLike) -> DefiniteForm:
 
     x = np.zeros(p - 1)
     if p > 1 and np.any(C[upper]):
-        x = scipy.optimize.least_squares(lambda x: (scaled(x) - scaled(x).T)[upper] / size, x).x
+        residuals = by_differences(lambda x: (scaled(x) - scaled(x).T)[upper] / size, len(upper[0]))
+        x = nonlinear_fit(residuals, x, [f"x[{k}]" for k in range(p - 1)], sigma=1.0, hold_undetermined=True).x
     S = scaled(x)
     asymmetry = float(np.linalg.norm(S - S.T) / 2 / max(float(np.linalg.norm(S)), 1e-300))
     w, Q = np.linalg.eigh((S + S.T) / 2)

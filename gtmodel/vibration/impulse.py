@@ -10,14 +10,16 @@ import numpy as np
 import scipy
 
 from gtmodel.inference import nonlinear_fit, whiteness
+from gtmodel.inference.nonlinear import by_differences
 from gtmodel.results import Estimate
 
 from .._lazy import hint
+from ..linear.state_space import continuous_poles, frequency_and_damping
 from ..results import ArgumentError
 from .continuous import NEAR
 from .hankel import block_hankel
 from .options import MOST_MODES
-from .output_error import REWEIGHTED, central, settled, too_far, weights_of
+from .output_error import REWEIGHTED, settled, weights_of
 from .record import Record, columns, go_on
 
 if TYPE_CHECKING:
@@ -109,7 +111,7 @@ def identify_impulse(
     for _ in wanted:
         go_on(interrupted)
         poles = next(realised)[3]
-        s = np.log(poles[np.imag(poles) > 0].astype(complex)) / record.sample_time
+        s = continuous_poles(poles[np.imag(poles) > 0], record.sample_time)
         s = s[(s.real < 0) & (s.imag > 2 * np.pi / (record.sample_time * len(record)))]
         fit = _Sines.fit(record, s) if len(s) else None
         if fit is not None and (len(s) not in fits or fit.criterion < fits[len(s)].criterion):
@@ -186,22 +188,20 @@ class _Sines:
     def _fit(cls, record: Record, s: np.ndarray, weights: np.ndarray) -> _Sines | None:
         """As `fit`, with the residuals of each output times its weight."""
         s = s[np.argsort(np.abs(s))]
-        start = np.column_stack([np.abs(s) / (2 * np.pi), -np.real(s) / np.abs(s)]).ravel()
+        start = np.column_stack(frequency_and_damping(s)).ravel()
         t, live = record.time, _live(record.y)
         y = (record.y * weights)[:, live]
 
         def misfit(x: np.ndarray) -> np.ndarray:
+            if np.any(x[::2] <= 0) or np.any(np.abs(x[1::2]) >= 1):
+                raise ValueError("no decaying sines")
             Q, _ = np.linalg.qr(_columns(t, x))
             return (Q @ (Q.T @ y) - y).T.ravel()
-
-        def residuals(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            if np.any(x[::2] <= 0) or np.any(np.abs(x[1::2]) >= 1):
-                return too_far(y.size, len(x))
-            return misfit(x), central(misfit, x)
 
         names = [f"{what}[{k}]" for k in range(len(s)) for what in ("f", "zeta")]
         try:
             with np.errstate(all="ignore"):
+                residuals = by_differences(misfit, y.size)
                 fit = nonlinear_fit(residuals, start, names, scale=np.tile([0.1, 0.01], len(s)), limit=50)
         except (ValueError, np.linalg.LinAlgError):
             return None

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..linear.response import free_responses, states
 from .record import Record
-from .response import free_responses, states
 
 
 def input_matrices(

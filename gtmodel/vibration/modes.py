@@ -10,6 +10,7 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
+from ..linear.state_space import frequency_and_damping, second_order
 from ..results import ArgumentError
 
 REAL = 1e-9  # relative: imaginary, or real, parts below are rounding
@@ -38,13 +39,12 @@ class Modes:
     @property
     def pole_Hz(self) -> np.ndarray:
         """Moduli of the poles over 2 pi (2p,) [Hz]."""
-        return np.abs(self.poles) / (2 * np.pi)
+        return frequency_and_damping(self.poles)[0]
 
     @property
     def damping(self) -> np.ndarray:
         """Damping ratios of the poles (2p,), 0 on the imaginary axis, negative for poles that grow."""
-        size = np.abs(self.poles)
-        return np.where(on_axis(self.poles), 0.0, -np.real(self.poles) / np.where(size > 0, size, 1.0))
+        return np.where(on_axis(self.poles), 0.0, frequency_and_damping(self.poles)[1])
 
     @property
     def stable(self) -> bool:
@@ -86,9 +86,7 @@ def on_axis(poles: np.ndarray) -> np.ndarray:
 
 def pencil_poles(M: np.ndarray, D: np.ndarray, K: np.ndarray) -> np.ndarray:
     """Roots (2p,) of det(M s^2 + D s + K) = 0 [1/s]."""
-    p = len(M)
-    X = np.linalg.solve(M, np.hstack([K, D]))
-    return np.linalg.eigvals(np.block([[np.zeros((p, p)), np.eye(p)], [-X]]))
+    return np.linalg.eigvals(second_order(M, D, K, M[:, :0])[0])
 
 
 def definiteness(X: np.ndarray) -> str:

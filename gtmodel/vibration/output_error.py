@@ -10,17 +10,18 @@ import numpy as np
 
 from gtmodel.inference import nonlinear_fit, whiteness
 from gtmodel.inference.make_estimate import carried, moved_together
+from gtmodel.inference.nonlinear import by_differences, central
 from gtmodel.results import Estimate
 
+from ..linear.response import free_responses, simulate
+from ..linear.state_space import held, second_order
 from ..results import ArgumentError
 from .known_force import SecondOrder
 from .record import Record, go_on
-from .response import free_responses, held, simulate
 
 Form = Literal["symmetric", "free"]
 
 PART = 1e-6  # of the largest entry of a null direction: smaller ones are rounding of the differences
-SLOPE = 1e-6  # relative step of central differences: errors of 1e-12 from the step, 1e-10 from rounding
 REWEIGHTED = 4  # fits after the first, each with the outputs weighted by their noise in the last
 SETTLED = 0.02  # a weight that changes by less changes no interval that a person reads
 QUIETEST = 1e-6  # of the mean noise: the least that an output is taken to have, a dead one too
@@ -88,15 +89,10 @@ def output_error(
     weights = np.ones(p)  # of the outputs
 
     def misfit(x: np.ndarray) -> np.ndarray:
+        go_on(interrupted)
         return (weights * (_predict(record, *packing.unpack(x), start.F, weights) - record.y)).T.ravel()
 
-    def residuals(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        go_on(interrupted)
-        try:
-            return misfit(x), central(misfit, x)
-        except (np.linalg.LinAlgError, ValueError):
-            return too_far(record.y.size, len(x))
-
+    residuals = by_differences(misfit, record.y.size)
     ones = np.ones(len(packing.scale))
     raw = [f"x[{k}]" for k in range(len(ones))]
     with np.errstate(all="ignore"):
@@ -153,36 +149,11 @@ def settled(weights: np.ndarray, before: np.ndarray) -> bool:
     return bool(np.all(np.abs(weights / before - 1) < SETTLED))
 
 
-def central(function: Callable[[np.ndarray], np.ndarray], x: np.ndarray, step: float = SLOPE) -> np.ndarray:
-    """Jacobian (rows, n) of a function of x (n,) by central differences of a relative step (of 1 where x is 0)."""
-    columns = []
-    for k in range(len(x)):
-        e = np.zeros(len(x))
-        e[k] = step * max(abs(x[k]), 1.0)
-        columns.append((function(x + e) - function(x - e)) / (2 * e[k]))
-    return np.stack(columns, axis=1)
-
-
-def too_far(rows: int, n: int) -> tuple[np.ndarray, np.ndarray]:
-    """Residuals and Jacobian of a trial far off: the iteration takes a shorter step."""
-    return np.full(rows, np.inf), np.full((rows, n), np.inf)
-
-
-def second_order_states(
-    M: np.ndarray, D: np.ndarray, K: np.ndarray, F: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A, B, C in continuous time with the states (x, x') and the outputs x."""
-    p, m = F.shape
-    X = np.linalg.solve(M, np.hstack([K, D, F]))
-    A = np.block([[np.zeros((p, p)), np.eye(p)], [-X[:, : 2 * p]]])
-    return A, np.vstack([np.zeros((p, m)), X[:, 2 * p :]]), np.eye(p, 2 * p)
-
-
 def _predict(
     record: Record, M: np.ndarray, D: np.ndarray, K: np.ndarray, F: np.ndarray, weights: np.ndarray
 ) -> np.ndarray:
     """Positions (N, p) from the input and the initial state and rest positions that fit best, by weights (p,)."""
-    A, B, C = second_order_states(M, D, K, F)
+    A, B, C = second_order(M, D, K, F)
     if np.linalg.eigvals(A).real.max() * record.sample_time * len(record) > 100:
         raise ValueError("diverges")
     Ad, Bd = held(A, B, record.sample_time)

@@ -10,13 +10,15 @@ import numpy as np
 import scipy
 
 from gtmodel.inference import nonlinear_fit, whiteness
+from gtmodel.inference.nonlinear import by_differences, central
 from gtmodel.measurements import copied_stretch
 from gtmodel.results import Estimate
+from gtmodel.results.estimate import half_width
 
 from .._lazy import hint
+from ..linear.response import late_lag
 from ..results import ArgumentError
 from .options import LONGEST
-from .output_error import central, too_far
 from .record import Record, go_on
 
 if TYPE_CHECKING:
@@ -114,18 +116,15 @@ def identify_step(
     near = [scans[d][1] for d in (best - 1, best + 1) if d in scans]
     ratio = count * np.log((min(near) + floor) / (scans[best][1] + floor)) if near else np.inf
     at_end = delay is None and best == longest
-    sure = bool(ratio > scipy.stats.chi2.isf(SURE, 1)) and not at_end
+    sure = bool(ratio > half_width(1 - SURE) ** 2) and not at_end
 
     def misfit(x: np.ndarray) -> np.ndarray:
+        if abs(x[0]) >= 1:
+            raise ValueError("diverges")
         return np.concatenate([_without_mean(x[1] * _unit(r, x[0], best) - r.y[:, 0]) for r in given])
 
-    def residuals(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        if abs(x[0]) >= 1:
-            return too_far(count, 2)
-        return misfit(x), central(misfit, x)
-
     a0 = scans[best][0]
-    fit = nonlinear_fit(residuals, [a0, _gain(given, a0, best)], ("a", "b"))
+    fit = nonlinear_fit(by_differences(misfit, count), [a0, _gain(given, a0, best)], ("a", "b"))
     if fit.estimate is None:
         raise ArgumentError(
             f"the step-response fit did not arrive: {fit.message}; is it a step response of first order?"
@@ -212,8 +211,7 @@ def _check(given: Sequence[Record], delay: int | None, longest: int) -> None:
 def _unit(r: Record, a: float, delay: int) -> np.ndarray:
     """Response (N,) for b = 1, from rest."""
     u = r.u[:, 0] - r.u[0, 0]
-    late = np.concatenate([np.zeros(delay), u[: len(u) - delay]])
-    return np.asarray(scipy.signal.lfilter([1.0], [1.0, -a], late))
+    return late_lag(u, a, 1.0, delay)
 
 
 def _without_mean(x: np.ndarray) -> np.ndarray:
@@ -247,5 +245,5 @@ def _through(e: Estimate, function, level: float) -> tuple[float, tuple[float, f
     """A function of (a, b) and its confidence interval by its derivatives."""
     value = float(function(e.values))
     slope = central(lambda x: np.array([function(x)]), e.values)[0]
-    half = float(scipy.stats.t.ppf((1 + level) / 2, e.degrees_of_freedom) * np.sqrt(slope @ e.covariance @ slope))
+    half = half_width(level, e.degrees_of_freedom) * float(np.sqrt(slope @ e.covariance @ slope))
     return value, (value - half, value + half)

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Literal, get_args
 import numpy as np
 
 from .._lazy import hint
+from ..linear.response import simulate
 from ..results import ArgumentError
 from .hankel import project
 from .input_matrices import input_matrices
 from .options import BLOCK_ROWS, HELD_OUT, LARGEST
 from .order import NOISE_FREE, OrderTrial, choose, gap, largest_order
 from .record import Record, go_on
-from .response import simulate
 
 if TYPE_CHECKING:
     from control import StateSpace

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import tomli_w
 
+from ..linear.state_space import frequency_and_damping
 from ..results import ArgumentError, Check, Row, SolveStatus, at_most
 from .continuous import continuous
 from .known_force import SecondOrder, from_known
@@ -91,7 +92,7 @@ def subspace_study(
     poles = np.linalg.eigvals(c.A)
     poles = poles[np.lexsort((-poles.imag, np.abs(poles).round(9)))]
     s = None if physical is None else _structure(physical, model, record, input_unit, interrupted)
-    upper = poles[poles.imag >= 0]
+    frequency, damping = frequency_and_damping(poles[poles.imag >= 0])
     best = s and s.best
     return SubspaceStudy(
         status=SolveStatus.SOLVED,
@@ -106,8 +107,8 @@ def subspace_study(
         fit=s and s.fit,
         notes=_notes(physical, model, c.message, s),
         estimate=s.fit.estimate if s and s.fit else None,
-        frequency=s.modes.frequency_Hz if s and s.modes else np.abs(upper) / (2 * np.pi),
-        damping=-upper.real / np.abs(upper),
+        frequency=s.modes.frequency_Hz if s and s.modes else frequency,
+        damping=damping,
         order=model.order,
         order_by_gap=model.gap_order,
         singular_values=model.singular_values,

@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..linear.response import late_lag, simulate
+from ..linear.state_space import held, second_order
 from ..results import ArgumentError
 from .modes import matrices
 from .options import Hit, Sampling, Steps, SyntheticStructure
-from .output_error import second_order_states
 from .record import Record
-from .response import held, simulate
 
 
 def synthetic_records(known: SyntheticStructure | Steps | Hit, sampling: Sampling) -> list[Record]:
@@ -85,7 +85,7 @@ def structure_record(
     if not 0 <= coordinate < p:
         raise ArgumentError(f"the force acts on coordinate {coordinate}; expected 0 to {p - 1}")
     F = np.eye(p)[:, coordinate : coordinate + 1]
-    A, B, C = second_order_states(M, D, K, F)
+    A, B, C = second_order(M, D, K, F)
     if np.linalg.eigvals(A).real.max() >= 0:
         raise ArgumentError("the structure is unstable or undamped: its response would not stay bounded; change D or K")
     Ad, Bd = held(A, B, sample_time)
@@ -156,8 +156,5 @@ def step_record(
     (np.int64(12), 1.0)
     """
     u = np.where(np.arange(samples) >= before, amplitude, 0.0)
-    late = np.concatenate([np.zeros(delay), u[: samples - delay]])
-    from scipy.signal import lfilter
-
-    y = lfilter([b], [1.0, -a], late) + noise * np.random.default_rng(seed).standard_normal(samples)
+    y = late_lag(u, a, b, delay) + noise * np.random.default_rng(seed).standard_normal(samples)
     return Record(u, y, sample_time, f"seed {seed}, noise {noise:g} m")

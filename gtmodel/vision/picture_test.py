@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..inference.chance import f_test
 from ..results.refusal import ArgumentError
 
 LEAST = 30  # observations: fewer say nothing
@@ -58,8 +59,6 @@ def picture_test(
     >>> gt.vision.picture_test(uv, noise + 0.1 * (uv / 240 - 1) ** 2, (480, 480)).fires()
     True
     """
-    from scipy import stats  # here: it alone takes as long to import as all of gtmodel
-
     uv, e = np.asarray(uv, float), np.asarray(residuals, float)
     if len(uv) < LEAST or e.shape != uv.shape:
         raise ArgumentError(f"{len(uv)} marks with residuals of the shape {e.shape}; expected at least {LEAST}, (n, 2)")
@@ -70,8 +69,8 @@ def picture_test(
     along = np.sum(e * d, axis=1) / np.maximum(r, 1e-9)
     r = r / np.linalg.norm(half)
     rounding = not float(np.mean(e**2)) > least**2
-    radius, _ = _chance(np.column_stack([np.ones_like(r), r, r**2, r**3]), along[:, None], stats)
-    quadratic, c = _chance(_quadratic(u, v), e, stats)
+    radius, _ = _chance(np.column_stack([np.ones_like(r), r, r**2, r**3]), along[:, None])
+    quadratic, c = _chance(_quadratic(u, v), e)
     if rounding:
         radius = quadratic = 1.0
     return PictureTest(radius, quadratic, float(np.sqrt(np.mean(np.sum((_quadratic(u, v) @ c) ** 2, axis=1)))), c)
@@ -81,11 +80,8 @@ def _quadratic(u: np.ndarray, v: np.ndarray) -> np.ndarray:
     return np.column_stack([np.ones_like(u), u, v, u * u, u * v, v * v])
 
 
-def _chance(B: np.ndarray, e: np.ndarray, stats: object) -> tuple[float, np.ndarray]:
+def _chance(B: np.ndarray, e: np.ndarray) -> tuple[float, np.ndarray]:
     """Probability of as much of e (n, c) in the columns of B by chance, and the coefficients."""
     c = np.linalg.lstsq(B, e, rcond=None)[0]
-    fitted = B @ c
-    rest = e.size - c.size
-    left = float(np.sum((e - fitted) ** 2))
-    F = np.sum(fitted**2) / c.size / (left / rest) if left > 0 else 0.0
-    return float(stats.f.sf(F, c.size, rest)), c  # type: ignore[attr-defined]
+    left = float(np.sum((e - B @ c) ** 2))
+    return f_test(float(np.sum(e**2)), left, c.size, e.size - c.size)[1] if left > 0 else 1.0, c

@@ -113,3 +113,21 @@ def test_residuals_that_all_lie_beyond_the_width_hold_nothing():
     assert fit.status is SolveStatus.FAILED and fit.estimate is None
     wide = nonlinear_fit(lambda x: (A @ x - b, A), [0.0], ["a"], sigma=1.0, loss="huber", width=100.0)
     assert wide.status.ok and wide.estimate is not None
+
+
+def test_bounds_hold_what_would_leave_them_and_the_rest_is_fitted_there():
+    """Of a linear problem both fits end at the same place; bvls of scipy is the other road."""
+    A = np.random.default_rng(2).normal(size=(30, 3))
+    b = A @ [1.0, -2.0, 0.5]
+    bounds = {"a": (-1.0, 0.4), "c": (0.0, 9.0)}
+    straight = linear_fit(A, b, "abc", sigma=1.0, bounds=bounds)
+    fit = nonlinear_fit(lambda x: (A @ x - b, A), [0.0, 0.0, 5.0], "abc", sigma=1.0, bounds=bounds)
+    assert fit.status.ok and fit.estimate.held == straight.held == ("a",) and fit.estimate.value("a") == 0.4
+    assert fit.estimate.values == pytest.approx(straight.values, rel=1e-9)
+    assert fit.estimate.covariance == pytest.approx(straight.covariance, rel=1e-9)
+    assert rosenbrock_within([-1.9, 2.0], (-3.0, 0.5)) == pytest.approx([0.5, 0.25], rel=1e-9)
+    assert rosenbrock_within([-1.9, 2.0], (-3.0, 3.0)) == pytest.approx([1.0, 1.0], rel=1e-9)
+
+
+def rosenbrock_within(start, ends):
+    return nonlinear_fit(rosenbrock, start, "xy", sigma=1.0, bounds={"x": ends}).x

@@ -155,18 +155,21 @@ def test_it_is_the_continuous_cut_by_runge_kutta(speed: float, depth: float, sha
     assert gt.milling.chatter_radius(tool(delay), CUTTER, cut, speed, X, gain).radius == pytest.approx(growth, abs=5e-4)
 
 
-@pytest.mark.parametrize("speed", [20.0, 25.0, 31.25, 40.0])
-def test_without_gain_the_depth_is_that_of_the_lobes(speed: float) -> None:
+def test_without_gain_the_depth_is_that_of_the_lobes() -> None:
     """`stability_lobes` of milling, proven by collocation: the map's depth comes to it as the steps get finer.
 
-    Depths are bisected to a thousandth. 40 steps of a cycle come that near, 5 are up to 3 % off."""
+    5 steps of a cycle are up to 3 % off, 40 less than a thousandth; at one speed 5 may be nearer by chance."""
     lobes = stability_lobes(ROBOT, CUTTER, "climb", radial_depth=0.006, feed=X)
-    depth = float(lobes.depth_at([speed])[0])
     off = []
-    for steps in (5, 40):
-        mine = gt.milling.corrected_depth(tool(), CUTTER, CUT, speed, X, 0.0, deepest=2.5 * depth, steps=steps)
-        off.append(abs(mine / depth - 1))
-    assert off[0] < 0.05 and off[1] < 2e-3 and off[1] <= off[0], off
+    for speed in (20.0, 25.0, 31.25, 40.0):
+        depth = float(lobes.depth_at([speed])[0])
+        mine = [
+            gt.milling.corrected_depth(tool(), CUTTER, CUT, speed, X, 0.0, deepest=2.5 * depth, steps=steps)
+            for steps in (5, 40)
+        ]
+        off.append(np.abs(np.array(mine) / depth - 1))
+    coarse, fine = np.max(off, axis=0)
+    assert fine < 1e-3 and 10 * fine < coarse < 0.05, off
 
 
 def test_feedback_moves_the_depth() -> None:

@@ -10,6 +10,8 @@ import pytest
 from scipy.linalg import expm
 
 from gtmodel.inference import binomial_band
+from gtmodel.linear.response import free_responses
+from gtmodel.linear.state_space import held, second_order
 from gtmodel.results import ArgumentError
 from gtmodel.vibration import (
     Record,
@@ -21,8 +23,6 @@ from gtmodel.vibration import (
     physical_form,
     structure_record,
 )
-from gtmodel.vibration.output_error import second_order_states
-from gtmodel.vibration.response import free_responses, held
 from tests.vibration.structures import TS, D, K, M, relative
 
 EXACT = 1e-9  # relative, from noise-free data: rounding of a logarithm and of a transform, far below any noise
@@ -31,7 +31,7 @@ FORCE = np.array([[1.0], [0.0]])
 
 
 def exact(sample_time: float = TS, K=K) -> control.StateSpace:
-    A, B, C = second_order_states(M, D, K, FORCE)
+    A, B, C = second_order(M, D, K, FORCE)
     A, B = held(A, B, sample_time)
     # other coordinates: a black box knows no positions
     T = np.array([[1.0, 2.0, 0.0, 1.0], [0.0, 1.0, 1.0, 0.0], [0.5, 0.0, 1.0, 0.0], [0.0, 0.0, 0.3, 1.0]])
@@ -98,7 +98,7 @@ def test_without_force_or_mass_m_is_open() -> None:
     with pytest.raises(ArgumentError, match="M is not identifiable without a known force or mass"):
         from_known(form)
     # proportional damping: symmetry of D adds nothing, and one mass leaves M open
-    A, B, C = second_order_states(M, 1e-3 * K, K, FORCE)
+    A, B, C = second_order(M, 1e-3 * K, K, FORCE)
     A, B = held(A, B, TS)
     with pytest.raises(ArgumentError, match="1 of the 3 entries of M stay open"):
         from_known(physical_form(control.StateSpace(A, B, C, 0, TS)), masses={0: 30.0})
@@ -206,7 +206,7 @@ def test_a_noisy_coordinate_does_not_spoil_a_quiet_one(noisy: int) -> None:
 
 @pytest.mark.parametrize("form", ["symmetric", "free"])
 def test_what_a_record_without_force_leaves_open_has_infinite_intervals(form) -> None:
-    A, B, C = second_order_states(M, D, K, FORCE)
+    A, B, C = second_order(M, D, K, FORCE)
     y = free_responses(held(A, B, TS)[0], C, 600) @ [1e-3, -5e-4, 0.0, 0.0]
     y += np.random.default_rng(1).normal(0.0, 1e-7, y.shape)
     fit = output_error(Record(np.zeros((600, 1)), y, TS), SecondOrder(M, D, K, FORCE, 0.0), form=form)

@@ -9,9 +9,9 @@ from hypothesis import given, settings, strategies as st
 from scipy import stats
 from scipy.signal import dlsim
 
+from gtmodel.linear.response import free_responses, simulate
 from gtmodel.results import ArgumentError
 from gtmodel.vibration import Record, identify_subspace, physical_form, structure_record
-from gtmodel.vibration.response import free_responses, simulate
 from tests.vibration.structures import TS, D, K, M, matched, random_system, relative, response
 
 METHODS = ["moesp", "n4sid", "cva"]

@@ -9,6 +9,7 @@ import numpy as np
 import scipy
 
 from ...inference import FALSE_ALARM, OverNoise, Verdict, chi_squared_over_noise
+from ...inference.chance import f_test
 from ...inference.held_out import MATTERS
 from ...inference.make_estimate import RANK
 from ...inference.nonlinear import descend
@@ -132,20 +133,17 @@ def pattern(c: Calibration, held_out: Sequence[CalibrationProblem] = ()) -> Verd
     by_block = [scipy.linalg.block_diag(*(np.kron(w, np.eye(k)) for k in equations)) for w in waves]
     columns = np.vstack([columns, *by_block])
     after, both = _left(np.hstack([A[:, :-1], columns])[closed], A[closed, -1])
-    more, rest = both - rank, np.count_nonzero(closed) - both
+    more, rest = both - rank, int(np.count_nonzero(closed)) - both
     if more < 1 or rest < 1:
         return None
-    from scipy import stats  # here: it alone takes as long to import as all of gtmodel
-
-    F = (before - after) / more / (after / rest) if after > 0 else np.inf
-    p = float(stats.f.sf(F, more, rest))
+    F, p = f_test(before, after, more, rest)
     explained = 1 - after / rest / (before / spare)
     seldom = SMALL_P if _stated(every) else FALSE_ALARM
     said = "residuals show no pattern over the positions of the actuators"
     if p < seldom:
         part = f"{max(explained, 0.0):.0%}"
         said = f"residuals follow the positions of the actuators, smooth functions explain {part} of them"
-    return Verdict(float(F), p, p >= seldom, f"{said} (F = {F:.3g} for {more} and {rest}, p = {p:.2g})")
+    return Verdict(F, p, p >= seldom, f"{said} (F = {F:.3g} for {more} and {rest}, p = {p:.2g})")
 
 
 def _stated(problems: Sequence[CalibrationProblem]) -> bool:

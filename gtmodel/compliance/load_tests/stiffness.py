@@ -14,6 +14,7 @@ from ...lang import Model
 from ...measurements import copies
 from ...results import ArgumentError, Check, Quantity, Row, SolveStatus, Study, Work, at_least, at_most, listed
 from ...results.door import study_function
+from ...results.estimate import half_width
 from ...results.work import Progress, never, silent
 from ..cartesian import softest_and_stiffest, translational_compliance
 from ..compensated import RATE, with_compensator
@@ -186,13 +187,11 @@ def _checks(tests: MeasuredTests, static: StaticTests, fit: StiffnessFit) -> dic
     if below:
         checks["negative_compliances"] = at_most(float(below), 0.0, "the notes name the joints")
     if tests.truth is not None:
-        from scipy.stats import norm  # here: it alone takes as long to import as all of gtmodel
-
         true = 1e-6 / (np.array(tests.truth) / 1e6)
         errors = np.abs(fit.compliance / true - 1)
         # a compensator's constant may stand behind the joints
         std = np.sqrt(np.diag(fit.estimate.covariance))[: len(true)]
-        chance = norm.isf(FALSE_ALARM / 2 / len(true)) * std / true
+        chance = half_width(1 - FALSE_ALARM / len(true)) * std / true
         bounds = np.maximum(WITHIN, chance)
         worst = int(np.argmax(errors / bounds))
         checks["compliance_error"] = at_most(float(errors[worst]), float(bounds[worst]))

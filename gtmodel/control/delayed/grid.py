@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...linear.state_space import continuous_poles
+
 if TYPE_CHECKING:
     from .loop import DelayedLoop
 
@@ -25,7 +27,7 @@ def frequencies(loop: DelayedLoop) -> np.ndarray:
     """Angular frequencies (w,) [rad/s] up to the Nyquist one, close where the response turns fast."""
     top = np.pi / loop.cycle
     z = np.concatenate(loop.poles)
-    poles = np.log(z[np.abs(z) > 1e-12].astype(complex)) / loop.cycle
+    poles = continuous_poles(z[np.abs(z) > 1e-12], loop.cycle)
     slow = np.abs(poles[np.abs(poles) > WIDTH * top])
     low = LOWEST * min(top, float(slow.min(initial=top)))
     towards = np.geomspace(low / top, 1.0, LOW)

@@ -12,11 +12,11 @@ import numpy as np
 from gtmodel.simulation.hybrid.clock import exact
 
 from ..._lazy import hint
+from ...linear.response import Transfer
+from ...linear.state_space import held, held_late
 from ...results import ArgumentError
-from ..sampled_poles import held_input
 from .grid import sampled_response
 from .plants import MOST_CYCLES, CorrectedPlant
-from .transfer import Transfer
 
 if TYPE_CHECKING:
     from control import StateSpace
@@ -76,10 +76,9 @@ class DelayedLoop:
     def transition(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """x(k+1) = A x(k) + early u(k - whole - 1) + late u(k - whole), exact: A (n, n), early (n,), late (n,)."""
         _, rest = self.split
-        b = self.plant.B[:, None]
-        first = held_input(self.plant.A, b, rest)
-        last = held_input(self.plant.A, b, float(exact(self.cycle) - exact(rest)))
-        return last[0] @ first[0], (last[0] @ first[1])[:, 0], last[1][:, 0]
+        left = float(exact(self.cycle) - exact(rest))
+        A, early, late = held_late(self.plant.A, self.plant.B[:, None], rest, left)
+        return A, early[:, 0], late[:, 0]
 
     @cached_property
     def law_matrices(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
@@ -131,7 +130,7 @@ class DelayedLoop:
     def steering_entry(self) -> np.ndarray:
         """What a command of one, acting at once over a cycle, adds to the states of `matrix`, (n,)."""
         entry = np.zeros(len(self._affine[0]))
-        entry[: len(self.plant)] = held_input(self.plant.A, self.plant.B[:, None], self.cycle)[1][:, 0]
+        entry[: len(self.plant)] = held(self.plant.A, self.plant.B[:, None], self.cycle)[1][:, 0]
         return entry
 
     def correction(self, gain: float, state: np.ndarray, noise: float = 0.0) -> float:

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
+from ...linear.roots import bisected
 from ...results import ArgumentError, SolveStatus, Work
 from ...results.door import study_function
 from ...results.options import Within
@@ -29,7 +30,7 @@ READINGS = ((0.004, False), (0.004, True), (0.012, False), (0.012, True))  # cyc
 QUANTILE = 0.05  # of the limits in the box, for information
 FEWER = 10  # times fewer random points where margins are looked for: they add a search from the worst of the limits
 BESIDE = 0.05  # of a limit: where runs are drawn
-RESOLVED = 0.005  # of a limit: to which runs are bisected
+HALVINGS = 9  # of the range: runs find a limit to half a per cent of itself
 RANGE = (0.1, 10.0)  # times the declared limit along y: limits that are tried against experiments
 CURVE = 60  # points of a picture's curve
 Given = FeedbackAxis | CorrectedPlant
@@ -277,10 +278,7 @@ def _simulated(at: Callable[..., DelayedRun], limit: float) -> float:
     low, high = 0.5 * limit, 2.0 * limit
     if not at(low).bounded:
         return low
-    while high - low > RESOLVED * limit:
-        middle = (low + high) / 2
-        low, high = (middle, high) if at(middle).bounded else (low, middle)
-    return low
+    return float(bisected(lambda gain: at(float(gain)).bounded, low, high, HALVINGS)[0])
 
 
 def _off_axis(

@@ -9,6 +9,8 @@ from itertools import product
 import numpy as np
 import scipy
 
+from ...linear.roots import bisected
+from ...linear.state_space import continuous_poles, frequency_and_damping
 from .gains import SurfaceGains
 from .hand import Hand
 from .options import HANDS_BY, HandRange, ServoChain
@@ -18,7 +20,7 @@ from .turning import TurningGains
 SEARCHES = 3  # from the worst points
 STIFFEST = 1e6  # [N/m], of a hand that is looked for
 ALONG = 40  # hands of other masses and dampings at each stiffness
-RESOLVED = 1e-3  # relative, of the stiffness limit
+HALVINGS = 9  # of a step of 30 %: the stiffness limit is found to a thousandth
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,11 +91,10 @@ def least_damped(matrix: np.ndarray) -> tuple[float, float]:
     """Damping ratio of the least damped pole of a sampled loop, below 0 where it is unstable; and how far it turns in a
     cycle [rad], undamped."""
     poles = np.linalg.eigvals(matrix)
-    logs = np.log(np.asarray(poles[np.abs(poles) > np.finfo(float).tiny], complex))
-    sizes = np.maximum(np.abs(logs), np.finfo(float).tiny)
-    ratios = -np.real(logs) / sizes
+    turns = continuous_poles(poles[np.abs(poles) > np.finfo(float).tiny], 1.0)
+    ratios = frequency_and_damping(turns)[1]
     at = int(np.argmin(ratios))
-    return float(ratios[at]), float(sizes[at])
+    return float(ratios[at]), float(np.abs(turns[at]))
 
 
 def hand_stability(
@@ -154,10 +155,7 @@ def _last(holds: Callable[[float], bool], low: float) -> float:
     top = bottom
     while top < STIFFEST and holds(top):
         bottom, top = top, 1.3 * top
-    while top - bottom > RESOLVED * bottom and top < STIFFEST:
-        middle = (bottom + top) / 2
-        bottom, top = (middle, top) if holds(middle) else (bottom, middle)
-    return bottom
+    return float(bisected(holds, bottom, top, HALVINGS)[0]) if top < STIFFEST else bottom
 
 
 def _hand(values: np.ndarray) -> Hand:

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ...linear.roots import bisected
 from ...results import ArgumentError
 from .gains import SurfaceGains
 from .guided import guide
@@ -16,7 +17,7 @@ from .scenes import SyntheticSurface
 CYCLES = 1000
 LARGE = 0.1  # [N]: it has grown until contact was lost
 SMALL = 1e-8  # [N] off the reference: the contact stays linear
-RESOLVED = 0.002  # relative, of a gain
+HALVINGS = 10  # of the range: a gain is found to two thousandths
 FLOOR = 1e-12  # [N] what is smaller has died away: rounding alone is left, and grows or not by chance
 WIDE = 16  # the spectrum is this much finer than its window
 STIFFNESS = 5000.0  # the linear loop knows K k alone
@@ -39,13 +40,11 @@ def simulated_limit(gains: SurfaceGains, servo: ServoChain, near: float) -> tupl
         raise ArgumentError(
             f"runs of {seconds:g} s do not show a gain between {low:.3g} and {high:.3g} 1/s at which they grow"
         )
-    while high - low > RESOLVED * near:
-        middle = (low + high) / 2
-        low, high = (low, middle) if _grows(_run(gains, servo, middle)) else (middle, high)
+    low, high = bisected(lambda gain: not _grows(_run(gains, servo, float(gain))), low, high, HALVINGS)
     tail = _run(gains, servo, 1.03 * high)[CYCLES // 4 : CYCLES // 2]  # after the transient
     window = np.hanning(len(tail)) * (tail - tail.mean())
     spectrum = np.abs(np.fft.rfft(window, WIDE * len(tail)))
-    return low, float(np.fft.rfftfreq(WIDE * len(tail), gains.cycle)[int(np.argmax(spectrum))])
+    return float(low), float(np.fft.rfftfreq(WIDE * len(tail), gains.cycle)[int(np.argmax(spectrum))])
 
 
 def _run(gains: SurfaceGains, servo: ServoChain, loop_gain: float) -> np.ndarray:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from ..._lazy import hint
+from ...linear.state_space import held, ramped
 from ...results import ArgumentError
 from .lifted import Lifted, lifted
 from .plants import SAMPLE_TIME, Plant, frequency_response
@@ -73,9 +74,8 @@ def flexible_axis(
     w = 2 * np.pi * frequency
     A = np.array([[-1 / lag, 0, 0], [0, 0, 1], [w**2 - 2 * damping * w / lag, -(w**2), -2 * damping * w]])
     B = np.array([[1 / lag], [0], [2 * damping * w / lag]])
-    sampled = control.c2d(control.ss(A, B, np.vstack([np.eye(3)[:2], A[2]]), [[0], [0], [B[2, 0]]]), sample_time)
-    a, b, C, D = (np.asarray(m, float) for m in (sampled.A, sampled.B, sampled.C, sampled.D))
-    made = {}
+    C, D, made = np.vstack([np.eye(3)[:2], A[2]]), np.array([[0], [0], [B[2, 0]]]), {}
+    a, b = held(A, B, sample_time)
     for row, name in enumerate(("motor", "tool", "acceleration")):
         made[name] = delayed(control.StateSpace(a, b, C[row : row + 1], D[row : row + 1], sample_time), delay)
     return AxisPlant(made, sample_time)
@@ -108,14 +108,10 @@ def tool_model(frequency: float, damping: float, sample_time: float = SAMPLE_TIM
     (2, 1, 2)
     """
     import control
-    import scipy
 
     w = 2 * np.pi * frequency
     # z'' = w2 (z_c - z) + 2 zeta w (z_c' - z'), with v = z' - 2 zeta w z_c in place of z'
     A = np.array([[0.0, 1.0], [-(w**2), -2 * damping * w]])
     B = np.array([[2 * damping * w], [w**2 - (2 * damping * w) ** 2]])
-    big = np.zeros((4, 4))
-    big[:2, :2], big[:2, 2:3], big[2, 3] = A, B, 1 / sample_time
-    step = scipy.linalg.expm(big * sample_time)
-    both = np.column_stack([step[:2, 2] - step[:2, 3], step[:2, 3]])
-    return control.StateSpace(step[:2, :2], both, [[1.0, 0.0]], np.zeros((1, 2)), sample_time)
+    F, first, last = ramped(A, B, sample_time)
+    return control.StateSpace(F, np.hstack([first, last]), [[1.0, 0.0]], np.zeros((1, 2)), sample_time)

@@ -10,6 +10,7 @@ import numpy as np
 import scipy
 
 from ..._lazy import hint
+from ...linear.state_space import settled_covariance
 from ...results import ArgumentError
 from .plants import frequency_response, pulse_response
 
@@ -74,7 +75,7 @@ class ExtendedKalman:
         """Of the predicted state, from the Riccati equation."""
         A, _, H = self.extended
         try:
-            return scipy.linalg.solve_discrete_are(A.T, H.T, self.process * np.eye(len(A)), [[self.noise**2]])
+            return settled_covariance(A, H, self.process * np.eye(len(A)), np.array([self.noise**2]))
         except np.linalg.LinAlgError:
             poles = np.abs(np.linalg.eigvals(np.asarray(self.model.A, float)))
             raise ArgumentError(

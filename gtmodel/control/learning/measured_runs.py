@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import scipy
 
+from ...inference.chance import f_test
 from ...results import ArgumentError, Trajectory
 from .given import JUDGED
 from .lifted import Array
@@ -113,7 +113,7 @@ def drift(runs: Array) -> bool:
         return False
     line = np.arange(m) - (m - 1) / 2
     along = float(np.sum((line @ apart) ** 2) / (line @ line))
-    return along / total > float(scipy.stats.beta.ppf(1 - BY_CHANCE, 0.5, (m - 2) / 2))
+    return f_test(total, total - along, 1, m - 2)[1] < BY_CHANCE
 
 
 def _alike(a: Array, b: Array) -> bool:

@@ -11,6 +11,7 @@ import numpy as np
 from gtmodel import lang as gt
 
 from ..._lazy import hint
+from ...linear.state_space import continuous_poles, frequency_and_damping
 from ...results import ArgumentError
 from .axis import AxisPlant, delayed
 from .identified import identified_tool
@@ -81,8 +82,14 @@ class ModelledRobot:
         signals = self.plants[axis].signals
         if "tool" not in signals:
             return None
-        modes = [_mode(pole, self.sample_time) for pole in _light(stable(signals["tool"]), self.sample_time)]
-        return min(modes, key=lambda m: m[0] * m[1]) if modes else None
+        modes = [
+            frequency_and_damping(continuous_poles(pole, self.sample_time))
+            for pole in _light(stable(signals["tool"]), self.sample_time)
+        ]
+        if not modes:
+            return None
+        frequency, damping = min(modes, key=lambda m: m[0] * m[1])
+        return float(frequency), float(damping)
 
     def tool(self, axis: int) -> StateSpace:
         """The model from the motor side to the tool."""
@@ -160,17 +167,12 @@ def linear_axis(
     )
 
 
-def _mode(pole: complex, sample_time: float) -> tuple[float, float]:
-    s = np.log(complex(pole)) / sample_time
-    return float(abs(s) / (2 * np.pi)), float(-s.real / abs(s))
-
-
 def _light(system: StateSpace, sample_time: float) -> list[complex]:
     """Poles of the upper half plane of light modes."""
     made = []
     for pole in np.linalg.eigvals(np.asarray(system.A, float)):
         if pole.imag > 0 and abs(pole) > DEAD:
-            frequency, damping = _mode(pole, sample_time)
+            frequency, damping = frequency_and_damping(continuous_poles(pole, sample_time))
             if damping < LIGHT and frequency < SLOW * 0.5 / sample_time:
                 made.append(complex(pole))
     return made
@@ -182,7 +184,7 @@ def _moved(system: StateSpace, sample_time: float, frequency: float, damping: fl
 
     made = system
     for pole in _light(system, sample_time):
-        f, z = _mode(pole, sample_time)
+        f, z = frequency_and_damping(continuous_poles(pole, sample_time))
         z = min(z * damping, 1 - 1e-9)
         new = np.exp(2 * np.pi * f * frequency * complex(-z, np.sqrt(1 - z**2)) * sample_time)
         before, after = (np.array([1.0, -2 * p.real, abs(p) ** 2]) for p in (pole, new))

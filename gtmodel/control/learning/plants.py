@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy
 
 from ..._lazy import hint
+from ...linear.response import Transfer
 from ...results import ArgumentError
 from .given import ACTUATOR_DELAY as ACTUATOR_DELAY, ACTUATORS as ACTUATORS, SAMPLE_TIME as SAMPLE_TIME
 
@@ -120,12 +120,4 @@ def frequency_response(plant: Plant, frequency: np.ndarray) -> np.ndarray:
     p = discrete(plant)
     A, B, C, D = (np.asarray(m, float) for m in (p.A, p.B, p.C, p.D))
     z = np.exp(2j * np.pi * np.asarray(frequency, float) * float(p.dt or 1.0))
-    if not len(A):
-        return np.full(z.shape, D[0, 0], complex)
-    # along a Schur form: a triangular solve for each frequency, safe for defective matrices
-    T, U = scipy.linalg.schur(A, "complex")
-    b, c = U.conj().T @ B[:, 0], C[0] @ U
-    x = np.zeros((len(A), len(z)), complex)
-    for i in range(len(A) - 1, -1, -1):
-        x[i] = (b[i] + T[i, i + 1 :] @ x[i + 1 :]) / (z - T[i, i])
-    return c @ x + D[0, 0]
+    return Transfer(A, B, C[0]).at(z, [1.0]) + D[0, 0]

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from ...inference.chance import chi_squared_bound
 from ...measurements.inspection.columns import ColumnScan
 from ...measurements.inspection.suspicion import suspicion_checks
 from ...results import ArgumentError, Check, SolveStatus, Work, at_least, at_most
@@ -331,9 +332,7 @@ def _study(
     notes: Sequence[str],
     **quantities: Any,
 ) -> AttitudeStudy:
-    from scipy.stats import chi2
-
-    limit = float(chi2.ppf(COVERED, 3))
+    limit = float(chi_squared_bound(1 - COVERED, 3))
     rows, exchanged = judged
     means = [e.mean for e in rows]
     splines = [min(m["spline"], m["slow_spline"]) for m in means]

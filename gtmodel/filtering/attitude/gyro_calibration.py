@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from ...geometry.rotations import cross_matrix
 from ...inference.make_estimate import carried
-from ...inference.nonlinear import nonlinear_fit
+from ...inference.nonlinear import central, nonlinear_fit
 from ...inference.residuals import Verdict, whiteness
 from ...results.estimate import Estimate
 from ...results.refusal import ArgumentError
@@ -22,7 +22,6 @@ from .reference_noise import START, ReferenceNoise, factors, likeliest_noise, wh
 NAMES = (*(f"matrix[{i}][{j}]" for i in range(3) for j in range(3)), *(f"bias[{i}]" for i in range(3)), "offset")
 UNITS = ("1",) * 9 + ("rad/s",) * 3 + ("s",)
 SIZES = (1.0,) * 9 + (1e-2,) * 3 + (1e-2,)
-DIFFERENCE = 1e-6  # of the numbers, for functions of them that are all but straight over it
 ROUNDS = 4  # of noise and fit in turn: the fourth changes no printed digit
 FEWEST = 20  # references: sixty numbers for thirteen unknowns and four sizes of noise
 STRETCHED = 2.0  # scales of a gyro beyond this, or below its inverse, are no scales
@@ -73,8 +72,7 @@ class GyroCalibration:
         if self.likeliest is None:
             raise ArgumentError(f"the fit has no intervals: {self.message}", "name")
         x = self.likeliest.values
-        moved = [(function(x + d) - function(x - d)) / (2 * DIFFERENCE) for d in DIFFERENCE * np.eye(len(x))]
-        J = np.column_stack(moved)
+        J = central(function, x)
         covariance = carried(J, self.likeliest.covariance)
         steps = (self.left_out - self.left_out.mean(axis=0)) @ J.T
         jackknife = np.sqrt((BLOCKS - 1) / BLOCKS * np.sum(steps**2, axis=0))

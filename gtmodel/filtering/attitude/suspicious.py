@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import scipy
 
 from ...geometry.rotations import angle_between
+from ...inference.chance import f_chance
 from ...measurements.inspection.suspicion import Suspicion
 from ...results.estimate import Estimate
 from ...results.refusal import ArgumentError
@@ -127,7 +127,7 @@ def far_from_truth(estimate: Estimate, true: np.ndarray) -> Suspicion:
 
 def _of_any(t: np.ndarray, dof: np.ndarray | float) -> np.ndarray:
     """Probabilities that any of so many numbers lies as far off, by Student's t."""
-    return np.minimum(2 * len(t) * scipy.special.stdtr(dof, -np.abs(t)), 1.0)
+    return np.minimum(len(t) * f_chance(t**2, 1, dof), 1.0)
 
 
 def _mirrored_residual(c: Convention) -> float:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ...linear.state_space import settled_covariance
 from ...results.refusal import ArgumentError
 from ..belief import Belief, InitialState, Innovation
 from ..error_state import joseph
@@ -16,7 +17,6 @@ from ..system import System
 from ..transition import Advance
 
 SAME_PERIOD = 1e-6  # of a period; stamps are rounded
-SETTLES = 1e-9  # per step: a filter that forgets its start more slowly, in a thousand million steps, does not
 
 
 class SteadyState(Filter):
@@ -61,7 +61,14 @@ class SteadyState(Filter):
         z = np.zeros((1, system.group(self.names).space.size))
         self.H = system.reading(self.names)(0.0, x, u, z)[1][0]
         R = system.variances(self.names)
-        self.prior = riccati(F, self.H, Q, R)
+        try:
+            self.prior = settled_covariance(F, self.H, Q, R)
+        except np.linalg.LinAlgError:
+            raise ArgumentError(
+                "there is no constant gain: a state is not determined by the sensors, or is constant and without "
+                "noise, so that its gain goes to zero; give it a sensor or some noise, or take 'kf'",
+                "system",
+            ) from None
         PH = self.prior @ self.H.T
         self.S = self.H @ PH
         solved = spread_of(system, self.names, np.zeros((1, len(R))), self.S[None].copy(), PH[None]).solved()
@@ -115,38 +122,3 @@ class SteadyState(Filter):
         """Where the numbers of the sensors stand that come in another order."""
         places = dict(zip(names, self.system.rows_of(names), strict=True))
         return np.concatenate([np.arange(places[name].start, places[name].stop) for name in self.names])
-
-
-def riccati(F: np.ndarray, H: np.ndarray, Q: np.ndarray, R: np.ndarray) -> np.ndarray:
-    """Covariance (n, n) before a reading that a filter of F, H, Q and the variances R (k,) settles at.
-
-    Raises ArgumentError where there is none.
-    """
-    from scipy.linalg import LinAlgError, solve_discrete_are
-
-    scale = np.sqrt(np.where(np.diag(Q) > 0, np.diag(Q), 1.0))  # position and acceleration differ by 1e8
-    try:
-        P = solve_discrete_are(
-            (F * scale / scale[:, None]).T,
-            (H * scale / np.sqrt(R)[:, None]).T,
-            Q / np.outer(scale, scale),
-            np.eye(len(R)),
-        )
-    except LinAlgError:
-        P = np.full_like(Q, np.nan)
-    P = P * np.outer(scale, scale)
-    if not np.all(np.isfinite(P)) or np.any(np.diag(P) < 0) or _slowest(F, H, P, R) > 1 - SETTLES:
-        raise ArgumentError(
-            "there is no constant gain: a state is not determined by the sensors, or is constant and without noise, so "
-            "that its gain goes to zero; give it a sensor or some noise, or take 'kf'",
-            "system",
-        )
-    return P
-
-
-def _slowest(F: np.ndarray, H: np.ndarray, P: np.ndarray, R: np.ndarray) -> float:
-    """By how much the error of a filter with this covariance P before a reading shrinks from step to step, at worst."""
-    own = H / np.sqrt(R)[:, None]
-    S = own @ P @ own.T + np.eye(len(R))
-    left = F - F @ P @ own.T @ np.linalg.solve(S, own)
-    return float(np.abs(np.linalg.eigvals(left)).max())

@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from ...linear.roots import bisected
 from ...results import ArgumentError
 from .basis import Array
 from .optimise import FINER
@@ -63,13 +64,9 @@ def random_excitations(
 
 def _largest(task: ExcitationTask, place: Array, swing: Array, coarse: Array, fine: Array) -> Array:
     """The largest feasible place + amplitude * swing."""
-    low, high = 0.0, LARGEST
-    for _ in range(HALVINGS):
-        middle = (low + high) / 2
-        if np.all(task.excess(place + middle * swing, coarse) <= 0):
-            low = middle
-        else:
-            high = middle
+    low, _ = bisected(
+        lambda amplitude: np.all(task.excess(place + amplitude * swing, coarse) <= 0), 0.0, LARGEST, HALVINGS
+    )
     while np.any(task.excess(place + low * swing, fine) > 0):  # between the samples: some 1 % at most
         low *= 0.995
     return place + low * swing

@@ -15,6 +15,7 @@ from ...lang import Model
 from ...measurements import Session
 from ...results import ArgumentError, Check, SolveStatus, Work, at_least, at_most, naming
 from ...results.door import study_function
+from ...results.estimate import half_width
 from ...results.work import Progress, never, silent
 from .constant_velocity import Runs, concatenate, constant_velocity_log, constant_velocity_runs
 from .friction_result import LABELS, Array, FrictionStudy
@@ -194,11 +195,9 @@ def _checks(fit: FrictionFit, runs: Runs, truth: SyntheticRuns | None, mass_dete
     }  # fmt: skip
     if not true:
         return checks
-    from scipy import stats  # here: it alone takes as long to import as all of gtmodel
-
     e, std = fit.estimate, dict(zip(fit.estimate.names, fit.estimate.std, strict=True))
     errors = {n: abs(e.value(n) / x - 1) for n, x in true.items()}
-    chance = float(stats.t.isf(FALSE_ALARM / 2 / len(true), e.degrees_of_freedom))
+    chance = half_width(1 - FALSE_ALARM / len(true), e.degrees_of_freedom)
     bounds = {n: max(SLOPE_ERROR, chance * std[n] / x) for n, x in true.items()}
     # each against its own bound: the largest error may be the noise of the flattest line
     worst = max(errors, key=lambda n: errors[n] / bounds[n])

@@ -1,9 +1,9 @@
-"""Gauss-Newton on the Schur complement, damped where a whole step does not help."""
+"""The descent over shared unknowns, on the Schur complement of the local ones."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -11,8 +11,9 @@ import numpy as np
 from ...results.estimate import Estimate
 from ...results.refusal import ArgumentError
 from ...results.status import SolveStatus
-from .elimination import BlockNormal, ReducedEquations, along, normal_equations, reduced
-from .residual_block import BlockEvaluation, ResidualBlock
+from ..descent import Descent, DescentStep, minimised
+from .elimination import BlockNormal, along, normal_equations, reduced
+from .residual_block import BlockEvaluation, Linearised, ResidualBlock
 from .shared_step import solver
 from .structure import Structure, structure
 from .undetermined import GaugeMotion
@@ -21,35 +22,29 @@ from .worth import Worth, worth_of
 
 Values = dict[str, np.ndarray]
 
-LEVEL = 1e-5  # length of J step over that of the residuals: below, the cost is level to 1e-10 and cannot judge a step
-NEGLIGIBLE = 1e-13  # a step of this part of the unknowns, both in units of the scales: what rounding asks for
-ROUNDING = 1e-8  # likewise, of a step that lowers the cost no more
-DAMPING, EASIER, HARDER, STUCK = 1e-4, 0.1, 10.0, 1e12
-QUIET = 1e-2  # a step that changes the cost by less than this part is followed by one without damping
+DAMPING = 1e-4  # to begin with, as a part of the squared lengths of all columns
 
 
 @dataclass(frozen=True, eq=False)
-class BundleFit:
+class BundleFit(Descent):
     """Where the fit ended.
 
-    values: by group, (count, size); local ones too.
     cost: half the sum of squares of the whitened residuals, or of their losses.
     residuals: by block, (n, m), neither whitened nor weighted, in the order of the data.
     estimate: of all shared unknowns, named "instance.label", rotations as rotation vectors [rad]; None unless solved.
     notes: sentences on what the data do not determine; undetermined: in how many directions.
     """
 
-    values: Values
-    cost: float
-    status: SolveStatus
-    message: str
-    iterations: int
-    evaluations: int
     residuals: dict[str, np.ndarray]
     estimate: Estimate | None = None
     notes: tuple[str, ...] = ()
     undetermined: int = 0
     _worth: Worth | None = field(default=None, repr=False)
+
+    @property
+    def values(self) -> Values:
+        """By group, (count, size); local ones too."""
+        return self.x
 
     @property
     def shared_covariance(self) -> np.ndarray:
@@ -123,15 +118,23 @@ def bundle_fit(
         raise ArgumentError(
             f"the noise of {names} is not given, and that of others is; give sigma to all blocks or none"
         )
-    end = _Descent(s, evaluations, dense, tolerance, limit, stop).run()
-    residuals = _residuals(blocks, s, evaluations, end.values)
-    plain = end.values, end.cost, end.status, end.message, end.iterations, end.evaluations, residuals
+    start = {name: g.start.copy() for name, g in s.groups.items()}
+    end = minimised(
+        lambda values: _Here(s, dense, values, [e.linearised(values) for e in evaluations]), start, limit=limit,
+        tolerance=tolerance, stop=stop, stuck="are the starting values near enough?", unended="give a larger limit",
+    )  # fmt: skip
+    if end.status is SolveStatus.NOT_FINITE:
+        end = replace(end, message=_invalid(evaluations, start))
+    raw = _residuals(blocks, s, evaluations, end.x)
     if not end.status.ok or not covariance:
-        return BundleFit(*plain)
-    worth = worth_of(s, evaluations, end.values, motions, dense)
+        return BundleFit(**vars(end), residuals=raw)
+    worth = worth_of(s, evaluations, end.x, motions, dense)
     if worth.words and not hold_undetermined:
         raise ArgumentError("; ".join(worth.words))
-    return BundleFit(*plain, worth.estimate, tuple(worth.words), worth.null.shape[1], worth)
+    return BundleFit(
+        **vars(end), residuals=raw, estimate=worth.estimate, notes=tuple(worth.words),
+        undetermined=worth.null.shape[1], _worth=worth,
+    )  # fmt: skip
 
 
 def _residuals(blocks: Sequence[ResidualBlock], s: Structure, evaluations: Sequence[BlockEvaluation],
@@ -142,81 +145,48 @@ def _residuals(blocks: Sequence[ResidualBlock], s: Structure, evaluations: Seque
     return out
 
 
+def _invalid(evaluations: Sequence[BlockEvaluation], values: Values) -> str:
+    counts = {b.block.name: int(b.invalid(values).sum()) for b in evaluations}
+    bad = [f"{k} of '{name}'" for name, k in counts.items() if k]
+    return (
+        f"at the start {' and '.join(bad)} lie outside the range of their model or are not finite; start nearer"
+        if bad
+        else "the derivatives are not finite at the start"
+    )
+
+
 @dataclass(eq=False)
-class _Descent:
-    """The iteration."""
+class _Here:
+    """Linearised rows at some values, and the steps from there."""
 
     s: Structure
-    blocks: list[BlockEvaluation]
     dense: bool | None
-    tolerance: float
-    limit: int
-    stop: Callable[[], bool] | None
-    values: Values = field(init=False)
-    cost: float = np.inf
-    status: SolveStatus = SolveStatus.FAILED
-    message: str = ""
-    iterations: int = 0
-    evaluations: int = 0
+    values: Values
+    rows: list[Linearised]
 
-    def run(self) -> _Descent:
-        self.values = {name: g.start.copy() for name, g in self.s.groups.items()}
-        n = self._normal()
-        if not n.finite:
-            return self._ended(SolveStatus.NOT_FINITE, self._invalid())
-        damping, before = 0.0, np.inf
-        while self.iterations < self.limit:
-            if self.stop is not None and self.stop():
-                return self._ended(SolveStatus.INTERRUPTED, f"stopped after {self.iterations} iterations")
-            self.iterations += 1
-            r, x, z, change = self._step(n, damping)
-            scale = np.where(r.scale > 0, r.scale, 1.0)
-            length = np.sqrt(sum(float(np.vdot(a.r, a.r)) for a in n.rows))
-            if change == 0.0:
-                return self._ended(SolveStatus.SOLVED, "nothing measured moves with the unknowns")
-            full = float(np.linalg.norm(x * scale))
-            reach = 1 + float(np.linalg.norm(self._shared(self.values) * scale))
-            flat = change <= LEVEL * length
-            if damping == 0.0 and (change <= self.tolerance * length or full <= NEGLIGIBLE * reach):
-                self.values = self._moved(x, z)
-                return self._ended(SolveStatus.SOLVED, f"arrived after {self.iterations} iterations")
-            if flat and damping == 0.0 and change >= before:  # the last digits no longer settle
-                return self._ended(SolveStatus.SOLVED, f"arrived after {self.iterations} iterations, at rounding")
-            while True:
-                trial = self._moved(x, z)
-                rows = [b.linearised(trial) for b in self.blocks]
-                cost = float(sum(r.cost for r in rows))
-                self.evaluations += 1
-                if np.isfinite(cost) and (cost <= n.cost or (flat and damping == 0.0)):
-                    quiet = n.cost - cost < QUIET * n.cost
-                    before = change if damping == 0.0 else np.inf
-                    damping = 0.0 if quiet or damping <= DAMPING else damping * EASIER
-                    self.values, n = trial, normal_equations(self.s, rows)
-                    self.cost = n.cost
-                    break
-                if full <= ROUNDING * reach and np.isfinite(cost):
-                    return self._ended(SolveStatus.SOLVED, f"arrived after {self.iterations} iterations, at rounding")
-                damping = max(damping * HARDER, DAMPING)
-                if damping > STUCK:
-                    sentence = "no step along the gradient lowers the residuals; are the starting values near enough?"
-                    return self._ended(SolveStatus.FAILED, sentence)
-                r, x, z, change = self._step(n, damping)
-        sentence = f"no end after {self.limit} iterations; start nearer, or give a larger limit"
-        return self._ended(SolveStatus.ITERATION_LIMIT, sentence)
+    @cached_property
+    def cost(self) -> float:
+        return float(sum(r.cost for r in self.rows))
 
-    def _step(self, n: BlockNormal, damping: float) -> tuple[ReducedEquations, np.ndarray, np.ndarray, float]:
-        """The reduced equations, increments of shared and local unknowns, and the length of J step."""
-        r = reduced(self.s, n, damping, self.dense)
+    @cached_property
+    def normal(self) -> BlockNormal:
+        return normal_equations(self.s, self.rows)
+
+    @property
+    def finite(self) -> bool:
+        return bool(np.isfinite(self.cost)) and self.normal.finite
+
+    def step(self, damping: float) -> DescentStep | None:
+        r = reduced(self.s, self.normal, damping, self.dense)
         x = -solver(r)(r.g)
         z = r.back(x)
-        change = sum(float(np.vdot(a, a)) for a in along(self.s, n.rows, x[:, None], z[:, :, None]))
-        return r, x, z, float(np.sqrt(change))
-
-    def _normal(self) -> BlockNormal:
-        n = normal_equations(self.s, [b.linearised(self.values) for b in self.blocks])
-        self.cost = n.cost
-        self.evaluations += 1
-        return n
+        squares = sum(float(np.vdot(a, a)) for a in along(self.s, self.rows, x[:, None], z[:, :, None]))
+        if squares == 0.0:
+            return None
+        change, length = float(np.sqrt(squares)), float(np.sqrt(sum(float(np.vdot(a.r, a.r)) for a in self.rows)))
+        scale = np.where(r.scale > 0, r.scale, 1.0)
+        full, reach = (float(np.linalg.norm(v * scale)) for v in (x, self._shared()))
+        return DescentStep(self._moved(x, z), full, 1 + reach, change, length, change, DAMPING, damping == 0.0)
 
     def _moved(self, x: np.ndarray, z: np.ndarray) -> Values:
         s, new = self.s, {}
@@ -229,23 +199,10 @@ class _Descent:
             new[name] = g.moved(self.values[name], step)
         return new
 
-    def _shared(self, values: Values) -> np.ndarray:
+    def _shared(self) -> np.ndarray:
         """Shared unknowns (columns,), a quaternion as zeros."""
         parts = []
         for name, k in self.s.owner:
-            g, v = self.s.groups[name], values[name][k]
+            g, v = self.s.groups[name], self.values[name][k]
             parts.append(v if g.turn is None else np.concatenate([v[: g.turn], np.zeros(3), v[g.turn + 4 :]]))
         return np.concatenate([*parts, np.zeros(0)])
-
-    def _invalid(self) -> str:
-        counts = {b.block.name: int(b.invalid(self.values).sum()) for b in self.blocks}
-        bad = [f"{k} of '{name}'" for name, k in counts.items() if k]
-        return (
-            f"at the start {' and '.join(bad)} lie outside the range of their model or are not finite; start nearer"
-            if bad
-            else "the derivatives are not finite at the start"
-        )
-
-    def _ended(self, status: SolveStatus, message: str) -> _Descent:
-        self.status, self.message = status, message
-        return self

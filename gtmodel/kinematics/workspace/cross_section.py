@@ -12,6 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...linear.roots import bisected
+
 Array = np.ndarray
 Inside = Callable[[Array], Array]
 
@@ -104,10 +106,7 @@ def _crossings(inside: Inside, u: Array, v: Array, mask: Array, axis: int) -> Ar
     high = low.copy()
     high[:, axis] = u[i + 1] if axis == 0 else v[j + 1]
     at_low = first[i, j]
-    for _ in range(BISECTIONS if len(i) else 0):
-        middle = (low + high) / 2
-        same = inside(middle) == at_low
-        low[same], high[~same] = middle[same], middle[~same]
+    low, high = bisected(lambda x: (inside(x) == at_low)[:, None], low, high, BISECTIONS if len(i) else 0)
     crossings = np.full(first.shape, np.nan)
     crossings[i, j] = (low[:, axis] + high[:, axis]) / 2
     return crossings

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...inference.chance import chi_squared_chance, f_test
 from ...inference.covariance import automatic_lag, newey_west, white
 from ...inference.residuals import SMALL_P, Verdict, autocorrelation, portmanteau
 from ...results.estimate import Estimate
@@ -216,8 +217,6 @@ def _with_scales(series: Sequence[Series], warp: Warp, scale: bool, shift: bool)
 
 def _fine_enough(series: Sequence[Series], warp: Warp, freed: Freed, progress: Progress) -> tuple[CurveFit, bool]:
     """The fit with the widest knots whose next two halvings explain no more than chance; else with the closest."""
-    from scipy import stats  # here: it alone takes as long to import as all of gtmodel
-
     s = series[0]
     length = max(s.reference_time[-1], warp(s.other_time)[-1]) - min(s.reference_time[0], warp(s.other_time)[0])
     closest = ROWS_A_KNOT * length / (len(s.reference) + len(s.other))
@@ -234,14 +233,14 @@ def _fine_enough(series: Sequence[Series], warp: Warp, freed: Freed, progress: P
         progress("fitting a common curve", 0.2 + 0.7 * k / len(spacings))
         fits.append(fit_curve(series, warp, spacing, freed, noise))
         warp, noise = fits[-1].warp, fits[-1].noise
-        if len(fits) >= 3 and all(_chance(a, fits[-1], stats) for a in fits[-3:-1]):
+        if len(fits) >= 3 and all(_chance(a, fits[-1]) for a in fits[-3:-1]):
             return fits[-3], True
-    if len(fits) >= 2 and _chance(fits[-2], fits[-1], stats):
+    if len(fits) >= 2 and _chance(fits[-2], fits[-1]):
         return fits[-2], True
     return fits[-1], False
 
 
-def _chance(coarse: CurveFit, fine: CurveFit, stats: object) -> bool:
+def _chance(coarse: CurveFit, fine: CurveFit) -> bool:
     """Whether the finer curve leaves no less than chance takes away: an F test in the noise of the finer one."""
     more = fine.curve - coarse.curve
     if more <= 0 or fine.degrees_of_freedom <= 0:
@@ -250,9 +249,8 @@ def _chance(coarse: CurveFit, fine: CurveFit, stats: object) -> bool:
     for k, pair in enumerate(coarse.parts):
         for which, part in enumerate(pair):
             unit[part] = coarse.noise[k, which] / fine.noise[k, which]
-    lost = float(np.sum((coarse.residuals * unit) ** 2)) - fine.sum_of_squares
-    F = lost / more / (fine.sum_of_squares / fine.degrees_of_freedom)
-    return bool(stats.f.sf(F, more, fine.degrees_of_freedom) >= SMALL_P)  # type: ignore[attr-defined]
+    before = float(np.sum((coarse.residuals * unit) ** 2))
+    return f_test(before, fine.sum_of_squares, more, fine.degrees_of_freedom)[1] >= SMALL_P
 
 
 def _judged(
@@ -356,14 +354,12 @@ def _lags(fit: CurveFit) -> int:
 
 def _whiteness(r: Array, simulated: Array) -> Verdict:
     """Ljung and Box's sum of squared autocorrelations against that of white noise sent through the same fit."""
-    from scipy import stats  # here: it alone takes as long to import as all of gtmodel
-
     lags = min(LAGS, len(r) // 5)
     c = autocorrelation(r, lags)[1:]
     Q = portmanteau(c, len(r))
     chance = np.array([portmanteau(autocorrelation(column, lags)[1:], len(r)) for column in simulated.T])
     mean, variance = float(chance.mean()), float(chance.var(ddof=1))
-    p = float(stats.chi2.sf(Q * 2 * mean / variance, 2 * mean**2 / variance))
+    p = float(chi_squared_chance(Q * 2 * mean / variance, 2 * mean**2 / variance))
     k = int(np.argmax(np.abs(c)))
     said = "residuals look white" if p >= SMALL_P else f"residuals are coloured (correlation {c[k]:.2f} at lag {k + 1})"
     shown = f"= {p:.2g}" if p >= TINY_P else f"below {TINY_P:g}"

@@ -12,6 +12,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from ...inference.make_estimate import scales
+from ...inference.nonlinear import descend
 from ...results.trajectory_errors import Array
 from ..log import LogError
 from .coarse import Series
@@ -21,7 +23,7 @@ ITERATIONS = 30
 REWEIGHTS = 4  # the two noise levels settle in so many turns
 RIDGE = 1e-10  # of the largest diagonal: where neither recording has a row the curve is of no matter
 SETTLED = 0.02  # change of the logarithm of a noise level
-SMALL = 1e-7  # of a standard deviation: steps below are the end
+SMALL = 1e-9  # of the residuals' length: the step that changes them by less is the end
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,20 +106,13 @@ def shown(series: Sequence[Series], warp: Warp, spacing: float) -> list[float]:
 def _descended(
     series: Sequence[Series], warp: Warp, spacing: float, freed: Freed, level: Array, probes: Array
 ) -> tuple[Warp, CurveFit]:
-    fit = _evaluated(series, warp, spacing, freed, level, None)
-    for _ in range(ITERATIONS):
-        step: Array = np.asarray(np.linalg.lstsq(fit.border, fit.residuals, rcond=None)[0], dtype=float)
-        std = np.sqrt(np.maximum(np.diag(np.linalg.pinv(fit.border.T @ fit.border)), 0.0))
-        for halving in range(12):
-            trial = _moved(warp, 0.5**halving * step, freed)
-            new = _evaluated(series, trial, spacing, freed, level, None)
-            if new.sum_of_squares <= fit.sum_of_squares * (1 + 1e-9):
-                break
-        else:
-            break
-        warp, fit = trial, new
-        if np.all(np.abs(step) <= SMALL * std):
-            break
+    def rows(x: Array) -> list[Array]:
+        fit = _evaluated(series, _moved(warp, x, freed), spacing, freed, level, None)
+        return [np.column_stack([-fit.border, fit.residuals])]
+
+    start = np.zeros(1 + freed.drift + (int(freed.scale) + int(freed.shift)) * len(series))
+    size = scales(None, len(start), rows(start)[0][:, :-1])
+    warp = _moved(warp, descend(rows, start, size, limit=ITERATIONS, tolerance=SMALL).x, freed)
     return warp, _evaluated(series, warp, spacing, freed, level, probes)
 
 

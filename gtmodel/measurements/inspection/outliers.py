@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
+from ...inference.chance import f_chance
 from .suspicion import Suspicion
 
 LOOKED_AT = 0.5  # share of a group's degrees of freedom that outliers may take; more are no outliers
@@ -90,7 +91,7 @@ def outliers(residuals: np.ndarray, basis: np.ndarray | None = None, groups: np.
             F = np.where(judged, np.nan_to_num(square / size / k, nan=0.0, posinf=np.inf), 0.0)
         if first:
             times, first = np.sqrt(F * k), False
-        chance = np.minimum(tests * scipy.special.fdtrc(k, np.maximum(worth, 1.0), F), 1.0)
+        chance = np.minimum(tests * f_chance(F, k, np.maximum(worth, 1.0)), 1.0)
         worst = int(np.argmin(np.where(judged, chance, 2.0)))
         if not judged[worst]:
             break

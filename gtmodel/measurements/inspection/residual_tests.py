@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...inference.chance import f_chance, f_test
 from ...inference.held_out import MATTERS, chi_squared_over_noise
 from ...inference.residuals import autocorrelation, shown_p
 from .suspicion import Suspicion
@@ -64,9 +65,8 @@ def explained_by(J: np.ndarray, r: np.ndarray, columns: np.ndarray, *, least: fl
     if more < 1 or rest < 1 or not float(left @ left) > values.size * least**2:
         return Explained(np.nan, np.nan, more, rest, moved)
     after = left - own @ parts
-    variance = float(after @ after) / rest
-    F = float(parts @ parts) / more / variance if variance > 0 else np.inf
-    return Explained(F, _f_tail(F, more, rest), more, rest, moved)
+    explained, unexplained = float(parts @ parts), float(after @ after)
+    return Explained(*f_test(explained + unexplained, unexplained, more, rest), more, rest, moved)
 
 
 def drifts(
@@ -167,7 +167,7 @@ def reads_better(
         return Suspicion(name, f"{reading}: {TOO_FEW}", np.nan, remedy)
     small = max(degrees_of_freedom * least**2, np.finfo(float).tiny)
     ratio = float(np.sqrt(max(given, small) / max(other, small)))
-    p = min(1.0, tests * _f_tail(ratio**2, degrees_of_freedom, degrees_of_freedom))
+    p = min(1.0, tests * float(f_chance(ratio**2, degrees_of_freedom, degrees_of_freedom)))
     evidence = f"{reading} they fit {ratio:.3g} times better ({shown_p(p)})"
     return Suspicion(name, evidence, p if ratio > NEARER else 1.0, remedy)
 
@@ -188,7 +188,7 @@ def held_out_worse(
     """
     if not (growth > 0 and np.isfinite(growth) and fitted_freedom > 0 and held_out_freedom > 0):
         return Suspicion(name, f"held out: {TOO_FEW}", np.nan, remedy)
-    p = min(1.0, tests * _f_tail(ratio**2 / growth, held_out_freedom, fitted_freedom))
+    p = min(1.0, tests * float(f_chance(ratio**2 / growth, held_out_freedom, fitted_freedom)))
     evidence = (
         f"held-out errors are {ratio:.3g} times the fitted ones; a sound model has {np.sqrt(growth):.3g} on average "
         f"({shown_p(p)})"
@@ -213,15 +213,9 @@ def one_far_off(
     others = np.maximum(total - share, np.finfo(float).tiny * total) / (rest - 1)
     k = int(np.argmax(share / others))
     t = float(np.sqrt(share[k] / others[k]))
-    p = min(1.0, values.size * _f_tail(t**2, 1, rest - 1))
+    p = min(1.0, values.size * float(f_chance(t**2, 1, rest - 1)))
     evidence = f"row {base + k // rows.shape[1]} is off by {t:.3g} deviations of the others ({shown_p(p)})"
     return Suspicion(name, evidence, p, remedy)
-
-
-def _f_tail(F: float, more: float, rest: float) -> float:
-    from scipy import special  # here: keys of kinds import what judges a fit
-
-    return float(special.fdtrc(more, rest, F)) if np.isfinite(F) else 0.0
 
 
 def _rows(r: np.ndarray) -> np.ndarray:

@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from ...inference.chance import chi_squared_ends
 from ..style import (
     BLACK,
     BLUE,
@@ -84,8 +85,6 @@ def innovations_figure(
 ) -> Figure:
     """Normalised innovations of each sensor (n, k) with two deviations, and the mean of the squares in short stretches
     with the band in which 99.9 % of a right filter's lie."""
-    from scipy.stats import chi2
-
     names = [name for name, values in white.items() if np.isfinite(values).any()]
     figure, panels = with_panels(WIDTH, 1.2 + 2.1 * (len(names) + 1), len(names) + 1, title=title, sharex=True)
     for panel, name in zip(panels, names, strict=False):
@@ -101,7 +100,7 @@ def innovations_figure(
         cut = rows * COARSE
         numbers = count[:cut].reshape(rows, COARSE).sum(axis=1)
         mean = nis[:cut].reshape(rows, COARSE).sum(axis=1) / np.maximum(numbers, 1)
-        ends = chi2.ppf([[(1 - BAND) / 2], [(1 + BAND) / 2]], np.maximum(numbers, 1)) / np.maximum(numbers, 1)
+        ends = np.array(chi_squared_ends(BAND, np.maximum(numbers, 1))) / np.maximum(numbers, 1)
         at = time[:cut].reshape(rows, COARSE).mean(axis=1)
         last.fill_between(at, ends[0], ends[1], color=SHADES[1], label="99.9 % of a right filter's")
         last.plot(at, mean, ".-", color=BLUE, linewidth=0.8, label=f"mean of {COARSE} instants")

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import scipy
 
 from ...inference import Verdict, noise_size, nonlinear_fit, whiteness
+from ...inference.chance import f_chance
 from ...inference.nonlinear import Residuals
 from ...results.estimate import Estimate
 from .frequency_modal import ModalFit
@@ -209,7 +209,7 @@ def _adequacy(e: Estimate, lines: FrequencyResponse, stated: bool) -> Verdict:
         return noise_size(e)
     # correlated lines are fewer than they look
     ratio, own = float(e.residuals @ e.residuals) / e.degrees_of_freedom, e.degrees_of_freedom / lines.wider**2
-    p = float(scipy.stats.f.sf(ratio, own, lines.degrees_of_freedom))
+    p = float(f_chance(ratio, own, lines.degrees_of_freedom))
     said = (
         "are as large as the hits' own noise"
         if p >= SMALL_P

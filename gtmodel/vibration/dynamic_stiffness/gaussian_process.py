@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 import scipy
 
+from ...results.estimate import half_width
 from .gaussian_process_kernel import KernelInputs, Shape, correlation, square_distances
 
 VAGUE = 10.0  # standard deviations of the data: how far the level of the process may lie from their mean
@@ -108,7 +109,7 @@ def quantile(level: float) -> float:
     """Standard deviations on either side of the mean that hold it with probability `level`. Raises ValueError."""
     if not 0 < level < 1:
         raise ValueError(f"the level is {level:g}; expected a probability between 0 and 1, such as 0.95")
-    return float(scipy.stats.norm.ppf((1 + level) / 2))
+    return half_width(level)
 
 
 def level_of(y: np.ndarray) -> tuple[float, float]:

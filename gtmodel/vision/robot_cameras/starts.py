@@ -8,6 +8,7 @@ import scipy
 from ...calibrate.measured.column_checks import aligned
 from ...geometry.quaternions import quaternion_matrix, quaternion_of
 from ...geometry.rotations import rotation_by
+from ...inference.nonlinear import by_differences, nonlinear_fit
 from ...results.refusal import ArgumentError
 from ..starts import linear_projection
 from .pictures import RobotPictures
@@ -77,14 +78,14 @@ def _resection(X: np.ndarray, uv: np.ndarray, name: str) -> tuple[np.ndarray, np
 
 def _placed(start: np.ndarray, X: np.ndarray, uv: np.ndarray, R: np.ndarray, c: np.ndarray) -> list[np.ndarray]:
     """Quaternion and place under intrinsics that may differ from those of the resection."""
-    from scipy.optimize import least_squares
 
     def rest(x: np.ndarray) -> np.ndarray:
         p = (X - c - x[3:]) @ (R @ rotation_by(x[:3]))
         z = np.where(np.abs(p[:, 2:]) < 1e-6, 1e-6, p[:, 2:])
         return (start[:2] * p[:, :2] / z + start[2:4] - uv).reshape(-1)
 
-    x = least_squares(rest, np.zeros(6), x_scale=[0.1] * 3 + [1.0] * 3).x
+    scale = [0.1] * 3 + [1.0] * 3
+    x = nonlinear_fit(by_differences(rest, uv.size), np.zeros(6), "uvwxyz", scale=scale, sigma=1.0).x
     return [quaternion_of(R @ rotation_by(x[:3])), c + x[3:]]
 
 

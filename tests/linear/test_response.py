@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import doctest
+
 import control
 import numpy as np
 import pytest
 
 import gtmodel as gt
-from gtmodel.control.delayed.transfer import Transfer
+from gtmodel.linear import response, roots, state_space
+from gtmodel.linear.response import Transfer
 
 D = gt.control.delayed
 ROUNDING = 1e-12  # relative, of a response away from its poles
@@ -34,3 +37,9 @@ def test_one_frequency_is_one_of_many_and_a_pole_is_infinite() -> None:
     assert np.abs(alone / loop.response(w) - 1).max() < ROUNDING
     rigid = D.DelayedLoop(D.rigid_plant(0.004), 0.004, 0.052)
     assert rigid.response_at(0.0) == complex(np.inf) == rigid.response(np.zeros(1))[0]
+
+
+@pytest.mark.parametrize("module", [response, roots, state_space], ids=lambda m: m.__name__)
+def test_examples_run(module) -> None:
+    done = doctest.testmod(module)
+    assert done.attempted and not done.failed

@@ -1,0 +1,110 @@
+"""Responses of discrete linear systems in time and frequency, along a Schur form: fast, safe for defective matrices."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import scipy
+
+ON_A_POLE = 4 * sys.float_info.epsilon  # of z: an eigenvalue is known no closer, so that a pole is met or not by chance
+
+
+def states(A: np.ndarray, drive: np.ndarray, x0: np.ndarray) -> np.ndarray:
+    """x (N, n) of x[k+1] = A x[k] + drive[k] with drive (N, n), from x0 (n,)."""
+    T, U = _schur(A)
+    return np.real(_schur_states(T, drive @ U.conj(), U.conj().T @ x0) @ U.T)
+
+
+def simulate(
+    A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, u: np.ndarray, x0: np.ndarray | None = None
+) -> np.ndarray:
+    """y (N, p) of x[k+1] = A x[k] + B u[k], y[k] = C x[k] + D u[k] under u (N, m), from x0 (n,), default zero."""
+    T, U = _schur(A)
+    z0 = np.zeros(len(A)) if x0 is None else x0
+    z = _schur_states(T, (u @ B.T) @ U.conj(), U.conj().T @ z0)
+    return np.real(z @ (C @ U).T) + u @ D.T
+
+
+def _schur(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    factors: Any = scipy.linalg.schur(A, "complex")
+    return factors
+
+
+def _schur_states(T: np.ndarray, drive: np.ndarray, z0: np.ndarray) -> np.ndarray:
+    """The same for upper triangular T, from the last state to the first."""
+    z = np.empty(drive.shape, complex)
+    for i in range(len(T) - 1, -1, -1):
+        into = drive[:, i] + z[:, i + 1 :] @ T[i, i + 1 :]
+        z[:, i] = scipy.signal.lfilter([0.0, 1.0], [1.0, -T[i, i]], into, zi=[z0[i]])[0]
+    return z
+
+
+def free_responses(A: np.ndarray, C: np.ndarray, samples: int) -> np.ndarray:
+    """C A^k (samples, p, n): outputs from each unit initial state. By doubling, log2(samples) products."""
+    responses = np.asarray(C, float)[None]
+    power = A
+    while len(responses) < samples:
+        responses = np.concatenate([responses, responses[: samples - len(responses)] @ power])
+        power = power @ power
+    return responses
+
+
+def late_lag(u: np.ndarray, a: float, b: float, delay: int) -> np.ndarray:
+    """b q^-delay / (1 - a q^-1) of u (N,) from rest (N,); delay in samples."""
+    late = np.concatenate([np.zeros(delay), u])[: len(u)]
+    return np.asarray(scipy.signal.lfilter([b], [1.0, -a], late))
+
+
+class Transfer:
+    """leaves (z - A)^-1 entries: A (n, n), entries (n, k), leaves (n,), by the Schur form of the balanced A.
+
+    One z is a Python number, which costs no call of NumPy, and many are an array.
+
+    >>> from gtmodel.linear.response import Transfer
+    >>> lag = Transfer(np.array([[0.5]]), np.array([[2.0]]), np.array([1.0]))
+    >>> lag.at(1.0 + 0j, [1.0]), lag.at(np.array([1.0 + 0j, -0.5 + 0j]), [1.0])
+    ((4+0j), array([ 4.+0.j, -2.+0.j]))
+    """
+
+    def __init__(self, A: np.ndarray, entries: np.ndarray, leaves: np.ndarray) -> None:
+        # balanced by powers of two, which round nothing: else a fast state takes the digits of a slow one
+        balanced, (scale, _) = scipy.linalg.matrix_balance(A, permute=False, separate=True)
+        triangle, turn = scipy.linalg.schur(balanced, output="complex")
+        self._arrays = triangle, turn.conj().T @ (entries / scale[:, None]), (leaves * scale) @ turn
+        self._rows: list[list[complex]] = triangle.tolist()
+        self._entries: list[list[complex]] = self._arrays[1].tolist()
+        self._leaves: list[complex] = self._arrays[2].tolist()
+
+    def at(self, z: Any, inputs: Sequence[Any]) -> Any:
+        """The output for `inputs`, one for each column of entries; one z or an array of them. At a pole, as close as
+        rounding tells, a single z raises ZeroDivisionError, and one of an array is divided by zero."""
+        if isinstance(z, np.ndarray):
+            return self._along(z, inputs)
+        x, out = [z] * len(self._rows), 0 * z
+        for i in range(len(x) - 1, -1, -1):
+            row = self._rows[i]
+            right = 0 * z
+            for entry, size in zip(self._entries[i], inputs, strict=True):
+                right = right + entry * size
+            for j in range(i + 1, len(x)):
+                right = right + row[j] * x[j]
+            apart = z - row[i]
+            x[i] = right / (apart * (abs(apart) > ON_A_POLE * abs(z)))
+            out = out + self._leaves[i] * x[i]
+        return out
+
+    def _along(self, z: np.ndarray, inputs: Sequence[Any]) -> np.ndarray:
+        T, entries, leaves = self._arrays
+        flat: Any = z.ravel()
+        x = np.empty((len(T), z.size), complex)
+        near = ON_A_POLE**2 * (flat.real**2 + flat.imag**2)
+        for i in range(len(T) - 1, -1, -1):
+            x[i] = T[i, i + 1 :] @ x[i + 1 :]
+            for entry, size in zip(entries[i], inputs, strict=True):
+                x[i] += entry * np.ravel(size)
+            apart = flat - T[i, i]
+            x[i] /= apart * (apart.real**2 + apart.imag**2 > near)
+        return (leaves @ x).reshape(z.shape)
