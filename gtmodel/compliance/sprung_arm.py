@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ..geometry.rotations import within_pi
 from ..kinematics.section import SectionPlane
 from ..kinematics.wrist_partition import WristPartition
 from ..lang import Model
@@ -37,7 +38,7 @@ class SprungArm:
         self.limits = getattr(model, "joint_limits", None)
         self.home = held.T[0] if pose is None else np.asarray(pose, float)
         branches = self.partition.inverse(held.T - self.R @ self.tool, self.R[None]).q[0]
-        self.branch = int(np.nanargmin(np.abs(_wrapped(branches - q[0])).sum(axis=1)))
+        self.branch = int(np.nanargmin(np.abs(within_pi(branches - q[0])).sum(axis=1)))
         across = np.array([np.cos(-q[0, 0]), np.sin(-q[0, 0]), 0.0])
         normal = np.cross(across, [0.0, 0.0, 1.0])
         self.section = SectionPlane((self.home @ normal) * normal, across, np.array([0.0, 0.0, 1.0]), normal)
@@ -83,7 +84,3 @@ class SprungArm:
         if np.any(load):
             shares = {f"joint_{k + 1}": w for k, w in enumerate((work / work.sum(axis=1, keepdims=True)).T)}
         return ComplianceAtPoses(C, moved, reason, shares=shares)
-
-
-def _wrapped(angle: Array) -> Array:
-    return (angle + np.pi) % (2 * np.pi) - np.pi

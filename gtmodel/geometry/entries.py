@@ -22,7 +22,7 @@ def is_column(v: Any) -> bool:
 def entries(v: Any) -> Any:
     """The entries of a vector: of rows (..., k) k arrays (...)."""
     if isinstance(v, np.ndarray):
-        return v if v.ndim == 1 else np.moveaxis(v, -1, 0)
+        return v if v.ndim == 1 else [v[..., k] for k in range(v.shape[-1])]
     return [v[k] for k in range(v.numel())] if is_column(v) else tuple(v)
 
 
@@ -35,25 +35,26 @@ def vector(parts: Sequence[Any]) -> Any:
 
 
 def matrix(rows: Sequence[Sequence[Any]]) -> Any:
-    """The matrix of these entries, row by row; of arrays (...) matrices (..., m, k)."""
+    """The matrix of these entries, row by row; of numbers and arrays (...) of one shape matrices (..., m, k)."""
     parts = [x for row in rows for x in row]
     kinds = {type(x) for x in parts}
     if kinds <= NUMBERS:
         return np.array(rows)
     if not kinds <= ROWS:
         return _symbols(rows)
-    made = np.empty((*np.broadcast_shapes(*map(np.shape, parts)), len(rows), len(rows[0])))
-    for i, row in enumerate(rows):
-        for k, x in enumerate(row):
-            made[..., i, k] = x
-    return made
+    shape = next(x.shape for x in parts if isinstance(x, np.ndarray))
+    made = np.empty((*shape, len(parts)))
+    for k, x in enumerate(parts):
+        made[..., k] = x
+    return made.reshape(*shape, len(rows), -1)
 
 
 def _symbols(parts: Sequence[Any]) -> Any:
     import casadi as ca
 
-    from ..lang.expression import vector, written_out
+    from ..lang.expression import scope_of, vector
 
-    if isinstance(parts[0], list) and written_out(*parts[0], *parts[1]):
-        return ca.vertcat(*[ca.horzcat(*row) for row in parts])
+    rows = parts if isinstance(parts[0], list) else [[x] for x in parts]
+    if scope_of(*[x for row in rows for x in row]) is None:
+        return ca.vertcat(*[ca.horzcat(*row) for row in rows])
     return vector(parts)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cache
 from math import isfinite
 from typing import Any, Literal
 
@@ -37,13 +36,13 @@ def conjugate(q: Any) -> Any:
 
 def quaternion_matrix(q: Any) -> Any:
     """Rotation (..., 3, 3) of a quaternion (..., 4); times |q|^2 if q is not of length 1."""
+    if isinstance(q, np.ndarray) and q.ndim > 1:
+        return _matrix_of_rows(q)
     e = entries(q)
 
     def p(i: int, k: int) -> Any:
         return e[i] * e[k]
 
-    if isinstance(q, np.ndarray) and q.ndim > 1:  # each product once; derivatives of symbols keep the order of sums
-        p = cache(p)
     return matrix(
         [
             [p(0, 0) + p(1, 1) - p(2, 2) - p(3, 3), 2 * (p(1, 2) - p(0, 3)), 2 * (p(1, 3) + p(0, 2))],
@@ -51,6 +50,18 @@ def quaternion_matrix(q: Any) -> Any:
             [2 * (p(1, 3) - p(0, 2)), 2 * (p(2, 3) + p(0, 1)), p(0, 0) - p(1, 1) - p(2, 2) + p(3, 3)],
         ]
     )
+
+
+def _matrix_of_rows(q: np.ndarray) -> np.ndarray:
+    """Of rows (..., 4): each product once, and few of them at a time."""
+    w, *u = entries(q)
+    made = np.empty((*w.shape, 3, 3))
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        made[..., i, i] = w * w + u[i] * u[i] - u[j] * u[j] - u[k] * u[k]
+        both, turn = 2 * u[i] * u[j], 2 * w * u[k]
+        np.subtract(both, turn, out=made[..., i, j])
+        np.add(both, turn, out=made[..., j, i])
+    return made
 
 
 def quaternion_of(R: np.ndarray, positive: Literal["scalar", "largest"] = "scalar") -> np.ndarray:
@@ -61,17 +72,17 @@ def quaternion_of(R: np.ndarray, positive: Literal["scalar", "largest"] = "scala
     NaN.
     """
     R = np.asarray(R, float)
-    q = _nearest(R)[None] if R.ndim == 2 else _of_rows(R.reshape(-1, 3, 3))
-    half = np.abs(q[:, 0]) < HALF_TURN
-    some = half.any()
-    if some:
-        q[half, 0] = 0.0
-    first = q[:, 0]
+    q = _nearest(R.reshape(3, 3))[None] if R.size == 9 else _of_rows(R.reshape(-1, 3, 3))
+    rows = np.arange(len(q))
     if positive == "largest":
-        first = q[np.arange(len(q)), np.abs(q).argmax(axis=1)]
-    elif some:
-        first = np.where(half, q[np.arange(len(q)), 1 + np.argmax(np.abs(q[:, 1:]) > HALF_TURN, axis=1)], first)
-    return np.where(first[:, None] < 0, -q, q).reshape(*R.shape[:-2], 4)
+        first = q[rows, np.abs(q).argmax(axis=1)]
+    else:
+        first = q[:, 0]
+        half = np.abs(first) < HALF_TURN
+        if half.any():
+            first = np.where(half, q[rows, 1 + np.argmax(np.abs(q[:, 1:]) > HALF_TURN, axis=1)], first)
+            q[half, 0] = 0.0
+    return (q * np.copysign(1.0, first)[:, None]).reshape(*R.shape[:-2], 4)
 
 
 def _nearest(R: np.ndarray) -> np.ndarray:
@@ -79,11 +90,12 @@ def _nearest(R: np.ndarray) -> np.ndarray:
     (a, b, c), (d, e, f), (g, h, i) = R.tolist()
     if not isfinite(a + b + c + d + e + f + g + h + i):
         return np.full(4, np.nan)
-    # the lower triangle is not read
     K = np.array(
-        [[a + e + i, h - f, c - g, d - b], [0.0, a - e - i, b + d, c + g], [0.0, 0.0, e - a - i, f + h],
-         [0.0, 0.0, 0.0, i - a - e]]
-    )  # fmt: skip
+        [a + e + i, h - f, c - g, d - b,
+         0.0, a - e - i, b + d, c + g,
+         0.0, 0.0, e - a - i, f + h,
+         0.0, 0.0, 0.0, i - a - e]
+    ).reshape(4, 4)  # fmt: skip
     return np.linalg.eigh(K, UPLO="U")[1][:, -1]
 
 
@@ -146,10 +158,9 @@ def logarithm(q: Any) -> Any:
         whole = ca.if_else(small, scalar, 1.0)
         near = (2 - 2 * square / (3 * whole * whole)) / whole
         return ca.if_else(small, near, 2 * ca.atan2(sine, scalar) / sine) * v
-    q = np.where(q[..., :1] < 0, -q, q)
-    sine = np.linalg.norm(q[..., 1:], axis=-1, keepdims=True)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return np.where(sine > 0, 2 * np.arctan2(sine, q[..., :1]) / sine, 2.0) * q[..., 1:]
+    q = q * np.where(q[..., :1] < 0, -1.0, 1.0)
+    sine = np.sqrt(np.einsum("...k,...k->...", q[..., 1:], q[..., 1:]))[..., None]
+    return 2 * np.arctan2(sine, q[..., :1]) / (sine + (sine == 0)) * q[..., 1:]
 
 
 def guarded(square: Any) -> tuple[Any, Any]:

@@ -1,4 +1,7 @@
-"""Cross matrices and rotation matrices; each rotation takes frame coordinates to those the frame is given in."""
+"""Cross matrices, rotations and poses; each rotation takes frame coordinates to those the frame is given in.
+
+A pose is seven numbers: a unit quaternion, scalar first, and a translation; p_outer = R(q) p_own + t.
+"""
 
 from __future__ import annotations
 
@@ -8,8 +11,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .entries import entries, is_column, matrix, vector
+from .quaternions import logarithm, quaternion_matrix, quaternion_of
 
 UNIT = np.eye(3)
+X, Y, Z = UNIT
+# below this sine of the second angle ZYZ keeps fewer than ten digits of the other two: round-off over the sine
+SINGULAR_SINE = 1e-6
 SMALL = 1e-2  # rad: below it the Jacobians of rotation vectors are their series, to round-off
 
 
@@ -20,6 +27,10 @@ def cross_matrix(v: Any) -> Any:
     >>> cross_matrix(np.array([1.0, 0.0, 0.0])) @ [0.0, 1.0, 0.0]  # x by y is z
     array([0., 0., 1.])
     """
+    if isinstance(v, np.ndarray) and v.ndim > 1:
+        K = np.zeros((*v.shape, 3))
+        K[..., 0, 1], K[..., 1, 2], K[..., 2, 0] = -v[..., 2], -v[..., 0], -v[..., 1]
+        return K - np.swapaxes(K, -1, -2)
     x, y, z = entries(v)
     return matrix([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
@@ -46,6 +57,16 @@ def rotation_by(vector: ArrayLike) -> np.ndarray:
     return np.asarray(scipy.spatial.transform.Rotation.from_rotvec(np.asarray(vector, float)).as_matrix())
 
 
+def nearest_rotation(M: np.ndarray, hand: float = 1.0) -> np.ndarray:
+    """The rotation (..., 3, 3) nearest to M (..., 3, 3), or with `hand` -1 the nearest reflection.
+
+    Wahba's problem: nearest_rotation(a.T @ b) of rows a (n, 3) and b (n, 3) is the R with a = b R' as nearly as may be.
+    """
+    U, _, Vt = np.linalg.svd(M)
+    U[..., 2] *= hand * np.linalg.det(U @ Vt)[..., None]
+    return U @ Vt
+
+
 def shortest_rotation(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """The smallest rotation (3, 3) that takes the unit vector a to b, which is not -a."""
     k = cross_matrix(np.cross(a, b))
@@ -68,21 +89,130 @@ def angle_between(R: np.ndarray, S: np.ndarray) -> np.ndarray:
 
 def left_jacobian(v: np.ndarray) -> np.ndarray:
     """d log(exp(v + d) exp(-v)) / dd at d = 0, (n, 3, 3) for rotation vectors (n, 3)."""
-    angle = np.linalg.norm(v, axis=1)
-    near = angle < SMALL
-    safe = np.where(near, 1.0, angle)
-    square, squared = angle**2, safe**2
-    first = np.where(near, 0.5 - square / 24 * (1 - square / 30), (1 - np.cos(safe)) / squared)
-    second = np.where(near, 1 / 6 - square / 120, (safe - np.sin(safe)) / (squared * safe))
-    K = cross_matrix(v)
-    return UNIT + first[:, None, None] * K + second[:, None, None] * (K @ K)
+    square, near, angle = _small(v)
+    first = np.where(near, 0.5 - square / 24 * (1 - square / 30), (1 - np.cos(angle)) / angle**2)
+    second = np.where(near, 1 / 6 - square / 120, (angle - np.sin(angle)) / angle**3)
+    return _polynomial(v, square, first[:, None, None], second)
 
 
 def inverse_right_jacobian(v: np.ndarray) -> np.ndarray:
     """d log(exp(v) exp(d)) / dd at d = 0, (n, 3, 3) for rotation vectors (n, 3) shorter than a whole turn."""
-    angle = np.linalg.norm(v, axis=1)
-    near = angle < SMALL
-    half = np.where(near, 1.0, angle / 2)
-    second = np.where(near, 1 / 12 + angle**2 / 720, (1 - half / np.tan(half)) / (4 * half**2))
-    K = cross_matrix(v)
-    return UNIT + K / 2 + second[:, None, None] * (K @ K)
+    square, near, angle = _small(v)
+    second = np.where(near, 1 / 12 + square / 720, (1 - angle / 2 / np.tan(angle / 2)) / angle**2)
+    return _polynomial(v, square, 0.5, second)
+
+
+def _small(v: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Squares of angles (n,), whether these are small, and angles, 1 for small ones."""
+    square = np.einsum("nk,nk->n", v, v)
+    near = square < SMALL**2
+    return square, near, np.sqrt(np.where(near, 1.0, square))
+
+
+def _polynomial(v: np.ndarray, square: np.ndarray, first: Any, second: np.ndarray) -> np.ndarray:
+    """1 + first K + second K K, (n, 3, 3), of cross matrices K; K K = v v' - |v|^2."""
+    dyad = (second[:, None] * v)[:, :, None] * v[:, None, :]
+    return first * cross_matrix(v) + dyad + (1 - second * square)[:, None, None] * UNIT
+
+
+def within_pi(angle: Any, about: Any = 0.0) -> Any:
+    """The angles by whole turns within pi of `about` [rad]."""
+    return angle - 2 * np.pi * np.round((angle - about) / (2 * np.pi))
+
+
+def matrices(orientation: Any) -> np.ndarray:
+    """Rotation matrices (..., 3, 3) from matrices or quaternions (..., 4), scalar first, of any length but zero.
+
+    Raises ValueError for another shape. Rows that are not finite, and zero quaternions, become NaN.
+    """
+    o = np.asarray(orientation, dtype=float)
+    if o.ndim >= 2 and o.shape[-2:] == (3, 3):
+        return o
+    if o.ndim < 1 or o.shape[-1] != 4:
+        raise ValueError(f"expected quaternions (..., 4) or rotation matrices (..., 3, 3); found shape {o.shape}")
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return quaternion_matrix(o / np.linalg.norm(o, axis=-1, keepdims=True))
+
+
+def zyz(orientation: Any, about: Any = None) -> tuple[np.ndarray, np.ndarray]:
+    """ZYZ Euler angles (..., 3) [rad], R = Rz(alpha) Ry(beta) Rz(gamma), and where they are singular (...).
+
+    `orientation`: rotation matrices (..., 3, 3), or quaternions (..., 4), scalar first, of any length but zero.
+
+    beta is in [0, pi], alpha and gamma within pi of those in `about` (3,), zero by default: a reference keeps a small
+    range from being torn apart at +-pi. Singular at beta = 0 and pi: there only alpha + gamma or alpha - gamma is
+    determined; gamma is set to 0 and the row is flagged (sin beta < 1e-6).
+
+    Raises ValueError for a shape that is no orientation. Rows that are not finite become NaN, unflagged.
+
+    >>> angle = np.radians(30.0)
+    >>> angles, singular = gt.kinematics.zyz([np.cos(angle / 2), 0.0, np.sin(angle / 2), 0.0])  # about y
+    >>> np.degrees(angles).round(6), singular
+    (array([ 0., 30.,  0.]), np.False_)
+    >>> gt.kinematics.zyz(np.eye(3))[1]  # beta = 0
+    np.True_
+    """
+    R = matrices(orientation)
+    sine = np.hypot(R[..., 0, 2], R[..., 1, 2])
+    beta = np.arctan2(sine, R[..., 2, 2])
+    singular = sine < SINGULAR_SINE
+    flip = np.where(R[..., 2, 2] < 0, -1.0, 1.0)
+    alone = np.arctan2(flip * R[..., 1, 0], flip * R[..., 0, 0])
+    alpha = np.where(singular, alone, np.arctan2(R[..., 1, 2], R[..., 0, 2]))
+    gamma = np.where(singular, 0.0, np.arctan2(R[..., 2, 1], -R[..., 2, 0]))
+    gamma = np.where(np.isnan(alpha), np.nan, gamma)
+    angles = np.stack([alpha, beta, gamma], axis=-1)
+    if about is not None:
+        angles[..., ::2] = within_pi(angles[..., ::2], np.asarray(about, dtype=float)[..., ::2])
+    return angles, singular
+
+
+def rotation_vector(orientation: Any, reference: Any) -> np.ndarray:
+    """Rotation vectors (..., 3) [rad], world coordinates, that turn the reference into each orientation.
+
+    Nowhere singular for turns below pi; for small ones the three numbers are turns about x, y and z. A half turn has
+    two axes: within round-off of it the one is taken whose first component that is not zero is positive. Orientations
+    are matrices (..., 3, 3) or quaternions (..., 4), scalar first; `reference` is a single one. Raises ValueError for a
+    shape that is no orientation.
+
+    >>> angle = np.radians(30.0)
+    >>> turned = [np.cos(angle / 2), 0.0, 0.0, np.sin(angle / 2)]  # about z
+    >>> np.degrees(gt.kinematics.rotation_vector(turned, np.eye(3))).round(6)
+    array([ 0.,  0., 30.])
+    """
+    return logarithm(quaternion_of(matrices(orientation) @ matrices(reference).T))
+
+
+def rotation_of_rpy(rpy: ArrayLike) -> np.ndarray:
+    """Rz(yaw) Ry(pitch) Rx(roll), (3, 3): rotations about fixed axes, as URDF has them."""
+    roll, pitch, yaw = (float(x) for x in np.asarray(rpy, float))
+    return np.asarray(rotation_about(Z, yaw) @ rotation_about(Y, pitch) @ rotation_about(X, roll))
+
+
+def rpy_of_rotation(R: np.ndarray) -> np.ndarray:
+    """Roll, pitch, yaw (3,) of a rotation; at a pitch of 90 degrees, where only their difference counts, yaw is 0."""
+    yaw = float(np.arctan2(R[1, 0], R[0, 0])) if np.hypot(R[0, 0], R[1, 0]) > 1e-12 else 0.0
+    rest = rotation_about(Z, -yaw) @ R
+    return np.array([np.arctan2(-rest[1, 2], rest[1, 1]), np.arctan2(-rest[2, 0], rest[0, 0]), yaw])
+
+
+def matrices_of(poses: np.ndarray) -> np.ndarray:
+    """Rotations (n, 3, 3) of poses (n, 7)."""
+    return quaternion_matrix(np.asarray(poses, float)[:, :4])
+
+
+def poses_of(R: np.ndarray, t: np.ndarray) -> np.ndarray:
+    """Poses (n, 7) of rotations (n, 3, 3), projected on proper ones, and translations (n, 3)."""
+    return np.hstack([quaternion_of(nearest_rotation(R)), t])
+
+
+def composed(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """First b, then a: poses (n, 7)."""
+    Ra = matrices_of(a)
+    return poses_of(Ra @ matrices_of(b), np.einsum("nij,nj->ni", Ra, b[:, 4:]) + a[:, 4:])
+
+
+def inverse_poses(a: np.ndarray) -> np.ndarray:
+    """Poses (n, 7) that undo a."""
+    R = matrices_of(a).transpose(0, 2, 1)
+    return poses_of(R, -np.einsum("nij,nj->ni", R, a[:, 4:]))

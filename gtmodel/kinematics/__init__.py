@@ -31,7 +31,7 @@ from typing import TYPE_CHECKING
 from .._lazy import public
 
 if TYPE_CHECKING:
-    from ..geometry.angles import rotation_vector as rotation_vector, zyz as zyz
+    from ..geometry.rotations import rotation_vector as rotation_vector, zyz as zyz
     from . import (
         accuracy as accuracy,
         assembly_modes as assembly_modes,

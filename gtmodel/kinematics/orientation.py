@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..compiler.causal import compile_causal
-from ..geometry.angles import matrices, rotation_vector, zyz
+from ..geometry.rotations import matrices, rotation_vector, zyz
 from ..results import Status
 
 

@@ -12,8 +12,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gtmodel.compiler.causal import CausalFunction
-from gtmodel.geometry.rotations import cross_matrix
 from gtmodel.lang import ModelError
+
+from ..geometry.rotations import cross_matrix
 
 Array = np.ndarray
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..geometry.rotations import within_pi
 from ..results import Status
 
 # sines and relative distances below this keep fewer than ten digits of the angle that they determine
@@ -123,7 +124,7 @@ class WristPartition:
         exists = np.abs(cosine) <= 1 + EDGE
         angle = elbow * np.arccos(np.clip(cosine, -1, 1))
         q2 = np.arctan2(v, u) - np.arctan2(fore * np.sin(angle), self.upper + fore * np.cos(angle))
-        q = np.stack([q1, _wrapped(q2), _wrapped(angle - bend)], axis=1)
+        q = np.stack([q1, within_pi(q2), within_pi(angle - bend)], axis=1)
         q[~exists] = np.nan
         return q, on_axis | (np.abs(np.sin(angle)) < SINGULAR), exists
 
@@ -141,8 +142,3 @@ class WristPartition:
         across = np.cos(q4)[:, None] * M[:, 1] - np.sin(q4)[:, None] * M[:, 2]
         q6 = np.arctan2(across[:, 2], across[:, 1])
         return np.stack([q4, q5, q6], axis=1), sine < SINGULAR
-
-
-def _wrapped(angle: np.ndarray) -> np.ndarray:
-    """Within pi of zero."""
-    return angle - 2 * np.pi * np.round(angle / (2 * np.pi))

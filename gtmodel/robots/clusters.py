@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..geometry.quaternions import quaternion_of
+from ..geometry.rotations import nearest_rotation
 
 Array = np.ndarray
 LINKS = ("1", "2a", "2b", "3a", "3b", "3c")
@@ -24,8 +25,7 @@ def orientation(cart: Array, plate: Array) -> tuple[Array, float]:
     """
     a = np.vstack([centred(np.asarray(cart, dtype=float)[rows]) for rows in ROWS])
     b = np.vstack([centred(np.asarray(plate, dtype=float)[rows]) for rows in ROWS])
-    U, _, V = np.linalg.svd(a.T @ b)
-    R = U @ np.diag([1.0, 1.0, np.linalg.det(U @ V)]) @ V
+    R = nearest_rotation(a.T @ b)
     return R, float(np.max(np.linalg.norm(a - b @ R.T, axis=1)))
 
 

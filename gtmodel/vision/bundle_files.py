@@ -18,9 +18,8 @@ from ..geometry.quaternions import exponential, logarithm
 from ..inference.bundle import ResidualBlock, UnknownGroup
 from ..results.disk import path_of, write_whole
 from ..results.refusal import ArgumentError
-from .rigid_poses import POSE
 
-LABELS = (*POSE, "f", "k1", "k2")
+LABELS = ("qw", "qx", "qy", "qz", "x", "y", "z", "f", "k1", "k2")
 
 
 @dataclass(frozen=True, eq=False)

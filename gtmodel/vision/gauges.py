@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ..geometry.poses import matrices_of
+from ..geometry.rotations import matrices_of
 from ..inference.bundle.undetermined import GaugeMotion
 
 AXES = "xyz"

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..compiler.rows import map_columns
 from ..geometry.pinhole import LENS, undistort
-from ..geometry.poses import matrices_of
+from ..geometry.rotations import matrices_of
 from ..results.refusal import ArgumentError
 from ..results.status import Status
 from .views import point_view

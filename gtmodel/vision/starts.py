@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..geometry.pinhole import undistort
-from ..geometry.poses import matrices_of, poses_of
+from ..geometry.rotations import nearest_rotation, poses_of
 from ..results.refusal import ArgumentError
 
 FLAT = 1e-6  # of the spread of points: thinner than this they lie in a plane
@@ -33,15 +33,10 @@ def homography(X: np.ndarray, uv: np.ndarray) -> np.ndarray:
     X, uv = np.asarray(X, float), np.asarray(uv, float)
     if len(X) < 4:
         raise ArgumentError(f"{len(X)} points do not determine a homography; expected at least 4")
-    A, a = _normalised(X)
-    B, b = _normalised(uv)
-    one = np.hstack([a, np.ones((len(a), 1))])
-    zero = np.zeros_like(one)
-    rows = np.vstack([np.hstack([one, zero, -b[:, :1] * one]), np.hstack([zero, one, -b[:, 1:] * one])])
-    _, s, Vt = np.linalg.svd(rows)
-    if s[7] < 1e-9 * s[0]:
+    H, sizes = linear_projection(X, uv)
+    if sizes[7] < 1e-9 * sizes[0]:
         raise ArgumentError("the points lie on one line, which does not determine a homography")
-    return np.linalg.inv(B) @ Vt[-1].reshape(3, 3) @ A
+    return H
 
 
 def focal_length(H: Sequence[np.ndarray], principal: Sequence[float]) -> float:
@@ -100,22 +95,28 @@ def board_pose(X: np.ndarray, uv: np.ndarray, lens: np.ndarray) -> np.ndarray:
         return poses_of(R[None], H[:, 2][None] - X[0, 2] * R[:, 2][None])[0]
     if len(X) < 6:
         raise ArgumentError(f"{len(X)} points that do not lie in a plane do not determine a pose; expected at least 6")
-    middle, size = X.mean(axis=0), float(np.sqrt(np.mean(np.sum((X - X.mean(axis=0)) ** 2, axis=1))))
-    one = np.hstack([(X - middle) / size, np.ones((len(X), 1))])
-    zero = np.zeros_like(one)
-    rows = np.vstack([np.hstack([one, zero, -xy[:, :1] * one]), np.hstack([zero, one, -xy[:, 1:] * one])])
-    P = np.linalg.svd(rows)[2][-1].reshape(3, 4)
-    P = P * np.sign(np.linalg.det(P[:, :3]))
+    P, _ = linear_projection(X, xy)
     P = P / np.cbrt(np.linalg.det(P[:, :3]))
-    pose = poses_of(P[None, :, :3], P[None, :, 3] * size)[0]
-    turned = poses_of(P[None, :, :3], np.zeros((1, 3)))
-    pose[4:] -= matrices_of(turned)[0] @ middle
-    return pose
+    R, middle = nearest_rotation(P[:, :3]), X.mean(axis=0)
+    return poses_of(R[None], (P @ [*middle, 1.0] - R @ middle)[None])[0]
+
+
+def linear_projection(X: np.ndarray, uv: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """P (3, k + 1) with (u, v, 1) ~ P (X, 1) of points X (n, k) and uv (n, 2) by least squares of normalised linear
+    equations, and the singular values of these."""
+    A, a = _normalised(X)
+    B, b = _normalised(uv)
+    one = np.hstack([a, np.ones((len(a), 1))])
+    zero = np.zeros_like(one)
+    rows = np.vstack([np.hstack([one, zero, -b[:, :1] * one]), np.hstack([zero, one, -b[:, 1:] * one])])
+    _, sizes, Vt = np.linalg.svd(rows)
+    return np.linalg.inv(B) @ Vt[-1].reshape(3, -1) @ A, sizes
 
 
 def _normalised(p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A (3, 3) that takes points (n, 2) to middle zero and size sqrt 2, and these."""
-    middle = p.mean(axis=0)
+    """A (k + 1, k + 1) that takes points (n, k) to middle zero and size sqrt 2, and these."""
+    middle, A = p.mean(axis=0), np.eye(p.shape[1] + 1)
     spread = float(np.mean(np.linalg.norm(p - middle, axis=1)))
-    k = np.sqrt(2) / (spread if spread > 0 else 1.0)
-    return np.array([[k, 0, -k * middle[0]], [0, k, -k * middle[1]], [0, 0, 1.0]]), k * (p - middle)
+    A[:-1] *= np.sqrt(2) / (spread if spread > 0 else 1.0)
+    A[:-1, -1] = -A[0, 0] * middle
+    return A, A[0, 0] * (p - middle)

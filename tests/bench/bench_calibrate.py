@@ -27,8 +27,7 @@ from scipy.optimize import least_squares
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from gtmodel.calibrate import CalibrationProblem, Measurements, calibrate, prepare
-from gtmodel.geometry.angles import matrices
-from gtmodel.geometry.rotations import rotation_about
+from gtmodel.geometry.rotations import matrices, rotation_about
 from tests.bench.rivals import calibration_by_hand as by_hand
 from tests.calibrate.synthetic import measured, true_robot
 

@@ -7,7 +7,7 @@ import pytest
 
 from gtmodel.calibrate import Measured, MeasuredSignal, read_poses
 from gtmodel.calibrate.measured.representations import quaternions
-from gtmodel.geometry.angles import matrices
+from gtmodel.geometry.rotations import matrices
 from gtmodel.results import ArgumentError
 
 AXES = {"x": 0, "y": 1, "z": 2}

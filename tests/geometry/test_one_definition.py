@@ -1,6 +1,6 @@
-"""Quaternion product, quaternion to matrix and back, cross matrix and Rodrigues' formula stand in `gtmodel.geometry`
-alone:
-small pure functions of all other packages are called, and matrices that are written out are read."""
+"""What `gtmodel.geometry` defines stands there alone: products and matrices of quaternions, cross matrices, rotations
+by vectors, fits of rotations, angles. Small pure functions of all other packages are called with arguments of each, and
+matrices that are written out are read."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
+import scipy
 from scipy.spatial.transform import Rotation
 
 HOUSE = Path(__file__).resolve().parents[2] / "gtmodel"
@@ -27,18 +28,24 @@ ALLOWED = {
 }
 NAMES = {
     "skew", "hat", "cross_matrix", "cross_matrices", "rodrigues", "rotation_about", "quaternion_matrix",
-    "quaternion_product", "quaternion_of", "zyz_quaternion", "rotation_of_rpy",
+    "quaternion_product", "quaternion_of", "zyz_quaternion", "rotation_of_rpy", "nearest_rotation", "rotation_angle",
+    "rotation_by", "rotation_vectors", "left_jacobian", "right_handed",
 }  # fmt: skip
 # what a definition is not written without; reading every file takes longer than all other tests of geometry
 SUSPECT = re.compile(
-    r"cross|trace|2 \* \(|swapaxes|\[(\.\.\., )?1:4?\]|\[0\] \* \w+\[0\]|0, -[a-z]|zero, -[a-z]|skew|quaternion"
+    r"cross|trace|2 \* \(|swapaxes|\[(\.\.\., )?1:4?\]|\[0\] \* \w+\[0\]|0, -[a-z]|zero, -[a-z]|skew|quaternion|"
+    r"Rotation\.|linalg\.svd|linalg\.eigh|arccos|acos|[2\*] (np|math)\.pi|tau|nearest_rotation|rotation_by|handed"
 )
 WRITTEN_OUT = re.compile(r"cross\(.*eye\(|0, -[a-z]|zero, -[a-z]")
 LONGEST = 30  # lines of a function that is called
-ROOTS = {"np", "ca", "math", "gt"}
-PLAIN = {"float", "sum", "zip", "range", "len", "tuple", "list", "enumerate", "abs", "dot", "cross", "sqrt", "vector"}
+ROOTS = {"np", "ca", "math", "gt", "scipy", "Rotation"}
+PLAIN = {
+    "float", "sum", "zip", "range", "len", "tuple", "list", "enumerate", "abs", "min", "max", "round", "int",
+    "dot", "cross", "sqrt", "vector",
+}  # fmt: skip
 NAMESPACE: dict[str, Any] = {
-    "np": np, "ca": ca, "math": math, "dot": np.dot, "cross": np.cross, "sqrt": np.sqrt, "vector": np.array,
+    "np": np, "ca": ca, "math": math, "scipy": scipy, "Rotation": Rotation,
+    "dot": np.dot, "cross": np.cross, "sqrt": np.sqrt, "vector": np.array,
     "gt": SimpleNamespace(dot=np.dot, cross=np.cross, sqrt=np.sqrt, cos=np.cos, sin=np.sin, vector=np.array),
 }  # fmt: skip
 ALIKE = 1e-9
@@ -46,6 +53,15 @@ ALIKE = 1e-9
 TURNS = Rotation.from_rotvec([[0.3, -0.5, 0.9], [0.7, 0.2, -0.4]])
 P, Q = TURNS.as_quat(scalar_first=True)
 V = np.array([0.36, -0.48, 0.8])
+A, B = TURNS.as_matrix()
+W = 0.7 * V
+FIT = A + np.array([[0.1, 0.0, 0.3], [0.0, -0.2, 0.1], [0.2, 0.0, 0.0]])
+POLAR = scipy.linalg.polar(FIT)[0]
+ROWS = np.random.default_rng(8).standard_normal((5, 3))
+MOVED = ROWS @ A.T
+APART = np.array((TURNS[0] * TURNS[1].inv()).magnitude())
+ANGLES = np.array([4.0, -4.0, 1.0, -3.0])
+FIRST = np.cross(V, np.eye(3)[0]) / np.hypot(V[1], V[2])
 CROSS = np.cross(np.eye(3), V)
 Made = tuple[str, list[np.ndarray], list[np.ndarray]]
 # what is found, of which arguments, as which results
@@ -55,7 +71,18 @@ DEFINITIONS: list[Made] = [
     ("a rotation matrix of a quaternion", [P], [TURNS[0].as_matrix(), TURNS[0].as_matrix().T]),
     ("a quaternion of a rotation matrix", [TURNS[0].as_matrix()], [P, -P]),
     ("a cross matrix", [V], [CROSS, -CROSS]),
-    ("Rodrigues' formula", [V, np.array(0.7)], [Rotation.from_rotvec(0.7 * V).as_matrix()]),
+    ("Rodrigues' formula", [V, np.array(0.7)], [Rotation.from_rotvec(W).as_matrix()]),
+    ("a rotation by a rotation vector", [W], [Rotation.from_rotvec(W).as_matrix()]),
+    ("a quaternion of a rotation vector", [W], [Rotation.from_rotvec(W).as_quat(scalar_first=True)]),
+    ("a rotation vector of a quaternion", [P], [TURNS[0].as_rotvec()]),
+    ("a rotation vector of a rotation", [A], [TURNS[0].as_rotvec()]),
+    ("a turned vector", [P, V], [A @ V, A.T @ V]),
+    ("an angle between quaternions", [P, Q], [APART]),
+    ("an angle between rotations", [A, B], [APART]),
+    ("a nearest rotation", [FIT], [POLAR]),
+    ("a fit of a rotation", [ROWS, MOVED], [A, A.T]),
+    ("angles within pi", [ANGLES], [np.angle(np.exp(1j * ANGLES))]),
+    ("axes of a direction", [V], [np.array([V, FIRST, np.cross(V, FIRST)])]),
 ]
 
 
@@ -132,6 +159,10 @@ def _evaluated(f: ast.FunctionDef, space: dict[str, Any]) -> str:
 def _callable(tree: ast.Module) -> dict[str, Any]:
     """The functions of a module that are short and without effects, each by its name."""
     space = dict(NAMESPACE)
+    for node in tree.body:
+        if isinstance(node, (ast.Assign, ast.AnnAssign)) and node.value and _is_constant(node.value):
+            with suppress(Exception):
+                exec(compile(ast.Module([node], []), "constants", "exec"), space)
     functions = [f for f in tree.body if isinstance(f, ast.FunctionDef)]
     own = {f.name for f in functions}
     for f in functions:
@@ -144,6 +175,12 @@ def _callable(tree: ast.Module) -> dict[str, Any]:
             with suppress(NameError):  # a default of the module
                 exec(compile(ast.Module([alone], []), "f", "exec"), space)
     return space
+
+
+def _is_constant(value: ast.expr) -> bool:
+    """A number, or np.eye(3) and the like."""
+    calls = [node.func for node in ast.walk(value) if isinstance(node, ast.Call)]
+    return all(isinstance(f, ast.Attribute) and isinstance(f.value, ast.Name) and f.value.id == "np" for f in calls)
 
 
 def _is_pure(f: ast.FunctionDef, others: set[str]) -> bool:
@@ -229,6 +266,17 @@ PLANTED = [
     "def f(n, angle):\n    return np.cos(angle) * np.eye(3) + (1 - np.cos(angle)) * np.outer(n, n) "
     "+ np.sin(angle) * np.cross(n, np.identity(3)).T",
     "def skew(x):\n    return unknown(x)",
+    "UNIT = np.eye(3)\ndef f(v):\n    return np.cross(v, UNIT).T",
+    "def f(v):\n    return scipy.spatial.transform.Rotation.from_rotvec(v).as_matrix()",
+    "def f(R):\n    return Rotation.from_matrix(R).as_rotvec()",
+    "def f(q, v):\n    t = 2 * np.cross(q[1:], v)\n    return v + q[0] * t + np.cross(q[1:], t)",
+    "def f(a, b):\n    return 2 * np.arccos(min(abs(a @ b), 1.0))",
+    "def f(R, S):\n    return np.arccos((np.trace(R.T @ S) - 1) / 2)",
+    "def f(M):\n    U, _, Vt = np.linalg.svd(M)\n    return U @ Vt",
+    "def f(a, b):\n    U, _, V = np.linalg.svd(b.T @ a)\n    return U @ np.diag([1, 1, np.linalg.det(U @ V)]) @ V",
+    "def f(angle):\n    return (angle + np.pi) % (2 * np.pi) - np.pi",
+    "def f(n):\n    c = np.cross(n, np.eye(3)[np.argmin(np.abs(n))])\n    c /= np.linalg.norm(c)\n"
+    "    return np.array([n, c, np.cross(n, c)])",
 ]  # fmt: skip
 
 

@@ -13,7 +13,7 @@ from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
 import gtmodel as gt
-from gtmodel.geometry import angles, expressions, poses, quaternions, rotations
+from gtmodel.geometry import expressions, quaternions, rotations
 
 ALIKE = 1e-15  # of numbers of size 1, by the same operations in the same order
 EXACT = 1e-14  # by another road
@@ -113,7 +113,7 @@ def test_rotation_vectors_there_and_back() -> None:
     np.testing.assert_allclose(rotations.rotation_by(quaternions.logarithm(UNIT)), MATRICES, atol=EXACT)
     np.testing.assert_allclose(quaternions.logarithm(-UNIT[60:]), VECTORS[60:], atol=EXACT)
     assert np.array_equal(quaternions.logarithm(np.array([1.0, 0, 0, 0])), np.zeros(3))
-    np.testing.assert_allclose(angles.rotation_vector(MATRICES[60:], np.eye(3)), VECTORS[60:], atol=EXACT)
+    np.testing.assert_allclose(rotations.rotation_vector(MATRICES[60:], np.eye(3)), VECTORS[60:], atol=EXACT)
 
 
 def test_rodrigues_is_the_exponential_of_the_cross_matrix() -> None:
@@ -183,7 +183,7 @@ def test_turns_with_a_purpose() -> None:
 
 
 def test_angles_of_rotations() -> None:
-    zyz, singular = angles.zyz(UNIT[91:])
+    zyz, singular = rotations.zyz(UNIT[91:])
     assert not singular.any()
     np.testing.assert_allclose(Rotation.from_euler("ZYZ", zyz).as_matrix(), MATRICES[91:], atol=EXACT)
     for a in zyz[:20]:
@@ -191,22 +191,24 @@ def test_angles_of_rotations() -> None:
         np.testing.assert_allclose(quaternions.quaternion_matrix(quaternions.zyz_quaternion(*a)), turned,
                                    atol=EXACT)  # fmt: skip
         rpy = a * [1.0, 0.45, 1.0]
-        np.testing.assert_allclose(angles.rotation_of_rpy(rpy), Rotation.from_euler("xyz", rpy).as_matrix(), atol=EXACT)
+        np.testing.assert_allclose(
+            rotations.rotation_of_rpy(rpy), Rotation.from_euler("xyz", rpy).as_matrix(), atol=EXACT
+        )
         turned = Rotation.from_euler("xyz", rpy).as_quat(scalar_first=True)
         np.testing.assert_allclose(np.abs(quaternions.rpy_quaternion(*rpy) @ turned), 1.0, atol=EXACT)
-        np.testing.assert_allclose(angles.rpy_of_rotation(angles.rotation_of_rpy(rpy)), rpy, atol=100 * EXACT)
+        np.testing.assert_allclose(rotations.rpy_of_rotation(rotations.rotation_of_rpy(rpy)), rpy, atol=100 * EXACT)
 
 
 def test_poses() -> None:
     t = np.random.default_rng(4).standard_normal((200, 3))
-    a, b = poses.poses_of(MATRICES, t), poses.poses_of(MATRICES[::-1], t[::-1])
-    np.testing.assert_allclose(poses.matrices_of(a), MATRICES, atol=EXACT)
+    a, b = rotations.poses_of(MATRICES, t), rotations.poses_of(MATRICES[::-1], t[::-1])
+    np.testing.assert_allclose(rotations.matrices_of(a), MATRICES, atol=EXACT)
     p = np.array([0.3, -0.2, 0.7])
     inner = np.einsum("nij,j->ni", MATRICES[::-1], p) + t[::-1]
     expected = np.einsum("nij,nj->ni", MATRICES, inner) + t
-    got = by_columns(expressions.applied, poses.composed(a, b), np.tile(p, (200, 1)))
+    got = by_columns(expressions.applied, rotations.composed(a, b), np.tile(p, (200, 1)))
     np.testing.assert_allclose(got, expected, atol=10 * EXACT)
-    nothing = poses.composed(poses.inverse_poses(a), a)
+    nothing = rotations.composed(rotations.inverse_poses(a), a)
     np.testing.assert_allclose(nothing, np.eye(1, 7).repeat(200, 0), atol=10 * EXACT)
 
 
@@ -223,12 +225,14 @@ def test_rows_columns_and_expressions_are_alike(f: Callable[..., Any], rows: lis
     made = f(*rows)
     np.testing.assert_allclose(by_columns(f, *rows), made, atol=ALIKE, rtol=0)
     for k in range(0, 200, 40):
+        columns = f(*[ca.DM(r[k]) for r in rows]).full().squeeze()
+        np.testing.assert_allclose(columns, made[k], atol=ALIKE, rtol=0)
         np.testing.assert_allclose(f(*[r[k] for r in rows]), made[k], atol=ALIKE, rtol=0)
         np.testing.assert_allclose(by_expression(f, *[r[k] for r in rows]), made[k], atol=ALIKE, rtol=0)
 
 
 def test_rows_and_columns_of_turns_are_alike() -> None:
-    """Bodies of their own: CasADi's are smooth at zero, NumPy's are exact at all angles."""
+    """Bodies of their own: CasADi's are smooth at zero, NumPy's are exact at all rotations."""
     np.testing.assert_allclose(
         by_columns(quaternions.exponential, VECTORS), quaternions.exponential(VECTORS), atol=ALIKE, rtol=0
     )

@@ -12,7 +12,7 @@ from scipy.optimize import fsolve
 from scipy.spatial.transform import Rotation
 
 import gtmodel as gt
-from gtmodel.geometry.angles import matrices
+from gtmodel.geometry.rotations import matrices
 from gtmodel.kinematics import grid, orientation_map, rotation_vector, zyz
 from gtmodel.kinematics.orientation import OrientationMap
 from gtmodel.robots.six_link import D1_ZYZ_DEG, six_link_gantry_tau

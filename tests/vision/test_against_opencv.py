@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from gtmodel.geometry.poses import matrices_of, poses_of
 from gtmodel.geometry.quaternions import logarithm
+from gtmodel.geometry.rotations import matrices_of, poses_of
 from gtmodel.vision import intersect, project, undistort
 from gtmodel.vision.views import board_view
 

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import gtmodel as gt
-from gtmodel.geometry.poses import composed, inverse_poses, matrices_of, poses_of
+from gtmodel.geometry.rotations import composed, inverse_poses, matrices_of, poses_of
 from gtmodel.inference.bundle import bundle_fit
 from gtmodel.results import ArgumentError, Status
 from gtmodel.vision import (
@@ -21,7 +21,7 @@ from gtmodel.vision import (
     undistort,
 )
 from gtmodel.vision.intersection import MOVES
-from gtmodel.vision.rigid_poses import pose_group
+from gtmodel.vision.stereo.calibrated import pose_group
 from gtmodel.vision.views import board_view
 from tests.inference.synthetic_bundle import scene
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ...geometry.rotations import nearest_rotation
 from ...results.suspicion import Suspicion
 
 # of a signal's spread to the robot's size: beyond, its unit is another one
@@ -85,8 +86,7 @@ def degrees_of_freedom(poses: int, axes: int = 3, free_frame: bool = False) -> i
 def aligned(measured: np.ndarray, predicted: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
     """t (3,), R (3, 3) with predicted = t + R measured as nearly as may be, det R = +1, and the rms distance [m]."""
     a, b = measured - measured.mean(axis=0), predicted - predicted.mean(axis=0)
-    U, _, Vt = np.linalg.svd(a.T @ b)
-    R = (U @ np.diag([1.0, 1.0, np.sign(np.linalg.det(U @ Vt))]) @ Vt).T
+    R = nearest_rotation(b.T @ a)
     return predicted.mean(axis=0) - R @ measured.mean(axis=0), R, distance(a @ R.T, b)
 
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import scipy
 
 from ...compiler.causal import CausalFunction, compile_causal
+from ...geometry.quaternions import exponential, product, quaternion_matrix
 from ...kinematics.mechanism import Mechanism
 from ...kinematics.workspace import InverseKinematics, Limit, Poses, limited_mechanism
 from ...results import ArgumentError, Status
@@ -65,10 +65,9 @@ def turns_of(task: Task) -> list[Turn]:
     if task.bodies.plate_joints is not None:
         raise ArgumentError("is for simplified joints; an F1 has its own", "bodies.plate_joints")
     f1: Any = model
-    home = scipy.spatial.transform.Rotation.from_quat(np.array(f1.home_e, float), scalar_first=True)
-    turned = [home * scipy.spatial.transform.Rotation.from_rotvec(turn) for turn in np.array(turns, float)]
+    turned = product(np.array(f1.home_e, float), exponential(turns))
     function = compile_causal(f1, known=["T", "e"], targets=["q", *LINK_ENDS])
-    return [Turn(_mechanism(f1, function, task.home, e), e) for e in (R.as_quat(scalar_first=True) for R in turned)]
+    return [Turn(_mechanism(f1, function, task.home, e), e) for e in turned]
 
 
 def facing(task: Task, turn: Turn) -> list[Limit]:
@@ -76,12 +75,8 @@ def facing(task: Task, turn: Turn) -> list[Limit]:
     device = task.device
     if not isinstance(device, Tracker) or device.target_axis is None:
         return []
-    plate = (
-        scipy.spatial.transform.Rotation.identity()
-        if turn.e is None
-        else scipy.spatial.transform.Rotation.from_quat(turn.e, scalar_first=True)
-    )
-    return [Facing(np.array(device.at), plate.apply(device.target_axis), device.acceptance)]
+    plate = np.eye(3) if turn.e is None else quaternion_matrix(turn.e)
+    return [Facing(np.array(device.at), plate @ device.target_axis, device.acceptance)]
 
 
 def _mechanism(f1: Any, function: CausalFunction, place: Sequence[float] | None, e: Array) -> Mechanism:

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
 
+from ...geometry.rotations import angle_between, nearest_rotation
 from ...inference import chi_squared_over_noise, freedom_of, held_out_ratio
 from ...inference.residuals import shown_p
 from ...measurements.inspection import residual_tests
@@ -158,9 +158,7 @@ def _other_axes(part: FittedReadings, turns: np.ndarray, gravity: np.ndarray) ->
             modelled = part.J @ part.estimate.values + test.moved
             A = np.concatenate([np.delete(part.J, part.load, axis=2), every], axis=2).reshape(3 * len(g), -1)
             B = np.linalg.lstsq(A, modelled.reshape(-1), rcond=None)[0][-9:].reshape(3, 3)
-            U, _, Vt = np.linalg.svd(B)
-            turned = U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt
-            angle = np.rad2deg(np.linalg.norm(scipy.spatial.transform.Rotation.from_matrix(turned).as_rotvec()))
+            angle = np.rad2deg(angle_between(nearest_rotation(B), np.eye(3)))
             evidence += f", turned by {angle:.3g} degrees against those of the turns"
     return Suspicion(f"{part.word}_axes", evidence, p, f"correct the mounting that the turns assume; {FRAMES}")
 

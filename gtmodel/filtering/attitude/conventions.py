@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from ...geometry.rotations import nearest_rotation
 from ...results.refusal import ArgumentError
 from .gyro_path import RateCorrection, gyro_path
 
@@ -113,10 +114,8 @@ def conventions(
                 tried.append((near, near.at_offset(one, paths[unit, offset])))
     tried.sort(key=lambda pair: -round(pair[1].either, LIKELIHOOD_DIGITS))
     best = [near.refined(convention, step) for near, convention in tried[:REFINED]]
-    return sorted(
-        [*best, *(convention for _, convention in tried[REFINED:])],
-        key=lambda c: -round(c.log_likelihood, LIKELIHOOD_DIGITS),
-    )
+    listed = [*best, *(convention for _, convention in tried[REFINED:])]
+    return sorted(listed, key=lambda c: -round(c.log_likelihood, LIKELIHOOD_DIGITS))
 
 
 def started(
@@ -180,10 +179,10 @@ class _Near:
     def at_offset(self, convention: Convention, turned: np.ndarray | None = None) -> Convention:
         """A convention with its likelihood at its own clock offset; turned: of the gyro there, where it is known."""
         turned = self.turned(convention.offset) if turned is None else turned
-        mount = Rotation.align_vectors(self.measured, turned)[0]
+        mount = Rotation.from_matrix(nearest_rotation(self.measured.T @ turned))
         size = float(np.sqrt(np.mean((self.measured - mount.apply(turned)) ** 2)))
         logs = -0.5 * self.measured.size * (np.log(2 * np.pi * max(size, 1e-12) ** 2) + 1)
-        reflection = -Rotation.align_vectors(self.measured, -turned)[0].as_matrix()
+        reflection = nearest_rotation(self.measured.T @ turned, hand=-1)
         other = float(np.sqrt(np.mean((self.measured - turned @ reflection.T) ** 2)))
         x, y, z = (float(v) for v in mount.as_rotvec())
         return replace(

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ...geometry.rotations import angle_between
 from ...inference.chance import f_chance
 from ...results.estimate import Estimate
 from ...results.refusal import ArgumentError
@@ -75,12 +76,12 @@ def mirrored_words(M: np.ndarray) -> str:
     for k in range(3):
         signs = np.ones(3)
         signs[k] = -1.0
-        if _apart(M, np.diag(signs)) < NEAR_AXES:
+        if angle_between(M, np.diag(signs)) < NEAR_AXES:
             return f"the {AXES[k]} axis of the gyro has the wrong sign"
     for i, j in ((0, 1), (0, 2), (1, 2)):
         P = np.eye(3)
         P[[i, j]] = P[[j, i]]
-        if _apart(M, P) < NEAR_AXES:
+        if angle_between(M, P) < NEAR_AXES:
             return f"the axes {AXES[i]} and {AXES[j]} of the gyro are exchanged"
     return UNNAMED
 
@@ -132,8 +133,3 @@ def _of_any(t: np.ndarray, dof: np.ndarray | float) -> np.ndarray:
 def _mirrored_residual(c: Convention) -> float:
     """Size of the residuals under the best reflection [rad]."""
     return float(c.residual * np.exp(-c.mirrored / max(c.numbers, 1)))
-
-
-def _apart(M: np.ndarray, P: np.ndarray) -> float:
-    """Angle of the rotation between two reflections [rad]."""
-    return float(np.arccos(np.clip((np.trace(M @ P.T) - 1) / 2, -1.0, 1.0)))

@@ -112,10 +112,8 @@ class UnknownGroup:
         if self.turn is None:
             return values + step
         t = self.turn
-        new = np.empty_like(values)
-        new[:, :t], new[:, t + 4 :] = values[:, :t] + step[:, :t], values[:, t + 4 :] + step[:, t + 3 :]
-        new[:, t : t + 4] = turned(values[:, t : t + 4], step[:, t : t + 3])
-        return new
+        changed = turned(values[:, t : t + 4], step[:, t : t + 3])
+        return np.hstack([values[:, :t] + step[:, :t], changed, values[:, t + 4 :] + step[:, t + 3 :]])
 
     def moved_sx(self, values: ca.SX, step: ca.SX) -> ca.SX:
         """The same on one instance of symbols, to first order in the step."""

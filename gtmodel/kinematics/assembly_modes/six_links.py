@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from ...compiler.causal import CausalFunction, compile_causal, flat_of
-from ...geometry.angles import matrices
+from ...geometry.rotations import matrices
 from ...lang import Model, ModelError
 from ...results import ArgumentError, Status
 from ...robots.links import rod_names

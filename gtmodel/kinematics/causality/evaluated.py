@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from ...compiler.causal import CausalFunction, CausalSignal, compile_causal, flat_of
-from ...geometry.angles import matrices
+from ...geometry.rotations import matrices
 from ...lang import Model, ModelError
 from ...results import ArgumentError, SolveStatus, Status, Work
 from ...results.agreement import AnyNumber

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ...geometry.angles import rotation_of_rpy, rpy_of_rotation
+from ...geometry.rotations import rotation_of_rpy, rpy_of_rotation
 from .arm import SerialArm, arm_class
 from .bodies import moved
 from .geometry import NEARLY_PARALLEL

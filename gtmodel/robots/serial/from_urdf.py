@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..._near import meant
-from ...geometry.angles import rotation_of_rpy, rpy_of_rotation
-from ...geometry.rotations import rotation_about
+from ...geometry.rotations import rotation_about, rotation_of_rpy, rpy_of_rotation
 from ...lang import ModelError
 from .arm import FRICTION, SerialArm, arm_class
 from .bodies import moved, with_payload

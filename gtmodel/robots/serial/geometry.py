@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ...geometry.angles import rotation_of_rpy
+from ...geometry.rotations import rotation_of_rpy
 from ...inference import dependencies
 from ...lang import ModelError
 from .arm import DH_NAMES, SerialArm

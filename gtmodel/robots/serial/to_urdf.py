@@ -8,7 +8,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ...geometry.angles import rotation_of_rpy, rpy_of_rotation
+from ...geometry.rotations import rotation_of_rpy, rpy_of_rotation
 from ...lang import ModelError
 from .arm import DH_NAMES, SerialArm
 from .bodies import central, moved

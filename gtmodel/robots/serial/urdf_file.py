@@ -11,7 +11,7 @@ import numpy as np
 import scipy
 
 from ..._near import meant
-from ...geometry.angles import rotation_of_rpy, rpy_of_rotation
+from ...geometry.rotations import rotation_of_rpy, rpy_of_rotation
 from ...lang import ModelError
 from ...results.disk import path_of
 from ...results.read_bounds import XmlFault

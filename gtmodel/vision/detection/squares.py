@@ -10,6 +10,7 @@ from itertools import islice
 
 import numpy as np
 
+from ..starts import linear_projection
 from .detection import Detection, DetectionStatus
 from .edges import refined
 from .opencv import opencv
@@ -42,7 +43,7 @@ def detect_squares(picture: np.ndarray, target: FiveSquares, background: np.ndar
         if not sides.good.all():
             part = many >= 2 or _leaves(expected, image.shape)
             return Detection(DetectionStatus.PARTLY_VISIBLE if part else DetectionStatus.NOT_SEEN)
-        H = _homography(target.squares.reshape(-1, 3)[:, :2], sides.corners.reshape(-1, 2))
+        H, _ = linear_projection(target.squares.reshape(-1, 3)[:, :2], sides.corners.reshape(-1, 2))
         expected = _mapped(H, target.squares)
     sides = refined(image, expected, reach=3.5)
     moved = np.abs(sides.corners - expected).max(initial=0.0)
@@ -101,7 +102,7 @@ def _hypothesis(corners: np.ndarray, target: FiveSquares) -> tuple[np.ndarray, i
     best: tuple[int, float, np.ndarray] | None = None
     hypotheses = ((c, k, turn) for c in corners for k in range(len(squares)) for turn in range(4))
     for candidate, k, turn in islice(hypotheses, TRIED):
-        H = _homography(squares[k], np.roll(candidate, turn, axis=0))
+        H, _ = linear_projection(squares[k], np.roll(candidate, turn, axis=0))
         H, many, rest = _grown(H, squares, corners, middles, k)
         if best is None or (many, -rest) > (best[0], -best[1]):
             best = many, rest, H
@@ -133,30 +134,11 @@ def _grown(
             continue
         met_from.append(squares[k])
         met_to.append(turned[int(np.argmin(off))])
-        H = _homography(np.concatenate(met_from), np.concatenate(met_to))
+        H, _ = linear_projection(np.concatenate(met_from), np.concatenate(met_to))
         rest = float(np.abs(_mapped(H, np.array(met_from)) - np.array(met_to)).max())
         if rest > 0.15 * size + 0.5:
             return H, 0, rest
     return H, len(met_from), rest
-
-
-def _homography(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """H (3, 3) with b ~ H a for points of a plane, by the normalised linear equations."""
-    Ta, Tb = _normaliser(a), _normaliser(b)
-    x, y = (a @ Ta[:2, :2].T + Ta[:2, 2]).T
-    u, v = (b @ Tb[:2, :2].T + Tb[:2, 2]).T
-    o, z = np.ones_like(x), np.zeros_like(x)
-    A = np.concatenate([
-        np.stack([x, y, o, z, z, z, -u * x, -u * y, -u], axis=1),
-        np.stack([z, z, z, x, y, o, -v * x, -v * y, -v], axis=1),
-    ])  # fmt: skip
-    return np.linalg.inv(Tb) @ np.linalg.svd(A)[2][-1].reshape(3, 3) @ Ta
-
-
-def _normaliser(p: np.ndarray) -> np.ndarray:
-    middle = p.mean(axis=0)
-    size = max(float(np.sqrt(((p - middle) ** 2).sum(axis=1).mean())), 1e-12)
-    return np.array([[1 / size, 0, -middle[0] / size], [0, 1 / size, -middle[1] / size], [0, 0, 1]])
 
 
 def _mapped(H: np.ndarray, points: np.ndarray) -> np.ndarray:

@@ -9,8 +9,8 @@ from typing import Literal
 import casadi as ca
 import numpy as np
 
-from ...geometry.poses import inverse_poses, matrices_of, poses_of
 from ...geometry.quaternions import conjugate, logarithm, product, quaternion_of
+from ...geometry.rotations import inverse_poses, matrices_of, poses_of
 from ...inference.bundle import BundleFit, ResidualBlock, UnknownGroup, bundle_fit
 from ...results.estimate import Estimate
 from ...results.refusal import ArgumentError

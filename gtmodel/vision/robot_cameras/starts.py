@@ -10,6 +10,7 @@ from ...geometry.quaternions import quaternion_matrix, quaternion_of
 from ...geometry.rotations import rotation_by
 from ...inference.nonlinear import by_differences, nonlinear_fit
 from ...results.refusal import ArgumentError
+from ..starts import linear_projection
 from .pictures import RobotPictures
 
 LEAST = 8  # pictures of a camera: two more than the direct linear transformation needs
@@ -60,17 +61,7 @@ def _resection(X: np.ndarray, uv: np.ndarray, name: str) -> tuple[np.ndarray, np
     middle, size = X.mean(axis=0), np.linalg.norm(X - X.mean(axis=0), axis=1).mean()
     if np.linalg.svd(X - middle, compute_uv=False)[-1] < FLAT * size * np.sqrt(len(X)):
         raise ArgumentError(f"the poses that {name} sees lie in a plane; measure at other distances too", "corners")
-    centre, spread = uv.mean(axis=0), np.abs(uv - uv.mean(axis=0)).mean()
-    Y = np.column_stack([(X - middle) / size, np.ones(len(X))])
-    u, v = ((uv - centre) / spread).T
-    zero = np.zeros_like(Y)
-    A = np.vstack([np.hstack([Y, zero, -u[:, None] * Y]), np.hstack([zero, Y, -v[:, None] * Y])])
-    P = np.linalg.svd(A)[2][-1].reshape(3, 4)
-    back = np.array([[spread, 0, centre[0]], [0, spread, centre[1]], [0, 0, 1]])
-    scale = np.eye(4)
-    scale[:3, :3] /= size
-    scale[:3, 3] = -middle / size
-    P = back @ P @ scale
+    P, _ = linear_projection(X, uv)
     P *= np.sign(np.linalg.det(P[:, :3]))
     K, R = scipy.linalg.rq(P[:, :3])
     sign = np.diag(np.sign(np.diag(K)))

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from ...calibrate.choice import Choice
-from ...geometry.quaternions import quaternion_matrix, quaternion_of
+from ...geometry.quaternions import exponential, product, quaternion_matrix, quaternion_of
 from ...lang.model import Model
 from ...results.refusal import ArgumentError
 from ..detection.targets import FiveSquares
@@ -172,9 +172,7 @@ def made_hand_eye(
     >>> gt.vision.robot_cameras.made_hand_eye(seed=2).pictures.actuators.shape
     (12, 7)
     """
-    from scipy.spatial.transform import Rotation
-
-    from ...geometry.poses import composed, inverse_poses
+    from ...geometry.rotations import composed, inverse_poses
     from ...robots.catalogue import gantry_tau
 
     rng = np.random.default_rng(seed)
@@ -184,8 +182,8 @@ def made_hand_eye(
     standing = np.array([*_unit(np.array([0.3, 0.9, 0.1, -0.2])), 0.8, -0.3, 0.2])
     rows = list[np.ndarray]()
     while len(rows) < poses:  # the target before the camera, tilted
-        tilt = Rotation.from_rotvec(rng.uniform(-0.5, 0.5, 3)).as_quat()
-        seen = np.array([*np.roll(tilt, 1), *rng.uniform([-0.15, -0.1, 0.7], [0.15, 0.1, 1.1])])
+        tilt = exponential(rng.uniform(-0.5, 0.5, 3))
+        seen = np.array([*tilt, *rng.uniform([-0.15, -0.1, 0.7], [0.15, 0.1, 1.1])])
         # A carried = standing B, with B the target in the camera or the camera before the target
         B = seen[None] if on_tool else inverse_poses(seen[None])
         rows.append(composed(composed(standing[None], B), inverse_poses(carried[None]))[0])
@@ -196,10 +194,7 @@ def made_hand_eye(
     uv = _seen(camera, target, exact, tool.points, on_tool)
     said = exact.copy()
     said[:, :3] += pose_noise * rng.standard_normal((poses, 3))
-    turned = Rotation.from_quat(np.roll(exact[:, 3:], -1, axis=1)) * Rotation.from_rotvec(
-        pose_noise * rng.standard_normal((poses, 3))
-    )
-    said[:, 3:] = np.roll(turned.as_quat(), 1, axis=1)
+    said[:, 3:] = product(exact[:, 3:], exponential(pose_noise * rng.standard_normal((poses, 3))))
     pose, number = (a.ravel() for a in np.meshgrid(np.arange(poses), np.arange(20), indexing="ij"))
     measured = uv.reshape(-1, 2) + pixel_noise * rng.standard_normal((20 * poses, 2))
     words = f"synthetic, seed {seed}, noise {pixel_noise:g} pixel, {1e3 * pose_noise:g} mm and mrad of the arm"

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...geometry.pinhole import LENS
-from ...geometry.poses import composed, inverse_poses, matrices_of, poses_of
+from ...geometry.quaternions import angle_between
+from ...geometry.rotations import composed, inverse_poses, matrices_of, poses_of
 from ...inference.bundle import BundleFit, ResidualBlock, UnknownGroup, bundle_fit
 from ...results.refusal import ArgumentError
 from ..corner_table import CornerTable
-from ..rigid_poses import pose_group
 from ..starts import board_pose, focal_length, homography
 from ..views import board_view
 from .options import BoardPictures, CameraFit, StereoStart
@@ -23,6 +23,14 @@ CLEARLY = 0.5  # of the angles that the boards leave as they are counted: then a
 ROUGH = np.deg2rad(5.0)  # of rotations between cameras by homographies: less says nothing of how boards are counted
 LEAST = 4  # corners that place a board
 UNITS = ("pixel",) * 4 + ("1",) * 5
+POSE = ("qw", "qx", "qy", "qz", "x", "y", "z")
+POSE_UNITS = ("rad", "rad", "rad", "m", "m", "m")
+
+
+def pose_group(name: str, poses: np.ndarray, keys: tuple[str, ...] = (), *, local: bool = False,
+               fixed: np.ndarray | None = None) -> UnknownGroup:  # fmt: skip
+    """Poses (n, 7) as unknowns of a bundle."""
+    return UnknownGroup(name, poses, POSE, keys=keys, turn=0, local=local, fixed=fixed, units=POSE_UNITS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +112,7 @@ def _between(views: dict[tuple[int, int], np.ndarray], a: int, b: int, pictures:
 
 def _angles(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Between the rotations of poses (n, 7) and (m, 7), (n, m) [rad]."""
-    return 2 * np.arccos(np.minimum(np.abs(a[:, :4] @ b[:, :4].T), 1.0))
+    return angle_between(a[:, None, :4], b[:, :4])
 
 
 def _medoid(poses: np.ndarray) -> int:

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...geometry.pinhole import project
-from ...geometry.poses import composed, inverse_poses, matrices_of
+from ...geometry.rotations import composed, inverse_poses, matrices_of
 from ..corner_table import CornerTable
 from ..gross_errors import SETTLED, SPREAD, GrossErrors, gross_errors
 from ..starts import board_pose

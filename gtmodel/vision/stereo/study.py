@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ...geometry.pinhole import LENS
-from ...geometry.poses import composed, matrices_of
+from ...geometry.rotations import composed, matrices_of
 from ...inference.bundle import BundleFit
 from ...measurements.inspection.data_tests import Data, tested
 from ...results import ArgumentError, Check, SolveStatus, Work, at_least, at_most

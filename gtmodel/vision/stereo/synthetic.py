@@ -8,8 +8,7 @@ from typing import Annotated
 import numpy as np
 
 from ...geometry.pinhole import project
-from ...geometry.poses import composed, matrices_of, poses_of
-from ...geometry.rotations import rotation_by
+from ...geometry.rotations import composed, matrices_of, poses_of, rotation_by
 from ...results.options import Options, Within
 from ..board import Board
 from ..corner_table import CornerTable
