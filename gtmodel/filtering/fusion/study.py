@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ...inference.chance import chi_squared_ends
 from ...measurements.inspection.data_tests import Data, tested
 from ...results import SolveStatus, Work
 from ...results.door import study_function
@@ -442,7 +443,7 @@ def _innovations_figure(one: _One, title: str) -> Any:
 
     run = one.judged
     white = {name: values[:, 0] for name, values in run.innovations.items()}
-    return innovations_figure(run.time, white, run.nis[:, 0], run.count[:, 0], title=title)
+    return innovations_figure(run.time, white, run.nis[:, 0], run.count[:, 0], chi_squared_ends, title=title)
 
 
 def _alpha_figure(scene: Scene, one: _One, title: str) -> Any:

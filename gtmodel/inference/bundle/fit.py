@@ -121,7 +121,8 @@ def bundle_fit(
     start = {name: g.start.copy() for name, g in s.groups.items()}
     end = minimised(
         lambda values: _Here(s, dense, values, [e.linearised(values) for e in evaluations]), start, limit=limit,
-        tolerance=tolerance, stop=stop, stuck="are the starting values near enough?", unended="give a larger limit",
+        tolerance=tolerance, stop=stop, valley=False, stuck="are the starting values near enough?",
+        unended="give a larger limit",
     )  # fmt: skip
     if end.status is SolveStatus.NOT_FINITE:
         end = replace(end, message=_invalid(evaluations, start))

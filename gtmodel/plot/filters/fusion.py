@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from ...inference.chance import chi_squared_ends
 from ..style import (
     BLACK,
     BLUE,
@@ -81,7 +80,13 @@ def baselines_figure(
 
 @styled
 def innovations_figure(
-    time: np.ndarray, white: Mapping[str, np.ndarray], nis: np.ndarray, count: np.ndarray, *, title: str = ""
+    time: np.ndarray,
+    white: Mapping[str, np.ndarray],
+    nis: np.ndarray,
+    count: np.ndarray,
+    chi_squared_ends: Callable[[float, np.ndarray], tuple[np.ndarray, np.ndarray]],
+    *,
+    title: str = "",
 ) -> Figure:
     """Normalised innovations of each sensor (n, k) with two deviations, and the mean of the squares in short stretches
     with the band in which 99.9 % of a right filter's lie."""
