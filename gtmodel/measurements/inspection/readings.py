@@ -8,6 +8,7 @@ from itertools import combinations, permutations, product
 
 import numpy as np
 
+from ...inference.chance import f_chance
 from ...inference.held_out import chance_ratio
 from ...results.suspicion import Suspicion
 
@@ -157,11 +158,9 @@ def compared(
     >>> [compared(5.0, trials, lambda r: 1.0, n, nearer=3.0).passed for n in (60, 3)]
     [False, True]
     """
-    from scipy import special  # here: keys of kinds import what judges a fit
-
     rms = [left(r) for r in readings]
     best, small, n = int(np.argmin(rms)), max(least, np.finfo(float).tiny), degrees_of_freedom
     given, other, tests = max(given, small), max(rms[best], small), len(readings) + tests
-    p = min(1.0, tests * float(special.fdtrc(n, n, min(given / other, 1e150) ** 2))) if n > 0 else np.nan
+    p = min(1.0, tests * float(f_chance(min(given / other, 1e150) ** 2, n, n))) if n > 0 else np.nan
     p = 1.0 if n > 0 and not given > nearer * other else p
     return Compared(readings[best], given, other, max(nearer, chance_ratio(n, n, tests=tests)), p)
