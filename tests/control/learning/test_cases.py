@@ -62,13 +62,13 @@ def test_the_bound_holds_between_the_models_of_the_set(case: Case) -> None:
 
 def test_the_two_per_cent_of_case_1_with_its_declared_reference() -> None:
     quiet = learning.LearningNoise(motor=0.0, unrepeatable=0.0)
-    design = learning.LearningDesign(iterations=10)
+    design, path = learning.LearningDesign(iterations=10), learning.SquarePath(corrected=400)
     for lag, low, high in ((0.012, 0.015, 0.03), (0.02, 0.015, 0.03), (0.03, 0.015, 0.03)):
-        s = learning.study(learning.LearningRobot(lag=lag), design=design, noise=quiet)
+        s = learning.study(learning.LearningRobot(lag=lag), path, design, quiet)
         assert low < s.not_learned[0] < high
         assert s.error[0][5] / s.error[0][0] < 0.03
-    faster = learning.study(ROBOT, learning.SquarePath(side_time=0.19), design, quiet)
-    corners = learning.study(ROBOT, learning.SquarePath(profile="trapezoidal"), design, quiet)
+    faster = learning.study(ROBOT, learning.SquarePath(corrected=400, side_time=0.19), design, quiet)
+    corners = learning.study(ROBOT, learning.SquarePath(corrected=400, profile="trapezoidal"), design, quiet)
     assert 0.03 < faster.not_learned[0] < 0.06
     assert corners.not_learned[0] > 1.3 * s.not_learned[0]
     # what Q cuts off is what the reference holds there
