@@ -95,7 +95,8 @@ def test_where_the_target_is_known_the_last_link_is_free() -> None:
 def test_an_arm_that_is_not_good_enough_is_marked_and_still_read(tmp_path) -> None:
     """`--write-failed` marks its files in their first line, which no reader of URDF minds."""
     out = tmp_path / "out"
-    assert main(["solve", str(PROBLEM), "--set", "accuracy_mm=0.001", "--out", str(out), "--write-failed"]) == 1
+    words = ["--set", "accuracy_mm=0.001", "--set", "sensitivity_step=0"]
+    assert main(["solve", str(PROBLEM), "--out", str(out), "--write-failed", *words]) == 1
     text = (out / "calibrated.urdf").read_text()
     assert "NOT TO BE USED" in text.splitlines()[0] and text.startswith("<!-- ")
     assert resolve("calibrated.urdf", Context(folder=out)).structure.tool == "tool"

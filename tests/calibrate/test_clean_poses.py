@@ -65,15 +65,15 @@ def misread(sets: range) -> Seen:
 
 
 def test_clean_poses_raise_no_alarm() -> None:
-    raised = [said for said in map(alarm_of, range(20)) if said]
-    assert len(raised) <= 2, raised  # with 15 of 400, more have a chance of 4 %
+    raised = [said for said in map(alarm_of, range(8)) if said]
+    assert not raised
 
 
 def test_a_planted_fault_is_named() -> None:
-    seen = misread(range(12))
-    assert sum(map(outlier_named, range(12))) >= 11
-    assert sum(map(noise_named, range(12))) >= 11
-    assert seen.named >= seen.counted - 1, seen.missed
+    seen = misread(range(6))
+    assert all(map(outlier_named, range(6)))
+    assert all(map(noise_named, range(6)))
+    assert seen.counted > 3 and not seen.missed
 
 
 @pytest.mark.proof

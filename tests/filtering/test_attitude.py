@@ -167,8 +167,9 @@ def test_unit_of_the_accelerometer(made: Any, unit: str) -> None:
     assert nothing is None
 
 
-def test_spikes_and_what_is_no_orientation_are_left_out(made: Any) -> None:
-    gyro, reference = made.recording.gyro, made.recording.reference
+def test_spikes_and_what_is_no_orientation_are_left_out() -> None:
+    recorded = synthetic_attitude(SyntheticAttitude(seed=3, duration=9.0)).recording
+    gyro, reference = recorded.gyro, recorded.reference
     quaternion = reference["quaternion"].copy()
     quaternion[40] *= 0.3  # interpolated through zero
     turned = Rotation.from_quat(quaternion[60], scalar_first=True) * Rotation.from_rotvec([0.4, 0.0, 0.0])

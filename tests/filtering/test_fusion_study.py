@@ -28,7 +28,7 @@ def consistent() -> F.FusionStudy:
 
 @pytest.fixture(scope="module")
 def printed() -> F.FusionStudy:
-    return F.fusion_study(filter=F.FusionFilter(printed=True), seed=1)
+    return F.fusion_study(F.TrackedPath(duration=2.0), filter=F.FusionFilter(printed=True), seed=1)
 
 
 def test_the_slope_of_four_has_its_closed_form_noise():
@@ -124,7 +124,7 @@ def test_a_crossing_lies_between_two_values():
 
 
 def test_the_same_seed_gives_the_same_study():
-    path = F.TrackedPath(duration=0.2)
+    path = F.TrackedPath(duration=0.1)
     a, b = F.fusion_study(path, seed=5), F.fusion_study(path, seed=5)
     assert str(a) == str(b) and a.trajectory == b.trajectory
     assert F.fusion_study(path, seed=6).nis != a.nis
@@ -170,8 +170,8 @@ def test_a_study_is_stopped_while_it_compares_densities():
 
 
 def test_outliers_of_the_tracker_are_weighed():
-    """One position of ten off by twenty deviations: next to no loss with weights, three times the error without."""
-    path, sensors = F.TrackedPath(duration=2.0), F.FusionSensors(outlier_share=0.1)
+    """One position of ten off by twenty deviations: next to no loss with weights, four times the error without."""
+    path, sensors = F.TrackedPath(duration=0.6), F.FusionSensors(outlier_share=0.1)
     clean, plain, robust = (
         F.fusion_study(path, s, F.FusionFilter(outliers=weights), seed=1)
         for s, weights in ((None, None), (sensors, None), (sensors, "huber"))
@@ -230,7 +230,7 @@ def test_a_study_that_is_ended_while_it_smooths_has_its_filters_numbers(monkeypa
     def late(_: object) -> None:
         raise Interrupted("an alarm")
 
-    path = F.TrackedPath(duration=0.3)
+    path = F.TrackedPath(duration=0.15)
     whole = F.fusion_study(path, seed=2)
     monkeypatch.setattr("gtmodel.filtering.fusion.study.smooth", late)
     s = F.fusion_study(path, filter=F.FusionFilter(smooth=True), seed=2)

@@ -77,9 +77,9 @@ def test_planted_faults_are_found_and_named() -> None:
 
 @pytest.mark.parametrize("fault", FAULTS)
 def test_some_planted_faults_are_found_and_named(fault: str) -> None:
-    """The first five of each, of which one may be missed: where one of twenty is, two are in one of fifty runs."""
+    """The first three of each, of which none may be missed."""
     first = FAULTS.index(fault)
-    assert sum(found(30_000 + 4 * k + first, fault) for k in range(5)) >= 4
+    assert all(found(30_000 + 4 * k + first, fault) for k in range(3))
 
 
 def test_a_part_that_does_not_turn_about_an_axis_says_so() -> None:
@@ -105,8 +105,8 @@ def test_a_part_that_does_not_turn_about_an_axis_says_so() -> None:
 
 
 def test_many_references_cost_what_they_must_and_thinning_is_said() -> None:
-    """Some thirty references a second: as many gaps are judged as of fewer, and the truth lies in the intervals."""
-    many = SyntheticAttitude(duration=26.0, seed=11, reference_period=0.03, resolution=1e-3)
+    """Fifty references a second: as many gaps are judged as of fewer, and the truth lies in the intervals."""
+    many = SyntheticAttitude(duration=13.0, seed=11, reference_period=0.02, resolution=1e-3)
     study = gt.filtering.attitude_study(many, AttitudeJudging(gaps=(1.0,), sample_period=PERIOD))
     assert any("every" in note and "references" in note for note in study.notes)
     assert 0 < max(study.starts) <= MOST_GAPS and study.checks["true_numbers"].passed

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import subprocess
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -14,8 +15,23 @@ from gtmodel.cgen import generate
 from gtmodel.compiler.causal import CausalFunction
 from gtmodel.loop import build
 from tests.loop.bench import Bench
+from tests.support.keeping_compiler import keeping_compiler
 
 STRICT = ("-O2", "-Wall", "-Wextra", "-Wconversion", "-Wshadow", "-pedantic", "-Werror", "-ffp-contract=off")
+
+
+@pytest.fixture(scope="session")
+def compiler(tmp_path_factory: pytest.TempPathFactory) -> str:
+    return keeping_compiler(tmp_path_factory.mktemp("compiler"))
+
+
+@pytest.fixture(scope="module", autouse=True)
+def compiled_once(compiler: str) -> Iterator[None]:
+    """The same loop is built in many folders."""
+    with pytest.MonkeyPatch.context() as patch:
+        if compiler:
+            patch.setenv("CC", compiler)
+        yield
 
 
 @pytest.fixture(scope="session")

@@ -41,10 +41,11 @@ def library(tmp_path_factory: pytest.TempPathFactory) -> Library:
     return Library.made(tmp_path_factory.mktemp("lead"))
 
 
+@pytest.mark.parametrize("cycles", [1500, pytest.param(CYCLES, marks=pytest.mark.proof)])
 @pytest.mark.parametrize("protocol", ["egm", "rsi"])
-def test_log_of_5000_cycles_equals_the_twins_under_faults(bench: Bench, protocol: str) -> None:
-    pair = bench.both(protocol, "lead_through", CYCLES, FAULTS)
-    assert len(rows_of(pair.c_log)) == CYCLES and pair.c_log == pair.python_log
+def test_log_equals_the_twins_under_faults(bench: Bench, protocol: str, cycles: int) -> None:
+    pair = bench.both(protocol, "lead_through", cycles, FAULTS)
+    assert len(rows_of(pair.c_log)) == cycles and pair.c_log == pair.python_log
     assert STATES[pair.report["state"]] in ("running", "holding")
     law = pair.python_loop.law
     assert isinstance(law, GuidingLaw) and law.now is not None and law.now.contact

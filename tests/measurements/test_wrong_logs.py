@@ -13,10 +13,11 @@ import pytest
 from scipy.io import savemat
 
 from gtmodel.measurements import Column, LogForm, read_log
-from gtmodel.measurements.streams.text_lines import BLOCK, LONGEST_LINE
+from gtmodel.measurements.streams.text_lines import BLOCK
 from gtmodel.results import ArgumentError, TrajectoryError
 
 LONGEST = 300
+LONGEST_LINE = 1 << 20  # letters: of a file that is soon read
 GOOD = "t [s],x [mm],y\n" + "".join(f"{k / 10},{k},{k * k}\n" for k in range(8))
 COLUMNS = {"x": Column("x", "mm"), "y": Column("y", "N")}
 
@@ -122,7 +123,10 @@ def assert_one_sentence(said: str, names: list[str]) -> None:
 
 
 @pytest.mark.parametrize("case", TEXTS)
-def test_a_wrong_text_file_is_refused_in_one_sentence(tmp_path: Path, case: str) -> None:
+def test_a_wrong_text_file_is_refused_in_one_sentence(
+    tmp_path: Path, case: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("gtmodel.measurements.streams.text_lines.LONGEST_LINE", LONGEST_LINE)
     content, names, options = TEXTS[case]
     path = tmp_path / "log.csv"
     path.write_bytes(content.encode("utf-8") if isinstance(content, str) else content)

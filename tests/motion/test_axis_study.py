@@ -164,7 +164,7 @@ def test_an_earlier_motion_is_the_guess(coarse):
     assert caught.value.argument == "earlier"
 
 
-def test_stopped_it_holds_the_best_iterate():
+def test_stopped_it_holds_the_best_iterate(coarse):
     at_once = studied(free(mesh=AxisMesh(6), stop=lambda: True))  # before the model is made
     assert at_once.status is SolveStatus.INTERRUPTED and at_once.trajectory is None and at_once.rows == []
     iterations = [0]
@@ -173,10 +173,12 @@ def test_stopped_it_holds_the_best_iterate():
         iterations.append(int((numbers or {}).get("iteration", 0)))
 
     told: list[str | None] = []
-    late = studied(free(mesh=AxisMesh(3), progress=lambda stage=None, *_: told.append(stage),
-                        stop=lambda: "moving all six axes by the forces" in told))  # fmt: skip
+    late = studied(
+        free(mesh=AxisMesh(3), cost=SMOOTH, earlier=coarse.trajectory, progress=lambda stage=None, *_: told.append(stage),
+             stop=lambda: "moving all six axes by the forces" in told)
+    )  # fmt: skip
     assert late.status is SolveStatus.INTERRUPTED and "stopped before the forces were tried" in late.message
     assert late.final_time and late.end_error is None and "end_error_m" not in late.checks
-    stopped = studied(free(mesh=AxisMesh(3), progress=progress, stop=lambda: iterations[-1] >= 2))
+    stopped = studied(free(mesh=AxisMesh(3), cost=SMOOTH, progress=progress, stop=lambda: iterations[-1] >= 2))
     assert stopped.status is SolveStatus.INTERRUPTED and stopped.trajectory is not None
     assert stopped.final_time is not None and [row.label for row in stopped.rows] == ["final time"]

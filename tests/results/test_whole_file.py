@@ -10,6 +10,7 @@ import pytest
 
 import gtmodel as gt
 from gtmodel.results import ArgumentError
+from tests.support.keeping_compiler import keeping_compiler
 from tests.support.own_models import FILES
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="no limit of a file's size on Windows")
@@ -26,6 +27,14 @@ def no_file_beyond(size: int) -> Iterator[None]:
         yield
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def compiled_once(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        if cc := keeping_compiler(tmp_path_factory.mktemp("compiler")):
+            patch.setenv("CC", cc)
+        yield
 
 
 def bundle() -> gt.vision.BundleFile:

@@ -44,8 +44,8 @@ def judged(target, seeds) -> tuple[float, int, int, float]:
 
 @each_target
 def test_marks_are_where_they_were_rendered(target):
-    rms, detected, wrong, over = judged(target, range(15))
-    assert detected == 15
+    rms, detected, wrong, over = judged(target, range(6))
+    assert detected == 6
     assert wrong == 0
     assert rms <= ACCURATE
     assert 0.2 < over < 1.5  # the stated sigma is no smaller than the errors by more than half

@@ -371,17 +371,18 @@ def test_the_joint_scatter_of_a_few_runs_is_not_much_larger():
 # --- prediction -------------------------------------------------------------------------------------------------------
 
 
-def test_the_predicted_error_is_that_of_repeated_calibrations():
+@pytest.mark.parametrize("runs", [15, pytest.param(30, marks=pytest.mark.proof)])
+def test_the_predicted_error_is_that_of_repeated_calibrations(runs):
     made = V.made_pictures(replace(RUNS, noise_seed=0))
     q = made.pictures.actuators
     assert made.pictures.truth is not None
     errors = []
-    for run in range(30):
+    for run in range(runs):
         p = V.made_pictures(replace(RUNS, noise_seed=run)).pictures
         joint = V.joint_fit(ROBOT, p, made.cameras, V.RobotCameras(removal=0.0))
         errors.append(V.aligned_errors(joint.positions(q), made.pictures.truth) ** 2)
     predicted = V.predicted_positions(V.joint_fit(ROBOT, made.pictures, made.cameras), q).rms
-    assert np.sqrt(np.mean(errors)) == pytest.approx(predicted, rel=0.25)  # 30 runs of few strong directions
+    assert np.sqrt(np.mean(errors)) == pytest.approx(predicted, rel=0.25)  # runs of few strong directions
 
 
 def test_the_best_place_is_the_one_with_the_least_predicted_error():

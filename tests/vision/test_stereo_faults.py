@@ -24,13 +24,12 @@ def alarms_of(sets: range) -> list[int]:
 
 def test_clean_pictures_raise_no_alarm() -> None:
     """Every picture counted by one deviation: blurred ones without a wrong corner ended as check_failed."""
-    assert len(alarms_of(range(20))) <= 2  # with the 15 of 400, more have a chance of 4 %
+    assert not alarms_of(range(8))
 
 
 def test_a_fault_is_named() -> None:
     """Exchanged, shifted and mirrored pictures ended in iteration_limit with advice on tilting."""
-    named = [found(k, FAULTS[k % len(FAULTS)]) for k in range(20)]
-    assert sum(named) >= 19
+    assert all(found(k, fault) for k, fault in enumerate(FAULTS))
 
 
 @pytest.mark.proof

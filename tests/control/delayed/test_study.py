@@ -93,7 +93,7 @@ def test_a_map_of_synthetic_commands_holds_its_truth() -> None:
     options = D.SyntheticCommands(repeatability=0.02, seed=2)
     table = [[-0.7, 1.5], [-0.8, 1.7]]
     study = D.feedback_map(options, joints.tolist(), table, gain_steps={"x": 0.05, "y": 0.01},
-                           options=D.GainMap(points=4, draws=200))  # fmt: skip
+                           options=D.GainMap(points=3, draws=120))  # fmt: skip
     assert study.true_limit is not None and study.inside is not None
     for d in ("x", "y"):
         for true, median, low in zip(study.true_limit[d], study.median[d], study.quantile[d], strict=True):
@@ -122,7 +122,7 @@ def test_a_map_of_measured_plants() -> None:
     m, c, k = D.true_plants(joints, D.SyntheticCommands())
     measured = D.MeasuredPlants(joints, m, c, k, ("x", "y"))
     study = D.feedback_map(
-        measured, asked=joints[:1].tolist(), gain_steps={"x": 0.1, "y": 0.01}, options=D.GainMap(points=3)
+        measured, asked=joints[:1].tolist(), gain_steps={"x": 0.1, "y": 0.01}, options=D.GainMap(points=3, draws=200)
     )
     exact = D.gain_limit(D.DelayedLoop(D.equivalent_plant(m[0, 0], c[0, 0], k[0, 0], CYCLE), CYCLE, LATE)).gain
     assert study.median["x"][0] == pytest.approx(exact, rel=0.03)
@@ -232,7 +232,8 @@ def test_no_depth_lies_on_the_frame_of_its_picture(depths: dict[str, float]) -> 
 
 def test_pictures_are_drawn() -> None:
     directions, path = [D.OffAxisRun(0.5), D.OffAxisRun(0.8, 0.03, 0.05)], D.SinePath(duration=2.0)
-    study = gt.control.delayed_feedback({"x": X, "y": Y}, box=SMALL, off_axis=directions, path=path)
+    box = D.FeedbackBox(draws=20)
+    study = gt.control.delayed_feedback({"x": X, "y": Y}, box=box, off_axis=directions, path=path)
     assert set(study.figures) == {"limits", "box", "runs", "directions"}
     for name in study.figures:
         assert study.figure(name).axes

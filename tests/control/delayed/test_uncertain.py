@@ -31,7 +31,7 @@ def test_the_worst_case_is_not_better_than_any_draw() -> None:
     middle = {name: (low + high) / 2 for name, (low, high) in BOX.items()}
     assert worst.nominal == pytest.approx(D.gain_limit(loop_of(middle)).gain, rel=1e-12)
     # draws of another seed
-    shares = np.random.default_rng(77).random((1000, 4))
+    shares = np.random.default_rng(77).random((300, 4))
     low, high = np.array(list(BOX.values())).T
     limits = [D.gain_limit(loop_of(dict(zip(BOX, v, strict=True)))).gain for v in low + shares * (high - low)]
     assert worst.gain <= min(limits) and worst.gain <= worst.limits.min() and len(worst.limits) == 200
@@ -61,7 +61,7 @@ def test_a_box_that_holds_loops_without_any_stable_gain_has_the_limit_0() -> Non
     assert D.recommended_gain(worst.gain, step=0.1) == 0.0
 
 
-@pytest.mark.parametrize("draws", [200, pytest.param(2000, marks=pytest.mark.proof)])
+@pytest.mark.parametrize("draws", [80, pytest.param(2000, marks=pytest.mark.proof)])
 def test_a_wide_box_of_two_modes_has_its_worst_point_where_they_meet_inside(draws: int) -> None:
     """Delay and frequencies far apart: the least limit lies on no vertex, and below each of many draws."""
 
@@ -152,7 +152,16 @@ def test_a_plant_of_a_limit_has_it() -> None:
         assert D.gain_limit(D.DelayedLoop(plant, CYCLE, 0.0533)).gain == pytest.approx(limit, rel=1e-9)
 
 
-@pytest.mark.parametrize(("frequency", "limit"), [(17.0, 0.2), (17.0, 0.25), (17.0, 0.299), (20.0, 0.25), (14.0, 0.25)])
+@pytest.mark.parametrize(
+    ("frequency", "limit"),
+    [
+        (17.0, 0.2),
+        pytest.param(17.0, 0.25, marks=pytest.mark.proof),
+        pytest.param(17.0, 0.299, marks=pytest.mark.proof),
+        (20.0, 0.25),
+        (14.0, 0.25),
+    ],
+)
 def test_one_pair_of_plants_meets_both_printed_brackets_and_the_row_of_pose_19(frequency: float, limit: float) -> None:
     x = D.plant_of_limit(frequency, 0.06, limit, CYCLE, LATE)
     ((low, high),) = D.limits_that_meet(

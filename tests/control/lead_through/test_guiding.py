@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 from typing import Any
 
@@ -50,7 +51,7 @@ def reading(sensor: Any, force: np.ndarray, moment: np.ndarray, turn: np.ndarray
     return vector(f), vector(m + np.cross(sensor.first_moment, g) + sensor.moment_bias)
 
 
-def random_scene(cycles: int = 4000) -> tuple[np.ndarray, ...]:
+def random_scene(cycles: int = 1500) -> tuple[np.ndarray, ...]:
     rng = np.random.default_rng(8)
     turns = (Rotation.from_rotvec([0.4, -0.3, 1.0]) * Rotation.from_rotvec(
         0.002 * np.cumsum(rng.normal(size=(cycles, 3)), axis=0))).as_matrix()  # fmt: skip
@@ -198,8 +199,8 @@ def test_hold_turns_back_to_the_angle_at_which_contact_began() -> None:
         assert sign * turned.rate[2] > 0
 
 
-def test_a_hundred_thousand_hostile_readings_only_brake() -> None:
-    rng = np.random.default_rng(3)
+def test_hostile_readings_only_brake() -> None:
+    """Each hostile number in each place."""
     law = law_of("peg")
     scene = random_scene(200)
     good = steps(law, scene)[-1]
@@ -207,13 +208,12 @@ def test_a_hundred_thousand_hostile_readings_only_brake() -> None:
         (HANDLE, scene[1][-1], scene[2][-1]), (TOOL, scene[3][-1], scene[4][-1]))]  # fmt: skip
     assert law.step(good, *wrenches, rows(scene[0][-1])).allowed
     evil = [float("nan"), float("inf"), -float("inf"), 100.0, -100.0, 1e300, -1e308, 1e9]
-    picks, places = rng.integers(len(evil), size=100_000), rng.integers(12, size=100_000)
     flat = [x for wrench in wrenches for part in wrench for x in part]
     p, q = law.translation.gains, law.rotation.gains
     before = np.linalg.norm([good.velocity, good.rate], axis=1)
     seen = set()
-    for place, pick in zip(places.tolist(), picks.tolist(), strict=True):
-        numbers = [*flat[:place], evil[pick], *flat[place + 1 :]]
+    for place, number in itertools.product(range(12), evil):
+        numbers = [*flat[:place], number, *flat[place + 1 :]]
         parts = [vector(numbers[k : k + 3]) for k in range(0, 12, 3)]
         state = law.step(good, (parts[0], parts[1]), (parts[2], parts[3]), rows(scene[0][-1]))
         seen.add(state.status)

@@ -112,7 +112,7 @@ def test_a_light_mode_near_67_hertz_sets_the_limit_at_68_hertz() -> None:
 
 
 def test_cones_filter_and_tilt() -> None:
-    seen = L.cone_deviations(GAINS, L.ServoChain(), L.ConeComparison())
+    seen = L.cone_deviations(GAINS, L.ServoChain(), L.ConeComparison(duration=4.0))
     flat, tilted = seen["flat, unfiltered"], seen["tilted, unfiltered"]
     assert flat[0] < flat[1] < flat[2] and tilted[0] > tilted[1] > tilted[2]
     for surface, worst in (("flat", flat[2]), ("tilted", tilted[2])):

@@ -21,8 +21,13 @@ def of(**given: Any) -> Any:
     return L.study(**(standing | given))
 
 
-def test_the_gain_is_that_share_of_the_limit_at_the_stiffest_contact() -> None:
-    s = of()
+@pytest.fixture(scope="module")
+def standing() -> Any:
+    return of()
+
+
+def test_the_gain_is_that_share_of_the_limit_at_the_stiffest_contact(standing: Any) -> None:
+    s = standing
     assert s.status.ok and s.loop_gain == pytest.approx(0.4 * s.limit)
     assert s.simulated_limit == pytest.approx(s.limit, rel=0.05)
     assert s.simulated_frequency == pytest.approx(s.frequency, abs=2.0)
@@ -32,8 +37,8 @@ def test_the_gain_is_that_share_of_the_limit_at_the_stiffest_contact() -> None:
     assert "synthetic" in s.title and "time_s" in s.files["samples.csv"]
 
 
-def test_the_same_call_gives_the_same_bytes() -> None:
-    assert of().files == of().files
+def test_the_same_call_gives_the_same_bytes(standing: Any) -> None:
+    assert of().files == standing.files
 
 
 @pytest.mark.parametrize("which", ["tool", "handle"])
@@ -157,8 +162,8 @@ def test_readings_that_do_not_fit_are_refused_by_their_name(call: Any, argument:
     assert caught.value.argument == argument
 
 
-def test_contact_that_noise_begins_is_said() -> None:
-    assert not any("noise begins it" in n for n in of().notes)
+def test_contact_that_noise_begins_is_said(standing: Any) -> None:
+    assert not any("noise begins it" in n for n in standing.notes)
     assert any("noise begins it" in n for n in of(tool=L.SyntheticSensor(force_noise=0.5)).notes)
 
 
@@ -215,9 +220,9 @@ def test_a_run_that_a_sensor_stops_on_the_way_says_when() -> None:
 
 
 @pytest.mark.parametrize("asked", [1, 2])
-def test_stopped_it_keeps_the_limits_and_the_run(asked: int) -> None:
+def test_stopped_it_keeps_the_limits_and_the_run(asked: int, standing: Any) -> None:
     looks = iter(range(100))
-    s, whole = of(hands=L.HandRange(), stop=lambda: next(looks) >= asked), of()
+    s, whole = of(hands=L.HandRange(), stop=lambda: next(looks) >= asked), standing
     assert s.status is gt.SolveStatus.INTERRUPTED and "so far" in s.message
     assert (s.limit, s.simulated_limit, s.gain_limits) == (whole.limit, whole.simulated_limit, whole.gain_limits)
     assert (s.mean_force, s.least_window) == ((None, None) if asked == 1 else (whole.mean_force, whole.least_window))

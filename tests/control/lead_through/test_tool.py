@@ -38,7 +38,7 @@ def losses(run: Any) -> int:
 
 
 @pytest.mark.parametrize(("stiffness", "pace"), [(500.0, 1.0), (5e3, 1.0), (5e4, 0.1)])
-@pytest.mark.parametrize("share", [0.1, 0.2, 0.4])
+@pytest.mark.parametrize("share", [0.1, pytest.param(0.2, marks=pytest.mark.proof), 0.4])
 @pytest.mark.parametrize("friction", [0.0, 0.1])
 def test_two_newtons_from_the_approach_on_with_the_estimated_normal(
     stiffness: float, pace: float, share: float, friction: float
@@ -47,7 +47,7 @@ def test_two_newtons_from_the_approach_on_with_the_estimated_normal(
     law = surface_law(share * LIMIT / stiffness, friction=friction, friction_speed=0.01 * pace)
     surface = L.SyntheticSurface(stiffness=stiffness, tilt=np.radians(3.0), friction=friction)
     down = L.GuidePhase(1.0 / pace, force=(0.0, 0.0, -1.0 * pace))
-    run = guided(law, [down, L.GuidePhase(16.0, force=(5.0 * pace, 0.0, -3.0))], surface)
+    run = guided(law, [down, L.GuidePhase(10.0 if pace == 1 else 16.0, force=(5.0 * pace, 0.0, -3.0))], surface)
     began = np.flatnonzero(run.contact)[0]
     assert 0 < began < 250 / pace  # it came down onto it
     pressed = run.force @ surface.normal

@@ -26,7 +26,7 @@ TRUTH_M = dict(
 TRUTH_C = dict(zip(["centre_x", "centre_y", "centre_z"], CENTRE, strict=True))
 TURNS = scipy.spatial.transform.Rotation.random(24, rng=np.random.default_rng(4)).as_matrix()
 ROUNDING = 1e-11
-RUNS = 400
+RUNS = pytest.mark.parametrize("count", [150, pytest.param(400, marks=pytest.mark.proof)])
 
 
 def readings(turns: np.ndarray, rng: Any = None, mass: float = MASS) -> tuple[np.ndarray, np.ndarray]:
@@ -55,9 +55,10 @@ def test_exact_readings_give_the_truth_and_leave_no_contact() -> None:
     assert np.abs(c.contact(TURNS, *readings(TURNS))).max() < ROUNDING
 
 
+@RUNS
 @pytest.mark.parametrize("known", [True, False], ids=["noise known", "noise from residuals"])
-def test_intervals_hold_the_truth_as_often_as_they_say(known: bool) -> None:
-    runs = gt.inference.monte_carlo(partial(one, known=known), RUNS, seed=25, processes=0).results
+def test_intervals_hold_the_truth_as_often_as_they_say(known: bool, count: int) -> None:
+    runs = gt.inference.monte_carlo(partial(one, known=known), count, seed=25, processes=0).results
     for part, truth in (("force", TRUTH), ("moment", TRUTH_M), ("centre", TRUTH_C)):
         seen = gt.inference.coverage([getattr(r, part) for r in runs], truth)
         assert not seen.outside and not seen.biased, str(seen)
@@ -109,8 +110,9 @@ def arm_of(rng: Any, _: int) -> Any:
     return L.lever_arm(*pushes(rng), sigma_force=NOISE_F, sigma_moment=NOISE_M).estimate
 
 
-def test_intervals_of_a_lever_arm_hold_the_truth_as_often_as_they_say() -> None:
-    runs = gt.inference.monte_carlo(arm_of, RUNS, seed=26, processes=0).results
+@RUNS
+def test_intervals_of_a_lever_arm_hold_the_truth_as_often_as_they_say(count: int) -> None:
+    runs = gt.inference.monte_carlo(arm_of, count, seed=26, processes=0).results
     seen = gt.inference.coverage(runs, dict(zip(["arm_x", "arm_y", "arm_z"], ARM, strict=True)))
     assert not seen.outside and not seen.biased, str(seen)
 
@@ -129,8 +131,9 @@ def arm_after_few_poses(rng: Any, _: int) -> Any:
     return L.lever_arm(*own, sigma_force=NOISE_F, sigma_moment=NOISE_M, calibration=c, turns=turns).estimate
 
 
-def test_intervals_of_a_lever_arm_hold_what_the_calibration_leaves_open() -> None:
-    runs = gt.inference.monte_carlo(arm_after_few_poses, RUNS, seed=27, processes=0).results
+@RUNS
+def test_intervals_of_a_lever_arm_hold_what_the_calibration_leaves_open(count: int) -> None:
+    runs = gt.inference.monte_carlo(arm_after_few_poses, count, seed=27, processes=0).results
     seen = gt.inference.coverage(runs, dict(zip(["arm_x", "arm_y", "arm_z"], ARM, strict=True)))
     assert not seen.outside and not seen.biased, str(seen)
 

@@ -12,19 +12,18 @@ from gtmodel.results.refusal import ArgumentError
 from tests.control.learning import by_hand
 
 CASES: tuple[Case, ...] = ("1", "2A", "2B", "3")
-FEW, MANY = 2, 20  # seeds of the ordinary suite, and with -m proof
+FEW, MANY = 1, 20  # seeds of the ordinary suite, and with -m proof
+SHORT = learning.SquarePath(corrected=250)  # samples: matrices of a quarter of the numbers
 FLOOR = 0.2  # share by which floor and what is reached may differ
 ABOVE = 1.1  # case 3 over case 2B in a single seed
 ROBOT = learning.LearningRobot()
 
 
-def left(seed: int) -> tuple[np.ndarray, np.ndarray, float]:
+def left(seed: int, path: learning.SquarePath) -> tuple[np.ndarray, np.ndarray, float]:
     """The tool's error left (4, 2) by case and axis, reached over floor (4, 2), and the largest bound of all."""
     tools, ratios, bound = [], [], 0.0
     for case in CASES:
-        s = learning.study(
-            ROBOT, design=learning.LearningDesign(case=case), noise=learning.LearningNoise(seed=seed)
-        )  # fmt: skip
+        s = learning.study(ROBOT, path, learning.LearningDesign(case=case), learning.LearningNoise(seed=seed))
         assert s.status is SolveStatus.SOLVED and s.tool_share is not None
         tools.append(s.tool_share)
         ratios.append(np.array(s.reached) / np.array(s.floor))
@@ -32,9 +31,11 @@ def left(seed: int) -> tuple[np.ndarray, np.ndarray, float]:
     return np.array(tools), np.array(ratios), bound
 
 
-@pytest.mark.parametrize("seeds", [FEW, pytest.param(MANY, marks=pytest.mark.proof)])
-def test_the_order_of_the_cases_and_the_floor(seeds: int) -> None:
-    all_of = [left(seed) for seed in range(seeds)]
+@pytest.mark.parametrize(
+    ("seeds", "path"), [(FEW, SHORT), pytest.param(MANY, learning.SquarePath(), marks=pytest.mark.proof)]
+)
+def test_the_order_of_the_cases_and_the_floor(seeds: int, path: learning.SquarePath) -> None:
+    all_of = [left(seed, path) for seed in range(seeds)]
     tools, ratios = np.array([a[0] for a in all_of]), np.array([a[1] for a in all_of])
     one, two_a, two_b, three = (tools[:, k, 1] for k in range(4))
     assert np.all(one > two_a) and np.all(two_a > two_b)
@@ -61,13 +62,13 @@ def test_the_bound_holds_between_the_models_of_the_set(case: Case) -> None:
 
 def test_the_two_per_cent_of_case_1_with_its_declared_reference() -> None:
     quiet = learning.LearningNoise(motor=0.0, unrepeatable=0.0)
-    design = learning.LearningDesign(iterations=10)
+    design, path = learning.LearningDesign(iterations=10), learning.SquarePath(corrected=400)
     for lag, low, high in ((0.012, 0.015, 0.03), (0.02, 0.015, 0.03), (0.03, 0.015, 0.03)):
-        s = learning.study(learning.LearningRobot(lag=lag), design=design, noise=quiet)
+        s = learning.study(learning.LearningRobot(lag=lag), path, design, quiet)
         assert low < s.not_learned[0] < high
         assert s.error[0][5] / s.error[0][0] < 0.03
-    faster = learning.study(ROBOT, learning.SquarePath(side_time=0.19), design, quiet)
-    corners = learning.study(ROBOT, learning.SquarePath(profile="trapezoidal"), design, quiet)
+    faster = learning.study(ROBOT, learning.SquarePath(corrected=400, side_time=0.19), design, quiet)
+    corners = learning.study(ROBOT, learning.SquarePath(corrected=400, profile="trapezoidal"), design, quiet)
     assert 0.03 < faster.not_learned[0] < 0.06
     assert corners.not_learned[0] > 1.3 * s.not_learned[0]
     # what Q cuts off is what the reference holds there
@@ -117,7 +118,7 @@ def test_norm_optimal_in_the_study_keeps_its_bounds() -> None:
     bounded = learning.LearningDesign(
         case="3", law="norm_optimal", change=0.1, effort=0.001, largest=0.002, largest_speed=0.03, iterations=4
     )
-    s = learning.study(learning.LearningRobot(frequency=(11.5,), damping=(0.2,)), design=bounded)
+    s = learning.study(learning.LearningRobot(frequency=(11.5,), damping=(0.2,)), SHORT, bounded)
     assert s.trajectory is not None
     u = s.trajectory["input"][:, 0]
     assert np.abs(u).max() <= 0.002 and np.abs(np.diff(u, prepend=0.0)).max() <= 0.03 * 0.004 * (1 + 1e-9)
@@ -126,20 +127,20 @@ def test_norm_optimal_in_the_study_keeps_its_bounds() -> None:
 
 
 def test_the_inverse_of_the_model_converges_faster_than_the_shift() -> None:
-    shifted = learning.study(ROBOT, design=learning.LearningDesign(case="3", iterations=2))
-    inverse = learning.study(ROBOT, design=learning.LearningDesign(case="3", law="inverse", change=0.01, iterations=2))
+    shifted = learning.study(ROBOT, SHORT, learning.LearningDesign(case="3", iterations=2))
+    inverse = learning.study(ROBOT, SHORT, learning.LearningDesign(case="3", law="inverse", change=0.01, iterations=2))
     assert inverse.error[0][1] < 0.8 * shifted.error[0][1]
 
 
 def test_the_study_says_why_sigma_exceeds_1_without_the_ramps() -> None:
     design = learning.LearningDesign(case="3", ramps=False, iterations=2)
-    s = learning.study(ROBOT, design=design)
+    s = learning.study(ROBOT, SHORT, design)
     assert max(s.sigma) > 1 > max(s.bound) and s.message.startswith("converges in the end")
     assert any("Q_w" in note and "last sample" in note for note in s.notes)
 
 
 def test_the_same_seed_gives_the_same_bytes() -> None:
-    a, b = (learning.study(ROBOT, design=learning.LearningDesign(iterations=2)) for _ in range(2))
+    a, b = (learning.study(ROBOT, SHORT, learning.LearningDesign(iterations=2)) for _ in range(2))
     assert a.files["learned_input.csv"] == b.files["learned_input.csv"] and str(a) == str(b)
     assert str(a.files["learned_input.csv"]).startswith("# synthetic: ")
 

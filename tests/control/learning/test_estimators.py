@@ -205,7 +205,7 @@ def test_the_complementary_maps_are_dense_matrices_with_their_transposes(cutoff:
 
 
 def test_case_2a_learns_over_runs_longer_than_a_matrix() -> None:
-    path, one = learning.SquarePath(corrected=4000), learning.LearningRobot(frequency=(7.4,), damping=(0.2,))
+    path, one = learning.SquarePath(corrected=1200), learning.LearningRobot(frequency=(7.4,), damping=(0.2,))
     s = learning.study(one, path, learning.LearningDesign(case="2A", iterations=3))
     assert s.status is SolveStatus.SOLVED and max(s.bound) < 1
     assert s.sigma == pytest.approx(s.bound, abs=0.1) and s.error[0][-1] < 0.3 * s.error[0][0]

@@ -59,13 +59,18 @@ def test_the_set_of_a_robot_by_plants_is_that_of_its_parameters(frequency: float
     assert moved.signals["motor"] is robot.plants[0].signals["motor"]
 
 
+@pytest.fixture(scope="module")
+def identified() -> learning.ModelledRobot:
+    axes = ((4, 7.4, 0.2), (5, 11.5, 0.05))
+    return learning.ModelledRobot([learning.identified_axis(*log(seed, f, z)) for seed, f, z in axes])
+
+
 @pytest.mark.parametrize("case", ["1", "2A", "2B", "3"])
-def test_every_case_learns_with_an_identified_robot(case: Case) -> None:
-    axes = [learning.identified_axis(*log(seed, f, z)) for seed, f, z in ((4, 7.4, 0.2), (5, 11.5, 0.05))]
-    design = learning.LearningDesign(case=case, iterations=6)
-    truth = learning.SyntheticExperiment(learning.LearningRobot(), learning.SquarePath())
-    s = learning.study(learning.ModelledRobot(axes), design=design, experiment=truth)
-    known = learning.study(learning.LearningRobot(), design=design)
+def test_every_case_learns_with_an_identified_robot(case: Case, identified: learning.ModelledRobot) -> None:
+    design, path = learning.LearningDesign(case=case, iterations=6), learning.SquarePath(corrected=250)
+    truth = learning.SyntheticExperiment(learning.LearningRobot(), path)
+    s = learning.study(identified, path, design, experiment=truth)
+    known = learning.study(learning.LearningRobot(), path, design)
     assert s.status is SolveStatus.SOLVED and s.tool_share is not None and known.tool_share is not None
     assert s.reached == pytest.approx(s.floor, rel=0.2)
     assert np.all(np.array(s.tool_share) < 1.2 * np.array(known.tool_share) + 0.005)

@@ -140,7 +140,8 @@ def test_within_bounds_the_iteration_ends_at_its_limit_and_contracts_by_sigma() 
 
 def test_the_study_says_the_floor_of_a_law_within_bounds() -> None:
     bounded = learning.LearningDesign(law="norm_optimal", largest=0.0005, iterations=6)
-    s = learning.study(learning.LearningRobot(frequency=(7.4,), damping=(0.2,)), design=bounded)
+    path, robot = learning.SquarePath(corrected=250), learning.LearningRobot(frequency=(7.4,), damping=(0.2,))
+    s = learning.study(robot, path, bounded)
     assert s.status is SolveStatus.SOLVED
     assert s.reached == pytest.approx(s.floor, rel=0.2) and s.not_learned[0] > 0.5
     assert "bounds on the input keep it" in s.message

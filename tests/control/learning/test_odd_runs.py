@@ -14,9 +14,9 @@ from gtmodel.control.learning.options import Case
 from gtmodel.results import SolveStatus
 from gtmodel.results.refusal import ArgumentError
 
-TS, N = 0.004, 825
+TS, N = 0.004, 525
 ROBOT = learning.LearningRobot(frequency=(7.4,), damping=(0.2,))
-R = learning.SquarePath().samples(TS)[:, 0]
+R = learning.SquarePath(corrected=N - 200).samples(TS)[:, 0]
 CLEAN = {name: T(R) for name, T in ROBOT.plant(0).maps(N).items()}
 UNITS = {"reference": "m", "input": "m", "motor": "m", "tool": "m", "acceleration": "m/s2"}
 
@@ -120,14 +120,14 @@ def test_an_accelerometer_that_reads_another_motion_fails_its_check(case: Case, 
 
 
 def test_a_run_is_judged_by_enough_samples_and_by_most_of_its_motion() -> None:
-    for ramp in (412, 388):
+    for ramp in (262, 238):
         with pytest.raises(ArgumentError, match="expected 50 or more") as error:
             learning.next_input(ROBOT, run(), ramp=ramp)
         assert error.value.argument == "ramp"
-    s = learning.next_input(ROBOT, run(), ramp=387)
+    s = learning.next_input(ROBOT, run(), ramp=237)
     assert s.status is SolveStatus.CHECK_FAILED and s.checks["moves_outside"].value > 0.8
     with pytest.raises(ArgumentError, match="expected 50 or more") as error:
-        learning.mismatch({name: CLEAN[name] for name in ("motor", "tool", "acceleration")}, 7.4, 0.2, ramp=400)
+        learning.mismatch({name: CLEAN[name] for name in ("motor", "tool", "acceleration")}, 7.4, 0.2, ramp=250)
     assert error.value.argument == "run"
 
 

@@ -88,13 +88,14 @@ def test_events_that_take_turns_accumulate_too() -> None:
     assert run.accumulation == pytest.approx(end, abs=1e-8)
 
 
-def test_a_thousand_events_do_not_drift() -> None:
+@pytest.mark.parametrize("count", [300, pytest.param(1000, marks=pytest.mark.proof)])
+def test_hundreds_of_events_do_not_drift(count: int) -> None:
     period = 2 * np.sqrt(2 / 9.81)
-    run = gt.simulate(Ball(e=1.0), 1000.2 * period, step=period)
+    run = gt.simulate(Ball(e=1.0), (count + 0.2) * period, step=period)
     times = np.array([e.time for e in run.events])
-    assert len(times) == 1000
+    assert len(times) == count
     # the rounding of each bounce adds up at most linearly
-    assert np.max(np.abs(times - (period / 2 + period * np.arange(1000)))) < 1000 * 1e-11
+    assert np.max(np.abs(times - (period / 2 + period * np.arange(count)))) < count * 1e-11
     assert max(abs(e.energy) for e in run.events) < TOLERANCE
     assert run.energy_error is not None
     assert run.energy_error < TOLERANCE * 2.0 * 9.81
