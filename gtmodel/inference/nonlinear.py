@@ -31,6 +31,7 @@ class NonlinearFit(Descent):
     """The iteration's end, whitened residuals `r` (rows,) and Jacobian `J` (rows, n) there, and the `estimate`; None
     unless solved."""
 
+    x: np.ndarray
     r: np.ndarray
     J: np.ndarray
     estimate: Estimate | None = None

@@ -35,6 +35,7 @@ class BundleFit(Descent):
     notes: sentences on what the data do not determine; undetermined: in how many directions.
     """
 
+    x: Values
     residuals: dict[str, np.ndarray]
     estimate: Estimate | None = None
     notes: tuple[str, ...] = ()
