@@ -59,7 +59,6 @@ def minimised(
     limit: int,
     tolerance: float = 0.0,
     stop: Callable[[], bool] | None = None,
-    valley: bool = True,
     stuck: str = "are the derivatives right?",
     unended: str = "scale the parameters",
 ) -> Descent:
@@ -68,8 +67,7 @@ def minimised(
 
     It ends with a step that changes the residuals by less than `tolerance` of their length, or
     where rounding hides what a step gains; `stop` is asked before each iteration and ends it with the best x so far,
-    status INTERRUPTED. `valley`: at the limit, steps that go on along a bent valley and gain nothing have arrived; no
-    rule where what moves along it is asked for, a focal length. `stuck` and `unended` advise where it does not arrive.
+    status INTERRUPTED. `stuck` and `unended` advise where it does not arrive.
     """
     here = at(x)
     damping, before, iterations, evaluations = 0.0, np.inf, 0, 1
@@ -112,6 +110,6 @@ def minimised(
             if again is None:
                 return ended(SolveStatus.FAILED, f"no step along the gradient lowers the residuals; {stuck}")
             step = again
-    if valley and earlier[0] - here.cost <= SETTLED * here.cost:
+    if earlier[0] - here.cost <= SETTLED * here.cost:
         return ended(SolveStatus.SOLVED, f"arrived after {iterations} iterations, at what lowers the residuals no more")
     return ended(SolveStatus.ITERATION_LIMIT, f"no end after {limit} iterations; start nearer, or {unended}")

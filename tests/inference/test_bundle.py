@@ -16,7 +16,7 @@ from gtmodel.geometry.rotations import inverse_right_jacobian
 from gtmodel.inference.bundle import GaugeMotion, ResidualBlock, UnknownGroup, bundle_fit
 from gtmodel.inference.bundle.elimination import along, normal_equations, reduced
 from gtmodel.inference.bundle.residual_block import BlockEvaluation
-from gtmodel.inference.bundle.shared_step import solver
+from gtmodel.inference.bundle.shared_step import step_solver
 from gtmodel.inference.bundle.structure import structure
 from gtmodel.results.refusal import ArgumentError
 from gtmodel.results.status import SolveStatus
@@ -62,7 +62,7 @@ def test_elimination_gives_the_dense_step(small: Scene, dense: bool, heavy: bool
     step = np.zeros(J.shape[1])
     step[used] = np.linalg.lstsq(J[:, used] / length[used], -r, rcond=None)[0] / length[used]
     red = reduced(s, normal_equations(s, rows), 0.0, dense)
-    x = -solver(red)(red.g)
+    x = -step_solver(s, rows, red)(red.g)
     own = np.concatenate([x, red.back(x).reshape(-1)])
     # above so many cameras S is damped by 1e-9 of its diagonal, which the step shows
     tolerance = STEP if dense else 1e-4
@@ -75,7 +75,7 @@ def test_a_damped_step_is_the_dense_one(small: Scene) -> None:
     H = J.T @ J
     step = np.linalg.solve(H + 0.1 * np.diag(np.diag(H)), -J.T @ r)
     red = reduced(s, normal_equations(s, rows), 0.1)
-    x = -solver(red)(red.g)
+    x = -step_solver(s, rows, red)(red.g)
     own = np.concatenate([x, red.back(x).reshape(-1)])
     assert np.abs(own - step).max() <= STEP * np.abs(step).max()
 
@@ -104,6 +104,30 @@ def test_covariances_are_the_dense_ones(small: Scene) -> None:
         assert np.all(np.abs(fit.local_covariance[k] - C[at, at]) <= bound)
         joint = fit.joint_covariance(k)
         assert np.all(np.abs(joint[:54, 54:] - C[:54, at]) <= COVARIANCE * np.outer(size[:54], size[at]))
+
+
+@pytest.mark.parametrize(("apart", "dense"), [(1e-3, True), (1e-3, False), (1e-5, True), (1e-6, True)])
+def test_unknowns_that_the_square_of_the_jacobian_cannot_tell_apart_have_the_variance_that_the_jacobian_gives(
+    apart: float, dense: bool
+) -> None:
+    """A sum is seen well and a difference `apart` times as well: the normal equations have it squared."""
+    n, lines = 12, 3
+    a, z, data = ca.SX.sym("a", 3), ca.SX.sym("z"), ca.SX.sym("data", 2)
+    f = ca.Function("f", [a, z, data],
+                    [a[0] + a[1] + apart * (a[0] - a[1]) * data[0] + a[2] * data[0] ** 2 + z - data[1]])  # fmt: skip
+    rng = np.random.default_rng(3)
+    u, which = np.tile(np.linspace(-1.0, 1.0, n), lines), np.repeat(np.arange(lines), n)
+    y = 3.0 + 0.4 * u**2 + 0.1 * rng.standard_normal(len(u))
+    fit = bundle_fit(
+        [UnknownGroup("a", np.zeros((1, 3)), ["sum", "other", "bend"]),
+         UnknownGroup("line", np.zeros((lines, 1)), ["z"], fixed=np.array([[True], [False], [False]]), local=True)],
+        [ResidualBlock("points", f, [("a", 0), ("line", which)], np.column_stack([u, y]), sigma=0.1)], dense=dense,
+    )  # fmt: skip
+    J = np.column_stack([1 + apart * u, 1 - apart * u, u**2, *(which == k for k in (1, 2))]) / 0.1
+    _, sizes, Vt = np.linalg.svd(J, full_matrices=False)
+    expected = np.sqrt(np.diag((Vt.T / sizes**2) @ Vt))[:3]
+    assert fit.estimate is not None and fit.undetermined == 0, fit.message
+    assert fit.estimate.std == pytest.approx(expected, rel=1e-3)
 
 
 def test_slopes_are_those_of_the_moves(small: Scene) -> None:

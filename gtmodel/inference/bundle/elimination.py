@@ -194,6 +194,40 @@ def _sparse(s: Structure, blocks: dict[tuple[int, int], np.ndarray]) -> Any:
     return scipy.sparse.csc_matrix(entries, shape=(s.columns, s.columns))
 
 
+@dataclass(eq=False)
+class Directions:
+    """`x` (columns, k) and `z` (locals, l, k) are the parts of k directions."""
+
+    x: np.ndarray
+    z: np.ndarray
+
+    @property
+    def count(self) -> int:
+        return self.x.shape[1]
+
+    def then(self, other: Directions) -> Directions:
+        """Both together."""
+        return Directions(np.hstack([self.x, other.x]), np.concatenate([self.z, other.z], axis=2))
+
+    def of(self, weights: np.ndarray) -> Directions:
+        """Combinations, weights (k, c)."""
+        return Directions(self.x @ weights, self.z @ weights)
+
+    def flat(self, lengths: np.ndarray) -> np.ndarray:
+        """All entries in units of the columns, (entries, k)."""
+        return np.concatenate([self.x, self.z.reshape(-1, self.count)]) * lengths[:, None]
+
+    def by_length(self, s: Structure, rows: Sequence[Linearised]) -> tuple[Directions, np.ndarray]:
+        """The combinations v, with orthogonal weights, along which the J v are orthogonal, and the lengths of these
+        (k,): from J itself, since its square has lost what is below 1e-8."""
+        if not self.count:
+            return self, np.zeros(0)
+        moved = np.concatenate([a.reshape(-1, self.count) for a in along(s, rows, self.x, self.z)])
+        R = np.linalg.qr(moved, mode="r") if len(moved) > self.count else moved
+        _, sizes, Vt = np.linalg.svd(R, full_matrices=True)
+        return self.of(Vt.T), np.concatenate([sizes, np.zeros(self.count - len(sizes))])
+
+
 def along(s: Structure, rows: Sequence[Linearised], x: np.ndarray, z: np.ndarray) -> list[np.ndarray]:
     """J v of all blocks of rows, each (n, m, k), for k directions x (columns, k), z (locals, l, k)."""
     out = []

@@ -14,7 +14,7 @@ from ...results.status import SolveStatus
 from ..descent import Descent, DescentStep, minimised
 from .elimination import BlockNormal, along, normal_equations, reduced
 from .residual_block import BlockEvaluation, Linearised, ResidualBlock
-from .shared_step import solver
+from .shared_step import step_solver
 from .structure import Structure, structure
 from .undetermined import GaugeMotion
 from .unknown_group import UnknownGroup
@@ -122,7 +122,7 @@ def bundle_fit(
     start = {name: g.start.copy() for name, g in s.groups.items()}
     end = minimised(
         lambda values: _Here(s, dense, values, [e.linearised(values) for e in evaluations]), start, limit=limit,
-        tolerance=tolerance, stop=stop, valley=False, stuck="are the starting values near enough?",
+        tolerance=tolerance, stop=stop, stuck="are the starting values near enough?",
         unended="give a larger limit",
     )  # fmt: skip
     if end.status is SolveStatus.NOT_FINITE:
@@ -180,7 +180,7 @@ class _Here:
 
     def step(self, damping: float) -> DescentStep | None:
         r = reduced(self.s, self.normal, damping, self.dense)
-        x = -solver(r)(r.g)
+        x = -step_solver(self.s, self.rows, r)(r.g)
         z = r.back(x)
         squares = sum(float(np.vdot(a, a)) for a in along(self.s, self.rows, x[:, None], z[:, :, None]))
         if squares == 0.0:

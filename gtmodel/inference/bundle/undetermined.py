@@ -9,16 +9,11 @@ import numpy as np
 import scipy
 
 from ..make_estimate import listed
-from .elimination import ReducedEquations, along
+from .elimination import Directions, ReducedEquations
 from .residual_block import Linearised
+from .shared_step import SILENT
 from .structure import Structure
 
-# of S with columns of J of length one: eigenvectors below this eigenvalue are looked at by J itself
-SUSPECT = 1e-7
-# length of J v for v of length one in units of the columns: below, v is a direction that nothing measured sees
-SILENT = 1e-7
-# columns up to which all eigenvalues of S are computed, and how many of the smallest otherwise
-SMALL, SMALLEST = 1500, 12
 SHOWN, PART = 6, 0.05  # names that a sentence lists, and what they have of the largest entry
 
 
@@ -40,30 +35,6 @@ class GaugeMotion:
     direction: Callable[[Mapping[str, np.ndarray]], Mapping[str, np.ndarray]]
 
 
-@dataclass(eq=False)
-class NullSpace:
-    """`x` (columns, k) and `z` (locals, l, k) are the parts of k directions."""
-
-    x: np.ndarray
-    z: np.ndarray
-
-    @property
-    def count(self) -> int:
-        return self.x.shape[1]
-
-    def then(self, other: NullSpace) -> NullSpace:
-        """Both together."""
-        return NullSpace(np.hstack([self.x, other.x]), np.concatenate([self.z, other.z], axis=2))
-
-    def of(self, weights: np.ndarray) -> NullSpace:
-        """Combinations, weights (k, c)."""
-        return NullSpace(self.x @ weights, self.z @ weights)
-
-    def flat(self, lengths: np.ndarray) -> np.ndarray:
-        """All entries in units of the columns, (entries, k)."""
-        return np.concatenate([self.x, self.z.reshape(-1, self.count)]) * lengths[:, None]
-
-
 def column_lengths(r: ReducedEquations, V: np.ndarray) -> np.ndarray:
     """Lengths of all columns of J, shared then local; one for what nothing sees."""
     local = np.sqrt(np.einsum("bii->bi", V)).reshape(-1)
@@ -71,38 +42,21 @@ def column_lengths(r: ReducedEquations, V: np.ndarray) -> np.ndarray:
     return np.where(both > 0, both, 1.0)
 
 
-def null_space(s: Structure, rows: Sequence[Linearised], r: ReducedEquations, V: np.ndarray) -> NullSpace:
-    """Directions in which no row moves, of what is not fixed; orthogonal in units of the columns' lengths."""
+def null_space(
+    s: Structure, rows: Sequence[Linearised], r: ReducedEquations, V: np.ndarray, faint: Directions
+) -> Directions:
+    """Directions in which no row moves, of what is not fixed, from the `faint` ones of S and what single unknowns add;
+    orthogonal in units of the columns' lengths."""
     free = np.concatenate([*(s.groups[n].free[k] for n, k in s.owner), np.zeros(0, bool)])
-    candidates = _small(s, r)
     unseen = np.flatnonzero((r.scale == 0) & free)
     one = np.zeros((s.columns, len(unseen)))
     one[unseen, np.arange(len(unseen))] = 1.0
-    candidates = candidates.then(NullSpace(one, np.zeros((len(s.eliminated), V.shape[1], len(unseen)))))
+    candidates = faint.then(Directions(one, np.zeros((len(s.eliminated), V.shape[1], len(unseen)))))
     candidates = candidates.then(_weak(s, r))
     return _silent(s, rows, candidates, column_lengths(r, V))
 
 
-def _small(s: Structure, r: ReducedEquations) -> NullSpace:
-    used = np.flatnonzero(r.scale > 0)
-    size = r.scale[used]
-    if isinstance(r.S, np.ndarray):
-        unit = r.S[np.ix_(used, used)] / np.outer(size, size)
-        subset = None if len(used) <= SMALL else [0, SMALLEST - 1]
-        values, vectors = scipy.linalg.eigh(unit, subset_by_index=subset) if len(used) else (np.zeros(0), unit)
-    else:
-        scaled = scipy.sparse.diags(1 / size)
-        unit = (scaled @ r.S[used][:, used] @ scaled).tocsc()
-        begin = np.ones(len(used))  # ARPACK would take a random one
-        values, vectors = scipy.sparse.linalg.eigsh(unit, k=min(SMALLEST, len(used) - 1), sigma=-SUSPECT, v0=begin)
-    near = vectors[:, values < SUSPECT]
-    x = np.zeros((s.columns, near.shape[1]))
-    x[used] = near / size[:, None]
-    z = [r.local_part(v, np.zeros_like(r.h)) for v in x.T]
-    return NullSpace(x, np.stack(z, axis=2) if z else np.zeros((*r.h.shape, 0)))
-
-
-def _weak(s: Structure, r: ReducedEquations) -> NullSpace:
+def _weak(s: Structure, r: ReducedEquations) -> Directions:
     """What a single local instance does not determine of itself."""
     directions: list[tuple[int, np.ndarray]] = []
     if r.weak is not None and s.local is not None:
@@ -113,24 +67,21 @@ def _weak(s: Structure, r: ReducedEquations) -> NullSpace:
     z = np.zeros((*r.h.shape, len(directions)))
     for k, (b, v) in enumerate(directions):
         z[b, :, k] = v
-    return NullSpace(np.zeros((s.columns, len(directions))), z)
+    return Directions(np.zeros((s.columns, len(directions))), z)
 
 
-def _silent(s: Structure, rows: Sequence[Linearised], n: NullSpace, lengths: np.ndarray) -> NullSpace:
+def _silent(s: Structure, rows: Sequence[Linearised], n: Directions, lengths: np.ndarray) -> Directions:
     """The combinations of these directions in which no row moves."""
     if not n.count:
         return n
     _, sizes, Vt = np.linalg.svd(n.flat(lengths), full_matrices=False)
     kept = sizes > 1e-10 * sizes[0]
     n = n.of(Vt[kept].T / sizes[kept])
-    moved = np.concatenate([a.reshape(-1, n.count) for a in along(s, rows, n.x, n.z)])
-    R = np.linalg.qr(moved, mode="r") if len(moved) > n.count else moved
-    _, sizes, Vt = np.linalg.svd(R, full_matrices=True)
-    sizes = np.concatenate([sizes, np.zeros(n.count - len(sizes))])
-    return n.of(Vt[sizes <= SILENT].T)
+    n, sizes = n.by_length(s, rows)
+    return n.of(np.eye(n.count)[:, sizes <= SILENT])
 
 
-def null_words(s: Structure, rows: Sequence[Linearised], n: NullSpace, motions: Sequence[GaugeMotion],
+def null_words(s: Structure, rows: Sequence[Linearised], n: Directions, motions: Sequence[GaugeMotion],
                values: Mapping[str, np.ndarray], lengths: np.ndarray) -> list[str]:  # fmt: skip
     """A sentence per direction: motions by their names, with the remedy, then the others by what moves."""
     if not n.count:
@@ -191,7 +142,7 @@ def _rest(basis: np.ndarray, known: np.ndarray) -> np.ndarray:
     return rest
 
 
-def _of_motion(s: Structure, direction: Mapping[str, np.ndarray]) -> tuple[NullSpace, bool]:
+def _of_motion(s: Structure, direction: Mapping[str, np.ndarray]) -> tuple[Directions, bool]:
     """A motion as one direction, and whether it moves what is fixed."""
     x = np.zeros((s.columns, 1))
     z = np.zeros((len(s.eliminated), s.local.moves if s.local is not None else 0, 1))
@@ -203,7 +154,7 @@ def _of_motion(s: Structure, direction: Mapping[str, np.ndarray]) -> tuple[NullS
             z[:, :, 0] = step[s.eliminated]
         for number in s.numbers[name]:
             x[s.offset[number] : s.offset[number] + g.moves, 0] = step[s.owner[number][1]]
-    return NullSpace(x, z), held
+    return Directions(x, z), held
 
 
 def _names(s: Structure) -> list[str]:

@@ -10,11 +10,11 @@ import numpy as np
 
 from ...results.estimate import Estimate
 from ...results.refusal import ArgumentError
-from .elimination import ReducedEquations, normal_equations, reduced
+from .elimination import Directions, ReducedEquations, normal_equations, reduced
 from .residual_block import BlockEvaluation, Linearised
-from .shared_step import solver
+from .shared_step import faint, solver
 from .structure import Structure
-from .undetermined import GaugeMotion, NullSpace, column_lengths, null_space, null_words
+from .undetermined import GaugeMotion, column_lengths, null_space, null_words
 
 PART = 1e-8  # of a null direction in units of the scales: smaller entries are rounding
 
@@ -75,7 +75,8 @@ def worth_of(s: Structure, blocks: Sequence[BlockEvaluation], values: Mapping[st
     rows = [b.linearised(values, robust=False) for b in blocks]
     n = normal_equations(s, rows)
     r = reduced(s, n, 0.0, dense)
-    null = null_space(s, rows, r, n.V)
+    weak, sizes = faint(s, rows, r)
+    null = null_space(s, rows, r, n.V, weak)
     lengths = column_lengths(r, n.V)
     words = null_words(s, rows, null, motions, values, lengths)
     free = np.concatenate([*(s.groups[name].free[k] for name, k in s.owner), np.zeros(0, bool)])
@@ -84,27 +85,10 @@ def worth_of(s: Structure, blocks: Sequence[BlockEvaluation], values: Mapping[st
     known, dof = blocks[0].known, float(measured - unknowns)
     if dof < 0 or (dof == 0 and not known):
         raise ArgumentError(f"{measured} measured values for {unknowns} unknowns; measure more, or give sigma")
-    C, factor = _inverse(r, null), _noise_factor(blocks, rows, dof, known)
-    C *= factor
+    C, factor = solver(r, weak, sizes)(np.eye(s.columns)), _noise_factor(blocks, rows, dof, known)
+    C = factor * (C + C.T) / 2
     estimate = _estimate(s, values, C, free, null, lengths, rows, dof, known, tuple(words))
     return Worth(s, r, C, factor, null.x, words, estimate)
-
-
-def _inverse(r: ReducedEquations, null: NullSpace) -> np.ndarray:
-    """S^-1, or its pseudo-inverse on what is determined, in units of the columns."""
-    scale = np.where(r.scale > 0, r.scale, 1.0)
-    if not null.count:
-        C = solver(r)(np.eye(len(scale)))
-        return (C + C.T) / 2
-    basis, sizes, _ = np.linalg.svd(null.x * scale[:, None], full_matrices=False)
-    basis = basis[:, sizes > 1e-9]
-    S = r.S if isinstance(r.S, np.ndarray) else r.S.toarray()
-    unit = S / np.outer(scale, scale) + np.diag((r.scale == 0).astype(float))
-    C = np.linalg.inv(unit + basis @ basis.T) - basis @ basis.T  # the null directions are eigenvectors
-    C[r.scale == 0] = 0.0
-    C[:, r.scale == 0] = 0.0
-    C = (C + C.T) / 2
-    return C / np.outer(scale, scale)
 
 
 def _noise_factor(blocks: Sequence[BlockEvaluation], rows: Sequence[Linearised], dof: float, known: bool) -> float:
@@ -121,7 +105,7 @@ def _noise_factor(blocks: Sequence[BlockEvaluation], rows: Sequence[Linearised],
     return total / dof / (sharp / count) ** 2
 
 
-def _estimate(s: Structure, values: Mapping[str, np.ndarray], C: np.ndarray, free: np.ndarray, null: NullSpace,
+def _estimate(s: Structure, values: Mapping[str, np.ndarray], C: np.ndarray, free: np.ndarray, null: Directions,
               lengths: np.ndarray, rows: Sequence[Linearised], dof: float, known: bool,
               words: tuple[str, ...]) -> Estimate:  # fmt: skip
     names, units, numbers = [], [], []
