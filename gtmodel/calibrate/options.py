@@ -82,8 +82,7 @@ class Fit(Options):
     accept: Annotated[
         list[Alarm],
         "alarms about the readings that are notes and refuse nothing: unit, scale, exchanged_signals, stuck_columns, "
-        "exchanged_columns, swapped_axes, scalar_last, out_of_reach, moved_too_far, "
-        "copied_rows",
+        "exchanged_columns, swapped_axes, scalar_last, out_of_reach, moved_too_far, copied_rows",
     ] = field(default_factory=list)  # fmt: skip
     sensitivity_step: Annotated[
         float, Within(least=0), "change of each parameter in the sensitivity (5.8), in SI; 0 for none"

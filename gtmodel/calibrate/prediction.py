@@ -8,9 +8,8 @@ import numpy as np
 
 from ..inference.make_estimate import RANK
 from ..measurements.inspection.outliers import Outliers, outliers as outlying
-from ..results.suspicion import RUN_LEVEL
+from ..results.suspicion import FIRST
 
-TESTS = 5  # of a run: held-out poses, size of the noise, colour, recordings against each other, outliers
 MAD = 1.4826022185  # standard deviation of a normal variable over its median absolute deviation
 
 
@@ -86,7 +85,7 @@ def outliers(
     are none.
     """
     N, m = residuals.shape
-    level = RUN_LEVEL / TESTS / (1 if noise is None else 2)
+    level = FIRST / (1 if noise is None else 2)
     judged = outlying(residuals.reshape(-1), None if basis is None else basis.reshape(N * m, -1), np.tile(range(m), N))
     far = {divmod(k, m): float(judged.times[k]) for k in judged.beyond(level).tolist()}
     if noise is not None:

@@ -89,8 +89,7 @@ def judged(
         low, high = binomial_band(seen.runs, seen.level, 1 - FALSE_ALARM / len(seen.names))
         outside = int(np.count_nonzero((seen.hits < low) | (seen.hits > high))) + len(seen.biased)
         checks["parameters_outside_the_binomial_band"] = at_most(float(outside), 0.0)
-    left = Data(residuals=identification.residuals / identification.noise, jacobian=rows.columns(
-        [rows.names.index(n) for n in identification.estimate.names], identification.noise))  # fmt: skip
+    left = Data(residuals=identification.residuals / identification.noise)
     more, sentences = suspicion_checks(tested(recorded(data.fitted, asked.names), left), asked.how.accept)
     checks, said = checks | more, [*said, *sentences]
     checks, accepted = accepted_checks(checks, asked.how.accept)

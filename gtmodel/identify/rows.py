@@ -202,9 +202,8 @@ def rows_of(
 
 def recorded(sessions: Sequence[Session], signals: Sequence[str]) -> Data:
     """These signals of the recordings, the last of them the efforts: positions may have been moved by a constant."""
-    widths = {tuple(s.trajectory[n].shape[1:]) for n in signals[-1:] for s in sessions}
-    if len(widths) > 1:
-        return Data()
+    if len({tuple(s.trajectory[n].shape[1:] for n in signals) for s in sessions}) > 1:
+        return Data()  # what evaluates them says what is wrong with their widths
     columns = {n: np.concatenate([s.trajectory[n] for s in sessions]) for n in signals}
     return Data(columns, signals[-1:], recordings=[(s.name, s.trajectory.time) for s in sessions])
 

@@ -20,14 +20,14 @@ def _special() -> ModuleType:
 
 
 def f_chance(F: ArrayLike, more: ArrayLike, rest: ArrayLike) -> Any:
-    """Probability that the ratio of two mean squares of one size with so many degrees of freedom is F or more; of a
-    ratio that is no number 0, chance does not explain it.
+    """Probability that the ratio of two mean squares of one size with so many degrees of freedom is F or more; NaN
+    of NaN.
 
     >>> from gtmodel.inference.chance import f_bound, f_chance
     >>> round(float(f_chance(f_bound(0.01, 3, 40), 3, 40)), 9)
     0.01
     """
-    return np.where(np.isfinite(F), _special().fdtrc(more, rest, np.maximum(F, 0.0)), 0.0)[()]
+    return _special().fdtrc(more, rest, np.maximum(F, 0.0))
 
 
 def f_bound(p: float, more: float, rest: float) -> float:
@@ -37,14 +37,15 @@ def f_bound(p: float, more: float, rest: float) -> float:
 
 def f_test(before: float, after: float, more: int, rest: float) -> tuple[float, float]:
     """F and its p of nested fits: `more` further columns lower the sum of squares from `before` to `after`, which has
-    `rest` degrees of freedom. Exact for linear fits with white normal noise.
+    `rest` degrees of freedom; NaN where there is nothing left to lower. Exact for linear fits with white normal noise.
 
     >>> from gtmodel.inference.chance import f_test
     >>> F, p = f_test(12.0, 8.0, 2, 20)
     >>> F, round(p, 4)
     (5.0, 0.0173)
     """
-    F = (before - after) / more / (after / rest) if after > 0 else np.inf
+    with np.errstate(divide="ignore", invalid="ignore"):
+        F = np.divide(before - after, more) / np.divide(after, rest)
     return float(F), float(f_chance(F, more, rest))
 
 

@@ -11,7 +11,8 @@ import scipy
 
 def crossing(function: Callable[[float], float], low: float, high: float, rtol: float) -> tuple[float, float]:
     """The last number below and the first above a zero of a continuous function, a part `rtol` of them apart at most,
-    by Brent's method: the function was evaluated at both. Raises ValueError unless its signs at the ends differ.
+    by Brent's method: the function was evaluated at both, and both are one number where it is zero there. Raises
+    ValueError unless its signs at the ends differ.
 
     >>> from gtmodel.linear.roots import crossing
     >>> below, above = crossing(lambda x: x * x - 2.0, 1.0, 2.0, 1e-3)
@@ -24,7 +25,9 @@ def crossing(function: Callable[[float], float], low: float, high: float, rtol: 
         tried[x] = function(x)
         return tried[x]
 
-    scipy.optimize.brentq(kept, low, high, xtol=np.finfo(float).tiny, rtol=rtol)
+    root = scipy.optimize.brentq(kept, low, high, xtol=np.finfo(float).tiny, rtol=rtol)
+    if tried[root] == 0:
+        return root, root
     side = np.sign(tried[low])
     return max(x for x in tried if np.sign(tried[x]) == side), min(x for x in tried if np.sign(tried[x]) != side)
 

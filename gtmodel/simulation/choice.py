@@ -248,15 +248,10 @@ def _good_rows(at: np.ndarray, ahead: np.ndarray, solved: list[int], below: floa
                 return row
             count = 1
         if _quality(at[:, row + count], solved, below) < below:
-            return (
-                row
-                if between
-                else row
-                + 1
-                + bisect_left(
-                    range(row + 1, row + count), True, key=lambda n: _quality(at[:, n], solved, below) < below
-                )
-            )
+            if between:
+                return row
+            rows = range(row + 1, row + count)
+            return row + 1 + bisect_left(rows, True, key=lambda n: _quality(at[:, n], solved, below) < below)
         row, window = row + count, 2 * count + 8
     return row
 

@@ -88,3 +88,10 @@ def test_a_recording_that_is_given_twice_is_refused_unless_that_is_accepted() ->
         solve(day, again)
     s = solve(day, again, fitting=Fitting(accept=["copied_rows"]))
     assert any(n.startswith("accepted (copied_rows): 'again' repeats") for n in s.notes)
+
+
+def test_recordings_whose_positions_have_other_widths_are_refused_by_what_evaluates_them() -> None:
+    one, two = recorded(95.0, 1), recorded(95.0, 2)
+    wide = two.trajectory.with_values({"q": np.column_stack([two.trajectory["q"]] * 2)})
+    with pytest.raises(TypeError, match="'q' takes shape"):
+        solve(one, Session("wide", wide, 0.004))

@@ -87,7 +87,7 @@ def in_residuals(data: Data) -> Iterator[Suspicion]:
 def test_a_new_suspicion_is_seen_by_every_run(
     test: data_tests.Test, run: Callable[[], Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(data_tests, "TESTS", [*data_tests.TESTS, test])
+    monkeypatch.setattr(data_tests, "EVERY_RUN", [*data_tests.EVERY_RUN, test])
     try:
         study = run()
     except ArgumentError as refused:  # before the fit
@@ -98,5 +98,5 @@ def test_a_new_suspicion_is_seen_by_every_run(
 
 def test_what_takes_a_level_is_refused_at_the_first_step_of_holm(monkeypatch: pytest.MonkeyPatch) -> None:
     weak = replace(next(in_columns(Data({"q": np.zeros(1)}))), p=2 * FIRST)
-    monkeypatch.setattr(data_tests, "TESTS", [lambda data: [weak] if data.columns else []])
+    monkeypatch.setattr(data_tests, "EVERY_RUN", [lambda data: [weak] if data.columns else []])
     assert friction().status.ok

@@ -197,7 +197,8 @@ def split(
     lines = np.arange(1, len(m) + 1) if poses.lines is None else poses.lines
     columns = _fit_the_model(m, poses, model, partly)
     m = _with_latent(m, model)
-    for suspicion in tested(Data(m.values, list(m.values), "pose", "line", lines)):
+    place = "line" if len(np.unique(lines)) == len(lines) else "line (of either file)"
+    for suspicion in tested(Data(m.values, list(m.values), "pose", place, lines)):
         (inspection or Inspection()).refuse(suspicion, "poses.file")
     repeated = _repeated(np.asarray(m.values[poses.actuators]))
     held = np.zeros(len(lines), bool)

@@ -107,9 +107,7 @@ class CalibrationFindings:
     @cached_property
     def left(self) -> tuple[dict[str, Check], list[str]]:
         """What tests of every run find in the residuals: checks and sentences."""
-        c = self.calibration
-        J = None if c.problem.implicit or not len(c.x) else c.problem.jacobian(c.x) * c.problem.unknowns.sizes
-        return suspicion_checks(tested(Data(residuals=c.residuals, jacobian=J)), self.inspection.accepted)
+        return suspicion_checks(tested(Data(residuals=self.calibration.residuals)), self.inspection.accepted)
 
     @cached_property
     def over_noise(self) -> OverNoise | None:

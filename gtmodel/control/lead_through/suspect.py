@@ -64,7 +64,7 @@ def suspicions_of(part: FittedReadings, turns: np.ndarray, time: np.ndarray, gra
         _held_out(part),
         _other_frame(part, turns, gravity),
         _other_axes(part, turns, gravity),
-        *tested(Data(residuals=left, jacobian=J, row="pose")),
+        *tested(Data(residuals=left, row="pose")),
     ]  # fmt: skip
     if part.sigma is not None:
         squares = float(np.sum(np.square(left))) / part.sigma**2

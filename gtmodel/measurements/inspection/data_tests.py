@@ -28,7 +28,7 @@ class Data:
         all its digits; the others may have been moved by a constant. row: what a row is called; place, numbers: how it
         is pointed to, "line" 7, by default row and its number from 1.
     recordings: name and times [s] of each recording, where the rows follow each other in time.
-    residuals: (n, k), what a fit leaves, in units of their noise where that differs; jacobian: (n, k, p) of that fit.
+    residuals: (n, k), what a fit leaves, in units of their noise where that differs.
     """
 
     columns: Mapping[str, ArrayLike] = field(default_factory=dict)
@@ -38,7 +38,6 @@ class Data:
     numbers: Sequence[int] | np.ndarray | None = None
     recordings: Sequence[tuple[str, np.ndarray]] = ()
     residuals: np.ndarray | None = None
-    jacobian: np.ndarray | None = None
 
     def rows(self, names: Iterable[str]) -> np.ndarray:
         """Some columns side by side (n, k)."""
@@ -47,12 +46,12 @@ class Data:
 
 
 Test = Callable[[Data], Iterable[Suspicion]]
-TESTS: list[Test] = []
+EVERY_RUN: list[Test] = []
 
 
 def every_run(test: Test) -> Test:
     """A test that every run makes."""
-    TESTS.append(test)
+    EVERY_RUN.append(test)
     return test
 
 
@@ -65,7 +64,7 @@ def tested(*data: Data) -> list[Suspicion]:
     >>> [found.evidence for found in tested(Data({"q": q}, noise=["q"], row="pose"))]
     ['1 of 20 poses are copies of others in every digit, the first pose 8 of pose 5']
     """
-    return [suspicion for test in TESTS for one in data for suspicion in test(one)]
+    return [suspicion for test in EVERY_RUN for one in data for suspicion in test(one)]
 
 
 @every_run

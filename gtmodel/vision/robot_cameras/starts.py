@@ -85,7 +85,9 @@ def _placed(start: np.ndarray, X: np.ndarray, uv: np.ndarray, R: np.ndarray, c: 
         return (start[:2] * p[:, :2] / z + start[2:4] - uv).reshape(-1)
 
     scale = [0.1] * 3 + [1.0] * 3
-    x = nonlinear_fit(by_differences(rest, uv.size), np.zeros(6), "uvwxyz", scale=scale, sigma=1.0).x
+    x = nonlinear_fit(
+        by_differences(rest, uv.size), np.zeros(6), "uvwxyz", scale=scale, sigma=1.0, hold_undetermined=True
+    ).x
     return [quaternion_of(R @ rotation_by(x[:3])), c + x[3:]]
 
 
