@@ -129,7 +129,7 @@ def for_machines(study: Study, asked: str, by: str = "write_failed=True") -> Stu
     if not kept:
         return study
     message = study.message
-    files = {name: content for name, content in study.files.items() if name not in kept}
+    files = {name: content for name, content in whole.items() if name not in kept}
     if not asked:
         names = " and ".join(sorted(kept)) if len(kept) < 3 else f"{len(kept)} files for machines"
         message += f"; {names} {'is' if len(kept) == 1 else 'are'} not written; {by} writes all, marked"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from fractions import Fraction
+from functools import cache
 
 import numpy as np
 import pytest
@@ -72,14 +73,19 @@ def test_together_it_is_a_simulation_in_time(delay: float, speed: float) -> None
     tooth, h = int(r.cycles_per_tooth * steps), CYCLE / steps
     P = plane(X)
     W = cut.axial_depth * np.einsum("ji,tjk,kl->til", P, mean_matrices(CUTTER, cut, tooth), P)
+    mass = ROBOT.m[0]
     m, c, k = (np.diag(v[0]) for v in (ROBOT.m, ROBOT.c, ROBOT.k))
     push = ALONG / (MASS * CYCLE**2)
 
+    @cache
+    def held(span: float, i: int) -> tuple[np.ndarray, np.ndarray]:
+        A = np.block([[np.zeros((3, 3)), np.eye(3)], [np.linalg.solve(m, W[i] - k), -np.linalg.solve(m, c)]])
+        block = scipy.linalg.expm(np.block([[A, np.eye(6)], [np.zeros((6, 12))]]) * span)
+        return block[:6, :6], block[:6, 6:]
+
     def over(span: float, i: int, z: np.ndarray, before: np.ndarray, u: float) -> np.ndarray:
-        A = np.block([[np.zeros((3, 3)), np.eye(3)], [np.linalg.solve(m, W[i % tooth] - k), -np.linalg.solve(m, c)]])
-        b = np.concatenate([np.zeros(3), -np.linalg.solve(m, W[i % tooth] @ before) + push * u])
-        block = scipy.linalg.expm(np.block([[A, b[:, None]], [np.zeros((1, 7))]]) * span)
-        return block[:6, :6] @ z + block[:6, 6]
+        free, forced = held(round(span, 12), i % tooth)
+        return free @ z + forced[:, 3:] @ (push * u - W[i % tooth] @ before / mass)
 
     rng = np.random.default_rng(5)
     z, xs, u = rng.standard_normal(6) * [1, 1, 1, 70, 70, 70], [np.zeros(3)] * (tooth + 1), [0.0] * 15
