@@ -1,1 +1,1 @@
-"""The kinds of problem: a package each, keys.py and kind.py; see ARCHITECTURE.md."""
+"""The kinds of problem: a module each, or a folder with keys.py and kind.py; see ARCHITECTURE.md."""

@@ -135,7 +135,7 @@ class Context(RunClock):
 
 
 class Kind(Protocol):
-    """What the module kind.py of a kind offers; see `registry`."""
+    """What the module of a kind offers; see `registry`."""
 
     NAME: str
     Schema: type[Problem]

@@ -1,19 +1,16 @@
-"""Problem kinds: the only place where robots and engines meet. A package per kind, with
-keys.py (keys of the file -> options of the study) and kind.py (keys -> call of the study).
-
-keys.py holds
+"""Problem kinds: the only place where robots and engines meet. A module per kind, from
+the keys of the file by options of the study to its call. It holds
 
     Schema    a `Problem` subclass: every key of the file, described, its unit in its name
     RESULT    the class of its study by name, whose quantities ``values`` will hold; several where tables choose
-
-kind.py holds
-
     NAME      its name in a problem file, ``kind = "..."``
-    Schema    that of keys.py
     ARGUMENTS where the study's arguments stand in the file, if not under their own names: "map" -> "section";
               a function `arguments` (problem) where that depends on the problem
     call      (problem, context) -> Call
     explain   optional: (problem, context) -> str
+
+What computes is looked up when it is used, `compliance.study`, so that the schema imports no engine. A folder in place
+of a module has the first two in keys.py and the rest in kind.py.
 
 `names` lists the kinds with one line each, `get` imports one, `schema_of` and `results_of` what it takes and gives
 without what it computes with; nothing else is imported before it is needed.
@@ -93,4 +90,5 @@ def _module(name: str, file: str) -> Any:
     if name not in _KINDS:
         hint = meant(name, _KINDS, f"there are {', '.join(_KINDS)}")
         raise InputError(f"there is no kind '{name}'; {hint}")
-    return import_module(f"gtmodel.kinds.{name}.{file}")
+    kind = import_module(f"gtmodel.kinds.{name}")
+    return import_module(f"gtmodel.kinds.{name}.{file}") if hasattr(kind, "__path__") else kind

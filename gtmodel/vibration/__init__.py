@@ -29,8 +29,6 @@ from typing import TYPE_CHECKING
 from .._lazy import public
 
 if TYPE_CHECKING:
-    from .continuous import Continuous as Continuous, continuous as continuous
-    from .definite_form import DefiniteForm as DefiniteForm, definite_form as definite_form
     from .dynamic_stiffness import (
         DynamicStiffnessStudy as DynamicStiffnessStudy,
         FrequencyResponse as FrequencyResponse,
@@ -53,11 +51,21 @@ if TYPE_CHECKING:
         synthetic_hits as synthetic_hits,
         synthetic_receptance as synthetic_receptance,
     )
-    from .impulse import ImpulseModel as ImpulseModel, Resonance as Resonance, identify_impulse as identify_impulse
-    from .impulse_study import ImpulseStudy as ImpulseStudy
-    from .known_force import SecondOrder as SecondOrder, from_known as from_known
-    from .matrices_study import MatricesStudy as MatricesStudy, matrices_study as matrices_study
-    from .modes import Modes as Modes, modes as modes, sign_question as sign_question
+    from .impulse import (
+        ImpulseModel as ImpulseModel,
+        ImpulseStudy as ImpulseStudy,
+        Resonance as Resonance,
+        identify_impulse as identify_impulse,
+    )
+    from .modes import (
+        DefiniteForm as DefiniteForm,
+        MatricesStudy as MatricesStudy,
+        Modes as Modes,
+        definite_form as definite_form,
+        matrices_study as matrices_study,
+        modes as modes,
+        sign_question as sign_question,
+    )
     from .options import (
         Hit as Hit,
         Impulse as Impulse,
@@ -70,14 +78,27 @@ if TYPE_CHECKING:
         Subspace as Subspace,
         SyntheticStructure as SyntheticStructure,
     )
-    from .order import OrderTrial as OrderTrial
     from .output_error import OutputErrorFit as OutputErrorFit, output_error as output_error
-    from .physical_form import PhysicalForm as PhysicalForm, physical_form as physical_form
+    from .physical_form import (
+        Continuous as Continuous,
+        PhysicalForm as PhysicalForm,
+        SecondOrder as SecondOrder,
+        continuous as continuous,
+        from_known as from_known,
+        physical_form as physical_form,
+    )
     from .record import FitStopped as FitStopped, Record as Record
-    from .step_response import StepModel as StepModel, bandwidth as bandwidth, identify_step as identify_step
-    from .step_study import StepStudy as StepStudy
-    from .subspace import SubspaceModel as SubspaceModel, identify_subspace as identify_subspace
-    from .subspace_study import SubspaceStudy as SubspaceStudy
+    from .step_response import (
+        StepModel as StepModel,
+        StepStudy as StepStudy,
+        bandwidth as bandwidth,
+        identify_step as identify_step,
+    )
+    from .subspace import (
+        OrderTrial as OrderTrial,
+        SubspaceModel as SubspaceModel,
+        identify_subspace as identify_subspace,
+    )
     from .synthetic import (
         hammer_record as hammer_record,
         step_record as step_record,
@@ -85,6 +106,6 @@ if TYPE_CHECKING:
         synthetic_records as synthetic_records,
     )
     from .vibration_result import VibrationStudy as VibrationStudy
-    from .vibration_study import study as study
+    from .vibration_study import SubspaceStudy as SubspaceStudy, study as study
 
 public(__name__)

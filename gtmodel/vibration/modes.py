@@ -1,17 +1,24 @@
-"""Modes of M x'' + D x' + K x = f, and what the signs of its matrices mean (Dressler 2012, eq. (6.15))."""
+"""Modes of M x'' + D x' + K x = f, what the signs of its matrices mean (Dressler 2012, eq. (6.15)), the nearest
+symmetric positive definite M, D and K, and the study of printed matrices, which asks for all three."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
+from ..inference.nonlinear import by_differences, nonlinear_fit
 from ..linear.state_space import frequency_and_damping, second_order
-from ..results import ArgumentError
+from ..results import ArgumentError, Check, Row, SolveStatus, at_most
+from ..results.door import study_function
+from ..results.work import Progress, never, silent
+from .options import Matrices
+from .vibration_result import VibrationStudy, numbers, pairs_of, rows_of
 
 REAL = 1e-9  # relative: imaginary, or real, parts below are rounding
 FREE = 1e-7  # of the largest pole: the two poles of a free motion are accurate to the root of rounding only
@@ -183,3 +190,188 @@ def _sorted(poles: np.ndarray) -> np.ndarray:
 
 def _number(v: complex) -> str:
     return f"{v.real:.5g}" if abs(v.imag) <= REAL * abs(v) else f"{v.real:.5g}{v.imag:+.5g}i"
+
+
+@dataclass(frozen=True, eq=False)
+class DefiniteForm:
+    """Symmetric M and K (p, p), positive definite, with the given M^-1 K, and the nearest symmetric D >= 0.
+
+    trace(M) is that of the given M. `asymmetry`: relative size of the part of D that no choice of M makes symmetric;
+    `raised`: relative size of what was added to make D positive semidefinite; both 0 for a passive structure. `notes`
+    say so.
+    """
+
+    M: np.ndarray
+    D: np.ndarray
+    K: np.ndarray
+    asymmetry: float
+    raised: float
+    notes: tuple[str, ...]
+
+
+def definite_form(M: ArrayLike, D: ArrayLike, K: ArrayLike) -> DefiniteForm:
+    """A passive structure with the frequencies and shapes of M x'' + K x = 0 and damping as near to D as may be.
+
+    With M^-1 K = V diag(w^2) V^-1, M = V^-T S V^-1 and K = V^-T S diag(w^2) V^-1 are symmetric positive definite for
+    every diagonal S > 0; S makes D = M (M^-1 D) as symmetric as it gets, in modal coordinates of unit mass, where its
+    symmetric part is then projected on the positive semidefinite ones. Raises ArgumentError for other shapes, a
+    singular M, and M^-1 K with an eigenvalue that is not real and positive: no such structure has those modes.
+
+    >>> M, D = np.diag([30.0, 12.0]), np.array([[210.0, -60.0], [-60.0, 60.0]])
+    >>> K = np.array([[150e3, -80e3], [-90e3, 90e3]])  # not symmetric, as printed or measured
+    >>> nearest = gt.vibration.definite_form(M, D, K)
+    >>> np.allclose(nearest.K, nearest.K.T)
+    True
+    >>> gt.vibration.modes(nearest.M, nearest.D, nearest.K).frequency_Hz.round(3)
+    array([ 6.379, 16.611])
+    >>> gt.vibration.modes(M, D, K).frequency_Hz.round(3)
+    array([ 6.379, 16.611])
+    """
+    M0, D0, K0 = matrices(M, D, K)
+    p = len(M0)
+    X_K, X_D = np.linalg.solve(M0, K0), np.linalg.solve(M0, D0)
+    values, V = np.linalg.eig(X_K)
+    if np.abs(np.imag(values)).max() > REAL * np.abs(values).max() or np.any(np.real(values) <= 0):
+        eigenvalues = ", ".join(f"{v:.4g}" for v in values)
+        raise ArgumentError(
+            f"M^-1 K has the eigenvalues {eigenvalues} 1/s2; a structure with symmetric positive definite M and K has "
+            "positive ones only: look at the signs of M and K"
+        )
+    V = np.real(V)
+    C = np.linalg.solve(V, X_D @ V)
+    size = max(float(np.linalg.norm(C)), 1e-300)
+    upper = np.triu_indices(p, 1)
+
+    def scaled(x: np.ndarray) -> np.ndarray:
+        e = np.exp(np.append(0.0, x) / 2)
+        return C * e[:, None] / e[None, :]
+
+    x = np.zeros(p - 1)
+    if p > 1 and np.any(C[upper]):
+        residuals = by_differences(lambda x: (scaled(x) - scaled(x).T)[upper] / size, len(upper[0]))
+        x = nonlinear_fit(residuals, x, [f"x[{k}]" for k in range(p - 1)], sigma=1.0, hold_undetermined=True).x
+    S = scaled(x)
+    asymmetry = float(np.linalg.norm(S - S.T) / 2 / max(float(np.linalg.norm(S)), 1e-300))
+    w, Q = np.linalg.eigh((S + S.T) / 2)
+    above = np.maximum(w, 0.0)
+    raised = float(np.linalg.norm(above - w) / max(float(np.linalg.norm(w)), 1e-300))
+    # mass-normalised shapes P with P' M P = 1
+    W = np.exp(np.append(0.0, x) / 2)[:, None] * np.linalg.inv(V)
+    m, d = W.T @ W, W.T @ (Q * above) @ Q.T @ W
+    k = W.T @ np.diag(np.real(values)) @ W
+    size = abs(float(np.trace(M0))) / float(np.trace(m))
+    notes = ["M and K are symmetric and positive definite, with the frequencies and shapes of the given M^-1 K"]
+    if asymmetry > REAL:
+        notes.append(f"{100 * asymmetry:.3g} % of the damping is not symmetric for any M: that part was left out")
+    if raised > REAL:
+        notes.append(
+            f"the damping is not passive: {100 * raised:.3g} % was added to make D positive semidefinite"
+        )  # fmt: skip
+    return DefiniteForm(size * m, size * d, size * k, asymmetry, raised, tuple(notes))
+
+
+_TRIED = ("as printed", "D and K flipped", "K flipped", "D flipped")  # for a passive structure, in this order
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class MatricesStudy(VibrationStudy):
+    """Modes of printed matrices; nothing is repaired silently."""
+
+    def _model_rows(self) -> list[Row]:
+        rows = [
+            Row(
+                "modes of det(M lambda + K) = 0", numbers([] if self.frequency is None else self.frequency, ".6g"), "Hz"
+            ),
+            *(Row("signs", w) for w in self.signs or ()),
+        ]
+        d = self.definite
+        if d:
+            rows += [
+                Row(f"nearest passive structure ({d['signs']}): M", rows_of(d["M_kg"]), "kg"),
+                Row("D", rows_of(d["D_kg_s"]), "kg/s"),
+                Row("K", rows_of(d["K_N_m"]), "N/m"),
+            ]
+        return rows
+
+
+@study_function
+def matrices_study(
+    matrices: Matrices,
+    *,
+    title: str = "",
+    progress: Progress = silent,
+    max_seconds: float | None = None,
+    stop: Callable[[], bool] = never,
+) -> MatricesStudy:
+    """Modes of M x'' + D x' + K x = f as printed, which signs make them stable, the nearest passive structure.
+
+    matrices: M [kg], D [kg/s] and K [N/m], and modes [Hz] printed beside them, to be reproduced. Nothing here takes
+    long enough for progress, max_seconds or stop to matter. Raises ArgumentError.
+
+    >>> from gtmodel.vibration import Matrices, matrices_study
+    >>> s = matrices_study(Matrices(M=[[2.0]], D=[[0.4]], K=[[200.0]]))
+    >>> round(float(s.frequency[0]), 3), s.stable
+    (1.592, True)
+    """
+    M, D, K = (np.array(getattr(matrices, name), float) for name in "MDK")
+    try:
+        printed = modes(M, D, K)
+        signs = sign_question(M, D, K)
+    except ValueError as error:
+        raise ArgumentError(str(error), "matrices") from error
+    others = {name: modes(M, d * D, k * K) for name in _TRIED for d, k in [SIGNS[name]]}
+    chosen, definite, refused = _passive(M, D, K, others)
+    notes = [*printed.notes, *(definite.notes if definite else [refused])]
+    if definite and chosen != "as printed":
+        notes.append(f"{chosen} is very likely meant: an inference from stability, not in print")
+    return MatricesStudy(
+        status=SolveStatus.SOLVED,
+        message="stable as printed" if printed.stable else "unstable as printed; see the signs",
+        title=title,
+        checks=_checks(matrices, printed),
+        figures={"poles": partial(_figure, others, definite, chosen, title or "poles")},
+        notes=notes,
+        frequency=printed.frequency_Hz,
+        damping=printed.damping,
+        poles=pairs_of(printed.poles),
+        M=M,
+        D=D,
+        K=K,
+        stable=printed.stable,
+        signs=list(signs),
+        definite=definite and {"signs": chosen, "M_kg": definite.M, "D_kg_s": definite.D, "K_N_m": definite.K},
+    )
+
+
+def _passive(
+    M: np.ndarray, D: np.ndarray, K: np.ndarray, by_signs: dict[str, Modes]
+) -> tuple[str, DefiniteForm | None, str]:
+    """The first choice of signs that is stable, its passive structure, or why there is none."""
+    stable = [name for name, m in by_signs.items() if m.stable]
+    if not stable:
+        return "", None, "no choice of signs of D and K is stable: no passive structure is offered"
+    d, k = SIGNS[stable[0]]
+    try:
+        return stable[0], definite_form(M, d * D, k * K), ""
+    except ArgumentError as error:
+        return stable[0], None, str(error)
+
+
+def _checks(given: Matrices, printed: Modes) -> dict[str, Check]:
+    if not given.published:
+        return {}
+    if len(given.published) != len(printed.frequency_Hz):
+        raise ArgumentError(
+            f"has {len(given.published)} modes; the matrices have {len(printed.frequency_Hz)}", "matrices.published"
+        )
+    error = float(np.abs(np.sort(given.published) - printed.frequency_Hz).max())
+    return {"published_Hz": at_most(error, given.published_digits)}
+
+
+def _figure(by_signs: dict[str, Modes], definite: DefiniteForm | None, chosen: str, title: str) -> Any:
+    from ..plot.vibration import poles_figure
+
+    shown = {name: by_signs[name].poles for name in dict.fromkeys(["as printed", chosen]) if name}
+    if definite:
+        shown["nearest passive structure"] = modes(definite.M, definite.D, definite.K).poles
+    return poles_figure(shown, by_signs["as printed"].frequency_Hz, title=title)

@@ -16,7 +16,7 @@ from gtmodel.results import Estimate
 from ..linear.response import free_responses, simulate
 from ..linear.state_space import held, second_order
 from ..results import ArgumentError
-from .known_force import SecondOrder
+from .physical_form import SecondOrder
 from .record import Record, go_on
 
 Form = Literal["symmetric", "free"]

@@ -1,20 +1,95 @@
-"""The physical form of a black-box model: positions and velocities as states (Dressler 2012, eq. (6.14))."""
+"""From a discrete black box to M, D and K: its continuous time, its physical form, known forces.
+
+The matrix logarithm gives continuous time, with its branch checked; positions and velocities as states give M^-1 K and
+M^-1 D (Dressler 2012, eq. (6.14)); what is known of forces or masses gives symmetric M, D and K by linear equations.
+"""
 
 from __future__ import annotations
 
+import warnings
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+import scipy
+from numpy.typing import ArrayLike
 
 from .._lazy import hint
+from ..linear.state_space import held
 from ..results import ArgumentError
-from .continuous import continuous
+from .record import check_sample_time
 
 if TYPE_CHECKING:
     from control import StateSpace
 else:
     StateSpace = hint("control", "StateSpace")
+
+NEAR = 0.8  # of the Nyquist frequency: above, these samples alone do not distinguish an alias from the mode
+ON_AXIS = 1e-6  # rad: a pole this near the negative real axis has no real logarithm
+EXACT = 1e-8  # relative difference allowed between A and the exponential of what was found
+ZERO = 1e-12  # modulus of a pole whose logarithm has no meaning
+
+
+class Continuous(NamedTuple):
+    """x' = A x + B u that gives the discrete model under held inputs.
+
+    `message`: a sentence where its fastest pole is near the Nyquist frequency, else empty.
+    """
+
+    A: np.ndarray
+    B: np.ndarray
+    message: str
+
+
+def continuous(A: np.ndarray, B: np.ndarray, sample_time: float) -> Continuous:
+    """A_c = logm(A) / T_s on the principal branch, and B_c of a held input (no approximate inverse of c2d).
+
+    A (n, n), B (n, m), sample_time [s]. The branch takes every pole to lie below the Nyquist frequency; near it
+    `message` warns. Raises ArgumentError for a pole at zero or on the negative real axis, and a logarithm that is not
+    real or exact.
+
+    >>> model = gt.vibration.continuous(np.array([[0.9]]), np.array([[0.1]]), sample_time=0.004)
+    >>> model.A.round(2), model.B.round(2)  # 1/s
+    (array([[-26.34]]), array([[26.34]]))
+    """
+    check_sample_time(sample_time)
+    poles = np.linalg.eigvals(A)
+    nyquist = 0.5 / sample_time
+    if np.abs(poles).min() < ZERO:
+        raise ArgumentError("a pole of the model is at zero (a pure delay): it has no continuous form; lower the order")
+    if np.any((poles.real < 0) & (np.abs(np.angle(poles)) > np.pi - ON_AXIS)):
+        pole = poles[np.argmin(poles.real)].real
+        raise ArgumentError(
+            f"the pole {pole:.4g} lies on the negative real axis, at the Nyquist frequency {nyquist:g} Hz: no real "
+            "continuous model has it, so lower the order or sample faster"
+        )
+    n, m = B.shape
+    with warnings.catch_warnings():
+        # its own estimate of the error; what is found is judged below
+        warnings.simplefilter("ignore", RuntimeWarning)
+        L = np.asarray(scipy.linalg.logm(A))
+        # the same logarithm, of the matrix that also holds the input
+        whole = np.asarray(scipy.linalg.logm(np.block([[A, B], [np.zeros((m, n)), np.eye(m)]])))
+    if np.abs(np.imag(L)).max() > EXACT * np.abs(L).max():
+        raise ArgumentError("the matrix logarithm is not real; lower the order or sample faster")
+    A_c = np.real(L) / sample_time
+    B_c = np.real(whole)[:n, n:] / sample_time
+    A_back, B_back = held(A_c, B_c, sample_time)
+    error = max(np.abs(A_back - A).max() / np.abs(A).max(), np.abs(B_back - B).max() / max(np.abs(B).max(), 1e-300))
+    if error > EXACT:
+        raise ArgumentError(
+            f"the matrix logarithm is not exact: {error:.2g} is left of 1, expected {EXACT:g}; lower the order"
+        )
+    fastest = float(np.abs(np.angle(poles)).max() / (2 * np.pi * sample_time))
+    said = ""
+    if fastest > NEAR * nyquist:
+        said = (
+            f"a mode at {fastest:.4g} Hz is near the Nyquist frequency of {nyquist:.4g} Hz: these samples cannot tell "
+            f"it from one at {2 * nyquist - fastest:.4g} Hz"
+        )
+    return Continuous(A_c, B_c, said)
+
 
 UNIDENTIFIED = "M is not identifiable without a known force or mass; M^-1 K and M^-1 D are"
 CONDITION = 1e10  # of T with scaled rows: beyond, the outputs and their rates are no coordinates
@@ -74,3 +149,119 @@ def physical_form(system: StateSpace) -> PhysicalForm:
     jump = fastest * float(np.linalg.norm(B_p[:p])) / max(float(np.linalg.norm(B_p[p:])), 1e-300)
     notes = (UNIDENTIFIED, *([c.message] if c.message else []))
     return PhysicalForm(-A_p[p:, :p], -A_p[p:, p:], B_p[p:], jump, notes)
+
+
+RANK = 1e-8  # of the largest singular value of the scaled equations: below, a mass is not determined
+
+
+@dataclass(frozen=True, eq=False)
+class SecondOrder:
+    """M x'' + D x' + K x = F u: M [kg], D [N.s/m], K [N/m], all (p, p), F (p, m).
+
+    `left`: relative 2-norm of what the equations for M leave, zero where data are exact. D is as the data have it, not
+    made symmetric. `notes`: what limits it, in sentences.
+    """
+
+    M: np.ndarray
+    D: np.ndarray
+    K: np.ndarray
+    F: np.ndarray
+    left: float
+    notes: tuple[str, ...] = ()
+
+
+def from_known(
+    form: PhysicalForm,
+    *,
+    force: ArrayLike | None = None,
+    masses: Mapping[int, float] | None = None,
+) -> SecondOrder:
+    """M, D, K with symmetric M and K, from what is known of forces or masses.
+
+    Args:
+        form: M^-1 K, M^-1 D and M^-1 F.
+        force: F (p, m), newtons on each coordinate per unit of each input; e1 for a force on the first. Then M times
+            M_inv_F is F.
+        masses: diagonal entries of M that are known [kg], by coordinate from 0; D is then taken to be symmetric too.
+
+    Equations are scaled by their sizes and solved by least squares. Raises ArgumentError where neither is given, where
+    they do not determine M, with the number of entries that stay open, and where M is not positive definite, which no
+    masses are. A K that is not positive definite is said in `notes`.
+
+    >>> M, D = np.diag([30.0, 12.0]), np.array([[210.0, -60.0], [-60.0, 60.0]])
+    >>> K = np.array([[150e3, -90e3], [-90e3, 90e3]])
+    >>> record = gt.vibration.structure_record(
+    ...     M, D, K, force=50.0, hold=8, samples=2000, sample_time=0.004, noise=1e-6, seed=1
+    ... )
+    >>> form = gt.vibration.physical_form(gt.vibration.identify_subspace(record, order=4).system)
+    >>> np.diag(gt.vibration.from_known(form, force=[1.0, 0.0]).M).round(1)  # kg
+    array([30., 12.])
+    >>> np.diag(gt.vibration.from_known(form, masses={0: 30.0, 1: 12.0}).K / 1e3).round()  # N/mm
+    array([150., 90.])
+    """
+    p = len(form.M_inv_K)
+    if force is None and not masses:
+        raise ArgumentError(f"{UNIDENTIFIED}; give the force on a coordinate in newtons, or a mass in kilograms")
+    pairs = [(i, j) for i in range(p) for j in range(i, p)]
+    basis = [_symmetric(p, i, j) for i, j in pairs]
+    rows, right = [], []
+
+    def demand(blocks: list[np.ndarray], wanted: np.ndarray, size: float) -> None:
+        rows.append(np.stack([b.ravel() for b in blocks], axis=1) / size)
+        right.append(wanted.ravel() / size)
+
+    upper = np.triu_indices(p, 1)
+    skew = [form.M_inv_K] + ([form.M_inv_D] if masses else [])
+    for X in skew:
+        size = np.linalg.norm(X)
+        if len(upper[0]) and size:
+            demand([(Q @ X - (Q @ X).T)[upper] for Q in basis], np.zeros(len(upper[0])), float(size))
+    F = None
+    if force is not None:
+        F = np.asarray(force, float)
+        F = F[:, None] if F.ndim == 1 else F
+        if F.shape != form.M_inv_F.shape or not np.any(F):
+            raise ArgumentError(
+                f"the force has the shape {F.shape}; expected {form.M_inv_F.shape}, newtons on each coordinate per "
+                "unit of each input, not all zero"
+            )
+        demand([Q @ form.M_inv_F for Q in basis], F, float(np.linalg.norm(form.M_inv_F)))
+    for at, mass in (masses or {}).items():
+        if not (0 <= at < p and mass > 0):
+            raise ArgumentError(
+                f"mass {mass} kg of coordinate {at}: expected a coordinate from 0 to {p - 1}, a mass > 0"
+            )
+        demand([Q[at, at : at + 1] for Q in basis], np.array([mass]), 1.0)
+    G, g = np.vstack(rows), np.concatenate(right)
+    s = np.linalg.svd(G, compute_uv=False)
+    open_ones = len(pairs) - int(np.sum(s > RANK * s[0]))
+    if open_ones:
+        raise ArgumentError(
+            f"{open_ones} of the {len(pairs)} entries of M stay open with what is known: {UNIDENTIFIED}; give a force "
+            "on a coordinate, or one more mass"
+        )
+    m = np.linalg.lstsq(G, g, rcond=None)[0]
+    M = sum((x * Q for x, Q in zip(m, basis, strict=True)), np.zeros((p, p)))
+    left = float(np.linalg.norm(G @ m - g) / np.linalg.norm(g))
+    least = float(np.linalg.eigvalsh(M)[0])
+    if least <= 0:
+        raise ArgumentError(
+            f"M comes out with the eigenvalue {least:.4g} kg, and no structure has it: look at the sign and the "
+            "coordinate of the force, at the known masses and at the signs of the outputs; noise on a small mass does "
+            "it too"
+        )
+    K = M @ form.M_inv_K
+    soft = float(np.linalg.eigvalsh((K + K.T) / 2)[0])
+    notes: tuple[str, ...] = ()
+    if soft <= 0:
+        notes = (
+            f"K is not positive definite, its least eigenvalue is {soft:.4g} N/m: the structure is free to move, "
+            "unstable, or a sign is wrong",
+        )
+    return SecondOrder(M, M @ form.M_inv_D, K, M @ form.M_inv_F if F is None else F, left, notes)
+
+
+def _symmetric(p: int, i: int, j: int) -> np.ndarray:
+    Q = np.zeros((p, p))
+    Q[i, j] = Q[j, i] = 1.0
+    return Q

@@ -1,26 +1,116 @@
-"""Subspace identification: N4SID, MOESP and CVA on one LQ factor, with order and held-out prediction."""
+"""Subspace identification: N4SID, MOESP and CVA on one LQ factor, with order and held-out prediction.
+
+A and C come from the subspace; B, D and the initial state by linear least squares on the simulated outputs. The order
+is told by where the singular values fall and by what predicts samples that were not fitted.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import TYPE_CHECKING, Literal, NamedTuple, get_args
 
 import numpy as np
 
 from .._lazy import hint
-from ..linear.response import simulate
+from ..linear.response import free_responses, simulate, states
 from ..results import ArgumentError
-from .hankel import project
-from .input_matrices import input_matrices
 from .options import BLOCK_ROWS, HELD_OUT, LARGEST
-from .order import NOISE_FREE, OrderTrial, choose, gap, largest_order
-from .record import Record, go_on
+from .record import Record, go_on, project
 
 if TYPE_CHECKING:
     from control import StateSpace
 else:
     StateSpace = hint("control", "StateSpace")
+
+SLACK = 0.02  # of the least error on held-out samples: among orders that are high enough it varies by about 1 %
+NOTHING = 1e-9  # of the outputs' rms: errors below are rounding, and no order is better than another
+NOISE_FREE = 1e-12  # of the largest singular value: below is rounding
+
+
+class OrderTrial(NamedTuple):
+    """An order that was tried: the largest modulus of its poles, and the rms error on held-out samples, None where it
+    is unstable."""
+
+    order: int
+    radius: float
+    held_out_rms: float | None
+
+
+def largest_order(block_rows: int, outputs: int) -> int:
+    """The largest order that `block_rows` can determine; shift invariance needs one block row. Raises ArgumentError."""
+    if block_rows < 2:
+        raise ArgumentError(f"{block_rows} block rows cannot tell any order; take at least 2")
+    return (block_rows - 1) * outputs
+
+
+def gap(singular_values: np.ndarray, largest: int) -> int:
+    """The order, from 1, after which the singular values fall by the greatest factor."""
+    s = np.maximum(singular_values[: largest + 1], NOISE_FREE * singular_values[0])
+    return int(np.argmax(s[:-1] / s[1:])) + 1 if len(s) > 1 else 1
+
+
+def choose(trials: Sequence[OrderTrial], gap_order: int, size: float) -> tuple[int, str]:
+    """The least order within SLACK of the best held-out error, and why. `size`: rms of the outputs.
+
+    Raises ArgumentError where every order is unstable.
+    """
+    stable = {t.order: t.held_out_rms for t in trials if t.held_out_rms is not None}
+    if not stable:
+        worst = ", ".join(f"{t.order} ({t.radius:.4g})" for t in trials)
+        raise ArgumentError(
+            f"every order is unstable, by order with its largest pole: {worst}; record longer, or take more block rows"
+        )
+    bound = (1 + SLACK) * min(stable.values()) + NOTHING * size
+    n = next(order for order in sorted(stable) if stable[order] <= bound)
+    reason = f"smallest order within {100 * SLACK:g} % of the best held-out error"
+    agrees = (
+        "the singular values fall most there too"
+        if gap_order == n
+        else f"the singular values fall most after {gap_order}"
+    )
+    return n, f"{reason}; {agrees}"
+
+
+def input_matrices(
+    record: Record, A: np.ndarray, C: np.ndarray, *, feedthrough: bool
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """B (n, m), D (p, m), x0 (n,) and the outputs' offset (p,) whose simulated outputs are nearest to the measured ones
+    in the 2-norm.
+
+    Without `feedthrough` D is zero. A must be stable over the record: powers of an unstable one overflow.
+    """
+    N, p, m, n = len(record), len(C), record.u.shape[1], len(A)
+    F = np.zeros((p, N, m * n + n + p))
+    for i in range(p):
+        # the transposed system gives C_i (qI - A)^-1 u_j for all states at once
+        for j in range(m):
+            F[i, :, j * n : (j + 1) * n] = states(A.T, np.outer(record.u[:, j], C[i]), np.zeros(n))
+    F[:, :, m * n : m * n + n] = np.moveaxis(free_responses(A, C, N), 1, 0)
+    F[range(p), :, range(m * n + n, m * n + n + p)] = 1.0
+    right = record.y.T
+    if feedthrough:
+        # D touches one output each: eliminated output by output
+        F, right, fit = _without(F, right, record.u)
+    size = np.linalg.norm(F, axis=(0, 1))
+    size[size == 0] = 1.0
+    x = np.linalg.lstsq((F / size).reshape(p * N, -1), right.ravel(), rcond=None)[0] / size
+    D = np.zeros((p, m))
+    if feedthrough:
+        D = np.stack([fit[i][0] - fit[i][1] @ x for i in range(p)])  # pyright: ignore[reportPossiblyUnboundVariable]
+    return x[: m * n].reshape(m, n).T, D, x[m * n : m * n + n], x[m * n + n :]
+
+
+def _without(
+    F: np.ndarray, right: np.ndarray, u: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, list[tuple[np.ndarray, np.ndarray]]]:
+    """Rows with what u explains at once taken out, and how D follows from the rest: D_i = d - G x."""
+    plus = np.linalg.pinv(u)
+    fit = [(plus @ r, plus @ f) for r, f in zip(right, F, strict=True)]
+    taken = [f - u @ g for f, (_, g) in zip(F, fit, strict=True)]
+    rest = [r - u @ d for r, (d, _) in zip(right, fit, strict=True)]
+    return np.stack(taken), np.stack(rest), fit
+
 
 Method = Literal["n4sid", "moesp", "cva"]
 

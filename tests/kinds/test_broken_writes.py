@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from gtmodel.kinds.optimization import kind as optimization
+from gtmodel import optimize
 from gtmodel.problem_files import InputError
 from gtmodel.problem_files.load import load
 from gtmodel.problem_files.run import context_of, solve
@@ -104,7 +104,7 @@ def test_two_runs_into_one_folder_do_not_mix(tmp_path: Path, monkeypatch: pytest
     first, second = (load("swing.toml", [f"mesh.elements={n}"]) for n in (3, 4))
     said: list[str] = []
 
-    study = optimization.optimization_study
+    study = optimize.optimization_study
 
     def meanwhile(*arguments: Any, **options: Any) -> Any:
         monkeypatch.undo()
@@ -114,7 +114,7 @@ def test_two_runs_into_one_folder_do_not_mix(tmp_path: Path, monkeypatch: pytest
         said.append(str(refused.value))
         return study(*arguments, **options)
 
-    monkeypatch.setattr(optimization, "optimization_study", meanwhile)
+    monkeypatch.setattr(optimize, "optimization_study", meanwhile)
     solve(first, context_of(first), out=tmp_path / "out")
     assert "another run of gtmodel" in said[0]
     stored = json.loads((tmp_path / "out" / "result.json").read_text())
@@ -202,10 +202,8 @@ def test_a_picture_that_fails_costs_no_numbers(gtmodel: Commands, monkeypatch: p
     def fails() -> None:
         raise ValueError("no ink")
 
-    study = optimization.optimization_study
-    monkeypatch.setattr(
-        optimization, "optimization_study", lambda *a, **k: study(*a, **k).with_(figures={"empty": fails})
-    )
+    study = optimize.optimization_study
+    monkeypatch.setattr(optimize, "optimization_study", lambda *a, **k: study(*a, **k).with_(figures={"empty": fails}))
     done = gtmodel("solve", "swing.toml", "--out", "out", "--plot")
     assert done.code == 1 and "no ink" in done.err and "final time" in done.out
     assert {p.name for p in Path("out").iterdir()} == {"result.json", "trajectory.csv", "run.toml"}

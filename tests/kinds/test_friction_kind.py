@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from gtmodel.identify import constant_velocity_log
-from gtmodel.kinds.friction import kind
+from gtmodel.kinds import friction
 from gtmodel.problem_files import Context, InputError
 from gtmodel.problem_files.load import Loaded, load, validate
 from gtmodel.problem_files.run import answer, explain
@@ -31,8 +31,8 @@ COLUMNS = {"position_m": {"column": "q", "unit": "m"}, "force_N": {"column": "f"
 
 def loaded(**changes: Any) -> Loaded:
     data = {"kind": "friction", "robot": "l1_tape", "pose": [STAR], "synthetic": MADE, **changes}
-    problem = validate(kind.Schema, {k: v for k, v in data.items() if v is not None})
-    return Loaded(Path("friction.toml"), b"", (), kind, problem, False)  # type: ignore[arg-type]
+    problem = validate(friction.Schema, {k: v for k, v in data.items() if v is not None})
+    return Loaded(Path("friction.toml"), b"", (), friction, problem, False)  # type: ignore[arg-type]
 
 
 def solved(context: Context | None = None, **changes: Any) -> Any:

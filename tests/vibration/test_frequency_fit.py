@@ -16,7 +16,7 @@ from gtmodel.vibration import (
     synthetic_hits,
     synthetic_receptance as made,
 )
-from gtmodel.vibration.dynamic_stiffness.frequency_modes import linear_start, log_derivatives
+from gtmodel.vibration.dynamic_stiffness.modal_fit import linear_start, log_derivatives
 
 M, C, K = 174.8, 4047.9, 2.79e6  # Cvitanic 2021, Table 16, test 2, x
 TRUE = {"m": M, "c": C, "k": K, "fn": float(np.sqrt(K / M)) / (2 * np.pi), "zeta": C / (2 * np.sqrt(K * M))}

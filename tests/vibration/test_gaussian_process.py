@@ -11,8 +11,13 @@ from scipy import stats
 
 from gtmodel.inference import monte_carlo
 from gtmodel.vibration import GaussianProcess, KernelInputs, fit_gaussian_processes, held_out
-from gtmodel.vibration.dynamic_stiffness.gaussian_process_fit import _Problem, parameters_of
-from gtmodel.vibration.dynamic_stiffness.gaussian_process_kernel import correlation, slope, square_distances
+from gtmodel.vibration.dynamic_stiffness.gaussian_process import (
+    _Problem,
+    correlation,
+    parameters_of,
+    slope,
+    square_distances,
+)
 
 SHAPES = ("squared_exponential", "matern_5_2")
 INPUTS = KernelInputs((0.5, 0.5, 0.5, 1.0), (False, False, False, True))

@@ -195,7 +195,7 @@ def _sparse(s: Structure, blocks: dict[tuple[int, int], np.ndarray]) -> Any:
 
 
 @dataclass(eq=False)
-class Directions:
+class BlockDirections:
     """`x` (columns, k) and `z` (locals, l, k) are the parts of k directions."""
 
     x: np.ndarray
@@ -205,19 +205,19 @@ class Directions:
     def count(self) -> int:
         return self.x.shape[1]
 
-    def then(self, other: Directions) -> Directions:
+    def then(self, other: BlockDirections) -> BlockDirections:
         """Both together."""
-        return Directions(np.hstack([self.x, other.x]), np.concatenate([self.z, other.z], axis=2))
+        return BlockDirections(np.hstack([self.x, other.x]), np.concatenate([self.z, other.z], axis=2))
 
-    def of(self, weights: np.ndarray) -> Directions:
+    def of(self, weights: np.ndarray) -> BlockDirections:
         """Combinations, weights (k, c)."""
-        return Directions(self.x @ weights, self.z @ weights)
+        return BlockDirections(self.x @ weights, self.z @ weights)
 
     def flat(self, lengths: np.ndarray) -> np.ndarray:
         """All entries in units of the columns, (entries, k)."""
         return np.concatenate([self.x, self.z.reshape(-1, self.count)]) * lengths[:, None]
 
-    def by_length(self, s: Structure, rows: Sequence[Linearised]) -> tuple[Directions, np.ndarray]:
+    def by_length(self, s: Structure, rows: Sequence[Linearised]) -> tuple[BlockDirections, np.ndarray]:
         """The combinations v, with orthogonal weights, along which the J v are orthogonal, and the lengths of these
         (k,): from J itself, since its square has lost what is below 1e-8."""
         if not self.count:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from .elimination import Directions, ReducedEquations
+from .elimination import BlockDirections, ReducedEquations
 from .residual_block import Linearised
 from .structure import Structure
 
@@ -68,14 +68,14 @@ def step_solver(s: Structure, rows: Sequence[Linearised], r: ReducedEquations) -
         unit = S / np.outer(r.scale[used], r.scale[used]) + LEAST * np.eye(len(used))
         factor = scipy.linalg.cho_factor(unit, lower=True, check_finite=False)
         return _plain(used, r.scale[used], lambda b: scipy.linalg.cho_solve(factor, b))
-    return solver(r, Directions(np.zeros((len(r.scale), 0)), np.zeros((*r.h.shape, 0))), np.zeros(0))
+    return solver(r, BlockDirections(np.zeros((len(r.scale), 0)), np.zeros((*r.h.shape, 0))), np.zeros(0))
 
 
 def _plain(used: np.ndarray, size: np.ndarray, unit: Callable[[np.ndarray], np.ndarray]) -> SharedSolver:
     return SharedSolver(used, size, unit, np.zeros((len(used), 0)), np.zeros(0))
 
 
-def solver(r: ReducedEquations, directions: Directions, sizes: np.ndarray) -> SharedSolver:
+def solver(r: ReducedEquations, directions: BlockDirections, sizes: np.ndarray) -> SharedSolver:
     """With all faint directions of S, and the lengths of J along them."""
     used, unit = _unit(r)
     size = r.scale[used]
@@ -92,7 +92,7 @@ def solver(r: ReducedEquations, directions: Directions, sizes: np.ndarray) -> Sh
     return SharedSolver(used, size, factor.solve, basis, sizes)
 
 
-def faint(s: Structure, rows: Sequence[Linearised], r: ReducedEquations) -> tuple[Directions, np.ndarray]:
+def faint(s: Structure, rows: Sequence[Linearised], r: ReducedEquations) -> tuple[BlockDirections, np.ndarray]:
     """Directions that S hardly sees, or not at all, orthonormal in units of the shared columns, and the lengths of J
     along them."""
     used, unit = _unit(r)
@@ -108,7 +108,7 @@ def faint(s: Structure, rows: Sequence[Linearised], r: ReducedEquations) -> tupl
     x = np.zeros((s.columns, near.shape[1]))
     x[used] = near / r.scale[used, None]
     z = [r.local_part(v, np.zeros_like(r.h)) for v in x.T]
-    return Directions(x, np.stack(z, axis=2) if z else np.zeros((*r.h.shape, 0))).by_length(s, rows)
+    return BlockDirections(x, np.stack(z, axis=2) if z else np.zeros((*r.h.shape, 0))).by_length(s, rows)
 
 
 def _unit(r: ReducedEquations) -> tuple[np.ndarray, np.ndarray]:

@@ -9,7 +9,7 @@ import numpy as np
 import scipy
 
 from ..make_estimate import listed
-from .elimination import Directions, ReducedEquations
+from .elimination import BlockDirections, ReducedEquations
 from .residual_block import Linearised
 from .shared_step import SILENT
 from .structure import Structure
@@ -43,20 +43,20 @@ def column_lengths(r: ReducedEquations, V: np.ndarray) -> np.ndarray:
 
 
 def null_space(
-    s: Structure, rows: Sequence[Linearised], r: ReducedEquations, V: np.ndarray, faint: Directions
-) -> Directions:
+    s: Structure, rows: Sequence[Linearised], r: ReducedEquations, V: np.ndarray, faint: BlockDirections
+) -> BlockDirections:
     """Directions in which no row moves, of what is not fixed, from the `faint` ones of S and what single unknowns add;
     orthogonal in units of the columns' lengths."""
     free = np.concatenate([*(s.groups[n].free[k] for n, k in s.owner), np.zeros(0, bool)])
     unseen = np.flatnonzero((r.scale == 0) & free)
     one = np.zeros((s.columns, len(unseen)))
     one[unseen, np.arange(len(unseen))] = 1.0
-    candidates = faint.then(Directions(one, np.zeros((len(s.eliminated), V.shape[1], len(unseen)))))
+    candidates = faint.then(BlockDirections(one, np.zeros((len(s.eliminated), V.shape[1], len(unseen)))))
     candidates = candidates.then(_weak(s, r))
     return _silent(s, rows, candidates, column_lengths(r, V))
 
 
-def _weak(s: Structure, r: ReducedEquations) -> Directions:
+def _weak(s: Structure, r: ReducedEquations) -> BlockDirections:
     """What a single local instance does not determine of itself."""
     directions: list[tuple[int, np.ndarray]] = []
     if r.weak is not None and s.local is not None:
@@ -67,10 +67,10 @@ def _weak(s: Structure, r: ReducedEquations) -> Directions:
     z = np.zeros((*r.h.shape, len(directions)))
     for k, (b, v) in enumerate(directions):
         z[b, :, k] = v
-    return Directions(np.zeros((s.columns, len(directions))), z)
+    return BlockDirections(np.zeros((s.columns, len(directions))), z)
 
 
-def _silent(s: Structure, rows: Sequence[Linearised], n: Directions, lengths: np.ndarray) -> Directions:
+def _silent(s: Structure, rows: Sequence[Linearised], n: BlockDirections, lengths: np.ndarray) -> BlockDirections:
     """The combinations of these directions in which no row moves."""
     if not n.count:
         return n
@@ -81,7 +81,7 @@ def _silent(s: Structure, rows: Sequence[Linearised], n: Directions, lengths: np
     return n.of(np.eye(n.count)[:, sizes <= SILENT])
 
 
-def null_words(s: Structure, rows: Sequence[Linearised], n: Directions, motions: Sequence[GaugeMotion],
+def null_words(s: Structure, rows: Sequence[Linearised], n: BlockDirections, motions: Sequence[GaugeMotion],
                values: Mapping[str, np.ndarray], lengths: np.ndarray) -> list[str]:  # fmt: skip
     """A sentence per direction: motions by their names, with the remedy, then the others by what moves."""
     if not n.count:
@@ -142,7 +142,7 @@ def _rest(basis: np.ndarray, known: np.ndarray) -> np.ndarray:
     return rest
 
 
-def _of_motion(s: Structure, direction: Mapping[str, np.ndarray]) -> tuple[Directions, bool]:
+def _of_motion(s: Structure, direction: Mapping[str, np.ndarray]) -> tuple[BlockDirections, bool]:
     """A motion as one direction, and whether it moves what is fixed."""
     x = np.zeros((s.columns, 1))
     z = np.zeros((len(s.eliminated), s.local.moves if s.local is not None else 0, 1))
@@ -154,7 +154,7 @@ def _of_motion(s: Structure, direction: Mapping[str, np.ndarray]) -> tuple[Direc
             z[:, :, 0] = step[s.eliminated]
         for number in s.numbers[name]:
             x[s.offset[number] : s.offset[number] + g.moves, 0] = step[s.owner[number][1]]
-    return Directions(x, z), held
+    return BlockDirections(x, z), held
 
 
 def _names(s: Structure) -> list[str]:

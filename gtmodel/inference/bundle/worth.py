@@ -10,7 +10,7 @@ import numpy as np
 
 from ...results.estimate import Estimate
 from ...results.refusal import ArgumentError
-from .elimination import Directions, ReducedEquations, normal_equations, reduced
+from .elimination import BlockDirections, ReducedEquations, normal_equations, reduced
 from .residual_block import BlockEvaluation, Linearised
 from .shared_step import faint, solver
 from .structure import Structure
@@ -105,7 +105,7 @@ def _noise_factor(blocks: Sequence[BlockEvaluation], rows: Sequence[Linearised],
     return total / dof / (sharp / count) ** 2
 
 
-def _estimate(s: Structure, values: Mapping[str, np.ndarray], C: np.ndarray, free: np.ndarray, null: Directions,
+def _estimate(s: Structure, values: Mapping[str, np.ndarray], C: np.ndarray, free: np.ndarray, null: BlockDirections,
               lengths: np.ndarray, rows: Sequence[Linearised], dof: float, known: bool,
               words: tuple[str, ...]) -> Estimate:  # fmt: skip
     names, units, numbers = [], [], []

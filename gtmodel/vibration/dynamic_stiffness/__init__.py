@@ -22,35 +22,41 @@ from typing import TYPE_CHECKING
 from ..._lazy import public
 
 if TYPE_CHECKING:
-    from .experiments import Experiment as Experiment, read_experiments as read_experiments
-    from .frequency_fit import ModalFit as ModalFit, fit_modes as fit_modes
-    from .frequency_modes import receptance as receptance
-    from .frequency_response import (
+    from .experiments import (
+        Experiment as Experiment,
         FrequencyResponse as FrequencyResponse,
         command_force as command_force,
         frequency_response as frequency_response,
+        read_experiments as read_experiments,
     )
-    from .frequency_synthetic import synthetic_hits as synthetic_hits, synthetic_receptance as synthetic_receptance
-    from .gaussian_process import GaussianProcess as GaussianProcess
-    from .gaussian_process_fit import fit_gaussian_processes as fit_gaussian_processes, held_out as held_out
-    from .gaussian_process_kernel import KernelInputs as KernelInputs
+    from .gaussian_process import (
+        GaussianProcess as GaussianProcess,
+        KernelInputs as KernelInputs,
+        fit_gaussian_processes as fit_gaussian_processes,
+        held_out as held_out,
+    )
+    from .modal_fit import ModalFit as ModalFit, fit_modes as fit_modes, receptance as receptance
     from .options import (
+        DynamicStiffnessStudy as DynamicStiffnessStudy,
         FrequencyMap as FrequencyMap,
         ModalFitting as ModalFitting,
         Process as Process,
         SyntheticArm as SyntheticArm,
     )
-    from .oscillator_field import OscillatorField as OscillatorField, fit_oscillator_field as fit_oscillator_field
-    from .oscillator_field_file import (
+    from .oscillator_field import (
+        OscillatorField as OscillatorField,
+        fit_oscillator_field as fit_oscillator_field,
         load_oscillator_field as load_oscillator_field,
         oscillator_text as oscillator_text,
     )
-    from .oscillator_field_synthetic import SyntheticField as SyntheticField, synthetic_field as synthetic_field
-    from .stiffness_result import DynamicStiffnessStudy as DynamicStiffnessStudy
     from .stiffness_study import dynamic_stiffness_study as dynamic_stiffness_study
-    from .synthetic_experiments import (
+    from .synthetic import (
         SyntheticExperiments as SyntheticExperiments,
+        SyntheticField as SyntheticField,
         synthetic_experiments as synthetic_experiments,
+        synthetic_field as synthetic_field,
+        synthetic_hits as synthetic_hits,
+        synthetic_receptance as synthetic_receptance,
     )
 
 public(__name__)

@@ -1,19 +1,233 @@
-"""Experiments: a frequency response at a pose, from records of hits or receptances in CSV files."""
+"""Receptance of a tool, displacement by force over frequency with its noise and coherence, from records of hits; and
+experiments, a receptance at a pose, from such records or from CSV files."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ...lang.units import UnitError, convert, parse_unit
 from ...measurements.csv_table import CsvTable
 from ...results import ArgumentError
 from ...results.disk import path_of
-from .frequency_response import ORDER, UNITS, FrequencyResponse, frequency_response
 from .options import ModalFitting
+
+Response = Literal["acceleration", "velocity", "displacement"]
+ORDER = {"displacement": 0, "velocity": 1, "acceleration": 2}  # how often the displacement was derived
+UNITS = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s2"}
+
+# of the largest power: a line below it holds round-off only, 1e-13 of the amplitude
+SILENT = 1e-26
+TAPER = 0.1  # of a force window: the share in which it falls to zero
+CUT = 0.1  # of a hit's peak: a force window that cuts off more has cut off a second hit
+STILL = 0.05  # of the response's peak: what may be left at the end of a record, or lines lie in each other's leakage
+SEEN = 5.0  # standard deviations of noise that a response beyond it must have
+POOL = 41  # lines over which the noise of the response is taken as level
+
+
+@dataclass(frozen=True, eq=False)
+class FrequencyResponse:
+    """Receptance H (n,) [m/N] at rising frequencies (n,) [Hz], complex, x = H F.
+
+    `variance` (n,): expected squared size of the error of H [m2/N2], None where it is unknown; `coherence` (n,).
+    `decay` [1/s]: of an exponential window on force and response, H is then that at s = j omega + decay, exactly.
+    `wider`: by how much standard errors grow since that window correlates neighbouring lines. `hits`: averaged ones.
+    `degrees_of_freedom`: those of each variance. `synthetic`: seed and noise of synthetic data.
+    """
+
+    frequency: np.ndarray
+    receptance: np.ndarray
+    variance: np.ndarray | None = None
+    coherence: np.ndarray | None = None
+    decay: float = 0.0
+    wider: float = 1.0
+    hits: int = 1
+    degrees_of_freedom: float = np.inf
+    synthetic: str | None = None
+
+    def __post_init__(self) -> None:
+        f, H = self.frequency, self.receptance
+        if f.ndim != 1 or f.shape != H.shape or len(f) < 3:
+            raise ValueError(
+                f"frequencies {f.shape} and receptance {H.shape} differ; expected (n,) each, n of 3 or more"
+            )
+        if not (np.all(np.isfinite(f)) and np.all(np.isfinite(H))):
+            raise ValueError("a frequency response holds numbers that are not finite; leave those lines out")
+        if f[0] <= 0 or np.any(np.diff(f) <= 0):
+            raise ValueError("frequencies must rise from above zero; sort the lines and leave out 0 Hz")
+        v = self.variance
+        if v is not None and (v.shape != f.shape or not np.all(v > 0)):
+            raise ValueError(f"the variance has the shape {v.shape}; expected {f.shape}, all above zero")
+
+    @property
+    def s(self) -> np.ndarray:
+        """Where H was measured in the plane of Laplace [1/s]."""
+        return 2j * np.pi * self.frequency + self.decay
+
+    def between(self, low: float, high: float) -> FrequencyResponse:
+        """The lines from low to high [Hz]. Raises ValueError for fewer than eight."""
+        rows = (self.frequency >= low) & (self.frequency <= high)
+        if np.count_nonzero(rows) < 8:
+            raise ValueError(
+                f"{np.count_nonzero(rows)} lines lie between {low:.4g} and {high:.4g} Hz; expected 8 or more: record "
+                "longer, or take a wider band"
+            )
+        own = [None if a is None else a[rows] for a in (self.variance, self.coherence)]
+        return FrequencyResponse(
+            self.frequency[rows], self.receptance[rows], own[0], own[1],
+            self.decay, self.wider, self.hits, self.degrees_of_freedom, self.synthetic,
+        )  # fmt: skip
+
+
+def frequency_response(
+    force: ArrayLike,
+    response: ArrayLike,
+    sample_rate: float,
+    *,
+    measures: Response = "acceleration",
+    estimator: Literal["H1", "H2"] = "H1",
+    force_window: float | None = None,
+    decay: float = 0.0,
+    synthetic: str | None = None,
+) -> FrequencyResponse:
+    """Receptance, averaged over hits: force [N] and response (hits, T) or (T,), sampled together at `sample_rate` [Hz].
+
+    `measures`: acceleration [m/s2], velocity [m/s] or displacement [m]. H1 = G_xF / G_FF is unbiased for noise on the
+    response, H2 = G_xx / G_Fx for noise on the force; lines without force hold no information and are left out.
+    `force_window` [s]: the force is set to zero that long after each hit; `decay` [1/s]: exponential window on both,
+    for records in which the response has not died away. With two hits or more the coherence gives the noise, of the
+    response (H1) or of the force (H2), taken as level over 41 lines.
+
+    Raises ValueError: wrong shapes, a window that cuts off a second hit, a response that has not died away.
+
+    >>> m, c, k = np.array([200.0]), np.array([4000.0]), np.array([3e6])  # kg, N.s/m, N/m
+    >>> force, acceleration = gt.vibration.synthetic_hits(
+    ...     m, c, k, sample_rate=1000.0, duration=4.0, hits=4, noise=0.01, seed=1
+    ... )
+    >>> measured = gt.vibration.frequency_response(force, acceleration, sample_rate=1000.0)
+    >>> measured.hits, float(measured.frequency[0])  # Hz
+    (4, 0.25)
+    >>> near = np.searchsorted(measured.frequency, 15.0)
+    >>> exact = gt.vibration.receptance(measured.s, m, c, k)
+    >>> bool(abs(measured.receptance[near] / exact[near] - 1) < 0.01)
+    True
+    """
+    from scipy import signal
+
+    F, x = (np.atleast_2d(np.asarray(a, float)) for a in (force, response))
+    if F.ndim != 2 or F.shape != x.shape or F.shape[1] < 16:
+        raise ValueError(f"force {F.shape} and response {x.shape} differ; expected (hits, samples) each, 16 or more")
+    if not (np.all(np.isfinite(F)) and np.all(np.isfinite(x))):
+        raise ValueError("a record holds numbers that are not finite; leave that hit out")
+    if not (sample_rate > 0 and decay >= 0):
+        raise ValueError(f"found a sample rate of {sample_rate:g} Hz and a decay of {decay:g} 1/s; expected above zero")
+    T = F.shape[1]
+    window = np.exp(-decay * np.arange(T) / sample_rate)
+    if force_window is not None:
+        F = _windowed(F, force_window, sample_rate)
+    F, x = F * window, x * window
+    _check_end(x, decay)
+
+    def spectrum(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        # one segment per hit, without 0 Hz
+        return signal.csd(a.ravel(), b.ravel(), sample_rate, "boxcar", T, 0, detrend=False)[1][1:]  # pyright: ignore[reportArgumentType]
+
+    f = np.fft.rfftfreq(T, 1 / sample_rate)[1:]
+    GFF, GFx, Gxx = np.real(spectrum(F, F)), spectrum(F, x), np.real(spectrum(x, x))
+    for what, power in (("force", GFF), ("response", Gxx)):
+        if power.max() <= 0:
+            raise ValueError(f"the {what} is zero throughout; look at the column of the record")
+    # a line without force holds no information; H2 divides by the response's part of it
+    excited = GFF > SILENT * GFF.max()
+    if estimator == "H2":
+        excited &= np.abs(GFx) ** 2 > SILENT * GFF.max() * Gxx.max()
+    f, GFF, GFx, Gxx = f[excited], GFF[excited], GFx[excited], Gxx[excited]
+    derived = (2j * np.pi * f + decay) ** ORDER[measures]
+    H = (GFx / GFF if estimator == "H1" else Gxx / GFx.conj()) / derived
+    # a response that is exactly zero is one of force and noise alike
+    coherence = np.minimum(np.abs(GFx) ** 2 / np.where(Gxx > 0, GFF * Gxx, 1.0), 1.0)
+    hits = len(F)
+    variance = None
+    if hits > 1:
+        # (1 - coherence) of n averages loses one of n degrees of freedom
+        noise = np.maximum(1 - coherence, np.finfo(float).eps) * hits / (hits - 1)
+        if estimator == "H1":
+            variance = _level(Gxx * noise) / (hits * GFF * np.abs(derived) ** 2)
+        else:
+            variance = _level(GFF * noise) / (hits * GFF) * np.abs(H) ** 2
+    wider = float(np.sqrt(T / np.sum(window**2)))
+    degrees_of_freedom = 2.0 * (hits - 1) * min(POOL, len(f)) / wider**2
+    return FrequencyResponse(f, H, variance, coherence, decay, wider, hits, degrees_of_freedom, synthetic)
+
+
+def command_force(command: ArrayLike, cycle: float) -> np.ndarray:
+    """Equivalent force per unit of mass [m/s2] of position commands (T,) [m] at cycles of `cycle` s.
+
+    F = step / cycle^2 for one cycle (Cvitanic 2021, eq. (30)). Masses and stiffnesses fitted to it are scaled (m
+    without unit, c in 1/s, k in 1/s2); frequency and damping ratio are those of the arm. The response that belongs to
+    it is the deviation from the delayed command. Raises ValueError for another shape and a cycle that is not positive.
+
+    >>> gt.vibration.command_force([0.0, 0.0, 1e-3, 1e-3], cycle=0.004)
+    array([ 0. , 0. , 62.5, 0. ])
+    """
+    u = np.asarray(command, float)
+    if u.ndim != 1 or not cycle > 0:
+        raise ValueError(f"expected commands (T,) and a cycle above zero; found {u.shape} and {cycle:g} s")
+    return np.diff(u, prepend=u[:1]) / cycle**2
+
+
+def _windowed(F: np.ndarray, length: float, rate: float) -> np.ndarray:
+    """Each row zero from `length` seconds after its peak on, falling over the last tenth."""
+    from scipy.signal.windows import tukey
+
+    n = round(length * rate)
+    if n < 2:
+        raise ValueError(f"a force window of {length:g} s is shorter than two samples at {rate:g} Hz")
+    falling = tukey(2 * n, TAPER)[n:]
+    kept = F.copy()
+    for k, row in enumerate(kept):
+        peak = int(np.argmax(np.abs(row)))
+        if row[peak] == 0:
+            raise ValueError(f"the force of hit {k + 1} is zero throughout; look at the column of the record")
+        end = min(peak + n, len(row))
+        lost = np.abs(row[end:]).max(initial=0.0) / np.abs(row[peak])
+        if lost > CUT:
+            raise ValueError(
+                f"hit {k + 1} has a second peak of {lost:.0%} of the first after the force window of {length:g} s: a "
+                "double hit; leave it out, or take a longer window"
+            )  # fmt: skip
+        row[peak:end] *= falling[: end - peak]
+        row[end:] = 0.0
+    return kept
+
+
+def _check_end(x: np.ndarray, decay: float) -> None:
+    """The last twentieth of each response, by means of its quarters so that noise alone does not count."""
+    last = x[:, -max(x.shape[1] // 20, 8) :]
+    parts = np.array_split(last, 4, axis=1)
+    size = np.array([np.abs(np.mean(part, axis=1)) for part in parts]).max(axis=0)
+    # what white noise may leave in such a mean, estimated from the differences of neighbours
+    noise = SEEN * np.sqrt(np.mean(np.diff(last, axis=1) ** 2, axis=1) / 2 / parts[0].shape[1])
+    left = np.where(size > noise, size, 0.0) / np.abs(x).max(axis=1)
+    k = int(np.argmax(left))
+    if left[k] > STILL:
+        what = "give a decay, or record longer" if decay == 0 else "give a larger decay, or record longer"
+        raise ValueError(f"the response of hit {k + 1} has not died away: {left[k]:.0%} of its peak at the end; {what}")
+
+
+def _level(power: np.ndarray) -> np.ndarray:
+    """Moving average over POOL lines, narrower at the ends."""
+    half = min(POOL, len(power)) // 2
+    total = np.concatenate([[0.0], np.cumsum(power)])
+    k = np.arange(len(power))
+    low, high = np.maximum(k - half, 0), np.minimum(k + half + 1, len(power))
+    return (total[high] - total[low]) / (high - low)
+
 
 _PLACE = {"x": "m", "y": "m", "z": "m", "A": "rad"}
 _INDEX = "x [m],y [m],z [m],A [deg],direction,file"

@@ -1,12 +1,28 @@
-"""What a study of dynamic stiffness is asked for, and what synthetic experiments consist of."""
+"""What a study of dynamic stiffness is asked for, what synthetic experiments consist of, and what the study returns."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
+import numpy as np
+
+from ..._lazy import hint
+from ...results import ArgumentError, Quantity, Row, Study
 from ...results.options import Long, Options, Unit, Within
+
+if TYPE_CHECKING:
+    from .experiments import Experiment
+    from .modal_fit import ModalFit
+    from .oscillator_field import OscillatorField
+
+    Fits = Sequence[ModalFit | None]
+else:
+    Experiment = hint("gtmodel.vibration.dynamic_stiffness.experiments", "Experiment")
+    Fits = Sequence[hint("gtmodel.vibration.dynamic_stiffness.modal_fit", "ModalFit") | None]
+    OscillatorField = hint("gtmodel.vibration.dynamic_stiffness.oscillator_field", "OscillatorField")
 
 NEW_POSES = 200  # of synthetic fields, where their truth is compared
 
@@ -94,3 +110,145 @@ class SyntheticArm(Options):
     duration: Annotated[
         float, Unit("s"), Within(above=0.0), "of each record; of receptances its inverse is the step"
     ] = 4.0  # fmt: skip
+
+
+Array = np.ndarray
+QUANTITIES = ("mass", "damping", "stiffness", "frequency", "damping_ratio")  # as NAMES of the fits
+NAMES = ("m", "c", "k", "fn", "zeta")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class DynamicStiffnessStudy(Study):
+    """Oscillators by experiment and over the pose. field: m, c and k at any pose; experiments, fits: one by one."""
+
+    poses: Annotated[
+        Array, "x, y, z in m and A in rad of each experiment, in the order of its table"
+    ]  # fmt: skip
+    direction: Annotated[Sequence[str], "x, y or z of each experiment"]
+    mass: Annotated[
+        Array, Quantity("kg", "of the most compliant mode, by experiment; null where no mode was found")
+    ]  # fmt: skip
+    damping: Annotated[Array, Quantity("N.s/m", "likewise", key="damping_N_s_m")]
+    stiffness: Annotated[Array, Quantity("N/m", "likewise")]
+    frequency: Annotated[Array, Quantity("Hz", "undamped natural frequency, likewise")]
+    damping_ratio: Annotated[Array, "likewise"]
+    relative_std: Annotated[
+        Sequence[Sequence[float] | None],
+        "of m, c, k, fn and zeta by experiment, from the noise of its own records",
+    ]
+    modes: Annotated[Sequence[int], "how many modes were fitted, by experiment"]
+    next_mode: Annotated[
+        Sequence[float | None], Quantity("Hz", "distance to the nearest other mode; null where there is one")
+    ]
+    scatter: Annotated[
+        float,
+        "standard deviation of a logarithm between experiments at one pose, from the repeatability",
+    ]
+    measured_repeatability: Annotated[
+        float | None,
+        "mean change of m, c and k between experiments at one pose; null where none was repeated",
+    ] = None
+    noise_of_process: Annotated[
+        Sequence[float] | None,
+        "standard deviation of a logarithm that the processes found, m, c, k of x, y, z in turn",
+    ] = None
+    lengths: Annotated[
+        Sequence[Any] | None,
+        "of the processes in units of their scales, x, y, z, A of each direction's m, c, k in turn",
+    ] = None  # fmt: skip
+    inflation: Annotated[
+        Sequence[float] | None,
+        "factor on standard deviations, from held-out poses; m, c, k of x, y, z in turn",
+    ] = None
+    leave_one_out_rms: Annotated[
+        Sequence[float] | None,
+        "errors of logarithms when one pose is left out; m, c, k of x, y, z in turn",
+    ] = None
+    coverage_leave_one_out: Annotated[
+        float | None, "share of left-out values inside the 95 % intervals before they are widened"
+    ] = None
+    coverage_held_out: Annotated[
+        Sequence[float] | None, "share of held-out values inside, before and after widening"
+    ] = None
+    coverage_of_truth: Annotated[
+        Sequence[float] | None,
+        "share of the true field inside at new poses, before and after; null for measured data",
+    ] = None
+    lowest: Annotated[
+        Sequence[float] | None,
+        Quantity("Hz", "lowest and highest frequency of the softest direction over the poses"),
+    ] = None
+    printed: Annotated[
+        str | None, "what is said of printed oscillators; null where none are used"
+    ] = None  # fmt: skip
+    synthetic: Annotated[
+        str | None, "seed and noise of synthetic records; null for measured ones"
+    ] = None  # fmt: skip
+    field: OscillatorField | None = None
+    experiments: Sequence[Experiment] = ()
+    fits: Fits = ()
+
+    def interval(self, name: str, level: float = 0.95) -> tuple[float, float]:
+        """Confidence interval of "mass[0]", "damping[0]", "stiffness[0]", "frequency[0]" or "damping_ratio[0]" of the
+        experiment with this index, by the noise of its own records. Raises ArgumentError."""
+        stem, _, place = str(name).partition("[")
+        own = dict(zip(QUANTITIES, NAMES, strict=True))
+        index = place[:-1] if place.endswith("]") else ""
+        fit = dict(enumerate(self.fits)).get(int(index)) if index.isdecimal() else None
+        if stem not in own or fit is None:
+            raise ArgumentError(f"there is no '{name}'; expected one of {', '.join(own)} with an index", "name")
+        return fit.interval(f"{own[stem]}[0]", level)
+
+    @property
+    def rows(self) -> list[Row]:
+        """The table for people."""
+        rows = _experiment_rows(self.experiments, self.fits)
+        if self.field is not None:
+            rows += self._field_rows()
+        if self.synthetic is not None:
+            rows += [Row("printed oscillators", self.printed), Row("SYNTHETIC", self.synthetic)]
+        return rows
+
+    def _field_rows(self) -> list[Row]:
+        low, high = self.lowest or (np.nan, np.nan)
+        held, truth = self.coverage_held_out or (np.nan, np.nan), self.coverage_of_truth
+        rows = [
+            Row("lowest frequency over the poses", f"{low:.3g} to {high:.3g}", "Hz"),
+            Row("scatter between experiments: stated", f"{self.scatter:.3g} of each logarithm"),
+            Row("scatter: found by the processes", _list(self.noise_of_process)),
+            Row("leave-one-out error, m, c, k of x, y, z", _list(self.leave_one_out_rms)),
+            Row("95 % intervals, values left out: inside", f"{self.coverage_leave_one_out:.1%}"),
+            Row("95 % intervals, values held out: inside", f"{held[0]:.1%}, after widening {held[1]:.1%}"),
+            Row("intervals widened by", _list(self.inflation)),
+        ]
+        if self.measured_repeatability is not None:
+            rows.append(Row("measured repeatability", f"{self.measured_repeatability:.1%}"))
+        if truth is not None:
+            shares = f"{truth[0]:.1%}, after widening {truth[1]:.1%}"
+            rows.append(Row(f"true field at {NEW_POSES} new poses: inside", shares))
+        return rows
+
+
+def _experiment_rows(experiments: Sequence[Experiment], fits: Fits) -> list[Row]:
+    """Of few experiments each, of many the range by direction."""
+    if len(experiments) <= 12:
+        return [
+            Row(f"{e.source} ({'xyz'[e.direction]})", f"fn {f.fn[0]:.4g} Hz, zeta {f.zeta[0]:.3g}, m {f.m[0]:.4g} kg, "
+                f"c {f.c[0]:.4g} N.s/m, k {f.k[0]:.4g} N/m")
+            for e, f in zip(experiments, fits, strict=True) if f is not None
+        ]  # fmt: skip
+    rows = []
+    for d, name in enumerate("xyz"):
+        own = [f for e, f in zip(experiments, fits, strict=True) if f is not None and e.direction == d]
+        spans = [
+            f"{q} {min(getattr(f, q)[0] for f in own):.3g}..{max(getattr(f, q)[0] for f in own):.3g}" for q in NAMES
+        ]
+        rows.append(Row(f"{len(own)} experiments in {name}", ", ".join(spans)))
+        error = max(f.log_std("k") for f in own)
+        rows.append(Row(f"  largest error of k by noise alone, {name}", f"{error:.2%}"))
+    rows.append(Row("every experiment with its intervals", "poses.csv"))
+    return rows
+
+
+def _list(numbers: Sequence[float] | None) -> str:
+    return ", ".join(f"{x:.3g}" for x in numbers or ())

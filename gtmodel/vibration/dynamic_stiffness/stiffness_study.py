@@ -1,8 +1,10 @@
 """The study of dynamic stiffness: oscillators of an arm from frequency responses, their field over the pose, and how
-often its intervals hold what was held out."""
+well the field predicts poses left out; its table of one row per experiment and what its pictures show."""
 
 from __future__ import annotations
 
+import csv
+import io
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any
@@ -14,19 +16,106 @@ from ...results import ArgumentError, Check, SolveStatus, Work, at_least
 from ...results.door import study_function
 from ...results.options import Within
 from ...results.work import Progress, never, silent
-from . import pictures
+from ..vibration_result import entitled
 from .experiments import Experiment
-from .frequency_fit import fit_modes
-from .frequency_modal import ModalFit
-from .options import FrequencyMap, ModalFitting, Process
-from .oscillator_field import OscillatorField, fit_oscillator_field
-from .oscillator_field_file import oscillator_text
-from .pose_table import pose_table
-from .stiffness_result import NAMES, QUANTITIES, DynamicStiffnessStudy
-from .synthetic_experiments import CHANGE, SyntheticExperiments, inputs_of
+from .modal_fit import ModalFit, fit_modes
+from .options import NAMES, QUANTITIES, DynamicStiffnessStudy, FrequencyMap, ModalFitting, Process
+from .oscillator_field import OscillatorField, fit_oscillator_field, oscillator_text
+from .synthetic import CHANGE, SyntheticExperiments, inputs_of
 
 if TYPE_CHECKING:
-    from .stiffness_result import Fits
+    from .options import Fits
+
+_UNITS = {"m": "kg", "c": "N.s/m", "k": "N/m", "fn": "Hz", "zeta": "1"}
+
+
+def pose_table(experiments: Sequence[Experiment], fits: Sequence[ModalFit | None], note: str | None) -> str:
+    """CSV of pose, m, c, k, fn, zeta with the ends of their 95 % intervals (noise of the records alone)."""
+    out = io.StringIO()
+    if note:
+        out.write(f"# SYNTHETIC: {note}\n")
+    writer = csv.writer(out, lineterminator="\n")
+    heads = [f"{n}{end} [{_UNITS[n]}]" for n in NAMES for end in ("", "_low", "_high")]
+    writer.writerow(
+        ["x [m]", "y [m]", "z [m]", "A [rad]", "direction", "source", "modes", "next_mode [Hz]", *heads, "note"]
+    )
+    for e, f in zip(experiments, fits, strict=True):
+        start = [*map(repr, e.pose.tolist()), "xyz"[e.direction], e.source]
+        if f is None:
+            writer.writerow([*start, 0, "", *[""] * len(heads), "no mode was found"])
+            continue
+        numbers = [repr(float(x)) for n in NAMES for x in (getattr(f, n)[0], *f.interval(f"{n}[0]"))]
+        apart = "" if f.next_mode is None else repr(f.next_mode)
+        writer.writerow([*start, len(f.m), apart, *numbers, "; ".join(f.notes)])
+    return out.getvalue()
+
+
+_ORDER = ("x", "y", "z", "A")
+
+
+def responses(experiments: Sequence[Experiment], fits: Sequence[ModalFit | None], title: str, note: str | None) -> Any:
+    """The first experiment in each direction that gave a mode."""
+    from ...plot.dynamic_stiffness import response_figure
+
+    shown = {}
+    for e, fit in zip(experiments, fits, strict=True):
+        if fit is not None:
+            shown.setdefault(
+                e.direction,
+                (
+                    f"{e.source}" if "xyz"[e.direction] in e.source else f"{e.source} ({'xyz'[e.direction]})",
+                    e.response,
+                    fit,
+                ),
+            )
+    return response_figure([shown[d] for d in sorted(shown)], title=entitled(title, note))
+
+
+def lowest(map: FrequencyMap, experiments: Sequence[Experiment], field: OscillatorField, title: str) -> Any:
+    """Lowest frequency over two coordinates within the poses, the others held."""
+    from ...plot.dynamic_stiffness import lowest_frequency_figure
+
+    over = [_ORDER.index(c) for c in map.over]
+    poses = np.array([e.pose for e in experiments])
+    low, high = poses.min(axis=0), poses.max(axis=0)
+    low, high = np.where(high > low, low, low - 0.5), np.where(high > low, high, high + 0.5)
+    at = (poses.min(axis=0) + poses.max(axis=0)) / 2
+    if map.at is not None:
+        at[:3] = map.at
+    if map.at_angle is not None:
+        at[3] = map.at_angle
+    u, v = (np.linspace(low[c], high[c], map.points) for c in over)
+    grid = np.tile(at, (len(u) * len(v), 1))
+    grid[:, over[0]], grid[:, over[1]] = (a.ravel() for a in np.meshgrid(u, v))
+    fn = field.value("fn", grid)
+    limits = field.prediction_interval("fn", grid)
+    softest = fn.argmin(axis=1)
+    rows = np.arange(len(grid))
+    wide = np.log(limits[rows, softest, 1] / limits[rows, softest, 0]) / 2
+    shape = (len(v), len(u))
+    unit = [np.rad2deg(1.0) if c == 3 else 1.0 for c in over]
+    names = [f"{_ORDER[c]} [{'deg' if c == 3 else 'm'}]" for c in over]
+    held = ", ".join(
+        f"{_ORDER[c]} = {np.rad2deg(at[c]) if c == 3 else at[c]:.3g} {'deg' if c == 3 else 'm'}"
+        for c in range(4)
+        if c not in over
+    )
+    return lowest_frequency_figure(
+        u * unit[0], v * unit[1], fn.min(axis=1).reshape(shape), wide.reshape(shape), poses[:, over] * unit,
+        names=(names[0], names[1]), title=entitled(f"{title}\nat {held}", field.synthetic),
+    )  # fmt: skip
+
+
+def held_out(field: OscillatorField, errors: dict[Any, Any], title: str) -> Any:
+    """Values held out against their predictions."""
+    from ...plot.dynamic_stiffness import held_out_figure
+
+    panels = {}
+    for key, (error, std) in errors.items():
+        g = field.processes[key]
+        panels[f"{key[1]} in {key[0]}"] = (np.exp(g.y - error), np.exp(g.y), std * g.inflation)
+    return held_out_figure(panels, title=entitled(title, field.synthetic))
+
 
 Array = np.ndarray
 LEVEL = 0.95
@@ -103,9 +192,9 @@ def dynamic_stiffness_study(
         title=title,
         checks=_checks(fits, widened, made, given),
         figures={
-            "frequency_response": partial(pictures.responses, given, fits, name, field.synthetic),
-            "lowest_frequency": partial(pictures.lowest, map, given, field, name),
-            "held_out": partial(pictures.held_out, field, errors, name),
+            "frequency_response": partial(responses, given, fits, name, field.synthetic),
+            "lowest_frequency": partial(lowest, map, given, field, name),
+            "held_out": partial(held_out, field, errors, name),
         },
         files={
             "oscillators.toml": oscillator_text(field),

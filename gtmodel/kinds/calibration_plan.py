@@ -1,0 +1,102 @@
+"""Kind "calibration_plan": which poses to measure with which device, and what the calibration will then be worth."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+
+from gtmodel.calibrate import Choice, plan
+from gtmodel.calibrate.options import Fit
+from gtmodel.calibrate.plan import options
+from gtmodel.calibrate.plan.task import Task
+from gtmodel.problem_files.base import Context, InputError
+from gtmodel.problem_files.call import Call
+from gtmodel.problem_files.from_options import Made, made_from
+from gtmodel.problem_files.robot_keys import RobotProblem
+
+RESULT = "gtmodel.calibrate.PlanStudy"
+
+MOVED = ("free", "fixed", "tied", "unit_quaternions", "sizes")
+
+
+@made_from(options.Tracker)
+class TrackerSection(Made):
+    """A laser tracker, which measures a distance and two angles."""
+
+    kind: Literal["laser_tracker"] = Field(description="which device")
+
+
+@made_from(options.PatternCamera)
+class CameraSection(Made):
+    """A fixed camera that sees a pattern on the plate."""
+
+    kind: Literal["camera"] = Field(description="which device")
+
+
+@made_from(options.Wire)
+class WireSection(Made):
+    """A wire sensor, a bar or an interferometer: the distance of the tool centre point from one point."""
+
+    kind: Literal["distance"] = Field(description="which device")
+
+
+@made_from(options.Gauge)
+class GaugeSection(Made):
+    """A dial gauge over a plane, or one coordinate: the height of the tool centre point above a known plane."""
+
+    kind: Literal["plane"] = Field(description="which device")
+
+
+@made_from(Fit, *(f.name for f in fields(Fit) if f.name not in MOVED))
+class _Moved(RobotProblem, Made):
+    """Which parameters are to be calibrated."""
+
+    device: Annotated[
+        TrackerSection | CameraSection | WireSection | GaugeSection,
+        Field(discriminator="kind", description="what measures"),
+    ]
+
+
+@made_from(Task, "robot", "device", "choice", "title")
+class Schema(_Moved):
+    """A calibration planned before anything is measured (Dressler 2012, Fig. 5.21)."""
+
+
+NAME = "calibration_plan"
+ARGUMENTS = {"choice": ""}
+
+
+def call(problem: Schema, context: Context) -> Call:
+    """The steps of Fig. 5.21, with more poses while the criteria are not met."""
+    if context.start is not None:
+        raise InputError("--start: a plan is made from the beginning; leave it out")
+    p = problem
+    free, fixed, tied, quaternions, sizes = (getattr(p, name) for name in MOVED)
+    choice = Choice(free, fixed, tied, quaternions, sizes=sizes)
+    return Call(plan.plan_study, p.model(context), p.device.options(), choice=choice, title=p.title, **p.given())
+
+
+def explain(problem: Schema, context: Context) -> str:
+    """The steps and what a point must pass."""
+    asked = call(problem, context)
+    task = Task(*asked.arguments, **asked.options)
+    turns, device = plan.turns.turns_of(task), plan.device.measuring(task)
+    stages = plan.stages.stages_of(task, turns[0], device)
+    lines = [f"{problem.title or 'calibration plan'}: candidates every {task.room.step:g} m, which must pass"]
+    seen: list[str] = []
+    for name, reach in stages.items():
+        new = [limit.name for limit in reach.limits if limit.name not in seen]
+        seen += new
+        if name == "safety":
+            s = task.safety
+            cone = np.degrees(s.cone)
+            new = [f"the same, {cone:g} deg, {s.stroke:g} m of stroke and {s.obstacles:g} m of air narrower"]
+        lines.append(f"  {name}: {', '.join(['inverse kinematics'] * (name == 'workspace') + new) or 'nothing more'}")
+    lines.append(f"  safety distance: {task.safety.edge:g} m in 26 directions")
+    p = task.poses
+    many = f"{p.number} to {p.most} poses by {p.method}, and {p.held_out} held out"
+    lines.append(f"then {many}; {device.signal} is measured")
+    return "\n".join([*lines, *(f"  {s}" for s in stages["device"].assumptions)])

@@ -1,1 +1,0 @@
-"""Kind "calibration_plan"."""

@@ -1,0 +1,87 @@
+"""Kind "delay": how late one signal comes behind another that shows the same motion."""
+
+from __future__ import annotations
+
+from pydantic import Field
+
+from gtmodel.measurements import Column, delay_study, sampling_of
+from gtmodel.measurements.alignment import options
+from gtmodel.problem_files.base import Context, FileSection, InputError, Problem
+from gtmodel.problem_files.call import Call
+from gtmodel.problem_files.from_options import Made
+from gtmodel.problem_files.log_keys import RecordedSignalSection, RecordingFiles
+from gtmodel.results import Trajectory
+
+RESULT = "gtmodel.measurements.DelayStudy"
+
+
+class PairSection(FileSection):
+    """Two signals that show one motion."""
+
+    name: str = Field(default="", description="of the second one, for tables; its column if left out")
+    reference: RecordedSignalSection = Field(description="the signal that counts as on time")
+    late: RecordedSignalSection = Field(description="the one whose delay is sought; negative where it comes earlier")
+
+
+class Schema(Problem):
+    """How late signals come behind others that show the same motion. One of [log] and [synthetic] gives them."""
+
+    log: RecordingFiles | None = Field(default=None, description="a measured recording")
+    pair: list[PairSection] = Field(default=[], description="one table for each, with [log]")
+    synthetic: Made[options.SyntheticDelay] | None = Field(default=None, description="a synthetic recording")
+    search: Made[options.Search] = Made[options.Search].left_out()
+
+
+NAME = "delay"
+ARGUMENTS = {"recordings": "pair", "search": "search"}
+
+
+def call(problem: Schema, context: Context) -> Call:
+    """The study of the pairs of the log, or of a synthetic one."""
+    if (problem.log is None) == (problem.synthetic is None):
+        given = "both" if problem.log else "none of them"
+        raise InputError(f"expected one of [log] and [synthetic]; found {given}", "log")
+    if problem.synthetic is not None:
+        if problem.pair:
+            raise InputError("belongs to [log]; a synthetic recording has one pair", "pair[0]")
+        return Call(delay_study, problem.synthetic.options(), problem.search.options(), title=problem.title)
+    return Call(delay_study, _pairs(problem, context), problem.search.options(), title=problem.title)
+
+
+def explain(problem: Schema, context: Context) -> str:
+    """How the signals are sampled, and where their delay is sought."""
+    search = problem.search.options()
+    lines = [f"{problem.title or NAME}: delays up to {1e3 * search.longest:g} ms either way"]
+    if problem.log is not None:
+        for name, (first, late) in _pairs(problem, context).items():
+            rates = [f"{len(t)} rows at {sampling_of(t.time).rate:.6g} Hz" for t in (first, late)]
+            lines.append(f"{name}: reference {rates[0]}, late {rates[1]}")
+    lines.append("late(t) = scale reference(t - delay) + shift, by one cubic spline through both")
+    return "\n".join(lines)
+
+
+def _pairs(problem: Schema, context: Context) -> dict[str, tuple[Trajectory, Trajectory]]:
+    assert problem.log is not None
+    if not problem.pair:
+        raise InputError("is missing; name the signals, [pair.reference] and [pair.late]", "pair")
+    columns = dict[str, Column]()
+    for n, pair in enumerate(problem.pair):
+        columns[f"reference_{n}"], columns[f"late_{n}"] = pair.reference.recorded(), pair.late.recorded()
+    recording = problem.log.recording(columns, context)
+    by_name = {name: _called(t, name, columns[name]) for t in recording.values() for name in t.names}
+    pairs = {}
+    for n, pair in enumerate(problem.pair):
+        column = pair.late.column
+        name = pair.name or (column if isinstance(column, str) else ", ".join(column))
+        if name in pairs:
+            raise InputError(f"two pairs are called '{name}'; name them apart", f"pair[{n}].name")
+        pairs[name] = by_name[f"reference_{n}"], by_name[f"late_{n}"]
+    return pairs
+
+
+def _called(trajectory: Trajectory, name: str, column: Column) -> Trajectory:
+    """A signal with the name of its column, by which messages call it."""
+    called = column.name if isinstance(column.name, str) else ", ".join(column.name)
+    return Trajectory(
+        trajectory.time, {called: trajectory[name]}, {called: trajectory.unit(name)}, synthetic=trajectory.synthetic
+    )

@@ -1,0 +1,204 @@
+"""Kind "delayed_feedback": how far late corrections from an external sensor may be turned up."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import Field, PositiveFloat
+
+from gtmodel import milling
+from gtmodel.control import delayed
+from gtmodel.control.delayed import options
+from gtmodel.kinds.loop_simulation import LawSection, law_of
+from gtmodel.kinds.milling import CutterKeys, Three
+from gtmodel.lang import ModelError
+from gtmodel.milling import Cut
+from gtmodel.problem_files.base import Context, FileSection, InputError
+from gtmodel.problem_files.call import Call
+from gtmodel.problem_files.from_options import Made, made_from, options_of
+from gtmodel.problem_files.robot_keys import RobotProblem
+from gtmodel.results import ArgumentError
+
+RESULT = ["gtmodel.control.DelayedFeedbackStudy", "gtmodel.control.delayed.FeedbackMapStudy"]
+
+Pose = Annotated[list[float], Field(min_length=2, max_length=2)]
+
+
+@made_from(options.SinePath)
+class SteeredPathKeys(Made):
+    """The path of the synthetic runs that show the limit in time."""
+
+    noise_um: float = Field(default=15.0, ge=0, description="of the measurement, standard deviation")
+    seed: int = Field(default=0, ge=0, description="of the noise")
+
+
+@made_from(options.FeedbackCut, "speed")
+class FeedbackCutKeys(Made):
+    """A tool that cuts meanwhile, corrected along an axis."""
+
+    speed_rpm: PositiveFloat = Field(description="of the spindle, turns per minute")
+    engagement: Made[Cut]
+    cutter: CutterKeys
+
+    def options(self) -> Any:
+        """The tool."""
+        return options.FeedbackCut(**self.given(), speed=self.speed_rpm / 60)
+
+
+class ServoSection(FileSection):
+    """A robot that corrects its own references, by its own law: [law], [robot] and where it stands."""
+
+    tool_m: Three = Field(description="tool centre point, in the robot's frame")
+    directions: dict[str, Three] = Field(min_length=1, description="unit vectors along which it is corrected, by name")
+    gain_step: PositiveFloat = Field(default=0.1, description="from one gain that can be set to the next")
+
+
+class PlantRow(FileSection):
+    """The equivalent oscillators of one pose, as fitted to the vibration after a command."""
+
+    joints_deg: Pose = Field(description="joints 2 and 3")
+    m: dict[str, PositiveFloat] = Field(description="equivalent mass by direction, a number without a unit")
+    c: dict[str, PositiveFloat] = Field(description="equivalent damping [1/s] by direction")
+    k: dict[str, PositiveFloat] = Field(description="equivalent stiffness [1/s2] by direction")
+
+
+@made_from(options.GainMap)
+class JointMapKeys(Made):
+    """Gain limits over joints 2 and 3, from plants in some poses."""
+
+    poses_deg: list[Pose] = Field(default=[], description="joints 2 and 3 of the synthetic experiments")
+    table_deg: list[Pose] = Field(default=[], description="joints 2 and 3 of the poses of the table")
+    gain_step: dict[str, PositiveFloat] = Field(min_length=1, description="by direction")
+    plant: list[PlantRow] = Field(default=[], description="measured plants, one table for each pose")
+    synthetic: Made[options.SyntheticCommands] | None = Field(default=None, description="synthetic vibrations instead")
+
+
+class Schema(RobotProblem):
+    """How far late corrections may be turned up. One of [axes], [servo] and [map] says on what they act."""
+
+    robot: str | None = Field(default=None, description="of [servo]: catalogue name, file, or model in Python")  # type: ignore[assignment]
+    timing: Made[options.FeedbackTiming] = Made[options.FeedbackTiming].left_out()
+    axes: dict[str, Made[options.FeedbackAxis]] = Field(default={}, description="vibrating directions, by name")
+    servo: ServoSection | None = Field(default=None, description="a robot of any model under its own law")
+    law: LawSection | None = Field(default=None, description="of the robot's servo")
+    map: JointMapKeys | None = Field(default=None, description="limits over two joints")
+    box: Made[options.FeedbackBox] = Made[options.FeedbackBox].left_out()
+    margins: Made[options.GainMargins] = Made[options.GainMargins].left_out()
+    off_axis: list[Made[options.OffAxisRun]] = Field(default=[], description="directions between the axes x and y")
+    path: SteeredPathKeys | None = Field(default=None, description="synthetic runs along a path")
+    cut: FeedbackCutKeys | None = Field(default=None, description="chatter while it corrects")
+
+
+NAME = "delayed_feedback"
+ARGUMENTS = {"plants": "axes", "measured": "map", "joints": "map.poses_deg", "asked": "map.table_deg",
+             "gain_steps": "map.gain_step", "synthetic": "map.synthetic"}  # fmt: skip
+OF_LOOPS = ("box", "off_axis", "path", "cut")
+OF_A_SERVO = ("robot", "law", "inertia", "payload_kg", "parameters", "friction")
+
+
+def call(problem: Schema, context: Context) -> Call:
+    """The study of the axes, the robot or the map that the file declares."""
+    if context.start is not None:
+        raise InputError("--start: nothing is solved from a start here; leave it out")
+    given = [name for name in ("axes", "servo", "map") if getattr(problem, name)]
+    if len(given) != 1:
+        raise InputError(f"expected one of [axes], [servo] and [map]; found {' and '.join(given) or 'none'}", "axes")
+    if problem.servo is None:
+        _refuse(problem, OF_A_SERVO, "servo")
+    if problem.map is not None:
+        _refuse(problem, OF_LOOPS, "axes")
+        return _map(problem)
+    timing, box, margins, off_axis, path = options_of(problem, "timing", "box", "margins", "off_axis", "path").values()
+    more: dict[str, Any] = {
+        "box": box, "margins": margins, "off_axis": off_axis, "path": path, "title": problem.title,
+    }  # fmt: skip
+    if problem.path is not None:
+        more |= {"noise": 1e-6 * problem.path.noise_um, "seed": problem.path.seed}
+    if problem.cut is not None:
+        try:
+            parts = options_of(problem.cut, "cutter", "engagement")
+        except ArgumentError as error:
+            raise ArgumentError(error.message, f"cut.{error.argument}") from error
+        more["cut"] = milling.CorrectedCut(options_of(problem, "cut")["cut"], parts["cutter"], parts["engagement"])
+    if problem.servo is not None:
+        return Call(
+            delayed.delayed_feedback, _servo(problem, context), timing, gain_step=problem.servo.gain_step, **more
+        )
+    return Call(delayed.delayed_feedback, options_of(problem, "axes")["axes"], timing, **more)
+
+
+def explain(problem: Schema, context: Context) -> str:
+    """What acts when, and what is asked."""
+    t = problem.timing.options()
+    lines = [f"{problem.title or NAME}: a correction every {1e3 * t.cycle:g} ms, {1e3 * t.delay:g} ms late"]
+    lines.append(f"  corrections {'add up' if t.accumulate else 'do not add up: their vibration alone is left'}")
+    for name, axis in problem.axes.items():
+        a = axis.options()
+        known = f"equivalent mass {a.mass:g}" if a.mass is not None else f"unstable from a gain of {a.limit:g} on"
+        lines.append(f"  {name}: {a.frequency:g} Hz, damping ratio {a.damping_ratio:g}, {known}")
+    if problem.servo is not None:
+        law = problem.law.name if problem.law else "no law"
+        lines.append(f"  {problem.robot} under {law}, corrected along {', '.join(problem.servo.directions)}")
+    if problem.map is not None:
+        where = f"{len(problem.map.plant)} measured poses" if problem.map.plant else "synthetic vibrations"
+        lines.append(f"  map over joints 2 and 3 from {where}; table of {len(problem.map.table_deg)} poses")
+    return "\n".join(lines)
+
+
+def _refuse(problem: Schema, names: tuple[str, ...], place: str) -> None:
+    for name in names:
+        if name in problem.model_fields_set:
+            raise InputError(f"belongs to [{place}], which is not there; leave it out", name)
+
+
+def _servo(problem: Schema, context: Context) -> dict[str, delayed.CorrectedPlant]:
+    assert problem.servo is not None
+    if problem.robot is None:
+        raise InputError("is missing; name the robot of [servo]", "robot")
+    if problem.law is None:
+        raise InputError("is missing; [servo] wants the law of the robot", "law")
+    robot = problem.model(context)
+    law = law_of(problem.law, robot)
+    at = {"T": problem.servo.tool_m, "der(T)": 0.0}
+    plants = {}
+    for name, direction in problem.servo.directions.items():
+        try:
+            plants[name] = delayed.servo_plant(robot, law, at, direction)
+        except ArgumentError as error:
+            key = f"servo.directions.{name}" if error.argument == "direction" else "law"
+            raise InputError(error.message, key) from error
+        except ModelError as error:
+            raise InputError(str(error), "servo.tool_m") from error
+    return plants
+
+
+def _map(problem: Schema) -> Call:
+    section = problem.map
+    assert section is not None
+    if (not section.plant) == (section.synthetic is None):
+        given = "both" if section.plant else "none of them"
+        raise InputError(f"expected one of [[map.plant]] and [map.synthetic]; found {given}", "map.plant")
+    rad = [np.deg2rad(rows).tolist() for rows in (section.poses_deg, section.table_deg)]
+    if section.synthetic is not None:
+        measured: Any = options_of(section, "synthetic")["synthetic"]
+    else:
+        if section.poses_deg:
+            raise InputError("belongs to [map.synthetic]; measured plants say their poses", "map.poses_deg")
+        measured = _measured(section)
+    return Call(
+        delayed.feedback_map, measured, *rad, problem.timing.options(), gain_steps=dict(section.gain_step),
+        options=section.options(), margins=problem.margins.options(), title=problem.title,
+    )  # fmt: skip
+
+
+def _measured(section: JointMapKeys) -> delayed.MeasuredPlants:
+    directions = tuple(section.gain_step)
+    for n, row in enumerate(section.plant):
+        for name in ("m", "c", "k"):
+            if set(getattr(row, name)) != set(directions):
+                there = ", ".join(getattr(row, name))
+                raise InputError(f"has {there}; gain_step names {', '.join(directions)}", f"map.plant[{n}].{name}")
+    m, c, k = (np.array([[getattr(row, q)[d] for d in directions] for row in section.plant]) for q in ("m", "c", "k"))
+    joints = np.deg2rad([row.joints_deg for row in section.plant])
+    return delayed.MeasuredPlants(joints, m, c, k, directions)

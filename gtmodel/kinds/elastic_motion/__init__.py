@@ -1,1 +1,0 @@
-"""Kind "elastic_motion"."""

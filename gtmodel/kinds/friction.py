@@ -1,0 +1,128 @@
+"""Kind "friction": friction of the actuators and the mass they hold, from runs at constant velocity."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import Field
+
+from gtmodel.identify import friction
+from gtmodel.identify.friction import options
+from gtmodel.identify.friction.options import SyntheticRuns
+from gtmodel.measurements import Corrections, Session
+from gtmodel.problem_files.base import Context, InputError
+from gtmodel.problem_files.call import Call
+from gtmodel.problem_files.from_options import Made, made_from
+from gtmodel.problem_files.log_keys import LogSampling, MeasuredSignalSection
+from gtmodel.problem_files.robot_keys import RobotProblem
+from gtmodel.results import ArgumentError, listed
+from gtmodel.results.options import declared
+
+RESULT = "gtmodel.identify.FrictionStudy"
+
+
+@made_from(options.HeldPose)
+class HeldPoseSection(Made):
+    """Where the tool centre point was held in the cross-section while the carts ran."""
+
+    files: list[str] = Field(default=[], description="logs of this pose, with [log]")
+
+
+@made_from(options.ConstantVelocity)
+class FrictionLogSection(LogSampling, Made):
+    """Measured logs; each pose names its own files."""
+
+    position_m: MeasuredSignalSection = Field(description="positions of the carts")
+    force_N: MeasuredSignalSection = Field(description="forces of the motors")
+
+
+class Schema(RobotProblem):
+    """Friction from constant-velocity runs. One of [log], [synthetic] and [printed] gives the forces."""
+
+    directions: Literal["separate", "symmetric"] = Field(
+        default="separate", description="separate: coefficients by direction of motion"
+    )
+    gravity: Literal["most_symmetric", "poses"] = Field(
+        default="most_symmetric",
+        description="how the mass is found beside friction by direction: least asymmetry, or the change between poses",
+    )
+    accept: list[options.FrictionAlarm] = Field(
+        default=[],
+        description="alarms about runs and columns that are notes and refuse nothing: copied_rows, exchanged_columns, "
+        "driving_friction, negative_mass",
+    )
+    pose: list[HeldPoseSection] = Field(min_length=1, description="one table for each; the first is the picture's")
+    log: FrictionLogSection | None = Field(default=None, description="measured logs")
+    synthetic: Made[options.SyntheticRuns] | None = Field(default=None, description="synthetic logs")
+    printed: Made[options.FrictionCoefficients] | None = Field(
+        default=None, description="published lines; their mass is the one that was chosen, and is found anew"
+    )
+
+
+NAME = "friction"
+ARGUMENTS = {
+    "runs.force": "log.force_N.column",
+    **{f"runs.{name}": f"synthetic.{name}" for name in declared(SyntheticRuns)},
+    "runs": "pose",
+    "poses": "pose",
+    "published": "printed",
+}
+
+
+def call(problem: Schema, context: Context) -> Call:
+    """The study of the logs, read or synthetic, or of the published lines."""
+    given = [k for k in ("log", "synthetic", "printed") if getattr(problem, k) is not None]
+    if len(given) != 1:
+        raise InputError(
+            f"found {', '.join(f'[{k}]' for k in given) or 'none of them'}; "
+            "expected one of [log], [synthetic], [printed]",
+            given[-1] if given else "log",
+        )
+    model, poses = problem.model(context), [pose.options() for pose in problem.pose]
+    if problem.printed is not None:
+        if len(poses) > 1:
+            raise InputError("published lines belong to one pose; leave the others out", "pose")
+        return Call(friction.published_friction_study, model, problem.printed.options(), poses[0], title=problem.title)
+    logs = problem.synthetic.options() if problem.synthetic is not None else _logs(problem, context)
+    limits = None if problem.log is None else problem.log.options()
+    return Call(
+        friction.friction_study, model, logs, poses, constant_velocity=limits, directions=problem.directions,
+        gravity=problem.gravity, accept=problem.accept, title=problem.title,
+    )  # fmt: skip
+
+
+def explain(problem: Schema, context: Context) -> str:
+    """The gravity pattern by pose, and how forces follow from it."""
+    poses = [pose.options() for pose in problem.pose]
+    pattern = friction.gravity_pattern(problem.model(context), poses)
+    lines = [f"{problem.title or NAME}: {pattern.shape[1]} carts in {len(pattern)} poses"]
+    for pose, row in zip(poses, pattern, strict=True):
+        lines.append(f"{pose.name or 'pose'}: forces that hold one kilogram {listed(row)} N/kg")
+    lines.append("tau = m pattern + fc+ + fv+ v forwards, m pattern - fc- + fv- v backwards (eqs. (6.8), (6.9))")
+    return "\n".join(lines)
+
+
+def _logs(problem: Schema, context: Context) -> list[tuple[Session, ...]]:
+    """Recordings by pose."""
+    log = problem.log
+    assert log is not None
+    _refuse_free(log)
+    signals = {"q": log.position_m.signal("log.position_m"), "force": log.force_N.signal("log.force_N")}
+    logs = []
+    for n, pose in enumerate(problem.pose):
+        raw = log.read(pose.files, signals, context, f"pose[{n}].files")
+        try:
+            logs.append(Corrections(signals, raw).apply())
+        except ArgumentError as error:
+            raise InputError(error.message, "log") from error
+    return logs
+
+
+def _refuse_free(log: FrictionLogSection) -> None:
+    for name in ("position_m", "force_N"):
+        for what in ("scale", "offset", "delay_s"):
+            if getattr(getattr(log, name), what) == "estimate":
+                raise InputError(
+                    "constant-velocity runs do not tell it apart from gravity and friction; give a number",
+                    f"log.{name}.{what}",
+                )

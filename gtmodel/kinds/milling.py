@@ -1,0 +1,189 @@
+"""Kind "milling": where to mill, by static and dynamic deflection over the angle about the spindle."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+import numpy as np
+from pydantic import Field, PositiveFloat
+
+from gtmodel import milling, robots, vibration
+from gtmodel.milling import Cut, Cutter, CuttingCoefficients, Oscillators, missing_z, options
+from gtmodel.problem_files.base import Context, FileSection, InputError
+from gtmodel.problem_files.call import Call
+from gtmodel.problem_files.from_options import Made, made_from, options_of
+from gtmodel.problem_files.robot_keys import RobotProblem
+from gtmodel.results.refusal import naming
+
+if TYPE_CHECKING:
+    from gtmodel.milling import AngleTable
+
+RESULT = "gtmodel.milling.MillingStudy"
+
+Three = Annotated[list[float], Field(min_length=3, max_length=3)]
+SOURCES = ("oscillator", "modal", "oscillator_field")  # of dynamics; at most one
+
+
+@made_from(Cutter, "coefficients")
+class CutterKeys(Made[CuttingCoefficients]):
+    """A helical end mill, with cutting coefficients for the material."""
+
+    def options(self) -> Any:
+        """The cutter."""
+        K = {name: getattr(self, key) for key, name in Made[CuttingCoefficients].attributes.items()}
+        return Cutter(**self.given(), coefficients=CuttingCoefficients(**K))
+
+
+@made_from(Cut)
+class CutKeys(Made):
+    """The cut."""
+
+    speed_rpm: float = Field(description="of the spindle, turns per minute")
+    feed_direction: Three = Field(default=[1.0, 0.0, 0.0], description="across the tool axis, world coordinates")
+
+
+class OscillatorRow(FileSection):
+    """Measured dynamics of the tool at one angle."""
+
+    angle_deg: float = Field(description="redundant angle A")
+    m_kg: Three = Field(description="along x, y, z of the world")
+    c_kg_s: Annotated[list[float], Field(min_length=2, max_length=3)] = Field(
+        description="damping along x, y, z, the same as N.s/m; without z its damping ratio is the mean of the other two"
+    )
+    k_N_m: Three = Field(description="along x, y, z")
+
+    def oscillators(self) -> Oscillators:
+        """Raises ValueError."""
+        if len(self.c_kg_s) == 3:
+            return Oscillators(*(np.array([x]) for x in (self.m_kg, self.c_kg_s, self.k_N_m)))
+        if min(*self.m_kg, *self.c_kg_s, *self.k_N_m) <= 0:
+            raise ValueError("m, c and k must be positive")
+        return missing_z(self.m_kg, [*self.c_kg_s, 1.0], self.k_N_m)
+
+
+@made_from(options.MillingSearch, "speeds", "speed_range")
+class SearchSection(Made):
+    """What may be chosen besides the angle."""
+
+    speeds_rpm: list[float] = Field(default=[], description="spindle speeds to compare with the given one")
+    speed_range_rpm: Annotated[list[PositiveFloat], Field(min_length=2, max_length=2)] | None = Field(
+        default=None, description="least and greatest speed of an NLP over angle and speed together; none if left out"
+    )
+
+    def options(self) -> Any:
+        """In turns per second."""
+        between = self.speed_range_rpm and [rpm / 60 for rpm in self.speed_range_rpm]
+        return options.MillingSearch(**self.given(), speeds=[rpm / 60 for rpm in self.speeds_rpm], speed_range=between)
+
+
+class LobesSection(FileSection):
+    """Stability lobes in the chosen pose."""
+
+    from_rpm: PositiveFloat = Field(description="lowest spindle speed")
+    to_rpm: PositiveFloat = Field(description="highest spindle speed")
+
+
+class Schema(RobotProblem):
+    """Where to mill: the angle about the spindle by static and dynamic deflection.
+
+    At most one of [[oscillator]], [modal] and oscillator_field gives the dynamics.
+    """
+
+    place_m: Three = Field(description="of the tool centre point, world coordinates")
+    tool: Made[options.MillingTool] = Made[options.MillingTool].left_out()
+    cutter: CutterKeys
+    cut: CutKeys
+    joint_stiffness_MNm_rad: list[PositiveFloat] = Field(
+        min_length=6, max_length=6, description="by joint, for the static index"
+    )
+    limits_deg: list[list[float]] | None = Field(default=None, description="of the joints; those of the KR 500-3 else")
+    oscillator: list[OscillatorRow] | None = Field(default=None, description="one table for each known angle")
+    modal: Made[options.Modal] | None = Field(default=None, description="dynamics from joint stiffness")
+    oscillator_field: str | None = Field(
+        default=None, description="file of a Gaussian-process field over the poses, as kind dynamic_stiffness writes it"
+    )
+    search: SearchSection = SearchSection.left_out()
+    lobes: LobesSection | None = Field(default=None, description="stability lobes too")
+    compensation: Made[options.PathOffset] | None = Field(default=None, description="compensation too")
+    printed_tests: bool = Field(default=False, description="predict the twelve tests of Cvitanic 2021 too")
+
+    def dynamics(self, context: Context) -> Any:
+        """Where the dynamics come from; None where none are given. Raises InputError."""
+        given = [k for k in SOURCES if getattr(self, k) is not None]
+        if len(given) > 1:
+            raise InputError(f"found {' and '.join(given)}; expected at most one source of dynamics", given[-1])
+        if self.oscillator is not None:
+            return _table(self.oscillator)
+        if self.modal is not None:
+            return self.modal.options()
+        return None if self.oscillator_field is None else _field(self.oscillator_field, context)
+
+
+def _table(rows: list[OscillatorRow]) -> AngleTable:
+    if len(rows) < 2:
+        said = f"holds {len(rows)} angles; expected two or more, between which dynamics are known"
+        raise InputError(said, "oscillator")
+    oscillators = []
+    for n, row in enumerate(rows):
+        with naming(f"oscillator[{n}]", ValueError):
+            oscillators.append(row.oscillators())
+    with naming("oscillator", ValueError):
+        return milling.AngleTable(np.deg2rad([row.angle_deg for row in rows]), Oscillators.concatenate(oscillators))
+
+
+def _field(file: str, context: Context) -> Any:
+    path = context.folder / file
+    with naming("oscillator_field", ValueError):
+        field = vibration.load_oscillator_field(path)
+    context.take("oscillator_field", path)
+    return field
+
+
+NAME = "milling"
+
+
+def arguments(problem: Schema) -> dict[str, str]:
+    """Where the study's arguments stand in the file."""
+    source = next((k for k in SOURCES if getattr(problem, k) is not None), "")
+    return {
+        "speed": "cut.speed_rpm",
+        "feed": "cut.feed_direction",
+        "search.speeds": "search.speeds_rpm",
+        "cutter.coefficients": "cutter",
+        "dynamics": source,
+        "lobes": "lobes.to_rpm" if source else "lobes",
+    }
+
+
+def call(problem: Schema, context: Context) -> Call:
+    """The study of the declared place, and of what it is compared with."""
+    limits, lobes = problem.limits_deg, problem.lobes
+    made = options_of(problem, "cutter", "cut", "tool", "search", "compensation")
+    return Call(
+        milling.study, problem.model(context), made.pop("cutter"), made.pop("cut"), place=problem.place_m,
+        speed=problem.cut.speed_rpm / 60, feed=problem.cut.feed_direction,
+        joint_stiffness=[1e6 * k for k in problem.joint_stiffness_MNm_rad], **made,
+        dynamics=problem.dynamics(context), source=problem.oscillator_field or "",
+        limits=limits and [np.deg2rad(row).tolist() for row in limits],
+        lobes=lobes and (lobes.from_rpm / 60, lobes.to_rpm / 60),
+        tests=robots.kr500_tables() if problem.printed_tests else None, title=problem.title,
+    )  # fmt: skip
+
+
+def explain(problem: Schema, context: Context) -> str:
+    """What will be compared."""
+    made = call(problem, context)
+    later = ("lobes", "compensation", "tests")
+    task = milling.task.task_of(*made.arguments, **{k: v for k, v in made.options.items() if k not in later})
+    s, lag = task.search, np.rad2deg(task.cutter.lag(task.cut.axial_depth))
+    counts = [1 + len(x) for x in (s.places, s.feed_directions, s.speeds)]
+    return "\n".join(
+        [
+            f"{problem.title or NAME}: {round(2 * np.pi / s.step) + 1} angles, {counts[0]} places, {counts[1]} feeds, "
+            f"{counts[2]} speeds",
+            f"{task.cut.mode} milling with {task.cutter.teeth} teeth at {task.speed * task.cutter.teeth:.4g} Hz; the "
+            f"helix lags by {lag:.3g} deg over the depth",
+            "forces by Cvitanic 2021, eqs. (12)-(17); static index |K^-1 F_peak| (18), dynamic index max |x(t)| (19)",
+            f"dynamics: {task.whence or 'none, static index only'}",
+        ]
+    )

@@ -1,0 +1,63 @@
+"""Kind "resampling": signals of a recording on one even grid."""
+
+from __future__ import annotations
+
+from pydantic import Field
+
+from gtmodel.measurements import resampling_study, sampling_of
+from gtmodel.measurements.common_grid import options
+from gtmodel.problem_files.base import Context, Problem
+from gtmodel.problem_files.call import Call
+from gtmodel.problem_files.from_options import Made, options_of
+from gtmodel.problem_files.log_keys import RecordedSignalSection, RecordingFiles
+from gtmodel.results import Trajectory
+
+RESULT = "gtmodel.measurements.ResamplingStudy"
+
+
+class SignalSection(RecordedSignalSection):
+    """A signal that is wanted on the grid."""
+
+    delay_s: float = Field(default=0.0, description="how late it is, which is taken off; the kind delay estimates it")
+
+
+class Schema(Problem):
+    """Signals of a recording on one even grid: uneven rows and gaps resampled, clocks brought together."""
+
+    log: RecordingFiles = Field(description="the files that were recorded at once")
+    signals: dict[str, SignalSection] = Field(description="by the names that they get on the grid", min_length=1)
+    grid: Made[options.EvenGrid] = Made[options.EvenGrid].left_out()
+    align: list[Made[options.AlignBy]] = Field(default=[], description="one table for each clock that is moved")
+
+
+NAME = "resampling"
+ARGUMENTS = {"recording": "log", "align_by": "align", "delays": "signals"}
+
+
+def call(problem: Schema, context: Context) -> Call:
+    """The study of the signals that the file names."""
+    delays = {name: signal.delay_s for name, signal in problem.signals.items() if signal.delay_s}
+    return Call(
+        resampling_study, _recording(problem, context), *options_of(problem, "grid", "align").values(), delays=delays,
+        title=problem.title,
+    )  # fmt: skip
+
+
+def explain(problem: Schema, context: Context) -> str:
+    """How the clocks run, and which signals have them."""
+    lines = [f"{problem.title or NAME}: {len(problem.signals)} signals"]
+    for clock, rows in _recording(problem, context).items():
+        said = sampling_of(rows.time)
+        jitter, gaps = f"jitter {100 * said.jitter:.2g} %", f"{len(said.gaps)} gaps"
+        lines.append(
+            f"clock {clock}: {said.rows} rows at {said.rate:.6g} Hz, {jitter}, {gaps}: {', '.join(rows.names)}"
+        )
+    lines += [
+        f"'{pair.other}' is brought to the clock of '{pair.reference}'"
+        for pair in options_of(problem, "align")["align"]
+    ]
+    return "\n".join(lines)
+
+
+def _recording(problem: Schema, context: Context) -> dict[str, Trajectory]:
+    return problem.log.recording({name: signal.recorded() for name, signal in problem.signals.items()}, context)

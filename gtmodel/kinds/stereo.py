@@ -1,0 +1,66 @@
+"""Kind "stereo": lenses of cameras and where these stand, from pictures of a board."""
+
+from __future__ import annotations
+
+from pydantic import Field
+
+from gtmodel import vision
+from gtmodel.problem_files.base import Context, FileSection, InputError, Problem, Source
+from gtmodel.problem_files.call import Call
+from gtmodel.problem_files.from_options import Made, options_of
+from gtmodel.results import ArgumentError
+from gtmodel.vision import CornerTable, read_corners, stereo
+from gtmodel.vision.stereo import options
+
+RESULT = "gtmodel.vision.StereoStudy"
+
+
+class CornersSection(FileSection):
+    """Corners of the board in all pictures: a CSV with the columns picture, corner, X, Y [squares] and u_NAME, v_NAME
+    [pixel] of each camera, or camera, picture, corner, X, Y, u, v, sigma."""
+
+    file: str = Field(description="path from the problem's folder")
+    source: Source = ""
+    leave_out: list[str] = Field(default=[], description="names of pictures that are not taken")
+
+
+class Schema(Problem):
+    """Lenses of one or more cameras and where these stand, from corners of a board in their pictures."""
+
+    corners: CornersSection
+    board: Made[options.BoardPictures]
+    fit: Made[options.CameraFit] = Made[options.CameraFit].left_out()
+    start: Made[options.StereoStart] = Made[options.StereoStart].left_out()
+
+
+NAME = "stereo"
+ARGUMENTS = {"corners": "corners.file"}
+
+
+def call(problem: Schema, context: Context) -> Call:
+    """The study of the corners that the file names."""
+    if context.start is not None:
+        raise InputError("--start: a calibration of cameras starts from its pictures; leave it out")
+    board, fit, start = options_of(problem, "board", "fit", "start").values()
+    return Call(vision.stereo_study, _table(problem, context), board, fit, start, title=problem.title)
+
+
+def explain(problem: Schema, context: Context) -> str:
+    """What each camera saw, and in what lengths the result will be."""
+    lines = stereo.explained_pictures(_table(problem, context), problem.board.options())
+    return "\n".join([f"{problem.title or NAME}: {lines[0]}", *lines[1:]])
+
+
+def _table(problem: Schema, context: Context) -> CornerTable:
+    keys = problem.corners
+    path = context.file(keys.file, "corners.file", source=keys.source)
+    try:
+        table = read_corners(path)
+    except ArgumentError as error:
+        raise InputError(error.message, "corners.file") from error
+    unknown = [name for name in keys.leave_out if name not in table.pictures]
+    if unknown:
+        raise InputError(
+            f"there is no picture '{unknown[0]}'; there are {', '.join(table.pictures)}", "corners.leave_out"
+        )
+    return table.without(keys.leave_out) if keys.leave_out else table

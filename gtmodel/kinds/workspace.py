@@ -1,0 +1,73 @@
+"""Kind "workspace": which tool centre points a robot reaches, and the cross-section and volume of them."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from gtmodel.kinematics import workspace
+from gtmodel.kinematics.section import CrossSection
+from gtmodel.kinematics.workspace import options
+from gtmodel.problem_files.base import Context, InputError
+from gtmodel.problem_files.call import Call
+from gtmodel.problem_files.from_options import Made
+from gtmodel.problem_files.robot_keys import RobotProblem
+from gtmodel.results import listed
+
+RESULT = "gtmodel.kinematics.WorkspaceStudy"
+
+Point = Annotated[list[float], Field(min_length=3, max_length=3)]
+Angle = Annotated[float, Field(gt=0, le=180)]
+
+
+class Schema(RobotProblem):
+    """Workspace of a robot whose plate keeps its orientation or follows from T."""
+
+    home_m: Point | None = Field(default=None, description="pose of the cone axes; the robot's own home if left out")
+    compare_cones_deg: list[Angle] = Field(default=[], description="cones to report beside the limits in force")
+    points_m: list[Point] = Field(default=[], description="points to judge one by one")
+    section: Made[CrossSection] = Made[CrossSection].left_out()
+    volume: Made[options.Sections] | None = Field(default=None)
+    limits: Made[options.WorkspaceLimits] = Made[options.WorkspaceLimits].left_out()
+    bodies: Made[options.Bodies] = Made[options.Bodies].left_out()
+    obstacles: list[Made[options.Box]] = Field(default=[], description="boxes that links and plate must not touch")
+    beams: list[Made[options.Beam]] = Field(default=[], description="beams of the frame that links must not touch")
+
+
+NAME = "workspace"
+
+
+def call(problem: Schema, context: Context) -> Call:
+    """The section with and without limits, then the volume."""
+    if context.start is not None:
+        raise InputError("--start: a workspace is mapped from the beginning; leave it out")
+    return Call(
+        workspace.workspace_study, problem.model(context), problem.limits.options(), home=problem.home_m,
+        section=problem.section.options(), volume=None if problem.volume is None else problem.volume.options(),
+        bodies=problem.bodies.options(), obstacles=[box.options() for box in problem.obstacles],
+        beams=[beam.options() for beam in problem.beams],
+        compare_cones=np.radians(problem.compare_cones_deg).tolist(), points=problem.points_m, title=problem.title,
+    )  # fmt: skip
+
+
+def explain(problem: Schema, context: Context) -> str:
+    """The tests in their order, the section and the grid."""
+    made = call(problem, context)
+    robot, limits = made.arguments
+    task = workspace.limited.task_of(
+        robot, limits, *(made.options[k] for k in ("home", "section", "bodies", "obstacles", "beams"))
+    )
+    section, low, high = task.section, task.low, task.high
+    lines = [
+        f"{problem.title or 'workspace'}: section orthogonal to ({listed(section.normal)}), through "
+        f"({listed(section.origin)}) m",
+        f"  u along ({listed(section.across)}) from {low[0]:.4g} to {high[0]:.4g} m, "
+        f"v along ({listed(section.up)}) from {low[1]:.4g} to {high[1]:.4g} m, step {made.options['section'].step:g} m",
+        "  a point is tested by, in this order:",
+        "    inverse kinematics",
+        *(f"    {limit.name}" for limit in task.reach.limits),
+        *(f"  {sentence}" for sentence in task.reach.assumptions),
+    ]
+    return "\n".join(lines)

@@ -1,0 +1,94 @@
+"""Kind "wrench_calibration": what a force sensor reads without contact, so that only contact is left."""
+
+from __future__ import annotations
+
+from pydantic import Field, PositiveFloat
+
+from gtmodel.control import lead_through
+from gtmodel.control.lead_through.options import SyntheticReadings, WrenchAlarm
+from gtmodel.control.lead_through.synthetic_sensor import SyntheticSensor
+from gtmodel.problem_files.base import Context, FileSection, InputError, Problem
+from gtmodel.problem_files.call import Call
+from gtmodel.problem_files.from_options import Made, made_from, options_of
+from gtmodel.results import Trajectory, TrajectoryError
+
+RESULT = "gtmodel.control.lead_through.WrenchStudy"
+
+
+@made_from(SyntheticReadings, "sensor")
+class SyntheticWrenches(Made):
+    """Synthetic readings, with the sensor as it truly is."""
+
+    sensor: Made[SyntheticSensor] = Made[SyntheticSensor].left_out()
+
+
+class ReadingsSection(FileSection):
+    """Measured readings: CSV files with the columns time, turn[0..2] (rotation vector of the sensor's axes in the world
+    frame), force[0..2] and moment[0..2], each with its unit."""
+
+    file: str = Field(description="readings at rest and free of contact, a row for each pose")
+    pushes: str | None = Field(default=None, description="readings while a fixed point presses where forces are to act")
+    force_noise_N: PositiveFloat | None = Field(
+        default=None, description="standard deviation of a reading; the residuals give it if left out"
+    )
+    moment_noise_Nm: PositiveFloat | None = Field(default=None, description="standard deviation of a reading")
+    drift: bool = Field(default=False, description="estimate a linear drift of the biases over the recording too")
+    accept: list[WrenchAlarm] = Field(
+        default_factory=list, description="alarms about the readings that are notes and fail nothing"
+    )
+
+
+class Schema(Problem):
+    """Bias, mass and centre of what a force sensor carries, from readings at rest in several poses, with intervals, and
+    the lever arm to where forces act."""
+
+    readings: ReadingsSection | None = Field(default=None, description="measured; in place of [synthetic]")
+    synthetic: SyntheticWrenches | None = Field(default=None, description="in place of [readings]")
+
+
+NAME = "wrench_calibration"
+ARGUMENTS = {
+    "readings": "readings.file", "pushes": "readings.pushes", "force_noise": "readings.force_noise_N",
+    "moment_noise": "readings.moment_noise_Nm", "turns": "readings.file", "forces": "readings.file",
+    "moments": "readings.file", "drift": "readings.drift", "accept": "readings.accept", "time": "readings.file",
+}  # fmt: skip
+
+
+def call(problem: Schema, context: Context) -> Call:
+    """The study of measured or synthetic readings."""
+    if context.start is not None:
+        raise InputError("--start: nothing is solved from a start here; leave it out")
+    measured, synthetic = problem.readings, problem.synthetic
+    if (measured is None) == (synthetic is None):
+        both = "both" if measured is not None else "none of them"
+        raise InputError(f"expected one of [readings] and [synthetic]; found {both}", "readings")
+    if synthetic is not None:
+        sensor = options_of(synthetic, "sensor")["sensor"]
+        return Call(
+            lead_through.wrench_study, SyntheticReadings(**synthetic.given(), sensor=sensor), title=problem.title
+        )
+    assert measured is not None
+    readings = _read(measured.file, "readings.file", context)
+    pushes = None if measured.pushes is None else _read(measured.pushes, "readings.pushes", context)
+    return Call(
+        lead_through.wrench_study, readings, pushes, force_noise=measured.force_noise_N,
+        moment_noise=measured.moment_noise_Nm, drift=measured.drift, accept=measured.accept, title=problem.title,
+    )  # fmt: skip
+
+
+def _read(name: str, key: str, context: Context) -> Trajectory:
+    try:
+        return Trajectory.from_csv(context.file(name, key, "readings"))
+    except TrajectoryError as error:
+        raise InputError(str(error), key) from error
+
+
+def explain(problem: Schema, context: Context) -> str:
+    """What is read, and what is asked."""
+    lines = [f"{problem.title or NAME}: bias, mass and centre of a force sensor's load"]
+    if problem.synthetic is not None:
+        given = problem.synthetic.given()
+        lines.append(f"  {given['poses']} poses at rest and {given['pushes']} pushes, synthetic, seed {given['seed']}")
+    if problem.readings is not None:
+        lines.append(f"  readings of {problem.readings.file}")
+    return "\n".join(lines)

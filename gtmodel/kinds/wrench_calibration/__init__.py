@@ -1,1 +1,0 @@
-"""Kind "wrench_calibration"."""
