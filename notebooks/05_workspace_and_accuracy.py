@@ -31,9 +31,8 @@ import gtmodel as gt
 from gtmodel.kinematics.accuracy import Ellipsoids, ErrorCase, base_point_cloud, largest, map_errors
 from gtmodel.kinematics.section import across_guideways
 from gtmodel.kinematics.workspace import BallJointCones, InverseKinematics, Reach, map_section, section_grid
-from gtmodel.plot.accuracy import error_figure
 from gtmodel.plot.robot3d import robot_figure
-from gtmodel.plot.workspace import section_figure
+from gtmodel.plot.workspace import error_figure, section_figure
 
 ENDS = [f"arm[{i}].rod.{end}.r" for i in range(3) for end in "ab"]
 

@@ -39,8 +39,7 @@ from gtmodel.identify.excitation import (
     singular_values,
 )
 from gtmodel.measurements import Session
-from gtmodel.plot.excitation import information_figure, path_figure
-from gtmodel.plot.identification import efforts_figure
+from gtmodel.plot.identification import efforts_figure, information_figure, path_figure
 from gtmodel.plot.signals import signals_figure
 
 NAMES = ["m_p", "m_c", "m_a", "viscous", "coulomb"]

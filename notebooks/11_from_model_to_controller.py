@@ -48,7 +48,7 @@ from gtmodel.loop import (
     lockstep,
 )
 from gtmodel.loop.record import rows_of
-from gtmodel.plot.tracking import tracking_figure
+from gtmodel.plot.signals import tracking_figure
 
 place = Path(tempfile.mkdtemp())
 

@@ -40,8 +40,7 @@ from gtmodel.compliance import (
 )
 from gtmodel.kinematics.section import across_guideways
 from gtmodel.kinematics.workspace import section_grid
-from gtmodel.plot.compliance import map_figure, shares_figure
-from gtmodel.plot.stiffness import stiffness_figure
+from gtmodel.plot.compliance import map_figure, shares_figure, stiffness_figure
 
 # %% [markdown]
 # ## 1 Springs of the L1

@@ -84,7 +84,7 @@ print(f"held out {error(stiff):.2f} mm; shown by {test.fires()}; along the radiu
 assert test.fires() == ("left", "right")
 
 # %%
-from gtmodel.plot.cameras.robot import residuals_figure
+from gtmodel.plot.cameras import residuals_figure
 
 p = stiff.pictures
 figure = residuals_figure(
@@ -104,7 +104,7 @@ print(f"predicted {1e3 * predicted.rms:.3f} mm rms, seen {error(joint):.3f} mm i
 assert error(joint) < 3e3 * predicted.rms
 
 # %%
-from gtmodel.plot.cameras.robot import ellipsoids_figure
+from gtmodel.plot.cameras import ellipsoids_figure
 
 figure = ellipsoids_figure(predicted.positions, predicted.covariance, title="synthetic: predicted errors")
 figure

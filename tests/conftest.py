@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import gc
+from typing import Any
 
+import numpy as np
 import pytest
 
 from tests.shaking import pytest_addoption, pytest_configure, pytest_report_header
@@ -21,3 +23,15 @@ def pytest_collection_finish() -> None:
     gc.collect()
     gc.freeze()
     gc.set_threshold(20_000, 20, 20)
+
+
+BEGUN: dict[str, dict[str, Any]] = {}
+
+
+@pytest.fixture(autouse=True)
+def drawn_anew(request: pytest.FixtureRequest) -> None:
+    """Generators of a module begin anew in each test: what it draws does not hang on the tests before it."""
+    own = {n: g for n, g in vars(request.module).items() if isinstance(g, np.random.Generator)}
+    begun = BEGUN.setdefault(request.module.__name__, {n: g.bit_generator.state for n, g in own.items()})
+    for name, generator in own.items():
+        generator.bit_generator.state = begun[name]

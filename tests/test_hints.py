@@ -55,7 +55,7 @@ def test_they_are_the_classes_themselves() -> None:
 def test_a_result_is_declared_without_what_made_it() -> None:
     code = (
         "import sys, typing\n"
-        "from gtmodel.identify.identified import IdentificationStudy\n"
+        "from gtmodel.identify.identification_result import IdentificationStudy\n"
         "from gtmodel.optimize.optimization_result import OptimizationStudy\n"
         "heavy = {'gtmodel.identify.inertia', 'gtmodel.optimize.solution', 'casadi', 'matplotlib'}\n"
         "assert not heavy & set(sys.modules), heavy & set(sys.modules)\n"

@@ -116,7 +116,7 @@ def test_the_package_alone_imports_nothing_until_a_name_is_used() -> None:
 
 
 def test_a_function_is_not_hidden_by_the_module_of_its_name() -> None:
-    import gtmodel.calibrate.candidates
+    import gtmodel.calibrate.pose_selection
     import gtmodel.optimize.estimate
     import gtmodel.optimize.solve  # noqa: F401
 

@@ -39,11 +39,22 @@ from .._lazy import public
 if TYPE_CHECKING:
     from .calibration import Calibration as Calibration, calibrate as calibrate
     from .calibration_study import study as study
-    from .candidates import Candidates as Candidates, candidates as candidates, regular_grid as regular_grid
-    from .choice import Choice as Choice
     from .closure import Closure as Closure, closure_equations as closure_equations
-    from .devices import Camera as Camera, Device as Device, LaserTracker as LaserTracker, LineOfSight as LineOfSight
-    from .held_out import judge_held_out as judge_held_out
+    from .devices import (
+        Camera as Camera,
+        Device as Device,
+        LaserTracker as LaserTracker,
+        LineOfSight as LineOfSight,
+        seen_by_distance as seen_by_distance,
+        seen_by_plane as seen_by_plane,
+        seen_with_quaternion as seen_with_quaternion,
+    )
+    from .held_out import (
+        PosesLeftOut as PosesLeftOut,
+        folds_of as folds_of,
+        judge_held_out as judge_held_out,
+        leave_out as leave_out,
+    )
     from .measured import (
         CartPoints as CartPoints,
         FrameStart as FrameStart,
@@ -62,31 +73,30 @@ if TYPE_CHECKING:
         Measurements as Measurements,
         Pose as Pose,
     )
-    from .options import COSTS as COSTS, Cost as Cost, Fit as Fit, Known as Known
-    from .partial_devices import (
-        seen_by_distance as seen_by_distance,
-        seen_by_plane as seen_by_plane,
-        seen_with_quaternion as seen_with_quaternion,
-    )
+    from .options import COSTS as COSTS, Choice as Choice, Cost as Cost, Fit as Fit, Known as Known
     from .plan import PlanStudy as PlanStudy, plan_study as plan_study
     from .pose_information import PoseInformation as PoseInformation, pose_information as pose_information
-    from .pose_numbers import (
-        ErrorCurve as ErrorCurve,
-        Point as Point,
-        error_curve as error_curve,
-        grid_point as grid_point,
-        sufficient_number as sufficient_number,
-    )
     from .pose_selection import (
+        Candidates as Candidates,
         Selection as Selection,
+        candidates as candidates,
         condition_removal as condition_removal,
         exchange as exchange,
+        regular_grid as regular_grid,
         spread as spread,
     )
-    from .positioning import Positioning as Positioning, PredictedErrors as PredictedErrors, positioning as positioning
+    from .positioning import (
+        ErrorCurve as ErrorCurve,
+        Point as Point,
+        Positioning as Positioning,
+        PredictedErrors as PredictedErrors,
+        error_curve as error_curve,
+        grid_point as grid_point,
+        positioning as positioning,
+        sufficient_number as sufficient_number,
+    )
     from .problem import CalibrationProblem as CalibrationProblem, prepare as prepare
-    from .report.against_noise import against_noise as against_noise, pattern as pattern
-    from .report.left_out import PosesLeftOut as PosesLeftOut, folds_of as folds_of, leave_out as leave_out
+    from .report.diagnostics import against_noise as against_noise, pattern as pattern
     from .report.result import CalibrationStudy as CalibrationStudy
     from .report.robot_file import Origin as Origin
     from .synthetic import Synthetic as Synthetic, made_poses as made_poses

@@ -22,13 +22,12 @@ from ..results.refusal import ArgumentError
 from ..results.status import SolveStatus
 from .block_rows import BlockRows, JointRows, parts
 from .blocks import Block
-from .choice import Choice
 from .confidence import Fitted, estimated
 from .implicit import require_noise_enough
 from .measurements import Measurements
-from .modifiers import modifiers
-from .options import COSTS, Cost
+from .options import COSTS, Choice, Cost
 from .problem import CalibrationProblem, noise_covariance, prepare
+from .unknowns import modifiers
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,28 +16,20 @@ from ..results.made_files import MadeFiles
 from ..results.options import Within
 from ..results.suspicion import Inspection
 from ..results.work import Progress, never, silent
-from .measured.cart_points import on_cart_points
+from . import sensitivity
+from .held_out import folds_of
+from .measured.misreadings import Witness, a_priori, misread_after, misread_by_lengths, recognise_sessions, witness_of
 from .measured.options import CartPoints, Refit
 from .measured.poses import MeasuredPoses, SplitPoses, split_all
-from .measured.witness import (
-    Witness,
-    a_priori,
-    misread_after,
-    misread_by_lengths,
-    recognise_sessions,
-    witness_of,
-)
 from .measurements import Measurements
 from .options import Fit
 from .problem import CalibrationProblem
-from .report import poses_table, robot_file, sensitivity_table
+from .report import robot_file, values as poses_table
 from .report.findings import CalibrationFindings, findings_of, length_noise
-from .report.left_out import folds_of
-from .report.pictures import pictures
 from .report.result import CalibrationStudy
 from .report.robot_file import Origin
-from .report.values import checks_of, values_of
-from .variants import by_dh_numbers, prepared, too_few, with_measured_orientation
+from .report.values import checks_of, pictures, values_of
+from .variants import by_dh_numbers, on_cart_points, prepared, too_few, with_measured_orientation
 
 
 @study_function
@@ -186,7 +178,7 @@ def _study_of(findings: CalibrationFindings, robot: Model, fit: Fit, origin: Ori
     }
     files |= {f"poses_{part.data.name}.csv": partial(poses_table.text, part) for part in findings.beside}
     if values["sensitivity"]:
-        files["sensitivity.csv"] = partial(sensitivity_table.text, values["sensitivity"])
+        files["sensitivity.csv"] = partial(sensitivity.text, values["sensitivity"])
     urdf = robot_file.urdf(findings, robot, title)
     files |= {name: partial(str, text) for name, text in urdf.items()}
     for part in findings.parts:

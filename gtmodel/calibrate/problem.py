@@ -18,11 +18,10 @@ from ..lang.builder import Builder
 from ..lang.model import Model
 from ..lang.source import ModelError
 from .blocks import Block, blocks
-from .choice import Choice
-from .closure import Closure, closure_equations
+from .closure import Closure, closed_start, closure_equations
 from .implicit import Adjustment, Begin
-from .latent_start import closed_start
 from .measurements import Measurements, SignalName
+from .options import Choice
 from .reading import Reading, reading, variables_of
 from .unknowns import SIZE, Parameters, Unknowns, unknowns
 

@@ -184,6 +184,6 @@ def _table(samples: Trajectory) -> str:
 
 
 def _figure(motion: Trajectory, samples: Trajectory, title: str) -> Any:
-    from ..plot.closed_loop import sampled_loop_figure
+    from ..plot.signals import sampled_loop_figure
 
     return sampled_loop_figure(motion, samples, title=title)

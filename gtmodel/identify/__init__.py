@@ -38,14 +38,18 @@ from .._lazy import public
 
 if TYPE_CHECKING:
     from .base_parameters import BaseRegressor as BaseRegressor
-    from .consistent import (
+    from .bodies import (
         ConsistentInertias as ConsistentInertias,
         consistent_inertias as consistent_inertias,
         pseudo_inertia as pseudo_inertia,
     )
-    from .corrected import corrected as corrected
+    from .checks import (
+        Exchanged as Exchanged,
+        MechanicalWork as MechanicalWork,
+        exchanged_efforts as exchanged_efforts,
+        work_of as work_of,
+    )
     from .delay import Delay as Delay, delay_of as delay_of
-    from .exchanged import Exchanged as Exchanged, exchanged_efforts as exchanged_efforts
     from .excitation import (
         ClosedSpline as ClosedSpline,
         Excitation as Excitation,
@@ -64,7 +68,6 @@ if TYPE_CHECKING:
         random_excitations as random_excitations,
         singular_values as singular_values,
     )
-    from .folds import LeftOutInTurn as LeftOutInTurn, leave_out_in_turn as leave_out_in_turn
     from .friction import (
         ConstantVelocity as ConstantVelocity,
         FrictionCoefficients as FrictionCoefficients,
@@ -84,8 +87,8 @@ if TYPE_CHECKING:
         mass_by_norm as mass_by_norm,
         published_friction_study as published_friction_study,
     )
+    from .identification_result import IdentificationStudy as IdentificationStudy
     from .identification_study import study as study, synthetic_study as synthetic_study
-    from .identified import IdentificationStudy as IdentificationStudy
     from .inertia import (
         Identification as Identification,
         LeftOut as LeftOut,
@@ -99,12 +102,21 @@ if TYPE_CHECKING:
         Processing as Processing,
         SyntheticLog as SyntheticLog,
     )
-    from .reference_motion import multisine as multisine, read_motion as read_motion
+    from .recordings import corrected as corrected
     from .regressor import Regressor as Regressor, RegressorRows as RegressorRows
-    from .repeated import Repeated as Repeated, repeat_identification as repeat_identification
+    from .repeated_fits import (
+        LeftOutInTurn as LeftOutInTurn,
+        Repeated as Repeated,
+        leave_out_in_turn as leave_out_in_turn,
+        repeat_identification as repeat_identification,
+    )
     from .rows import Rows as Rows, rows_of as rows_of, with_offsets as with_offsets
-    from .simulated_log import LogSimulator as LogSimulator, Sensors as Sensors
-    from .tracking import Tracking as Tracking
-    from .work import MechanicalWork as MechanicalWork, work_of as work_of
+    from .simulated_log import (
+        LogSimulator as LogSimulator,
+        Sensors as Sensors,
+        Tracking as Tracking,
+        multisine as multisine,
+        read_motion as read_motion,
+    )
 
 public(__name__)

@@ -1,23 +1,193 @@
-"""What an identification must pass, and what looks wrong with its log, in words."""
+"""What an identification must pass, and what looks wrong with its log: efforts in exchanged columns, friction that
+gives energy."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
+
+from gtmodel.inference import correlation_time
+from gtmodel.measurements.inspection.readings import Compared, OtherReading, compared, exchanges, in_order, reversals
+from gtmodel.results.suspicion import Suspicion
 
 from ..inference import FALSE_ALARM, binomial_band, negligible
 from ..measurements.inspection.data_tests import Data, tested
 from ..results import Check, at_least, at_most
 from ..results.estimate import half_width
 from ..results.suspicion import accepted_checks, suspicion_checks
-from .asked import Asked
-from .exchanged import exchanged_efforts, leaves
 from .inertia import Identification, Validation
-from .recordings import Recordings
-from .repeated import Repeated
-from .rows import recorded
-from .work import DEVIATIONS, work_of
+from .recordings import Asked, Recordings
+from .repeated_fits import Repeated
+from .rows import Rows, recorded
+
+Array = np.ndarray
+Exchanged = Compared
+
+ROUND_OFF = 1e-9  # of the efforts: what is left is nothing
+
+
+def columns_compared(
+    names: Sequence[str], efforts: Array, left: Callable[[Array], float], degrees_of_freedom: float
+) -> Compared | None:
+    """Columns of efforts (n, m) as given beside all other orders, and beside one of them reversed; None for a single
+    column. `left` is the sum of squares that efforts leave, `degrees_of_freedom` that of the residuals."""
+    if len(names) < 2 or degrees_of_freedom < 1:
+        return None
+
+    def rms(reading: OtherReading) -> float:
+        return float(np.sqrt(max(left(reading(efforts)), 0.0) / degrees_of_freedom))
+
+    least = ROUND_OFF * float(np.sqrt(np.mean(efforts**2)))
+    given = rms(in_order(names, range(len(names))))
+    readings = [*exchanges(names), *reversals(names)]
+    return compared(given, readings, rms, degrees_of_freedom, least=least)
+
+
+def leaves(comparison: Compared, unit: str = "") -> Suspicion:
+    """How the columns are to be read, in words."""
+    given, left = (f"{rms:.3g}{unit and f' {unit}'}" for rms in (comparison.given, comparison.left))
+    return comparison.suspicion(f"as given the model leaves {given} rms of the efforts, and", left)
+
+
+def exchanged_efforts(identification: Identification) -> Compared | None:
+    """Whether another order or sign of the columns of efforts would fit far better; None for a single column.
+
+    The parameters that were free in the identification are free in every reading.
+
+    >>> class Stage(gt.Model):  # two axes with viscous friction
+    ...     m, d = gt.parameter([2.0, 6.0], unit="kg"), gt.parameter([5.0, 20.0], unit="kg/s")
+    ...     q, tau = gt.variable(2, unit="m"), gt.variable(2, unit="N")
+    ...     def equations(self):
+    ...         v = gt.der(self.q)
+    ...         yield self.tau == self.m * gt.der(v) + self.d * v
+    >>> time = 0.004 * np.arange(2000)
+    >>> q = gt.identify.multisine(time, np.zeros(2), np.full(2, 0.2), np.array([0.5, 1.1]), seed=1)
+    >>> log = gt.identify.LogSimulator(Stage(), q).draw(1, gt.identify.Sensors(effort_noise=0.5))
+    >>> exchanged = {"q": log["q"], "tau": log["tau"][:, ::-1]}
+    >>> s = gt.identify.study(Stage(), gt.Trajectory(time, exchanged, {"q": "m", "tau": "N"}), ["m", "d"])
+    >>> order = gt.identify.exchanged_efforts(s.fit)
+    >>> order.passed, order.reading.looks, round(order.given, 1), order.reading.when
+    (False, 'the columns tau[0], tau[1] look exchanged', 13.4, 'when read as tau[1], tau[0]')
+    """
+    rows, e = identification.rows, identification.estimate
+    n, m = rows.effort.shape
+    free = [rows.names.index(name) for name in e.names]
+    known = rows.y0 + rows.Y @ np.array([identification.fixed.get(name, 0.0) for name in rows.names])
+    Y = rows.Y[:, :, free].reshape(n * m, -1)
+    Q, R = np.linalg.qr(Y / np.maximum(np.linalg.norm(Y, axis=0), np.finfo(float).tiny))
+    Q = Q[:, np.abs(np.diag(R)) > ROUND_OFF]
+
+    def left(efforts: Array) -> float:
+        b = (efforts - known).reshape(-1)
+        return float(np.sum((b - Q @ (Q.T @ b)) ** 2))
+
+    return columns_compared(rows.targets, rows.effort, left, n * m - Q.shape[1])
+
+
+BALANCE = 1e-3  # of the work to and fro: what may be left of a log's energy
+DEVIATIONS = 4.0  # or as many standard deviations of the work that noise and the parameters' errors do
+ONE_SIGN = 0.98  # of a column's work to and fro: then it is friction's, up to what the filter rounds off at reversals
+
+
+@dataclass(frozen=True)
+class MechanicalWork:
+    """Work over the rows [J], positive where a drive gives it.
+
+    `friction` (m,) is what friction takes, by target, of the fit without bounds, and `friction_noise` (m,) its standard
+    deviation. `left` is the work of the residuals, `noise` its standard deviation by the noise of the rows and the
+    errors of the parameters. `to_and_fro` is the integral of the size of the measured power.
+    """
+
+    friction: Array
+    friction_noise: Array
+    left: float
+    to_and_fro: float
+    noise: float
+
+    @property
+    def drives(self) -> Array:
+        """Where friction would give energy, beyond its noise (m,)."""
+        return np.asarray(self.friction < -DEVIATIONS * self.friction_noise)
+
+    @property
+    def balance(self) -> float:
+        """Size of `left` over the work to and fro."""
+        return abs(self.left) / self.to_and_fro
+
+    @property
+    def bound(self) -> float:
+        """What `balance` may be: a thousandth, or what the noise explains."""
+        return max(BALANCE, DEVIATIONS * self.noise / self.to_and_fro)
+
+    @property
+    def balanced(self) -> bool:
+        """Whether the energy balance closes within its bound."""
+        return self.balance <= self.bound
+
+    def driving(self, targets: tuple[str, ...]) -> list[str]:
+        """Where friction would drive, in words."""
+        return [
+            f"{t}: friction would drive instead of brake, its work is {w:.3g} J; check the sign of this effort or of "
+            "its position, and the order of the columns"
+            for t, w, drives in zip(targets, self.friction, self.drives, strict=True)
+            if drives
+        ]
+
+    def unbalanced(self) -> list[str]:
+        """What the residuals take beyond the noise, in words."""
+        if self.balanced:
+            return []
+        return [
+            f"{self.left:.3g} J of {self.to_and_fro:.3g} J to and fro are not accounted for, beyond the noise: the "
+            "model lacks an effect, or the efforts are delayed"
+        ]
+
+
+def work_of(identification: Identification, rows: Rows | None = None) -> MechanicalWork | None:
+    """The work of an identified model over the fit's own rows, or over others.
+
+    None where the targets are not the efforts along the known coordinates, so that their product is no power.
+
+    >>> class Axis(gt.Model):  # a cart with viscous and Coulomb friction
+    ...     m, d, c = gt.parameter(2.0, unit="kg"), gt.parameter(5.0, unit="kg/s"), gt.parameter(3.0, unit="N")
+    ...     q, tau = gt.variable(unit="m"), gt.variable(unit="N")
+    ...     def equations(self):
+    ...         v = gt.der(self.q)
+    ...         yield self.tau == self.m * gt.der(v) + self.d * v + self.c * gt.sign(v)
+    >>> time = 0.004 * np.arange(2000)
+    >>> q = gt.identify.multisine(time, np.zeros(1), np.array([0.2]), np.array([0.5, 1.1]), seed=1)[:, 0]
+    >>> log = gt.identify.LogSimulator(Axis(), q).draw(1, gt.identify.Sensors(effort_noise=0.5))
+    >>> regressor = gt.identify.Regressor(Axis(), ["m", "d", "c"])
+    >>> rows = gt.identify.rows_of(gt.measurements.session_of(log), regressor)
+    >>> work = gt.identify.work_of(gt.identify.identify(rows))
+    >>> work.friction.round(), round(work.to_and_fro), work.balanced  # friction takes 13 J of 15 J to and fro
+    (array([13.]), 15, True)
+    """
+    rows = identification.rows if rows is None else rows
+    v = rows.velocity
+    if v.shape != rows.effort.shape:
+        return None
+    free = identification.unbounded
+    share = rows.interval * rows.Y * v[:, :, None]
+    sums, sizes = share.sum(axis=0), np.abs(share).sum(axis=0)
+    at = [rows.names.index(n) for n in free.names]
+    brakes = (sums >= ONE_SIGN * sizes) & ~np.isin(rows.names, rows.signed)
+    each = np.where(brakes, sums, 0.0)[:, at]
+    everything = sums[:, at].sum(axis=0)
+    left = (rows.effort - identification.modelled(rows)) * v
+    by_noise = correlation_time(identification.residuals) * np.sum((identification.noise * v) ** 2) * rows.interval**2
+    # the residuals of the fit's own rows hold less than their noise, those of others also the parameters' errors
+    by_parameters = 0.0 if rows is identification.rows else float(everything @ free.covariance @ everything)
+    return MechanicalWork(
+        each @ free.values,
+        np.sqrt(np.einsum("mi,ij,mj->m", each, free.covariance, each)),
+        float(left.sum() * rows.interval),
+        float(np.abs(rows.effort * v).sum() * rows.interval),
+        float(np.sqrt(by_noise + by_parameters)),
+    )
+
 
 LOOK = "the notes say what to look at"
 READ = f"{LOOK}; what is right all the same is named in accept"

@@ -28,7 +28,7 @@ from gtmodel.lang import ModelError
 from gtmodel.results.estimate import Estimate
 
 from .delay import Delay, delay_of
-from .parameter_names import among
+from .regressor import among
 from .rows import Rows
 
 Array = np.ndarray

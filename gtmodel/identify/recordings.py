@@ -1,24 +1,173 @@
-"""What an identification works on: recordings measured, with their corrections, or synthetic, with their truth."""
+"""What an identification works on and what it is asked for: recordings with delays, scales and offsets of their
+signals, or synthetic ones."""
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from gtmodel.measurements import ESTIMATE, Corrections, Session, cutoff_for
+
 from ..compiler.causal import flat_of
 from ..lang import Model, ModelError
-from ..measurements import ESTIMATE, Corrections, Session, Signal, session_of
-from ..results import ArgumentError, Trajectory, TrajectoryError, naming
+from ..measurements import Signal, session_of
+from ..results import ArgumentError, Trajectory, TrajectoryError, Work, naming
+from ..results.suspicion import EVERY
 from ..robots import actuator_closed_loop
-from .asked import Asked
-from .corrected import corrected
-from .options import SyntheticLog
-from .reference_motion import reference_motion
-from .simulated_log import LogSimulator, Sensors
-from .tracking import Tracking
+from .options import Fitting, Processing, SyntheticLog
+from .regressor import ParameterError, Regressor, among, scalar_parameters
+from .rows import rows_of, with_offsets
+from .simulated_log import LogSimulator, Sensors, Tracking, reference_motion
+
+
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """What is free and how it is fitted, the regressor of what is free and watched, numbers to compare with."""
+
+    robot: Model
+    free: Sequence[str]
+    how: Fitting
+    processing: Processing
+    regressor: Regressor
+    published: Mapping[str, float]
+    title: str
+    work: Work
+
+    @property
+    def nonnegative(self) -> bool | list[str]:
+        """What must not be negative; base parameters may be."""
+        if self.how.inertias is None or self.how.nonnegative is not True:
+            return self.how.nonnegative
+        return [n for n in self.regressor.names if n not in self.regressor.base]
+
+    @property
+    def names(self) -> tuple[str, str]:
+        """Of the known variable and of the efforts."""
+        return self.how.known, self.how.targets
+
+
+def asked_for(
+    robot: Model,
+    free: Sequence[str],
+    fitting: Fitting | None,
+    processing: Processing | None,
+    published: Mapping[str, float] | None,
+    title: str,
+    work: Work,
+) -> Asked:
+    """From the arguments of a study. Raises ArgumentError."""
+    how = fitting or Fitting()
+    regressor = regressor_of(robot, free, how)
+    for name in published or {}:
+        with naming(f"published.{name}", ModelError):
+            scalar_parameters(flat_of(robot), [name])
+    work.progress("reading", 0.1)
+    return Asked(
+        robot, free_of(regressor, free, how), how, processing or Processing(), regressor, published or {}, title, work
+    )
+
+
+def regressor_of(robot: Model, free: Sequence[str], how: Fitting) -> Regressor:
+    """The regressor of what is free and what is watched. Raises ArgumentError."""
+    for argument, names in (("known", [how.known]), ("targets", [how.targets]), ("inputs", how.inputs)):
+        for name in names:
+            with naming(f"fitting.{argument}", ModelError):
+                flat_of(robot).lookup(name)
+    known = [how.known, *how.inputs]
+    if how.inertias is not None and how.watch:
+        raise ArgumentError("is not for inertias, of which all that can be determined is free", "fitting.watch")
+    try:
+        if how.inertias is not None:
+            from .base_parameters import BaseRegressor  # here: most identifications are not of arms
+
+            regressor = BaseRegressor(robot, free, known, how.targets)
+        else:
+            regressor = Regressor(robot, [*free, *how.watch], known, how.targets)
+    except ParameterError as error:
+        watched = {error.parameter, error.parameter.partition("[")[0]} & set(how.watch)
+        raise ArgumentError(str(error), "fitting.watch" if watched else "free") from error
+    except ModelError as error:
+        raise ArgumentError(str(error), "free") from error
+    if not isinstance(how.nonnegative, bool):
+        with naming("fitting.nonnegative", ModelError):
+            among(regressor.names, how.nonnegative)
+    return regressor
+
+
+def free_of(regressor: Regressor, free: Sequence[str], how: Fitting) -> Sequence[str]:
+    """What is estimated: the names that were given, and base parameters where inertias are asked for."""
+    return free if how.inertias is None else regressor.names
+
+
+def corrected(
+    corrections: Corrections,
+    regressor: Regressor,
+    processing: Processing,
+    free: Sequence[str],
+    known: str = "q",
+    targets: str = "tau",
+    offsets: bool = False,
+) -> tuple[tuple[Session, ...], dict[str, float]]:
+    """The sessions with quantities in place of columns, and the free corrections by name [SI].
+
+    Args:
+        corrections: the signals of raw sessions, with the delays, scales and offsets that are to be estimated.
+        regressor, processing, known, targets: as of `rows_of`.
+        free: parameters of the regressor that are fitted at the same time.
+        offsets: whether offsets of the efforts are free too, session by session; they belong into that fit, see
+            `with_offsets`.
+
+    The corrections are those for which the residual of the least-squares fit is smallest; its parameters are eliminated
+    at each step (variable projection). A delay is positive where the column comes late [s]. Raises ModelError where the
+    scale of the efforts is free: it cannot be distinguished from the masses.
+
+    >>> class Axis(gt.Model):  # a cart with viscous and Coulomb friction
+    ...     m, d, c = gt.parameter(2.0, unit="kg"), gt.parameter(5.0, unit="kg/s"), gt.parameter(3.0, unit="N")
+    ...     q, tau = gt.variable(unit="m"), gt.variable(unit="N")
+    ...     def equations(self):
+    ...         v = gt.der(self.q)
+    ...         yield self.tau == self.m * gt.der(v) + self.d * v + self.c * gt.sign(v)
+    >>> time = 0.004 * np.arange(2000)
+    >>> q = gt.identify.multisine(time, np.zeros(1), np.array([0.2]), np.array([0.5, 1.1]), seed=1)[:, 0]
+    >>> truth = gt.identify.LogSimulator(Axis(), q).truth
+    >>> late = np.interp(time - 0.006, time, truth["tau"])  # the efforts come 6 ms late
+    >>> log = gt.Trajectory(time, {"q": q, "tau": late}, {"q": "m", "tau": "N"})
+    >>> Signal = gt.measurements.Signal
+    >>> signals = {"q": Signal("q", "m"), "tau": Signal("tau", "N", delay="estimate")}
+    >>> raw = gt.measurements.Corrections(signals, [gt.measurements.session_of(log)])
+    >>> regressor = gt.identify.Regressor(Axis(), ["m", "d", "c"])
+    >>> how = gt.identify.Processing(cutoff=8.0)
+    >>> _, values = gt.identify.corrected(raw, regressor, how, ["m", "d", "c"])
+    >>> {name: round(value, 3) for name, value in values.items()}
+    {'tau.delay': 0.006}
+    """
+    if corrections.signals[targets].scale == ESTIMATE:
+        raise ModelError(
+            "the scale of the efforts cannot be distinguished from the masses and friction; give it a number"
+        )
+    if not corrections.free:
+        return corrections.apply(), {}
+    first = corrections.apply(corrections.start)
+    cutoff = processing.cutoff or max(cutoff_for(s.trajectory[known], s.sample_time) for s in first)
+    # nothing is left out on the way: the number of residuals must not depend on what is tried
+    steady = replace(processing, cutoff=cutoff, position_step=0.0, mask_steps=0.0)
+    at = among(regressor.names, free)
+    rest = [k for k in range(regressor.size) if k not in at]
+
+    def residual(sessions: tuple[Session, ...]) -> np.ndarray:
+        rows = rows_of(sessions, regressor, steady, known, targets, accept=EVERY)  # looked at by the fit itself
+        A = rows.Y[:, :, at].reshape(-1, len(at))
+        if offsets:
+            A = np.hstack([A, with_offsets(rows, targets).Y[:, :, regressor.size :].reshape(len(A), -1)])
+        b = (rows.effort - rows.y0 - rows.Y[:, :, rest] @ rows.nominal[rest]).reshape(-1)
+        return b - A @ np.linalg.lstsq(A, b, rcond=None)[0]
+
+    values = corrections.estimate(residual)
+    return corrections.apply(values), corrections.named(values)
+
 
 Array = np.ndarray
 Log = Session | Trajectory | Sequence[Session | Trajectory]

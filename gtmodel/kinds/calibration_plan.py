@@ -11,7 +11,7 @@ from pydantic import Field
 from gtmodel.calibrate import Choice, plan
 from gtmodel.calibrate.options import Fit
 from gtmodel.calibrate.plan import options
-from gtmodel.calibrate.plan.task import Task
+from gtmodel.calibrate.plan.options import Task
 from gtmodel.problem_files.base import Context, InputError
 from gtmodel.problem_files.call import Call
 from gtmodel.problem_files.from_options import Made, made_from
@@ -83,8 +83,8 @@ def explain(problem: Schema, context: Context) -> str:
     """The steps and what a point must pass."""
     asked = call(problem, context)
     task = Task(*asked.arguments, **asked.options)
-    turns, device = plan.turns.turns_of(task), plan.device.measuring(task)
-    stages = plan.stages.stages_of(task, turns[0], device)
+    turns, device = plan.steps.turns_of(task), plan.device.measuring(task)
+    stages = plan.steps.stages_of(task, turns[0], device)
     lines = [f"{problem.title or 'calibration plan'}: candidates every {task.room.step:g} m, which must pass"]
     seen: list[str] = []
     for name, reach in stages.items():

@@ -263,7 +263,7 @@ def _errors(bench: Bench, one: OneRun) -> dict[str, float]:
 
 
 def _figure(bench: Bench, runs: list[OneRun], plant: str) -> Any:
-    from ..plot.tracking import tracking_figure
+    from ..plot.signals import tracking_figure
 
     time_s = 1e-3 * CYCLE_MS * np.arange(bench.cycles)
     wanted = Trajectory(time_s, {"T": bench.tcp_m, "q": bench.carts_m}, {"T": "m", "q": "m"})

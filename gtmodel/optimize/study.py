@@ -101,7 +101,7 @@ def optimization_study(
 
 
 def _figure(solution: Solution, title: str) -> Any:
-    from ..plot.optimum import optimum_figure
+    from ..plot.motion import optimum_figure
 
     problem = solution.problem
     bounds = {}

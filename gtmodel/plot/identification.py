@@ -1,14 +1,29 @@
-"""Measured beside modelled efforts, and what is left as friction, of an identification."""
+"""Pictures of an identification: measured beside modelled efforts, friction against velocity, how well a motion
+determines each parameter."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from itertools import product
 
 import numpy as np
 from matplotlib.figure import Figure
 
+from .robot3d import draw_robot, fill, finish, pieces
 from .signals import PANEL_HEIGHT
-from .style import MEASURED, MODELLED, ORANGE, key_below, styled, with_panels
+from .style import (
+    COLOURS,
+    LIMIT,
+    MEASURED,
+    MODELLED,
+    ORANGE,
+    colour,
+    in_space,
+    key_below,
+    key_beside,
+    styled,
+    with_panels,
+)
 
 
 @styled
@@ -63,4 +78,152 @@ def friction_figure(
         axes.plot(velocity[:, k], friction[:, k], label="measured, less all other terms of the model", **MEASURED)
         axes.set(title=name, xlabel=f"velocity [{units[0]}]", ylabel=f"friction [{units[1]}]")
     key_below(figure, panels[0])
+    return figure
+
+
+MARKERS = ("*", "s", "o", "D", "+", "x", "^", "v")
+FASTEST = 1.0  # m/s, where there are no points
+
+
+@styled
+def levels_figure(
+    points: Sequence[tuple[str, np.ndarray, np.ndarray]],
+    lines: Sequence[Callable[[np.ndarray], np.ndarray]],
+    gravity: np.ndarray,
+    *,
+    title: str = "",
+) -> Figure:
+    """One panel per actuator.
+
+    Args:
+        points: name of a pose, velocities (runs, carts) [m/s] and forces (runs, carts) [N], gravity moved to that of
+            the lines' pose.
+        lines: by actuator, velocity -> modelled force [N]; not called at zero.
+        gravity: (carts,) dotted level [N].
+    """
+    rows = 2 if points else 1
+    figure, panels = with_panels(3.6 * len(lines), 1.4 + 2.4 * rows, rows, len(lines), title=title, fontsize="medium",
+                                 sharex=True, height_ratios=[2, 1][:rows])  # fmt: skip
+    panels = panels.reshape(rows, -1)
+    moving = np.concatenate([np.abs(v[np.isfinite(v)]) for _, v, _ in points] or [np.zeros(0)])
+    fastest = float(moving.max()) if moving.size else FASTEST
+    ahead = np.linspace(1e-6, 1.05 * fastest, 50)
+    for i, axes in enumerate(panels[0]):
+        for n, way in enumerate((ahead, -ahead[::-1])):
+            axes.plot(way, lines[i](way), color="black", linewidth=1.2, label="fitted law" if n == 0 else None)
+        axes.plot([0, 0], [lines[i](-ahead[:1])[0], lines[i](ahead[:1])[0]], color="black", linewidth=0.6)
+        axes.axhline(float(gravity[i]), label="gravity", **LIMIT)
+        axes.set(title=f"actuator {i + 1}", ylabel="force at constant velocity [N]")
+        for k, (name, v, tau) in enumerate(points):
+            look = dict(linestyle="none", color=colour(k), marker=MARKERS[k % len(MARKERS)], markersize=5,
+                        markerfacecolor="none")  # fmt: skip
+            axes.plot(v[:, i], tau[:, i], label=f"measured, {name}", **look)
+            panels[1, i].plot(v[:, i], tau[:, i] - _of_moving(lines[i], v[:, i]), **look)
+    for axes in panels[1:].ravel():
+        axes.axhline(0.0, color="black", linewidth=1.0)
+        axes.set_ylabel("measured - law [N]")
+    for axes in panels[-1]:
+        axes.set_xlabel("velocity [m/s]")
+    key_below(figure, panels[0, 0])
+    return figure
+
+
+def _of_moving(line: Callable[[np.ndarray], np.ndarray], v: np.ndarray) -> np.ndarray:
+    """The law where something moves, NaN elsewhere."""
+    moves = np.isfinite(v) & (v != 0)
+    force = np.full(len(v), np.nan)
+    force[moves] = line(v[moves])
+    return force
+
+
+WIDTH = 0.76  # of a group of bars, of their distance
+AXES = "xyz"
+PATHS = ("black", COLOURS[3], COLOURS[4])  # beside the links, which take the first colours
+
+
+@styled
+def information_figure(
+    singular_values: Mapping[str, np.ndarray],
+    names: Sequence[str],
+    deviations: Mapping[str, Sequence[float]],
+    *,
+    amplitudes: np.ndarray | None = None,
+    frequency: float = 1.0,
+    title: str = "",
+) -> Figure:
+    """Singular values of the scaled regressor, relative standard deviations by parameter, amplitudes by harmonic.
+
+    Args:
+        singular_values: name of a motion -> (p,), largest first.
+        deviations: name of a motion -> (p,) predicted standard deviations over nominal values, in the order of `names`.
+        amplitudes: (harmonics, coordinates) [m] of the first motion; None for splines.
+        frequency: of the first harmonic [Hz].
+    """
+    count = 2 if amplitudes is None else 3
+    figure, panels = with_panels(9.0, 2.8 * count, count, title=title)
+    for k, (name, s) in enumerate(singular_values.items()):
+        panels[0].semilogy(np.arange(1, len(s) + 1), s, "o-", color=colour(k), label=f"{name}: {s[0] / s[-1]:.4g}")
+    panels[0].set(xlabel="number of the singular value", ylabel="singular value [N]",
+                  title="singular values of the scaled regressor, with its condition number")  # fmt: skip
+    key_beside(panels[0])
+    at = np.arange(len(names))
+    for k, (name, row) in enumerate(deviations.items()):
+        beside, width = _beside(k, len(deviations), WIDTH)
+        panels[1].bar(at + beside, 100 * np.asarray(row), width, color=colour(k), label=name)
+    panels[1].set_yscale("log")
+    deviations_percent = 100 * np.concatenate([np.asarray(row, float) for row in deviations.values()] or [np.zeros(0)])
+    deviations_percent = deviations_percent[np.isfinite(deviations_percent) & (deviations_percent > 0)]
+    if deviations_percent.size:
+        panels[1].set_ylim(bottom=deviations_percent.min() / 3)  # below the least one, which would have no bar else
+    panels[1].set_xticks(at, names, rotation=30, ha="right")
+    panels[1].set(ylabel="deviation [%]", xlabel="parameter", title="predicted standard deviation over nominal value")
+    key_beside(panels[1])
+    if amplitudes is not None:
+        harmonics = frequency * np.arange(1, len(amplitudes) + 1)
+        for k in range(amplitudes.shape[1]):
+            beside, width = _beside(k, amplitudes.shape[1], 0.8 * frequency)
+            label = AXES[k] if amplitudes.shape[1] == len(AXES) else f"coordinate {k}"
+            panels[2].bar(harmonics + beside, 1e3 * amplitudes[:, k], width, color=colour(k), label=label)
+        panels[2].set_xticks(harmonics)
+        panels[2].set(xlabel="frequency [Hz]", ylabel="amplitude [mm]", title="harmonics of the optimised motion")
+        key_beside(panels[2])
+    return figure
+
+
+def _beside(k: int, count: int, room: float) -> tuple[float, float]:
+    """Where bar k of count stands about the middle of its group, and its width; room: that of the group."""
+    width = room / count
+    return (k - (count - 1) / 2) * width, width
+
+
+@styled
+def path_figure(
+    paths: Mapping[str, np.ndarray],
+    carts: np.ndarray,
+    joints: np.ndarray,
+    *,
+    box: np.ndarray | None = None,
+    directions: np.ndarray | None = None,
+    title: str = "",
+) -> Figure:
+    """Paths (n, 3) [m] of the tool centre point by name, the robot where the first begins, and the box (2, 3) [m].
+
+    carts, joints: (l, 3) ends of its links [m]; directions (l, 3) of its guideways, not drawn if left out.
+    """
+    figure, axes = in_space(8.0, 6.5, title=title)
+    alone = [[k] for k in range(len(carts))]
+    reach = float(np.mean(np.linalg.norm(joints - carts, axis=1))) / 2
+    guideways = np.zeros((0, 2, 3)) if directions is None else pieces(carts, alone, directions, reach)
+    draw_robot(axes, carts, joints, alone, guideways, width=1.0)
+    for k, (name, path) in enumerate(paths.items()):
+        axes.plot(*path.T, color=PATHS[k % len(PATHS)], linewidth=1.8 - 0.9 * min(k, 1), label=name)
+    if box is not None:
+        corners = np.array(list(product(*box.T)))
+        for a, b in product(range(8), repeat=2):
+            if a < b and np.sum(corners[a] != corners[b]) == 1:
+                label = "box of the tool centre point" if (a, b) == (0, 1) else None
+                axes.plot(*corners[[a, b]].T, color="0.5", linestyle=":", linewidth=1.0, label=label)
+    finish(axes)
+    key_below(figure, axes)
+    fill(figure, axes)
     return figure

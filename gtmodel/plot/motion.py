@@ -1,17 +1,41 @@
-"""Path, velocities and motor forces of a motion."""
+"""Pictures of motions: path, velocities, forces and controls of an optimal one, on axes and with an elastic tool."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from ..results.trajectory import Trajectory
-from .path import draw_path, head
 from .robot3d import fill, finish
-from .style import COLOURS, LIMIT, colour, in_space, key_below, key_under, styled, with_panels
+from .signals import PANEL_HEIGHT, called
+from .style import COLOURS, LIMIT, colour, curve, in_space, key_below, key_beside, key_under, styled, with_panels
+
+
+def draw_path(axes: Any, T: np.ndarray, plane: str, path: np.ndarray | None = None) -> None:
+    """Draw a motion's path, its start and its goal, in equal scales.
+
+    Args:
+        T: (n, 3) [m]. plane: two of x, y, z, such as "xz".
+        path: (k, 3) [m] to follow; the straight line if left out.
+    """
+    a, b = map("xyz".index, plane)
+    line, what = (T[[0, -1]], "straight line") if path is None else (path, "path")
+    axes.plot(line[:, a], line[:, b], color="0.7", linestyle="--", label=what)
+    axes.plot(T[:, a], T[:, b], color="black", label="optimal path")
+    axes.plot(T[0, a], T[0, b], "o", color="black", markerfacecolor="white", label="start")
+    axes.plot(T[-1, a], T[-1, b], "o", color="black", label="goal")
+    axes.set(xlabel=f"{plane[0]} [m]", ylabel=f"{plane[1]} [m]")
+    axes.set_aspect("equal", adjustable="datalim")
+
+
+def head(figure: Figure, trajectory: Trajectory) -> None:
+    """Title and duration of a motion above its figure."""
+    if trajectory.title:
+        figure.suptitle(f"{trajectory.title}: {trajectory.duration:.4f} s")
 
 
 @styled
@@ -109,3 +133,137 @@ def space_figure(runs: Sequence[tuple[str, Trajectory]]) -> Figure:
     key_below(figure, axes, columns=6)
     fill(figure, axes)
     return figure
+
+
+@styled
+def axis_motion_figure(
+    trajectory: Trajectory, *, force_limit: float, torque_limit: float, path: np.ndarray | None = None
+) -> Figure:
+    """Six panels: the path of the tool centre point from two sides, carts and their forces, angles and their torques.
+
+    Args:
+        trajectory: with q (6) [m, rad], T (3) [m] and tau (6) [N, N.m].
+        force_limit: of the carts [N]; torque_limit: of the rotary axes [N.m].
+        path: (n, 3) [m], the path to follow, drawn in place of the straight line.
+    """
+    figure, panels = with_panels(12.0, 7.8, 2, 3)
+    panels = panels.reshape(2, 3)
+    draw_path(panels[0, 0], trajectory["T"], "xz", path)
+    draw_path(panels[1, 0], trajectory["T"], "yz", path)
+    panels[0, 0].set_title("path of the tool centre point, x and z")
+    panels[1, 0].set_title("the same path, y and z")
+    for axes in panels[:, 0]:
+        key_under(axes, columns=2)
+    carts, angles = trajectory["q"][:, :3], np.degrees(trajectory["q"][:, 3:])
+    forces, torques = trajectory["tau"][:, :3], trajectory["tau"][:, 3:]
+    for axes, curves, what, first, title, unit, limit in (
+        (panels[0, 1], carts, "q", 1, "positions of the carts", "position [m]", None),
+        (panels[1, 1], forces, "motor ", 1, "forces of the carts", "force [N]", force_limit),
+        (panels[0, 2], angles, "q", 4, "angles of the rotary axes", "angle [deg]", None),
+        (panels[1, 2], torques, "motor ", 4, "torques of the rotary axes", "torque [N m]", torque_limit),
+    ):
+        for k in range(3):
+            axes.plot(trajectory.time, curves[:, k], color=COLOURS[k], label=f"{what}{first + k}")
+        for bound in (-limit, limit) if limit is not None else ():
+            axes.axhline(bound, label="limit" if bound == limit else None, **LIMIT)
+        axes.set_title(title)
+        axes.set_xlabel("time [s]")
+        axes.set_ylabel(unit)
+        key_under(axes)
+    head(figure, trajectory)
+    return figure
+
+
+@styled
+def swing_figure(
+    swings: Mapping[str, tuple[np.ndarray, np.ndarray]],
+    ratios: np.ndarray,
+    residuals: Mapping[str, np.ndarray],
+    *,
+    title: str = "",
+) -> Figure:
+    """Two panels.
+
+    Args:
+        swings: motion -> times (n,) [s], offsets of the tool from where it hangs (n, 3) [m]; its largest direction is
+            drawn.
+        ratios: (r,) true to planned frequency. residuals: motion -> amplitudes (r,) [m] after the motion.
+    """
+    figure, (upper, lower) = with_panels(8.0, 7.0, 2, title=title)
+    largest = max(swings.values(), key=lambda s: np.abs(s[1]).max())[1]
+    k = int(np.argmax(np.abs(largest).max(axis=0)))
+    for n, (name, (t, x)) in enumerate(swings.items()):
+        upper.plot(t, 1e3 * x[:, k], label=name, linewidth=1.2, **curve(n))
+        lower.plot(ratios, 1e3 * residuals[name], label=name, **curve(n))
+    upper.set(xlabel="time [s]", ylabel=f"tool against plate, {'xyz'[k]} [mm]",
+              title=f"{'xyz'[k]}, the direction of the largest swing")  # fmt: skip
+    lower.set(
+        title="what is left where the frequency is not as planned",
+        xlabel="true frequency / planned frequency [1]",
+        ylabel="swing after the motion [mm]",
+        ylim=(0, None),
+    )
+    key_below(figure)
+    return figure
+
+
+MOST_PANELS, MOST_CURVES = 5, 8
+
+
+@styled
+def optimum_figure(
+    trajectory: Trajectory, controls: Sequence[str], bounds: Mapping[str, tuple[float, float]], *, steps: bool = False,
+    title: str = "",
+) -> Figure:  # fmt: skip
+    """Controls and other quantities over time, a panel for each unit, of many the largest.
+
+    Args:
+        controls: names of the inputs that were optimised, as in the trajectory; derivatives are not drawn.
+        steps: controls are constant on each element, and drawn so.
+        bounds: scalar name, such as "u" or "tau[0]" -> lower and upper bound, infinite where there is none.
+    """
+    panels: dict[tuple[str, str], dict[str, np.ndarray]] = {}
+    for name in trajectory.names:
+        if not name.startswith("der("):
+            of = "controls" if name in controls else "states and other quantities"
+            panels.setdefault((of, trajectory.unit(name)), {}).update(_scalars(name, trajectory[name]))
+    order = sorted(panels, key=lambda key: key[0] == "controls")  # what moves first, below it what moves it
+    drawn = [key for key in order if key[0] == "controls"][:2]
+    rest = [key for key in order if key not in drawn]
+    drawn = rest[: MOST_PANELS - len(drawn)] + drawn
+    left = len(order) - len(drawn)
+    said = title + (f"\n{left} units more are not drawn" if left else "")
+    figure, stack = with_panels(
+        8.5, 1.2 + PANEL_HEIGHT * max(1, len(drawn)), max(1, len(drawn)), title=said, sharex=True
+    )
+    for axes, (of, unit) in zip(stack, drawn, strict=False):
+        _curves(axes, trajectory.time, panels[of, unit], bounds, steps=steps and of == "controls")
+        count = len(panels[of, unit])
+        axes.set_title(of + (f": the {MOST_CURVES} largest of {count} in {unit or '1'}" if count > MOST_CURVES else ""))
+        axes.set_ylabel(called(list(dict.fromkeys(n.partition("[")[0] for n in panels[of, unit])), unit))
+        axes.margins(x=0.0)
+        key_beside(axes)
+    stack[-1].set_xlabel("time [s]")
+    return figure
+
+
+def _scalars(name: str, values: np.ndarray) -> dict[str, np.ndarray]:
+    """Components of a quantity by name, such as "tau[0]"."""
+    if values.ndim == 1:
+        return {name: values}
+    places = np.ndindex(*values.shape[1:])
+    return {f"{name}[{','.join(map(str, at))}]": values[(slice(None), *at)] for at in places}
+
+
+def _curves(
+    axes: Any, time: np.ndarray, curves: Mapping[str, np.ndarray], bounds: Mapping[str, tuple[float, float]], *,
+    steps: bool,
+) -> None:  # fmt: skip
+    """The largest curves in the order given, and the bounds of what is drawn, equal ones once."""
+    largest = sorted(curves, key=lambda name: -float(np.nanmax(np.abs(curves[name]), initial=0.0)))[:MOST_CURVES]
+    shown = [name for name in curves if name in largest]
+    for k, name in enumerate(shown):
+        axes.plot(time, curves[name], label=name, drawstyle="steps-pre" if steps else "default", **curve(k))
+    ends = {end for name in shown for end in bounds.get(name, ()) if np.isfinite(end)}
+    for k, end in enumerate(sorted(ends)):
+        axes.axhline(end, label="bound" if k == 0 else None, **LIMIT)

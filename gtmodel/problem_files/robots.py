@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from gtmodel.calibrate.modifiers import merged
+from gtmodel.calibrate.unknowns import merged
 from gtmodel.lang import Model, ModelError
 from gtmodel.robots import entries, names
 

@@ -29,7 +29,6 @@ from .._lazy import public
 if TYPE_CHECKING:
     from ..geometry.pinhole import LENS as LENS, project as project, undistort as undistort
     from . import detection as detection, rendering as rendering, robot_cameras as robot_cameras, stereo as stereo
-    from .board import Board as Board
     from .bundle_files import (
         BundleFile as BundleFile,
         bal_view as bal_view,
@@ -37,10 +36,8 @@ if TYPE_CHECKING:
         write_bal as write_bal,
     )
     from .camera import PinholeCamera as PinholeCamera
-    from .corner_table import CornerTable as CornerTable, read_corners as read_corners
-    from .gauges import similarity_motions as similarity_motions
-    from .intersection import IntersectedPoints as IntersectedPoints, intersect as intersect
-    from .picture_test import PictureTest as PictureTest, picture_test as picture_test
+    from .corner_table import Board as Board, CornerTable as CornerTable, read_corners as read_corners
+    from .residuals import PictureTest as PictureTest, picture_test as picture_test
     from .starts import board_pose as board_pose, focal_length as focal_length, homography as homography
     from .stereo import (
         BoardPictures as BoardPictures,
@@ -49,6 +46,13 @@ if TYPE_CHECKING:
         StereoStudy as StereoStudy,
         stereo_study as stereo_study,
     )
-    from .views import board_view as board_view, mark_view as mark_view, point_view as point_view
+    from .views import (
+        IntersectedPoints as IntersectedPoints,
+        board_view as board_view,
+        intersect as intersect,
+        mark_view as mark_view,
+        point_view as point_view,
+        similarity_motions as similarity_motions,
+    )
 
 public(__name__)

@@ -55,9 +55,9 @@ import importlib, json, sys, time
 import numpy as np
 import gtmodel as gt
 from gtmodel.identify.excitation.information import condition
-from gtmodel.identify.excitation.random_motions import random_excitations
+from gtmodel.identify.excitation.search import random_excitations
 from gtmodel.identify.excitation.task import plan_of
-module = importlib.import_module("gtmodel.identify.excitation.optimise")
+module = importlib.import_module("gtmodel.identify.excitation.search")
 path, starts, ipopt, *settings = sys.argv[1:]
 call = gt.load(path, *settings)
 (robot, motion, limits), options = call.arguments, call.options

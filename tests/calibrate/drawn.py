@@ -12,8 +12,8 @@ import numpy as np
 
 from gtmodel.calibrate import CalibrationStudy, Fit, MeasuredPoses, Measurements, Pose, study
 from gtmodel.calibrate.measured.column_checks import aligned
+from gtmodel.calibrate.measured.misreadings import Witness, witness_of
 from gtmodel.calibrate.measured.poses import split
-from gtmodel.calibrate.measured.witness import Witness, witness_of
 from gtmodel.measurements.signal_table import Columns
 from gtmodel.problem_files.base import Context
 from gtmodel.problem_files.python_models import resolve

@@ -9,8 +9,8 @@ import numpy as np
 
 from gtmodel.calibrate import Calibration, Measurements, calibrate, prepare
 from gtmodel.calibrate.problem import CalibrationProblem
-from gtmodel.calibrate.smooth_errors import with_smooth_errors
-from gtmodel.calibrate.synthetic.guideway_errors import GuidewayError
+from gtmodel.calibrate.report.intervals import with_smooth_errors
+from gtmodel.calibrate.synthetic.measurements import GuidewayError
 from gtmodel.inference.covariance import automatic_lag, fixed_b
 from gtmodel.results import Estimate
 from tests.calibrate.synthetic import poses, true_robot

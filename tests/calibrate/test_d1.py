@@ -10,7 +10,7 @@ import pytest
 
 import gtmodel as gt
 from gtmodel.calibrate import CalibrationStudy, MeasuredPoses, made_poses, read_cart_points, study
-from gtmodel.calibrate.report.sensitivity_table import table, text
+from gtmodel.calibrate.sensitivity import table, text
 from gtmodel.calibrate.synthetic import SyntheticFile, make
 from gtmodel.problem_files.load import load
 from gtmodel.results import ArgumentError

@@ -9,8 +9,8 @@ from scipy.spatial.transform import Rotation
 
 import gtmodel as gt
 from gtmodel.calibrate import Camera, LaserTracker, LineOfSight, candidates
-from gtmodel.calibrate.candidates import AROUND
 from gtmodel.calibrate.devices import sampled
+from gtmodel.calibrate.pose_selection import AROUND
 from gtmodel.kinematics.mechanism import mechanism_of
 from gtmodel.kinematics.workspace import CartesianBox, InverseKinematics, Obstacles, Poses, Reach, box_grid
 
@@ -128,7 +128,7 @@ def test_candidates_pass_stage_by_stage_and_keep_off_the_edge():
 def test_neighbours_are_those_of_each_point_however_many_are_asked_at_once(
     at_once: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(import_module("gtmodel.calibrate.candidates"), "AT_ONCE", at_once)
+    monkeypatch.setattr(import_module("gtmodel.calibrate.pose_selection"), "AT_ONCE", at_once)
     inverse: InverseKinematics = mechanism_of(gt.robots.gantry_tau("l1_tape")).inverse
     low, high = np.array([0.0, -1.0, 0.3]), np.array([1.0, -0.2, 1.1])
     hole = Obstacles(np.array([[0.3, -0.7, 0.6]]), np.array([[0.4, -0.6, 0.7]]), np.zeros(0))

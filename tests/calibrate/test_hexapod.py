@@ -22,7 +22,7 @@ from gtmodel.calibrate import (
     closure_equations,
     prepare,
 )
-from gtmodel.calibrate.measured.misread_columns import misread_columns
+from gtmodel.calibrate.measured.misreadings import misread_columns
 from gtmodel.compiler.causal import flat_of
 from gtmodel.inference import Prior
 from tests.calibrate.hexapod import (

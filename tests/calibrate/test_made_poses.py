@@ -10,7 +10,7 @@ import pytest
 import gtmodel as gt
 from gtmodel.calibrate import Fit, Known, MeasuredPoses, Synthetic, made_poses, study
 from gtmodel.calibrate.synthetic import disturbed, make
-from gtmodel.calibrate.synthetic.making import MEAN_DISTANCE
+from gtmodel.calibrate.synthetic.measurements import MEAN_DISTANCE
 from gtmodel.results import ArgumentError
 from tests.calibrate.shipped import L1, PROBLEMS, path_of, robot, shipped, solved
 

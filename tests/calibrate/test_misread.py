@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from gtmodel.calibrate import Known, Measurements, calibration_study, study
-from gtmodel.calibrate.measured import witness
-from gtmodel.calibrate.measured.witness import Witness
+from gtmodel.calibrate.measured import misreadings
+from gtmodel.calibrate.measured.misreadings import Witness
 from gtmodel.results import ArgumentError
 from tests.calibrate.shipped import data, file_of, measured, robot, solved, written
 
@@ -118,7 +118,7 @@ class TestColumns:
         path = written(tmp_path, "l1", order(1, 0, 2))
         with pytest.raises(ArgumentError, match=r"q\[0\], q\[1\] look exchanged: links miss by 194 mm .* as q\[1\], q"):
             solved("l1", path)
-        monkeypatch.setattr(witness, "misread_columns", lambda *_: None)
+        monkeypatch.setattr(misreadings, "misread_columns", lambda *_: None)
         with pytest.raises(
             ArgumentError, match=r"q\[0\], q\[1\] look exchanged: links are left with .* read as q\[1\], q"
         ):

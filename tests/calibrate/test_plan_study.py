@@ -27,12 +27,11 @@ from gtmodel.calibrate.plan import (
     Tracker,
     Wire,
     plan_study,
-    turns,
+    steps,
 )
 from gtmodel.calibrate.plan.device import measuring
-from gtmodel.calibrate.plan.steps import PlanState, find_candidates
-from gtmodel.calibrate.plan.task import Task
-from gtmodel.calibrate.plan.turns import turns_of
+from gtmodel.calibrate.plan.options import Task
+from gtmodel.calibrate.plan.steps import PlanState, find_candidates, turns_of
 from gtmodel.kinematics.workspace import Box
 from gtmodel.results import ArgumentError, SolveStatus
 
@@ -57,7 +56,7 @@ def f1():
 @pytest.fixture(scope="module", autouse=True)
 def one_compilation():
     """The same robot is compiled once for all tests here: most of a small plan's time."""
-    made, known = turns.limited_mechanism, {}
+    made, known = steps.limited_mechanism, {}
 
     def once(model, home, bodies):
         key = repr((model, home, bodies.plate_joints))
@@ -66,7 +65,7 @@ def one_compilation():
         return known[key]
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(turns, "limited_mechanism", once)
+        patch.setattr(steps, "limited_mechanism", once)
         yield
 
 

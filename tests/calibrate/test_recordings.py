@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from gtmodel.calibrate import MeasuredPoses, calibrate, prepare, study
-from gtmodel.calibrate.report.recordings import between_sessions
+from gtmodel.calibrate.report.diagnostics import between_sessions
 from tests.calibrate.drawn import KINDS, drawing, drawn, poses_of
 
 STRETCHED = np.array([0.0, 2e-3, 0.0])  # m: of the second cart, on the second day

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gtmodel.calibrate import Measured, MeasuredSignal, read_poses
-from gtmodel.calibrate.measured.representations import quaternions
+from gtmodel.calibrate.measured.reading_file import quaternions
 from gtmodel.geometry.rotations import matrices
 from gtmodel.results import ArgumentError
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gtmodel.calibrate import Choice, Fit, Measurements, calibrate, prepare, study
-from gtmodel.calibrate.report.shifts import shift_of
+from gtmodel.calibrate.report.diagnostics import shift_of
 from tests.calibrate.drawn import KINDS, drawing, drawn, measured_robot, poses_of
 from tests.calibrate.hexapod import FIRST, SECOND, hexapod, measured
 from tests.calibrate.test_hexapod import FRAMES, LEGS

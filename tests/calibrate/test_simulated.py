@@ -5,10 +5,9 @@ import pytest
 
 from gtmodel.calibrate import Measurements, prepare
 from gtmodel.calibrate.measured.column_checks import aligned
-from gtmodel.calibrate.perturbed_kinematics import rows_of, true_poses
 from gtmodel.calibrate.prediction import Prediction, outliers
-from gtmodel.calibrate.sensitivity import sensitivity
-from gtmodel.calibrate.synthetic.guideway_errors import GuidewayError
+from gtmodel.calibrate.sensitivity import rows_of, sensitivity, true_poses
+from gtmodel.calibrate.synthetic.measurements import GuidewayError
 from gtmodel.geometry.quaternions import quaternion_matrix
 from tests.calibrate.synthetic import poses, true_robot
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gtmodel.calibrate import Choice, Measurements, calibrate, prepare
-from gtmodel.calibrate.smooth_errors import smooth_errors, with_smooth_errors
+from gtmodel.calibrate.report.intervals import smooth_errors, with_smooth_errors
 from gtmodel.inference import coverage, monte_carlo
 from tests.calibrate.guideway_error_runs import fit, off_straight, with_drift, with_guideway_errors
 from tests.calibrate.runs import truth

@@ -15,7 +15,7 @@ from scipy.optimize import least_squares
 import gtmodel as gt
 from gtmodel.identify import BaseRegressor, consistent_inertias, pseudo_inertia
 from gtmodel.identify.base_parameters import parameters_of
-from gtmodel.identify.consistent import MOVED, THINNEST, _ten_of
+from gtmodel.identify.bodies import MOVED, THINNEST, _ten_of
 from gtmodel.inference import negligible, nominal_sizes
 from gtmodel.problem_files import Context
 from gtmodel.problem_files.load import load

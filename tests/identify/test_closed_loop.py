@@ -9,7 +9,7 @@ import pytest
 from gtmodel.identify import ClosedLoop
 from gtmodel.identify.closed_loop import ClosedLoopRun, follow, rows_of, within_bound
 from gtmodel.measurements import Session
-from gtmodel.plot.closed_loop import closed_loop_figure
+from gtmodel.plot.signals import closed_loop_figure
 from gtmodel.problem_files import Context
 from gtmodel.problem_files.python_models import resolve
 from gtmodel.results import ArgumentError, Trajectory, Work

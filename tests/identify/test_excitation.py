@@ -18,7 +18,7 @@ from gtmodel.identify.excitation import (
     singular_values,
 )
 from gtmodel.identify.excitation.information import CriterionAt
-from gtmodel.identify.excitation.sampled import SampledCost
+from gtmodel.identify.excitation.task import SampledCost
 from gtmodel.results import SolveStatus
 
 BASES = [FourierSeries(4.0, 5), FourierSeries(0.5, 2), ClosedSpline(4.0, 12), ClosedSpline(3.0, 2)]

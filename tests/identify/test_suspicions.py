@@ -129,7 +129,7 @@ def test_a_copy_is_refused_wherever_it_is_said_to_be(shift: float):
 
 
 def test_sixty_sound_logs_raise_no_suspicion_of_their_columns():
-    from gtmodel.identify.exchanged import columns_compared
+    from gtmodel.identify.checks import columns_compared
 
     for seed in range(60):
         rng = np.random.default_rng(seed)

@@ -10,8 +10,8 @@ import tomli_w
 
 import gtmodel as gt
 from gtmodel.calibrate import Fit, Measured, MeasuredSignal, calibration_study, read_poses, study
+from gtmodel.calibrate.measured.misreadings import Witness
 from gtmodel.calibrate.measured.poses import split_all
-from gtmodel.calibrate.measured.witness import Witness
 from gtmodel.kinds.calibration.keys import Schema
 from gtmodel.kinds.calibration.kind import ARGUMENTS
 from gtmodel.problem_files import Context, InputError

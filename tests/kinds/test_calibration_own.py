@@ -7,7 +7,7 @@ import pytest
 import tomli_w
 
 import gtmodel as gt
-from gtmodel.calibrate.modifiers import merged
+from gtmodel.calibrate.unknowns import merged
 from gtmodel.compiler.causal import flat_of
 from gtmodel.problem_files import Context, InputError, robots
 from gtmodel.problem_files.explaining import of

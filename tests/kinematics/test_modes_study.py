@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 import gtmodel as gt
 from gtmodel import robots
 from gtmodel.kinematics.assembly_modes import CommandedPose, bare, draw, modes_study, read_poses
-from gtmodel.plot.assembly_modes import MARKED, modes_figure
+from gtmodel.plot.robot3d import MARKED, modes_figure
 from gtmodel.results import ArgumentError, SolveStatus, as_json
 from gtmodel.results.written import png
 

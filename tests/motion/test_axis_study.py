@@ -145,7 +145,7 @@ def test_a_coarse_mesh_is_refined_until_the_checks_hold(coarse):
 
 def test_the_picture_draws_the_motion(coarse, monkeypatch):
     drawn = []
-    monkeypatch.setattr("gtmodel.plot.axis_motion.axis_motion_figure", lambda run, **more: drawn.append((run, more)))
+    monkeypatch.setattr("gtmodel.plot.motion.axis_motion_figure", lambda run, **more: drawn.append((run, more)))
     coarse.figure("motion")
     assert drawn == [(coarse.trajectory, {"force_limit": FORCE, "torque_limit": TORQUE, "path": None})]
 

@@ -93,7 +93,7 @@ def test_plans_keep_the_force_limit_at_every_instant_and_shaped_motions_that_pas
 def test_the_picture_shows_the_swing_and_what_is_left(found, monkeypatch) -> None:
     drawn = {}
     monkeypatch.setattr(
-        "gtmodel.plot.elastic_motion.swing_figure",
+        "gtmodel.plot.motion.swing_figure",
         lambda swings, ratios, residuals, title: drawn.update(swings=swings, ratios=ratios, residuals=residuals),
     )
     found.figure("swing")

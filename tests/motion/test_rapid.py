@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gtmodel import robots
-from gtmodel.calibrate.plan.files import rapid_program
+from gtmodel.calibrate.plan.study import rapid_program
 from gtmodel.geometry.quaternions import quaternion_matrix
 from gtmodel.motion import rapid
 from gtmodel.motion.reference import COLUMNS, rapid_text, reference_text

@@ -9,17 +9,13 @@ import pytest
 from matplotlib.transforms import Bbox
 from scipy.signal import cont2discrete
 
-from gtmodel.plot.calibration import deviations_figure, length_errors_figure
-from gtmodel.plot.calibration_plan import predicted_figure
-from gtmodel.plot.elastic_motion import swing_figure
-from gtmodel.plot.excitation import information_figure
-from gtmodel.plot.friction import friction_figure
+from gtmodel.plot.calibration import deviations_figure, length_errors_figure, predicted_figure
+from gtmodel.plot.identification import information_figure, levels_figure
 from gtmodel.plot.milling import angle_figure, compensation_figure, lobes_figure
-from gtmodel.plot.motion import motion_figure, space_figure
+from gtmodel.plot.motion import motion_figure, space_figure, swing_figure
 from gtmodel.plot.robot3d import robot_figure
-from gtmodel.plot.signals import signals_figure
+from gtmodel.plot.signals import signals_figure, tracking_figure
 from gtmodel.plot.style import settings
-from gtmodel.plot.tracking import tracking_figure
 from gtmodel.plot.vibration import poles_figure, response_figure
 from gtmodel.results.trajectory import Trajectory
 
@@ -88,7 +84,7 @@ def test_space_has_one_scale() -> None:
 
 def test_one_missing_number_takes_nothing_else_away() -> None:
     speeds, forces = np.array([[0.1], [NAN], [0.4]]), np.array([[1.0], [NAN], [2.0]])
-    lines = friction_figure([("p", speeds, forces)], [np.sign], np.zeros(1)).axes[0].get_lines()
+    lines = levels_figure([("p", speeds, forces)], [np.sign], np.zeros(1)).axes[0].get_lines()
     assert np.max(np.asarray(lines[0].get_xdata())) == pytest.approx(1.05 * 0.4)
     errors = np.array([[1e-3, NAN], [3e-3, NAN], [NAN, NAN]])
     titles = [axes.get_title() for axes in length_errors_figure(errors, ["1", "2"]).axes]

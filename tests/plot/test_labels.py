@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gtmodel.plot.accuracy import error_figure
-from gtmodel.plot.assembly_modes import modes_figure
+from gtmodel.plot.robot3d import modes_figure
+from gtmodel.plot.workspace import error_figure
 
 
 def levels_shown(guideways: np.ndarray) -> list[tuple[np.ndarray, bool]]:

@@ -20,9 +20,8 @@ from gtmodel.vision import (
     similarity_motions,
     undistort,
 )
-from gtmodel.vision.intersection import MOVES
-from gtmodel.vision.stereo.calibrated import pose_group
-from gtmodel.vision.views import board_view
+from gtmodel.vision.stereo.calibration import pose_group
+from gtmodel.vision.views import MOVES, board_view
 from tests.inference.synthetic_bundle import scene
 
 LENS = np.array([812.0, 805.0, 331.0, 228.0, -0.28, 0.09, 1.2e-3, -7e-4, 0.02])

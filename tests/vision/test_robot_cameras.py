@@ -11,9 +11,9 @@ import gtmodel as gt
 from gtmodel.geometry.quaternions import quaternion_matrix, quaternion_of
 from gtmodel.inference import binomial_band
 from gtmodel.inference.bundle import bundle_fit
-from gtmodel.vision.robot_cameras import joint as joint_module, redundancies as motions
+from gtmodel.vision.robot_cameras import joint as joint_module, joint as motions
 from gtmodel.vision.robot_cameras.joint import Prepared
-from gtmodel.vision.robot_cameras.robot_side import robot_side
+from gtmodel.vision.robot_cameras.projection import robot_side
 
 V = gt.vision.robot_cameras
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from ..._lazy import public
 
 if TYPE_CHECKING:
-    from .cart_points import read_cart_points as read_cart_points
+    from ..variants import read_cart_points as read_cart_points
     from .options import (
         CartPoints as CartPoints,
         FrameStart as FrameStart,

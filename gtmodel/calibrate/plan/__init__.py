@@ -18,13 +18,13 @@ if TYPE_CHECKING:
         PatternCamera as PatternCamera,
         PlanLimits as PlanLimits,
         PlanSimulation as PlanSimulation,
+        PlanStudy as PlanStudy,
         PosesToMeasure as PosesToMeasure,
         Room as Room,
         Safety as Safety,
         Tracker as Tracker,
         Wire as Wire,
     )
-    from .planned import plan_study as plan_study
-    from .result import PlanStudy as PlanStudy
+    from .study import plan_study as plan_study
 
 public(__name__)

@@ -13,13 +13,11 @@ from ...kinematics.workspace import Limit, Poses
 from ...lang import Model, ModelError
 from ...motion.rapid import orientation
 from ...results import ArgumentError
-from ..devices import Camera, LaserTracker, LineOfSight, sampled
+from ..devices import Camera, LaserTracker, LineOfSight, sampled, seen_by_distance, seen_by_plane
 from ..measurements import Measurements
-from ..partial_devices import seen_by_distance, seen_by_plane
-from ..perturbed_kinematics import moved
 from ..problem import CalibrationProblem, prepare
-from .options import Gauge, PatternCamera, Tracker, Wire
-from .task import Task
+from ..sensitivity import moved
+from .options import Gauge, PatternCamera, Task, Tracker, Wire
 
 Array = np.ndarray
 

@@ -1,31 +1,154 @@
-"""The steps of a calibration plan, from the room to a simulated calibration (Dressler 2012, Fig. 5.21)."""
+"""The steps of a calibration plan, from the room to a simulated calibration (Dressler 2012, section 5.2): candidates,
+what a point must pass to be a pose, turns of the plate."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
+from ...compiler.causal import CausalFunction, compile_causal
+from ...geometry.quaternions import exponential, product, quaternion_matrix
 from ...inference import Identifiability
 from ...kinematics.mechanism import Mechanism
-from ...kinematics.workspace import box_grid
-from ...kinematics.workspace.limited import refuse_disordered
+from ...kinematics.workspace import InverseKinematics, Limit, Poses, Reach, box_grid, limited_mechanism, limits_of
+from ...kinematics.workspace.limited import LONGEST_STROKE, refuse_disordered
 from ...lang import ModelError
-from ...results import ArgumentError, naming
+from ...results import ArgumentError, Status, naming
+from ...robots.f1 import LINK_ENDS, link_guideways
+from ...robots.links import family_of
 from ..calibration import calibrate
-from ..candidates import Candidates, candidates, regular_grid
 from ..pose_information import PoseInformation, pose_information
-from ..pose_numbers import ErrorCurve, Point, error_curve, grid_point, sufficient_number
-from ..pose_selection import condition_removal, exchange, require_enough
-from ..positioning import Positioning, positioning
+from ..pose_selection import Candidates, candidates, condition_removal, exchange, regular_grid, require_enough
+from ..positioning import ErrorCurve, Point, Positioning, error_curve, grid_point, positioning, sufficient_number
 from ..problem import CalibrationProblem
 from .device import Measuring
-from .stages import stages_of
-from .task import Task
-from .turns import Turn
+from .options import PlanLimits, Task, Tracker
 
 Array = np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Turn:
+    """The robot with its plate at the quaternion `e` (4,), scalar first; None where T alone gives the pose."""
+
+    robot: Mechanism
+    e: Array | None
+
+    def poses(self, T: Array) -> Array:
+        """Rows of tool centre points (n, 3), and the quaternion behind (n, 7)."""
+        return T if self.e is None else np.hstack([T, np.tile(self.e, (len(T), 1))])
+
+
+@dataclass(frozen=True)
+class Facing:
+    """A target on the plate looks along `direction` (3,) and is seen by a tracker within an angle [rad] of it."""
+
+    at: Array
+    direction: Array
+    acceptance: float
+    name: str = "acceptance of the target"
+    unit: str = "rad"
+    assumes: str = ""
+    parts: Sequence[str] = ("way to the tracker",)
+
+    def margins(self, poses: Poses) -> Array:
+        """(n, 1) [rad]."""
+        way = self.at - poses.T
+        u = self.direction / np.linalg.norm(self.direction)
+        angle = np.arctan2(np.linalg.norm(np.cross(way, u), axis=1), way @ u)
+        return (self.acceptance - angle)[:, None]
+
+
+def turns_of(task: Task) -> list[Turn]:
+    """One for robots that T alone places; of an F1 one for each of room.turns. Raises ArgumentError."""
+    turns, model = task.room.turns, task.robot
+    if not turns:
+        raise ArgumentError("there is none; leave it out, or give at least one turn", "room.turns")
+    if family_of(model) != "f1":
+        if np.any(np.array(turns)):
+            raise ArgumentError("is for an F1, whose plate turns freely; leave it out", "room.turns")
+        return [Turn(limited_mechanism(model, task.home, task.bodies), None)]
+    if task.bodies.plate_joints is not None:
+        raise ArgumentError("is for simplified joints; an F1 has its own", "bodies.plate_joints")
+    f1: Any = model
+    turned = product(np.array(f1.home_e, float), exponential(turns))
+    function = compile_causal(f1, known=["T", "e"], targets=["q", *LINK_ENDS])
+    return [Turn(_mechanism(f1, function, task.home, e), e) for e in turned]
+
+
+def facing(task: Task, turn: Turn) -> list[Limit]:
+    """The target's acceptance in this turn of the plate, where it is declared."""
+    device = task.device
+    if not isinstance(device, Tracker) or device.target_axis is None:
+        return []
+    plate = np.eye(3) if turn.e is None else quaternion_matrix(turn.e)
+    return [Facing(np.array(device.at), plate @ device.target_axis, device.acceptance)]
+
+
+def _mechanism(f1: Any, function: CausalFunction, place: Sequence[float] | None, e: Array) -> Mechanism:
+    def placed(T: Array) -> Any:
+        return function(T, np.tile(e, (len(T), 1)))
+
+    inverse = InverseKinematics(placed)
+    T = np.array(f1.home if place is None else place, float)
+    home = inverse(T[None])
+    if home.status[0] != Status.OK:
+        shown = ", ".join(f"{x:g}" for x in T)
+        turned = ", ".join(f"{x:.3g}" for x in e)
+        raise ArgumentError(f"the home pose ({shown}) m cannot be reached with the plate at ({turned})", "room.turns")
+    A, v, L, B = link_guideways(f1)
+    return Mechanism(f1, inverse, home, A, v, L, np.linalg.norm(B, axis=1), ())
+
+
+def stages_of(task: Task, turn: Turn, measuring: Measuring) -> dict[str, Reach]:
+    """Tests of a point, each with those before: workspace, with obstacles and safety, seen by the device.
+
+    Raises ArgumentError.
+    """
+    robot, safety, bodies = turn.robot, task.safety, task.bodies
+    limits = _with_axes(task, turn, 0.0, 0.0)
+    cone = limits.cone
+    if cone is not None and safety.cone >= cone:
+        off, whole = (f"{np.degrees(angle):g}" for angle in (safety.cone, cone))
+        raise ArgumentError(f"takes {off} deg off cones of {whole} deg; nothing is left", "safety.cone")
+    safe = replace(
+        limits, cone=None if cone is None else cone - safety.cone,
+        actuators=_with_axes(task, turn, safety.stroke, safety.axes).actuators,
+    )  # fmt: skip
+    wider = replace(
+        bodies, link_radius=bodies.link_radius + safety.obstacles, plate_radius=bodies.plate_radius + safety.obstacles
+    )
+    boxes, beams = task.obstacles, task.beams
+    within = limits_of(safe, wider, boxes, beams, robot)
+    return {
+        "workspace": Reach(robot.inverse, limits_of(limits, bodies, [], [], robot)),
+        "obstacles": Reach(robot.inverse, limits_of(limits, bodies, boxes, beams, robot)),
+        "safety": Reach(robot.inverse, within),
+        "device": Reach(robot.inverse, [*within, *measuring.limits, *facing(task, turn)]),
+    }
+
+
+def _with_axes(task: Task, turn: Turn, stroke: float, angle: float) -> PlanLimits:
+    """Limits of all actuators, narrower by a stroke [m] of carts and an angle [rad] of rotary axes, which are behind
+    them. Raises ArgumentError."""
+    limits, carts, axes = task.limits, task.limits.actuators, task.limits.axes
+    rotary = turn.robot.home.q.shape[1] - 3 if turn.e is not None else 0
+    if axes is not None and len(axes) != rotary:
+        raise ArgumentError(f"the robot has {rotary} rotary axes; found {len(axes)} pairs", "limits.axes")
+    if carts is not None:
+        carts = [[a + stroke, b - stroke] for a, b in carts]
+    if rotary and (carts is not None or axes is not None):
+        if carts is not None and len(carts) != 3:
+            raise ArgumentError(f"the robot has 3 carts; found {len(carts)} pairs", "limits.actuators")
+        wide = turn.robot.lengths.max() * LONGEST_STROKE / 2
+        turned = [[-np.pi, np.pi]] * rotary if axes is None else [[a + angle, b - angle] for a, b in axes]
+        carts = (carts or [[-wide, wide]] * 3) + turned
+    return replace(limits, actuators=carts)
+
+
 MOST_POINTS = 200_000  # of the room's grid
 MOST_CANDIDATES = 3000  # information of a candidate is kept in memory
 MOST_EVALUATED = 400

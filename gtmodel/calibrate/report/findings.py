@@ -16,7 +16,7 @@ from ...measurements.inspection.data_tests import Data, tested
 from ...results import ArgumentError, Check, SolveStatus
 from ...results.suspicion import Inspection, Suspicion, suspicion_checks
 from ..calibration import Calibration, calibrate
-from ..held_out import judge_held_out
+from ..held_out import PosesLeftOut, judge_held_out, leave_out, of_its_own, refitted
 from ..measured.options import Refit
 from ..measured.poses import SplitPoses
 from ..measurements import Measurements
@@ -25,15 +25,9 @@ from ..prediction import MAD, Outlier, Prediction, outliers
 from ..problem import CalibrationProblem, noise_covariance
 from ..sensitivity import Sensitivity, sensitivity
 from ..variants import cost_of, too_few
-from .against_noise import against_noise, pattern
-from .contradictions import contradicted_priors
+from .diagnostics import Shift, against_noise, between_sessions, contradicted_priors, pattern, shift_of
 from .intervals import Confidence, weighed_over_noise
-from .left_out import PosesLeftOut, leave_out
-from .movement import moved_too_far, undetermined
-from .near_start import WIDTH, near_start
-from .recordings import between_sessions
-from .refitted import of_its_own, refitted
-from .shifts import Shift, shift_of
+from .movement import WIDTH, moved_too_far, near_start, undetermined
 
 FAR = 30.0  # times the stated noise: what was measured is read wrong
 ITERATIONS = 400  # of a fit: few poses leave valleys along which it is slow

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...lang import Model, ModelError
 from ...robots.links import family_of
-from ..modifiers import merged
+from ..unknowns import merged
 from .findings import CalibrationFindings
 
 # printed name of the file's key -> parameter of the model, and what its numbers are multiplied by

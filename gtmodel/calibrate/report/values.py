@@ -1,17 +1,146 @@
-"""What a calibration reports, by name; and its checks."""
+"""What a calibration reports: values by name, checks, the table of its poses and its pictures."""
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ...compiler.causal import flat_of
 from ...inference import Identifiability
 from ...results import Check, at_most
+from ...results.table import csv_text
 from ..prediction import Prediction
 from .findings import CalibrationFindings, verdict, written
 from .movement import drifted
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def text(findings: CalibrationFindings) -> str:
+    """Line of the file, fitted or held out, the measured position [m], errors of position [mm] and lengths [mm];
+    empty where a pose cannot be closed."""
+    if not findings.data.whole:
+        return _partial(findings)
+    name = findings.position
+    T = findings.data.T
+    held = findings.data.held_out
+    labels = findings.problem.labels
+    errors, lengths = np.full(T.shape, np.nan), np.full((len(T), len(labels)), np.nan)
+    for part, prediction in _parts(findings):
+        if name in prediction:
+            errors[part] = prediction[name].errors
+    lengths[~held] = findings.calibration.residuals
+    if findings.held_out_residuals is not None:
+        lengths[held] = findings.held_out_residuals
+    places = {f"{name}[{k}] [m]": x for k, x in enumerate(T.T)}
+    heads = [*(f"error {axis} [mm]" for axis in "xyz"[: T.shape[1]]), "error [mm]", *(f"{x} [mm]" for x in labels)]
+    numbers = np.column_stack([1e3 * errors, 1e3 * np.linalg.norm(errors, axis=1), 1e3 * lengths])
+    return csv_text(
+        {"line": findings.data.lines, "part": _words(findings), **places} | dict(zip(heads, numbers.T, strict=True)),
+        dict.fromkeys(places, ".7f") | dict.fromkeys(heads, ".5f"),
+        [f"synthetic: {findings.data.synthetic}"] if findings.data.synthetic else (),
+    )
+
+
+def _parts(findings: CalibrationFindings) -> list[tuple[np.ndarray, dict[str, Prediction]]]:
+    """Rows and the predictions that are told of them: of poses left out in turn those without them."""
+    seen = [] if findings.left_out is not None else [(~findings.data.held_out, findings.fitted)]
+    return [*seen, (findings.unseen, findings.held_out)]
+
+
+def _words(findings: CalibrationFindings) -> np.ndarray:
+    if findings.left_out is not None:
+        return np.full(len(findings.data.lines), "left out in turn")
+    return np.where(findings.data.held_out, "held out", "fitted")
+
+
+def _partial(findings: CalibrationFindings) -> str:
+    """Line of the file, fitted or held out, and of each signal beside the actuators what was measured and its error."""
+    data = findings.data
+    values, formats = {}, {}
+    for name in findings.problem.judged:
+        rows = np.asarray(data.all.values[name])
+        heads = [name] if rows.shape[1] == 1 else [f"{name}[{k}]" for k in range(rows.shape[1])]
+        values |= dict(zip(heads, rows.T, strict=True))
+        formats |= dict.fromkeys(heads, ".7f")
+        errors: np.ndarray | None = None
+        for part, prediction in _parts(findings):
+            if name in prediction:
+                own = prediction[name].errors
+                errors = np.full((len(data.lines), own.shape[1]), np.nan) if errors is None else errors
+                errors[part] = own
+        if errors is not None:
+            heads = [f"error of {n}" for n in ([name] if errors.shape[1] == 1 else heads[: errors.shape[1]])]
+            values |= dict(zip(heads, errors.T, strict=True))
+            formats |= dict.fromkeys(heads, ".8f")
+    return csv_text(
+        {"line": data.lines, "part": _words(findings), **values}, formats,
+        ["SI units", *([f"synthetic: {data.synthetic}"] if data.synthetic else [])],
+    )  # fmt: skip
+
+
+def pictures(findings: CalibrationFindings, title: str) -> Mapping[str, Callable[[], Figure]]:
+    """File name -> drawing; those that the result can fill."""
+    c, headline, held = findings.calibration, findings.headline[0], findings.headline[2]
+    name = findings.position
+    what = "held-out poses" if held else "fitted poses"
+    drawn: dict[str, Callable[[], Figure]] = {}
+    parts = findings.beside or not findings.data.whole
+    if parts:
+        of_parts = {title: sizes for part in findings.parts for title, sizes in _of_part(part).items()}
+        if of_parts:
+            drawn["pose_errors"] = lambda: _plot().pose_errors_figure(
+                of_parts, f"{title}: errors by pose", None, "error [mm]"
+            )
+    elif name in headline:
+        T = findings.data.T[findings.unseen if held else ~findings.data.held_out]
+        errors = {f"{what}, calibrated": headline[name].sizes}
+        if name in findings.a_priori:
+            errors[f"{what}, before"] = findings.a_priori[name].sizes
+        drawn["pose_errors"] = lambda: _plot().pose_errors_figure(
+            errors, f"{title}: errors by pose", headline[name].worst
+        )
+        if T.shape[1] > 1:
+            drawn["workspace_errors"] = lambda: _plot().workspace_errors_figure(
+                T, headline[name].sizes, f"{title}: errors by place, {what}"
+            )
+    if not parts:
+        drawn["length_errors"] = lambda: _plot().length_errors_figure(
+            c.residuals, findings.problem.labels, f"{title}: length errors of the fitted poses"
+        )
+    estimate, after = findings.confidence.estimate, findings.after
+    if estimate is not None and after is not None:
+        units = [u or "1" for u in estimate.units]
+        drawn["deviations"] = lambda: _plot().deviations_figure(
+            estimate.names, estimate.std, units, f"{title}: standard deviations"
+        )
+        drawn["correlation"] = lambda: _plot().correlation_figure(
+            after.names, after.correlation, f"{title}: correlation"
+        )
+    return drawn
+
+
+def _of_part(part: CalibrationFindings) -> dict[str, np.ndarray]:
+    """Sizes [m] of the errors of what some measurements measured, before and after, by what to call them."""
+    errors, _, held = part.headline
+    what = "held-out poses" if held else "fitted poses"
+    sizes = {}
+    for name in part.problem.judged:
+        if name in errors and name.partition("@")[0] != part.data.pose.orientation:
+            sizes[f"{part.data.name}, {name}, {what}"] = errors[name].sizes
+            if name in part.a_priori:
+                sizes[f"{part.data.name}, {name}, before"] = part.a_priori[name].sizes
+    return sizes
+
+
+def _plot() -> Any:
+    from ...plot import calibration
+
+    return calibration
+
 
 LOOK = "the verdict in the table says what to look at"
 SHOWN_PAIRS = 20

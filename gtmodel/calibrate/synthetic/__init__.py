@@ -11,8 +11,12 @@ from typing import TYPE_CHECKING
 from ..._lazy import public
 
 if TYPE_CHECKING:
-    from .making import SyntheticFile as SyntheticFile, disturbed as disturbed, make as make
+    from .measurements import (
+        SyntheticFile as SyntheticFile,
+        disturbed as disturbed,
+        made_poses as made_poses,
+        make as make,
+    )
     from .options import Synthetic as Synthetic
-    from .poses import made_poses as made_poses
 
 public(__name__)

@@ -293,7 +293,7 @@ def _parameters(fit: StiffnessFit, note: str | None) -> str:
 
 
 def _figure(tests: MeasuredTests, fits: dict[str, StiffnessFit], title: str) -> Any:
-    from ...plot.stiffness import stiffness_figure
+    from ...plot.compliance import stiffness_figure
 
     names = stiffness_names(range(len(tests.q[0])))
     rows = [(f.method, f.stiffness, np.array([f.interval(name) for name in names])) for f in fits.values()]

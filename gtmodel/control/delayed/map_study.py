@@ -177,7 +177,7 @@ def feedback_map(
     median, quantile, recommended, true = (dict[str, list[float]]() for _ in range(4))
 
     def picture() -> Any:
-        from ...plot.delayed.limits import map_figure
+        from ...plot.delayed import map_figure
 
         return map_figure(axes[0], axes[1], maps, measured.joints, table, title=title)
 

@@ -375,7 +375,7 @@ def _figures(
     """Pictures by name; what they need is computed when they are drawn."""
 
     def radii() -> Any:
-        from ...plot.delayed.limits import radius_figure
+        from ...plot.delayed import radius_figure
 
         curves = {}
         for n, loop in loops.items():
@@ -385,18 +385,18 @@ def _figures(
         return radius_figure(curves, title=title)
 
     def box() -> Any:
-        from ...plot.delayed.limits import box_figure
+        from ...plot.delayed import box_figure
 
         drawn = {n: (w.limits, w.nominal, w.gain, recommended[n]) for n, w in worst.items()}
         return box_figure(drawn, title=title)
 
     def along() -> Any:
-        from ...plot.delayed.limits import runs_figure
+        from ...plot.delayed import runs_figure
 
         return runs_figure({n: (r, limits[n].gain) for n, r in runs.items()}, BESIDE, title=title)
 
     def polar() -> Any:
-        from ...plot.delayed.limits import directions_figure
+        from ...plot.delayed import directions_figure
 
         angles = np.linspace(0, np.pi / 2, CURVE)
         return directions_figure(
@@ -405,7 +405,7 @@ def _figures(
         )  # fmt: skip
 
     def depths() -> Any:
-        from ...plot.delayed.limits import depth_figure
+        from ...plot.delayed import depth_figure
 
         return depth_figure(more["chatter_depth"], more["chatter_depth_finer"], title=title)
 

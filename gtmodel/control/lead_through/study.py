@@ -309,7 +309,7 @@ def _figures(
     """Pictures by name; what they need is computed when they are drawn."""
 
     def force() -> Any:
-        from ...plot.lead_through.runs import force_figure
+        from ...plot.lead_through import force_figure
         from .judged import along_normal
 
         assert isinstance(contact, SyntheticSurface)
@@ -318,25 +318,25 @@ def _figures(
         )
 
     def path() -> Any:
-        from ...plot.lead_through.runs import path_figure
+        from ...plot.lead_through import path_figure
 
         return path_figure(run.time, run.position, run.command, run.contact, title=title)
 
     def energy() -> Any:
-        from ...plot.lead_through.runs import energy_figure
+        from ...plot.lead_through import energy_figure
 
         assert book is not None
         return energy_figure(run.time, book.energy, book.stored, book.window, book.worst, title=title)
 
     def peg() -> Any:
-        from ...plot.lead_through.runs import peg_figure
+        from ...plot.lead_through import peg_figure
         from .judged import misaligned
 
         assert isinstance(contact, SyntheticHole)
         return peg_figure(run.time, run.moment, misaligned(run, contact), run.about, title=title)
 
     def stability() -> Any:
-        from ...plot.lead_through.limits import stability_figure
+        from ...plot.lead_through import stability_figure
         from .hand_range import damping_curves
 
         at = np.geomspace(answers["stiffnesses"][0] / 2, 2 * answers["stiffnesses"][-1], 60)
@@ -347,7 +347,7 @@ def _figures(
         )  # fmt: skip
 
     def compared() -> Any:
-        from ...plot.lead_through.limits import cones_figure
+        from ...plot.lead_through import cones_figure
 
         assert cones is not None
         return cones_figure(np.array(cones.cones), answers["cone_deviations"], title=title)

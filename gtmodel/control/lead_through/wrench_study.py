@@ -103,7 +103,7 @@ def wrench_study(
     ]
 
     def residuals() -> Any:
-        from ...plot.lead_through.limits import residuals_figure
+        from ...plot.lead_through import residuals_figure
 
         return residuals_figure(*off, title=title)
 

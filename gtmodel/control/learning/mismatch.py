@@ -104,6 +104,6 @@ def mismatch(
 
 
 def _mismatch(off: Array, kalman: Array, alone: float, both: float, title: str) -> Any:
-    from ...plot.learning.mismatch import mismatch_figure
+    from ...plot.learning import mismatch_figure
 
     return mismatch_figure(off, kalman, alone, both, title=title)

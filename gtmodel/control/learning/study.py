@@ -187,14 +187,14 @@ def input_csv(time: Array, names: Sequence[str], u: Array, synthetic: str | None
 
 
 def _errors(*arguments: Any) -> Any:
-    from ...plot.learning.course import course_figure
+    from ...plot.learning import course_figure
 
     return course_figure(*arguments)
 
 
 def filter_picture(names: Sequence[str], axes: Sequence[AxisLearning], title: str) -> Any:
     """|1 - L T| against 1/|Q| of each axis."""
-    from ...plot.learning.design import filter_figure
+    from ...plot.learning import filter_figure
 
     return filter_figure(names, [(a.frequency, a.response, a.rest) for a in axes], title=title)
 
@@ -204,6 +204,6 @@ def _tool(run: dict[str, Array]) -> Array | None:
 
 
 def _path(reference: Array, tool: Array, before: Array, corrected: slice, title: str) -> Any:
-    from ...plot.learning.path import tool_path_figure
+    from ...plot.learning import tool_path_figure
 
     return tool_path_figure(reference[corrected], tool[corrected], before=before[corrected], title=title)

@@ -455,13 +455,13 @@ def _titled(title: str, note: str | None) -> str:
 
 
 def _figure(gaps: Sequence[float], judged: Sequence[GapErrors], title: str, note: str | None) -> Any:
-    from ...plot.filters.attitude import gap_figure
+    from ...plot.filters import gap_figure
 
     panels = [(gap, e.since, e.error) for gap, e in zip(gaps, judged, strict=True)]
     return gap_figure(panels, METHODS, title=_titled(title, note))
 
 
 def _residuals(calibrations: Sequence[GyroCalibration], title: str, note: str | None) -> Any:
-    from ...plot.filters.attitude import turn_residual_figure
+    from ...plot.filters import turn_residual_figure
 
     return turn_residual_figure([(c.time, c.residual) for c in calibrations], title=_titled(title, note))

@@ -416,14 +416,14 @@ def _figures(
 
 
 def _velocity_figure(scene: Scene, one: _One, title: str) -> Any:
-    from ...plot.filters.fusion import error_figure
+    from ...plot.filters import error_figure
 
     lines = {name: e for name, e in _velocity_errors(scene, one).items() if name in ("fused", "smoothed")}
     return error_figure(one.run.time, lines, one.run.deviation["v"], axes=("x", "z"), pick=(0, 2), title=title)
 
 
 def _baselines_figure(scene: Scene, one: _One, title: str) -> Any:
-    from ...plot.filters.fusion import baselines_figure
+    from ...plot.filters import baselines_figure
 
     n = len(one.run.time)
     return baselines_figure(one.run.time, _velocity_errors(scene, one), scene.peak[:n], pick=(0, 2), title=title)
@@ -439,7 +439,7 @@ def _velocity_errors(scene: Scene, one: _One) -> dict[str, np.ndarray]:
 
 
 def _innovations_figure(one: _One, title: str) -> Any:
-    from ...plot.filters.fusion import innovations_figure
+    from ...plot.filters import innovations_figure
 
     run = one.judged
     white = {name: values[:, 0] for name, values in run.innovations.items()}
@@ -447,7 +447,7 @@ def _innovations_figure(one: _One, title: str) -> Any:
 
 
 def _alpha_figure(scene: Scene, one: _One, title: str) -> Any:
-    from ...plot.filters.fusion import state_figure
+    from ...plot.filters import state_figure
 
     t = one.run.time
     middle = t[np.argmax(np.abs(scene.motion.w[: len(t), 1]))]
@@ -459,7 +459,7 @@ def _alpha_figure(scene: Scene, one: _One, title: str) -> Any:
 
 
 def _sweep_figure(swept: dict[str, Any], title: str) -> Any:
-    from ...plot.filters.fusion import sweep_figure
+    from ...plot.filters import sweep_figure
 
     lines = {
         "slope of four": swept["sweep_slope"],

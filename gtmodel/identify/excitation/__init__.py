@@ -6,7 +6,6 @@ from ..._lazy import public
 
 if TYPE_CHECKING:
     from .basis import Basis as Basis, ClosedSpline as ClosedSpline, FourierSeries as FourierSeries
-    from .excited import ExcitationStudy as ExcitationStudy
     from .information import (
         CRITERIA as CRITERIA,
         Criterion as Criterion,
@@ -14,20 +13,21 @@ if TYPE_CHECKING:
         predicted_deviations as predicted_deviations,
         singular_values as singular_values,
     )
-    from .optimise import (
-        FINER as FINER,
-        Excitation as Excitation,
-        optimise_excitation as optimise_excitation,
-    )
     from .options import (
         ExcitationSearch as ExcitationSearch,
+        ExcitationStudy as ExcitationStudy,
         Family as Family,
         IdentificationExperiment as IdentificationExperiment,
         MonteCarloFits as MonteCarloFits,
         RandomMotions as RandomMotions,
     )
-    from .random_motions import random_excitations as random_excitations
-    from .sampled import ExcitationTask as ExcitationTask
+    from .search import (
+        FINER as FINER,
+        Excitation as Excitation,
+        optimise_excitation as optimise_excitation,
+        random_excitations as random_excitations,
+    )
     from .study import excitation_study as excitation_study
+    from .task import ExcitationTask as ExcitationTask
 
 public(__name__)

@@ -1,9 +1,10 @@
-"""The friction study: friction of the actuators and the mass they hold, from runs at constant velocity."""
+"""The friction study: friction of the actuators and the mass they hold, from runs at constant velocity or from
+published lines."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import fields
+from dataclasses import dataclass, fields
 from functools import partial
 from typing import Any, Literal
 
@@ -13,16 +14,23 @@ import tomli_w
 from ...inference import FALSE_ALARM
 from ...lang import Model
 from ...measurements import Session
-from ...results import ArgumentError, Check, SolveStatus, Work, at_least, at_most, naming
+from ...results import ArgumentError, Check, Row, SolveStatus, Work, at_least, at_most, naming
 from ...results.door import study_function
 from ...results.estimate import half_width
 from ...results.work import Progress, never, silent
 from .constant_velocity import Runs, concatenate, constant_velocity_log, constant_velocity_runs
-from .friction_result import LABELS, Array, FrictionStudy
-from .gravity import Gravity, MassByNorm
+from .gravity import Gravity, MassByNorm, gravity_pattern, mass_by_norm
 from .levels import FrictionFit, identify_friction
-from .options import ConstantVelocity, FrictionAlarm, FrictionCoefficients, HeldPose, SyntheticRuns
-from .pattern import gravity_pattern
+from .options import (
+    LABELS,
+    Array,
+    ConstantVelocity,
+    FrictionAlarm,
+    FrictionCoefficients,
+    FrictionStudy,
+    HeldPose,
+    SyntheticRuns,
+)
 
 SLOPE_ERROR = 0.01  # of synthetic logs, or what their noise explains
 DRIVES = "friction drives in one direction"
@@ -212,10 +220,109 @@ def _parameters(mass: float, coefficients: Mapping[str, Array], note: str | None
 
 
 def _figure(fit: FrictionFit, runs: Runs, names: Sequence[str], title: str, note: str | None) -> Any:
-    from ...plot.friction import friction_figure
+    from ...plot.identification import levels_figure
 
     gravity = fit.mass * fit.pattern
     shifted = runs.force - gravity[runs.pose] + gravity[0]
     lines = [partial(fit.force, cart=i) for i in range(fit.pattern.shape[1])]
     points = [(name, runs.velocity[runs.pose == p], shifted[runs.pose == p]) for p, name in enumerate(names)]
-    return friction_figure(points, lines, gravity[0], title=f"{title} (synthetic: {note})" if note else title)
+    return levels_figure(points, lines, gravity[0], title=f"{title} (synthetic: {note})" if note else title)
+
+
+WARNING = "the runs do not tell the mass while friction may differ by direction; every mass gives the same forces"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class PublishedFriction(FrictionStudy):
+    """Friction of published lines with the mass that makes it most symmetric.
+
+    `chosen` is the published mass [kg]; `asymmetry` the size of what it leaves between the directions, 2-norm [N], of
+    which `objective` is the least.
+    """
+
+    chosen: float
+    asymmetry: float
+
+    @property
+    def rows(self) -> list[Row]:
+        """The table for people."""
+        norms, least = self.mass_by_norm or {}, self.objective or 0.0
+        return [
+            Row("published mass", self.chosen, "kg"),
+            Row("mass of most symmetric friction (2-norm)", self.mass, "kg"),
+            Row("1-norm: least anywhere from", f"{norms['one'][0]:.4g} to {norms['one'][1]:.4g}", "kg"),
+            Row("maximum norm", norms["maximum"], "kg"),
+            Row("asymmetry, 2-norm: published", self.asymmetry, "N"),
+            Row("asymmetry, 2-norm: least", least, "N"),
+            Row("why they differ", f"the minimum is flat: {self.asymmetry - least:.2g} N are not seen by eye"),
+            *self._coefficients(),
+        ]
+
+
+@study_function
+def published_friction_study(
+    robot: Model,
+    published: FrictionCoefficients,
+    pose: HeldPose,
+    *,
+    title: str = "",
+    progress: Progress = silent,
+    max_seconds: float | None = None,
+    stop: Callable[[], bool] = never,
+) -> PublishedFriction:
+    """The mass of most symmetric friction from printed lines, which hold for one pose.
+
+    Args:
+        robot: as of `friction_study`.
+        published: friction by cart, with the mass that was chosen for it.
+        pose: where the tool was held.
+        progress, max_seconds, stop: see `gtmodel.results.Work`; the work is done at once.
+
+    Raises ArgumentError for coefficients of another number of carts, and for a pose as `gravity_pattern` does.
+
+    >>> lines = gt.identify.FrictionCoefficients(
+    ...     [189.0, 262.0, 239.0], [145.0, 119.0, 177.0], [205.0] * 3, [158.0] * 3, mass=22.4
+    ... )
+    >>> pose = gt.identify.HeldPose(holding=[-177.0, -15.0, 191.0], holding_mass=22.4)
+    >>> s = gt.identify.published_friction_study(gt.robots.gantry_tau("l1_tape"), lines, pose)
+    >>> round(s.mass, 1), s.asymmetry > s.objective
+    (22.7, True)
+    """
+    Work(progress=progress, max_seconds=max_seconds, stop=stop).progress("reading", 0.2)
+    pattern = gravity_pattern(robot, [pose])
+    g = pattern[0]
+    check_widths(published, g.size, "published")
+    lines: dict[str, Any] = {name: np.array(getattr(published, name)) for name in LABELS}
+    middle = published.mass * g + (lines["coulomb_plus"] - lines["coulomb_minus"]) / 2
+    norms = mass_by_norm(middle, g)
+    change = (norms.two - published.mass) * g
+    shifted = {"coulomb_plus": lines["coulomb_plus"] - change, "coulomb_minus": lines["coulomb_minus"] + change}
+    size = [float(np.linalg.norm(middle - m * g)) for m in (published.mass, norms.two)]
+    return PublishedFriction(
+        status=SolveStatus.SOLVED,
+        message=f"most symmetric at {norms.two:.4g} kg, published {published.mass:g} kg",
+        title=title,
+        objective=size[1],
+        mass=norms.two,
+        mass_by_norm=by_norm(norms),
+        **(lines | shifted),
+        middle=middle[None],
+        pattern=pattern,
+        intervals={},
+        notes=[WARNING],
+        chosen=published.mass,
+        asymmetry=size[0],
+        figures={
+            "friction": partial(_levels_figure, lines, published.mass, g, norms.two, title or "published friction")
+        },
+    )
+
+
+def _levels_figure(lines: dict[str, np.ndarray], chosen: float, g: np.ndarray, mass: float, title: str) -> Any:
+    from ...plot.identification import levels_figure
+
+    def line(i: int, v: np.ndarray) -> np.ndarray:
+        plus, minus, forth, back = (lines[name][i] for name in LABELS)
+        return chosen * g[i] + np.where(v > 0, plus + forth * v, -minus + back * v)
+
+    return levels_figure([], [partial(line, i) for i in range(g.size)], mass * g, title=title)

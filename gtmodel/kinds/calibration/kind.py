@@ -10,7 +10,7 @@ import numpy as np
 from gtmodel import calibrate
 from gtmodel.calibrate import CalibrationStudy, CartPoints, MeasuredPoses, Origin, Refit
 from gtmodel.calibrate.calibration_study import explained
-from gtmodel.calibrate.modifiers import merged
+from gtmodel.calibrate.unknowns import merged
 from gtmodel.compliance import MeasuredTests, StiffnessStudy, made_load_tests, read_load_tests, stiffness_study
 from gtmodel.compliance.load_tests.stiffness import fitted_rows
 from gtmodel.lang import Model

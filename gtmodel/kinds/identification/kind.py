@@ -8,8 +8,8 @@ import numpy as np
 
 from gtmodel.compiler.causal import flat_of
 from gtmodel.identify import read_motion, study, synthetic_study
-from gtmodel.identify.asked import free_of, regressor_of
-from gtmodel.identify.parameter_names import among
+from gtmodel.identify.recordings import free_of, regressor_of
+from gtmodel.identify.regressor import among
 from gtmodel.lang import Model, ModelError
 from gtmodel.measurements import Signal
 from gtmodel.problem_files.base import Context, InputError

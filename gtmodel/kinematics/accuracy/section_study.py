@@ -178,7 +178,7 @@ def _table(region: ErrorRegion, maps: list[ErrorMap]) -> str:
 
 
 def _error_figure(region: ErrorRegion, title: str, f: JudgedCase) -> Any:
-    from ...plot.accuracy import error_figure
+    from ...plot.workspace import error_figure
 
     error = f.map.error.reshape(len(region.u), len(region.v))
     return error_figure(
@@ -189,7 +189,7 @@ def _error_figure(region: ErrorRegion, title: str, f: JudgedCase) -> Any:
 
 
 def _faces_figure(region: ErrorRegion, title: str, judged_cases: list[JudgedCase]) -> Any:
-    from ...plot.accuracy import faces_figure
+    from ...plot.workspace import faces_figure
 
     s = np.linspace(0.0, 1.0, DIAGONAL)
     T = region.plane.points(region.low + s[:, None] * (region.high - region.low))

@@ -240,7 +240,7 @@ def _csv(each: list[dict[str, Any]]) -> str:
 
 
 def _panels(judged: Judged, title: str) -> Any:
-    from ...plot.assembly_modes import modes_figure
+    from ...plot.robot3d import modes_figure
 
     hands, modes = judged.hands, judged.results[0]
     return modes_figure(
@@ -250,7 +250,7 @@ def _panels(judged: Judged, title: str) -> Any:
 
 
 def _statistics(judged: Judged, title: str) -> Any:
-    from ...plot.assembly_modes import real_counts_figure
+    from ...plot.robot3d import real_counts_figure
 
     made = judged.hands.synthetic
     if made and "synthetic" not in title:

@@ -42,18 +42,18 @@ def figures_of(
 
 
 def _targets_figure(shown: list[tuple[str, str, Array]], ok: Array, title: str) -> Any:
-    from ...plot.points import points_figure
+    from ...plot.workspace import points_figure
 
     return points_figure(shown, ok, title)
 
 
 def _sequence_figure(orientation: OrientationMap, title: str) -> Any:
-    from ...plot.orientation import sequence_figure
+    from ...plot.workspace import sequence_figure
 
     return sequence_figure(orientation.zyz, title)
 
 
 def _layers_figure(orientation: OrientationMap, box: PointGrid, title: str) -> Any:
-    from ...plot.orientation import layers_figure
+    from ...plot.workspace import layers_figure
 
     return layers_figure(orientation.zyz, box.half_width, box.directions, title)

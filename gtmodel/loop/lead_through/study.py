@@ -261,7 +261,7 @@ def _braked(bench: GuidedBench, run: LedRun) -> dict[str, Any]:
 
 
 def _figure(bench: GuidedBench, runs: list[LedRun]) -> Any:
-    from ...plot.loop.guided import guided_figure
+    from ...plot.lead_through import guided_figure
 
     normal, gap = bench.guiding.scene.plate.normal, bench.guiding.scene.gap
     series: Mapping[str, Any] = {

@@ -152,7 +152,7 @@ def _table(fits: Mapping[str, Alignment], intervals: Sequence[Sequence[float]], 
 
 
 def _figure(fits: Mapping[str, Alignment], title: str, note: str | None) -> Any:
-    from ...plot.resampling import delay_figure
+    from ...plot.log import delay_figure
 
     return delay_figure(
         [(name, *next(iter(f.residuals.values())), f.unit, -f.offset) for name, f in fits.items()],

@@ -348,20 +348,20 @@ def _named(title: str, synthetic: str | None) -> str:
 
 
 def _signals(title: str, parts: Sequence[_Part], rows: Trajectory, stretch: np.ndarray) -> Any:
-    from ...plot.resampling import resampled_figure
+    from ...plot.log import resampled_figure
 
     raw = {name: part.rows.select([name]) for part in parts for name in part.rows.names}
     return resampled_figure(raw, rows, stretch, title=_named(title, rows.synthetic))
 
 
 def _steps(title: str, times: Mapping[str, Array], synthetic: str | None) -> Any:
-    from ...plot.resampling import steps_figure
+    from ...plot.log import steps_figure
 
     return steps_figure(times, title=_named(title, synthetic))
 
 
 def _residuals(title: str, fits: Mapping[str, Alignment], synthetic: str | None) -> Any:
-    from ...plot.resampling import delay_figure
+    from ...plot.log import delay_figure
 
     return delay_figure(
         [(clock, *next(iter(f.residuals.values())), f.unit, -f.offset) for clock, f in fits.items()],

@@ -219,7 +219,7 @@ def _clearances(plan: AxisPlan, run: Trajectory) -> list[float]:
 
 
 def _figure(plan: AxisPlan, trajectory: Trajectory) -> Any:
-    from ...plot.axis_motion import axis_motion_figure
+    from ...plot.motion import axis_motion_figure
 
     limits = plan.problem.limits
     path = None if plan.course is None else plan.course.path(np.linspace(0.0, 1.0, 201))[0]

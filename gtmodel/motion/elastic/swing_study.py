@@ -115,7 +115,7 @@ def _study_of(outcome: Plans, iterations: int, mended: str, trouble: str, title:
 
 
 def _figure(motions: list[PlateMotion], tool: ElasticTool, title: str) -> Any:
-    from ...plot.elastic_motion import swing_figure
+    from ...plot.motion import swing_figure
 
     swings = {m.name: swing(m.plate, tool) for m in motions}
     curves = {m.name: m.residual(RATIOS, tool) for m in motions}

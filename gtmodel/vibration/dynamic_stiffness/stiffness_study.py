@@ -55,7 +55,7 @@ _ORDER = ("x", "y", "z", "A")
 
 def responses(experiments: Sequence[Experiment], fits: Sequence[ModalFit | None], title: str, note: str | None) -> Any:
     """The first experiment in each direction that gave a mode."""
-    from ...plot.dynamic_stiffness import response_figure
+    from ...plot.compliance import response_figure
 
     shown = {}
     for e, fit in zip(experiments, fits, strict=True):
@@ -73,7 +73,7 @@ def responses(experiments: Sequence[Experiment], fits: Sequence[ModalFit | None]
 
 def lowest(map: FrequencyMap, experiments: Sequence[Experiment], field: OscillatorField, title: str) -> Any:
     """Lowest frequency over two coordinates within the poses, the others held."""
-    from ...plot.dynamic_stiffness import lowest_frequency_figure
+    from ...plot.compliance import lowest_frequency_figure
 
     over = [_ORDER.index(c) for c in map.over]
     poses = np.array([e.pose for e in experiments])
@@ -108,7 +108,7 @@ def lowest(map: FrequencyMap, experiments: Sequence[Experiment], field: Oscillat
 
 def held_out(field: OscillatorField, errors: dict[Any, Any], title: str) -> Any:
     """Values held out against their predictions."""
-    from ...plot.dynamic_stiffness import held_out_figure
+    from ...plot.compliance import held_out_figure
 
     panels = {}
     for key, (error, std) in errors.items():

@@ -12,10 +12,19 @@ from typing import TYPE_CHECKING
 from ..._lazy import public
 
 if TYPE_CHECKING:
-    from .background import background as background
-    from .corner_rows import CornerRow as CornerRow, corners_csv as corners_csv, detected_corners as detected_corners
-    from .detect import detect as detect
-    from .detection import Detection as Detection, DetectionStatus as DetectionStatus
-    from .targets import Charuco as Charuco, Chessboard as Chessboard, FiveSquares as FiveSquares
+    from .marks import (
+        CornerRow as CornerRow,
+        background as background,
+        corners_csv as corners_csv,
+        detect as detect,
+        detected_corners as detected_corners,
+    )
+    from .targets import (
+        Charuco as Charuco,
+        Chessboard as Chessboard,
+        Detection as Detection,
+        DetectionStatus as DetectionStatus,
+        FiveSquares as FiveSquares,
+    )
 
 public(__name__)

@@ -1,15 +1,85 @@
-"""Flat targets: where their marks are, and what they are painted with."""
+"""Flat targets, where their marks are and what they are painted with, and what a detector saw of one in a picture."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated
+from enum import IntEnum
+from typing import Annotated, Any
 
 import numpy as np
 
 from ...results.options import Options, Unit, Within
 from ...results.refusal import ArgumentError
 from ..rendering import Layer
+
+
+def opencv() -> Any:
+    """The module cv2. Raises ArgumentError with what to install."""
+    try:
+        import cv2
+    except ImportError:
+        raise ArgumentError(
+            "detection needs OpenCV, which is not installed: pip install 'gtmodel[vision]', or give a table of corners"
+        ) from None
+    return cv2
+
+
+def charuco_board(target: Charuco) -> Any:
+    """OpenCV's board of a target. Raises ArgumentError for an unknown dictionary."""
+    cv2 = opencv()
+    number = getattr(cv2.aruco, target.dictionary, None)
+    if number is None or not target.dictionary.startswith("DICT_"):
+        raise ArgumentError(f"OpenCV has no dictionary '{target.dictionary}'; take DICT_4X4_250", "dictionary")
+    words = cv2.aruco.getPredefinedDictionary(number)
+    return cv2.aruco.CharucoBoard((target.columns, target.rows), target.side, target.marker, words)
+
+
+class DetectionStatus(IntEnum):
+    """Why a picture has marks or not."""
+
+    OK = 0
+    TOO_DARK = 1
+    TOO_BRIGHT = 2
+    PARTLY_VISIBLE = 3
+    NOT_SEEN = 4
+
+    @property
+    def ok(self) -> bool:
+        """Whether the marks may be used."""
+        return self is DetectionStatus.OK
+
+
+SENTENCES = {
+    DetectionStatus.OK: "the target was detected",
+    DetectionStatus.TOO_DARK: "the picture is too dark: light the target, or expose longer",
+    DetectionStatus.TOO_BRIGHT: "the picture is too bright: its light parts saturate; expose shorter",
+    DetectionStatus.PARTLY_VISIBLE: "the target is only partly in the picture, or partly covered",
+    DetectionStatus.NOT_SEEN: "no whole pattern of this target is in the picture",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Detection:
+    """Marks of one picture: names `marks` (n), `corners` (n, 2) u, v [pixel], `sigma` (n,) [pixel] of each coordinate.
+
+    The centre of the first pixel is (0, 0). Without success there are none, and `message` says why.
+    """
+
+    status: DetectionStatus
+    marks: tuple[str, ...] = ()
+    corners: np.ndarray = None  # type: ignore[assignment]
+    sigma: np.ndarray = None  # type: ignore[assignment]
+
+    def __post_init__(self) -> None:
+        if self.corners is None:
+            object.__setattr__(self, "corners", np.zeros((0, 2)))
+            object.__setattr__(self, "sigma", np.zeros(0))
+
+    @property
+    def message(self) -> str:
+        """One sentence."""
+        return SENTENCES[self.status]
+
 
 # Our example, in sides: no dimensions of the thesis's tool are printed. The fifth stands out of the cross, so that no
 # turn and no mirror maps the five on themselves.
@@ -151,7 +221,6 @@ class Charuco(Options):
     @property
     def layers(self) -> list[Layer]:
         """The board with its coded marks, to be rendered. Needs OpenCV."""
-        from .opencv import charuco_board
 
         board = charuco_board(self)
         cells = [self.side * _cell(i, j)

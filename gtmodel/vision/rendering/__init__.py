@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 from ..._lazy import public
 
 if TYPE_CHECKING:
-    from .coverage import coverage as coverage
-    from .picture import Exposure as Exposure, Layer as Layer, rendered as rendered
+    from .picture import Exposure as Exposure, Layer as Layer, coverage as coverage, rendered as rendered
 
 public(__name__)

@@ -19,22 +19,30 @@ from typing import TYPE_CHECKING
 from ..._lazy import public
 
 if TYPE_CHECKING:
-    from .errors import aligned_errors as aligned_errors
     from .hand_eye import HandEye as HandEye, hand_eye as hand_eye
     from .joint import JointFit as JointFit, joint_fit as joint_fit
     from .options import (
         CameraPlaces as CameraPlaces,
         CameraStart as CameraStart,
         RobotCameras as RobotCameras,
+        RobotCamerasStudy as RobotCamerasStudy,
         SyntheticRobotCameras as SyntheticRobotCameras,
     )
-    from .picture_map import PictureMap as PictureMap, picture_map as picture_map
     from .pictures import RobotPictures as RobotPictures, SecondDevice as SecondDevice
-    from .placing import PlacedCameras as PlacedCameras, camera_places as camera_places
-    from .predicted import PredictedPositions as PredictedPositions, predicted_positions as predicted_positions
+    from .predicted import (
+        PlacedCameras as PlacedCameras,
+        PredictedPositions as PredictedPositions,
+        camera_places as camera_places,
+        predicted_positions as predicted_positions,
+    )
     from .reading import corner_rows as corner_rows, read_pictures as read_pictures, write_pictures as write_pictures
-    from .result import RobotCamerasStudy as RobotCamerasStudy
-    from .study import places_study as places_study, study as study
+    from .study import (
+        PictureMap as PictureMap,
+        aligned_errors as aligned_errors,
+        picture_map as picture_map,
+        places_study as places_study,
+        study as study,
+    )
     from .synthetic import (
         MadePictures as MadePictures,
         made_hand_eye as made_hand_eye,

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...results.disk import path_of, write_whole
 from ...results.refusal import ArgumentError
-from ..detection.corner_rows import CornerRow, corners_csv
+from ..detection.marks import CornerRow, corners_csv
 from ..detection.targets import Target
 from .pictures import RobotPictures, SecondDevice
 

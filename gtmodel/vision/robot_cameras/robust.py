@@ -1,6 +1,6 @@
 """Corners, pictures and poses that do not belong to the others: left out one after another, and what then is alarming.
 
-The rules are those of all fits: `gtmodel.vision.gross_errors` and `gtmodel.measurements.inspection`.
+The rules are those of all fits: `gtmodel.vision.residuals` and `gtmodel.measurements.inspection`.
 """
 
 from __future__ import annotations
@@ -17,8 +17,7 @@ from ...measurements.inspection.outliers import outliers
 from ...measurements.inspection.residual_tests import coloured
 from ...results.status import SolveStatus
 from ...results.suspicion import Suspicion
-from ..gross_errors import SETTLED, GrossErrors, gross_errors, noise_of, picture_means, scaled, shifted_pictures
-from ..picture_test import ROUNDING
+from ..residuals import ROUNDING, SETTLED, GrossErrors, gross_errors, noise_of, picture_means, scaled, shifted_pictures
 from .pictures import RobotPictures
 
 if TYPE_CHECKING:

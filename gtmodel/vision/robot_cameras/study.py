@@ -1,35 +1,106 @@
-"""The study of a robot with its cameras: jointly, in two steps, on poses that no fit saw; or planned."""
+"""The study of a robot with its cameras: jointly, in two steps, on poses that no fit saw, and what residuals and
+errors of positions tell."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from typing import Annotated, Any
 
 import numpy as np
 
+from ...calibrate.measured.column_checks import aligned
 from ...lang.model import Model
-from ...results import ArgumentError, Check, SolveStatus, Work, at_least, at_most
+from ...results import Check, SolveStatus, Work, at_least, at_most
 from ...results.door import study_function
 from ...results.made_files import MadeFiles
 from ...results.options import Within
+from ...results.refusal import ArgumentError
 from ...results.suspicion import RUN_LEVEL, suspicion_checks
 from ...results.work import Progress, never, silent
-from ..detection.corner_rows import corners_csv
-from ..gross_errors import gross_errors, shifted_pictures
-from .errors import aligned_errors
+from ..detection.marks import corners_csv
+from ..residuals import LEAST, ROUNDING, PictureTest, gross_errors, picture_test, shifted_pictures
 from .joint import JointFit, held_out_pixels, joint_fit
-from .options import CameraPlaces, CameraStart, RobotCameras, SyntheticRobotCameras
-from .picture_map import PictureMap, picture_map
+from .options import CameraPlaces, CameraStart, RobotCameras, RobotCamerasStudy, SyntheticRobotCameras
 from .pictures import RobotPictures
-from .placing import camera_places
-from .predicted import predicted_positions
+from .predicted import camera_places, predicted_positions
 from .projection import CAMERA
 from .reading import corner_rows
-from .result import RobotCamerasStudy
 from .robust import suspicions
 from .synthetic import made_pictures
 from .two_step import TwoStepFit, two_step_fit
+
+
+def aligned_errors(positions: np.ndarray, truth: np.ndarray, scale: bool = False) -> np.ndarray:
+    """|error| (n,) [m] once rotation and shift, and a factor where `scale`, are fitted, as between two devices.
+
+    Rows of `positions` (n, 3) [m] that are not finite have NaN; `truth` (n, 3) [m].
+
+    >>> truth = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    >>> shifted = truth + [0.3, 0.2, 0.1]
+    >>> bool(gt.vision.robot_cameras.aligned_errors(shifted, truth).max() < 1e-12)
+    True
+    """
+    good = np.all(np.isfinite(positions), axis=1)
+    a, b = positions[good], truth[good]
+    _, R, _ = aligned(a, b)
+    da, db = (a - a.mean(axis=0)) @ R.T, b - b.mean(axis=0)
+    s = float(np.vdot(da, db) / np.vdot(da, da)) if scale else 1.0
+    out = np.full(len(positions), np.nan)
+    out[good] = np.linalg.norm(s * da - db, axis=1)
+    return out
+
+
+@dataclass(frozen=True, eq=False)
+class PictureMap:
+    """Of each camera (K,): probability by chance of what is left over the picture.
+
+    `radius`: the part of residuals along the radius, as a polynomial 1, r, r^2, r^3 of it. `quadratic`: both
+    components as polynomials 1, u, v, u^2, uv, v^2. `coefficients` (K, 6, 2): of the latter, u and v from -1 to 1
+    over the corners [pixel]. A wrong principal point shows in the second and need not in the first.
+    """
+
+    cameras: tuple[str, ...]
+    radius: np.ndarray
+    quadratic: np.ndarray
+    coefficients: np.ndarray
+
+    def fires(self, quiet: float = 1e-3) -> tuple[str, ...]:
+        """Cameras in whose residuals the quadratic map shows, with this probability of a false alarm over all."""
+        return tuple(n for n, p in zip(self.cameras, self.quadratic, strict=True) if p < quiet / len(self.cameras))
+
+
+def picture_map(pictures: RobotPictures, residuals: np.ndarray) -> PictureMap:
+    """Tests residuals (n, 2) [pixel] of corners over each camera's picture by `gt.vision.picture_test`, in units of
+    their sigma, the picture being what the corners cover, and the radius counted from their mean.
+
+    Whitened residuals of a right model are white but for what the fit took, which makes both tests a little mild.
+    Raises ArgumentError for fewer than 30 corners of a camera.
+
+    >>> V = gt.vision.robot_cameras
+    >>> pictures = V.made_pictures(V.SyntheticRobotCameras(counts=[3, 3, 3])).pictures
+    >>> rng = np.random.default_rng(1)
+    >>> noise = 0.1 * rng.standard_normal(pictures.uv.shape)
+    >>> V.picture_map(pictures, noise).fires(), V.picture_map(pictures, noise + 1e-6 * pictures.uv**2).fires()
+    ((), ('left', 'right'))
+    """
+    tests, sigma = list[PictureTest](), list[float]()
+    for k, name in enumerate(pictures.cameras):
+        own = pictures.camera == k
+        if own.sum() < LEAST:
+            raise ArgumentError(f"{name} has {int(own.sum())} corners; a test of the picture needs {LEAST}", "corners")
+        uv = pictures.uv[own] - pictures.uv[own].min(axis=0)
+        width, height = np.ptp(uv, axis=0) + 1.0
+        size = float(width), float(height)
+        sigma.append(float(np.mean(pictures.sigma[own])))
+        e, least = residuals[own] / pictures.sigma[own, None], ROUNDING / sigma[-1]
+        tests.append(picture_test(uv, e, size, uv.mean(axis=0), least=least))
+    return PictureMap(
+        tuple(pictures.cameras), np.array([t.radius for t in tests]), np.array([t.quadratic for t in tests]),
+        np.array([s * t.coefficients for s, t in zip(sigma, tests, strict=True)]),
+    )  # fmt: skip
+
 
 FRAME_AXIS = "v[2,0]"  # the length of the last guideway, which is the x-axis of the base
 UNIT = 5e-3  # by which a guideway's unit may miss a metre: scales and screws miss a hundredth of that
@@ -340,7 +411,7 @@ def _figures(
 
 
 def _residuals(joint: JointFit, title: str) -> Any:
-    from ...plot.cameras.robot import residuals_figure
+    from ...plot.cameras import residuals_figure
 
     p = joint.pictures
     drawn = {name: (p.uv[p.camera == k], joint.residuals[p.camera == k]) for k, name in enumerate(p.cameras)}
@@ -348,12 +419,12 @@ def _residuals(joint: JointFit, title: str) -> Any:
 
 
 def _ellipsoids(positions: np.ndarray, covariance: np.ndarray, title: str) -> Any:
-    from ...plot.cameras.robot import ellipsoids_figure
+    from ...plot.cameras import ellipsoids_figure
 
     return ellipsoids_figure(positions, covariance, title=f"{title}: predicted errors")
 
 
 def _places(rows: list[dict[str, Any]], title: str) -> Any:
-    from ...plot.cameras.robot import places_figure
+    from ...plot.cameras import places_figure
 
     return places_figure(rows, title=title)

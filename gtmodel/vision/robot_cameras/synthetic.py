@@ -8,15 +8,14 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
-from ...calibrate.choice import Choice
+from ...calibrate.options import Choice
 from ...geometry.quaternions import exponential, product, quaternion_matrix, quaternion_of
 from ...lang.model import Model
 from ...results.refusal import ArgumentError
 from ..detection.targets import FiveSquares
 from .options import CameraStart, SyntheticRobotCameras
 from .pictures import RobotPictures, SecondDevice
-from .projection import TARGET, mark, seen
-from .robot_side import robot_side
+from .projection import TARGET, mark, robot_side, seen
 
 NAMES = ("left", "right")
 BASE_FRAME = ("A[2]", "v[2]", "A[0,1]")  # of the true robot as of the one known before

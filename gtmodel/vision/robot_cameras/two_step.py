@@ -10,8 +10,8 @@ import casadi as ca
 import numpy as np
 
 from ...calibrate.calibration import Calibration, calibrate
-from ...calibrate.choice import Choice
 from ...calibrate.measurements import Measurements, Pose
+from ...calibrate.options import Choice
 from ...geometry.quaternions import quaternion_matrix
 from ...inference.bundle import BundleFit, ResidualBlock, UnknownGroup, bundle_fit
 from ...lang.model import Model
@@ -20,8 +20,7 @@ from ...robots.links import family_of
 from .joint import CAMERA_UNITS, Prepared, held_by_default
 from .options import CameraStart, RobotCameras
 from .pictures import RobotPictures
-from .projection import CAMERA, TARGET, TURN, seen
-from .robot_side import RobotLinks
+from .projection import CAMERA, TARGET, TURN, RobotLinks, seen
 
 POSE = ("x", "y", "z")
 

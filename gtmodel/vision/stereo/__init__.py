@@ -13,10 +13,14 @@ from typing import TYPE_CHECKING
 from ..._lazy import public
 
 if TYPE_CHECKING:
-    from ..gross_errors import GrossErrors as GrossErrors, gross_errors as gross_errors
-    from .calibrated import CameraStarts as CameraStarts, calibrated as calibrated, camera_starts as camera_starts
-    from .options import BoardPictures as BoardPictures, CameraFit as CameraFit, StereoStart as StereoStart
-    from .result import StereoStudy as StereoStudy
+    from ..residuals import GrossErrors as GrossErrors, gross_errors as gross_errors
+    from .calibration import CameraStarts as CameraStarts, calibrated as calibrated, camera_starts as camera_starts
+    from .options import (
+        BoardPictures as BoardPictures,
+        CameraFit as CameraFit,
+        StereoStart as StereoStart,
+        StereoStudy as StereoStudy,
+    )
     from .study import explained_pictures as explained_pictures, stereo_study as stereo_study
     from .synthetic import SyntheticBoards as SyntheticBoards, made_corners as made_corners
 

@@ -18,15 +18,11 @@ from ...results.door import study_function
 from ...results.suspicion import FIRST, suspicion_checks
 from ...results.table import csv_text
 from ...results.work import Progress, never, silent
-from ..board import Board
-from ..corner_table import CornerTable
-from ..gross_errors import GrossErrors, gross_errors
-from ..intersection import MOVES, intersect
-from ..picture_test import LEAST, PictureTest, picture_test
-from .calibrated import calibrated, camera_starts
-from .options import BoardPictures, CameraFit, StereoStart
-from .result import StereoStudy
-from .robust import suspects, uneven, without_gross_errors
+from ..corner_table import Board, CornerTable
+from ..residuals import LEAST, GrossErrors, PictureTest, gross_errors, picture_test
+from ..views import MOVES, intersect
+from .calibration import calibrated, camera_starts, suspects, uneven, without_gross_errors
+from .options import BoardPictures, CameraFit, StereoStart, StereoStudy
 
 FEW = 3  # pictures
 FOCAL = 0.05  # of a focal length, its standard deviation: beyond, it is hardly known
@@ -400,7 +396,7 @@ def _residuals_file(corners: CornerTable, kept: np.ndarray, end: BundleFit) -> s
 
 
 def _figure(drawn: list[Any], size: tuple[int, int], title: str) -> Any:
-    from ...plot.vision.residuals import residual_figure
+    from ...plot.cameras import residual_figure
 
     return residual_figure(drawn, size, title=title)
 

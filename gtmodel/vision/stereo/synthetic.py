@@ -10,8 +10,7 @@ import numpy as np
 from ...geometry.pinhole import project
 from ...geometry.rotations import composed, matrices_of, poses_of, rotation_by
 from ...results.options import Options, Within
-from ..board import Board
-from ..corner_table import CornerTable
+from ..corner_table import Board, CornerTable
 from .options import BoardPictures
 
 LEFT = (540.0, 541.0, 325.0, 236.0, -0.28, 0.08, 1e-3, -5e-4, 0.0)

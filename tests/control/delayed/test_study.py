@@ -9,7 +9,7 @@ import pytest
 
 import gtmodel as gt
 from gtmodel.control import ComputedTorque, Feedback
-from gtmodel.plot.delayed.limits import depth_figure
+from gtmodel.plot.delayed import depth_figure
 from gtmodel.results import ArgumentError
 from tests.control.delayed.test_limit import CYCLE, LATE
 

@@ -1,1 +1,0 @@
-"""Pictures of cameras: residuals over the picture, ellipsoids of positions, places compared."""

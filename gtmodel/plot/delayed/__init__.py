@@ -1,1 +1,0 @@
-"""Pictures of loops with delay: limits of the gain, what is uncertain, directions, maps."""

@@ -1,1 +1,0 @@
-"""Pictures of filters: errors, innovations, what they bridge."""

@@ -1,1 +1,0 @@
-"""Pictures of lead-through: forces, paths, energy at the handle, a peg in its hole, limits."""

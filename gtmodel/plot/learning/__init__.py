@@ -1,1 +1,0 @@
-"""Pictures of learning control: error by iteration, what Q lets through, the tool's path."""

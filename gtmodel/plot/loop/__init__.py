@@ -1,1 +1,0 @@
-"""Pictures of the loop: a tool that is led by hand."""
