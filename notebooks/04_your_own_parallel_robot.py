@@ -28,7 +28,7 @@ from matplotlib.ticker import MaxNLocator
 
 import gtmodel as gt
 from gtmodel.mechanics import Anchor, RigidPlate, Strut
-from gtmodel.mechanics.attitude import AnyQuaternion
+from gtmodel.mechanics.bodies import AnyQuaternion
 
 # %% [markdown]
 # ## 1 The parts

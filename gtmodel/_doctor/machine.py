@@ -10,8 +10,7 @@ import subprocess
 import tempfile
 from pathlib import Path
 
-from gtmodel.compiler.library_cache import cache_folder, home_folder
-from gtmodel.compiler.toolchain import Toolchain, exposed, find
+from gtmodel.compiler.toolchain import Toolchain, cache_folder, exposed, find, home_folder
 
 SECONDS = 20.0
 _SOURCE = "double tried(double x);\ndouble tried(double x) { return 2.0 * x; }\n"

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from ..geometry.pinhole import pixel_jacobian, project
 from ..geometry.quaternions import quaternion_matrix
 from ..kinematics.workspace import Limit, Poses
-from ..kinematics.workspace.distances import segment_to_box
+from ..kinematics.workspace.clearance import segment_to_box
 from ..lang import Model, dot, parameter, part, variable
 from ..lang.source import ModelError
 

@@ -14,7 +14,7 @@ from ..lang import Model, ModelError
 from ..measurements import signal_table
 from ..results import ArgumentError
 from ..robots.links import family_of
-from ..robots.measured_guideways import on_measured_points
+from ..robots.three_link import on_measured_points
 from .devices import seen_with_quaternion
 from .measured.options import CartPoints
 from .measured.poses import MeasuredPoses, SplitPoses

@@ -12,7 +12,7 @@ import numpy as np
 from ..compiler.analysis.sizes import Sizes
 from ..compiler.blocks import Margin
 from ..compiler.causal import CausalFunction, CausalSignal
-from ..compiler.emit import express
+from ..compiler.emission import express
 from ..compiler.plan import CausalPlan
 from ..compiler.rows import map_columns, status_codes
 from ..lang.scope import derivative_name

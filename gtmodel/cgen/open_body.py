@@ -15,7 +15,7 @@ import numpy as np
 
 from ..compiler.blocks import Margin
 from ..compiler.causal import CausalFunction
-from ..compiler.emit import express
+from ..compiler.emission import express
 from ..compiler.flat import FlatModel
 from ..compiler.plan import CausalPlan, make_plan
 from ..compiler.rows import map_columns

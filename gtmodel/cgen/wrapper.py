@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from ..compiler.blocks import Margin
-from ..compiler.emit import express
+from ..compiler.emission import express
 from ..results.status import Status
 from .interface import Interface, Member, macro, places
 from .newton_stages import NewtonStage

@@ -8,9 +8,9 @@ from typing import Any
 import casadi as ca
 
 from ..lang.source import ModelError
-from .analysis.nonsmooth import is_nonsmooth, kinked_in
 from .flat import FlatEquation, FlatModel
 from .matrices import triplets
+from .rewriting import is_nonsmooth, kinked_in
 
 Terms = tuple[tuple[tuple[int, int], float], tuple[tuple[int, int], float]]  # (symbol, coefficient), twice
 

@@ -1,13 +1,18 @@
-"""What a solved block is: assignments in order, with the margins that decide its status."""
+"""What a solved block is, assignments in order with the margins that decide its status, and which expressions may be
+divided by."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import casadi as ca
 import numpy as np
 
 from ..results.status import Status
+from .consistency.points import Sampler
+from .flat import FlatModel
 
 # the status of a margin on the wrong side, by kind
 VERDICTS = {
@@ -92,3 +97,95 @@ class SolvedBlock:
     uses: tuple[tuple[str, ...], ...] = ()
     closures: tuple[ca.SX, ...] = ()
     core: DenseCore | None = None
+
+
+# constants first: dividing by a parameter costs an operation and an assumption
+PARAMETER_COST = 50
+# each digit that a pivot smaller than another entry of its column may lose counts like this many entries
+DIGIT_COST = 10
+
+POSITIVE, NEGATIVE, NONZERO, UNKNOWN = "+", "-", "n", "?"
+# operations whose sign follows from those of what they act on
+_SIGNED = frozenset(
+    [ca.OP_MUL, ca.OP_DIV, ca.OP_ADD, ca.OP_SUB, ca.OP_NEG, ca.OP_SQ, ca.OP_SQRT, ca.OP_INV, ca.OP_TWICE]
+)
+
+
+def median(values: np.ndarray) -> np.ndarray:
+    """Of the rows, NaN where one is; np.median, which is the same, imports numpy.ma."""
+    ordered = np.sort(values, axis=0)
+    middle = (ordered[(len(ordered) - 1) // 2] + ordered[len(ordered) // 2]) / 2
+    return np.where(np.isnan(ordered[-1]), np.nan, middle)
+
+
+class SignAnalysis:
+    """Signs of parameter expressions from the declared `positive` and `nonzero`; sizes at consistent points."""
+
+    def __init__(self, flat: FlatModel, sampler: Sampler, points: np.ndarray) -> None:
+        self._arguments = [sampler.w, flat.p, flat.scope.time]
+        self._points = [ca.DM(np.asarray(points).T), ca.DM(flat.p0), ca.DM(sampler.time)]
+        self._symbols: dict[int, str] = {}
+        for q in flat.parameters:
+            sign = UNKNOWN
+            if q.nonzero:
+                sign = (POSITIVE if q.value > 0 else NEGATIVE) if q.name in flat.positive else NONZERO
+            self._symbols[q.symbol.element_hash()] = sign
+
+    def kind(self, e: ca.SX) -> str | None:
+        """ "constant" or "parameter" if the scalar may be divided by, else None."""
+        if e.is_constant():
+            return "constant" if float(e) != 0.0 else None
+        return "parameter" if self.sign(e) != UNKNOWN else None
+
+    def sizes(self, expressions: Sequence[ca.SX]) -> list[float]:
+        """Typical magnitudes: the medians over the consistent points."""
+        sizes = [abs(float(e)) if e.is_constant() else 0.0 for e in expressions]
+        varying = [n for n, e in enumerate(expressions) if not e.is_constant()]
+        if varying:
+            f = ca.Function("sizes", self._arguments, [ca.vertcat(*[expressions[n] for n in varying])])
+            count = self._points[0].shape[1]
+            values = (f.map(count) if count > 1 else f).call(self._points)[0]
+            medians = median(np.abs(np.array(ca.densify(values).nonzeros())).reshape(count, -1))
+            for n, value in zip(varying, medians.tolist(), strict=True):
+                sizes[n] = value
+        return sizes
+
+    def sign(self, e: ca.SX) -> str:
+        """Sign of a scalar; unknown as soon as a symbol of unknown sign stands in it, such as a variable."""
+        if e.is_constant():
+            value = float(e)
+            return POSITIVE if value > 0 else NEGATIVE if value < 0 else UNKNOWN
+        if e.is_symbolic():
+            return self._symbols.get(e.element_hash(), UNKNOWN)
+        op = e.op()
+        if op not in _SIGNED or (first := self.sign(e.dep(0))) == UNKNOWN:
+            return UNKNOWN
+        if op in (ca.OP_MUL, ca.OP_DIV):
+            return _product(first, self.sign(e.dep(1)))
+        if op == ca.OP_ADD:
+            return _sum(first, self.sign(e.dep(1)))
+        if op == ca.OP_SUB:
+            return _sum(first, _product(NEGATIVE, self.sign(e.dep(1))))
+        if op == ca.OP_NEG:
+            return _product(NEGATIVE, first)
+        return POSITIVE if op == ca.OP_SQ else first
+
+
+def pivot_cost(kind: str, fill: int, size: float, largest: float) -> float:
+    """Price of a pivot: the entries it fills in, the assumption it makes, and the digits it loses beside the
+    largest entry of its column; infinite for one that is zero beside it."""
+    if not size > 0 or not math.isfinite(largest):
+        return math.inf
+    return fill + PARAMETER_COST * (kind == "parameter") + DIGIT_COST * math.floor(math.log10(largest / size))
+
+
+def _product(a: str, b: str) -> str:
+    if UNKNOWN in (a, b):
+        return UNKNOWN
+    if NONZERO in (a, b):
+        return NONZERO
+    return POSITIVE if a == b else NEGATIVE
+
+
+def _sum(a: str, b: str) -> str:
+    return a if a == b and a in (POSITIVE, NEGATIVE) else UNKNOWN

@@ -10,10 +10,9 @@ import casadi as ca
 import numpy as np
 
 from ..lang.source import ModelError
-from .blocks import Margin, Root
+from .blocks import Margin, Root, median
 from .consistency.points import RESIDUAL_TOLERANCE, Sampler
 from .flat import FlatModel
-from .pivots import median
 
 if TYPE_CHECKING:
     from .plan import CausalPlan

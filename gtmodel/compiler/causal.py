@@ -17,7 +17,7 @@ from ..lang.slips import named, shortened
 from ..lang.source import ModelError
 from ..results.status import Status
 from .analysis.sizes import DOUBLE, Precision, Sizes, sizes_of
-from .columns.kept import PAID, kernel_of
+from .columns.kernel import PAID, kernel_of
 from .consistency.guess import Completion
 from .consistency.home import moved_sentence, refuse_starts
 from .evaluate import Built, build

@@ -24,8 +24,7 @@ from ..lang.slips import each_of, line_of, persons_code
 from ..lang.source import ModelError, SourceLocation, of_frame
 from ..lang.units import rate_unit
 from .analysis.events import FlatEvents, collect_events
-from .connection_graph import check_trees
-from .connections import connection_equations
+from .connections import check_trees, connection_equations
 from .matrices import stacked
 
 _DER = re.compile(r"^der\((?P<inner>.+?)(?:,\s*(?P<order>\d+))?\)$")

@@ -11,18 +11,24 @@ import numpy as np
 
 from ..lang.source import ModelError
 from .alias import AliasResult, eliminate
-from .blocks import Margin, NewtonBlock, SolvedBlock
+from .blocks import Margin, NewtonBlock, SignAnalysis, SolvedBlock, median
 from .branch import RootSigns, check_branches, follow, settle, sides
 from .consistency.home import Moved, home_of, moved, starts_of
 from .consistency.points import Sampler
-from .differentiation import differentiate, folded as folded_into, pairs_of, stage_residuals, system_of
 from .flat import FlatEquation, FlatModel
 from .graph import strong_components
-from .pivots import SignAnalysis, median
 from .relevance import KnownCondition, condition_block, conditions_on, needed, set_apart
 from .solving import solve_block
 from .states import Stage, choose
-from .structure import EquationStructure, analyse
+from .structure import (
+    EquationStructure,
+    analyse,
+    differentiate,
+    folded as folded_into,
+    pairs_of,
+    stage_residuals,
+    system_of,
+)
 
 SAMPLE_POINTS = 5  # rank decisions want three; two more show whether a root's sign depends on the pose
 

@@ -5,10 +5,9 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from .analysis.nonsmooth import kinked_in
-from .blocks import Margin, Root
+from .blocks import Margin, Root, SignAnalysis, pivot_cost
 from .matrices import elements, triplets
-from .pivots import SignAnalysis, pivot_cost
+from .rewriting import kinked_in
 
 NONLINEAR_ROW = 1000  # costs more than any fill-in: only where nothing else is left
 

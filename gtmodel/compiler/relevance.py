@@ -8,10 +8,9 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
-from .blocks import Margin, SolvedBlock
+from .blocks import Margin, SolvedBlock, median
 from .consistency.points import Sampler
 from .flat import FlatEquation, FlatModel
-from .pivots import median
 from .structure import overdetermined_and_underdetermined
 
 # a unit quaternion printed with six digits is one, anything coarser is refused; of rates the same

@@ -1,9 +1,11 @@
-"""Closed-form functions on many rows: CasADi's virtual machine on NumPy memory, and a status for every row."""
+"""Closed-form functions on many rows, by CasADi's virtual machine on NumPy memory with a status for each, and at one
+point."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
+from threading import Lock
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import casadi as ca
@@ -12,11 +14,48 @@ import numpy as np
 from ..lang.source import ModelError
 from ..results.status import Status
 from .blocks import VERDICTS
-from .columns.kept import kernel_of
+from .columns.kernel import kernel_of
 
 if TYPE_CHECKING:
     from .analysis.sizes import Sizes
     from .causal import CausalFunction
+
+
+def densified(f: ca.Function) -> ca.Function:
+    """The same function with results that are dense."""
+    if all(f.sparsity_out(k).is_dense() for k in range(f.n_out())):
+        return f
+    symbols = f.sx_in()
+    return ca.Function(f.name(), symbols, [ca.densify(r) for r in f.call(symbols)])
+
+
+class PointFunction:
+    """A function of columns, called with arrays or numbers; gives each result as an array of its shape.
+
+    The results are new at each call; calls from several threads wait for one another.
+    """
+
+    def __init__(self, f: ca.Function) -> None:
+        f = densified(f)
+        self._arguments = [np.zeros(f.numel_in(k)) for k in range(f.n_in())]
+        self._results = [np.zeros((f.size2_out(k), f.size1_out(k))) for k in range(f.n_out())]
+        self._buffer, self._run = f.buffer()
+        set_arg: Any = self._buffer.set_arg
+        set_res: Any = self._buffer.set_res
+        places: list[tuple[Any, list[Any]]] = [(set_arg, self._arguments), (set_res, self._results)]
+        for setter, arrays in places:
+            for k, a in enumerate(arrays):
+                if a.size:
+                    setter(k, memoryview(a))
+        self._lock = Lock()
+
+    def __call__(self, *values: Any) -> list[np.ndarray]:
+        with self._lock:
+            for argument, value in zip(self._arguments, values, strict=True):
+                argument[:] = value
+            self._run()
+            return [r.T.copy() for r in self._results]
+
 
 # a pivot below this fraction of its typical size means singular. A pivot that is a root, as of a link at right angles
 # to its guideway, is known to the root of round-off only, 1e-8: below that no double distinguishes it from zero

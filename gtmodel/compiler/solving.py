@@ -1,18 +1,211 @@
-"""One block of equations solved for its unknowns: linear, in closed form, or by Newton."""
+"""One block of equations solved for its unknowns: linear by sparse elimination, in closed form, or by Newton."""
 
 from __future__ import annotations
 
 import casadi as ca
 import numpy as np
 
-from .analysis.nonsmooth import is_nonsmooth, kinked_in
-from .blocks import NewtonBlock, SolvedBlock
+from .blocks import DenseCore, Margin, NewtonBlock, SignAnalysis, SolvedBlock, pivot_cost
 from .flat import FlatModel
-from .linear import solve_linear
-from .matrices import stacked
-from .pivots import SignAnalysis
+from .matrices import difference, product, quotient, stacked, triplets
 from .quadric import NoClosedForm, eliminate_explicit, solve_nonlinear
+from .rewriting import is_nonsmooth, kinked_in
 from .structure import EquationStructure
+
+# a difference of constants this small beside them is round-off of zero: entries are short decimals, seldom 1e-12
+CANCELLED = 1e-13
+# threshold pivoting: an entry this much smaller than another of its column would cost more than three digits
+MIN_PIVOT_RATIO = 1e-3
+# unknowns of a core that determinants solve
+SMALL_CORE = 3
+
+Assignments = list[tuple[ca.SX, ca.SX]]
+
+
+def solve_linear(
+    residuals: list[ca.SX], unknowns: list[ca.SX], jacobian: ca.SX, signs: SignAnalysis, label: str
+) -> tuple[Assignments, list[Margin], str, DenseCore | None]:
+    """Solve residuals == 0, linear in the unknowns, with the Jacobian of the residuals by them.
+
+    Returns assignments in order of computation, pivot margins of the dense core, a sentence on how, and the core where
+    it is solved by QR.
+    Constant pivots, then parameters declared nonzero; never a state-dependent one: what has no allowed pivot
+    is the core.
+    """
+    at_zero = ca.substitute(stacked(residuals), stacked(unknowns), ca.SX.zeros(len(unknowns), 1))
+    rhs = [-at_zero[i] for i in range(len(residuals))]
+    rows: dict[int, dict[int, ca.SX]] = {i: {} for i in range(len(residuals))}
+    for i, j, value in triplets(jacobian):
+        if not value.is_zero():
+            rows[i][j] = value
+    count: dict[int, int] = {}
+    for row in rows.values():
+        for j in row:
+            count[j] = count.get(j, 0) + 1
+    eliminated: list[tuple[int, dict[int, ca.SX], ca.SX, ca.SX]] = []
+    entry = _Entries(signs)
+    entry.learn([value for row in rows.values() for value in row.values()])
+    while True:
+        pick = _cheapest(rows, count, entry)
+        if pick is None:
+            break
+        i, j = pick
+        row = rows.pop(i)
+        pivot = row.pop(j)
+        for k in row:
+            count[k] -= 1
+        changed: list[ca.SX] = []
+        for other, entries in rows.items():
+            factor = entries.pop(j, None)
+            if factor is None:
+                continue
+            factor = quotient(factor, pivot)
+            rhs[other] = difference(rhs[other], product(factor, rhs[i]))
+            for k, value in row.items():
+                new = _difference(entries[k], product(factor, value)) if k in entries else product(-factor, value)
+                if new.is_zero():
+                    if k in entries:
+                        del entries[k]
+                        count[k] -= 1
+                else:
+                    count[k] += k not in entries
+                    entries[k] = new
+                    changed.append(new)
+        del count[j]
+        entry.learn(changed)
+        eliminated.append((j, row, pivot, rhs[i]))
+    assignments: Assignments = []
+    margins: list[Margin] = []
+    core: DenseCore | None = None
+    size = len(rows)
+    if size:
+        core_rows = sorted(rows)
+        core_cols = sorted(count)
+        assignments, margins, core = _core(rows, core_rows, core_cols, rhs, unknowns, label)
+    for j, row, pivot, b in reversed(eliminated):
+        value = b
+        for k in sorted(row):
+            value = difference(value, product(row[k], unknowns[k]))
+        assignments.append((unknowns[j], quotient(value, pivot)))
+    how = f"{len(eliminated)} pivots eliminated" + (f", dense core of {size}" if size else "")
+    return assignments, margins, how, core
+
+
+class _Entries:
+    """Kind and size of matrix entries, worked out once for each; the entries are kept alive with them.
+
+    An entry that depends on the state is no pivot, but its typical size still shows which other
+    entries of its column are too small.
+    """
+
+    def __init__(self, signs: SignAnalysis) -> None:
+        self._signs = signs
+        self.known: dict[int, tuple[ca.SX, str | None, float]] = {}
+
+    def learn(self, entries: list[ca.SX]) -> None:
+        new = {id(e): e for e in entries if id(e) not in self.known}
+        for (key, e), size in zip(new.items(), self._signs.sizes(list(new.values())), strict=True):
+            self.known[key] = (e, self._signs.kind(e), size)
+
+
+def _difference(a: ca.SX, b: ca.SX) -> ca.SX:
+    """a - b; exactly zero where two constants cancel but for round-off."""
+    new = difference(a, b)
+    if new.is_constant() and abs(float(new)) <= CANCELLED * abs(float(a)):
+        return ca.SX(0)
+    return new
+
+
+def _cheapest(rows: dict[int, dict[int, ca.SX]], count: dict[int, int], entry: _Entries) -> tuple[int, int] | None:
+    """Row and column of the cheapest allowed pivot that is not tiny beside its column."""
+    known = entry.known
+    largest: dict[int, float] = {}
+    facts = {i: {j: known[id(value)] for j, value in row.items()} for i, row in rows.items()}
+    for row in facts.values():
+        for j, fact in row.items():
+            if fact[2] > largest.get(j, 0.0):
+                largest[j] = fact[2]
+    best: tuple[float, int, int] | None = None
+    for i in sorted(rows):
+        row = facts[i]
+        for j in sorted(row):
+            fill = (len(row) - 1) * (count[j] - 1)
+            if best is not None and fill >= best[0]:
+                continue
+            _, kind, size = row[j]
+            if kind is None or not size >= MIN_PIVOT_RATIO * largest[j]:
+                continue
+            cost = pivot_cost(kind, fill, size, largest[j])
+            if best is None or cost < best[0]:
+                best = (cost, i, j)
+    return None if best is None else best[1:]
+
+
+def _core(
+    rows: dict[int, dict[int, ca.SX]],
+    core_rows: list[int],
+    core_cols: list[int],
+    rhs: list[ca.SX],
+    unknowns: list[ca.SX],
+    label: str,
+) -> tuple[Assignments, list[Margin], DenseCore | None]:
+    """The dense rest: one division, determinants or QR; the diagonal of R shows how near to singular it is."""
+    if len(core_rows) == 1:
+        pivot = rows[core_rows[0]][core_cols[0]]
+        return [(unknowns[core_cols[0]], rhs[core_rows[0]] / pivot)], [Margin("pivot", pivot, label)], None
+    n = len(core_rows)
+    a = ca.SX.zeros(n, n)
+    for r, i in enumerate(core_rows):
+        for c, j in enumerate(core_cols):
+            if j in rows[i]:
+                a[r, c] = rows[i][j]
+    b = ca.vertcat(*[rhs[i] for i in core_rows])
+    x, pivots = (_determinants if n <= SMALL_CORE else _gram_schmidt)(a, b)
+    margins = [Margin("pivot", p, f"{label} ({unknowns[j].name()})") for j, p in zip(core_cols, pivots, strict=True)]
+    core = DenseCore([unknowns[j] for j in core_cols], a, b) if n > SMALL_CORE else None
+    return [(unknowns[j], x[c]) for c, j in enumerate(core_cols)], margins, core
+
+
+def _determinants(a: ca.SX, b: ca.SX) -> tuple[list[ca.SX], list[ca.SX]]:
+    """Two or three unknowns and the diagonal of R by determinants: two thirds of the operations of QR.
+
+    Any column may come first in R; with this one gcc keeps most in registers. Near a loss of rank the error is the
+    condition number's, as with QR; only where three columns are nearly parallel at once may it be the square's.
+    """
+    if a.shape[0] == 2:
+        first = ca.norm_2(a[:, 0])
+        d = a[0, 0] * a[1, 1] - a[0, 1] * a[1, 0]
+        x = [b[0] * a[1, 1] - a[0, 1] * b[1], a[0, 0] * b[1] - b[0] * a[1, 0]]
+        return [value / d for value in x], [first, d / first]
+    last, first, second = ca.horzsplit(a)
+    normal, moment = ca.cross(first, second), ca.cross(last, b)
+    length, area, d = ca.norm_2(first), ca.norm_2(normal), ca.dot(normal, last)
+    x = [ca.dot(normal, b), ca.dot(second, moment), -ca.dot(first, moment)]
+    return [value / d for value in x], [d / area, length, area / length]
+
+
+def _gram_schmidt(a: ca.SX, b: ca.SX) -> tuple[list[ca.SX], list[ca.SX]]:
+    """Any number of unknowns and the diagonal of R.
+
+    The right-hand side is reduced like a further column: formed as Q^T b it would carry the lost
+    orthogonality of Q, an error of cond^2 instead of cond.
+    """
+    rest = ca.horzcat(a, b)
+    rows: list[ca.SX] = []
+    pivots: list[ca.SX] = []
+    for _ in range(a.shape[0]):
+        pivots.append(ca.norm_2(rest[:, 0]))
+        q = rest[:, 0] / pivots[-1]
+        rows.append(q.T @ rest[:, 1:])
+        rest = rest[:, 1:] - q @ rows[-1]
+    x: list[ca.SX] = []
+    for pivot, row in zip(reversed(pivots), reversed(rows), strict=True):
+        value = row[-1]
+        for k, known in enumerate(x):
+            value = value - row[k] * known
+        x.insert(0, value / pivot)
+    return x, pivots
+
 
 Pair = tuple[int, int]
 

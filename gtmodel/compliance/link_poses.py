@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..compiler.causal import CausalFunction, compile_causal, flat_of
-from ..kinematics.poses import Poses
+from ..kinematics.mechanism import Poses
 from ..lang import Model, ModelError
 from ..results import Status
 from ..robots.links import rod_names

@@ -9,7 +9,7 @@ import numpy as np
 
 from gtmodel import lang as gt
 from gtmodel.compiler.causal import CausalFunction, compile_causal
-from gtmodel.compiler.point_function import PointFunction
+from gtmodel.compiler.rows import PointFunction
 from gtmodel.compiler.toolchain import find
 from gtmodel.lang.expression import Expr, operand
 from gtmodel.lang.units import rate_unit
@@ -202,7 +202,7 @@ def law_causal(law: Law, count: int, unit: str = "m", force: str = "N") -> Causa
 
 def _machine_code(function: ca.Function) -> ca.Function:
     """The same function from its C. Raises ModelError without a compiler."""
-    from gtmodel.compiler.library_cache import CompilerMissing
+    from gtmodel.compiler.toolchain import CompilerMissing
     from gtmodel.optimize.compiled import compiled
 
     chain = find()

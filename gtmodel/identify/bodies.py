@@ -14,7 +14,7 @@ from ..results import Check, at_most
 from ..results.estimate import Estimate
 from ..results.refusal import ArgumentError
 from ..robots import SerialArm
-from ..robots.serial.bodies import six_of, tensor
+from ..robots.serial.structure import six_of, tensor
 from .base_parameters import BaseRegressor, parameters_of
 from .inertia import Identification
 from .recordings import Asked

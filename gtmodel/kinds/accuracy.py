@@ -51,9 +51,9 @@ def explain(problem: Schema, context: Context) -> str:
         f"({listed(region.plane.origin)}) m",
         f"  rectangle from (u, v) = ({listed(region.low)}) to ({listed(region.high)}) m, step {section.step:g} m",
     ]
-    for k, case in enumerate(accuracy.judged_case.with_method(cases, problem.method)):
-        accuracy.judged_case.errors_of(case, k, region.robot)
-        lines.append(f"  {case.name}: {accuracy.judged_case.describe(case)}")
+    for k, case in enumerate(accuracy.case.with_method(cases, problem.method)):
+        accuracy.case.errors_of(case, k, region.robot)
+        lines.append(f"  {case.name}: {accuracy.case.describe(case)}")
     lines.append(f"  beside them {draws.samples} synthetic draws, seed {draws.seed}")
     return "\n".join(lines)
 

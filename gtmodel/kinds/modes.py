@@ -140,7 +140,7 @@ def _legs(platform: Platform, pose: PoseSection | None) -> assembly_modes.Hands:
         given = pose.options()
         if given.tcp is None or len(given.given()) != 2:
             raise InputError("the commanded pose of a platform is tcp_m with either quaternion or zyz_deg", "pose")
-        T, e = np.array(given.tcp), assembly_modes.hand_poses.orientations([given], np.zeros(4), "pose")
+        T, e = np.array(given.tcp), assembly_modes.modes_of_poses.orientations([given], np.zeros(4), "pose")
     return assembly_modes.bare(np.array(platform.A_m), np.array(platform.B_m), np.array(platform.L_m), T, e)
 
 

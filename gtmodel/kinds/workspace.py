@@ -56,7 +56,7 @@ def explain(problem: Schema, context: Context) -> str:
     """The tests in their order, the section and the grid."""
     made = call(problem, context)
     robot, limits = made.arguments
-    task = workspace.limited.task_of(
+    task = workspace.reach.task_of(
         robot, limits, *(made.options[k] for k in ("home", "section", "bodies", "obstacles", "beams"))
     )
     section, low, high = task.section, task.low, task.high

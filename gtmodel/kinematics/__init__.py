@@ -43,18 +43,16 @@ if TYPE_CHECKING:
     from .accuracy import AccuracyStudy as AccuracyStudy, accuracy_study as accuracy_study
     from .assembly_modes import ModesStudy as ModesStudy, modes_study as modes_study
     from .causality import CausalityStudy as CausalityStudy, causality_study as causality_study
-    from .guideways import (
-        GuidewayFit as GuidewayFit,
-        MeasurementError as MeasurementError,
-        fit_guideway as fit_guideway,
-    )
-    from .maps import MotionMaps as MotionMaps
     from .orientation import OrientationMap as OrientationMap, grid as grid, orientation_map as orientation_map
+    from .singularity import MotionMaps as MotionMaps
     from .transmission import (
         Backlash as Backlash,
         CyclicTerm as CyclicTerm,
+        GuidewayFit as GuidewayFit,
+        MeasurementError as MeasurementError,
         backlash as backlash,
         cyclic_term as cyclic_term,
+        fit_guideway as fit_guideway,
     )
     from .workspace import WorkspaceStudy as WorkspaceStudy, workspace_study as workspace_study
     from .wrist_partition import InverseBranches as InverseBranches, WristPartition as WristPartition

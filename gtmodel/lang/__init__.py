@@ -39,6 +39,7 @@ if TYPE_CHECKING:
         EnergyLoss as EnergyLoss,
         If as If,
         Reinit as Reinit,
+        SampledBlock as SampledBlock,
         When as When,
         energy_loss as energy_loss,
         initial as initial,
@@ -71,11 +72,9 @@ if TYPE_CHECKING:
         tan as tan,
         tanh as tanh,
     )
-    from .interpolation import interpolate as interpolate
+    from .interpolation import interpolate as interpolate, piecewise as piecewise
     from .model import Connector as Connector, Model as Model
     from .optimization import Optimization as Optimization, delayed as delayed, integral as integral, misfit as misfit
-    from .piecewise import piecewise as piecewise
-    from .sampled import SampledBlock as SampledBlock
     from .source import ModelError as ModelError, SourceLocation as SourceLocation
     from .units import UnitError as UnitError
 

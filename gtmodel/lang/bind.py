@@ -10,14 +10,13 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from .bound import check_bound
 from .declare import Declaration, Discrete, Each, Free, Outer, Parameter, Part, Port, Variable
 from .expression import Expr, gathered, operand, row_by_row
 from .model import Connector, Model, check_modifiers, walk_declarations
 from .scope import Scope
 from .source import ModelError, SourceLocation
 from .units import SECOND
-from .values import check_parameter, fits, shape_text
+from .values import check_bound, check_parameter, fits, shape_text
 
 
 @dataclass

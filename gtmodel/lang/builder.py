@@ -8,9 +8,8 @@ from typing import Any
 from . import declare
 from .bind import Tree, bind_discrete, bind_parameter, bind_part, bind_variable, empty_tree
 from .connect import flatten_items
-from .engine_method import EngineMethod
 from .expression import Expr
-from .model import Model
+from .model import EngineMethod, Model
 from .source import ModelError, here
 
 

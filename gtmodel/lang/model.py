@@ -1,8 +1,10 @@
-"""Model and Connector: classes whose body declares and whose equations() yields the physics."""
+"""Model and Connector, classes whose body declares and whose equations() yields the physics, and methods that an
+engine provides."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from importlib import import_module
 from typing import Any, ClassVar
 
 import numpy as np
@@ -10,10 +12,20 @@ import numpy as np
 from .._near import meant, near
 from . import functions as _functions  # noqa: F401  # fills UFUNCS: NumPy on the left of an expression
 from .declare import ATTRIBUTES, Declaration, Discrete, Each, Free, Outer, Parameter, Part, Port, Variable
-from .engine_method import EngineMethod
 from .expression import Expr
 from .source import ModelError, SourceLocation, here
 from .values import check_parameter
+
+
+class EngineMethod:
+    """A method that is a function of another module, which is imported when the method is first asked for."""
+
+    def __init__(self, module: str, function: str) -> None:
+        self._module, self._function = module, function
+
+    def __get__(self, model: Any, owner: type) -> Callable[..., Any]:
+        function = getattr(import_module(self._module), self._function)
+        return function if model is None else function.__get__(model, owner)
 
 
 class Model:

@@ -8,18 +8,38 @@ from typing import TYPE_CHECKING
 from .._lazy import public
 
 if TYPE_CHECKING:
-    from .anchors import Anchor as Anchor, FixedFlange as FixedFlange, FixedShaft as FixedShaft, Ground as Ground
-    from .attitude import (
+    from .bodies import (
         AnyQuaternion as AnyQuaternion,
         Attitude as Attitude,
+        FreeBody as FreeBody,
+        LinkBody as LinkBody,
+        PointMass as PointMass,
+        RigidBody as RigidBody,
+        RigidPlate as RigidPlate,
         UnitQuaternion as UnitQuaternion,
         ZYZAngles as ZYZAngles,
     )
-    from .ball_screw import BallScrew as BallScrew
-    from .bodies import FreeBody as FreeBody, LinkBody as LinkBody, PointMass as PointMass, RigidBody as RigidBody
-    from .drive import Gear as Gear, Inertia as Inertia, Mass as Mass, RackAndPinion as RackAndPinion
-    from .end_stop import EndStop as EndStop
-    from .fixed import Fixed as Fixed, FixedTranslation as FixedTranslation, PointOnFrame as PointOnFrame
+    from .drives import (
+        BallScrew as BallScrew,
+        ForceMotor as ForceMotor,
+        Gear as Gear,
+        GearedMotor as GearedMotor,
+        Inertia as Inertia,
+        Mass as Mass,
+        RackAndPinion as RackAndPinion,
+        Strut as Strut,
+        TorqueMotor as TorqueMotor,
+    )
+    from .forces import (
+        AppliedLoad as AppliedLoad,
+        EndStop as EndStop,
+        FlangeSpringDamper as FlangeSpringDamper,
+        FrameLoad as FrameLoad,
+        PointLoad as PointLoad,
+        PointSpringDamper as PointSpringDamper,
+        ShaftSpringDamper as ShaftSpringDamper,
+        SpringDamper as SpringDamper,
+    )
     from .frames import Flange as Flange, Frame as Frame, PointFrame as PointFrame, Shaft as Shaft, World as World
     from .friction import (
         DirectionalPiecewiseLinearFriction as DirectionalPiecewiseLinearFriction,
@@ -43,34 +63,38 @@ if TYPE_CHECKING:
         RotationalStribeckFriction as RotationalStribeckFriction,
         RotationalTanhFriction as RotationalTanhFriction,
     )
-    from .guideway import CompliantGuideway as CompliantGuideway, Guideway as Guideway
-    from .guideway_curves import (
+    from .guideway import (
+        CompliantGuideway as CompliantGuideway,
         CurvedGuideway as CurvedGuideway,
+        Guideway as Guideway,
+        MeasuredGuideway as MeasuredGuideway,
         PiecewiseLinearCyclicGuideway as PiecewiseLinearCyclicGuideway,
         PiecewiseLinearGuideway as PiecewiseLinearGuideway,
+        Plane as Plane,
+        SaddleGuideway as SaddleGuideway,
         SplineGuideway as SplineGuideway,
     )
-    from .guideway_measured import MeasuredGuideway as MeasuredGuideway
-    from .guideway_saddle import SaddleGuideway as SaddleGuideway
-    from .joints import Prismatic as Prismatic, Revolute as Revolute, Spherical as Spherical, Universal as Universal
-    from .load import AppliedLoad as AppliedLoad, FrameLoad as FrameLoad, PointLoad as PointLoad
-    from .loops import LoopClosure as LoopClosure, PlanarLoopClosure as PlanarLoopClosure
-    from .motor import ForceMotor as ForceMotor, GearedMotor as GearedMotor, TorqueMotor as TorqueMotor
+    from .joints import (
+        LoopClosure as LoopClosure,
+        PlanarLoopClosure as PlanarLoopClosure,
+        Prismatic as Prismatic,
+        Revolute as Revolute,
+        Spherical as Spherical,
+        Universal as Universal,
+    )
     from .placements import (
+        Anchor as Anchor,
+        Fixed as Fixed,
         FixedDH as FixedDH,
+        FixedFlange as FixedFlange,
         FixedModifiedDH as FixedModifiedDH,
         FixedRpy as FixedRpy,
+        FixedShaft as FixedShaft,
+        FixedTranslation as FixedTranslation,
+        Ground as Ground,
+        PointOnFrame as PointOnFrame,
     )
-    from .plane import Plane as Plane
-    from .plate import RigidPlate as RigidPlate
     from .rod import ElasticRod as ElasticRod, MidpointRod as MidpointRod, Rod as Rod, UniformRod as UniformRod
-    from .spring_damper import (
-        FlangeSpringDamper as FlangeSpringDamper,
-        PointSpringDamper as PointSpringDamper,
-        ShaftSpringDamper as ShaftSpringDamper,
-        SpringDamper as SpringDamper,
-    )
-    from .strut import Strut as Strut
     from .wrist import Wrist as Wrist, WristAxis as WristAxis
 
 public(__name__)

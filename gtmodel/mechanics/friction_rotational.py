@@ -6,7 +6,7 @@ from typing import Any
 
 from .. import lang as gt
 from .frames import Shaft
-from .friction_law import (
+from .friction import (
     CoulombViscousLaw,
     DirectionalLaw,
     ExactSign,

@@ -1,13 +1,206 @@
-"""Rigid connections by the numbers in which serial arms are published: xyz and rpy of URDF, Denavit and Hartenberg."""
+"""What stands still, the world's frame and fixed points, and rigid connections, a frame placed on another by vectors
+or by the numbers in which arms are published."""
 
 from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
 from .. import lang as gt
-from .fixed import rigid
-from .frames import Frame
-from .rotation import rotation_about
+from .bodies import rotation_about
+from .frames import Flange, Frame, PointFrame, Shaft
+
+
+class Ground(gt.Model):
+    """The world frame: origin, axes of the world, no motion. It is the root of everything fixed to it; Fixed places
+    frames elsewhere.
+
+    The top of a tower of 2 m:
+
+    >>> bench = gt.Builder("bench")
+    >>> ground = bench.part("ground", gt.mechanics.Ground())
+    >>> tower = bench.part("tower", gt.mechanics.FixedTranslation(d=[0.0, 0.0, 2.0]))
+    >>> load = bench.part("load", gt.mechanics.FrameLoad())
+    >>> bench.add(gt.connect(ground.frame, tower.a), gt.connect(tower.b, load.frame))
+    >>> r, R, status = bench.causal(known=["load.force", "load.torque"], targets=["load.frame.r", "load.frame.R"])()
+    >>> print(r, np.array_equal(R, np.eye(3)))
+    [0. 0. 2.] True
+    """
+
+    frame = gt.port(Frame)
+
+    def equations(self):
+        yield gt.tree_root(self.frame)
+        yield self.frame.r == np.zeros(3)
+        yield np.eye(3) == self.frame.R
+        yield self.frame.w == np.zeros(3)
+
+
+class Anchor(gt.Model):
+    """A point r [m] fixed in the world, for rods and spring-dampers.
+
+    A mass of 3 kg at rest 1.2 m below the anchor: the spring is stretched by 0.2 m and pulls with 200 N, the load adds
+    the rest of the balance, 29.43 N of weight less 200 N.
+
+    >>> bench = gt.Builder("bench")
+    >>> anchor = bench.part("anchor", gt.mechanics.Anchor(r=[0.0, 0.0, 2.0]))
+    >>> spring = bench.part("spring", gt.mechanics.SpringDamper(k=1000.0, length0=1.0))
+    >>> mass = bench.part("mass", gt.mechanics.PointMass(m=3.0))
+    >>> load = bench.part("load", gt.mechanics.PointLoad())
+    >>> bench.add(gt.connect(anchor.point, spring.a), gt.connect([spring.b, mass.frame], [mass.frame, load.frame]))
+    >>> hold = bench.causal(known="mass.frame.r", targets=["spring.pull", "load.force"])
+    >>> rest = np.zeros(3)
+    >>> pull, force, status = hold([0.0, 0.0, 0.8], rest, rest)
+    >>> print(round(pull, 6), force.round(6))
+    200.0 [   0.      0.   -170.57]
+    """
+
+    r = gt.parameter([0.0, 0.0, 0.0], unit="m", description="position in the world frame")
+    point = gt.port(PointFrame)
+
+    def equations(self):
+        yield self.point.r == self.r
+
+
+class FixedFlange(gt.Model):
+    """A flange that is held at s [m].
+
+    A motor holds a spring at s = 0.02 m against a fixed flange at 0; its force is positive along s.
+
+    >>> bench = gt.Builder("bench")
+    >>> wall = bench.part("wall", gt.mechanics.FixedFlange(s=0.0))
+    >>> spring = bench.part("spring", gt.mechanics.FlangeSpringDamper(k=1000.0))
+    >>> motor = bench.part("motor", gt.mechanics.ForceMotor())
+    >>> bench.add(gt.connect(wall.flange, spring.a), gt.connect(spring.b, motor.flange))
+    >>> hold = bench.causal(known="motor.flange.s", targets="motor.force")
+    >>> force, status = hold(0.02, 0.0)  # position and velocity
+    >>> print(round(force, 6))
+    20.0
+    """
+
+    s = gt.parameter(0.0, unit="m", description="coordinate")
+    flange = gt.port(Flange)
+
+    def equations(self):
+        yield self.flange.s == self.s
+
+
+class FixedShaft(gt.Model):
+    """A shaft that is held at the angle phi [rad].
+
+    The motor that holds a torsional spring turned by 0.1 rad against a fixed shaft:
+
+    >>> bench = gt.Builder("bench")
+    >>> wall = bench.part("wall", gt.mechanics.FixedShaft(phi=0.0))
+    >>> spring = bench.part("spring", gt.mechanics.ShaftSpringDamper(k=50.0))
+    >>> motor = bench.part("motor", gt.mechanics.TorqueMotor())
+    >>> bench.add(gt.connect(wall.shaft, spring.a), gt.connect(spring.b, motor.shaft))
+    >>> hold = bench.causal(known="motor.shaft.phi", targets="motor.torque")
+    >>> torque, status = hold(0.1, 0.0, 0.0)  # angle, velocity, acceleration
+    >>> print(round(torque, 6))
+    5.0
+    """
+
+    phi = gt.parameter(0.0, unit="rad", description="angle")
+    shaft = gt.port(Shaft)
+
+    def equations(self):
+        yield self.shaft.phi == self.phi
+
+
+def rigid(a: Any, b: Any, d: Any, R: Any = None) -> Iterator[Any]:
+    """Equations of frame b fixed to frame a at d [m], its coordinates turned into a's by R, or parallel. Massless."""
+    arm = a.R @ d
+    yield gt.tree_edge(a, b)
+    yield b.r == a.r + arm
+    yield b.R == (a.R if R is None else a.R @ R)
+    yield b.w == a.w
+    yield a.f + b.f == 0
+    yield a.t + b.t + gt.cross(arm, b.f) == 0
+
+
+class Fixed(gt.Model):
+    """Frame b fixed to frame a: displaced by d [m] and turned by the rotation R (3, 3), both in a's coordinates.
+
+    R takes b's coordinates to a's and must be a rotation (URDF: the origin of a joint). Massless.
+
+    Displaced by 0.5 m along x and turned by 90 degrees about z, so that x of b is y of a:
+
+    >>> R = [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
+    >>> bench = gt.Builder("bench")
+    >>> ground = bench.part("ground", gt.mechanics.Ground())
+    >>> bracket = bench.part("bracket", gt.mechanics.Fixed(d=[0.5, 0.0, 0.0], R=R))
+    >>> tool = bench.part("tool", gt.mechanics.FixedTranslation(d=[0.2, 0.0, 0.0]))
+    >>> load = bench.part("load", gt.mechanics.FrameLoad())
+    >>> bench.add(gt.connect([ground.frame, bracket.b, tool.b], [bracket.a, tool.a, load.frame]))
+    >>> r, status = bench.causal(known=["load.force", "load.torque"], targets="tool.b.r")()
+    >>> r
+    array([0.5, 0.2, 0. ])
+    """
+
+    d = gt.parameter([0.0, 0.0, 0.0], unit="m", description="from a to b, coordinates of a")
+    R = gt.parameter(np.eye(3), unit="1", kind="rotation", description="rotation from coordinates of b to those of a")
+    a = gt.port(Frame)
+    b = gt.port(Frame)
+
+    def equations(self):
+        yield from rigid(self.a, self.b, self.d, self.R)
+
+
+class FixedTranslation(gt.Model):
+    """Frame b fixed to frame a, parallel to it, displaced by d [m] in a's coordinates. Massless.
+
+    A load of 10 N downwards at the end of an arm of 0.5 m, and the torque that its mount feels:
+
+    >>> bench = gt.Builder("bench")
+    >>> ground = bench.part("ground", gt.mechanics.Ground())
+    >>> arm = bench.part("arm", gt.mechanics.FixedTranslation(d=[0.5, 0.0, 0.0]))
+    >>> load = bench.part("load", gt.mechanics.FrameLoad())
+    >>> bench.add(gt.connect(ground.frame, arm.a), gt.connect(arm.b, load.frame))
+    >>> f = bench.causal(known=["load.force", "load.torque"], targets=["arm.b.r", "ground.frame.t"])
+    >>> r, torque, status = f([0.0, 0.0, -10.0], np.zeros(3))
+    >>> print(r, torque + 0.0)
+    [0.5 0.  0. ] [0. 5. 0.]
+    """
+
+    d = gt.parameter(shape=3, unit="m", description="from a to b, coordinates of a")
+    a = gt.port(Frame)
+    b = gt.port(Frame)
+
+    def equations(self):
+        yield from rigid(self.a, self.b, self.d)
+
+
+class PointOnFrame(gt.Model):
+    """A point fixed to a frame at d [m], frame coordinates: the centre of a spherical joint.
+
+    From a Frame to a PointFrame and back: forces pass, orientation and torques do not.
+
+    A load of 10 N downwards at a corner, and the torque that the ground feels about its origin:
+
+    >>> bench = gt.Builder("bench")
+    >>> ground = bench.part("ground", gt.mechanics.Ground())
+    >>> corner = bench.part("corner", gt.mechanics.PointOnFrame(d=[0.3, 0.2, 0.0]))
+    >>> load = bench.part("load", gt.mechanics.PointLoad())
+    >>> bench.add(gt.connect(ground.frame, corner.frame), gt.connect(corner.point, load.frame))
+    >>> f = bench.causal(known="load.force", targets=["corner.point.r", "ground.frame.t"])
+    >>> r, torque, status = f([0.0, 0.0, -10.0])
+    >>> print(r, torque + 0.0)
+    [0.3 0.2 0. ] [-2.  3.  0.]
+    """
+
+    d = gt.parameter([0.0, 0.0, 0.0], unit="m", description="from the frame's origin to the point, frame coordinates")
+    frame = gt.port(Frame)
+    point = gt.port(PointFrame)
+
+    def equations(self):
+        d = self.frame.R @ self.d
+        yield self.point.r == self.frame.r + d
+        yield self.frame.f + self.point.f == 0
+        yield self.frame.t + gt.cross(d, self.point.f) == 0
+
 
 X, Y, Z = np.eye(3)
 

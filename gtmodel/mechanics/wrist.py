@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from .. import lang as gt
 from .bodies import RigidBody
-from .fixed import FixedTranslation
+from .drives import TorqueMotor
 from .frames import Frame
 from .friction_rotational import RotationalTanhFriction
 from .joints import Revolute
-from .motor import TorqueMotor
+from .placements import FixedTranslation
 
 
 class WristAxis(gt.Model):

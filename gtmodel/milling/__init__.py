@@ -23,7 +23,21 @@ from typing import TYPE_CHECKING
 from .._lazy import public
 
 if TYPE_CHECKING:
-    from .angle_table import AngleTable as AngleTable
+    from .angle_search import (
+        Findings as Findings,
+        NearMode as NearMode,
+        choices as choices,
+        frequency_sensitivity as frequency_sensitivity,
+        guideline as guideline,
+        nearest_mode as nearest_mode,
+    )
+    from .chatter import (
+        Lobes as Lobes,
+        ModeCoupling as ModeCoupling,
+        critical_depth as critical_depth,
+        mode_coupling as mode_coupling,
+        stability_lobes as stability_lobes,
+    )
     from .compensation import (
         Compensation as Compensation,
         compensate as compensate,
@@ -48,54 +62,43 @@ if TYPE_CHECKING:
         Deflection as Deflection,
         cutting_force as cutting_force,
         deflections as deflections,
+        responses as responses,
         static_index as static_index,
+        steady_state as steady_state,
     )
-    from .directional import mean_directional_matrix as mean_directional_matrix
     from .forces import (
+        at_angles as at_angles,
+        force_spectrum as force_spectrum,
         forces as forces,
         integrated_forces as integrated_forces,
+        mean_directional_matrix as mean_directional_matrix,
         mean_forces as mean_forces,
         peak_force as peak_force,
         to_world as to_world,
     )
-    from .guideline import (
-        Findings as Findings,
-        NearMode as NearMode,
-        choices as choices,
-        frequency_sensitivity as frequency_sensitivity,
-        guideline as guideline,
-        nearest_mode as nearest_mode,
-    )
-    from .lobes import Lobes as Lobes, stability_lobes as stability_lobes
-    from .milling_result import MillingStudy as MillingStudy
     from .milling_study import study as study
-    from .mode_coupling import (
-        ModeCoupling as ModeCoupling,
-        critical_depth as critical_depth,
-        mode_coupling as mode_coupling,
-    )
     from .options import (
         MillingSearch as MillingSearch,
+        MillingStudy as MillingStudy,
         MillingTool as MillingTool,
         Modal as Modal,
         PathOffset as PathOffset,
     )
     from .oscillators import Oscillators as Oscillators, missing_z as missing_z
-    from .redundant_angle import (
+    from .pose_dynamics import (
         ANGLES as ANGLES,
         AngleSweep as AngleSweep,
+        AngleTable as AngleTable,
         angle_sweep as angle_sweep,
         tool_rotations as tool_rotations,
     )
-    from .refine import Refined as Refined, Start as Start, refine as refine
-    from .response import responses as responses, steady_state as steady_state
     from .smooth import smooth_force_function as smooth_force_function
-    from .spectrum import at_angles as at_angles, force_spectrum as force_spectrum
     from .stability import (
         certain_depth as certain_depth,
         proven_depth as proven_depth,
         spectral_radius as spectral_radius,
         stable_depth as stable_depth,
     )
+    from .task import Refined as Refined, Start as Start, refine as refine
 
 public(__name__)

@@ -1,19 +1,199 @@
-"""The search of a milling study: angles, refinement, places, feeds and speeds, and what to do."""
+"""The search of a milling study over angles, places, feeds and speeds, and what to do, in words."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..results import ArgumentError, Work
 from ..vibration import OscillatorField
 from .deflection import Deflection
-from .guideline import Findings, choices, frequency_sensitivity, guideline
 from .oscillators import Oscillators
-from .refine import Refined
-from .task import MillingPlace, MillingTask, deflections_of, place_of, refined
+from .task import MillingPlace, MillingTask, Refined, deflections_of, place_of, refined
+
+HARMONICS = 5  # of the tooth frequency that are compared with the modes
+MATTERS = 1.2  # from this ratio of deflections on the choice of model is worth a word
+NEAR_HZ = 5.0  # a mode nearer than this to a tooth harmonic decides the deflection
+
+
+@dataclass(frozen=True)
+class NearMode:
+    """The natural mode nearest to a harmonic of the tooth frequency, by the distance relative to the mode.
+
+    axis: 0 to 2 for x to z. mode, tooth_frequency, distance [Hz]; the distance is positive for a harmonic above the
+    mode.
+    """
+
+    axis: int
+    mode: float
+    harmonic: int
+    tooth_frequency: float
+
+    @property
+    def distance(self) -> float:
+        """Frequency of the harmonic minus that of the mode [Hz]."""
+        return self.harmonic * self.tooth_frequency - self.mode
+
+    @property
+    def message(self) -> str:
+        """Harmonic, distance and mode in words."""
+        named = "the tooth frequency" if self.harmonic == 1 else f"{self.harmonic} times the tooth frequency"
+        side = "above" if self.distance >= 0 else "below"
+        return (f"{named}, {self.harmonic * self.tooth_frequency:.4g} Hz, is {abs(self.distance):.3g} Hz {side} the "
+                f"mode along {'xyz'[self.axis]} at {self.mode:.3g} Hz")  # fmt: skip
+
+
+def nearest_mode(oscillators: Oscillators, tooth_frequency: float, harmonics: int = HARMONICS) -> NearMode:
+    """The natural mode of the first pose that is nearest to one of the harmonics 1 to `harmonics` of the tooth
+    frequency [Hz].
+
+    >>> robot = gt.milling.Oscillators.with_damping_ratio(m=[350, 350, 250], k=[2e6, 1.5e6, 3e6], zeta=[0.03] * 3)
+    >>> print(gt.milling.nearest_mode(robot, tooth_frequency=5.0).message)
+    2 times the tooth frequency, 10 Hz, is 0.419 Hz below the mode along y at 10.4 Hz
+    """
+    f = oscillators.frequency[0]
+    order = np.arange(1, harmonics + 1)
+    gap = np.abs(order[:, None] * tooth_frequency - f) / f
+    h, axis = np.unravel_index(np.argmin(gap), gap.shape)
+    return NearMode(int(axis), float(f[axis]), int(order[h]), tooth_frequency)
+
+
+def frequency_sensitivity(
+    oscillators: Oscillators, index: Callable[[Oscillators], np.ndarray], hertz: float = 1.0
+) -> tuple[np.ndarray, np.ndarray]:
+    """Relative change (n,) of an index of the poses where all natural frequencies are `hertz` lower, and higher.
+
+    >>> from gtmodel.milling import CuttingCoefficients, Cut, Cutter
+    >>> cutter = Cutter(0.02, 2, CuttingCoefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
+    >>> cut = Cut("climb", radial_depth=0.006, axial_depth=0.002, feed_per_tooth=1e-4)
+    >>> robot = gt.milling.Oscillators.with_damping_ratio(m=[350, 350, 250], k=[2e6, 1.5e6, 3e6], zeta=[0.03] * 3)
+    >>> def index(robot):
+    ...     return gt.milling.deflections(robot, cutter, cut, speed=6.5, feed=[1.0, 0.0, 0.0]).peak
+    >>> lower, higher = gt.milling.frequency_sensitivity(robot, index)
+    >>> lower.round(1), higher.round(1)
+    (array([-0.2]), array([0.6]))
+    """
+    now = index(oscillators)
+    return index(oscillators.shifted(-hertz)) / now - 1, index(oscillators.shifted(hertz)) / now - 1
+
+
+@dataclass(frozen=True, eq=False)
+class Findings:
+    """What a search found at the given speed.
+
+    angles (n,) [rad]; static, dynamic (n,) [m]: the indices at these angles, NaN where there is none. at_static,
+    at_dynamic: oscillators of the static and of the dynamic choice. speed [1/s] and teeth: as given. change,
+    change_static: relative change of the index of the dynamic and of the static choice with all modes 1 Hz lower and
+    higher. speeds [1/s]: all that were tried, the given one among them; best_by_speed, static_by_speed [m]: at each of
+    them the best index and that of the static choice. static_row: the row that a static model chose elsewhere.
+    """
+
+    angles: np.ndarray
+    static: np.ndarray
+    dynamic: np.ndarray
+    at_static: Oscillators
+    at_dynamic: Oscillators
+    speed: float
+    teeth: int
+    change: tuple[float, float]
+    change_static: tuple[float, float]
+    speeds: np.ndarray
+    best_by_speed: np.ndarray
+    static_by_speed: np.ndarray
+    static_row: int | None = None
+
+    @property
+    def choices(self) -> tuple[int, int]:
+        """Rows of the static choice (`static_row` where it is given) and of the least dynamic index."""
+        static, dynamic = choices(self.static, self.dynamic)
+        return static if self.static_row is None else self.static_row, dynamic
+
+    @property
+    def ratio(self) -> float:
+        """Dynamic index of the static choice over that of the dynamic choice."""
+        s, d = self.choices
+        return float(self.dynamic[s] / self.dynamic[d])
+
+
+def choices(static: ArrayLike, dynamic: ArrayLike) -> tuple[int, int]:
+    """Rows of the least static and of the least dynamic index where both are known. Raises ValueError where none is.
+
+    >>> gt.milling.choices(static=[3e-3, 1e-3, 2e-3, np.nan], dynamic=[2e-4, 3e-4, np.nan, 1e-4])
+    (1, 0)
+    """
+    static, dynamic = np.asarray(static, float), np.asarray(dynamic, float)
+    both = np.isfinite(static) & np.isfinite(dynamic)
+    if not both.any():
+        raise ValueError("no angle is both reachable and covered by the dynamic model")
+    return int(np.argmin(np.where(both, static, np.inf))), int(np.argmin(np.where(both, dynamic, np.inf)))
+
+
+def guideline(f: Findings) -> list[str]:
+    """What to do, a sentence each: which model to use, how far the teeth are from a mode at both choices, how sensitive
+    the deflection is to the natural frequencies, what another speed would gain.
+
+    >>> robot = gt.milling.Oscillators.with_damping_ratio(m=[350, 350, 250], k=[2e6, 1.5e6, 3e6], zeta=[0.03] * 3)
+    >>> findings = gt.milling.Findings(
+    ...     angles=np.radians([50.0, 110.0]), static=np.array([2e-3, 1e-3]), dynamic=np.array([1e-4, 3e-4]),
+    ...     at_static=robot, at_dynamic=robot, speed=30.0, teeth=2, change=(0.1, -0.04), change_static=(0.3, 0.2),
+    ...     speeds=np.array([30.0]), best_by_speed=np.array([1e-4]), static_by_speed=np.array([3e-4]),
+    ... )
+    >>> print(gt.milling.guideline(findings)[0])
+    use the dynamic model: at 60 Hz its angle 50 deg deflects 0.1 mm, that of the static model, 110 deg, 0.3 mm, 3.00
+    times as much
+    """
+    s, d = f.choices
+    tooth = f.speed * f.teeth
+    a_s, a_d = np.rad2deg(f.angles[[s, d]])
+    x_s, x_d = 1e3 * f.dynamic[[s, d]]
+    if f.ratio > MATTERS:
+        model = (f"use the dynamic model: at {tooth:.4g} Hz its angle {a_d:.4g} deg deflects {x_d:.3g} mm, that of the "
+                 f"static model, {a_s:.4g} deg, {x_s:.3g} mm, {f.ratio:.2f} times as much")  # fmt: skip
+    else:
+        model = (f"the static model will do: at {tooth:.4g} Hz its angle {a_s:.4g} deg deflects {x_s:.3g} mm, the best "
+                 f"of the dynamic model, {a_d:.4g} deg, {x_d:.3g} mm")  # fmt: skip
+    near_s, near_d = nearest_mode(f.at_static, tooth), nearest_mode(f.at_dynamic, tooth)
+    said = [
+        model,
+        f"at the static choice {near_s.message}",
+        f"at the dynamic choice {near_d.message}",
+        f"modes 1 Hz lower or higher than modelled change the deflection by {_signed(f.change_static)} at the static "
+        f"choice, by {_signed(f.change)} at the dynamic one",
+    ]
+    if min(_hertz_apart(f.at_static, tooth), _hertz_apart(f.at_dynamic, tooth)) < NEAR_HZ:
+        said.append(f"a mode less than {NEAR_HZ:g} Hz from the teeth decides everything: measure it in the chosen pose")
+    said.append(_speed(f, x_d))
+    if len(f.speeds) > 1:
+        best = int(np.argmin(f.static_by_speed))
+        said.append(f"the static choice deflects least, {1e3 * f.static_by_speed[best]:.3g} mm, at "
+                    f"{60 * f.speeds[best]:.4g} rpm")  # fmt: skip
+    return said
+
+
+def _hertz_apart(oscillators: Oscillators, tooth_frequency: float) -> float:
+    """Least distance [Hz] of a mode of the first pose from a harmonic: not that of the relatively nearest one."""
+    order = np.arange(1, HARMONICS + 1)
+    return float(np.abs(order[:, None] * tooth_frequency - oscillators.frequency[0]).min())
+
+
+def _signed(change: tuple[float, float]) -> str:
+    return " or ".join(f"{100 * x:+.0f} %" for x in change)
+
+
+def _speed(f: Findings, now: float) -> str:
+    """What another speed would gain."""
+    if len(f.speeds) < 2:
+        return "no other speed was tried"
+    best = int(np.argmin(f.best_by_speed))
+    there = 1e3 * f.best_by_speed[best]
+    if np.isclose(f.speeds[best], f.speed) or there >= now:
+        return f"of {len(f.speeds)} speeds none deflects less than the given {60 * f.speed:.4g} rpm"
+    return (f"at {60 * f.speeds[best]:.4g} rpm ({f.teeth * f.speeds[best]:.4g} Hz) the best angle deflects "
+            f"{there:.3g} mm in place of {now:.3g} mm: the speed gains {100 * (1 - there / now):.0f} %")  # fmt: skip
 
 
 @dataclass

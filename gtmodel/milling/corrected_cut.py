@@ -18,9 +18,9 @@ from ..linear.state_space import held, second_order
 from ..results import ArgumentError
 from ..simulation.hybrid.clock import exact
 from .cutter import Cut, Cutter, tooth_frequency
-from .directional import plane
+from .forces import plane
 from .oscillators import Oscillators
-from .semi_discretisation import mean_matrices
+from .stability import mean_matrices
 
 STEPS = 20  # of a cycle
 MOST_STEPS = 40_000  # until tooth and cycle meet again

@@ -16,8 +16,7 @@ from numpy.polynomial import Polynomial
 from numpy.polynomial.legendre import leggauss
 
 from .cutter import Cutter, immersion, tooth_frequency
-from .directional import directional_antiderivative, directional_matrix
-from .forces import STRAIGHT
+from .forces import STRAIGHT, directional_antiderivative, directional_matrix
 from .oscillators import Oscillators
 
 NODES = 8  # of each element

@@ -1,11 +1,13 @@
-"""Mechanistic milling forces, Cvitanic 2021, eqs. (12)-(17): summed over discs, and in closed form over the helix."""
+"""Mechanistic milling forces, Cvitanic 2021, eqs. (12)-(17), in discs and in closed form, their Fourier coefficients,
+and how a displaced tool changes them."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .cutter import Cut, Cutter, Teeth, teeth_in_cut
+from .cutter import Cut, Cutter, Teeth, immersion, teeth_in_cut
+from .oscillators import Oscillators
 
 DISCS = 100
 # below this lag [rad] differences of the antiderivative lose more digits than the midpoint of the helix costs
@@ -196,3 +198,113 @@ def _second_primitives(a: np.ndarray) -> np.ndarray:
     """(n, 5) antiderivatives of `_primitives`."""
     double = np.sin(2 * a) / 8
     return np.stack([a * a / 2, -np.sin(a), -np.cos(a), a * a / 4 + np.cos(2 * a) / 8, a / 4 - double], axis=-1)
+
+
+def directional_matrix(cutter: Cutter, phi: ArrayLike, start: float, end: float) -> np.ndarray:
+    """D (n, 2, 2) [N/m2] of one tooth at angles phi (n,) [rad]: force in feed and transverse direction per depth of
+    cut and displacement (x - x before), x the tool's displacement in the same directions."""
+    phi = np.asarray(phi, float).ravel() % (2 * np.pi)
+    s, c, k = np.sin(phi), np.cos(phi), cutter.coefficients
+    push = np.stack([-(k.K_tc * c + k.K_rc * s), k.K_tc * s - k.K_rc * c], axis=-1)
+    cuts = (phi >= start) & (phi <= end)
+    return np.where(cuts[:, None, None], push[:, :, None] * np.stack([s, c], axis=-1)[:, None, :], 0.0)
+
+
+def directional_antiderivative(cutter: Cutter, angle: np.ndarray, span: tuple[float, float]) -> np.ndarray:
+    """(n, 2, 2) integral of `directional_matrix` over a tooth's angles (n,) [rad], whole turns included [N.rad/m2]."""
+    turns = np.floor(angle / (2 * np.pi))
+    inside = np.clip(angle - 2 * np.pi * turns, *span)
+    ends = _integral(cutter, np.array(span))
+    return _integral(cutter, inside) - ends[0] + turns[:, None, None] * (ends[1] - ends[0])
+
+
+def mean_directional_matrix(cutter: Cutter, mode: str, radial_depth: float) -> np.ndarray:
+    """Directional matrix D (2, 2) [N/m2] averaged over a turn, all teeth together, in closed form (Altintas and Budak
+    1995).
+
+    D times axial depth times displacement of the tool is the change of the force, both in feed and transverse
+    direction.
+
+    >>> from gtmodel.milling import CuttingCoefficients, Cutter
+    >>> cutter = Cutter(0.02, 2, CuttingCoefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
+    >>> gt.milling.mean_directional_matrix(cutter, "climb", radial_depth=0.006).round(-6) / 1e6  # [N/mm2]
+    array([[  82., -178.],
+           [ 154., -193.]])
+    """
+    start, end = immersion(mode, radial_depth, cutter.diameter)
+    at = _integral(cutter, np.array([start, end]))
+    return cutter.teeth / (2 * np.pi) * (at[1] - at[0])
+
+
+def plane(feed: ArrayLike, up: ArrayLike = (0.0, 0.0, 1.0)) -> np.ndarray:
+    """(2, 3) feed and transverse direction, world coordinates."""
+    return to_world(np.eye(3)[:2], feed, up)
+
+
+def receptance_in_plane(oscillators: Oscillators, omega: ArrayLike, P: np.ndarray) -> np.ndarray:
+    """(w, 2, 2) [m/N] of one pose in feed and transverse direction."""
+    H = oscillators.receptance(omega)[0]
+    return np.einsum("ij,wj,kj->wik", P, H, P)
+
+
+def _integral(cutter: Cutter, a: np.ndarray) -> np.ndarray:
+    """(n, 2, 2) antiderivative of the matrix at angles (n,) within the cut."""
+    k, double = cutter.coefficients, np.sin(2 * a) / 4
+    ss, cc, sc = a / 2 - double, a / 2 + double, np.sin(a) ** 2 / 2
+    D = [[-(k.K_tc * sc + k.K_rc * ss), -(k.K_tc * cc + k.K_rc * sc)],
+         [k.K_tc * ss - k.K_rc * sc, k.K_tc * sc - k.K_rc * cc]]  # fmt: skip
+    return np.moveaxis(np.array(D), -1, 0)
+
+
+# weights of exp(j p phi), p = -2..2, in 1, sin, cos, sin^2, sin cos
+_EXPONENTIALS = np.array(
+    [[0, 0, 1, 0, 0], [0, 0.5j, 0, -0.5j, 0], [0, 0.5, 0, 0.5, 0], [-0.25, 0, 0.5, 0, -0.25],
+     [0.25j, 0, 0, 0, -0.25j]]
+)  # fmt: skip
+
+
+def force_spectrum(cutter: Cutter, cut: Cut, harmonics: int = 200) -> np.ndarray:
+    """Fourier coefficients (harmonics + 1, 3) [N], complex: F(phi) = Re(F_0 + 2 sum F_n exp(j n phi)).
+
+    The directions are feed, transverse and axial; n counts harmonics of the spindle.
+
+    With evenly spaced teeth and no runout only multiples of the number of teeth are not zero. F_0 is the mean force.
+    Raises ValueError for a negative number of harmonics.
+
+    >>> from gtmodel.milling import CuttingCoefficients, Cut, Cutter
+    >>> cutter = Cutter(0.02, 2, CuttingCoefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
+    >>> cut = Cut("climb", radial_depth=0.006, axial_depth=0.002, feed_per_tooth=1e-4)
+    >>> F = gt.milling.force_spectrum(cutter, cut, harmonics=4)
+    >>> np.abs(F[:, 1]).round(1)  # [N], transverse; two teeth: even harmonics of the spindle only
+    array([37.1,  0. , 31.7,  0. , 19.5])
+    """
+    if harmonics < 0:
+        raise ValueError(f"found {harmonics} harmonics; expected none or more")
+    n = np.arange(harmonics + 1)
+    teeth, lag = teeth_in_cut(cutter, cut), cutter.lag(cut.axial_depth)
+    # the mean of exp(-j n z tan(beta)/R) over the depth
+    helix = cut.axial_depth * np.exp(-0.5j * n * lag) * np.sinc(n * lag / (2 * np.pi))
+    spectrum = np.zeros((harmonics + 1, 3), complex)
+    for i, angle in enumerate(teeth.angle):
+        order = np.arange(-2, 3)[None, :] - n[:, None]
+        middle, width = (teeth.start[i] + teeth.end[i]) / 2, teeth.end[i] - teeth.start[i]
+        integral = width * np.exp(1j * order * middle) * np.sinc(order * width / (2 * np.pi))
+        terms = _EXPONENTIALS.T @ tooth_terms(cutter, teeth, i)
+        spectrum += (helix * np.exp(1j * n * angle))[:, None] * (integral @ terms) / (2 * np.pi)
+    return spectrum
+
+
+def at_angles(spectrum: np.ndarray, phi: np.ndarray) -> np.ndarray:
+    """Forces (n, 3) [N] of a truncated Fourier series, as `force_spectrum` gives it, at spindle angles phi (n,) [rad].
+
+    >>> from gtmodel.milling import CuttingCoefficients, Cut, Cutter
+    >>> cutter = Cutter(0.02, 2, CuttingCoefficients(K_te=6e3, K_tc=9e8, K_re=7e3, K_rc=3e8))  # diameter [m], teeth
+    >>> cut = Cut("climb", radial_depth=0.006, axial_depth=0.002, feed_per_tooth=1e-4)
+    >>> phi = np.radians([150.0])
+    >>> series = gt.milling.at_angles(gt.milling.force_spectrum(cutter, cut, 200), phi)
+    >>> np.abs(series - gt.milling.integrated_forces(cutter, cut, phi)).max() < 1.0  # [N]
+    np.True_
+    """
+    n = np.arange(len(spectrum))
+    waves = np.exp(1j * np.outer(phi, n)) * np.where(n, 2, 1)
+    return np.real(waves @ spectrum)

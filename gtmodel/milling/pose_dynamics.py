@@ -1,22 +1,209 @@
-"""Where the dynamics of a pose come from: measured angles, joint stiffness, or a field over the poses."""
+"""Where the dynamics of a pose come from, measured angles, joint stiffness or a field of oscillators, and the
+redundant angle about the spindle axis."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+import casadi as ca
 import numpy as np
+import scipy
+from numpy.typing import ArrayLike
 
+from ..geometry.rotations import rotation_by
+from ..kinematics.wrist_partition import WristPartition
 from ..results import ArgumentError
 from ..results.refusal import naming
 from ..vibration import OscillatorField
-from .angle_table import AngleTable
 from .options import Modal
 from .oscillators import Oscillators
-from .redundant_angle import runs_of
+
+ANGLES = np.deg2rad(np.arange(-180.0, 181.0))  # 361, one degree apart
+
+
+@dataclass(frozen=True, eq=False)
+class AngleSweep:
+    """All ways in which an arm can hold the tool at one place, over the angle about the spindle.
+
+    angles (n,) [rad]. q (s, 6) [rad]: solutions; solution i belongs to angle number row[i] and branch branch[i], and at
+    each angle a branch has one solution at most. in_reach (n,): whether the geometry allows the angle, though joint
+    limits may not.
+    """
+
+    angles: np.ndarray
+    q: np.ndarray
+    row: np.ndarray
+    branch: np.ndarray
+    in_reach: np.ndarray
+
+    @property
+    def reachable(self) -> np.ndarray:
+        """(n,) whether some branch holds the angle within its joint limits."""
+        reachable = np.zeros(len(self.angles), bool)
+        reachable[self.row] = True
+        return reachable
+
+    def least(self, value: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
+        """By angle (n,): the least of values (s,) of its solutions and the number of that solution; NaN, -1: none."""
+        value = np.asarray(value, float)
+        best, which = np.full(len(self.angles), np.nan), np.full(len(self.angles), -1)
+        order = np.lexsort((value, self.row))
+        first = order[np.unique(self.row[order], return_index=True)[1]]
+        best[self.row[first]], which[self.row[first]] = value[first], first
+        return best, which
+
+
+def runs_of(there: np.ndarray) -> np.ndarray:
+    """First and last row (n, 2) of each run of rows that are `there`."""
+    edges = np.diff(np.concatenate([[0], there, [0]]).astype(int))
+    return np.column_stack([np.flatnonzero(edges > 0), np.flatnonzero(edges < 0) - 1])
+
+
+def tool_rotations(angles: ArrayLike, axis: ArrayLike, spindle: ArrayLike, zero: float = 0.0) -> np.ndarray:
+    """Flange orientations (n, 3, 3) that point the spindle along `axis` (3), world, turned about it by angles (n,)
+    [rad].
+
+    spindle (3): from spindle to tip, flange coordinates. The angle turns about -axis, as about the vertical for a
+    tool that points down. At the turn 0 the part of the flange's z axis (of its x axis where the spindle lies along
+    z) across the spindle points towards world x (y where the tool lies along x); at angle 0 the turn is `zero` [rad].
+    The thesis does not print its own. Raises ValueError for a direction without length.
+
+    >>> R = gt.milling.tool_rotations(np.radians([0.0, 90.0]), axis=[0.0, 0.0, -1.0], spindle=[0.0, 0.0, 1.0])
+    >>> R[0].round(6) + 0.0
+    array([[ 1.,  0.,  0.],
+           [ 0., -1.,  0.],
+           [ 0.,  0., -1.]])
+    """
+    frame_world, frame_flange = _frame(axis, (1, 0, 0), (0, 1, 0)), _frame(spindle, (0, 0, 1), (1, 0, 0))
+    start = frame_world @ frame_flange.T
+    turns = (np.asarray(angles, float).reshape(-1, 1) + zero) * -frame_world[:, 0]
+    return rotation_by(turns) @ start
+
+
+def angle_sweep(
+    arm: WristPartition, limits: ArrayLike, place: ArrayLike, *, axis: ArrayLike = (0.0, 0.0, -1.0),
+    tool: ArrayLike = (0.0, 0.0, 0.0), spindle: ArrayLike = (0.0, 0.0, 1.0), angles: ArrayLike = ANGLES,
+    zero: float = 0.0,
+) -> AngleSweep:  # fmt: skip
+    """Joint angles that hold the tool centre point at `place` (3) [m] over the angles (n,) [rad]: all branches within
+    limits.
+
+    limits (6, 2) [rad]; tool (3) [m]: tool centre point in flange coordinates; axis, spindle, zero: see
+    `tool_rotations`.
+    Of a branch's whole turns the one farthest from its limits is kept. Raises ValueError for wrong shapes.
+
+    >>> robot = gt.robots.kr500()
+    >>> arm = gt.kinematics.WristPartition.of(robot.origins, robot.axes)
+    >>> sweep = gt.milling.angle_sweep(arm, robot.joint_limits, place=[1.2, 0.0, 0.3], angles=[0.0, 1.5, 3.0])
+    >>> sweep.reachable, sweep.q.shape
+    (array([ True,  True,  True]), (6, 6))
+    """
+    angles = np.asarray(angles, float).ravel()
+    low, high = np.asarray(limits, float).reshape(6, 2).T
+    R = tool_rotations(angles, axis, spindle, zero)
+    solutions = arm.inverse(np.asarray(place, float) - R @ np.asarray(tool, float), R)
+    q, row, branch = [], [], []
+    for n in range(len(angles)):
+        turns, branches = solutions.within(limits, n)
+        margin = np.minimum(turns - low, high - turns).min(axis=1)
+        for b in np.unique(branches):
+            mine = np.flatnonzero(branches == b)
+            q.append(turns[mine[np.argmax(margin[mine])]])
+            row.append(n)
+            branch.append(b)
+    in_reach = np.any(np.isfinite(solutions.q).all(axis=2), axis=1)
+    return AngleSweep(angles, np.array(q).reshape(-1, 6), np.array(row, int), np.array(branch, int), in_reach)
+
+
+def _frame(first: ArrayLike, second: tuple[int, int, int], instead: tuple[int, int, int]) -> np.ndarray:
+    """Columns: `first`, then the part of `second` across it (`instead` where they are parallel), then the third."""
+    x = np.asarray(first, float)
+    length = np.linalg.norm(x)
+    if x.shape != (3,) or not length > 0:
+        raise ValueError(f"the direction {x.tolist()} has no length; expected three numbers, not all zero")
+    x = x / length
+    y = np.asarray(second if np.linalg.norm(np.cross(x, second)) > 1e-6 else instead, float)
+    y = y - (x @ y) * x
+    y /= np.linalg.norm(y)
+    return np.column_stack([x, y, np.cross(x, y)])
+
+
+ROUNDING = 1e-9  # rad, of an angle given in degrees
+
+
+class AngleTable:
+    """Oscillators that are known at angles (n,) [rad]; between these, monotone cubics through log m, log c and log k.
+
+    Angles are the same after whole turns. Beyond the first and last angle nothing is known. Raises ValueError for fewer
+    than two angles or unequal numbers.
+
+    >>> robots = gt.milling.Oscillators.with_damping_ratio([[350] * 3] * 2, [[2e6] * 3, [1.5e6] * 3], [[0.03] * 3] * 2)
+    >>> table = gt.milling.AngleTable(np.radians([0.0, 60.0]), robots)
+    >>> table.at(np.radians(30.0)).k.round(-3)
+    array([[1732000., 1732000., 1732000.]])
+    >>> table.covers(np.radians([30.0, 90.0]))
+    array([ True, False])
+    """
+
+    def __init__(self, angles: ArrayLike, oscillators: Oscillators) -> None:
+        angles = np.asarray(angles, float).ravel()
+        if len(angles) != len(oscillators) or len(angles) < 2:
+            raise ValueError(
+                f"found {len(angles)} angles for {len(oscillators)} oscillators; expected two or more each"
+            )
+        order = np.argsort(angles)
+        if np.any(np.diff(angles[order]) <= 0):
+            raise ValueError("the same angle stands twice; expected different angles")
+        if angles[order[-1]] - angles[order[0]] > 2 * np.pi + ROUNDING:
+            low, high = np.rad2deg(angles[order[[0, -1]]])
+            raise ValueError(f"the angles run from {low:g} to {high:g} deg; expected one turn of 360 deg at most")
+        self.angles = angles[order]
+        o = oscillators[order]
+        self._curve = scipy.interpolate.PchipInterpolator(
+            self.angles, np.log(np.hstack([o.m, o.c, o.k])), extrapolate=False
+        )
+
+    def covers(self, angles: ArrayLike) -> np.ndarray:
+        """(n,) whether these angles [rad] lie within the table."""
+        return self.turned(angles) <= self.angles[-1] + ROUNDING
+
+    def turned(self, angles: ArrayLike) -> np.ndarray:
+        """The same angles (n,) [rad], by whole turns, from the first of the table to one turn beyond it."""
+        a, first = np.asarray(angles, float).ravel(), self.angles[0] - ROUNDING
+        return np.where(self._within(a), a, first + (a - first) % (2 * np.pi))
+
+    def _within(self, a: np.ndarray) -> np.ndarray:
+        """(n,) whether angles [rad] lie within the table as they are."""
+        return (a >= self.angles[0] - ROUNDING) & (a <= self.angles[-1] + ROUNDING)
+
+    def at(self, angles: ArrayLike) -> Oscillators:
+        """The oscillators at angles (n,) [rad]. Raises ValueError beyond the table."""
+        a = np.asarray(angles, float).ravel()
+        if not np.all(self.covers(a)):
+            worst = a[~self.covers(a)][0]
+            low, high = np.rad2deg(self.angles[[0, -1]])
+            raise ValueError(f"the angle {np.rad2deg(worst):g} deg is outside the table, {low:g} to {high:g} deg")
+        values = np.exp(self._curve(np.clip(self.turned(a), *self.angles[[0, -1]])))
+        return Oscillators(values[:, :3], values[:, 3:6], values[:, 6:])
+
+    def casadi_function(self) -> Any:
+        """The same curve as a CasADi function A [rad] -> m, c, k (3 each); beyond its ends the last cubics continue."""
+        A = ca.SX.sym("A")
+        pieces = []
+        for i, knot in enumerate(self.angles[:-1]):
+            d = A - knot
+            c = self._curve.c[:, i, :]
+            pieces.append(((ca.DM(c[0]) * d + ca.DM(c[1])) * d + ca.DM(c[2])) * d + ca.DM(c[3]))
+        value = pieces[0]
+        for knot, piece in zip(self.angles[1:-1], pieces[1:], strict=True):
+            value = ca.if_else(A < knot, value, piece)
+        p = ca.exp(value)
+        return ca.Function("oscillators", [A], [p[:3], p[3:6], p[6:]], ["A"], ["m", "c", "k"])
+
 
 NEIGHBOURS = 3  # of a grid angle on either side through which a local table is laid
-ROUNDING = 1e-9  # rad, of an angle of the grid
 
 
 class Dynamics(NamedTuple):
@@ -93,8 +280,6 @@ def _of_modal(mass: list[float], zeta: list[float]) -> Callable[..., Dynamics]:
 
 
 def _of_field(field: OscillatorField) -> Callable[..., Dynamics]:
-    import casadi as ca
-
     def dynamics(angles, reachable, compliance, branch, place) -> Dynamics:
         def at(angle: Any) -> Oscillators:
             a = np.atleast_1d(angle)

@@ -14,8 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from .._version import __version__
-from ..compiler.library_cache import CompilerMissing, cache_folder
-from ..compiler.toolchain import exposed
+from ..compiler.toolchain import CompilerMissing, cache_folder, exposed
 from .syntax import ClassText, Source
 from .trees import packed, unpacked
 

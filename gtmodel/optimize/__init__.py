@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from .._lazy import public
 
 if TYPE_CHECKING:
-    from ..compiler.library_cache import CompilerMissing as CompilerMissing
+    from ..compiler.toolchain import CompilerMissing as CompilerMissing
     from .control import Blocks as Blocks
     from .estimate import Estimate as Estimate, estimate as estimate
     from .events.phases_of_events import EventPhases as EventPhases, phases_of_events as phases_of_events

@@ -8,8 +8,7 @@ from pathlib import Path
 
 import casadi as ca
 
-from ..compiler.library_cache import FLAGS, SHOWN, CompilerMissing, build, place, whole
-from ..compiler.toolchain import find
+from ..compiler.toolchain import FLAGS, SHOWN, CompilerMissing, build, find, place, whole
 
 
 def compiled(functions: Sequence[ca.Function]) -> tuple[list[ca.Function], float]:

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 import casadi as ca
 import numpy as np
 
-from ..compiler.analysis.continuous import differentiated, names_of
+from ..compiler.analysis.switching import differentiated, names_of
 from ..compiler.matrices import nonzeros, stacked
 from ..lang.expression import Expr
 from ..lang.scope import Scope

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import casadi as ca
 
 from ..compiler.rewriting import of_expression
-from ..compiler.tape.expressions import written
+from ..compiler.tape.function import written
 from ..compiler.tape.operations import Tape
 
 Terms = dict[tuple[int, ...], int]  # product of variables, by their numbers in increasing order -> its coefficient

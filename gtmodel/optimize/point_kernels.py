@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import casadi as ca
 import numpy as np
 
-from ..compiler.columns.batch import mapped
+from ..compiler.columns.kernel import mapped
 from ..compiler.matrices import SparseMatrix, nonzeros, stacked, stacked_rows
 from ..compiler.tape.elimination import Entries, gradient, hessian, jacobian
 from ..compiler.tape.function import TapeFunction

@@ -7,7 +7,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from ..compiler.library_cache import CompilerMissing
+from ..compiler.toolchain import CompilerMissing
 from ..lang import ModelError, Optimization
 from ..results import ArgumentError, Trajectory, Work
 from ..results.door import study_function

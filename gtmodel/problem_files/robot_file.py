@@ -11,9 +11,9 @@ from pydantic import Field, PositiveFloat
 
 from gtmodel.geometry.quaternions import quaternion_of, zyz_quaternion
 from gtmodel.lang import ModelError
-from gtmodel.robots import clusters, f1_geometry
+from gtmodel.robots import f1_geometry, links
 from gtmodel.robots.plausible_lengths import implausible_arm, implausible_length
-from gtmodel.robots.serial.bodies import moments
+from gtmodel.robots.serial.structure import moments
 
 from .._near import near
 from .base import FileSection, InputError
@@ -104,10 +104,8 @@ class _SixLinks(_Robot):
         return {"m_a": self.m_a_kg, "c_p": self.c_p_m, "I_p": self.I_p_kg_m2}
 
     def modifiers(self) -> dict[str, Any]:
-        if self.links is not None and tuple(self.links) != clusters.LINKS:
-            raise InputError(
-                f"must be {', '.join(clusters.LINKS)} in this order; found {', '.join(self.links)}", "links"
-            )
+        if self.links is not None and tuple(self.links) != links.LINKS:
+            raise InputError(f"must be {', '.join(links.LINKS)} in this order; found {', '.join(self.links)}", "links")
         return super().modifiers()
 
 
@@ -130,7 +128,7 @@ class SixLinkFile(_SixLinks):
         if self.home_zyz_deg is not None:
             e = zyz_quaternion(*np.radians(self.home_zyz_deg))
         else:
-            e, misfit = clusters.attitude(A, B)
+            e, misfit = links.attitude(A, B)
             _refuse(misfit, "B_m", "; where clusters are not meant to be parallel, give home_zyz_deg")
         return {"A": A, "v": v, "L": L, "B": B, "home": home, "home_e": e}
 

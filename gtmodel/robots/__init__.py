@@ -16,27 +16,34 @@ if TYPE_CHECKING:
     from .catalogue import gantry_tau as gantry_tau, inertia_names as inertia_names, make as make
     from .configuration_state import configuration as configuration
     from .entries import entries as entries, names as names
-    from .f1 import F1 as F1, f1_five_dof as f1_five_dof, f1_gantry_tau as f1_gantry_tau, f1_rotation as f1_rotation
-    from .f1_closed_form import F1FiveDof as F1FiveDof, F1Rotation as F1Rotation
-    from .f1_screws import F1BallScrews as F1BallScrews, f1_ball_screws as f1_ball_screws
-    from .five_carts import ExtraCarts as ExtraCarts, extra_carts as extra_carts
+    from .f1 import (
+        F1 as F1,
+        F1BallScrews as F1BallScrews,
+        f1_ball_screws as f1_ball_screws,
+        f1_five_dof as f1_five_dof,
+        f1_gantry_tau as f1_gantry_tau,
+        f1_rotation as f1_rotation,
+    )
+    from .f1_geometry import F1FiveDof as F1FiveDof, F1Rotation as F1Rotation
     from .kr500 import (
         SphericalWristArm as SphericalWristArm,
         kr500 as kr500,
         kr500_limits as kr500_limits,
         kr500_tables as kr500_tables,
     )
-    from .serial.arm import SerialArm as SerialArm
-    from .serial.as_dh import as_dh as as_dh
-    from .serial.description import description as description
-    from .serial.dh import serial_arm as serial_arm
+    from .serial.arm import SerialArm as SerialArm, description as description
+    from .serial.dh import as_dh as as_dh, independent_geometry as independent_geometry, serial_arm as serial_arm
     from .serial.from_urdf import from_urdf as from_urdf
-    from .serial.geometry import independent_geometry as independent_geometry
-    from .serial.robot_table import robot_table as robot_table
-    from .serial.to_urdf import to_urdf as to_urdf
-    from .six_link import SixLink as SixLink, on_guideways as on_guideways, six_link_gantry_tau as six_link_gantry_tau
+    from .serial.to_urdf import robot_table as robot_table, to_urdf as to_urdf
+    from .six_link import (
+        ExtraCarts as ExtraCarts,
+        SixLink as SixLink,
+        extra_carts as extra_carts,
+        on_guideways as on_guideways,
+        queensland_gantry_tau as queensland_gantry_tau,
+        six_link_gantry_tau as six_link_gantry_tau,
+    )
     from .three_link import GantryTau as GantryTau
-    from .triangular_link import queensland_gantry_tau as queensland_gantry_tau
     from .with_wrist import GantryTauWrist as GantryTauWrist, gantry_tau_wrist as gantry_tau_wrist
 
 public(__name__)

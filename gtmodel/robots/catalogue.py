@@ -10,9 +10,8 @@ import numpy as np
 from .._near import meant
 from ..lang import Model, ModelError
 from ..mechanics import PiecewiseLinearFriction, SignFriction, StictionFriction, TanhFriction
-from . import clusters
-from .entries import entries, family_in, geometries
-from .tables import printed
+from . import links
+from .entries import entries, family_in, geometries, printed
 from .three_link import GantryTau
 
 SMOOTHINGS = {
@@ -203,7 +202,7 @@ def _masses(geometry: dict[str, Any], inertia: str | None) -> dict[str, Any]:
         from .six_link import EXAMPLE
 
         example: dict[str, Any] = EXAMPLE
-        m_a = [float(example["m_a"][rows].sum()) for rows in clusters.ROWS]
+        m_a = [float(example["m_a"][rows].sum()) for rows in links.ROWS]
         return {k: example[k] for k in ("m_p", "m_c", "coulomb", "viscous")} | {"m_a": m_a}
     model = _pick(inertia or "model_2", _inertias(), "inertia model")
     keys = {"m_p": "m_p_kg", "m_c": "m_c_kg", "coulomb": "coulomb_N", "viscous": "viscous_kg_s"}

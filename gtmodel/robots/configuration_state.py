@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from .. import lang as gt
 from .f1 import F1
-from .f1_closed_form import F1FiveDof
+from .f1_geometry import F1FiveDof
 from .six_link import SixLink
 from .three_link import GantryTau
 

@@ -1,10 +1,18 @@
-"""What the catalogue holds, by name; read from the printed tables alone, no robot is made."""
+"""What the catalogue holds, by name, read from the printed tables alone; no robot is made."""
 
 from __future__ import annotations
 
+import tomllib
+from functools import cache
+from importlib.resources import files
 from typing import Any, NamedTuple
 
-from .tables import printed
+
+@cache
+def printed(name: str) -> dict[str, Any]:
+    """A file of `data`, such as "gantry_tau.toml"; read once, so leave it as it is."""
+    return tomllib.loads(files("gtmodel.robots").joinpath("data", name).read_text(encoding="utf-8"))
+
 
 KR500_SOURCE = "maker's data sheet; Cvitanic 2021, Tables 1 and 2, Fig. 42"
 NO_MASSES = "none printed"

@@ -1,4 +1,5 @@
-"""The F1 Gantry-Tau: three carts and three rotary axes move the plate in all six degrees of freedom."""
+"""The F1 Gantry-Tau: three carts and three rotary axes move the plate in all six degrees of freedom; with the ball
+screws that drive its axes, too."""
 
 from __future__ import annotations
 
@@ -8,12 +9,11 @@ import numpy as np
 
 from .. import lang as gt
 from ..geometry.quaternions import quaternion_matrix, quaternion_of
-from ..mechanics import MidpointRod, RigidPlate, RotationalTanhFriction, Shaft, TorqueMotor
-from . import clusters, f1_geometry
+from ..mechanics import BallScrew, MidpointRod, RigidPlate, RotationalTanhFriction, Shaft, TorqueMotor
+from . import f1_geometry, links
 from .cart import PointCart, behind_and_ahead, cart_friction
-from .f1_closed_form import F1FiveDof, F1Rotation
-from .joint_plates import TiltingPlate, TurningPlate
-from .tables import printed
+from .entries import printed
+from .f1_geometry import F1FiveDof, F1Rotation, TiltingPlate, TurningPlate
 
 
 class RotaryAxis(gt.Model):
@@ -122,7 +122,7 @@ LINK_ENDS = [f"link[{k}].{end}.r" for k in range(6) for end in "ab"]
 def link_guideways(robot: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Of each link: its cart's reference point (6, 3) [m] and motion per q (6, 3), its length (6,) [m], and its plate
     joint (6, 3) [m], plate coordinates."""
-    rows = [arm for arm, links in enumerate(clusters.ROWS) for _ in links]
+    rows = [arm for arm, links in enumerate(links.ROWS) for _ in links]
     A0, v, L, B = (np.array(getattr(robot, name), float) for name in ("A0", "v", "L", "B"))
     return A0[rows], v[rows], L, B
 
@@ -213,3 +213,47 @@ def f1_rotation(name: str = "f1", parallel: bool = False) -> F1Rotation:
     five = f1_geometry.five_dof(geometry)
     values = {k: five[k] for k in ("u1_3", "u2_3", "e_c")}
     return F1Rotation(**values, home_R=f1_geometry.home_rotation(geometry)[0])
+
+
+class F1BallScrews(F1):
+    """An F1 whose actuators are all in metres: s (6) [m], the carts q1..q3 and the travels of three ball screws.
+
+    The screws turn q4, q5, q6 (Dressler 2012, section 5.4, which prints neither relation nor dimensions: those of
+    BallScrew are an EXAMPLE OF OURS). Motors of the rotary axes stay where F1 has them.
+
+    `f1_ball_screws` makes that of the catalogue. 4 mm of the first screw turn q4 [degrees]; another lever:
+
+    >>> known = ([0.7, 0.26, 0.2, 0.004, 0.0, 0.0],)
+    >>> for robot in gt.robots.f1_ball_screws(), gt.robots.f1_ball_screws(screw=dict(b=0.2)):
+    ...     q, status = robot.causal(known="s", targets="q")(*known)
+    ...     print(np.degrees(q[3:]).round(2) + 0.0)
+    [2.49 0.   0.  ]
+    [1.48 0.   0.  ]
+    """
+
+    s = gt.variable(6, unit="m", description="carts q1..q3, travels of the ball screws of q4..q6")
+    screw = gt.parts(3, BallScrew)
+
+    def equations(self):
+        yield from super().equations()
+        shafts = [self.turning.shaft, *self.tilting.shaft]
+        for i, (screw, shaft) in enumerate(zip(self.screw, shafts, strict=True)):
+            yield gt.connect(screw.shaft, shaft)
+            yield self.s[i] == self.cart[i].flange.s
+            yield self.s[3 + i] == screw.flange.s
+
+
+def f1_ball_screws(name: str = "f1", parallel: bool = False, **modifiers: Any) -> F1BallScrews:
+    """The F1 on ball screws; arguments as for `f1_gantry_tau`, modifiers of F1BallScrews.
+
+    Dimensions of the screws are an example of ours (see BallScrew). Raises ModelError for another name.
+
+    Carts and travels of the screws [m] for the home pose:
+
+    >>> robot = gt.robots.f1_ball_screws()
+    >>> s, status = robot.causal(known=["T", "e"], targets="s")(robot.home, robot.home_e)
+    >>> print(s.round(3))
+    [ 0.719  0.262  0.208  0.    -0.005 -0.001]
+    """
+    robot = f1_gantry_tau(name, parallel)._modifiers
+    return F1BallScrews(**{**robot, **modifiers})

@@ -1,4 +1,5 @@
-"""The Gantry-Tau with all six links and a rigid plate."""
+"""The Gantry-Tau with all six links and a rigid plate, with two extra carts, and with the triangular arm of the
+Queensland machine."""
 
 from __future__ import annotations
 
@@ -8,11 +9,12 @@ from typing import Any, ClassVar
 import numpy as np
 
 from .. import lang as gt
+from ..geometry import quaternions
 from ..geometry.quaternions import zyz_quaternion
 from ..mechanics import Flange, Guideway, MidpointRod, PointFrame, RigidPlate
-from ..mechanics.rotation import quaternion_matrix
+from ..mechanics.bodies import quaternion_matrix
 from .cart import Cart, behind_and_ahead, cart_friction
-from .tables import printed
+from .entries import printed
 
 LINKS = ("1", "2a", "2b", "3a", "3b", "3c")
 ARM = (0, 1, 1, 2, 2, 2)  # the cart on which each link stands
@@ -182,3 +184,86 @@ def six_link_gantry_tau(name: str = "d1_six_link", **modifiers: Any) -> SixLink:
     home = A.mean(axis=0) + 0.85 * L.mean() * v.mean(axis=0)
     values = dict(A=A, v=v, L=L, B=B, home=home, home_e=zyz_quaternion(*np.radians(D1_ZYZ_DEG)), **EXAMPLE)
     return SixLink(**{**values, **modifiers})
+
+
+class ExtraCarts(SixLink):
+    """Six links on five carts: one link of arm 2 and one of arm 3 stand on extra carts of guideways 2 and 3.
+
+    Dressler 2012, Fig. 2.3; of each cluster the last link stands on the extra cart, 2b on that of q[3] and 3c on that
+    of q[4], a choice of ours. With q[3] = q[1] and q[4] = q[2] it is the six-link robot. Known q gives the pose by
+    Newton; of the pose, T and two elements of e can be prescribed.
+
+    The carts for the home pose, two elements of the quaternion among what is known:
+
+    >>> robot = gt.robots.extra_carts()
+    >>> q, status = robot.causal(known=["T", "e[1]", "e[2]"], targets="q")(robot.home, *robot.home_e[1:3])
+    >>> print(q.round(3))
+    [-0.218 -0.026 -0.217 -0.026 -0.216]
+    """
+
+    stands_on: ClassVar[tuple[int, ...]] = (0, 1, 3, 2, 2, 4)  # 2b and 3c have carts of their own
+    m_c = gt.parameter(shape=5, unit="kg", positive=True, description="cart masses, joints included")
+    coulomb = gt.parameter(np.zeros(5), unit="N", min=0.0, description="Coulomb friction of each cart")
+    viscous = gt.parameter(np.zeros(5), unit="kg/s", min=0.0, description="viscous friction of each cart")
+    q = gt.variable(5, unit="m", start=lambda self: home_q(self), description="cart coordinates along their guideways")
+    tau = gt.input(5, unit="N", nominal=100.0, description="motor forces")
+    cart = gt.parts(
+        5,
+        Cart,
+        A=lambda self: means(self.A, self.stands_on),
+        v=lambda self: means(self.v, self.stands_on),
+        m=m_c,
+        friction=cart_friction,
+    )
+
+
+def extra_carts(name: str = "d1_six_link", **modifiers: Any) -> ExtraCarts:
+    """A printed six-link geometry with two extra carts of 10 kg; all masses and frictions are an example of ours.
+
+    Modifiers: any parameter of ExtraCarts. Raises ModelError for an unknown name.
+
+    Carts 2 and 4 share guideway 2, carts 3 and 5 share guideway 3. Two of them, 10 mm apart, turn the plate [degrees]:
+
+    >>> robot = gt.robots.extra_carts()
+    >>> e, status = robot.causal(known="q", targets="e")([[-0.2, 0.0, -0.2, 0.0, -0.2], [-0.2, 0.0, -0.2, 0.01, -0.2]])
+    >>> print(round(np.degrees(2 * np.arccos(abs(e[0] @ e[1]))), 2))
+    2.34
+    """
+    robot = six_link_gantry_tau(name)._modifiers
+    sizes = {"m_c": 10.0, "coulomb": 100.0, "viscous": 100.0}
+    more = {name: [*robot[name], size, size] for name, size in sizes.items()}
+    return ExtraCarts(**{**robot, **more, **modifiers})
+
+
+def triangular(robot: SixLink) -> dict[str, np.ndarray]:
+    """A (6, 3) and L (6) [m] for a triangular arm 3: links 3b and 3c meet in one joint on the cart, midway.
+
+    With their two plate joints they form a triangle, so that the plate turns with the arm, as that of the Queensland
+    Gantry-Tau (Dressler 2012, section 2.2): its orientation changes with its position, its cart needs less room. No
+    dimensions are printed: which links meet, and where, is OURS, and all lengths are those that close at the robot's
+    home pose with the carts of its first links.
+    """
+    A, v, B, L = (np.array(getattr(robot, name), dtype=float) for name in "AvBL")
+    home, R = np.array(robot.home), quaternions.quaternion_matrix(np.array(robot.home_e))
+    joint, along = home + R @ B[3] - A[3], v[3]
+    dv, vv = joint @ along, along @ along
+    q = (dv - np.sqrt(dv**2 - vv * (joint @ joint - L[3] ** 2))) / vv
+    A[4:] = A[4:].mean(axis=0)
+    L[4:] = np.linalg.norm(home + B[4:] @ R.T - A[4:] - q * v[4:], axis=1)
+    return {"A": A, "L": L}
+
+
+def queensland_gantry_tau(name: str = "d1_six_link", **modifiers: Any) -> SixLink:
+    """The six-link D1 with a triangular arm 3: an EXAMPLE OF OURS for the Queensland Gantry-Tau's structure.
+
+    modifiers: any parameter of SixLink. Raises ModelError for an unknown name.
+
+    How far the plate turns over 0.3 m [degrees]; that of the six-link D1 turns by 0.09 degrees:
+
+    >>> robot = gt.robots.queensland_gantry_tau()
+    >>> R, status = robot.causal(known="T", targets="R")([robot.home, robot.home + [0.0, 0.0, 0.3]])
+    >>> print(round(np.degrees(np.arccos((np.trace(R[0].T @ R[1]) - 1) / 2)), 2))
+    6.1
+    """
+    robot = six_link_gantry_tau(name)
+    return robot.with_(**{**triangular(robot), **modifiers})

@@ -9,11 +9,15 @@ from .._lazy import public
 
 if TYPE_CHECKING:
     from .arguments import MOST_ROWS as MOST_ROWS, MOST_STEPS as MOST_STEPS
-    from .certificate import explain_simulation as explain_simulation
     from .linearize import Mode as Mode, linearize as linearize, natural_modes as natural_modes
-    from .result import NotSimulated as NotSimulated, Simulation as Simulation, Switch as Switch
+    from .prepare import explain_simulation as explain_simulation
+    from .result import (
+        NotSimulated as NotSimulated,
+        Simulation as Simulation,
+        SimulationStudy as SimulationStudy,
+        Switch as Switch,
+    )
     from .run import simulate as simulate
-    from .simulation_result import SimulationStudy as SimulationStudy
     from .study import simulation_study as simulation_study
 
 public(__name__)

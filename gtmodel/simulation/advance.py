@@ -6,19 +6,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..compiler.analysis.pace import Pace
+from ..compiler.analysis.bounds import Pace
 from ..results.check import Check
 from ..results.status import SolveStatus
-from .audit import Audit
 from .choice import SWITCH_BELOW
 from .discontinuities import after_discontinuity
 from .ending import Ended, wall
+from .reduced import Audit
 from .result import Progress, Switch
 from .small import History
 from .systems import SimulatedSystem
 
 if TYPE_CHECKING:
-    from .hybrid.one_step import OneStep
+    from .hybrid.comparisons import OneStep
     from .prepare import Ready
     from .step import Stepper
 

@@ -15,10 +15,10 @@ import numpy as np
 
 from ..compiler.matrices import pivoted_qr
 from ..compiler.plan import CausalPlan
-from ..compiler.point_function import PointFunction
+from ..compiler.rows import PointFunction
 from ..compiler.states import Stage, chosen_columns, stage_choices
 from ..lang.source import ModelError
-from .over_rows import OverRows
+from .reduced import OverRows
 
 # below this fraction of the best conditioning the states are chosen anew
 SWITCH_BELOW = 0.3

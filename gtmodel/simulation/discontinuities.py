@@ -7,13 +7,13 @@ from collections.abc import Sequence
 import casadi as ca
 import numpy as np
 
-from ..compiler.analysis.nonsmooth import is_nonsmooth, kinked_in
 from ..compiler.flat import FlatModel
+from ..compiler.rewriting import is_nonsmooth, kinked_in
 from ..lang.source import ModelError
 from ..results.status import SolveStatus
 from .ending import Ended
 from .inputs import SimulationInputs
-from .roots import TOUCH
+from .reduced import TOUCH
 from .systems import SimulatedSystem
 
 # roots are looked at in so many steps between the old and the new value of a discontinuous input

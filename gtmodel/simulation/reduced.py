@@ -1,4 +1,5 @@
-"""The reduced system of a plan as numbers see it: rates, outputs, margins and the whole point."""
+"""The reduced system of a plan as numbers see it: rates, outputs, margins and the whole point, at one point or over
+many rows; where a root of a closed form touches zero; every equation as it was written."""
 
 from __future__ import annotations
 
@@ -8,11 +9,108 @@ import casadi as ca
 import numpy as np
 
 from ..compiler.blocks import Margin
-from ..compiler.emit import express
+from ..compiler.emission import express
 from ..compiler.flat import FlatModel
 from ..compiler.plan import CausalPlan
+from ..compiler.rows import PointFunction, densified, map_columns
 from .inputs import SimulationInputs
-from .over_rows import OverRows
+
+# rows that are evaluated one by one: a call over several costs more than that
+FEW = 6
+
+
+class OverRows:
+    """Called with arrays (n, size), one for each input, or (size,) where a row is the same for all; gives arrays
+    (n, size), one for each output."""
+
+    def __init__(self, f: ca.Function) -> None:
+        self.function = densified(f)
+        self._made: dict[int, ca.Function] = {}
+
+    @cached_property
+    def _at_one(self) -> PointFunction:
+        return PointFunction(self.function)
+
+    def __call__(self, *arguments: np.ndarray) -> list[np.ndarray]:
+        rows = next((len(a) for a in arguments if a.ndim == 2), 1)
+        if rows <= FEW:
+            each = [self._at_one(*[a[n] if a.ndim == 2 else a for a in arguments]) for n in range(rows)]
+            return [np.concatenate([r.T.reshape(1, -1) for r in one]) for one in zip(*each, strict=True)]
+        columns = [a.T if a.ndim == 2 else np.broadcast_to(a[:, None], (a.size, rows)) for a in arguments]
+        return [r.T for r in map_columns(self.function, columns, self._made)]
+
+
+# an equation left by more than this part of its largest term was not solved; round-off of stiff forces stays below
+BROKEN = 1e-6
+# residuals below this, in SI units, are not looked at any closer
+SMALL = 1e-9
+
+
+class OriginalEquations:
+    """The equations before any elimination, over `plan.pairs`; `fold` has numbers for the parameters, and symbols for
+    those at `places`, which vary."""
+
+    def __init__(self, plan: CausalPlan, fold: ca.SX, places: list[int]) -> None:
+        flat = self.flat = plan.flat
+        pairs = self.pairs = sorted({pair for e in flat.equations for pair in flat.scope.symbols_in(e.residual)})
+        place = {pair: n for n, pair in enumerate(plan.pairs)}
+        self._sign, self._place = np.zeros(len(pairs)), np.zeros(len(pairs), dtype=int)
+        for n, pair in enumerate(pairs):
+            sign, kept, order = plan.alias.resolve(*pair)
+            self._sign[n], self._place[n] = sign, place[(kept, order)]
+        symbols = ca.vertcat(*[flat.scope.symbol(*pair) for pair in pairs])
+        residuals = ca.densify(ca.vertcat(*[e.residual for e in flat.equations]))
+        self.arguments = [symbols, flat.p, flat.scope.time]
+        written = ca.Function("equations", self.arguments, [residuals])
+        self._places = places
+        values, time, varied = ca.SX.sym("values", len(pairs)), ca.SX.sym("time"), ca.SX(fold[places])
+        self._residuals = OverRows(ca.Function("equations", [values, time, varied], [written(values, fold, time)]))
+
+    def __call__(self, points: np.ndarray, times: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Values of `pairs` and residuals, one row for each point; p: values of the parameters."""
+        values = self._sign * points[:, self._place]
+        return values, self._residuals(values, times[:, None], p[self._places])[0]
+
+
+class Audit:
+    """Residuals of the equations before any elimination, at points over the plan's pairs.
+
+    `residual` is the largest |left - right| so far, of any equation at any point, in SI units.
+    """
+
+    def __init__(self, equations: OriginalEquations, p: np.ndarray) -> None:
+        self._equations, self._p = equations, p
+        self.residual = 0.0
+        self._worst: tuple[np.ndarray, float, int] | None = None
+
+    def __call__(self, points: np.ndarray, times: np.ndarray) -> None:
+        """Look at points (rows)."""
+        if not len(times) or not self._equations.flat.equations:
+            return
+        values, residuals = self._equations(points, times, self._p)
+        residuals = np.abs(residuals)
+        point, equation = np.unravel_index(int(np.argmax(residuals)), residuals.shape)
+        if residuals[point, equation] > self.residual:
+            self.residual = float(residuals[point, equation])
+            self._worst = values[point], float(times[point]), int(equation)
+
+    def verdict(self) -> str | None:
+        """A sentence if the worst equation does not hold, measured by its largest term; else None."""
+        if self._worst is None or self.residual <= SMALL:
+            return None
+        values, time, row = self._worst
+        flat, arguments = self._equations.flat, self._equations.arguments
+        e = flat.equations[row]
+        gradient = ca.Function("gradient", arguments, [ca.densify(ca.jacobian(e.residual, arguments[0]))])
+        nominal = np.array([flat.variables[i].nominal for i, _ in self._equations.pairs])
+        terms = np.abs(gradient(values, self._p, time).full().reshape(-1)) * np.maximum(np.abs(values), nominal)
+        if self.residual <= BROKEN * np.max(terms, initial=0.0):
+            return None
+        return (
+            f"{e.label} ({e.where}) does not hold at {time:.6g} s: a residual of {self.residual:.3g} is left; use a "
+            "smaller tolerance or step"
+        )
+
 
 Pair = tuple[int, int]
 
@@ -105,3 +203,103 @@ def energy(flat: FlatModel, kind: str) -> ca.SX:
 
 def _column(expressions: list[ca.SX]) -> ca.SX:
     return ca.SX(ca.vertcat(*expressions)) if expressions else ca.SX(0, 1)
+
+
+# a minimum of a discriminant, relative to its typical size, that is zero within the accuracy of the motion;
+# an integrator's tolerance adds up to some thousand times itself over a long run
+TOUCH, TOUCH_TOLERANCES = 1e-7, 1e3
+# near enough to a touch that the parabola through two points gives its minimum
+CLOSE = 100.0
+# a minimum between two points is well distinguished from zero where it keeps this part of the smaller end
+KEPT = 0.25
+# and the rates at the two ends must explain the change between them up to this part of the larger one
+EXPLAINED = 0.3
+# of a number that has been computed
+ROUND_OFF = 8 * np.finfo(float).eps
+
+
+class Watched:
+    """Expressions of a reduced system with their rates along the motion."""
+
+    def __init__(self, reduced: Reduced, watched: ca.SX) -> None:
+        d = watched
+        x, z, t, f = reduced.x, reduced.z, reduced.t, reduced.rates
+        self.count = d.numel()
+        rate = ca.densify(ca.jacobian(d, t) + ca.mtimes(ca.jacobian(d, x), f))
+        arguments = [x, z, t, reduced.p]
+        self._values = OverRows(ca.Function("watched", arguments, [d, rate]))
+        # Newton unknowns move too: rz z' = -(rx x' + rt)
+        r = reduced.residuals
+        moved = ca.densify(ca.jacobian(r, t) + ca.mtimes(ca.jacobian(r, x), f))
+        by_z, rz = ca.densify(ca.jacobian(d, z)), ca.densify(ca.jacobian(r, z))
+        self.moved_by_inputs = bool(ca.jacobian(d, reduced.p).nnz())
+        self._arguments, self._watched = arguments, d
+        uses_z = bool(ca.jacobian(d, z).nnz())
+        self._through_z = ca.Function("through", arguments, [by_z, rz, moved]) if uses_z else None
+
+    def __call__(
+        self, xs: np.ndarray, zs: np.ndarray, times: np.ndarray, p: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Values and their rates [1/s], one row for each time."""
+        values, rates = self._values(xs, zs, times[:, None], p)
+        if self._through_z is not None:
+            rates = rates.copy()
+            for n, (x, z, t) in enumerate(zip(xs, zs, times, strict=True)):
+                by_z, rz, moved = (np.asarray(v.full()) for v in self._through_z(x, z, t, p))
+                try:
+                    rates[n] -= by_z @ np.linalg.solve(rz, moved.reshape(-1))
+                except np.linalg.LinAlgError:
+                    rates[n] = np.nan
+        return values, rates
+
+    @cached_property
+    def _by_unknowns(self) -> ca.Function:
+        x, z = self._arguments[:2]
+        derivatives = ca.horzcat(ca.jacobian(self._watched, x), ca.jacobian(self._watched, z))
+        return ca.Function("by_unknowns", self._arguments, [ca.fabs(ca.densify(derivatives))])
+
+    def round_off(
+        self, x: np.ndarray, z: np.ndarray, time: float, p: np.ndarray, x_scale: np.ndarray, z_scale: np.ndarray
+    ) -> np.ndarray:
+        """Of the values at one point: what round-off of states and Newton unknowns, which are of the size of their
+        nominals or larger, moves them by; 0 for those whose slope is not finite there."""
+        sizes = np.maximum(np.abs(np.append(x, z)), np.append(x_scale, z_scale))
+        moved = np.asarray(self._by_unknowns(x, z, time, p).full()) @ (ROUND_OFF * sizes)
+        return np.where(np.isfinite(moved), moved, 0.0)
+
+    def values(self, x: np.ndarray, z: np.ndarray, time: float, p: np.ndarray) -> np.ndarray:
+        """Values at one point for columns of table pieces, one row for each column."""
+        return self._values(x, z, np.array([time]), p.T)[0]
+
+
+class Roots(Watched):
+    """Watches every discriminant, in units of its typical size, with its rate."""
+
+    def __init__(self, reduced: Reduced, tolerance: float) -> None:
+        margins = [(m, e) for m, e in reduced.margin_expressions if m.kind == "discriminant"]
+        self.labels = [m.label for m, _ in margins]
+        self._touch = max(TOUCH, TOUCH_TOLERANCES * tolerance)
+        super().__init__(reduced, ca.vertcat(*[e / m.scale for m, e in margins]) if margins else ca.SX(0, 1))
+
+    def __bool__(self) -> bool:
+        return self.count > 0
+
+    def judge(self, times: np.ndarray, values: np.ndarray, rates: np.ndarray) -> tuple[np.ndarray, list[str], float]:
+        """For each interval between neighbouring rows whether it is resolved, and the labels of what touches zero in
+        the first that is not, and when: for these the motion is at its end."""
+        h = np.diff(times)[:, None]
+        a, b, da, db = values[:-1], values[1:], rates[:-1] * h, rates[1:] * h
+        smaller, larger = np.minimum(a, b), np.maximum(a, b)
+        explained = np.abs(b - a - (da + db) / 2) <= EXPLAINED * larger
+        turns = (da < 0) & (db > 0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            s = np.where(turns, -da / (db - da), 0.0)  # where a parabola with these rates has its minimum
+        # the cubic through both ends with their rates
+        lowest = (1 + 2 * s) * (1 - s) ** 2 * a + s * (1 - s) ** 2 * da + s**2 * (3 - 2 * s) * b + s**2 * (s - 1) * db
+        touching = turns & (lowest <= self._touch) & (smaller <= CLOSE * self._touch)
+        resolved = explained & ~touching & (~turns | (lowest >= KEPT * smaller))
+        good = np.all(resolved, axis=1)
+        first = int(np.argmin(good)) if not good.all() else 0
+        touch = np.flatnonzero(touching[first]) if not good.all() else []
+        when = float(times[first] + h[first, 0] * min((s[first, j] for j in touch), default=0.0))
+        return good, [self.labels[j] for j in touch], when

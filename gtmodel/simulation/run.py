@@ -1,8 +1,10 @@
-"""simulate(): a consistent start, an error-controlled integrator, states that switch where they would fail."""
+"""simulate(): a consistent start, an error-controlled integrator, states that switch where they must, and the
+judgement of the run."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from typing import Any, Literal
 
 import numpy as np
@@ -11,13 +13,98 @@ from ..compiler.analysis.switching import with_switching_signs
 from ..compiler.causal import flat_of
 from ..lang.model import Model
 from ..lang.slips import named
-from .advance import Integration
-from .arguments import longest_step, output_step, span
+from ..lang.source import ModelError
+from ..results.status import SolveStatus
+from .advance import Ended, Integration
+from .arguments import by_name, longest_step, names, output_step, span
 from .discontinuities import refuse_discontinuous_inputs
-from .hybrid.run import with_events
-from .outcome import outcome
-from .prepare import OUTPUT_STEPS, output_rows, prepare, watched_grid
+from .hybrid.integration import HybridIntegration
+from .hybrid.modes import SimulatedModes, discrete_starts
+from .prepare import OUTPUT_STEPS, output_rows, prepare, read_model, refuse_settings, watched_grid
+from .record import balance, unbalanced
 from .result import NotSimulated, Progress, Simulation
+from .small import FINER, FINEST, resolution, small, small_states, unresolved
+from .systems import IntegratorSettings
+
+
+def with_events(
+    model: Model,
+    final_time: float,
+    inputs: Mapping[str, Any] | None,
+    parameters: Mapping[str, Any] | None,
+    start: Mapping[str, Any] | None,
+    start_time: float,
+    step: float | None,
+    max_step: float | None,
+    outputs: Sequence[str] | str,
+    prefer: Sequence[str] | str,
+    tolerance: float,
+    method: str,
+) -> HybridIntegration:
+    """A simulation of a model that has events, before its first step; arguments and errors as for `simulate`."""
+    refuse_settings(tolerance, method)
+    step = output_step(step, final_time - start_time)
+    max_step = longest_step(max_step, final_time - start_time)
+    inputs, start, parameters = by_name("inputs", inputs), by_name("start", start), by_name("parameters", parameters)
+    outputs, prefer = names("outputs", outputs), names("prefer", prefer)
+    flat = with_switching_signs(flat_of(model))
+    assert flat.events is not None
+    started, start = discrete_starts(flat, start)
+    first = {place: float(flat.parameters[place].value) for place in flat.events.discrete}
+    flat, now, given = read_model(model, inputs, parameters, first | started)
+    preferred = [i for name in prefer for i in flat.lookup(name)[1]]
+    modes = SimulatedModes(flat, now, given, outputs, preferred)
+    settings = IntegratorSettings(tolerance, method, np.isfinite(max_step))
+    ready = modes.start(start, start_time, settings, final_time)
+    refuse_discontinuous_inputs(given, ready.ready.system.plan.inputs, start_time, final_time)
+    rows = output_rows(start_time, final_time, step)
+    grid = watched_grid(rows, min(max_step, (final_time - start_time) / OUTPUT_STEPS))
+    return HybridIntegration(ready, modes, rows, grid)
+
+
+def outcome(at_tolerance: Callable[[float], Integration], tolerance: float, progress: Progress | None) -> Simulation:
+    """The result of a simulation. at_tolerance: makes it, before its first step; a second one at a finer tolerance
+    is made where states stay small, see `small`."""
+    integration = at_tolerance(tolerance)
+    status, message = SolveStatus.SOLVED, "simulated"
+    try:
+        integration.run(progress)
+    except Ended as error:
+        status, message = error.status, str(error)
+    residual, broken = integration.finish()
+    if broken is not None and status is SolveStatus.SOLVED:
+        status, message = SolveStatus.FAILED, broken
+    message = "; ".join([message, *integration.happened(status)])
+    if integration.recorder.empty:
+        raise ModelError(f"the simulation ends before it begins: {message}; are all start values numbers?")
+    trajectory, energy_error, moved = integration.recorder.trajectory()
+    checks = balance(energy_error, moved) | resolution(integration.largest, tolerance)
+    sentences = [unbalanced(checks, moved), unresolved(checks)]
+    own, said = integration.own_checks(moved)
+    checks |= own
+    sentences += said
+    if status.ok and FINER * tolerance >= FINEST and (pairs := small(integration.history, tolerance)):
+        # a run that ends early shows nothing
+        with suppress(Ended, ModelError):
+            finer = at_tolerance(FINER * tolerance)
+            finer.run(None if progress is None else lambda _: progress(integration.end))
+            of_small, sentence = small_states(pairs, integration.history, finer.history, integration.ready.name_of)
+            checks |= of_small
+            sentences.append(sentence)
+    if status.ok and any(sentences):
+        status, message = SolveStatus.CHECK_FAILED, "; ".join([message, *filter(None, sentences)])
+    return Simulation(
+        status,
+        message,
+        trajectory,
+        energy_error,
+        residual,
+        integration.system.states,
+        integration.switches,
+        integration.ready.chosen,
+        checks,
+        **integration.of_events(),
+    )
 
 
 @named

@@ -16,10 +16,9 @@ from ..results.table import csv_text
 from ..results.trajectory_files import csv_bytes
 from ..results.work import Progress, never, silent
 from .arguments import LARGEST_TIME, MOST_ROWS, MOST_STEPS
-from .hybrid.event import Event
-from .result import Simulation
+from .hybrid.clock import Event
+from .result import ENERGIES, Simulation, SimulationStudy, described
 from .run import simulate
-from .simulation_result import ENERGIES, SimulationStudy, described
 
 TIGHTER = "use a smaller tolerance"
 # in SI units: closed forms and polished Newton unknowns leave round-off, 1e-12 of forces up to 1e4 N

@@ -22,7 +22,7 @@ from statistics import median
 from unittest.mock import patch
 
 from gtmodel.compiler import toolchain
-from gtmodel.compiler.columns import batch
+from gtmodel.compiler.columns import kernel
 from gtmodel.compiler.tape.machine import interpreter
 from tests.bench.rivals.gtmodel_road import compile_seconds, declared, solve_blocks
 from tests.bench.rivals.l1_by_hand import Motion
@@ -82,7 +82,7 @@ def _ours(motion: Motion, model, control: str, machine_code: bool, elements: int
 
 
 def _without_compiler(motion: Motion, model, elements: int) -> Result:
-    with patch.object(batch, "interpreter", lambda build: None):
+    with patch.object(kernel, "interpreter", lambda build: None):
         return _ours(motion, model, "polynomial", False, elements)
 
 

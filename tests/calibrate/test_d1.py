@@ -14,7 +14,7 @@ from gtmodel.calibrate.sensitivity import table, text
 from gtmodel.calibrate.synthetic import SyntheticFile, make
 from gtmodel.problem_files.load import load
 from gtmodel.results import ArgumentError
-from gtmodel.robots.measured_guideways import D1_MODELS
+from gtmodel.robots.three_link import D1_MODELS
 from tests.calibrate.runs import ready
 from tests.calibrate.shipped import PROBLEMS
 from tests.support.basin import basin

@@ -6,8 +6,8 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from gtmodel.compiler.columns import batch
-from gtmodel.compiler.columns.batch import MANY, Batch, mapped
+from gtmodel.compiler.columns import kernel
+from gtmodel.compiler.columns.kernel import MANY, Batch, mapped
 from gtmodel.compiler.tape.machine import AT_ONCE, Interpreted, interpreter
 from gtmodel.compiler.toolchain import find
 
@@ -26,9 +26,9 @@ def way(request, monkeypatch):
     if request.param == "interpreter":
         assert not isinstance(find(), str), find()
         assert interpreter(True) is not None
-        monkeypatch.setattr(batch, "USED", 0.0)
+        monkeypatch.setattr(kernel, "USED", 0.0)
     else:
-        monkeypatch.setattr(batch, "interpreter", lambda build: None)
+        monkeypatch.setattr(kernel, "interpreter", lambda build: None)
     return request.param
 
 
@@ -101,10 +101,10 @@ def test_the_interpreter_reads_a_function_to_the_last_bit(seed, points, way):
 
 def test_the_interpreter_is_built_when_all_that_was_asked_for_would_have_taken_seconds(monkeypatch):
     asked: list[bool] = []
-    monkeypatch.setattr(batch, "interpreter", lambda build: asked.append(build))
-    monkeypatch.setattr(batch, "_asked", batch._Asked())
+    monkeypatch.setattr(kernel, "interpreter", lambda build: asked.append(build))
+    monkeypatch.setattr(kernel, "_asked", kernel._Asked())
     f, points = long_function(0), 250
-    calls = 1 + int(batch.BUILT / (f.n_instructions() * points * batch.OPERATION * batch.CALLS))
+    calls = 1 + int(kernel.BUILT / (f.n_instructions() * points * kernel.OPERATION * kernel.CALLS))
     for _ in range(calls):
         assert not isinstance(mapped(f, points), Batch)  # it is not there yet
     assert asked == [False] * (calls - 1) + [True]

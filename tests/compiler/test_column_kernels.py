@@ -10,7 +10,7 @@ import pytest
 
 import gtmodel as gt
 from gtmodel.compiler import newton, rows, toolchain
-from gtmodel.compiler.columns import kept, machine
+from gtmodel.compiler.columns import kernel as kept, machine
 from gtmodel.compiler.columns.kernel import BLOCK, PIECE, ColumnKernel
 from gtmodel.compiler.columns.program import LIBM, program_of
 from gtmodel.compiler.rows import map_columns

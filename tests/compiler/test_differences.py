@@ -4,7 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from gtmodel.compiler.analysis.differences import with_differences
+from gtmodel.compiler.emission import with_differences
 
 # both orders of summation round differently, by some units in the last place of the largest term
 ROUND_OFF = 1e-14

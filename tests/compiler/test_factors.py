@@ -4,7 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from gtmodel.compiler.analysis.factors import without_factors
+from gtmodel.compiler.emission import without_factors
 
 UNARY = (
     lambda x: -x,

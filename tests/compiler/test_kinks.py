@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import gtmodel as gt
-from gtmodel.compiler.analysis.nonsmooth import is_nonsmooth
 from gtmodel.compiler.causal import flat_of
+from gtmodel.compiler.rewriting import is_nonsmooth
 
 
 class Sign(gt.Model):

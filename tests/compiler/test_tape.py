@@ -8,8 +8,7 @@ import pytest
 
 from gtmodel.compiler.tape import function
 from gtmodel.compiler.tape.elimination import gradient, hessian, jacobian
-from gtmodel.compiler.tape.expressions import written
-from gtmodel.compiler.tape.function import TapeFunction
+from gtmodel.compiler.tape.function import TapeFunction, written
 from gtmodel.compiler.tape.machine import AT_ONCE, interpreter, known
 from gtmodel.compiler.tape.operations import Tape, read_in
 from gtmodel.compiler.toolchain import find

@@ -91,11 +91,11 @@ def test_bodies_that_can_exist_have_a_positive_pseudo_inertia(numbers) -> None:
     """Three principal moments of which none exceeds the sum of the others, and a positive mass."""
     m, c, second = abs(numbers[0]) + 0.01, numbers[1:4], np.abs(numbers[4:7]) + 1e-3
     I = np.diag(second.sum() - second)
-    mc, J = gt.robots.serial.bodies.moments([m], [c], [I])
+    mc, J = gt.robots.serial.structure.moments([m], [c], [I])
     assert np.linalg.eigvalsh(pseudo_inertia(m, mc[0], J[0]))[0] > 0
     np.testing.assert_allclose(_ten_of(pseudo_inertia(m, mc[0], J[0])), [*J[0], *mc[0], m], atol=1e-12)
     longer = np.diag([*np.diag(I)[:2], 1.01 * (I[0, 0] + I[1, 1])])
-    mc, J = gt.robots.serial.bodies.moments([m], [c], [longer])
+    mc, J = gt.robots.serial.structure.moments([m], [c], [longer])
     assert np.linalg.eigvalsh(pseudo_inertia(m, mc[0], J[0]))[0] < 0
 
 

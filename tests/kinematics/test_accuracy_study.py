@@ -7,7 +7,7 @@ import pytest
 
 import gtmodel as gt
 from gtmodel.kinematics.accuracy import ErrorSection, LinkErrors, MonteCarloDraws, accuracy_study
-from gtmodel.kinematics.accuracy.judged_case import nearest
+from gtmodel.kinematics.accuracy.case import nearest
 from gtmodel.results import ArgumentError, SolveStatus
 
 SIZES = [32e-6, 77e-6, 54e-6]

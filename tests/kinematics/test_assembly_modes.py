@@ -9,11 +9,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from gtmodel.kinematics.assembly_modes import AssemblyModes, assembly_modes, assembly_modes_batch, start_systems
-from gtmodel.kinematics.assembly_modes.monodromy import random_start_system
-from gtmodel.kinematics.assembly_modes.newton import refined
 from gtmodel.kinematics.assembly_modes.platform import read_legs, scale
 from gtmodel.kinematics.assembly_modes.sorting import first_of_each, residuals
-from gtmodel.kinematics.assembly_modes.start_system import StartSystem
+from gtmodel.kinematics.assembly_modes.start_system import StartSystem, random_start_system
+from gtmodel.kinematics.assembly_modes.tracker import refined
 from gtmodel.results import ModesStatus
 from tests.kinematics.support.compare import leg_lengths, newton_forward, pair_up
 from tests.kinematics.support.f1 import Poses, random_f1_poses

@@ -10,16 +10,17 @@ from scipy.spatial.transform import Rotation
 
 from gtmodel.geometry.rotations import angle_between
 from gtmodel.kinematics.assembly_modes import start_systems
-from gtmodel.kinematics.assembly_modes.homotopy import HomotopyParameters, straight_line
-from gtmodel.kinematics.assembly_modes.kantorovich import BASIS_MATRICES, isolate
-from gtmodel.kinematics.assembly_modes.make_start_systems import SEEDS, make
-from gtmodel.kinematics.assembly_modes.newton import newton_step, solve_rows
-from gtmodel.kinematics.assembly_modes.projective import distance_to_conjugate, distances
-from gtmodel.kinematics.assembly_modes.self_motion import on_a_curve
-from gtmodel.kinematics.assembly_modes.sorting import residuals
-from gtmodel.kinematics.assembly_modes.start_system import FILE, from_text, to_text
-from gtmodel.kinematics.assembly_modes.study import basis, gradients, leg_rows, rotation_and_position
-from gtmodel.kinematics.assembly_modes.tracker import track
+from gtmodel.kinematics.assembly_modes.platform import (
+    HomotopyParameters,
+    basis,
+    gradients,
+    leg_rows,
+    rotation_and_position,
+    straight_line,
+)
+from gtmodel.kinematics.assembly_modes.sorting import BASIS_MATRICES, isolate, on_a_curve, residuals
+from gtmodel.kinematics.assembly_modes.start_system import FILE, SEEDS, from_text, make, to_text
+from gtmodel.kinematics.assembly_modes.tracker import distance_to_conjugate, distances, newton_step, solve_rows, track
 from gtmodel.results import ModesStatus
 from tests.kinematics.support.platforms import griffis_duffy_platforms
 
@@ -96,7 +97,7 @@ def test_stored_start_systems_are_what_monodromy_makes() -> None:
 def test_the_file_reads_back_exactly_and_is_json() -> None:
     text = FILE.read_text(encoding="utf-8")
     assert to_text(from_text(text)) == text
-    assert "make_start_systems" in json.loads(text)["note"]
+    assert "start_system" in json.loads(text)["note"]
 
 
 def test_tracking_there_and_back_returns_every_solution() -> None:

@@ -12,8 +12,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import gtmodel as gt
-from gtmodel.kinematics.causality import Orientation, PointGrid, causality_study, evaluated
-from gtmodel.kinematics.causality.result import INCONSISTENT
+from gtmodel.kinematics.causality import Orientation, PointGrid, causality_study, evaluation
+from gtmodel.kinematics.causality.options import INCONSISTENT
 from gtmodel.results import ArgumentError, SolveStatus
 
 BOX = {"center": [1.4, -0.9, 0.3], "half_width": [0.2, 0.1, 0.1], "counts": [2, 3, 4]}
@@ -165,7 +165,7 @@ class TestGrid:
         assert not any("nan" in str(row[1]) for row in s.rows)
 
     def test_interrupted_rows_say_so(self, l1, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setattr(evaluated, "CHUNK", 10)
+        monkeypatch.setattr(evaluation, "CHUNK", 10)
         told: list[float | None] = []
         s = causality_study(
             l1, "T", "q", GRID, progress=lambda stage=None, fraction=None, numbers=None: told.append(fraction),
@@ -176,7 +176,7 @@ class TestGrid:
 
     def test_chunks_change_nothing(self, l1, monkeypatch: pytest.MonkeyPatch) -> None:
         whole = causality_study(l1, "T", "q", GRID).files
-        monkeypatch.setattr(evaluated, "CHUNK", 7)
+        monkeypatch.setattr(evaluation, "CHUNK", 7)
         assert causality_study(l1, "T", "q", GRID).files == whole
 
     def test_the_other_side_by_branches(self, l1) -> None:

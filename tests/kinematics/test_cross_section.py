@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial import ConvexHull
 
 from gtmodel.kinematics.workspace import region
-from gtmodel.kinematics.workspace.cross_section import Region
+from gtmodel.kinematics.workspace.volume import Region
 
 LOOPS = 1e-12  # the same polygons, summed in another order
 BISECTED = 1e-9  # of the crossings

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given, settings, strategies as st
 from scipy.optimize import lsq_linear
 
-from gtmodel.kinematics.workspace.distances import between_segments, segment_to_box
+from gtmodel.kinematics.workspace.clearance import between_segments, segment_to_box
 
 NUMBERS = st.floats(-2, 2).map(lambda x: round(x, 2))  # rounded: parallel and touching segments are drawn too
 POINTS = st.tuples(NUMBERS, NUMBERS, NUMBERS).map(np.array)

@@ -9,7 +9,7 @@ import pytest
 
 from gtmodel import mechanics as m
 from gtmodel.kinematics import MeasurementError, backlash, cyclic_term, fit_guideway
-from gtmodel.kinematics.periodogram import strongest
+from gtmodel.kinematics.transmission import strongest
 from gtmodel.results import ArgumentError
 from tests.mechanics.test_guideways import Slide
 from tests.support.guideway_data import ACROSS, ALONG, MEAN, P0, UM, V, cart

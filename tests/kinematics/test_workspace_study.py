@@ -11,8 +11,8 @@ import gtmodel as gt
 from gtmodel.compiler.flat_cache import shared
 from gtmodel.kinematics.mechanism import mechanism_of
 from gtmodel.kinematics.workspace import Beam, Bodies, Box, CrossSection, Sections, WorkspaceLimits, workspace_study
-from gtmodel.kinematics.workspace.limited import task_of
-from gtmodel.kinematics.workspace.reached import _to_begin_with
+from gtmodel.kinematics.workspace.reach import task_of
+from gtmodel.kinematics.workspace.workspace_study import _to_begin_with
 from gtmodel.results import ArgumentError, SolveStatus, Status
 from gtmodel.results.as_json import result
 from tests.kinematics.by_hand import L1, disc_intersection_area

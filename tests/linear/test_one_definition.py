@@ -24,7 +24,7 @@ EXPONENTIALS = {
     "milling/floquet.py:_step",
 }  # fmt: skip
 # the second needs the rates of an integrator, which Brent's method does not take
-HALVED = {"linear/roots.py:bisected", "simulation/hybrid/crossing.py:first_root"}
+HALVED = {"linear/roots.py:bisected", "simulation/hybrid/comparisons.py:first_root"}
 SAME = 1e-9  # of a hold computed in another way, such as by eigenvectors
 TRACE = {0.5, 0.25, 0.375}  # where a bisection looks for 1/3 in 0..1
 

@@ -15,9 +15,9 @@ from gtmodel.geometry.rotations import rotation_about
 from gtmodel.lang.declare import Parameter
 from gtmodel.lang.values import check_parameter
 from gtmodel.mechanics import LinkBody
-from gtmodel.robots import cart, inverse_model, joint_plates, six_link, three_link, with_wrist
+from gtmodel.robots import cart, f1_geometry, inverse_model, six_link, three_link, with_wrist
 
-MODULES = (mechanics, robots, cart, inverse_model, joint_plates, six_link, three_link, with_wrist)
+MODULES = (mechanics, robots, cart, inverse_model, f1_geometry, six_link, three_link, with_wrist)
 MODELS = {
     cls.__name__: cls
     for module in MODULES

@@ -13,8 +13,8 @@ import scipy
 import gtmodel as gt
 from gtmodel.milling import Cut, Cutter, CuttingCoefficients, Oscillators, spectral_radius, stability_lobes
 from gtmodel.milling.cutter import immersion
-from gtmodel.milling.directional import directional_matrix, plane
-from gtmodel.milling.semi_discretisation import mean_matrices
+from gtmodel.milling.forces import directional_matrix, plane
+from gtmodel.milling.stability import mean_matrices
 from gtmodel.results import ArgumentError
 
 D = gt.control.delayed

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gtmodel.milling import Oscillators, proven_depth, responses, stability_lobes, steady_state
-from gtmodel.milling.guideline import NEAR_HZ, _hertz_apart, nearest_mode
+from gtmodel.milling.angle_search import NEAR_HZ, _hertz_apart, nearest_mode
 from tests.milling.thesis import CUT, CUTTER, OSCILLATORS, X
 
 

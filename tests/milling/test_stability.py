@@ -20,7 +20,7 @@ from gtmodel.milling import (
     stability_lobes,
     stable_depth,
 )  # fmt: skip
-from gtmodel.milling.directional import directional_matrix
+from gtmodel.milling.forces import directional_matrix
 from tests.milling.thesis import CUT, CUTTER, OSCILLATORS, TOOTH_HZ, K, X, Y
 
 # the two-tooth example that the literature on lobes shares: 922 Hz, 1.1 % damping, 39.93 g, 600 and 200 N/mm2

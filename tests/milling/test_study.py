@@ -68,7 +68,7 @@ def test_it_answers_in_words(whole) -> None:
 
 
 def test_pictures(whole, monkeypatch) -> None:
-    monkeypatch.setattr("gtmodel.milling.pictures.SPEEDS", 9)  # of the lobes, each proven
+    monkeypatch.setattr("gtmodel.milling.milling_study.SPEEDS", 9)  # of the lobes, each proven
     assert set(whole.figures) == {"angle", "lobes", "compensation", "printed_tests"}
     for name in whole.figures:
         whole.figure(name).canvas.draw()

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from gtmodel.compiler import toolchain
-from gtmodel.compiler.columns import batch
-from gtmodel.compiler.library_cache import cache_folder
+from gtmodel.compiler.columns import kernel
 from gtmodel.compiler.tape.machine import Interpreted, interpreter
+from gtmodel.compiler.toolchain import cache_folder
 from gtmodel.optimize import CompilerMissing, Mesh, SolverOptions, solve, solve_phases, transcribe
 from tests.optimize import features, problems
 
@@ -54,10 +54,10 @@ class TestMachineCode:
         taken: list[str] = []
         own = Interpreted.of_function
         monkeypatch.setattr(Interpreted, "of_function", lambda library, f: taken.append(f.name()) or own(library, f))
-        monkeypatch.setattr(batch, "USED", 0.0)
+        monkeypatch.setattr(kernel, "USED", 0.0)
         by_interpreter = solve(features.Tank(), Mesh(20, 2))
         assert {"point_j", "point_h"} <= set(taken)
-        monkeypatch.setattr(batch, "interpreter", lambda build: None)
+        monkeypatch.setattr(kernel, "interpreter", lambda build: None)
         plain = solve(features.Tank(), Mesh(20, 2))
         assert np.array_equal(by_interpreter.x, plain.x) and by_interpreter.iterations == plain.iterations
         assert np.array_equal(by_interpreter.multipliers, plain.multipliers)

@@ -12,9 +12,8 @@ import pytest
 import gtmodel as gt
 from gtmodel import Status
 from gtmodel.mechanics import BallScrew, ForceMotor, Inertia
-from gtmodel.robots.f1_screws import f1_ball_screws
-from gtmodel.robots.five_carts import ExtraCarts, extra_carts
-from gtmodel.robots.triangular_link import queensland_gantry_tau
+from gtmodel.robots.f1 import f1_ball_screws
+from gtmodel.robots.six_link import ExtraCarts, extra_carts, queensland_gantry_tau
 from gtmodel.robots.with_wrist import gantry_tau_wrist
 from tests.oracle.f1_by_hand import F1ByHand
 from tests.oracle.six_link import rotation

@@ -8,7 +8,7 @@ import pytest
 import gtmodel as gt
 from gtmodel import ModelError, Status
 from gtmodel.geometry.quaternions import quaternion_matrix
-from gtmodel.robots.measured_guideways import on_measured_points
+from gtmodel.robots.three_link import on_measured_points
 
 AT = np.linspace(-2.0, 2.0, 21)
 U = np.array([0.9, 0.1, -0.2, 0.3]) / np.linalg.norm([0.9, 0.1, -0.2, 0.3])

@@ -10,7 +10,7 @@ import gtmodel as gt
 from gtmodel import der
 from gtmodel.results import SolveStatus
 from gtmodel.simulation import simulate
-from gtmodel.simulation.turnover import ENERGY_BALANCE
+from gtmodel.simulation.record import ENERGY_BALANCE
 from tests.simulation.models import FourBarInAngles, SwingingPendulum, TwoMasses
 
 G = 9.81

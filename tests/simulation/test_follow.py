@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 import gtmodel as gt
 from gtmodel import ModelError, SolveStatus, der
 from gtmodel.simulation import simulate
-from gtmodel.simulation.continuation import NewtonContinuation
+from gtmodel.simulation.systems import NewtonContinuation
 from tests.simulation.test_status import Implicit
 
 

@@ -8,8 +8,7 @@ import pytest
 
 import gtmodel as gt
 from gtmodel import der
-from gtmodel.compiler.analysis.bounds import bounds, functions_of_time
-from gtmodel.compiler.analysis.pace import pace_of
+from gtmodel.compiler.analysis.bounds import bounds, functions_of_time, pace_of
 from gtmodel.simulation import simulate
 
 OMEGA, DECAY = np.sqrt(100.0 - 0.25), 0.5

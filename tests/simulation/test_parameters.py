@@ -10,7 +10,7 @@ import pytest
 
 import gtmodel as gt
 from gtmodel.compiler.causal import flat_of
-from gtmodel.compiler.other_values import values_by_place, with_values
+from gtmodel.compiler.flat_cache import values_by_place, with_values
 from gtmodel.results import ArgumentError
 from tests.simulation.models import DriveTrain, FourBarInAngles, SwingingPendulum, TwoMasses
 from tests.simulation.robot import T0, l1
@@ -188,7 +188,7 @@ class TestShared:
             mock.patch("gtmodel.simulation.systems.make_plan") as planned,
             mock.patch("gtmodel.simulation.systems.OriginalEquations") as written,
             mock.patch("gtmodel.simulation.systems.StateSelection") as chosen,
-            mock.patch("gtmodel.compiler.other_values.BoundParameters") as bounds,
+            mock.patch("gtmodel.compiler.flat_cache.BoundParameters") as bounds,
             mock.patch.object(ca, "vertcat") as stacked,
             mock.patch.object(ca, "depends_on") as asked,
         ):

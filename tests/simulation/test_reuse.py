@@ -11,7 +11,7 @@ import pytest
 
 import gtmodel as gt
 from gtmodel.compiler.consistency.initial import _Equations, initial_point, start_values
-from gtmodel.compiler.point_function import PointFunction
+from gtmodel.compiler.rows import PointFunction
 from gtmodel.compiler.states import choose
 from gtmodel.simulation.choice import LARGEST_CHANGE, STRIDE, SWITCH_BELOW, StateSelection, choice_of
 from gtmodel.simulation.prepare import prepare

@@ -14,7 +14,7 @@ from ...geometry.quaternions import exponential, product, quaternion_matrix
 from ...inference import Identifiability
 from ...kinematics.mechanism import Mechanism
 from ...kinematics.workspace import InverseKinematics, Limit, Poses, Reach, box_grid, limited_mechanism, limits_of
-from ...kinematics.workspace.limited import LONGEST_STROKE, refuse_disordered
+from ...kinematics.workspace.reach import LONGEST_STROKE, refuse_disordered
 from ...lang import ModelError
 from ...results import ArgumentError, Status, naming
 from ...robots.f1 import LINK_ENDS, link_guideways

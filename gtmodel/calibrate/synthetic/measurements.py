@@ -17,7 +17,7 @@ from ...lang import Model, ModelError
 from ...results import ArgumentError
 from ...results.disk import scratch
 from ...results.table import csv_text
-from ...robots import clusters
+from ...robots import links
 from ..measured.options import Measured, MeasuredSignal
 from ..measured.poses import MeasuredPoses
 from ..measured.reading_file import read_poses
@@ -141,7 +141,7 @@ def carts_of(model: Model) -> Carts:
         return Carts("A0", [[0], [1], [2]], ("A0", "A", "B", "L", "r3"))
     A = np.shape(getattr(model, "A", ()))
     if A == (6, 3) and hasattr(model, "B"):
-        return Carts("A", clusters.ROWS, ("A", "B", "L"))
+        return Carts("A", links.ROWS, ("A", "B", "L"))
     if A == (3, 3) and hasattr(model, "v"):
         return Carts("A", [[0], [1], [2]], ("A", "L"))
     raise ArgumentError("is for Gantry-Tau robots with three, six or F1 links; give measurements of this robot", KEY)

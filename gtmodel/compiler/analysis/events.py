@@ -12,10 +12,9 @@ import numpy as np
 from ...lang.bind import ParameterRecord, Tree
 from ...lang.condition import Condition
 from ...lang.declare import Discrete, Variable
-from ...lang.events import EnergyLoss, Reinit, Termination, When
+from ...lang.events import EnergyLoss, Reinit, SampledBlock, Termination, When
 from ...lang.expression import Relation
 from ...lang.model import Model
-from ...lang.sampled import SampledBlock
 from ...lang.source import ModelError, SourceLocation
 
 if TYPE_CHECKING:

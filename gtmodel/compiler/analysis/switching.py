@@ -1,18 +1,135 @@
-"""Models with events as engines take them: in one mode, with sign() as a switch, or not at all."""
+"""Models with events as engines take them, in one mode, with sign() as a switch, or not at all; names of events, what
+they do, and what goes on as it was."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 
 import casadi as ca
 
 from ...lang.source import ModelError, SourceLocation
+from ..alias import AliasResult
 from ..flat import FlatModel
-from ..rewriting import applied, of_expression, walked
-from .event_names import listing, named_events
-from .events import Comparison, FlatEvents, FlatMode
-from .nonsmooth import is_nonsmooth
+from ..rewriting import applied, is_nonsmooth, of_expression, walked
+from .events import Comparison, FlatEvents, FlatMode, FlatWhen, Logic, Pair
+
+
+@dataclass(frozen=True, eq=False)
+class NamedEvent:
+    """A condition that acts when it becomes true (`when`: its number), or a switch (`mode`: its number)."""
+
+    name: str
+    logic: Logic
+    where: SourceLocation
+    when: int | None = None
+    mode: int | None = None
+
+    def shown(self, events: FlatEvents) -> str:
+        """Its name, its line and its condition."""
+        return f"{self.name} ({self.where}): {text_of(self.logic, events)}"
+
+
+def named_events(events: FlatEvents) -> dict[str, NamedEvent]:
+    """All of a model by name: "event 1" of gt.when, "If 1" of gt.If, "sign() 1", in the order of their lines."""
+    named = {w.name: NamedEvent(w.name, w.logic, w.where, when=n) for n, w in enumerate(events.whens)}
+    count: Counter[str] = Counter()
+    for n, m in enumerate(events.modes):
+        count[m.name] += 1
+        name = f"{m.name} {count[m.name]}"
+        named[name] = NamedEvent(name, m.logic, m.where, mode=n)
+    return named
+
+
+def listing(events: FlatEvents) -> str:
+    """All events with their lines and conditions."""
+    return "; ".join(e.shown(events) for e in named_events(events).values())
+
+
+def comparisons_in(logic: Logic) -> list[int]:
+    """Numbers of the comparisons in a condition."""
+    operation, *parts = logic
+    if operation == "atom":
+        return [parts[0]]
+    return [] if operation == "sample" else [n for part in parts for n in comparisons_in(part)]
+
+
+def samples_in(logic: Logic) -> list[int]:
+    """Numbers of the samples in a condition."""
+    operation, *parts = logic
+    if operation == "sample":
+        return [parts[0]]
+    return [] if operation == "atom" else [n for part in parts for n in samples_in(part)]
+
+
+def text_of(logic: Logic, events: FlatEvents) -> str:
+    """A condition as it reads."""
+    operation, *parts = logic
+    if operation == "atom":
+        return events.comparisons[parts[0]].text
+    if operation == "sample":
+        return "gt.initial()" if events.samples[parts[0]].period is None else "gt.sample()"
+    texts = [text_of(part, events) for part in parts]
+    if operation == "not":
+        return f"~({texts[0]})"
+    return f" {'&' if operation == 'and' else '|'} ".join(f"({t})" for t in texts)
+
+
+def keys_of(when: FlatWhen) -> list[int | Pair]:
+    """What an event gives new values: places in `flat.p`, derivatives of variables."""
+    return [*(place for place, _ in when.assigns), *(pair for pair, _ in when.reinits)]
+
+
+def values_of(when: FlatWhen) -> list[ca.SX]:
+    """The new values, as many as keys, and behind them the energy that it takes where that is said."""
+    loss = [] if when.loss is None else [when.loss]
+    return [*(x for _, x in when.assigns), *(x for _, x in when.reinits), *loss]
+
+
+def acting_together(flat: FlatModel, whens: Sequence[FlatWhen]) -> ca.SX:
+    """The values of all of them as one column, in which the new values of discrete variables that any of them sets
+    stand for these variables; what they were before stands under `FlatEvents.before`.
+
+    Raises ModelError where new values depend on each other in a loop.
+    """
+    column = ca.SX(ca.vertcat(*[x for w in whens for x in values_of(w)]))
+    new: dict[int, ca.SX] = {}
+    for when in whens:
+        for place, value in when.assigns:
+            new.setdefault(place, value)
+    symbols = {place: flat.parameters[place].symbol for place in new}
+    # each substitution settles one link of a chain
+    for _ in new:
+        column = ca.substitute(column, ca.vertcat(*symbols.values()), ca.vertcat(*new.values()))
+    if new and ca.depends_on(column, ca.vertcat(*symbols.values())):
+        names = ", ".join(str(s) for s in symbols.values())
+        raise ModelError(
+            f"the new values of {names} depend on each other in a loop of events; write gt.pre(...) where the value "
+            "before the event is meant",
+            whens[-1].where,
+        )
+    return column
+
+
+def differentiated(flat: FlatModel) -> list[Pair]:
+    """The variables' derivatives whose own derivative stands in an equation of a model in one mode: these are
+    continuous. Another name of such a quantity is not, where an equation of another mode gives it to something else."""
+    if "differentiated" not in flat.cache:
+        highest: dict[int, int] = {}
+        for pairs in flat.scope.symbols_in_each([e.residual for e in flat.equations]):
+            for index, order in pairs:
+                highest[index] = max(highest.get(index, 0), order)
+        flat.cache["differentiated"] = [(i, k) for i in sorted(highest) for k in range(highest[i])]
+    return flat.cache["differentiated"]
+
+
+def names_of(continuous: Iterable[Pair], alias: AliasResult) -> dict[Pair, list[Pair]]:
+    """Those of the continuous quantities that stand for each kept one, its own name first."""
+    names: dict[Pair, list[Pair]] = {}
+    for pair in continuous:
+        names.setdefault(alias.resolve(*pair)[1:], []).append(pair)
+    return {kept: sorted(own, key=lambda pair: pair != kept) for kept, own in names.items()}
 
 
 def in_mode(flat: FlatModel, values: Sequence[bool]) -> FlatModel:

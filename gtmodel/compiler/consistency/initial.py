@@ -13,11 +13,11 @@ import numpy as np
 from ...lang.slips import floats
 from ...lang.source import ModelError, about
 from ..branch import root_derivatives
-from ..differentiation import condition_order
-from ..emit import substituted
+from ..emission import substituted
 from ..matrices import left_over, pivoted_qr
 from ..plan import CausalPlan
-from ..point_function import PointFunction
+from ..rows import PointFunction
+from ..structure import condition_order
 
 Pair = tuple[int, int]
 

@@ -14,9 +14,9 @@ from functools import cache
 import casadi as ca
 import numpy as np
 
+from ..columns.machine import FLAGS, TEXT
 from ..columns.program import EXACT, LIBM, on_columns
-from ..columns.source import FLAGS, TEXT
-from ..library_cache import CompilerMissing, kept_library
+from ..toolchain import CompilerMissing, kept_library
 from .operations import Tape
 
 AT_ONCE = 32  # points

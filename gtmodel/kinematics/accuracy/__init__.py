@@ -12,20 +12,31 @@ from typing import TYPE_CHECKING
 from ..._lazy import public
 
 if TYPE_CHECKING:
-    from .accuracy_result import AccuracyStudy as AccuracyStudy
+    from .case import (
+        ForwardWithLengths as ForwardWithLengths,
+        base_point_cloud as base_point_cloud,
+        common_point as common_point,
+        length_cloud as length_cloud,
+    )
     from .corners import (
         SIGNS as SIGNS,
+        Ellipsoids as Ellipsoids,
+        ErrorCase as ErrorCase,
+        ErrorMap as ErrorMap,
+        Parallelepiped as Parallelepiped,
         exact_corners as exact_corners,
         first_order_corners as first_order_corners,
         largest as largest,
+        map_errors as map_errors,
+        parallelepiped as parallelepiped,
+        projected_corners as projected_corners,
     )
-    from .ellipsoids import Ellipsoids as Ellipsoids, projected_corners as projected_corners
-    from .error_map import ErrorCase as ErrorCase, ErrorMap as ErrorMap, map_errors as map_errors
-    from .lengths import ForwardWithLengths as ForwardWithLengths
-    from .monte_carlo import base_point_cloud as base_point_cloud, length_cloud as length_cloud
-    from .options import ErrorSection as ErrorSection, LinkErrors as LinkErrors, MonteCarloDraws as MonteCarloDraws
-    from .parallelepiped import Parallelepiped as Parallelepiped, parallelepiped as parallelepiped
+    from .options import (
+        AccuracyStudy as AccuracyStudy,
+        ErrorSection as ErrorSection,
+        LinkErrors as LinkErrors,
+        MonteCarloDraws as MonteCarloDraws,
+    )
     from .section_study import accuracy_study as accuracy_study
-    from .spheres import common_point as common_point
 
 public(__name__)

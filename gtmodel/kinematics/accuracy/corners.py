@@ -1,16 +1,17 @@
-"""The eight corners of the positioning error of three links (Dressler 2012, sections A.2 and A.3).
-
-Link i may be longer or shorter by r_i: an error of its length, or of its base point along the link. The tool centre
-point then lies in a body with eight corners, one for each choice of signs; the greatest error is at one of them.
-"""
+"""The positioning error of three links with errors of their lengths or base points: its eight corners, their
+parallelepiped, bounds for base points in an ellipsoid (Dressler 2012, appendix A), and the greatest error at many
+poses."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from itertools import product
+from typing import Literal
 
 import numpy as np
 
+from ...geometry.rotations import right_handed
 from ...results import Status
 
 Array = np.ndarray
@@ -98,3 +99,257 @@ def largest(errors: Array) -> Array:
     array([5.e-05])
     """
     return np.linalg.norm(errors, axis=2).max(axis=1)
+
+
+ITERATIONS = 50
+# distance of the three projections from their common point [m]: far below a micrometre, above rounding at 1e1 m
+CLOSE = 1e-12
+
+
+@dataclass(frozen=True)
+class Ellipsoids:
+    """Where the base points of three links may lie: about each nominal one, an ellipsoid.
+
+    Attributes:
+        axes: (3, 3, 3), row k of axes[i] is the unit vector of the k-th half-axis of link i.
+        half: (3, 3) half-axes [m].
+    """
+
+    axes: Array
+    half: Array
+
+    @classmethod
+    def about_guideways(cls, directions: Array, along: Array, across: Array) -> Ellipsoids:
+        """One half-axis `along` each guideway, two equal ones `across` it, (3,) each [m] (Dressler 2012, Table 4.2)."""
+        axes = [right_handed(v) for v in directions]
+        return cls(np.array(axes), np.stack([along, across, across], axis=1).astype(float))
+
+    def support(self, u: Array) -> Array:
+        """How far each ellipsoid reaches along the links: sqrt(sum_k (r_k a_k.u)^2) [m], (n, 3), for u (n, 3, 3).
+
+        This is the exact first-order bound: no base point within the ellipsoid changes the distance by more.
+        """
+        along = np.einsum("ikc,nic->nik", self.axes, u)
+        return np.sqrt(np.einsum("nik,ik->ni", along**2, self.half**2))
+
+
+def projected_corners(a: Array, T: Array, lengths: Array, ellipsoids: Ellipsoids) -> tuple[Array, Array]:
+    """Corners by the iterative projection of Dressler 2012, section A.2.
+
+    The free end of link i stays between the ellipsoids about its base point with half-axes L_i - r_ik and L_i + r_ik.
+    From the nominal point: project along the rays from the centres onto one ellipsoid of each link, intersect the
+    tangent planes there, repeat. To first order link i may be longer by sum_k r_k (a_k.u)^2, which is less than the
+    support: the thesis says itself that the exact set is slightly larger.
+
+    Args:
+        a: (n, 3, 3) nominal base points [m]. T: (n, 3) nominal intersection [m]. lengths: (3,) [m].
+
+    Returns: corners (n, 8, 3) [m] in the order of SIGNS, and whether each converged, (n, 8). Others are NaN.
+
+    Base points 1 m away from where the links meet, each within 0.1 mm in all directions:
+
+    >>> from gtmodel.kinematics.accuracy import Ellipsoids, largest, projected_corners
+    >>> within = Ellipsoids(np.tile(np.eye(3), (3, 1, 1)), np.full((3, 3), 1e-4))
+    >>> corners, converged = projected_corners(-np.eye(3)[None], np.zeros((1, 3)), np.ones(3), within)
+    >>> (1e3 * largest(corners)).round(3), bool(converged.all())  # mm
+    (array([0.173]), True)
+    """
+    n = len(T)
+    # rows of corners, so that all are iterated at once
+    centre = np.repeat(a[:, None], 8, axis=1).reshape(n * 8, 3, 3)
+    half = lengths[:, None] + SIGNS[:, :, None] * ellipsoids.half
+    half = np.tile(half, (n, 1, 1))
+    x = np.repeat(T, 8, axis=0)
+    good = np.zeros(n * 8, dtype=bool)
+    with np.errstate(all="ignore"):
+        for _ in range(ITERATIONS):
+            d = x[:, None] - centre
+            own = np.einsum("ikc,nic->nik", ellipsoids.axes, d)
+            scaled = own / half
+            size = np.sqrt((scaled**2).sum(axis=2))
+            point = centre + d / size[..., None]
+            good = np.max(np.linalg.norm(point - x[:, None], axis=2), axis=1) < CLOSE
+            if good.all():
+                break
+            normal = np.einsum("ikc,nik->nic", ellipsoids.axes, scaled / half)
+            normal /= np.linalg.norm(normal, axis=2, keepdims=True)
+            x = _solve(normal, np.einsum("nic,nic->ni", normal, point))
+    x[~good] = np.nan
+    return x.reshape(n, 8, 3), good.reshape(n, 8)
+
+
+def _solve(matrices: Array, rhs: Array) -> Array:
+    """Solutions of 3 x 3 systems in rows; NaN where a matrix is singular or not finite."""
+    determinant = np.linalg.det(np.where(np.isfinite(matrices), matrices, 0.0))
+    usable = np.isfinite(matrices).all(axis=(1, 2)) & np.isfinite(rhs).all(axis=1) & (np.abs(determinant) > 1e-12)
+    solution = np.full(rhs.shape, np.nan)
+    solution[usable] = np.linalg.solve(matrices[usable], rhs[usable][..., None])[..., 0]
+    return solution
+
+
+@dataclass(frozen=True)
+class Parallelepiped:
+    """The body |u_i . x| <= r_i of three links, in rows.
+
+    Attributes:
+        edges: (n, 3, 3) [m], row i is the edge on which only link i changes: column i of U^-1 times 2 r_i.
+        link_angles: (n, 3) [rad] between links j and k, opposite to link i: alpha_i, also the angle of the faces F_j
+            and F_k (or its supplement, for the outer normals).
+        pyramid_angles: (n, 3) [rad] between the pyramid sides that meet in link i: beta_i, also an angle of the
+            parallelograms F_i.
+        faces: (n, 3) [m2] areas of the parallelograms orthogonal to link i.
+        diagonals: (n, 4) [m], from corner to opposite corner; half of the longest is the greatest error.
+        volume: (n,) [m3].
+    """
+
+    edges: Array
+    link_angles: Array
+    pyramid_angles: Array
+    faces: Array
+    diagonals: Array
+    volume: Array
+
+    @property
+    def longest(self) -> Array:
+        """(n,) the longest diagonal [m]."""
+        return self.diagonals.max(axis=1)
+
+
+def parallelepiped(u: Array, r: Array) -> Parallelepiped:
+    """Edges, angles, faces and diagonals for unit vectors u (n, 3, 3), one row per link, and half-widths r (n, 3) [m].
+
+    Rows whose links lie in a plane have no such body: they are infinite or NaN; test them first
+    (`first_order_corners` gives a status).
+
+    Links at right angles, with errors of at most 1, 2 and 3 mm, give a box:
+
+    >>> box = gt.kinematics.accuracy.parallelepiped(np.eye(3)[None], np.array([[1e-3, 2e-3, 3e-3]]))
+    >>> (1e3 * box.edges[0]).round(6)  # mm, the whole width of the errors
+    array([[2., 0., 0.],
+           [0., 4., 0.],
+           [0., 0., 6.]])
+    >>> (1e6 * box.faces).round(6)  # mm2
+    array([[24., 12.,  8.]])
+    """
+    u = np.asarray(u, dtype=float)
+    r = np.broadcast_to(np.asarray(r, dtype=float), (len(u), 3))
+    turn = [(1, 2), (2, 0), (0, 1)]
+    # column i of U^-1 is u_j x u_k / det U: orthogonal to the two links that keep their length
+    normals = np.stack([np.cross(u[:, j], u[:, k]) for j, k in turn], axis=1)
+    determinant = np.einsum("nc,nc->n", u[:, 0], normals[:, 0])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        edges = 2 * r[..., None] * normals / determinant[:, None, None]
+        alpha = np.stack([_angle(u[:, j], u[:, k]) for j, k in turn], axis=1)
+        # the sides that meet in link i hold (i, j) and (i, k)
+        beta = np.stack(
+            [_angle(np.cross(u[:, i], u[:, j]), np.cross(u[:, i], u[:, k])) for i, (j, k) in enumerate(turn)], 1
+        )
+        faces = np.stack([np.linalg.norm(np.cross(edges[:, j], edges[:, k]), axis=1) for j, k in turn], axis=1)
+        signs = np.array([[1, 1, 1], [1, 1, -1], [1, -1, 1], [-1, 1, 1]], dtype=float)
+        diagonals = np.linalg.norm(np.einsum("ji,nic->njc", signs, edges), axis=2)
+        volume = np.abs(np.einsum("nc,nc->n", edges[:, 0], np.cross(edges[:, 1], edges[:, 2])))
+    return Parallelepiped(edges, alpha, beta, faces, diagonals, volume)
+
+
+def _angle(x: Array, y: Array) -> Array:
+    return np.arctan2(np.linalg.norm(np.cross(x, y), axis=1), np.einsum("nc,nc->n", x, y))
+
+
+Method = Literal["support", "projection"]
+CHUNK = 4096
+
+
+@dataclass(frozen=True)
+class ErrorCase:
+    """Errors of three links: of their lengths, or of base points within ellipsoids.
+
+    Attributes:
+        lengths: (3,) nominal link lengths [m].
+        radius: (3,) half-widths of length errors, or radii of spheres about the base points [m]: the same thing to
+            first order (Dressler 2012, section A.3). None where there are ellipsoids.
+        ellipsoids: of the base points; None where there is a radius.
+        method: how ellipsoids become corners: "support", the exact first-order bound, or "projection", the
+            appendix's iteration, which is a little less.
+    """
+
+    lengths: Array
+    radius: Array | None = None
+    ellipsoids: Ellipsoids | None = None
+    method: Method = "support"
+
+    def half_widths(self, u: Array) -> Array:
+        """r (n, 3) [m] for link directions u (n, 3, 3)."""
+        if self.ellipsoids is not None:
+            return self.ellipsoids.support(u)
+        assert self.radius is not None
+        return np.broadcast_to(self.radius, (len(u), 3))
+
+    def corners(self, a: Array, T: Array) -> tuple[Array, Array]:
+        """Errors at the corners (n, 8, 3) [m] for base points a (n, 3, 3) and T (n, 3), and codes (n,) of `Status`."""
+        with np.errstate(invalid="ignore"):
+            u = (T[:, None] - a) / np.linalg.norm(T[:, None] - a, axis=2, keepdims=True)
+        errors, status = first_order_corners(u, self.half_widths(u))
+        if self.ellipsoids is not None and self.method == "projection":
+            good = status == Status.OK
+            corners, converged = projected_corners(a[good], T[good], self.lengths, self.ellipsoids)
+            errors[good] = corners - T[good, None]
+            status[np.flatnonzero(good)[~converged.all(axis=1)]] = Status.NOT_CONVERGED
+            errors[status != Status.OK] = np.nan
+        return errors, status
+
+
+@dataclass(frozen=True)
+class ErrorMap:
+    """Errors at n points: greatest error [m] (n,), face areas (n, 3) [m2], codes of `Status` (n,)."""
+
+    error: Array
+    faces: Array
+    status: Array
+    complete: bool
+
+
+def map_errors(
+    case: ErrorCase,
+    base_points: Callable[[Array], tuple[Array, Array]],
+    T: Array,
+    *,
+    chunk: int = CHUNK,
+    progress: Callable[[float], bool] | None = None,
+) -> ErrorMap:
+    """The greatest error at the points T (n, 3) [m]; NaN with a status where there is none.
+
+    Args:
+        base_points: called with T (k, 3), returns the base points (k, 3, 3) [m] and codes (k,) of `Status`.
+        progress: called with the fraction done; returning True stops the work, the rest is NaN.
+
+    The L1 at two points, whose links may be 0.1 mm too long or too short; the second is out of reach:
+
+    >>> from gtmodel.kinematics.accuracy import ErrorCase, map_errors
+    >>> from gtmodel.kinematics.workspace import Bodies, limited_mechanism
+    >>> robot = limited_mechanism(gt.robots.gantry_tau("l1_tape"), None, Bodies())
+    >>> def base_points(T):
+    ...     poses = robot.inverse(T)
+    ...     return poses.a, poses.status
+    ...
+    >>> case = ErrorCase(lengths=robot.lengths, radius=np.full(3, 1e-4))
+    >>> T = np.array([[1.4, -0.4, 0.9], [1.4, -0.4, 9.0]])
+    >>> errors = map_errors(case, base_points, T)
+    >>> (1e3 * errors.error).round(3), errors.status  # mm
+    (array([0.42,  nan]), array([0, 1]))
+    """
+    n = len(T)
+    error, faces = np.full(n, np.nan), np.full((n, 3), np.nan)
+    status = np.full(n, Status.NOT_FINITE)
+    for begin in range(0, n, chunk):
+        rows = slice(begin, min(begin + chunk, n))
+        a, code = base_points(T[rows])
+        corners, corner_status = case.corners(a, T[rows])
+        status[rows] = np.where(code != Status.OK, code, corner_status)
+        good = status[rows] == Status.OK
+        error[rows] = np.where(good, largest(corners), np.nan)
+        u = T[rows][good][:, None] - a[good]
+        u /= np.linalg.norm(u, axis=2, keepdims=True)
+        faces[np.arange(n)[rows][good]] = parallelepiped(u, case.half_widths(u)).faces
+        if progress is not None and progress(rows.stop / n) and rows.stop < n:
+            return ErrorMap(error, faces, status, complete=False)
+    return ErrorMap(error, faces, status, complete=True)

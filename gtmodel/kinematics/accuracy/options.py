@@ -1,13 +1,17 @@
-"""What an accuracy study asks for: errors of carts or links, a section, synthetic draws."""
+"""What an accuracy study asks for, errors of carts or links, a section, synthetic draws, and what it answers."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Any
 
+import numpy as np
+
+from ...results import Quantity, Row, Study, listed
 from ...results.options import Long, Options, Unit, Within
 from ..section import CrossSection
-from .error_map import Method
+from .corners import Method
 
 
 @dataclass(frozen=True)
@@ -61,3 +65,54 @@ class MonteCarloDraws(Options):
 
     samples: Annotated[int, Within(least=100, most=1000000), "draws for each case"] = 20000
     seed: Annotated[int, Within(least=0), "seed of the random numbers"] = 1
+
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class AccuracyStudy(Study):
+    """Greatest positioning errors over a rectangle of a cross-section, and over all that the robot reaches in it."""
+
+    cases: Annotated[
+        Sequence[Mapping[str, Any]],
+        "for each case: name, errors, method; over the rectangle min_um, max_um, their places min_at_m, max_at_m "
+        "in (u, v), centre_um and nearest_guideway to the maximum (from 1); reached_min_um and reached_max_um over "
+        "all that is reached; monte_carlo_um and its corner_um at the place of the maximum; and shape, the "
+        "parallelepiped at the centre: link_angles_deg, pyramid_angles_deg, faces_um2, longest_diagonal_um",
+    ]
+    window: Annotated[
+        Array, Quantity("m", "the rectangle that the numbers are about: least and greatest (u, v)")
+    ]  # fmt: skip
+    guideways: Annotated[Array, Quantity("m", "where the guideways pierce the section, (u, v)")]
+    section: Annotated[Mapping[str, Any], "the section: a point of it, and its normal"]
+    points: Annotated[
+        Mapping[str, Any],
+        "number of grid points in the rectangle, and how many of them have no error, by reason",
+    ]
+
+    @property
+    def rows(self) -> list[Row]:
+        """The table for people."""
+        low, high = self.window
+        rows = [Row("rectangle from (u, v)", listed(low), "m"), Row("to", listed(high), "m")]
+        for case in self.cases:
+            name = case["name"]
+            rows += [
+                Row(f"{name}: corners by", case["method"]),
+                Row(f"{name}: least error in the rectangle", case["min_um"], "um"),
+                Row(f"{name}: greatest", case["max_um"], "um"),
+                Row(f"{name}: at (u, v)", listed(case["max_at_m"]), "m"),
+                Row(f"{name}: nearest guideway", case["nearest_guideway"]),
+                Row(
+                    f"{name}: in the centre", "out of reach" if np.isnan(case["centre_um"]) else case["centre_um"], "um"
+                ),
+                Row(f"{name}: over all that is reached, least", case["reached_min_um"], "um"),
+                Row(f"{name}: over all that is reached, greatest", case["reached_max_um"], "um"),
+                Row(f"{name}: synthetic draws at the greatest", case["monte_carlo_um"], "um"),
+            ]
+        return rows
+
+
+def _or_out_of_reach(value: float) -> float | str:
+    return "out of reach" if np.isnan(value) else value

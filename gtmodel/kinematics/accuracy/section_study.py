@@ -16,11 +16,9 @@ from ...results.door import study_function
 from ...results.table import csv_text
 from ...results.work import Progress, never, silent
 from ..mechanism import home_figure, mechanism_of
-from .accuracy_result import AccuracyStudy
-from .corners import Array
-from .error_map import ErrorMap, Method, map_errors
-from .judged_case import ErrorRegion, JudgedCase, errors_of, judged, with_method
-from .options import ErrorSection, LinkErrors, MonteCarloDraws
+from .case import ErrorRegion, JudgedCase, errors_of, judged, with_method
+from .corners import Array, ErrorMap, Method, map_errors
+from .options import AccuracyStudy, ErrorSection, LinkErrors, MonteCarloDraws
 
 MOST_POINTS = 1e7
 DIAGONAL = 101  # points of the rectangle's diagonal along which the faces are drawn

@@ -13,7 +13,7 @@ The study
 
 Start systems
     start_systems         the stored random complex platforms with their 40 solutions each
-    StartSystem           one of them; ``make_start_systems``, run as a module, makes them anew
+    StartSystem           one of them; ``start_system``, run as a module, makes them anew
 """
 
 from typing import TYPE_CHECKING
@@ -21,12 +21,9 @@ from typing import TYPE_CHECKING
 from ..._lazy import public
 
 if TYPE_CHECKING:
-    from .certificate import Certificate as Certificate
-    from .hand_poses import read_poses as read_poses
-    from .modes_of_poses import modes_study as modes_study
-    from .modes_result import ModesStudy as ModesStudy
-    from .options import CommandedPose as CommandedPose
-    from .result import AssemblyModes as AssemblyModes
+    from .modes import AssemblyModes as AssemblyModes, Certificate as Certificate
+    from .modes_of_poses import modes_study as modes_study, read_poses as read_poses
+    from .options import CommandedPose as CommandedPose, ModesStudy as ModesStudy
     from .six_links import Hands as Hands, bare as bare, draw as draw
     from .solve import assembly_modes as assembly_modes, assembly_modes_batch as assembly_modes_batch
     from .start_system import StartSystem as StartSystem, start_systems as start_systems

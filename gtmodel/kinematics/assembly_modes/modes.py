@@ -1,20 +1,158 @@
-"""From the solutions of the scaled equations to poses of the platform in the user's frame and unit."""
+"""The assembly modes of one pose: from the solutions of the scaled equations to poses of the platform, and the
+certificate of the search in numbers."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ...geometry.rotations import angle_between
-from .certificate import Certificate
-from .kantorovich import Isolation
-from .newton import newton_step
-from .platform import Real, ScaledLegs
-from .projective import distance_to_conjugate, distances, projective_distance
-from .result import AssemblyModes
-from .search import ModesSearch
-from .sorting import are_same, residuals
-from .study import MODES, Array, rotation_and_position
+from ...results.status import ModesStatus
+from .platform import MODES, Array, Real, ScaledLegs, rotation_and_position
+from .sorting import Isolation, ModesSearch, are_same, residuals
+from .tracker import distance_to_conjugate, distances, newton_step, projective_distance
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """Evidence that the set of modes is whole.
+
+    Attributes:
+        paths: paths of one start system, 40.
+        finite: finite modes over the complex numbers, none multiple.
+        distinct: those of them that lie outside the radius of uniqueness of every other; as many as `finite`.
+        certified: how many of them pass the Newton-Kantorovich test (one solution near, no other within a radius).
+        real: real modes among them.
+        conjugate_pairs: pairs of complex conjugate modes among them; real + 2 conjugate_pairs = finite when whole.
+        infinite: paths of the last start system that ended at infinity (x.x = 0).
+        multiple: paths of the last start system that ended in finite modes where the equations are singular.
+        lost: paths of the last start system that ended nowhere, or twice in the same regular mode.
+        start_systems: start systems used, 1 when the first sufficed.
+        retries: paths tracked again from another start system.
+        steps_mean, steps_most: steps per path.
+        worst_residual: largest scaled equation |F(z)| with |z| = 1 over the found modes; 1 is the size of the terms.
+        worst_closure: largest error of a leg length over the real modes, relative to the platform's size.
+        worst_condition: largest condition number of the equations at a found mode.
+        least_separation: smallest distance of two found modes as points of projective space; at most 1.
+        nearest_distance: over the real modes, distance of the platform joints' centroid between the two that are
+            nearest each other (`AssemblyModes.nearest_other`), in the unit of the input; infinite with fewer than two.
+        nearest_angle_deg: the angle between these two [deg].
+    """
+
+    paths: int = 40
+    finite: int = 0
+    distinct: int = 0
+    certified: int = 0
+    real: int = 0
+    conjugate_pairs: int = 0
+    infinite: int = 0
+    multiple: int = 0
+    lost: int = 0
+    start_systems: int = 0
+    retries: int = 0
+    steps_mean: float = 0.0
+    steps_most: int = 0
+    worst_residual: float = 0.0
+    worst_closure: float = 0.0
+    worst_condition: float = 0.0
+    least_separation: float = np.inf
+    nearest_distance: float = np.inf
+    nearest_angle_deg: float = np.inf
+
+    def text(self, *, unit: str = "m") -> str:
+        """The certificate as lines for a person; ``unit`` is that of the input, metres are shown as millimetres."""
+        factor, shown = (1000.0, "mm") if unit == "m" else (1.0, unit)
+        lines = [
+            ("modes found", f"{self.finite} of {self.paths}, {self.distinct} distinct, {self.certified} certified"),
+            ("real", f"{self.real}, and {self.conjugate_pairs} conjugate pairs"),
+            ("elsewhere", f"{self.infinite} at infinity, {self.multiple} multiple, {self.lost} lost"),
+            ("worst residual", f"{self.worst_residual:.1e} scaled; leg lengths {self.worst_closure:.1e}"),
+            ("condition", f"{self.worst_condition:.1e}; least separation {self.least_separation:.1e}"),
+            (
+                "nearest modes",
+                f"{self.nearest_distance * factor:.3f} {shown} and {self.nearest_angle_deg:.3f} deg apart",
+            ),
+            ("start systems", f"{self.start_systems}, {self.retries} paths tracked again"),
+            ("steps per path", f"{self.steps_mean:.0f} mean, {self.steps_most} most"),
+        ]
+        if self.real < 2:
+            del lines[5]
+        return "\n".join(f"{name:<15} {value}" for name, value in lines)
+
+
+@dataclass(frozen=True)
+class AssemblyModes:
+    """All assembly modes of a platform on six legs of given lengths.
+
+    A platform joint B stands at T + R B in the frame of the base joints. Lengths are in the unit of the input.
+
+    Attributes:
+        status: whether the set is whole.
+        message: the same in a sentence with numbers.
+        R: attitudes of the m real modes, (m, 3, 3).
+        T: their positions, (m, 3). The modes are sorted by the place of the platform joints' centroid, by x, then y,
+            then z, with differences below 1e-9 of the size ignored.
+        quaternion: their attitudes as unit quaternions, (m, 4), scalar first, first nonzero entry positive.
+        nearest_other: (m,) index of the real mode nearest each, -1 when it is the only one. Near means least
+            root of (distance / size)^2 + angle^2, with the distance between the centroids of the platform joints.
+        nearest_distance: (m,) that distance, in the unit of the input; infinite when there is no other.
+        nearest_angle_deg: (m,) and the angle [deg].
+        R_complex: all k finite modes, the real ones first in the order of R, then pairs of conjugates;
+            (k, 3, 3) complex with R R' = 1.
+        T_complex: (k, 3) complex.
+        infinite: directions x of the modes at infinity as complex quaternions with x.x = 0, |x| = 1, (j, 4).
+        R_multiple: one for each finite mode where the equations are singular, (l, 3, 3), complex in general.
+        T_multiple: (l, 3); known to about half the digits only.
+        size: length that the legs were divided by.
+        certificate: the evidence.
+    """
+
+    status: ModesStatus
+    message: str
+    R: Real
+    T: Real
+    quaternion: Real
+    nearest_other: NDArray[np.intp]
+    nearest_distance: Real
+    nearest_angle_deg: Real
+    R_complex: NDArray[np.complex128]
+    T_complex: NDArray[np.complex128]
+    infinite: NDArray[np.complex128]
+    R_multiple: NDArray[np.complex128]
+    T_multiple: NDArray[np.complex128]
+    size: float
+    certificate: Certificate
+
+    @property
+    def ok(self) -> bool:
+        """True when all finite modes are known and isolated."""
+        return self.status.ok
+
+    def nearest(self, R: ArrayLike, T: ArrayLike) -> tuple[int, float, float]:
+        """The real mode nearest a pose R (3, 3), T (3,): its index, distance in the input's unit, angle [deg].
+
+        Near as for `nearest_other`, but with the distance between the two T. Index -1 and infinite distances when
+        there are no real modes.
+        """
+        if not len(self.T):
+            return -1, np.inf, np.inf
+        distance = np.linalg.norm(self.T - np.asarray(T, dtype=float), axis=1)
+        angle = angle_between(self.R, np.asarray(R, dtype=float))
+        k = int(np.argmin((distance / self.size) ** 2 + angle**2))
+        return k, float(distance[k]), float(np.degrees(angle[k]))
+
+
+def without_modes(status: ModesStatus, message: str, size: float, certificate: Certificate) -> AssemblyModes:
+    """A result that holds no modes, only its status."""
+    R, T = np.zeros((0, 3, 3)), np.zeros((0, 3))
+    Rc, Tc, none = R.astype(complex), T.astype(complex), np.zeros(0)
+    return AssemblyModes(
+        status, message, R, T, np.zeros((0, 4)), np.zeros(0, dtype=np.intp), none, none,
+        Rc, Tc, np.zeros((0, 4), dtype=complex), Rc, Tc, size, certificate,
+    )  # fmt: skip
+
 
 REAL = 1e-6  # distance from its own conjugate below which a mode that is not certified counts as real
 SAME_MULTIPLE = 1e-3  # distance of two endpoints of one multiple mode

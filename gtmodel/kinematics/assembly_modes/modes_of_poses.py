@@ -1,26 +1,177 @@
-"""Assembly modes of many poses as a study: certificate, the commanded mode of each, checks, table, pictures."""
+"""Assembly modes of many poses as a study: poses given one by one or as rows of a file, the commanded mode of each,
+certificate and checks."""
 
 from __future__ import annotations
 
 import math
 from collections import Counter
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ...geometry.quaternions import quaternion_of
+from ...geometry.quaternions import quaternion_of, zyz_quaternion
 from ...lang import Model, ModelError
-from ...results import ArgumentError, Check, SolveStatus, Work, at_most
+from ...measurements.csv_table import CsvTable
+from ...results import ArgumentError, Check, SolveStatus, Work, at_most, naming
+from ...results.disk import path_of
 from ...results.door import study_function
 from ...results.status import ModesStatus
 from ...results.work import Progress, never, silent
-from .commanded_mode import COMMANDED, Judged
-from .hand_poses import CommandedPose, hands_of
-from .modes_result import ModesStudy
-from .six_links import Hands, six_links_of
+from ..causality.point_table import UNIT_LENGTH
+from .modes import AssemblyModes
+from .options import COLUMNS, CommandedPose, ModesStudy
+from .six_links import Hands, SixLinks, six_links_of
 from .solve import assembly_modes_batch
+
+# commanded pose from its mode, over the size or in rad: two Newton iterations, each to rounding times condition
+COMMANDED = 1e-9
+
+
+@dataclass(frozen=True)
+class Judged:
+    """Poses with their modes. commanded: index of the commanded mode of each, None where there is none.
+
+    errors: relative distance or angle [rad], the larger, from the commanded pose to the nearest mode; NaN without one.
+    """
+
+    hands: Hands
+    results: list[AssemblyModes]
+    commanded: list[int | None]
+    errors: list[float]
+
+    @classmethod
+    def of(cls, hands: Hands, results: list[AssemblyModes]) -> Judged:
+        """Look for every commanded pose among the real modes."""
+        commanded: list[int | None] = []
+        errors = []
+        for i, modes in enumerate(results):
+            if not np.isfinite(hands.T[i]).all() or not np.isfinite(hands.R[i]).all():
+                commanded.append(None)
+                errors.append(math.nan)
+                continue
+            k, distance, angle = modes.nearest(hands.R[i], hands.T[i])
+            error = max(distance / modes.size, math.radians(angle)) if k >= 0 else math.inf
+            commanded.append(k if error <= COMMANDED else None)
+            errors.append(error)
+        return cls(hands, results, commanded, errors)
+
+    def done(self, i: int) -> bool:
+        """True for a pose that was searched."""
+        return self.results[i].status not in (ModesStatus.INTERRUPTED, ModesStatus.BAD_INPUT)
+
+    def refused(self) -> list[str]:
+        """Why poses could not be searched, as sentences."""
+        return [self.message(i) for i, r in enumerate(self.results) if r.status is ModesStatus.BAD_INPUT]
+
+    def message(self, i: int) -> str:
+        """The sentence of a pose."""
+        return self.hands.faults.get(i) or self.results[i].message
+
+    def leg_error(self, i: int) -> float:
+        """Largest error of a leg length at a real mode over the size: the legs as given, not the scaled ones."""
+        hands, modes = self.hands, self.results[i]
+        joints = modes.T[:, None] + hands.B[i] @ np.swapaxes(modes.R, 1, 2)
+        errors = np.abs(np.linalg.norm(joints - hands.A[i], axis=2) - hands.L[i])
+        return float(np.max(errors, initial=0.0)) / modes.size if errors.size else 0.0
+
+    def commanded_nearest(self, i: int) -> tuple[float, float]:
+        """Distance [m] and angle [deg] of the real mode nearest the commanded one; NaN or infinite without."""
+        k = self.commanded[i]
+        if k is None:
+            return math.nan, math.nan
+        return float(self.results[i].nearest_distance[k]), float(self.results[i].nearest_angle_deg[k])
+
+
+def read_poses(path: str | Path) -> list[CommandedPose]:
+    """The poses of a CSV file, one row each, named columns as in COLUMNS. Raises ArgumentError.
+
+    >>> from pathlib import Path
+    >>> from gtmodel.kinematics.assembly_modes import read_poses
+    >>> _ = Path("poses.csv").write_text("q1_m,q2_m,q3_m,q4_deg,q5_deg,q6_deg\\n0.7,0.3,0.2,90,0,0\\n")
+    >>> read_poses("poses.csv")[0].axes
+    [1.5707963267948966, 0.0, 0.0]
+    """
+    path = path_of(path)
+    with naming("poses", ArgumentError):
+        table = CsvTable(path)
+    head = table.names
+    wanted = [
+        (name, columns, f) for name, all_ in COLUMNS.items() for columns, f in all_.items() if {*columns} & {*head}
+    ]
+    known = [column for _, columns, _ in wanted for column in columns]
+    missing = [column for column in known if column not in head]
+    if missing or not wanted:
+        expected = ", ".join(missing) or "q1_m, q2_m, q3_m or x_m, y_m, z_m"
+        raise ArgumentError(f"{path.name} lacks the columns {expected}; it has {', '.join(head)}", "poses")
+    foreign = [column for column in head if column not in known]
+    if foreign:
+        raise ArgumentError(f"{path.name} has columns that are none of a pose: {', '.join(foreign)}", "poses")
+    twice = [columns for name, columns, _ in wanted if sum(name == other for other, _, _ in wanted) > 1]
+    if twice:
+        raise ArgumentError(f"{path.name} has {' and '.join(c[0] for c in twice)}; give either", "poses")
+    with naming("poses", ArgumentError):
+        numbers = {c: table.numbers(c).tolist() for c in known}
+    return [
+        CommandedPose(**{name: [f * numbers[c][k] for c in columns] for name, columns, f in wanted})
+        for k in range(len(table.lines))
+    ]
+
+
+def hands_of(robot: SixLinks, poses: Sequence[CommandedPose], argument: str) -> Hands:
+    """Legs of the robot in poses that give the same quantities. Raises ArgumentError at `argument`."""
+    given = poses[0].given()
+    _check(robot, given, argument)
+    if "q" in given:
+        q = np.array([pose.q for pose in poses])
+        if robot.carts_and_axes[1]:
+            q = np.hstack([q, np.array([pose.axes or [0.0, 0.0, 0.0] for pose in poses])])
+        return robot.at_carts(q)
+    T, e = robot.home
+    if "tcp" in given:
+        return robot.at_poses(np.array([pose.tcp for pose in poses]), orientations(poses, e, argument))
+    return robot.at_poses(T[None], e[None])
+
+
+def orientations(poses: Sequence[CommandedPose], left_out: np.ndarray, argument: str) -> np.ndarray:
+    """Quaternions (n, 4) of length 1 of the poses, `left_out` where they say nothing."""
+    heads = [f"pose {i + 1} " if len(poses) > 1 else "" for i in range(len(poses))]
+    return np.array([_orientation(pose, left_out, argument, head) for pose, head in zip(poses, heads, strict=True)])
+
+
+def _orientation(pose: CommandedPose, left_out: np.ndarray, argument: str, head: str) -> np.ndarray:
+    if pose.quaternion is not None:
+        e = np.array(pose.quaternion)
+        length = float(np.linalg.norm(e))
+        if abs(length - 1.0) > UNIT_LENGTH:
+            raise ArgumentError(
+                f"{head}must be of length 1; found {pose.quaternion} of length {length:.6g}", f"{argument}.quaternion"
+            )
+        return e / length
+    if pose.zyz is not None:
+        return zyz_quaternion(*pose.zyz)
+    return left_out
+
+
+def _check(robot: SixLinks, given: tuple[str, ...], argument: str) -> None:
+    """Raises ArgumentError for quantities that contradict each other or do not belong to the robot."""
+    if "tcp" in given and "q" in given:
+        raise ArgumentError("give either the carts q_m or tcp_m", argument)
+    turned = [name for name in ("zyz", "quaternion") if name in given]
+    if len(turned) > 1:
+        raise ArgumentError("give either zyz or quaternion", argument)
+    if "axes" in given and not robot.carts_and_axes[1]:
+        raise ArgumentError("the robot has no rotary axes; leave them out", f"{argument}.axes")
+    if turned and not robot.turns:
+        raise ArgumentError("the robot's orientation follows from tcp_m; leave it out", f"{argument}.{turned[0]}")
+    if "axes" in given and "q" not in given:
+        raise ArgumentError("rotary axes need the carts q_m beside them", f"{argument}.axes")
+    if turned and "tcp" not in given:
+        raise ArgumentError("an orientation needs tcp_m beside it", f"{argument}.{turned[0]}")
+
 
 # scaled equations at a mode: rounding of some dozen terms of size one
 RESIDUAL = 1e-12

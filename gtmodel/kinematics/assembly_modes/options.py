@@ -1,11 +1,13 @@
-"""What the search for assembly modes is asked for."""
+"""What the search for assembly modes is asked for, and what its study found."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Annotated
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Annotated, Any
 
+from ...results import Quantity, Row, Study
 from ...results.options import Long, Options, Unit
 
 # quantities of a pose with their columns in a file, and the number per SI unit
@@ -42,3 +44,120 @@ class CommandedPose(Options):
     def given(self) -> tuple[str, ...]:
         """The quantities that are there."""
         return tuple(name for name in COLUMNS if getattr(self, name) is not None)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class ModesStudy(Study):
+    """Assembly modes of one pose or platform, or of many. Angles are in degrees, as in `AssemblyModes`."""
+
+    poses: Annotated[int, "number of poses or platforms"] = 0
+    whole: Annotated[int, "how many of them have a whole set: every finite mode is known, and none is multiple"] = 0
+    finite: Annotated[int | None, "finite modes found over the complex numbers, least over the poses"] = None
+    distinct: Annotated[
+        int | None, "those of them outside the radius of uniqueness of every other, least over the poses"
+    ] = None
+    certified: Annotated[int | None, "those that pass the Newton-Kantorovich test, least over the poses"] = None
+    real: Annotated[int | None, "modes with a real pose, least over the poses"] = None
+    real_most: Annotated[int | None, "the same, most over the poses"] = None
+    real_counts: Annotated[Mapping[str, int], "number of poses by their number of real modes"] = field(
+        default_factory=dict
+    )
+    conjugate_pairs: Annotated[int | None, "pairs of complex conjugate modes, least over the poses"] = None
+    infinite: Annotated[int | None, "paths that ended at infinity, most over the poses"] = None
+    multiple: Annotated[int | None, "paths that ended in singular modes, most over the poses"] = None
+    lost: Annotated[int | None, "paths that ended nowhere, most over the poses"] = None
+    retries: Annotated[int | None, "paths tracked again from another start system, sum over the poses"] = None
+    worst_residual: Annotated[float | None, "largest scaled equation at a mode found; 1 is the size of the terms"] = (
+        None
+    )
+    worst_leg_error: Annotated[
+        float | None,
+        "largest error of a leg length at a real mode, by the legs as given, over the platform's size",
+    ] = None
+    nearest_distance: Annotated[
+        float,
+        Quantity(
+            "m",
+            "distance of the plate joints' centroid between the two real modes nearest each other, "
+            "over all poses; null with fewer than two. Near means least root of (distance / "
+            "size)^2 + angle^2",
+            key="nearest_mm",
+            written="mm",
+        ),
+    ] = math.nan
+    nearest_angle_deg: Annotated[float, Quantity("deg", "the angle between these two", key="nearest_deg")] = math.nan
+    commanded: Annotated[
+        int | None,
+        "number of the commanded mode among the real ones, from 1; null for several poses, and "
+        "where no pose was commanded or Newton found none",
+    ] = None
+    commanded_nearest_distance: Annotated[
+        float,
+        Quantity(
+            "m",
+            "distance of the nearest other real mode from the commanded one, least over the poses",
+            key="commanded_nearest_mm",
+            written="mm",
+        ),
+    ] = math.nan
+    commanded_nearest_angle_deg: Annotated[
+        float, Quantity("deg", "the angle between them", key="commanded_nearest_deg")
+    ] = math.nan
+    modes: Annotated[
+        Sequence[Mapping[str, Any]],
+        "real modes of an only pose: mode (from 1), tcp_m, quaternion (scalar first), "
+        "nearest_mode, nearest_mm, nearest_deg, commanded; empty for several",
+    ] = ()
+    each: Annotated[
+        Sequence[Mapping[str, Any]],
+        "for each pose: pose (from 1), status, message, the numbers above, q_m and q_rad, the "
+        "commanded tcp_m and quaternion, and its modes",
+    ] = ()
+
+    @property
+    def rows(self) -> list[Row]:
+        """The table for people."""
+        if not self.each:
+            return []
+        return _rows_of_one(self, self.each[0]) if len(self.each) == 1 else _rows_of_many(self, self.each)
+
+
+def _rows_of_one(study: ModesStudy, pose: Mapping[str, Any]) -> list[Row]:
+    rows = [
+        Row("modes found, distinct, certified", f"{pose['finite']}, {pose['distinct']}, {pose['certified']}", "of 40"),
+        Row("real", pose["real"]),
+        Row("conjugate pairs", pose["conjugate_pairs"]),
+        Row("at infinity, multiple, lost", f"{pose['infinite']}, {pose['multiple']}, {pose['lost']}", "paths"),
+        Row("tracked again", pose["retries"], "paths"),
+        Row("worst residual", pose["worst_residual"]),
+        Row("worst error of a leg, relative", pose["worst_leg_error"]),
+        *_near_rows("nearest two real modes", pose["nearest_mm"], pose["nearest_deg"]),
+        Row("commanded mode", "none" if pose["commanded"] is None else pose["commanded"]),
+        *_near_rows("nearest to the commanded", pose["commanded_nearest_mm"], pose["commanded_nearest_deg"]),
+    ]
+    for mode in study.modes:
+        mark = " (commanded)" if mode["commanded"] else ""
+        rows.append(Row(f"mode {mode['mode']}{mark}", ", ".join(f"{x:.4f}" for x in mode["tcp_m"]), "m"))
+    return rows
+
+
+def _near_rows(label: str, mm: float, deg: float) -> list[Row]:
+    if not math.isfinite(mm):
+        return []
+    return [Row(label, mm, "mm"), Row(f"{label}, angle", deg, "deg")]
+
+
+def _rows_of_many(study: ModesStudy, each: Sequence[Mapping[str, Any]]) -> list[Row]:
+    return [
+        Row("poses", study.poses),
+        Row("with a whole set of modes", study.whole),
+        *(Row(f"with {count} real modes", poses) for count, poses in study.real_counts.items()),
+        Row("with the commanded pose among them", sum(pose["commanded"] is not None for pose in each)),
+        Row("tracked again", study.retries, "paths"),
+        Row("worst residual", study.worst_residual),
+        Row("worst error of a leg, relative", study.worst_leg_error),
+        *_near_rows("nearest two real modes", 1e3 * study.nearest_distance, study.nearest_angle_deg),
+        *_near_rows(
+            "nearest to a commanded one", 1e3 * study.commanded_nearest_distance, study.commanded_nearest_angle_deg
+        ),
+    ]

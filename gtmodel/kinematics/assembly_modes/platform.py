@@ -1,14 +1,131 @@
-"""The six legs as the user gives them, and scaled: centred joints, lengths of order one."""
+"""Platforms on six legs in Study coordinates: the leg equations as quadrics in the projective 7-space, scaled; the
+straight line between two platforms; platforms that are singular in every pose."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ...lang.source import ModelError
-from .homotopy import HomotopyParameters
+
+Array = NDArray[Any]  # of float or complex numbers
+
+VARIABLES = 8
+EQUATIONS = 7  # six legs and x.y = 0; a patch makes the eighth
+BASIS = 18
+MODES = 40  # of a general platform, counted over the complex numbers
+
+
+def _basis_rows() -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+    """Of each gradient D(z)[k, i] = sign[k, i] * z[index[k, i]]: index and sign, both (18, 8)."""
+    index = np.zeros((BASIS, VARIABLES), dtype=np.intp)
+    sign = np.zeros((BASIS, VARIABLES))
+
+    def product(k: int, i: int, j: int, factor: float) -> None:
+        """Add factor z_i z_j to quadric k; no variable stands in two products of one quadric."""
+        index[k, i], index[k, j] = j, i
+        sign[k, i] = sign[k, j] = 2 * factor if i == j else factor
+
+    for i in range(4):
+        product(0, i, i, 1)
+        product(16, 4 + i, 4 + i, 1)
+        product(17, i, 4 + i, 1)
+    for a in range(3):
+        b, c = (a + 1) % 3, (a + 2) % 3
+        for k, turn in ((1 + a, 1.0), (4 + a, -1.0)):  # vec(y x*) and vec(x* y) differ in the cross product
+            product(k, 5 + a, 0, 1)
+            product(k, 4, 1 + a, -1)
+            product(k, 5 + b, 1 + c, -turn)
+            product(k, 5 + c, 1 + b, turn)
+        for i in range(4):
+            product(7 + 4 * a, i, i, 1 if i in (0, 1 + a) else -1)
+        product(7 + 3 * a + b, 1 + a, 1 + b, 2)
+        product(7 + 3 * a + b, 0, 1 + c, -2)
+        product(7 + 3 * b + a, 1 + a, 1 + b, 2)
+        product(7 + 3 * b + a, 0, 1 + c, 2)
+    return index, sign
+
+
+_INDEX, _SIGN = _basis_rows()
+
+
+def gradients(z: Array) -> Array:
+    """D(z), the gradients of the 18 basis quadrics at z (..., 8); shape (..., 18, 8)."""
+    return _SIGN * z[..., _INDEX]
+
+
+def basis(z: Array) -> Array:
+    """b(z), the values of the 18 basis quadrics at z (..., 8); shape (..., 18)."""
+    return 0.5 * (gradients(z) @ z[..., None])[..., 0]
+
+
+def leg_rows(A: Array, B: Array, c: Array) -> Array:
+    """Coefficients (..., 6, 18) of the leg equations for A, B (..., 6, 3) and c = A.A + B.B - L^2 (..., 6)."""
+    rows = np.zeros((*c.shape, BASIS), dtype=np.result_type(A, B, c))
+    rows[..., 0] = c
+    rows[..., 1:4] = -4 * A
+    rows[..., 4:7] = 4 * B
+    rows[..., 7:16] = -2 * (A[..., :, None] * B[..., None, :]).reshape(*c.shape, 9)
+    rows[..., 16] = 4
+    return rows
+
+
+def closed_system(rows: Array) -> Array:
+    """The seven equations C (..., 7, 18) of leg rows (..., 6, 18): leg 1, the others less leg 1, and x.y.
+
+    The difference removes the common y.y, which scales the equations better.
+    """
+    system = np.zeros((*rows.shape[:-2], EQUATIONS, BASIS), dtype=rows.dtype)
+    system[..., 0, :] = rows[..., 0, :]
+    system[..., 1:6, :] = rows[..., 1:, :] - rows[..., :1, :]
+    system[..., 6, 17] = 1
+    return system
+
+
+def rotation_and_position(z: Array) -> tuple[Array, Array]:
+    """R (..., 3, 3) and T (..., 3) of points z (..., 8); z may have any scale, but x.x must not be zero."""
+    b = basis(z)
+    n = b[..., 0, None]
+    return (b[..., 7:16] / n).reshape(*b.shape[:-1], 3, 3), 2 * b[..., 1:4] / n
+
+
+@dataclass(frozen=True)
+class HomotopyParameters:
+    """A platform as 42 free numbers, real or complex, or n of them: A, B (..., 6, 3) and c (..., 6).
+
+    c stands for A.A + B.B - L^2, but is a parameter of its own along a homotopy.
+    """
+
+    A: Array
+    B: Array
+    c: Array
+
+    def system(self) -> Array:
+        """The seven equations at these parameters, (..., 7, 18)."""
+        return closed_system(leg_rows(self.A, self.B, self.c))
+
+    def of(self, poses: NDArray[np.intp]) -> HomotopyParameters:
+        """Some of n platforms."""
+        return HomotopyParameters(self.A[poses], self.B[poses], self.c[poses])
+
+
+def straight_line(start: HomotopyParameters, end: HomotopyParameters) -> Array:
+    """Coefficients of the systems C(t) = C0 + t C1 + t^2 C2 between start and end; (n, 3, 7, 18), complex.
+
+    start: one platform, or n; end: n platforms, arrays with a leading axis. The products A B make it quadratic.
+    """
+    middle = HomotopyParameters(*(0.5 * (a + b) for a, b in zip(_arrays(start), _arrays(end), strict=True)))
+    C0, Cm, C1 = np.broadcast_arrays(start.system(), middle.system(), end.system())
+    quadratic = 2 * (C0 + C1 - 2 * Cm)
+    return np.stack([C0, C1 - C0 - quadratic, quadratic], axis=-3).astype(complex)
+
+
+def _arrays(parameters: HomotopyParameters) -> tuple[Array, Array, Array]:
+    return parameters.A, parameters.B, parameters.c
+
 
 Real = NDArray[np.float64]
 LEGS = 6
@@ -120,3 +237,31 @@ def fault(A: Real, B: Real, L: Real) -> str | None:
             if np.array_equal(A[i], A[j]) and np.array_equal(B[i], B[j]):
                 return f"legs {i + 1} and {j + 1} join the same two points: five legs do not hold a platform"
     return None
+
+
+POSES = 6
+SEED = 20121
+DEPENDENT = 1e-10  # smallest singular value over the largest, below which the legs count as dependent
+
+
+def architecturally_singular(scaled: ScaledLegs) -> NDArray[np.bool_]:
+    """(n,) True where the leg Jacobian is singular in each of some fixed random poses."""
+    z = np.random.default_rng(SEED).normal(size=(POSES, 8))
+    R, T = rotation_and_position(z)  # the part of y along x drops out of T
+    independent = np.zeros(len(scaled.legs), dtype=bool)
+    for attitude, position in zip(R, T, strict=True):
+        rows = leg_jacobian(scaled.legs.A, scaled.legs.B, attitude, position)
+        values = np.linalg.svd(rows, compute_uv=False)
+        independent |= values[:, -1] > DEPENDENT * values[:, 0]
+    return ~independent
+
+
+def leg_jacobian(A: Real, B: Real, R: Real, T: Real) -> Real:
+    """Rows d.dT + (R B x d).omega of the legs d = T + R B - A, for A, B (n, 6, 3); shape (n, 6, 6).
+
+    The rows are divided by the length of d where that is not zero.
+    """
+    arm = B @ R.T
+    d = T + arm - A
+    length = np.linalg.norm(d, axis=-1, keepdims=True)
+    return np.concatenate([d, np.cross(arm, d)], axis=-1) / np.where(length > 0, length, 1.0)

@@ -9,14 +9,9 @@ from numpy.typing import ArrayLike
 
 from ...lang.source import ModelError
 from ...results.status import ModesStatus
-from .architecture import architecturally_singular
-from .certificate import Certificate
-from .homotopy import straight_line
-from .modes import modes_of
-from .platform import Legs, ScaledLegs, fault, read_legs, scale
-from .result import AssemblyModes, without_modes
-from .search import ModesSearch
-from .sorting import sort_endpoints
+from .modes import AssemblyModes, Certificate, modes_of, without_modes
+from .platform import Legs, ScaledLegs, architecturally_singular, fault, read_legs, scale, straight_line
+from .sorting import ModesSearch, sort_endpoints
 from .start_system import StartSystem, start_systems
 from .tracker import track
 

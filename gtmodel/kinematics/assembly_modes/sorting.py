@@ -1,19 +1,116 @@
-"""Sort endpoints: regular finite modes, modes at infinity, singular finite ones, lost paths."""
+"""Endpoints of the paths sorted, regular finite modes, modes at infinity, singular ones and lost paths, with the tests
+for that, and what is known about a pose after each start system."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .kantorovich import Isolation, isolate
-from .newton import refined
-from .platform import Real
-from .projective import SAME, distances, projective_distance
-from .self_motion import onto_equations
-from .study import Array, basis
-from .tracker import Endpoints
+from ...results.status import ModesStatus
+from .platform import EQUATIONS, MODES, VARIABLES, Array, Real, basis, gradients
+from .tracker import SAME, Endpoints, distances, projective_distance, refined
+
+STRICT = 0.1  # largest h that is trusted: at an exact double solution h tends to 1/2, whatever the precision
+BASIS_MATRICES = np.moveaxis(gradients(np.eye(VARIABLES)), 0, -1)  # (18, 8, 8): D(z) = BASIS_MATRICES z
+
+
+@dataclass(frozen=True)
+class Isolation:
+    """Per point (m,): certified (h small), rho (radius of uniqueness, 0 if not certified), condition number."""
+
+    certified: NDArray[np.bool_]
+    rho: Real
+    condition: Real
+
+
+def isolate(C: Array, z: Array) -> Isolation:
+    """Test points z (m, 8), |z| = 1, as solutions of the systems C (m, 7, 18)."""
+    D = gradients(z)
+    matrix = np.empty((len(z), VARIABLES, VARIABLES), dtype=complex)
+    matrix[:, :EQUATIONS] = C @ D
+    matrix[:, EQUATIONS] = np.conj(z)
+    U, values, _ = np.linalg.svd(matrix)
+    residual = np.zeros((len(z), VARIABLES), dtype=complex)
+    residual[:, :EQUATIONS] = 0.5 * (matrix[:, :EQUATIONS] @ z[:, :, None])[..., 0]
+    with np.errstate(all="ignore"):
+        turned = np.conj(np.swapaxes(U, 1, 2)) @ residual[:, :, None]
+        beta = np.linalg.norm(turned[..., 0] / values, axis=1)
+        K = _second_derivative(C) / values[:, -1]
+        h = beta * K
+        certified = h <= STRICT
+        rho = np.where(certified, (1 + np.sqrt(np.where(certified, 1 - 2 * h, 0))) / K, 0.0)
+        return Isolation(certified, rho, values[:, 0] / values[:, -1])
+
+
+def _second_derivative(C: Array) -> Real:
+    """A bound of |D2F| for systems C (m, 7, 18): root of the sum of squares of the Hessians' spectral norms."""
+    hessians = np.tensordot(C, BASIS_MATRICES, axes=(2, 0))
+    return np.sqrt(np.sum(np.linalg.norm(hessians, ord=2, axis=(-2, -1)) ** 2, axis=-1))
+
+
+ON_A_CURVE = 1e-10  # smallest singular value over the largest on a curve
+NEAR_A_CURVE = 1e-5  # the same at an endpoint near a curve, which is known to about 1e-6
+FINITE = 1e-6  # |x.x| / |z|^2 below it: a curve at infinity, along which no platform moves
+STEP = 0.03  # along the tangent, |z| = 1; at an isolated mode of multiplicity m its power m remains of the equations
+ITERATIONS = 60  # halving, where the solutions on a curve are multiple themselves
+ON_THE_EQUATIONS = 1e-12  # of |F| with |z| = 1
+PROJECTIONS = 4  # of a singular endpoint onto the equations
+
+
+def on_a_curve(C: Array, z: Array) -> bool:
+    """True when finite solutions of the system C (7, 18) go on from the singular point z (8,), |z| = 1, as a curve."""
+    z = _settled(C, z, np.conj(z)[None])
+    values, directions = _tangent(C, z)
+    finite = abs(np.sum(z[:4] ** 2)) > FINITE
+    if not finite or values[-1] > ON_A_CURVE * values[0] or _residual(C, z) > ON_THE_EQUATIONS:
+        return False
+    tangent = np.conj(directions[-1])
+    across = np.stack([np.conj(z), np.conj(tangent)])
+    ends = [_settled(C, z + sign * STEP * tangent, across) for sign in (1, -1, 1j, -1j)]
+    return all(_residual(C, w) <= ON_THE_EQUATIONS for w in ends)
+
+
+def _settled(C: Array, z: Array, plane: Array) -> Array:
+    """The point z (8,) moved onto the system C, within the plane of rows (k, 8), by Levenberg-Marquardt steps.
+
+    The damping goes down with the residual, after Fan and Yuan, Computing 74 (2005): quick across a curve, too.
+    """
+    for _ in range(ITERATIONS):
+        J = C @ gradients(z)
+        F = 0.5 * J @ z
+        damping = np.linalg.norm(F) * np.eye(VARIABLES)
+        rows = np.vstack([J, plane, damping])
+        z = z + np.linalg.lstsq(rows, np.concatenate([-F, np.zeros(len(plane) + VARIABLES)]))[0]
+    return z / np.linalg.norm(z)
+
+
+def onto_equations(C: Array, z: Array) -> Array:
+    """Points z (m, 8) moved onto the systems C (m, 7, 18) by Gauss-Newton steps of least norm; |z| = 1.
+
+    A direction that the equations hardly determine is left alone, so that a point does not run along a curve.
+    """
+    for _ in range(PROJECTIONS):
+        J = C @ gradients(z)
+        F = 0.5 * (J @ z[:, :, None])
+        z = z - (np.linalg.pinv(J, rcond=NEAR_A_CURVE) @ F)[..., 0]
+        z = z / np.linalg.norm(z, axis=1, keepdims=True)
+    return z
+
+
+def _tangent(C: Array, z: Array) -> tuple[Array, Array]:
+    """Singular values and right vectors (conjugated rows) of [J; z*]."""
+    matrix = np.empty((VARIABLES, VARIABLES), dtype=complex)
+    matrix[:EQUATIONS] = C @ gradients(z)
+    matrix[EQUATIONS] = np.conj(z)
+    _, values, directions = np.linalg.svd(matrix)
+    return values, directions
+
+
+def _residual(C: Array, z: Array) -> float:
+    return float(np.max(np.abs(0.5 * C @ (gradients(z) @ z))))
+
 
 AT_INFINITY = 1e-10  # |x.x| / |z|^2 below it; exact Tau geometry has finite modes at 5e-7
 STALLED = 1e-4  # a path that comes so near t = 1 and no further runs into a singular endpoint
@@ -121,3 +218,84 @@ def are_same(z: Array, rho: Real) -> NDArray[np.bool_]:
 def pick(isolation: Isolation, rows: NDArray[np.intp]) -> Isolation:
     """The isolation of some points."""
     return Isolation(isolation.certified[rows], isolation.rho[rows], isolation.condition[rows])
+
+
+CURVES_TRIED = 3  # singular endpoints per search that are tested for a self-motion
+
+
+def _nothing(C: Array) -> tuple[Array, Isolation]:
+    z = np.zeros((0, VARIABLES), dtype=complex)
+    return z, isolate(np.zeros((0, *C.shape), dtype=complex), z)
+
+
+@dataclass
+class ModesSearch:
+    """The search for the modes of one scaled pose with the system C (7, 18).
+
+    z (k, 8), isolation: all different regular modes so far. last: the endings from the start system used last.
+    """
+
+    C: Array
+    z: Array = field(init=False)
+    isolation: Isolation = field(init=False)
+    used: int = 0
+    retries: int = 0
+    self_motion: bool = False
+    last: Endings | None = None
+    steps: list[int] = field(default_factory=list)
+    _agreed: bool = False
+
+    def __post_init__(self) -> None:
+        self.z, self.isolation = _nothing(self.C)
+
+    def add(self, endings: Endings) -> None:
+        """Take in what another start system gave."""
+        if self.last is None:
+            self.z, self.isolation = endings.modes, endings.isolation
+        else:
+            before = len(self.z)
+            self.z, self.isolation = merge(self.z, self.isolation, endings.modes, endings.isolation)
+            # fewer than 40 are believed when two searches account for every path and find the same modes
+            same = len(self.z) == before == len(endings.modes)
+            self._agreed = same and not endings.lost and not self.last.lost
+            self.retries += len(endings.steps)
+        self.last = endings
+        self.used += 1
+        self.steps += endings.steps.tolist()
+        self.self_motion = any(on_a_curve(self.C, z) for z in endings.singular[:CURVES_TRIED])
+
+    def settled(self) -> bool:
+        """True when no further start system is needed."""
+        return len(self.z) == MODES or self.self_motion or self._agreed
+
+    def verdict(self) -> tuple[ModesStatus, str]:
+        """Status and message, once all start systems that are needed or there have been used."""
+        count, last = len(self.z), self.last
+        if last is None:
+            return ModesStatus.INCOMPLETE, "no start system was used"
+        infinite, multiple, lost = len(last.infinite), len(last.singular), last.lost
+        tail = f"found {count} finite modes; {infinite} paths ended at infinity"
+        if self.self_motion:
+            return ModesStatus.SELF_MOTION, (
+                f"the modes are not finite in number: {multiple} of {MODES} paths ended on a curve of solutions "
+                "(real or complex), along which the platform moves with all lengths fixed"
+            )
+        if count == MODES:
+            return ModesStatus.COMPLETE, f"all {MODES} modes were found"
+        if count > MODES:
+            return (
+                ModesStatus.INCOMPLETE,
+                f"found {count} modes where at most {MODES} can be: some are not distinguished",
+            )
+        if not self._agreed:
+            return ModesStatus.INCOMPLETE, (
+                f"{tail}, {multiple} in singular modes, and {lost} were lost with {self.used} start systems: "
+                "modes may be missing"
+            )
+        if multiple:
+            return ModesStatus.MULTIPLE, (
+                f"{tail} and {multiple} in modes that coincide, or nearly: the platform is singular there"
+            )
+        return ModesStatus.FEWER_FINITE, (
+            f"{tail} from each of {self.used} start systems: this platform has fewer than {MODES} finite modes"
+        )

@@ -1,9 +1,5 @@
-"""Follow solution paths of F(z, t) = 0 from t = 0 to t = 1, all paths of all poses in one batch.
-
-Each step works in the local patch conj(z) of its start: the tangent solves [J; conj(z)] dz = [-dF/dt; 0]. A
-Runge-Kutta step of order four predicts, three Newton corrections at the new t correct and judge it. A step that
-converges slowly is halved: a path must not jump to its neighbour.
-"""
+"""Solution paths of F(z, t) = 0 from t = 0 to t = 1, all paths of all poses in one batch: Newton's method in a patch
+of projective space, and distances between its points."""
 
 from __future__ import annotations
 
@@ -12,8 +8,63 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .newton import newton_step, solve_rows
-from .study import Array, gradients
+from .platform import EQUATIONS, VARIABLES, Array, Real, gradients
+
+SAME = 1e-6  # below it two points are taken for one where nothing better is known
+
+
+def projective_distance(z: Array, w: Array) -> Array:
+    """Distance of points (..., 8) from the complex line through w (..., 8); both with unit norm."""
+    return np.linalg.norm(z - w * np.sum(np.conj(w) * z, axis=-1, keepdims=True), axis=-1)
+
+
+def distances(z: Array) -> Real:
+    """Projective distances between points z (..., m, 8), |z| = 1; shape (..., m, m), the diagonal infinite."""
+    inner = np.conj(z) @ np.swapaxes(z, -1, -2)
+    gap = z[..., None, :, :] - inner[..., None] * z[..., :, None, :]
+    result = np.linalg.norm(gap, axis=-1)
+    i = np.arange(z.shape[-2])
+    result[..., i, i] = np.inf
+    return result
+
+
+def distance_to_conjugate(z: Array) -> Real:
+    """Projective distance (m,) of points z (m, 8), |z| = 1, from their own conjugates: zero for a real point."""
+    w = np.conj(z)
+    return np.linalg.norm(w - z * np.sum(w * w, axis=-1, keepdims=True), axis=-1)
+
+
+def newton_step(C: Array, z: Array, patch: Array) -> Array:
+    """The Newton correction (m, 8) of F = C b(z) at z within the patch (m, 8): it leaves patch.z unchanged."""
+    J = C @ gradients(z)
+    return solve_rows(J, patch, -0.5 * (J @ z[:, :, None])[..., 0])
+
+
+def solve_rows(J: Array, patch: Array, right: Array) -> Array:
+    """Solve [J; patch] dz = [right; 0] for J (m, 7, 8), patch (m, 8), right (m, 7); NaN where it is singular."""
+    matrix = np.empty((len(J), VARIABLES, VARIABLES), dtype=complex)
+    matrix[:, :EQUATIONS] = J
+    matrix[:, EQUATIONS] = patch
+    full = np.zeros((len(J), VARIABLES, 1), dtype=complex)
+    full[:, :EQUATIONS, 0] = right
+    try:
+        return np.linalg.solve(matrix, full)[..., 0]
+    except np.linalg.LinAlgError:  # one exactly singular matrix spoils the whole batch
+        singular = np.linalg.det(matrix) == 0
+        matrix[singular] = np.eye(VARIABLES)
+        full[singular] = np.nan
+        return np.linalg.solve(matrix, full)[..., 0]
+
+
+def refined(C: Array, z: Array, iterations: int = 6) -> Array:
+    """Points z (m, 8) after Newton steps on the system C (7, 18) or (m, 7, 18), scaled to |z| = 1."""
+    z = z / np.linalg.norm(z, axis=1, keepdims=True)
+    C = np.broadcast_to(C, (len(z), *C.shape[-2:]))
+    for _ in range(iterations):
+        z = z + newton_step(C, z, np.conj(z))
+        z = z / np.linalg.norm(z, axis=1, keepdims=True)
+    return z
+
 
 FIRST_STEP = 0.02
 LARGEST_STEP = 0.1

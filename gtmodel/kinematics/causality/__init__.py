@@ -10,9 +10,8 @@ from ..._lazy import public
 
 if TYPE_CHECKING:
     from . import point_table as point_table
-    from .conditions import UNIT_LENGTH as UNIT_LENGTH, Conditions as Conditions
-    from .evaluated import causality_of as causality_of, causality_study as causality_study
-    from .options import Orientation as Orientation, PointGrid as PointGrid
-    from .result import CausalityStudy as CausalityStudy
+    from .evaluation import causality_of as causality_of, causality_study as causality_study
+    from .options import CausalityStudy as CausalityStudy, Orientation as Orientation, PointGrid as PointGrid
+    from .point_table import UNIT_LENGTH as UNIT_LENGTH, Conditions as Conditions
 
 public(__name__)

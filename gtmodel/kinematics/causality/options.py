@@ -1,10 +1,14 @@
-"""What a causality on many points is asked for besides the points themselves."""
+"""What a causality on many points is asked for besides the points themselves, and what it gave."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Annotated
+from typing import Annotated, Any
 
+import numpy as np
+
+from ...results import Quantity, Row, Status, Study
 from ...results.options import Long, Options, Within
 
 Three = Annotated[list[float], Long(3)]
@@ -50,3 +54,91 @@ class Orientation(Options):
     rotation_vector: Annotated[
         bool, "add the rotation vector from the middle point, in degrees; nowhere singular"
     ] = False  # fmt: skip
+
+
+Array = np.ndarray
+NOT_COMPUTED = "not_computed"
+INCONSISTENT = "inconsistent_known_values"
+OWN = {-1: NOT_COMPUTED, -2: INCONSISTENT}  # codes beside those of Status
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class CausalityStudy(Study):
+    """Values of a causality on n points.
+
+    known, targets: by name, (n, *shape) in SI units; NaN where a row has no solution. codes: (n,) of `Status`, -1 where
+    the row was not computed, -2 where its known values contradict each other. orientation: an `OrientationMap`, or
+    None. normalised: rows with a quaternion brought to length 1. units: by name.
+    """
+
+    known: Mapping[str, Array]
+    targets: Mapping[str, Array]
+    codes: Array
+    orientation: Any = None
+    normalised: int = 0
+    units: Mapping[str, str] = field(default_factory=dict)
+    count: Annotated[int, Quantity("", "number of points", key="rows")]
+    statuses: Annotated[
+        Mapping[str, int],
+        "number of rows by status: ok, out_of_range, not_converged (no solution where Newton looks for one, as "
+        "beyond a six-link robot's reach), wrong_branch (Newton's solution lies on another than a declared "
+        "branch), singular, not_finite, inconsistent_known_values (such as a quaternion that is not of length 1), "
+        "not_computed",
+    ]
+    ranges: Annotated[
+        Mapping[str, Mapping[str, Any]],
+        "least and greatest value of each target over the rows that are ok, in SI units",
+    ]
+    zyz_range: Annotated[
+        Array | None,
+        Quantity(
+            "rad",
+            "largest minus smallest ZYZ angle over the rows that are ok; null without [orientation]",
+            written="deg",
+        ),
+    ] = None
+    zyz_layer_range: Annotated[
+        Array | None, Quantity("rad", "the same for each layer of a grid; null without one", written="deg")
+    ] = None
+    layer_difference: Annotated[
+        Array | None,
+        "how far the layers are from one pattern, as a fraction of zyz_range_deg; null without a grid",
+    ] = None  # fmt: skip
+    zyz_singular_rows: Annotated[
+        int | None, "number of rows where ZYZ is singular, beta = 0 or pi; null without [orientation]"
+    ] = None
+
+    @property
+    def ok(self) -> Array:
+        """Which rows have a solution (n,)."""
+        return self.codes == Status.OK
+
+    @property
+    def words(self) -> list[str]:
+        """The status of each row as a word."""
+        return words_of(self.codes)
+
+    @property
+    def rows(self) -> list[Row]:
+        """The table for people."""
+        rows = [Row("points", self.count)]
+        rows += [Row(word.replace("_", " "), n) for word, n in self.statuses.items()]
+        if self.normalised:
+            rows.append(Row("quaternions brought to length 1", self.normalised))
+        for name, ends in self.ranges.items():
+            if ends["min"] is not None and np.ndim(ends["min"]) < 2:
+                unit = self.units[name]
+                rows += [Row(f"least {name}", ends["min"], unit), Row(f"greatest {name}", ends["max"], unit)]
+        # no number, no row: no point is ok, or no place is ok in all layers
+        if self.zyz_range is not None and np.all(np.isfinite(self.zyz_range)):
+            rows.append(Row("range of ZYZ angles", self.values["zyz_range_deg"], "deg"))
+        if self.layer_difference is not None and np.all(np.isfinite(self.layer_difference)):
+            rows.append(Row("layers differ by", 100 * self.layer_difference, "%"))
+        if self.zyz_singular_rows:
+            rows.append(Row("rows where ZYZ is singular", self.zyz_singular_rows))
+        return rows
+
+
+def words_of(codes: Array) -> list[str]:
+    """The status of each row as a word."""
+    return [OWN[c] if c in OWN else Status(c).name.lower() for c in codes.tolist()]

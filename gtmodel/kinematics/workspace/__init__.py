@@ -11,12 +11,9 @@ from typing import TYPE_CHECKING
 from ..._lazy import public
 
 if TYPE_CHECKING:
-    from ..poses import InverseKinematics as InverseKinematics, Poses as Poses
-    from ..section import CrossSection as CrossSection
+    from ..mechanism import InverseKinematics as InverseKinematics, Poses as Poses
+    from ..section import CrossSection as CrossSection, Grid as Grid, box_grid as box_grid, section_grid as section_grid
     from .clearance import FrameClearance as FrameClearance, LinkClearance as LinkClearance, Obstacles as Obstacles
-    from .cross_section import Region as Region, region as region
-    from .grid import Grid as Grid, box_grid as box_grid, section_grid as section_grid
-    from .limited import limited_mechanism as limited_mechanism, limits_of as limits_of
     from .limits import (
         ActuatorLimits as ActuatorLimits,
         BallJointCones as BallJointCones,
@@ -30,6 +27,7 @@ if TYPE_CHECKING:
         Box as Box,
         Sections as Sections,
         WorkspaceLimits as WorkspaceLimits,
+        WorkspaceStudy as WorkspaceStudy,
     )
     from .reach import (
         FIRST_LIMIT as FIRST_LIMIT,
@@ -37,10 +35,18 @@ if TYPE_CHECKING:
         REACHABLE as REACHABLE,
         Reach as Reach,
         ReachMap as ReachMap,
+        limited_mechanism as limited_mechanism,
+        limits_of as limits_of,
         map_grid as map_grid,
     )
-    from .reached import workspace_study as workspace_study
-    from .result import WorkspaceStudy as WorkspaceStudy
-    from .volume import SectionMap as SectionMap, Volume as Volume, map_section as map_section, map_volume as map_volume
+    from .volume import (
+        Region as Region,
+        SectionMap as SectionMap,
+        Volume as Volume,
+        map_section as map_section,
+        map_volume as map_volume,
+        region as region,
+    )
+    from .workspace_study import workspace_study as workspace_study
 
 public(__name__)

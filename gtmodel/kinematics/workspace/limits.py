@@ -12,7 +12,7 @@ from typing import Protocol
 
 import numpy as np
 
-from ..poses import Array, Poses
+from ..mechanism import Array, Poses
 
 
 class Limit(Protocol):

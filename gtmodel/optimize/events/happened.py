@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import casadi as ca
 import numpy as np
 
-from ...compiler.analysis.continuous import differentiated, names_of
+from ...compiler.analysis.switching import differentiated, names_of
 from ..formulation.system import on_rows
 from ..linking import Joined, continuing
 from ..nlp import Nlp, placed

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from ...compiler.analysis.event_actions import acting_together, keys_of, values_of
 from ...compiler.analysis.events import FlatEvents, FlatWhen, Pair
+from ...compiler.analysis.switching import acting_together, keys_of, values_of
 from ...compiler.flat import FlatModel
 from ...lang.source import ModelError
 

@@ -9,12 +9,11 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ...compiler.analysis.event_names import listing
 from ...compiler.analysis.events import Pair
-from ...compiler.analysis.switching import with_switching_signs
+from ...compiler.analysis.switching import listing, with_switching_signs
 from ...compiler.flat import FlatModel, FlatParameter, flatten
+from ...compiler.flat_cache import with_values
 from ...compiler.matrices import stacked
-from ...compiler.other_values import with_values
 from ...lang.expression import Relation
 from ...lang.optimization import Optimization
 from ...lang.slips import named

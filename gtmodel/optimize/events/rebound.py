@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 
 from ...compiler.analysis.events import Pair
-from ...compiler.emit import substituted
+from ...compiler.emission import substituted
 from ...compiler.flat import FlatModel
 from ...compiler.matrices import stacked
 from ...compiler.plan import CausalPlan, make_plan

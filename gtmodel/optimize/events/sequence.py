@@ -8,9 +8,8 @@ from dataclasses import dataclass, field
 import casadi as ca
 import numpy as np
 
-from ...compiler.analysis.event_names import NamedEvent, listing, named_events
 from ...compiler.analysis.events import acting
-from ...compiler.analysis.switching import in_mode
+from ...compiler.analysis.switching import NamedEvent, in_mode, listing, named_events
 from ...compiler.flat import FlatModel
 from ...lang.source import ModelError
 from .jump import Jump, jump_of

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from ...compiler.analysis.event_names import comparisons_in
 from ...compiler.analysis.events import FlatEvents, Logic
+from ...compiler.analysis.switching import comparisons_in
 from ...compiler.flat import FlatModel
 from ...lang.source import ModelError, SourceLocation
 

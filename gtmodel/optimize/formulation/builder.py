@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
-from ...compiler.emit import express
+from ...compiler.emission import express
 from ...compiler.flat import FlatModel
 from ...compiler.plan import CausalPlan, differentiated
 from ...lang.optimization import Delayed

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from ...compiler.pivots import median
+from ...compiler.blocks import median
 from ...compiler.plan import CausalPlan
 from ...lang.source import ModelError
 from ...results.trajectory import Trajectory

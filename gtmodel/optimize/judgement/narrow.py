@@ -12,7 +12,7 @@ from itertools import pairwise
 import casadi as ca
 import numpy as np
 
-from ...compiler.analysis.pace import edges_of
+from ...compiler.analysis.bounds import edges_of
 from ..formulation.system import RateSystem
 from ..tables import CollocationTable
 

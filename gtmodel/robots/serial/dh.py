@@ -1,17 +1,21 @@
-"""Serial arms by Denavit-Hartenberg numbers, with Hayati's parameter for nearly parallel axes."""
+"""Serial arms by Denavit-Hartenberg numbers, with Hayati's parameter for nearly parallel axes; an arm placed by xyz
+and rpy in these numbers; which of them measured poses determine."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ...geometry.rotations import rotation_of_rpy, rpy_of_rotation
+from ...inference import dependencies
 from ...lang import ModelError
-from .arm import FRICTION, SerialArm, arm_class
-from .bodies import moments, with_payload
-from .structure import ArmJoint, ArmStructure
+from .arm import DH_NAMES, FRICTION, SerialArm, arm_class
+from .structure import ArmJoint, ArmStructure, moments, moved, with_payload
+from .to_urdf import dh_step
 
 Array = np.ndarray
 KINDS = {"r": "revolute", "p": "prismatic", "revolute": "revolute", "prismatic": "prismatic"}
@@ -116,3 +120,215 @@ def _each(name: str, value: ArrayLike, n: int) -> Array:
     if array.shape not in ((), (n,)):
         raise ModelError(f"'{name}' has {array.size} numbers; expected {n}, one for each joint")
     return np.broadcast_to(array, n).copy()
+
+
+NEARLY_PARALLEL = np.radians(5.0)  # below, the place of the common normal is worse known than a tilt
+POINTS, SEED, STEP = 60, 1, 1e-6  # configurations, and the step of central differences [m, rad]
+RANK = 1e-6  # of the longest column; central differences are good to 1e-9
+WIDE = 1.5  # rad or m, of a joint with wider limits or none
+FRAME = [*(f"the frame's shift along {x}" for x in "xyz"), *(f"the frame's turn about {x}" for x in "xyz")]
+TOOL = [f"tool_xyz[{k}]" for k in range(3)]
+TURN = [f"tool_rpy[{k}]" for k in range(3)]
+
+
+def independent_geometry(
+    arm: SerialArm, base: bool = True, tool: bool = True, *, turns: bool = False, tool_turn: bool = True
+) -> tuple[list[str], list[str]]:
+    """Which Denavit-Hartenberg numbers a calibration by positions can determine, and why not the others.
+
+    base: whether the frame in which the tool is measured is unknown too. tool: whether the place of the target on the
+    last link is, as tool_xyz. Of the tool's turn positions see nothing. turns: whether orientations are measured, too.
+    tool_turn: whether the turn of the target on the last link is then unknown, as tool_rpy.
+
+    The names are for `free` of a calibration, the reasons are sentences. Where an axis is within 5 degrees of parallel
+    to the next, d stays as it is and Hayati's beta is free; elsewhere beta stays. Of what moves together, by a QR of
+    the poses' derivatives at random configurations, the unknown frames come first, then a, alpha, theta and d.
+    Raises ModelError for an arm placed by xyz and rpy, which has two numbers a joint too many: take `as_dh` of it.
+
+    >>> arm = gt.robots.serial_arm(a=[0.1, 0.5, 0.0], alpha=[np.pi / 2, 0.0, np.pi / 2], d=[0.4, 0.0, 0.0],
+    ...                            tool_xyz=[0.1, 0.0, 0.2])
+    >>> names, notes = gt.robots.independent_geometry(arm)
+    >>> print(", ".join(names))
+    a[0], alpha[0], theta[1], a[1], alpha[1], beta[1], tool_xyz[0], tool_xyz[1], tool_xyz[2]
+    >>> print(notes[0])
+    d[1] stays: axes 2 and 3 are nearly parallel, so that d[1] and d[2] move together; beta[1] is free in its place
+    """
+    s, n = arm.structure, len(arm.structure.joints)
+    if s.style == "rpy":
+        raise ModelError("an arm placed by xyz and rpy has six numbers a joint, two more than can be determined; "
+                         "take as_dh(arm) to calibrate it")  # fmt: skip
+    place = _places(arm, turns)
+    names = [f"{name}[{k}]" for k in range(n) for name in DH_NAMES] + TOOL + TURN + FRAME
+    J = np.array([(place(h) - place(-h)) / (2 * STEP) for h in STEP * np.eye(len(names))]).T
+    # theta and d of a joint, and a, alpha and beta that lead from its axis to the next: of one link, or of two
+    parallel = {}
+    twist = np.abs(np.sin(np.asarray(arm.alpha, float)))
+    for i in range(n - 1):
+        link = i if s.style == "standard" else i + 1
+        if twist[link] < np.sin(NEARLY_PARALLEL):
+            parallel[f"d[{i}]"] = f"beta[{link}]"
+    beta = set(parallel.values())
+    frames = [*(FRAME if base else []), *(TOOL if tool else []), *(TURN if turns and tool_turn else [])]
+    groups = [[f"{name}[{k}]" for k in range(n)] for name in ("a", "alpha", "theta", "d")]
+    wanted = [*frames, *groups[0], *groups[1], *groups[2], *sorted(beta), *(x for x in groups[3] if x not in parallel)]
+    at = [names.index(name) for name in wanted]
+    chosen = dependencies(J[:, at], wanted, keep=wanted, tolerance=RANK)
+    notes = [
+        f"{d} stays: axes {int(d[2:-1]) + 1} and {int(d[2:-1]) + 2} are nearly parallel, so that {d} and "
+        f"d[{int(d[2:-1]) + 1}] move together; {b} is free in its place"
+        for d, b in parallel.items()
+        if b in chosen.independent
+    ]
+    for name, terms in chosen.coefficients.items():
+        with_ = [other for other, c in terms.items() if abs(c) > 0.01 * max(map(abs, terms.values()))]
+        notes.append(f"{name} stays: it moves with {', '.join(with_)}" if with_ else f"{name} moves nothing")
+    free = [name for name in names if name in chosen.independent and name not in FRAME]
+    return free, notes
+
+
+def _places(arm: SerialArm, turns: bool) -> Callable[[Array], Array]:
+    """Positions (m,) of the tool at random configurations as a function of changes of the numbers, tool and frame; with
+    `turns` also of points a metre along its axes, which its orientation moves."""
+    s, n = arm.structure, len(arm.structure.joints)
+    limits = s.limits()
+    low, high = np.clip(limits, -WIDE, WIDE).T
+    free = np.random.default_rng(SEED).uniform(low, np.maximum(high, low + 0.1), (POINTS, len(s.leaders)))
+    places = [s.coordinate(k) for k in range(n)]
+    q = np.column_stack([multiplier * free[:, at] + offset for at, multiplier, offset in places])
+    numbers = np.array([np.asarray(getattr(arm, name), float) for name in DH_NAMES]).T
+    point, rpy = np.asarray(arm.tool_xyz, float), np.asarray(arm.tool_rpy, float)
+    points = np.vstack([np.zeros(3), *([np.eye(3)] if turns else [])])  # in the frame of the tool
+    q = np.tile(q, (len(points), 1))
+
+    def place(change: Array) -> Array:
+        now = numbers + change[: 5 * n].reshape(n, 5)
+        shift, turn, frame = np.split(change[5 * n :], [3, 6])
+        p = np.repeat(point + shift + points @ rotation_of_rpy(rpy + turn).T, POINTS, axis=0)
+        for k in reversed(range(n)):
+            R, r = dh_step(s.style, *now[k])
+            if s.style == "standard":
+                p = _joint(s.joints[k].kind, q[:, k], p @ R.T + r)
+            else:
+                p = _joint(s.joints[k].kind, q[:, k], p) @ R.T + r
+        return (p @ rotation_of_rpy(frame[3:]).T + frame[:3]).ravel()
+
+    return place
+
+
+def _joint(kind: str, q: Array, p: Array) -> Array:
+    """Points (m, 3) moved by a joint about or along z."""
+    if kind == "prismatic":
+        return p + np.outer(q, [0.0, 0.0, 1.0])
+    c, si = np.cos(q), np.sin(q)
+    return np.column_stack([c * p[:, 0] - si * p[:, 1], si * p[:, 0] + c * p[:, 1], p[:, 2]])
+
+
+Pose = tuple[Array, Array]
+# of the sine between axes: below, they are parallel and the direction across them comes from their distance alone
+PARALLEL = 1e-9
+MEETING = 1e-9  # m
+
+
+def as_dh(arm: SerialArm) -> SerialArm:
+    """The same arm by standard Denavit-Hartenberg numbers, for a calibration: with limits, mimics, inertias, friction.
+
+    Frames follow the common normals of the axes; where an axis is within 5 degrees of parallel to the next, d is 0 and
+    Hayati's beta says the rest. What comes before the first axis is base_xyz and base_rpy, what comes behind the last
+    one tool_xyz and tool_rpy. An arm that has such numbers already is returned as it is.
+
+    >>> text = '''<robot name="two"><link name="a"/><link name="b"/><link name="c"/>
+    ...   <joint name="turn" type="continuous"><parent link="a"/><child link="b"/><axis xyz="0 0 1"/></joint>
+    ...   <joint name="lift" type="continuous"><parent link="b"/><child link="c"/>
+    ...     <origin xyz="0.1 0 0.4"/><axis xyz="0 1 0"/></joint></robot>'''
+    >>> arm = gt.robots.as_dh(gt.robots.from_urdf(text))
+    >>> print(arm.a.round(3), arm.d.round(3), np.degrees(arm.alpha).round())
+    [0.1 0. ] [0.4 0. ] [-90.   0.]
+    """
+    s = arm.structure
+    if s.style != "rpy":
+        return arm
+    here, links = _links(arm)
+    axes = [(R @ _unit(axis), r) for (R, r), axis in zip(links, np.asarray(arm.axis, float), strict=True)]
+    n = len(links)
+    numbers = np.zeros((n, 5))  # theta, d, a, alpha, beta
+    frames = [_first(here, *axes[0])]
+    for k in range(n - 1):
+        if s.joints[k].kind == "prismatic":  # its axis is a direction; it may pass anywhere
+            axes[k] = (axes[k][0], frames[k][1])
+        through = frames[k][1] if s.joints[k + 1].kind == "prismatic" else axes[k + 1][1]
+        numbers[k], after = _step(frames[k], axes[k + 1][0], through)
+        frames.append(after)
+    ends = [*frames[1:], frames[-1]]  # where each link's frame is, behind its numbers
+    tool = _behind(links[-1], (rotation_of_rpy(arm.tool_rpy), np.asarray(arm.tool_xyz, float)))
+    m, mc, J = (np.asarray(x, float) for x in (arm.m, arm.mc, arm.J))
+    bodies = [moved(*_seen_from(ends[k], links[k]), m[k], mc[k], J[k]) for k in range(n)]
+    last = _seen_from(ends[-1], tool)
+    values: dict[str, Any] = dict(zip(("theta", "d", "a", "alpha", "beta"), numbers.T, strict=True))
+    values |= {"m": m, "mc": np.array([x for x, _ in bodies]), "J": np.array([x for _, x in bodies])}
+    values |= {"base_xyz": frames[0][1], "base_rpy": rpy_of_rotation(frames[0][0])}
+    values |= {"tool_xyz": last[1], "tool_rpy": rpy_of_rotation(last[0])}
+    values |= {name: getattr(arm, name) for name in ("viscous", "coulomb", "velocity_scale")}
+    return arm_class(replace(s, style="standard"))(**values)
+
+
+def _links(arm: SerialArm) -> tuple[Pose, list[Pose]]:
+    """The base, and each link's frame with all joints at 0, in the world."""
+    base = (rotation_of_rpy(arm.base_rpy), np.asarray(arm.base_xyz, float))
+    poses, pose = [], base
+    for xyz, rpy in zip(np.asarray(arm.xyz, float), np.asarray(arm.rpy, float), strict=True):
+        pose = _behind(pose, (rotation_of_rpy(rpy), xyz))
+        poses.append(pose)
+    return base, poses
+
+
+def _first(base: Pose, z: Array, point: Array) -> Pose:
+    """The frame on the first axis that is nearest to the base: its origin at the foot, its x along the base's."""
+    R, r = base
+    x = R[:, 0] - (R[:, 0] @ z) * z
+    if np.linalg.norm(x) < 1e-6:
+        x = R[:, 1] - (R[:, 1] @ z) * z
+    x = _unit(x)
+    return np.column_stack([x, np.cross(z, x), z]), point + ((r - point) @ z) * z
+
+
+def _step(frame: Pose, z: Array, point: Array) -> tuple[Array, Pose]:
+    """theta, d, a, alpha, beta from a frame to the next axis, along z through a point, and the frame there."""
+    R, r = frame
+    own, at = R.T @ z, R.T @ (point - r)  # in the frame
+    across = float(np.hypot(own[0], own[1]))
+    if across < np.sin(NEARLY_PARALLEL):
+        foot = at - own * (at[2] / own[2])  # where the next axis passes the plane z = 0
+        a = float(np.hypot(foot[0], foot[1]))
+        theta, d = float(np.arctan2(foot[1], foot[0])) if a > MEETING else 0.0, 0.0
+        seen = _about_z(-theta) @ own
+        beta, alpha = float(np.arcsin(np.clip(seen[0], -1.0, 1.0))), float(np.arctan2(-seen[1], seen[2]))
+    else:
+        normal = np.array([-own[1], own[0], 0.0]) / across  # z x own
+        a = float(normal @ at)
+        if a < -MEETING:
+            normal, a = -normal, -a
+        a = a if abs(a) > MEETING else 0.0
+        theta, beta = float(np.arctan2(normal[1], normal[0])), 0.0
+        # the foot on this axis: at + s own has no part across the normal
+        side = np.array([-normal[1], normal[0], 0.0])
+        d = float(at[2] - own[2] * (side @ at) / (side @ own))
+        alpha = float(np.arctan2(-(side @ own), own[2]))
+    x, y, turn = (rotation_of_rpy(v) for v in ([alpha, 0, 0], [0, beta, 0], [0, 0, theta]))
+    placed = (turn @ x @ y, np.array([a * np.cos(theta), a * np.sin(theta), d]))
+    return np.array([theta, d, a, alpha, beta]), _behind(frame, placed)
+
+
+def _about_z(angle: float) -> Array:
+    return rotation_of_rpy([0.0, 0.0, angle])
+
+
+def _unit(v: Array) -> Array:
+    return v / np.linalg.norm(v)
+
+
+def _behind(first: Pose, second: Pose) -> Pose:
+    return first[0] @ second[0], first[0] @ second[1] + first[1]
+
+
+def _seen_from(frame: Pose, other: Pose) -> Pose:
+    return frame[0].T @ other[0], frame[0].T @ (other[1] - frame[1])

@@ -12,8 +12,7 @@ from ..._near import meant
 from ...geometry.rotations import rotation_about, rotation_of_rpy, rpy_of_rotation
 from ...lang import ModelError
 from .arm import FRICTION, SerialArm, arm_class
-from .bodies import moved, with_payload
-from .structure import ArmJoint, ArmStructure
+from .structure import ArmJoint, ArmStructure, moved, with_payload
 from .urdf_file import MOVING, Urdf, UrdfJoint, read_urdf
 
 Array = np.ndarray

@@ -15,20 +15,15 @@ from ...compiler.flat import FlatModel
 from ...lang.source import ModelError
 from ...results.check import Check
 from ...results.status import SolveStatus
-from ..audit import Audit
 from ..discontinuities import after_discontinuity
 from ..ending import Ended
+from ..reduced import Audit
 from ..result import Progress
 from ..systems import SimulatedSystem, Systems
-from .accumulation import Accumulation
-from .actions import Actions, Changes
-from .blocks import RunningBlock
-from .clock import Due, SampleClock, exact
-from .crossing import Signed, corrected_root
-from .edges import OverEdges, Restarted
-from .event import Event
-from .sides import Unsettled
-from .watched import ZERO
+from .actions import Actions, Changes, RunningBlock
+from .clock import Accumulation, Due, Event, SampleClock, exact
+from .comparisons import ZERO, Signed, corrected_root
+from .sides import OverEdges, Restarted, Unsettled
 
 if TYPE_CHECKING:
     from .modes import ReadyInMode, SimulatedModes

@@ -12,12 +12,11 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ...compiler.analysis.continuous import differentiated, names_of
+from ...compiler.analysis.bounds import Pace
 from ...compiler.analysis.events import BlockSignal, FlatBlock, FlatEvents, holds
-from ...compiler.analysis.pace import Pace
-from ...compiler.analysis.switching import in_mode
+from ...compiler.analysis.switching import differentiated, in_mode, names_of
 from ...compiler.flat import FlatModel
-from ...compiler.other_values import with_values
+from ...compiler.flat_cache import with_values
 from ...lang.slips import floats
 from ...lang.source import ModelError
 from ...results.status import SolveStatus
@@ -25,11 +24,10 @@ from ..ending import Ended
 from ..inputs import SimulationInputs
 from ..prepare import Ready, prepare_in
 from ..record import Recorded, RecordedQuantity, Recorder
-from ..roots import Watched
+from ..reduced import Watched
 from ..systems import IntegratorSettings, SimulatedSystem, Systems
-from .actions import Changes, read_by
+from .actions import Changes, ValuesIn, carried_over, read_by
 from .clock import exact
-from .continuing import ValuesIn, carried_over
 
 Pair = tuple[int, int]
 # tries of modes that suit a start

@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import brentq
 
 import gtmodel as gt
-from gtmodel.simulation.hybrid.crossing import dips
+from gtmodel.simulation.hybrid.comparisons import dips
 
 PERIOD = 2 * np.pi
 

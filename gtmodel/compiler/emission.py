@@ -1,0 +1,274 @@
+"""Emission: expressions of solved unknowns written in what a plan reads, with fewer operations and the same numbers
+but for rounding."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+
+import casadi as ca
+
+from .matrices import difference, product, quotient, total
+from .plan import CausalPlan
+from .rewriting import Instruction, applied, rewritten, walked
+
+_SUMS = (ca.OP_ADD, ca.OP_SUB)
+Shifted = tuple[ca.SX, float]  # an expression that nothing else reads, and what is to be added to it
+
+
+def with_gathered_constants(expressions: Sequence[ca.SX]) -> list[ca.SX]:
+    """The expressions with fewer sums; each with the sparsity it had, common subexpressions shared before."""
+    return rewritten(expressions, lambda read, symbols: walked(read, symbols, _Gathered(read)))
+
+
+class _Gathered:
+    def __init__(self, read: Sequence[Instruction]) -> None:
+        self._uses = Counter(k for instruction in read for k in instruction.reads)
+
+    def leaf(self, x: ca.SX) -> Shifted:
+        return x, 0.0
+
+    def operation(self, k: int, op: int, given: list[Shifted]) -> Shifted:
+        if op == ca.OP_ASSIGN:
+            form = given[0]
+        else:
+            form = self._sum(op, *given) if op in _SUMS else None
+            form = form or (applied(op, [self.whole(g) for g in given]), 0.0)
+        return form if self._uses[k] == 1 else (self.whole(form), 0.0)
+
+    def whole(self, form: Shifted) -> ca.SX:
+        x, c = form
+        if c == 0.0:
+            return x
+        return x + c if c > 0.0 else x - (-c)
+
+    @staticmethod
+    def _sum(op: int, first: Shifted, second: Shifted) -> Shifted | None:
+        """With a constant among its parts; None without one."""
+        (x, c), (y, d) = first, second
+        sign = 1.0 if op == ca.OP_ADD else -1.0
+        if y.is_constant() and not x.is_constant():
+            return x, c + sign * (float(y) + d)
+        if x.is_constant() and not y.is_constant() and op == ca.OP_ADD:
+            return y, d + (float(x) + c)
+        return None
+
+
+LONGEST = 16  # products in a sum
+
+
+def with_differences(expressions: Sequence[ca.SX]) -> list[ca.SX]:
+    """The expressions, each with the sparsity it had; common subexpressions must be shared before."""
+    return rewritten(expressions, _rewritten)
+
+
+def _rewritten(read: list[Instruction], symbols: list[ca.SX]) -> list[ca.SX] | None:
+    count = 0
+    for search in (_better, _derivatives_of):
+        replacements = search(read)
+        count += len(replacements)
+        for k, instruction in replacements.items():
+            read[k] = instruction
+    return walked(read, symbols, _Plain()) if count else None
+
+
+class _Plain:
+    """Instructions as they are."""
+
+    def leaf(self, x: ca.SX) -> ca.SX:
+        return x
+
+    def operation(self, k: int, op: int, given: list[ca.SX]) -> ca.SX:
+        return given[0] if op == ca.OP_ASSIGN else applied(op, given)
+
+    def whole(self, form: ca.SX) -> ca.SX:
+        return form
+
+
+def _better(read: list[Instruction]) -> dict[int, Instruction]:
+    """(x - y) - z in place of differences x - (y + z) that profit."""
+    uses = Counter(k for instruction in read for k in instruction.reads)
+    differences = {tuple(i.reads): k for k, i in enumerate(read) if i.op == ca.OP_SUB}
+    better: dict[int, Instruction] = {}
+    for (x, added), k in differences.items():
+        op, terms, *_ = read[added]
+        if op != ca.OP_ADD or uses[added] != 1:
+            continue
+        for y, z in (terms, terms[::-1]):
+            earlier = differences.get((x, y))
+            if earlier is not None and earlier < z and _depends(read, z, earlier):
+                better[k] = Instruction(ca.OP_SUB, [earlier, z])
+                break
+    return better
+
+
+def _depends(read: list[Instruction], k: int, on: int) -> bool:
+    """Whether instruction k is computed from the result of another one."""
+    seen, left = set[int](), [k]
+    while left:
+        k = left.pop()
+        if k == on:
+            return True
+        if k > on and k not in seen:
+            seen.add(k)
+            left += read[k].reads
+    return False
+
+
+def _derivatives_of(read: list[Instruction]) -> dict[int, Instruction]:
+    """s or -s in place of sums of (x - q y) y, where q is (sum of x y -+ s) over (sum of y y)."""
+    replacements: dict[int, Instruction] = {}
+    for k, (op, *_) in enumerate(read):
+        if op != ca.OP_ADD:
+            continue
+        terms = _products(read, k)
+        split = [_off_line(read, a, b) or _off_line(read, b, a) for a, b in terms]
+        first = split[0] if split else None
+        if first is None or any(x is None or x[1] != first[1] for x in split):
+            continue
+        q_op, given, *_ = read[first[1]]
+        if q_op != ca.OP_DIV or read[given[0]].op not in (ca.OP_ADD, ca.OP_SUB):
+            continue
+        sign, (product, root), *_ = read[given[0]]
+        pairs = [(x[0], x[2]) for x in split if x is not None]
+        if _sorted(_products(read, product)) == _sorted(pairs) and _sorted(_products(read, given[1])) == _sorted(
+            [(y, y) for _, y in pairs]
+        ):
+            replacements[k] = Instruction(ca.OP_ASSIGN if sign == ca.OP_SUB else ca.OP_NEG, [root])
+    return replacements
+
+
+def _products(read: list[Instruction], k: int) -> list[tuple[int, int]]:
+    """The factors of a sum of products; none if it is something else, or longer than vectors are."""
+    products, left = list[tuple[int, int]](), [k]
+    while left:
+        op, given, *_ = read[left.pop()]
+        if len(products) == LONGEST:
+            return []
+        if op == ca.OP_ADD:
+            left += given
+        elif op in (ca.OP_MUL, ca.OP_SQ):
+            products.append((given[0], given[-1]))
+        else:
+            return []
+    return products
+
+
+def _off_line(read: list[Instruction], r: int, y: int) -> tuple[int, int, int] | None:
+    """(x, q, y) if r is x - q y."""
+    op, given, *_ = read[r]
+    if op != ca.OP_SUB or read[given[1]].op != ca.OP_MUL:
+        return None
+    a, b = read[given[1]].reads
+    return None if y not in (a, b) else (given[0], b if a == y else a, y)
+
+
+def _sorted(pairs: list[tuple[int, int]]) -> list[tuple[int, int]]:
+    return sorted((min(p), max(p)) for p in pairs)
+
+
+Factored = tuple[float, ca.SX]  # +-2^k and what it multiplies
+
+
+def without_factors(expressions: Sequence[ca.SX]) -> list[ca.SX]:
+    """The expressions with fewer operations; each with the sparsity it had."""
+    return rewritten(expressions, lambda read, symbols: walked(read, symbols, _FORMS))
+
+
+class _Factors:
+    def leaf(self, x: ca.SX) -> Factored:
+        return 1.0, x
+
+    def operation(self, k: int, op: int, given: list[Factored]) -> Factored:
+        return _operation(op, given)
+
+    def whole(self, form: Factored) -> ca.SX:
+        c, x = form
+        if c == 1.0:
+            return x
+        return -x if c == -1.0 else c * x
+
+
+_FORMS = _Factors()
+_whole = _FORMS.whole
+
+
+def _operation(op: int, given: list[Factored]) -> Factored:
+    (c, x), (d, y) = given[0], given[-1]
+    if op == ca.OP_NEG:
+        return -c, x
+    if op == ca.OP_TWICE:
+        return 2.0 * c, x
+    if op == ca.OP_SQ:
+        return c * c, product(x, x)
+    if op == ca.OP_FABS:
+        return abs(c), ca.fabs(x)
+    if op == ca.OP_SQRT and c > 0 and math.frexp(c)[1] % 2 == 1:  # 4^k
+        return math.sqrt(c), ca.sqrt(x)
+    if op == ca.OP_MUL:
+        (c, x), (d, y) = _constant(c, x), _constant(d, y)
+        return c * d, product(x, y)
+    if op == ca.OP_DIV:
+        (c, x), (d, y) = _constant(c, x), _constant(d, y)
+        return c / d, quotient(x, y)
+    if op in (ca.OP_ADD, ca.OP_SUB):
+        d = d if op == ca.OP_ADD else -d
+        if c == d:
+            return c, total(x, y)
+        if c == -d:
+            return (c, difference(x, y)) if c > 0 or d != 1.0 else (d, difference(y, x))
+        if c < 0 and d < 0:
+            return -1.0, total(_whole((-c, x)), _whole((-d, y)))
+        return 1.0, _sum(c, x, d, y)
+    if op == ca.OP_ASSIGN:
+        return c, x
+    return 1.0, applied(op, [_whole(g) for g in given])
+
+
+def _constant(c: float, x: ca.SX) -> Factored:
+    """A constant that is a power of two becomes a factor."""
+    if x.is_constant():
+        value = float(x)
+        if value != 0.0 and abs(math.frexp(value)[0]) == 0.5:
+            return c * value, ca.SX(1)
+    return c, x
+
+
+def _sum(c: float, x: ca.SX, d: float, y: ca.SX) -> ca.SX:
+    """c x + d y with a difference where one is negative."""
+    if d < 0:
+        return difference(_whole((c, x)), _whole((-d, y)))
+    if c < 0:
+        return difference(_whole((d, y)), _whole((-c, x)))
+    return total(_whole((c, x)), _whole((d, y)))
+
+
+def express(plan: CausalPlan, expressions: Sequence[ca.SX], extra: Sequence[tuple[ca.SX, ca.SX]] = ()) -> list[ca.SX]:
+    """Rewrite expressions of kept symbols in terms of the plan's inputs, Newton unknowns, parameters and time.
+
+    Parameters become what the plan has in their place; `extra` are further (symbol, value) pairs substituted
+    first, in place of what the plan would compute.
+
+    One common-subexpression pass over everything comes last: SX itself shares nothing.
+    """
+    results = substituted(plan, expressions, extra)
+    if not results:
+        return []
+    shared = ca.cse(with_differences(ca.cse(without_factors(ca.cse(results)))))
+    return ca.cse(with_gathered_constants(shared))
+
+
+def substituted(plan: CausalPlan, expressions: Sequence[ca.SX], extra: Sequence[tuple[ca.SX, ca.SX]]) -> list[ca.SX]:
+    """As `express`, as it comes: quick, for what is called a few times."""
+    given = {s.element_hash() for s, _ in extra}  # what is given is not computed
+    roots = [r for b in plan.blocks for r in b.roots]
+    pairs = [*extra]
+    if plan.flat.parameters:
+        pairs.append((plan.flat.p, plan.parameters))
+    pairs += [(r.sign, ca.SX(r.value)) for r in roots]
+    pairs += [a for b in plan.blocks for a in b.assignments if a[0].element_hash() not in given]
+    results = list(expressions)
+    if pairs:
+        _, results = ca.substitute_inplace([s for s, _ in pairs], [v for _, v in pairs], results)
+    return results

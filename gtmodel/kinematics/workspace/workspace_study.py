@@ -1,0 +1,274 @@
+"""Which tool centre points a robot reaches: their cross-section and volume as a study."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Annotated, Any
+
+import numpy as np
+
+from ...lang import Model
+from ...results import ArgumentError, Check, SolveStatus, Work, at_most
+from ...results.door import study_function
+from ...results.options import Long, Within
+from ...results.table import csv_text
+from ...results.work import Progress, never, silent
+from ..mechanism import home_figure
+from ..section import CrossSection
+from .limits import BallJointCones
+from .options import DEGREE, Beam, Bodies, Box, Sections, WorkspaceLimits, WorkspaceStudy
+from .reach import REACHABLE, Reach, WorkspaceTask, task_of
+from .volume import SectionMap, Volume, map_section, map_volume
+
+Array = np.ndarray
+
+# relative change of the area when the step is doubled: boundary crossings are bisected, the rest is of second order
+CONVERGENCE = 0.01
+FINER = "use a smaller step of the section"
+# relative: the same polygons by cells and by loops
+POLYGONS = 1e-9
+FEW = 10  # steps across the section; a section not reached at so few points may be reached between them
+
+
+@study_function
+def workspace_study(
+    robot: Model,
+    limits: WorkspaceLimits | None = None,
+    *,
+    home: Annotated[Sequence[float] | None, Long(3)] = None,
+    section: CrossSection | None = None,
+    volume: Sections | None = None,
+    bodies: Bodies | None = None,
+    obstacles: Sequence[Box] = (),
+    beams: Sequence[Beam] = (),
+    compare_cones: Annotated[Sequence[float], Within(above=0.0)] = (),
+    points: Annotated[Sequence[Sequence[float]], Long(3)] = (),
+    title: str = "",
+    progress: Progress = silent,
+    max_seconds: float | None = None,
+    stop: Callable[[], bool] = never,
+) -> WorkspaceStudy:
+    """Which tool centre points a robot reaches: the cross-section under limits, its boundary, the volume, reasons.
+
+    Args:
+        robot: with links on guideways, whose plate keeps its orientation or follows from T.
+        limits: what is to be kept; singularities alone if left out.
+        home: (3,) the pose where joint cones have their axes [m]; the robot's own if left out.
+        section: where the section lies, and its grid.
+        volume: the sections of the volume; none is computed if left out.
+        bodies: sizes of links and plate. obstacles, beams: what they must not touch.
+        compare_cones: half-angles of cones [rad] that are mapped beside the limits, each alone.
+        points: tool centre points (3,) [m] to judge one by one.
+        progress, max_seconds, stop: see `gtmodel.results.Work`.
+
+    Interrupted, it holds what was mapped until then. Raises ArgumentError.
+
+    >>> import gtmodel as gt
+    >>> from gtmodel.kinematics.workspace import CrossSection, WorkspaceLimits
+    >>> robot = gt.robots.gantry_tau("l1_tape")
+    >>> s = gt.kinematics.workspace_study(robot, WorkspaceLimits(cone=0.7), section=CrossSection(step=0.1))
+    >>> s.area < s.kinematic_area
+    True
+    """
+    work = Work(progress=progress, max_seconds=max_seconds, stop=stop)
+    limits, section, bodies = limits or WorkspaceLimits(), section or CrossSection(), bodies or Bodies()
+    task = task_of(robot, limits, home, section, bodies, obstacles, beams)
+    if volume is not None:
+        _refuse_range(volume)
+    maps = _Maps(task, section.step, work)
+    singular = task.reach.limits[:1]
+    bare, cones = None, {}
+    try:
+        bare = maps(Reach(task.robot.inverse, singular), "inverse kinematics")
+        for angle in compare_cones:
+            cone = BallJointCones.about_home(task.robot.home, angle)
+            cones[angle] = maps(Reach(task.robot.inverse, [*singular, cone]), f"cones of {_degrees(angle):g} deg")
+        main = maps(task.reach, "workspace")
+        coarse = maps(task.reach, "coarse grid", 2 * section.step)
+        solid = None if volume is None else maps.volume(volume, _to_begin_with(volume, task, obstacles, beams))
+    except _Stopped:
+        return WorkspaceStudy(
+            status=SolveStatus.INTERRUPTED, title=title, cones=_cones(cones),
+            **({} if bare is None else _sizes(bare, "kinematic_")),
+        )  # fmt: skip
+    return _study_of(title, task, limits, points, main, bare, cones, coarse, volume, solid)
+
+
+def _refuse_range(volume: Sections) -> None:
+    if volume.low >= volume.high:
+        raise ArgumentError("the first position must be less than the last", "volume.high")
+    if volume.sections > volume.most_sections:
+        raise ArgumentError(f"is less than the {volume.sections} sections to begin with", "volume.most_sections")
+
+
+class _Stopped(Exception):
+    """The work was interrupted."""
+
+
+@dataclass(frozen=True)
+class _Maps:
+    """Maps of one section, and of many; raise _Stopped."""
+
+    task: WorkspaceTask
+    step: float
+    work: Work
+
+    def __call__(self, reach: Reach, stage: str, step: float | None = None) -> SectionMap:
+        t = self.task
+        section_map = map_section(
+            reach, t.section, t.low, t.high, step or self.step, progress=self.work.fractions(stage)
+        )
+        if not section_map.complete or self.work.interrupted():
+            raise _Stopped
+        return section_map
+
+    def volume(self, given: Sections, count: int) -> Volume:
+        t = self.task
+        along = np.linspace(given.low, given.high, count) - float(t.section.origin @ t.section.normal)
+        solid = map_volume(
+            t.reach, t.section, t.low, t.high, along, self.step, tolerance=given.tolerance / 2,
+            most=given.most_sections, coarse=True, progress=self.work.fractions("sections"),
+        )  # fmt: skip
+        if not solid.complete:
+            raise _Stopped
+        return solid
+
+
+def _to_begin_with(volume: Sections, task: WorkspaceTask, boxes: Sequence[Box], beams: Sequence[Beam]) -> int:
+    """Number of sections before any is added: as many as asked for, or so many that none of the obstacles fits between
+    two of them."""
+    normal = task.section.normal
+    thin = [float(np.ptp(np.array([b.low, b.high]), axis=0) @ np.abs(normal)) for b in boxes]
+    thin += [2 * b.radius + abs(float((np.array(b.to) - b.from_) @ normal)) for b in beams]
+    thin = [t for t in thin if t > 0]
+    enough = int(np.ceil((volume.high - volume.low) / min(thin))) + 1 if thin else 0
+    return min(max(volume.sections, enough), volume.most_sections)
+
+
+def _study_of(
+    title: str,
+    task: WorkspaceTask,
+    limits: WorkspaceLimits,
+    points: Sequence[Sequence[float]],
+    main: SectionMap,
+    bare: SectionMap,
+    cones: dict[float, SectionMap],
+    coarse: SectionMap,
+    volume: Sections | None,
+    solid: Volume | None,
+) -> WorkspaceStudy:
+    robot, reach, region = task.robot, task.reach, main.region
+    rectangle = float(np.prod(np.ptp(main.section.pierced(robot.anchors, robot.directions), axis=0)))
+    footprint = rectangle if rectangle > 0.0 else None
+    strokes = np.ptp(limits.actuators or [[0.0, 0.0]], axis=1)
+    length = float(np.max(strokes)) * float(np.linalg.norm(robot.directions, axis=1).max())
+    compared = [BallJointCones.about_home(robot.home, angle).assumes for angle in cones]
+    reasons = reach.counts(main.codes)
+    empty = region.area == 0.0
+    study = WorkspaceStudy(
+        status=SolveStatus.SOLVED,
+        title=title,
+        **_sizes(main),
+        **_sizes(bare, "kinematic_"),
+        cones=_cones(cones),
+        guideway_rectangle=rectangle,
+        area_ratio=region.area / footprint if footprint else None,
+        **({} if solid is None else _volume_values(solid, footprint, length)),
+        reasons=reasons,
+        points=[
+            {"tcp_m": p, "reachable": reach(np.array(p)) == REACHABLE, "sentence": reach.diagnose(np.array(p))}
+            for p in points
+        ],
+        on_edge=region.on_edge,
+        assumptions=list(dict.fromkeys([*reach.assumptions, *compared])),
+        figures={
+            "section": partial(_section_figure, title, task, main, bare, cones),
+            "robot": lambda: home_figure(robot, [main.section.points(p) for p in region.loops], title),
+        },
+    )
+    if empty:
+        return study.with_(status=SolveStatus.INFEASIBLE, message=_nothing(main, reasons))
+    return study.with_(
+        message="; ".join(study.cuts) or SolveStatus.SOLVED.message,
+        checks=_checks(main, coarse, volume, solid),
+        files={"boundary.csv": _boundary(main)},
+    )
+
+
+def _nothing(main: SectionMap, reasons: Mapping[str, int]) -> str:
+    message = f"no point of the section is reached; most often: {max(reasons, key=lambda r: reasons[r])}"
+    if min(len(main.u), len(main.v)) <= FEW:
+        message += f"; it was looked at in {len(main.u)} by {len(main.v)} points only, try a smaller step"
+    return message
+
+
+def _sizes(section_map: SectionMap, which: str = "") -> dict[str, Any]:
+    width, height = section_map.region.extent
+    return {f"{which}area": section_map.region.area, f"{which}width": float(width), f"{which}height": float(height)}
+
+
+def _cones(cones: dict[float, SectionMap]) -> list[dict[str, float]]:
+    units = {"area": "area_m2", "width": "width_m", "height": "height_m"}
+    return [
+        {"angle_deg": _degrees(angle), **{units[name]: x for name, x in _sizes(section_map).items()}}
+        for angle, section_map in cones.items()
+    ]
+
+
+def _degrees(angle: float) -> float:
+    """An angle [rad] in degrees, as a person would write it."""
+    return float(f"{angle / DEGREE:.12g}")
+
+
+def _volume_values(solid: Volume, footprint: float | None, length: float) -> dict[str, Any]:
+    return {
+        "volume": solid.volume,
+        "volume_error": solid.error if np.isfinite(solid.error) else None,
+        "volume_sections": len(solid.along),
+        "volume_ratio": solid.volume / (footprint * length) if footprint and length else None,
+        "volume_on_edge": solid.on_edge,
+    }
+
+
+def _checks(main: SectionMap, coarse: SectionMap, volume: Sections | None, solid: Volume | None) -> dict[str, Check]:
+    area = main.region.area
+    change = abs(area - coarse.region.area) / area
+    polygons = abs(main.region.area_within_loops - area) / area
+    checks = {
+        "area_change_at_double_step": at_most(change, CONVERGENCE, FINER),
+        "area_within_boundary": at_most(polygons, POLYGONS, FINER),
+    }
+    if solid is None or volume is None:
+        return checks
+    size, allowed = solid.volume, volume.tolerance
+    none = f"none of {len(solid.along)} sections is reached, {solid.widest:.3g} m apart; move volume.low_m and high_m"
+    more = f"allow more than {volume.most_sections} sections by volume.most_sections, or a narrower range"
+    rough = abs(size - solid.coarse) / size if size else np.inf
+    return checks | {
+        "volume_error": at_most(solid.error / size if size else np.inf, allowed, more if size else none),
+        "volume_change_at_double_step": at_most(rough, allowed, FINER if size else none),
+    }
+
+
+def _boundary(main: SectionMap) -> str:
+    loops = main.region.loops
+    numbers = np.concatenate([np.full(len(loop), k) for k, loop in enumerate(loops)])
+    uv = np.vstack(loops)
+    columns = np.column_stack([numbers, uv, main.section.points(uv)]).T
+    return csv_text(dict(zip(("loop", "u_m", "v_m", "x_m", "y_m", "z_m"), columns, strict=True)), digits=9)
+
+
+def _section_figure(
+    title: str, task: WorkspaceTask, main: SectionMap, bare: SectionMap, cones: dict[float, SectionMap]
+) -> Any:
+    from ...plot.workspace import section_figure
+
+    layers = {f"ball-joint cones of {_degrees(a):g} deg": section_map.region for a, section_map in cones.items()}
+    if len(task.reach.limits) > 1:
+        layers["all limits of the file"] = main.region
+    layers = dict(sorted(layers.items(), key=lambda layer: -layer[1].area))
+    layers = {"inverse kinematics has a solution": bare.region, **layers}
+    guideways = main.section.pierced(task.robot.anchors, task.robot.directions)
+    return section_figure(layers, guideways, title=title, names=main.section.names)
