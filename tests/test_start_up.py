@@ -69,7 +69,7 @@ def test_a_schema_needs_no_model_no_engine_and_writes_no_study(kind: str) -> Non
 def test_a_solve_without_pictures_imports_no_matplotlib_and_no_other_family_of_robots() -> None:
     modules = imported(RUN.format(words=["solve", "l1_min_time", "--quiet", "--max-seconds", "0.01"]))
     assert "gtmodel.robots.three_link" in modules and "gtmodel.compiler.plan" in modules
-    assert not modules & {"matplotlib", "rich", "gtmodel.robots.f1", "gtmodel.robots.six_link", "gtmodel.robots.kr500"}
+    assert not modules & {"matplotlib", "rich", "gtmodel.robots.f1", "gtmodel.robots.six_link", "gtmodel.robots.kuka"}
     assert not modules & {"scipy", "numpy.ma"}  # would take as long as all other packages
     assert not {m for m in modules if m.startswith(("gtmodel.plot", "gtmodel.problem_files.robot_file"))}
 

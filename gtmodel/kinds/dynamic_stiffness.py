@@ -70,7 +70,7 @@ def call(problem: Schema, context: Context) -> Call:
 def _made(problem: Schema) -> dynamic_stiffness.SyntheticExperiments:
     assert problem.synthetic is not None
     return dynamic_stiffness.synthetic_experiments(
-        robots.kr500.table_16(), problem.synthetic.options(), fit=problem.fit.options(),
+        robots.kuka.table_16(), problem.synthetic.options(), fit=problem.fit.options(),
         process=problem.process.options(), repeatability=problem.repeatability,
     )  # fmt: skip
 
@@ -94,4 +94,4 @@ def explain(problem: Schema, context: Context) -> str:
         "log m, log c, log k over x, y, z and A: nine exact Gaussian processes (eqs. (9)-(11))",
         f"experiments at one pose differ by {problem.repeatability:.0%} on average",
     ]
-    return "\n".join([*lines, robots.kr500.NOTE] if s else lines)
+    return "\n".join([*lines, robots.kuka.NOTE] if s else lines)

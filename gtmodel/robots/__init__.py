@@ -25,7 +25,7 @@ if TYPE_CHECKING:
         f1_rotation as f1_rotation,
     )
     from .f1_geometry import F1FiveDof as F1FiveDof, F1Rotation as F1Rotation
-    from .kr500 import (
+    from .kuka import (
         SphericalWristArm as SphericalWristArm,
         kr500 as kr500,
         kr500_limits as kr500_limits,

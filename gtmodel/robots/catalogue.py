@@ -92,7 +92,7 @@ def family_member(
             raise ModelError(
                 "masses and friction of 'kr500' are not printed; leave inertia, payload and friction smoothing out"
             )
-        from .kr500 import kr500
+        from .kuka import kr500
 
         return kr500(**modifiers)
     if family == "three_link":

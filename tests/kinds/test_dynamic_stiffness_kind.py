@@ -10,7 +10,7 @@ from gtmodel.problem_files.load import load
 from gtmodel.problem_files.run import answer, explain
 from gtmodel.results import SolveStatus
 from gtmodel.results.as_json import plain
-from gtmodel.robots.kr500 import table_16
+from gtmodel.robots.kuka import table_16
 from gtmodel.vibration import dynamic_stiffness_study
 from gtmodel.vibration.dynamic_stiffness import Process, SyntheticArm, synthetic_experiments
 

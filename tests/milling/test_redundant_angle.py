@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from gtmodel.kinematics import WristPartition
 from gtmodel.milling import ANGLES, Findings, angle_sweep, choices, guideline, nearest_mode, tool_rotations
-from gtmodel.robots.kr500 import FLANGE, kr500_limits
+from gtmodel.robots.kuka import FLANGE, kr500_limits
 from tests.milling.thesis import OSCILLATORS, PRINTED
 
 O, AXES = (np.array(PRINTED["geometry"][k], float) for k in ("joint_origins_m", "joint_axes"))

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from gtmodel.milling import Cut, Cutter, CuttingCoefficients, missing_z
-from gtmodel.robots.kr500 import kr500_tables
+from gtmodel.robots.kuka import kr500_tables
 
 PRINTED: dict[str, Any] = kr500_tables()
 C, TESTS = PRINTED["cutting"], PRINTED["milling_tests"]

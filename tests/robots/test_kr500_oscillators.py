@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gtmodel.robots.kr500 import table_16
+from gtmodel.robots.kuka import table_16
 
 # Cvitanic 2021, Table 4, natural frequency range of each location over all A [Hz], by number of a test there
 RANGES = {1: (10, 68), 5: (9, 67), 9: (11, 25), 11: (7, 18)}

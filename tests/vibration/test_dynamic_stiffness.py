@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gtmodel.results import ArgumentError, SolveStatus
-from gtmodel.robots.kr500 import table_16
+from gtmodel.robots.kuka import table_16
 from gtmodel.vibration import dynamic_stiffness_study, load_oscillator_field, synthetic_hits
 from gtmodel.vibration.dynamic_stiffness import (
     FrequencyMap,

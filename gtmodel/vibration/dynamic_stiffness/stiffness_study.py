@@ -146,7 +146,7 @@ def dynamic_stiffness_study(
 
     Interrupted, it holds the experiments that were fitted and no field. Raises ArgumentError.
 
-    >>> from gtmodel.robots.kr500 import table_16
+    >>> from gtmodel.robots.kuka import table_16
     >>> from gtmodel.vibration.dynamic_stiffness import Process, SyntheticArm, synthetic_experiments
     >>> made = synthetic_experiments(table_16(), SyntheticArm(seed=1, poses=12, records="receptance"))
     >>> s = gt.vibration.dynamic_stiffness_study(made, process=Process(starts=1))
