@@ -47,9 +47,9 @@ def answering(context: typer.Context, as_json: bool, asked: str) -> Iterator[Ans
     except BaseException as error:
         if context.obj:
             traceback.print_exc()
-        from gtmodel.problem_files import faults
+        from gtmodel.problem_files import python_models
 
-        status, sentence = faults.describe(error, asked)
+        status, sentence = python_models.describe(error, asked)
         print(sentence, file=sys.stderr)
         if as_json:
             from gtmodel.results import Study

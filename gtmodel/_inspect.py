@@ -8,7 +8,7 @@ from typing import Any
 
 from gtmodel.measurements import LogForm, inspect
 from gtmodel.measurements.streams.form import shown
-from gtmodel.problem_files import output
+from gtmodel.problem_files import run as output
 from gtmodel.problem_files.base import Context, InputError
 from gtmodel.problem_files.run import Finished
 from gtmodel.results import ArgumentError, as_json, written

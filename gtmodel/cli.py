@@ -95,14 +95,14 @@ def list_(
     as_json: Json = False,
 ) -> None:
     """Show the robots of the catalogue and the problems shipped with gtmodel, or the classes of a Modelica file."""
-    from gtmodel.problem_files import listing
+    from gtmodel.problem_files import files
 
     with answering(context, as_json, what) as answer:
-        entries_by_word = answer.data = listing.of(what)
+        entries_by_word = answer.data = files.of(what)
     for n, (name, entries) in enumerate(entries_by_word.items() if not as_json else ()):
         if n:
             print()
-        head = ("class" if name == "classes" else name.removesuffix("s"), *listing.HEADS[name])
+        head = ("class" if name == "classes" else name.removesuffix("s"), *files.HEADS[name])
         terminal.table(head, [(key, *map(str, texts.values())) for key, texts in entries.items()])
 
 
@@ -122,7 +122,7 @@ def explain(
     A robot or a problem that names a Python file has that file run.
     """
     from gtmodel.problem_files import explaining
-    from gtmodel.problem_files.settings import refuse_twice
+    from gtmodel.problem_files.load import refuse_twice
 
     with answering(context, False, what):
         refuse_twice(settings or ())
@@ -151,7 +151,7 @@ def schema(
         with answering(context, False, kind or "schema"):
             print(_editor_schema(kind, as_json), end="")
         return
-    from gtmodel.problem_files import names, schema as described
+    from gtmodel.problem_files import editor_schema as described, names
 
     with answering(context, as_json, kind or "schema") as answer:
         document = answer.data = {"kinds": names()} if kind is None else described.document(kind)
@@ -376,8 +376,7 @@ def _plain(sentence: str, words: list[str]) -> str:
 
 
 def _load(problem: str, settings: Sequence[str] | None, answer: Answer) -> Any:
-    from gtmodel.problem_files.load import load
-    from gtmodel.problem_files.settings import refuse_twice
+    from gtmodel.problem_files.load import load, refuse_twice
 
     refuse_twice(settings or ())
     loaded = load(problem, settings or ())

@@ -47,7 +47,7 @@ from gtmodel.loop import (
     expected_counters,
     lockstep,
 )
-from gtmodel.loop.record import rows_of
+from gtmodel.loop.process import rows_of
 from gtmodel.plot.signals import tracking_figure
 
 place = Path(tempfile.mkdtemp())

@@ -18,10 +18,9 @@ from gtmodel import problem_files as kinds
 from gtmodel.cgen import CodeStudy
 from gtmodel.cgen.verification import against_python
 from gtmodel.kinds.codegen import kind as codegen_kind
-from gtmodel.problem_files import fields
+from gtmodel.problem_files import from_options
 from gtmodel.problem_files.registry import results_of
-from gtmodel.results.quantity import described
-from gtmodel.results.unit_names import unit_of
+from gtmodel.results.quantity import described, unit_of
 from tests.support.commands import CLONE, Commands, command, environment, process
 from tests.support.own_models import FILES
 
@@ -72,7 +71,7 @@ def test_schema_describes_every_key_and_value(gtmodel: Commands, kind: str) -> N
     for key in document["keys"]:
         assert key["description"], key["key"]
         assert key["key"] in printed.out
-        assert key["unit"] == unit_of(fields.Key(**key).name) or not key["unit"], key["key"]
+        assert key["unit"] == unit_of(from_options.Key(**key).name) or not key["unit"], key["key"]
     assert document["values"]
     for name, about in document["values"].items():
         assert about["description"] and name in printed.out

@@ -21,7 +21,7 @@ import gtmodel
 import gtmodel as gt
 from gtmodel.problem_files import InputError
 from gtmodel.results import ArgumentError, Long, Options, Study, Within
-from gtmodel.results.door import ended
+from gtmodel.results.work import ended
 
 CLOCK: dict[str, Iterable[Any]] = {  # what every study takes, and what it refuses
     "max_seconds": (math.nan, math.inf, -1.0, 0, "5", True),

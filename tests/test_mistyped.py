@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from gtmodel.lang import ModelError
-from gtmodel.problem_files.faults import LONGEST, shortened
+from gtmodel.problem_files.python_models import LONGEST, shortened
 from tests.support.commands import Commands
 
 SUITES = Path(__file__).parent / "suites"

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from gtmodel.kinds.identification.keys import IdentificationLogSection
-from gtmodel.problem_files.log_keys import MeasuredSignalSection
+from gtmodel.problem_files.keys import MeasuredSignalSection
 
 CLONE = Path(__file__).parents[1]
 README = (CLONE / "README.md").read_text(encoding="utf-8")

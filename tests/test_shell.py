@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from gtmodel.problem_files.faults import LONGEST
+from gtmodel.problem_files.python_models import LONGEST
 from tests.support.commands import Commands, command, environment, process
 from tests.support.own_models import PENDULUM
 

@@ -47,7 +47,7 @@ typedef struct gt_loop_settings {
     gt_limits limits;
 } gt_loop_settings;
 
-/* Numbers of a record: what gtmodel/loop/record.py names. */
+/* Numbers of a record: what gtmodel/loop/process.py names. */
 #define GT_RECORD_COLUMNS 39U
 
 typedef struct gt_loop {

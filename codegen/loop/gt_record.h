@@ -1,4 +1,4 @@
-/* What the loop logs each cycle; gtmodel/loop/record.py names the numbers. */
+/* What the loop logs each cycle; gtmodel/loop/process.py names the numbers. */
 #ifndef GT_RECORD_H
 #define GT_RECORD_H
 

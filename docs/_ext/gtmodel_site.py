@@ -27,7 +27,7 @@ from docutils.utils.math.latex2mathml import tex2mathml
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
-from gtmodel.problem_files import schema
+from gtmodel.problem_files import editor_schema
 
 from . import fences, links, reference, runs, theses
 
@@ -108,7 +108,7 @@ class Keys(_Page):
     required_arguments = 1
 
     def run(self) -> list[nodes.Node]:
-        document = schema.document(self.arguments[0])
+        document = editor_schema.document(self.arguments[0])
         keys = [[f"`{k['key']}`", k["type"], _unit(k["unit"]), _code(k["default"]), k["description"] or ""]
                 for k in document["keys"]]  # fmt: skip
         made = _table(["key", "type", "unit", "default", "description"], keys)

@@ -11,11 +11,10 @@ import numpy as np
 
 from ..lang import Model
 from ..results import ArgumentError, SolveStatus, Work
-from ..results.door import study_function
-from ..results.made_files import MadeFiles
+from ..results.disk import MadeFiles
 from ..results.options import Within
 from ..results.suspicion import Inspection
-from ..results.work import Progress, never, silent
+from ..results.work import Progress, never, silent, study_function
 from . import sensitivity
 from .held_out import folds_of
 from .measured.misreadings import Witness, a_priori, misread_after, misread_by_lengths, recognise_sessions, witness_of

@@ -10,11 +10,9 @@ from typing import Any, Literal
 
 from ..compiler.causal import CausalFunction
 from ..results import Check, SolveStatus, Work
-from ..results.disk import scratch
-from ..results.door import study_function
+from ..results.disk import marked, scratch
 from ..results.folder import Held, others
-from ..results.marks import marked
-from ..results.work import Progress, never, silent
+from ..results.work import Progress, never, silent, study_function
 from . import measurement
 from .code_result import COSTS, CodeStudy, Verification
 from .costs_file import write_costs

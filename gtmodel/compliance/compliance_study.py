@@ -12,10 +12,9 @@ import numpy as np
 from ..kinematics.workspace import section_grid
 from ..lang import Model
 from ..results import ArgumentError, SolveStatus, Work, at_most
-from ..results.door import study_function
 from ..results.options import Long, Within
 from ..results.table import csv_text
-from ..results.work import Progress, never, silent
+from ..results.work import Progress, never, silent, study_function
 from .cartesian import softest_and_stiffest
 from .compliance_result import MAPPED, Array, ComplianceStudy, word
 from .options import ArmSprings, ComplianceMap, Load, Springs

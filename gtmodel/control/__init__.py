@@ -37,17 +37,20 @@ if TYPE_CHECKING:
         zero_vibration as zero_vibration,
         zero_vibration_derivative as zero_vibration_derivative,
     )
-    from .loop_options import LoopSampling as LoopSampling, Move as Move, TrackingLimits as TrackingLimits
-    from .loop_result import LoopSimulationStudy as LoopSimulationStudy
-    from .loop_study import loop_simulation as loop_simulation
+    from .loop_options import (
+        LoopSampling as LoopSampling,
+        LoopSimulationStudy as LoopSimulationStudy,
+        Move as Move,
+        TrackingLimits as TrackingLimits,
+    )
+    from .loop_study import Tracked as Tracked, loop_simulation as loop_simulation, track as track
     from .sampled_loop import (
         law_causal as law_causal,
         law_function as law_function,
         sampled_law as sampled_law,
         sampled_loop as sampled_loop,
+        tracking_loop as tracking_loop,
     )
     from .sampled_poles import linearize_sampled as linearize_sampled
-    from .tracked import Tracked as Tracked, track as track
-    from .tracking_loop import tracking_loop as tracking_loop
 
 public(__name__)

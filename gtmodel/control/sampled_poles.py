@@ -15,8 +15,7 @@ from gtmodel.simulation.hybrid.clock import exact
 from .._lazy import hint
 from ..linear.state_space import held_late
 from .feedforward import Law
-from .sampled_loop import INPUTS, Velocity, law_function
-from .tracking_loop import actuators
+from .sampled_loop import INPUTS, Velocity, actuators, law_function
 
 if TYPE_CHECKING:
     from control import StateSpace

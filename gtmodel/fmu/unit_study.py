@@ -11,10 +11,9 @@ from ..cgen.code_result import Verification
 from ..cgen.steps.function import StepFunction
 from ..compiler.causal import CausalFunction
 from ..results import Check, Quantity, Row, SolveStatus, Study, Work
-from ..results.door import study_function
 from ..results.folder import FolderError, holding
 from ..results.refusal import ArgumentError
-from ..results.work import Progress, never, silent
+from ..results.work import Progress, never, silent, study_function
 from .archive import is_ours
 from .checking import check as checked
 from .export import Fmu, Version, export

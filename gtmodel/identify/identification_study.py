@@ -14,8 +14,7 @@ import tomli_w
 from ..lang import Model, ModelError
 from ..measurements import Session, Signal
 from ..results import ArgumentError, SolveStatus, Trajectory, TrajectoryError, Work, naming
-from ..results.door import study_function
-from ..results.work import Progress, never, silent
+from ..results.work import Progress, never, silent, study_function
 from .bodies import bodies_of
 from .checks import judged
 from .closed_loop import ClosedLoopRun, follow, within_bound

@@ -10,11 +10,9 @@ from pydantic import Field
 from gtmodel import optimize
 from gtmodel.motion import axes, options
 from gtmodel.motion.axes import options as axis_options
-from gtmodel.problem_files.base import Context
-from gtmodel.problem_files.call import Call
+from gtmodel.problem_files.base import Call, Context
 from gtmodel.problem_files.from_options import Made, options_of
-from gtmodel.problem_files.path_keys import PATH_ARGUMENTS, PathSection, Point
-from gtmodel.problem_files.robot_keys import RobotProblem
+from gtmodel.problem_files.keys import PATH_ARGUMENTS, PathSection, Point, RobotProblem
 
 RESULT = "gtmodel.motion.AxisStudy"
 

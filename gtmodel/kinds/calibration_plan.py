@@ -12,10 +12,9 @@ from gtmodel.calibrate import Choice, plan
 from gtmodel.calibrate.options import Fit
 from gtmodel.calibrate.plan import options
 from gtmodel.calibrate.plan.options import Task
-from gtmodel.problem_files.base import Context, InputError
-from gtmodel.problem_files.call import Call
+from gtmodel.problem_files.base import Call, Context, InputError
 from gtmodel.problem_files.from_options import Made, made_from
-from gtmodel.problem_files.robot_keys import RobotProblem
+from gtmodel.problem_files.keys import RobotProblem
 
 RESULT = "gtmodel.calibrate.PlanStudy"
 

@@ -10,10 +10,9 @@ from gtmodel import compliance
 from gtmodel.compliance import Springs, options
 from gtmodel.compliance.compliance_result import WORDS
 from gtmodel.compliance.options import ArmSprings
-from gtmodel.problem_files.base import Context, InputError
-from gtmodel.problem_files.call import Call
+from gtmodel.problem_files.base import Call, Context, InputError
 from gtmodel.problem_files.from_options import Made
-from gtmodel.problem_files.robot_keys import RobotProblem
+from gtmodel.problem_files.keys import RobotProblem
 from gtmodel.results import listed
 
 RESULT = "gtmodel.compliance.ComplianceStudy"

@@ -6,10 +6,9 @@ from pydantic import Field
 
 from gtmodel.measurements import Column, delay_study, sampling_of
 from gtmodel.measurements.alignment import options
-from gtmodel.problem_files.base import Context, FileSection, InputError, Problem
-from gtmodel.problem_files.call import Call
+from gtmodel.problem_files.base import Call, Context, FileSection, InputError, Problem
 from gtmodel.problem_files.from_options import Made
-from gtmodel.problem_files.log_keys import RecordedSignalSection, RecordingFiles
+from gtmodel.problem_files.keys import RecordedSignalSection, RecordingFiles
 from gtmodel.results import Trajectory
 
 RESULT = "gtmodel.measurements.DelayStudy"

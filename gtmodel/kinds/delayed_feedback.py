@@ -14,10 +14,9 @@ from gtmodel.kinds.loop_simulation import LawSection, law_of
 from gtmodel.kinds.milling import CutterKeys, Three
 from gtmodel.lang import ModelError
 from gtmodel.milling import Cut
-from gtmodel.problem_files.base import Context, FileSection, InputError
-from gtmodel.problem_files.call import Call
+from gtmodel.problem_files.base import Call, Context, FileSection, InputError
 from gtmodel.problem_files.from_options import Made, made_from, options_of
-from gtmodel.problem_files.robot_keys import RobotProblem
+from gtmodel.problem_files.keys import RobotProblem
 from gtmodel.results import ArgumentError
 
 RESULT = ["gtmodel.control.DelayedFeedbackStudy", "gtmodel.control.delayed.FeedbackMapStudy"]

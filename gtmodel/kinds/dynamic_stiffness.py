@@ -7,8 +7,7 @@ from typing import Literal
 from pydantic import Field, NonNegativeFloat
 
 from gtmodel import robots, vibration
-from gtmodel.problem_files.base import Context, FileSection, InputError, Problem, Source
-from gtmodel.problem_files.call import Call
+from gtmodel.problem_files.base import Call, Context, FileSection, InputError, Problem, Source
 from gtmodel.problem_files.from_options import Made, made_from
 from gtmodel.vibration import dynamic_stiffness
 from gtmodel.vibration.dynamic_stiffness import Experiment, options, read_experiments

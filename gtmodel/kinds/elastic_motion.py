@@ -8,11 +8,10 @@ from pydantic import Field, PositiveFloat
 
 from gtmodel.motion import elastic
 from gtmodel.motion.elastic import options
-from gtmodel.motion.elastic.elastic_result import ASSUMED
-from gtmodel.problem_files.base import Context, FileSection, InputError
-from gtmodel.problem_files.call import Call
+from gtmodel.motion.elastic.options import ASSUMED
+from gtmodel.problem_files.base import Call, Context, FileSection, InputError
 from gtmodel.problem_files.from_options import Made, options_of
-from gtmodel.problem_files.robot_keys import RobotProblem
+from gtmodel.problem_files.keys import RobotProblem
 
 RESULT = "gtmodel.motion.ElasticStudy"
 

@@ -7,10 +7,9 @@ import numpy as np
 from gtmodel.identify import excitation
 from gtmodel.identify.excitation import options
 from gtmodel.motion import Limits
-from gtmodel.problem_files.base import Context
-from gtmodel.problem_files.call import Call
+from gtmodel.problem_files.base import Call, Context
 from gtmodel.problem_files.from_options import Made, made_from
-from gtmodel.problem_files.robot_keys import RobotProblem
+from gtmodel.problem_files.keys import RobotProblem
 
 RESULT = "gtmodel.identify.ExcitationStudy"
 

@@ -10,11 +10,9 @@ from gtmodel.identify import friction
 from gtmodel.identify.friction import options
 from gtmodel.identify.friction.options import SyntheticRuns
 from gtmodel.measurements import Corrections, Session
-from gtmodel.problem_files.base import Context, InputError
-from gtmodel.problem_files.call import Call
+from gtmodel.problem_files.base import Call, Context, InputError
 from gtmodel.problem_files.from_options import Made, made_from
-from gtmodel.problem_files.log_keys import LogSampling, MeasuredSignalSection
-from gtmodel.problem_files.robot_keys import RobotProblem
+from gtmodel.problem_files.keys import LogSampling, MeasuredSignalSection, RobotProblem
 from gtmodel.results import ArgumentError, listed
 from gtmodel.results.options import declared
 

@@ -9,10 +9,9 @@ from pydantic import Field
 
 from gtmodel.kinematics import causality
 from gtmodel.kinematics.causality import options
-from gtmodel.problem_files.base import Context, InputError
-from gtmodel.problem_files.call import Call
+from gtmodel.problem_files.base import Call, Context, InputError
 from gtmodel.problem_files.from_options import Made
-from gtmodel.problem_files.robot_keys import RobotProblem
+from gtmodel.problem_files.keys import RobotProblem
 
 RESULT = "gtmodel.kinematics.CausalityStudy"
 

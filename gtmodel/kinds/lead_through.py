@@ -5,15 +5,10 @@ from __future__ import annotations
 from pydantic import Field
 
 from gtmodel.control import lead_through
-from gtmodel.control.lead_through.gains import SurfaceGains
-from gtmodel.control.lead_through.hand import GuidePhase, Hand
+from gtmodel.control.lead_through.gains import GuidePhase, Hand, OscillationWatch, SurfaceGains, TurningGains
 from gtmodel.control.lead_through.options import ConeComparison, GuideSetup, HandRange, ServoChain, StiffnessRange
-from gtmodel.control.lead_through.scenes import SyntheticHole, SyntheticSurface
-from gtmodel.control.lead_through.synthetic_sensor import SyntheticSensor
-from gtmodel.control.lead_through.turning import TurningGains
-from gtmodel.control.lead_through.watch import OscillationWatch
-from gtmodel.problem_files.base import Context, InputError, Problem
-from gtmodel.problem_files.call import Call
+from gtmodel.control.lead_through.scenes import SyntheticHole, SyntheticSensor, SyntheticSurface
+from gtmodel.problem_files.base import Call, Context, InputError, Problem
 from gtmodel.problem_files.from_options import Made, options_of
 
 RESULT = "gtmodel.control.lead_through.LeadThroughStudy"

@@ -11,10 +11,9 @@ from gtmodel import robots
 from gtmodel.control import learning
 from gtmodel.control.learning import LearningRobot, options, references
 from gtmodel.lang import ModelError
-from gtmodel.problem_files.base import Context, FileSection, InputError, Problem
-from gtmodel.problem_files.call import Call
+from gtmodel.problem_files.base import Call, Context, FileSection, InputError, Problem
 from gtmodel.problem_files.from_options import Made, made_from, options_of
-from gtmodel.problem_files.log_keys import RecordedSignalSection, RecordingFiles
+from gtmodel.problem_files.keys import RecordedSignalSection, RecordingFiles
 from gtmodel.results import ArgumentError, Trajectory
 
 if TYPE_CHECKING:

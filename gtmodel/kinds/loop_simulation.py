@@ -9,10 +9,9 @@ from pydantic import Field, PositiveFloat
 from gtmodel import control, lang, problem_files
 from gtmodel.control import Move, loop_options
 from gtmodel.lang import ModelError
-from gtmodel.problem_files.base import Context, FileSection, InputError
-from gtmodel.problem_files.call import Call
+from gtmodel.problem_files.base import Call, Context, FileSection, InputError
 from gtmodel.problem_files.from_options import Made
-from gtmodel.problem_files.robot_keys import RobotProblem
+from gtmodel.problem_files.keys import RobotProblem
 from gtmodel.results import Trajectory, TrajectoryError
 
 RESULT = "gtmodel.control.LoopSimulationStudy"

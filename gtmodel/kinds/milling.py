@@ -9,10 +9,9 @@ from pydantic import Field, PositiveFloat
 
 from gtmodel import milling, robots, vibration
 from gtmodel.milling import Cut, Cutter, CuttingCoefficients, Oscillators, missing_z, options
-from gtmodel.problem_files.base import Context, FileSection, InputError
-from gtmodel.problem_files.call import Call
+from gtmodel.problem_files.base import Call, Context, FileSection, InputError
 from gtmodel.problem_files.from_options import Made, made_from, options_of
-from gtmodel.problem_files.robot_keys import RobotProblem
+from gtmodel.problem_files.keys import RobotProblem
 from gtmodel.results.refusal import naming
 
 if TYPE_CHECKING:

@@ -11,8 +11,7 @@ from pydantic import Field, PositiveFloat
 from gtmodel import problem_files
 from gtmodel.kinematics import assembly_modes
 from gtmodel.kinematics.assembly_modes import options
-from gtmodel.problem_files.base import Context, FileSection, InputError, Problem
-from gtmodel.problem_files.call import Call
+from gtmodel.problem_files.base import Call, Context, FileSection, InputError, Problem
 from gtmodel.problem_files.from_options import Made, made_from
 
 RESULT = "gtmodel.kinematics.ModesStudy"

@@ -12,8 +12,7 @@ from gtmodel import lang, modelica, optimize, problem_files
 from gtmodel.modelica.reference import is_reference
 from gtmodel.optimize import Mesh
 from gtmodel.problem_files import start as earlier
-from gtmodel.problem_files.base import Context, FileSection, Problem
-from gtmodel.problem_files.call import Call
+from gtmodel.problem_files.base import Call, Context, FileSection, Problem
 from gtmodel.results import Trajectory
 
 RESULT = "gtmodel.optimize.OptimizationStudy"

@@ -6,10 +6,9 @@ from pydantic import Field
 
 from gtmodel.measurements import resampling_study, sampling_of
 from gtmodel.measurements.common_grid import options
-from gtmodel.problem_files.base import Context, Problem
-from gtmodel.problem_files.call import Call
+from gtmodel.problem_files.base import Call, Context, Problem
 from gtmodel.problem_files.from_options import Made, options_of
-from gtmodel.problem_files.log_keys import RecordedSignalSection, RecordingFiles
+from gtmodel.problem_files.keys import RecordedSignalSection, RecordingFiles
 from gtmodel.results import Trajectory
 
 RESULT = "gtmodel.measurements.ResamplingStudy"

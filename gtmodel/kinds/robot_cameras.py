@@ -6,10 +6,9 @@ from typing import Annotated, Literal
 
 from pydantic import Field, PositiveFloat
 
-from gtmodel.problem_files.base import Context, FileSection, InputError, Source
-from gtmodel.problem_files.call import Call
+from gtmodel.problem_files.base import Call, Context, FileSection, InputError, Source
 from gtmodel.problem_files.from_options import Made, made_from, options_of
-from gtmodel.problem_files.robot_keys import RobotProblem
+from gtmodel.problem_files.keys import RobotProblem
 from gtmodel.vision import robot_cameras
 from gtmodel.vision.detection import targets
 from gtmodel.vision.robot_cameras import RobotPictures, options

@@ -10,10 +10,9 @@ from gtmodel.filtering import paths
 from gtmodel.filtering.attitude import options as attitude
 from gtmodel.filtering.fusion import options
 from gtmodel.measurements import Column, sampling_of
-from gtmodel.problem_files.base import Context, FileSection, InputError, Problem
-from gtmodel.problem_files.call import Call
+from gtmodel.problem_files.base import Call, Context, FileSection, InputError, Problem
 from gtmodel.problem_files.from_options import Made, options_of
-from gtmodel.problem_files.log_keys import RecordedSignalSection, RecordingFiles
+from gtmodel.problem_files.keys import RecordedSignalSection, RecordingFiles
 from gtmodel.results import ArgumentError, Trajectory
 
 RESULT = ("gtmodel.filtering.FusionStudy", "gtmodel.filtering.AttitudeStudy")

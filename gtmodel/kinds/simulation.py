@@ -9,9 +9,8 @@ from pydantic import BeforeValidator, Discriminator, Field, PositiveFloat, Tag
 
 from gtmodel import modelica, problem_files, simulation
 from gtmodel.modelica.reference import is_reference
-from gtmodel.problem_files.base import Context, FileSection, InputError
-from gtmodel.problem_files.call import Call
-from gtmodel.problem_files.robot_keys import RobotProblem
+from gtmodel.problem_files.base import Call, Context, FileSection, InputError
+from gtmodel.problem_files.keys import RobotProblem
 from gtmodel.results import Trajectory, TrajectoryError
 
 RESULT = "gtmodel.simulation.SimulationStudy"

@@ -5,8 +5,7 @@ from __future__ import annotations
 from pydantic import Field
 
 from gtmodel import vision
-from gtmodel.problem_files.base import Context, FileSection, InputError, Problem, Source
-from gtmodel.problem_files.call import Call
+from gtmodel.problem_files.base import Call, Context, FileSection, InputError, Problem, Source
 from gtmodel.problem_files.from_options import Made, options_of
 from gtmodel.results import ArgumentError
 from gtmodel.vision import CornerTable, read_corners, stereo

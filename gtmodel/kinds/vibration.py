@@ -9,10 +9,9 @@ from pydantic import Field, NonNegativeFloat
 
 from gtmodel import vibration
 from gtmodel.measurements import Corrections
-from gtmodel.problem_files.base import Context, InputError, Problem
-from gtmodel.problem_files.call import Call
+from gtmodel.problem_files.base import Call, Context, InputError, Problem
 from gtmodel.problem_files.from_options import Made, made_from
-from gtmodel.problem_files.log_keys import LogFiles, MeasuredSignalSection
+from gtmodel.problem_files.keys import LogFiles, MeasuredSignalSection
 from gtmodel.results import ArgumentError, TrajectoryError
 from gtmodel.vibration import Record, options
 

@@ -10,10 +10,9 @@ from pydantic import Field
 from gtmodel.kinematics import workspace
 from gtmodel.kinematics.section import CrossSection
 from gtmodel.kinematics.workspace import options
-from gtmodel.problem_files.base import Context, InputError
-from gtmodel.problem_files.call import Call
+from gtmodel.problem_files.base import Call, Context, InputError
 from gtmodel.problem_files.from_options import Made
-from gtmodel.problem_files.robot_keys import RobotProblem
+from gtmodel.problem_files.keys import RobotProblem
 from gtmodel.results import listed
 
 RESULT = "gtmodel.kinematics.WorkspaceStudy"

@@ -6,9 +6,8 @@ from pydantic import Field, PositiveFloat
 
 from gtmodel.control import lead_through
 from gtmodel.control.lead_through.options import SyntheticReadings, WrenchAlarm
-from gtmodel.control.lead_through.synthetic_sensor import SyntheticSensor
-from gtmodel.problem_files.base import Context, FileSection, InputError, Problem
-from gtmodel.problem_files.call import Call
+from gtmodel.control.lead_through.scenes import SyntheticSensor
+from gtmodel.problem_files.base import Call, Context, FileSection, InputError, Problem
 from gtmodel.problem_files.from_options import Made, made_from, options_of
 from gtmodel.results import Trajectory, TrajectoryError
 

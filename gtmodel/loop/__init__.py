@@ -18,10 +18,10 @@ from .._lazy import public
 if TYPE_CHECKING:
     from .build import build as build
     from .exchange import Command as Command, Exchange as Exchange, RobotFeedback as RobotFeedback
-    from .faults import Channel as Channel, Faults as Faults, expected_counters as expected_counters
     from .laws import (
         DynamicsLaw as DynamicsLaw,
         PathLaw as PathLaw,
+        ReferenceTable as ReferenceTable,
         ReplayLaw as ReplayLaw,
         TrajectoryLaw as TrajectoryLaw,
     )
@@ -32,10 +32,9 @@ if TYPE_CHECKING:
         SyntheticHand as SyntheticHand,
         SyntheticScene as SyntheticScene,
     )
-    from .lead_through.scene import PlateScene as PlateScene, ServoPlant as ServoPlant
-    from .lead_through.study import GuidedLoop as GuidedLoop
+    from .lead_through.study import GuidedLoop as GuidedLoop, PlateScene as PlateScene, ServoPlant as ServoPlant
     from .loop_result import LoopStudy as LoopStudy
-    from .loop_study import study as study
+    from .loop_study import rsi_configuration as rsi_configuration, study as study
     from .plant import (
         DrivePlant as DrivePlant,
         ElasticPlant as ElasticPlant,
@@ -45,9 +44,14 @@ if TYPE_CHECKING:
     from .process import LoopError as LoopError, LoopProcess as LoopProcess
     from .python_loop import LoopLimits as LoopLimits, PythonLoop as PythonLoop, Settings as Settings
     from .robot_side import RobotSide as RobotSide
-    from .rsi_configuration import rsi_configuration as rsi_configuration
-    from .run import LoopRun as LoopRun, lockstep as lockstep, real_time as real_time
-    from .table import ReferenceTable as ReferenceTable
+    from .run import (
+        Channel as Channel,
+        Faults as Faults,
+        LoopRun as LoopRun,
+        expected_counters as expected_counters,
+        lockstep as lockstep,
+        real_time as real_time,
+    )
     from .wrenches import Wrench as Wrench
 
 public(__name__)

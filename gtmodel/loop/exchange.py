@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from . import egm, rsi
-from .wire import WireError
+from .egm import WireError
 from .wrenches import Wrench, read_egm, read_rsi
 
 AXES = 6

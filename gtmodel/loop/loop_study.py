@@ -1,7 +1,9 @@
-"""The study of the loop: the C loop of a generated folder against a simulated controller, without and with its law."""
+"""The study of the loop: the C loop of a generated folder against a simulated controller, along a motion there and
+back more slowly, and the configuration of an RSI controller."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
@@ -9,27 +11,106 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
+import scipy
 
 from ..compiler.causal import compile_causal
 from ..lang import Model
 from ..results import ArgumentError, Check, SolveStatus, Status, Trajectory, Work, at_least, at_most
 from ..results.disk import scratch
-from ..results.door import study_function
 from ..results.options import Within
 from ..results.refusal import naming
-from ..results.work import Progress, never, silent
-from .bench import ELASTIC_HZ, FOLLOWING_M, LAWS, LONGEST_S, SLOWER, Bench, Reference, Stop
+from ..results.work import Progress, never, silent, study_function
 from .build import build, built_before
-from .exchange import CYCLE_MS
+from .exchange import AXES, CYCLE_MS
+from .laws import ReferenceTable
 from .lead_through.options import Guiding
 from .lead_through.study import GuidedBench, guided
 from .loop_result import LoopStudy
-from .one_run import OneRun, begun, run_of
+from .one_run import ELASTIC_HZ, FOLLOWING_M, LAWS, LONGEST_S, SLOWER, Bench, OneRun, Reference, Stop, begun, run_of
 from .plant import PlantSource, Servo
-from .process import FULL, LoopError
-from .record import STATES, trajectory_of
-from .reference import there_and_back
-from .rsi_configuration import rsi_configuration
+from .process import FULL, STATES, LoopError, trajectory_of
+
+_ADDRESS = re.compile(r"\d{1,3}(\.\d{1,3}){3}")
+# what the controller's own tags are called
+_SENT = ("DEF_RIst", "DEF_RSol", "DEF_AIPos", "DEF_ASPos", "DEF_EIPos", "DEF_ESPos", "DEF_Delay")
+
+
+def rsi_configuration(address: str, port: int) -> str:
+    """XML for the KUKA controller: corrections of joints, external axes and pose are taken, all with HOLDON="1".
+
+    address, port: of the computer on which the loop runs. With HOLDON="0" one late answer would send the robot back to
+    its start pose at once; with 1 it keeps the last one. Raises ValueError for what is no IPv4 address and port. It was
+    tested against no controller.
+
+    >>> text = gt.loop.rsi_configuration("192.168.1.10", 49152)
+    >>> "<IP_NUMBER>192.168.1.10</IP_NUMBER>" in text
+    True
+    """
+    if not _ADDRESS.fullmatch(address) or not 0 < port < 65536:
+        raise ValueError(f"'{address}', port {port}: expected an IPv4 address and a port from 1 to 65535")
+    lines = ["<ROOT>", "  <CONFIG>", f"    <IP_NUMBER>{address}</IP_NUMBER>", f"    <PORT>{port}</PORT>"]
+    lines += ["    <SENTYPE>ImFree</SENTYPE>", "    <ONLYSEND>FALSE</ONLYSEND>", "  </CONFIG>", "  <SEND>"]
+    lines.append("    <ELEMENTS>")
+    lines += [f'      <ELEMENT TAG="{tag}" TYPE="DOUBLE" INDX="INTERNAL"/>' for tag in _SENT]
+    lines += ["    </ELEMENTS>", "  </SEND>", "  <RECEIVE>", "    <ELEMENTS>"]
+    taken = [f"RKorr.{c}" for c in "XYZABC"]
+    taken += [f"AK.A{n}" for n in range(1, AXES + 1)] + [f"EK.E{n}" for n in range(1, AXES + 1)]
+    lines += [f'      <ELEMENT TAG="{tag}" TYPE="DOUBLE" INDX="{n}" HOLDON="1"/>' for n, tag in enumerate(taken, 1)]
+    lines += ["    </ELEMENTS>", "  </RECEIVE>", "</ROOT>"]
+    return "\n".join(lines) + "\n"
+
+
+REST_CYCLES = 75  # before, between and after the motions: 0.3 s, in which a slow drive comes to rest
+# friction turns its sign on the way back, where the optimum's forces would be exceeded: forces fall with the square
+BACK = 1.5
+_WRITES_ONE = "gtmodel solve --out writes one"
+
+
+def there_and_back(robot: Model, motion: Trajectory, cycles: int, slower: float = 1.0) -> ReferenceTable:
+    """Rows q, der(q), der(q,2), T, der(T), der(T,2) every 4 ms for `cycles` cycles and a little more.
+
+    motion: T, der(T) and der(T,2) every 4 ms, from rest to rest; it is made `slower` times as long.
+    Raises ArgumentError about `reference` where it is none or not reached.
+    """
+    for name in ("T", "der(T)", "der(T,2)"):
+        if name not in motion.names or motion[name].shape[1:] != (3,):
+            raise ArgumentError(f"lacks {name} with three components; {_WRITES_ONE}", "reference")
+    step = 1e-3 * CYCLE_MS
+    if len(motion) < 2 or not np.allclose(np.diff(motion.time), step, rtol=0, atol=1e-9):
+        raise ArgumentError(f"has to have a row every {step:g} s; {_WRITES_ONE}", "reference")
+    there = np.hstack([motion["T"], motion["der(T)"], motion["der(T,2)"]])
+    if slower != 1.0:
+        there = _back(motion, slower)[::-1] * np.repeat([1.0, -1.0, 1.0], 3)
+    there[-1, 3:] = 0.0
+    back = _back(motion, BACK * slower)
+    begin, end = _resting(there[0]), _resting(there[-1])
+    rest = (REST_CYCLES, 1)
+    period = np.vstack([np.tile(begin, rest), there, np.tile(end, rest), back])
+    rows = np.vstack([np.tile(period, (-(-cycles // len(period)), 1)), np.tile(begin, rest)])
+    q, dq, ddq, status = compile_causal(robot, known="T", targets=["q", "der(q)", "der(q,2)"])(
+        rows[:, :3], rows[:, 3:6], rows[:, 6:]
+    )
+    bad = np.flatnonzero(status != Status.OK)
+    if len(bad):
+        raise ArgumentError(f"at {step * bad[0]:g} s: {Status(int(status[bad[0]])).message}", "reference")
+    return ReferenceTable(np.hstack([q, dq, ddq, rows]), CYCLE_MS)
+
+
+def _resting(row: np.ndarray) -> np.ndarray:
+    return np.concatenate([row[:3], np.zeros(6)])[None]
+
+
+def _back(motion: Trajectory, slower: float) -> np.ndarray:
+    """The motion backwards, `slower` times as long, to where it began."""
+    curve = scipy.interpolate.CubicHermiteSpline(motion.time, motion["T"], motion["der(T)"])
+    end = float(motion.time[-1])
+    times = np.maximum(0.0, end - 1e-3 * CYCLE_MS / slower * np.arange(int(np.ceil(slower * len(motion))) + 1))
+    acceleration = [np.interp(times, motion.time, column) for column in motion["der(T,2)"].T]
+    rows = np.hstack([curve(times), -curve(times, 1) / slower, np.stack(acceleration, axis=1) / slower**2])
+    rows[times <= 0.0] = _resting(motion["T"][0])
+    rows[0, 3:] = 0.0
+    return rows
+
 
 # with its law a run has to track this much better; path correction is slow beside the motion and has only to help
 GAINS = {"trajectory": 0.5, "dynamics": 0.5, "replay": 0.5, "path": 1.0}

@@ -8,9 +8,9 @@ import numpy as np
 
 from ..results.refusal import ArgumentError
 from . import egm, rsi
+from .egm import WireError
 from .exchange import AXES, MM, Protocol
 from .plant import Plant
-from .wire import WireError
 from .wrenches import Wrench, to_egm, to_rsi
 
 UINT32 = (1 << 32) - 1

@@ -9,9 +9,8 @@ import re
 import struct
 from dataclasses import dataclass, field
 
-from .decimals import read_decimal, read_digits, write_decimal
-from .rsi import COMMENT
-from .wire import BYTES, FIXED64, VARINT, WireError, double_field, fields, message_field, varint_field
+from .egm import BYTES, FIXED64, VARINT, WireError, double_field, fields, message_field, varint_field
+from .rsi import COMMENT, read_decimal, read_digits, write_decimal
 
 EGM_HANDLE, EGM_TOOL = 100, 101
 RSI_HANDLE, RSI_TOOL = b"FtHandle", b"FtTool"

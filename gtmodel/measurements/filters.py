@@ -13,7 +13,7 @@ import scipy
 from ..lang.units import rate_unit
 from ..results.interpolation import nature_of, natures, rotation_rows, rotations_again, smooth, smooth_rows
 from ..results.trajectory import Trajectory
-from ..results.trajectory_errors import Array, TrajectoryError
+from ..results.trajectory_checks import Array, TrajectoryError
 from .log import Session
 
 BAND_FACTOR = 2.5  # cut-off over excitation band; 2 to 3 leaves the motion and takes most of the noise

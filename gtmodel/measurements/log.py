@@ -11,8 +11,7 @@ import numpy as np
 
 from ..lang.units import UnitError, convert, parse_unit
 from ..results.trajectory import Trajectory
-from ..results.trajectory_checks import put_in_order
-from ..results.trajectory_errors import Array
+from ..results.trajectory_checks import Array, put_in_order
 from ..results.trajectory_files import PathLike
 from ..results.work import Progress, silent
 from .sampling import MISSING, EmptyRows, LateRows, in_order

@@ -11,7 +11,7 @@ import numpy as np
 from ..results.interpolation import Nature, natures, rotations_again, smooth
 from ..results.refusal import ArgumentError, naming
 from ..results.trajectory import Trajectory
-from ..results.trajectory_errors import Array
+from ..results.trajectory_checks import Array
 from .log import LogError, Session
 from .sampling import Gap, sampling_of
 

@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from ..results.trajectory_errors import Array
+from ..results.trajectory_checks import Array
 
 LateRows = Literal["refuse", "drop", "sort"]
 EmptyRows = Literal["refuse", "drop"]

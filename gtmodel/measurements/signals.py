@@ -12,7 +12,7 @@ from ..inference.nonlinear import by_differences, nonlinear_fit
 from ..lang.units import convert, parse_unit
 from ..results.interpolation import natures, rotations_again, smooth
 from ..results.trajectory import Trajectory
-from ..results.trajectory_errors import Array
+from ..results.trajectory_checks import Array
 from ..results.trajectory_files import PathLike
 from .log import JITTER, TIME, Column, LogError, Session, read_log, si_unit_of
 

@@ -11,9 +11,8 @@ import numpy as np
 
 from ..lang import Model
 from ..results import ArgumentError, Check, Row, SolveStatus, Work, at_least, at_most
-from ..results.door import study_function
 from ..results.options import Long, Within
-from ..results.work import Progress, never, silent
+from ..results.work import Progress, never, silent, study_function
 from .angle_search import AngleSearch, search as search_angles
 from .chatter import Lobes, critical_depth, mode_coupling, stability_lobes
 from .compensation import FILE, compensated

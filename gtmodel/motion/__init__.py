@@ -28,10 +28,7 @@ if TYPE_CHECKING:
         axis_study as axis_study,
     )
     from .elastic import ElasticStudy as ElasticStudy, elastic_study as elastic_study
-    from .motion_study import study as study
-    from .motion_study_result import MotionStudy as MotionStudy
-    from .motion_table import table_study as table_study
-    from .motion_table_result import MotionTable as MotionTable
+    from .motion_study import study as study, table_study as table_study
     from .options import (
         Arc as Arc,
         AxisLimits as AxisLimits,
@@ -42,6 +39,7 @@ if TYPE_CHECKING:
         Limits as Limits,
         Line as Line,
         MotionMesh as MotionMesh,
+        MotionProblem as MotionProblem,
         Obstacle as Obstacle,
         Polyline as Polyline,
         Shape as Shape,
@@ -51,8 +49,12 @@ if TYPE_CHECKING:
         Taught as Taught,
     )
     from .paths import read_points as read_points
-    from .problem import MotionProblem as MotionProblem
-    from .table_row import Published as Published, TableRow as TableRow
+    from .results import (
+        MotionStudy as MotionStudy,
+        MotionTable as MotionTable,
+        Published as Published,
+        TableRow as TableRow,
+    )
     from .task import motion as motion
 
 public(__name__)

@@ -14,9 +14,9 @@ from ..results import Check, Trajectory, at_most
 from ..results.check import failed_of
 from .constraints import MARGIN_TOLERANCE
 from .finer_mesh import finer_mesh, refined
+from .options import MotionProblem
 from .path_parametrization import NotReached, sampled
 from .planning import MotionPlan
-from .problem import MotionProblem
 from .reference import between_rows
 from .search import MotionSearch
 

@@ -1,30 +1,212 @@
-"""Along a path: the functions of its coordinate that the fast engine needs, and its motion as a trajectory."""
+"""Along a path: functions of its coordinate for the fast engine, causal functions that follow their branch, where
+links stand, and the motion of given squared speeds."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
+import casadi as ca
 import numpy as np
 
+from .. import lang as gt
 from .._lazy import hint
-from ..compiler.causal import compile_causal
+from ..compiler.causal import CausalFunction, compile_causal, flat_of
+from ..compiler.newton import NewtonKernel
 from ..lang import Model
-from ..optimize.path import PathMotion, solve_path
+from ..optimize.path import Curve, PathMotion, PathTask, solve_path
 from ..optimize.watch import Progress
-from ..results import Status, Trajectory
-from .constraints import MotionConstraints
-from .followed_branch import FollowedBranch
-from .guesses import trapezoid
-from .links import along_guideways, joint_names, joints_of, link_ends, motion_function
-from .path_rows import task_along
-from .problem import MotionProblem
+from ..results import ArgumentError, Status, Trajectory
+from ..robots.links import link_names
+from .constraints import NO_GUARD, MotionConstraints
+from .options import MotionProblem
+from .task import trapezoid
 
 if TYPE_CHECKING:
     from .paths import Path
 else:
     Path = hint("gtmodel.motion.paths", "Path")
+
+STEPS = 8  # of Newton from the instant before; more say that it is not near
+SAME = 1e-6  # relative and absolute: of values that Newton found from two sides
+CONVERGED = 1e-12  # relative: corrections this small are round-off
+
+
+class FollowedBranch:
+    """The first target of a function at instants that follow one another closely, as an integrator asks for them.
+
+    From the home pose on the function itself finds its unknowns, which takes several times as long: it is asked only at
+    the first instant, and where Newton does not converge from the last one. What it says of margins, and whether it is
+    on the same branch, is asked of all instants that were kept at once.
+
+    >>> class Cubic(gt.Model):
+    ...     x, u = gt.variable(), gt.input()
+    ...     def equations(self):
+    ...         yield self.x**3 + self.x == self.u
+    >>> f = gt.motion.followed_branch.FollowedBranch(Cubic().causal(known="u", targets="x"))
+    >>> [round(float(f.kept(u)[0]), 4) for u in (2.0, 2.1)], f.statuses()
+    ([1.0, 1.0248], array([0, 0]))
+    """
+
+    def __init__(self, f: CausalFunction) -> None:
+        self.f = f
+        self.near: list[np.ndarray] = []
+        self._kept: list[tuple[tuple[np.ndarray, ...], np.ndarray]] = []
+
+    def __call__(self, *arguments: Any) -> np.ndarray:
+        """The target (n,); NaN where the function fails."""
+        columns = [np.asarray(a, float).reshape(-1) for a in arguments]
+        given, unknowns = np.concatenate(columns), []
+        for kernel, z in zip(self.f.kernels, self.near, strict=bool(self.near)):
+            corrected = _corrected(kernel, z, given)
+            if corrected is None:
+                break
+            unknowns.append(corrected)
+            given = np.concatenate([given, corrected])
+        if len(unknowns) < len(self.f.kernels):
+            unknowns = [z.reshape(-1) for z in self.f.unknowns(*arguments)[0]]
+        self.near = unknowns if all(np.all(np.isfinite(z)) for z in unknowns) else []
+        return np.asarray(self.f.closed.call([ca.DM(a) for a in (*columns, *unknowns)])[0]).reshape(-1)
+
+    def kept(self, *arguments: Any) -> np.ndarray:
+        """The target at an instant that `statuses` will look at."""
+        value = self(*arguments)
+        self._kept.append((tuple(np.asarray(a, float) for a in arguments), value))
+        return value
+
+    def statuses(self) -> np.ndarray:
+        """The function's own status at all instants that were kept, WRONG_BRANCH where it finds another value."""
+        value, *_, status = self.f(*(np.array(column) for column in zip(*(a for a, _ in self._kept), strict=True)))
+        own = np.array([v for _, v in self._kept])
+        same = np.isclose(own, np.reshape(value, own.shape), rtol=SAME, atol=SAME).all(axis=1)
+        return np.where((status == Status.OK) & ~same, Status.WRONG_BRANCH, status)
+
+
+def _corrected(kernel: NewtonKernel, z: np.ndarray, given: np.ndarray) -> np.ndarray | None:
+    """A solution from z by Newton; None where it is not reached in a few steps."""
+    a, last = ca.DM(given), np.inf
+    for _ in range(STEPS):
+        r, jacobian = (v.full() for v in kernel.residual(z, a))
+        try:
+            step = np.linalg.solve(jacobian, r).reshape(-1)
+        except np.linalg.LinAlgError:
+            return None
+        z, size = z - step, float(np.max(np.abs(step) / kernel.scale))
+        if size <= CONVERGED:
+            return z
+        if not size < last:  # round-off, or not near
+            return z if size <= 1e3 * CONVERGED else None
+        last = size
+    return None
+
+
+def motion_function(robot: gt.Model, guard: MotionConstraints = NO_GUARD) -> CausalFunction:
+    """(T, T', T'') -> forces, carts, their speeds, joints of the links (`joint_names`), and the guard's margins: one
+    function for all questions."""
+    p = guard.prefix
+    names = [f"{p}tau", f"{p}q", f"der({p}q)", *(f"{p}{name}" for name in joint_names(robot))]
+    return compile_causal(guard.model(robot), known=f"{p}T", targets=[*names, *(["margin"] if guard.margins else [])])
+
+
+def joint_names(robot: gt.Model) -> list[str]:
+    """The cart joints of the links in `link_names` order, and behind them their plate joints."""
+    names = link_names(robot)
+    return [*names, *(name.removesuffix("a.r") + "b.r" for name in names)]
+
+
+def link_ends(robot: gt.Model, T: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Cart and plate joints (rows, n, 3) [m] of the links in `link_names` order at TCP positions (rows, 3), and the
+    status of each row; without links only the status counts."""
+    names = joint_names(robot)
+    # forces and all: where there are none, the positions are asked for alone
+    _, _, _, *points, status = motion_function(robot).along(T)
+    if np.any(status != Status.OK):
+        *points, status = compile_causal(robot, known="T", targets=names or ["q"]).along(T)
+    return *joints_of(names, points, len(T)), status
+
+
+def joints_of(names: Sequence[str], points: Sequence[np.ndarray], rows: int) -> tuple[np.ndarray, np.ndarray]:
+    """Cart and plate joints (rows, n, 3) of the values of `joint_names`."""
+    if not names:
+        return np.zeros((rows, 0, 3)), np.zeros((rows, 0, 3))
+    half = len(names) // 2
+    return np.stack(points[:half], axis=1), np.stack(points[half:], axis=1)
+
+
+def along_guideways(robot: gt.Model, tips: np.ndarray, joints: Sequence[np.ndarray] | np.ndarray) -> np.ndarray:
+    """Components (..., n) [m] of n links along their guideways, for plate and cart joints (..., n, 3) in the order of
+    `link_names`; where all links meet in one point, tips may be that point."""
+    flat = flat_of(robot)
+    directions = [flat.bindings[name.removesuffix("rod.a.r") + "v"] for name in link_names(robot)]
+    if not directions:
+        return np.zeros(0)
+    v = np.array(ca.Function("v", [flat.p], [ca.horzcat(*directions)])(flat.p0)).T
+    return np.sum((tips - np.asarray(joints)) * v, axis=-1) / np.linalg.norm(v, axis=1)
+
+
+MIDDLE = np.array([0.5])
+
+
+def rows_along(f: CausalFunction, curve: Curve) -> tuple[ca.Function, Curve]:
+    """(x, x', x'') and Newton's unknowns -> the targets of f, and the curve with those unknowns beside it.
+
+    f: a function of one known variable and its derivatives up to the second. curve: s -> that variable and its
+    two derivatives, (n, d) each. Positions need Newton where the robot has no closed form; they are solved once at
+    each node, and all that is left is explicit: exact derivatives, and no root finder inside the optimisation.
+
+    Raises ArgumentError for a model whose Newton blocks depend on velocities.
+    """
+    size = f.inputs[0].size
+    x = [ca.SX.sym(name, size) for name in ("x", "v", "a")]
+    _check(f, curve)
+    zs, _ = _unknowns(f, curve, MIDDLE, moving=False)
+    z = [ca.SX.sym(f"z{k}", part.shape[1]) for k, part in enumerate(zs)]
+    outputs = f.closed.call([*f.arguments_along(*x), *z])
+    rows = ca.Function("rows", [*x, *z], outputs[: len(f.outputs)], {"cse": True})
+
+    def along(s: np.ndarray) -> tuple[np.ndarray, ...]:
+        return (*curve(s), *_unknowns(f, curve, s, moving=False)[0])
+
+    return rows, along
+
+
+def task_along(
+    f: CausalFunction, curve: Curve, margins_from: int, limit: np.ndarray, squares: np.ndarray, **more: Any
+) -> PathTask:
+    """The task of a robot along a path.
+
+    f: as for `rows_along`; its first target are the motor forces, those from `margins_from` on are kept above zero.
+    limit: (m,) of the motor forces. squares: (m,) their weights in the energy. more: of PathTask.
+    """
+    rows, along = rows_along(f, curve)
+    given = rows.sx_in()
+    values = rows.call(given)
+    bounded = ca.vertcat(values[0], *values[margins_from:])
+    extra = bounded.numel() - len(limit)
+    return PathTask(
+        along,
+        ca.Function("rows", given, [bounded], {"cse": True}),
+        np.concatenate([-limit, np.zeros(extra)]),
+        np.concatenate([limit, np.full(extra, np.inf)]),
+        np.concatenate([squares, np.zeros(extra)]),
+        **more,
+    )
+
+
+def _unknowns(f: CausalFunction, curve: Curve, s: np.ndarray, moving: bool) -> tuple[list[np.ndarray], np.ndarray]:
+    """At rest, or with the path's derivative as velocity."""
+    x, slope, _ = curve(s)
+    arguments = f.arguments_along(*((x, slope) if moving else (x,)))
+    shaped = [a if signal.shape else a[:, 0] for a, signal in zip(arguments, f.inputs, strict=True)]
+    return f.unknowns(*shaped)
+
+
+def _check(f: CausalFunction, curve: Curve) -> None:
+    at_rest, moving = (_unknowns(f, curve, MIDDLE, moving)[0] for moving in (False, True))
+    if any(not np.array_equal(a, b, equal_nan=True) for a, b in zip(at_rest, moving, strict=True)):
+        raise ArgumentError("a position of the robot depends on its velocity; a path cannot be followed by it", "robot")
+
 
 FORCE_RESERVE = 1e-5  # of the limit: what the root's rounding at rest and the curvature between nodes may take
 TIGHTENINGS = 4  # each takes what the curvature of the path adds between nodes, some 0.1 %, off the limit

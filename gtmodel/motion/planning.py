@@ -16,11 +16,10 @@ from ..optimize.path import PathMotion
 from ..results import ArgumentError, Status, Trajectory, Work
 from ..robots.links import link_names, links_of
 from .constraints import Carrier, MotionConstraints, guard_of
-from .guesses import FurtherStart, bare_guess, further_starts, line_guess, progress_of, trapezoid
-from .links import along_guideways, link_ends, motion_function
-from .path_parametrization import PathParametrization
-from .problem import MotionProblem
+from .options import MotionProblem
+from .path_parametrization import PathParametrization, along_guideways, link_ends, motion_function
 from .search import MotionSearch
+from .task import FurtherStart, bare_guess, further_starts, line_guess, progress_of, trapezoid
 
 if TYPE_CHECKING:
     from .paths import Path

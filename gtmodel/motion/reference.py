@@ -1,22 +1,111 @@
-"""The exported motion for a controller: a sampled reference and a RAPID module."""
+"""The exported motion for a controller: a sampled reference and a RAPID module; text only, tested against no
+controller."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import textwrap
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from ..compiler.causal import compile_causal
+from ..compiler.flat_cache import flat_of
 from ..lang import Model
 from ..optimize import Solution
 from ..optimize.formulation.system import RateSystem
 from ..optimize.solution import constants
-from ..results import Trajectory
+from ..results import ArgumentError, Trajectory
 from ..results.interpolation import CubicHermite
 from ..results.table import csv_text
-from . import rapid
 from .constraints import MotionConstraints
 from .path_parametrization import sampled
+
+WIDTH = 110
+FARTHEST = 1e6  # mm or degrees: a num is of single precision, and a target so far away is none
+
+
+def orientation(robot: Model) -> list[str]:
+    """The variable of a plate's turn, where the robot has one."""
+    return ["e"] if "e" in flat_of(robot).groups else []
+
+
+def poses(robot: Model, T: np.ndarray) -> np.ndarray:
+    """Rows of T (n, 3) [m] with the quaternion of the plate behind them where it turns; T as it is without.
+
+    Raises ArgumentError for rows out of reach.
+    """
+    turns = orientation(robot)
+    if not turns or T.shape[1] == 7:
+        return T
+    e, status = compile_causal(robot, known="T", targets=turns)(T)
+    if np.any(status != 0):
+        raise ArgumentError(f"{np.count_nonzero(status)} targets are out of reach", "export.target")
+    return np.hstack([T, e])
+
+
+def comment(text: str) -> list[str]:
+    """Lines of comment, in ASCII."""
+    plain = " ".join(text.split()).encode("ascii", "backslashreplace").decode("ascii")
+    return [f"  ! {line}" for line in textwrap.wrap(plain, WIDTH)]
+
+
+def module(
+    name: str, notes: Sequence[str], declarations: Sequence[str], targets: str, rows: Sequence[str],
+    procedure: Sequence[str],
+) -> str:  # fmt: skip
+    """A module of one procedure and its array `targets` of robtargets, `rows`.
+
+    notes: paragraphs of comment. declarations: of data. procedure: its lines, without PROC's indentation.
+    """
+    lines = [
+        f"MODULE {name}",
+        *(line for note in notes for line in comment(note)),
+        *(f"  {line}" for line in declarations),
+        f"  LOCAL CONST robtarget {targets}{{{len(rows)}}} := [",
+        *(f"    {row}{',' if k < len(rows) - 1 else ''}" for k, row in enumerate(rows)),
+        "  ];",
+        *(f"  {line}" for line in procedure),
+        "ENDMODULE",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def number_text(value: float) -> str:
+    """A num: of single precision, so nine digits are all that it has."""
+    return f"{value:.9g}"
+
+
+def robtargets(T: np.ndarray, q: np.ndarray) -> list[str]:
+    """A robtarget per row of T (n, 3) [m], with a quaternion behind where the plate turns (n, 7); as external axes
+    carts q (n, 3) [m] in mm, and rotary ones behind (n, 6) [rad] in degrees.
+
+    Raises ArgumentError for a number that no target has.
+    """
+    axes = np.hstack([1e3 * q[:, :3], np.degrees(q[:, 3:])])
+    wrong = np.flatnonzero(~np.all(np.abs(np.hstack([1e3 * T[:, :3], axes])) < FARTHEST, axis=1))
+    length = np.linalg.norm(T[:, 3:], axis=1)
+    if T.shape[1] == 7:
+        wrong = np.union1d(wrong, np.flatnonzero(~(np.abs(length - 1) < 1e-3)))
+    if len(wrong):
+        k = wrong[0]
+        raise ArgumentError(
+            f"target {k} is no pose: {T[k].tolist()} with the actuators {q[k].tolist()}; expected finite numbers and a "
+            "quaternion of length 1",
+            "targets",
+        )
+    turned = T[:, 3:] / length[:, None] if T.shape[1] == 7 else []
+    lines = []
+    for k, (pose, actuators) in enumerate(zip(T, axes, strict=True)):
+        x, carts = (_list(v[:3], 4) for v in (1e3 * pose, actuators))
+        turn = _list(turned[k], 9) if len(turned) else "1, 0, 0, 0"
+        rotary = _list(actuators[3:], 4) or "9E9, 9E9, 9E9"
+        lines.append(f"[[{x}], [{turn}], [0, 0, 0, 0], [{carts}, {rotary}]]")
+    return lines
+
+
+def _list(values: np.ndarray, digits: int) -> str:
+    return ", ".join(f"{v:.{digits}f}" for v in np.round(values, digits) + 0.0)
+
 
 ROUND_OFF = 1e-9  # of sample times
 COLUMNS = (("T", "m"), ("der(T)", "m/s"), ("der(T,2)", "m/s2"), ("q", "m"), ("der(q)", "m/s"), ("tau", "N"))
@@ -121,7 +210,7 @@ def rapid_text(robot: Model, reference: Trajectory, title: str, number: int | No
     """
     step = float(reference.time[1] - reference.time[0]) if len(reference) > 1 else 0.0
     more = "" if number is None else str(number)
-    return rapid.module(
+    return module(
         f"GtMotion{more}",
         [
             title or "optimal motion",
@@ -129,9 +218,9 @@ def rapid_text(robot: Model, reference: Trajectory, title: str, number: int | No
             f"Positions in mm; external axes a, b, c are the carts in mm; one target every {step:g} s, the first at "
             "the start.",
         ],
-        [f"LOCAL CONST num GtStep := {rapid.number(step)};", f"LOCAL CONST num GtCount := {len(reference)};"],
+        [f"LOCAL CONST num GtStep := {number_text(step)};", f"LOCAL CONST num GtCount := {len(reference)};"],
         "GtTargets",
-        rapid.robtargets(rapid.poses(robot, reference["T"]), reference["q"]),
+        robtargets(poses(robot, reference["T"]), reference["q"]),
         [
             f"PROC GtMove{more}(PERS tooldata tool, PERS wobjdata wobj)",
             "  MoveL GtTargets{1}, v100, fine, tool \\WObj:=wobj;",

@@ -16,9 +16,8 @@ from ..optimize.judgement.reached_optima import ReachedOptima
 from ..optimize.judgement.resimulate import Resimulation, resimulate
 from ..results import SolveStatus, Trajectory, Work
 from .constraints import NO_GUARD, MotionConstraints
-from .guesses import FurtherStart
-from .problem import MotionProblem
-from .task import motion
+from .options import MotionProblem
+from .task import FurtherStart, motion
 
 if TYPE_CHECKING:
     from .paths import Path

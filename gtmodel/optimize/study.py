@@ -10,8 +10,7 @@ from typing import Any
 from ..compiler.toolchain import CompilerMissing
 from ..lang import ModelError, Optimization
 from ..results import ArgumentError, Trajectory, Work
-from ..results.door import study_function
-from ..results.work import Progress, never, silent
+from ..results.work import Progress, never, silent, study_function
 from .ipopt import TRIED_AGAIN
 from .judgement.resimulate import resimulate
 from .mesh import Mesh

@@ -1,7 +1,9 @@
-"""What all kinds share: the base of their schemas, and what solving gets, `Context`; it gives a `Study`."""
+"""What all kinds share: the base of their schemas, what solving gets, `Context`, and the call of a study that a
+problem file means, as Python objects."""
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -9,18 +11,52 @@ from typing import Annotated, Any, Protocol, Self, runtime_checkable
 
 import pydantic
 
-from gtmodel.results import Check, Row, Study, Trajectory, at_least, at_most
-from gtmodel.results.marks import is_marked
+from gtmodel.results import ArgumentError, Check, Row, Study, Trajectory, at_least, at_most
+from gtmodel.results.disk import is_marked
 from gtmodel.results.trajectory_files import TRAJECTORY
 from gtmodel.results.work import Progress, RunClock, silent
 
-from .call import Call
-from .input_error import InputError
+from .files import InputError
 
-__all__ = [
-    "TRAJECTORY", "Check", "Context", "FileSection", "Generating", "InputError", "Kind", "Problem", "Progress",
-    "Row", "Source", "at_least", "at_most", "silent", "unnoticed",
-]  # fmt: skip
+
+class Call:
+    """A study with its arguments; calling it runs it, with progress=, max_seconds= and stop= as the study takes them.
+
+    study: the function of the library. arguments, options: its positional and named arguments, which may be looked at
+    and changed before the call. finish: what the file adds to the study, such as a report that names its inputs.
+    """
+
+    def __init__(self, study: Callable[..., Study], *arguments: Any, **options: Any) -> None:
+        self.study = study
+        self.arguments = list(arguments)
+        self.options = options
+        self.finish: Callable[[Any], Study] | None = None
+
+    def then(self, finish: Callable[[Any], Study]) -> Call:
+        """The same call, its study finished by a function."""
+        self.finish = finish
+        return self
+
+    def __call__(self, **work: Any) -> Any:
+        """Run it. Raises ArgumentError where an argument is missing that the file does not hold, such as a folder."""
+        try:
+            inspect.signature(self.study).bind(*self.arguments, **self.options, **work)
+        except TypeError as error:
+            name = str(error).rpartition("'")[0].rpartition("'")[2]
+            raise ArgumentError(f"{self.study.__name__}(): {error}", name) from None
+        study = self.study(*self.arguments, **self.options, **work)
+        # what was ended before it had values is a plain study, to which a file has nothing to add
+        return study if self.finish is None or type(study) is Study else self.finish(study)
+
+    def __repr__(self) -> str:
+        name = f"{self.study.__module__}.{self.study.__qualname__}"
+        given = [*map(_short, self.arguments), *(f"{k}={_short(v)}" for k, v in self.options.items())]
+        return f"{name}({', '.join(given)})"
+
+
+def _short(value: Any) -> str:
+    text = " ".join(repr(value).split())
+    return text if len(text) <= 200 else f"<{type(value).__name__}>"
 
 
 class FileSection(pydantic.BaseModel):
@@ -150,3 +186,22 @@ class Generating(Protocol):
     def write(
         self, problem: Any, context: Context, out: Path, *, verify: bool, write_failed: bool, fmu: str | None
     ) -> Study: ...
+
+
+__all__ = [
+    "TRAJECTORY",
+    "Check",
+    "Context",
+    "FileSection",
+    "Generating",
+    "InputError",
+    "Kind",
+    "Problem",
+    "Progress",
+    "Row",
+    "Source",
+    "at_least",
+    "at_most",
+    "silent",
+    "unnoticed",
+]

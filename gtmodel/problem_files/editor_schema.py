@@ -1,8 +1,5 @@
-"""A kind's keys as a JSON Schema for editors of TOML: they complete keys and mark faults while a person types.
-
-Taplo, which Even Better TOML is made of, reads draft-07 and looks at nothing beside a `$ref`: tables are written out
-where they are used. TOML has no null: a key that may be left out is one that is not required.
-"""
+"""What a kind takes and gives, as data, and its keys as a JSON Schema for editors of TOML: they complete keys and
+mark faults while one writes."""
 
 from __future__ import annotations
 
@@ -12,10 +9,31 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from gtmodel.results.unit_names import split
+from gtmodel.results.quantity import Quantity, described, split
 
-from .fields import is_numeric, json_schema, resolve
-from .registry import names, schema_of
+from .from_options import is_numeric, json_schema, keys_of, resolve
+from .noted import DESCRIPTION, NOTES
+from .registry import names, results_of, schema_of
+
+
+def document(kind: str) -> dict[str, Any]:
+    """The kind's JSON schema, with the flat list of its keys and the names in `values`. Raises InputError."""
+    schema = schema_of(kind)
+    return {
+        "kind": kind,
+        "description": names()[kind],
+        "keys": [{**key._asdict()} for key in keys_of(schema)],
+        "values": values(kind),
+        "schema": json_schema(schema),
+    }
+
+
+def values(kind: str) -> dict[str, dict[str, str]]:
+    """Name -> unit and description of what `values` will hold."""
+    held = {name: quantity for study in results_of(kind) for name, quantity in described(study).items()}
+    held.setdefault(NOTES, Quantity(description=DESCRIPTION))
+    return {name: {"unit": q.file_unit, "description": inspect.cleandoc(q.description)} for name, q in held.items()}
+
 
 ROBOT = "robot"  # where a kind may stand: the schema of robot files
 DRAFT = "http://json-schema.org/draft-07/schema#"

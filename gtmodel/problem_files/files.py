@@ -1,4 +1,4 @@
-"""Problem files as they lie on the disk: which file a name means, its bytes, its TOML."""
+"""Problem files as they lie on the disk: which file a name means, its TOML and slips in it, and what there is."""
 
 from __future__ import annotations
 
@@ -8,12 +8,77 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
+from gtmodel import modelica
 from gtmodel._files import problems_dir
+from gtmodel.modelica.reference import is_reference
 from gtmodel.results.read_bounds import TooDeepError, toml_of
+from gtmodel.robots.entries import entries
 
+from .._near import meant
 from ..results.disk import path_of
-from .input_error import InputError
-from .toml_slips import shown_line, slip
+
+
+class InputError(ValueError):
+    """What a person gave is wrong: one plain sentence, with the file and its key where they are known."""
+
+    def __init__(self, sentence: str, key: str = "", file: str = "") -> None:
+        super().__init__(sentence, key, file)
+        self.message = sentence
+        self.key = key
+        self.file = file
+
+    def __str__(self) -> str:
+        return ": ".join(part for part in (self.file, self.key, self.message) if part)
+
+    def within(self, file: str, key: str = "") -> InputError:
+        """The same fault seen from outside: in this file, at this key, unless it says so itself."""
+        return InputError(self.message, self.key or key, self.file or file)
+
+
+_NUMBER = r"=\s*[-+]?"
+# the first that is found in the line stands in the sentence; a quoted text is left out for those below the quotes
+_QUOTES = (
+    (r"[“”„‘’»«]", "a text stands in straight quotes, \"text\" or 'text'"),
+    (r"^[^'#]*\\", "a path is written with /, or in single quotes, where a backslash stands for itself"),
+    (r'^[^"#]*"[^"]*$|^[^\'#]*\'[^\']*$', "a quote is missing"),
+)
+_SLIPS = (
+    (r"^\s*[\w.]+\s*:", "a key is set with =, not with a colon"),
+    (r"==", "a key is set with one ="),
+    (_NUMBER + r"\d+,\d", "a number is written with a decimal point"),
+    (_NUMBER + r"0\d", "a number has no zero in front"),
+    (_NUMBER + r"(\d+\.(?!\d)|\.\d)", "a number has a digit on both sides of its point"),
+    (_NUMBER + r"[\d.]+(e[-+]?\d+)?\s*[^\W\d_]", "a number stands without its unit, which the key says"),
+    (r"=\s*(True|False)\b", "true and false are written in small letters"),
+    (r"=\s*(None|null|nil|NULL)?\s*(#|$)", "a key without a value is left out"),
+    (r"\s//|\s/\*|\s;", "a comment begins with #"),
+    (r"=\s*[^\W\d]", "a text stands in quotes"),
+)
+_REASONS = (
+    (r"overwrite a value", "the key is there twice"),
+    (r"[Cc]annot declare", "the table is there twice"),
+)
+
+
+def slip(line: str, reason: str) -> str:
+    """The likely slip in a line that a parser refused for `reason`; the reason itself where none is seen.
+
+    >>> from gtmodel.problem_files.files import slip
+    >>> slip("payload_kg = 5,0", "Expected newline")
+    'a number is written with a decimal point'
+    """
+    bare = re.sub(r'"[^"]*"|\'[^\']*\'', '""', line)
+    for text, table in ((reason, _REASONS), (line, _QUOTES), (bare, _SLIPS)):
+        for pattern, sentence in table:
+            if re.search(pattern, text):
+                return sentence
+    return f"{reason[:1].lower()}{reason[1:]}"
+
+
+def shown_line(line: str) -> str:
+    """A line of a file as it may stand in a sentence."""
+    text = line if line.isprintable() else repr(line)[1:-1]
+    return f"'{text}'" if len(text) <= 60 else f"'{text[:57]}...'"
 
 
 def find(path: str | Path) -> tuple[Path, bool]:
@@ -70,3 +135,34 @@ def parse(content: bytes) -> dict[str, Any]:
         written = [*content.decode("utf-8-sig").splitlines(), ""][line - 1].strip()
         line_text = f"; found {shown_line(written)}" if written else ""
         raise InputError(f"line {line}: not TOML: {slip(written, reason)}{line_text}") from error
+
+
+HEADS = {
+    "robots": ("family", "degrees of freedom", "source", "masses"),
+    "problems": ("kind", "title"),
+    "classes": ("what", "line", "description"),
+}
+
+
+def of(what: str = "all") -> dict[str, Any]:
+    """{"robots": {name: {...}}} or {"problems": ...}, or both for "all"; {"classes": ...} of a Modelica
+    file. Raises InputError for another word."""
+    if is_reference(what):
+        return {"classes": modelica.listing(what)}
+    if what not in ("all", "robots", "problems"):
+        hint = meant(what, ("robots", "problems"), "expected 'robots' or 'problems'")
+        raise InputError(f"there is no list of '{what}'; {hint}")
+    makers = {"robots": _robots, "problems": _problems}
+    return {name: make() for name, make in makers.items() if what in ("all", name)}
+
+
+def _robots() -> dict[str, dict[str, Any]]:
+    return {name: entry._asdict() for name, entry in entries().items()}
+
+
+def _problems() -> dict[str, dict[str, str]]:
+    problems = {}
+    for name in shipped_names():
+        data = parse(read(problems_dir() / f"{name}.toml"))
+        problems[name] = {"kind": str(data.get("kind", "")), "title": str(data.get("title", ""))}
+    return problems

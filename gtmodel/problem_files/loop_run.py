@@ -14,11 +14,10 @@ from gtmodel.loop import study
 from gtmodel.loop.build import PROGRAM, manifest_of
 from gtmodel.results import ArgumentError, SolveStatus, Study, Trajectory, as_json, written
 from gtmodel.results.agreement import agree
-from gtmodel.results.disk import scratch
+from gtmodel.results.disk import is_marked, scratch
 from gtmodel.results.folder import Held, unfinished
-from gtmodel.results.marks import is_marked
 
-from . import output
+from . import run as output
 from .base import Context, InputError
 from .files import parse
 from .from_options import options_of

@@ -22,7 +22,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from .._near import meant
-from .input_error import InputError
+from .files import InputError
 
 if TYPE_CHECKING:
     from gtmodel.results import Study

@@ -17,9 +17,8 @@ from gtmodel.robots.serial.structure import moments
 
 from .._near import near
 from .base import FileSection, InputError
-from .load import validate
+from .load import shown, validate
 from .python_models import is_reference, is_urdf, sentence_of
-from .sentences import shown
 
 NotNegativeFloat = Annotated[float, Field(ge=0)]
 Vector = Annotated[list[float], Field(min_length=3, max_length=3)]

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from .unit_names import split
+from .quantity import split
 
 _DIGITS, _ALL = 6, 17  # of a number in a sentence; that distinguish any two numbers
 

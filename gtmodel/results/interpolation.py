@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .._lazy import hint
-from .trajectory_errors import Array, TrajectoryError, columns
+from .trajectory_checks import Array, TrajectoryError, columns
 
 if TYPE_CHECKING:
     from .trajectory import Trajectory

@@ -19,8 +19,7 @@ from types import SimpleNamespace
 from typing import Any, get_type_hints
 
 from .agreement import Long as Long, Within as Within, agree
-from .quantity import marks_of
-from .unit_names import named
+from .quantity import marks_of, named
 
 
 @dataclass(frozen=True)

@@ -9,12 +9,12 @@ from typing import Any
 
 from .check import Check
 from .disk import path_of
+from .quantity import split
 from .read_bounds import json_of
 from .refusal import ArgumentError
 from .status import SolveStatus
 from .study import Study
 from .trajectory import Trajectory, TrajectoryError
-from .unit_names import split
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from typing import Literal, get_args
 
 from .check import Check, at_least, bound_in_words
+from .quantity import split
 from .refusal import ArgumentError
-from .unit_names import split
 
 # probability that a run on clean data raises any alarm at all, over all of its tests together; 2 % are promised
 RUN_LEVEL = 0.01

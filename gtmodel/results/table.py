@@ -11,7 +11,7 @@ import numpy as np
 
 from .check import Check, bound_in_words
 from .plain_table import plain
-from .unit_names import split
+from .quantity import split
 from .written import png
 
 if TYPE_CHECKING:

@@ -17,9 +17,20 @@ import numpy.typing as npt
 
 from .._lazy import hint
 from .interpolation import Kind, SmoothRows, interpolate
-from .trajectory_checks import checked_time, checked_unit, checked_values, json_text, one_line
+from .trajectory_checks import (
+    COLUMN,
+    Array,
+    TrajectoryError,
+    UnknownNameError,
+    checked_time,
+    checked_unit,
+    checked_values,
+    columns,
+    json_text,
+    one_line,
+    unknown,
+)
 from .trajectory_csv import read_csv
-from .trajectory_errors import COLUMN, Array, TrajectoryError, UnknownNameError, columns, unknown
 from .trajectory_files import PathLike, read_npz, write_csv, write_npz
 
 if TYPE_CHECKING:

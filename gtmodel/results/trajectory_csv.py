@@ -16,8 +16,7 @@ from gtmodel.lang.units import UnitError, convert, parse_unit
 
 from .disk import path_of
 from .read_bounds import json_of
-from .trajectory_checks import check_name, put_in_order
-from .trajectory_errors import COLUMN, Array, TrajectoryError
+from .trajectory_checks import COLUMN, Array, TrajectoryError, check_name, put_in_order
 from .trajectory_files import PathLike
 
 if TYPE_CHECKING:

@@ -10,8 +10,7 @@ import numpy as np
 
 from .disk import PathLike, path_of, write_whole
 from .read_bounds import json_of, swollen
-from .trajectory_checks import json_text
-from .trajectory_errors import COLUMN, TrajectoryError, columns
+from .trajectory_checks import COLUMN, TrajectoryError, columns, json_text
 
 if TYPE_CHECKING:
     from .trajectory import Trajectory

@@ -19,8 +19,8 @@ import tomli_w
 
 from .._version import __version__
 from .as_json import result
+from .disk import marked
 from .folder import FolderError, Held, holding, others, refuse_impossible, unfinished
-from .marks import marked
 from .read_bounds import toml_of
 from .refusal import ArgumentError
 from .trajectory_files import TRAJECTORY, csv_bytes

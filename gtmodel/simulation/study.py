@@ -10,11 +10,10 @@ from ..compiler.causal import flat_of
 from ..lang.model import Model
 from ..lang.source import ModelError
 from ..results import ArgumentError, SolveStatus, Trajectory, Work, at_most
-from ..results.door import study_function
 from ..results.options import Within
 from ..results.table import csv_text
 from ..results.trajectory_files import csv_bytes
-from ..results.work import Progress, never, silent
+from ..results.work import Progress, never, silent, study_function
 from .arguments import LARGEST_TIME, MOST_ROWS, MOST_STEPS
 from .hybrid.clock import Event
 from .result import ENERGIES, Simulation, SimulationStudy, described

@@ -15,8 +15,7 @@ from numpy.typing import ArrayLike
 from ..inference.nonlinear import by_differences, nonlinear_fit
 from ..linear.state_space import frequency_and_damping, second_order
 from ..results import ArgumentError, Check, Row, SolveStatus, at_most
-from ..results.door import study_function
-from ..results.work import Progress, never, silent
+from ..results.work import Progress, never, silent, study_function
 from .options import Matrices
 from .vibration_result import VibrationStudy, numbers, pairs_of, rows_of
 

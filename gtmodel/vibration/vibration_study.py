@@ -16,8 +16,7 @@ import tomli_w
 
 from ..linear.state_space import frequency_and_damping
 from ..results import ArgumentError, Check, Row, SolveStatus, Work, at_most
-from ..results.door import study_function
-from ..results.work import Progress, never, silent
+from ..results.work import Progress, never, silent, study_function
 from .impulse import ImpulseStudy, impulse_study
 from .modes import Modes, modes
 from .options import Hit, Impulse, Physical, StepResponse, Steps, Subspace, SyntheticStructure

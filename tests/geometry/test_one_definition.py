@@ -24,7 +24,7 @@ from scipy.spatial.transform import Rotation
 HOUSE = Path(__file__).resolve().parents[2] / "gtmodel"
 ALLOWED = {
     "modelica/builtin.py": "skew() of the language Modelica is made of operations of its syntax tree",
-    "control/lead_through/vectors.py": "mirrors the sums of the C loop bit by bit, without NumPy",
+    "control/lead_through/wrench.py": "mirrors the sums of the C loop bit by bit, without NumPy",
 }
 NAMES = {
     "skew", "hat", "cross_matrix", "cross_matrices", "rodrigues", "rotation_about", "quaternion_matrix",

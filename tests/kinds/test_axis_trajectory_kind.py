@@ -6,7 +6,7 @@ import pytest
 
 from gtmodel.motion.axes import AxisProblem, plan_of
 from gtmodel.problem_files import Context, InputError
-from gtmodel.problem_files.call import Call
+from gtmodel.problem_files.base import Call
 from gtmodel.problem_files.load import load
 from gtmodel.problem_files.registry import results_of
 from gtmodel.problem_files.run import answer, context_of, explain, solve

@@ -15,7 +15,7 @@ from gtmodel.calibrate.measured.poses import split_all
 from gtmodel.kinds.calibration.keys import Schema
 from gtmodel.kinds.calibration.kind import ARGUMENTS
 from gtmodel.problem_files import Context, InputError
-from gtmodel.problem_files.arguments import key_of
+from gtmodel.problem_files.from_options import key_of
 from gtmodel.problem_files.load import load
 from gtmodel.problem_files.run import answer, explain
 from gtmodel.results import ArgumentError

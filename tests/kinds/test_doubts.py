@@ -20,7 +20,7 @@ from gtmodel.problem_files import run
 from gtmodel.problem_files.base import Context, at_most
 from gtmodel.problem_files.load import load
 from gtmodel.results import SolveStatus, Study, written
-from gtmodel.results.marks import marked
+from gtmodel.results.disk import marked
 from tests.support.commands import Commands
 
 SOURCES = sorted(Path(gtmodel_package.__file__).parent.rglob("*.py"))

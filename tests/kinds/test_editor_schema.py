@@ -15,11 +15,10 @@ import pytest
 
 from gtmodel.problem_files import InputError, names
 from gtmodel.problem_files.editor_schema import ROBOT, editor_schema, robot_schema, text_of, write_all
-from gtmodel.problem_files.fields import keys_of
-from gtmodel.problem_files.load import check
+from gtmodel.problem_files.from_options import keys_of
+from gtmodel.problem_files.load import apply, check
 from gtmodel.problem_files.registry import schema_of
 from gtmodel.problem_files.robot_file import FAMILIES, checked, is_robot_file
-from gtmodel.problem_files.settings import apply
 from tests.support.commands import Commands
 
 TABLES = tomllib.loads(files("gtmodel.robots").joinpath("data", "gantry_tau.toml").read_text(encoding="utf-8"))

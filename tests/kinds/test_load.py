@@ -7,11 +7,10 @@ import pytest
 from pydantic import Field
 
 from gtmodel.problem_files import FileSection, InputError, Problem, load
-from gtmodel.problem_files.fields import keys_of
 from gtmodel.problem_files.files import parse
-from gtmodel.problem_files.load import check, validate
-from gtmodel.problem_files.settings import apply
-from gtmodel.results.unit_names import split
+from gtmodel.problem_files.from_options import keys_of
+from gtmodel.problem_files.load import apply, check, validate
+from gtmodel.results.quantity import split
 
 LOAD = load.load
 

@@ -12,7 +12,7 @@ from scipy.io import savemat
 
 from gtmodel.kinds.identification.keys import IdentificationLogSection
 from gtmodel.problem_files.base import Context, InputError
-from gtmodel.problem_files.log_keys import RecordedSignalSection, RecordingFiles
+from gtmodel.problem_files.keys import RecordedSignalSection, RecordingFiles
 from tests.support.commands import CLONE
 from tests.support.recordings import write_synthetic_emps
 

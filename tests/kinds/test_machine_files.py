@@ -15,8 +15,7 @@ import gtmodel
 from gtmodel.cli import main
 from gtmodel.problem_files import run
 from gtmodel.problem_files.base import TRAJECTORY, Check, Context, InputError, at_least, at_most
-from gtmodel.problem_files.load import load
-from gtmodel.problem_files.settings import apply, refuse_twice
+from gtmodel.problem_files.load import apply, load, refuse_twice
 from gtmodel.results import SolveStatus, Study, Trajectory, written
 from gtmodel.results.check import verdict
 

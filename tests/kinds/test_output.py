@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gtmodel.problem_files import Check, Context, InputError, output, start
+from gtmodel.problem_files import Check, Context, InputError, run, start
 from gtmodel.problem_files.load import load
 from gtmodel.results import ArgumentError, SolveStatus, Stored, Trajectory, as_json, written
 from tests.support.own_models import FILES
@@ -22,7 +22,7 @@ def outcome(**more: object) -> Stored:
 def write(folder: Path, **more: object) -> list[str]:
     (folder.parent / "swing.toml").write_text(FILES["swing.toml"])
     loaded = load(folder.parent / "swing.toml", ["mesh.elements=3"])
-    return [p.name for p in output.write(folder, loaded, Context(), outcome(**more), wall_s=1.0, plot=False)]
+    return [p.name for p in run.write(folder, loaded, Context(), outcome(**more), wall_s=1.0, plot=False)]
 
 
 def test_a_new_folder_is_made(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ import pytest
 import tomli_w
 
 from gtmodel._files import problems_dir
-from gtmodel.problem_files import Context, InputError, explaining, listing
+from gtmodel.problem_files import Context, InputError, explaining, files as listing
 from gtmodel.problem_files.load import load
 from gtmodel.problem_files.robot_file import FAMILIES
 from gtmodel.problem_files.robots import resolve

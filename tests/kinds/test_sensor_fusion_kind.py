@@ -8,9 +8,9 @@ import pytest
 import gtmodel as gt
 from gtmodel.filtering import SyntheticAttitude, synthetic_attitude
 from gtmodel.problem_files import Context, InputError
+from gtmodel.problem_files.editor_schema import values as schema_values
 from gtmodel.problem_files.load import load
 from gtmodel.problem_files.run import answer, explain
-from gtmodel.problem_files.schema import values as schema_values
 from gtmodel.results import SolveStatus
 from tests.support.recordings import ABB_LOST, ABB_ROWS, write_synthetic_abb
 

@@ -10,7 +10,7 @@ from hypothesis import given, strategies as st
 
 from gtmodel.problem_files.base import Check, at_least, at_most
 from gtmodel.results import SolveStatus, Study, Trajectory
-from gtmodel.results.marks import marked
+from gtmodel.results.disk import marked
 from tests.support.commands import Commands
 
 PROBLEM = "l1_min_time"

@@ -32,7 +32,7 @@ from gtmodel.loop import (
 from gtmodel.loop.laws import LoopLaw
 from gtmodel.loop.lead_through.law import GuidingLaw, numbers_of
 from gtmodel.loop.lead_through.options import Guiding, SensorNumbers, SyntheticScene
-from gtmodel.loop.lead_through.scene import PlateScene, ServoPlant
+from gtmodel.loop.lead_through.study import PlateScene, ServoPlant
 from gtmodel.results import Status
 from gtmodel.robots import actuator_closed_loop
 

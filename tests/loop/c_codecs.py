@@ -6,7 +6,7 @@ import ctypes
 from ctypes import POINTER, Structure, c_double, c_int, c_uint8, c_uint32, c_uint64
 
 from gtmodel.loop import egm, rsi
-from gtmodel.loop.wire import DATAGRAM_MAX
+from gtmodel.loop.egm import DATAGRAM_MAX
 
 
 class EgmPose(Structure):

@@ -16,8 +16,8 @@ import numpy as np
 
 from gtmodel._files import codegen_dir
 from gtmodel.loop import Exchange, LoopLimits, PythonLoop, ReferenceTable, Settings, TrajectoryLaw, egm, rsi
-from gtmodel.loop.record import COLUMNS
-from gtmodel.loop.sequence import WINDOW
+from gtmodel.loop.process import COLUMNS
+from gtmodel.loop.python_loop import WINDOW
 
 CYCLES, CYCLE_MS, HOLD = 200, 4, 5
 STEP_M, DECELERATION, FOLLOWING_M = 0.02, 2.0, 0.25

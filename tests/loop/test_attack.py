@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from gtmodel.loop import LoopError, LoopProcess, PythonLoop, RobotSide, egm, lockstep, rsi
-from gtmodel.loop.record import COLUMNS, COUNTERS, STATES, rows_of
+from gtmodel.loop.process import COLUMNS, COUNTERS, STATES, rows_of
 from gtmodel.results import Status
 from tests.loop.bench import HOLD, RAMP, Bench
 from tests.loop.spoiling import spoilt

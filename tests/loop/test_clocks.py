@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gtmodel.loop import LoopProcess, egm, rsi
-from gtmodel.loop.record import COLUMNS, STATES, rows_of
+from gtmodel.loop.process import COLUMNS, STATES, rows_of
 from gtmodel.results import Status
 from tests.loop.bench import Bench
 from tests.loop.histories import CYCLE_MS, DECELERATION, HOLD, REFERENCE, STEP_M, Sent

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from gtmodel.loop import egm
-from gtmodel.loop.wire import DATAGRAM_MAX, WireError
+from gtmodel.loop.egm import DATAGRAM_MAX, WireError
 from tests.loop.c_codecs import EgmPathCorrection, decode_egm, encode_egm
 from tests.loop.spoiling import spoilt
 

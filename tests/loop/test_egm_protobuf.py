@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from gtmodel.loop import egm
-from gtmodel.loop.wire import DATAGRAM_MAX, WireError
+from gtmodel.loop.egm import DATAGRAM_MAX, WireError
 from tests.loop.c_codecs import decode_egm, encode_egm
 from tests.loop.spoiling import spoilt
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gtmodel.loop import egm, expected_counters, rsi
-from gtmodel.loop.record import COLUMNS, COUNTERS, STATES, WATCHES
+from gtmodel.loop.process import COLUMNS, COUNTERS, STATES, WATCHES
 from tests.loop.histories import CYCLE_MS, DECELERATION, STEP_M, LoopLibrary, drawn, python_loop
 
 ORDINARY, PROOF, TWINS = 60, 10_000, 20

@@ -14,8 +14,8 @@ import gtmodel as gt
 from gtmodel.control.lead_through import WrenchStatus
 from gtmodel.loop import LoopProcess, RobotSide, Wrench
 from gtmodel.loop.lead_through.law import GuidingLaw, numbers_of
-from gtmodel.loop.lead_through.scene import PlateScene
-from gtmodel.loop.record import STATES, rows_of
+from gtmodel.loop.lead_through.study import PlateScene
+from gtmodel.loop.process import STATES, rows_of
 from gtmodel.results import Status
 from tests.loop.bench import GUIDING, HOLD, Bench
 from tests.loop.lead_through_c import COLUMNS, Library, by_python

@@ -10,7 +10,7 @@ import pytest
 
 from gtmodel.control import learning
 from gtmodel.loop import ReferenceTable
-from gtmodel.loop.record import rows_of
+from gtmodel.loop.process import rows_of
 from gtmodel.results import Trajectory
 from tests.loop.bench import Bench
 

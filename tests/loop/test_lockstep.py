@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gtmodel.loop import Faults, expected_counters
-from gtmodel.loop.record import COUNTERS, STATES, rows_of
+from gtmodel.loop.process import COUNTERS, STATES, rows_of
 from tests.loop.bench import Bench
 
 CYCLES = 5000

@@ -13,8 +13,8 @@ from gtmodel.problem_files.base import Context, InputError
 from gtmodel.problem_files.load import load
 from gtmodel.problem_files.run import Finished, context_of, generate
 from gtmodel.results import SolveStatus
+from gtmodel.results.disk import marked
 from gtmodel.results.folder import holding
-from gtmodel.results.marks import marked
 from tests.loop.smooth import smooth
 
 

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from gtmodel.loop import rsi, rsi_configuration
-from gtmodel.loop.decimals import read_decimal as read_decimal_python, write_decimal
+from gtmodel.loop.rsi import read_decimal as read_decimal_python, write_decimal
 from tests.loop.c_codecs import decode_rsi, encode_rsi, read_decimal
 from tests.loop.spoiling import spoilt
 

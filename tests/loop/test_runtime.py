@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from gtmodel.loop import ReferenceTable, expected_counters
-from gtmodel.loop.sequence import Sequence
+from gtmodel.loop.python_loop import Sequence
 from gtmodel.results import Status
 from tests.loop import c_codecs
 

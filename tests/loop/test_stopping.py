@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from gtmodel.loop import Faults, LoopProcess, ReferenceTable, TrajectoryLaw, lockstep
+from gtmodel.loop.process import STATES, rows_of
 from gtmodel.loop.python_loop import STOPPED
-from gtmodel.loop.record import STATES, rows_of
 from gtmodel.results import Status
 from tests.loop.bench import HOLD, RAMP, STEP, Bench, text
 

@@ -12,7 +12,7 @@ import pytest
 import gtmodel as gt
 from gtmodel.compiler.toolchain import find
 from gtmodel.loop import study
-from gtmodel.loop.record import rows_of
+from gtmodel.loop.process import rows_of
 from gtmodel.results import ArgumentError, SolveStatus, Trajectory
 from tests.loop import units
 from tests.loop.smooth import smooth

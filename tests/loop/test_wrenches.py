@@ -9,7 +9,7 @@ from ctypes import Structure, c_double, c_uint32
 import pytest
 
 from gtmodel.loop import Exchange, Wrench, egm, rsi
-from gtmodel.loop.wire import double_field, message_field, varint_field
+from gtmodel.loop.egm import double_field, message_field, varint_field
 from gtmodel.loop.wrenches import EGM_HANDLE, read_egm, read_rsi, to_egm, to_rsi
 from tests.loop import c_codecs
 from tests.loop.spoiling import spoilt

@@ -12,10 +12,10 @@ import pytest
 from scipy.stats import binom
 
 from gtmodel.motion import Starts
-from gtmodel.motion.guesses import FurtherStart, bent_guess, further_starts
 from gtmodel.motion.motion_study import solved
 from gtmodel.motion.planning import plan_of
 from gtmodel.motion.search import PATIENCE, REPEATED, RESERVE
+from gtmodel.motion.task import FurtherStart, bent_guess, further_starts
 from gtmodel.optimize.watch import Patience
 from gtmodel.results import SolveStatus, Status, Work
 from tests.support.draws import draws, suite

@@ -8,7 +8,7 @@ import pytest
 from gtmodel import robots
 from gtmodel.calibrate.plan.study import rapid_program
 from gtmodel.geometry.quaternions import quaternion_matrix
-from gtmodel.motion import rapid
+from gtmodel.motion import reference as rapid
 from gtmodel.motion.reference import COLUMNS, rapid_text, reference_text
 from gtmodel.results import ArgumentError, Trajectory
 

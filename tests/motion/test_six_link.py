@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from gtmodel import SolveStatus
-from gtmodel.motion.links import along_guideways, link_ends
 from gtmodel.motion.motion_study import solved
+from gtmodel.motion.path_parametrization import along_guideways, link_ends
 from gtmodel.motion.planning import plan_of
 from gtmodel.results import Work
 from tests.support.motions import d1, six_link

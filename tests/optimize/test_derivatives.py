@@ -10,8 +10,7 @@ import pytest
 
 import gtmodel as gt
 from gtmodel.motion import Cost, End, Limits, MotionProblem
-from gtmodel.motion.guesses import line_guess
-from gtmodel.motion.task import motion
+from gtmodel.motion.task import line_guess, motion
 from gtmodel.optimize import Mesh
 from gtmodel.optimize.formulation.problem import build
 from gtmodel.optimize.guess import initial_guess

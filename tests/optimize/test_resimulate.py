@@ -11,8 +11,7 @@ from scipy.integrate import solve_ivp
 import gtmodel as gt
 from gtmodel import SolveStatus, der
 from gtmodel.motion import Cost, End, Limits, MotionProblem
-from gtmodel.motion.guesses import line_guess
-from gtmodel.motion.task import motion
+from gtmodel.motion.task import line_guess, motion
 from gtmodel.optimize import Mesh, SolverOptions, solve
 from gtmodel.optimize.judgement.resimulate import SUBSTEPS, resimulate
 from tests.optimize import features, problems

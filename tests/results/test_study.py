@@ -12,10 +12,8 @@ import pytest
 from hypothesis import given, strategies as st
 
 from gtmodel.problem_files import InputError
-from gtmodel.problem_files.arguments import key_of
-from gtmodel.problem_files.base import Problem
-from gtmodel.problem_files.call import Call
-from gtmodel.problem_files.from_options import Made, made_from, section_of
+from gtmodel.problem_files.base import Call, Problem
+from gtmodel.problem_files.from_options import Made, key_of, made_from, section_of
 from gtmodel.problem_files.load import validate
 from gtmodel.results import (
     ArgumentError,
@@ -32,12 +30,10 @@ from gtmodel.results import (
     at_most,
     read,
 )  # fmt: skip
-from gtmodel.results.door import study_function
-from gtmodel.results.made_files import made
-from gtmodel.results.quantity import converted, described
+from gtmodel.results.disk import made
+from gtmodel.results.quantity import converted, described, named, split
 from gtmodel.results.table import csv_text
-from gtmodel.results.unit_names import named, split
-from gtmodel.results.work import Progress, never, silent
+from gtmodel.results.work import Progress, never, silent, study_function
 
 UNITS = ["", "1", "m", "N", "N/m", "N.m", "N.m/rad", "m/s2", "Hz", "kg.m2", "%", "rad", "deg", "MN.m/rad", "kg/s"]
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from gtmodel.motion.links import along_guideways
+from gtmodel.motion.path_parametrization import along_guideways
 from gtmodel.robots.catalogue import gantry_tau
 from gtmodel.robots.links import link_names
 

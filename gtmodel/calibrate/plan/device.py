@@ -11,7 +11,7 @@ import numpy as np
 from ...compiler.causal import compile_causal
 from ...kinematics.workspace import Limit, Poses
 from ...lang import Model, ModelError
-from ...motion.rapid import orientation
+from ...motion.reference import orientation
 from ...results import ArgumentError
 from ..devices import Camera, LaserTracker, LineOfSight, sampled, seen_by_distance, seen_by_plane
 from ..measurements import Measurements

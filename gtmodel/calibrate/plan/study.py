@@ -12,13 +12,12 @@ import numpy as np
 
 from ...kinematics.workspace import Beam, Bodies, Box
 from ...lang import Model
-from ...motion import rapid
+from ...motion import reference
 from ...results import Check, SolveStatus, Work, at_most
 from ...results.check import failed_of
-from ...results.door import study_function
 from ...results.options import Long, Within
 from ...results.table import csv_text
-from ...results.work import Progress, never, silent
+from ...results.work import Progress, never, silent, study_function
 from ..options import Choice
 from ..positioning import Point
 from .device import measuring
@@ -75,7 +74,7 @@ def poses_csv(T: Array, q: Array, purpose: list[str], title: str) -> str:
 def rapid_program(T: Array, q: Array, title: str, settle: float) -> str:
     """A RAPID module that goes to each pose, stops, waits and counts. Text only: tested against no controller."""
     rotary = ", d, e, f the rotary axes in degrees" if q.shape[1] == 6 else ""
-    return rapid.module(
+    return reference.module(
         "GtCalibration",
         [
             title or "calibration poses",
@@ -85,11 +84,11 @@ def rapid_program(T: Array, q: Array, title: str, settle: float) -> str:
         ],
         [
             f"LOCAL CONST num GtCount := {len(T)};",
-            f"LOCAL CONST num GtSettle := {rapid.number(settle)};",
+            f"LOCAL CONST num GtSettle := {reference.number_text(settle)};",
             "PERS num GtPose := 0;",
         ],
         "GtPoses",
-        rapid.robtargets(T, q),
+        reference.robtargets(T, q),
         [
             "PROC GtMeasure(PERS tooldata tool, PERS wobjdata wobj)",
             "  FOR i FROM 1 TO GtCount DO",

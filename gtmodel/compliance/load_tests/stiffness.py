@@ -13,10 +13,9 @@ from ...inference import FALSE_ALARM
 from ...lang import Model
 from ...measurements.inspection.data_tests import Data, tested
 from ...results import ArgumentError, Check, Quantity, Row, SolveStatus, Study, Work, at_least, at_most, listed
-from ...results.door import study_function
 from ...results.estimate import half_width
 from ...results.suspicion import suspicion_checks
-from ...results.work import Progress, never, silent
+from ...results.work import Progress, never, silent, study_function
 from ..cartesian import softest_and_stiffest, translational_compliance
 from ..compensated import RATE, with_compensator
 from ..joint_stiffness import StiffnessFit, complete_pose, decoupled, stiffness_names

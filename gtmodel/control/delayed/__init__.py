@@ -28,17 +28,21 @@ from ..._lazy import public
 
 if TYPE_CHECKING:
     from .command_step import command_response as command_response, fit_command_step as fit_command_step
-    from .field import (
+    from .limit import (
+        GainLimit as GainLimit,
+        WorstCase as WorstCase,
+        gain_limit as gain_limit,
+        recommended_gain as recommended_gain,
+        worst_case as worst_case,
+    )
+    from .loop import DelayedLoop as DelayedLoop
+    from .map_study import (
         GainField as GainField,
+        MeasuredPlants as MeasuredPlants,
+        feedback_map as feedback_map,
         fit_gain_field as fit_gain_field,
         limits_over as limits_over,
         recommended_over as recommended_over,
-    )
-    from .limit import GainLimit as GainLimit, gain_limit as gain_limit
-    from .loop import DelayedLoop as DelayedLoop
-    from .map_study import (
-        MeasuredPlants as MeasuredPlants,
-        feedback_map as feedback_map,
         synthetic_plants as synthetic_plants,
         true_plants as true_plants,
     )
@@ -56,9 +60,11 @@ if TYPE_CHECKING:
         plant_of_limit as plant_of_limit,
     )
     from .options import (
+        DelayedFeedbackStudy as DelayedFeedbackStudy,
         FeedbackAxis as FeedbackAxis,
         FeedbackBox as FeedbackBox,
         FeedbackCut as FeedbackCut,
+        FeedbackMapStudy as FeedbackMapStudy,
         FeedbackTiming as FeedbackTiming,
         GainMap as GainMap,
         GainMargins as GainMargins,
@@ -73,10 +79,8 @@ if TYPE_CHECKING:
         rigid_plant as rigid_plant,
         side_by_side as side_by_side,
     )
-    from .result import DelayedFeedbackStudy as DelayedFeedbackStudy, FeedbackMapStudy as FeedbackMapStudy
     from .run import DelayedRun as DelayedRun, run_along as run_along
     from .servo import servo_plant as servo_plant
     from .study import delayed_feedback as delayed_feedback
-    from .worst_case import WorstCase as WorstCase, recommended_gain as recommended_gain, worst_case as worst_case
 
 public(__name__)

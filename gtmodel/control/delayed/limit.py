@@ -1,18 +1,162 @@
-"""The gain at which a late loop loses its stability: the first crossing from zero upwards, never a later one."""
+"""The gain at which a late loop loses its stability, by the crossings of its frequency response, and the least one
+where plant and delay are known within limits only."""
 
 from __future__ import annotations
 
+import cmath
+import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from itertools import pairwise
+from decimal import Decimal
+from itertools import pairwise, product
 
 import numpy as np
 import scipy
 
 from ...results import ArgumentError
-from .crossings import gain_crossings
-from .loop import DelayedLoop
+from .loop import APART, WIDTH, DelayedLoop, off_poles
 
-EXACT = 1e-14  # relative, of a gain
+CLOSE = 0.5  # rad: a phase that turns back this near to the negative real axis is looked at
+EXACT = 1e-15  # relative, of a frequency
+SAME = 0.05  # relative: L at zero and at the lowest frequency
+
+
+def gain_crossings(loop: DelayedLoop) -> np.ndarray:
+    """(n, 3) gains at which poles lie on the unit circle, rising, their angular frequency [rad/s], and by how many the
+    unstable poles grow there: 2, or 1 where the pole is real, below 0 where they leave.
+
+    At such a gain P L = -1, and a pole moves outwards with the gain where the imaginary part of L rises with the
+    frequency: d ln z / dP = -1 / (P z L'(z)).
+    """
+    w, g = loop.sampled
+    real, imaginary = np.real(g), np.imag(g)
+    rows = []
+
+    def add(low: float, high: float, rises: bool) -> None:
+        at = _root(lambda x: loop.response_at(x).imag, low, high)
+        value = loop.response_at(at).real
+        if value < 0 and len(off_poles(loop, np.array([at]))):  # an undamped pole is on the circle at a gain of zero
+            rows.append((-1 / value, at, 2.0 if rises else -2.0))
+
+    ends = np.minimum(real[:-1], real[1:]) < 0
+    sign = np.where(imaginary >= 0, 1, -1)
+    for i in np.flatnonzero((sign[:-1] != sign[1:]) & ends & (w[1:] < np.pi / loop.cycle)).tolist():
+        add(float(w[i]), float(w[i + 1]), bool(sign[i] < 0))
+    for low, middle, high, side in _turned_back(loop, w, g, sign):
+        add(low, middle, side < 0)
+        add(middle, high, side > 0)
+    if real[-1] < 0:  # real by symmetry at the Nyquist frequency, where the imaginary part changes its sign
+        rows.append((-1 / float(real[-1]), float(w[-1]), 1.0 if imaginary[-2] < 0 else -1.0))
+    static = _static(loop, complex(g[0]))
+    if static < 0:
+        rows.append((-1 / static, 0.0, 1.0 if imaginary[0] > 0 else -1.0))
+    return np.array(sorted(rows), float).reshape(-1, 3)
+
+
+def size_crossings(loop: DelayedLoop, gain: float) -> np.ndarray:
+    """Angular frequencies (n,) [rad/s], rising, at which P L has a size of one."""
+    w, g = loop.sampled
+    with np.errstate(divide="ignore"):
+        sizes = np.log(np.abs(gain * g))
+    above = sizes > 0
+
+    def log_size(x: float) -> float:
+        return math.log(max(abs(gain * loop.response_at(x)), 1e-300))
+
+    roots = [_root(log_size, float(w[i]), float(w[i + 1])) for i in np.flatnonzero(above[:-1] != above[1:])]
+    # a size that comes near to one between two frequencies may pass it
+    for i in turns(np.abs(sizes), above, APART):
+        side = 1.0 if above[i] else -1.0
+        x, value = least_of(lambda x, side=side: side * log_size(x), float(w[i - 1]), float(w[i + 1]))
+        if value < 0:
+            roots += [_root(log_size, float(w[i - 1]), x), _root(log_size, x, float(w[i + 1]))]
+    return np.array(sorted(roots))
+
+
+def largest_in_sector(loop: DelayedLoop, phase: float) -> float:
+    """The largest size of the response where it is nearer than `phase` [rad] to the negative real axis; 0 if it never
+    is. At gains below its inverse every frequency at which P L has a size of one keeps at least this phase margin."""
+    w, g = loop.sampled
+    apart = np.abs(np.angle(-g))
+    inside = apart <= phase
+    sizes = np.abs(g)
+    largest = float(sizes[inside].max(initial=0.0))
+
+    def beyond(x: float) -> float:
+        return abs(cmath.phase(-loop.response_at(x))) - phase
+
+    def smallness(x: float) -> float:
+        return -abs(loop.response_at(x)) if beyond(x) <= 0 else 0.0
+
+    edges = [(float(w[i]), float(w[i + 1])) for i in np.flatnonzero(inside[:-1] != inside[1:])]
+    for i in turns(np.abs(apart - phase), inside, CLOSE):  # in and out again between two frequencies
+        x, value = least_of(
+            lambda x, side=-1.0 if inside[i] else 1.0: side * beyond(x), float(w[i - 1]), float(w[i + 1])
+        )
+        edges += [(float(w[i - 1]), x), (x, float(w[i + 1]))] if value < 0 else []
+    for low, high in edges:
+        largest = max(largest, abs(loop.response_at(_root(beyond, low, high))))
+    peak = np.concatenate([[False], (sizes[1:-1] >= sizes[:-2]) & (sizes[1:-1] >= sizes[2:]), [False]]) & inside
+    for i in np.flatnonzero(peak & (sizes > largest * (1 - APART))).tolist():
+        largest = max(largest, -least_of(smallness, float(w[i - 1]), float(w[i + 1]))[1])
+    return largest
+
+
+def least_of(f: Callable[[float], float], low: float, high: float) -> tuple[float, float]:
+    """Where a function of a frequency is least between two of them, and how small."""
+    best = scipy.optimize.minimize_scalar(f, bounds=(low, high), method="bounded", options={"xatol": WIDTH * high})
+    return float(best.x), float(best.fun)
+
+
+def _turned_back(
+    loop: DelayedLoop, w: np.ndarray, g: np.ndarray, sign: np.ndarray
+) -> list[tuple[float, float, float, int]]:
+    """Frequencies before, on and behind a piece beyond the negative real axis that lies between grid points, and the
+    sign of the imaginary part around it."""
+    phase = np.abs(np.angle(-g))
+    rows = []
+    for i in turns(phase, sign, CLOSE):
+        side = int(sign[i])
+
+        def imaginary(x: float, side: int = side) -> float:
+            value = loop.response_at(x)
+            return side * value.imag / max(abs(value), 1e-300)
+
+        x, value = least_of(imaginary, float(w[i - 1]), float(w[i + 1]))
+        if value < 0:
+            rows.append((float(w[i - 1]), x, float(w[i + 1]), side))
+    return rows
+
+
+def turns(distance: np.ndarray, side: np.ndarray, near: float) -> list[int]:
+    """Inner grid points that are nearest, below `near`, with both neighbours on the same side."""
+    inner = distance[1:-1]
+    least = (inner <= distance[:-2]) & (inner < distance[2:]) & (inner < near)
+    same = (side[1:-1] == side[:-2]) & (side[1:-1] == side[2:])
+    return (1 + np.flatnonzero(least & same)).tolist()
+
+
+def _root(f: Callable[[float], float], low: float, high: float) -> float:
+    before, behind = f(low), f(high)
+    if before == 0:
+        return low
+    if np.sign(before) == np.sign(behind):  # a root on the grid, up to rounding
+        return high if abs(behind) < abs(before) else low
+    return float(scipy.optimize.brentq(f, low, high, xtol=EXACT * high, rtol=4 * EXACT))
+
+
+def _static(loop: DelayedLoop, near: complex) -> float:
+    """L at frequency zero; 0 where it has no end there, for then no real pole crosses at one. near: L close by."""
+    a, early, late = loop.transition
+    la, lb, lc, ld = loop.law_matrices
+    if np.abs(np.concatenate(loop.poles) - 1).min() < WIDTH:
+        return 0.0
+    value = float(loop.plant.C @ np.linalg.solve(np.eye(len(a)) - a, early + late))
+    value *= ld + float(lc @ np.linalg.solve(np.eye(len(la)) - la, lb)) if len(la) else ld
+    return value if abs(value - near) < SAME * abs(value) else 0.0
+
+
+EXACT_GAIN = 1e-14  # relative, of a gain
 BESIDE = 1e-3  # of the first crossing: how far beside it the eigenvalues are asked at most
 LARGE = 120  # states beyond which a crossing of the response is not bisected on eigenvalues, exact as it is
 AT_REST = 1e-12  # below one: a modulus of a pole of the plant above says that it does not come to rest
@@ -73,7 +217,7 @@ def stability_ranges(loop: DelayedLoop) -> tuple[np.ndarray, list[tuple[float, f
     counts = unstable + np.concatenate([[0.0], np.cumsum(crossings[:, 2])])
     ranges: list[tuple[float, float]] = []
     for (low, high), count in zip(pairwise(edges.tolist()), counts.tolist(), strict=True):
-        if count == 0 and high > low * (1 + EXACT):
+        if count == 0 and high > low * (1 + EXACT_GAIN):
             if ranges and ranges[-1][1] == low:
                 ranges[-1] = (ranges[-1][0], high)
             else:
@@ -116,4 +260,114 @@ def _on_the_circle(loop: DelayedLoop, crossings: np.ndarray, at: int) -> float:
 
     if not beyond(gain - step) < 0 < beyond(gain + step):
         return gain  # two crossings at one gain: the response's is exact to rounding
-    return float(scipy.optimize.brentq(beyond, gain - step, gain + step, xtol=EXACT * gain, rtol=4 * EXACT))
+    return float(scipy.optimize.brentq(beyond, gain - step, gain + step, xtol=EXACT_GAIN * gain, rtol=4 * EXACT_GAIN))
+
+
+DRAWS = 1000
+MOST_SIDES = 12  # of a box: it has 2 to their power vertices
+SEARCHES = 3  # from the worst points
+SPREAD = 0.2  # of a side of the box: between the points from which searches begin
+NEAR = 1e-9  # relative, of a search
+ON_GRID = 1e-9  # of a step: a limit within rounding of a multiple of the step is that multiple
+
+
+@dataclass(frozen=True, eq=False)
+class WorstCase:
+    """gain: least limit in the box; point: where. nominal: limit at its middle. limits (n,): of the random points of
+    the box, from which no guarantee follows; the worst of all found may lie between vertices.
+    """
+
+    gain: float
+    point: dict[str, float]
+    nominal: float
+    limits: np.ndarray
+
+
+def worst_case(
+    loop_of: Callable[[Mapping[str, float]], DelayedLoop],
+    box: Mapping[str, tuple[float, float]],
+    *,
+    limit_of: Callable[[DelayedLoop], float] = lambda loop: gain_limit(loop).gain,
+    draws: int = DRAWS,
+    seed: int = 0,
+) -> WorstCase:
+    """The least gain limit over a box of parameters: all vertices, random points, and local searches from the worst.
+
+    Args:
+        loop_of: the loop with these parameters.
+        box: from and to of each, by name.
+        limit_of: gain of a loop whose least is looked for: its limit, or one that keeps margins (`margin_limit`).
+        draws: random points, uniform in the box; seed: of their draw.
+
+    It is what this has seen, not a proof. Where a point's loop is unstable at the smallest gains already, its limit is
+    0. Raises ArgumentError for an empty box, one of more than twelve sides, limits that are not finite or in the wrong
+    order, and what `loop_of` refuses.
+
+    >>> def loop_of(p):
+    ...     plant = gt.control.delayed.equivalent_plant(p["m"], 57.7, 34200.0, cycle=0.004)
+    ...     return gt.control.delayed.DelayedLoop(plant, cycle=0.004, delay=p["delay"])
+    >>> worst = gt.control.delayed.worst_case(loop_of, {"m": (2.7, 3.3), "delay": (0.05, 0.054)}, draws=50)
+    >>> round(worst.nominal, 3), round(worst.gain, 3), {name: round(x, 3) for name, x in worst.point.items()}
+    (0.243, 0.176, {'m': 2.7, 'delay': 0.054})
+    """
+    if not box or len(box) > MOST_SIDES:
+        raise ArgumentError(f"expected 1 to {MOST_SIDES} parameters; found {len(box)}", "box")
+    for name, (low, high) in box.items():
+        if not (np.isfinite(low) and np.isfinite(high) and low <= high):
+            raise ArgumentError(f"'{name}' goes from {low:g} to {high:g}; expected finite numbers, rising", "box")
+    if draws < 1:
+        raise ArgumentError(f"expected at least 1; found {draws}", "draws")
+    names, low, high = list(box), np.array([b[0] for b in box.values()]), np.array([b[1] for b in box.values()])
+
+    def limit(share: np.ndarray) -> float:
+        values = low + np.clip(share, 0.0, 1.0) * (high - low)
+        loop = loop_of(dict(zip(names, values.tolist(), strict=True)))
+        try:
+            return limit_of(loop)
+        except ArgumentError:  # no gain is small enough: what else it refuses, DelayedLoop has refused before
+            return 0.0
+
+    shares = np.random.default_rng(seed).random((draws, len(names)))
+    drawn = np.array([limit(s) for s in shares])
+    corners = np.array(list(product((0.0, 1.0), repeat=len(names))))
+    tried = np.concatenate([corners, shares])
+    limits = np.concatenate([[limit(s) for s in corners], drawn])
+    order = np.argsort(limits, kind="stable")
+    best, at = float(limits[order[0]]), tried[order[0]]
+    for begin in tried[_apart(tried[order], order)] if best > 0 else ():
+        ended = scipy.optimize.minimize(
+            limit, begin, method="Nelder-Mead", bounds=[(0.0, 1.0)] * len(names),
+            options={"fatol": NEAR * min(best, 1e300), "xatol": 1e-6, "adaptive": len(names) > 4},
+        )  # fmt: skip
+        if float(ended.fun) < best:
+            best, at = float(ended.fun), np.clip(ended.x, 0.0, 1.0)
+    point = dict(zip(names, (low + at * (high - low)).tolist(), strict=True))
+    return WorstCase(best, point, limit(np.full(len(names), 0.5)), drawn)
+
+
+def _apart(points: np.ndarray, order: np.ndarray) -> list[int]:
+    """Which of the points, best first, searches begin from: each further from the ones before than `APART`."""
+    chosen: list[int] = []
+    for i in range(len(points)):
+        if all(np.abs(points[i] - points[j]).max() > SPREAD for j in chosen):
+            chosen.append(i)
+        if len(chosen) == SEARCHES:
+            break
+    return order[chosen].tolist()
+
+
+def recommended_gain(limit: float, step: float) -> float:
+    """The greatest multiple of `step` that is not above a gain limit; infinite where nothing limits it.
+
+    Give a limit that holds at the worst point and keeps margins, such as `worst_case(..., limit_of=...)`: below a
+    quantile of limits some of the loops are unstable. A limit of 0 says that no gain is safe. Raises ArgumentError for
+    a limit below 0 or a step that is not positive.
+
+    >>> gt.control.delayed.recommended_gain(0.0212, step=0.01)
+    0.02
+    """
+    if not limit >= 0:
+        raise ArgumentError(f"expected a number, at least 0; found {limit!r}", "limit")
+    if not (np.isfinite(step) and step > 0):
+        raise ArgumentError(f"must be a number above 0; found {step!r}", "step")
+    return float(Decimal(int(np.floor(limit / step + ON_GRID))) * Decimal(repr(step))) if np.isfinite(limit) else np.inf

@@ -9,10 +9,8 @@ import numpy as np
 import scipy
 
 from ...results import ArgumentError
-from .crossings import EXACT, largest_in_sector, least_of, size_crossings
-from .grid import APART
-from .limit import LARGE, gain_limit, stability_ranges
-from .loop import DelayedLoop
+from .limit import EXACT, LARGE, gain_limit, largest_in_sector, least_of, size_crossings, stability_ranges
+from .loop import APART, DelayedLoop
 from .options import GainMargins
 from .plants import MOST_CYCLES
 

@@ -11,19 +11,25 @@ import numpy as np
 
 from ...linear.roots import bisected
 from ...results import ArgumentError, SolveStatus, Work
-from ...results.door import study_function
 from ...results.options import Within
 from ...results.table import csv_text
-from ...results.work import Progress, never, silent
-from .limit import GainLimit, gain_limit
+from ...results.work import Progress, never, silent, study_function
+from .limit import GainLimit, WorstCase, gain_limit, recommended_gain, worst_case
 from .loop import DelayedLoop
 from .margins import loop_margins, margin_limit
 from .off_axis import limits_that_meet, off_axis_limits, plant_of_limit
-from .options import CutWhileCorrecting, FeedbackAxis, FeedbackBox, FeedbackTiming, GainMargins, OffAxisRun, SinePath
+from .options import (
+    CutWhileCorrecting,
+    DelayedFeedbackStudy,
+    FeedbackAxis,
+    FeedbackBox,
+    FeedbackTiming,
+    GainMargins,
+    OffAxisRun,
+    SinePath,
+)
 from .plants import MOST_CYCLES, CorrectedPlant, equivalent_plant
-from .result import DelayedFeedbackStudy
 from .run import DelayedRun, run_along
-from .worst_case import WorstCase, recommended_gain, worst_case
 
 TIMING, THESIS_PATH, BOX, MARGINS = FeedbackTiming(), SinePath(), FeedbackBox(), GainMargins()
 READINGS = ((0.004, False), (0.004, True), (0.012, False), (0.012, True))  # cycles of 5.3.5 and 5.3.3

@@ -24,39 +24,53 @@ from ..._lazy import public
 
 if TYPE_CHECKING:
     from .calibration import WrenchCalibration as WrenchCalibration, calibrate_wrench as calibrate_wrench
-    from .gains import SurfaceGains as SurfaceGains
-    from .guided import GuidedRun as GuidedRun, guide as guide
-    from .guiding import LeadThroughLaw as LeadThroughLaw, LeadThroughState as LeadThroughState
-    from .hand import GuidePhase as GuidePhase, Hand as Hand
+    from .gains import (
+        GuidePhase as GuidePhase,
+        Hand as Hand,
+        OscillationWatch as OscillationWatch,
+        SurfaceGains as SurfaceGains,
+        TurningGains as TurningGains,
+        TurningLaw as TurningLaw,
+        TurningState as TurningState,
+    )
     from .hand_range import (
         HandStability as HandStability,
         hand_matrix as hand_matrix,
         hand_stability as hand_stability,
     )
-    from .law import SurfaceLaw as SurfaceLaw, SurfaceState as SurfaceState
-    from .lever import LeverArm as LeverArm, lever_arm as lever_arm
-    from .limits import cone_deviations as cone_deviations, simulated_limit as simulated_limit
+    from .judgement import PassivityBook as PassivityBook, passivity_book as passivity_book
+    from .law import (
+        LeadThroughLaw as LeadThroughLaw,
+        LeadThroughState as LeadThroughState,
+        SurfaceLaw as SurfaceLaw,
+        SurfaceState as SurfaceState,
+    )
+    from .limits import (
+        GuidedRun as GuidedRun,
+        cone_deviations as cone_deviations,
+        guide as guide,
+        simulated_limit as simulated_limit,
+    )
     from .options import (
         ConeComparison as ConeComparison,
         GuideSetup as GuideSetup,
         HandRange as HandRange,
+        LeadThroughStudy as LeadThroughStudy,
         ServoChain as ServoChain,
         StiffnessRange as StiffnessRange,
         SyntheticReadings as SyntheticReadings,
+        WrenchStudy as WrenchStudy,
     )
-    from .passivity import PassivityBook as PassivityBook, passivity_book as passivity_book
-    from .result import LeadThroughStudy as LeadThroughStudy, WrenchStudy as WrenchStudy
-    from .scenes import Contact as Contact, SyntheticHole as SyntheticHole, SyntheticSurface as SyntheticSurface
-    from .sensor import MountedSensor as MountedSensor
-    from .servo import force_loop as force_loop
-    from .sign import SignTest as SignTest, sign_test as sign_test
-    from .status import WrenchStatus as WrenchStatus
+    from .scenes import (
+        Contact as Contact,
+        SyntheticHole as SyntheticHole,
+        SyntheticSensor as SyntheticSensor,
+        SyntheticSurface as SyntheticSurface,
+    )
+    from .sensor import MountedSensor as MountedSensor, SignTest as SignTest, sign_test as sign_test
     from .study import study as study
-    from .synthetic_sensor import SyntheticSensor as SyntheticSensor
-    from .tool_run import ToolRun as ToolRun, guide_tool as guide_tool
-    from .turning import TurningGains as TurningGains, TurningLaw as TurningLaw, TurningState as TurningState
-    from .watch import OscillationWatch as OscillationWatch
-    from .wrench import moment_about as moment_about
-    from .wrench_study import wrench_study as wrench_study
+    from .tool_run import ToolRun as ToolRun, force_loop as force_loop, guide_tool as guide_tool
+    from .wrench import WrenchStatus as WrenchStatus, moment_about as moment_about
+    from .wrench_study import LeverArm as LeverArm, lever_arm as lever_arm, wrench_study as wrench_study
 
 public(__name__)

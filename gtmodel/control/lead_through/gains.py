@@ -1,13 +1,17 @@
-"""Gains, thresholds and limits of lead-through along a surface or into a hole."""
+"""Gains, thresholds and limits of lead-through along a surface, into a hole and in rotation (Dressler 2012, chapter
+8), the watch on a contact that oscillates, and the operator's hand."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Literal
+
+import numpy as np
 
 from ...results import ArgumentError
 from ...results.options import Options, Unit, Within
+from .wrench import ZERO, Turn, Vector, cross, dot, forth, limited, plus
 
 
 @dataclass(frozen=True)
@@ -67,3 +71,206 @@ class SurfaceGains(Options):
             raise ArgumentError(f"must be less than enter_force, {self.enter_force:g} N", "leave_force")
         if not self.any_direction and not self.enter_force <= self.force_reference:
             raise ArgumentError(f"is above the force held, {self.force_reference:g} N", "enter_force")
+
+
+Watched = tuple[float, float, float]
+CALM: Watched = (0.0, 0.0, 1.0)
+
+
+@dataclass(frozen=True)
+class OscillationWatch(Options):
+    """Reduces the gain of the force control while the tool force oscillates.
+
+    The energy of the force above `corner` over a sliding window, with weights that fade with its age: above the square
+    of `level` the gain falls, without contact it recovers. With a level of 0 nothing is watched.
+
+    >>> watch = gt.control.lead_through.OscillationWatch(level=0.5)
+    >>> seen = (0.0, 0.0, 1.0)
+    >>> for k in range(250):  # 2 N and an oscillation of 1 N at 62.5 Hz
+    ...     seen = watch.step(seen, 2.0 + (0.0, 1.0, 0.0, -1.0)[k % 4], True, 0.004)
+    >>> bool(seen[2] < 0.1)  # share of the gain that is left
+    True
+    """
+
+    level: Annotated[float, Unit("N"), Within(least=0.0), "root mean square above it is oscillation; 0: off"] = 0.0
+    corner: Annotated[float, Unit("Hz"), Within(above=0.0), "slower changes of the force do not count"] = 5.0
+    window: Annotated[float, Unit("s"), Within(above=0.0), "time constant of the sliding window"] = 0.3
+    fall: Annotated[float, Unit("s"), Within(above=0.0), "time constant at which the gain falls"] = 0.2
+    recovery: Annotated[float, Unit("s"), Within(above=0.0), "time constant at which it recovers, free of contact"] = (
+        5.0
+    )
+    least_share: Annotated[float, Within(above=0.0, most=1.0), "of the gain that stays"] = 0.02
+
+    def step(self, seen: Watched, force: float, contact: bool, cycle: float) -> Watched:
+        """Slow part of the force [N], energy [N2] and share of the gain, a cycle [s] on."""
+        if self.level == 0.0:
+            return seen
+        slow, energy, share = seen
+        constant = 1.0 / (2.0 * math.pi * self.corner)
+        slow = slow + cycle / (constant + cycle) * (force - slow)
+        fast = force - slow
+        energy = energy + cycle / (self.window + cycle) * (fast * fast - energy)
+        if energy > self.level * self.level:
+            share = max(share - cycle / (self.fall + cycle) * share, self.least_share)
+        elif not contact:
+            share = share + cycle / (self.recovery + cycle) * (1.0 - share)
+        return slow, energy, share
+
+
+@dataclass(frozen=True)
+class TurningGains(Options):
+    """Gains and limits of the rotation; the thesis prints none of them: the defaults are ours, examples.
+
+    >>> gt.control.lead_through.TurningGains(torque_gain=2.0, about_axis="lock").about_axis
+    'lock'
+    """
+
+    by_handle: Annotated[bool, "the handle's torque turns the tool, free of contact"] = False
+    inertia: Annotated[float, Unit("kg.m2", key="inertia_kgm2"), Within(above=0.0), "felt at the handle"] = 0.05
+    damping: Annotated[
+        float, Unit("N.m.s/rad", key="damping_Nms_rad"), Within(above=0.0), "steady rate is torque / damping"
+    ] = 1.0
+    torque_gain: Annotated[
+        float,
+        Unit("rad/s/(N.m)", key="torque_gain_rad_s_Nm"),
+        Within(least=0.0),
+        "K of (8.4) for torques: turns the tool to none, in contact",
+    ] = 0.0
+    about_axis: Annotated[
+        Literal["free", "lock", "hold", "guide"],
+        "rotation about the peg's axis, in contact: as the tool's torque says, as printed; none; back to the angle at "
+        "which contact began; by the handle's torque",
+    ] = "free"
+    hold_gain: Annotated[float, Unit("1/s"), Within(above=0.0), "of `hold`"] = 5.0
+    rate_limit: Annotated[float, Unit("rad/s"), Within(above=0.0), "of what the handle commands"] = 1.0
+    torque_rate_limit: Annotated[float, Unit("rad/s"), Within(above=0.0), "of the torque control"] = 0.2
+    acceleration_limit: Annotated[float, Unit("rad/s2"), Within(above=0.0), "of the command"] = 20.0
+    torque_range: Annotated[float, Unit("N.m"), Within(above=0.0), "a component that reaches it is saturated"] = 10.0
+
+
+@dataclass(frozen=True)
+class TurningState:
+    """What a cycle ends with: rate (3,) [rad/s] is the command to the robot, in the world frame.
+
+    guided: (3,) [rad/s] for the next cycle. across: (3,) where the direction across the axis pointed when contact
+    began. about: commanded turn about the axis in contact [rad], over all contacts.
+    """
+
+    rate: Vector = ZERO
+    guided: Vector = ZERO
+    across: Vector = ZERO
+    about: float = 0.0
+
+
+@dataclass(frozen=True)
+class TurningLaw:
+    """The rotation of a cycle: mass-damper by the handle, torque control by the tool, and what holds about the axis.
+
+        P_h: free of contact all of w_h where `by_handle`, else nothing; with `guide` in contact its part about the axis
+        w  = P_h(w_h) + K t, without the part about the axis unless `free`; (8.11), torque reference zero
+        w_h' = P_h(w_h) + cycle / inertia (t_h - damping w)      (8.7), with its back-calculation
+
+    axis, across: (3,) of length 1 and across each other, in the tool's frame: of the peg, and one that shows its angle.
+
+    >>> law = gt.control.lead_through.TurningLaw(gt.control.lead_through.TurningGains(torque_gain=2.0))
+    >>> upright = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    >>> nothing = 0.0, 0.0, 0.0
+    >>> state = law.step(law.start(), True, nothing, (0.0, 0.01, 0.0), upright, True, 0.004)
+    >>> state.rate  # [rad/s]: it follows the torque on the tool
+    (0.0, 0.02, 0.0)
+    """
+
+    gains: TurningGains = TurningGains()
+    axis: Vector = (0.0, 0.0, 1.0)
+    across: Vector = (1.0, 0.0, 0.0)
+
+    def start(self) -> TurningState:
+        """At rest."""
+        return TurningState()
+
+    def step(
+        self, state: TurningState, contact: bool, handle: Vector, tool: Vector, turn: Turn, began: bool, cycle: float
+    ) -> TurningState:
+        """The state after a cycle [s] with torques [N m] about the tool centre point, in the world frame.
+
+        turn: rows of the rotation matrix whose columns are the tool's axes. began: contact began in this cycle.
+        """
+        p = self.gains
+        axis, across = forth(turn, self.axis), forth(turn, self.across)
+        reference = across if began else state.across
+        projected, aligned = ZERO, ZERO
+        if contact:
+            aligned = plus(ZERO, p.torque_gain, tool)
+            if p.about_axis != "free":
+                aligned = plus(aligned, -dot(axis, aligned), axis)
+            aligned = limited(aligned, p.torque_rate_limit)
+            if p.about_axis == "hold":
+                back = p.hold_gain * dot(axis, cross(across, reference))
+                aligned = plus(aligned, min(max(back, -p.torque_rate_limit), p.torque_rate_limit), axis)
+            if p.about_axis == "guide":
+                projected = plus(ZERO, dot(axis, state.guided), axis)
+        elif p.by_handle:
+            projected = state.guided
+        projected = limited(projected, p.rate_limit)
+        wanted = plus(projected, 1.0, aligned)
+        change = limited(plus(wanted, -1.0, state.rate), p.acceleration_limit * cycle)
+        rate = plus(state.rate, 1.0, change)
+        net = plus(handle, -p.damping, rate)
+        guided = plus(projected, cycle / p.inertia, net)
+        about = state.about + cycle * dot(axis, rate) if contact else state.about
+        return TurningState(rate, guided, reference, about)
+
+    def stop(self, state: TurningState, cycle: float) -> TurningState:
+        """The state after a cycle that brakes within acceleration_limit."""
+        change = limited(plus(ZERO, -1.0, state.rate), self.gains.acceleration_limit * cycle)
+        return TurningState(plus(state.rate, 1.0, change), ZERO, state.across, state.about)
+
+
+Three = tuple[float, float, float]
+ZEROS: Three = (0.0, 0.0, 0.0)
+LONGEST = 200_000  # cycles
+
+
+@dataclass(frozen=True)
+class GuidePhase(Options):
+    """What the hand does for a while: a force and a torque at the handle, and, where it has an impedance, a velocity
+    that it wants; in the world frame.
+
+    >>> gt.control.lead_through.GuidePhase(2.0, force=(5.0, 0.0, -3.0)).duration
+    2.0
+    """
+
+    duration: Annotated[float, Unit("s"), Within(above=0.0), "of the phase"]
+    force: Annotated[Three, Unit("N"), Within(), "of the hand on the handle"] = ZEROS
+    moment: Annotated[Three, Unit("N.m"), Within(), "of the hand on the handle, about the grip"] = ZEROS
+    velocity: Annotated[Three, Unit("m/s"), Within(), "of the hand that has an impedance, as it wants it"] = ZEROS
+
+
+@dataclass(frozen=True)
+class Hand(Options):
+    """A hand that resists: mass, damping and stiffness between the handle and where the hand wants to be.
+
+    >>> gt.control.lead_through.Hand(stiffness=300.0).damping
+    10.0
+    """
+
+    mass: Annotated[float, Unit("kg"), Within(least=0.0), "that moves with the handle"] = 0.5
+    damping: Annotated[float, Unit("N.s/m", key="damping_Ns_m"), Within(least=0.0), "towards the wanted velocity"] = (
+        10.0
+    )
+    stiffness: Annotated[float, Unit("N/m"), Within(least=0.0), "towards the wanted position"] = 200.0
+
+    def force(self, off: np.ndarray, relative: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
+        """(3,) [N] on the handle: wanted less true position and velocity, (3,) each, and its acceleration."""
+        return self.stiffness * off + self.damping * relative - self.mass * acceleration
+
+
+def rows_of_phases(phases: list[GuidePhase], cycle: float) -> np.ndarray:
+    """Force, moment and wanted velocity, (cycles, 3, 3). Raises ArgumentError for none and for too many cycles."""
+    if not phases:
+        raise ArgumentError("expected one or more phases", "phases")
+    counts = [max(round(p.duration / cycle), 1) for p in phases]
+    if sum(counts) > LONGEST:
+        raise ArgumentError(f"last {sum(counts)} cycles together; at most {LONGEST} are run", "phases")
+    wanted = np.array([[p.force, p.moment, p.velocity] for p in phases])
+    return np.repeat(wanted, counts, axis=0)

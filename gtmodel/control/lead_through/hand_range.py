@@ -11,11 +11,9 @@ import scipy
 
 from ...linear.roots import bisected
 from ...linear.state_space import continuous_poles, frequency_and_damping
-from .gains import SurfaceGains
-from .hand import Hand
+from .gains import Hand, SurfaceGains, TurningGains
 from .options import HANDS_BY, HandRange, ServoChain
-from .servo import force_loop
-from .turning import TurningGains
+from .tool_run import force_loop
 
 SEARCHES = 3  # from the worst points
 STIFFEST = 1e6  # [N/m], of a hand that is looked for

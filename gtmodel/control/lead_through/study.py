@@ -1,4 +1,5 @@
-"""Guiding a tool by hand as a study: sensors calibrated, gains within their limits, a run, its forces and energy."""
+"""Guiding a tool by hand as a study: sensors calibrated and tested before the start, gains within their limits, a
+run, and what it shows."""
 
 from __future__ import annotations
 
@@ -7,35 +8,52 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import scipy
 
 from ..._lazy import hint
 from ...geometry.rotations import rotation_by
 from ...results import ArgumentError, Check, SolveStatus, Work, at_least, at_most
-from ...results.door import study_function
 from ...results.table import csv_text
-from ...results.work import Progress, never, silent
+from ...results.work import Progress, never, silent, study_function
 from ..delayed import gain_limit
-from .before_the_start import calibrated
-from .gains import SurfaceGains
-from .guiding import LeadThroughLaw
-from .hand import GuidePhase, Hand
+from .calibration import WrenchCalibration, calibrate_wrench
+from .gains import GuidePhase, Hand, OscillationWatch, SurfaceGains, TurningGains, TurningLaw
 from .hand_range import HandStability, hand_stability
-from .judged import TOO_MUCH, aligned, at_the_handle, forces, peg_stiffness
-from .law import SurfaceLaw
+from .judgement import TOO_MUCH, aligned, at_the_handle, forces, peg_stiffness
+from .law import LeadThroughLaw, SurfaceLaw
 from .limits import cone_deviations, simulated_limit
-from .options import ConeComparison, GuideSetup, HandRange, ServoChain, StiffnessRange
-from .result import LeadThroughStudy
-from .scenes import SyntheticHole, SyntheticSurface
-from .servo import force_loop
-from .synthetic_sensor import SyntheticSensor
-from .tool_run import ToolRun, guide_tool
-from .turning import TurningGains, TurningLaw
-from .watch import OscillationWatch
+from .options import ConeComparison, GuideSetup, HandRange, LeadThroughStudy, ServoChain, StiffnessRange
+from .scenes import SyntheticHole, SyntheticSensor, SyntheticSurface
+from .sensor import MountedSensor, SignTest, sign_test
+from .tool_run import ToolRun, force_loop, guide_tool
 
 if TYPE_CHECKING:
-    from .passivity import PassivityBook
+    from .judgement import PassivityBook
 else:
     PassivityBook = hint("gtmodel.control.lead_through", "PassivityBook")
+
+AT_REST = 50  # readings before the start
+
+
+def calibrated(
+    sensor: SyntheticSensor, poses: int, readings: int, turn: np.ndarray, rng: np.random.Generator
+) -> tuple[WrenchCalibration, MountedSensor, SignTest]:
+    """Calibrated on random poses while its sign was right, as the law knows it; then its sign is tested.
+
+    In each pose the mean of so many readings counts. turn (3, 3): of the tool before the start.
+    """
+    fewer = 1 / np.sqrt(readings)
+    right = replace(
+        sensor, sign=1.0, force_noise=fewer * sensor.force_noise, moment_noise=fewer * sensor.moment_noise
+    )  # fmt: skip
+    turns = scipy.spatial.transform.Rotation.random(poses, rng=rng).as_matrix()
+    noise = max(right.force_noise, 1e-6), max(right.moment_noise, 1e-8)
+    known = calibrate_wrench(turns, *right.readings_at_rest(turns, rng), sigma_force=noise[0], sigma_moment=noise[1])
+    now = turn @ sensor.matrix
+    forces = sensor.readings_at_rest(np.tile(now, (AT_REST, 1, 1)), rng)[0]
+    test = sign_test(known, now, forces, sigma=max(sensor.force_noise, 1e-6))
+    return known, MountedSensor.calibrated(known, sensor.matrix, sensor.point), test
+
 
 SO_FAR = "stopped before the end: this is what was found so far"
 AGREES = 0.05  # relative: limits by eigenvalues and by runs
@@ -310,7 +328,7 @@ def _figures(
 
     def force() -> Any:
         from ...plot.lead_through import force_figure
-        from .judged import along_normal
+        from .judgement import along_normal
 
         assert isinstance(contact, SyntheticSurface)
         return force_figure(
@@ -330,7 +348,7 @@ def _figures(
 
     def peg() -> Any:
         from ...plot.lead_through import peg_figure
-        from .judged import misaligned
+        from .judgement import misaligned
 
         assert isinstance(contact, SyntheticHole)
         return peg_figure(run.time, run.moment, misaligned(run, contact), run.about, title=title)

@@ -1,13 +1,110 @@
-"""Wrenches in other frames and about other points, and the checks that rows of wrenches and poses pass."""
+"""Wrenches in other frames and about other points, in plain numbers with sums in the order x, y, z, and what a
+wrench is good for."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ...results import ArgumentError
+from ...results.status import NumberedStatus
+
+
+class WrenchStatus(NumberedStatus):
+    """Whether a force sensor's wrench may be used; OK is 0, all others say why not.
+
+    `message` is the plain English shown to people; `ok` is True for OK only.
+
+    >>> gt.control.lead_through.WrenchStatus.NO_FORCE.message
+    'the force is not larger than its noise or the declared least force: it has no direction'
+    """
+
+    OK = 0, "the wrench can be used"
+    NO_FORCE = 1, "the force is not larger than its noise or the declared least force: it has no direction"
+    ONE_DIRECTION = 2, "all forces have nearly one direction: where they act along it is undetermined"
+    WRONG_SIGN = 3, "the sensor reports the force by the tool, or its axes or gravity are turned over"
+    NOT_FINITE = 4, "a number of the wrench or its age is not finite"
+    SATURATED = 5, "a component of the wrench reaches the end of its range"
+    STALE = 6, "the wrench is older than the law allows"
+    SENSOR_FAULT = 7, "the sensor itself reports a fault"
+    NO_ROTATION = 8, "the orientation of the tool is no rotation matrix"
+    WRONG_LOAD = 9, "at rest the sensor does not read the weight of its calibration: another load, sensor or frame"
+    DOUBTFUL = 10, "the readings do not follow bias and weight: look at the alarms, which say how"
+
+
+Vector = tuple[float, float, float]
+Turn = tuple[Vector, Vector, Vector]  # rotation matrix, its rows
+ZERO: Vector = (0.0, 0.0, 0.0)
+IDENTITY: Turn = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+UNIT_LENGTH = 1e-9  # of directions that are declared
+
+
+def dot(a: Vector, b: Vector) -> float:
+    """a . b."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def length(a: Vector) -> float:
+    """|a|."""
+    return math.sqrt(dot(a, a))
+
+
+def plus(a: Vector, by: float, b: Vector) -> Vector:
+    """a + by b."""
+    return (a[0] + by * b[0], a[1] + by * b[1], a[2] + by * b[2])
+
+
+def cross(a: Vector, b: Vector) -> Vector:
+    """a x b."""
+    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+
+
+def limited(a: Vector, most: float) -> Vector:
+    """a, shortened to the length `most` where it is longer."""
+    size = length(a)
+    if size <= most:
+        return a
+    by = most / size
+    return (by * a[0], by * a[1], by * a[2])
+
+
+def forth(turn: Turn, a: Vector) -> Vector:
+    """R a."""
+    return (dot(turn[0], a), dot(turn[1], a), dot(turn[2], a))
+
+
+def back(turn: Turn, a: Vector) -> Vector:
+    """R' a."""
+    return (
+        turn[0][0] * a[0] + turn[1][0] * a[1] + turn[2][0] * a[2],
+        turn[0][1] * a[0] + turn[1][1] * a[1] + turn[2][1] * a[2],
+        turn[0][2] * a[0] + turn[1][2] * a[1] + turn[2][2] * a[2],
+    )
+
+
+def is_turn(turn: Turn, within: float) -> bool:
+    """Whether these are the rows of a rotation matrix: R R' = I within a tolerance, det R > 0."""
+    x, y, z = turn
+    for row in (x, y, z):
+        if not abs(dot(row, row) - 1.0) <= within:
+            return False
+    if not (abs(dot(x, y)) <= within and abs(dot(y, z)) <= within and abs(dot(z, x)) <= within):
+        return False
+    return dot(cross(x, y), z) > 0.0
+
+
+def is_direction(a: Vector) -> bool:
+    """Whether these are three numbers of length 1."""
+    return len(a) == 3 and abs(length(a) - 1.0) <= UNIT_LENGTH
+
+
+def whole(*vectors: Vector) -> bool:
+    """Whether all numbers are finite."""
+    return all(math.isfinite(x) for a in vectors for x in a)
+
 
 ORTHONORMAL = 1e-6  # of R'R - I: poses come with six and more digits
 

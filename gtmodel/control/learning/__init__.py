@@ -27,29 +27,25 @@ from ..._lazy import public
 
 if TYPE_CHECKING:
     from .axis import AxisPlant as AxisPlant, flexible_axis as flexible_axis, tool_model as tool_model
-    from .contraction import (
-        Peak as Peak,
-        frequencies as frequencies,
-        frequency_bound as frequency_bound,
-        largest_gain as largest_gain,
-        spectral_radius as spectral_radius,
-    )
     from .course import (
         Course as Course,
         Floor as Floor,
         Rate as Rate,
+        RepeatedMotion as RepeatedMotion,
+        SyntheticExperiment as SyntheticExperiment,
         above_cutoff as above_cutoff,
         floor as floor,
         learn as learn,
         rate as rate,
     )
     from .design import (
+        AxisLearning as AxisLearning,
         RobustFilter as RobustFilter,
         best_shift as best_shift,
+        design_axis as design_axis,
         rests_of as rests_of,
         robust_filter as robust_filter,
     )
-    from .designed import AxisLearning as AxisLearning, design_axis as design_axis
     from .estimators import (
         ToolEstimate as ToolEstimate,
         complementary_estimate as complementary_estimate,
@@ -57,15 +53,18 @@ if TYPE_CHECKING:
         kinematic as kinematic,
         measured as measured,
     )
-    from .experiment import RepeatedMotion as RepeatedMotion, SyntheticExperiment as SyntheticExperiment
-    from .from_log import identified_robot as identified_robot
     from .identified import begin as begin, identified_axis as identified_axis, identified_tool as identified_tool
     from .kalman import ExtendedKalman as ExtendedKalman, most_likely_filter as most_likely_filter
     from .law import (
         LearningLaw as LearningLaw,
+        Peak as Peak,
+        frequencies as frequencies,
+        frequency_bound as frequency_bound,
         input_window as input_window,
+        largest_gain as largest_gain,
         ramp_weights as ramp_weights,
         simple_law as simple_law,
+        spectral_radius as spectral_radius,
     )
     from .lifted import (
         Lifted as Lifted,
@@ -79,8 +78,6 @@ if TYPE_CHECKING:
         weighted as weighted,
         zero_phase as zero_phase,
     )
-    from .mismatch import MismatchStudy as MismatchStudy, mismatch as mismatch
-    from .modelled import ModelledRobot as ModelledRobot, lag_robot as lag_robot, linear_axis as linear_axis
     from .next_run import next_input as next_input
     from .norm_optimal import (
         bounded_limit as bounded_limit,
@@ -94,6 +91,8 @@ if TYPE_CHECKING:
         LearningDesign as LearningDesign,
         LearningNoise as LearningNoise,
         LearningRobot as LearningRobot,
+        LearningStudy as LearningStudy,
+        NextInputStudy as NextInputStudy,
     )
     from .plants import (
         ACTUATOR_DELAY as ACTUATOR_DELAY,
@@ -104,8 +103,13 @@ if TYPE_CHECKING:
         stable as stable,
     )
     from .references import SquarePath as SquarePath
-    from .result import LearningStudy as LearningStudy, NextInputStudy as NextInputStudy
+    from .robot import (
+        ModelledRobot as ModelledRobot,
+        identified_robot as identified_robot,
+        lag_robot as lag_robot,
+        linear_axis as linear_axis,
+    )
     from .simulated import SimulatedMotion as SimulatedMotion
-    from .study import study as study
+    from .study import MismatchStudy as MismatchStudy, mismatch as mismatch, study as study
 
 public(__name__)

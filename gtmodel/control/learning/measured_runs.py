@@ -8,8 +8,8 @@ import numpy as np
 
 from ...inference.chance import f_test
 from ...results import ArgumentError, Trajectory
-from .given import JUDGED
 from .lifted import Array
+from .references import JUDGED
 
 EVEN = 0.01  # of a period
 ENDS = 5  # samples in which a motion from rest to rest does not move

@@ -9,21 +9,18 @@ from typing import Annotated
 import numpy as np
 
 from ...results import Check, SolveStatus, Trajectory, Within, Work, at_most
-from ...results.door import study_function
-from ...results.made_files import MadeFiles
+from ...results.disk import MadeFiles
 from ...results.suspicion import Suspicion, suspicion_checks
-from ...results.work import Progress, never, silent
+from ...results.work import Progress, never, silent, study_function
 from .course import Floor
-from .designed import AxisLearning, design_axis
+from .design import AxisLearning, design_axis
 from .identified import accelerometer
 from .law import RAMP
 from .lifted import Array
 from .measured_runs import check_repeats, check_run, columns, drift, moves_outside, signals_of
-from .modelled import ModelledRobot
-from .options import LearningDesign, LearningRobot
-from .result import NextInputStudy
-from .study import CASE_1, filter_picture, input_csv
-from .words import micrometres
+from .options import LearningDesign, LearningRobot, NextInputStudy
+from .robot import ModelledRobot
+from .study import CASE_1, filter_picture, input_csv, micrometres
 
 AT_THE_FLOOR = 1.2  # times the floor: what is predicted is within 20 % of what is reached
 SCATTERS = 3.0  # times the error of a run: repeats that differ by more are not of one motion

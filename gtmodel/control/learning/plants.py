@@ -9,7 +9,7 @@ import numpy as np
 from ..._lazy import hint
 from ...linear.response import Transfer
 from ...results import ArgumentError
-from .given import ACTUATOR_DELAY as ACTUATOR_DELAY, ACTUATORS as ACTUATORS, SAMPLE_TIME as SAMPLE_TIME
+from .references import ACTUATOR_DELAY as ACTUATOR_DELAY, ACTUATORS as ACTUATORS, SAMPLE_TIME as SAMPLE_TIME
 
 if TYPE_CHECKING:
     from control import StateSpace, TransferFunction

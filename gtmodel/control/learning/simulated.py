@@ -11,9 +11,8 @@ from gtmodel import lang as gt
 from ...results import ArgumentError, Status, Trajectory
 from ..feedforward import ComputedTorque
 from ..sampled_loop import law_function, sampled_loop
-from .given import SAMPLE_TIME
 from .options import AXES, ElasticTip, LearningNoise
-from .references import SquarePath
+from .references import SAMPLE_TIME, SquarePath
 
 GRAVITY = 9.81  # m/s2
 TOLERANCE = 1e-6  # of the integrator

@@ -1,27 +1,202 @@
-"""The learning study: rate and floor before the first iteration, then the runs beside them."""
+"""The learning study: rate and floor before the first iteration, the runs beside them, what a wrong model costs, and
+what it all says in words."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
-from ...results import ArgumentError, Check, SolveStatus, Trajectory, Work, at_most
-from ...results.door import study_function
-from ...results.made_files import MadeFiles
+from ...results import ArgumentError, Check, Quantity, Row, SolveStatus, Study, Trajectory, Work, at_most
+from ...results.disk import MadeFiles
 from ...results.refusal import naming
-from ...results.work import Progress, never, silent
-from .course import Floor, above_cutoff
-from .designed import AxisLearning, design_axis
-from .experiment import RepeatedMotion, SyntheticExperiment
+from ...results.work import Progress, never, silent, study_function
+from .axis import tool_model
+from .course import Floor, RepeatedMotion, SyntheticExperiment, above_cutoff
+from .design import AxisLearning, design_axis
+from .estimators import ToolEstimate, complementary_estimate, kalman_estimate, kinematic
+from .kalman import most_likely_filter
+from .law import RAMP
 from .lifted import Array
-from .modelled import ModelledRobot
-from .options import LearningDesign, LearningNoise, LearningRobot
+from .measured_runs import check_judged
+from .options import LearningDesign, LearningNoise, LearningRobot, LearningStudy
+from .plants import SAMPLE_TIME
 from .references import SquarePath
-from .result import LearningStudy
-from .words import notes, sentence
+from .robot import ModelledRobot
+
+SLOWLY = 1.5  # times the floor: beyond, more runs would help
+SHARE = 0.05  # of the energy on either side of the band in which a signal lies
+SLOWEST = 0.5  # Hz: what lies below is no matter of a Q that is 1 at rest
+PASSES = 0.995  # of |Q|: where it lets this much through, Q is not why an error stays
+APART = 0.01  # of sigma above the bound over frequency: the run's ends are then what is slow
+
+
+def sentence(
+    axes: Sequence[AxisLearning], floors: Sequence[Floor], design: LearningDesign, names: Sequence[str],
+    corrected: slice,
+) -> str:  # fmt: skip
+    """Rate and floor in words, of the slowest axis and of the one of which most stays."""
+    slow = max(axes, key=lambda a: a.bound.value)
+    k = int(np.argmax([f.share for f in floors]))
+    monotone = all(a.rate.monotone for a in axes)
+    sigma = max(a.rate.sigma for a in axes)
+    rate = f"{slow.bound.value:.2f} per iteration at {slow.bound.frequency:.0f} Hz"
+    if monotone and sigma > slow.bound.value + APART:
+        rate = f"{sigma:.2f} per iteration"
+    return (
+        f"{'converges' if monotone else 'converges in the end'}, rate {rate}; {100 * floors[k].share:.2g} % of the "
+        f"error of {names[k]} cannot be learned: {why(axes[k], floors[k], design, corrected)}"
+    )
+
+
+def why(axis: AxisLearning, left: Floor, design: LearningDesign, corrected: slice) -> str:
+    """What keeps the error that is not learned."""
+    if left.clipped:
+        return "the bounds on the input keep it"
+    if design.law == "norm_optimal":
+        return "the weight of the effort keeps it"
+    low, high = band(left.rest[corrected], axis.sample_time)
+    energy = np.abs(np.fft.rfft(left.rest[corrected])) ** 2
+    f = np.fft.rfftfreq(len(left.rest[corrected]), axis.sample_time)
+    passed = np.interp(f, axis.frequency, np.abs(axis.response))
+    if low < SLOWEST or (energy.sum() > 0 and float(energy @ passed / energy.sum()) > PASSES):
+        return "it belongs to the lead-in and the lead-out, where the windows hold the input back"
+    if design.case == "1":
+        return f"the reference holds it above {low:.2g} Hz, where Q with its low pass at {design.low_pass:g} Hz falls"
+    return f"it lies between {low:.2g} and {high:.2g} Hz, where Q lets less than all of it through"
+
+
+def band(signal: Array, sample_time: float) -> tuple[float, float]:
+    """Frequencies [Hz] between which nine tenths of the energy of a signal (N,) lie."""
+    energy = np.abs(np.fft.rfft(signal)) ** 2
+    f = np.fft.rfftfreq(len(signal), sample_time)
+    below = np.cumsum(energy)
+    if not below[-1] > 0:
+        return 0.0, float(f[-1])
+    low, high = np.searchsorted(below / below[-1], [SHARE, 1 - SHARE])
+    return float(f[low]), float(f[min(high, len(f) - 1)])
+
+
+def notes(
+    design: LearningDesign, axes: Sequence[AxisLearning], floors: Sequence[Floor], errors: Array, names: Sequence[str]
+) -> tuple[str, ...]:
+    """Of errors (runs, axes): what is slow, what scatters, what an estimate hides."""
+    made = []
+    for name, axis, left, course in zip(names, axes, floors, errors.T, strict=True):
+        if not axis.rate.monotone:
+            made.append(f"{name}: {axis.rate.words}")
+        if len(course) and 0 < SLOWLY * left.total < course[-1]:
+            runs = int(np.ceil(np.log(left.total / course[-1]) / np.log(min(axis.bound.value, 0.999))))
+            made.append(
+                f"{name}: after {len(course) - 1} iterations {100 * course[-1] / course[0]:.2g} % of the error is left "
+                f"where {100 * left.total / left.before:.2g} % would be possible: at {axis.bound.value:.2f} per "
+                f"iteration near {axis.bound.frequency:.3g} Hz that takes some {runs} more, for there the loop passes "
+                "too little of the input"
+            )
+        if left.scatter > left.repeating:
+            made.append(f"{name}: most of the floor is what differs from run to run; more iterations do not help")
+    if design.case in ("2A", "2B"):
+        made.append("what the estimate gets wrong is learned into the tool: its error may stay above that shown")
+    return tuple(made)
+
+
+def micrometres(value: float) -> str:
+    """A length [m] as people read it: four digits, no powers of ten."""
+    um = 1e6 * value
+    return f"{um:.0f} um" if um >= 1000 else f"{um:.3g} um"
+
+
+OFF = (-0.2, -0.1, -0.06, -0.03, -0.01, 0.0, 0.01, 0.03, 0.06, 0.1, 0.2)  # of the tool's frequency
+SLOW_CUTOFF = 2.63  # Hz, Dressler 2012, (7.18)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class MismatchStudy(Study):
+    """Errors of estimates of the tool, root mean squares over the fully corrected samples of one run."""
+
+    off: Annotated[Sequence[float], "share by which the model's frequency differs from the tool's"] = ()
+    kalman: Annotated[Sequence[float], Quantity("m", "error of the Kalman filter at each of these", written="um")] = ()
+    normalised: Annotated[Sequence[float], "mean square of its innovations over what it expects, 1 where right"] = ()
+    kinematics: Annotated[float, Quantity("m", "error of the motors alone", written="um")] = 0.0
+    complementary: Annotated[float, Quantity("m", "error of the complementary filter", written="um")] = 0.0
+
+    @property
+    def rows(self) -> list[Row]:
+        """The table for people."""
+        rows = [Row("motors alone", f"{1e6 * self.kinematics:.4g}", "um")]
+        rows.append(Row("complementary filter", f"{1e6 * self.complementary:.4g}", "um"))
+        return rows + [
+            Row(f"Kalman filter, model {100 * d:+.0f} %", f"{1e6 * e:.4g}", "um")
+            for d, e in zip(self.off, self.kalman, strict=True)
+        ]
+
+
+@study_function
+def mismatch(
+    run: Mapping[str, Any], frequency: float, damping: float, *, off: Sequence[float] = OFF, noise: float = 0.07,
+    cutoff: float = SLOW_CUTOFF, ramp: int = RAMP, sample_time: float = SAMPLE_TIME, title: str = "",
+) -> MismatchStudy:  # fmt: skip
+    """How much an estimate of the tool errs, against how far the frequency of its model is off.
+
+    Args:
+        run: "motor" [m], "acceleration" [m/s2] and the true "tool" [m], each (N,), from rest; such as a synthetic one.
+        frequency, damping: of the tool [Hz] and [1]. off: shares of the frequency. noise: of the accelerometer [m/s2].
+        cutoff: of the complementary filter [Hz]. ramp: samples at either end that do not count.
+
+    At each the filter's process noise is what makes its innovations most likely, without a look at the tool. Raises
+    ArgumentError where signals are missing or of other lengths, and for numbers out of range.
+
+    >>> learning = gt.control.learning
+    >>> r = learning.SquarePath().samples(0.004)[:, 1]
+    >>> run = {name: T(r) for name, T in learning.flexible_axis(11.5, 0.05).maps(825).items()}
+    >>> run["acceleration"] = run["acceleration"] + 0.07 * np.random.default_rng(1).normal(size=825)
+    >>> s = learning.mismatch(run, 11.5, 0.05, off=(0.0, 0.1))
+    >>> s.kalman[0] < s.kalman[1] < s.complementary < s.kinematics
+    True
+    """
+    missing = [name for name in ("motor", "acceleration", "tool") if name not in run]
+    if missing:
+        raise ArgumentError(f"has no {', '.join(missing)}; the errors are those of all three", "run")
+    signals = {name: np.asarray(run[name], float) for name in ("motor", "acceleration", "tool")}
+    size = len(signals["motor"])
+    if any(x.shape != (size,) or not np.all(np.isfinite(x)) for x in signals.values()):
+        raise ArgumentError("expected signals of one length, all of them finite", "run")
+    check_judged(size, ramp, "run")
+    if any(not d > -1 for d in off) or not len(off):
+        raise ArgumentError("expected one share or more above -1", "off")
+    corrected = slice(ramp, size - ramp)
+
+    def error(estimate: ToolEstimate) -> float:
+        return float(np.sqrt(np.mean((estimate(signals) - signals["tool"])[corrected] ** 2)))
+
+    kalman, normalised = [], []
+    for share in off:
+        model = tool_model(frequency * (1 + share), damping, sample_time)
+        filter = most_likely_filter(model, signals["motor"], signals["acceleration"], noise)
+        kalman.append(error(kalman_estimate(size, filter)))
+        normalised.append(float(np.mean(filter.innovations(signals["motor"], signals["acceleration"]) ** 2)))
+    alone = error(kinematic(size))
+    both = error(complementary_estimate(size, cutoff, sample_time))
+    best = int(np.argmin(kalman))
+    shown = title or "error of the estimate against mismatch of the model"
+    return MismatchStudy(
+        status=SolveStatus.SOLVED, title=shown,
+        message=f"the Kalman filter errs by {micrometres(kalman[best])} where its model is off by "
+        f"{100 * off[best]:+.0f} %, and by {micrometres(max(kalman))} at worst; the motors "
+        f"alone by {micrometres(alone)}",
+        figures={"mismatch": partial(_mismatch, np.array(off), np.array(kalman), alone, both, shown)},
+        off=list(off), kalman=kalman, normalised=normalised, kinematics=alone, complementary=both,
+    )  # fmt: skip
+
+
+def _mismatch(off: Array, kalman: Array, alone: float, both: float, title: str) -> Any:
+    from ...plot.learning import mismatch_figure
+
+    return mismatch_figure(off, kalman, alone, both, title=title)
+
 
 LAST = 5  # runs of the mean of Table 7.2, k = 5 .. 10
 REACHED = 1.5  # times the predicted course: beyond, the model is another robot's

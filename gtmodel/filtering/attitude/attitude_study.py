@@ -12,11 +12,10 @@ from scipy.spatial.transform import Rotation
 from ...inference.chance import chi_squared_bound
 from ...measurements.inspection.columns import ColumnScan
 from ...results import ArgumentError, Check, SolveStatus, Work, at_least, at_most
-from ...results.door import study_function
+from ...results.disk import MadeFiles
 from ...results.estimate import Estimate
-from ...results.made_files import MadeFiles
 from ...results.suspicion import suspicion_checks
-from ...results.work import Interrupted, Progress, never, silent
+from ...results.work import Interrupted, Progress, never, silent, study_function
 from ..smoother import smooth
 from . import gyro_parts
 from .arrival import sampled_instants

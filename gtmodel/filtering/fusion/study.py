@@ -12,10 +12,9 @@ import numpy as np
 from ...inference.chance import chi_squared_ends
 from ...measurements.inspection.data_tests import Data, tested
 from ...results import SolveStatus, Work
-from ...results.door import study_function
 from ...results.suspicion import suspicion_checks
 from ...results.trajectory import Trajectory
-from ...results.work import Interrupted, Progress, never, silent
+from ...results.work import Interrupted, Progress, never, silent, study_function
 from ..consistency import Consistency, consistency
 from ..error_state import ErrorState
 from ..filter import Filter

@@ -12,13 +12,12 @@ import numpy as np
 
 from ...inference import FALSE_ALARM, Coverage, binomial_band, coverage, linear_fits
 from ...lang import Model
-from ...motion.links import link_ends
 from ...motion.options import Limits
+from ...motion.path_parametrization import link_ends
 from ...optimize.judgement.reached_optima import ReachedOptima
 from ...results import ArgumentError, SolveStatus, Trajectory, Work, at_most, naming
-from ...results.door import study_function
 from ...results.trajectory_files import TRAJECTORY
-from ...results.work import Progress, never, silent
+from ...results.work import Progress, never, silent, study_function
 from .basis import FourierSeries
 from .information import condition, predicted_deviations, singular_values
 from .options import ExcitationSearch, ExcitationStudy, Family, IdentificationExperiment, MonteCarloFits, RandomMotions

@@ -16,8 +16,8 @@ from ...compiler.causal import CausalFunction, flat_of
 from ...compiler.rows import map_columns
 from ...inference import negligible
 from ...motion.constraints import Constraint, MotionConstraints, guard_of
-from ...motion.links import motion_function
 from ...motion.options import Limits
+from ...motion.path_parametrization import motion_function
 from ...results import ArgumentError, naming
 from ...robots.links import links_of
 from ..regressor import Regressor

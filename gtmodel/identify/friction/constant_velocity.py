@@ -10,7 +10,7 @@ import numpy as np
 from ...measurements import Session, ZeroPhase, motion
 from ...results import ArgumentError
 from ...results.trajectory import Trajectory
-from ...results.trajectory_errors import Array, TrajectoryError
+from ...results.trajectory_checks import Array, TrajectoryError
 from .options import ACCELERATION, CUTOFF_HZ, SHORTEST
 
 

@@ -13,7 +13,7 @@ import scipy
 from ...compiler.causal import flat_of
 from ...lang import Model, ModelError
 from ...results import ArgumentError, Status, naming
-from ...results.trajectory_errors import Array
+from ...results.trajectory_checks import Array
 from .options import HeldPose
 
 Weighed = Callable[[Sequence[float]], np.ndarray]

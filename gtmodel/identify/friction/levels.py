@@ -13,7 +13,7 @@ from ...inference.make_estimate import carried
 from ...measurements.inspection.data_tests import Data, tested
 from ...results import ArgumentError, Estimate
 from ...results.suspicion import Inspection, Suspicion
-from ...results.trajectory_errors import Array
+from ...results.trajectory_checks import Array
 from ..checks import columns_compared, leaves
 from .constant_velocity import Runs
 from .gravity import PARALLEL, Gravity, MassByNorm, mass_by_norm

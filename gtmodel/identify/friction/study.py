@@ -15,9 +15,8 @@ from ...inference import FALSE_ALARM
 from ...lang import Model
 from ...measurements import Session
 from ...results import ArgumentError, Check, Row, SolveStatus, Work, at_least, at_most, naming
-from ...results.door import study_function
 from ...results.estimate import half_width
-from ...results.work import Progress, never, silent
+from ...results.work import Progress, never, silent, study_function
 from .constant_velocity import Runs, concatenate, constant_velocity_log, constant_velocity_runs
 from .gravity import Gravity, MassByNorm, gravity_pattern, mass_by_norm
 from .levels import FrictionFit, identify_friction

@@ -13,8 +13,7 @@ from gtmodel.compliance.load_tests import options as load_tests
 from gtmodel.compliance.options import Load
 from gtmodel.problem_files.base import FileSection, Source
 from gtmodel.problem_files.from_options import Made, made_from
-from gtmodel.problem_files.log_keys import FormSection
-from gtmodel.problem_files.robot_keys import RobotProblem
+from gtmodel.problem_files.keys import FormSection, RobotProblem
 
 RESULT = "gtmodel.calibrate.CalibrationStudy"
 

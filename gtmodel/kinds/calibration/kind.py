@@ -15,8 +15,7 @@ from gtmodel.compliance import MeasuredTests, StiffnessStudy, made_load_tests, r
 from gtmodel.compliance.load_tests.stiffness import fitted_rows
 from gtmodel.lang import Model
 from gtmodel.problem_files import python_models, robots
-from gtmodel.problem_files.base import Context, InputError
-from gtmodel.problem_files.call import Call
+from gtmodel.problem_files.base import Call, Context, InputError
 from gtmodel.results import ArgumentError
 
 from . import page

@@ -12,7 +12,7 @@ import numpy as np
 
 from gtmodel.calibrate import CalibrationStudy
 from gtmodel.problem_files.base import Context
-from gtmodel.results.made_files import made
+from gtmodel.results.disk import made
 from gtmodel.results.written import png, versions
 
 from .keys import Schema

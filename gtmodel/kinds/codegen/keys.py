@@ -14,7 +14,7 @@ from gtmodel.fmu.plant_unit import PlantUnit
 from gtmodel.loop.lead_through.options import Guiding
 from gtmodel.problem_files.base import Context, FileSection, InputError
 from gtmodel.problem_files.from_options import Made, made_from
-from gtmodel.problem_files.robot_keys import RobotProblem
+from gtmodel.problem_files.keys import RobotProblem
 from gtmodel.results import ArgumentError
 
 RESULT = "gtmodel.cgen.CodeStudy"

@@ -12,8 +12,7 @@ from gtmodel.filtering import ControllerFilter, InitialState, ProcessModel, Sens
 from gtmodel.fmu import FmuStudy
 from gtmodel.fmu.unit_study import study as unit_study
 from gtmodel.lang import Model, ModelError
-from gtmodel.problem_files.base import Context, InputError
-from gtmodel.problem_files.call import Call
+from gtmodel.problem_files.base import Call, Context, InputError
 from gtmodel.problem_files.noted import doubts, refuse_distrusted
 from gtmodel.results import ArgumentError
 

@@ -13,8 +13,7 @@ from gtmodel.lang import ModelError
 from gtmodel.measurements import Signal
 from gtmodel.problem_files.base import Context, FileSection, InputError
 from gtmodel.problem_files.from_options import Made, made_from
-from gtmodel.problem_files.log_keys import LogFiles, MeasuredSignalSection
-from gtmodel.problem_files.robot_keys import RobotProblem
+from gtmodel.problem_files.keys import LogFiles, MeasuredSignalSection, RobotProblem
 from gtmodel.robots import entries
 
 if TYPE_CHECKING:

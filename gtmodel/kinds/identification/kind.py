@@ -12,8 +12,7 @@ from gtmodel.identify.recordings import free_of, regressor_of
 from gtmodel.identify.regressor import among
 from gtmodel.lang import Model, ModelError
 from gtmodel.measurements import Signal
-from gtmodel.problem_files.base import Context, InputError
-from gtmodel.problem_files.call import Call
+from gtmodel.problem_files.base import Call, Context, InputError
 
 from .keys import IdentificationLogSection, Schema, SyntheticLogSection
 

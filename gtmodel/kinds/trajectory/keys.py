@@ -5,11 +5,10 @@ from __future__ import annotations
 from pydantic import Field
 
 from gtmodel.motion import options
-from gtmodel.motion.problem import MotionProblem
+from gtmodel.motion.options import MotionProblem
 from gtmodel.problem_files.base import Context
 from gtmodel.problem_files.from_options import Made, options_of
-from gtmodel.problem_files.path_keys import PathSection
-from gtmodel.problem_files.robot_keys import RobotProblem
+from gtmodel.problem_files.keys import PathSection, RobotProblem
 
 RESULT = "gtmodel.motion.MotionStudy"
 

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from gtmodel.compiler.causal import compile_causal
 from gtmodel.motion import motion, study
+from gtmodel.motion.options import MotionProblem
 from gtmodel.motion.planning import plan_of
-from gtmodel.motion.problem import MotionProblem
 from gtmodel.optimize.formulation.problem import build
-from gtmodel.problem_files.base import Context
-from gtmodel.problem_files.call import Call
-from gtmodel.problem_files.path_keys import PATH_ARGUMENTS
+from gtmodel.problem_files.base import Call, Context
+from gtmodel.problem_files.keys import PATH_ARGUMENTS
 
 from .keys import Schema
 

@@ -10,8 +10,7 @@ from pydantic import Field
 from gtmodel.motion import Published as PublishedOptions, TableRow
 from gtmodel.problem_files.base import Context, FileSection, InputError
 from gtmodel.problem_files.from_options import Made
-from gtmodel.problem_files.load import validate
-from gtmodel.problem_files.settings import apply
+from gtmodel.problem_files.load import apply, validate
 
 from ..trajectory import keys as trajectory
 

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from gtmodel.motion import table_study
-from gtmodel.problem_files.base import Context, InputError
-from gtmodel.problem_files.call import Call
-from gtmodel.problem_files.path_keys import PATH_ARGUMENTS
+from gtmodel.problem_files.base import Call, Context, InputError
+from gtmodel.problem_files.keys import PATH_ARGUMENTS
 
 from ..trajectory.kind import explained
 from .keys import Schema

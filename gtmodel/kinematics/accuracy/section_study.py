@@ -12,9 +12,8 @@ import numpy as np
 
 from ...lang import Model
 from ...results import ArgumentError, SolveStatus, Status, Work
-from ...results.door import study_function
 from ...results.table import csv_text
-from ...results.work import Progress, never, silent
+from ...results.work import Progress, never, silent, study_function
 from ..mechanism import home_figure, mechanism_of
 from .case import ErrorRegion, JudgedCase, errors_of, judged, with_method
 from .corners import Array, ErrorMap, Method, map_errors

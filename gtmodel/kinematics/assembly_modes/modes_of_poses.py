@@ -18,9 +18,8 @@ from ...lang import Model, ModelError
 from ...measurements.csv_table import CsvTable
 from ...results import ArgumentError, Check, SolveStatus, Work, at_most, naming
 from ...results.disk import path_of
-from ...results.door import study_function
 from ...results.status import ModesStatus
-from ...results.work import Progress, never, silent
+from ...results.work import Progress, never, silent, study_function
 from ..causality.point_table import UNIT_LENGTH
 from .modes import AssemblyModes
 from .options import COLUMNS, CommandedPose, ModesStudy

@@ -15,8 +15,7 @@ from ...geometry.rotations import matrices
 from ...lang import Model, ModelError
 from ...results import ArgumentError, SolveStatus, Status, Work
 from ...results.agreement import AnyNumber
-from ...results.door import study_function
-from ...results.work import Progress, never, silent
+from ...results.work import Progress, never, silent, study_function
 from ..orientation import OrientationMap, grid
 from . import point_table
 from .options import INCONSISTENT, NOT_COMPUTED, CausalityStudy, Orientation, PointGrid, words_of

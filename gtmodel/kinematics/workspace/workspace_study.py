@@ -11,10 +11,9 @@ import numpy as np
 
 from ...lang import Model
 from ...results import ArgumentError, Check, SolveStatus, Work, at_most
-from ...results.door import study_function
 from ...results.options import Long, Within
 from ...results.table import csv_text
-from ...results.work import Progress, never, silent
+from ...results.work import Progress, never, silent, study_function
 from ..mechanism import home_figure
 from ..section import CrossSection
 from .limits import BallJointCones

@@ -10,12 +10,11 @@ from typing import ClassVar
 import numpy as np
 
 from ...control.lead_through import LeadThroughLaw, LeadThroughState, MountedSensor, SignTest, WrenchStatus
-from ...control.lead_through.sign import OTHER_LOAD
-from ...control.lead_through.vectors import IDENTITY, ZERO, Turn, Vector, back, dot, length, plus
+from ...control.lead_through.sensor import OTHER_LOAD
+from ...control.lead_through.wrench import IDENTITY, ZERO, Turn, Vector, back, dot, length, plus
 from ...results.status import Status
 from ..exchange import Command, RobotFeedback
-from ..laws import Forward
-from ..table import ReferenceTable
+from ..laws import Forward, ReferenceTable
 from ..wrenches import Wrench
 
 CartsMotion = Callable[[list[float], list[float]], tuple[Status, list[float], list[float]]]

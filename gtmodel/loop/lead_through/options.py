@@ -10,7 +10,7 @@ import numpy as np
 
 from ..._lazy import hint
 from ...control.lead_through import OscillationWatch, ServoChain, SurfaceGains, SyntheticSurface
-from ...control.lead_through.hand import ZEROS, Three
+from ...control.lead_through.gains import ZEROS, Three
 from ...results import ArgumentError
 from ...results.options import Options, Unit, Within
 from ..exchange import CYCLE_MS

@@ -14,7 +14,7 @@ from ...results.estimate import Estimate
 from ...results.interpolation import smooth
 from ...results.refusal import ArgumentError
 from ...results.trajectory import Trajectory
-from ...results.trajectory_errors import Array
+from ...results.trajectory_checks import Array
 from ...results.work import Progress, silent
 from ..log import LogError
 from .coarse import OVERLAP, Series, coarse_offset

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...results.trajectory_errors import Array
+from ...results.trajectory_checks import Array
 from ..log import LogError
 
 OVERLAP = 0.5  # of the shorter recording: less of it says little of a shift

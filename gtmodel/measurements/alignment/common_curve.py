@@ -14,7 +14,7 @@ import numpy as np
 
 from ...inference.make_estimate import scales
 from ...inference.nonlinear import descend
-from ...results.trajectory_errors import Array
+from ...results.trajectory_checks import Array
 from ..log import LogError
 from .coarse import Series
 

@@ -10,12 +10,11 @@ from typing import Annotated, Any
 import numpy as np
 
 from ...results import ArgumentError, Check, Quantity, Row, SolveStatus, Study, Work, at_least, at_most
-from ...results.door import study_function
+from ...results.disk import MadeFiles
 from ...results.estimate import Estimate
-from ...results.made_files import MadeFiles
 from ...results.study import to_inherit
 from ...results.trajectory import Trajectory
-from ...results.work import Progress, never, silent
+from ...results.work import Progress, never, silent, study_function
 from .align import Alignment, align
 from .options import Search, SyntheticDelay
 from .synthetic import made_pair

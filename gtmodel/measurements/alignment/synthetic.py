@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...results.trajectory import Trajectory
-from ...results.trajectory_errors import Array
+from ...results.trajectory_checks import Array
 from .options import SyntheticDelay
 
 FREQUENCIES = np.array([0.31, 0.83, 1.71, 2.9])  # Hz

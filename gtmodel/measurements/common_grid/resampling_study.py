@@ -10,13 +10,12 @@ from typing import Any
 import numpy as np
 
 from ...results import ArgumentError, SolveStatus, Work, at_least
-from ...results.door import study_function
 from ...results.estimate import Estimate
 from ...results.interpolation import said
 from ...results.suspicion import suspicion_checks
 from ...results.trajectory import Trajectory
-from ...results.trajectory_errors import Array
-from ...results.work import Progress, never, silent
+from ...results.trajectory_checks import Array
+from ...results.work import Progress, never, silent, study_function
 from ..alignment.align import Alignment, align
 from ..alignment.delay_study import RELATED
 from ..inspection.data_tests import Data, tested

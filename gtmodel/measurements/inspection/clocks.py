@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...lang.units import convert, parse_unit
-from ...results.trajectory_errors import Array
+from ...results.trajectory_checks import Array
 from ..sampling import SamplingReport, sampling_of
 from ..streams.heads import is_unit
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...results.trajectory_errors import Array
+from ...results.trajectory_checks import Array
 
 HEAD = 20_000  # first rows that are kept, for what needs neighbours
 GROWTH = 1.25  # of what is kept

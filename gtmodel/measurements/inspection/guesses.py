@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ...results.interpolation import NEAR, nature_of
-from ...results.trajectory_errors import Array
-from ...results.unit_names import unit_of
+from ...results.quantity import unit_of
+from ...results.trajectory_checks import Array
 from ..streams.heads import is_unit, spelled
 from .columns import ColumnFacts
 

@@ -11,13 +11,12 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from ...results.door import study_function
 from ...results.quantity import Quantity, Row
 from ...results.status import SolveStatus
 from ...results.study import Study, to_inherit
-from ...results.trajectory_errors import Array
+from ...results.trajectory_checks import Array
 from ...results.trajectory_files import PathLike
-from ...results.work import Progress, Work, never, silent
+from ...results.work import Progress, Work, never, silent, study_function
 from ..sampling import SamplingReport
 from ..streams.form import LogError, LogForm, shown
 from ..streams.matlab import MatFile

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ...results.trajectory_errors import Array
+from ...results.trajectory_checks import Array
 from .form import LogError
 from .heads import is_unit, spelled
 

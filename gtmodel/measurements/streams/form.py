@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 from ...results.options import Options, Within
 from ...results.read_bounds import GROWTH, swollen
-from ...results.trajectory_errors import TrajectoryError
+from ...results.trajectory_checks import TrajectoryError
 from ...results.trajectory_files import PathLike
 
 Delimiter = Literal["comma", "semicolon", "tab", "blank", "bar"]

@@ -9,7 +9,7 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from ...results.trajectory_errors import Array
+from ...results.trajectory_checks import Array
 from ...results.work import Progress, silent
 from .form import LogError, NoNumberError
 from .heads import Heads

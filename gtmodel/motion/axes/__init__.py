@@ -13,20 +13,22 @@ from typing import TYPE_CHECKING
 from ..._lazy import public
 
 if TYPE_CHECKING:
-    from .free_run import FreeRun as FreeRun, free_run as free_run
-    from .motion_study import axis_study as axis_study
+    from .motion_study import FreeRun as FreeRun, axis_study as axis_study, free_run as free_run
     from .options import (
         AxisCost as AxisCost,
         AxisEnd as AxisEnd,
         AxisMesh as AxisMesh,
         AxisSolver as AxisSolver,
+        AxisStudy as AxisStudy,
         ToolCourse as ToolCourse,
         ToolDirection as ToolDirection,
     )
-    from .path_orientation import PathOrientation as PathOrientation, turning as turning
-    from .plan import AxisPlan as AxisPlan
+    from .plan import (
+        AxisPlan as AxisPlan,
+        AxisProblem as AxisProblem,
+        PathOrientation as PathOrientation,
+        turning as turning,
+    )
     from .planning import plan_of as plan_of
-    from .problem import AxisProblem as AxisProblem
-    from .result import AxisStudy as AxisStudy
 
 public(__name__)

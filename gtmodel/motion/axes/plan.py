@@ -1,26 +1,136 @@
-"""A motion of the F1, free between two positions of its axes or along a path, as an Optimization with its guess."""
+"""A motion of the F1, free between two positions of its axes or along a path with the way its tool points, as an
+Optimization."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
+import scipy
 
 from ... import lang as gt
 from ...compiler.causal import CausalFunction, compile_causal
+from ...lang import Model
 from ...optimize.path import PathMotion, solve_path
 from ...results import ArgumentError, Status, Trajectory
 from ..constraints import MotionConstraints
-from ..guesses import GUESS_TIME_S
-from ..path_rows import task_along
-from ..task import SHORTEST_TIME_S, dependent
-from .path_orientation import PathOrientation
-from .problem import AxisProblem
+from ..options import AxisLimits, Shape
+from ..path_parametrization import task_along
+from ..paths import Path
+from ..task import GUESS_TIME_S, SHORTEST_TIME_S, dependent
+from .options import AxisCost, AxisEnd, AxisMesh, AxisSolver, ToolCourse
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class AxisProblem:
+    """A motion of the F1 from rest to rest, free between two positions of its axes or along a path.
+
+    start, goal: its ends. limits: what it must keep. path: what it follows, `tool` how the tool is held on it.
+    degrees_of_freedom: 5 keeps q4 = -q5 all the way, 6 leaves all axes free.
+    cost, mesh, solver: what is minimised, and how it is searched. earlier: a motion of an earlier result to start from.
+    """
+
+    robot: Model
+    start: AxisEnd
+    goal: AxisEnd
+    limits: AxisLimits
+    path: Shape | None = None
+    tool: ToolCourse = field(default_factory=ToolCourse)
+    degrees_of_freedom: Literal[5, 6] = 5
+    cost: AxisCost = field(default_factory=AxisCost)
+    mesh: AxisMesh = field(default_factory=AxisMesh)
+    solver: AxisSolver = field(default_factory=AxisSolver)
+    earlier: Trajectory | None = None
+    title: str = ""
+
+    @property
+    def ends(self) -> list[tuple[str, AxisEnd]]:
+        """Start and goal with their names."""
+        return [("start", self.start), ("goal", self.goal)]
+
 
 Array = np.ndarray
+WIDEST_DEG = 100.0  # between declared directions that follow one another: their chord must stay off zero
+
+
+@dataclass(frozen=True, eq=False)
+class PathOrientation:
+    """A path and how the plate is held on it.
+
+    turning: s -> tool direction (3,) in the robot's frame, for five degrees of freedom, or the plate's quaternion (4,),
+    for six; of any length but zero.
+    tool: the tool's direction in plate coordinates (3,); None with six degrees of freedom.
+    """
+
+    path: Path
+    turning: scipy.interpolate.PPoly
+    tool: Array | None
+
+    def equations(self, robot: Any, s: Any, metre: Any) -> Iterator[Any]:
+        """What restricts an F1 to its path coordinate s: six equations for its six axes."""
+        yield robot.T == self.path.expression(s, metre)
+        wanted = gt.piecewise(s, self.turning.x, self.turning.c)
+        if self.tool is None:
+            w, x = wanted[0], gt.vector([wanted[k] for k in (1, 2, 3)])
+            own = gt.vector([robot.e[k] for k in (1, 2, 3)])
+            yield w * own - robot.e[0] * x - gt.cross(x, own) == np.zeros(3)  # imaginary part of conj(wanted) e
+            return
+        across = gt.cross(wanted, self._beside)
+        held = robot.R @ self.tool
+        yield gt.dot(held, across) == 0.0
+        yield gt.dot(held, gt.cross(wanted, across)) == 0.0
+        yield robot.q[4] == -robot.q[3]
+
+    @property
+    def _beside(self) -> Array:
+        """The coordinate axis that the tool direction keeps the widest angle from."""
+        directions = self.turning(np.linspace(0.0, 1.0, 101))
+        directions = directions / np.linalg.norm(directions, axis=1)[:, None]
+        return np.eye(3)[int(np.argmin(np.max(np.abs(directions), axis=0)))]
+
+    def function(self, robot: gt.Model, guard: MotionConstraints, *targets: str) -> CausalFunction:
+        """s and its derivatives as far as needed -> targets, of the robot as `robot` and of the guard's margins."""
+        course = self
+
+        def equations(model: Any) -> Iterator[Any]:
+            yield from guard.equations(model)
+            yield from course.equations(model.robot, model.s, model.metre)
+
+        declared = {**guard.declarations(robot), "s": gt.variable(unit="1", start=0.0), "equations": equations}
+        model = type("Restricted", (gt.Model,), declared)()
+        return compile_causal(model, known="s", targets=targets)
+
+
+def turning(at: Array, through: Array, argument: str) -> scipy.interpolate.PPoly:
+    """A smooth course through directions or quaternions (n, d) at fractions (n,) of the way; equal ones: a constant.
+
+    Raises ArgumentError, with the name `argument`, where two that follow one another are too far apart, or opposite.
+
+    >>> course = gt.motion.axes.turning(np.array([0.0, 1.0]), np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]), "goal")
+    >>> course(0.5)
+    array([0.5, 0.5, 0. ])
+    """
+    through = through / np.linalg.norm(through, axis=1)[:, None]
+    if through.shape[1] == 4:  # e and -e are one orientation: the nearer sign
+        for k in range(1, len(through)):
+            through[k] *= 1.0 if through[k] @ through[k - 1] >= 0 else -1.0
+    apart = np.degrees(np.arccos(np.clip(np.sum(through[1:] * through[:-1], axis=1), -1.0, 1.0)))
+    if np.any(apart > WIDEST_DEG):
+        k = int(np.argmax(apart))
+        raise ArgumentError(
+            f"the tool turns by {apart[k]:.4g} degrees from {100 * at[k]:.0f} % to {100 * at[k + 1]:.0f} % of the way; "
+            f"declare a direction between them, {WIDEST_DEG:g} degrees is the most",
+            argument,
+        )
+    if np.all(np.ptp(through, axis=0) < 1e-12):
+        return scipy.interpolate.PPoly(through[:1][None], np.array([0.0, 1.0]))
+    curve = scipy.interpolate.CubicSpline(at, through, bc_type="natural")
+    return scipy.interpolate.PPoly(curve.c, curve.x)
+
+
 GUESS_ROWS = 41
 SLOWER = (1.0, 1.5, 2.0, 3.0, 5.0, 8.0)  # guesses of the time, in the shortest one's
 MOTORS = 6

@@ -13,12 +13,22 @@ from ...geometry.rotations import rotation_about
 from ...results import ArgumentError, Status, Trajectory
 from ...robots import F1
 from ..constraints import NO_GUARD, Carrier, MotionConstraints, check_strokes, guard_of
-from ..guesses import progress_of
 from ..paths import path_of
+from ..task import progress_of
 from .options import AxisEnd
-from .path_orientation import PathOrientation, turning
-from .plan import CARTS, COUPLING, FOLLOWED, MOTORS, AxisPlan, coordinates, dynamics_of, following
-from .problem import AxisProblem
+from .plan import (
+    CARTS,
+    COUPLING,
+    FOLLOWED,
+    MOTORS,
+    AxisPlan,
+    AxisProblem,
+    PathOrientation,
+    coordinates,
+    dynamics_of,
+    following,
+    turning,
+)
 
 Array = np.ndarray
 COUPLED = 1e-9  # degrees: typed numbers, so round-off only

@@ -13,16 +13,23 @@ from typing import TYPE_CHECKING
 from ..._lazy import public
 
 if TYPE_CHECKING:
-    from .elastic_result import ElasticStudy as ElasticStudy
-    from .models import ElasticMotion as ElasticMotion, RigidMotion as RigidMotion
     from .options import (
         ElasticCost as ElasticCost,
         ElasticMesh as ElasticMesh,
         ElasticSolver as ElasticSolver,
+        ElasticStudy as ElasticStudy,
         ElasticTool as ElasticTool,
     )
-    from .plans import ElasticTask as ElasticTask, Plans as Plans, PlansFailure as PlansFailure, plans_on as plans_on
-    from .plate_motion import PlateMotion as PlateMotion, swing as swing
+    from .plans import (
+        ElasticMotion as ElasticMotion,
+        ElasticTask as ElasticTask,
+        Plans as Plans,
+        PlansFailure as PlansFailure,
+        PlateMotion as PlateMotion,
+        RigidMotion as RigidMotion,
+        plans_on as plans_on,
+        swing as swing,
+    )
     from .swing_study import elastic_study as elastic_study
 
 public(__name__)

@@ -1,13 +1,15 @@
-"""What an elastic study is asked for besides the robot and its two places: the tool, the cost, the mesh."""
+"""What an elastic study is asked for besides the robot and its two places, the tool, the cost and the mesh, and what
+it answers."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
 
-from ...results import Options, Unit, Within
+from ...results import Options, Quantity, Row, Study, Unit, Within
 from ..options import Barrier, MostElements
 
 MOST_ELEMENTS = 1000
@@ -79,3 +81,72 @@ class ElasticSolver(Options):
     """
 
     barrier: Barrier = "auto"
+
+
+OFF = 0.1  # error of the frequency that is reported
+FORCE_SHARE = 1e-3  # of the limit: beyond, a motion passes it
+
+
+ASSUMED = (
+    "the plate follows its motion exactly: the tool's swing does not push it back",
+    "plans keep the force limit at every instant; shaped motions need what the table says",
+    "shaped motions leave the planned path, within its convex hull",
+)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class ElasticStudy(Study):
+    """How an elastic tool swings after each of several motions; where a plan was not found there are no values.
+
+    force: limit of the motors [N]. notes: where a mesh is too coarse for the oscillation. refined: whether the mesh is
+    finer than the given one.
+    """
+
+    motions: Annotated[
+        Mapping[str, Mapping[str, float]] | None,
+        Quantity(
+            "",
+            "for each of rigid, ZV, ZVD and elastic: final_time_s, residual_mm (amplitude of the tool against the "
+            "plate once that stands, root of the sum of squares of three directions), residual_10_percent_mm (the "
+            "worst of a mode 10 % slower and faster than planned), peak_force_N: of the plans their own, of shaped "
+            "ones what the robot with a rigid tool needs",
+        ),
+    ] = None
+    frequency: Annotated[float | None, Quantity("Hz", "of the tool on its spring, the plate held")] = None
+    static: Annotated[float | None, Quantity("m", "by which the tool hangs", written="mm")] = None
+    elements: Annotated[
+        int | None, Quantity("", "elements of the mesh: those of the file, or more where a check failed on them")
+    ] = None
+    resimulated_end: Annotated[
+        float | None,
+        Quantity(
+            "m",
+            "offset of the tool from where it hangs after an integrator ran the elastic plan's forces",
+            written="mm",
+        ),
+    ] = None
+    force: float = np.inf
+    refined: bool = False
+
+    @property
+    def rows(self) -> list[Row]:
+        """The table for people."""
+        if self.motions is None or self.static is None or self.resimulated_end is None:
+            return []
+        rows = [
+            Row(name, f"{t['final_time_s']:.4f} s, swings {t['residual_mm']:.3g} mm; {100 * OFF:g} % off "
+                f"{t['residual_10_percent_mm']:.3g} mm; largest force {t['peak_force_N']:.4g} N")
+            for name, t in self.motions.items()
+        ]  # fmt: skip
+        rows += [
+            Row("the tool hangs by", 1e3 * self.static, "mm"),
+            Row("elastic plan, re-simulated: tool off", 1e3 * self.resimulated_end, "mm"),
+        ]
+        if self.refined:
+            rows.append(Row("elements of the mesh, refined", self.elements))
+        for name, m in self.motions.items():
+            over = m["peak_force_N"] / self.force - 1
+            if over > FORCE_SHARE:
+                said = f"by {100 * over:.2g} %: plan with a limit of {self.force / (1 + over):.3g} N to stay near it"
+                rows.append(Row(f"{name} passes the force limit", said))
+        return rows + [Row("assumed", sentence) for sentence in ASSUMED]

@@ -1,4 +1,5 @@
-"""The plans that are compared, on one mesh: rigid, shaped, elastic."""
+"""The plans that are compared, on one mesh: rigid, shaped, elastic, and how an elastic tool swings after a motion of
+the plate."""
 
 from __future__ import annotations
 
@@ -9,16 +10,155 @@ from typing import Any
 
 import numpy as np
 
+from ... import lang as gt
 from ...compiler.causal import CausalFunction, compile_causal
-from ...control.input_shaping import zero_vibration, zero_vibration_derivative
+from ...control.input_shaping import residual_vibration, zero_vibration, zero_vibration_derivative
 from ...lang import Model, Optimization
+from ...mechanics import PointMass, PointSpringDamper
 from ...optimize import Mesh as CollocationMesh, Solution, SolverOptions, resimulate, solve as collocate
-from ...results import ArgumentError, Check, SolveStatus, Status, Work, at_most
+from ...results import ArgumentError, Check, SolveStatus, Status, Trajectory, Work, at_most
 from ...robots import GantryTau
-from .elastic_result import OFF
-from .models import ElasticMotion, RigidMotion
-from .options import MOST_ELEMENTS, ElasticCost, ElasticMesh, ElasticSolver, ElasticTool
-from .plate_motion import PlateMotion, sampled
+from .options import MOST_ELEMENTS, OFF, ElasticCost, ElasticMesh, ElasticSolver, ElasticTool
+
+
+class RigidMotion(GantryTau, gt.Optimization):
+    """The optimal motion from rest to rest between two points: time plus energy, motor forces within +-F_max.
+
+    `ElasticTask.models` makes it of a robot that carries the tool as payload.
+
+    >>> from gtmodel.motion.elastic import ElasticCost, ElasticSolver, ElasticTask, ElasticTool
+    >>> tool = ElasticTool(mass=5.0, frequency=6.0, damping=0.02)
+    >>> task = ElasticTask(
+    ...     robot=gt.robots.gantry_tau("l1_tape"), start=[0.0, -0.9, 0.1], goal=[0.2, -0.9, 0.2],
+    ...     tool=tool, force=700.0, cost=ElasticCost(), solver=ElasticSolver(),
+    ... )
+    >>> rigid, _ = task.models
+    >>> round(gt.solve(rigid, gt.Mesh(8)).final_time, 2)  # [s]
+    0.37
+    """
+
+    final_time = gt.free(guess=1.2, min=0.2, unit="s")
+    F_max = gt.parameter(unit="N", positive=True, description="largest force of a motor")
+    weight = gt.parameter(0.0, unit="1", description="of the energy in the cost")
+    F_unit = gt.parameter(unit="N", positive=True, description="force that counts 1 in the energy")
+    start = gt.parameter(shape=3, unit="m", description="tool centre point at first")
+    goal = gt.parameter(shape=3, unit="m", description="tool centre point in the end")
+
+    def objective(self):
+        return self.final_time + self.weight * gt.integral(gt.dot(self.tau, self.tau) / self.F_unit**2)
+
+    def constraints(self):
+        yield gt.between(-self.F_max, self.tau, self.F_max)
+        for instant, place in ((0, self.start), (self.final_time, self.goal)):
+            yield self.T.at(instant) == place
+            yield gt.der(self.T).at(instant) == np.zeros(3)
+
+
+class ElasticMotion(RigidMotion):
+    """The motion of `RigidMotion` with a mass on a spring at the plate; the mass hangs at rest at the start and at the
+    end.
+
+    Raises ModelError for a negative mass, and for a stiffness or damping that is not positive semidefinite.
+
+    >>> from gtmodel.motion.elastic import ElasticCost, ElasticSolver, ElasticTask, ElasticTool
+    >>> tool = ElasticTool(mass=5.0, frequency=6.0, damping=0.02)
+    >>> task = ElasticTask(
+    ...     robot=gt.robots.gantry_tau("l1_tape"), start=[0.0, -0.9, 0.1], goal=[0.2, -0.9, 0.2],
+    ...     tool=tool, force=700.0, cost=ElasticCost(), solver=ElasticSolver(),
+    ... )
+    >>> rigid, elastic = task.models
+    >>> solution = gt.solve(elastic, gt.Mesh(8), guess=gt.solve(rigid, gt.Mesh(8)).trajectory)
+    >>> round(1e3 * float(solution.trajectory["spring.offset"][-1, 2]), 1)  # [mm]: the tool hangs by its weight
+    -6.9
+    """
+
+    mass = gt.parameter(unit="kg", positive=True, description="mass on the spring")
+    K = gt.parameter(shape=(3, 3), unit="N/m", kind="semidefinite", description="its stiffness, world axes")
+    D = gt.parameter(np.zeros((3, 3)), unit="N.s/m", kind="semidefinite", description="its damping, world axes")
+    spring = gt.part(PointSpringDamper, K=K, D=D)
+    tool = gt.part(PointMass, m=mass)
+
+    def equations(self):
+        yield from super().equations()
+        yield gt.connect(self.spring.a, self.plate.frame)
+        yield gt.connect(self.spring.b, self.tool.frame)
+
+    def constraints(self):
+        yield from super().constraints()
+        weight = self.mass * self.tool.world.g
+        for instant in (0, self.final_time):
+            yield (self.K @ self.spring.offset).at(instant) == weight
+            yield gt.der(self.spring.offset).at(instant) == np.zeros(3)
+
+
+Array = np.ndarray
+SAMPLES = 4001  # of a motion, at least
+PER_PERIOD = 200  # samples of a swing's period, at least
+MOST_SAMPLES = 400_001
+AFTER = 6  # periods that are shown after the motion
+
+
+@dataclass(frozen=True, eq=False)
+class PlateMotion:
+    """A motion of the plate, its name, and the largest force on the way [N]."""
+
+    name: str
+    plate: Trajectory
+    peak: float
+
+    def residual(self, ratios: Any, tool: ElasticTool) -> Array:
+        """Amplitude [m] for modes at these ratios to the planned frequency."""
+        v = self.plate["der(T)"]
+        by_direction = residual_vibration(self.plate.time, v, np.asarray(ratios) * tool.frequency, tool.damping)
+        return np.linalg.norm(by_direction, axis=-1)
+
+
+def sampled(solution: Solution, tool: ElasticTool) -> Trajectory:
+    """The plate along the collocated polynomials; its ends, at rest to the solver's tolerance, are put to rest."""
+    n = _samples(solution.trajectory.duration, tool)
+    plate = solution.sample(np.linspace(0.0, 1.0, n)).select(["T", "der(T)", "der(T,2)", "tau"])
+    v = plate["der(T)"].copy()
+    v[[0, -1]] = 0.0
+    return plate.with_values({"der(T)": v}, {"der(T)": "m/s"})
+
+
+def swing(plate: Trajectory, tool: ElasticTool) -> tuple[Array, Array]:
+    """Times and offsets (n, 3) [m] of the tool during the motion and AFTER periods after it, integrated exactly for
+    velocities linear between samples.
+
+    plate: its velocity "der(T)" (n, 3) [m/s] at least, from rest to rest.
+
+    >>> t = np.linspace(0.0, 0.5, 101)
+    >>> velocity = np.outer(np.sin(np.pi * t / 0.5), [0.2, 0.0, 0.0])
+    >>> plate = gt.Trajectory(t, {"der(T)": velocity}, {"der(T)": "m/s"})
+    >>> tool = gt.motion.elastic.ElasticTool(mass=5.0, frequency=6.0)
+    >>> time, offset = gt.motion.elastic.swing(plate, tool)
+    >>> (1e3 * np.abs(offset[time > 0.5]).max(axis=0)).round(2)  # [mm], undamped
+    array([1.82, 0.  , 0.  ])
+    """
+    from scipy.signal import StateSpace, lsim
+
+    w = 2 * np.pi * tool.frequency
+    n = _samples(plate.duration, tool)
+    step = plate.duration / (n - 1)
+    after = np.arange(1, int(AFTER / tool.frequency / step)) * step
+    t = np.linspace(0.0, plate.duration, n)
+    v = np.vstack([plate(t + plate.time[0], "der(T)"), np.zeros((len(after), 3))])
+    # z' = -w^2 x - 2 zeta w (z - v), x' = z - v: driven by the velocity, so that steps of the acceleration need no care
+    c = 2 * tool.damping * w
+    system = StateSpace([[0.0, 1.0], [-(w**2), -c]], [[-1.0], [c]], [[1.0, 0.0]], [[0.0]])
+    time = np.concatenate([t, t[-1] + after])
+    return time, np.column_stack([lsim(system, v[:, k], time)[1] for k in range(3)])
+
+
+def _samples(duration: float, tool: ElasticTool) -> int:
+    """Instants of a motion that follow its swing. Raises ArgumentError for a frequency that they cannot follow."""
+    n = max(SAMPLES, int(np.ceil(PER_PERIOD * duration * tool.frequency)) + 1)
+    if n > MOST_SAMPLES:
+        most = MOST_SAMPLES / PER_PERIOD / duration
+        raise ArgumentError(f"is too fast to be followed; at most {most:.3g} Hz in {duration:.3g} s", "tool.frequency")
+    return n
+
 
 SHARE = 0.01  # of the rigid plan's swing; 40 elements leave 0.4 %, shaping a part in a million
 RESIMULATED_M = 5e-4  # collocation's error, as an integrator shows it

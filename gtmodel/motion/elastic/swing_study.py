@@ -11,15 +11,12 @@ import numpy as np
 from ...lang import Model
 from ...results import SolveStatus, Work
 from ...results.check import failed_of
-from ...results.door import study_function
 from ...results.options import Long, Within
 from ...results.trajectory_files import TRAJECTORY
-from ...results.work import Progress, never, silent
+from ...results.work import Progress, never, silent, study_function
 from ..finer_mesh import finer_mesh, refined, refinement_note
-from .elastic_result import ElasticStudy
-from .options import ElasticCost, ElasticMesh, ElasticSolver, ElasticTool
-from .plans import MENDED, ElasticTask, Plans, PlansFailure, plans_on, too_coarse
-from .plate_motion import PlateMotion, swing
+from .options import ElasticCost, ElasticMesh, ElasticSolver, ElasticStudy, ElasticTool
+from .plans import MENDED, ElasticTask, Plans, PlansFailure, PlateMotion, plans_on, swing, too_coarse
 
 RATIOS = np.linspace(0.6, 1.4, 81)
 

@@ -13,9 +13,8 @@ import numpy as np
 
 from ...inference import binomial_band
 from ...results import ArgumentError, Check, SolveStatus, Work, at_least
-from ...results.door import study_function
 from ...results.options import Within
-from ...results.work import Progress, never, silent
+from ...results.work import Progress, never, silent, study_function
 from ..vibration_result import entitled
 from .experiments import Experiment
 from .modal_fit import ModalFit, fit_modes

@@ -13,12 +13,11 @@ import numpy as np
 from ...calibrate.measured.column_checks import aligned
 from ...lang.model import Model
 from ...results import Check, SolveStatus, Work, at_least, at_most
-from ...results.door import study_function
-from ...results.made_files import MadeFiles
+from ...results.disk import MadeFiles
 from ...results.options import Within
 from ...results.refusal import ArgumentError
 from ...results.suspicion import RUN_LEVEL, suspicion_checks
-from ...results.work import Progress, never, silent
+from ...results.work import Progress, never, silent, study_function
 from ..detection.marks import corners_csv
 from ..residuals import LEAST, ROUNDING, PictureTest, gross_errors, picture_test, shifted_pictures
 from .joint import JointFit, held_out_pixels, joint_fit

@@ -14,10 +14,9 @@ from ...geometry.rotations import composed, matrices_of
 from ...inference.bundle import BundleFit
 from ...measurements.inspection.data_tests import Data, tested
 from ...results import ArgumentError, Check, SolveStatus, Work, at_least, at_most
-from ...results.door import study_function
 from ...results.suspicion import FIRST, suspicion_checks
 from ...results.table import csv_text
-from ...results.work import Progress, never, silent
+from ...results.work import Progress, never, silent, study_function
 from ..corner_table import Board, CornerTable
 from ..residuals import LEAST, GrossErrors, PictureTest, gross_errors, picture_test
 from ..views import MOVES, intersect

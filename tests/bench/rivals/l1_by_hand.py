@@ -14,7 +14,7 @@ import numpy as np
 
 import gtmodel as gt
 from gtmodel.compiler.causal import compile_causal
-from gtmodel.motion.guesses import line_guess
+from gtmodel.motion.task import line_guess
 from gtmodel.results import Trajectory
 
 GRAVITY = 9.81  # m/s2

@@ -92,7 +92,7 @@ def test_the_whole_scene_turned_or_mirrored_turns_or_mirrors_the_result(task: st
 
 
 def test_the_energy_of_a_hand_that_also_turns_is_held_over_every_window() -> None:
-    from gtmodel.control.lead_through.judged import TOO_MUCH, at_the_handle
+    from gtmodel.control.lead_through.judgement import TOO_MUCH, at_the_handle
 
     law = L.LeadThroughLaw(rotation=L.TurningLaw(L.TurningGains(by_handle=True)))
     sensor = L.SyntheticSensor(mass=0.0, force_noise=0.02, moment_noise=0.002)

@@ -174,7 +174,7 @@ def test_hold_turns_back_what_somebody_turned() -> None:
 
 
 def test_the_hole_has_a_conservative_force_and_no_torque_about_the_peg() -> None:
-    from gtmodel.control.lead_through.judged import peg_stiffness
+    from gtmodel.control.lead_through.judgement import peg_stiffness
 
     k = peg_stiffness(HOLE)
     assert np.abs(k - k.T).max() < 1e-3 * np.abs(k).max()
@@ -194,7 +194,7 @@ ALONG = [
 @pytest.mark.parametrize("hand", [None, L.Hand(0.5, 10.0, 200.0), L.Hand(2.0, 5.0, 800.0)])
 @pytest.mark.parametrize("tilt", [0.0, 4.0])
 def test_over_no_window_the_hand_gets_more_than_was_stored(hand: Any, tilt: float) -> None:
-    from gtmodel.control.lead_through.judged import TOO_MUCH, at_the_handle
+    from gtmodel.control.lead_through.judgement import TOO_MUCH, at_the_handle
 
     phases = ALONG
     if hand is not None:
@@ -271,7 +271,7 @@ def test_what_does_not_fit_is_refused_by_its_name(call: Any, argument: str) -> N
 @pytest.mark.parametrize(("share", "unstable"), [(0.95, False), (1.05, True)])
 @pytest.mark.parametrize("per", [50.0, 2000.0])
 def test_the_loop_gain_of_a_peg_over_its_limit_decides_about_runs(share: float, unstable: bool, per: float) -> None:
-    from gtmodel.control.lead_through.judged import peg_stiffness
+    from gtmodel.control.lead_through.judgement import peg_stiffness
 
     hole = L.SyntheticHole(clearance=0.0, depth=0.08, stiffness=5e3)
     largest = np.abs(np.linalg.eigvals(np.diag([1.0] * 3 + [per] * 3) @ peg_stiffness(hole))).max()

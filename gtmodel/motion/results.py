@@ -1,18 +1,14 @@
-"""What a motion study answers."""
+"""What a study of one motion answers, or of several beside what a source prints of them."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated, Any
 
-from .._lazy import hint
 from ..results import Quantity, Row, Study
-
-if TYPE_CHECKING:
-    from .problem import MotionProblem
-else:
-    MotionProblem = hint("gtmodel.motion.problem", "MotionProblem")
+from ..results.options import Options, Unit
+from .options import MotionProblem
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -122,3 +118,83 @@ class MotionStudy(Study):
 
 def _scaled(factor: float, value: float | None) -> float | None:
     return None if value is None else factor * value
+
+
+@dataclass(frozen=True)
+class Published(Options):
+    """Numbers that a source prints for a row of the table. They stand beside the computed ones and are never a check,
+    because the poses and limits of the source are unpublished.
+
+    >>> printed = gt.motion.Published(final_time=0.89, energy=27.0, iterations=36)
+    >>> ends = {"start": gt.motion.End([0.0, -0.9, 0.1]), "goal": gt.motion.End([0.9, -0.9, 0.45])}
+    >>> robot, limits = gt.robots.gantry_tau("l1_tape"), gt.motion.Limits(force=700.0)
+    >>> problem = gt.motion.MotionProblem(robot=robot, limits=limits, **ends)
+    >>> gt.motion.TableRow("time-optimal", problem, published=printed).published.final_time
+    0.89
+    """
+
+    final_time: Annotated[float, Unit("s"), "final time"]
+    energy: Annotated[float, "energy, in the source's own unit"]
+    iterations: Annotated[int, "number of iterations"]
+
+
+@dataclass(frozen=True)
+class TableRow:
+    """One motion of a table.
+
+    name: what the row is called. problem: the motion. most_iterations: bound on the iterations of the attempt that
+    found the motion; a check fails where it takes more. published: what a source prints.
+    """
+
+    name: str
+    problem: MotionProblem
+    most_iterations: int | None = None
+    published: Published | None = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class MotionTable(Study):
+    """Several optimal motions beside each other; `motions` are their studies up to the first that was not solved."""
+
+    asked: Sequence[TableRow]
+    motions: Sequence[MotionStudy]
+    entries: Annotated[
+        Sequence[Mapping[str, Any]],
+        Quantity(
+            "",
+            "one entry per row: name, cost, iterations, final_time_s, energy, saturation, optima, exported values",
+            key="rows",
+        ),
+    ]
+    saving: Annotated[
+        float | None, Quantity("", "time that the first row saves against the last, as a share of the last")
+    ] = None
+    energy_ratio: Annotated[
+        float | None, Quantity("", "energy of the first row over that of the last")
+    ] = None  # fmt: skip
+
+    @property
+    def rows(self) -> list[Row]:
+        """The table for people."""
+        if self.saving is None or self.energy_ratio is None:
+            return []
+        rows: list[Row] = []
+        for row, s in zip(self.asked, self.motions, strict=True):
+            printed = row.published
+            rows += [
+                Row(f"{row.name}: final time [s]", s.final_time, _beside(printed and printed.final_time)),
+                Row(f"{row.name}: energy [s]", s.energy, _beside(printed and printed.energy)),
+                Row(f"{row.name}: iterations", s.attempt_iterations, _beside(printed and printed.iterations)),
+                Row(f"{row.name}: motors at their limit [%]", " ".join(f"{100 * x:.0f}" for x in s.saturation or ())),
+            ]
+            if len(s.optima or ()) > 1:
+                rows.append(Row(f"{row.name}: optima", " ".join(f"{x:.6f}" for x in s.optima or ())))
+        return [
+            *rows,
+            Row(f"{self.asked[0].name} saves", 100 * self.saving, f"% of the time of {self.asked[-1].name}"),
+            Row("and takes", self.energy_ratio, "times its energy"),
+        ]
+
+
+def _beside(value: float | None) -> str:
+    return "" if value is None else f"published {value:g}"

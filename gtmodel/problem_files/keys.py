@@ -1,11 +1,13 @@
-"""The keys by which a problem file names its logs and measured signals; shared by the kinds that read any."""
+"""The keys by which a problem file names its robot, a path to follow, and its logs with their measured signals;
+shared by the kinds."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import Field, PositiveFloat
+import numpy as np
+from pydantic import Field, PositiveFloat, PositiveInt
 
 from gtmodel.lang.units import UnitError
 from gtmodel.measurements import Column, EvenGrid, LogForm, Session, Signal, read_recording
@@ -13,11 +15,117 @@ from gtmodel.measurements.log import JITTER
 from gtmodel.measurements.resampling import resample
 from gtmodel.measurements.sampling import EmptyRows, LateRows
 from gtmodel.measurements.signals import read_signals
+from gtmodel.motion.options import Arc, Line, Polyline, Shape, Spline, Taught
 from gtmodel.results import ArgumentError, Trajectory, TrajectoryError
-from gtmodel.results.unit_names import unit_of
+from gtmodel.results.quantity import unit_of
 
-from .base import Context, FileSection, InputError, Source
+from .base import Context, FileSection, InputError, Problem, Source
 from .from_options import Made, made_from
+
+if TYPE_CHECKING:
+    from gtmodel.lang import Model
+
+
+class FrictionSection(FileSection):
+    """Friction, smoothed around zero velocity."""
+
+    smoothing: Literal["tanh", "piecewise_linear"] | None = Field(
+        default=None, description="how the sign of the velocity is smoothed; the catalogue's own is tanh"
+    )
+    velocity_scale_m_s: PositiveFloat | None = Field(
+        default=None, description="velocity over which the sign changes; the catalogue's own is 0.1"
+    )
+
+
+class RobotProblem(Problem):
+    """A problem about one robot."""
+
+    robot: str = Field(
+        description="catalogue name, TOML robot file, URDF file (arm.urdf, arm.urdf:tip), or a model in Python: "
+        "package.module:Class, file.py:Class"
+    )
+    inertia: str | None = Field(
+        default=None, description="identified masses and friction of a catalogue robot; the catalogue's own is model_2"
+    )
+    payload_kg: float | None = Field(default=None, ge=0, description="mass added to the plate")
+    parameters: dict[str, Any] = Field(
+        default={}, description="modifiers of the model, by its own parameter names, in SI"
+    )
+    friction: FrictionSection = FrictionSection.left_out()
+
+    def model(self, context: Context) -> Model:
+        """The robot, configured. Raises InputError."""
+        from . import robots  # here: the keys alone need no robot
+
+        return robots.resolve(
+            self.robot,
+            context,
+            parameters=self.parameters,
+            inertia=self.inertia,
+            smoothing=self.friction.smoothing,
+            velocity_scale=self.friction.velocity_scale_m_s,
+            payload=self.payload_kg,
+        )
+
+
+Point = Annotated[list[float], Field(min_length=3, max_length=3)]
+OWN = {
+    "polyline": {"via_m", "blend_m"},
+    "arc": {"through_m"},
+    "spline": {"file", "source"},
+    "taught": {"file", "source", "tolerance_m"},
+}
+PATH_ARGUMENTS = {"path.points": "path.file"}  # where what a library says of a path stands in the file
+
+
+class PathSection(FileSection):
+    """The path to follow, from start to goal."""
+
+    shape: Literal["line", "polyline", "arc", "spline", "taught"] = Field(
+        "line",
+        description="straight; straight pieces with blended corners; arc of a circle; smooth curve through the points "
+        "of a file; a recorded path, smoothed",
+    )
+    via_m: list[Point] = Field([], description="polyline: its corners between start and goal")
+    blend_m: PositiveFloat = Field(0.05, description="polyline: distance from a corner at which its blend begins")
+    through_m: Point | None = Field(None, description="arc: a third point between start and goal")
+    file: str = Field("", description="spline, taught: CSV file with the columns x_m, y_m, z_m")
+    source: Source = ""
+    tolerance_m: PositiveFloat = Field(5e-4, description="taught: root mean square distance left by the smoothing")
+    intervals: PositiveInt = Field(
+        400, description="intervals of the motion by squared speeds, the exported one of kind trajectory"
+    )
+
+    def options(self, context: Context) -> Shape:
+        """The shape, with the points of its file. Raises InputError."""
+        for key in self.model_fields_set & set().union(*OWN.values()) - OWN.get(self.shape, set()):
+            raise InputError(
+                f"does not belong to shape '{self.shape}'; remove it or choose another shape", f"path.{key}"
+            )
+        match self.shape:
+            case "line":
+                return Line(intervals=self.intervals)
+            case "polyline":
+                return Polyline(self.via_m, self.blend_m, intervals=self.intervals)
+            case "arc":
+                if self.through_m is None:
+                    raise InputError("is missing; an arc needs a third point", "path.through_m")
+                return Arc(self.through_m, intervals=self.intervals)
+            case "spline":
+                return Spline(self._points(context), intervals=self.intervals)
+        return Taught(self._points(context), self.tolerance_m, intervals=self.intervals)
+
+    def _points(self, context: Context) -> np.ndarray:
+        if not self.file:
+            raise InputError("is missing", "path.file")
+        file = context.file(self.file, "path.file", "path", source=self.source)
+        try:
+            from gtmodel.motion.paths import read_points  # here: the keys alone need no splines
+
+            return read_points(file)
+        except ArgumentError as error:
+            raise InputError(error.message, "path.file") from error
+
 
 Free = Literal["estimate"]
 FILES = Field(default=[], description="CSV, MATLAB, Parquet or bag files; paths start at the problem's folder")
