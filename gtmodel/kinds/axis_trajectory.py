@@ -7,7 +7,6 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import Field
 
-from gtmodel import optimize
 from gtmodel.motion import axes, options
 from gtmodel.motion.axes import options as axis_options
 from gtmodel.problem_files.base import Call, Context
@@ -66,9 +65,11 @@ def _asked(problem: Schema, context: Context) -> dict[str, Any]:
 
 def explain(problem: Schema, context: Context) -> str:
     """What is optimised: states, controls, unknowns without a closed form, bounds."""
+    from gtmodel.optimize.formulation.problem import build  # here: the keys alone need no engine
+
     asked = {name: value for name, value in _asked(problem, context).items() if value is not None}
     plan = axes.plan_of(axes.AxisProblem(**asked))
-    built = optimize.formulation.problem.build(plan.optimization, problem.solver.options().formulation)
+    built = build(plan.optimization, problem.solver.options().formulation)
     mesh, (low, high) = plan.problem.mesh, plan.strokes
     further = list(dict.fromkeys(m.key for m in plan.guard.margins))
     strokes = [f"q{k + 1} {_shown(k, low[k])} to {_shown(k, high[k])}" for k in range(len(low))

@@ -88,8 +88,10 @@ def call(problem: Schema, context: Context) -> Call:
 
 def explain(problem: Schema, context: Context) -> str:
     """What is optimised: the unknowns of the discretised problem's model and their bounds."""
+    from gtmodel.optimize.formulation.problem import build  # here: the keys alone need no engine
 
-    built = optimize.formulation.problem.build(_model(problem, context), problem.solver.formulation)
+    built = build(_model(problem, context), problem.solver.formulation)
+    held = [int(np.sum(np.isfinite(b.low) | np.isfinite(b.high))) for b in (built.start_bounds, built.end_bounds)]
     lines = [
         f"{built.flat.title}: {len(built.state_names)} states, {len(built.control_names)} controls, "
         f"{len(built.free_names)} free constants",
@@ -102,13 +104,9 @@ def explain(problem: Schema, context: Context) -> str:
             else []
         ),
         f"  {len(built.path)} path constraints, {len(built.points)} point constraints, "
-        f"{_held(built.start_bounds)} states bounded at the start and {_held(built.end_bounds)} at the end",
+        f"{held[0]} states bounded at the start and {held[1]} at the end",
     ]
     return "\n".join(lines)
-
-
-def _held(bounds: optimize.formulation.dynamic.Bounds) -> int:
-    return int(np.sum(np.isfinite(bounds.low) | np.isfinite(bounds.high)))
 
 
 def _model(problem: Schema, context: Context) -> lang.Optimization:
